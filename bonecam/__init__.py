@@ -1,0 +1,1 @@
+"""bonecam: from a bone mesh to a verified five-axis NC program."""

@@ -1,0 +1,79 @@
+"""The errors bonecam raises, each carrying the evidence needed to look at the trouble.
+
+A wrong *call* raises ValueError or TypeError. A wrong bone, job, machine or file raises a
+subclass of BonecamError: its message is one line that names the place and the remedy, and its
+`evidence` holds the data (face ids, level number, contact indices, axis, ...).
+"""
+
+from typing import Any
+
+
+class BonecamError(Exception):
+    """What went wrong, where (`evidence`), in one line that ends with the remedy."""
+
+    def __init__(self, message: str, **evidence: Any) -> None:
+        super().__init__(message)
+        self.evidence = evidence
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _restore, (type(self), str(self), self.evidence)
+
+
+def _restore(kind: type[BonecamError], message: str, evidence: dict[str, Any]) -> BonecamError:
+    return kind(message, **evidence)
+
+
+class FileError(BonecamError):
+    """A file cannot be read or written: `file`, and `line` or `record` where there is one."""
+
+
+class UnitsError(BonecamError):
+    """The size of the mesh is implausible in the stated unit."""
+
+
+class MeshError(BonecamError):
+    """The mesh cannot be made into one closed genus-0 part."""
+
+
+class JobError(BonecamError):
+    """A job file or parameter is unknown, out of range or of the wrong type."""
+
+
+class SurfaceError(BonecamError):
+    """The T-spline cannot be built, read or fitted."""
+
+
+class StockError(BonecamError):
+    """The stock does not hold the part: `distance` in mm and `place` (3,)."""
+
+
+class LevelError(BonecamError):
+    """A morph level cannot be solved or failed its check: `level`, `place`."""
+
+
+class ToolPathError(BonecamError):
+    """A level cannot be covered by the cutter."""
+
+
+class OrientationError(BonecamError):
+    """No collision-free tool axis exists where one is needed."""
+
+
+class MachineError(BonecamError):
+    """A machine or dialect is unknown, or the part leaves the machine's travel."""
+
+
+class ProgramError(BonecamError):
+    """An NC text cannot be written or read: `line`."""
+
+
+class VerifyError(BonecamError):
+    """The posted program was read back and is wrong: `line`, `place`, `error`."""
+
+
+class FilterError(BonecamError):
+    """A filter, its parameter or a script line is unknown or wrong: `line`."""
+
+
+class Cancelled(BonecamError):
+    """The progress callback returned False."""

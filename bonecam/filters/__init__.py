@@ -1,0 +1,1 @@
+"""MeshLab-style filters: records, registry, MeshSet and scripts."""

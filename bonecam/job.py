@@ -1,0 +1,247 @@
+"""The job: one frozen dataclass a stage. Default, unit, range, label and tooltip are stated here once.
+
+The command line, the job file (TOML) and the filters derive their parameters from these fields.
+Degrees appear only in names that end in `_deg`; all other angles are radians, lengths mm, feeds mm/min.
+"""
+
+import dataclasses
+import math
+import tomllib
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+from bonecam.errors import JobError
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """What a person needs to know of one parameter."""
+
+    label: str
+    tooltip: str
+    unit: str = ""
+    low: float = -math.inf
+    high: float = math.inf
+    choices: tuple[str, ...] = ()
+
+
+def parameter(default: Any, label: str, tooltip: str, **kinds: Any) -> Any:
+    """A dataclass field that carries its Parameter record."""
+    return field(default=default, metadata={"parameter": Parameter(label, tooltip, **kinds)})
+
+
+def record(item: "dataclasses.Field[Any]") -> Parameter:
+    """The Parameter record of a field made by `parameter`."""
+    return item.metadata["parameter"]  # type: ignore[no-any-return]
+
+
+def check(stage: Any) -> None:
+    """Raise JobError where a field of `stage` has the wrong type or leaves its range."""
+    for item in fields(stage):
+        if "parameter" not in item.metadata:
+            continue
+        value, known = getattr(stage, item.name), record(item)
+        name = f"{type(stage).__name__}.{item.name}"
+        if isinstance(item.default, float) and type(value) is int:
+            value = float(value)
+            object.__setattr__(stage, item.name, value)
+        if type(value) is not type(item.default):
+            raise JobError(f"{name} = {value!r}: give a {type(item.default).__name__}", field=item.name)
+        if known.choices and value not in known.choices:
+            raise JobError(f"{name} = {value!r}: choose one of {', '.join(known.choices)}", field=item.name)
+        if isinstance(value, int | float) and not (known.low <= value <= known.high):
+            raise JobError(f"{name} = {value}: keep it within {known.low:g} .. {known.high:g} {known.unit}".rstrip(), field=item.name)
+
+
+class _Stage:
+    """Base of the stage records: checks its fields when made."""
+
+    def __post_init__(self) -> None:
+        check(self)
+
+
+@dataclass(frozen=True)
+class MeshJob(_Stage):
+    """How the mesh is read, repaired and cut into rows."""
+
+    units: str = parameter("mm", "Units", "Unit of the mesh file's coordinates.", choices=("mm", "m", "inch"))
+    upright: bool = parameter(True, "Upright", "Turn the longest principal axis to +Z and centre the part on the axis.")
+    edge_percent: float = parameter(
+        1.3, "Remesh edge", "Target edge of the isotropic remesh, in percent of the bounding-box diagonal.", unit="%", low=0.2, high=10.0
+    )
+    rows: int = parameter(24, "Rows", "Number of harmonic rows between the poles.", low=6, high=200)
+    row_points: int = parameter(100, "Points a row", "Number of points on each row.", low=16, high=1000)
+
+
+@dataclass(frozen=True)
+class SurfaceJob(_Stage):
+    """How well the T-spline follows the mesh."""
+
+    tolerance: float = parameter(
+        0.1, "Tolerance", "Largest two-sided deviation wanted between surface and mesh.", unit="mm", low=0.001, high=5.0
+    )
+    max_control_points: int = parameter(450, "Control points", "Never use more control points than this.", low=40, high=20000)
+
+
+@dataclass(frozen=True)
+class StockJob(_Stage):
+    """The capsule the part is cut from. Zero means: the smallest that holds the part plus the allowance."""
+
+    diameter: float = parameter(
+        0.0, "Diameter", "Diameter of the capsule; 0: the smallest that holds the part.", unit="mm", low=0.0, high=500.0
+    )
+    length: float = parameter(0.0, "Length", "Length of the capsule over both caps; 0: the smallest.", unit="mm", low=0.0, high=2000.0)
+    allowance: float = parameter(
+        0.5, "Allowance", "Material round the part in a stock that is found, not given.", unit="mm", low=0.05, high=50.0
+    )
+
+
+@dataclass(frozen=True)
+class HoldingJob(_Stage):
+    """The post that holds the part at its lower end, on the table."""
+
+    diameter: float = parameter(4.0, "Post diameter", "Diameter of the post left at the lower end.", unit="mm", low=0.5, high=100.0)
+    length: float = parameter(40.0, "Post length", "From the table to the lower end of the stock.", unit="mm", low=1.0, high=500.0)
+
+
+@dataclass(frozen=True)
+class LevelsJob(_Stage):
+    """The morph: depth schedule and energy (Gan et al. 2014, section 4.2)."""
+
+    finishing_depth: float = parameter(
+        0.1, "Finishing depth", "Largest cutting depth of the levels next to the part.", unit="mm", low=0.005, high=5.0
+    )
+    finishing_levels: int = parameter(4, "Finishing levels", "How many levels next to the part are finishing.", low=0, high=50)
+    roughing_depth: float = parameter(0.5, "Roughing depth", "Largest cutting depth of the other levels.", unit="mm", low=0.01, high=20.0)
+    stiffness: float = parameter(1e-6, "Stiffness", "c_int / c_ext, parameters in [0, 1].", low=0.0, high=1.0)
+    attraction: str = parameter(
+        "stock", "Attraction", "Pull to the nearest stock point, or to the bounding sphere as published.", choices=("stock", "sphere")
+    )
+    chord_tolerance: float = parameter(
+        0.01, "Chord tolerance", "Tessellation of the levels that are measured and kept.", unit="mm", low=0.0005, high=1.0
+    )
+
+
+@dataclass(frozen=True)
+class ToolJob(_Stage):
+    """One ball-end cutter in its holder, from the tip up: ball and flutes, shank, holder."""
+
+    radius: float = parameter(2.0, "Radius", "Ball radius.", unit="mm", low=0.05, high=50.0)
+    flute_length: float = parameter(8.0, "Flute length", "From the tip to the end of the cutting edge.", unit="mm", low=0.1, high=300.0)
+    shank_diameter: float = parameter(4.0, "Shank diameter", "Diameter of the shank above the flutes.", unit="mm", low=0.1, high=100.0)
+    overhang: float = parameter(30.0, "Overhang", "From the tip to the holder's nose.", unit="mm", low=1.0, high=500.0)
+    holder_diameter: float = parameter(20.0, "Holder diameter", "Diameter of the holder.", unit="mm", low=1.0, high=200.0)
+    holder_length: float = parameter(50.0, "Holder length", "Length of the holder above its nose.", unit="mm", low=1.0, high=500.0)
+    spindle: float = parameter(12000.0, "Spindle", "Spindle speed.", unit="1/min", low=1.0, high=100000.0)
+    feed: float = parameter(900.0, "Feed", "Cutting feed of the tip.", unit="mm/min", low=1.0, high=30000.0)
+    scallop: float = parameter(0.05, "Scallop", "Largest height of the cusps between passes.", unit="mm", low=0.0005, high=2.0)
+
+
+ROUGHING = ToolJob()
+FINISHING = ToolJob(radius=1.0, flute_length=4.0, shank_diameter=2.0, overhang=25.0, feed=900.0, scallop=0.01)
+
+
+@dataclass(frozen=True)
+class PathJob(_Stage):
+    """How a level is covered and how passes are linked."""
+
+    direction: str = parameter(
+        "around", "Direction", "Passes round the bone (t = const) or from pole to pole (s = const).", choices=("around", "along")
+    )
+    chord_tolerance: float = parameter(
+        0.004, "Chord tolerance", "Largest distance of a straight move from the cutter's true way.", unit="mm", low=0.0005, high=0.5
+    )
+    max_step: float = parameter(1.0, "Largest step", "Longest cutting move.", unit="mm", low=0.05, high=10.0)
+    clearance: float = parameter(
+        2.0, "Clearance", "Distance kept from the stock while moving between passes.", unit="mm", low=0.2, high=50.0
+    )
+    lead_deg: float = parameter(10.0, "Lead", "Tool axis leans this far forward along the feed.", unit="deg", low=-60.0, high=60.0)
+    max_tilt_deg: float = parameter(
+        75.0, "Largest tilt", "Tool axis never further from the normal than this.", unit="deg", low=1.0, high=89.0
+    )
+    gouge_tolerance: float = parameter(
+        0.01, "Gouge tolerance", "The ball never enters the design surface by more.", unit="mm", low=0.001, high=0.5
+    )
+
+
+@dataclass(frozen=True)
+class NcJob(_Stage):
+    """Machine, controller and feeds."""
+
+    machine: str = parameter("mikron-ucp600", "Machine", "Name of a machine file.")
+    controller: str = parameter("heidenhain", "Controller", "Name of a dialect.")
+    link_feed: float = parameter(
+        1500.0, "Link feed", "Feed of links close to the part and of retracts.", unit="mm/min", low=1.0, high=30000.0
+    )
+    plunge_feed: float = parameter(300.0, "Plunge feed", "Feed of the approach to the part.", unit="mm/min", low=1.0, high=30000.0)
+    rapid_feed: float = parameter(
+        10000.0, "Rapid rate", "Rate of rapid moves where a controller needs a number.", unit="mm/min", low=1.0, high=100000.0
+    )
+    coolant: bool = parameter(True, "Coolant", "Switch the coolant on while cutting.")
+    part_zero: str = parameter("table", "Part zero", "The program's zero: on the table under the part.", choices=("table",))
+
+
+@dataclass(frozen=True)
+class Job:
+    """Everything but the mesh."""
+
+    mesh: MeshJob = MeshJob()
+    surface: SurfaceJob = SurfaceJob()
+    stock: StockJob = StockJob()
+    holding: HoldingJob = HoldingJob()
+    levels: LevelsJob = LevelsJob()
+    roughing: ToolJob = ROUGHING
+    finishing: ToolJob = FINISHING
+    path: PathJob = PathJob()
+    nc: NcJob = NcJob()
+
+    def with_values(self, **changes: dict[str, Any]) -> "Job":
+        """The same job with `section={name: value}` changed; JobError names what is unknown."""
+        stages = {}
+        for section, values in changes.items():
+            if section not in {item.name for item in fields(self)}:
+                raise JobError(f"[{section}] is no section of a job: use one of {', '.join(i.name for i in fields(self))}", section=section)
+            stage = getattr(self, section)
+            unknown = set(values) - {item.name for item in fields(stage)}
+            if unknown:
+                raise JobError(
+                    f"[{section}] knows no {sorted(unknown)[0]!r}: use one of {', '.join(i.name for i in fields(stage))}", section=section
+                )
+            stages[section] = dataclasses.replace(stage, **values)
+        return dataclasses.replace(self, **stages)
+
+    def cutter(self, level: int) -> ToolJob:
+        """The cutter of a level: finishing next to the part, roughing beyond."""
+        return self.finishing if level < max(self.levels.finishing_levels, 1) else self.roughing
+
+
+def read_job(path: str | Path, base: Job | None = None) -> Job:
+    """The job of a TOML file: sections named as the fields of Job; what is left out keeps its default."""
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+        values = tomllib.loads(text)
+    except OSError as error:
+        raise JobError(f"{path}: {error.strerror}: give a readable job file", file=str(path)) from error
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise JobError(f"{path}: {error}: mend the TOML there", file=str(path)) from error
+    loose = [name for name, value in values.items() if not isinstance(value, dict)]
+    if loose:
+        raise JobError(f"{path}: {loose[0]!r} stands outside a section: put it below one like [path]", file=str(path))
+    try:
+        return (base or Job()).with_values(**values)
+    except JobError as error:
+        raise JobError(f"{path}: {error}", file=str(path), **error.evidence) from error
+
+
+def write_job(job: Job) -> str:
+    """The TOML text of a job, every value with its tooltip as a comment."""
+    lines = []
+    for section in fields(job):
+        lines.append(f"[{section.name}]")
+        for item in fields(getattr(job, section.name)):
+            value, known = getattr(getattr(job, section.name), item.name), record(item)
+            text = f'"{value}"' if isinstance(value, str) else str(value).lower() if isinstance(value, bool) else repr(value)
+            lines.append(f"{item.name} = {text}  # {known.tooltip}{f' [{known.unit}]' if known.unit else ''}")
+        lines.append("")
+    return "\n".join(lines)

@@ -1,0 +1,1 @@
+"""Compiled loops: the only door to numba. Plain arrays in, plain arrays out."""

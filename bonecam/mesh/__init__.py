@@ -1,0 +1,1 @@
+"""Stage 1: triangle meshes: files, units, repair, harmonic rows, distances."""

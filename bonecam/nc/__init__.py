@@ -1,0 +1,1 @@
+"""Stage 6: machines, dialects, writing and reading NC programs."""

@@ -1,0 +1,1 @@
+"""Stage 5: tool axes free of collision, and the moves between passes."""

@@ -1,0 +1,1 @@
+"""Stage 2: the T-spline surface: kernel, fit, tessellation, files."""

@@ -1,0 +1,89 @@
+"""The T-mesh in index and knot space: which control points there are and which knots each sees.
+
+Row-structured T-meshes (what skinning makes, Yang & Zheng 2012): S(s, t) = sum_j N_j(t) Q_j(s), one clamped
+t-knot vector for all rows and a periodic s-knot vector for every row. A row with one control point is a pole:
+its s-function is the constant 1.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.arrays import frozen
+from bonecam.surface.knots import span_functions
+
+
+@dataclass(frozen=True, eq=False)
+class RowTMesh:
+    """Rows j = 0..m-1 over t_knots (m+4,), row j with the distinct periodic knots s_knots[j] in [0, 1)."""
+
+    t_knots: Float[ndarray, " k"]
+    s_knots: tuple[Float[ndarray, "?r"], ...]
+
+    @classmethod
+    def from_rows(cls, t_knots: ndarray, s_knots: Sequence[ndarray]) -> "RowTMesh":
+        """Check and freeze. Raises ValueError on decreasing knots, fewer than four knots in a closed row, wrong counts."""
+        t = frozen(t_knots)
+        if len(t) != len(s_knots) + 4 or (np.diff(t) < 0).any():
+            raise ValueError(f"{len(s_knots)} rows need {len(s_knots) + 4} t-knots that never decrease, not {len(t)}")
+        for j, row in enumerate(s_knots):
+            if len(row) in (2, 3) or len(row) == 0 or (np.diff(row) <= 0).any() or row[0] < 0 or row[-1] >= 1:
+                raise ValueError(f"row {j}: a closed row needs four or more increasing knots in [0, 1), a pole one")
+        return cls(t, tuple(frozen(row) for row in s_knots))
+
+    @property
+    def row_starts(self) -> ndarray:
+        """Index of the first control point of each row, and the total behind the last: (m+1,)."""
+        return np.concatenate([[0], np.cumsum([len(row) for row in self.s_knots])])
+
+    @property
+    def size(self) -> int:
+        """Number of control points."""
+        return sum(len(row) for row in self.s_knots)
+
+    @property
+    def domain(self) -> Float[ndarray, "2 2"]:
+        """[[s_low, s_high], [t_low, t_high]]; s is periodic."""
+        return np.array([[0.0, 1.0], [self.t_knots[3], self.t_knots[-4]]])
+
+    def blending(self, s: Float[ndarray, "n"], t: Float[ndarray, "n"], order: int) -> list[sp.csr_array]:
+        """B, and up to `order` B_s, B_t, B_ss, B_st, B_tt: sparse (n, size)."""
+        s = np.mod(s, 1.0)
+        pairs = [(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)][: (1, 3, 6)[order]]
+        span = np.clip(np.searchsorted(self.t_knots, t, side="right") - 1, 3, len(self.t_knots) - 5)
+        along = span_functions(self.t_knots[span[:, None] + np.arange(-3, 5)], t, order)
+        starts = self.row_starts
+        rows: list[ndarray] = []
+        columns: list[ndarray] = []
+        values: list[list[ndarray]] = [[] for _ in pairs]
+        for j, knots in enumerate(self.s_knots):
+            here = np.flatnonzero((span - 3 <= j) & (j <= span))
+            if not len(here):
+                continue
+            around, index = self._row_functions(knots, s[here], order)
+            local = j - span[here] + 3
+            rows.append(np.repeat(here, index.shape[1]))
+            columns.append((starts[j] + index).ravel())
+            for k, (a, b) in enumerate(pairs):
+                values[k].append((around[a] * along[b, here, local][:, None]).ravel())
+        shape = (len(s), self.size)
+        where = (np.concatenate(rows), np.concatenate(columns))
+        return [sp.csr_array((np.concatenate(v), where), shape=shape) for v in values]
+
+    @staticmethod
+    def _row_functions(knots: ndarray, s: ndarray, order: int) -> tuple[ndarray, ndarray]:
+        """Values (order+1, n, 4) of the row's functions that live at s, and which they are (n, 4); a pole: (.., n, 1)."""
+        if len(knots) == 1:
+            values = np.zeros((order + 1, len(s), 1))
+            values[0] = 1.0
+            return values, np.zeros((len(s), 1), dtype=np.int64)
+        count = len(knots)
+        span = np.searchsorted(knots, s, side="right") - 1
+        window = span[:, None] + np.arange(-3, 5)
+        unwrapped = knots[window % count] + window // count
+        x = np.where(span < 0, s, s)
+        return span_functions(unwrapped, x, order), (span[:, None] + np.arange(-1, 3)) % count

@@ -1,0 +1,1 @@
+"""Stage 4: scallop-limited contact paths on a level."""

@@ -1,0 +1,63 @@
+"""What the tool does on one level, as flat arrays with one row a point."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+from jaxtyping import Float, Int
+from numpy import ndarray
+
+from bonecam.toolpath.cutter import Cutter
+
+
+class Kind(IntEnum):
+    """How the tool arrives at a point."""
+
+    CUT = 0
+    LINK = 1
+    RAPID = 2
+
+
+@dataclass(frozen=True, eq=False)
+class ContactPath:
+    """Cutter contacts of one level before tool axes are chosen; consecutive points of a pass are cutting moves.
+
+    `parameters` are (s, t) on the level's surface, `normals` outward, `feeds` unit feed directions,
+    `centres` of the ball: contact + radius * normal, or lifted where the ball would gouge (then `lifts` > 0, mm).
+    `uncut` are contacts left out, `reasons` one word for each (post, gouge, ...).
+    """
+
+    level: int
+    cutter: Cutter
+    scallop_limit: float
+    pass_index: Int[ndarray, "n"]
+    parameters: Float[ndarray, "n 2"]
+    contacts: Float[ndarray, "n 3"]
+    normals: Float[ndarray, "n 3"]
+    feeds: Float[ndarray, "n 3"]
+    centres: Float[ndarray, "n 3"]
+    lifts: Float[ndarray, "n"]
+    uncut: Float[ndarray, "u 3"]
+    reasons: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class ToolPath:
+    """All moves of one level in machining order. Row i: the move that arrives at tip i with axis i.
+
+    `axes` are unit, from tip to spindle; `tips` = ball centre - radius * axis; `feed_rates` in mm/min
+    (rapid moves: the machine's rapid rate); `contacts` and `parameters` are NaN on links and rapids.
+    `pass_index` is -1 on links and rapids. The first row is a safe point clear of the stock, so is the last.
+    """
+
+    level: int
+    cutter: Cutter
+    scallop_limit: float
+    kinds: Int[ndarray, "n"]
+    pass_index: Int[ndarray, "n"]
+    parameters: Float[ndarray, "n 2"]
+    contacts: Float[ndarray, "n 3"]
+    tips: Float[ndarray, "n 3"]
+    axes: Float[ndarray, "n 3"]
+    feed_rates: Float[ndarray, "n"]
+    uncut: Float[ndarray, "u 3"]
+    reasons: tuple[str, ...]

@@ -1,0 +1,1 @@
+"""Stage 7: proof from the posted text, report and pictures."""

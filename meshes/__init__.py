@@ -1,0 +1,1 @@
+"""The meshes that ship with bonecam and the recipes that made them."""

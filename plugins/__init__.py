@@ -1,0 +1,1 @@
+"""The filters that come with bonecam, one module a family, found through entry points."""
