@@ -1,0 +1,52 @@
+"""The data flow is one way: a module imports only its own stage and the stages before it."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ORDER = (
+    "errors progress arrays files job kernels mesh surface levels toolpath orientation nc verify pipeline keep filters batch cli".split()
+)
+ROOT = Path(__file__).parents[1] / "bonecam"
+MODULES = sorted(path for path in ROOT.rglob("*.py") if path != ROOT / "__init__.py")
+
+DOORS = {
+    "osqp": {"levels/solve.py"},
+    "fcl": {"orientation/collision.py"},
+    "matplotlib": {"verify/pictures.py"},
+    "numba": {"kernels"},
+    "open3d": {"mesh/distance.py"},
+}
+
+
+def stage_of(path: Path) -> str:
+    return path.relative_to(ROOT).parts[0].removesuffix(".py")
+
+
+def imports_of(path: Path) -> list[str]:
+    names = []
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            names += [node.module or ""] + [f"{node.module}.{alias.name}" for alias in node.names if node.module == "bonecam"]
+    return names
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_imports_follow_the_flow(path: Path) -> None:
+    rank = ORDER.index(stage_of(path))
+    for name in imports_of(path):
+        parts = name.split(".")
+        if parts[0] == "bonecam" and len(parts) > 1:
+            assert ORDER.index(parts[1]) <= rank, f"{name} comes after {stage_of(path)}"
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_libraries_come_in_by_one_door(path: Path) -> None:
+    place = str(path.relative_to(ROOT))
+    for name in imports_of(path):
+        doors = DOORS.get(name.split(".")[0])
+        assert doors is None or place in doors or stage_of(path) in doors, f"{place} imports {name}"
