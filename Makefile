@@ -1,0 +1,40 @@
+# Two commands set everything up on a fresh Debian machine:
+#   make demo    the whole chain on a shipped mesh -> out/phalanx.h and pictures in out/keep
+#   make test    the test suite
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+SYSTEM := libegl1 libgl1 libusb-1.0-0 libopengl0 python3-venv
+CNC := linuxcnc-uspace gcc libc6-dev
+
+.PHONY: demo test lint types system cnc clean
+
+demo: $(VENV)/installed
+	mkdir -p out
+	$(BIN)/bonecam demo -o out/phalanx.h --keep out/keep --report out/phalanx.json
+
+test: $(VENV)/installed cnc
+	$(BIN)/python -m pytest
+
+lint: $(VENV)/installed
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+
+types: $(VENV)/installed
+	$(BIN)/mypy
+
+# The libraries that open3d and pymeshlab load, and (for tests only) LinuxCNC's interpreter, which runs what we write.
+system:
+	@sh .ci/system-packages $(SYSTEM)
+
+cnc:
+	@sh .ci/system-packages $(CNC) || echo "LinuxCNC's checks will be skipped"
+
+$(VENV)/installed: pyproject.toml | system
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --quiet --upgrade pip
+	$(BIN)/pip install --quiet -e ".[test,dev]"
+	touch $@
+
+clean:
+	rm -rf out build *.egg-info .pytest_cache .mypy_cache .ruff_cache

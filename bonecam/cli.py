@@ -1,0 +1,227 @@
+"""The command line: `bonecam convert | demo | batch | script | filters | job`.
+
+Exit codes: 0 done, 1 some mesh of a batch failed, 2 the input, the job or the call is wrong (one line on stderr).
+"""
+
+import argparse
+import logging
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, NoReturn
+
+import bonecam
+from bonecam.errors import BonecamError, JobError
+from bonecam.job import Job, read_job, write_job
+from bonecam.progress import Progress, silent
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code."""
+    options = _parser().parse_args(arguments)
+    logging.basicConfig(level=logging.INFO if options.verbose else logging.ERROR, format="%(name)s: %(message)s")
+    try:
+        return int(options.run(options))
+    except BonecamError as error:
+        print(f"bonecam: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("bonecam: stopped; nothing was written", file=sys.stderr)
+        return 130
+
+
+class _Parser(argparse.ArgumentParser):
+    """Wrong calls in one line, exit code 2."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: {message}: see {self.prog} --help\n")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(prog="bonecam", description="From a bone mesh to a verified five-axis NC program.")
+    parser.add_argument("--version", action="version", version=f"bonecam {bonecam.__version__}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=_Parser)
+    _add_convert(commands)
+    _add_batch(commands)
+    _add_script(commands)
+    filters = _command(commands, "filters", "List the filters, or one with its parameters.", run_filters)
+    filters.add_argument("name", nargs="?", help="one filter's name")
+    job = _command(commands, "job", "Print a job file with every parameter, its default and meaning.", run_job)
+    _add_job_options(job)
+    return parser
+
+
+def _command(commands: Any, name: str, text: str, run: Any) -> argparse.ArgumentParser:
+    command: argparse.ArgumentParser = commands.add_parser(name, help=text, description=text)
+    command.set_defaults(run=run)
+    command.add_argument("-q", "--quiet", action="store_true", help="no progress")
+    command.add_argument("-v", "--verbose", action="store_true", help="tell what is done")
+    return command
+
+
+def _add_convert(commands: Any) -> None:
+    convert = _command(commands, "convert", "Mesh in, verified NC program out.", run_convert)
+    convert.add_argument("mesh", help="STL, PLY, OBJ or OFF file")
+    demo = _command(commands, "demo", "The whole chain on the phalanx that ships with bonecam.", run_demo)
+    for command, default in ((convert, None), (demo, "phalanx.h")):
+        command.add_argument("-o", "--output", required=default is None, default=default, help="the NC program to write")
+        command.add_argument("--keep", metavar="DIR", help="write surface, levels, tool path and pictures there")
+        command.add_argument("--report", metavar="FILE.json", help="write the figures there")
+        _add_job_options(command)
+
+
+def _add_batch(commands: Any) -> None:
+    batch = _command(commands, "batch", "Many meshes, each in a process of its own.", run_batch)
+    batch.add_argument("meshes", nargs="+", help="mesh files")
+    batch.add_argument("-o", "--output", metavar="DIR", required=True, help="folder for programs, reports and batch.csv")
+    batch.add_argument("--jobs", type=int, default=2, help="meshes at a time (2)")
+    batch.add_argument("--resume", action="store_true", help="skip what an earlier run finished with the same mesh and job")
+    _add_job_options(batch)
+
+
+def _add_script(commands: Any) -> None:
+    script = _command(commands, "script", "Run a MeshLab filter script (.mlx) with MeshLab's filters and ours.", run_script)
+    script.add_argument("script", help="the .mlx file")
+    script.add_argument("-i", "--input", action="append", required=True, metavar="MESH", help="a mesh to load as a layer (repeat for more)")
+    script.add_argument("-o", "--output", metavar="DIR", required=True, help="folder for the resulting layers")
+
+
+def _add_job_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--job", metavar="JOB.toml", help="job file; what it leaves out keeps its default")
+    command.add_argument("--units", choices=("mm", "m", "inch"), help="unit of the mesh file (mm)")
+    command.add_argument("--machine", help="machine by name or file (mikron-ucp600)")
+    command.add_argument("--controller", help="controller dialect by name or file (heidenhain)")
+    command.add_argument(
+        "--set", action="append", default=[], metavar="SECTION.NAME=VALUE", help="any parameter of the job, as `bonecam job` lists them"
+    )
+
+
+def job_of(options: argparse.Namespace) -> Job:
+    """The job of the options: the file first, then --units, --machine, --controller, then each --set."""
+    job = read_job(options.job) if options.job else Job()
+    changes: dict[str, dict[str, Any]] = {}
+    for section, name, value in (
+        ("mesh", "units", options.units),
+        ("nc", "machine", options.machine),
+        ("nc", "controller", options.controller),
+    ):
+        if value is not None:
+            changes.setdefault(section, {})[name] = value
+    for setting in options.set:
+        section, name, value = _setting(setting, job)
+        changes.setdefault(section, {})[name] = value
+    return job.with_values(**changes)
+
+
+def _setting(text: str, job: Job) -> tuple[str, str, Any]:
+    """Section, name and typed value of one SECTION.NAME=VALUE."""
+    key, equals, value = text.partition("=")
+    section, dot, name = key.strip().partition(".")
+    if not (equals and dot):
+        raise JobError(f"--set {text}: write SECTION.NAME=VALUE, like stock.diameter=15")
+    kinds: dict[str, Any] = {item.name: type(item.default) for item in fields(getattr(job, section))} if hasattr(job, section) else {}
+    kind = kinds.get(name, str)
+    try:
+        if kind is bool:
+            return section, name, {"true": True, "false": False}[value.strip().lower()]
+        return section, name, kind(value.strip())
+    except (ValueError, KeyError) as error:
+        raise JobError(f"--set {text}: give a {kind.__name__}") from error
+
+
+class _Terminal:
+    """A progress line on stderr, where stderr is a terminal."""
+
+    def __init__(self) -> None:
+        self.began, self.width = time.perf_counter(), 0
+
+    def __call__(self, fraction: float, message: str) -> None:
+        line = f"{fraction:4.0%} {time.perf_counter() - self.began:5.0f} s  {message}"[:100]
+        print(f"\r{line.ljust(self.width)}", end="", file=sys.stderr, flush=True)
+        self.width = len(line)
+
+    def close(self) -> None:
+        print(f"\r{' ' * self.width}\r", end="", file=sys.stderr, flush=True)
+
+
+def _progress(options: argparse.Namespace) -> _Terminal | None:
+    return _Terminal() if sys.stderr.isatty() and not options.quiet else None
+
+
+def run_convert(options: argparse.Namespace) -> int:
+    """`bonecam convert`."""
+    return _convert(options.mesh, options)
+
+
+def run_demo(options: argparse.Namespace) -> int:
+    """`bonecam demo`."""
+    from bonecam_meshes import path
+
+    return _convert(path("phalanx"), options)
+
+
+def _convert(mesh: str | Path, options: argparse.Namespace) -> int:
+    job = job_of(options)
+    _check_outputs(options)
+    terminal = _progress(options)
+    progress: Progress = terminal or silent
+    try:
+        result = bonecam.convert(mesh, job, keep=options.keep, program=options.output, report=options.report, progress=progress)
+    finally:
+        if terminal:
+            terminal.close()
+    if not options.quiet:
+        print(result.summary)
+    return 0
+
+
+def _check_outputs(options: argparse.Namespace) -> None:
+    """Fail before the work, not after it, where an output's folder is not there."""
+    for name in (options.output, options.report):
+        if name and not Path(name).resolve().parent.is_dir():
+            raise JobError(f"{name}: its folder does not exist: make {Path(name).parent} first", file=str(name))
+        if name and Path(name).is_dir():
+            raise JobError(f"{name}: is a folder: name a file", file=str(name))
+
+
+def run_batch(options: argparse.Namespace) -> int:
+    """`bonecam batch`."""
+    from bonecam.batch import Outcome, convert_many
+
+    def told(outcome: Outcome, left: int) -> None:
+        if not options.quiet:
+            print(f"{outcome.state:6} {outcome.mesh}  {outcome.message or outcome.program}  ({left} left)", flush=True)
+
+    outcomes = convert_many(options.meshes, options.output, job_of(options), jobs=options.jobs, resume=options.resume, told=told)
+    return int(any(outcome.state == "failed" for outcome in outcomes))
+
+
+def run_script(options: argparse.Namespace) -> int:
+    """`bonecam script`."""
+    from bonecam.filters.script import run_script as run
+
+    terminal = _progress(options)
+    try:
+        written = run(options.script, options.input, options.output, progress=terminal or silent)
+    finally:
+        if terminal:
+            terminal.close()
+    if not options.quiet:
+        print("\n".join(str(path) for path in written))
+    return 0
+
+
+def run_filters(options: argparse.Namespace) -> int:
+    """`bonecam filters`."""
+    from bonecam.filters.catalogue import catalogue
+
+    print(catalogue(options.name))
+    return 0
+
+
+def run_job(options: argparse.Namespace) -> int:
+    """`bonecam job`."""
+    print(write_job(job_of(options)), end="")
+    return 0
