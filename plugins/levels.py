@@ -1,0 +1,3 @@
+"""Filters of the levels family."""
+
+FILTERS: tuple[object, ...] = ()

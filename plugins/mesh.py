@@ -1,0 +1,3 @@
+"""Filters of the mesh family."""
+
+FILTERS: tuple[object, ...] = ()

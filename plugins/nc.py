@@ -1,0 +1,3 @@
+"""Filters of the nc family."""
+
+FILTERS: tuple[object, ...] = ()

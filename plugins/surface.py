@@ -1,0 +1,3 @@
+"""Filters of the surface family."""
+
+FILTERS: tuple[object, ...] = ()

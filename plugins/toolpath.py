@@ -1,0 +1,3 @@
+"""Filters of the toolpath family."""
+
+FILTERS: tuple[object, ...] = ()
