@@ -14,7 +14,9 @@ def write_whole(path: str | Path, text: str) -> None:
     """Write `text` (UTF-8) to `path` in one step; FileError names the file and the reason."""
     target = Path(path)
     try:
-        with tempfile.NamedTemporaryFile("w", dir=target.parent, prefix=f".{target.name}.", encoding="utf-8", newline="", delete=False) as file:
+        with tempfile.NamedTemporaryFile(
+            "w", dir=target.parent, prefix=f".{target.name}.", encoding="utf-8", newline="", delete=False
+        ) as file:
             file.write(text)
         os.chmod(file.name, 0o644)
         os.replace(file.name, target)
