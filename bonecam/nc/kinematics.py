@@ -1,0 +1,138 @@
+"""Forward and inverse kinematics of any chain of two rotary axes and X, Y, Z: composed, no formula per machine.
+
+With turns T (x -> pivot + Rot(direction, angle) (x - pivot)) of the axes that carry the part, from the part outward, and
+turns H of those that carry the tool, a part point p and the tool tip meet in the machine's frame where
+
+    T_2(T_1(p + part_zero)) = j + H_1(H_2(-L z)) + L z,        R_T2 R_T1 a = R_H1 R_H2 z.
+
+j = (X, Y, Z) is where the tip stands while the head axes are at zero (tool length compensation on); j + L z is the spindle
+nose. The second equation always has the form Rot(d1, q1) Rot(d2, q2) v = w, the second Paden-Kahan subproblem (Murray, Li
+and Sastry 1994, section 3.3): with c = Rot(d2, q2) v, its parts along d1 and d2 are known, and |c| = |v| leaves two solutions.
+"""
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy import ndarray
+
+from bonecam.nc.machine import Machine, RotaryAxis
+
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def turn(vectors: Float[ndarray, "n 3"], direction: Float[ndarray, "3"], angles: Float[ndarray, "n"]) -> Float[ndarray, "n 3"]:
+    """Rodrigues: each vector turned by its angle (rad), right-handed about the unit direction."""
+    cosine, sine = np.cos(angles)[:, None], np.sin(angles)[:, None]
+    along = (vectors @ direction)[:, None] * direction
+    return along + (vectors - along) * cosine + np.cross(direction, vectors) * sine
+
+
+def _carried(points: ndarray, axis: RotaryAxis, angles: ndarray) -> ndarray:
+    pivot = np.array(axis.pivot)
+    return pivot + turn(points - pivot, np.array(axis.direction), angles)
+
+
+def tool_axes(machine: Machine, rotary: Float[ndarray, "n 2"]) -> Float[ndarray, "n 3"]:
+    """Unit tool axes in the part's frame, tip to spindle, from the rotary joints (rad)."""
+    axes = np.tile(UP, (len(rotary), 1))
+    for axis in reversed(machine.tool_axes):
+        axes = turn(axes, np.array(axis.direction), rotary[:, machine.column(axis) - 3])
+    for axis in reversed(machine.part_axes):
+        axes = turn(axes, np.array(axis.direction), -rotary[:, machine.column(axis) - 3])
+    return axes
+
+
+def _head_offset(machine: Machine, rotary: ndarray, tool_length: float) -> ndarray:
+    """From j to the tip: zero while the head axes are at zero. Pivots of head axes are measured from the spindle nose."""
+    tip = np.tile(-tool_length * UP, (len(rotary), 1))
+    for axis in reversed(machine.tool_axes):
+        tip = _carried(tip, axis, rotary[:, machine.column(axis) - 3])
+    return tip + tool_length * UP
+
+
+def forward(
+    machine: Machine, joints: Float[ndarray, "n 5"], tool_length: float = 0.0
+) -> tuple[Float[ndarray, "n 3"], Float[ndarray, "n 3"]]:
+    """Tips (mm) and unit tool axes in the part's frame from the joints (mm, rad)."""
+    rotary = joints[:, 3:]
+    points = joints[:, :3] + _head_offset(machine, rotary, tool_length)
+    for axis in reversed(machine.part_axes):
+        points = _carried(points, axis, -rotary[:, machine.column(axis) - 3])
+    return points - np.array(machine.part_zero), tool_axes(machine, rotary)
+
+
+def inverse_linear(
+    machine: Machine, tips: Float[ndarray, "n 3"], rotary: Float[ndarray, "n 2"], tool_length: float = 0.0
+) -> Float[ndarray, "n 5"]:
+    """The joints that bring the tip to `tips` (part frame, mm) at the given rotary angles (rad)."""
+    points = tips + np.array(machine.part_zero)
+    for axis in machine.part_axes:
+        points = _carried(points, axis, rotary[:, machine.column(axis) - 3])
+    return np.column_stack([points - _head_offset(machine, rotary, tool_length), rotary])
+
+
+def _subproblem(machine: Machine, axes: ndarray) -> tuple[RotaryAxis, RotaryAxis, float, ndarray, ndarray]:
+    """The axes 1 and 2, the sign of angle 1, v and w of Rot(d1, sign q1) Rot(d2, q2) v = w."""
+    up = np.broadcast_to(UP, axes.shape)
+    if len(machine.part_axes) == 2:
+        return machine.part_axes[1], machine.part_axes[0], 1.0, axes, up
+    if len(machine.part_axes) == 1:
+        return machine.part_axes[0], machine.tool_axes[0], -1.0, up, axes
+    return machine.tool_axes[0], machine.tool_axes[1], 1.0, up, axes
+
+
+def _angle_about(direction: ndarray, start: ndarray, end: ndarray) -> ndarray:
+    sine = np.cross(start, end) @ direction
+    cosine = np.einsum("ij,ij->i", start, end) - (start @ direction) * (end @ direction)
+    return np.arctan2(sine, cosine)
+
+
+def inverse_rotary(
+    machine: Machine, axes: Float[ndarray, "n 3"], hold_cone: float = 0.0
+) -> tuple[Float[ndarray, "n 2 2"], Bool[ndarray, "n 2"]]:
+    """Both solutions (row, solution, rotary joint in rad within [-pi, pi]; NaN out of reach) and which joints are free.
+
+    A joint is free where the tool axis lies within `hold_cone` (rad) of its direction: any angle does; it is returned as 0.
+    """
+    one, two, sign, v, w = _subproblem(machine, axes)
+    d1, d2 = np.array(one.direction), np.array(two.direction)
+    dot = float(d1 @ d2)
+    along1, along2 = w @ d1, v @ d2
+    a, b = (along1 - dot * along2) / (1 - dot**2), (along2 - dot * along1) / (1 - dot**2)
+    rest = (1 - (a**2 + b**2 + 2 * a * b * dot)) / (1 - dot**2)
+    rest = np.where(rest > -64 * np.finfo(float).eps, np.maximum(rest, 0), np.nan)
+    # within rounding of the singular direction the free angle is noise: it is reported as free instead
+    cone = max(np.sin(hold_cone), 4 * np.sqrt(np.finfo(float).eps))
+    free1 = np.linalg.norm(np.cross(w, d1), axis=1) <= cone
+    free2 = np.linalg.norm(np.cross(v, d2), axis=1) <= cone
+    found = np.empty((len(axes), 2, 2))
+    columns = machine.column(one) - 3, machine.column(two) - 3
+    for solution, side in enumerate((1.0, -1.0)):
+        c = a[:, None] * d1 + b[:, None] * d2 + (side * np.sqrt(rest))[:, None] * np.cross(d1, d2)
+        found[:, solution, columns[0]] = np.where(free1, 0.0, sign * _angle_about(d1, c, w))
+        found[:, solution, columns[1]] = np.where(free2, 0.0, _angle_about(d2, v, c))
+    free = np.empty((len(axes), 2), dtype=bool)
+    free[:, columns[0]], free[:, columns[1]] = free1, free2
+    return found, free
+
+
+def tilt_limit(machine: Machine) -> float:
+    """The largest angle (rad) from +Z that the tool axis reaches in every direction round the part."""
+    azimuths = np.linspace(0, 2 * np.pi, 73)[:-1]
+    tilts = np.radians(np.arange(0.0, 180.01, 0.25))
+    tilt, azimuth = (grid.ravel() for grid in np.meshgrid(tilts, azimuths, indexing="ij"))
+    axes = np.column_stack([np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt)])
+    found, _ = inverse_rotary(machine, axes)
+    reached = within_limits(machine, found).any(1).reshape(len(tilts), -1).all(1)
+    return float(tilts[-1] if reached.all() else tilts[max(int(np.argmin(reached)) - 1, 0)])
+
+
+def within_limits(machine: Machine, found: Float[ndarray, "n 2 2"]) -> Bool[ndarray, "n 2"]:
+    """Which solutions of `inverse_rotary` lie within the rotary limits, whole turns allowed."""
+    inside = np.isfinite(found).all(2)
+    guard = 1e-12
+    for column, axis in enumerate(machine.rotary):
+        low, high = axis.limits
+        if np.isfinite(low):
+            first = found[:, :, column] + 2 * np.pi * np.ceil((low - guard - found[:, :, column]) / (2 * np.pi))
+            inside &= first <= high + guard
+    return inside

@@ -1,0 +1,45 @@
+"""What a control would do with a program: its moves, as the reader understood them from the text."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+
+from bonecam.nc.control import Control
+
+
+@dataclass(frozen=True)
+class Tool:
+    """A cutter as the program's own comments describe it: ball radius and length from tip to spindle nose, mm."""
+
+    number: int
+    radius: float
+    length: float
+
+
+@dataclass(frozen=True, eq=False)
+class Motions:
+    """Moves to fully known positions, in order; row i is the move that arrives there.
+
+    `words` (n, 5): X Y Z in mm and the rotary words in radians, unwound; `feed_rates` in mm/min, or 1/min where `inverse_time`,
+    NaN for rapids; `lines` of the text (from 1); `known_start`: the position before the move is known too, so that all of it can be
+    simulated; `tips` (mm) and `axes` in the part's frame by forward kinematics. `blocks` counts every moving block, also those
+    that leave the position partly unknown. `controls`: by tool number.
+    """
+
+    rapid: Bool[ndarray, "n"]
+    words: Float[ndarray, "n 5"]
+    feed_rates: Float[ndarray, "n"]
+    inverse_time: Bool[ndarray, "n"]
+    lines: Int[ndarray, "n"]
+    tools: Int[ndarray, "n"]
+    known_start: Bool[ndarray, "n"]
+    tips: Float[ndarray, "n 3"]
+    axes: Float[ndarray, "n 3"]
+    blocks: int
+    controls: dict[int, Control]
+
+    def rows_of_tool(self, number: int) -> Int[ndarray, "m"]:
+        """The moves made with one cutter."""
+        return np.flatnonzero(self.tools == number)

@@ -1,0 +1,104 @@
+"""The moves a control is given: a tool path with angles chosen, split where the control would leave the way meant.
+
+Meant between two rows: the ball centre runs straight, the axis turns evenly on the great circle. What the control does
+instead is in `control.py`. A move is split evenly until tip and ball centre stay within the tolerance at 1/4, 1/2 and 3/4
+of it (the deviation is of second order in the move, so its square root tells how often), no joint turns by more than a
+right angle, and, without tool-centre control, no feed move is longer than 1 mm.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+
+from bonecam.errors import MachineError
+from bonecam.nc.control import Control
+from bonecam.nc.rotary import choose_angles
+from bonecam.toolpath.path import Kind, ToolPath
+
+MOST_ROUNDS = 40
+LONGEST_MOVE = 1.0
+LARGEST_TURN = np.pi / 2
+RAPID_SLACK = 20.0
+AXIS_TOLERANCE = np.radians(1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Moves:
+    """Rows to post: the move that arrives at each; `angles` rad; `rows` of the tool path they belong to; `rewinds` begin anew."""
+
+    kinds: Int[ndarray, "n"]
+    tips: Float[ndarray, "n 3"]
+    axes: Float[ndarray, "n 3"]
+    angles: Float[ndarray, "n 2"]
+    feed_rates: Float[ndarray, "n"]
+    rows: Int[ndarray, "n"]
+    rewinds: Bool[ndarray, "n"]
+
+
+def split_moves(path: ToolPath, control: Control, tolerance: float, hold_cone: float, place: str = "") -> Moves:
+    """The moves of one tool path, fine enough for `control` to follow within `tolerance` (mm; rapids 20 times as much)."""
+    kinds, tips, axes, rows = np.asarray(path.kinds), path.tips, path.axes, np.arange(len(path.tips))
+    for _ in range(MOST_ROUNDS):
+        choice = choose_angles(control.machine, axes, kinds, hold_cone, place)
+        pieces = _pieces(control, kinds, tips, axes, choice.angles, tolerance)
+        pieces[choice.rewinds[1:]] = 1
+        if (pieces == 1).all():
+            return Moves(kinds, tips, axes, choice.angles, np.asarray(path.feed_rates)[rows], rows, choice.rewinds)
+        before, fractions, after = _spread(pieces)
+        tips, axes = between(tips, axes, control.radius, before, fractions)
+        kinds, rows = kinds[after], rows[after]
+    row = int(rows[1 + np.argmax(pieces)])
+    raise MachineError(f"{place}point {row}: the move passes too near the machine's singular axis to be split: tilt it away", row=row)
+
+
+def between(
+    tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], radius: float, before: Int[ndarray, "m"], fractions: Float[ndarray, "m"]
+) -> tuple[Float[ndarray, "m 3"], Float[ndarray, "m 3"]]:
+    """Tips and axes meant at a fraction of the way from row `before` to the next; a whole fraction is the row itself."""
+    after = np.minimum(before + 1, len(tips) - 1)
+    a, b, part = axes[before], axes[after], fractions[:, None]
+    angle = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.einsum("ij,ij->i", a, b))[:, None]
+    sine = np.sin(angle)
+    small = sine < 1e-9
+    weights = np.where(small, 1 - part, np.sin((1 - part) * angle) / np.where(small, 1, sine))
+    weights_after = np.where(small, part, np.sin(part * angle) / np.where(small, 1, sine))
+    turned = weights * a + weights_after * b
+    turned /= np.linalg.norm(turned, axis=1, keepdims=True)
+    centres = (1 - part) * (tips[before] + radius * a) + part * (tips[after] + radius * b)
+    whole, start = fractions == 1, fractions == 0
+    turned = np.where(whole[:, None], b, np.where(start[:, None], a, turned))
+    meant = np.where(whole[:, None], tips[after], np.where(start[:, None], tips[before], centres - radius * turned))
+    return meant, turned
+
+
+def _spread(pieces: ndarray) -> tuple[ndarray, ndarray, ndarray]:
+    """For the new rows: old row before, fraction of the move, and old row whose move arrives there."""
+    move = np.repeat(np.arange(len(pieces)), pieces)
+    first = np.repeat(np.cumsum(pieces) - pieces, pieces)
+    fractions = (np.arange(len(move)) - first + 1) / pieces[move]
+    return np.r_[0, move], np.r_[0.0, fractions], np.r_[0, move + 1]
+
+
+def _pieces(control: Control, kinds: ndarray, tips: ndarray, axes: ndarray, angles: ndarray, tolerance: float) -> ndarray:
+    if len(tips) < 2:
+        return np.ones(0, dtype=np.int64)
+    words = control.words(tips, angles)
+    rapid = kinds[1:] == Kind.RAPID
+    allowed = np.where(rapid, RAPID_SLACK * tolerance, tolerance)
+    move = np.arange(len(tips) - 1)
+    worst = np.zeros(len(move))
+    for fraction in (0.25, 0.5, 0.75):
+        tip, axis = control.between(words[:-1], words[1:], fraction)
+        meant, turned = between(tips, axes, control.radius, move, np.full(len(move), fraction))
+        lean = np.linalg.norm(axis - turned, axis=1)
+        centre = np.linalg.norm(tip - meant + control.radius * (axis - turned), axis=1)
+        off = np.maximum(centre, np.linalg.norm(tip - meant, axis=1))
+        worst = np.maximum(worst, np.maximum(off / allowed, lean / AXIS_TOLERANCE))
+    pieces = np.where(worst > 1, np.ceil(np.sqrt(1.1 * np.minimum(worst, 1e4))), 1)
+    pieces = np.maximum(pieces, np.ceil(np.abs(np.diff(angles, axis=0)).max(1) / LARGEST_TURN - 1e-9))
+    if not control.tool_centre:
+        length = np.linalg.norm(np.diff(tips, axis=0), axis=1)
+        pieces = np.maximum(pieces, np.where(rapid, 1, np.ceil(length / LONGEST_MOVE - 1e-9)))
+    return np.maximum(pieces, 1).astype(np.int64)

@@ -1,0 +1,56 @@
+"""Numbers in NC words: fixed decimals, never an exponent, never a minus before zero."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+
+from bonecam.errors import ProgramError
+
+
+@dataclass(frozen=True)
+class NumberFormat:
+    """How one kind of number is written: decimals, whether a plus is written, and the range the control takes."""
+
+    decimals: int
+    sign: bool
+    lowest: float = -np.inf
+    highest: float = np.inf
+
+    @property
+    def step(self) -> float:
+        """The last decimal's worth."""
+        return 10.0**-self.decimals
+
+    @property
+    def spec(self) -> str:
+        """The printf format of one number already rounded by `steps`."""
+        return f"%{'+' if self.sign else ''}.{self.decimals}f"
+
+    def steps(self, values: Float[ndarray, "*n"]) -> Int[ndarray, "*n"]:
+        """Values in whole last decimals; ProgramError where one is not finite."""
+        if not np.isfinite(values).all():
+            raise ProgramError(f"word {int(np.argmin(np.isfinite(values)))} is not a finite number: the path before it is wrong")
+        return np.rint(np.asarray(values) * 10.0**self.decimals).astype(np.int64)
+
+    def rounded(self, values: Float[ndarray, "*n"]) -> Float[ndarray, "*n"]:
+        """The values as the control will read them."""
+        return np.asarray(self.steps(values) / 10.0**self.decimals)
+
+    def text(self, value: float) -> str:
+        """One number; ProgramError outside the control's range."""
+        if not self.lowest <= value <= self.highest:
+            raise ProgramError(f"{value:g} leaves the control's range {self.lowest:g} .. {self.highest:g}: change the job", value=value)
+        # whole steps divided have no negative zero
+        return self.spec % float(self.rounded(np.array([value], dtype=np.float64))[0])
+
+
+def wrapped(angles_deg: Float[ndarray, "*n"]) -> Float[ndarray, "*n"]:
+    """Angles brought into [-180, 180)."""
+    return (np.asarray(angles_deg) + 180.0) % 360.0 - 180.0
+
+
+def plain_text(text: str, characters: str) -> str:
+    """`text` in capitals, with a blank for every character the control's comments do not take."""
+    return "".join(letter if letter in characters else " " for letter in text.upper()).strip()
