@@ -1,0 +1,143 @@
+"""Values of MeshLab's own filters: from a script's <Param> to what pymeshlab takes, checked on a scratch mesh before a run."""
+
+from collections.abc import Callable, Mapping
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from bonecam.errors import FilterError
+from bonecam.filters.mlx import ScriptParameter
+from bonecam.mesh.files import meshlab
+
+Attributes = Mapping[str, str]
+
+
+def checked_value(filter_name: str, item: ScriptParameter) -> tuple[str, Any]:
+    """pymeshlab's parameter name and value. FilterError names an unknown parameter or a value that MeshLab refuses."""
+    known = parameters(filter_name)
+    name = known.get(_plain(item.name))
+    if name is None:
+        hint = ", ".join(sorted(known.values())) or "none"
+        raise FilterError(f"{filter_name} knows no parameter {item.name!r}: use one of {hint}", parameter=item.name)
+    value = converted(item)
+    try:
+        _scratch().filter_parameter_values(filter_name, **{name: value})
+    except (meshlab().PyMeshLabException, RuntimeError, ValueError) as error:
+        reason = "it is of another type" if "Unable to cast" in str(error) else " ".join(str(error).split())
+        message = f"parameter {name} = {_shown(item)} ({item.type}): {reason}: mend the value or its type"
+        raise FilterError(message, parameter=item.name) from error
+    return name, value
+
+
+@cache
+def parameters(filter_name: str) -> dict[str, str]:
+    """pymeshlab's parameter names of one of MeshLab's filters, by their plain letters."""
+    return {_plain(name): name for name in _scratch().filter_parameter_values(filter_name)}
+
+
+def _plain(name: str) -> str:
+    """Letters and digits only: scripts write `TargetLen` and `lambda` where pymeshlab has `targetlen` and `lambda_`."""
+    return "".join(letter for letter in name.lower() if letter.isalnum())
+
+
+def converted(item: ScriptParameter) -> Any:
+    """The value of a <Param> by its type. FilterError names a type that is unknown here and a value that is malformed."""
+    if item.type not in _READERS:
+        raise FilterError(
+            f"parameter {item.name}: type {item.type!r} is unknown: use one of {', '.join(sorted(_READERS))}", parameter=item.name
+        )
+    try:
+        return _READERS[item.type](item.attributes)
+    except (KeyError, ValueError) as error:
+        message = f"parameter {item.name} = {_shown(item)}: no {item.type}: write the value as MeshLab does"
+        raise FilterError(message, parameter=item.name) from error
+
+
+@cache
+def _scratch() -> Any:
+    """A cube with every attribute that filters ask for before they tell their parameters."""
+    meshset = meshlab().MeshSet()
+    meshset.create_cube()
+    meshset.compute_scalar_by_function_per_face(q="0")
+    meshset.compute_scalar_by_function_per_vertex(q="0")
+    return meshset
+
+
+def _bool(text: Attributes) -> bool:
+    return {"true": True, "false": False, "1": True, "0": False}[text["value"].strip().lower()]
+
+
+def _int(text: Attributes) -> int:
+    return int(text["value"])
+
+
+def _choice(text: Attributes) -> int | str:
+    value = text["value"]
+    return int(value) if value.strip().lstrip("-").isdigit() else value
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    if not np.isfinite(value):
+        raise ValueError(text)
+    return value
+
+
+def _float(text: Attributes) -> float:
+    return _finite(text["value"])
+
+
+def _length(text: Attributes) -> Any:
+    value = text["value"].strip()
+    if value.endswith("%"):
+        percent = _finite(value[:-1])
+        if not 0 <= percent <= 100:
+            raise ValueError(value)
+        return meshlab().PercentageValue(percent)
+    return meshlab().PureValue(_finite(value))
+
+
+def _text(text: Attributes) -> str:
+    return text["value"]
+
+
+def _color(text: Attributes) -> Any:
+    parts = [int(text[key]) for key in "rgb"] + [int(text.get("a", "255"))]
+    if not all(0 <= value <= 255 for value in parts):
+        raise ValueError(str(parts))
+    return meshlab().Color(*parts)
+
+
+def _point(text: Attributes) -> Any:
+    return np.array([_finite(text[key]) for key in "xyz"])
+
+
+def _matrix(text: Attributes) -> Any:
+    return np.array([_finite(text[f"val{index}"]) for index in range(16)]).reshape(4, 4)
+
+
+def _shown(item: ScriptParameter) -> str:
+    return repr(item.attributes["value"]) if "value" in item.attributes else repr(dict(sorted(item.attributes.items())))
+
+
+_READERS: dict[str, Callable[[Attributes], Any]] = {
+    "RichBool": _bool,
+    "RichInt": _int,
+    "RichMesh": _int,
+    "RichEnum": _choice,
+    "RichFloat": _float,
+    "RichDynamicFloat": _float,
+    "RichAbsPerc": _length,
+    "RichPercentage": _length,
+    "RichString": _text,
+    "RichOpenFile": _text,
+    "RichSaveFile": _text,
+    "RichFileOpen": _text,
+    "RichFileSave": _text,
+    "RichColor": _color,
+    "RichPoint3f": _point,
+    "RichPosition": _point,
+    "RichDirection": _point,
+    "RichMatrix44f": _matrix,
+}

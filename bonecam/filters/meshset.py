@@ -1,0 +1,148 @@
+"""A MeshSet that is pymeshlab's plus bonecam's filters: by `apply_filter`, as methods, and in filter scripts.
+
+    meshes = MeshSet()
+    meshes.load_new_mesh("bone.stl")
+    meshes.meshing_isotropic_explicit_remeshing()          # MeshLab's
+    meshes.compute_tspline_surface(tolerance=0.1)          # ours; lengths as mm, PureValue or PercentageValue
+    meshes.apply_filter("generate_morph_levels", roughing_depth=pymeshlab.PercentageValue(1.5))
+
+pymeshlab's methods and `apply_filter` call our `apply_filter`, which knows both sorts. What ours compute beyond triangles is
+kept beside the layers (`layers`). A filter of ours that fails or is cancelled leaves the layers as they were.
+"""
+
+import sys
+import tempfile
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from bonecam.errors import FilterError
+from bonecam.filters.catalogue import parameter_list
+from bonecam.filters.filter import Filter, Registry, installed
+from bonecam.filters.layers import Layers
+from bonecam.filters.mlx import FilterCall, ScriptParameter, read_calls, write_script
+from bonecam.mesh.files import meshlab
+from bonecam.progress import Progress, silent
+
+
+class MeshSet(meshlab().MeshSet):  # type: ignore[misc]
+    """pymeshlab.MeshSet plus the filters of `registry`. `folder`: where relative names of files that filters write lead."""
+
+    def __init__(
+        self, verbose: bool = False, progress: Progress = silent, registry: Registry | None = None, folder: str | Path = "."
+    ) -> None:
+        super().__init__(verbose)
+        self.registry = installed() if registry is None else registry
+        self.progress = progress
+        self.layers = Layers(self, Path(folder))
+        self._history: list[int | FilterCall] = []
+        self._native_calls = 0
+
+    def __getattr__(self, name: str) -> Any:
+        registry = self.__dict__.get("registry")
+        if registry is None or name not in registry.names:
+            raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
+
+        def apply(**values: Any) -> dict[str, Any]:
+            return self.apply_filter(name, **values)
+
+        apply.__name__, apply.__doc__ = name, registry[name].documentation
+        return apply
+
+    def __dir__(self) -> list[str]:
+        return sorted({*super().__dir__(), *self.registry.names})
+
+    def apply_filter(self, filter_name: str, **values: Any) -> dict[str, Any]:
+        """Apply a filter of MeshLab's or ours by its Python name; the results by name.
+
+        FilterError names an unknown filter or parameter; of MeshLab's own filters it carries MeshLab's words.
+        """
+        if filter_name in self.registry.names:
+            return self._apply_ours(self.registry[filter_name], values)
+        if filter_name not in known_to_meshlab():
+            raise FilterError(f"there is no filter {filter_name!r}: `bonecam filters` lists them", filter=filter_name)
+        result = self.apply_native(filter_name, **values)
+        self._history.append(self._native_calls - 1)
+        return result
+
+    def apply_native(self, filter_name: str, **values: Any) -> dict[str, Any]:
+        """Apply a filter of MeshLab's without a line in the script; FilterError carries MeshLab's words."""
+        try:
+            result: dict[str, Any] = super().apply_filter(filter_name, **values)
+        except (meshlab().PyMeshLabException, RuntimeError, ValueError) as error:
+            raise FilterError(f"{filter_name}: {' '.join(str(error).split())}", filter=filter_name) from error
+        self._native_calls += 1
+        return result
+
+    def _apply_ours(self, item: Filter, given: Mapping[str, Any]) -> dict[str, Any]:
+        mesh = self.layers.mesh() if item.needs_layer else None
+        values = item.values(given, mesh)
+        keys = self.layers.keys()
+        current = self.current_mesh_id() if keys else None
+        try:
+            result = item.act(self.layers, values, self.progress)
+        except BaseException:
+            self.layers.restore(keys, current)
+            raise
+        self._history.append(FilterCall(item.display_name, _written(item, given)))
+        return result
+
+    def filter_list(self) -> list[str]:
+        """Python names of all filters, MeshLab's and ours."""
+        return sorted({*known_to_meshlab(), *self.registry.names})
+
+    def filter_parameter_values(self, filter_name: str, **values: Any) -> dict[str, Any]:
+        """What `apply_filter` would use on the current layer: the given values and the defaults."""
+        if filter_name not in self.registry.names:
+            return dict(super().filter_parameter_values(filter_name, **values))
+        mesh = self.layers.mesh() if self.layers.count else None
+        return self.registry[filter_name].values(values, mesh)
+
+    def print_filter_list(self) -> None:
+        """Print the Python names of all filters, as pymeshlab does."""
+        sys.stdout.write("".join(f"\t{name}\n" for name in self.filter_list()))
+
+    def print_filter_parameter_list(self, filter_name: str) -> None:
+        """Print the parameters of a filter with their defaults, as pymeshlab does."""
+        if filter_name in self.registry.names:
+            sys.stdout.write(parameter_list(self.registry[filter_name]))
+        else:
+            meshlab().print_filter_parameter_list(filter_name)
+
+    def save_filter_script(self, filter_script_name: str) -> None:
+        """Write what was applied so far as a script; MeshLab writes its own filters, we ours between them."""
+        with tempfile.TemporaryDirectory() as folder:
+            native = str(Path(folder) / "native.mlx")
+            super().save_filter_script(native)
+            calls = read_calls(native)
+        write_script([calls[item] if isinstance(item, int) else item for item in self._history], filter_script_name)
+
+    def load_filter_script(self, filter_script_name: str) -> None:
+        """Not offered: a script is run whole, checked before anything runs. Raises TypeError."""
+        raise TypeError("use bonecam.filters.script.run_script, or apply_script on this MeshSet")
+
+    def apply_filter_script(self) -> None:
+        """Not offered: see `load_filter_script`."""
+        self.load_filter_script("")
+
+    def clear_filter_script(self) -> None:
+        """Forget what was applied so far."""
+        super().clear_filter_script()
+        self._history.clear()
+        self._native_calls = 0
+
+
+@cache
+def known_to_meshlab() -> frozenset[str]:
+    """The Python names of the filters that this pymeshlab has."""
+    return frozenset(meshlab().filter_list())
+
+
+def _written(item: Filter, given: Mapping[str, Any]) -> tuple[ScriptParameter, ...]:
+    """The given values as a script states them."""
+    found = []
+    for name, value in given.items():
+        known = item.parameter(name)
+        found.append(ScriptParameter(known.name, known.kind.value, {"value": known.written(value)}))
+    return tuple(found)

@@ -1,0 +1,108 @@
+"""The registry: names are unique, filters are of a verb family, third parties come in by entry points, a broken one is named."""
+
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import pymeshlab
+import pytest
+from filter_examples import OFFSET, RECALL
+
+from bonecam.errors import FilterError
+from bonecam.filters import meshlab_names
+from bonecam.filters.filter import GROUP, Registry, filters_of, installed
+
+TESTS = Path(__file__).parent
+
+
+@pytest.fixture
+def plugin_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    monkeypatch.syspath_prepend(str(tmp_path))
+    installed.cache_clear()
+    yield tmp_path
+    for name in [name for name in sys.modules if name.startswith("stranger")]:
+        del sys.modules[name]
+    installed.cache_clear()
+
+
+def install(folder: Path, name: str, text: str) -> EntryPoint:
+    """What a third party's wheel leaves in site-packages: a module and an entry point."""
+    (folder / f"{name}.py").write_text(text)
+    info = folder / f"{name}-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(f"[{GROUP}]\n{name} = {name}:FILTERS\n")
+    return EntryPoint(name, f"{name}:FILTERS", GROUP)
+
+
+def test_third_party_filter_is_found_through_its_entry_point(plugin_folder: Path) -> None:
+    assert "generate_offset" not in installed()
+    install(plugin_folder, "stranger_good", "from filter_examples import OFFSET\nFILTERS = [OFFSET]\n")
+    installed.cache_clear()
+    assert installed()["generate_offset"] is OFFSET
+    assert installed()["Generate Offset"] is OFFSET
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("import no_such_module_at_all\n", "ModuleNotFoundError: No module named 'no_such_module_at_all'"),
+        ("FILTER = []\n", "AttributeError"),
+        ("FILTERS = 3\n", "TypeError"),
+        ("raise RuntimeError('broken')\n", "RuntimeError: broken"),
+        ("FILTERS = ['generate']\n", "'generate', which is no Filter"),
+    ],
+)
+def test_broken_plugin_is_an_error_with_its_name(plugin_folder: Path, text: str, reason: str) -> None:
+    plugin = install(plugin_folder, "stranger_broken", text)
+    with pytest.raises(FilterError, match="stranger_broken") as caught:
+        filters_of(plugin)
+    assert reason in str(caught.value)
+    installed.cache_clear()
+    with pytest.raises(FilterError, match="stranger_broken"):
+        installed()
+
+
+def test_two_filters_of_one_name_are_an_error() -> None:
+    for other in (OFFSET, replace(OFFSET, name="generate_other"), replace(OFFSET, display_name="Other")):
+        with pytest.raises(FilterError, match=r"two filters are called '(generate_offset|Generate Offset)'"):
+            Registry([OFFSET, other])
+
+
+@pytest.mark.parametrize("name", ["Box/Cube", "generate_alpha_wrap"])
+def test_a_name_of_meshlab_s_is_taken(name: str) -> None:
+    clash = replace(OFFSET, name=name) if name.islower() else replace(OFFSET, display_name=name)
+    with pytest.raises(FilterError, match=name):
+        Registry([clash], taken=meshlab_names.all_names())
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"name": "make_offset"}, {"name": "generate"}, {"name": "generate_Offset"}, {"documentation": " "}, {"category": ""}]
+)
+def test_records_without_verb_family_or_words_are_refused(wrong: dict[str, str]) -> None:
+    with pytest.raises(ValueError, match="filter"):
+        replace(OFFSET, **wrong)  # type: ignore[arg-type]
+
+
+def test_parameter_stated_twice_is_refused() -> None:
+    with pytest.raises(ValueError, match="'distance' is there twice"):
+        replace(OFFSET, parameters=(*OFFSET.parameters, OFFSET.parameters[0]))
+
+
+def test_unknown_filters_and_parameters_are_errors_with_the_known_ones() -> None:
+    with pytest.raises(FilterError, match="there is no filter 'nope'"):
+        Registry([OFFSET])["nope"]
+    with pytest.raises(FilterError, match=r"generate_offset knows no parameter 'nope': use one of distance, how"):
+        OFFSET.values({"nope": 1}, None)
+    with pytest.raises(FilterError, match=r"compute_recall knows no parameter 'nope': use one of none"):
+        RECALL.values({"nope": 1}, None)
+
+
+def test_every_filter_of_meshlab_has_its_shown_name_and_leads_back() -> None:
+    for name in pymeshlab.filter_list():
+        assert name in meshlab_names.all_names()
+        assert meshlab_names.python_name(meshlab_names.shown_name(name)) == name
+    assert meshlab_names.python_name("Remeshing: Isotropic Explicit Remeshing") == "meshing_isotropic_explicit_remeshing"
+    assert meshlab_names.shown_name("create_cube") == "Box/Cube"

@@ -1,0 +1,137 @@
+"""MeshSet is pymeshlab's plus ours: by name, as methods; values travel beside the layers; a failure leaves nothing."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pymeshlab
+import pytest
+from filter_examples import TURN
+
+from bonecam.errors import Cancelled, FilterError, StockError
+from bonecam.filters.filter import Registry
+from bonecam.filters.layers import Layers
+from bonecam.filters.meshset import MeshSet
+from bonecam.filters.script import apply_script
+from bonecam.progress import Progress, report
+
+
+def test_both_sorts_apply_by_name_and_as_methods(meshes: MeshSet) -> None:
+    assert isinstance(meshes, pymeshlab.MeshSet)
+    before = meshes.current_mesh().vertex_matrix().copy()
+    result = meshes.apply_filter("generate_offset", distance=2.0, how="down")
+    assert result == {"distance": 2.0, "how": "down"}
+    assert meshes.generate_offset(distance=pymeshlab.PureValue(3.0))["distance"] == 3.0
+    assert meshes.apply_filter("get_geometric_measures")["mesh_volume"] == pytest.approx(meshes.get_geometric_measures()["mesh_volume"])
+    assert meshes.mesh_number() == 3
+    assert np.allclose(meshes.current_mesh().vertex_matrix(), before + np.array([0, 0, 5.0]))
+    assert meshes.current_mesh().label() == "moved(1)"
+    assert np.allclose(meshes.current_mesh().vertex_scalar_array(), before[:, 2] + 5.0)
+    assert np.ptp(meshes.current_mesh().vertex_color_matrix(), axis=0).max() > 0.5
+
+
+def test_percentages_are_of_the_diagonal_of_the_current_layer(meshes: MeshSet) -> None:
+    diagonal = meshes.current_mesh().bounding_box().diagonal()
+    assert meshes.generate_offset(distance=pymeshlab.PercentageValue(10))["distance"] == pytest.approx(diagonal / 10)
+
+
+def test_lists_and_parameters_hold_both_sorts(meshes: MeshSet, capfd: pytest.CaptureFixture[str]) -> None:
+    assert {"generate_offset", "meshing_isotropic_explicit_remeshing"} <= set(meshes.filter_list())
+    assert {"generate_offset", "apply_filter", "create_cube"} <= set(dir(meshes))
+    assert "Moves a copy" in meshes.generate_offset.__doc__
+    meshes.print_filter_parameter_list("generate_offset")
+    meshes.print_filter_list()
+    printed = capfd.readouterr().out
+    assert "distance : length = 1.0 mm" in printed
+    assert "\tgenerate_offset\n" in printed
+    values = meshes.filter_parameter_values("generate_offset", distance=2)
+    assert values["distance"] == 2.0
+    assert values["share"] == 5.0
+    assert values["size"] == pytest.approx(meshes.current_mesh().bounding_box().diagonal())
+    assert meshes.filter_parameter_values("create_cube") == {"size": 1.0}
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "reason"),
+    [
+        ("generate_nothing", {}, "no filter 'generate_nothing'"),
+        ("generate_offset", {"nope": 1}, "knows no parameter 'nope'"),
+        ("generate_offset", {"distance": 21.0}, "distance = 21: keep it within 0 .. 20 mm"),
+        ("create_cube", {"nope": 1}, "nope"),
+        ("create_cube", {"size": "x"}, "create_cube"),
+    ],
+)
+def test_wrong_calls_are_filter_errors(meshes: MeshSet, name: str, values: dict[str, object], reason: str) -> None:
+    with pytest.raises(FilterError, match=reason):
+        meshes.apply_filter(name, **values)
+    assert meshes.mesh_number() == 1
+
+
+def test_without_a_layer_a_filter_says_so(registry: Registry) -> None:
+    with pytest.raises(FilterError, match="load a mesh first"):
+        MeshSet(registry=registry).generate_offset()
+
+
+def test_unknown_attribute_is_an_attribute_error(meshes: MeshSet) -> None:
+    with pytest.raises(AttributeError, match="generate_nothing"):
+        _ = meshes.generate_nothing
+
+
+def test_a_failed_filter_leaves_the_layers_as_they_were(meshes: MeshSet) -> None:
+    key = meshes.current_mesh_id()
+    with pytest.raises(StockError, match="too small"):
+        meshes.generate_offset(fail=True)
+    assert meshes.mesh_number() == 1
+    assert meshes.current_mesh_id() == key
+
+
+def test_a_cancelled_filter_leaves_the_layers_as_they_were(phalanx: Path) -> None:
+    def act(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
+        layers.add(layers.mesh(), "half made")
+        report(progress, 0.5, "half way")
+        return {}
+
+    meshes = MeshSet(progress=lambda fraction, message: False, registry=Registry([replace(TURN, act=act)]))
+    meshes.load_new_mesh(str(phalanx))
+    with pytest.raises(Cancelled):
+        meshes.apply_turn()
+    assert meshes.mesh_number() == 1
+
+
+def test_kept_values_travel_with_new_layers_and_stay_off_others(meshes: MeshSet) -> None:
+    first = meshes.current_mesh_id()
+    with pytest.raises(FilterError, match=r"layer 0 'phalanx\.ply' has no distance: apply generate_offset first"):
+        meshes.compute_recall()
+    meshes.generate_offset(distance=2.0)
+    assert meshes.compute_recall() == {"distance": 2.0}
+    meshes.set_current_mesh(first)
+    with pytest.raises(FilterError, match="apply generate_offset first"):
+        meshes.compute_recall()
+
+
+def test_kept_values_of_a_layer_that_was_changed_are_refused(meshes: MeshSet) -> None:
+    meshes.generate_offset(distance=2.0)
+    meshes.apply_coord_taubin_smoothing()
+    with pytest.raises(FilterError, match="was changed after its distance was made: apply generate_offset again"):
+        meshes.compute_recall()
+    assert not meshes.layers.has("distance")
+
+
+def test_the_saved_script_gives_the_same_layers_again(meshes: MeshSet, phalanx: Path, registry: Registry, tmp_path: Path) -> None:
+    meshes.meshing_isotropic_explicit_remeshing(targetlen=pymeshlab.PercentageValue(4), iterations=2)
+    meshes.generate_offset(distance=pymeshlab.PercentageValue(10), how="down")
+    meshes.apply_turn()
+    meshes.apply_coord_taubin_smoothing()
+    meshes.save_filter_script(str(tmp_path / "all.mlx"))
+    again = MeshSet(registry=registry)
+    again.load_new_mesh(str(phalanx))
+    apply_script(again, tmp_path / "all.mlx")
+    assert again.mesh_number() == meshes.mesh_number()
+    assert np.allclose(again.current_mesh().vertex_matrix(), meshes.current_mesh().vertex_matrix(), atol=1e-6)
+    again.save_filter_script(str(tmp_path / "again.mlx"))
+    assert (tmp_path / "again.mlx").read_text().count("<filter") == (tmp_path / "all.mlx").read_text().count("<filter") == 4
+    meshes.clear_filter_script()
+    meshes.save_filter_script(str(tmp_path / "none.mlx"))
+    assert "<filter" not in (tmp_path / "none.mlx").read_text()
