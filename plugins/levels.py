@@ -1,3 +1,135 @@
-"""Filters of the levels family."""
+"""Filters of the levels stage: stock and morph levels. Stages are imported when a filter runs."""
 
-FILTERS: tuple[object, ...] = ()
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.errors import LevelError
+from bonecam.filters.filter import Filter
+from bonecam.filters.layers import Layers
+from bonecam.filters.parameter import FilterParameter, Kind, parameters_of, stage_of
+from bonecam.job import HoldingJob, LevelsJob, StockJob
+from bonecam.levels.level import Level
+from bonecam.progress import Progress
+from bonecam.surface.tspline import TSpline
+
+CATEGORY = "Bonecam: Stock and Levels"
+
+
+def stock_capsule(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
+    """`generate_stock_capsule`."""
+    from bonecam.pipeline import Part, place
+
+    job = replace(layers.job(), stock=stage_of(StockJob(), values), holding=stage_of(HoldingJob(), values, prefix="post_"))
+    mesh = layers.mesh()
+    part, stock = place(Part(mesh, layers.name, len(mesh.faces), "mm", (), np.eye(4)), job)
+    kept = {"stock": stock, "job": job}
+    layers.add(stock.mesh(values["chord_tolerance"]), "stock", keep=kept)
+    layers.add(part.mesh, "part on post", keep=kept)
+    return {"kind": stock.kind, "diameter_mm": stock.diameter, "length_mm": stock.length, "transform": np.asarray(part.transform)}
+
+
+def morph_levels(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
+    """`generate_morph_levels`."""
+    from bonecam.levels.stock import Capsule
+    from bonecam.pipeline import make_levels
+
+    surface = layers.kept("surface", TSpline, "compute_tspline_surface")
+    stock = layers.kept("stock", Capsule, "generate_stock_capsule")
+    job = replace(layers.job(), levels=stage_of(LevelsJob(), values))
+    morph = make_levels(surface, stock, job, progress)
+    source = layers.meshset.current_mesh_id()
+    kept = {"morph": morph, "job": job}
+    part = source
+    for level, depth in zip(morph.levels, step_depths(morph.levels), strict=True):
+        layers.select(source)
+        own = {"level": level} if level.surface is None else {"level": level, "surface": level.surface}
+        key = layers.add(level.mesh, f"level_{level.index:02d}", quality=depth, keep={**kept, **own})
+        part = key if level.index == 0 else part
+    layers.select(part)
+    return {"cuts": len(morph.levels) - 1, "levels_lower_bound": morph.lower_bound, **figures(morph.levels)}
+
+
+def level_check(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
+    """`compute_level_check`."""
+    from bonecam.levels.morph import Morph
+
+    levels = layers.kept("morph", Morph, "generate_morph_levels").levels
+    slack = values["tolerance"]
+    for level in levels[1:]:
+        deep, nested = level.depth_max <= level.limit + slack, level.nesting_min >= -slack
+        if not (deep and nested and level.self_intersections == 0):
+            raise LevelError(
+                f"level {level.index}: depth {level.depth_max:.4f} of {level.limit:g} mm, nesting {level.nesting_min:.4f} mm, "
+                f"{level.self_intersections} self-intersections: lower the stiffness or the depth",
+                level=level.index,
+            )
+    return figures(levels)
+
+
+def step_depths(levels: Sequence[Level]) -> list[Float[ndarray, " n"]]:
+    """For each level the distance of its mesh vertices to the level before it, mm; zero on the part."""
+    from bonecam.mesh.distance import MeshDistance
+
+    found = [np.zeros(len(levels[0].mesh.vertices))]
+    for before, level in pairwise(levels):
+        found.append(np.asarray(MeshDistance(before.mesh).unsigned(level.mesh.vertices), dtype=np.float64))
+    return found
+
+
+def figures(levels: Sequence[Level]) -> dict[str, Any]:
+    """What was measured, one number a level."""
+    names = ("limit", "depth_max", "depth_mean", "nesting_min")
+    found: dict[str, Any] = {f"{name}_mm": np.array([getattr(level, name) for level in levels], dtype=np.float64) for name in names}
+    return {**found, "self_intersections": np.array([level.self_intersections for level in levels])}
+
+
+FILTERS = (
+    Filter(
+        "generate_stock_capsule",
+        "Generate Stock Capsule",
+        "The capsule the part is cut from, given or the smallest coaxial one that holds it, standing on its post: adds the stock and "
+        "the part moved onto the post (program zero is the table, z = 0) as layers. The part's layer becomes the current one and keeps "
+        "the stock.",
+        CATEGORY,
+        (
+            *parameters_of(StockJob()),
+            *parameters_of(HoldingJob(), prefix="post_"),
+            *parameters_of(LevelsJob(), only=("chord_tolerance",)),
+        ),
+        stock_capsule,
+    ),
+    Filter(
+        "generate_morph_levels",
+        "Generate Morph Levels",
+        "Morphs the T-spline into the stock in levels that keep their cutting depth, lie inside the stock and enclose one another; adds "
+        "them as layers level_00 (the part) ... level_K (the stock), coloured by depth. Layer level_00 becomes the current one. The "
+        "quadratic programs are solved on the control points with OSQP.",
+        CATEGORY,
+        parameters_of(LevelsJob()),
+        morph_levels,
+        after=("generate_stock_capsule", "compute_tspline_surface"),
+        references=(
+            "Gan, Fu, Shen, Lin: A morphing machining strategy for artificial bone. JZUS-A 2014, doi:10.1631/jzus.A1300274, section 4.2",
+            "Stellato et al.: OSQP, an operator splitting solver for quadratic programs. Math. Prog. Comp. 12 (2020).",
+        ),
+    ),
+    Filter(
+        "compute_level_check",
+        "Compute Level Check",
+        "Depth, nesting and self-intersections of every level as measured on its tessellation; a level beyond the tolerance is an error.",
+        CATEGORY,
+        (
+            FilterParameter(
+                "tolerance", Kind.LENGTH, 0.002, "Tolerance", "Allowed beyond depth limit and nesting.", "mm", low=0.0, high=1.0
+            ),
+        ),
+        level_check,
+        after=("generate_stock_capsule", "compute_tspline_surface", "generate_morph_levels"),
+    ),
+)

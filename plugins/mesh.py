@@ -1,3 +1,99 @@
-"""Filters of the mesh family."""
+"""Filters of the mesh stage: units, repair, pose, rows. Stages are imported when a filter runs."""
 
-FILTERS: tuple[object, ...] = ()
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from bonecam.filters.filter import Filter
+from bonecam.filters.layers import Layers
+from bonecam.filters.parameter import parameters_of, stage_of
+from bonecam.job import MeshJob
+from bonecam.progress import Progress
+
+CATEGORY = "Bonecam: Mesh"
+
+
+def scale_to_mm(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
+    """`apply_units_in_mm`."""
+    from bonecam.mesh.units import MM_OF, to_mm
+
+    scaled = to_mm(layers.mesh(), values["units"], layers.name)
+    layers.transform(np.diag([MM_OF[values["units"]]] * 3 + [1.0]))
+    return {"scale": MM_OF[values["units"]], "diagonal_mm": scaled.diagonal}
+
+
+def repair_bone(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
+    """`meshing_repair_bone`."""
+    from bonecam.mesh.repair import repair
+
+    mesh, changes = repair(layers.mesh())
+    layers.add(mesh, "repaired")
+    return {"repairs": list(changes), "faces": len(mesh.faces)}
+
+
+def stand_upright(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
+    """`apply_upright_pose`."""
+    from bonecam.mesh.pose import upright
+
+    _, matrix = upright(layers.mesh())
+    layers.transform(matrix)
+    return {"transform": np.asarray(matrix)}
+
+
+def harmonic_rows_layer(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
+    """`compute_harmonic_rows`."""
+    from bonecam.mesh.sections import harmonic_rows
+
+    job = stage_of(MeshJob(), values)
+    mesh = layers.mesh()
+    rows = harmonic_rows(mesh, rows=job.rows, points=job.row_points, edge=mesh.diagonal * job.edge_percent / 100, progress=progress)
+    count, points = rows.points.shape[:2]
+    index = np.arange(count * points).reshape(count, points)
+    edges = np.stack([index, np.roll(index, -1, axis=1)], axis=-1).reshape(-1, 2)
+    layers.add_polyline(rows.points.reshape(-1, 3), edges, "rows", np.repeat(np.arange(count, dtype=np.float64), points))
+    layers.keep(rows=rows, job=replace(layers.job(), mesh=job))
+    return {"rows": count, "row_points": points, "poles": np.asarray(rows.poles)}
+
+
+FILTERS = (
+    Filter(
+        "apply_units_in_mm",
+        "Apply Units in Millimetres",
+        "Scales the layer from its file's unit to mm, which all bonecam filters work in. A size that is no bone's in the stated unit "
+        "is refused, with the unit that would fit.",
+        CATEGORY,
+        parameters_of(MeshJob(), only=("units",)),
+        scale_to_mm,
+        changes_layer=True,
+    ),
+    Filter(
+        "meshing_repair_bone",
+        "Repair Bone",
+        "Makes one closed genus-0 mesh of the layer, as a new layer: duplicates, null faces, non-manifold edges, orientation, holes, "
+        "in that order. What was changed is in the result; what cannot be mended is an error with the place.",
+        CATEGORY,
+        (),
+        repair_bone,
+    ),
+    Filter(
+        "apply_upright_pose",
+        "Apply Upright Pose",
+        "Turns the layer's longest principal axis to +Z and centres it on the Z axis.",
+        CATEGORY,
+        (),
+        stand_upright,
+        changes_layer=True,
+    ),
+    Filter(
+        "compute_harmonic_rows",
+        "Compute Harmonic Rows",
+        "Rows of points round the bone: isolines of the harmonic field that is 0 at the one end and 1 at the other. On a closed genus-0 "
+        "mesh each isoline is one loop. They come as a layer of closed polylines coloured by row.",
+        CATEGORY,
+        parameters_of(MeshJob(), only=("rows", "row_points", "edge_percent")),
+        harmonic_rows_layer,
+        references=("Dong, Kircher, Garland: Harmonic functions for quadrilateral remeshing of arbitrary manifolds. CAGD 22 (2005).",),
+    ),
+)

@@ -1,3 +1,47 @@
-"""Filters of the nc family."""
+"""Filters of the nc and verify stages: the posted and verified program. Stages are imported when a filter runs."""
 
-FILTERS: tuple[object, ...] = ()
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from bonecam.files import write_whole
+from bonecam.filters.filter import Filter
+from bonecam.filters.layers import Layers
+from bonecam.filters.parameter import FilterParameter, Kind, parameters_of, stage_of
+from bonecam.job import NcJob
+from bonecam.progress import Progress
+
+CATEGORY = "Bonecam: NC"
+
+
+def save_program(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
+    """`save_nc_program`."""
+    from bonecam.levels.morph import Morph
+
+    from bonecam.pipeline import post
+
+    paths = layers.kept("toolpath", tuple, "generate_toolpath")
+    morph = layers.kept("morph", Morph, "generate_morph_levels")
+    job = layers.job()
+    job = replace(job, nc=stage_of(job.nc, values))
+    program, figures = post(paths, morph, job, progress)
+    target = layers.target(values["file"])
+    write_whole(target, program.text)
+    return {"file": str(target), **figures}
+
+
+FILTERS = (
+    Filter(
+        "save_nc_program",
+        "Save NC Program",
+        "Posts the kept tool paths for the machine they were planned on, reads the text back through forward kinematics, checks that no "
+        "move enters the part, and writes the program only where that holds.",
+        CATEGORY,
+        (
+            FilterParameter("file", Kind.SAVE_FILE, "program.h", "File", "The NC program to write."),
+            *parameters_of(NcJob(), without=("machine", "part_zero")),
+        ),
+        save_program,
+        after=("generate_stock_capsule", "compute_tspline_surface", "generate_morph_levels", "generate_toolpath"),
+    ),
+)

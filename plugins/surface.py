@@ -1,3 +1,73 @@
-"""Filters of the surface family."""
+"""Filters of the surface stage: a T-spline from the layer. Stages are imported when a filter runs."""
 
-FILTERS: tuple[object, ...] = ()
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from bonecam.filters.filter import Filter
+from bonecam.filters.layers import Layers
+from bonecam.filters.parameter import FilterParameter, Kind, parameters_of, stage_of
+from bonecam.job import LevelsJob, MeshJob, SurfaceJob
+from bonecam.progress import Progress
+from bonecam.surface.tspline import TSpline
+
+CATEGORY = "Bonecam: T-Spline Surface"
+
+
+def fit_tspline(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
+    """`compute_tspline_surface`."""
+    from bonecam.pipeline import Part, fit_surface
+
+    before = layers.job()
+    job = replace(before, mesh=stage_of(before.mesh, values), surface=stage_of(SurfaceJob(), values))
+    mesh = layers.mesh()
+    part = Part(mesh, layers.name, len(mesh.faces), "mm", (), np.eye(4))
+    fit = fit_surface(part, job, progress)
+    layers.add(fit.surface.tessellate(values["chord_tolerance"]), "surface", keep={"surface": fit.surface, "job": job})
+    return {
+        "control_points": len(fit.surface.control_points),
+        "deviation_max_mm": fit.deviation_max,
+        "deviation_rms_mm": fit.deviation_rms,
+    }
+
+
+def save_tspline(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
+    """`save_tspline_surface`."""
+    from bonecam.surface.files import write_tsm
+
+    surface = layers.kept("surface", TSpline, "compute_tspline_surface")
+    target = layers.target(values["file"])
+    write_tsm(surface, target)
+    return {"file": str(target)}
+
+
+FILTERS = (
+    Filter(
+        "compute_tspline_surface",
+        "Compute T-Spline Surface",
+        "Fits one row-structured bicubic T-spline to the layer, periodic round the bone with a pole at either end, and adds its "
+        "tessellation as a layer, which keeps the T-spline for the filters after it.",
+        CATEGORY,
+        (
+            *parameters_of(SurfaceJob()),
+            *parameters_of(MeshJob(), only=("rows", "row_points", "edge_percent")),
+            *parameters_of(LevelsJob(), only=("chord_tolerance",)),
+        ),
+        fit_tspline,
+        references=(
+            "Yang, Zheng: Approximate T-spline surface skinning. Computer-Aided Design 44 (2012) 1269-1276, doi:10.1016/j.cad.2012.07.003",
+            "Gan, Fu, Shen, Lin: A morphing machining strategy for artificial bone. JZUS-A 2014, doi:10.1631/jzus.A1300274, section 3",
+        ),
+    ),
+    Filter(
+        "save_tspline_surface",
+        "Save T-Spline Surface",
+        "Writes the T-spline that is kept with the layer as a .tsm file.",
+        CATEGORY,
+        (FilterParameter("file", Kind.SAVE_FILE, "surface.tsm", "File", "The .tsm file to write."),),
+        save_tspline,
+        after=("compute_tspline_surface",),
+    ),
+)

@@ -1,3 +1,80 @@
-"""Filters of the toolpath family."""
+"""Filters of the toolpath and orientation stages: five-axis paths on the levels. Stages are imported when a filter runs."""
 
-FILTERS: tuple[object, ...] = ()
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from bonecam.filters.filter import Filter
+from bonecam.filters.layers import Layers
+from bonecam.filters.parameter import parameters_of, stage_of
+from bonecam.job import FINISHING, ROUGHING, NcJob, PathJob
+from bonecam.progress import Progress
+from bonecam.toolpath.path import Kind as MoveKind
+from bonecam.toolpath.path import ToolPath
+
+CATEGORY = "Bonecam: Tool Paths"
+
+
+def plan_toolpath(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
+    """`generate_toolpath`."""
+    from bonecam.levels.morph import Morph
+
+    from bonecam.levels.stock import Capsule
+    from bonecam.nc.machine import read_machine
+    from bonecam.pipeline import plan_paths
+
+    morph = layers.kept("morph", Morph, "generate_morph_levels")
+    stock = layers.kept("stock", Capsule, "generate_stock_capsule")
+    job = replace(
+        layers.job(),
+        path=stage_of(PathJob(), values),
+        roughing=stage_of(ROUGHING, values, prefix="roughing_"),
+        finishing=stage_of(FINISHING, values, prefix="finishing_"),
+        nc=replace(layers.job().nc, machine=values["machine"]),
+    )
+    paths = tuple(plan_paths(morph, stock, job, read_machine(job.nc.machine), progress))
+    source = layers.meshset.current_mesh_id()
+    for path in paths:
+        layers.select(source)
+        add_path(layers, path)
+    layers.select(source)
+    layers.keep(toolpath=paths, job=job)
+    return {
+        "levels": np.array([path.level for path in paths]),
+        "moves": np.array([len(path.tips) for path in paths]),
+        "uncut_contacts": np.array([len(path.uncut) for path in paths]),
+    }
+
+
+def add_path(layers: Layers, path: ToolPath) -> None:
+    """The way of the cutter's tip on one level as a polyline layer; quality 0 cut, 1 link, 2 rapid."""
+    count = len(path.tips)
+    edges = np.column_stack([np.arange(count - 1), np.arange(1, count)])
+    layers.add_polyline(np.asarray(path.tips), edges, f"toolpath_{path.level:02d}", np.asarray(path.kinds, dtype=np.float64))
+
+
+MOVES = ", ".join(f"{kind.value} {kind.name.lower()}" for kind in MoveKind)
+
+FILTERS = (
+    Filter(
+        "generate_toolpath",
+        "Generate Tool Path",
+        "Five-axis paths on every level from the stock inwards: zig-zag with the exact side step for the scallop limit, a lead angle "
+        "tilted away where a collision or the machine forbids it, links clear of the stock. Adds the way of the tip on each level as a "
+        f"polyline layer toolpath_NN with the kind of each move as quality ({MOVES}). What stays unreachable is left uncut and counted.",
+        CATEGORY,
+        (
+            *parameters_of(PathJob()),
+            *parameters_of(ROUGHING, prefix="roughing_"),
+            *parameters_of(FINISHING, prefix="finishing_"),
+            *parameters_of(NcJob(), only=("machine",)),
+        ),
+        plan_toolpath,
+        after=("generate_stock_capsule", "compute_tspline_surface", "generate_morph_levels"),
+        references=(
+            "Gan, Fu, Shen, Lin: A morphing machining strategy for artificial bone. JZUS-A 2014, doi:10.1631/jzus.A1300274, section 4.3",
+        ),
+    ),
+)

@@ -1,6 +1,7 @@
 """The filters as text for a person: `bonecam filters` and `bonecam filters NAME` (Markdown)."""
 
 import math
+import re
 from collections.abc import Iterable
 
 from bonecam.filters.filter import Filter, Registry, installed
@@ -29,12 +30,15 @@ def overview(filters: Iterable[Filter]) -> str:
 def page(item: Filter) -> str:
     """One filter: documentation, what it changes, parameters."""
     change = "Changes the current layer." if item.changes_layer else "Leaves the current layer as it is."
-    lines = [f"# {item.name}", "", f"{item.display_name} · {item.category}", "", item.documentation.strip(), "", change, ""]
+    needs = f" Apply {', then '.join(f'`{name}`' for name in item.after)} first." if item.after else ""
+    lines = [f"# {item.name}", "", f"{item.display_name} · {item.category}", "", item.documentation.strip(), "", change + needs, ""]
     if item.parameters:
         lines += ["| parameter | kind | default | unit | range | meaning |", "|---|---|---|---|---|---|"]
         lines += [row(parameter) for parameter in item.parameters]
     else:
         lines.append("No parameters.")
+    if item.references:
+        lines += ["", "References", "", *[f"- {reference}" for reference in item.references]]
     return "\n".join(lines).rstrip()
 
 
@@ -61,5 +65,5 @@ def parameter_list(item: Filter) -> str:
 
 
 def first_sentence(text: str) -> str:
-    """Up to the first full stop that ends a sentence."""
-    return " ".join(text.split()).split(". ")[0].rstrip(".") + "."
+    """Up to the first full stop that ends a sentence; an ellipsis does not."""
+    return re.split(r"(?<=[^.\s])\.(?:\s|$)", " ".join(text.split()))[0] + "."

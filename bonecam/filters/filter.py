@@ -33,6 +33,7 @@ class Filter:
 
     `act` takes the layers, the resolved value of every parameter by name, and the progress; it gives the results by name.
     It leaves the current layer as it is and adds what it makes as new layers, unless `changes_layer`.
+    `after` names the filters whose kept values it needs, in their order; `references` the literature behind it.
     Raises ValueError where the name is of no verb family or the documentation is missing.
     """
 
@@ -44,6 +45,8 @@ class Filter:
     act: Act
     changes_layer: bool = False
     needs_layer: bool = True
+    after: tuple[str, ...] = ()
+    references: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not re.fullmatch(rf"({'|'.join(VERBS)})(_[a-z0-9]+)+", self.name):

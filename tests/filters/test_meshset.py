@@ -10,7 +10,7 @@ import pymeshlab
 import pytest
 from filter_examples import TURN
 
-from bonecam.errors import Cancelled, FilterError, StockError
+from bonecam.errors import BonecamError, Cancelled, FilterError, StockError
 from bonecam.filters.filter import Registry
 from bonecam.filters.layers import Layers
 from bonecam.filters.meshset import MeshSet
@@ -123,6 +123,13 @@ def test_the_saved_script_gives_the_same_layers_again(meshes: MeshSet, phalanx: 
     meshes.meshing_isotropic_explicit_remeshing(targetlen=pymeshlab.PercentageValue(4), iterations=2)
     meshes.generate_offset(distance=pymeshlab.PercentageValue(10), how="down")
     meshes.apply_turn()
+    for name, values in (
+        ("get_hausdorff_distance", {"targetmesh": 0, "sampledmesh": 0}),
+        ("generate_offset", {"fail": True}),
+        ("create_cube", {"nope": 1}),
+    ):
+        with pytest.raises(BonecamError):
+            meshes.apply_filter(name, **values)
     meshes.apply_coord_taubin_smoothing()
     meshes.save_filter_script(str(tmp_path / "all.mlx"))
     again = MeshSet(registry=registry)
