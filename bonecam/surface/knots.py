@@ -26,7 +26,7 @@ def _differences(lower: ndarray, knots: ndarray, degree: int) -> ndarray:
     return functions
 
 
-def span_functions(knots: Float[ndarray, "n 8"], x: Float[ndarray, "n"], order: int) -> Float[ndarray, "c n 4"]:
+def span_functions(knots: Float[ndarray, "n 8"], x: Float[ndarray, " n"], order: int) -> Float[ndarray, "c n 4"]:
     """The four cubics that live on the span [knots[:, 3], knots[:, 4]] at x, and their derivatives up to `order`.
 
     Row d holds the d-th derivatives. The span must not be empty.
@@ -40,3 +40,28 @@ def span_functions(knots: Float[ndarray, "n 8"], x: Float[ndarray, "n"], order: 
     if order > 1:
         result.append(_differences(_differences(linear, knots, 2), knots, 3))
     return np.array(result)
+
+
+def bernstein_coefficients(knots: Float[ndarray, "n 8"], low: Float[ndarray, " n"], high: Float[ndarray, " n"]) -> Float[ndarray, "n 4 4"]:
+    """Bernstein coefficients on [low, high] of the four cubics that live on the span [knots[:, 3], knots[:, 4]].
+
+    Result[n, f, i]: coefficient i of function f: the blossom of f at (low, low, low), (low, low, high), (low, high, high),
+    (high, high, high) (Ramshaw 1989), by de Boor's triangle on the four unit coefficient vectors.
+    """
+    result = np.empty((len(knots), 4, 4))
+    for i in range(4):
+        points = np.broadcast_to(np.eye(4), (len(knots), 4, 4))  # [n, de Boor point, function]
+        for r in (1, 2, 3):
+            x = (high if r > 3 - i else low)[:, None]
+            left, right = knots[:, r:4], knots[:, 4 : 8 - r]
+            ratio = ((x - left) / (right - left))[:, :, None]
+            points = points[:, :-1] * (1 - ratio) + points[:, 1:] * ratio
+        result[:, :, i] = points[:, 0]
+    return result
+
+
+def distinct(knots: Float[ndarray, " n"]) -> Float[ndarray, " m"]:
+    """Increasing knots without those that differ from their neighbour by rounding only."""
+    knots = np.unique(knots)
+    tolerance = 1024 * np.finfo(float).eps * max(1.0, float(np.abs(knots).max()))
+    return knots[np.concatenate([[True], np.diff(knots) > tolerance])]

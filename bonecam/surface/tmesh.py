@@ -7,6 +7,7 @@ its s-function is the constant 1.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -14,6 +15,8 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.arrays import frozen
+from bonecam.surface.elements import Elements
+from bonecam.surface.extraction import extract_rows
 from bonecam.surface.knots import span_functions
 
 
@@ -22,7 +25,7 @@ class RowTMesh:
     """Rows j = 0..m-1 over t_knots (m+4,), row j with the distinct periodic knots s_knots[j] in [0, 1)."""
 
     t_knots: Float[ndarray, " k"]
-    s_knots: tuple[Float[ndarray, "?r"], ...]
+    s_knots: tuple[Float[ndarray, " _"], ...]
 
     @classmethod
     def from_rows(cls, t_knots: ndarray, s_knots: Sequence[ndarray]) -> "RowTMesh":
@@ -50,7 +53,17 @@ class RowTMesh:
         """[[s_low, s_high], [t_low, t_high]]; s is periodic."""
         return np.array([[0.0, 1.0], [self.t_knots[3], self.t_knots[-4]]])
 
-    def blending(self, s: Float[ndarray, "n"], t: Float[ndarray, "n"], order: int) -> list[sp.csr_array]:
+    @property
+    def poles(self) -> tuple[bool, bool]:
+        """Whether the lower and the upper end of t is one point."""
+        return len(self.s_knots[0]) == 1, len(self.s_knots[-1]) == 1
+
+    @cached_property
+    def elements(self) -> Elements:
+        """The Bezier elements."""
+        return extract_rows(self.t_knots, self.s_knots)
+
+    def blending(self, s: Float[ndarray, " n"], t: Float[ndarray, " n"], order: int) -> list[sp.csr_array]:
         """B, and up to `order` B_s, B_t, B_ss, B_st, B_tt: sparse (n, size)."""
         s = np.mod(s, 1.0)
         pairs = [(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)][: (1, 3, 6)[order]]

@@ -9,8 +9,20 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.arrays import frozen
+from bonecam.kernels import bezier
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.surface.curvature import Curvature, pole_curvature, pole_normal, surface_curvature, unit
+from bonecam.surface.elements import Elements
 from bonecam.surface.tmesh import RowTMesh
+
+POLE = 1e-9  # of the t-range: nearer to a pole than this its limits are taken
+POLE_DIRECTIONS = 256
+
+
+def _matrices(order: int) -> int:
+    if order not in (0, 1, 2):
+        raise ValueError(f"order must be 0, 1 or 2, not {order}")
+    return (1, 3, 6)[order]
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,7 +31,7 @@ class TSpline:
 
     tmesh: RowTMesh
     control_points: Float[ndarray, "n 3"]
-    weights: Float[ndarray, "n"]
+    weights: Float[ndarray, " n"]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "control_points", frozen(self.control_points))
@@ -38,40 +50,73 @@ class TSpline:
         """The same T-mesh and weights with other control points."""
         return TSpline(self.tmesh, control_points, self.weights)
 
-    def basis(self, s: Float[ndarray, "n"], t: Float[ndarray, "n"], order: int = 0) -> tuple[sp.csr_array, ...]:
+    def elements(self) -> Elements:
+        """The Bezier elements of the T-mesh: boxes, function ids, coefficients."""
+        return self.tmesh.elements
+
+    @cached_property
+    def patches(self) -> Float[ndarray, "e 16 4"]:
+        """Homogeneous Bezier control points (w x, w y, w z, w) of every element, s fastest."""
+        return self.tmesh.elements.patches(self.control_points, self.weights)
+
+    def basis(self, s: Float[ndarray, " n"], t: Float[ndarray, " n"], order: int = 0) -> tuple[sp.csr_array, ...]:
         """R, then R_s, R_t (order 1), then R_ss, R_st, R_tt (order 2): sparse (n, control points)."""
-        B = self.tmesh.blending(s, t, order)
-        w = sp.diags_array(self.weights)
-        W = [np.asarray(b @ self.weights) for b in B]
-        inverse = sp.diags_array(1 / W[0])
+        elements = self.tmesh.elements
+        place, s, t = elements.place(s, t)
+        count = np.diff(elements.starts)[place]
+        indptr = np.concatenate([[0], np.cumsum(count)]).astype(np.int64 if count.sum() > 2**31 - 1 else np.int32)
+        indices = np.empty(indptr[-1], dtype=indptr.dtype)
+        values = np.empty((_matrices(order), indptr[-1]))
+        parts = (elements.starts, elements.functions, elements.coefficients, self.weights, elements.boxes)
+        bezier.basis_values(*parts, place, s, t, order, indptr, indices, values)
+        shape = (len(s), self.tmesh.size)
+        return tuple(sp.csr_array((v, indices.copy(), indptr.copy()), shape=shape) for v in values)
 
-        def minus(values: ndarray, matrix: sp.csr_array) -> sp.csr_array:
-            return sp.diags_array(values) @ matrix
+    def evaluate(self, s: Float[ndarray, " n"], t: Float[ndarray, " n"], order: int = 0) -> Float[ndarray, "n 3"] | tuple[ndarray, ...]:
+        """S (n, 3) for order 0; the tuple S, S_s, S_t for order 1; S, S_s, S_t, S_ss, S_st, S_tt for order 2.
 
-        R = inverse @ (B[0] @ w)
-        if order == 0:
-            return (sp.csr_array(R),)
-        Rs = inverse @ (B[1] @ w - minus(W[1], R))
-        Rt = inverse @ (B[2] @ w - minus(W[2], R))
-        if order == 1:
-            return tuple(sp.csr_array(m) for m in (R, Rs, Rt))
-        Rss = inverse @ (B[3] @ w - 2 * minus(W[1], Rs) - minus(W[3], R))
-        Rst = inverse @ (B[4] @ w - minus(W[1], Rt) - minus(W[2], Rs) - minus(W[4], R))
-        Rtt = inverse @ (B[5] @ w - 2 * minus(W[2], Rt) - minus(W[5], R))
-        return tuple(sp.csr_array(m) for m in (R, Rs, Rt, Rss, Rst, Rtt))
+        Raises ValueError for parameters that are not finite or lie outside the domain (a closed direction wraps).
+        """
+        found = np.empty((_matrices(order), len(s), 3))
+        elements = self.tmesh.elements
+        place, s, t = elements.place(s, t)
+        kernel = (bezier.positions, bezier.first_derivatives)[order] if order < 2 else bezier.second_derivatives
+        kernel(self.patches, elements.boxes, place, s, t, *(found if order < 2 else (found,)))
+        return found[0] if order == 0 else tuple(found)
 
-    def evaluate(self, s: Float[ndarray, "n"], t: Float[ndarray, "n"], order: int = 0) -> Float[ndarray, "n 3"] | tuple[ndarray, ...]:
-        """S (n, 3) for order 0; the tuple S, S_s, S_t for order 1; S, S_s, S_t, S_ss, S_st, S_tt for order 2."""
-        found = tuple(matrix @ self.control_points for matrix in self.basis(s, t, order))
-        return found[0] if order == 0 else found
+    def normals(self, s: Float[ndarray, " n"], t: Float[ndarray, " n"]) -> Float[ndarray, "n 3"]:
+        """Outward unit normals; at a pole the limit (see surface.curvature). Raises SurfaceError where there is none."""
+        _, S_s, S_t = self.evaluate(s, t, 1)
+        normals = np.cross(S_s, S_t)
+        for end, here in self._at_poles(t):
+            normals[here] = self._pole(end)[0]
+        return unit(normals)
 
-    def normals(self, s: Float[ndarray, "n"], t: Float[ndarray, "n"]) -> Float[ndarray, "n 3"]:
-        """Outward unit normals; just beside a pole, the limit from there."""
+    def curvature(self, s: Float[ndarray, " n"], t: Float[ndarray, " n"]) -> Curvature:
+        """Principal curvatures, > 0 where the part bulges outward, and directions; at a pole the limit."""
+        derivatives = self.evaluate(s, t, 2)
+        poles = self._at_poles(t)
+        regular = np.setdiff1d(np.arange(len(s)), np.concatenate([here for _, here in poles])) if poles else np.arange(len(s))
+        normals = unit(np.cross(derivatives[1][regular], derivatives[2][regular]))
+        found = surface_curvature(tuple(d[regular] for d in derivatives), normals)
+        whole = [np.empty((len(s), *part.shape[1:])) for part in (found.k1, found.k2, found.direction1, found.direction2)]
+        for where, one in [(regular, found)] + [(here, pole_curvature(*self._pole(end)[1:], self._pole(end)[0])) for end, here in poles]:
+            for target, part in zip(whole, (one.k1, one.k2, one.direction1, one.direction2)):
+                target[where] = part
+        return Curvature(*whole)
+
+    def _at_poles(self, t: ndarray) -> list[tuple[int, ndarray]]:
+        """Which samples lie on the lower (0) and the upper (1) pole, where there is one."""
         low, high = self.domain[1]
-        inside = np.clip(t, low + 1e-6 * (high - low), high - 1e-6 * (high - low))
-        _, Ss, St = self.evaluate(s, inside, 1)
-        n = np.cross(Ss, St)
-        return n / np.linalg.norm(n, axis=1, keepdims=True)
+        distance = (np.asarray(t) - low, high - np.asarray(t))
+        found = [(end, np.flatnonzero(distance[end] <= POLE * (high - low))) for end in (0, 1) if self.tmesh.poles[end]]
+        return [(end, here) for end, here in found if len(here)]
+
+    def _pole(self, end: int) -> tuple[ndarray, ndarray, ndarray]:
+        """The normal at a pole and S_t, S_tt round it."""
+        s = np.arange(POLE_DIRECTIONS) / POLE_DIRECTIONS
+        derivatives = self.evaluate(s, np.full(len(s), self.domain[1, end]), 2)
+        return pole_normal(derivatives[2], end == 1), derivatives[2], derivatives[5]
 
     def tessellate(self, chord_tolerance: float) -> TriangleMesh:
         """A closed mesh, outward, within about `chord_tolerance` of the surface."""

@@ -1,0 +1,260 @@
+"""Rational bicubic Bezier patches, compiled: find the element, evaluate, differentiate, assemble the basis.
+
+A patch is 16 homogeneous control points (w x, w y, w z, w), s fastest: row 4 j + i belongs to
+B_i(u) B_j(v) on the element's box. The derivatives follow from differentiating S W = A.
+"""
+
+import numpy as np
+from numba import njit
+from numpy import ndarray
+
+CONTRACT = {"contract", "nsz"}
+
+
+@njit(cache=True)
+def locate(
+    strip_knots: ndarray,
+    strip_table: ndarray,
+    strip_starts: ndarray,
+    lows: ndarray,
+    highs: ndarray,
+    ids: ndarray,
+    tables: ndarray,
+    s: ndarray,
+    t: ndarray,
+) -> ndarray:
+    """The element that holds each (s, t), -1 where there is none.
+
+    Strip k covers t in [strip_knots[k], strip_knots[k+1]]; its elements are sorted by their lower s. The tables
+    give, for even slices of the t-range and of each strip's s-range, where the search may start.
+    """
+    count = len(strip_knots) - 1
+    slices = len(strip_table)
+    slots = tables.shape[1]
+    low, high = strip_knots[0], strip_knots[count]
+    t_scale = slices / (high - low)
+    found = np.empty(len(s), dtype=np.int32)
+    for n in range(len(s)):
+        x, y = s[n], t[n]
+        k = strip_table[min(slices - 1, max(0, int((y - low) * t_scale)))]
+        while k + 1 < count and strip_knots[k + 1] <= y:
+            k += 1
+        found[n] = -1
+        while k >= 0:
+            a, b = strip_starts[k], strip_starts[k + 1] - 1
+            first, last = lows[a], highs[b]
+            i = tables[k, min(slots - 1, max(0, int((x - first) * (slots / (last - first)))))]
+            while i < b and lows[i + 1] <= x:
+                i += 1
+            if lows[i] <= x <= highs[i]:
+                found[n] = ids[i]
+                break
+            if i > a and highs[i - 1] == x:
+                found[n] = ids[i - 1]
+                break
+            if y > strip_knots[k]:
+                break
+            k -= 1
+    return found
+
+
+@njit(cache=True, fastmath=CONTRACT)
+def homogeneous_patches(starts: ndarray, functions: ndarray, coefficients: ndarray, weighted: ndarray) -> ndarray:
+    """Sum of coefficient x weighted control point over the functions of each element: (e, 16, 4)."""
+    result = np.zeros((len(starts) - 1, 16, 4))
+    for e in range(len(starts) - 1):
+        for k in range(starts[e], starts[e + 1]):
+            f = functions[k]
+            for c in range(16):
+                for d in range(4):
+                    result[e, c, d] += coefficients[k, c] * weighted[f, d]
+    return result
+
+
+@njit(inline="always")
+def bernstein(x: float) -> tuple[float, float, float, float]:
+    """The four cubic Bernstein polynomials at x."""
+    y = 1.0 - x
+    return y * y * y, 3.0 * y * y * x, 3.0 * y * x * x, x * x * x
+
+
+@njit(inline="always")
+def bernstein_first(x: float, h: float) -> tuple[float, float, float, float]:
+    """Their derivatives, h = 1 / width of the element."""
+    y = 1.0 - x
+    return -3.0 * y * y * h, 3.0 * y * (y - 2.0 * x) * h, 3.0 * x * (2.0 * y - x) * h, 3.0 * x * x * h
+
+
+@njit(inline="always")
+def bernstein_second(x: float, h: float) -> tuple[float, float, float, float]:
+    """Their second derivatives."""
+    g = 6.0 * h * h
+    return (1.0 - x) * g, (3.0 * x - 2.0) * g, (1.0 - 3.0 * x) * g, x * g
+
+
+@njit(cache=True, fastmath=CONTRACT)
+def positions(patches: ndarray, boxes: ndarray, element: ndarray, s: ndarray, t: ndarray, S: ndarray) -> None:
+    """S at each sample."""
+    for n in range(len(s)):
+        e = element[n]
+        h, k = 1.0 / (boxes[e, 1] - boxes[e, 0]), 1.0 / (boxes[e, 3] - boxes[e, 2])
+        a0, a1, a2, a3 = bernstein((s[n] - boxes[e, 0]) * h)
+        b = bernstein((t[n] - boxes[e, 2]) * k)
+        p = patches[e]
+        A = np.zeros(4)
+        for j in range(4):
+            for d in range(4):
+                A[d] += b[j] * (a0 * p[4 * j, d] + a1 * p[4 * j + 1, d] + a2 * p[4 * j + 2, d] + a3 * p[4 * j + 3, d])
+        for d in range(3):
+            S[n, d] = A[d] / A[3]
+
+
+@njit(cache=True, fastmath=CONTRACT)
+def first_derivatives(
+    patches: ndarray, boxes: ndarray, element: ndarray, s: ndarray, t: ndarray, S: ndarray, S_s: ndarray, S_t: ndarray
+) -> None:
+    """S, S_s and S_t at each sample."""
+    A, As, At = np.empty(4), np.empty(4), np.empty(4)
+    for n in range(len(s)):
+        e = element[n]
+        h, k = 1.0 / (boxes[e, 1] - boxes[e, 0]), 1.0 / (boxes[e, 3] - boxes[e, 2])
+        x, y = (s[n] - boxes[e, 0]) * h, (t[n] - boxes[e, 2]) * k
+        a0, a1, a2, a3 = bernstein(x)
+        c0, c1, c2, c3 = bernstein_first(x, h)
+        b0, b1, b2, b3 = bernstein(y)
+        d0, d1, d2, d3 = bernstein_first(y, k)
+        p = patches[e]
+        for d in range(4):
+            r0 = a0 * p[0, d] + a1 * p[1, d] + a2 * p[2, d] + a3 * p[3, d]
+            r1 = a0 * p[4, d] + a1 * p[5, d] + a2 * p[6, d] + a3 * p[7, d]
+            r2 = a0 * p[8, d] + a1 * p[9, d] + a2 * p[10, d] + a3 * p[11, d]
+            r3 = a0 * p[12, d] + a1 * p[13, d] + a2 * p[14, d] + a3 * p[15, d]
+            A[d] = b0 * r0 + b1 * r1 + b2 * r2 + b3 * r3
+            At[d] = d0 * r0 + d1 * r1 + d2 * r2 + d3 * r3
+            r0 = c0 * p[0, d] + c1 * p[1, d] + c2 * p[2, d] + c3 * p[3, d]
+            r1 = c0 * p[4, d] + c1 * p[5, d] + c2 * p[6, d] + c3 * p[7, d]
+            r2 = c0 * p[8, d] + c1 * p[9, d] + c2 * p[10, d] + c3 * p[11, d]
+            r3 = c0 * p[12, d] + c1 * p[13, d] + c2 * p[14, d] + c3 * p[15, d]
+            As[d] = b0 * r0 + b1 * r1 + b2 * r2 + b3 * r3
+        w = 1.0 / A[3]
+        for d in range(3):
+            q = A[d] * w
+            S[n, d] = q
+            S_s[n, d] = (As[d] - As[3] * q) * w
+            S_t[n, d] = (At[d] - At[3] * q) * w
+
+
+@njit(inline="always")
+def jet(p: ndarray, box: ndarray, s: float, t: float, D: ndarray) -> None:
+    """S, S_s, S_t, S_ss, S_st, S_tt of one patch at (s, t) into the rows of D (6, 3)."""
+    h, k = 1.0 / (box[1] - box[0]), 1.0 / (box[3] - box[2])
+    x, y = (s - box[0]) * h, (t - box[2]) * k
+    a, a1, a2 = bernstein(x), bernstein_first(x, h), bernstein_second(x, h)
+    b, b1, b2 = bernstein(y), bernstein_first(y, k), bernstein_second(y, k)
+    w = ws = wt = wss = wst = wtt = 0.0
+    for c in range(4):
+        d = 3 - c  # the weight comes first
+        A = As = At = Ass = Ast = Att = 0.0
+        for j in range(4):
+            p0, p1, p2, p3 = p[4 * j, d], p[4 * j + 1, d], p[4 * j + 2, d], p[4 * j + 3, d]
+            r = a[0] * p0 + a[1] * p1 + a[2] * p2 + a[3] * p3
+            r1 = a1[0] * p0 + a1[1] * p1 + a1[2] * p2 + a1[3] * p3
+            r2 = a2[0] * p0 + a2[1] * p1 + a2[2] * p2 + a2[3] * p3
+            A += b[j] * r
+            At += b1[j] * r
+            Att += b2[j] * r
+            As += b[j] * r1
+            Ast += b1[j] * r1
+            Ass += b[j] * r2
+        if c == 0:
+            w = 1.0 / A
+            ws, wt, wss, wst, wtt = As, At, Ass, Ast, Att
+        else:
+            q = A * w
+            qs = (As - ws * q) * w
+            qt = (At - wt * q) * w
+            D[0, d], D[1, d], D[2, d] = q, qs, qt
+            D[3, d] = (Ass - 2.0 * ws * qs - wss * q) * w
+            D[4, d] = (Ast - ws * qt - wt * qs - wst * q) * w
+            D[5, d] = (Att - 2.0 * wt * qt - wtt * q) * w
+
+
+@njit(cache=True, fastmath=CONTRACT)
+def second_derivatives(patches: ndarray, boxes: ndarray, element: ndarray, s: ndarray, t: ndarray, D: ndarray) -> None:
+    """All derivatives to the second order at each sample: D (6, n, 3)."""
+    one = np.empty((6, 3))
+    for n in range(len(s)):
+        jet(patches[element[n]], boxes[element[n]], s[n], t[n], one)
+        for k in range(6):
+            for d in range(3):
+                D[k, n, d] = one[k, d]
+
+
+@njit(cache=True, fastmath=CONTRACT)
+def basis_values(
+    starts: ndarray,
+    functions: ndarray,
+    coefficients: ndarray,
+    weights: ndarray,
+    boxes: ndarray,
+    element: ndarray,
+    s: ndarray,
+    t: ndarray,
+    order: int,
+    indptr: ndarray,
+    indices: ndarray,
+    values: ndarray,
+) -> None:
+    """The rational basis R and its derivatives at each sample: the rows of CSR matrices with one pattern.
+
+    With W = sum w B: R_s = (w B_s - R W_s) / W, R_ss = (w B_ss - 2 W_s R_s - W_ss R) / W, and so on.
+    """
+    for n in range(len(s)):
+        e = element[n]
+        h, k = 1.0 / (boxes[e, 1] - boxes[e, 0]), 1.0 / (boxes[e, 3] - boxes[e, 2])
+        x, y = (s[n] - boxes[e, 0]) * h, (t[n] - boxes[e, 2]) * k
+        a, a1, a2 = bernstein(x), bernstein_first(x, h), bernstein_second(x, h)
+        b, b1, b2 = bernstein(y), bernstein_first(y, k), bernstein_second(y, k)
+        W = Ws = Wt = Wss = Wst = Wtt = 0.0
+        first = indptr[n]
+        for m in range(starts[e], starts[e + 1]):
+            C = coefficients[m]
+            B = Bs = Bt = Bss = Bst = Btt = 0.0
+            for j in range(4):
+                c0, c1, c2, c3 = C[4 * j], C[4 * j + 1], C[4 * j + 2], C[4 * j + 3]
+                r = a[0] * c0 + a[1] * c1 + a[2] * c2 + a[3] * c3
+                B += b[j] * r
+                if order > 0:
+                    r1 = a1[0] * c0 + a1[1] * c1 + a1[2] * c2 + a1[3] * c3
+                    Bs += b[j] * r1
+                    Bt += b1[j] * r
+                    if order > 1:
+                        Bss += b[j] * (a2[0] * c0 + a2[1] * c1 + a2[2] * c2 + a2[3] * c3)
+                        Bst += b1[j] * r1
+                        Btt += b2[j] * r
+            w = weights[functions[m]]
+            q = first + m - starts[e]
+            indices[q] = functions[m]
+            values[0, q] = w * B
+            W += w * B
+            if order > 0:
+                values[1, q], values[2, q] = w * Bs, w * Bt
+                Ws += w * Bs
+                Wt += w * Bt
+                if order > 1:
+                    values[3, q], values[4, q], values[5, q] = w * Bss, w * Bst, w * Btt
+                    Wss += w * Bss
+                    Wst += w * Bst
+                    Wtt += w * Btt
+        inverse = 1.0 / W
+        for q in range(first, first + starts[e + 1] - starts[e]):
+            R = values[0, q] * inverse
+            values[0, q] = R
+            if order > 0:
+                Rs = (values[1, q] - R * Ws) * inverse
+                Rt = (values[2, q] - R * Wt) * inverse
+                values[1, q], values[2, q] = Rs, Rt
+                if order > 1:
+                    values[3, q] = (values[3, q] - 2.0 * Ws * Rs - Wss * R) * inverse
+                    values[4, q] = (values[4, q] - Ws * Rt - Wt * Rs - Wst * R) * inverse
+                    values[5, q] = (values[5, q] - 2.0 * Wt * Rt - Wtt * R) * inverse

@@ -1,0 +1,86 @@
+"""Normals and principal curvatures from the first and second fundamental forms, and their limits at a pole.
+
+With n the outward normal, E = S_s.S_s, F = S_s.S_t, G = S_t.S_t and L = -n.S_ss, M = -n.S_st, N = -n.S_tt: a curvature
+is positive where the part bulges outward (towards the cutter), 1/R everywhere on a ball of radius R.
+
+At a pole S_s vanishes. The directions S_t(s) round it span the tangent plane (its normal is the area vector of the
+closed curve S_t(s), exact where the next row is coplanar with the pole, the mean elsewhere) and the normal curvatures
+-n.S_tt / S_t.S_t in those directions are met by one quadratic form in the least squares sense: exact where the surface
+is C2 at the pole.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.errors import SurfaceError
+
+
+@dataclass(frozen=True, eq=False)
+class Curvature:
+    """Principal curvatures k1 >= k2 in 1/mm (positive: bulges outward) and their unit directions."""
+
+    k1: Float[ndarray, " n"]
+    k2: Float[ndarray, " n"]
+    direction1: Float[ndarray, "n 3"]
+    direction2: Float[ndarray, "n 3"]
+
+    @property
+    def mean(self) -> Float[ndarray, " n"]:
+        """H = (k1 + k2) / 2."""
+        return (self.k1 + self.k2) / 2
+
+    @property
+    def gaussian(self) -> Float[ndarray, " n"]:
+        """K = k1 k2."""
+        return self.k1 * self.k2
+
+
+def unit(vectors: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+    """Vectors scaled to length 1. Raises SurfaceError where one is zero: the surface has no normal there."""
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    if len(length) and not length.min() > 0:
+        n = int(np.argmin(length))
+        raise SurfaceError(f"the surface has no normal at sample {n}: move control points that coincide apart", sample=n)
+    return vectors / length
+
+
+def pole_normal(S_t: Float[ndarray, "n 3"], upper: bool) -> Float[ndarray, "3"]:
+    """Outward unit normal of a pole from the derivatives S_t at n parameters s round it."""
+    area = np.cross(S_t, np.roll(S_t, -1, axis=0)).sum(axis=0)
+    return unit((area if upper else -area)[None])[0]
+
+
+def principal(forms: Float[ndarray, "n 2 2"], axes: Float[ndarray, "n 2 3"]) -> Curvature:
+    """Principal curvatures of second forms given in orthonormal tangent axes."""
+    values, vectors = np.linalg.eigh(forms)
+    directions = np.einsum("nki,nkd->nid", vectors, axes)
+    return Curvature(values[:, 1], values[:, 0], directions[:, 1], directions[:, 0])
+
+
+def tangent_axes(normals: Float[ndarray, "n 3"], along: Float[ndarray, "n 3"]) -> Float[ndarray, "n 2 3"]:
+    """Orthonormal axes of the tangent planes, the first one in the direction of `along`."""
+    first = unit(along - np.einsum("ni,ni->n", along, normals)[:, None] * normals)
+    return np.stack([first, np.cross(normals, first)], axis=1)
+
+
+def surface_curvature(derivatives: tuple[ndarray, ...], normals: Float[ndarray, "n 3"]) -> Curvature:
+    """Curvature where S_s and S_t are independent, from S, S_s, S_t, S_ss, S_st, S_tt."""
+    _, S_s, S_t, S_ss, S_st, S_tt = derivatives
+    axes = tangent_axes(normals, S_t)
+    J = np.stack([np.einsum("nki,ni->nk", axes, S_s), np.einsum("nki,ni->nk", axes, S_t)], axis=2)
+    L, M, N = (-np.einsum("ni,ni->n", normals, v) for v in (S_ss, S_st, S_tt))
+    second = np.stack([np.stack([L, M], axis=1), np.stack([M, N], axis=1)], axis=1)
+    inverse = np.linalg.inv(J)
+    return principal(np.swapaxes(inverse, 1, 2) @ second @ inverse, axes)
+
+
+def pole_curvature(S_t: Float[ndarray, "n 3"], S_tt: Float[ndarray, "n 3"], normal: Float[ndarray, "3"]) -> Curvature:
+    """Curvature (one row) of a pole from S_t and S_tt at n parameters s round it."""
+    axes = tangent_axes(normal[None], S_t[:1])
+    x, y = (S_t @ axis for axis in axes[0])
+    length = x * x + y * y
+    form = np.linalg.lstsq(np.column_stack([x * x, 2 * x * y, y * y]) / length[:, None], -(S_tt @ normal) / length, rcond=None)[0]
+    return principal(form[[0, 1, 1, 2]].reshape(1, 2, 2), axes)

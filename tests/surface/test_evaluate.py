@@ -1,0 +1,102 @@
+"""The evaluator: extraction, basis, derivatives, seam, poles."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rowed import bone_like, samples
+
+from bonecam.surface.tmesh import RowTMesh
+from bonecam.surface.tspline import TSpline
+
+seeds = st.integers(0, 10_000)
+shapes = st.tuples(st.integers(4, 14), st.integers(4, 12))
+
+
+@settings(max_examples=25, deadline=None)
+@given(seeds, shapes, st.booleans())
+def test_basis_is_a_non_negative_partition_of_unity(seed: int, shape: tuple[int, int], poles: bool) -> None:
+    surface = bone_like(max(shape[0], 5), shape[1], seed, poles=poles)
+    R, *derivatives = surface.basis(*samples(200, seed), order=2)
+    assert R.data.min() >= 0
+    np.testing.assert_allclose(R.sum(axis=1), 1, atol=1e-14)
+    for D in derivatives:
+        np.testing.assert_allclose(D.sum(axis=1), 0, atol=1e-13 * abs(D.data).max())
+
+
+@settings(max_examples=15, deadline=None)
+@given(seeds, shapes)
+def test_extraction_agrees_with_the_recurrence(seed: int, shape: tuple[int, int]) -> None:
+    surface = bone_like(max(shape[0], 5), shape[1], seed)
+    s, t = samples(100, seed)
+    B = surface.tmesh.blending(s, t, 0)[0].toarray() * surface.weights
+    expected = B / B.sum(axis=1, keepdims=True)
+    np.testing.assert_allclose(surface.basis(s, t)[0].toarray(), expected, atol=1e-14)
+    np.testing.assert_allclose(surface.evaluate(s, t), expected @ surface.control_points, atol=1e-13 * 28)
+
+
+@settings(max_examples=15, deadline=None)
+@given(seeds, shapes)
+def test_derivatives_agree_with_finite_differences(seed: int, shape: tuple[int, int]) -> None:
+    surface = bone_like(max(shape[0], 5), shape[1], seed)
+    s, t = samples(100, seed)
+    t, h = 0.01 + 0.98 * t, 1e-5
+    _, Ss, St, Sss, Sst, Stt = surface.evaluate(s, t, 2)
+    first = lambda a, b: surface.evaluate(a, b, 1)  # noqa: E731
+    right, left, up, down = first(s + h, t), first(s - h, t), first(s, t + h), first(s, t - h)
+    for exact, ahead, back in (
+        (Ss, right[0], left[0]), (St, up[0], down[0]), (Sss, right[1], left[1]), (Sst, up[1], down[1]), (Sst, right[2], left[2]),
+        (Stt, up[2], down[2]),
+    ):  # fmt: skip
+        np.testing.assert_allclose((ahead - back) / (2 * h), exact, atol=2e-4 * abs(exact).max())
+
+
+def test_basis_and_evaluate_are_one() -> None:
+    surface = bone_like(19, 15)
+    s, t = samples(500)
+    for matrix, value in zip(surface.basis(s, t, 2), surface.evaluate(s, t, 2)):
+        np.testing.assert_allclose(matrix @ surface.control_points, value, atol=1e-12 * abs(value).max())
+    for order in (0, 1):
+        again = surface.evaluate(s, t, order)
+        np.testing.assert_allclose(again[0] if order else again, surface.evaluate(s, t, 2)[0], atol=1e-13)
+
+
+def test_the_seam_is_c2() -> None:
+    surface = bone_like(12, 9, 3)
+    t = np.linspace(0.01, 0.99, 50)
+    zero, one = surface.evaluate(np.zeros(50), t, 2), surface.evaluate(np.full(50, np.nextafter(1, 0)), t, 2)
+    for a, b in zip(zero, one):
+        np.testing.assert_allclose(a, b, atol=1e-11 * abs(a).max())
+    np.testing.assert_array_equal(surface.evaluate(np.full(50, -0.25), t), surface.evaluate(np.full(50, 0.75), t))
+
+
+def test_poles_are_one_point_with_the_limit_normal() -> None:
+    surface = bone_like(12, 9, 4)
+    s = np.linspace(0, 1, 41)
+    for t, index, normal in ((0.0, 0, [0, 0, -1]), (1.0, -1, [0, 0, 1])):
+        points = surface.evaluate(s, np.full(41, t))
+        np.testing.assert_allclose(points, np.broadcast_to(surface.control_points[index], (41, 3)), atol=1e-13)
+        np.testing.assert_allclose(surface.normals(s, np.full(41, t)), np.broadcast_to(normal, (41, 3)), atol=1e-9)
+        near = surface.normals(s, np.full(41, abs(t - 1e-6)))
+        np.testing.assert_allclose(near, np.broadcast_to(normal, (41, 3)), atol=1e-3)
+
+
+def test_parameters_outside_or_not_finite_are_refused() -> None:
+    surface = bone_like(8, 6)
+    with pytest.raises(ValueError, match="t must be in"):
+        surface.evaluate(np.zeros(1), np.array([1.1]))
+    with pytest.raises(ValueError, match="sample 1 is not finite"):
+        surface.basis(np.array([0.0, np.nan]), np.zeros(2))
+    with pytest.raises(ValueError, match="order"):
+        surface.evaluate(np.zeros(1), np.zeros(1), 3)
+
+
+def test_bad_meshes_are_refused_by_row() -> None:
+    t = np.array([0, 0, 0, 0, 1, 1, 1, 1.0])
+    with pytest.raises(ValueError, match="row 1: a closed row"):
+        RowTMesh.from_rows(t, [np.zeros(1), np.array([0, 0.3, 0.6]), np.arange(5) / 5, np.zeros(1)])
+    with pytest.raises(ValueError, match="t-knots"):
+        RowTMesh.from_rows(t[::-1], [np.arange(5) / 5] * 4)
+    mesh = RowTMesh.from_rows(t, [np.arange(5) / 5] * 4)
+    with pytest.raises(ValueError, match="weight 3"):
+        TSpline(mesh, np.zeros((20, 3)), np.where(np.arange(20) == 3, -1.0, 1.0))
