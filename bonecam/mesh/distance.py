@@ -1,0 +1,66 @@
+"""Distances to a mesh: open3d's ray casting in bulk (float32), libigl's tree where float64 is needed.
+
+open3d works in float32: the scene is shifted to the mesh's centre, so the error is near 6e-8 of the part's size
+(measured 5e-6 mm near the origin). `exact_closest` is float64.
+"""
+
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+
+from bonecam.mesh.triangle_mesh import TriangleMesh
+
+
+class MeshDistance:
+    """Closest points, distances, inside tests and rays against one mesh; ValueError where it has no faces."""
+
+    def __init__(self, mesh: TriangleMesh) -> None:
+        import open3d.core as o3c
+        from open3d.t.geometry import RaycastingScene
+
+        if not len(mesh.faces):
+            raise ValueError("the mesh has no faces: there is nothing to measure the distance to")
+        self.mesh = mesh
+        self._centre = mesh.bounds.mean(0)
+        self._tensor = o3c.Tensor
+        self._scene: Any = RaycastingScene(nthreads=1)
+        self._scene.add_triangles(self._put(mesh.vertices), o3c.Tensor(mesh.faces.astype(np.uint32)))
+
+    def _put(self, points: Float[ndarray, "n 3"]) -> Any:
+        return self._tensor(np.ascontiguousarray(points - self._centre, dtype=np.float32))
+
+    def unsigned(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
+        """Distance of each point to the surface, mm."""
+        return self._scene.compute_distance(self._put(points)).numpy().astype(np.float64)
+
+    def signed(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
+        """Distance of each point to the closed surface, mm, negative inside."""
+        return self._scene.compute_signed_distance(self._put(points), nsamples=3).numpy().astype(np.float64)
+
+    def closest(self, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, "n 3"], Int[ndarray, " n"]]:
+        """The closest surface point of each point, and its face."""
+        found = self._scene.compute_closest_points(self._put(points))
+        return found["points"].numpy() + self._centre, found["primitive_ids"].numpy().astype(np.int64)
+
+    def inside(self, points: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
+        """Whether each point lies inside the closed surface (three rays each, the majority)."""
+        return self._scene.compute_occupancy(self._put(points), nsamples=3).numpy() > 0.5
+
+    def rays(self, starts: Float[ndarray, "n 3"], directions: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
+        """Distance to the first hit in units of the direction's length; inf where nothing is hit."""
+        bundle = np.concatenate([starts - self._centre, directions], axis=1).astype(np.float32)
+        return self._scene.cast_rays(self._tensor(bundle))["t_hit"].numpy().astype(np.float64)
+
+
+def exact_closest(mesh: TriangleMesh, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, "n 3"], Int[ndarray, " n"]]:
+    """The closest surface point of each point and its face, in float64 (libigl's AABB tree)."""
+    import igl
+
+    if not len(mesh.faces):
+        raise ValueError("the mesh has no faces: there is nothing to measure the distance to")
+    tree, vertices, faces = igl.AABB(), np.array(mesh.vertices), mesh.faces.astype(np.int64)
+    tree.init(vertices, faces)
+    _, face, places = tree.squared_distance(vertices, faces, np.ascontiguousarray(points, dtype=np.float64))
+    return np.asarray(places).reshape(-1, 3), np.asarray(face, dtype=np.int64).ravel()

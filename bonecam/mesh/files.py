@@ -1,0 +1,120 @@
+"""Mesh files through MeshLab: STL (binary, ASCII), PLY, OBJ, OFF in; PLY and STL out. The door for pymeshlab.
+
+Coordinates are read and written as they stand in the file; `bonecam.mesh.units` gives them their unit. What MeshLab
+mends in silence (vertices that are not numbers are dropped, duplicate STL corners are merged) is looked at first:
+the former is an error here, the latter is wanted.
+"""
+
+import os
+import re
+import tempfile
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.errors import FileError
+from bonecam.mesh.file_content import trouble_in
+from bonecam.mesh.triangle_mesh import TriangleMesh
+
+READABLE = (".stl", ".ply", ".obj", ".off")
+WRITABLE = (".ply", ".stl")
+
+
+@cache
+def meshlab() -> Any:
+    """The pymeshlab module; FileError names the system package where its plugins are missing."""
+    try:
+        import pymeshlab
+    except ImportError as error:
+        raise FileError(f"pymeshlab cannot be loaded ({error}): install the system packages libgl1 and libopengl0") from error
+    if "meshing_isotropic_explicit_remeshing" not in pymeshlab.filter_list():
+        count = pymeshlab.plugin_number()
+        raise FileError(f"pymeshlab loaded only {count} plugins: install the system packages libgl1 and libopengl0", plugins=count)
+    return pymeshlab
+
+
+def to_meshset(mesh: TriangleMesh) -> Any:
+    """A pymeshlab.MeshSet with `mesh` as its one layer."""
+    meshset = meshlab().MeshSet()
+    meshset.add_mesh(meshlab().Mesh(mesh.vertices, mesh.faces))
+    return meshset
+
+
+def from_meshset(meshset: Any) -> TriangleMesh:
+    """The current layer of a pymeshlab.MeshSet; ValueError where a face names a vertex that is not there."""
+    layer = meshset.current_mesh()
+    return TriangleMesh(layer.vertex_matrix(), layer.face_matrix())
+
+
+def read_mesh(path: str | Path) -> TriangleMesh:
+    """The triangles of a file, in the file's own unit; equal corners of an STL are merged.
+
+    FileError names the file, what is wrong with it and the remedy: it is missing, empty, cut short, of an unknown kind,
+    holds coordinates that are not numbers, or no triangles.
+    """
+    file = Path(path)
+    data = _bytes_of(file)
+    if trouble := trouble_in(file.suffix.lower(), data):
+        raise _refusal(file, *trouble)
+    meshset = meshlab().MeshSet()
+    try:
+        meshset.load_new_mesh(str(file))
+        mesh = from_meshset(meshset)
+    except (meshlab().PyMeshLabException, ValueError, MemoryError) as error:
+        reason = " ".join(str(error).split()).split("Error details: ")[-1]
+        raise _refusal(file, f"is no readable {_kind(file)} file ({reason})", "write it anew from its source") from error
+    if not len(mesh.faces):
+        raise _refusal(file, "holds no triangles", "give a surface mesh, not points or curves")
+    _refuse_lost_elements(file, data, mesh)
+    return mesh
+
+
+def write_mesh(mesh: TriangleMesh, path: str | Path, quality: Float[ndarray, " n"] | None = None) -> None:
+    """Write `mesh` as binary PLY or STL, whole or not at all; `quality` is a number a vertex (PLY only)."""
+    target = Path(path)
+    if target.suffix.lower() not in WRITABLE:
+        raise _refusal(target, f"has the unknown ending {target.suffix!r}", f"end the name in one of {', '.join(WRITABLE)}")
+    if quality is not None and (len(quality) != len(mesh.vertices) or target.suffix.lower() != ".ply"):
+        raise ValueError(f"quality needs a .ply and one number for each of {len(mesh.vertices)} vertices, not {len(quality)}")
+    extra: dict[str, Any] = {} if quality is None else {"v_scalar_array": np.asarray(quality, dtype=np.float64)}
+    meshset = meshlab().MeshSet()
+    meshset.add_mesh(meshlab().Mesh(mesh.vertices, mesh.faces, **extra))
+    options: dict[str, Any] = {"save_vertex_quality": quality is not None} if target.suffix.lower() == ".ply" else {}
+    try:
+        with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}.") as folder:
+            work = Path(folder) / f"mesh{target.suffix.lower()}"
+            meshset.save_current_mesh(str(work), binary=True, **options)
+            os.replace(work, target)
+    except OSError as error:
+        raise _refusal(target, f"cannot be written ({error.strerror})", "choose a folder that exists and may be written") from error
+
+
+def _bytes_of(file: Path) -> bytes:
+    if file.suffix.lower() not in READABLE:
+        raise _refusal(file, f"has the unknown ending {file.suffix!r}", f"give a file that ends in one of {', '.join(READABLE)}")
+    try:
+        data = file.read_bytes()
+    except OSError as error:
+        raise _refusal(file, f"cannot be read ({error.strerror})", "give the path of a readable mesh file") from error
+    if not data:
+        raise _refusal(file, "is empty", "write it anew from its source")
+    return data
+
+
+def _refuse_lost_elements(file: Path, data: bytes, mesh: TriangleMesh) -> None:
+    """FileError where a PLY names more vertices than MeshLab kept: it drops those that are not numbers."""
+    if file.suffix.lower() == ".ply" and (match := re.search(rb"element vertex (\d+)", data)) and len(mesh.vertices) < int(match[1]):
+        lost = int(match[1]) - len(mesh.vertices)
+        raise _refusal(file, f"has {lost} of {int(match[1])} vertices with coordinates that are not numbers", "export it again", lost=lost)
+
+
+def _kind(file: Path) -> str:
+    return file.suffix[1:].upper()
+
+
+def _refusal(file: Path, what: str, remedy: str, **evidence: Any) -> FileError:
+    return FileError(f"{file}: {what}: {remedy}", file=str(file), **evidence)

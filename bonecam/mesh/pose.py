@@ -1,0 +1,85 @@
+"""Pose: the long principal axis to +Z, the part centred on the axis.
+
+The axes are those of the solid's own inertia (uniform density, exact for the polyhedron: the second moments of the
+tetrahedra that each face spans with the origin). The thicker end points down, so that the post holds it.
+"""
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.errors import MeshError
+from bonecam.mesh.triangle_mesh import TriangleMesh
+
+
+def upright(mesh: TriangleMesh) -> tuple[TriangleMesh, Float[ndarray, "4 4"]]:
+    """The closed `mesh` with its long axis along +Z, and the rigid motion (4, 4) that turned it.
+
+    The end with more of the volume points down; the lowest point lies on z = 0; the smallest circle round the part seen
+    along Z is centred on the axis (which makes the smallest coaxial bar thin). MeshError where the mesh holds no volume.
+    """
+    centroid, covariance = solid_moments(mesh)
+    _, axes = np.linalg.eigh(covariance)
+    long, middle = axes[:, 2], axes[:, 1]
+    heights = (mesh.vertices - centroid) @ long
+    if heights.max() < -heights.min():  # the centroid is nearer to the thicker end
+        long = -long
+    middle = middle * np.sign(middle[np.argmax(np.abs(middle))])
+    rotation = np.stack([middle, np.cross(long, middle), long])
+    turned = mesh.vertices @ rotation.T
+    shift = -np.append(enclosing_circle(turned[:, :2])[0], turned[:, 2].min())
+    transform = np.eye(4)
+    transform[:3, :3], transform[:3, 3] = rotation, shift
+    return TriangleMesh(turned + shift, mesh.faces), transform
+
+
+def solid_moments(mesh: TriangleMesh) -> tuple[Float[ndarray, "3"], Float[ndarray, "3 3"]]:
+    """Centroid (mm) and covariance (mm^2) of the solid inside a closed mesh."""
+    middle = mesh.vertices.mean(0)
+    corners = (mesh.vertices - middle)[mesh.faces]
+    volumes = np.linalg.det(corners) / 6
+    volume = float(volumes.sum())
+    if not volume > 0:
+        raise MeshError(f"the mesh encloses {volume:.3g} mm^3: give a closed mesh whose faces point outwards", volume=volume)
+    sums = corners.sum(1)
+    centroid = (volumes @ sums) / (4 * volume)
+    second = np.einsum("f,fi,fj->ij", volumes, sums, sums) + np.einsum("f,fki,fkj->ij", volumes, corners, corners)
+    return centroid + middle, second / (20 * volume) - np.outer(centroid, centroid)
+
+
+def enclosing_circle(points: Float[ndarray, "n 2"]) -> tuple[Float[ndarray, "2"], float]:
+    """Centre and radius of the smallest circle round `points` (Badoiu & Clarkson 2003, then the exact active set).
+
+    Walks to the smallest circle of the hull's points by adding the farthest point to the set that defines the circle.
+    """
+    active = [int(np.argmax(np.linalg.norm(points - points[0], axis=1)))]
+    centre, radius = points[active[0]], 0.0
+    while True:
+        distances = np.linalg.norm(points - centre, axis=1)
+        far = int(np.argmax(distances))
+        if distances[far] <= radius * (1 + 1e-12) + np.finfo(float).eps * np.abs(points).max():
+            return centre, radius
+        active, centre, radius = _smallest_through(points, [*active, far])
+
+
+def _smallest_through(points: Float[ndarray, "n 2"], candidates: list[int]) -> tuple[list[int], Float[ndarray, "2"], float]:
+    """The smallest circle round at most four candidate points: through two or three of them."""
+    chosen = points[candidates]
+    best: tuple[float, list[int], ndarray] = (np.inf, [], chosen[0])
+    for subset in _subsets(len(candidates)):
+        corners = chosen[subset]
+        system = 2 * (corners[1:] - corners[0])
+        if np.linalg.matrix_rank(system) < len(system):
+            continue
+        offset, *_ = np.linalg.lstsq(system, ((corners[1:] - corners[0]) ** 2).sum(1), rcond=None)
+        centre = corners[0] + offset
+        radius = float(np.linalg.norm(offset))
+        if radius < best[0] and (np.linalg.norm(chosen - centre, axis=1) <= radius * (1 + 1e-10)).all():
+            best = radius, [candidates[k] for k in subset], centre
+    return best[1], best[2], best[0]
+
+
+def _subsets(count: int) -> list[list[int]]:
+    """All pairs, then all triples of 0..count-1."""
+    pairs = [[a, b] for a in range(count) for b in range(a + 1, count)]
+    return pairs + [[a, b, c] for a, b in pairs for c in range(b + 1, count)]
