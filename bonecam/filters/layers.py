@@ -16,6 +16,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import FilterError
+from bonecam.job import Job
 from bonecam.mesh.files import meshlab
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
@@ -77,6 +78,11 @@ class Layers:
     def has(self, name: str) -> bool:
         """Whether a value of that name is kept beside the current layer as it is now."""
         return name in self._valid()
+
+    def job(self) -> Job:
+        """The job as the filters before have filled it in beside the current layer, or the default one."""
+        found: Job = self._valid().get("job", Job())
+        return found
 
     def add(self, mesh: TriangleMesh, name: str, quality: Float[ndarray, " n"] | None = None, keep: Mapping[str, Any] | None = None) -> int:
         """A new current layer with the kept values of the layer before and `keep`; `quality` is a number a vertex, shown as colour."""
