@@ -217,5 +217,5 @@ def _codes(path: Path, values: dict[str, Any]) -> dict[str, str]:
     for effect, words in values.get("codes", {}).items():
         if effect not in CODES:
             raise _wrong(path, f"codes.{effect}", f"choose one of {', '.join(CODES)}")
-        codes.update({word: effect for word in words})
+        codes.update(dict.fromkeys(words, effect))
     return codes

@@ -25,7 +25,7 @@ class Posted:
     """A tool path ready to be written. `words` (n, 5) are mm and degrees rounded as written; runs are row ranges between retracts.
 
     `approaches` (r, 5) are the words from which each run is approached along the tool axis, above everything machined.
-    `minutes` (n,) is the time of the move that arrives at each row (0 where a run begins).
+    `minutes` (n,) is the time of the move that arrives at each row (where a run begins: of turning the rotary axes there).
     """
 
     path: ToolPath
@@ -42,8 +42,11 @@ def control_of(machine: Machine, dialect: Dialect, cutter: Cutter) -> Control:
     return Control(machine, dialect.tool_centre, cutter.radius, cutter.overhang + cutter.holder_length)
 
 
-def post_path(path: ToolPath, machine: Machine, dialect: Dialect, job: Job, around: Float[ndarray, "m 3"]) -> Posted:
-    """The posted form of one path; `around` are the tips of the whole program, which approaches stay above.
+def post_path(
+    path: ToolPath, machine: Machine, dialect: Dialect, job: Job, around: Float[ndarray, "m 3"], before: Float[ndarray, "2"] | None = None
+) -> Posted:
+    """The posted form of one path; `around` are the tips of the whole program, which approaches stay above; `before` the joints
+    (rad) the machine comes from.
 
     MachineError names level, pass, axis, value and limit.
     """
@@ -51,7 +54,7 @@ def post_path(path: ToolPath, machine: Machine, dialect: Dialect, job: Job, arou
     # within half the last decimal of its word the tilt is zero, and the other angle says nothing
     hold_cone = np.radians(dialect.numbers["angle"].step) / 2
     try:
-        moves = split_moves(path, control, job.path.chord_tolerance / 2, hold_cone)
+        moves = split_moves(path, control, job.path.chord_tolerance / 2, hold_cone, before)
     except MachineError as error:
         row = min(error.evidence.get("row", 0), len(path.tips) - 1)
         raise MachineError(f"level {path.level}, pass {int(path.pass_index[row])}, {error}", level=path.level, **error.evidence) from error
@@ -89,7 +92,8 @@ def _minutes(control: Control, moves: Moves, words: ndarray, starts: ndarray, jo
     length = np.linalg.norm(np.diff(moves.tips, axis=0), axis=1)
     feed = np.where(moves.kinds[1:] == Kind.RAPID, job.nc.rapid_feed, moves.feed_rates[1:])
     minutes = np.r_[0.0, np.maximum(slowest, length / feed)]
-    minutes[starts] = 0.0
+    turns = np.abs(np.diff(words[:, 3:], axis=0, prepend=words[:1, 3:])) / np.degrees(speeds[3:])
+    minutes[starts] = turns[starts].max(1)
     return minutes
 
 
@@ -104,8 +108,8 @@ def check_travel(machine: Machine, paths: Sequence[Posted]) -> None:
             low, high = min(low, float(nose.min())), max(high, float(nose.max()))
             if high - low > axis.travel:
                 raise MachineError(
-                    f"level {posted.path.level}: {axis.letter} runs over {high - low:.1f} mm, travel {axis.travel:.1f} mm of {machine.title}: "
-                    "take a machine with more travel, a shorter post or part",
+                    f"level {posted.path.level}: {axis.letter} runs over {high - low:.1f} mm, travel {axis.travel:.1f} mm "
+                    f"of {machine.title}: take a machine with more travel, a shorter post or part",
                     axis=axis.letter,
                     value=high - low,
                     limit=axis.travel,
@@ -120,8 +124,8 @@ def _check_limits(letter: str, limits: tuple[float, float], nose: ndarray, poste
         row = int(np.argmin(np.abs(nose - value)))
         source = int(posted.moves.rows[row]) if row < len(posted.words) else 0
         raise MachineError(
-            f"level {posted.path.level}, pass {int(posted.path.pass_index[source])}: {letter} {value:.1f} mm leaves the limit {limit:.1f} mm "
-            f"of {machine.title}: take a machine with more travel, or move part_zero",
+            f"level {posted.path.level}, pass {int(posted.path.pass_index[source])}: {letter} {value:.1f} mm leaves the limit "
+            f"{limit:.1f} mm of {machine.title}: take a machine with more travel, or move part_zero",
             axis=letter,
             value=float(value),
             limit=float(limit),

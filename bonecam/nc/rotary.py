@@ -32,49 +32,60 @@ class Choice:
     rewinds: Bool[ndarray, "n"]
 
 
-def choose_angles(machine: Machine, axes: Float[ndarray, "n 3"], kinds: Int[ndarray, "n"], hold_cone: float, place: str = "") -> Choice:
+def choose_angles(
+    machine: Machine,
+    axes: Float[ndarray, "n 3"],
+    kinds: Int[ndarray, "n"],
+    hold_cone: float,
+    before: Float[ndarray, "2"] | None = None,
+) -> Choice:
     """The rotary joints for a sequence of unit tool axes; MachineError where no way exists within the limits.
 
-    Row i's kind is the kind of the move that arrives there. `hold_cone` in rad. `place` names the path in messages.
+    Row i's kind is the kind of the move that arrives there. `hold_cone` in rad. `before`: the joints the machine comes from; an
+    endless axis starts within half a turn of them.
     """
     found, free = inverse_rotary(machine, axes, hold_cone)
-    _check_reach(machine, found, place)
+    _check_reach(machine, found)
     fixed = np.flatnonzero(~free.any(1))
     angles, rewinds = np.zeros((len(axes), 2)), np.zeros(len(axes), dtype=bool)
     if len(fixed):
         states = _states(machine, found[fixed])
-        angles[fixed], rewinds[fixed] = _travel(machine, states, axes, kinds, fixed, place)
+        angles[fixed], rewinds[fixed] = _travel(machine, states, axes, kinds, fixed)
     held = np.flatnonzero(free.any(1))
     if len(held):
         angles[held] = _nearest_zero(machine, found[held])
         for column in range(2):
             rows = held[free[held, column]]
             angles[rows, column] = np.interp(rows, fixed, angles[fixed, column]) if len(fixed) else 0.0
-    _check_winding(machine, angles, place)
+    for column, axis in enumerate(machine.rotary):
+        if axis.endless:
+            start = before[column] if before is not None else 0.0
+            angles[:, column] += FULL * np.round((start - angles[0, column]) / FULL)
+            _unwind(machine, column, angles, kinds, rewinds)
     return Choice(angles, rewinds)
 
 
-def _check_reach(machine: Machine, found: ndarray, place: str) -> None:
+def _check_reach(machine: Machine, found: ndarray) -> None:
     reached = within_limits(machine, found).any(1)
     if reached.all():
         return
     row = int(np.argmin(reached))
     solutions = found[row][np.isfinite(found[row]).all(1)]
     if not len(solutions):
-        raise MachineError(f"{place}point {row}: no rotary angles of {machine.title} reach this tool axis: tilt it less", row=row)
+        raise MachineError(f"point {row}: no rotary angles of {machine.title} reach this tool axis: tilt it less", row=row)
     for column, axis in enumerate(machine.rotary):
         low, high = axis.limits
         nearest = solutions[np.argmin(np.abs(solutions[:, column]))]
         if not low <= nearest[column] <= high:
             value, limit = np.degrees(nearest[column]), np.degrees(low if nearest[column] < low else high)
             raise MachineError(
-                f"{place}point {row}: {axis.letter} {value:.3f} deg leaves the limit {limit:.3f} deg of {machine.title}: limit the tilt",
+                f"point {row}: {axis.letter} {value:.3f} deg leaves the limit {limit:.3f} deg of {machine.title}: limit the tilt",
                 row=row,
                 axis=axis.letter,
                 value_deg=float(value),
                 limit_deg=float(limit),
             )
-    raise MachineError(f"{place}point {row}: both solutions leave the rotary limits of {machine.title}: limit the tilt", row=row)
+    raise MachineError(f"point {row}: both solutions leave the rotary limits of {machine.title}: limit the tilt", row=row)
 
 
 def _nearest_zero(machine: Machine, found: ndarray) -> ndarray:
@@ -124,7 +135,7 @@ def _follows(machine: Machine, start: ndarray, change: ndarray, before: ndarray,
 
 
 def _travel(
-    machine: Machine, states: ndarray, axes: ndarray, kinds: ndarray, fixed: ndarray, place: str
+    machine: Machine, states: ndarray, axes: ndarray, kinds: ndarray, fixed: ndarray
 ) -> tuple[Float[ndarray, "m 2"], Bool[ndarray, "m"]]:
     count, k = states.shape[:2]
     steps = np.full((count - 1, k, k), np.inf)
@@ -143,7 +154,7 @@ def _travel(
     if (chain < 0).any():
         row = int(fixed[np.argmax(chain < 0)])
         raise MachineError(
-            f"{place}point {row}: the rotary axes of {machine.title} reach their limits within a cut: split the pass there, or limit the tilt",
+            f"point {row}: the rotary axes of {machine.title} reach their limits within a cut: limit the tilt",
             row=row,
         )
     picked = states[np.arange(count), chain]
@@ -154,18 +165,26 @@ def _travel(
     return picked, rewinds
 
 
-def _check_winding(machine: Machine, angles: ndarray, place: str) -> None:
-    for column, axis in enumerate(machine.rotary):
-        low, high = axis.limits
-        guard = 1e-9
-        off = (angles[:, column] < low - guard) | (angles[:, column] > high + guard)
-        if off.any():
-            row = int(np.argmax(off))
+def _unwind(machine: Machine, column: int, angles: ndarray, kinds: ndarray, rewinds: ndarray) -> None:
+    """Turn an axis that winds back by whole turns at the last rapid before it reaches its limits; changes the working arrays."""
+    axis, begin = machine.rotary[column], 0
+    low, high = axis.limits
+    while True:
+        off = np.flatnonzero((angles[begin:, column] < low) | (angles[begin:, column] > high))
+        if not len(off):
+            return
+        row = begin + int(off[0])
+        rapids = begin + 1 + np.flatnonzero(kinds[begin + 1 : row + 1] == Kind.RAPID)
+        turns = np.round(angles[rapids[-1], column] / FULL) if len(rapids) else 0.0
+        if turns == 0:
             value, limit = np.degrees(angles[row, column]), np.degrees(low if angles[row, column] < low else high)
             raise MachineError(
-                f"{place}point {row}: {axis.letter} winds to {value:.3f} deg, limit {limit:.3f} deg of {machine.title}: split the path",
+                f"point {row}: {axis.letter} winds to {value:.3f} deg, limit {limit:.3f} deg of {machine.title}: split the pass by a rapid",
                 row=row,
                 axis=axis.letter,
                 value_deg=float(value),
                 limit_deg=float(limit),
             )
+        begin = int(rapids[-1])
+        angles[begin:, column] -= FULL * turns
+        rewinds[begin] = True

@@ -37,20 +37,23 @@ class Moves:
     rewinds: Bool[ndarray, "n"]
 
 
-def split_moves(path: ToolPath, control: Control, tolerance: float, hold_cone: float, place: str = "") -> Moves:
-    """The moves of one tool path, fine enough for `control` to follow within `tolerance` (mm; rapids 20 times as much)."""
+def split_moves(path: ToolPath, control: Control, tolerance: float, hold_cone: float, before: Float[ndarray, "2"] | None = None) -> Moves:
+    """The moves of one tool path, fine enough for `control` to follow within `tolerance` (mm; rapids 20 times as much).
+
+    `before`: the rotary joints (rad) the machine comes from.
+    """
     kinds, tips, axes, rows = np.asarray(path.kinds), path.tips, path.axes, np.arange(len(path.tips))
     for _ in range(MOST_ROUNDS):
-        choice = choose_angles(control.machine, axes, kinds, hold_cone, place)
+        choice = choose_angles(control.machine, axes, kinds, hold_cone, before)
         pieces = _pieces(control, kinds, tips, axes, choice.angles, tolerance)
         pieces[choice.rewinds[1:]] = 1
         if (pieces == 1).all():
             return Moves(kinds, tips, axes, choice.angles, np.asarray(path.feed_rates)[rows], rows, choice.rewinds)
-        before, fractions, after = _spread(pieces)
-        tips, axes = between(tips, axes, control.radius, before, fractions)
+        earlier, fractions, after = _spread(pieces)
+        tips, axes = between(tips, axes, control.radius, earlier, fractions)
         kinds, rows = kinds[after], rows[after]
     row = int(rows[1 + np.argmax(pieces)])
-    raise MachineError(f"{place}point {row}: the move passes too near the machine's singular axis to be split: tilt it away", row=row)
+    raise MachineError(f"point {row}: the move passes too near the machine's singular axis to be split: tilt it away", row=row)
 
 
 def between(

@@ -45,10 +45,11 @@ def write_program(
     if not name or not all(letter.isascii() and (letter.isalnum() or letter == "_") for letter in name):
         raise ProgramError(f"program name {name!r}: use letters, digits and _", name=name)
     around = np.vstack([path.tips for path in paths])
-    posted = []
+    posted: list[Posted] = []
     for index, path in enumerate(paths):
         report(progress, index / len(paths), f"level {path.level}: angles and words")
-        posted.append(post_path(path, machine, dialect, job, around))
+        before = posted[-1].moves.angles[-1] if posted else None
+        posted.append(post_path(path, machine, dialect, job, around, before))
     check_travel(machine, posted)
     bounds = np.array([around.min(0), around.max(0)]) if stock_bounds is None else stock_bounds
     writer = _Writer(machine, dialect, job, name.upper(), posted)
@@ -211,5 +212,5 @@ def _numbered(lines: list[str], dialect: Dialect) -> tuple[str, int]:
             texts.append(form.format(number=number, text=line))
             number += 1
         blocks += not continued
-        continued = bool(mark) and line.endswith(mark)
+        continued = bool(mark) and line.endswith(str(mark))
     return "\n".join(texts) + "\n", blocks
