@@ -1,0 +1,148 @@
+"""Where a row-structured T-mesh gets or loses knots: refined only where the mesh is missed, thinned where a knot does nothing.
+
+Each sample of the mesh that is missed votes with (its area) x (its distance)^4 for the longer side of the cell it lies in: for an s-knot in
+the middle of the interval in each row that acts there, or for a t-knot in the middle of the span. Votes are divided by the control
+points the knot costs (an s-knot one, a t-knot a whole row), and the best are taken.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy import ndarray
+
+from bonecam.surface.knots import span_functions
+from bonecam.surface.periodic import FEWEST, insertion
+from bonecam.surface.tmesh import RowTMesh
+from bonecam.surface.tspline import TSpline
+
+POWER = 4  # of the distance in a vote
+SHARE = 0.12  # of the present control points are added in one round
+ASPECT = 1.0  # a cell is cut along t when its t-side is longer than this times its s-side
+NARROWEST = 1 / 128  # no s-interval below this
+
+
+@dataclass(frozen=True, eq=False)
+class Votes:
+    """Samples at (s, t), each with the weight of its miss and the lengths per parameter |S_s| and |S_t| there, mm."""
+
+    s: Float[ndarray, " n"]
+    t: Float[ndarray, " n"]
+    weight: Float[ndarray, " n"]
+    around: Float[ndarray, " n"]
+    along: Float[ndarray, " n"]
+
+
+@dataclass(frozen=True)
+class Cut:
+    """One possible knot: in row `row` (-1: a t-knot) at `place`, with its votes for each control point it costs."""
+
+    row: int
+    place: float
+    cost: int
+    worth: float
+
+
+def miss_votes(
+    surface: TSpline, s: Float[ndarray, " n"], t: Float[ndarray, " n"], distances: Float[ndarray, " n"], areas: Float[ndarray, " n"], goal: float
+) -> Votes:
+    """The votes of the samples that are further than 0.6 of `goal` from the surface."""
+    missed = distances > 0.6 * goal
+    _, Ss, St = surface.evaluate(s[missed], t[missed], 1)
+    around, along = np.linalg.norm(Ss, axis=1), np.linalg.norm(St, axis=1)
+    return Votes(s[missed], t[missed], areas[missed] * (distances[missed] / goal) ** POWER, around, along)
+
+
+def refine(tmesh: RowTMesh, votes: Votes, room: int) -> RowTMesh:
+    """The T-mesh with the best cuts made, at most `room` control points more; the same T-mesh where none is left."""
+    cuts = sorted(_cuts(tmesh, votes), key=lambda cut: (-cut.worth, cut.row, cut.place))
+    wanted = min(room, max(6, round(SHARE * tmesh.size)))
+    rows = [list(row) for row in tmesh.s_knots]
+    t_cuts: list[float] = []
+    for cut in cuts:
+        if wanted <= 0 or cut.worth < 0.02 * cuts[0].worth:
+            break
+        if cut.cost > min(room, 2 * wanted):
+            continue
+        if cut.row < 0:
+            t_cuts.append(cut.place)
+        else:
+            rows[cut.row].append(cut.place)
+        wanted, room = wanted - cut.cost, room - cut.cost
+    knots = [np.sort(np.array(row)) for row in rows]
+    return with_t_knots(tmesh.t_knots, knots, np.array(t_cuts))
+
+
+def with_t_knots(t_knots: Float[ndarray, " k"], rows: list[ndarray], new: Float[ndarray, " c"]) -> RowTMesh:
+    """With t-knots inserted; each new row takes the s-knots of the old row nearest to it in t (by Greville point)."""
+    refined = np.sort(np.concatenate([t_knots, new]))
+    old, fresh = (np.array([k[j + 1 : j + 4].mean() for j in range(len(k) - 4)]) for k in (t_knots, refined))
+    nearest = np.abs(fresh[:, None] - old[None, 1:-1]).argmin(axis=1) + 1
+    chosen = [rows[j] for j in nearest]
+    chosen[0], chosen[-1] = rows[0], rows[-1]
+    chosen[1], chosen[-2] = rows[1], rows[-2]
+    return RowTMesh.from_rows(refined, chosen)
+
+
+def _cuts(tmesh: RowTMesh, votes: Votes) -> list[Cut]:
+    """All cuts that got votes."""
+    span = np.clip(np.searchsorted(tmesh.t_knots, votes.t, side="right") - 1, 3, len(tmesh.t_knots) - 5)
+    functions = span_functions(tmesh.t_knots[span[:, None] + np.arange(-3, 5)], votes.t, 0)[0]
+    acting = span[:, None] + np.arange(-3, 1)
+    widths = np.stack([_interval(tmesh.s_knots[j], votes.s)[1] for j in range(len(tmesh.s_knots))], axis=1)
+    side = (functions * np.take_along_axis(widths, acting, axis=1)).sum(axis=1) * votes.around
+    tall = (tmesh.t_knots[span + 1] - tmesh.t_knots[span]) * votes.along > ASPECT * side
+    return [*_row_cuts(tmesh, votes, ~tall, acting, functions), *_span_cuts(tmesh, votes, tall, span)]
+
+
+def _row_cuts(tmesh: RowTMesh, votes: Votes, voting: Bool[ndarray, " n"], acting: ndarray, functions: ndarray) -> list[Cut]:
+    cuts = []
+    for j, knots in enumerate(tmesh.s_knots):
+        if len(knots) < FEWEST:
+            continue
+        share = np.where(acting == j, functions, 0).sum(axis=1) * votes.weight * voting
+        here = share > 0
+        index, width = _interval(knots, votes.s[here])
+        worth = np.bincount(index, share[here], minlength=len(knots))
+        gaps = np.diff(np.append(knots, knots[0] + 1))
+        for k in np.flatnonzero((worth > 0) & (gaps > NARROWEST)):
+            cuts.append(Cut(j, float(np.mod(knots[k] + gaps[k] / 2, 1.0)), 1, float(worth[k])))
+    return cuts
+
+
+def _span_cuts(tmesh: RowTMesh, votes: Votes, voting: Bool[ndarray, " n"], span: ndarray) -> list[Cut]:
+    worth = np.bincount(span[voting], votes.weight[voting], minlength=len(tmesh.t_knots))
+    cuts = []
+    for k in np.flatnonzero(worth):
+        cost = max(len(tmesh.s_knots[j]) for j in (k - 2, k - 1))
+        cuts.append(Cut(-1, float(tmesh.t_knots[k : k + 2].mean()), cost, float(worth[k]) / cost))
+    return cuts
+
+
+def _interval(knots: ndarray, s: ndarray) -> tuple[ndarray, ndarray]:
+    """Which interval of the row holds s, and its width; a pole row has one of width 1."""
+    index = np.mod(np.searchsorted(knots, s, side="right") - 1, len(knots))
+    return index, np.diff(np.append(knots, knots[0] + 1))[index]
+
+
+def thin(surface: TSpline, allowed: float) -> RowTMesh:
+    """Without the s-knots whose removal moves their control curve by less than `allowed` mm; of neighbours only the better goes."""
+    starts, rows = surface.tmesh.row_starts, []
+    for j, knots in enumerate(surface.tmesh.s_knots):
+        if len(knots) <= FEWEST:
+            rows.append(knots)
+            continue
+        points = surface.control_points[starts[j] : starts[j + 1]]
+        loss = np.array([_removal_loss(knots, points, k) for k in range(len(knots))])
+        least = (loss <= np.roll(loss, 1)) & (loss < np.roll(loss, -1)) & (loss < allowed)
+        going = np.flatnonzero(least)
+        going = going[np.argsort(loss[going], kind="stable")][: len(knots) - FEWEST]
+        rows.append(np.delete(knots, going))
+    return RowTMesh.from_rows(surface.tmesh.t_knots, rows)
+
+
+def _removal_loss(knots: ndarray, points: ndarray, k: int) -> float:
+    """How far the control curve moves at most when knot k goes (least squares on the other knots)."""
+    matrix = insertion(np.delete(knots, k), knots)
+    found = np.linalg.lstsq(matrix, points, rcond=None)[0]
+    return float(np.linalg.norm(matrix @ found - points, axis=1).max())

@@ -1,0 +1,171 @@
+"""Fitting a row-structured T-spline to a mesh: few control points, put only where the mesh would be missed.
+
+The start is the skinned surface: it gives every mesh sample its first foot. A coarse T-mesh is fitted to the samples; then, round by round,
+knots are added where the samples are missed (`adapt`) until all are within the tolerance or the control points are spent.
+
+One step solves for all control points, with the feet (s, t) and normals n of the surface before,
+
+    min sum_i w_i [ (n_i . (S(s_i, t_i) - X_i))^2 + slide |S(s_i, t_i) - X_i|^2 ] + fairness + poles,
+
+the tangent-distance step (Wang, Pottmann & Liu 2006): samples may slide in the tangent plane at little cost, so the parameters follow the shape and
+steps converge in few rounds. w_i grows with the miss, which trades a little of the rms for the maximum. The row next to a pole is kept in one plane with it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.mesh.sections import Rows
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.progress import Progress, report, silent
+from bonecam.surface.adapt import miss_votes, refine, thin
+from bonecam.surface.deviation import Deviation, deviation
+from bonecam.surface.fairness import fairness
+from bonecam.surface.feet import follow, nearest_on_grid
+from bonecam.surface.quadratic import Quadratic
+from bonecam.surface.samples import sample_mesh
+from bonecam.surface.skin import skin
+from bonecam.surface.tmesh import RowTMesh
+from bonecam.surface.tspline import TSpline
+
+SAMPLES = 6000  # of the mesh, besides its vertices
+SLIDE = 0.1  # weight of a miss in the tangent plane
+BEND, DRIFT = 2e-5, 3e-2  # fairness, times (mean cell side)^4
+FIRMNESS = (1.0, 30.0, 1000.0)  # of the fairness, tried until nothing folds
+LEAST_TURN = 0.5  # cosine
+FIRST_SPANS, FIRST_KNOTS = 6, 8
+PLANE = 100.0  # weight of the poles' planes, times the mean area of a control point
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """The fitted surface and how far it is from the mesh; `reached` says whether that is within the tolerance asked for."""
+
+    surface: TSpline
+    deviation: Deviation
+    tolerance: float
+    reached: bool
+
+    @property
+    def control_points(self) -> int:
+        """Number of control points."""
+        return self.surface.tmesh.size
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """Samples of the mesh with their areas, and where their feet are now."""
+
+    points: Float[ndarray, "n 3"]
+    areas: Float[ndarray, " n"]
+    s: Float[ndarray, " n"]
+    t: Float[ndarray, " n"]
+    distances: Float[ndarray, " n"]
+
+    def on(self, surface: TSpline, anew: bool = False) -> "Target":
+        """With the feet on `surface`: found again, or followed from where they were."""
+        s, t = nearest_on_grid(surface, self.points) if anew else (self.s, self.t)
+        return Target(self.points, self.areas, *follow(surface, self.points, s, t, rounds=3))
+
+
+def fit(rows: Rows, mesh: TriangleMesh, tolerance: float, max_control_points: int, progress: Progress = silent) -> Fit:
+    """The T-spline within `tolerance` (mm, both ways) of `mesh`, or as near as `max_control_points` allow: see `Fit.reached`.
+
+    `rows` are sections of (a remeshed copy of) the mesh from the lower to the upper pole; at least 40 control points.
+    """
+    skinned = skin(rows.points, rows.poles, tolerance)
+    points, areas = sample_mesh(mesh, SAMPLES)
+    empty = np.zeros(len(points))
+    target = Target(points, areas, empty, empty, empty).on(skinned, anew=True)
+    surface = first_surface(skinned, target, tolerance)
+    surface, target = settle(surface, target, tolerance, 2)
+    while target.distances.max() > 0.9 * tolerance and surface.tmesh.size < max_control_points:
+        report(progress, surface.tmesh.size / max_control_points, f"{surface.tmesh.size} control points, {target.distances.max():.3f} mm")
+        votes = miss_votes(surface, target.s, target.t, target.distances, target.areas, tolerance)
+        tmesh = refine(surface.tmesh, votes, max_control_points - surface.tmesh.size)
+        if tmesh.size == surface.tmesh.size:
+            break
+        surface = step(moved(surface, tmesh), target, tolerance, slide=1.0)
+        surface, target = settle(surface, target.on(surface, anew=True), tolerance, 2)
+    surface, target = settle(surface, target, tolerance, 6)
+    found = deviation(surface, mesh)
+    return Fit(surface, found, tolerance, found.max <= tolerance)
+
+
+def first_surface(skinned: TSpline, target: Target, tolerance: float) -> TSpline:
+    """A coarse surface with the parameters of the skinned one."""
+    t_knots = np.concatenate([np.zeros(3), np.linspace(0, 1, FIRST_SPANS + 1), np.ones(3)])
+    rows = [np.arange(FIRST_KNOTS) / FIRST_KNOTS for _ in range(FIRST_SPANS + 3)]
+    rows[0] = rows[-1] = np.zeros(1)
+    rows[1] = rows[-2] = np.arange(4) / 4
+    return step(moved(skinned, RowTMesh.from_rows(t_knots, rows)), target, tolerance, slide=1.0)
+
+
+def moved(surface: TSpline, tmesh: RowTMesh) -> TSpline:
+    """A surface on `tmesh` like `surface`: least squares on a grid of surface points."""
+    s, t = (v.ravel() for v in np.meshgrid(np.arange(80) / 80, np.linspace(0, 1, 121)))
+    basis = tmesh.blending(s, t, 0)[0]
+    size = tmesh.size
+    normal = (basis.T @ basis).toarray() + 1e-9 * np.eye(size)
+    return TSpline(tmesh, np.linalg.solve(normal, basis.T @ surface.evaluate(s, t)), np.ones(size))
+
+
+def settle(surface: TSpline, target: Target, tolerance: float, rounds: int) -> tuple[TSpline, Target]:
+    """`rounds` steps with the feet followed after each."""
+    for _ in range(rounds):
+        surface = step(surface, target, tolerance, SLIDE)
+        target = target.on(surface)
+    return surface, target
+
+
+def step(surface: TSpline, target: Target, tolerance: float, slide: float) -> TSpline:
+    """The solved surface; where that folds, one solved with more fairness, or only a part of the way there."""
+    found = surface
+    for firmness in FIRMNESS:
+        found = solved(surface, target, tolerance, slide, firmness)
+        if not folds(found, surface):
+            return found
+    for share in (0.5, 0.25, 0.1):
+        part = surface.with_control_points((1 - share) * surface.control_points + share * found.control_points)
+        if not folds(part, surface):
+            return part
+    return surface
+
+
+def folds(surface: TSpline, before: TSpline) -> bool:
+    """Whether a normal on a grid that crowds at the poles turned too far from what it was before."""
+    s, t = (v.ravel() for v in np.meshgrid(np.arange(48) / 48, (1 - np.cos(np.linspace(0.06, np.pi - 0.06, 64))) / 2))
+    turned = np.einsum("ij,ij->i", surface.normals(s, t), before.normals(s, t))
+    return bool(turned.min() < LEAST_TURN)
+
+
+def solved(surface: TSpline, target: Target, tolerance: float, slide: float, firmness: float) -> TSpline:
+    """One step: the best control points for the feet, normals and lengths of now."""
+    (basis,) = surface.basis(target.s, target.t)
+    normals = surface.normals(target.s, target.t)
+    level = max(tolerance, 0.5 * float(target.distances.max()))
+    weights = target.areas * (0.25 + (target.distances / level) ** 2)
+    metric = weights[:, None, None] * (slide * np.eye(3) + (1 - slide) * normals[:, :, None] * normals[:, None, :])
+    cell = target.areas.sum() / surface.tmesh.size
+    form = Quadratic.zero(surface.tmesh.size).plus(basis, metric, target.points)
+    form = form + fairness(surface, firmness * BEND * cell**2, firmness * DRIFT * cell**2) + pole_planes(surface, PLANE * cell)
+    return surface.with_control_points(form.least())
+
+
+def pole_planes(surface: TSpline, weight: float) -> Quadratic:
+    """Keeps the control points next to each pole in one plane with it, the plane that fits them now."""
+    import scipy.sparse as sp
+
+    starts = surface.tmesh.row_starts
+    form = Quadratic.zero(surface.tmesh.size)
+    for pole, ring in ((0, np.arange(starts[1], starts[2])), (starts[-1] - 1, np.arange(starts[-3], starts[-2]))):
+        arms = surface.control_points[ring] - surface.control_points[pole]
+        normal = np.linalg.svd(arms)[2][2]
+        ones = np.ones(len(ring))
+        index = np.arange(len(ring))
+        shape = (len(ring), surface.tmesh.size)
+        matrix = sp.csr_array((ones, (index, ring)), shape=shape) - sp.csr_array((ones, (index, np.full(len(ring), pole))), shape=shape)
+        form = form.plus(sp.csr_array(matrix), np.broadcast_to(weight * np.outer(normal, normal), (len(ring), 3, 3)), np.zeros((len(ring), 3)))
+    return form
