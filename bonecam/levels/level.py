@@ -12,6 +12,9 @@ class Level:
 
     `mesh` is the tessellation the measures were taken on. `surface` is None for the last level, which is
     the stock itself. The cut that machines level k - 1 removes the material between levels k - 1 and k.
+    `depth_max` and `depth_mean` go from this level to the one before, `depth_back_max` the other way; `full_mean` is the mean
+    depth where at least one full depth of material was left; `histogram` the shares of this level's area by depth, in even
+    bins from 0 to `limit`; `outside` how far the level leaves the stock (negative: inside).
     """
 
     index: int
@@ -22,3 +25,7 @@ class Level:
     depth_mean: float
     nesting_min: float
     self_intersections: int
+    depth_back_max: float = 0.0
+    full_mean: float = 0.0
+    outside: float = 0.0
+    histogram: tuple[float, ...] = ()

@@ -1,0 +1,45 @@
+"""Where each point of a level is pulled: unit directions, from which the attracting points H of the energy are made.
+
+`stock`   along the level's own normal while far from the stock, and more and more along the shortest way to the stock
+          as it comes near (the last BLEND mm). Normals are what makes each depth count in full: the stock point farthest
+          from a level lies on a normal of it.
+`sphere`  as published (Gan et al. 2014): radially from the middle of the stock to its bounding sphere. Drags the points
+          along the axis and needs far more levels.
+`nearest` the shortest way to the stock from the start.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.levels.stock import Stock
+
+BLEND = 4.0
+
+Attraction = Callable[[ndarray, ndarray, Stock], ndarray]
+
+
+def towards_stock(points: Float[ndarray, "n 3"], normals: Float[ndarray, "n 3"], stock: Stock) -> Float[ndarray, "n 3"]:
+    """Between the level's normals (BLEND mm from the stock and more) and the shortest way to the stock (at the stock)."""
+    near = np.clip(1 + stock.signed_distance(points) / BLEND, 0, 1)[:, None]
+    return unit((1 - near) * normals + near * stock.outward(points))
+
+
+def towards_nearest(points: Float[ndarray, "n 3"], normals: Float[ndarray, "n 3"], stock: Stock) -> Float[ndarray, "n 3"]:
+    """The shortest way to the stock."""
+    return stock.outward(points)
+
+
+def towards_sphere(points: Float[ndarray, "n 3"], normals: Float[ndarray, "n 3"], stock: Stock) -> Float[ndarray, "n 3"]:
+    """Away from the middle of the stock, where the published bounding sphere has its centre."""
+    return unit(points - stock.middle)
+
+
+def unit(vectors: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+    """The vectors at length one."""
+    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), np.finfo(float).tiny))
+
+
+ATTRACTIONS: dict[str, Attraction] = {"stock": towards_stock, "sphere": towards_sphere, "nearest": towards_nearest}

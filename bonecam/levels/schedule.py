@@ -1,0 +1,48 @@
+"""Which depth each cut may have: finishing depths next to the part, the roughing depth beyond (Gan et al. 2014, section 4.2).
+
+Cut k removes what lies between level k - 1 and level k. No sequence of cuts can beat
+`K_min = min{K : sum_{k <= K} eps_k >= d}`, d being the largest distance from the stock's surface to the part.
+"""
+
+from dataclasses import dataclass
+
+from bonecam.errors import LevelError
+from bonecam.job import LevelsJob
+
+MOST_LEVELS = 2000
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """Depths in mm of the first cuts above the part, and of all others."""
+
+    first: tuple[float, ...]
+    beyond: float
+
+    def __post_init__(self) -> None:
+        for k, depth in enumerate((*self.first, self.beyond), start=1):
+            if not depth > 0:
+                raise LevelError(f"cut {k} has the depth {depth} mm: give a positive depth", level=k)
+
+    def limit(self, k: int) -> float:
+        """Largest depth of cut k >= 1, mm."""
+        return self.first[k - 1] if k <= len(self.first) else self.beyond
+
+    def reach(self, k: int) -> float:
+        """The sum of the depths of cuts 1..k, mm."""
+        return sum(self.first[:k]) + max(0, k - len(self.first)) * self.beyond
+
+    def lower_bound(self, distance: float) -> int:
+        """K_min: the fewest cuts that can remove `distance` mm."""
+        for k in range(1, MOST_LEVELS + 1):
+            if self.reach(k) >= distance:
+                return k
+        raise LevelError(
+            f"{distance:.1f} mm of material need more than {MOST_LEVELS} cuts of {self.beyond} mm: give deeper cuts or a smaller stock",
+            level=MOST_LEVELS,
+        )
+
+
+def schedule_of(job: LevelsJob) -> Schedule:
+    """The schedule of a job: `finishing_levels` cuts of `finishing_depth`, then `roughing_depth`."""
+    return Schedule((job.finishing_depth,) * job.finishing_levels, job.roughing_depth)

@@ -1,0 +1,192 @@
+"""The stock a part is cut from: any closed convex body that answers four questions (signed distance, nearest, mesh, size).
+
+A capsule (a cylinder with half-balls at its ends) is every point within `radius` of an axis segment, so that its signed
+distance is exact everywhere: `|x - nearest axis point| - radius`. Other stocks are new small files with the same interface.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.arrays import frozen
+from bonecam.errors import StockError
+from bonecam.mesh.triangle_mesh import TriangleMesh
+
+MARGIN = 0.05
+RADII, RADIUS_SPAN = 241, 1.6
+
+
+class Stock(Protocol):
+    """A closed convex body in the part frame, mm."""
+
+    kind: str
+
+    @property
+    def diameter(self) -> float:
+        """Largest extent across the axis, mm."""
+
+    @property
+    def length(self) -> float:
+        """Extent along the axis, mm."""
+
+    @property
+    def middle(self) -> Float[ndarray, "3"]:
+        """The middle of the body."""
+
+    def signed_distance(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n"]:
+        """Distance to the surface, mm, negative inside."""
+
+    def nearest(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+        """The surface point nearest to each point."""
+
+    def outward(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+        """Unit outward normals of the surface at the nearest points."""
+
+    def mesh(self, chord_tolerance: float) -> TriangleMesh:
+        """A closed outward mesh, its vertices on the surface, its faces within `chord_tolerance` of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Capsule:
+    """All points within `radius` of the segment from `start` to `end`, mm."""
+
+    start: Float[ndarray, "3"]
+    end: Float[ndarray, "3"]
+    radius: float
+    kind: str = "capsule"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "start", frozen(self.start))
+        object.__setattr__(self, "end", frozen(self.end))
+        if not (np.isfinite(self.radius) and self.radius > 0 and np.isfinite([self.start, self.end]).all()):
+            raise ValueError(f"a capsule needs a positive radius and finite ends, not {self.radius} from {self.start} to {self.end}")
+
+    @property
+    def diameter(self) -> float:
+        """Diameter, mm."""
+        return 2 * self.radius
+
+    @property
+    def length(self) -> float:
+        """Length over both caps, mm."""
+        return float(np.linalg.norm(self.end - self.start)) + 2 * self.radius
+
+    @property
+    def middle(self) -> Float[ndarray, "3"]:
+        """The middle of the axis."""
+        return np.asarray((self.start + self.end) / 2)
+
+    def _axis_points(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+        axis = self.end - self.start
+        square = float(axis @ axis)
+        along = np.clip((points - self.start) @ axis / square, 0, 1) if square > 0 else np.zeros(len(points))
+        return self.start + along[:, None] * axis
+
+    def signed_distance(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n"]:
+        """Distance to the surface, mm, negative inside."""
+        return np.asarray(np.linalg.norm(points - self._axis_points(points), axis=1) - self.radius)
+
+    def outward(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+        """Unit directions away from the axis segment; on the segment itself any one across it."""
+        across = points - self._axis_points(points)
+        reach = np.linalg.norm(across, axis=1, keepdims=True)
+        degenerate = reach[:, 0] <= np.finfo(float).eps * self.radius
+        across[degenerate], reach[degenerate] = self._frame()[0], 1.0
+        return across / reach
+
+    def nearest(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+        """The surface point nearest to each point."""
+        return self._axis_points(points) + self.radius * self.outward(points)
+
+    def _frame(self) -> Float[ndarray, "3 3"]:
+        """Two unit vectors across the axis and the axis itself, right-handed."""
+        axis = self.end - self.start
+        size = np.linalg.norm(axis)
+        along = axis / size if size > 0 else np.array([0.0, 0.0, 1.0])
+        across = np.cross(np.eye(3)[1 if abs(along[1]) < 0.9 else 0], along)
+        across /= np.linalg.norm(across)
+        return np.array([across, np.cross(along, across), along])
+
+    def mesh(self, chord_tolerance: float) -> TriangleMesh:
+        """A closed outward mesh, its vertices on the surface, its faces within `chord_tolerance` of it."""
+        turn = np.arccos(max(1 - chord_tolerance / (2 * self.radius), 0.0))
+        around = max(12, int(np.ceil(np.pi / turn)))
+        quarter = max(4, int(np.ceil(np.pi / 4 / turn)))
+        latitude = np.linspace(0, np.pi / 2, quarter + 1)
+        height = np.concatenate([-np.cos(latitude[1:]), np.cos(latitude[:0:-1])]) * self.radius
+        reach = np.concatenate([np.sin(latitude[1:]), np.sin(latitude[:0:-1])]) * self.radius
+        lift = np.repeat([0.0, self.length - 2 * self.radius], quarter)
+        angle = 2 * np.pi * np.arange(around) / around
+        ring = np.stack([np.cos(angle), np.sin(angle), np.zeros(around)], axis=1)
+        local = reach[:, None, None] * ring + (height + lift)[:, None, None] * np.array([0.0, 0.0, 1.0])
+        poles = np.array([[0, 0, -self.radius], [0, 0, self.length - self.radius]])
+        points = np.vstack([local.reshape(-1, 3), poles]) @ self._frame() + self.start
+        return TriangleMesh(points, ring_faces(len(reach), around))
+
+
+def ring_faces(rings: int, around: int) -> ndarray:
+    """Faces of `rings` rings of `around` points and two poles behind them, outward when the rings rise."""
+    index = np.arange(rings * around).reshape(rings, around)
+    a, b = index[:-1].ravel(), np.roll(index, -1, axis=1)[:-1].ravel()
+    c, d = np.roll(index, -1, axis=1)[1:].ravel(), index[1:].ravel()
+    first, last = rings * around, rings * around + 1
+    bottom = np.column_stack([np.full(around, first), np.roll(index[0], -1), index[0]])
+    top = np.column_stack([np.full(around, last), index[-1], np.roll(index[-1], -1)])
+    faces = np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d]), bottom, top])
+    return faces.astype(np.int32)
+
+
+def require_inside(stock: Stock, points: Float[ndarray, "n 3"], margin: float) -> None:
+    """Raise StockError where a point has less than `margin` mm of the stock's material outside it."""
+    depth = stock.signed_distance(points)
+    worst = int(np.argmax(depth))
+    if depth[worst] > -margin:
+        place = points[worst]
+        where = f"({place[0]:.2f}, {place[1]:.2f}, {place[2]:.2f})"
+        trouble = f"leaves it by {depth[worst]:.3f} mm" if depth[worst] > 0 else f"comes within {-depth[worst]:.3f} mm of its wall"
+        raise StockError(
+            f"the stock ({stock.kind} {stock.diameter:.2f} x {stock.length:.2f} mm) does not hold the part, which {trouble} at {where}: "
+            f"give a stock at least {depth[worst] + margin:.2f} mm larger there",
+            distance=float(depth[worst]),
+            place=place,
+        )
+
+
+def smallest_capsule(points: Float[ndarray, "n 3"], allowance: float) -> Capsule:
+    """The capsule of least volume on the Z axis that holds the points with `allowance` mm of material around them.
+
+    For a radius r the caps move in until a point is `allowance` below their surface; of the radii between the least
+    possible and 1.6 times it the one of least volume is taken (the scan is fixed, so the answer is too).
+    """
+    if allowance <= 0:
+        raise StockError(f"an allowance of {allowance} mm leaves no material round the part: give a positive one", distance=allowance)
+    reach = np.linalg.norm(points[:, :2], axis=1)
+    best: tuple[float, float, float, float] | None = None
+    for inner in reach.max() * np.linspace(1 + 1e-9, RADIUS_SPAN, RADII):
+        rise = np.sqrt(inner**2 - reach**2)
+        low, high = float((points[:, 2] + rise).min()), float((points[:, 2] - rise).max())
+        if low > high:
+            low = high = (low + high) / 2
+        radius = float(inner) + allowance
+        volume = np.pi * radius**2 * (high - low) + 4 / 3 * np.pi * radius**3
+        if best is None or volume < best[0]:
+            best = (volume, radius, low, high)
+    assert best is not None
+    return Capsule(np.array([0, 0, best[2]]), np.array([0, 0, best[3]]), best[1])
+
+
+def given_capsule(diameter: float, length: float, points: Float[ndarray, "n 3"], margin: float = MARGIN) -> Capsule:
+    """A capsule of this size on the Z axis, centred on the part's height.
+
+    Raises StockError with `distance` and `place` where the part leaves it or has less than `margin` mm of material outside it.
+    """
+    if not 0 < diameter <= length:
+        raise StockError(f"a capsule of diameter {diameter} and length {length} mm: the length must reach over both caps", distance=0.0)
+    middle = (points[:, 2].min() + points[:, 2].max()) / 2
+    half = (length - diameter) / 2
+    capsule = Capsule(np.array([0, 0, middle - half]), np.array([0, 0, middle + half]), diameter / 2)
+    require_inside(capsule, points, margin)
+    return capsule
