@@ -1,0 +1,83 @@
+"""The ball must not enter what is to stay: centres are lifted along the contact normal until it is free.
+
+Where the ball does not fit (a groove sharper than the ball, a neighbouring condyle) the true contact cannot be reached:
+`distance(centre, mesh) >= R - tolerance` is bought with a lift, and the lift is told.
+"""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy import ndarray
+
+ROUNDS = 40
+FRACTIONS = (0.25, 0.5, 0.75)
+CONTACT_SHARE, MOVE_SHARE = 0.3, 0.7
+"""Parts of the tolerance a contact, and a place between two contacts, may use up."""
+
+
+class SignedDistance(Protocol):
+    """What measures distance to a closed mesh: negative inside, mm."""
+
+    def signed(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
+        """Signed distances of points."""
+
+
+def room(obstacles: Sequence[SignedDistance], points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
+    """Distance to the nearest of the obstacles, mm."""
+    return np.min([obstacle.signed(points) for obstacle in obstacles], axis=0) if len(points) else np.zeros(0)
+
+
+def lift_free(
+    contacts: Float[ndarray, "n 3"],
+    normals: Float[ndarray, "n 3"],
+    radius: float,
+    tolerance: float,
+    obstacles: Sequence[SignedDistance],
+    joined: Bool[ndarray, " n"],
+    limit: float,
+) -> Float[ndarray, " n"]:
+    """Lift of every centre (mm, 0 where the ball fits) that frees it and the moves between; NaN where `limit` does not suffice.
+
+    `joined[i]` says that the tool moves straight from contact i to contact i + 1 (the last entry is False).
+    """
+    lifts = _lift_contacts(contacts, normals, radius, radius - CONTACT_SHARE * tolerance, obstacles, limit)
+    moves = np.flatnonzero(joined)
+    for _ in range(ROUNDS):
+        centres = contacts + (radius + lifts)[:, None] * normals
+        moves = moves[np.isfinite(lifts[moves]) & np.isfinite(lifts[moves + 1])]
+        need = np.zeros(len(moves))
+        for fraction in FRACTIONS:
+            between = (1 - fraction) * centres[moves] + fraction * centres[moves + 1]
+            need = np.maximum(need, radius - MOVE_SHARE * tolerance - room(obstacles, between))
+        bad = need > 0
+        if not bad.any():
+            return lifts
+        moves, need = moves[bad], need[bad] + CONTACT_SHARE * tolerance
+        raised = np.zeros(len(lifts))
+        np.maximum.at(raised, moves, need)
+        np.maximum.at(raised, moves + 1, need)
+        lifts = lifts + raised
+        lifts[lifts > limit] = np.nan
+        moves = np.flatnonzero(joined & ((raised > 0) | np.r_[raised[1:] > 0, False]))
+    lifts[moves] = lifts[moves + 1] = np.nan
+    return lifts
+
+
+def _lift_contacts(
+    contacts: ndarray, normals: ndarray, radius: float, wanted: float, obstacles: Sequence[SignedDistance], limit: float
+) -> ndarray:
+    """Raise each ball by what it lacks, again and again: the distance never grows faster than the lift."""
+    lifts = np.zeros(len(contacts))
+    active = np.arange(len(contacts))
+    for _ in range(ROUNDS):
+        lack = wanted - room(obstacles, contacts[active] + (radius + lifts[active])[:, None] * normals[active])
+        active, lack = active[lack > 0], lack[lack > 0]
+        if not len(active):
+            return lifts
+        lifts[active] += 1.2 * lack + 0.1 * (radius - wanted)
+        lifts[active[lifts[active] > limit]] = np.nan
+        active = active[np.isfinite(lifts[active])]
+    lifts[active] = np.nan
+    return lifts

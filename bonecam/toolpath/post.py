@@ -1,0 +1,60 @@
+"""The post that holds the part: a cylinder about the Z axis from the table (z = 0) up to the part."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.errors import ToolPathError
+from bonecam.job import HoldingJob
+from bonecam.mesh.triangle_mesh import TriangleMesh
+
+
+@dataclass(frozen=True)
+class Post:
+    """Radius and top (z), mm."""
+
+    radius: float
+    top: float
+
+    def distance(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
+        """Signed distance to the solid cylinder, negative inside, mm."""
+        out = np.hypot(points[:, 0], points[:, 1]) - self.radius
+        up = np.maximum(points[:, 2] - self.top, -points[:, 2])
+        return np.minimum(np.maximum(out, up), 0.0) + np.hypot(np.maximum(out, 0.0), np.maximum(up, 0.0))
+
+
+def post_below(part: TriangleMesh, holding: HoldingJob) -> Post:
+    """The post that ends where all of its top has met the part's underside, at most one diameter into it.
+
+    Raises ToolPathError where no line of the post meets the part.
+    """
+    radius = holding.diameter / 2
+    angle = np.arange(24) * (2 * np.pi / 24)
+    rings = [np.zeros((1, 2))] + [radius * f * np.column_stack([np.cos(angle), np.sin(angle)]) for f in (1 / 3, 2 / 3, 1.0)]
+    heights = _undersides(part, np.vstack(rings))
+    met = heights[np.isfinite(heights)]
+    if not len(met):
+        raise ToolPathError(
+            f"the post of diameter {holding.diameter:g} mm on the Z axis misses the part: place the part's lower end over it",
+            diameter=holding.diameter,
+        )
+    return Post(radius, float(min(met.max(), met.min() + holding.diameter)))
+
+
+def _undersides(part: TriangleMesh, places: ndarray) -> ndarray:
+    """Lowest z of the part above each (x, y); inf where it is missed."""
+    a, b, c = (part.vertices[part.faces[:, i]] for i in range(3))
+    u, v = (b - a)[:, :2], (c - a)[:, :2]
+    area = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+    steep = np.abs(area) <= np.finfo(float).eps * part.diagonal**2
+    area = np.where(steep, 1.0, area)
+    lowest = np.full(len(places), np.inf)
+    for i, place in enumerate(places):
+        w = place - a[:, :2]
+        p, q = (w[:, 0] * v[:, 1] - w[:, 1] * v[:, 0]) / area, (u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0]) / area
+        hit = ~steep & (p >= 0) & (q >= 0) & (p + q <= 1)
+        if hit.any():
+            lowest[i] = (a[hit, 2] + p[hit] * (b - a)[hit, 2] + q[hit] * (c - a)[hit, 2]).min()
+    return lowest
