@@ -106,7 +106,7 @@ def convert_one(mesh: Path, folder: Path, job: Job) -> Outcome:
     """Convert in this process and write program and report into `folder`, the report last."""
     began = time.perf_counter()
     result = bonecam.convert(mesh, job)
-    program = folder / f"{mesh.stem}{result.program.ending}"
+    program = folder / f"{mesh.stem}{result.program.extension}"
     write_whole(program, result.program.text)
     report = {**result.report, "nc": {**result.report["nc"], "file": program.name}, "fingerprint": fingerprint(mesh, job)}
     write_whole(folder / f"{mesh.stem}.json", json.dumps(report, indent=2) + "\n")

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 ORDER = (
-    "errors progress arrays files job kernels mesh surface levels toolpath orientation nc verify pipeline keep filters batch cli".split()
+    "errors progress arrays files job kernels mesh surface levels toolpath orientation nc verify keep pipeline filters batch cli".split()
 )
 ROOT = Path(__file__).parents[1] / "bonecam"
 MODULES = sorted(path for path in ROOT.rglob("*.py") if path != ROOT / "__init__.py")

@@ -1,0 +1,45 @@
+"""What `--keep DIR` writes for a person to look at or reuse."""
+
+import csv
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+from bonecam.files import whole_folder, write_whole
+from bonecam.levels.level import Level
+from bonecam.mesh.files import write_mesh
+from bonecam.surface.files import write_tsm
+from bonecam.surface.tspline import TSpline
+from bonecam.toolpath.path import Kind, ToolPath
+from bonecam.verify.pictures import draw_levels, draw_toolpath
+
+COLUMNS = "level,pass,index,contact_x,contact_y,contact_z,tip_x,tip_y,tip_z,axis_x,axis_y,axis_z,kind,feed".split(",")
+
+
+def keep(folder: str | Path, surface: TSpline, levels: Sequence[Level], paths: Sequence[ToolPath], post: tuple[float, float]) -> None:
+    """Write surface.tsm, level_00.ply ..., toolpath.csv, levels.png and toolpath.png; all of them or none.
+
+    `post` is (diameter, top z) in mm.
+    """
+    with whole_folder(folder) as work:
+        write_tsm(surface, work / "surface.tsm")
+        for level in levels:
+            write_mesh(level.mesh, work / f"level_{level.index:02d}.ply")
+        write_whole(work / "toolpath.csv", toolpath_csv(paths))
+        draw_levels(levels, post, work / "levels.png")
+        draw_toolpath(paths, work / "toolpath.png")
+
+
+def toolpath_csv(paths: Sequence[ToolPath]) -> str:
+    """One line a point in machining order; mm, unit axes, mm/min; contacts are empty on links and rapids."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for path in paths:
+        for i in range(len(path.tips)):
+            cut = path.kinds[i] == Kind.CUT
+            contact = [f"{value:.6f}" for value in path.contacts[i]] if cut else ["", "", ""]
+            tip, axis = ([f"{value:.{digits}f}" for value in row] for row, digits in ((path.tips[i], 6), (path.axes[i], 9)))
+            kind = Kind(path.kinds[i]).name.lower()
+            writer.writerow([path.level, path.pass_index[i], i, *contact, *tip, *axis, kind, f"{path.feed_rates[i]:.1f}"])
+    return text.getvalue()

@@ -1,0 +1,224 @@
+"""The flow: mesh -> surface -> levels -> toolpath -> orientation -> nc -> verify, one function a stage.
+
+All stages work in one frame, mm: the part's long axis is +Z, the table is z = 0 and is the program's zero, the post stands on it.
+"""
+
+import json
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.errors import MachineError
+from bonecam.files import write_whole
+from bonecam.job import Job, MeshJob
+from bonecam.levels.morph import Morph, morph
+from bonecam.levels.schedule import schedule_of
+from bonecam.levels.stock import Capsule, given_capsule, smallest_capsule
+from bonecam.mesh.files import read_mesh
+from bonecam.mesh.pose import upright
+from bonecam.mesh.repair import repair
+from bonecam.mesh.sections import harmonic_rows
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.mesh.units import to_mm
+from bonecam.nc.dialect import read_dialect
+from bonecam.nc.machine import Machine, read_machine
+from bonecam.nc.program import Program
+from bonecam.nc.write import write_program
+from bonecam.progress import Progress, part, report, silent
+from bonecam.surface.fit import Fit, fit
+from bonecam.surface.tspline import TSpline
+from bonecam.toolpath.path import ToolPath
+from bonecam.verify.readback import Tolerances, Verification, verify_program
+from bonecam.verify.report import levels_report, nc_report, summary_of, surface_report, toolpath_report
+
+PROOF_CHORD = 0.001
+"""Chord tolerance of the part's tessellation that the posted program is checked against, mm."""
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """The repaired bone in mm, and where it came from. `transform` (4, 4) leads from the file's mm to `mesh`."""
+
+    mesh: TriangleMesh
+    file: str
+    faces: int
+    units: str
+    repairs: tuple[str, ...]
+    transform: Float[ndarray, "4 4"]
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """Everything the chain made. `report` is what --report writes."""
+
+    part: Part
+    surface: TSpline
+    stock: Capsule
+    levels: Morph
+    paths: tuple[ToolPath, ...]
+    program: Program
+    report: dict[str, Any]
+
+    @property
+    def summary(self) -> str:
+        """What came of it, in a few lines."""
+        return summary_of(self.report)
+
+
+def convert(
+    mesh: str | Path | TriangleMesh,
+    job: Job | None = None,
+    *,
+    program: str | Path | None = None,
+    keep: str | Path | None = None,
+    report: str | Path | None = None,
+    progress: Progress = silent,
+) -> Result:
+    """Mesh in, verified NC program out: the whole chain.
+
+    `mesh` is a file or a TriangleMesh in the job's units. Files named by `program`, `keep` and `report` are written last, each
+    whole; where anything fails nothing is written. Raises a BonecamError that names the trouble.
+    """
+    job, clock = job or Job(), _Clock()
+    machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)
+    with clock.stage("mesh"):
+        placed, stock = place(prepare(mesh, job.mesh, part(progress, 0.0, 0.03)), job)
+        check_room(stock, job, machine)
+    with clock.stage("surface"):
+        fitted = fit_surface(placed, job, part(progress, 0.03, 0.15))
+    with clock.stage("levels"):
+        levels = make_levels(fitted.surface, stock, job, part(progress, 0.15, 0.3))
+    with clock.stage("toolpath"):
+        paths = plan_paths(levels, stock, job, machine, part(progress, 0.3, 0.85))
+    with clock.stage("nc"):
+        posted = write_program(paths, machine, dialect, job, stock_bounds=stock_bounds(stock), progress=part(progress, 0.85, 0.9))
+    with clock.stage("verify"):
+        proof = verify(posted, paths, levels, job, part(progress, 0.9, 0.97))
+    figures = {
+        "input": {"file": placed.file, "faces": placed.faces, "units": placed.units, "repairs": list(placed.repairs)},
+        "surface": surface_report(fitted),
+        "stock": {"kind": stock.kind, "diameter_mm": stock.diameter, "length_mm": stock.length},
+        "levels": levels_report(levels.levels),
+        "levels_lower_bound": levels.lower_bound,
+        "toolpath": toolpath_report(paths),
+        "nc": {"file": Path(program).name if program else "", **nc_report(posted, proof)},
+        "seconds": clock.seconds,
+    }
+    result = Result(placed, fitted.surface, stock, levels, paths, posted, figures)
+    write_outputs(result, job, program, keep, report)
+    return result
+
+
+def prepare(mesh: str | Path | TriangleMesh, job: MeshJob, progress: Progress = silent) -> Part:
+    """Read, scale to mm, repair and turn upright."""
+    report(progress, 0.0, "reading the mesh")
+    name = "the mesh" if isinstance(mesh, TriangleMesh) else str(mesh)
+    raw = mesh if isinstance(mesh, TriangleMesh) else read_mesh(mesh)
+    report(progress, 0.3, "repairing the mesh")
+    sound, repairs = repair(to_mm(raw, job.units, file=name), file=name)
+    posed, transform = upright(sound) if job.upright else (sound, np.eye(4))
+    return Part(posed, name, len(raw.faces), job.units, repairs, transform)
+
+
+def place(unplaced: Part, job: Job) -> tuple[Part, Capsule]:
+    """The stock round the part, and both moved up onto the post."""
+    found = unplaced.mesh
+    if job.stock.diameter or job.stock.length:
+        stock = given_capsule(job.stock.diameter, job.stock.length, found.vertices)
+    else:
+        stock = smallest_capsule(found.vertices, job.stock.allowance)
+    lift = np.array([-stock.start[0], -stock.start[1], job.holding.length - (stock.start[2] - stock.radius)])
+    shift = np.eye(4)
+    shift[:3, 3] = lift
+    placed = replace(unplaced, mesh=found.moved(shift), transform=shift @ unplaced.transform)
+    return placed, Capsule(stock.start + lift, stock.end + lift, stock.radius)
+
+
+def stock_bounds(stock: Capsule) -> Float[ndarray, "2 3"]:
+    """Lowest and highest corner of the stock, mm."""
+    return np.array([np.minimum(stock.start, stock.end) - stock.radius, np.maximum(stock.start, stock.end) + stock.radius])
+
+
+def check_room(stock: Capsule, job: Job, machine: Machine) -> None:
+    """MachineError where the stock on its post with a tool above it cannot be within the machine's travel."""
+    needed = job.holding.length + stock.length + max(job.roughing.overhang, job.finishing.overhang)
+    for axis in machine.linear:
+        extent = needed if axis.letter == "Z" else stock.diameter
+        if extent > axis.travel:
+            raise MachineError(
+                f"{machine.name}: {extent:.0f} mm are needed along {axis.letter}, its travel is {axis.travel:.0f} mm: "
+                "take a larger machine (--machine), or a shorter post or tool",
+                axis=axis.letter,
+                needed=extent,
+                travel=axis.travel,
+            )
+
+
+def fit_surface(placed: Part, job: Job, progress: Progress = silent) -> Fit:
+    """Harmonic rows, then the T-spline within the tolerance."""
+    edge = job.mesh.edge_percent / 100 * placed.mesh.diagonal
+    rows = harmonic_rows(placed.mesh, job.mesh.rows, job.mesh.row_points, edge, part(progress, 0.0, 0.2))
+    return fit(rows, placed.mesh, job.surface.tolerance, job.surface.max_control_points, part(progress, 0.2, 1.0))
+
+
+def make_levels(surface: TSpline, stock: Capsule, job: Job, progress: Progress = silent) -> Morph:
+    """The morph from the part to the stock, measured."""
+    return morph(
+        surface,
+        stock,
+        schedule_of(job.levels),
+        stiffness=job.levels.stiffness,
+        attraction=job.levels.attraction,
+        chord_tolerance=job.levels.chord_tolerance,
+        progress=progress,
+    )
+
+
+def verify(posted: Program, paths: Sequence[ToolPath], levels: Morph, job: Job, progress: Progress = silent) -> Verification:
+    """Read the posted text back and prove it against the paths and the design surface."""
+    report(progress, 0.0, "reading the program back")
+    surface = levels.levels[0].surface
+    assert surface is not None
+    tolerances = Tolerances(gouge=job.path.gouge_tolerance)
+    machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)
+    return verify_program(posted.text, paths, machine, dialect, surface.tessellate(PROOF_CHORD), tolerances)
+
+
+def post(paths: Sequence[ToolPath], levels: Morph, stock: Capsule, job: Job, progress: Progress = silent) -> tuple[Program, Verification]:
+    """The program of the paths for the job's machine and controller, and its proof."""
+    machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)
+    posted = write_program(paths, machine, dialect, job, stock_bounds=stock_bounds(stock), progress=part(progress, 0.0, 0.5))
+    return posted, verify(posted, paths, levels, job, part(progress, 0.5, 1.0))
+
+
+def write_outputs(result: Result, job: Job, program: str | Path | None, keep: str | Path | None, report: str | Path | None) -> None:
+    """Write what was asked for: the kept folder first, the program last."""
+    if keep is not None:
+        from bonecam.keep import keep as keep_files
+
+        keep_files(keep, result.surface, result.levels.levels, result.paths, (job.holding.diameter, float(result.part.mesh.bounds[0, 2])))
+    if report is not None:
+        write_whole(report, json.dumps(result.report, indent=2) + "\n")
+    if program is not None:
+        write_whole(program, result.program.text)
+
+
+class _Clock:
+    """Wall seconds of each stage."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Time one stage."""
+        began = time.perf_counter()
+        yield
+        self.seconds[name] = round(time.perf_counter() - began, 3)

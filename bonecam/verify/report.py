@@ -1,0 +1,103 @@
+"""The report: figures of every stage under names that stay (`--report FILE.json`)."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from bonecam.levels.level import Level
+from bonecam.nc.program import Program
+from bonecam.surface.fit import Fit
+from bonecam.toolpath.path import Kind, ToolPath
+from bonecam.verify.readback import Verification
+
+
+def levels_report(levels: Sequence[Level]) -> list[dict[str, Any]]:
+    """`levels` of the report: what was measured on each."""
+    return [
+        {
+            "index": level.index,
+            "limit_mm": _mm(level.limit),
+            "depth_max_mm": _mm(level.depth_max),
+            "depth_mean_mm": _mm(level.depth_mean),
+            "nesting_min_mm": _mm(level.nesting_min),
+            "self_intersections": int(level.self_intersections),
+        }
+        for level in levels
+    ]
+
+
+def toolpath_report(paths: Sequence[ToolPath]) -> list[dict[str, Any]]:
+    """`toolpath` of the report, in machining order."""
+    rows = []
+    for path in paths:
+        cutting = path.kinds == Kind.CUT
+        steps = np.linalg.norm(np.diff(path.tips, axis=0, prepend=path.tips[:1]), axis=1)
+        reasons = {reason: path.reasons.count(reason) for reason in sorted(set(path.reasons))}
+        rows.append(
+            {
+                "level": path.level,
+                "cutter_radius_mm": path.cutter.radius,
+                "scallop_limit_mm": path.scallop_limit,
+                "passes": len(np.unique(path.pass_index[cutting])),
+                "contacts": int((~np.isnan(path.contacts[:, 0])).sum()),
+                "length_mm": round(float(steps[cutting].sum()), 1),
+                "uncut_contacts": len(path.uncut),
+                "uncut_reasons": reasons,
+            }
+        )
+    return rows
+
+
+def surface_report(fitted: Fit) -> dict[str, Any]:
+    """`surface` of the report: control points and the deviation both ways."""
+    found = fitted.deviation
+    return {
+        "control_points": fitted.control_points,
+        "deviation_max_mm": _mm(found.max),
+        "deviation_rms_mm": _mm(found.rms),
+        "surface_to_mesh_max_mm": _mm(found.surface_to_mesh_max),
+        "mesh_to_surface_max_mm": _mm(found.mesh_to_surface_max),
+        "tolerance_mm": fitted.tolerance,
+        "tolerance_reached": fitted.reached,
+    }
+
+
+def nc_report(program: Program, proof: Verification) -> dict[str, Any]:
+    """`nc` of the report but for the file's name: what was posted and what reading it back proved."""
+    return {
+        "machine": program.machine,
+        "controller": program.controller,
+        "blocks": program.blocks,
+        "moves": program.moves,
+        "readback_tip_error_mm": _mm(proof.readback_tip_error_mm),
+        "readback_axis_error_deg": _mm(proof.readback_axis_error_deg),
+        "gouge_max_mm": _mm(proof.gouge_max_mm),
+        "rotary_max_deg_per_block": _mm(program.rotary_max_deg_per_block),
+        "time_min": round(program.time_min, 2),
+    }
+
+
+def summary_of(report: Mapping[str, Any]) -> str:
+    """The report in a few lines for a person."""
+    surface, levels, nc = report["surface"], report["levels"], report["nc"]
+    uncut = sum(row["uncut_contacts"] for row in report["toolpath"])
+    contacts = sum(row["contacts"] for row in report["toolpath"])
+    lines = [
+        f"mesh      {report['input']['faces']} faces, {report['input']['units']}; {len(report['input']['repairs'])} repairs",
+        f"surface   {surface['control_points']} control points, "
+        f"deviation max {surface['deviation_max_mm']:.3f} rms {surface['deviation_rms_mm']:.3f} mm",
+        f"stock     {report['stock']['kind']} {report['stock']['diameter_mm']:.2f} x {report['stock']['length_mm']:.2f} mm",
+        f"levels    {len(levels) - 1} cuts, no schedule needs fewer than {report['levels_lower_bound']}; "
+        f"depth max {max(row['depth_max_mm'] for row in levels):.4f} mm",
+        f"toolpath  {contacts} contacts, {uncut} left uncut (listed in the report by reason)",
+        f"nc        {nc['file']}: {nc['blocks']} blocks for {nc['machine']} / {nc['controller']}, about {nc['time_min']:.0f} min",
+        f"proof     tip {nc['readback_tip_error_mm'] * 1000:.2f} um, axis {nc['readback_axis_error_deg']:.4f} deg, "
+        f"gouge {nc['gouge_max_mm'] * 1000:.2f} um",
+        f"time      {sum(report['seconds'].values()):.1f} s",
+    ]
+    return "\n".join(lines)
+
+
+def _mm(value: float) -> float:
+    return round(float(value), 6)

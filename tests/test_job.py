@@ -1,0 +1,56 @@
+import pickle
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+
+from bonecam.errors import JobError, LevelError
+from bonecam.job import Job, read_job, record, write_job
+
+
+def test_a_written_job_reads_back_equal(tmp_path: Path) -> None:
+    job = Job().with_values(stock={"diameter": 15.0}, nc={"coolant": False, "controller": "linuxcnc"})
+    file = tmp_path / "job.toml"
+    file.write_text(write_job(job), encoding="utf-8")
+    assert read_job(file) == job
+
+
+def test_every_parameter_states_label_tooltip_and_a_default_within_its_range() -> None:
+    for section in fields(Job):
+        for item in fields(getattr(Job(), section.name)):
+            known = record(item)
+            assert known.label
+            assert known.tooltip.endswith(".")
+            assert not isinstance(item.default, float) or known.low <= item.default <= known.high
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("[stock]\ndiameter = -1", "diameter"),
+        ("[stock]\nwidth = 1", "width"),
+        ("[stok]\ndiameter = 1", "stok"),
+        ('[stock]\ndiameter = "15"', "diameter"),
+        ("diameter = 1", "diameter"),
+        ("[stock", "mend the TOML"),
+        ('[mesh]\nunits = "feet"', "units"),
+        ("[nc]\ncoolant = 1", "coolant"),
+        ("[stock]\ndiameter = nan", "diameter"),
+    ],
+)
+def test_a_wrong_job_file_is_refused_with_its_name_and_place(tmp_path: Path, text: str, named: str) -> None:
+    file = tmp_path / "job.toml"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(JobError, match=named) as caught:
+        read_job(file)
+    assert "job.toml" in str(caught.value)
+
+
+def test_a_missing_job_file_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(JobError, match=r"none\.toml"):
+        read_job(tmp_path / "none.toml")
+
+
+def test_errors_survive_the_way_between_processes() -> None:
+    error = pickle.loads(pickle.dumps(LevelError("level 3 folds", level=3)))
+    assert (type(error), str(error), error.evidence) == (LevelError, "level 3 folds", {"level": 3})
