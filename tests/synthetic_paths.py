@@ -55,19 +55,35 @@ def capsule_path(
             add(tips[i], axes[i], Kind.CUT, index, 900.0)
         add(tips[last] + 2 * axes[last], axes[last], Kind.LINK, -1, 1500.0)
         add(tips[last] + 12 * axes[last], axes[last], Kind.RAPID, -1, 10000.0)
-    n = len(rows)
+    return made_path(
+        np.array([row[0] for row in rows]),
+        np.array([row[1] for row in rows]),
+        kinds=np.array(kinds, dtype=np.int64),
+        passes=np.array(passes, dtype=np.int64),
+        feeds=np.array(feeds),
+        tool=cutter(number, radius),
+        level=level,
+    )
+
+
+def made_path(tips, axes, kinds=None, passes=None, feeds=None, tool=None, level=0) -> ToolPath:
+    """A tool path of given tips and axes; one pass of cuts begun by a rapid where nothing else is said."""
+    n = len(tips)
     nan = np.full((n, 3), np.nan)
+    if kinds is None:
+        kinds = np.full(n, int(Kind.CUT))
+        kinds[0] = Kind.RAPID
     return ToolPath(
         level=level,
-        cutter=cutter(number, radius),
+        cutter=tool or cutter(),
         scallop_limit=0.02,
-        kinds=np.array(kinds, dtype=np.int64),
-        pass_index=np.array(passes, dtype=np.int64),
+        kinds=kinds,
+        pass_index=np.where(kinds == Kind.CUT, 0, -1) if passes is None else passes,
         parameters=nan[:, :2],
         contacts=nan,
-        tips=np.array([row[0] for row in rows]),
-        axes=np.array([row[1] for row in rows]),
-        feed_rates=np.array(feeds),
+        tips=np.asarray(tips, dtype=float),
+        axes=np.asarray(axes, dtype=float),
+        feed_rates=np.where(kinds == Kind.RAPID, 10000.0, 900.0) if feeds is None else feeds,
         uncut=np.zeros((0, 3)),
         reasons=(),
     )

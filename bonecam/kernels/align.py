@@ -55,7 +55,8 @@ def align(
     """Row reached (>= 0), or -1 for a loose move before a fresh row, or -2 - row for a move on the way to `row`; errors; stop.
 
     `loose` moves may come before a row that is `fresh` (reached from anywhere) and after the last.
-    Stops at the first move that fits nowhere: the last two answers are that move and the row waited for; both are the counts where all is well.
+    Stops at the first move that fits nowhere: the last two answers are that move and the row
+    waited for; both are the counts where all is well.
     """
     n, m = len(tips), len(path_tips)
     source, tip_error, axis_error = np.full(n, -1, dtype=np.int64), np.zeros(n), np.zeros(n)

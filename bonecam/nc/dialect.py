@@ -175,7 +175,11 @@ def _numbers(path: Path, values: Any) -> dict[str, NumberFormat]:
         entry = values.get(key) if isinstance(values, dict) else None
         if not isinstance(entry, dict) or not isinstance(entry.get("decimals"), int) or not isinstance(entry.get("sign"), bool):
             raise _wrong(path, f"numbers.{key}", "give decimals and sign")
-        formats[key] = NumberFormat(**entry)
+        unknown = set(entry) - {"decimals", "sign", "lowest", "highest"}
+        if unknown:
+            raise _wrong(path, f"numbers.{key}.{sorted(unknown)[0]}", "unknown key: use decimals, sign, lowest, highest")
+        limits = {name: float(entry[name]) for name in ("lowest", "highest") if name in entry}
+        formats[key] = NumberFormat(entry["decimals"], entry["sign"], **limits)
     return formats
 
 

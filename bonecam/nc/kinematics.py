@@ -17,6 +17,8 @@ from numpy import ndarray
 from bonecam.nc.machine import Machine, RotaryAxis
 
 UP = np.array([0.0, 0.0, 1.0])
+# a solution this little (rad) beyond a limit is on it: far below the last decimal of any word
+LIMIT_GUARD = 1e-8
 
 
 def turn(vectors: Float[ndarray, "n 3"], direction: Float[ndarray, "3"], angles: Float[ndarray, "n"]) -> Float[ndarray, "n 3"]:
@@ -112,6 +114,7 @@ def inverse_rotary(
         found[:, solution, columns[1]] = np.where(free2, 0.0, _angle_about(d2, v, c))
     free = np.empty((len(axes), 2), dtype=bool)
     free[:, columns[0]], free[:, columns[1]] = free1, free2
+    found[np.isnan(rest)], free[np.isnan(rest)] = np.nan, False
     return found, free
 
 
@@ -129,7 +132,7 @@ def tilt_limit(machine: Machine) -> float:
 def within_limits(machine: Machine, found: Float[ndarray, "n 2 2"]) -> Bool[ndarray, "n 2"]:
     """Which solutions of `inverse_rotary` lie within the rotary limits, whole turns allowed."""
     inside = np.isfinite(found).all(2)
-    guard = 1e-12
+    guard = LIMIT_GUARD
     for column, axis in enumerate(machine.rotary):
         low, high = axis.limits
         if np.isfinite(low):

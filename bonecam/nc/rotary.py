@@ -15,7 +15,7 @@ from numpy import ndarray
 
 from bonecam.errors import MachineError
 from bonecam.kernels.chain import cheapest_chain
-from bonecam.nc.kinematics import inverse_rotary, tool_axes, within_limits
+from bonecam.nc.kinematics import LIMIT_GUARD, inverse_rotary, tool_axes, within_limits
 from bonecam.nc.machine import Machine
 from bonecam.toolpath.path import Kind
 
@@ -73,19 +73,19 @@ def _check_reach(machine: Machine, found: ndarray) -> None:
     solutions = found[row][np.isfinite(found[row]).all(1)]
     if not len(solutions):
         raise MachineError(f"point {row}: no rotary angles of {machine.title} reach this tool axis: tilt it less", row=row)
-    for column, axis in enumerate(machine.rotary):
-        low, high = axis.limits
-        nearest = solutions[np.argmin(np.abs(solutions[:, column]))]
-        if not low <= nearest[column] <= high:
-            value, limit = np.degrees(nearest[column]), np.degrees(low if nearest[column] < low else high)
-            raise MachineError(
-                f"point {row}: {axis.letter} {value:.3f} deg leaves the limit {limit:.3f} deg of {machine.title}: limit the tilt",
-                row=row,
-                axis=axis.letter,
-                value_deg=float(value),
-                limit_deg=float(limit),
-            )
-    raise MachineError(f"point {row}: both solutions leave the rotary limits of {machine.title}: limit the tilt", row=row)
+    bounds = np.array([axis.limits for axis in machine.rotary])
+    excess = np.maximum(np.maximum(bounds[:, 0] - solutions, solutions - bounds[:, 1]), 0)
+    solution = int(np.argmin(excess.max(1)))
+    column = int(np.argmax(excess[solution]))
+    letter, value = machine.rotary[column].letter, float(np.degrees(solutions[solution, column]))
+    limit = float(np.degrees(bounds[column, 0] if np.radians(value) < bounds[column, 0] else bounds[column, 1]))
+    raise MachineError(
+        f"point {row}: {letter} {value:.3f} deg leaves the limit {limit:.3f} deg of {machine.title}: limit the tilt",
+        row=row,
+        axis=letter,
+        value_deg=value,
+        limit_deg=limit,
+    )
 
 
 def _nearest_zero(machine: Machine, found: ndarray) -> ndarray:
@@ -106,11 +106,10 @@ def _states(machine: Machine, found: ndarray) -> ndarray:
     first, second = (_turns(machine, column) for column in range(2))
     shifts = np.array([[a, b] for a in first for b in second])
     states = (found[:, :, None, :] + shifts).reshape(len(found), -1, 2)
-    guard = 1e-12
     for column, axis in enumerate(machine.rotary):
         if len((first, second)[column]) > 1 or not axis.endless:
             low, high = axis.limits
-            states[~((states[:, :, column] >= low - guard) & (states[:, :, column] <= high + guard))] = np.nan
+            states[~((states[:, :, column] >= low - LIMIT_GUARD) & (states[:, :, column] <= high + LIMIT_GUARD))] = np.nan
     return states[:, np.isfinite(states[:, :, 0]).any(0)]
 
 
