@@ -1,0 +1,52 @@
+"""The wished-for axis: the normal leaning forward along the feed (Gan et al. 2014, section 5.2: 10 degrees keep the ball's
+tip, which does not cut, off the surface), turned up where the machine's limits or the table forbid it."""
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.orientation.limits import AxisLimits, polar, unit, with_polar
+from bonecam.orientation.scene import TABLE_CLEARANCE
+from bonecam.toolpath.cutter import Cutter
+
+OUTWARD = 0.3
+HALVINGS = 40
+
+
+def lead_axes(normals: Float[ndarray, "n 3"], feeds: Float[ndarray, "n 3"], lead: float) -> Float[ndarray, "n 3"]:
+    """cos(lead) n + sin(lead) f, unit; `lead` in radians, positive leans forward."""
+    return unit(np.cos(lead) * normals + np.sin(lead) * feeds)
+
+
+def turned_up(axes: Float[ndarray, "n 3"], centres: Float[ndarray, "n 3"], cutter: Cutter, limits: AxisLimits) -> Float[ndarray, "n 3"]:
+    """The axes with polar angles brought within the limits and above the table.
+
+    An axis that points almost straight down takes its azimuth from where its ball stands about the Z axis: outward.
+    """
+    away = centres[:, :2] / np.maximum(np.linalg.norm(centres[:, :2], axis=1, keepdims=True), np.finfo(float).tiny)
+    level = np.linalg.norm(axes[:, :2], axis=1, keepdims=True)
+    down = axes[:, 2:] < 0
+    leaning = np.where(down, axes[:, :2] + OUTWARD * (1 - level) * away, axes[:, :2])
+    aimed = np.column_stack([leaning, axes[:, 2]])
+    angle = polar(axes)
+    top = np.minimum(limits.largest, table_limit(centres, cutter))
+    wanted = np.clip(angle, limits.smallest, np.maximum(top, limits.smallest))
+    return np.where((wanted == angle)[:, None], axes, with_polar(aimed, wanted))
+
+
+def table_limit(centres: Float[ndarray, "n 3"], cutter: Cutter) -> Float[ndarray, " n"]:
+    """Largest polar angle at which the holder's and shank's rims stay above the table, radians."""
+    low, high = np.full(len(centres), np.pi / 2), np.full(len(centres), np.pi)
+    for _ in range(HALVINGS):
+        angle = (low + high) / 2
+        rim = np.min(
+            [
+                centres[:, 2] + (u - cutter.radius) * np.cos(angle) - radius * np.sin(angle)
+                for _, start, end, radius in cutter.sections
+                for u in (start, end)
+            ],
+            axis=0,
+        )
+        fits = rim >= 2 * TABLE_CLEARANCE
+        low, high = np.where(fits, angle, low), np.where(fits, high, angle)
+    return low

@@ -1,0 +1,159 @@
+"""Moves between passes: a short hop just above the surface where it is proven free, else out, round the stock and in again.
+
+Out and in run along the tool's own axis; the last of the way in is at the plunge feed. Everything is verified with the whole
+tool against level, material in process, post and table.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+
+from bonecam.orientation.limits import AxisLimits, angles_between
+from bonecam.orientation.moves import Checker, interpolated
+from bonecam.orientation.scene import Scene
+from bonecam.orientation.travel import Route, travel
+from bonecam.toolpath.path import Kind
+
+HOP_LIFT, HOP_STEPS = 0.2, 6
+HOP_TURN = np.radians(40.0)
+STANDOFF = 1.0
+"""Rapid moves end, and begin, where the ball is this far from the material in process, mm."""
+AIR_MARGIN = 0.1
+REACH = np.array([0.0, 0.1, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 13.0, 16.0, 20.0, 26.0, 34.0, 45.0, 60.0, 80.0])
+TRIES = (
+    {"rise": 0.0},
+    {"rise": 0.0, "way_round": True},
+    {"rise": 5.0},
+    {"rise": 0.0, "over_top": True},
+    {"rise": 15.0, "over_top": True},
+    {"rise": 15.0},
+    {"rise": 15.0, "way_round": True},
+)
+VERIFY_STEPS = 4
+
+
+@dataclass(frozen=True)
+class Feeds:
+    """mm/min: of links, of plunges, and the number given to rapid moves."""
+
+    link: float
+    plunge: float
+    rapid: float
+
+
+@dataclass(frozen=True, eq=False)
+class Moves:
+    """Tool positions arrived at one after the other: kind, ball centre, axis, feed."""
+
+    kinds: Int[ndarray, " n"]
+    centres: Float[ndarray, "n 3"]
+    axes: Float[ndarray, "n 3"]
+    feeds: Float[ndarray, " n"]
+
+    @classmethod
+    def along(cls, kind: Kind, centres: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], feed: float) -> "Moves":
+        """Moves of one kind at one feed."""
+        return cls(np.full(len(centres), int(kind)), centres, axes, np.full(len(centres), feed))
+
+    def then(self, other: "Moves") -> "Moves":
+        """These moves and the others behind them."""
+        return Moves(
+            np.r_[self.kinds, other.kinds],
+            np.vstack([self.centres, other.centres]),
+            np.vstack([self.axes, other.axes]),
+            np.r_[self.feeds, other.feeds],
+        )
+
+
+class Linker:
+    """Finds the ways between poses (ball centre, axis) of one level."""
+
+    def __init__(self, checker: Checker, limits: AxisLimits, clearance: float, feeds: Feeds) -> None:
+        self._checker, self._limits, self._feeds = checker, limits, feeds
+        self._scene: Scene = checker.scene
+        self._radius = checker.cutter.radius
+        self._clearance = clearance
+        self._route = Route(self._scene.stock, clearance + self._radius)
+
+    @property
+    def safe(self) -> tuple[Float[ndarray, "3"], Float[ndarray, "3"]]:
+        """Ball centre and axis of the point above the stock where a level begins and ends."""
+        centre, _ = self._route.frames(np.zeros(1), np.array([self._route.top]), np.array([self._clearance]))
+        return centre[0], np.array([0.0, 0.0, 1.0])
+
+    def hops(
+        self, ends: tuple[ndarray, ndarray, ndarray], starts: tuple[ndarray, ndarray, ndarray], near: float
+    ) -> tuple[Bool[ndarray, " k"], list[Moves]]:
+        """Short links from ends to starts (each: centres, normals, axes (k, 3)), and which of them are proven free."""
+        (a, na, va), (b, nb, vb) = ends, starts
+        possible = (np.linalg.norm(b - a, axis=1) <= near) & (angles_between(va, vb) <= HOP_TURN)
+        hops, centres, axes = [], [], []
+        for i in range(len(a)):
+            between, turning = interpolated(a[i] + HOP_LIFT * na[i], b[i] + HOP_LIFT * nb[i], va[i], vb[i], HOP_STEPS)
+            hops.append(Moves.along(Kind.LINK, between, turning, min(self._feeds.link, self._checker.cutter.feed)))
+            centres.append(np.vstack([a[i], between, b[i]]))
+            axes.append(np.vstack([va[i], turning, vb[i]]))
+        good = possible.copy()
+        which = np.flatnonzero(possible)
+        if len(which):
+            c, v = np.vstack([centres[i] for i in which]), np.vstack([axes[i] for i in which])
+            joined = np.tile(np.r_[np.ones(HOP_STEPS + 2, dtype=bool), False], len(which))
+            free = self._checker.free_moves(c - self._radius * v, v, joined, cutting=True)
+            good[which] = (free | ~joined).reshape(len(which), -1).all(axis=1)
+        return good, hops
+
+    def far(self, first: tuple[ndarray, ndarray] | None, last: tuple[ndarray, ndarray] | None) -> Moves | None:
+        """The way from one (centre, axis) to another, the end itself left out; None stands for the safe point. None: there is no way."""
+        out = self._out(first)
+        enter = self._out(last)
+        if out is None or enter is None:
+            return None
+        between = self._round((out.centres[-1], out.axes[-1]), (enter.centres[-1], enter.axes[-1]))
+        if between is None:
+            return None
+        way = out.then(between) if first is not None else between
+        return way if last is None else way.then(self._reversed(enter))
+
+    def _reversed(self, out: Moves) -> Moves:
+        """The way in: the way out backwards without its first pose, all but the last move rapid."""
+        centres, axes = out.centres[::-1][1:], out.axes[::-1][1:]
+        return Moves.along(Kind.RAPID, centres, axes, self._feeds.rapid)
+
+    def _out(self, pose: tuple[ndarray, ndarray] | None) -> Moves | None:
+        """From a contact along the axis to the standoff (link), on to the clearance surface (rapid); verified. None: blocked."""
+        if pose is None:
+            centre, axis = self.safe
+            return Moves.along(Kind.RAPID, centre[None], axis[None], self._feeds.rapid)
+        centre, axis = pose
+        length = max(self._route.exit(centre, axis), REACH[4])
+        reach = np.r_[REACH[length - 0.05 > REACH], length]
+        places = centre + reach[:, None] * axis
+        air = self._scene.room(places, np.full(len(places), self._radius + STANDOFF), "material", self._scene.post) - self._radius
+        blocked = np.flatnonzero(air < STANDOFF)
+        first = min(int(blocked[-1]) + 1 if len(blocked) else 1, len(reach) - 1)
+        first = max(first, 1)
+        axes = np.repeat(axis[None], len(places), axis=0)
+        if not self._verified(places[: first + 1], axes[: first + 1], cutting=True):
+            return None
+        if first + 1 < len(places) and not self._verified(places[first:], axes[first:], cutting=False):
+            return None
+        link = Moves.along(Kind.LINK, places[first : first + 1], axes[:1], self._feeds.link)
+        return link if first + 1 == len(places) else link.then(Moves.along(Kind.RAPID, places[-1:], axes[:1], self._feeds.rapid))
+
+    def _round(self, first: tuple[ndarray, ndarray], last: tuple[ndarray, ndarray]) -> Moves | None:
+        """Round the stock by the first route that is proven free."""
+        for choice in TRIES:
+            centres, axes = travel(self._route, first, last, self._limits, **choice)  # type: ignore[arg-type]
+            if self._limits.allow(axes).all() and self._verified(centres, axes, cutting=False):
+                return Moves.along(Kind.RAPID, centres[1:], axes[1:], self._feeds.rapid)
+        return None
+
+    def _verified(self, centres: ndarray, axes: ndarray, *, cutting: bool) -> bool:
+        """Whether straight moves through these poses are proven free; finely subdivided."""
+        tips = centres - self._radius * axes
+        fine = [interpolated(tips[i], tips[i + 1], axes[i], axes[i + 1], VERIFY_STEPS) for i in range(len(tips) - 1)]
+        places, turns = np.vstack([f[0] for f in fine]), np.vstack([f[1] for f in fine])
+        joined = np.tile(np.r_[np.ones(VERIFY_STEPS, dtype=bool), False], len(fine))
+        return bool((self._checker.free_moves(places, turns, joined, cutting=cutting) | ~joined).all())

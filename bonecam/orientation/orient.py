@@ -1,0 +1,157 @@
+"""From contacts to a tool path: an axis for every contact, proven free, and the moves that join the passes."""
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+
+from bonecam.errors import OrientationError
+from bonecam.job import NcJob, PathJob
+from bonecam.orientation.admissible import allowed, nearest_free, smoothed
+from bonecam.orientation.lead import lead_axes, turned_up
+from bonecam.orientation.limits import AxisLimits, angles_between
+from bonecam.orientation.links import Feeds, Linker, Moves
+from bonecam.orientation.moves import Checker
+from bonecam.orientation.scene import Scene
+from bonecam.toolpath.path import ContactPath, Kind, ToolPath
+
+MAX_TURN = np.radians(15.0)
+NEAR_RADII = 2.5
+
+
+def orient(path: ContactPath, scene: Scene, limits: AxisLimits, job: PathJob, nc: NcJob) -> ToolPath:
+    """Tool axes for the contacts of one level, and safe moves before, between and behind its passes.
+
+    Contacts without an allowed, collision-free axis, and passes without a way to them, are left out and listed in `uncut`
+    (`limits`, `collision`). Raises OrientationError where nothing can be reached.
+    """
+    checker = Checker(scene, path.cutter)
+    axes, reasons = choose_axes(path, checker, limits, job)
+    kept = np.array([not reason for reason in reasons], dtype=bool)
+    index = np.flatnonzero(kept)
+    if not len(index):
+        raise OrientationError(
+            f"level {path.level}: no contact has a free tool axis: use a longer overhang, a longer post or a slimmer holder",
+            level=path.level,
+        )
+    joined = _joined(path, index, axes, checker)
+    runs = np.split(np.arange(len(index)), np.flatnonzero(~joined[:-1]) + 1)
+    feeds = Feeds(nc.link_feed, nc.plunge_feed, nc.rapid_feed)
+    linker = Linker(checker, limits, job.clearance, feeds)
+    builder = _Builder(path, axes, index, linker, runs)
+    return builder.build([*zip(path.contacts[~kept], [r for r in reasons if r])])
+
+
+def choose_axes(path: ContactPath, checker: Checker, limits: AxisLimits, job: PathJob) -> tuple[Float[ndarray, "n 3"], list[str]]:
+    """A free axis for every contact, and for each an empty string or why there is none."""
+    cutter, max_tilt = path.cutter, np.radians(job.max_tilt_deg)
+    axes = turned_up(lead_axes(path.normals, path.feeds, np.radians(job.lead_deg)), path.centres, cutter, limits)
+    good = allowed(axes, path.normals, limits, max_tilt)
+    good &= checker.free_or_judged(path.centres, axes)
+    reasons = [""] * len(axes)
+    which = np.flatnonzero(~good)
+    if len(which):
+
+        def free(i: Int[ndarray, " k"], tried: Float[ndarray, "k 3"]) -> Bool[ndarray, " k"]:
+            return checker.free(path.centres[i], tried)
+
+        axes[which], found = nearest_free(which, axes[which], path.normals[which], limits, max_tilt, free)
+        for i, reason in zip(which.tolist(), found):
+            reasons[i] = reason
+        reached = np.flatnonzero([not reason for reason in reasons])
+        axes[reached] = smoothed(
+            axes[reached],
+            path.normals[reached],
+            path.pass_index[reached],
+            ~good[reached],
+            limits,
+            max_tilt,
+            lambda i, tried: checker.free(path.centres[reached[i]], tried),
+        )
+    return axes, reasons
+
+
+def _joined(path: ContactPath, index: ndarray, axes: ndarray, checker: Checker) -> Bool[ndarray, " n"]:
+    """Whether the tool cuts from each kept contact straight to the next: same pass, neighbours, small turn, move proven free."""
+    passes, kept_axes = path.pass_index[index], axes[index]
+    joined = np.r_[(passes[1:] == passes[:-1]) & (np.diff(index) == 1), False]
+    joined[:-1] &= angles_between(kept_axes[1:], kept_axes[:-1]) <= MAX_TURN
+    tips = path.centres[index] - path.cutter.radius * kept_axes
+    return checker.free_moves(tips, kept_axes, joined)
+
+
+class _Builder:
+    """Lays the runs behind one another with the links between them."""
+
+    def __init__(self, path: ContactPath, axes: ndarray, index: ndarray, linker: Linker, runs: list[ndarray]) -> None:
+        self._path, self._axes, self._linker = path, axes, linker
+        self._runs = [index[run] for run in runs]
+
+    def build(self, uncut: list[tuple[ndarray, str]]) -> ToolPath:
+        """The whole tool path. Runs that cannot be reached join the uncut contacts."""
+        centre, axis = self._linker.safe
+        way = [Moves.along(Kind.RAPID, centre[None], axis[None], self._linker._feeds.rapid)]
+        rows: list[ndarray] = [np.full(1, -1)]
+        passes: list[ndarray] = [np.full(1, -1)]
+        here, count = None, 0
+        hop_free, hops = self._hops()
+        before = -1
+        for k, run in enumerate(self._runs):
+            if here is not None and before == k - 1 and hop_free[k - 1]:
+                link: Moves | None = hops[k - 1]
+            else:
+                link = self._linker.far(here, self._pose(run[0]))
+            if link is None or (not self._leaves(run[-1])):
+                uncut += [(self._path.contacts[i], "collision") for i in run]
+                continue
+            way += [link, self._cut(run)]
+            rows += [np.full(len(link.kinds), -1), run]
+            passes += [np.full(len(link.kinds), -1), np.full(len(run), count)]
+            here, before, count = self._pose(run[-1]), k, count + 1
+        if here is None:
+            raise OrientationError(f"level {self._path.level}: no pass can be reached safely: give more clearance", level=self._path.level)
+        home = self._linker.far(here, None)
+        assert home is not None
+        way.append(home)
+        rows.append(np.full(len(home.kinds), -1))
+        passes.append(np.full(len(home.kinds), -1))
+        return self._path_of(way, np.concatenate(rows), np.concatenate(passes), uncut)
+
+    def _leaves(self, contact: int) -> bool:
+        return self._linker.far(self._pose(contact), None) is not None
+
+    def _pose(self, contact: int) -> tuple[ndarray, ndarray]:
+        return self._path.centres[contact], self._axes[contact]
+
+    def _hops(self) -> tuple[ndarray, list[Moves]]:
+        last = np.array([run[-1] for run in self._runs[:-1]], dtype=np.int64)
+        first = np.array([run[0] for run in self._runs[1:]], dtype=np.int64)
+        p = self._path
+        return self._linker.hops(
+            (p.centres[last], p.normals[last], self._axes[last]),
+            (p.centres[first], p.normals[first], self._axes[first]),
+            NEAR_RADII * p.cutter.radius,
+        )
+
+    def _cut(self, run: ndarray) -> Moves:
+        moves = Moves.along(Kind.CUT, self._path.centres[run], self._axes[run], self._path.cutter.feed)
+        moves.feeds[0] = min(self._linker._feeds.plunge, self._path.cutter.feed)
+        return moves
+
+    def _path_of(self, way: list[Moves], rows: ndarray, passes: ndarray, uncut: list[tuple[ndarray, str]]) -> ToolPath:
+        p = self._path
+        axes, centres = np.vstack([m.axes for m in way]), np.vstack([m.centres for m in way])
+        cut = (rows >= 0)[:, None]
+        return ToolPath(
+            p.level,
+            p.cutter,
+            p.scallop_limit,
+            np.concatenate([m.kinds for m in way]),
+            passes,
+            np.where(cut, p.parameters[rows], np.nan),
+            np.where(cut, p.contacts[rows], np.nan),
+            centres - p.cutter.radius * axes,
+            axes,
+            np.concatenate([m.feeds for m in way]),
+            np.vstack([p.uncut, *(point[None] for point, _ in uncut)]),
+            p.reasons + tuple(reason for _, reason in uncut),
+        )
