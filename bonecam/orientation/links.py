@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from bonecam.orientation.limits import AxisLimits, angles_between
+from bonecam.orientation.limits import AxisLimits, angles_between, polar, with_polar
 from bonecam.orientation.moves import Checker, interpolated
 from bonecam.orientation.scene import Scene
 from bonecam.orientation.travel import Route, travel
@@ -20,7 +20,7 @@ HOP_LIFT, HOP_STEPS = 0.2, 6
 HOP_TURN = np.radians(40.0)
 STANDOFF = 1.0
 """Rapid moves end, and begin, where the ball is this far from the material in process, mm."""
-AIR_MARGIN = 0.1
+LEVEL_OUT = np.radians([90.0, 70.0, 45.0])
 REACH = np.array([0.0, 0.1, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 13.0, 16.0, 20.0, 26.0, 34.0, 45.0, 60.0, 80.0])
 TRIES = (
     {"rise": 0.0},
@@ -71,7 +71,7 @@ class Linker:
     """Finds the ways between poses (ball centre, axis) of one level."""
 
     def __init__(self, checker: Checker, limits: AxisLimits, clearance: float, feeds: Feeds) -> None:
-        self._checker, self._limits, self._feeds = checker, limits, feeds
+        self._checker, self._limits, self.feeds = checker, limits, feeds
         self._scene: Scene = checker.scene
         self._radius = checker.cutter.radius
         self._clearance = clearance
@@ -92,7 +92,7 @@ class Linker:
         hops, centres, axes = [], [], []
         for i in range(len(a)):
             between, turning = interpolated(a[i] + HOP_LIFT * na[i], b[i] + HOP_LIFT * nb[i], va[i], vb[i], HOP_STEPS)
-            hops.append(Moves.along(Kind.LINK, between, turning, min(self._feeds.link, self._checker.cutter.feed)))
+            hops.append(Moves.along(Kind.LINK, between, turning, min(self.feeds.link, self._checker.cutter.feed)))
             centres.append(np.vstack([a[i], between, b[i]]))
             axes.append(np.vstack([va[i], turning, vb[i]]))
         good = possible.copy()
@@ -106,11 +106,13 @@ class Linker:
 
     def far(self, first: tuple[ndarray, ndarray] | None, last: tuple[ndarray, ndarray] | None) -> Moves | None:
         """The way from one (centre, axis) to another, the end itself left out; None stands for the safe point. None: there is no way."""
-        out = self._out(first)
-        enter = self._out(last)
+        out, enter = self._out(first), self._out(last)
         if out is None or enter is None:
             return None
         between = self._round((out.centres[-1], out.axes[-1]), (enter.centres[-1], enter.axes[-1]))
+        if between is None and first is not None and last is not None:
+            home, back = self.far(first, None), self.far(None, last)
+            return None if home is None or back is None else home.then(back)
         if between is None:
             return None
         way = out.then(between) if first is not None else between
@@ -119,35 +121,44 @@ class Linker:
     def _reversed(self, out: Moves) -> Moves:
         """The way in: the way out backwards without its first pose, all but the last move rapid."""
         centres, axes = out.centres[::-1][1:], out.axes[::-1][1:]
-        return Moves.along(Kind.RAPID, centres, axes, self._feeds.rapid)
+        return Moves.along(Kind.RAPID, centres, axes, self.feeds.rapid)
 
     def _out(self, pose: tuple[ndarray, ndarray] | None) -> Moves | None:
-        """From a contact along the axis to the standoff (link), on to the clearance surface (rapid); verified. None: blocked."""
+        """From a contact straight to the standoff (link), on to the clearance surface (rapid); verified. None: blocked."""
         if pose is None:
             centre, axis = self.safe
-            return Moves.along(Kind.RAPID, centre[None], axis[None], self._feeds.rapid)
-        centre, axis = pose
-        length = max(self._route.exit(centre, axis), REACH[4])
+            return Moves.along(Kind.RAPID, centre[None], axis[None], self.feeds.rapid)
+        for direction in self._directions(pose[1]):
+            way = self._straight_out(*pose, direction)
+            if way is not None:
+                return way
+        return None
+
+    def _directions(self, axis: ndarray) -> list[ndarray]:
+        """Ways out to try: along the axis, and the same way but level or rising, so that a drooping holder does not sink to the table."""
+        angle = float(polar(axis[None])[0])
+        return [axis] + [with_polar(axis[None], np.array([limit]))[0] for limit in LEVEL_OUT if angle > limit]
+
+    def _straight_out(self, centre: ndarray, axis: ndarray, direction: ndarray) -> Moves | None:
+        length = max(self._route.exit(centre, direction), REACH[4])
         reach = np.r_[REACH[length - 0.05 > REACH], length]
-        places = centre + reach[:, None] * axis
+        places, axes = centre + reach[:, None] * direction, np.repeat(axis[None], len(reach), axis=0)
         air = self._scene.room(places, np.full(len(places), self._radius + STANDOFF), "material", self._scene.post) - self._radius
         blocked = np.flatnonzero(air < STANDOFF)
         first = min(int(blocked[-1]) + 1 if len(blocked) else 1, len(reach) - 1)
-        first = max(first, 1)
-        axes = np.repeat(axis[None], len(places), axis=0)
         if not self._verified(places[: first + 1], axes[: first + 1], cutting=True):
             return None
         if first + 1 < len(places) and not self._verified(places[first:], axes[first:], cutting=False):
             return None
-        link = Moves.along(Kind.LINK, places[first : first + 1], axes[:1], self._feeds.link)
-        return link if first + 1 == len(places) else link.then(Moves.along(Kind.RAPID, places[-1:], axes[:1], self._feeds.rapid))
+        link = Moves.along(Kind.LINK, places[first : first + 1], axes[:1], self.feeds.link)
+        return link if first + 1 == len(places) else link.then(Moves.along(Kind.RAPID, places[-1:], axes[:1], self.feeds.rapid))
 
     def _round(self, first: tuple[ndarray, ndarray], last: tuple[ndarray, ndarray]) -> Moves | None:
         """Round the stock by the first route that is proven free."""
         for choice in TRIES:
             centres, axes = travel(self._route, first, last, self._limits, **choice)  # type: ignore[arg-type]
             if self._limits.allow(axes).all() and self._verified(centres, axes, cutting=False):
-                return Moves.along(Kind.RAPID, centres[1:], axes[1:], self._feeds.rapid)
+                return Moves.along(Kind.RAPID, centres[1:], axes[1:], self.feeds.rapid)
         return None
 
     def _verified(self, centres: ndarray, axes: ndarray, *, cutting: bool) -> bool:

@@ -89,18 +89,18 @@ class _Builder:
     def build(self, uncut: list[tuple[ndarray, str]]) -> ToolPath:
         """The whole tool path. Runs that cannot be reached join the uncut contacts."""
         centre, axis = self._linker.safe
-        way = [Moves.along(Kind.RAPID, centre[None], axis[None], self._linker._feeds.rapid)]
+        way = [Moves.along(Kind.RAPID, centre[None], axis[None], self._linker.feeds.rapid)]
         rows: list[ndarray] = [np.full(1, -1)]
         passes: list[ndarray] = [np.full(1, -1)]
-        here, count = None, 0
+        here, count, before = None, 0, -1
         hop_free, hops = self._hops()
-        before = -1
+        leavable = self._leavable(hop_free)
         for k, run in enumerate(self._runs):
-            if here is not None and before == k - 1 and hop_free[k - 1]:
-                link: Moves | None = hops[k - 1]
-            else:
-                link = self._linker.far(here, self._pose(run[0]))
-            if link is None or (not self._leaves(run[-1])):
+            link: Moves | None = None
+            if leavable[k]:
+                hop = here is not None and before == k - 1 and hop_free[k - 1]
+                link = hops[k - 1] if hop else self._linker.far(here, self._pose(run[0]))
+            if link is None:
                 uncut += [(self._path.contacts[i], "collision") for i in run]
                 continue
             way += [link, self._cut(run)]
@@ -116,8 +116,13 @@ class _Builder:
         passes.append(np.full(len(home.kinds), -1))
         return self._path_of(way, np.concatenate(rows), np.concatenate(passes), uncut)
 
-    def _leaves(self, contact: int) -> bool:
-        return self._linker.far(self._pose(contact), None) is not None
+    def _leavable(self, hop_free: ndarray) -> list[bool]:
+        """Whether the tool gets away from the end of each run: by a hop to one it gets away from, or out to the safe point."""
+        answer = [False] * len(self._runs)
+        for k in range(len(self._runs) - 1, -1, -1):
+            hop = k + 1 < len(self._runs) and bool(hop_free[k]) and answer[k + 1]
+            answer[k] = hop or self._linker.far(self._pose(self._runs[k][-1]), None) is not None
+        return answer
 
     def _pose(self, contact: int) -> tuple[ndarray, ndarray]:
         return self._path.centres[contact], self._axes[contact]
@@ -134,7 +139,7 @@ class _Builder:
 
     def _cut(self, run: ndarray) -> Moves:
         moves = Moves.along(Kind.CUT, self._path.centres[run], self._axes[run], self._path.cutter.feed)
-        moves.feeds[0] = min(self._linker._feeds.plunge, self._path.cutter.feed)
+        moves.feeds[0] = min(self._linker.feeds.plunge, self._path.cutter.feed)
         return moves
 
     def _path_of(self, way: list[Moves], rows: ndarray, passes: ndarray, uncut: list[tuple[ndarray, str]]) -> ToolPath:
