@@ -14,6 +14,7 @@ from bonecam.filters.filter import Filter
 from bonecam.filters.layers import Layers
 from bonecam.filters.parameter import FilterParameter, Kind, parameters_of, stage_of
 from bonecam.job import HoldingJob, LevelsJob, StockJob
+from bonecam.levels.check import DEPTH_TOLERANCE, NEST_TOLERANCE
 from bonecam.levels.level import Level
 from bonecam.progress import Progress
 from bonecam.surface.tspline import TSpline
@@ -60,9 +61,9 @@ def level_check(layers: Layers, values: Mapping[str, Any], progress: Progress) -
     from bonecam.levels.morph import Morph
 
     levels = layers.kept("morph", Morph, "generate_morph_levels").levels
-    slack = values["tolerance"]
     for level in levels[1:]:
-        deep, nested = level.depth_max <= level.limit + slack, level.nesting_min >= -slack
+        deep = level.depth_max <= level.limit + values["depth_tolerance"]
+        nested = level.nesting_min >= -values["nesting_tolerance"]
         if not (deep and nested and level.self_intersections == 0):
             raise LevelError(
                 f"level {level.index}: depth {level.depth_max:.4f} of {level.limit:g} mm, nesting {level.nesting_min:.4f} mm, "
@@ -126,7 +127,24 @@ FILTERS = (
         CATEGORY,
         (
             FilterParameter(
-                "tolerance", Kind.LENGTH, 0.002, "Tolerance", "Allowed beyond depth limit and nesting.", "mm", low=0.0, high=1.0
+                "depth_tolerance",
+                Kind.LENGTH,
+                DEPTH_TOLERANCE,
+                "Depth",
+                "Allowed beyond the depth.",
+                "mm",
+                low=0.0,
+                high=1.0,
+            ),
+            FilterParameter(
+                "nesting_tolerance",
+                Kind.LENGTH,
+                NEST_TOLERANCE,
+                "Nesting",
+                "Allowed overlap of levels.",
+                "mm",
+                low=0.0,
+                high=1.0,
             ),
         ),
         level_check,

@@ -28,7 +28,7 @@ def repair_bone(layers: Layers, values: Mapping[str, Any], progress: Progress) -
     """`meshing_repair_bone`."""
     from bonecam.mesh.repair import repair
 
-    mesh, changes = repair(layers.mesh())
+    mesh, changes = repair(layers.mesh(), progress=progress)
     layers.add(mesh, "repaired")
     return {"repairs": list(changes), "faces": len(mesh.faces)}
 

@@ -17,17 +17,18 @@ CATEGORY = "Bonecam: NC"
 def save_program(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """`save_nc_program`."""
     from bonecam.levels.morph import Morph
-
+    from bonecam.levels.stock import Capsule
     from bonecam.pipeline import post
+    from bonecam.verify.report import nc_report
 
     paths = layers.kept("toolpath", tuple, "generate_toolpath")
     morph = layers.kept("morph", Morph, "generate_morph_levels")
-    job = layers.job()
-    job = replace(job, nc=stage_of(job.nc, values))
-    program, figures = post(paths, morph, job, progress)
+    stock = layers.kept("stock", Capsule, "generate_stock_capsule")
+    job = replace(layers.job(), nc=stage_of(layers.job().nc, values))
+    program, proof = post(paths, morph, stock, job, progress)
     target = layers.target(values["file"])
     write_whole(target, program.text)
-    return {"file": str(target), **figures}
+    return {**nc_report(program, proof), "file": str(target)}
 
 
 FILTERS = (

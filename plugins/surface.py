@@ -19,6 +19,7 @@ CATEGORY = "Bonecam: T-Spline Surface"
 def fit_tspline(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """`compute_tspline_surface`."""
     from bonecam.pipeline import Part, fit_surface
+    from bonecam.verify.report import surface_report
 
     before = layers.job()
     job = replace(before, mesh=stage_of(before.mesh, values), surface=stage_of(SurfaceJob(), values))
@@ -26,11 +27,7 @@ def fit_tspline(layers: Layers, values: Mapping[str, Any], progress: Progress) -
     part = Part(mesh, layers.name, len(mesh.faces), "mm", (), np.eye(4))
     fit = fit_surface(part, job, progress)
     layers.add(fit.surface.tessellate(values["chord_tolerance"]), "surface", keep={"surface": fit.surface, "job": job})
-    return {
-        "control_points": len(fit.surface.control_points),
-        "deviation_max_mm": fit.deviation_max,
-        "deviation_rms_mm": fit.deviation_rms,
-    }
+    return surface_report(fit)
 
 
 def save_tspline(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:

@@ -5,7 +5,7 @@ tooltip stay stated once, in `bonecam.job`. Text in scripts is read and written 
 """
 
 import math
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, fields, replace
 from enum import Enum
 from pathlib import Path
@@ -186,7 +186,7 @@ def parameters_of(stage: Any, prefix: str = "", only: Collection[str] = (), with
     return tuple(found)
 
 
-def stage_of(stage: Stage, values: dict[str, Any], prefix: str = "") -> Stage:
+def stage_of(stage: Stage, values: Mapping[str, Any], prefix: str = "") -> Stage:
     """The job record `stage` with the filter's `values` of the same (prefixed) names: the way back from `parameters_of`."""
     known = {item.name for item in fields(stage)}  # type: ignore[arg-type]
     changes = {name.removeprefix(prefix): value for name, value in values.items() if name.startswith(prefix)}

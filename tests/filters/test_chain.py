@@ -1,0 +1,74 @@
+"""The whole chain as a filter script, MeshLab's filters and ours side by side."""
+
+from pathlib import Path
+
+import numpy as np
+import pymeshlab
+import pytest
+
+from bonecam.filters.meshset import MeshSet
+from bonecam.filters.script import run_script
+
+CHAIN = """<!DOCTYPE FilterScript>
+<FilterScript>
+ <filter name="Remove Duplicate Vertices"/>
+ <filter name="Repair Bone"/>
+ <filter name="Apply Upright Pose"/>
+ <filter name="Generate Stock Capsule">
+  <Param name="allowance" type="RichPercentage" value="2%"/>
+ </filter>
+ <filter name="Compute T-Spline Surface">
+  <Param name="tolerance" type="RichPercentage" value="0.2"/>
+  <Param name="rows" type="RichInt" value="16"/>
+ </filter>
+ <filter name="Save T-Spline Surface"/>
+ <filter name="Generate Morph Levels">
+  <Param name="finishing_levels" type="RichInt" value="1"/>
+  <Param name="finishing_depth" type="RichPercentage" value="0.5"/>
+  <Param name="roughing_depth" type="RichPercentage" value="1.0"/>
+ </filter>
+ <filter name="Compute Level Check"/>
+ <filter name="Compute Geometric Measures"/>
+</FilterScript>
+"""
+
+
+@pytest.fixture(scope="module")
+def layers(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    import bonecam_meshes
+
+    folder = tmp_path_factory.mktemp("chain")
+    (folder / "chain.mlx").write_text(CHAIN)
+    run_script(folder / "chain.mlx", [bonecam_meshes.path("phalanx")], folder / "out")
+    return folder / "out"
+
+
+def test_the_layers_of_a_script_are_written(layers: Path) -> None:
+    names = {path.name for path in layers.iterdir()}
+    assert {"phalanx.ply", "repaired.ply", "stock.ply", "part_on_post.ply", "surface.ply", "surface.tsm", "level_00.ply"} <= names
+
+
+def test_levels_enclose_one_another_and_carry_their_depth(layers: Path) -> None:
+    files = sorted(layers.glob("level_*.ply"))
+    meshes = pymeshlab.MeshSet()
+    volumes = []
+    for index, file in enumerate(files):
+        meshes.load_new_mesh(str(file))
+        volumes.append(meshes.get_geometric_measures()["mesh_volume"])
+        depth = meshes.current_mesh().vertex_scalar_array()
+        assert (depth.max() <= (0.0, 0.5)[min(index, 1)] + 0.01) if index < 2 else (0.5 < depth.max() <= 1.01)
+    assert len(files) > 3
+    assert (np.diff(volumes) > 0).all()
+
+
+def test_a_percentage_leads_to_the_same_levels_as_its_millimetres(phalanx: Path) -> None:
+    found = []
+    for value in ("percentage", "mm"):
+        meshes = MeshSet()
+        meshes.load_new_mesh(str(phalanx))
+        meshes.apply_upright_pose()
+        diagonal = meshes.current_mesh().bounding_box().diagonal()
+        allowance = pymeshlab.PercentageValue(2.0) if value == "percentage" else 0.02 * diagonal
+        found.append(meshes.generate_stock_capsule(allowance=allowance))
+    assert found[0]["diameter_mm"] == found[1]["diameter_mm"]
+    assert found[0]["length_mm"] == found[1]["length_mm"]
