@@ -44,7 +44,12 @@ class Cut:
 
 
 def miss_votes(
-    surface: TSpline, s: Float[ndarray, " n"], t: Float[ndarray, " n"], distances: Float[ndarray, " n"], areas: Float[ndarray, " n"], goal: float
+    surface: TSpline,
+    s: Float[ndarray, " n"],
+    t: Float[ndarray, " n"],
+    distances: Float[ndarray, " n"],
+    areas: Float[ndarray, " n"],
+    goal: float,
 ) -> Votes:
     """The votes of the samples that are further than 0.6 of `goal` from the surface."""
     missed = distances > 0.6 * goal
@@ -102,7 +107,7 @@ def _row_cuts(tmesh: RowTMesh, votes: Votes, voting: Bool[ndarray, " n"], acting
             continue
         share = np.where(acting == j, functions, 0).sum(axis=1) * votes.weight * voting
         here = share > 0
-        index, width = _interval(knots, votes.s[here])
+        index = _interval(knots, votes.s[here])[0]
         worth = np.bincount(index, share[here], minlength=len(knots))
         gaps = np.diff(np.append(knots, knots[0] + 1))
         for k in np.flatnonzero((worth > 0) & (gaps > NARROWEST)):

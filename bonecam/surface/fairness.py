@@ -10,8 +10,6 @@ part of its mean, as all meridians must turn there.
 """
 
 import numpy as np
-from jaxtyping import Float
-from numpy import ndarray
 
 from bonecam.surface.quadratic import Quadratic
 from bonecam.surface.tspline import TSpline

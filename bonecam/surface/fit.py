@@ -7,23 +7,27 @@ One step solves for all control points, with the feet (s, t) and normals n of th
 
     min sum_i w_i [ (n_i . (S(s_i, t_i) - X_i))^2 + slide |S(s_i, t_i) - X_i|^2 ] + fairness + poles,
 
-the tangent-distance step (Wang, Pottmann & Liu 2006): samples may slide in the tangent plane at little cost, so the parameters follow the shape and
-steps converge in few rounds. w_i grows with the miss, which trades a little of the rms for the maximum. The row next to a pole is kept in one plane with it.
+the tangent-distance step (Wang, Pottmann & Liu 2006): samples may slide in the tangent plane at little cost, so the parameters
+follow the shape and steps converge in few rounds. w_i grows with the miss, which trades a little of the rms for the maximum. The row
+next to a pole is kept in one plane with it.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
 from jaxtyping import Float
 from numpy import ndarray
 
+from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.sections import Rows
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.progress import Progress, report, silent
-from bonecam.surface.adapt import miss_votes, refine, thin
+from bonecam.surface.adapt import miss_votes, refine
 from bonecam.surface.deviation import Deviation, deviation
 from bonecam.surface.fairness import fairness
 from bonecam.surface.feet import follow, nearest_on_grid
+from bonecam.surface.periodic import FEWEST
 from bonecam.surface.quadratic import Quadratic
 from bonecam.surface.samples import sample_mesh
 from bonecam.surface.skin import skin
@@ -34,8 +38,8 @@ SAMPLES = 6000  # of the mesh, besides its vertices
 SLIDE = 0.1  # weight of a miss in the tangent plane
 BEND, DRIFT = 2e-5, 3e-2  # fairness, times (mean cell side)^4
 FIRMNESS = (1.0, 30.0, 1000.0)  # of the fairness, tried until nothing folds
-LEAST_TURN = 0.5  # cosine
-FIRST_SPANS, FIRST_KNOTS = 6, 8
+LEAST_TURN, LEAST_FACING = 0.5, 0.2  # cosines
+FIRST = ((6, 8), (10, 8), (12, 12), (20, 12), (24, 16))  # spans and knots a row of the first T-mesh, tried until nothing folds
 PLANE = 100.0  # weight of the poles' planes, times the mean area of a control point
 
 
@@ -54,10 +58,25 @@ class Fit:
         return self.surface.tmesh.size
 
 
+class Shape:
+    """The mesh, asked for the normal nearest to a point."""
+
+    def __init__(self, mesh: TriangleMesh) -> None:
+        self._distance = MeshDistance(mesh)
+        self._normals = mesh.face_vectors / np.maximum(np.linalg.norm(mesh.face_vectors, axis=1, keepdims=True), np.finfo(float).tiny)
+
+    def facing(self, surface: TSpline, s: Float[ndarray, " n"], t: Float[ndarray, " n"]) -> float:
+        """The least cosine between a surface normal and that of the mesh's nearest face."""
+        points = surface.evaluate(s, t, 1)[0]
+        _, faces = self._distance.closest(points)
+        return float(np.einsum("ij,ij->i", surface.normals(s, t), self._normals[faces]).min())
+
+
 @dataclass(frozen=True, eq=False)
 class Target:
     """Samples of the mesh with their areas, and where their feet are now."""
 
+    shape: Shape
     points: Float[ndarray, "n 3"]
     areas: Float[ndarray, " n"]
     s: Float[ndarray, " n"]
@@ -67,7 +86,7 @@ class Target:
     def on(self, surface: TSpline, anew: bool = False) -> "Target":
         """With the feet on `surface`: found again, or followed from where they were."""
         s, t = nearest_on_grid(surface, self.points) if anew else (self.s, self.t)
-        return Target(self.points, self.areas, *follow(surface, self.points, s, t, rounds=3))
+        return Target(self.shape, self.points, self.areas, *follow(surface, self.points, s, t, rounds=3))
 
 
 def fit(rows: Rows, mesh: TriangleMesh, tolerance: float, max_control_points: int, progress: Progress = silent) -> Fit:
@@ -78,8 +97,8 @@ def fit(rows: Rows, mesh: TriangleMesh, tolerance: float, max_control_points: in
     skinned = skin(rows.points, rows.poles, tolerance)
     points, areas = sample_mesh(mesh, SAMPLES)
     empty = np.zeros(len(points))
-    target = Target(points, areas, empty, empty, empty).on(skinned, anew=True)
-    surface = first_surface(skinned, target, tolerance)
+    target = Target(Shape(mesh), points, areas, empty, empty, empty).on(skinned, anew=True)
+    surface = first_surface(skinned, target, tolerance, max_control_points)
     surface, target = settle(surface, target, tolerance, 2)
     while target.distances.max() > 0.9 * tolerance and surface.tmesh.size < max_control_points:
         report(progress, surface.tmesh.size / max_control_points, f"{surface.tmesh.size} control points, {target.distances.max():.3f} mm")
@@ -94,13 +113,26 @@ def fit(rows: Rows, mesh: TriangleMesh, tolerance: float, max_control_points: in
     return Fit(surface, found, tolerance, found.max <= tolerance)
 
 
-def first_surface(skinned: TSpline, target: Target, tolerance: float) -> TSpline:
-    """A coarse surface with the parameters of the skinned one."""
-    t_knots = np.concatenate([np.zeros(3), np.linspace(0, 1, FIRST_SPANS + 1), np.ones(3)])
-    rows = [np.arange(FIRST_KNOTS) / FIRST_KNOTS for _ in range(FIRST_SPANS + 3)]
+def first_surface(skinned: TSpline, target: Target, tolerance: float, max_control_points: int) -> TSpline:
+    """A coarse surface with the parameters of the skinned one: the first of FIRST that does not fold."""
+    found = skinned
+    for spans, knots in FIRST:
+        tmesh = first_tmesh(spans, knots)
+        if tmesh.size > max_control_points:
+            break
+        found = moved(skinned, tmesh)
+        if not folds(found, skinned, target.shape):
+            break
+    return step(found, target, tolerance, slide=1.0)
+
+
+def first_tmesh(spans: int, knots: int) -> RowTMesh:
+    """Even spans in t, `knots` even knots a row, four in the rows next to the poles."""
+    t_knots = np.concatenate([np.zeros(3), np.linspace(0, 1, spans + 1), np.ones(3)])
+    rows = [np.arange(knots) / knots for _ in range(spans + 3)]
     rows[0] = rows[-1] = np.zeros(1)
-    rows[1] = rows[-2] = np.arange(4) / 4
-    return step(moved(skinned, RowTMesh.from_rows(t_knots, rows)), target, tolerance, slide=1.0)
+    rows[1] = rows[-2] = np.arange(FEWEST) / FEWEST
+    return RowTMesh.from_rows(t_knots, rows)
 
 
 def moved(surface: TSpline, tmesh: RowTMesh) -> TSpline:
@@ -125,20 +157,22 @@ def step(surface: TSpline, target: Target, tolerance: float, slide: float) -> TS
     found = surface
     for firmness in FIRMNESS:
         found = solved(surface, target, tolerance, slide, firmness)
-        if not folds(found, surface):
+        if not folds(found, surface, target.shape):
             return found
     for share in (0.5, 0.25, 0.1):
         part = surface.with_control_points((1 - share) * surface.control_points + share * found.control_points)
-        if not folds(part, surface):
+        if not folds(part, surface, target.shape):
             return part
     return surface
 
 
-def folds(surface: TSpline, before: TSpline) -> bool:
-    """Whether a normal on a grid that crowds at the poles turned too far from what it was before."""
+def folds(surface: TSpline, before: TSpline, shape: Shape) -> bool:
+    """Whether a normal on a grid that crowds at the poles turned too far from what it was before, or away from the mesh's."""
     s, t = (v.ravel() for v in np.meshgrid(np.arange(48) / 48, (1 - np.cos(np.linspace(0.06, np.pi - 0.06, 64))) / 2))
-    turned = np.einsum("ij,ij->i", surface.normals(s, t), before.normals(s, t))
-    return bool(turned.min() < LEAST_TURN)
+    if np.einsum("ij,ij->i", surface.normals(s, t), before.normals(s, t)).min() < LEAST_TURN:
+        return True
+    facing = shape.facing(surface, s, t)
+    return facing < LEAST_FACING and facing < shape.facing(before, s, t)
 
 
 def solved(surface: TSpline, target: Target, tolerance: float, slide: float, firmness: float) -> TSpline:
@@ -156,8 +190,6 @@ def solved(surface: TSpline, target: Target, tolerance: float, slide: float, fir
 
 def pole_planes(surface: TSpline, weight: float) -> Quadratic:
     """Keeps the control points next to each pole in one plane with it, the plane that fits them now."""
-    import scipy.sparse as sp
-
     starts = surface.tmesh.row_starts
     form = Quadratic.zero(surface.tmesh.size)
     for pole, ring in ((0, np.arange(starts[1], starts[2])), (starts[-1] - 1, np.arange(starts[-3], starts[-2]))):
@@ -167,5 +199,7 @@ def pole_planes(surface: TSpline, weight: float) -> Quadratic:
         index = np.arange(len(ring))
         shape = (len(ring), surface.tmesh.size)
         matrix = sp.csr_array((ones, (index, ring)), shape=shape) - sp.csr_array((ones, (index, np.full(len(ring), pole))), shape=shape)
-        form = form.plus(sp.csr_array(matrix), np.broadcast_to(weight * np.outer(normal, normal), (len(ring), 3, 3)), np.zeros((len(ring), 3)))
+        form = form.plus(
+            sp.csr_array(matrix), np.broadcast_to(weight * np.outer(normal, normal), (len(ring), 3, 3)), np.zeros((len(ring), 3))
+        )
     return form

@@ -6,9 +6,9 @@ shrank to a point) are interpolated along t by a clamped cubic: n+3 control curv
     a_j Q_{j-1} + b_j Q_j + c_j Q_{j+1} = C_{j-1},   Q_1 = C_1,   Q_{n+3} = C_{n+1},
 
 closed by an end condition at either pole. The published one is the natural end (S_tt = 0), which makes a cone of the pole. A
-closed bone is smooth there: a meridian s runs on as the meridian s + 1/2. So the part of Q_2 that is even under s -> s + 1/2 lies in
-the pole (S_t = 0), and only the odd part has S_tt = 0: then S_t spans one plane. Each control curve then keeps its own fewest knots; since the
-t-functions are non-negative and sum to one, no point moves further than the worst control curve does.
+closed bone is smooth there: a meridian s runs on as the meridian s + 1/2. So the part of Q_2 that is even under s -> s + 1/2 lies
+in the pole (S_t = 0), and only the odd part has S_tt = 0. Each control curve then keeps its own fewest knots; since the t-functions
+are non-negative and sum to one, no point moves further than the worst control curve does.
 """
 
 import numpy as np
@@ -45,7 +45,8 @@ def point_parameters(points: Float[ndarray, "m p 3"]) -> Float[ndarray, " p"]:
 def skin(points: Float[ndarray, "m p 3"], poles: Float[ndarray, "2 3"], tolerance: float) -> TSpline:
     """The T-spline that passes every row's interpolating curve within `tolerance` (mm) and both poles exactly.
 
-    Rows run from the lower pole up, p points each (even, at least 8), counter-clockwise seen from the upper pole, starting on one seam; m >= 2.
+    Rows run from the lower pole up, p points each (even, at least 8), counter-clockwise seen from the upper pole, starting on one
+    seam; m >= 2.
     """
     rows, count = points.shape[:2]
     if rows < 2 or count < 8 or count % 2:

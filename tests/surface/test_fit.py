@@ -1,0 +1,75 @@
+"""The fit: within the tolerance with few control points, unfolded, planar at the poles, honest where the points do not suffice."""
+
+import numpy as np
+import pytest
+
+from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.sections import Rows, harmonic_rows
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.surface.adapt import with_t_knots
+from bonecam.surface.fit import Fit, first_tmesh, fit
+from bonecam.surface.skin import skin
+
+
+def pear(bump: float = 0.35) -> TriangleMesh:
+    """A pear-like body, 12 mm long, with one local bump, as a mesh."""
+    t, s = np.meshgrid(np.pi * np.arange(1, 24) / 24, 2 * np.pi * np.arange(40) / 40, indexing="ij")
+    radius = np.sin(t) * (2.5 + 0.7 * np.cos(t)) + bump * np.exp(-((t - 1.3) ** 2 + np.minimum(s, 2 * np.pi - s) ** 2) / 0.12)
+    points = np.stack([radius * np.cos(s), 0.8 * radius * np.sin(s), -6 * np.cos(t)], axis=2)
+    return skin(points, np.array([[0, 0, -6.0], [0, 0, 6.0]]), 1e-3).tessellate(0.01)
+
+
+@pytest.fixture(scope="module")
+def body() -> tuple[Rows, TriangleMesh]:
+    mesh = pear()
+    return harmonic_rows(mesh, 16, 60), mesh
+
+
+@pytest.fixture(scope="module")
+def fitted(body: tuple[Rows, TriangleMesh]) -> Fit:
+    return fit(body[0], body[1], 0.05, 300)
+
+
+def test_the_tolerance_is_reached_and_said_so(fitted: Fit) -> None:
+    assert fitted.reached
+    assert fitted.deviation.max <= 0.05
+    assert fitted.control_points <= 300
+
+
+def test_the_normals_point_outward_everywhere(fitted: Fit, body: tuple[Rows, TriangleMesh]) -> None:
+    s, t = (v.ravel() for v in np.meshgrid(np.arange(60) / 60, np.linspace(0.005, 0.995, 60)))
+    _, faces = MeshDistance(body[1]).closest(fitted.surface.evaluate(s, t))
+    outward = body[1].face_vectors[faces]
+    assert (np.einsum("ij,ij->i", fitted.surface.normals(s, t), outward) > 0).all()
+
+
+def test_the_row_next_to_a_pole_lies_in_one_plane_with_it(fitted: Fit) -> None:
+    starts, points = fitted.surface.tmesh.row_starts, fitted.surface.control_points
+    for pole, ring in ((points[0], points[starts[1] : starts[2]]), (points[-1], points[starts[-3] : starts[-2]])):
+        assert np.linalg.svd(ring - pole)[1][2] < 1e-3
+
+
+def test_too_few_control_points_are_reported_not_hidden(body: tuple[Rows, TriangleMesh]) -> None:
+    found = fit(body[0], body[1], 0.002, 80)
+    assert not found.reached
+    assert found.control_points <= 80
+    assert found.deviation.max > 0.002
+
+
+def test_two_fits_are_equal_to_the_last_bit(body: tuple[Rows, TriangleMesh]) -> None:
+    one, two = (fit(body[0], body[1], 0.1, 120).surface for _ in range(2))
+    assert one.control_points.tobytes() == two.control_points.tobytes()
+
+
+def test_progress_may_cancel(body: tuple[Rows, TriangleMesh]) -> None:
+    from bonecam.errors import Cancelled
+
+    with pytest.raises(Cancelled):
+        fit(body[0], body[1], 0.01, 200, lambda fraction, message: False)
+
+
+def test_a_new_t_knot_adds_one_row_that_is_like_its_neighbour() -> None:
+    tmesh = first_tmesh(6, 8)
+    finer = with_t_knots(tmesh.t_knots, list(tmesh.s_knots), np.array([0.4]))
+    assert len(finer.s_knots) == len(tmesh.s_knots) + 1
+    assert [len(row) for row in finer.s_knots] == [1, 4, *[8] * 6, 4, 1]
