@@ -3,8 +3,9 @@
 import numpy as np
 from numba import njit
 
-# an axis turned by one radian weighs as much as this many mm when a move is laid between two rows
-AXIS_WEIGHT = 60.0
+# how far a move has come between two rows is told by its axis where that turns by more than a radian in this many mm, else by
+# its ball centre: with words of 0.001 mm and 0.001 deg both then tell it to within those roundings
+AXIS_WEIGHT = 80.0
 
 
 @njit(cache=True)
@@ -27,13 +28,12 @@ def _between(tip: np.ndarray, axis: np.ndarray, tips: np.ndarray, axes: np.ndarr
     """Fraction, tip error and axis error of a move against the straight way of the ball centre between two rows."""
     start, end = tips[0] + radius * axes[0], tips[1] + radius * axes[1]
     whole = _angle(axes[0], axes[1])
-    if whole > 0.1:
+    way = end - start
+    if whole * AXIS_WEIGHT > np.sqrt(np.sum(way * way)):
         part = _angle(axes[0], axis) / whole
     else:
-        way, turn = end - start, AXIS_WEIGHT * (axes[1] - axes[0])
-        size = np.sum(way * way) + np.sum(turn * turn)
-        done = np.sum(way * (tip + radius * axis - start)) + AXIS_WEIGHT * np.sum(turn * (axis - axes[0]))
-        part = done / size if size > 0 else 0.0
+        size = np.sum(way * way)
+        part = np.sum(way * (tip + radius * axis - start)) / size if size > 0 else 0.0
     part = min(max(part, 0.0), 1.0)
     meant = _turned(axes[0], axes[1], part)
     off = (1 - part) * start + part * end - radius * meant - tip
@@ -69,8 +69,6 @@ def align(
                 source[move], tip_error[move], axis_error[move] = row, distance, lean
                 row, before = row + 1, 0.0
                 continue
-            if fresh[row] and loose[move]:
-                continue
             if row > 0:
                 part, distance, lean = _between(
                     tips[move], axes[move], path_tips[row - 1 : row + 1], path_axes[row - 1 : row + 1], radius[row]
@@ -79,6 +77,8 @@ def align(
                     source[move], tip_error[move], axis_error[move] = -2 - row, distance, lean
                     before = part
                     continue
+            if fresh[row] and loose[move]:
+                continue
         elif loose[move]:
             continue
         return source, tip_error, axis_error, move, row

@@ -74,7 +74,7 @@ class _Reader:
         if None not in self.position:
             known = None not in before
             numbers = [float(value or 0.0) for value in self.position]
-            self.rows.append((*numbers, rapid, np.nan if rapid else feed, self.inverse_time, line, self.tool, known))
+            self.rows.append((*numbers, rapid, np.nan if rapid else feed, self.inverse_time, line, self.tool, known, self.blocks - 1))
 
     def unwound(self, column: int, value: float, line: int) -> float:
         """Where a rotary word sends its axis, in degrees: the short way on an endless axis of a wrapping control."""
@@ -92,7 +92,7 @@ class _Reader:
     def motions(self) -> Motions:
         if not self.ended:
             raise ProgramError("the program has no end: its last blocks are missing")
-        table = np.array(self.rows, dtype=np.float64).reshape(-1, 11)
+        table = np.array(self.rows, dtype=np.float64).reshape(-1, 12)
         words = np.column_stack([table[:, :3], np.radians(table[:, 3:5])])
         numbers = table[:, 9].astype(np.int64)
         tips, axes = np.zeros((len(table), 3)), np.zeros((len(table), 3))
@@ -111,6 +111,7 @@ class _Reader:
             tips=tips,
             axes=axes,
             blocks=self.blocks,
+            block_of=table[:, 11].astype(np.int64),
             controls=controls,
         )
 

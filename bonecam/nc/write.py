@@ -129,7 +129,7 @@ class _Writer:
 
     def _moving(self, template: str, **fields: object) -> list[str]:
         lines = self.dialect.lines(template, **fields)
-        self.moves += sum(1 for line in lines if line.startswith(("L ", "G0 ")) and line.split()[1][0] in self.machine.letters)
+        self.moves += sum(line.startswith(("L ", "G0 ")) for line in lines)
         return lines
 
     def _run(self, posted: Posted, run: tuple[int, int], approach: ndarray) -> list[str]:

@@ -11,7 +11,7 @@ point in between goes deeper than the samples by more than `slack`, or that the 
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -26,6 +26,7 @@ MOST_ROUNDS = 60
 MOST_PIECES = 64
 
 
+@runtime_checkable
 class Distances(Protocol):
     """Distances (n,) in mm from points (n, 3) to the part, and which points lie inside it."""
 

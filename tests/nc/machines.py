@@ -27,12 +27,16 @@ def axis(direction: list[float], pivot: list[float], sign: int = 1, low: float =
     return {"direction": direction, "pivot": pivot, "sign": sign, "limits_deg": [low, high]}
 
 
+def table(pivot: list[float]) -> dict[str, object]:
+    return {"direction": [0, 0, 1], "pivot": pivot, "sign": -1, "endless": True}
+
+
 TILTED = [0.0, 0.5**0.5, 0.5**0.5]
 CHAINS = {
-    "table-table": machine_text(["C", "A", "XYZ"], {"C": axis([0, 0, 1], [1, 2, 0], -1), "A": axis([1, 0, 0], [0, 5, -7], -1)}),
-    "head-table": machine_text(["C", "XYZ", "B"], {"C": axis([0, 0, 1], [1, 2, 0], -1), "B": axis([0, 1, 0], [0, 0, 40])}),
+    "table-table": machine_text(["C", "A", "XYZ"], {"C": table([1, 2, 0]), "A": axis([1, 0, 0], [0, 5, -7], -1)}),
+    "head-table": machine_text(["C", "XYZ", "B"], {"C": table([1, 2, 0]), "B": axis([0, 1, 0], [0, 0, 40])}),
     "head-head": machine_text(["XYZ", "C", "A"], {"C": axis([0, 0, 1], [0, 0, 90]), "A": axis([1, 0, 0], [3, 0, 60])}),
-    "nutating": machine_text(["C", "B", "XYZ"], {"C": axis([0, 0, 1], [1, 2, 0], -1), "B": axis(TILTED, [0, 5, -7], -1)}),
+    "nutating": machine_text(["C", "B", "XYZ"], {"C": table([1, 2, 0]), "B": axis(TILTED, [0, 5, -7], -1)}),
 }
 
 

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from machines import CHAINS, write
 
-from bonecam.nc.kinematics import forward, inverse_linear, inverse_rotary, tilt_limit, tool_axes, turn
+from bonecam.nc.kinematics import UP, forward, inverse_linear, inverse_rotary, tilt_limit, tool_axes, turn
 from bonecam.nc.machine import machine_names, read_machine
 
 
@@ -74,7 +74,7 @@ def test_an_axis_beyond_a_nutating_head_is_out_of_reach(tmp_path):
 @settings(max_examples=50, deadline=None)
 @given(st.floats(-10, 10), st.tuples(*[st.floats(-100, 100)] * 3), st.tuples(*[st.floats(-1, 1)] * 3))
 def test_a_turn_keeps_lengths_and_is_undone_by_its_opposite(angle, vector, direction):
-    axis = np.array(direction) + [0, 0, 3.0]
+    axis = np.array(direction) + 3.0 * UP
     axis /= np.linalg.norm(axis)
     start, angles = np.array([vector]), np.array([angle])
     turned = turn(start, axis, angles)

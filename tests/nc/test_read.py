@@ -1,0 +1,98 @@
+import re
+
+import pytest
+from synthetic_paths import capsule_path
+
+from bonecam.errors import ProgramError
+from bonecam.job import Job
+from bonecam.nc.dialect import read_dialect
+from bonecam.nc.machine import read_machine
+from bonecam.nc.motions import Tool
+from bonecam.nc.read import read_program
+from bonecam.nc.write import write_program
+
+PAIRS = {
+    name: (read_machine(machine), read_dialect(name)) for name, machine in (("heidenhain", "mikron-ucp600"), ("linuxcnc", "linuxcnc-xyzbc"))
+}
+TEXTS = {name: write_program([capsule_path(count=24, turns=1.0)], *pair, Job()).text for name, pair in PAIRS.items()}
+
+
+def line_of(text: str, pattern: str) -> int:
+    return next(number for number, line in enumerate(text.splitlines(), 1) if re.search(pattern, line))
+
+
+def broken(name: str, pattern: str, replacement: str) -> tuple[str, int]:
+    """The text with the first match replaced, and the line of it."""
+    text = TEXTS[name]
+    assert re.search(pattern, text, re.MULTILINE)
+    return re.sub(pattern, replacement, text, count=1, flags=re.MULTILINE), line_of(text, pattern)
+
+
+@pytest.mark.parametrize(
+    ("name", "pattern", "replacement"),
+    [
+        ("heidenhain", r"R0 F900$", "R0 F900 M91"),
+        ("heidenhain", r"R0 F900$", "R0 F9e2"),
+        ("heidenhain", r"R0 F900$", "R0"),
+        ("heidenhain", r"R0 F900$", "RL F900"),
+        ("heidenhain", r" X\+(\d+\.\d+) (?=.*F900$)", r" X\1 "),
+        ("heidenhain", r" B-(\d+\.\d\d)\d (?=.*F900$)", r" B-\1 "),
+        ("heidenhain", r" Z\+(?=.*F900$)", " W+"),
+        ("heidenhain", r" M126$", " M125"),
+        ("heidenhain", r" M3$", " M4"),
+        ("heidenhain", r"^9 ", "10 "),
+        ("heidenhain", r"TOOL CALL 1 ", "TOOL CALL 7 "),
+        ("heidenhain", r"F900$", "F0"),
+        ("heidenhain", r"FUNCTION TCPM F", "FUNCTION TCPM X F"),
+        ("linuxcnc", r" F[\d.]+$", ""),
+        ("linuxcnc", r"^G1 (?=X)", "G2 "),
+        ("linuxcnc", r"^G1 (?=X)", ""),
+        ("linuxcnc", r"^G1 X", "G1 X1 X"),
+        ("linuxcnc", r"^G1 X", "G1 U0.0 X"),
+        ("linuxcnc", r"^G1 X-?[\d.]+", "G1 X1e-05"),
+        ("linuxcnc", r"^G93$", "G95"),
+        ("linuxcnc", r"^T1 M6", "T3 M6"),
+        ("linuxcnc", r"^M8$", "M8 N"),
+    ],
+)
+def test_what_the_dialect_does_not_know_is_refused_with_its_line(name, pattern, replacement):
+    text, line = broken(name, pattern, replacement)
+    with pytest.raises(ProgramError, match=rf"line {line}: ") as caught:
+        read_program(text, *PAIRS[name])
+    assert caught.value.evidence["line"] == line
+
+
+@pytest.mark.parametrize("name", PAIRS)
+def test_a_text_cut_off_anywhere_is_refused(name):
+    text = TEXTS[name]
+    for size in range(1, len(text), 37):
+        with pytest.raises(ProgramError):
+            read_program(text[:size], *PAIRS[name])
+
+
+def test_a_cut_without_tool_centre_control_is_refused():
+    text = TEXTS["heidenhain"].replace("FUNCTION TCPM F TCP AXIS POS PATHCTRL AXIS", "M3")
+    with pytest.raises(ProgramError, match="without tool-centre control"):
+        read_program(text, *PAIRS["heidenhain"])
+
+
+def test_the_short_way_must_be_switched_on():
+    text = TEXTS["heidenhain"].replace(" M126\n", " M3\n")
+    with pytest.raises(ProgramError, match="without the short way"):
+        read_program(text, *PAIRS["heidenhain"])
+
+
+def test_given_tools_replace_those_of_the_comments():
+    motions = read_program(TEXTS["heidenhain"], *PAIRS["heidenhain"], tools=[Tool(1, 3.0, 99.0)])
+    assert motions.controls[1].radius == 3.0
+
+
+def test_an_endless_axis_is_unwound_by_the_short_way():
+    head = TEXTS["heidenhain"].splitlines()
+    start = line_of(TEXTS["heidenhain"], "L B")
+    blocks = ["L B-30.000 C+170.000 R0 FMAX", "FUNCTION TCPM F TCP AXIS POS PATHCTRL AXIS", "L X+0.000 Y+0.000 Z+60.000 R0 FMAX"]
+    blocks += [f"L X+{i}.000 Y+0.000 Z+60.000 B-30.000 C{c} R0 F100" for i, c in enumerate(["-150.000", "-90.000", "+20.000"])]
+    blocks += ["FUNCTION RESET TCPM", "M30", "END PGM BONE MM"]
+    lines = head[: start - 1] + [f"{start - 2 + i} {block}" for i, block in enumerate(blocks)]
+    motions = read_program("\n".join(lines) + "\n", *PAIRS["heidenhain"])
+    assert (motions.words[:, 4] * 57.29577951308232).round(6).tolist() == [170.0, 210.0, 270.0, 380.0]
