@@ -24,13 +24,18 @@ class Fault:
 
 
 def faults_of(mesh: TriangleMesh) -> tuple[Fault, ...]:
-    """All that is wrong: open, nonmanifold, mixed, parts, inward, genus, intersecting; nothing for a part that can be machined.
+    """All that is wrong: null, open, nonmanifold, mixed, parts, inward, genus, intersecting; nothing for a part that can be machined.
 
     Genus and orientation are looked at only where the mesh is closed and manifold: they mean nothing before.
     """
-    edges = _edge_faults(mesh)
+    edges = (*_null_faults(mesh), *_edge_faults(mesh))
     shape = () if edges else _shape_faults(mesh)
     return (*edges, *shape, *_intersection_faults(mesh))
+
+
+def _null_faults(mesh: TriangleMesh) -> tuple[Fault, ...]:
+    null = np.flatnonzero(~mesh.face_vectors.any(axis=1))
+    return (Fault("null", f"{len(null)} faces without area", _place_of_face(mesh, int(null[0]))),) if len(null) else ()
 
 
 def _edge_faults(mesh: TriangleMesh) -> tuple[Fault, ...]:

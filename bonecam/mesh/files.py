@@ -62,8 +62,12 @@ def read_mesh(path: str | Path) -> TriangleMesh:
         raise _refusal(file, *trouble)
     meshset = meshlab().MeshSet()
     try:
-        meshset.load_new_mesh(str(file))
-        mesh = from_meshset(meshset)
+        if file.suffix.lower() == ".stl":
+            meshset.load_new_mesh(str(file), unify_vertices=False)
+            mesh = _welded(from_meshset(meshset))
+        else:
+            meshset.load_new_mesh(str(file))
+            mesh = from_meshset(meshset)
     except (meshlab().PyMeshLabException, ValueError, MemoryError) as error:
         reason = " ".join(str(error).split()).split("Error details: ")[-1]
         raise _refusal(file, f"is no readable {_kind(file)} file ({reason})", "write it anew from its source") from error
@@ -91,6 +95,12 @@ def write_mesh(mesh: TriangleMesh, path: str | Path, quality: Float[ndarray, " n
             os.replace(work, target)
     except OSError as error:
         raise _refusal(target, f"cannot be written ({error.strerror})", "choose a folder that exists and may be written") from error
+
+
+def _welded(mesh: TriangleMesh) -> TriangleMesh:
+    """Equal corners made one vertex (MeshLab's own way drops the faces that become null, unsaid)."""
+    vertices, index = np.unique(mesh.vertices + 0.0, axis=0, return_inverse=True)
+    return TriangleMesh(vertices, index.ravel()[mesh.faces].astype(np.int32))
 
 
 def _bytes_of(file: Path) -> bytes:

@@ -1,10 +1,11 @@
 """Repair: make one closed, manifold, outward, genus-0 part of a mesh, and say what was changed.
 
 Three stages, each tried only where the one before left faults: cleaning in the order that worked (duplicates, null
-faces, non-manifold edges, reorient, **then** close holes), cutting out the faces that cut others and closing the gaps,
-and last a new skin shrunk round the part (alpha wrap, Portaneri et al. 2022). What comes out is checked and measured
-against what came in; a part that moved by more than `LARGEST_DEVIATION` of its diagonal is refused. Handles are never
-cut and parts never chosen or fused: that is for a person to decide.
+faces, non-manifold edges, reorient, **then** close holes); the outside of a surface that cuts itself (an exact union,
+Zhou et al. 2016: it keeps every visible face where it is); and last a new skin shrunk round the cleaned part (alpha
+wrap, Portaneri et al. 2022). What comes out is checked and measured against what came in; a surface that moved by more
+than `LARGEST_DEVIATION` of the diagonal is refused. Handles are never cut, parts never chosen or fused: that is for a
+person to decide.
 """
 
 from dataclasses import dataclass
@@ -29,6 +30,8 @@ DEBRIS = 0.05
 """Loose pieces up to this share of the largest piece's area are dropped."""
 FLAT = 1e-3
 """Least thickness of a solid, as a share of the diagonal."""
+ASIDE = 1e-4
+"""How far beside a face its two sides are looked at, as a share of the diagonal."""
 WRAP_ALPHA, WRAP_OFFSET = 0.01, 0.001
 """Ball that shrinks round the part, and the distance it stops at, as shares of the diagonal."""
 _REMEDIES = {
@@ -38,10 +41,10 @@ _REMEDIES = {
 }
 
 _CLEANING = (
+    ("meshing_remove_null_faces", "faces", "removed {} faces without area"),
     ("meshing_remove_unreferenced_vertices", "vertices", "removed {} vertices of no face"),
     ("meshing_remove_duplicate_vertices", "vertices", "merged {} duplicate vertices"),
     ("meshing_remove_duplicate_faces", "faces", "removed {} duplicate faces"),
-    ("meshing_remove_null_faces", "faces", "removed {} faces without area"),
     ("meshing_repair_non_manifold_edges", "faces", "removed {} faces at edges with more than two faces"),
     ("meshing_repair_non_manifold_vertices", "vertices", "split {} vertices where surfaces touch"),
 )
@@ -61,24 +64,38 @@ class _State:
 def repair(mesh: TriangleMesh, *, progress: Progress = silent) -> tuple[TriangleMesh, tuple[str, ...]]:
     """One closed, manifold, outward part of genus 0 without self-intersections, and sentences that tell what was changed.
 
-    MeshError names what is wrong, where (mm), what was tried, and the remedy; its evidence has `faults`, `place` and `tried`.
+    MeshError names what is wrong, where (mm), what was tried, and the remedy; its evidence has `place` and `tried`.
     """
     report(progress, 0.0, "looking for faults")
     _refuse_flat(mesh)
     kept = _one_part(_State(mesh))
-    state, faults = kept, faults_of(kept.mesh)
-    stages = (_clean, _without_intersections, _wrapped)
-    for k, stage in enumerate(stages):
-        if not faults or {fault.kind for fault in faults} == {"genus"}:
-            break
+    if not (faults := faults_of(kept.mesh)):
+        return kept.mesh, kept.done
+    _refuse_handles(faults, kept)
+    cleaned = _clean(kept)
+    trouble = _refusal(faults, kept)
+    for k, stage in enumerate((_as_cleaned, _united, _wrapped)):
         report(progress, (k + 1) / 4, f"repairing: {faults[0]}")
-        state = stage(kept if stage is _wrapped else state)
-        faults = faults_of(state.mesh)
-    if faults:
-        raise _refusal(faults, state)
-    if state is kept:
-        return state.mesh, state.done
-    return state.mesh, (*state.done, _measured(kept.mesh, state))
+        state = stage(cleaned)
+        if found := faults_of(state.mesh):
+            _refuse_handles(found, state)
+            trouble = _refusal(found, state)
+        elif (deviation := _moved(kept.mesh, cleaned.mesh, state.mesh))[0] <= LARGEST_DEVIATION * mesh.diagonal:
+            return state.mesh, (*state.done, f"moved no part of the surface by more than {deviation[0]:.3f} mm")
+        else:
+            trouble = _unfaithful(*deviation, state)
+    raise trouble
+
+
+def _as_cleaned(state: _State) -> _State:
+    """What cleaning gave may be good enough."""
+    return state
+
+
+def _refuse_handles(faults: tuple[Fault, ...], state: _State) -> None:
+    """MeshError where the mesh is sound but for its handles: no stage mends those."""
+    if any(fault.kind == "genus" for fault in faults) and {fault.kind for fault in faults} <= {"genus", "intersecting"}:
+        raise _refusal(tuple(fault for fault in faults if fault.kind == "genus"), state)
 
 
 def _refusal(faults: tuple[Fault, ...], state: _State) -> MeshError:
@@ -86,6 +103,12 @@ def _refusal(faults: tuple[Fault, ...], state: _State) -> MeshError:
     remedy = next((_REMEDIES[fault.kind] for fault in faults if fault.kind in _REMEDIES), "mend it there in a mesh editor")
     message = f"the mesh has {', '.join(map(str, faults))}{tried}: {remedy}"
     return MeshError(message, faults=faults, place=faults[0].place, tried=state.done)
+
+
+def _unfaithful(distance: float, place: ndarray, state: _State) -> MeshError:
+    where = ", ".join(f"{x:.2f}" for x in place)
+    what = f"the repair ({'; '.join(state.done)}) moves the surface by {distance:.2f} mm near ({where})"
+    return MeshError(f"{what}: mend the mesh there in a mesh editor", place=place, tried=state.done)
 
 
 def _refuse_flat(mesh: TriangleMesh) -> None:
@@ -148,7 +171,7 @@ def _outward(state: _State) -> _State:
 
 
 def _closed(state: _State) -> _State:
-    """Holes closed, the narrow ones and the wide ones up to WIDEST_HOLE."""
+    """Holes closed, up to WIDEST_HOLE across."""
     holes = holes_of(state.mesh)
     if not holes:
         return state
@@ -167,17 +190,18 @@ def _closed(state: _State) -> _State:
     return state.then(after, f"closed {closed} of {len(holes)} holes with {added} faces, the widest {widths[widest]:.2f} mm across")
 
 
-def _without_intersections(state: _State) -> _State:
-    """Up to three times: the faces that cut others taken out with their neighbours, and the gap closed."""
-    for ring in range(1, 4):
-        cut = self_intersections(state.mesh)
-        if not len(cut):
-            return state
-        touched = np.isin(state.mesh.faces, state.mesh.faces[cut]).any(1) if ring > 1 else np.isin(np.arange(len(state.mesh.faces)), cut)
-        if touched.all():
-            return state
-        state = _clean(state.then(_compact(state.mesh, ~touched), f"cut out {touched.sum()} faces at {len(cut)} that cut others"))
-    return state
+def _united(state: _State) -> _State:
+    """The outside of a surface that cuts itself: the boundary of what it winds round at least once, exact."""
+    import igl.copyleft.cgal as cgal
+
+    vertices, faces, _ = cgal.mesh_boolean(np.array(state.mesh.vertices), state.mesh.faces.astype(np.int64), type_str="union")
+    after = TriangleMesh(vertices, np.asarray(faces, dtype=np.int32))
+    if not len(after.faces):
+        return state
+    depth = np.linalg.norm(exact_closest(after, state.mesh.vertices)[0] - state.mesh.vertices, axis=1)
+    cut = len(self_intersections(state.mesh))
+    told = f"kept the outside of {cut} faces that cut each other (what lay up to {depth.max():.2f} mm inside is gone)"
+    return _one_part(state.then(after, told))
 
 
 def _wrapped(state: _State) -> _State:
@@ -196,14 +220,22 @@ def _compact(mesh: TriangleMesh, keep: ndarray) -> TriangleMesh:
     return TriangleMesh(mesh.vertices[used], faces.reshape(-1, 3).astype(np.int32))
 
 
-def _measured(before: TriangleMesh, state: _State) -> str:
-    """The sentence with the largest distance from the corners and middles of the old faces to the new mesh; MeshError where it is too large."""
-    corners = before.vertices[before.faces]
-    points = np.concatenate([corners.reshape(-1, 3), corners.mean(1)])
-    distances = np.linalg.norm(exact_closest(state.mesh, points)[0] - points, axis=1)
+def _moved(before: TriangleMesh, cleaned: TriangleMesh, after: TriangleMesh) -> tuple[float, ndarray]:
+    """Largest distance (mm) from the corners and middles of the old faces to the new surface, and where.
+
+    Old faces with the solid on both sides lie inside another part of the surface: they are no outside and do not count.
+    """
+    import igl
+
+    corners, vectors = before.vertices[before.faces], before.face_vectors
+    middles = corners.mean(1, keepdims=True)
+    points = np.concatenate([corners, middles], axis=1).reshape(-1, 3)
+    distances = np.linalg.norm(exact_closest(after, points)[0] - points, axis=1)
+    normals = vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), np.finfo(float).tiny)
+    aside = np.repeat(normals, 4, axis=0) * before.diagonal * ASIDE
+    inset = (points.reshape(-1, 4, 3) + ASIDE * (middles - points.reshape(-1, 4, 3))).reshape(-1, 3)
+    solid = np.array(cleaned.vertices), cleaned.faces.astype(np.int64)
+    within = [np.asarray(igl.winding_number(*solid, inset + side * aside)).ravel() > 0.5 for side in (1, -1)]
+    distances[within[0] & within[1]] = 0.0
     worst = int(np.argmax(distances))
-    if distances[worst] > LARGEST_DEVIATION * before.diagonal:
-        where = ", ".join(f"{x:.2f}" for x in points[worst])
-        what = f"the repair ({'; '.join(state.done)}) moves the surface by {distances[worst]:.2f} mm near ({where})"
-        raise MeshError(f"{what}: mend the mesh there in a mesh editor", place=points[worst], tried=state.done)
-    return f"moved no part of the surface by more than {distances[worst]:.3f} mm"
+    return float(distances[worst]), points[worst]

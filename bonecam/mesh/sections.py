@@ -15,6 +15,7 @@ from numpy import ndarray
 from scipy.spatial import cKDTree
 
 from bonecam.arrays import frozen
+from bonecam.mesh.distance import exact_closest
 from bonecam.mesh.harmonic import end_poles, harmonic_field
 from bonecam.mesh.isolines import Isolines
 from bonecam.mesh.remesh import remesh
@@ -31,10 +32,10 @@ GUIDES = 8
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """m rows of p points from the lower pole to the upper one, on the even mesh they were taken from.
+    """m rows of p points from the lower pole to the upper one, on the mesh they were asked of.
 
     points[i, 0] is on the seam; points run counter-clockwise seen from above (so that S_s x S_t points outward).
-    `heights` (m,) are the mean distances of the rows from the lower pole in shares of the whole way, in (0, 1).
+    `mesh` is the even remesh whose isolines the rows are; `heights` (m,) are the mean distances of the rows from the lower pole in shares of the whole way, in (0, 1).
     """
 
     points: Float[ndarray, "m p 3"]
@@ -62,25 +63,20 @@ def harmonic_rows(mesh: TriangleMesh, rows: int = 24, points: int = 100, edge: f
     report(progress, 0.5, "solving the harmonic field")
     poles = end_poles(even)
     isolines = Isolines.of(even, harmonic_field(even, poles))
-    heights, values = measured_heights(isolines)
+    heights, field_values = measured_heights(isolines)
     wanted = row_heights(rows)
-    guide_heights = np.unique(
-        np.concatenate(
-            [
-                np.interp(
-                    np.linspace(0, rows + 1, (rows + 1) * GUIDES + 1)[1:-1], np.arange(rows + 2), np.concatenate([[0.0], wanted, [1.0]])
-                )
-            ]
-        )
-    )
+    guide_heights = np.interp(np.arange(1, (rows + 1) * GUIDES) / GUIDES, np.arange(rows + 2), [0.0, *wanted, 1.0])
     report(progress, 0.6, "tracing the rows")
-    guides = _aligned([isolines.loop(float(value)) for value in np.interp(guide_heights, heights, values)], even.vertices[poles], points)
+    values = np.interp(guide_heights, heights, field_values)
+    guides = _aligned([isolines.loop(float(value)) for value in values], points)
+    chosen = guides[GUIDES - 1 :: GUIDES]
+    on_mesh, _ = exact_closest(mesh, np.concatenate([chosen.reshape(-1, 3), even.vertices[poles]]))
     return Rows(
-        points=frozen(guides[GUIDES - 1 :: GUIDES]),
-        poles=frozen(even.vertices[poles]),
+        points=frozen(on_mesh[:-2].reshape(chosen.shape)),
+        poles=frozen(on_mesh[-2:]),
         mesh=even,
         heights=frozen(wanted),
-        field_heights=frozen(np.interp(isolines.field, values, heights)),
+        field_heights=frozen(np.interp(isolines.field, field_values, heights)),
         guides=frozen(guides),
     )
 
@@ -109,7 +105,7 @@ def measured_heights(isolines: Isolines) -> tuple[Float[ndarray, " k"], Float[nd
     return heights / heights[-1], np.concatenate([[0.0], values, [1.0]])
 
 
-def _aligned(loops: list[ndarray], poles: Float[ndarray, "2 3"], points: int) -> Float[ndarray, "g p 3"]:
+def _aligned(loops: list[ndarray], points: int) -> Float[ndarray, "g p 3"]:
     """Each loop as `points` equally spaced points from the seam.
 
     The seam starts on the middle loop where it lies farthest out along +X and goes to the nearest place of the next loop, up and down.
