@@ -115,7 +115,7 @@ class _Writer:
         point = "BALL CENTRE" if self.posted[0].control.programs_centre else "TOOL TIP"
         where = "IN THE PART" if self.dialect.tool_centre else "IN MACHINE COORDINATES"
         texts = [f"machine {self.machine.title}", f"control {self.dialect.title}", f"programmed point: {point} {where}"]
-        texts += ["program zero: on the table, on the part's axis", *comments]
+        texts += ["program zero: on the table, on the axis of the part", *comments]
         cutters = {posted.path.cutter.number: posted for posted in self.posted}
         texts += [tool_text(posted.path.cutter, posted.control.tool_length) for posted in cutters.values()]
         tolerance = self.length.text(self.job.path.chord_tolerance / 2)
