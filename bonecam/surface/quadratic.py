@@ -8,6 +8,8 @@ import scipy.sparse as sp
 from jaxtyping import Float
 from numpy import ndarray
 
+from bonecam.kernels.normal_equations import add_rows
+
 
 @dataclass(frozen=True, eq=False)
 class Quadratic:
@@ -24,14 +26,9 @@ class Quadratic:
     def plus(self, matrix: sp.csr_array, metric: Float[ndarray, "m 3 3"], targets: Float[ndarray, "m 3"]) -> "Quadratic":
         """With the terms of `matrix` (m, n) times control points against `targets`, each in its own metric."""
         hessian = self.hessian.copy()
-        transposed = sp.csr_array(matrix.T)
-        for a in range(3):
-            for b in range(a, 3):
-                block = (transposed @ (sp.diags_array(metric[:, a, b]) @ matrix)).toarray()
-                hessian[:, a, :, b] += block
-                if a != b:
-                    hessian[:, b, :, a] += block
-        return Quadratic(hessian, self.gradient + transposed @ np.einsum("mab,mb->ma", metric, targets))
+        rows = sp.csr_array(matrix)
+        add_rows(hessian, rows.indptr, rows.indices, rows.data, np.ascontiguousarray(metric))
+        return Quadratic(hessian, self.gradient + rows.T @ np.einsum("mab,mb->ma", metric, targets))
 
     def __add__(self, other: "Quadratic") -> "Quadratic":
         return Quadratic(self.hessian + other.hessian, self.gradient + other.gradient)
