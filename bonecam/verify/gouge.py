@@ -157,7 +157,8 @@ def _divided(
     tips, axes = control.between(motions.words[moves[move] - 1], motions.words[moves[move]], end)
     last = tips + control.radius * axes
     far = spans.far[owner].copy()
-    far[~last_piece] = _signed(part, last[~last_piece])
+    # unsigned will do: a way from outside to inside passes distance 0, which the bound does not let slip through
+    far[~last_piece] = part.unsigned(last[~last_piece])
     begins = place == 0
     first = np.where(begins[:, None], spans.first[owner], np.roll(last, 1, axis=0))
     near = np.where(begins, spans.near[owner], np.roll(far, 1))
