@@ -5,7 +5,7 @@ distance is exact everywhere: `|x - nearest axis point| - radius`. Other stocks 
 """
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -19,6 +19,7 @@ MARGIN = 0.05
 RADII, RADIUS_SPAN = 241, 1.6
 
 
+@runtime_checkable
 class Stock(Protocol):
     """A closed convex body in the part frame, mm."""
 
