@@ -211,9 +211,9 @@ class Job:
             stages[section] = dataclasses.replace(stage, **values)
         return dataclasses.replace(self, **stages)
 
-    def cutter(self, level: int) -> ToolJob:
-        """The cutter of a level: finishing next to the part, roughing beyond."""
-        return self.finishing if level < max(self.levels.finishing_levels, 1) else self.roughing
+    def is_finishing(self, level: int) -> bool:
+        """Whether the finishing cutter machines a level; the part itself always is finishing."""
+        return level < max(self.levels.finishing_levels, 1)
 
 
 def read_job(path: str | Path, base: Job | None = None) -> Job:

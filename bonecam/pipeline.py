@@ -28,13 +28,20 @@ from bonecam.mesh.sections import harmonic_rows
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.mesh.units import to_mm
 from bonecam.nc.dialect import read_dialect
+from bonecam.nc.kinematics import tilt_limit
 from bonecam.nc.machine import Machine, read_machine
 from bonecam.nc.program import Program
 from bonecam.nc.write import write_program
+from bonecam.orientation.limits import AxisLimits
+from bonecam.orientation.orient import orient
+from bonecam.orientation.scene import Scene
 from bonecam.progress import Progress, part, report, silent
 from bonecam.surface.fit import Fit, fit
 from bonecam.surface.tspline import TSpline
+from bonecam.toolpath.cutter import Cutter
 from bonecam.toolpath.path import ToolPath
+from bonecam.toolpath.post import post_below
+from bonecam.toolpath.zigzag import cover_level
 from bonecam.verify.readback import Tolerances, Verification, verify_program
 from bonecam.verify.report import levels_report, nc_report, summary_of, surface_report, toolpath_report
 
@@ -179,6 +186,24 @@ def make_levels(surface: TSpline, stock: Capsule, job: Job, progress: Progress =
         chord_tolerance=job.levels.chord_tolerance,
         progress=progress,
     )
+
+
+def plan_paths(levels: Morph, stock: Capsule, job: Job, machine: Machine, progress: Progress = silent) -> tuple[ToolPath, ...]:
+    """The path of every level in machining order, from the one next to the stock down to the part."""
+    part_mesh = levels.levels[0].mesh
+    below = post_below(part_mesh, job.holding)
+    limits = AxisLimits(tilt_limit(machine))
+    cutters = [
+        Cutter.from_job(number, name, tool) for number, name, tool in ((1, "roughing", job.roughing), (2, "finishing", job.finishing))
+    ]
+    paths = []
+    for level, before in zip(levels.levels[-2::-1], levels.levels[:0:-1]):
+        report(progress, len(paths) / (len(levels.levels) - 1), f"path of level {level.index}")
+        assert level.surface is not None
+        cutter = cutters[job.is_finishing(level.index)]
+        contacts = cover_level(level.index, level.surface, level.mesh, part_mesh, cutter, below, job.path)
+        paths.append(orient(contacts, Scene(level.mesh, before.mesh, stock, below), limits, job.path, job.nc))
+    return tuple(paths)
 
 
 def verify(posted: Program, paths: Sequence[ToolPath], levels: Morph, job: Job, progress: Progress = silent) -> Verification:
