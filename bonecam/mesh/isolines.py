@@ -6,6 +6,7 @@ keeps the higher side on the left seen from outside.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -50,6 +51,22 @@ class Isolines:
         falling = self._edges(self.field > value, faces, rises=False)
         ends = self._crossings(faces, rising, value) - self._crossings(faces, falling, value)
         return float(np.linalg.norm(ends, axis=1).sum())
+
+    def area_below(self, value: float) -> float:
+        """Area of the surface where the field is below `value`, exact on each face."""
+        low, middle, high = self._sorted_corners
+        cut_low = (value - low) ** 2 / ((middle - low) * (high - low) + np.finfo(float).tiny)
+        cut_high = 1 - (high - value) ** 2 / ((high - middle) * (high - low) + np.finfo(float).tiny)
+        share = np.select([value <= low, value < middle, value < high], [np.zeros_like(low), cut_low, cut_high], 1.0)
+        return float(share @ self._areas)
+
+    @cached_property
+    def _sorted_corners(self) -> Float[ndarray, "3 m"]:
+        return np.sort(self.field[self.mesh.faces], axis=1).T
+
+    @cached_property
+    def _areas(self) -> Float[ndarray, " m"]:
+        return np.asarray(np.linalg.norm(self.mesh.face_vectors, axis=1) / 2)
 
     def _crossed(self, value: float) -> tuple[Int[ndarray, " k"], Int[ndarray, " k"]]:
         """The crossed faces in rising order, and for each the local edge (from its vertex to the next) where the field rises."""

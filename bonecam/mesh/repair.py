@@ -18,7 +18,7 @@ from bonecam.mesh.distance import exact_closest
 from bonecam.mesh.faults import Fault, faults_of, holes_of
 from bonecam.mesh.files import from_meshset, meshlab, to_meshset
 from bonecam.mesh.intersections import self_intersections
-from bonecam.mesh.topology import pieces_of
+from bonecam.mesh.topology import edges_of, pieces_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.progress import Progress, report, silent
 
@@ -40,11 +40,12 @@ _REMEDIES = {
     "open": "close it in a mesh editor",
 }
 
-_CLEANING = (
+_TIDYING = (
     ("meshing_remove_null_faces", "faces", "removed {} faces without area"),
-    ("meshing_remove_unreferenced_vertices", "vertices", "removed {} vertices of no face"),
     ("meshing_remove_duplicate_vertices", "vertices", "merged {} duplicate vertices"),
     ("meshing_remove_duplicate_faces", "faces", "removed {} duplicate faces"),
+)
+_CUTTING = (
     ("meshing_repair_non_manifold_edges", "faces", "removed {} faces at edges with more than two faces"),
     ("meshing_repair_non_manifold_vertices", "vertices", "split {} vertices where surfaces touch"),
 )
@@ -68,11 +69,12 @@ def repair(mesh: TriangleMesh, *, progress: Progress = silent) -> tuple[Triangle
     """
     report(progress, 0.0, "looking for faults")
     _refuse_flat(mesh)
-    kept = _one_part(_State(mesh))
+    kept = _one_part(_without_strays(_State(mesh)))
     if not (faults := faults_of(kept.mesh)):
         return kept.mesh, kept.done
     _refuse_handles(faults, kept)
-    cleaned = _clean(kept)
+    tidied = _without_fins(_filtered(kept, _TIDYING))
+    cleaned = _clean(tidied)
     trouble = _refusal(faults, kept)
     for k, stage in enumerate((_as_cleaned, _united, _wrapped)):
         report(progress, (k + 1) / 4, f"repairing: {faults[0]}")
@@ -80,7 +82,7 @@ def repair(mesh: TriangleMesh, *, progress: Progress = silent) -> tuple[Triangle
         if found := faults_of(state.mesh):
             _refuse_handles(found, state)
             trouble = _refusal(found, state)
-        elif (deviation := _moved(kept.mesh, cleaned.mesh, state.mesh))[0] <= LARGEST_DEVIATION * mesh.diagonal:
+        elif (deviation := _moved(tidied.mesh, cleaned.mesh, state.mesh))[0] <= LARGEST_DEVIATION * kept.mesh.diagonal:
             return state.mesh, (*state.done, f"moved no part of the surface by more than {deviation[0]:.3f} mm")
         else:
             trouble = _unfaithful(*deviation, state)
@@ -115,10 +117,19 @@ def _refuse_flat(mesh: TriangleMesh) -> None:
     if not len(mesh.faces):
         raise MeshError("the mesh has no faces: give a surface mesh")
     used = mesh.vertices[np.unique(mesh.faces)]
+    size = float(np.linalg.norm(np.ptp(used, axis=0)))
     thickness = np.ptp((used - used.mean(0)) @ np.linalg.svd(used - used.mean(0), full_matrices=False)[2].T, axis=0).min()
-    if thickness < FLAT * mesh.diagonal:
-        what = f"the mesh is flat: {thickness:.3g} mm thick, {mesh.diagonal:.3g} mm from corner to corner"
+    if thickness < FLAT * size:
+        what = f"the mesh is flat: {thickness:.3g} mm thick, {size:.3g} mm from corner to corner"
         raise MeshError(f"{what}: give a solid part", thickness=float(thickness))
+
+
+def _without_strays(state: _State) -> _State:
+    """Vertices of no face would widen the bounds: they go even where nothing else is wrong."""
+    strays = len(state.mesh.vertices) - len(np.unique(state.mesh.faces))
+    if not strays:
+        return state
+    return state.then(_compact(state.mesh, np.ones(len(state.mesh.faces), dtype=bool)), f"removed {strays} vertices of no face")
 
 
 def _one_part(state: _State) -> _State:
@@ -150,10 +161,24 @@ def _state_after(state: _State, name: str, counted: str = "", sentence: str = ""
 
 
 def _clean(state: _State) -> _State:
-    """MeshLab's cleaning, then orientation, then holes."""
-    for name, counted, sentence in _CLEANING:
+    """Non-manifold places cut apart, then orientation, then holes."""
+    return _outward(_closed(_oriented(_one_part(_filtered(state, _CUTTING)))))
+
+
+def _filtered(state: _State, filters: tuple[tuple[str, str, str], ...]) -> _State:
+    for name, counted, sentence in filters:
         state = _state_after(state, name, counted, sentence)
-    return _outward(_closed(_oriented(_one_part(state))))
+    return state
+
+
+def _without_fins(state: _State) -> _State:
+    """Faces that stick out from an edge of three faces and end in the open: MeshLab would take away the smallest face instead."""
+    edges, counts = edges_of(state.mesh)
+    sides = np.sort(state.mesh.faces[:, [[0, 1], [1, 2], [2, 0]]], axis=2).astype(np.int64)
+    names = edges.astype(np.int64) @ [len(state.mesh.vertices), 1]
+    found = counts[np.searchsorted(names, sides @ [len(state.mesh.vertices), 1])]
+    fins = (found == 1).any(1) & (found > 2).any(1)
+    return state.then(_compact(state.mesh, ~fins), f"removed {fins.sum()} faces that stick out") if fins.any() else state
 
 
 def _oriented(state: _State) -> _State:

@@ -35,7 +35,8 @@ class Rows:
     """m rows of p points from the lower pole to the upper one, on the mesh they were asked of.
 
     points[i, 0] is on the seam; points run counter-clockwise seen from above (so that S_s x S_t points outward).
-    `mesh` is the even remesh whose isolines the rows are; `heights` (m,) are the mean distances of the rows from the lower pole in shares of the whole way, in (0, 1).
+    `mesh` is the even remesh whose isolines the rows are. `heights` (m,) are the mean distances of the rows from the lower
+    pole in shares of the whole way, in (0, 1); `field_heights` (v,) the same of each vertex of `mesh`.
     """
 
     points: Float[ndarray, "m p 3"]
@@ -90,17 +91,18 @@ def row_heights(rows: int) -> Float[ndarray, " m"]:
 def measured_heights(isolines: Isolines) -> tuple[Float[ndarray, " k"], Float[ndarray, " k"]]:
     """Heights in [0, 1] and the field values there: the mean distance from the lower pole over that of the upper one.
 
-    Between isolines that cut the area A into equal strips the distance is dA / l; a cap of area dA in a loop of length
-    l is a disc of radius 2 dA / l.
+    Between two isolines of mean length l with the area dA between them the distance is dA / l; a cap of area A in a loop
+    of length l is a disc of radius 2 A / l.
     """
-    areas = np.zeros(len(isolines.field))
-    np.add.at(areas, isolines.mesh.faces, np.linalg.norm(isolines.mesh.face_vectors, axis=1)[:, None] / 6)
+    corners = np.zeros(len(isolines.field))
+    np.add.at(corners, isolines.mesh.faces, np.linalg.norm(isolines.mesh.face_vectors, axis=1)[:, None] / 6)
     order = np.argsort(isolines.field, kind="stable")
-    below = np.cumsum(areas[order]) - areas[order] / 2
-    strip = isolines.mesh.area / STRIPS
-    values = np.interp(strip * np.arange(1, STRIPS), below, isolines.field[order])
+    share = np.cumsum(corners[order]) / isolines.mesh.area
+    values = np.interp(np.arange(1, STRIPS) / STRIPS, share, isolines.field[order])
     lengths = np.array([isolines.length(float(value)) for value in values])
-    steps = np.concatenate([[2 * strip / lengths[0]], 2 * strip / (lengths[1:] + lengths[:-1]), [2 * strip / lengths[-1]]])
+    areas = np.array([isolines.area_below(float(value)) for value in values])
+    caps = 2 * areas[0] / lengths[0], 2 * (isolines.mesh.area - areas[-1]) / lengths[-1]
+    steps = np.concatenate([[caps[0]], 2 * np.diff(areas) / (lengths[1:] + lengths[:-1]), [caps[1]]])
     heights = np.concatenate([[0.0], np.cumsum(steps)])
     return heights / heights[-1], np.concatenate([[0.0], values, [1.0]])
 

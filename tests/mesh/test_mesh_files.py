@@ -1,0 +1,114 @@
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from solids import ellipsoid, solid
+
+from bonecam.errors import FileError
+from bonecam.mesh.files import read_mesh, write_mesh
+
+TETRAHEDRON = "0 0 0\n1 0 0\n0 1 0\n0 0 1\n"
+PLY = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+PLY += "element face 4\nproperty list uchar int vertex_indices\nend_header\n"
+FACES = ("0 2 1", "0 1 3", "1 2 3", "0 3 2")
+OFF = "OFF\n4 4 0\n" + TETRAHEDRON + "".join(f"3 {face}\n" for face in FACES)
+OBJ = "".join(f"v {line}\n" for line in TETRAHEDRON.splitlines()) + "f 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
+
+
+def ascii_stl() -> str:
+    points = TETRAHEDRON.splitlines()
+    loops = ["outer loop\n" + "".join(f"vertex {points[int(k)]}\n" for k in face.split()) + "endloop" for face in FACES]
+    return "solid nan\n" + "".join(f"facet normal 0 0 0\n{loop}\nendfacet\n" for loop in loops) + "endsolid nan\n"
+
+
+GOOD = {"a.off": OFF, "a.obj": OBJ, "a.ply": PLY + TETRAHEDRON + "".join(f"3 {f}\n" for f in FACES), "a.stl": ascii_stl()}
+
+
+@pytest.mark.parametrize("name", GOOD)
+def test_every_text_format_gives_the_same_solid(name: str, tmp_path: Path) -> None:
+    (tmp_path / name).write_text(GOOD[name])
+    mesh = read_mesh(tmp_path / name)
+    assert (len(mesh.vertices), len(mesh.faces)) == (4, 4)
+    assert mesh.volume == pytest.approx(1 / 6)
+
+
+@pytest.mark.parametrize("ending", [".ply", ".stl"])
+def test_what_is_written_is_read_back_and_is_the_same_bytes_twice(ending: str, tmp_path: Path) -> None:
+    mesh = ellipsoid(3, 4, 9)
+    write_mesh(mesh, tmp_path / f"one{ending}")
+    write_mesh(mesh, tmp_path / f"two{ending}")
+    assert (tmp_path / f"one{ending}").read_bytes() == (tmp_path / f"two{ending}").read_bytes()
+    again = read_mesh(tmp_path / f"one{ending}")
+    assert (len(again.vertices), len(again.faces)) == (len(mesh.vertices), len(mesh.faces))
+    assert again.volume == pytest.approx(mesh.volume, rel=1e-6)
+    assert sorted(path.name for path in tmp_path.iterdir()) == [f"one{ending}", f"two{ending}"]
+
+
+def test_quality_is_written_to_ply(tmp_path: Path) -> None:
+    mesh = ellipsoid(3, 4, 9)
+    write_mesh(mesh, tmp_path / "q.ply", quality=mesh.vertices[:, 2])
+    assert b"property double quality" in (tmp_path / "q.ply").read_bytes()[:600]
+    with pytest.raises(ValueError, match="quality"):
+        write_mesh(mesh, tmp_path / "q.ply", quality=np.zeros(3))
+
+
+def binary_stl(count: int, corners: np.ndarray) -> bytes:
+    return (
+        b"solid, but binary".ljust(80)
+        + struct.pack("<I", count)
+        + b"".join(bytes(12) + c.astype("<f4").tobytes() + bytes(2) for c in corners)
+    )
+
+
+TRIANGLES = np.arange(18.0).reshape(2, 9) ** 1.5
+BAD = {
+    "empty.stl": (b"", "is empty"),
+    "text.stl": (b"hello, this is a letter and no mesh", "is text but no STL"),
+    "short.stl": (binary_stl(4, TRIANGLES), "header tells of 4 triangles, 2 are there"),
+    "nan.stl": (binary_stl(2, np.where(TRIANGLES > 50, np.nan, TRIANGLES)), "not numbers in 1 of 2 triangles"),
+    "nan.off": (OFF.replace("1 0 0", "1 nan 0").encode(), "line 4: 'nan' is not a number"),
+    "inf.obj": (OBJ.replace("v 1 0 0", "v -inf 0 0").encode(), "line 2: '-inf' is not a number"),
+    "nan.ply": ((PLY + TETRAHEDRON.replace("1 0 0", "1 0 NaN") + "3 0 2 1\n").encode(), "'NaN' is not a number"),
+    "far.off": (OFF.replace("1 2 3", "1 2 9").encode(), "line 9: a face names a vertex outside 0..3"),
+    "far.obj": (OBJ.replace("f 2 3 4", "f 2 3 99999").encode(), "line 7: a face names vertex 99999 of 4"),
+    "zero.obj": (OBJ.replace("f 2 3 4", "f 0 3 4").encode(), "before the first"),
+    "short.off": (OFF[:-8].encode(), "is cut short: 4 faces are told of, 3 are there"),
+    "short.ply": ((PLY + TETRAHEDRON).encode(), "is no readable PLY file"),
+    "word.off": (OFF.replace("3 1 2 3", "3 one 2 3").encode(), "has a word where a number should stand"),
+    "points.obj": (b"v 0 0 0\nv 1 0 0\nv 0 1 0\n", "holds no triangles"),
+    "mesh.xyz": (b"0 0 0", "unknown ending '.xyz'"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_bad_file_is_refused_in_one_line_that_names_it(name: str, tmp_path: Path) -> None:
+    content, reason = BAD[name]
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(FileError, match=name) as caught:
+        read_mesh(tmp_path / name)
+    assert reason in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_binary_ply_with_vertices_that_are_no_numbers_is_refused(tmp_path: Path) -> None:
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, np.nan]], "<f4")
+    faces = b"".join(struct.pack("<Biii", 3, *map(int, face.split())) for face in FACES)
+    (tmp_path / "nan.ply").write_bytes(PLY.replace("ascii", "binary_little_endian").encode() + vertices.tobytes() + faces)
+    with pytest.raises(FileError, match="not numbers"):
+        read_mesh(tmp_path / "nan.ply")
+
+
+def test_a_missing_file_and_a_missing_folder_are_named(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match=r"nowhere\.stl: cannot be read"):
+        read_mesh(tmp_path / "nowhere.stl")
+    with pytest.raises(FileError, match="cannot be written"):
+        write_mesh(ellipsoid(1, 1, 2), tmp_path / "nowhere" / "a.ply")
+    with pytest.raises(FileError, match="unknown ending"):
+        write_mesh(ellipsoid(1, 1, 2), tmp_path / "a.obj")
+
+
+def test_faces_without_area_survive_reading_so_that_repair_can_tell_of_them(tmp_path: Path) -> None:
+    mesh = solid(np.eye(3), np.array([[0, 1, 2], [0, 1, 1]]))
+    write_mesh(mesh, tmp_path / "null.stl")
+    assert len(read_mesh(tmp_path / "null.stl").faces) == 2

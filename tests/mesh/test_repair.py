@@ -1,0 +1,146 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+from solids import ellipsoid, grid_faces, moved, solid, together, torus
+
+import bonecam.mesh.repair as repair_module
+from bonecam.errors import MeshError
+from bonecam.mesh.distance import exact_closest
+from bonecam.mesh.faults import faults_of
+from bonecam.mesh.files import read_mesh
+from bonecam.mesh.repair import repair
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.mesh.units import to_mm
+
+BONE = ellipsoid(5, 4, 14)
+
+
+def test_a_sound_mesh_comes_back_as_it_is() -> None:
+    mesh, done = repair(BONE)
+    assert done == ()
+    assert mesh is BONE
+
+
+def test_vertices_of_no_face_go_even_from_a_sound_mesh() -> None:
+    mesh, done = repair(solid(np.concatenate([BONE.vertices, [[100, 0, 0]]]), BONE.faces))
+    assert done == ("removed 1 vertices of no face",)
+    assert (mesh.bounds == BONE.bounds).all()
+
+
+def broken(kind: str) -> TriangleMesh:
+    v, f = np.array(BONE.vertices), np.array(BONE.faces)
+    if kind == "hole":
+        return solid(v, np.delete(f, [100, 101, 102], axis=0))
+    if kind == "turned face":
+        return solid(v, np.where(np.arange(len(f))[:, None] % 7 == 0, f[:, ::-1], f))
+    if kind == "inside out":
+        return solid(v, f[:, ::-1])
+    if kind == "duplicate face":
+        return solid(v, np.concatenate([f, f[5:9]]))
+    if kind == "fin":
+        return solid(np.concatenate([v, [[9, 0, 0]]]), np.concatenate([f, [[f[40, 0], f[40, 1], len(v)]]]))
+    if kind == "debris":
+        return together(BONE, moved(ellipsoid(1, 1, 1, 4, 6), (9, 0, 0), 0.3))
+    if kind == "loose corners":
+        return solid(v[f].reshape(-1, 3), np.arange(3 * len(f)).reshape(-1, 3))
+    assert kind == "null face"
+    return solid(v, np.concatenate([f, [[3, 4, 4]]]))
+
+
+WORDS = {
+    "hole": "closed 1 of 1 holes",
+    "turned face": "turned",
+    "inside out": "outward",
+    "duplicate face": "removed 4 duplicate faces",
+    "fin": "removed 1 faces that stick out",
+    "debris": "dropped 1 loose pieces",
+    "loose corners": "duplicate vertices",
+    "null face": "removed 1 faces without area",
+}
+
+
+@pytest.mark.parametrize("kind", WORDS)
+def test_a_broken_mesh_is_mended_and_told(kind: str) -> None:
+    mesh, done = repair(broken(kind))
+    assert WORDS[kind] in "; ".join(done)
+    assert faults_of(mesh) == ()
+    assert mesh.volume == pytest.approx(BONE.volume, rel=0.01)
+
+
+def test_a_surface_that_cuts_itself_keeps_its_outside() -> None:
+    vertices = np.array(BONE.vertices)
+    pushed = np.argmax(vertices[:, 0])
+    vertices[pushed] += [-0.5, 2, 3]
+    mesh, done = repair(solid(vertices, BONE.faces))
+    assert faults_of(mesh) == ()
+    assert any("cut each other" in sentence for sentence in done)
+
+
+FLAT = solid(np.array([[0, 0, 0], [10, 0, 0], [10, 20, 0], [0, 20, 0]]), np.array([[0, 1, 2], [0, 2, 3], [2, 1, 0], [3, 2, 0]]))
+TUBE = solid(ellipsoid(5, 4, 14).vertices[:-2], grid_faces(24, 32, False))
+SHEET = solid(BONE.vertices, BONE.faces[(BONE.vertices[BONE.faces].mean(1)[:, 0] > 0)])
+
+
+@pytest.mark.parametrize(
+    ("mesh", "reason"),
+    [
+        (torus(), r"1 handle \(genus 1\) near"),
+        (together(BONE, moved(BONE, (20, 0, 0))), "2 separate parts"),
+        (FLAT, "flat"),
+        (SHEET, "open sheet"),
+        (solid(np.empty((0, 3)), np.empty((0, 3))), "no faces"),
+    ],
+)
+def test_what_cannot_be_one_solid_is_refused_with_a_remedy(mesh: TriangleMesh, reason: str) -> None:
+    with pytest.raises(MeshError, match=reason) as caught:
+        repair(mesh)
+    assert "\n" not in str(caught.value)
+    assert ": " in str(caught.value)
+
+
+def test_a_tube_is_closed_at_its_ends() -> None:
+    mesh, done = repair(TUBE)
+    assert faults_of(mesh) == ()
+    assert "closed 2 of 2 holes" in "; ".join(done)
+
+
+def test_the_new_skin_is_sound_and_close() -> None:
+    wrapped = repair_module._wrapped(repair_module._State(BONE)).mesh
+    assert faults_of(wrapped) == ()
+    assert np.linalg.norm(exact_closest(BONE, wrapped.vertices)[0] - wrapped.vertices, axis=1).max() < 0.002 * BONE.diagonal
+
+
+def test_the_same_mesh_is_mended_to_the_same_bytes() -> None:
+    one, two = repair(broken("hole"))[0], repair(broken("hole"))[0]
+    assert (one.vertices == two.vertices).all()
+    assert (one.faces == two.faces).all()
+
+
+OUTCOMES = {
+    "arm_r_3midph_degenerate_m.stl": "removed 28 faces without area",
+    "clavicle_nonmanifold_m.stl": "removed 1 duplicate faces",
+    "r_tibia_nonmanifold_m.stl": "removed 6 faces that stick out",
+    "sacrum_selfintersect_m.stl": "kept the outside of 14 faces",
+}
+REFUSALS = {
+    "bad/footbones_26parts.ply": "26 separate parts",
+    "bad/hat_cervical_flipped_m.stl": "12 separate parts",
+    "bad/pisiform_holes_multi_m.stl": "9 handles",
+    "bones/lumbar1_m.stl": r"1 handle \(genus 1\)",
+}
+
+
+@pytest.mark.parametrize("name", OUTCOMES)
+def test_real_defective_bones_are_mended(shared: Path, name: str) -> None:
+    mesh, done = repair(to_mm(read_mesh(shared / "meshes" / "bad" / name), "m"))
+    assert faults_of(mesh) == ()
+    assert OUTCOMES[name] in "; ".join(done)
+    assert done[-1] == "moved no part of the surface by more than 0.000 mm"
+
+
+@pytest.mark.parametrize("name", REFUSALS)
+def test_real_meshes_that_are_no_one_bone_are_refused(shared: Path, name: str) -> None:
+    mesh = to_mm(read_mesh(shared / "meshes" / name), "inch" if "foot" in name else "m")
+    with pytest.raises(MeshError, match=REFUSALS[name]):
+        repair(mesh)
