@@ -13,7 +13,7 @@ from numpy import ndarray
 from bonecam.orientation.limits import AxisLimits, angles_between, unit
 
 SUBDIVISIONS = 3
-WAVE, MOST = 8, 200
+WAVE, MOST = 8, 120
 CHUNK = 4000
 SMOOTHING_ROUNDS, NEIGHBOURHOOD = 10, 12
 SMOOTH_TURN = np.radians(1.5)
@@ -95,6 +95,8 @@ def smoothed(
 ) -> Float[ndarray, "n 3"]:
     """The axes averaged along the passes near what was `changed`; every new axis is allowed and free, or the old one stays."""
     axes = axes.copy()
+    if not changed.any():
+        return axes
     same = np.r_[passes[1:] == passes[:-1], False]
     close = np.convolve(changed.astype(float), np.ones(2 * NEIGHBOURHOOD + 1), mode="same")[: len(axes)] > 0.5
     for _ in range(SMOOTHING_ROUNDS):

@@ -105,7 +105,8 @@ def _march(
         reach = _reach(distance, core + margin, slope)
         u = u + reach
         state[active[u >= end]] = FREE
-        state[active[distance < 0.7 * core]] = HIT
+        certain = np.minimum(0.9 * core, np.minimum(u - reach - start, end - u + reach))
+        state[active[distance < np.maximum(certain, 0.0)]] = HIT
         going = (u < end) & (reach > SHORTEST) & (distance > core + margin)
         active, u = active[going], u[going]
     return state

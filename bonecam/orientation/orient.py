@@ -124,7 +124,7 @@ class _Builder:
             answer[k] = hop or self._linker.far(self._pose(self._runs[k][-1]), None) is not None
         return answer
 
-    def _pose(self, contact: int) -> tuple[ndarray, ndarray]:
+    def _pose(self, contact: int | np.integer) -> tuple[ndarray, ndarray]:
         return self._path.centres[contact], self._axes[contact]
 
     def _hops(self) -> tuple[ndarray, list[Moves]]:

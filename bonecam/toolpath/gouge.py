@@ -5,7 +5,7 @@ Where the ball does not fit (a groove sharper than the ball, a neighbouring cond
 """
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -17,6 +17,7 @@ CONTACT_SHARE, MOVE_SHARE = 0.3, 0.7
 """Parts of the tolerance a contact, and a place between two contacts, may use up."""
 
 
+@runtime_checkable
 class SignedDistance(Protocol):
     """What measures distance to a closed mesh: negative inside, mm."""
 

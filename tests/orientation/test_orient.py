@@ -1,0 +1,158 @@
+"""What an oriented tool path promises, checked by a tool made of points that knows nothing of the proofs."""
+
+from dataclasses import replace
+
+import bodies
+import numpy as np
+import pytest
+
+from bonecam.errors import MachineError, OrientationError
+from bonecam.job import NcJob, PathJob
+from bonecam.mesh.distance import MeshDistance
+from bonecam.orientation.admissible import fan
+from bonecam.orientation.lead import lead_axes
+from bonecam.orientation.limits import AxisLimits, angles_between, polar, unit
+from bonecam.orientation.orient import MAX_TURN, orient
+from bonecam.orientation.scene import Scene
+from bonecam.toolpath.cutter import Cutter
+from bonecam.toolpath.path import ContactPath, Kind, ToolPath
+from bonecam.toolpath.post import post_below
+from bonecam.toolpath.zigzag import cover_level
+
+MIKRON = AxisLimits(np.radians(115.0))
+
+
+def made(
+    cutter: Cutter = bodies.ROUGH, limits: AxisLimits = MIKRON, waist: float = 0.8, **job: object
+) -> tuple[ContactPath, Scene, ToolPath]:
+    surface = bodies.waist(waist)
+    level, material = bodies.mesh_of(surface), bodies.mesh_of(bodies.waist(waist, 0.4))
+    post, settings = post_below(level, bodies.HOLDING), PathJob(**job)  # type: ignore[arg-type]
+    contacts = cover_level(0, surface, level, level, cutter, post, settings)
+    scene = Scene(level, material, bodies.stock(), post)
+    return contacts, scene, orient(contacts, scene, limits, settings, NcJob())
+
+
+@pytest.fixture(scope="module", params=["around", "along"])
+def case(request: pytest.FixtureRequest) -> tuple[ContactPath, Scene, ToolPath]:
+    return made(direction=request.param)
+
+
+def between(path: ToolPath, parts: int = 4) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Tips, axes and kinds along all moves, ends included."""
+    f = np.repeat(np.arange(1, parts + 1) / parts, len(path.tips) - 1)[:, None]
+    tile = lambda rows: np.tile(rows, (parts, 1))  # noqa: E731
+    tips = (1 - f) * tile(path.tips[:-1]) + f * tile(path.tips[1:])
+    return tips, unit((1 - f) * tile(path.axes[:-1]) + f * tile(path.axes[1:])), np.tile(path.kinds[1:], parts)
+
+
+def tool_points(cutter: Cutter) -> dict[str, np.ndarray]:
+    angle = np.arange(12) * (np.pi / 6)
+    rim = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
+    return {name: np.vstack([radius * rim + [0, 0, h] for h in np.linspace(start, end, 9)]) for name, start, end, radius in cutter.sections}
+
+
+def test_the_tool_never_enters_anything(case: tuple[ContactPath, Scene, ToolPath]) -> None:
+    _, scene, path = case
+    tips, axes, kinds = between(path)
+    level, material = MeshDistance(scene.level), MeshDistance(scene.material)
+    side = np.where(np.abs(axes[:, :1]) < 0.9, np.array([[1.0, 0, 0]]), np.array([[0.0, 1, 0]]))
+    x = unit(np.cross(side, axes))
+    frames = np.stack([x, np.cross(axes, x), axes], axis=2)
+    centres = tips + path.cutter.radius * axes
+    assert (path.cutter.radius - level.signed(centres)).max() <= PathJob().gouge_tolerance
+    assert (path.cutter.radius - material.signed(centres[kinds == Kind.RAPID])).max() < 0
+    for name, points in tool_points(path.cutter).items():
+        placed = (np.einsum("nij,kj->nki", frames, points) + tips[:, None]).reshape(-1, 3)
+        assert placed[:, 2].min() > 0, f"{name} in the table"
+        assert scene.post.distance(placed).min() > 0, f"{name} in the post"
+        near = np.r_[0, np.flatnonzero(bodies.stock().signed_distance(placed) < 0.1)]
+        solid = level if name == "cutter" else material
+        assert solid.signed(placed[near]).min() > -PathJob().gouge_tolerance, f"{name} in the material"
+
+
+def test_every_contact_is_cut_or_listed(case: tuple[ContactPath, Scene, ToolPath]) -> None:
+    contacts, _, path = case
+    cut = path.kinds == Kind.CUT
+    assert cut.sum() + len(path.uncut) == len(contacts.contacts) + len(contacts.uncut)
+    assert len(path.reasons) == len(path.uncut)
+    assert not {"collision", "limits"} & set(path.reasons), "every contact of this body can be reached"
+    assert np.isnan(path.contacts[~cut]).all()
+    assert (path.pass_index[~cut] == -1).all()
+
+
+def test_tips_and_axes_belong_to_the_contacts(case: tuple[ContactPath, Scene, ToolPath]) -> None:
+    contacts, _, path = case
+    cut = path.kinds == Kind.CUT
+    assert np.allclose(np.linalg.norm(path.axes, axis=1), 1)
+    assert np.allclose(path.contacts[cut], contacts.contacts)
+    assert np.allclose(path.tips[cut] + path.cutter.radius * path.axes[cut], contacts.centres)
+
+
+def test_axes_keep_limits_and_never_jump_in_a_pass(case: tuple[ContactPath, Scene, ToolPath]) -> None:
+    contacts, _, path = case
+    assert MIKRON.allow(path.axes).all()
+    cut = path.kinds == Kind.CUT
+    assert angles_between(path.axes[cut], contacts.normals).max() <= np.radians(PathJob().max_tilt_deg) + 1e-6
+    same = cut[1:] & (path.pass_index[1:] == path.pass_index[:-1])
+    assert angles_between(path.axes[1:], path.axes[:-1])[same].max() <= MAX_TURN
+
+
+def test_upper_contacts_take_the_lead_angle(case: tuple[ContactPath, Scene, ToolPath]) -> None:
+    contacts, _, path = case
+    wished = lead_axes(contacts.normals, contacts.feeds, np.radians(10.0))
+    cut = path.kinds == Kind.CUT
+    high = polar(wished) < np.radians(80)
+    assert np.allclose(path.axes[cut][high], wished[high])
+    assert np.allclose(angles_between(wished, contacts.normals), np.radians(10.0))
+
+
+def test_a_level_begins_and_ends_clear_above_the_stock(case: tuple[ContactPath, Scene, ToolPath]) -> None:
+    _, scene, path = case
+    for row in (0, -1):
+        assert path.kinds[row] == Kind.RAPID
+        assert path.tips[row, 2] > scene.stock.end[2] + scene.stock.radius + PathJob().clearance
+        assert np.allclose(path.axes[row], [0, 0, 1])
+
+
+def test_passes_are_entered_at_the_plunge_feed(case: tuple[ContactPath, Scene, ToolPath]) -> None:
+    _, _, path = case
+    first = np.flatnonzero((path.kinds == Kind.CUT) & (np.r_[-1, path.pass_index[:-1]] != path.pass_index))
+    assert (path.feed_rates[first] == NcJob().plunge_feed).all()
+    assert (path.feed_rates[path.kinds == Kind.LINK] <= NcJob().link_feed).all()
+
+
+def test_narrow_limits_turn_axes_up_and_list_the_rest() -> None:
+    contacts, _, path = made(limits=AxisLimits(np.radians(60.0)), max_tilt_deg=50.0)
+    assert polar(path.axes).max() <= np.radians(60.0) + 1e-6
+    listed = path.uncut[[reason == "limits" for reason in path.reasons]]
+    assert len(listed)
+    down = polar(contacts.normals) > np.radians(111.0)
+    assert len(listed) >= down.sum()
+
+
+def test_a_stubby_tool_leaves_what_its_holder_cannot_reach() -> None:
+    stubby = replace(bodies.ROUGH, overhang=12.0, holder_diameter=16.0)
+    _, scene, path = made(stubby)
+    material = MeshDistance(scene.material)
+    tips, axes, _ = between(path)
+    for h in (0.0, 20.0, 50.0):
+        assert material.signed(tips + (12.0 + h) * axes).min() > 0
+    assert set(path.reasons) <= {"post", "gouge", "collision", "limits"}
+
+
+def test_no_reach_at_all_is_an_error() -> None:
+    with pytest.raises(OrientationError, match="level 0"):
+        made(limits=AxisLimits(np.pi, np.radians(178.0)))
+
+
+def test_the_fan_covers_the_sphere_evenly() -> None:
+    directions = fan()
+    assert directions.shape == (642, 3)
+    probe = unit(np.random.default_rng(0).normal(size=(2000, 3)))
+    assert np.degrees(np.arccos(np.clip((probe @ directions.T).max(axis=1), -1, 1))).max() < 6.0
+
+
+def test_senseless_limits_are_refused() -> None:
+    with pytest.raises(MachineError, match="limits"):
+        AxisLimits(0.2, 0.3)

@@ -1,0 +1,142 @@
+"""What a covered level promises: no cusp above the scallop, no gouge, no long chord, no contact at the post."""
+
+from dataclasses import replace
+
+import bodies
+import numpy as np
+import pytest
+from scipy.spatial import KDTree
+
+from bonecam.errors import ToolPathError
+from bonecam.job import HoldingJob, PathJob
+from bonecam.mesh.distance import MeshDistance
+from bonecam.surface.tspline import TSpline
+from bonecam.toolpath.path import ContactPath
+from bonecam.toolpath.post import post_below
+from bonecam.toolpath.zigzag import cover_level
+
+DIRECTIONS = ("around", "along")
+
+
+def covered(surface: TSpline, direction: str, **changes: float) -> ContactPath:
+    mesh = bodies.mesh_of(surface)
+    return cover_level(0, surface, mesh, mesh, bodies.FINE, post_below(mesh, bodies.HOLDING), PathJob(direction=direction), **changes)
+
+
+def joined(path: ContactPath) -> np.ndarray:
+    return np.flatnonzero(path.pass_index[1:] == path.pass_index[:-1])
+
+
+def swept_centres(path: ContactPath, parts: int = 12) -> np.ndarray:
+    i = joined(path)
+    return np.vstack([(1 - f) * path.centres[i] + f * path.centres[i + 1] for f in np.linspace(0, 1, parts + 1)])
+
+
+def heights_left(surface: TSpline, path: ContactPath, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Random surface points and how far along the normal material is left above each, by rays into the balls."""
+    rng = np.random.default_rng(7)
+    s, t = rng.random(count), 0.001 + 0.998 * rng.random(count)
+    points, normals = np.asarray(surface.evaluate(s, t)), surface.normals(s, t)
+    centres, radius = swept_centres(path), path.cutter.radius
+    left = np.full(count, np.inf)
+    for i, near in enumerate(KDTree(centres).query_ball_point(points + radius * normals, 0.9 * radius)):
+        to = centres[near] - points[i]
+        along = to @ normals[i]
+        root = radius**2 - (to * to).sum(1) + along**2
+        if (root > 0).any():
+            left[i] = (along - np.sqrt(np.maximum(root, 0)))[root > 0].min()
+    return points, left
+
+
+@pytest.mark.parametrize("direction", DIRECTIONS)
+def test_no_cusp_exceeds_the_scallop(direction: str) -> None:
+    surface = bodies.pebble()
+    path = covered(surface, direction)
+    points, left = heights_left(surface, path, 1500)
+    reached = KDTree(path.uncut).query(points)[0] > 0.6
+    assert reached.mean() > 0.85
+    assert left[reached].max() <= path.scallop_limit + 1e-3
+    assert left[reached].max() >= 0.6 * path.scallop_limit, "passes lie closer than needed"
+    assert left[reached].min() >= -PathJob().gouge_tolerance
+
+
+@pytest.mark.parametrize("direction", DIRECTIONS)
+def test_straight_moves_follow_the_offset_curve(direction: str) -> None:
+    surface, job = bodies.pebble(), PathJob()
+    path = covered(surface, direction)
+    i = joined(path)
+    length = np.linalg.norm(path.centres[i + 1] - path.centres[i], axis=1)
+    assert length.max() <= job.max_step + 1e-9
+    p, q = path.parameters[i], path.parameters[i + 1]
+    near = np.abs(p - q).max(axis=1) < 0.4
+    for f in (0.25, 0.5, 0.75):
+        m = (1 - f) * p[near] + f * q[near]
+        m[:, 1] = np.clip(m[:, 1], 1e-5, 1 - 1e-5)
+        true = np.asarray(surface.evaluate(m[:, 0], m[:, 1])) + path.cutter.radius * surface.normals(m[:, 0], m[:, 1])
+        a, chord = path.centres[i[near]], path.centres[i[near] + 1] - path.centres[i[near]]
+        ratio = np.clip(((true - a) * chord).sum(1) / (chord * chord).sum(1), 0, 1)
+        assert np.linalg.norm(true - a - ratio[:, None] * chord, axis=1).max() <= 1.25 * job.chord_tolerance
+
+
+@pytest.mark.parametrize("direction", DIRECTIONS)
+def test_the_ball_never_enters_the_level(direction: str) -> None:
+    surface = bodies.waist(1.6)
+    path = covered(surface, direction)
+    fine = MeshDistance(bodies.mesh_of(surface))
+    assert path.lifts.max() > path.scallop_limit, "the groove must be too sharp for the ball, else this proves nothing"
+    assert (path.cutter.radius - fine.signed(swept_centres(path, 8))).max() <= PathJob().gouge_tolerance
+    assert "gouge" in path.reasons
+
+
+def test_a_convex_body_needs_no_lift() -> None:
+    path = covered(bodies.pebble(), "around")
+    assert path.lifts.max() == 0
+    assert set(path.reasons) == {"post"}
+    assert np.allclose(path.centres, path.contacts + path.cutter.radius * path.normals)
+
+
+def test_balls_keep_clear_of_the_post() -> None:
+    surface = bodies.pebble()
+    path = covered(surface, "around", post_clearance=0.3)
+    post = post_below(bodies.mesh_of(surface), bodies.HOLDING)
+    assert post.distance(path.centres).min() >= path.cutter.radius + 0.3
+    assert path.reasons.count("post") > 10
+
+
+def test_neighbouring_passes_run_opposite_ways() -> None:
+    path = covered(bodies.pebble(), "around")
+    i = joined(path)
+    round_ = np.cross(path.centres[i], path.centres[i + 1])[:, 2]
+    sense = np.array([np.sign(round_[path.pass_index[i] == k].sum()) for k in range(path.pass_index.max() + 1)])
+    rings = np.array([np.ptp(path.parameters[path.pass_index == k, 0]) > 0.999 for k in range(path.pass_index.max() + 1)])
+    both = rings[1:] & rings[:-1]
+    assert both.mean() > 0.8
+    assert (sense[1:] == -sense[:-1])[both].all()
+    moves = path.centres[i + 1] - path.centres[i]
+    assert ((path.feeds[i] * moves).sum(1) > 0).all()
+
+
+def test_two_runs_are_identical() -> None:
+    first, second = (covered(bodies.waist(0.5), "around") for _ in range(2))
+    assert first.centres.tobytes() == second.centres.tobytes()
+    assert first.pass_index.tobytes() == second.pass_index.tobytes()
+
+
+def test_a_post_beside_the_part_is_refused() -> None:
+    mesh = bodies.mesh_of(bodies.pebble())
+    aside = replace(mesh, vertices=mesh.vertices + np.array([20.0, 0, 0]))
+    with pytest.raises(ToolPathError, match="misses"):
+        post_below(aside, HoldingJob())
+
+
+def test_the_post_ends_inside_the_part() -> None:
+    mesh = bodies.mesh_of(bodies.pebble())
+    post = post_below(mesh, bodies.HOLDING)
+    rim = np.array([[post.radius * np.cos(a), post.radius * np.sin(a), post.top + 0.05] for a in np.linspace(0, 6, 9)])
+    assert MeshDistance(mesh).inside(rim).all()
+
+
+def test_nothing_to_cut_is_an_error() -> None:
+    mesh = bodies.mesh_of(bodies.pebble())
+    with pytest.raises(ToolPathError, match="nothing"):
+        cover_level(0, bodies.pebble(), mesh, mesh, bodies.FINE, post_below(mesh, HoldingJob(diameter=2.0)), PathJob(), post_clearance=50.0)
