@@ -62,20 +62,17 @@ def refine(tmesh: RowTMesh, votes: Votes, room: int) -> RowTMesh:
     """The T-mesh with the best cuts made, at most `room` control points more; the same T-mesh where none is left."""
     cuts = sorted(_cuts(tmesh, votes), key=lambda cut: (-cut.worth, cut.row, cut.place))
     wanted = min(room, max(6, round(SHARE * tmesh.size)))
-    rows = [list(row) for row in tmesh.s_knots]
+    refined, rows = tmesh, [list(row) for row in tmesh.s_knots]
     t_cuts: list[float] = []
     for cut in cuts:
-        if wanted <= 0 or cut.worth < 0.02 * cuts[0].worth:
+        if refined.size - tmesh.size >= wanted or cut.worth < 0.02 * cuts[0].worth:
             break
-        if cut.cost > min(room, 2 * wanted):
-            continue
-        if cut.row < 0:
-            t_cuts.append(cut.place)
-        else:
-            rows[cut.row].append(cut.place)
-        wanted, room = wanted - cut.cost, room - cut.cost
-    knots = [np.sort(np.array(row)) for row in rows]
-    return with_t_knots(tmesh.t_knots, knots, np.array(t_cuts))
+        tried = [[*row, cut.place] if j == cut.row else row for j, row in enumerate(rows)]
+        tried_t = [*t_cuts, cut.place] if cut.row < 0 else t_cuts
+        finer = with_t_knots(tmesh.t_knots, [np.sort(np.array(row)) for row in tried], np.array(tried_t))
+        if finer.size - tmesh.size <= min(room, 2 * wanted):
+            refined, rows, t_cuts = finer, tried, tried_t
+    return refined
 
 
 def with_t_knots(t_knots: Float[ndarray, " k"], rows: list[ndarray], new: Float[ndarray, " c"]) -> RowTMesh:

@@ -22,7 +22,7 @@ from numpy import ndarray
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.sections import Rows
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.progress import Progress, report, silent
+from bonecam.progress import Progress, part, report, silent
 from bonecam.surface.adapt import miss_votes, refine
 from bonecam.surface.deviation import Deviation, deviation
 from bonecam.surface.fairness import fairness
@@ -39,7 +39,10 @@ SLIDE = 0.1  # weight of a miss in the tangent plane
 BEND, DRIFT = 2e-5, 3e-2  # fairness, times (mean cell side)^4
 FIRMNESS = (1.0, 30.0, 1000.0)  # of the fairness, tried until nothing folds
 LEAST_TURN, LEAST_FACING = 0.5, 0.2  # cosines
-FIRST = ((6, 8), (10, 8), (12, 12), (20, 12), (24, 16))  # spans and knots a row of the first T-mesh, tried until nothing folds
+FIRST = ((6, 8), (12, 12), (20, 12))  # spans and knots a row of the first T-mesh, tried in turn
+ROUGH = 3.0  # how near the skinned surface the first surface has to be, in tolerances
+GOOD_ENOUGH = 1.5  # tolerances; an unfolded fit within them is not tried again from a finer start
+ROUGH_SHARE = 0.6  # of the control points may be spent on that
 PLANE = 100.0  # weight of the poles' planes, times the mean area of a control point
 
 
@@ -98,32 +101,53 @@ def fit(rows: Rows, mesh: TriangleMesh, tolerance: float, max_control_points: in
     points, areas = sample_mesh(mesh, SAMPLES)
     empty = np.zeros(len(points))
     target = Target(Shape(mesh), points, areas, empty, empty, empty).on(skinned, anew=True)
-    surface = first_surface(skinned, target, tolerance, max_control_points)
+    found: list[tuple[bool, float, int, Fit]] = []
+    for number, first in enumerate(FIRST):
+        if number and first_tmesh(*first).size > ROUGH_SHARE * max_control_points:
+            break
+        share = part(progress, number / len(FIRST), (number + 1) / len(FIRST))
+        surface = attempt(skinned, target, tolerance, max_control_points, first_tmesh(*first), share)
+        measured = deviation(surface, mesh)
+        folded = target.shape.facing(surface, *fold_grid()) < 0
+        found.append((folded, measured.max, number, Fit(surface, measured, tolerance, measured.max <= tolerance and not folded)))
+        if not folded and measured.max <= GOOD_ENOUGH * tolerance:
+            break
+    return min(found, key=lambda one: one[:3])[3]
+
+
+def attempt(skinned: TSpline, target: Target, tolerance: float, max_control_points: int, tmesh: RowTMesh, progress: Progress) -> TSpline:
+    """One fit from the first T-mesh given."""
+    surface, target = first_surface(skinned, target, tolerance, max_control_points, tmesh)
     surface, target = settle(surface, target, tolerance, 2)
     while target.distances.max() > 0.9 * tolerance and surface.tmesh.size < max_control_points:
-        report(progress, surface.tmesh.size / max_control_points, f"{surface.tmesh.size} control points, {target.distances.max():.3f} mm")
+        size, worst = surface.tmesh.size, float(target.distances.max())
+        report(progress, size / max_control_points, f"{size} control points, {worst:.3f} mm")
         votes = miss_votes(surface, target.s, target.t, target.distances, target.areas, tolerance)
-        tmesh = refine(surface.tmesh, votes, max_control_points - surface.tmesh.size)
-        if tmesh.size == surface.tmesh.size:
+        tmesh = refine(surface.tmesh, votes, max_control_points - size)
+        if tmesh.size == size:
             break
         surface = step(moved(surface, tmesh), target, tolerance, slide=1.0)
         surface, target = settle(surface, target.on(surface, anew=True), tolerance, 2)
-    surface, target = settle(surface, target, tolerance, 6)
-    found = deviation(surface, mesh)
-    return Fit(surface, found, tolerance, found.max <= tolerance)
+    return settle(surface, target, tolerance, 6)[0]
 
 
-def first_surface(skinned: TSpline, target: Target, tolerance: float, max_control_points: int) -> TSpline:
-    """A coarse surface with the parameters of the skinned one: the first of FIRST that does not fold."""
-    found = skinned
-    for spans, knots in FIRST:
-        tmesh = first_tmesh(spans, knots)
-        if tmesh.size > max_control_points:
+def first_surface(skinned: TSpline, target: Target, tolerance: float, max_control_points: int, tmesh: RowTMesh) -> tuple[TSpline, Target]:
+    """A coarse surface with the parameters of the skinned one, and the feet on it.
+
+    The T-mesh grows where the mesh is missed until nothing folds and the worst miss is within ROUGH tolerances of the skinned surface's.
+    """
+    enough = ROUGH * tolerance + float(target.distances.max())
+    while True:
+        surface = moved(skinned, tmesh)
+        found = target.on(surface, anew=True)
+        if found.distances.max() < enough and not folds(surface, skinned, target.shape):
             break
-        found = moved(skinned, tmesh)
-        if not folds(found, skinned, target.shape):
+        votes = miss_votes(surface, found.s, found.t, found.distances, found.areas, tolerance)
+        finer = refine(tmesh, votes, round(ROUGH_SHARE * max_control_points) - tmesh.size)
+        if finer.size == tmesh.size:
             break
-    return step(found, target, tolerance, slide=1.0)
+        tmesh = finer
+    return surface, found
 
 
 def first_tmesh(spans: int, knots: int) -> RowTMesh:
@@ -160,15 +184,21 @@ def step(surface: TSpline, target: Target, tolerance: float, slide: float) -> TS
         if not folds(found, surface, target.shape):
             return found
     for share in (0.5, 0.25, 0.1):
-        part = surface.with_control_points((1 - share) * surface.control_points + share * found.control_points)
-        if not folds(part, surface, target.shape):
-            return part
+        nearer = surface.with_control_points((1 - share) * surface.control_points + share * found.control_points)
+        if not folds(nearer, surface, target.shape):
+            return nearer
     return surface
+
+
+def fold_grid() -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
+    """s and t of a grid that crowds at the poles."""
+    s, t = np.meshgrid(np.arange(48) / 48, (1 - np.cos(np.linspace(0.06, np.pi - 0.06, 64))) / 2)
+    return s.ravel(), t.ravel()
 
 
 def folds(surface: TSpline, before: TSpline, shape: Shape) -> bool:
     """Whether a normal on a grid that crowds at the poles turned too far from what it was before, or away from the mesh's."""
-    s, t = (v.ravel() for v in np.meshgrid(np.arange(48) / 48, (1 - np.cos(np.linspace(0.06, np.pi - 0.06, 64))) / 2))
+    s, t = fold_grid()
     if np.einsum("ij,ij->i", surface.normals(s, t), before.normals(s, t)).min() < LEAST_TURN:
         return True
     facing = shape.facing(surface, s, t)
