@@ -1,7 +1,7 @@
 """Moves between poses: tip and axis interpolated, proven by distance or judged by FCL at close poses."""
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from bonecam.orientation.clear import FREE, HIT, Poses, judge_by_distance
@@ -74,9 +74,3 @@ def interpolated(
     else:
         axes = (np.sin((1 - f) * angle) * first_axis + np.sin(f * angle) * last_axis) / np.sin(angle)
     return (1 - f) * first + f * last, unit(axes)
-
-
-def renumbered(passes: Int[ndarray, " n"], joined: Bool[ndarray, " n"]) -> Int[ndarray, " n"]:
-    """Passes counted from 0, broken wherever a contact is not joined to the next."""
-    del passes
-    return np.cumsum(np.r_[0, (~joined[:-1]).astype(np.int64)])

@@ -89,11 +89,9 @@ def travel(
     if way_round:
         turn -= np.copysign(2 * np.pi, turn)
     if over_top:
-        _, top = route.frames(np.array([start + turn]), np.array([route.top]), np.zeros(1))
         peak = (route.frames(np.array([start]), np.array([route.top]), np.array([rise]))[0][0], np.array([0.0, 0.0, 1.0]))
         up = travel(route, first, peak, limits, rise=rise)
         down = travel(route, peak, last, limits, rise=rise)
-        del top
         return np.vstack([up[0], down[0][1:]]), np.vstack([up[1], down[1][1:]])
     ends = route.frames(np.array([start, start + turn]), np.array([a[1], b[1]]), np.array([a[2], b[2]]))[1]
     relative = np.stack([ends[0].T @ first[1], ends[1].T @ last[1]])
