@@ -44,26 +44,34 @@ def _weights(mesh: TriangleMesh) -> Float[ndarray, "f"]:
     return np.asarray(area / area.sum())
 
 
+def signed(mesh: TriangleMesh, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n"]:
+    """Distance of each point to the closed mesh, negative inside: by the closest face's side, and where that says outside, by rays."""
+    to_mesh = MeshDistance(mesh)
+    closest, face = to_mesh.closest(points)
+    across = points - closest
+    distance = np.linalg.norm(across, axis=1)
+    side = np.where(np.einsum("ij,ij->i", across, mesh.face_vectors[face]) > 0, 1.0, -1.0)
+    doubtful = np.flatnonzero((side > 0) & (distance > NEST_TOLERANCE))
+    if len(doubtful):
+        side[doubtful] = np.where(to_mesh.inside(points[doubtful]), -1.0, 1.0)
+    return np.asarray(side * distance)
+
+
 def measure(inner: TriangleMesh, outer: TriangleMesh, stock: Stock, limit: float, last: bool) -> Measure:
     """The cut from `outer` (level k; the stock itself where `last`) down to `inner` (level k - 1)."""
     inside, outside = probes(inner), probes(outer)
-    to_inner, to_outer = MeshDistance(inner), MeshDistance(outer)
-    depth = to_inner.unsigned(outside)
-    ahead = -stock.signed_distance(inside) if last else -to_outer.signed(inside)
-    middles = depth[len(outer.vertices) :]
-    weights = _weights(outer)
-    inner_gap = -stock.signed_distance(inside)
-    back = np.abs(ahead)
-    inner_middles = slice(len(inner.vertices), None)
-    full = inner_gap[inner_middles] >= REMAINS * limit
-    area = _weights(inner)
-    full_mean = float(np.average(back[inner_middles][full], weights=area[full])) if full.any() and not last else limit
+    depth = MeshDistance(inner).unsigned(outside)
+    ahead = -stock.signed_distance(inside) if last else -signed(outer, inside)
+    middles, weights = slice(len(outer.vertices), None), _weights(outer)
+    back, area = np.abs(ahead[len(inner.vertices) :]), _weights(inner)
+    full = -stock.signed_distance(inside[len(inner.vertices) :]) >= REMAINS * limit
+    full_mean = float(np.average(back[full], weights=area[full])) if full.any() and not last else limit
     return Measure(
         float(depth.max()),
-        float(middles @ weights),
-        float(back.max()),
+        float(depth[middles] @ weights),
+        float(np.abs(ahead).max()),
         full_mean,
-        np.histogram(middles, bins=BINS, range=(0, limit), weights=weights)[0],
+        np.histogram(depth[middles], bins=BINS, range=(0, limit), weights=weights)[0],
         float(ahead.min()),
         float(stock.signed_distance(outside).max()),
         0 if last else len(self_intersections(outer)),

@@ -17,7 +17,7 @@ from numpy import ndarray
 
 from bonecam.surface.tspline import TSpline
 
-GAUSS, AROUND, MOST_AROUND = 3, 3, 400
+GAUSS, AROUND, MOST_AROUND, NEAR_POLE = 3, 3, 400, 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +56,17 @@ def integration_points(surface: TSpline) -> tuple[ndarray, ndarray, ndarray]:
     across = (size[:, None] * w / 2).ravel()
     ss, tt = np.meshgrid(np.arange(around) / around, t)
     return ss.ravel(), tt.ravel(), np.repeat(across / around, around)
+
+
+def with_poles(surface: TSpline, s: ndarray, t: ndarray, weights: ndarray) -> Samples:
+    """The samples at these parameters and, without weight, at both ends of t, with the normals from just inside."""
+    low, high = surface.domain[1]
+    ends, inner = np.array([low, high]), np.array([low, high]) + NEAR_POLE * (high - low) * np.array([1, -1])
+    found = samples_of(surface, s, t, weights)
+    R = surface.basis(np.zeros(2), ends)[0]
+    _, R_s, R_t = surface.basis(np.zeros(2), inner, 1)
+    stack = [sp.csr_array(sp.vstack(pair)) for pair in ((found.R, R), (found.R_s, R_s), (found.R_t, R_t))]
+    return Samples(np.append(s, [0.0, 0.0]), np.append(t, ends), np.append(weights, [0.0, 0.0]), *stack)
 
 
 def samples_of(surface: TSpline, s: ndarray, t: ndarray, weights: ndarray) -> Samples:

@@ -112,14 +112,16 @@ class Capsule:
         return np.array([across, np.cross(along, across), along])
 
     def mesh(self, chord_tolerance: float) -> TriangleMesh:
-        """A closed outward mesh, its vertices on the surface, its faces within `chord_tolerance` of it."""
+        """A closed outward mesh, its vertices on the surface, its faces within `chord_tolerance` of it and nearly even."""
         turn = np.arccos(max(1 - chord_tolerance / (2 * self.radius), 0.0))
         around = max(12, int(np.ceil(np.pi / turn)))
         quarter = max(4, int(np.ceil(np.pi / 4 / turn)))
         latitude = np.linspace(0, np.pi / 2, quarter + 1)
-        height = np.concatenate([-np.cos(latitude[1:]), np.cos(latitude[:0:-1])]) * self.radius
-        reach = np.concatenate([np.sin(latitude[1:]), np.sin(latitude[:0:-1])]) * self.radius
-        lift = np.repeat([0.0, self.length - 2 * self.radius], quarter)
+        straight = self.length - 2 * self.radius
+        rises = np.linspace(0, straight, int(np.ceil(straight / (2 * np.pi * self.radius / around))) + 1)
+        height = self.radius * np.concatenate([-np.cos(latitude[1:-1]), 0 * rises, np.cos(latitude[-2:0:-1])])
+        reach = self.radius * np.concatenate([np.sin(latitude[1:-1]), 0 * rises + 1, np.sin(latitude[-2:0:-1])])
+        lift = np.concatenate([np.zeros(quarter - 1), rises, np.full(quarter - 1, straight)])
         angle = 2 * np.pi * np.arange(around) / around
         ring = np.stack([np.cos(angle), np.sin(angle), np.zeros(around)], axis=1)
         local = reach[:, None, None] * ring + (height + lift)[:, None, None] * np.array([0.0, 0.0, 1.0])
