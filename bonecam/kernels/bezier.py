@@ -12,49 +12,45 @@ CONTRACT = {"contract", "nsz"}
 
 
 @njit(cache=True)
-def locate(
-    strip_knots: ndarray,
-    strip_table: ndarray,
-    strip_starts: ndarray,
-    lows: ndarray,
-    highs: ndarray,
-    ids: ndarray,
-    tables: ndarray,
-    s: ndarray,
-    t: ndarray,
-) -> ndarray:
-    """The element that holds each (s, t), -1 where there is none.
+def locate_one(
+    strip_knots: ndarray, strip_table: ndarray, strip_starts: ndarray, lows: ndarray, highs: ndarray, ids: ndarray, tables: ndarray,
+    s: float, t: float,
+) -> int:  # fmt: skip
+    """The element that holds (s, t), -1 where there is none.
 
     Strip k covers t in [strip_knots[k], strip_knots[k+1]]; its elements are sorted by their lower s. The tables
     give, for even slices of the t-range and of each strip's s-range, where the search may start.
     """
-    count = len(strip_knots) - 1
-    slices = len(strip_table)
-    slots = tables.shape[1]
+    count, slices, slots = len(strip_knots) - 1, len(strip_table), tables.shape[1]
     low, high = strip_knots[0], strip_knots[count]
-    t_scale = slices / (high - low)
+    k = strip_table[min(slices - 1, max(0, int((t - low) * (slices / (high - low)))))]
+    while k + 1 < count and strip_knots[k + 1] <= t:
+        k += 1
+    while k >= 0:
+        a, b = strip_starts[k], strip_starts[k + 1] - 1
+        first, last = lows[a], highs[b]
+        i = tables[k, min(slots - 1, max(0, int((s - first) * (slots / (last - first)))))]
+        while i < b and lows[i + 1] <= s:
+            i += 1
+        if lows[i] <= s <= highs[i]:
+            return ids[i]
+        if i > a and highs[i - 1] == s:
+            return ids[i - 1]
+        if t > strip_knots[k]:
+            return -1
+        k -= 1
+    return -1
+
+
+@njit(cache=True)
+def locate(
+    strip_knots: ndarray, strip_table: ndarray, strip_starts: ndarray, lows: ndarray, highs: ndarray, ids: ndarray, tables: ndarray,
+    s: ndarray, t: ndarray,
+) -> ndarray:  # fmt: skip
+    """locate_one for many samples."""
     found = np.empty(len(s), dtype=np.int32)
     for n in range(len(s)):
-        x, y = s[n], t[n]
-        k = strip_table[min(slices - 1, max(0, int((y - low) * t_scale)))]
-        while k + 1 < count and strip_knots[k + 1] <= y:
-            k += 1
-        found[n] = -1
-        while k >= 0:
-            a, b = strip_starts[k], strip_starts[k + 1] - 1
-            first, last = lows[a], highs[b]
-            i = tables[k, min(slots - 1, max(0, int((x - first) * (slots / (last - first)))))]
-            while i < b and lows[i + 1] <= x:
-                i += 1
-            if lows[i] <= x <= highs[i]:
-                found[n] = ids[i]
-                break
-            if i > a and highs[i - 1] == x:
-                found[n] = ids[i - 1]
-                break
-            if y > strip_knots[k]:
-                break
-            k -= 1
+        found[n] = locate_one(strip_knots, strip_table, strip_starts, lows, highs, ids, tables, s[n], t[n])
     return found
 
 

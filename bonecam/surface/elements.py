@@ -43,7 +43,7 @@ class Elements:
         return np.array([[b[:, 0].min(), b[:, 1].max()], [b[:, 2].min(), b[:, 3].max()]])
 
     @cached_property
-    def _strips(self) -> tuple[ndarray, ...]:
+    def strips(self) -> tuple[ndarray, ...]:
         """The boxes in strips of t, each sorted by s, with tables of where to start searching: see kernels.bezier.locate."""
         knots = np.unique(self.boxes[:, 2:])
         order = np.argsort(self.boxes[:, 0], kind="stable")
@@ -69,7 +69,7 @@ class Elements:
         for parameters that are not finite or lie outside.
         """
         s, t = self._into(s, 0), self._into(t, 1)
-        found = bezier.locate(*self._strips, s, t)
+        found = bezier.locate(*self.strips, s, t)
         if len(found) and found.min() < 0:
             n = int(np.argmin(found))
             raise ValueError(f"(s, t) = ({s[n]}, {t[n]}) of sample {n} lies outside the domain")

@@ -11,8 +11,11 @@ from numpy import ndarray
 from bonecam.arrays import frozen
 from bonecam.kernels import bezier
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.surface import measures
 from bonecam.surface.curvature import Curvature, pole_curvature, pole_normal, surface_curvature, unit
 from bonecam.surface.elements import Elements
+from bonecam.surface.project import Projection, Seeds, project
+from bonecam.surface.tessellate import Tessellation, tessellate
 from bonecam.surface.tmesh import RowTMesh
 
 POLE = 1e-9  # of the t-range: nearer to a pole than this its limits are taken
@@ -77,12 +80,24 @@ class TSpline:
 
         Raises ValueError for parameters that are not finite or lie outside the domain (a closed direction wraps).
         """
+        return self.positions(s, t) if order == 0 else self.derivatives(s, t, order)
+
+    def positions(self, s: Float[ndarray, " n"], t: Float[ndarray, " n"]) -> Float[ndarray, "n 3"]:
+        """S."""
+        place, s, t = self.tmesh.elements.place(s, t)
+        found = np.empty((len(s), 3))
+        bezier.positions(self.patches, self.tmesh.elements.boxes, place, s, t, found)
+        return found
+
+    def derivatives(self, s: Float[ndarray, " n"], t: Float[ndarray, " n"], order: int) -> tuple[Float[ndarray, "n 3"], ...]:
+        """S, S_s, S_t (order 1) and S_ss, S_st, S_tt (order 2)."""
         found = np.empty((_matrices(order), len(s), 3))
-        elements = self.tmesh.elements
-        place, s, t = elements.place(s, t)
-        kernel = (bezier.positions, bezier.first_derivatives)[order] if order < 2 else bezier.second_derivatives
-        kernel(self.patches, elements.boxes, place, s, t, *(found if order < 2 else (found,)))
-        return found[0] if order == 0 else tuple(found)
+        place, s, t = self.tmesh.elements.place(s, t)
+        if order == 1:
+            bezier.first_derivatives(self.patches, self.tmesh.elements.boxes, place, s, t, *found)
+        else:
+            bezier.second_derivatives(self.patches, self.tmesh.elements.boxes, place, s, t, found)
+        return tuple(found)
 
     def normals(self, s: Float[ndarray, " n"], t: Float[ndarray, " n"]) -> Float[ndarray, "n 3"]:
         """Outward unit normals; at a pole the limit (see surface.curvature). Raises SurfaceError where there is none."""
@@ -118,29 +133,29 @@ class TSpline:
         derivatives = self.evaluate(s, np.full(len(s), self.domain[1, end]), 2)
         return pole_normal(derivatives[2], end == 1), derivatives[2], derivatives[5]
 
-    def tessellate(self, chord_tolerance: float) -> TriangleMesh:
-        """A closed mesh, outward, within about `chord_tolerance` of the surface."""
-        return self._grid(*self._counts(chord_tolerance))
+    def tessellate(self, chord_tolerance: float, angle_tolerance: float | None = None) -> TriangleMesh:
+        """A watertight, outward mesh within the measured `chord_tolerance` (mm): see surface.tessellate."""
+        return self.tessellate_with_parameters(chord_tolerance, angle_tolerance).mesh
 
-    def _counts(self, chord_tolerance: float) -> tuple[int, int]:
-        low, high = self.domain[1]
-        s, t = (v.ravel() for v in np.meshgrid(np.linspace(0, 1, 97)[:-1], np.linspace(low, high, 97)[1:-1]))
-        _, _, _, Sss, _, Stt = self.evaluate(s, t, 2)
-        around, along = (float(np.linalg.norm(v, axis=1).max()) for v in (Sss, Stt))
-        return max(16, int(np.ceil(np.sqrt(around / (4 * chord_tolerance))))), max(
-            8, int(np.ceil((high - low) * np.sqrt(along / (4 * chord_tolerance))))
-        )
+    def tessellate_with_parameters(self, chord_tolerance: float, angle_tolerance: float | None = None) -> Tessellation:
+        """The mesh, the (s, t) of every vertex and the chord error that was measured."""
+        return tessellate(self, chord_tolerance, angle_tolerance)
 
-    def _grid(self, around: int, along: int) -> TriangleMesh:
-        low, high = self.domain[1]
-        rings = np.linspace(low, high, along + 1)[1:-1]
-        s, t = (v.ravel() for v in np.meshgrid(np.arange(around) / around, rings))
-        points = np.vstack([self.evaluate(s, t), self.evaluate(np.zeros(2), np.array([low, high]))])
-        index = np.arange(len(s)).reshape(len(rings), around)
-        a, b = index[:-1].ravel(), np.roll(index, -1, axis=1)[:-1].ravel()
-        c, d = np.roll(index, -1, axis=1)[1:].ravel(), index[1:].ravel()
-        first, last = len(s), len(s) + 1
-        bottom = np.column_stack([np.full(around, first), np.roll(index[0], -1), index[0]])
-        top = np.column_stack([np.full(around, last), index[-1], np.roll(index[-1], -1)])
-        faces = np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d]), bottom, top])
-        return TriangleMesh(points, faces.astype(np.int32))
+    def project(self, points: Float[ndarray, "n 3"]) -> Projection:
+        """Foot parameters (n, 2), feet (n, 3) and distances (n,) of points in mm: see surface.project."""
+        return project(self, points)
+
+    @cached_property
+    def seeds(self) -> Seeds:
+        """Where projections start."""
+        return Seeds(self)
+
+    @cached_property
+    def area(self) -> float:
+        """Surface area, mm^2."""
+        return measures.area(self)
+
+    @cached_property
+    def volume(self) -> float:
+        """Enclosed volume, mm^3, of a closed surface."""
+        return measures.volume(self)

@@ -20,7 +20,7 @@ def bone_like(
             knots.append(np.zeros(1))
             points.append([[0.0, 0.0, length * height[j]]])
             continue
-        row = np.sort(rng.choice(np.arange(2 * around), around, replace=False)) / (2 * around)
+        row = (np.arange(around) + 0.6 * rng.random(around)) / around
         angle = 2 * np.pi * row
         r = radius * np.sin(np.pi * (0.1 + 0.8 * j / (rows - 1))) * (1 + 0.12 * np.cos(3 * angle))
         knots.append(row)

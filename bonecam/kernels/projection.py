@@ -1,0 +1,135 @@
+"""Feet of points on a rational bicubic surface: damped Newton from given seeds, compiled."""
+
+import numpy as np
+from numba import njit
+from numpy import ndarray
+
+from bonecam.kernels.bezier import CONTRACT, jet, locate_one
+
+TURNS = 60
+NEAR = 1e-8  # of |S - p|^2: a smaller promised gain is beyond its rounding soon
+HALVINGS = 30
+
+
+@njit(cache=True, fastmath=CONTRACT)
+def _half_square(D: ndarray, p: ndarray) -> float:
+    return 0.5 * ((D[0, 0] - p[0]) ** 2 + (D[0, 1] - p[1]) ** 2 + (D[0, 2] - p[2]) ** 2)
+
+
+@njit(cache=True)
+def _inside(s: float, t: float, domain: ndarray, period: ndarray, poles: ndarray) -> tuple[float, float]:
+    """(s, t) brought back into the domain: round a closed direction, over a pole to the other side, else to the border."""
+    if t < domain[1, 0]:
+        if poles[0]:
+            s, t = s + 0.5 * period[0], min(2.0 * domain[1, 0] - t, domain[1, 1])
+        elif period[1] > 0.0:
+            t += period[1]
+        else:
+            t = domain[1, 0]
+    if t > domain[1, 1]:
+        if poles[1]:
+            s, t = s + 0.5 * period[0], max(2.0 * domain[1, 1] - t, domain[1, 0])
+        elif period[1] > 0.0:
+            t -= period[1]
+        else:
+            t = domain[1, 1]
+    if period[0] > 0.0:
+        x = (s - domain[0, 0]) / period[0]
+        s = domain[0, 0] + period[0] * (x - np.floor(x))
+    return min(max(s, domain[0, 0]), domain[0, 1]), min(max(t, domain[1, 0]), domain[1, 1])
+
+
+@njit(cache=True, fastmath=CONTRACT)
+def _step(D: ndarray, p: ndarray) -> tuple[float, float, float, bool]:
+    """Newton's step on |S - p|^2 / 2, Gauss-Newton's where the Hessian is not positive; its slope; whether it is Newton's."""
+    g0 = g1 = E = F = G = a = b = c = 0.0
+    for d in range(3):
+        r = D[0, d] - p[d]
+        g0 += r * D[1, d]
+        g1 += r * D[2, d]
+        E += D[1, d] * D[1, d]
+        F += D[1, d] * D[2, d]
+        G += D[2, d] * D[2, d]
+        a += r * D[3, d]
+        b += r * D[4, d]
+        c += r * D[5, d]
+    a, b, c = a + E, b + F, c + G
+    det = a * c - b * b
+    newton = a > 0.0 and c > 0.0 and det > 1e-12 * a * c
+    if not newton:
+        a, b, c = E * (1 + 1e-12), F, G * (1 + 1e-12)
+        det = a * c - b * b
+    if det > 0.0:
+        x, y = -(c * g0 - b * g1) / det, -(a * g1 - b * g0) / det
+    else:
+        x, y = 0.0, -g1 / G if G > 0.0 else 0.0
+    return x, y, g0 * x + g1 * y, newton
+
+
+@njit(cache=True, fastmath=CONTRACT)
+def descend(
+    patches: ndarray, boxes: ndarray, strips: tuple, domain: ndarray, period: ndarray, poles: ndarray, limit: ndarray, p: ndarray,
+    s: float, t: float, D: ndarray,
+) -> tuple[float, float, float]:  # fmt: skip
+    """The foot found from one seed and half the squared distance."""
+    s, t = _inside(s, t, domain, period, poles)
+    e = locate_one(*strips, s, t)
+    jet(patches[e], boxes[e], s, t, D)
+    value = _half_square(D, p)
+    polished = 0
+    for _ in range(TURNS):
+        x, y, slope, newton = _step(D, p)
+        if not poles[0] and period[1] == 0.0 and t <= domain[1, 0]:
+            y = max(y, 0.0)
+        if not poles[1] and period[1] == 0.0 and t >= domain[1, 1]:
+            y = min(y, 0.0)
+        shrink = max(1.0, max(abs(x) / limit[0], abs(y) / limit[1]))
+        x, y = x / shrink, y / shrink
+        # so near the foot that |S - p| cannot tell any more: Newton's step is trusted, three times
+        near = newton and shrink == 1.0 and -slope <= NEAR * value
+        moved = False
+        for _ in range(HALVINGS):
+            s1, t1 = _inside(s + x, t + y, domain, period, poles)
+            e = locate_one(*strips, s1, t1)
+            if e >= 0:
+                jet(patches[e], boxes[e], s1, t1, D)
+                new = _half_square(D, p)
+                if new < value or near:
+                    moved = True
+                    break
+            x, y = 0.5 * x, 0.5 * y
+        if not moved:
+            break
+        value, s, t = new, s1, t1
+        if near:
+            polished += 1
+            if polished == 3 or -slope <= 1e-30 * value:
+                break
+    return s, t, value
+
+
+@njit(cache=True)
+def feet(
+    patches: ndarray, boxes: ndarray, strips: tuple, domain: ndarray, period: ndarray, poles: ndarray, limit: ndarray, points: ndarray,
+    seeds: ndarray, s: ndarray, t: ndarray, squared: ndarray,
+) -> None:  # fmt: skip
+    """The nearest foot over the seeds (n, k, 2) of each point; a seed near one that was tried is left out. limit (2,): longest step."""
+    D = np.empty((6, 3))
+    for n in range(len(points)):
+        best = np.inf
+        for k in range(seeds.shape[1]):
+            known = False
+            for j in range(k):
+                ds = abs(seeds[n, k, 0] - seeds[n, j, 0])
+                if period[0] > 0.0:
+                    ds = min(ds, period[0] - ds)
+                if ds <= 0.55 * limit[0] and abs(seeds[n, k, 1] - seeds[n, j, 1]) <= 0.55 * limit[1]:
+                    known = True
+            if known:
+                continue
+            a, b, value = descend(
+                patches, boxes, strips, domain, period, poles, limit, points[n], seeds[n, k, 0], seeds[n, k, 1], D
+            )  # fmt: skip
+            if value < best:
+                best, s[n], t[n] = value, a, b
+        squared[n] = 2.0 * best

@@ -1,0 +1,88 @@
+"""Distances of points from their own segment or triangle, compiled."""
+
+import numpy as np
+from numba import njit
+from numpy import ndarray
+
+
+@njit(inline="always")
+def _segment(px: float, py: float, pz: float, vertices: ndarray, a: int, b: int) -> float:
+    """Squared distance of a point from the segment a b."""
+    ux, uy, uz = vertices[b, 0] - vertices[a, 0], vertices[b, 1] - vertices[a, 1], vertices[b, 2] - vertices[a, 2]
+    wx, wy, wz = px - vertices[a, 0], py - vertices[a, 1], pz - vertices[a, 2]
+    length = ux * ux + uy * uy + uz * uz
+    x = min(1.0, max(0.0, (wx * ux + wy * uy + wz * uz) / length)) if length > 0.0 else 0.0
+    return (wx - x * ux) ** 2 + (wy - x * uy) ** 2 + (wz - x * uz) ** 2
+
+
+@njit(cache=True)
+def segment_distances(points: ndarray, vertices: ndarray, edges: ndarray) -> ndarray:
+    """Largest distance of points[n, :] from the segment edges[n]: (n,)."""
+    result = np.zeros(len(edges))
+    for n in range(len(edges)):
+        worst = 0.0
+        for k in range(points.shape[1]):
+            p = points[n, k]
+            worst = max(worst, _segment(p[0], p[1], p[2], vertices, edges[n, 0], edges[n, 1]))
+        result[n] = np.sqrt(worst)
+    return result
+
+
+@njit(cache=True)
+def triangle_distances(points: ndarray, vertices: ndarray, faces: ndarray) -> ndarray:
+    """Distance of points[n] from the triangle faces[n]: to its plane where the foot lies inside, else to its nearest edge."""
+    result = np.zeros(len(faces))
+    for n in range(len(faces)):
+        a, b, c = faces[n, 0], faces[n, 1], faces[n, 2]
+        u, v, w = vertices[b] - vertices[a], vertices[c] - vertices[a], points[n] - vertices[a]
+        uu, uv, vv = np.dot(u, u), np.dot(u, v), np.dot(v, v)
+        wu, wv = np.dot(w, u), np.dot(w, v)
+        d = uu * vv - uv * uv
+        x, y = vv * wu - uv * wv, uu * wv - uv * wu
+        if d > 0.0 and x >= 0.0 and y >= 0.0 and x + y <= d:
+            r = w - (x / d) * u - (y / d) * v
+            result[n] = np.sqrt(np.dot(r, r))
+        else:
+            p = points[n]
+            best = _segment(p[0], p[1], p[2], vertices, a, b)
+            best = min(best, _segment(p[0], p[1], p[2], vertices, b, c))
+            result[n] = np.sqrt(min(best, _segment(p[0], p[1], p[2], vertices, c, a)))
+    return result
+
+
+@njit(cache=True)
+def between(parameters: ndarray, poles: ndarray, corners: ndarray, shares: ndarray) -> tuple[ndarray, ndarray]:
+    """s and t between the corners (n, c) at each of the barycentric shares (k, c): (n k,); s closes at 1, a pole has no s of its own."""
+    count = len(shares)
+    s, t = np.empty(len(corners) * count), np.empty(len(corners) * count)
+    for n in range(len(corners)):
+        first = corners[n, 0]
+        if poles[first]:
+            first = corners[n, 1]
+        reference = parameters[first, 0]
+        for k in range(count):
+            weight = offset = height = 0.0
+            for c in range(corners.shape[1]):
+                v = corners[n, c]
+                height += shares[k, c] * parameters[v, 1]
+                if not poles[v]:
+                    d = parameters[v, 0] - reference
+                    offset += shares[k, c] * (d - np.round(d))
+                    weight += shares[k, c]
+            x = reference + offset / weight
+            s[n * count + k] = x - np.floor(x)
+            t[n * count + k] = height
+    return s, t
+
+
+@njit(cache=True)
+def mark_longest(marked: ndarray, edge_of_face: ndarray, longest: ndarray) -> None:
+    """Mark the longest edge of every face that has a marked edge, until all have it (in place)."""
+    changed = True
+    while changed:
+        changed = False
+        for f in range(len(edge_of_face)):
+            e = edge_of_face[f]
+            if not marked[longest[f]] and (marked[e[0]] or marked[e[1]] or marked[e[2]]):
+                marked[longest[f]] = True
+                changed = True

@@ -1,0 +1,67 @@
+"""Tessellation: closed, outward, within the tolerance it states."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rowed import bone_like, samples
+
+from bonecam.errors import SurfaceError
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.surface.tspline import TSpline
+
+
+def assert_closed_sphere(mesh: TriangleMesh) -> None:
+    directed = np.vstack([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]]).astype(np.int64)
+    key = directed[:, 0] * len(mesh.vertices) + directed[:, 1]
+    back = directed[:, 1] * len(mesh.vertices) + directed[:, 0]
+    assert len(np.unique(key)) == len(key)
+    np.testing.assert_array_equal(np.sort(key), np.sort(back))
+    assert len(np.unique(mesh.faces)) == len(mesh.vertices)
+    assert len(mesh.vertices) - len(key) // 2 + len(mesh.faces) == 2
+    assert np.linalg.norm(mesh.face_vectors, axis=1).min() > 0
+
+
+@settings(max_examples=12, deadline=None)
+@given(st.integers(0, 10_000), st.integers(6, 18), st.integers(5, 16), st.sampled_from([0.3, 0.05, 0.01]))
+def test_a_tessellation_is_one_closed_outward_sphere(seed: int, rows: int, around: int, tolerance: float) -> None:
+    surface = bone_like(rows, around, seed)
+    found = surface.tessellate_with_parameters(tolerance)
+    assert_closed_sphere(found.mesh)
+    assert found.deviation <= tolerance
+    np.testing.assert_allclose(surface.evaluate(*found.parameters.T), found.mesh.vertices, atol=1e-12)
+    centres = found.mesh.vertices[found.mesh.faces].mean(axis=1)
+    foot = surface.project(centres)
+    assert foot.distances.max() <= tolerance
+    assert np.mean(np.einsum("ni,ni->n", found.mesh.face_vectors, surface.normals(foot.s, foot.t)) > 0) > 0.999
+    assert abs(found.mesh.volume - surface.volume) <= tolerance * surface.area
+
+
+def test_the_surface_lies_within_the_tolerance_of_the_mesh() -> None:
+    igl = pytest.importorskip("igl")
+    surface = bone_like(14, 12, 2)
+    points = surface.evaluate(*samples(20_000))
+    for tolerance in (0.1, 0.01):
+        mesh = surface.tessellate(tolerance)
+        squared = igl.point_mesh_squared_distance(points, mesh.vertices, mesh.faces)[0]
+        assert np.sqrt(squared.max()) <= tolerance
+
+
+def test_the_angle_tolerance_bounds_normals_along_edges() -> None:
+    surface = bone_like(12, 10, 7, spread=0.0)
+    found = surface.tessellate_with_parameters(0.2, np.radians(8))
+    assert_closed_sphere(found.mesh)
+    normals = surface.normals(*found.parameters.T)
+    edges = found.mesh.faces[:, [0, 1]]
+    long = np.linalg.norm(np.diff(found.mesh.vertices[edges], axis=1)[:, 0], axis=1) > 0.2
+    cosine = np.einsum("ni,ni->n", normals[edges[:, 0]], normals[edges[:, 1]])
+    assert cosine[long].min() >= np.cos(np.radians(8)) - 1e-12
+
+
+def test_what_cannot_be_tessellated_is_an_error() -> None:
+    surface = bone_like(8, 6)
+    with pytest.raises(ValueError, match="positive"):
+        surface.tessellate(0.0)
+    flat = TSpline(surface.tmesh, np.zeros_like(surface.control_points), surface.weights)
+    with pytest.raises(SurfaceError, match="one point"):
+        flat.tessellate(0.1)
