@@ -17,7 +17,8 @@ from numpy import ndarray
 
 from bonecam.surface.tspline import TSpline
 
-GAUSS, AROUND, MOST_AROUND, NEAR_POLE = 3, 3, 400, 1e-3
+GAUSS, AROUND, MOST_AROUND = 3, 3, 400
+WATCH_ALONG, WATCH_AROUND, NEAR_POLE = 6, 4, 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,15 +59,18 @@ def integration_points(surface: TSpline) -> tuple[ndarray, ndarray, ndarray]:
     return ss.ravel(), tt.ravel(), np.repeat(across / around, around)
 
 
-def with_poles(surface: TSpline, s: ndarray, t: ndarray, weights: ndarray) -> Samples:
-    """The samples at these parameters and, without weight, at both ends of t, with the normals from just inside."""
-    low, high = surface.domain[1]
-    ends, inner = np.array([low, high]), np.array([low, high]) + NEAR_POLE * (high - low) * np.array([1, -1])
-    found = samples_of(surface, s, t, weights)
-    R = surface.basis(np.zeros(2), ends)[0]
-    _, R_s, R_t = surface.basis(np.zeros(2), inner, 1)
-    stack = [sp.csr_array(sp.vstack(pair)) for pair in ((found.R, R), (found.R_s, R_s), (found.R_t, R_t))]
-    return Samples(np.append(s, [0.0, 0.0]), np.append(t, ends), np.append(weights, [0.0, 0.0]), *stack)
+def watch_points(surface: TSpline) -> Samples:
+    """A denser pattern, without weights, on which limits are watched; with both ends of t, normals there from just inside."""
+    around = min(MOST_AROUND, WATCH_AROUND * max(len(knots) for knots in surface.tmesh.s_knots))
+    spans = np.unique(surface.tmesh.t_knots[3:-3])
+    parts = (np.arange(WATCH_ALONG) + 0.5) / WATCH_ALONG
+    inner = (spans[:-1, None] + np.diff(spans)[:, None] * parts).ravel()
+    edge = NEAR_POLE * (spans[-1] - spans[0]) * np.array([1, -1])
+    s, t = (v.ravel() for v in np.meshgrid(np.arange(around) / around, inner))
+    s, t = np.append(s, [0.0, 0.0]), np.append(t, spans[[0, -1]])
+    bent = t + np.append(np.zeros(len(t) - 2), edge)
+    _, R_s, R_t = surface.basis(s, bent, 1)
+    return Samples(s, t, np.zeros(len(s)), surface.basis(s, t)[0], R_s, R_t)
 
 
 def samples_of(surface: TSpline, s: ndarray, t: ndarray, weights: ndarray) -> Samples:

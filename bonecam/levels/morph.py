@@ -19,7 +19,8 @@ from bonecam.levels.check import measure, require
 from bonecam.levels.grid import LevelGrid, level_grid
 from bonecam.levels.level import Level
 from bonecam.levels.schedule import Schedule
-from bonecam.levels.step import next_level, setting_of
+from bonecam.levels.setting import setting_of
+from bonecam.levels.step import next_level
 from bonecam.levels.stock import MARGIN, Stock, require_inside
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.intersections import self_intersections
@@ -27,6 +28,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.progress import Progress, part, report, silent
 from bonecam.surface.tspline import TSpline
 
+SMOOTHING = 1e-6
 STIFFNESS, COARSE, STALL, SOFTEN, PATIENCE = 1e-7, 0.02, 0.25, 0.1, 4
 
 
@@ -83,7 +85,7 @@ class _Sequence:
     """The levels between part and stock, one after the other."""
 
     def __init__(self, surface: TSpline, stock: Stock, schedule: Schedule, stiffness: float, attraction: str, coarse: LevelGrid) -> None:
-        self.setting = setting_of(surface, stock, ATTRACTIONS[attraction])
+        self.setting = setting_of(surface, stock, ATTRACTIONS[attraction], SMOOTHING)
         self.schedule, self.stiffness, self.coarse = schedule, stiffness, coarse
         self.control_points = np.array(surface.control_points)
         self.targets = stock.mesh(COARSE).vertices
