@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from bonecam.surface.tspline import TSpline
 
 AROUND = 128  # seeds round a closed surface
-ALONG = 6  # seeds across an element strip
+ALONG = (4, 40)  # fewest and most seeds across an element strip
 POLE_AROUND = 16  # seeds of each ring nearer to a pole
 POLE_RINGS = 0.5 ** np.arange(1, 6)
-CANDIDATES = 8  # nearest seeds looked at for each point
+CANDIDATES = 12  # nearest seeds looked at for each point
 
 
 class Projection(NamedTuple):
@@ -47,8 +47,7 @@ class Seeds:
 
     def __init__(self, surface: "TSpline") -> None:
         breaks = np.unique(surface.elements().boxes[:, 2:])
-        inner = (np.arange(ALONG) + 0.5) / ALONG
-        t = (breaks[:-1, None] + np.diff(breaks)[:, None] * inner).ravel()
+        t = np.concatenate([a + (b - a) * (np.arange(n) + 0.5) / n for a, b, n in zip(breaks[:-1], breaks[1:], _along(surface, breaks))])
         low, high = surface.domain[0]
         s = low + (high - low) * (np.arange(AROUND) + 0.5) / AROUND
         near = (high - low) * (np.arange(POLE_AROUND) + 0.5) / POLE_AROUND + low
@@ -57,6 +56,16 @@ class Seeds:
         self.parameters = np.vstack([np.column_stack([np.tile(a, len(b)), np.repeat(b, len(a))]) for a, b in grids])
         self.tree = KDTree(surface.positions(*self.parameters.T))
         self.limit = np.array([2 * (high - low) / AROUND, 2 * float(np.diff(t).max())])
+
+
+def _along(surface: "TSpline", breaks: ndarray) -> list[int]:
+    """How many seeds each strip of t needs to space them as along s."""
+    s = np.linspace(*surface.domain[0], AROUND, endpoint=False)
+    points = surface.positions(np.tile(s, len(breaks)), np.repeat(breaks, AROUND)).reshape(len(breaks), AROUND, 3)
+    around = np.linalg.norm(np.diff(points, axis=1), axis=2).mean()
+    across = np.linalg.norm(np.diff(points, axis=0), axis=2).mean(axis=1)
+    counts: list[int] = np.clip(np.ceil(across / around), *ALONG).astype(int).tolist()
+    return counts
 
 
 def project(surface: "TSpline", points: Float[ndarray, "n 3"]) -> Projection:
