@@ -70,7 +70,7 @@ class MeshJob(_Stage):
     edge_percent: float = parameter(
         1.3, "Remesh edge", "Target edge of the isotropic remesh, in percent of the bounding-box diagonal.", unit="%", low=0.2, high=10.0
     )
-    rows: int = parameter(24, "Rows", "Number of harmonic rows between the poles.", low=6, high=200)
+    rows: int = parameter(48, "Rows", "Number of harmonic rows between the poles.", low=6, high=200)
     row_points: int = parameter(100, "Points a row", "Number of points on each row.", low=16, high=1000)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.errors import MachineError
+from bonecam.errors import MachineError, MeshError
 from bonecam.files import write_whole
 from bonecam.job import Job, MeshJob
 from bonecam.levels.morph import Morph, morph
@@ -129,7 +129,11 @@ def prepare(mesh: str | Path | TriangleMesh, job: MeshJob, progress: Progress = 
     name = "the mesh" if isinstance(mesh, TriangleMesh) else str(mesh)
     raw = mesh if isinstance(mesh, TriangleMesh) else read_mesh(mesh)
     report(progress, 0.3, "repairing the mesh")
-    sound, repairs = repair(to_mm(raw, job.units, file=name), file=name)
+    scaled = to_mm(raw, job.units, file=name)
+    try:
+        sound, repairs = repair(scaled, progress=part(progress, 0.3, 1.0))
+    except MeshError as error:
+        raise MeshError(f"{name}: {error}", file=name, **error.evidence) from error
     posed, transform = upright(sound) if job.upright else (sound, np.eye(4))
     return Part(posed, name, len(raw.faces), job.units, repairs, transform)
 
@@ -196,7 +200,7 @@ def plan_paths(levels: Morph, stock: Capsule, job: Job, machine: Machine, progre
     cutters = [
         Cutter.from_job(number, name, tool) for number, name, tool in ((1, "roughing", job.roughing), (2, "finishing", job.finishing))
     ]
-    paths = []
+    paths: list[ToolPath] = []
     for level, before in zip(levels.levels[-2::-1], levels.levels[:0:-1]):
         report(progress, len(paths) / (len(levels.levels) - 1), f"path of level {level.index}")
         assert level.surface is not None
