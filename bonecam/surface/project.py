@@ -2,7 +2,8 @@
 
 Newton's full Hessian converges quadratically; Gauss-Newton takes over where it is not positive; every step must bring the
 foot nearer. A closed direction wraps, a step over a pole goes on on its other side, an open border holds the foot.
-Points nearly as near to another part of the surface start there as well, and the nearest foot wins.
+Points nearly as near to another part of the surface start there as well, and the nearest foot wins. The
+answer is always a foot; that it is the nearest one is not proved where two lie within about the seeds' spacing of equally near.
 """
 
 from typing import TYPE_CHECKING, NamedTuple
@@ -60,12 +61,11 @@ class Seeds:
 
 def _along(surface: "TSpline", breaks: ndarray) -> list[int]:
     """How many seeds each strip of t needs to space them as along s."""
-    s = np.linspace(*surface.domain[0], AROUND, endpoint=False)
+    s = np.linspace(float(surface.domain[0, 0]), float(surface.domain[0, 1]), AROUND, endpoint=False)
     points = surface.positions(np.tile(s, len(breaks)), np.repeat(breaks, AROUND)).reshape(len(breaks), AROUND, 3)
     around = np.linalg.norm(np.diff(points, axis=1), axis=2).mean()
     across = np.linalg.norm(np.diff(points, axis=0), axis=2).mean(axis=1)
-    counts: list[int] = np.clip(np.ceil(across / around), *ALONG).astype(int).tolist()
-    return counts
+    return [int(count) for count in np.clip(np.ceil(across / around), *ALONG)]
 
 
 def project(surface: "TSpline", points: Float[ndarray, "n 3"]) -> Projection:
