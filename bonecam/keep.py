@@ -17,12 +17,12 @@ COLUMNS = "level,pass,index,contact_x,contact_y,contact_z,tip_x,tip_y,tip_z,axis
 
 
 def keep(folder: str | Path, surface: TSpline, levels: Sequence[Level], paths: Sequence[ToolPath], post: tuple[float, float]) -> None:
-    """Write surface.tsm, level_00.ply ..., toolpath.csv, levels.png and toolpath.png; all of them or none.
+    """Write surface.tspline, level_00.ply ..., toolpath.csv, levels.png and toolpath.png; all of them or none.
 
     `post` is (diameter, top z) in mm.
     """
     with whole_folder(folder) as work:
-        write_tsm(surface, work / "surface.tsm")
+        write_tsm(surface, work / "surface.tspline")
         for level in levels:
             write_mesh(level.mesh, work / f"level_{level.index:02d}.ply")
         write_whole(work / "toolpath.csv", toolpath_csv(paths))

@@ -45,6 +45,8 @@ from bonecam.toolpath.zigzag import cover_level
 from bonecam.verify.readback import Tolerances, Verification, verify_program
 from bonecam.verify.report import levels_report, nc_report, summary_of, surface_report, toolpath_report
 
+AXIS_MARGIN = np.radians(1.0)
+"""Kept from the machine's tilt limit: a turn of up to 30 degrees between two axes at the limit bulges past it by less."""
 PROOF_CHORD = 0.001
 """Chord tolerance of the part's tessellation that the posted program is checked against, mm."""
 
@@ -196,7 +198,7 @@ def plan_paths(levels: Morph, stock: Capsule, job: Job, machine: Machine, progre
     """The path of every level in machining order, from the one next to the stock down to the part."""
     part_mesh = levels.levels[0].mesh
     below = post_below(part_mesh, job.holding)
-    limits = AxisLimits(tilt_limit(machine))
+    limits = AxisLimits(tilt_limit(machine) - AXIS_MARGIN)
     cutters = [
         Cutter.from_job(number, name, tool) for number, name, tool in ((1, "roughing", job.roughing), (2, "finishing", job.finishing))
     ]

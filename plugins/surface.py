@@ -61,9 +61,9 @@ FILTERS = (
     Filter(
         "save_tspline_surface",
         "Save T-Spline Surface",
-        "Writes the T-spline that is kept with the layer as a .tsm file.",
+        "Writes the T-spline that is kept with the layer in bonecam's own text form (bonecam/surface/files.py).",
         CATEGORY,
-        (FilterParameter("file", Kind.SAVE_FILE, "surface.tsm", "File", "The .tsm file to write."),),
+        (FilterParameter("file", Kind.SAVE_FILE, "surface.tspline", "File", "The file to write."),),
         save_tspline,
         after=("compute_tspline_surface",),
     ),

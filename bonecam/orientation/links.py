@@ -17,7 +17,7 @@ from bonecam.orientation.travel import Route, travel
 from bonecam.toolpath.path import Kind
 
 HOP_LIFT, HOP_STEPS = 0.2, 6
-HOP_TURN = np.radians(40.0)
+HOP_TURN = np.radians(30.0)
 STANDOFF = 1.0
 """Rapid moves end, and begin, where the ball is this far from the material in process, mm."""
 LEVEL_OUT = np.radians([90.0, 70.0, 45.0])
