@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from bonecam.errors import ToolPathError
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.scallop import side_step
 
@@ -19,6 +20,9 @@ FULLNESS = 0.97
 """Part of the exact side step that is used: covers the integration on the sample grid."""
 TURN = np.pi
 """A cell of the grid turns by no more: at a crease the curvature of one point is not that of its whole cell."""
+SHARPEST = 50.0
+"""Curvature (1/mm) beyond which a section counts as an edge of this sharpness: passes round an edge are bounded by its turn."""
+MOST_LINES = 20000
 POLE = 1e-5
 """Parameter distance from a pole at which its limits are taken."""
 
@@ -64,10 +68,14 @@ def across_feed(
     E, F = (np.einsum("ij,ij->i", Ss, b) for b in (Ss, St))
     normal = np.cross(Ss, St) if direction == "around" else np.cross(St, Ss)
     area = np.linalg.norm(normal, axis=1)
-    e, f, g = (np.einsum("ij,ij->i", a, normal) / area for a in (Sss, Sst, Stt))
-    height = area / np.sqrt(E)
-    shear = -F / E
-    return height, -(e * shear**2 + 2 * f * shear + g) / height**2
+    inverse = np.divide(1.0, area, out=np.full(len(area), np.nan), where=area > 0)
+    e, f, g = (np.einsum("ij,ij->i", a, normal) * inverse for a in (Sss, Sst, Stt))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        height = area / np.sqrt(E)
+        shear = -F / E
+        curvature = -(e * shear**2 + 2 * f * shear + g) / height**2
+    degenerate = ~np.isfinite(curvature)
+    return np.where(degenerate, 0.0, height), np.where(degenerate, 0.0, curvature)
 
 
 def _rings(across: ndarray, counts: ndarray, full: float) -> ndarray:
@@ -77,6 +85,7 @@ def _rings(across: ndarray, counts: ndarray, full: float) -> ndarray:
     while (counts[:, -1] - here).max() > full / 2 or not lines:
         place, here = _next(across, counts, here, step)
         lines.append(place)
+        _require_progress(lines)
         step = full
     return np.array(lines)
 
@@ -87,7 +96,13 @@ def _meridians(across: ndarray, counts: ndarray, full: float) -> ndarray:
     while (counts[:, -1] - here).max() > full:
         place, here = _next(across, counts, here, full)
         lines.append(place)
+        _require_progress(lines)
     return np.array(lines)
+
+
+def _require_progress(lines: list[float]) -> None:
+    if len(lines) > MOST_LINES or (len(lines) > 1 and not lines[-1] > lines[-2]):
+        raise ToolPathError(f"passes crowd without end at parameter {lines[-1]:.6f}: smooth the level there", parameter=lines[-1])
 
 
 def _next(across: ndarray, counts: ndarray, here: ndarray, step: float) -> tuple[float, ndarray]:
