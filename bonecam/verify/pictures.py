@@ -26,9 +26,9 @@ def section(mesh: TriangleMesh, origin: Float[ndarray, "3"], normal: Float[ndarr
     ends = []
     for a, b in ((0, 1), (1, 2), (2, 0)):
         first, second = mesh.faces[crossed, a], mesh.faces[crossed, b]
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(all="ignore"):
             ratio = height[first] / (height[first] - height[second])
-        point = mesh.vertices[first] + ratio[:, None] * (mesh.vertices[second] - mesh.vertices[first])
+            point = mesh.vertices[first] + ratio[:, None] * (mesh.vertices[second] - mesh.vertices[first])
         ends.append(np.where((sides[crossed, a] != sides[crossed, b])[:, None], point, np.nan))
     stacked = np.stack(ends, axis=1)
     return stacked[~np.isnan(stacked[:, :, 0])].reshape(-1, 2, 3)
