@@ -20,8 +20,6 @@ FULLNESS = 0.97
 """Part of the exact side step that is used: covers the integration on the sample grid."""
 TURN = np.pi
 """A cell of the grid turns by no more: at a crease the curvature of one point is not that of its whole cell."""
-SHARPEST = 50.0
-"""Curvature (1/mm) beyond which a section counts as an edge of this sharpness: passes round an edge are bounded by its turn."""
 MOST_LINES = 20000
 POLE = 1e-5
 """Parameter distance from a pole at which its limits are taken."""
@@ -47,7 +45,7 @@ def _pass_counts(surface: TSpline, direction: str, radius: float, scallop: float
     s, t = np.linspace(0, 1, s_count), np.linspace(low + edge, high - edge, t_count)
     grid_s, grid_t = (v.ravel() for v in np.meshgrid(s, t, indexing="ij"))
     height, curvature = across_feed(surface, direction, grid_s, grid_t)
-    cell = height * ((high - low) / t_count if direction == "around" else 1 / s_count)
+    cell = np.maximum(height, np.finfo(float).eps) * ((high - low) / t_count if direction == "around" else 1 / s_count)
     reach = np.where(1 + curvature * radius > 0.05, np.minimum(curvature, TURN / cell), 0.0)
     rate = (height / side_step(radius, scallop, reach)).reshape(s_count, t_count)
     if direction == "along":
