@@ -18,7 +18,7 @@ from bonecam.levels.limits import frames
 from bonecam.levels.stock import Stock
 from bonecam.surface.tspline import TSpline
 
-SUPPORT, FIT_STIFFNESS = 0.1, 1e-9
+SUPPORT, MOVED, FIT_STIFFNESS = 0.1, 1e-3, 1e-9
 LANDING_ROUNDS, SHRINK, CLEAR = 10, 0.012, 0.008
 
 
@@ -32,6 +32,7 @@ class Setting:
     watch: Samples
     M: sp.csc_array
     support: sp.csc_array
+    moved: sp.csc_array
     fit: SuperLU
     smooth: SuperLU
 
@@ -39,16 +40,25 @@ class Setting:
         """For each control point the largest value among the watched samples it matters to."""
         return np.asarray(np.maximum.reduceat(values[self.support.indices], self.support.indptr[:-1]))
 
+    def least_share(self, shares: Float[ndarray, "n"]) -> Float[ndarray, "c"]:
+        """For each control point the smallest share among all the watched samples it moves at all."""
+        return np.asarray(np.minimum.reduceat(shares[self.moved.indices], self.moved.indptr[:-1]))
+
 
 def setting_of(surface: TSpline, stock: Stock, attraction: Attraction, smoothing: float) -> Setting:
     """The matrices and factors of one morph; `smoothing` is the thin-plate weight on the field of directions."""
     samples, M, watch = samples_of(surface, *integration_points(surface)), thin_plate(surface), watch_points(surface)
-    R = sp.csc_array(watch.R)
-    largest = R.max(axis=0).toarray().ravel()
-    R.data[R.data < SUPPORT * np.repeat(largest, np.diff(R.indptr))] = 0
-    R.eliminate_zeros()
     fit, smooth = (splu(sp.csc_matrix(samples.N + stiffness * M)) for stiffness in (FIT_STIFFNESS, smoothing))
-    return Setting(stock, attraction, samples, watch, M, R, fit, smooth)
+    return Setting(stock, attraction, samples, watch, M, _support(watch.R, SUPPORT), _support(watch.R, MOVED), fit, smooth)
+
+
+def _support(R: sp.csr_array, share: float) -> sp.csc_array:
+    """R without the entries below this share of their column's largest."""
+    R = sp.csc_array(R, copy=True)
+    largest = R.max(axis=0).toarray().ravel()
+    R.data[R.data < share * np.repeat(largest, np.diff(R.indptr))] = 0
+    R.eliminate_zeros()
+    return R
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,6 +20,7 @@ from bonecam.levels.solve import Rows, solve, stacked
 
 ROUNDS, DAMPINGS, DRAW_IN, REACH = 3, 20, 1.5, 2.0
 SIDE, LANDING_SIDE = 0.05, 0.1
+INSIDE, NEST_ROWS, NEST_LIMIT = 0.003, 0.01, 0.0008
 DEPTH_SLACK, WALL_SLACK, NEST_SLACK, SOLVER_TOLERANCE = 0.002, 0.0002, 0.0003, 5e-5
 LEAST_GAIN, MOST_GAIN, GENTLE, HALF = 0.9, 1.25, 0.9, 0.5
 
@@ -48,7 +49,7 @@ class _Watched:
 
 def _watch(setting: Setting, place: Place, moves: ndarray) -> _Watched:
     move = setting.watch.R @ moves
-    outside = setting.stock.signed_distance(place.watched + move)
+    outside = setting.stock.signed_distance(place.watched + move) + INSIDE
     return _Watched(np.linalg.norm(move, axis=1), outside, (place.normals * move).sum(1))
 
 
@@ -78,7 +79,8 @@ def next_level(setting: Setting, P: Float[ndarray, "c 3"], depth: float, stiffne
         if found.holds(depth):
             break
         room = room - np.maximum(setting.over_support(found.outside), 0) * DRAW_IN
-        lags |= found.ahead < -NEST_SLACK
+        if found.ahead.min() < -NEST_SLACK:
+            lags |= found.ahead < NEST_ROWS * depth
     return _damped(setting, place, moves, depth, allowance)
 
 
@@ -90,16 +92,17 @@ def _ahead(setting: Setting, place: Place, lags: ndarray) -> Rows:
 
 def _damped(setting: Setting, place: Place, moves: ndarray, depth: float, allowance: ndarray) -> Step:
     """Shorten the moves round every sample that still breaks a limit; where nothing moves every limit holds."""
+    before = setting.stock.signed_distance(place.watched) + INSIDE
+    most_outside = np.maximum(before, 0) + WALL_SLACK
     for _ in range(DAMPINGS):
         found = _watch(setting, place, moves)
         share = depth / np.maximum(found.size, depth)
-        risen = np.maximum(found.outside - setting.stock.signed_distance(place.watched), WALL_SLACK)
-        less = np.clip(1 - (found.outside + WALL_SLACK) / risen, 0, GENTLE)
-        share = np.where(found.outside > WALL_SLACK, np.minimum(share, less), share)
-        share = np.where(found.ahead < -NEST_SLACK, np.minimum(share, HALF), share)
+        less = np.clip(1 - (found.outside - most_outside / 2) / np.maximum(found.outside - before, WALL_SLACK), 0, GENTLE)
+        share = np.where(found.outside > most_outside, np.minimum(share, less), share)
+        share = np.where(found.ahead < -NEST_LIMIT, np.minimum(share, HALF), share)
         if share.min() >= 1:
             break
-        moves = moves * -setting.over_support(-share)[:, None]
+        moves = moves * setting.least_share(share)[:, None]
     found = _watch(setting, place, moves)
     return Step(moves * min(1.0, depth / float(found.size.max())), allowance, float(found.outside.max()), float(found.ahead.min()))
 
