@@ -1,0 +1,67 @@
+from pathlib import Path
+
+import pytest
+from bonecam_meshes import path as shipped
+
+from bonecam.cli import main
+from bonecam.job import Job, write_job
+
+
+def test_job_prints_every_default(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["job"]) == 0
+    assert capsys.readouterr().out == write_job(Job())
+
+
+def test_options_override_the_job_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "job.toml"
+    file.write_text('[stock]\ndiameter = 20.0\n[mesh]\nunits = "inch"\n', encoding="utf-8")
+    assert main(["job", "--job", str(file), "--units", "m", "--set", "stock.length=50", "--set", "nc.coolant=false"]) == 0
+    wanted = Job().with_values(stock={"diameter": 20.0, "length": 50.0}, mesh={"units": "m"}, nc={"coolant": False})
+    assert capsys.readouterr().out == write_job(wanted)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (["convert", "none.stl", "-o", "out.h"], "none.stl"),
+        (["convert", "text.stl", "-o", "out.h"], "text.stl"),
+        (["convert", "text.stl", "-o", "nowhere/out.h"], "nowhere"),
+        (["convert", "text.stl", "-o", "out.h", "--job", "none.toml"], "none.toml"),
+        (["convert", "text.stl", "-o", "out.h", "--set", "stock.diameter"], "stock.diameter"),
+        (["convert", "text.stl", "-o", "out.h", "--set", "stock.diameter=wide"], "wide"),
+        (["convert", "text.stl", "-o", "out.h", "--set", "stok.diameter=3"], "stok"),
+        (["convert", "text.stl", "-o", "out.h", "--machine", "lathe"], "lathe"),
+        (["script", "none.mlx", "-i", "text.stl", "-o", "out"], "none.mlx"),
+        (["filters", "no_such_filter"], "no_such_filter"),
+        (["batch", "text.stl", "text.stl", "-o", "out"], "text"),
+    ],
+)
+def test_a_wrong_call_is_one_line_exit_2_and_no_file(
+    arguments: list[str], named: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "text.stl").write_text("this is no mesh", encoding="utf-8")
+    assert main(arguments) == 2
+    told = capsys.readouterr()
+    assert told.out == ""
+    assert named in told.err
+    assert told.err.count("\n") == 1
+    assert [item.name for item in tmp_path.iterdir()] == ["text.stl"]
+
+
+def test_a_missing_unit_is_refused_with_the_flag_that_fits(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from bonecam.mesh.files import read_mesh, write_mesh
+    from bonecam.mesh.triangle_mesh import TriangleMesh
+
+    mesh = read_mesh(shipped("phalanx"))
+    write_mesh(TriangleMesh(mesh.vertices / 1000, mesh.faces), tmp_path / "metres.stl")
+    assert main(["convert", str(tmp_path / "metres.stl"), "-o", str(tmp_path / "out.h")]) == 2
+    assert "--units m" in capsys.readouterr().err
+    assert not (tmp_path / "out.h").exists()
+
+
+def test_an_unknown_command_exits_2(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        main(["melt"])
+    assert caught.value.code == 2
+    assert "melt" in capsys.readouterr().err

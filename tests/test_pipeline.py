@@ -1,0 +1,130 @@
+"""The whole chain on the shipped phalanx, coarse so that it is quick; the same job serves all tests of this file."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bonecam_meshes import path as shipped
+
+import bonecam
+from bonecam.errors import BonecamError, Cancelled, MachineError, MeshError, StockError, UnitsError
+from bonecam.job import Job
+from bonecam.mesh.files import read_mesh, write_mesh
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.nc.dialect import read_dialect
+from bonecam.nc.machine import read_machine
+from bonecam.nc.read import read_program
+
+COARSE = Job().with_values(
+    surface={"tolerance": 0.2},
+    levels={"roughing_depth": 1.0, "finishing_levels": 1, "finishing_depth": 0.3, "chord_tolerance": 0.02},
+    roughing={"scallop": 0.3},
+    finishing={"scallop": 0.1},
+)
+
+
+@pytest.fixture(scope="module")
+def chain(tmp_path_factory: pytest.TempPathFactory) -> tuple[bonecam.Result, Path]:
+    folder = tmp_path_factory.mktemp("chain")
+    result = bonecam.convert(shipped("phalanx"), COARSE, program=folder / "bone.h", keep=folder / "keep", report=folder / "report.json")
+    return result, folder
+
+
+def test_the_report_has_the_names_that_stay(chain: tuple[bonecam.Result, Path]) -> None:
+    report = json.loads((chain[1] / "report.json").read_text(encoding="utf-8"))
+    wanted = {
+        "input": "file faces units repairs",
+        "surface": "control_points deviation_max_mm deviation_rms_mm",
+        "stock": "kind diameter_mm length_mm",
+        "nc": "file machine controller blocks readback_tip_error_mm readback_axis_error_deg gouge_max_mm rotary_max_deg_per_block time_min",
+        "seconds": "mesh surface levels toolpath nc verify",
+    }
+    for section, names in wanted.items():
+        assert set(names.split()) <= set(report[section])
+    level_names = "index limit_mm depth_max_mm depth_mean_mm nesting_min_mm self_intersections"
+    path_names = "level cutter_radius_mm scallop_limit_mm passes contacts length_mm uncut_contacts"
+    assert all(set(level_names.split()) <= set(row) for row in report["levels"])
+    assert all(set(path_names.split()) <= set(row) for row in report["toolpath"])
+    assert [row["level"] for row in report["toolpath"]] == list(range(len(report["levels"]) - 2, -1, -1))
+
+
+def test_what_was_written_holds_its_limits(chain: tuple[bonecam.Result, Path]) -> None:
+    report = chain[0].report
+    assert report["nc"]["readback_tip_error_mm"] <= 0.002
+    assert report["nc"]["gouge_max_mm"] <= 0.01
+    assert report["levels_lower_bound"] <= len(report["levels"]) - 1 <= report["levels_lower_bound"] + 2
+    for row in report["levels"][1:]:
+        assert row["depth_max_mm"] <= row["limit_mm"] + 0.002
+        assert row["self_intersections"] == 0
+
+
+def test_the_program_moves_the_tool_where_the_path_says(chain: tuple[bonecam.Result, Path]) -> None:
+    result, folder = chain
+    text = (folder / "bone.h").read_text(encoding="utf-8")
+    assert text == result.program.text
+    motions = read_program(text, read_machine("mikron-ucp600"), read_dialect("heidenhain"))
+    tips = np.vstack([path.tips for path in result.paths])
+    from scipy.spatial import KDTree
+
+    assert KDTree(motions.tips).query(tips)[0].max() <= 0.002
+
+
+def test_keep_writes_levels_path_surface_and_pictures(chain: tuple[bonecam.Result, Path]) -> None:
+    result, folder = chain
+    count = len(result.levels.levels)
+    names = {item.name for item in (folder / "keep").iterdir()}
+    assert names == {f"level_{k:02d}.ply" for k in range(count)} | {"surface.tspline", "toolpath.csv", "levels.png", "toolpath.png"}
+    with open(folder / "keep" / "toolpath.csv", encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == sum(len(path.tips) for path in result.paths)
+    assert {row["kind"] for row in rows} == {"cut", "link", "rapid"}
+    assert all((folder / "keep" / name).read_bytes()[:4] == b"\x89PNG" for name in ("levels.png", "toolpath.png"))
+    part = read_mesh(folder / "keep" / "level_00.ply")
+    assert abs(part.volume / result.part.mesh.volume - 1) < 0.02
+
+
+def test_the_transform_leads_from_the_file_to_the_part(chain: tuple[bonecam.Result, Path]) -> None:
+    part = chain[0].part
+    moved = read_mesh(shipped("phalanx")).moved(part.transform)
+    assert np.abs(moved.bounds - part.mesh.bounds).max() < 1e-9
+    assert part.mesh.bounds[0, 2] > COARSE.holding.length
+
+
+def test_a_second_run_writes_the_same_bytes(chain: tuple[bonecam.Result, Path]) -> None:
+    assert bonecam.convert(shipped("phalanx"), COARSE).program.text == chain[0].program.text
+
+
+def test_progress_rises_to_its_end_and_false_cancels() -> None:
+    def stop(fraction: float, message: str) -> bool:
+        return fraction < 0.1
+
+    with pytest.raises(Cancelled):
+        bonecam.convert(shipped("phalanx"), COARSE, progress=stop)
+
+
+@pytest.mark.parametrize(
+    ("changes", "kind", "named"),
+    [
+        ({"stock": {"diameter": 6.0, "length": 40.0}}, StockError, "mm"),
+        ({"stock": {"diameter": 15.0}}, StockError, "length"),
+        ({"holding": {"length": 480.0}}, MachineError, "Z"),
+        ({"nc": {"machine": "no-such-mill"}}, MachineError, "no-such-mill"),
+        ({"nc": {"controller": "no-such-control"}}, MachineError, "no-such-control"),
+        ({"mesh": {"units": "m"}}, UnitsError, "--units"),
+    ],
+)
+def test_an_impossible_job_fails_at_once_and_leaves_no_file(tmp_path: Path, changes: dict, kind: type[BonecamError], named: str) -> None:
+    outputs = {"program": tmp_path / "out.h", "keep": tmp_path / "keep", "report": tmp_path / "report.json"}
+    with pytest.raises(kind, match=named) as caught:
+        bonecam.convert(shipped("phalanx"), COARSE.with_values(**changes), **outputs)
+    assert "\n" not in str(caught.value)
+    assert not list(tmp_path.iterdir())
+
+
+def test_repair_troubles_name_the_file(tmp_path: Path) -> None:
+    flat = TriangleMesh(np.array([[0.0, 0, 0], [20, 0, 0], [20, 30, 0], [0, 30, 0]]), np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32))
+    write_mesh(flat, tmp_path / "flat.ply")
+    with pytest.raises(MeshError, match=r"flat\.ply"):
+        bonecam.convert(tmp_path / "flat.ply")
