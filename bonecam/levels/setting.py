@@ -18,8 +18,8 @@ from bonecam.levels.limits import frames
 from bonecam.levels.stock import Stock
 from bonecam.surface.tspline import TSpline
 
-SUPPORT, MOVED, FIT_STIFFNESS = 0.1, 1e-3, 1e-9
-LANDING_ROUNDS, SHRINK, CLEAR = 10, 0.012, 0.008
+SUPPORT, MOVED, FIT_STIFFNESS = 0.1, 0.02, 1e-9
+LANDING_ROUNDS, SHRINK, CLEAR = 10, 0.016, 0.012
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,13 +14,14 @@ import scipy.sparse as sp
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.levels.limits import depth_box, frames, planes, sample_planes
+from bonecam.levels.limits import depth_box, frames, planes
 from bonecam.levels.setting import SHRINK, Place, Setting, place_of
 from bonecam.levels.solve import Rows, solve, stacked
 
-ROUNDS, DAMPINGS, DRAW_IN, REACH = 3, 20, 1.5, 2.0
+ROUNDS, SWEEPS, RELAXATION, DAMPINGS, REACH = 2, 100, 1.0, 20, 2.0
 SIDE, LANDING_SIDE = 0.05, 0.1
-INSIDE, NEST_ROWS, NEST_LIMIT = 0.003, 0.01, 0.0008
+MOMENTUM = 0.7
+INSIDE, NEST_LIMIT = 0.006, 0.0008
 DEPTH_SLACK, WALL_SLACK, NEST_SLACK, SOLVER_TOLERANCE = 0.002, 0.0002, 0.0003, 5e-5
 LEAST_GAIN, MOST_GAIN, GENTLE, HALF = 0.9, 1.25, 0.9, 0.5
 
@@ -68,36 +69,52 @@ def next_level(setting: Setting, P: Float[ndarray, "c 3"], depth: float, stiffne
     H = place.points + np.clip(place.gap - SHRINK, 0, REACH * depth)[:, None] * place.pull
     energy = sp.csc_array(sp.block_diag([stiffness * setting.M + samples.N] * 3))
     gradient = (stiffness * (setting.M @ P) + samples.N @ P - samples.moments(H)).T.ravel()
-    room, lags = place.room, np.zeros(len(place.watched), dtype=bool)
+    room = place.room
     for _ in range(ROUNDS):
         rows = _control_rows(place, depth * allowance, np.maximum(room, 0.0))
-        if lags.any():
-            rows = stacked(rows, _ahead(setting, place, lags))
         moves = solve(energy, gradient, rows, SOLVER_TOLERANCE).x.reshape(3, -1).T
         found = _watch(setting, place, moves)
         allowance = _learnt(setting, allowance, np.linalg.norm(moves, axis=1) / depth, found.size / depth)
         if found.holds(depth):
             break
-        room = room - np.maximum(setting.over_support(found.outside), 0) * DRAW_IN
-        if found.ahead.min() < -NEST_SLACK:
-            lags |= found.ahead < NEST_ROWS * depth
-    return _damped(setting, place, moves, depth, allowance)
+        room = room - np.maximum(setting.over_support(found.outside), 0)
+    return _damped(setting, place, _projected(setting, place, moves, depth), depth, allowance)
 
 
-def _ahead(setting: Setting, place: Place, lags: ndarray) -> Rows:
-    """n(l) . move(l) >= 0 for the samples that lag."""
-    count = len(lags)
-    return sample_planes(setting.watch.R, lags, place.normals, np.zeros(count), np.full(count, np.inf))
+def _projected(setting: Setting, place: Place, moves: ndarray, depth: float) -> ndarray:
+    """Moves close to these that keep every limit on the watched samples: simultaneous projections onto the broken ones.
+
+    x += C R'v with v the shortest correction of each broken sample and C the reciprocal column sums (SIRT; rows sum to one).
+    """
+    R = setting.watch.R
+    wall_limit = np.maximum(setting.stock.signed_distance(place.watched) + INSIDE, 0)
+    push = np.zeros_like(moves)
+    for _ in range(SWEEPS):
+        move = R @ moves
+        found = _watch(setting, place, moves)
+        out = np.maximum(found.outside - wall_limit, 0)
+        behind = np.maximum(-found.ahead, 0)
+        beyond = np.maximum(found.size - depth, 0)
+        broken = np.flatnonzero((out > WALL_SLACK / 2) | (behind > NEST_SLACK) | (beyond > DEPTH_SLACK * depth))
+        if not len(broken):
+            break
+        part, here = R[broken], place.watched[broken] + move[broken]
+        v = behind[broken, None] * place.normals[broken] - out[broken, None] * setting.stock.outward(here)
+        v -= (beyond / np.maximum(found.size, depth))[broken, None] * move[broken]
+        columns = np.asarray(part.sum(axis=0)).ravel()
+        push = MOMENTUM * push + RELAXATION * (part.T @ v) / np.where(columns > 0, columns, 1.0)[:, None]
+        moves = moves + push
+    return moves
 
 
 def _damped(setting: Setting, place: Place, moves: ndarray, depth: float, allowance: ndarray) -> Step:
     """Shorten the moves round every sample that still breaks a limit; where nothing moves every limit holds."""
     before = setting.stock.signed_distance(place.watched) + INSIDE
-    most_outside = np.maximum(before, 0) + WALL_SLACK
+    most_outside = np.maximum(before, INSIDE)
     for _ in range(DAMPINGS):
         found = _watch(setting, place, moves)
         share = depth / np.maximum(found.size, depth)
-        less = np.clip(1 - (found.outside - most_outside / 2) / np.maximum(found.outside - before, WALL_SLACK), 0, GENTLE)
+        less = np.clip(1 - (found.outside - most_outside) / np.maximum(found.outside - before, WALL_SLACK), 0, GENTLE)
         share = np.where(found.outside > most_outside, np.minimum(share, less), share)
         share = np.where(found.ahead < -NEST_LIMIT, np.minimum(share, HALF), share)
         if share.min() >= 1:
