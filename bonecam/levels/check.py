@@ -16,7 +16,7 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
-DEPTH_TOLERANCE, NEST_TOLERANCE, STOCK_TOLERANCE = 0.002, 0.01, 0.01
+DEPTH_TOLERANCE, NEST_TOLERANCE, STOCK_TOLERANCE = 0.002, 0.001, 0.001
 REMAINS, BINS = 1.0, 20
 
 

@@ -5,12 +5,11 @@ stock's surface lies within one depth of the last one; the stock itself is the l
 """
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import LevelError
@@ -18,8 +17,8 @@ from bonecam.levels.attraction import ATTRACTIONS
 from bonecam.levels.check import measure, require
 from bonecam.levels.grid import LevelGrid, level_grid
 from bonecam.levels.level import Level
-from bonecam.levels.schedule import Schedule
-from bonecam.levels.setting import setting_of
+from bonecam.levels.schedule import MOST_LEVELS, Schedule
+from bonecam.levels.setting import Setting, setting_of
 from bonecam.levels.step import next_level
 from bonecam.levels.stock import MARGIN, Stock, require_inside
 from bonecam.mesh.distance import MeshDistance
@@ -28,7 +27,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.progress import Progress, part, report, silent
 from bonecam.surface.tspline import TSpline
 
-SMOOTHING = 1e-6
+SMOOTHINGS = (1e-5, 1e-6, 1e-4)
 STIFFNESS, COARSE, STALL, SOFTEN, PATIENCE = 1e-7, 0.02, 0.25, 0.1, 4
 
 
@@ -71,51 +70,85 @@ def morph(
     coarse = level_grid(surface, [surface.control_points], COARSE)
     require_inside(stock, coarse.mesh(surface.control_points).vertices, MARGIN)
     start = time.perf_counter()
-    sequence = _Sequence(surface, stock, schedule, stiffness, attraction, coarse)
-    made = [np.array(surface.control_points)]
-    for control_points in sequence.run():
-        made.append(control_points)
-        report(progress, 0.7 * min(1.0, len(made) / max(sequence.lower_bound, 1)), f"level {len(made) - 1}")
+    distance = _distance(stock, coarse.mesh(surface.control_points))[0]
+    lower_bound = schedule.lower_bound(distance)
+    made = _fewest(surface, stock, schedule, stiffness, attraction, coarse, lower_bound, part(progress, 0.0, 0.7))
     solved = time.perf_counter()
     levels = _measured(surface, made, stock, schedule, chord_tolerance, part(progress, 0.7, 1.0))
-    return Morph(levels, sequence.lower_bound, sequence.distance, solved - start, time.perf_counter() - solved)
+    return Morph(levels, lower_bound, distance, solved - start, time.perf_counter() - solved)
 
 
-class _Sequence:
-    """The levels between part and stock, one after the other."""
+def _distance(stock: Stock, mesh: TriangleMesh) -> tuple[float, ndarray]:
+    """The largest distance from the stock to the mesh, mm, and where."""
+    targets = stock.mesh(COARSE).vertices
+    distance = MeshDistance(mesh).unsigned(targets)
+    return float(distance.max()), targets[np.argmax(distance)]
 
-    def __init__(self, surface: TSpline, stock: Stock, schedule: Schedule, stiffness: float, attraction: str, coarse: LevelGrid) -> None:
-        self.setting = setting_of(surface, stock, ATTRACTIONS[attraction], SMOOTHING)
-        self.schedule, self.stiffness, self.coarse = schedule, stiffness, coarse
-        self.control_points = np.array(surface.control_points)
-        self.targets = stock.mesh(COARSE).vertices
-        self.distance, _ = self.remaining(self.control_points)
-        self.lower_bound = schedule.lower_bound(self.distance)
 
-    def remaining(self, control_points: Float[ndarray, "c 3"]) -> tuple[float, ndarray]:
-        """The largest distance from the stock to the level, mm, and where."""
-        distance = MeshDistance(self.coarse.mesh(control_points)).unsigned(self.targets)
-        return float(distance.max()), self.targets[np.argmax(distance)]
+def _fewest(
+    surface: TSpline,
+    stock: Stock,
+    schedule: Schedule,
+    stiffness: float,
+    attraction: str,
+    coarse: LevelGrid,
+    lower_bound: int,
+    progress: Progress,
+) -> list[ndarray]:
+    """The shortest sound sequence among those of the smoothings tried; the first that needs only K_min cuts is taken."""
+    best: list[ndarray] | None = None
+    failure: LevelError | None = None
+    for place, smoothing in enumerate(SMOOTHINGS):
+        steps = part(progress, place / len(SMOOTHINGS), (place + 1) / len(SMOOTHINGS))
+        setting = setting_of(surface, stock, ATTRACTIONS[attraction], smoothing)
+        most = MOST_LEVELS if best is None else len(best) - 1
+        try:
+            made = _sequence(setting, np.array(surface.control_points), schedule, stiffness, coarse, lower_bound, most, steps)
+        except LevelError as error:
+            failure = failure or error
+            continue
+        if best is None or len(made) < len(best):
+            best = made
+        if len(best) <= lower_bound:
+            break
+    if best is None:
+        assert failure is not None
+        raise failure
+    return best
 
-    def run(self) -> Iterator[ndarray]:
-        """Control points of levels 1, 2, ... up to the last below the stock."""
-        P, left, stiffness, stalls = self.control_points, self.distance, self.stiffness, 0
-        allowance, k = np.ones(len(P)), 1
-        while left > self.schedule.limit(k):
-            depth = self.schedule.limit(k)
-            step = next_level(self.setting, P, depth, stiffness, allowance)
-            P, allowance = P + step.moves, step.allowance
-            before, (left, place) = left, self.remaining(P)
-            stalled = left > before - STALL * depth
-            stalls = stalls + 1 if stalled else 0
-            stiffness = stiffness * SOFTEN if stalled else stiffness
-            if stalls > PATIENCE:
-                where = f"({place[0]:.2f}, {place[1]:.2f}, {place[2]:.2f})"
-                raise LevelError(
-                    f"level {k} gets no nearer to the stock than {left:.3f} mm at {where}: give more control points", level=k, place=place
-                )
-            yield P
-            k += 1
+
+def _sequence(
+    setting: Setting,
+    P: ndarray,
+    schedule: Schedule,
+    stiffness: float,
+    coarse: LevelGrid,
+    lower_bound: int,
+    most: int,
+    progress: Progress,
+) -> list[ndarray]:
+    """Control points of levels 0, 1, 2, ... up to the last below the stock. LevelError where progress ends, or after `most` levels."""
+    left, _ = _distance(setting.stock, coarse.mesh(P))
+    allowance, stalls, made = np.ones(len(P)), 0, [P]
+    while left > schedule.limit(len(made)):
+        k = len(made)
+        depth = schedule.limit(k)
+        report(progress, min(1.0, k / lower_bound), f"level {k}")
+        step = next_level(setting, made[-1], depth, stiffness, allowance)
+        allowance = step.allowance
+        made.append(made[-1] + step.moves)
+        mesh = coarse.mesh(made[-1])
+        before, (left, place) = left, _distance(setting.stock, mesh)
+        stalled = left > before - STALL * depth
+        stalls, stiffness = (stalls + 1, stiffness * SOFTEN) if stalled else (0, stiffness)
+        where = f"({place[0]:.2f}, {place[1]:.2f}, {place[2]:.2f})"
+        if stalls > PATIENCE or k >= most:
+            raise LevelError(
+                f"level {k} gets no nearer to the stock than {left:.3f} mm at {where}: give more control points", level=k, place=place
+            )
+        if len(self_intersections(mesh)):
+            raise LevelError(f"level {k} cuts itself: give a higher stiffness or more control points", level=k, place=place)
+    return made
 
 
 def _measured(

@@ -54,11 +54,11 @@ def setting_of(surface: TSpline, stock: Stock, attraction: Attraction, smoothing
 
 def _support(R: sp.csr_array, share: float) -> sp.csc_array:
     """R without the entries below this share of their column's largest."""
-    R = sp.csc_array(R, copy=True)
-    largest = R.max(axis=0).toarray().ravel()
-    R.data[R.data < share * np.repeat(largest, np.diff(R.indptr))] = 0
-    R.eliminate_zeros()
-    return R
+    kept = sp.csc_array(R, copy=True)
+    largest = kept.max(axis=0).toarray().ravel()
+    kept.data[kept.data < share * np.repeat(largest, np.diff(kept.indptr))] = 0
+    kept.eliminate_zeros()
+    return kept
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,9 +21,10 @@ from bonecam.levels.solve import Rows, solve, stacked
 ROUNDS, SWEEPS, RELAXATION, DAMPINGS, REACH = 2, 100, 1.0, 20, 2.0
 SIDE, LANDING_SIDE = 0.05, 0.1
 MOMENTUM = 0.7
-INSIDE, NEST_LIMIT = 0.006, 0.0008
-DEPTH_SLACK, WALL_SLACK, NEST_SLACK, SOLVER_TOLERANCE = 0.002, 0.0002, 0.0003, 5e-5
-LEAST_GAIN, MOST_GAIN, GENTLE, HALF = 0.9, 1.25, 0.9, 0.5
+INSIDE, NEST_LIMIT = 0.006, 0.0004
+DEPTH_SLACK, WALL_SLACK, NEST_SLACK, SOLVER_TOLERANCE = 0.002, 0.0002, 0.0001, 5e-5
+LEAST_GAIN, MOST_GAIN, GENTLE, HALF = 0.9, 3.0, 0.9, 0.5
+LEAST_SPEED = 0.72
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,6 +127,6 @@ def _damped(setting: Setting, place: Place, moves: ndarray, depth: float, allowa
 
 def _learnt(setting: Setting, allowance: ndarray, moved: ndarray, speed: ndarray) -> ndarray:
     """Allow more where the limit held a control point and no sample near it used the depth up, less where one exceeded it."""
-    most = setting.over_support(np.maximum(speed, LEAST_GAIN / MOST_GAIN))
+    most = setting.over_support(np.maximum(speed, LEAST_SPEED))
     held = (moved > LEAST_GAIN * allowance) | (most > 1)
     return np.where(held, np.clip(allowance / most, LEAST_GAIN, MOST_GAIN), allowance)

@@ -23,7 +23,9 @@ RADII, RADIUS_SPAN = 241, 1.6
 class Stock(Protocol):
     """A closed convex body in the part frame, mm."""
 
-    kind: str
+    @property
+    def kind(self) -> str:
+        """The word for it in reports."""
 
     @property
     def diameter(self) -> float:
