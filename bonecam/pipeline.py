@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
+from threadpoolctl import threadpool_limits
 
 from bonecam.errors import MachineError, MeshError
 from bonecam.files import write_whole
@@ -178,7 +179,8 @@ def fit_surface(placed: Part, job: Job, progress: Progress = silent) -> Fit:
     """Harmonic rows, then the T-spline within the tolerance."""
     edge = job.mesh.edge_percent / 100 * placed.mesh.diagonal
     rows = harmonic_rows(placed.mesh, job.mesh.rows, job.mesh.row_points, edge, part(progress, 0.0, 0.2))
-    return fit(rows, placed.mesh, job.surface.tolerance, job.surface.max_control_points, part(progress, 0.2, 1.0))
+    with threadpool_limits(1, user_api="blas"):  # small matrices: threads only wait, and their number would change the last digits
+        return fit(rows, placed.mesh, job.surface.tolerance, job.surface.max_control_points, part(progress, 0.2, 1.0))
 
 
 def make_levels(surface: TSpline, stock: Capsule, job: Job, progress: Progress = silent) -> Morph:
