@@ -48,6 +48,8 @@ from bonecam.verify.report import levels_report, nc_report, summary_of, surface_
 
 AXIS_MARGIN = np.radians(1.0)
 """Kept from the machine's tilt limit: a turn of up to 30 degrees between two axes at the limit bulges past it by less."""
+PATH_CHORD = 0.002
+"""Chord tolerance of the part's tessellation that balls are kept out of while paths are planned, mm."""
 PROOF_CHORD = 0.001
 """Chord tolerance of the part's tessellation that the posted program is checked against, mm."""
 
@@ -198,7 +200,9 @@ def make_levels(surface: TSpline, stock: Capsule, job: Job, progress: Progress =
 
 def plan_paths(levels: Morph, stock: Capsule, job: Job, machine: Machine, progress: Progress = silent) -> tuple[ToolPath, ...]:
     """The path of every level in machining order, from the one next to the stock down to the part."""
-    part_mesh = levels.levels[0].mesh
+    design = levels.levels[0].surface
+    assert design is not None
+    part_mesh = design.tessellate(PATH_CHORD)
     below = post_below(part_mesh, job.holding)
     limits = AxisLimits(tilt_limit(machine) - AXIS_MARGIN)
     cutters = [
@@ -209,8 +213,9 @@ def plan_paths(levels: Morph, stock: Capsule, job: Job, machine: Machine, progre
         report(progress, len(paths) / (len(levels.levels) - 1), f"path of level {level.index}")
         assert level.surface is not None
         cutter = cutters[job.is_finishing(level.index)]
-        contacts = cover_level(level.index, level.surface, level.mesh, part_mesh, cutter, below, job.path)
-        paths.append(orient(contacts, Scene(level.mesh, before.mesh, stock, below), limits, job.path, job.nc))
+        level_mesh = level.mesh if level.index else part_mesh
+        contacts = cover_level(level.index, level.surface, level_mesh, part_mesh, cutter, below, job.path)
+        paths.append(orient(contacts, Scene(level_mesh, before.mesh, stock, below), limits, job.path, job.nc))
     return tuple(paths)
 
 
