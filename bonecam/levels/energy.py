@@ -18,7 +18,7 @@ from numpy import ndarray
 from bonecam.surface.tspline import TSpline
 
 GAUSS, AROUND, MOST_AROUND = 3, 3, 400
-WATCH_ALONG, WATCH_AROUND, NEAR_POLE = 6, 4, 1e-3
+WATCH_ALONG, WATCH_AROUND, NEAR_POLE = 8, 6, 1e-3
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,6 +25,7 @@ INSIDE, NEST_LIMIT = 0.006, 0.0004
 DEPTH_SLACK, WALL_SLACK, NEST_SLACK, SOLVER_TOLERANCE = 0.002, 0.0002, 0.0001, 5e-5
 LEAST_GAIN, MOST_GAIN, GENTLE, HALF = 0.9, 3.0, 0.9, 0.5
 LEAST_SPEED = 0.72
+AIM, AIM_SHARE = 0.0005, 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,12 +90,13 @@ def _projected(setting: Setting, place: Place, moves: ndarray, depth: float) -> 
     """
     R = setting.watch.R
     wall_limit = np.maximum(setting.stock.signed_distance(place.watched) + INSIDE, 0)
+    aim = np.clip(-AIM_SHARE * setting.stock.signed_distance(place.watched), 0, AIM)
     push = np.zeros_like(moves)
     for _ in range(SWEEPS):
         move = R @ moves
         found = _watch(setting, place, moves)
         out = np.maximum(found.outside - wall_limit, 0)
-        behind = np.maximum(-found.ahead, 0)
+        behind = np.maximum(aim - found.ahead, 0)
         beyond = np.maximum(found.size - depth, 0)
         broken = np.flatnonzero((out > WALL_SLACK / 2) | (behind > NEST_SLACK) | (beyond > DEPTH_SLACK * depth))
         if not len(broken):

@@ -1,0 +1,124 @@
+"""The morph of a small bone-like part: few levels, no deeper than allowed, nested, inside the stock, never through itself."""
+
+import numpy as np
+import pytest
+
+from bonecam.errors import Cancelled, LevelError, StockError
+from bonecam.levels import check
+from bonecam.levels.energy import integration_points, samples_of, thin_plate
+from bonecam.levels.morph import Morph, morph
+from bonecam.levels.schedule import Schedule
+from bonecam.levels.stock import Capsule
+from bonecam.surface.tmesh import RowTMesh
+from bonecam.surface.tspline import TSpline
+
+SCHEDULE = Schedule((0.1, 0.1), 0.5)
+STOCK = Capsule(np.array([0.0, 0.0, 4.5]), np.array([0.0, 0.0, 15.5]), 4.5)
+
+
+def waisted(waist: float = 0.35, rows: int = 12, around: int = 10) -> TSpline:
+    """Control points of a bone with two heads and a waist, 18 mm long between z = 1 and z = 19."""
+    knots = np.concatenate([np.zeros(4), np.linspace(0, 1, rows - 2)[1:-1], np.ones(4)])
+    counts = [1] + [around + j % 2 for j in range(1, rows - 1)] + [1]
+    tmesh = RowTMesh.from_rows(knots, [np.arange(n) / n for n in counts])
+    points = []
+    for j, n in enumerate(counts):
+        t = knots[j + 1 : j + 4].mean()
+        z = 1.0 + 18.0 * t
+        reach = 3.2 * np.sqrt(max(0.0, 1 - (2 * t - 1) ** 4)) * (1 - waist * np.exp(-(((t - 0.5) / 0.2) ** 2)))
+        angle = 2 * np.pi * np.arange(n) / n
+        points.append(np.column_stack([reach * np.cos(angle), 0.8 * reach * np.sin(angle), np.full(n, z)]))
+    return TSpline(tmesh, np.vstack(points), np.ones(tmesh.size))
+
+
+@pytest.fixture(scope="module")
+def made() -> Morph:
+    return morph(waisted(), STOCK, SCHEDULE, chord_tolerance=0.02)
+
+
+def test_no_more_than_one_cut_above_the_lower_bound(made: Morph) -> None:
+    assert made.lower_bound <= made.cuts <= made.lower_bound + 1
+
+
+def test_levels_keep_the_tmesh_and_end_at_the_stock(made: Morph) -> None:
+    first, *between, last = made.levels
+    assert first.index == 0
+    assert last.surface is None
+    assert all(level.surface is not None and level.surface.tmesh is first.surface.tmesh for level in between if first.surface)
+    assert [level.limit for level in made.levels[1:4]] == [0.1, 0.1, 0.5]
+
+
+def test_every_measure_is_within_its_tolerance(made: Morph) -> None:
+    for level in made.levels[1:]:
+        assert level.depth_max <= level.limit + check.DEPTH_TOLERANCE
+        assert level.nesting_min >= -check.NEST_TOLERANCE
+        assert level.outside <= check.STOCK_TOLERANCE
+        assert level.self_intersections == 0
+        assert sum(level.histogram) == pytest.approx(1.0, abs=0.02)
+
+
+def test_the_surface_moves_no_further_than_the_depth_between_the_samples(made: Morph) -> None:
+    rng = np.random.default_rng(7)
+    s, t = rng.random(4000), rng.random(4000)
+    for inner, outer in zip(made.levels[:-2], made.levels[1:-1]):
+        assert inner.surface is not None
+        assert outer.surface is not None
+        move = outer.surface.evaluate(s, t) - inner.surface.evaluate(s, t)
+        assert np.linalg.norm(move, axis=1).max() <= outer.limit + check.DEPTH_TOLERANCE
+
+
+def test_two_runs_give_the_same_control_points(made: Morph) -> None:
+    again = morph(waisted(), STOCK, SCHEDULE, chord_tolerance=0.02)
+    for a, b in zip(made.levels[:-1], again.levels[:-1]):
+        assert a.surface is not None
+        assert b.surface is not None
+        assert (a.surface.control_points == b.surface.control_points).all()
+
+
+def test_a_part_outside_the_stock_is_refused_at_once() -> None:
+    with pytest.raises(StockError, match="does not hold the part"):
+        morph(waisted(), Capsule(STOCK.start, STOCK.end, 2.5), SCHEDULE)
+
+
+def test_an_unknown_attraction_is_refused() -> None:
+    with pytest.raises(ValueError, match="choose one of"):
+        morph(waisted(), STOCK, SCHEDULE, attraction="moon")
+
+
+def test_progress_that_answers_false_cancels() -> None:
+    with pytest.raises(Cancelled):
+        morph(waisted(), STOCK, SCHEDULE, progress=lambda fraction, message: False)
+
+
+def test_a_level_that_falls_behind_is_an_error_with_its_place(made: Morph) -> None:
+    inner, outer = made.levels[3], made.levels[2]
+    found = check.measure(inner.mesh, outer.mesh, STOCK, 0.5, False)
+    assert found.nesting_min < -0.05
+    with pytest.raises(LevelError, match="behind the level before") as caught:
+        check.require(3, found, 0.5, inner.mesh, outer.mesh, STOCK)
+    assert caught.value.evidence["level"] == 3
+    assert caught.value.evidence["place"].shape == (3,)
+
+
+def test_a_cut_too_deep_is_an_error() -> None:
+    surface = waisted()
+    inner, outer = (surface.with_control_points(surface.control_points * [k, k, 1.0]) for k in (1.0, 1.2))
+    meshes = [part.tessellate(0.02) for part in (inner, outer)]
+    found = check.measure(meshes[0], meshes[1], STOCK, 0.1, False)
+    with pytest.raises(LevelError, match="deep, more than"):
+        check.require(1, found, 0.1, meshes[0], meshes[1], STOCK)
+
+
+def test_the_energy_matrices_are_the_integrals_of_the_paper() -> None:
+    surface = waisted()
+    s, t, weights = integration_points(surface)
+    assert weights.sum() == pytest.approx(1.0)
+    samples = samples_of(surface, s, t, weights)
+    points, *_, ss, st, tt = surface.evaluate(s, t, 2)
+    P = surface.control_points
+    plate = (weights[:, None] * (ss**2 + 2 * st**2 + tt**2)).sum()
+    assert np.einsum("ij,ij->", P, thin_plate(surface) @ P) == pytest.approx(plate)
+    assert np.einsum("ij,ij->", P, samples.N @ P) == pytest.approx((weights[:, None] * points**2).sum())
+    H = points + 1.0
+    pull = np.einsum("ij,ij->", P, samples.N @ P) - 2 * np.einsum("ij,ij->", P, samples.moments(H)) + (weights[:, None] * H**2).sum()
+    assert pull == pytest.approx(3.0)

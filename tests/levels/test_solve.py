@@ -1,0 +1,30 @@
+"""The quadratic program's answer obeys its rows, and contradictory rows are an error."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from bonecam.errors import LevelError
+from bonecam.levels.solve import Rows, solve, stacked
+
+
+def rows(A: np.ndarray, low: list[float], high: list[float]) -> Rows:
+    return Rows(sp.csr_array(A), np.array(low, dtype=float), np.array(high, dtype=float))
+
+
+def test_the_answer_is_the_nearest_point_of_the_box() -> None:
+    found = solve(sp.csc_array(sp.eye_array(2)), np.array([-3.0, -0.25]), rows(np.eye(2), [0, 0], [1, 1]), 1e-6)
+    assert np.allclose(found.x, [1, 0.25], atol=1e-4)
+    assert found.violation < 1e-4
+
+
+def test_stacked_rows_hold_together() -> None:
+    box, plane = rows(np.eye(2), [0, 0], [1, 1]), rows(np.array([[1.0, 1.0]]), [-np.inf], [1.0])
+    found = solve(sp.csc_array(sp.eye_array(2)), np.array([-3.0, -3.0]), stacked(box, plane), 1e-6)
+    assert np.allclose(found.x, [0.5, 0.5], atol=1e-4)
+
+
+def test_contradicting_rows_are_an_error() -> None:
+    box, plane = rows(np.eye(2), [0, 0], [1, 1]), rows(np.array([[1.0, 1.0]]), [5.0], [np.inf])
+    with pytest.raises(LevelError, match="contradict"):
+        solve(sp.csc_array(sp.eye_array(2)), np.zeros(2), stacked(box, plane), 1e-6)
