@@ -20,7 +20,6 @@ CATEGORY = "Bonecam: Tool Paths"
 def plan_toolpath(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """`generate_toolpath`."""
     from bonecam.levels.morph import Morph
-
     from bonecam.levels.stock import Capsule
     from bonecam.nc.machine import read_machine
     from bonecam.pipeline import plan_paths

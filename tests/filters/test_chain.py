@@ -40,7 +40,7 @@ def layers(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.slow
 def test_the_layers_of_a_script_are_written(layers: Path) -> None:
     names = {path.name for path in layers.iterdir()}
-    assert {"phalanx.ply", "repaired.ply", "stock.ply", "part_on_post.ply", "surface.ply", "surface.tsm", "level_00.ply"} <= names
+    assert {"phalanx.ply", "repaired.ply", "stock.ply", "part_on_post.ply", "surface.ply", "surface.tspline", "level_00.ply"} <= names
 
 
 @pytest.mark.slow
