@@ -27,7 +27,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.progress import Progress, part, report, silent
 from bonecam.surface.tspline import TSpline
 
-SMOOTHINGS = (1e-5, 1e-6)
+SMOOTHINGS, TRIED = (1e-5, 1e-6, 1e-4), 2
 STIFFNESS, COARSE, STALL, SOFTEN, PATIENCE = 1e-7, 0.02, 0.25, 0.1, 4
 
 
@@ -95,7 +95,7 @@ def _fewest(
     lower_bound: int,
     progress: Progress,
 ) -> list[ndarray]:
-    """The shortest sound sequence among those of the smoothings tried; the first that needs only K_min cuts is taken."""
+    """The shortest sound sequence of the first smoothings (or the first later one that works); K_min cuts end the search."""
     best: list[ndarray] | None = None
     failure: LevelError | None = None
     for place, smoothing in enumerate(SMOOTHINGS):
@@ -109,7 +109,7 @@ def _fewest(
             continue
         if best is None or len(made) < len(best):
             best = made
-        if len(best) <= lower_bound:
+        if len(best) <= lower_bound or place + 1 >= TRIED:
             break
     if best is None:
         assert failure is not None
