@@ -27,7 +27,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.progress import Progress, part, report, silent
 from bonecam.surface.tspline import TSpline
 
-SMOOTHINGS, TRIED = (1e-5, 1e-6, 1e-4), 2
+SMOOTHINGS, TRIED = (1e-6, 1e-5, 1e-4), 2
 STIFFNESS, COARSE, STALL, SOFTEN, PATIENCE = 1e-7, 0.02, 0.25, 0.1, 4
 
 
