@@ -25,7 +25,7 @@ class MeshDistance:
         self.mesh = mesh
         self._centre = mesh.bounds.mean(0)
         self._tensor = o3c.Tensor
-        self._scene: Any = RaycastingScene(nthreads=1)
+        self._scene: Any = RaycastingScene(nthreads=0)
         self._scene.add_triangles(self._put(mesh.vertices), o3c.Tensor(mesh.faces.astype(np.uint32)))
 
     def _put(self, points: Float[ndarray, "n 3"]) -> Any:
