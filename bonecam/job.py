@@ -114,7 +114,7 @@ class LevelsJob(_Stage):
     )
     finishing_levels: int = parameter(4, "Finishing levels", "How many levels next to the part are finishing.", low=0, high=50)
     roughing_depth: float = parameter(0.5, "Roughing depth", "Largest cutting depth of the other levels.", unit="mm", low=0.01, high=20.0)
-    stiffness: float = parameter(1e-6, "Stiffness", "c_int / c_ext, parameters in [0, 1].", low=0.0, high=1.0)
+    stiffness: float = parameter(1e-7, "Stiffness", "c_int / c_ext, parameters in [0, 1].", low=0.0, high=1.0)
     attraction: str = parameter(
         "stock", "Attraction", "Pull to the nearest stock point, or to the bounding sphere as published.", choices=("stock", "sphere")
     )
