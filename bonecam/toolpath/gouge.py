@@ -13,7 +13,7 @@ from numpy import ndarray
 
 ROUNDS = 40
 FRACTIONS = (0.25, 0.5, 0.75)
-CONTACT_SHARE, MOVE_SHARE = 0.3, 0.7
+CONTACT_SHARE, MOVE_SHARE = 0.2, 0.5
 """Parts of the tolerance a contact, and a place between two contacts, may use up."""
 
 
