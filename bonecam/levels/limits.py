@@ -1,13 +1,14 @@
 """The limits of one level's program, each as linear rows over the control points' moves x = (dx, dy, dz stacked).
 
 depth     a box in each control point's own frame: [0, up] along its direction, +-side across it
-wall      a control point stays on the inner side of its own limit plane, a sample inside the stock's tangent plane
-nesting   n(l) . (S_new(l) - S_old(l)) >= 0
+wall      a control point stays on the inner side of its own limit plane
+
+Nesting and the stock at the samples are held by projections in `step.py`.
 """
 
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.levels.solve import Rows
@@ -31,12 +32,3 @@ def depth_box(frame: Float[ndarray, "n 3 3"], up: Float[ndarray, "n"], side: Flo
 def planes(normals: Float[ndarray, "n 3"], low: Float[ndarray, "n"], high: Float[ndarray, "n"]) -> Rows:
     """low <= n_i . dP_i <= high for every control point."""
     return Rows(sp.csr_array(sp.hstack([sp.diags_array(normals[:, j]) for j in range(3)])), low, high)
-
-
-def sample_planes(
-    R: sp.csr_array, chosen: Bool[ndarray, "n"], normals: Float[ndarray, "n 3"], low: Float[ndarray, "n"], high: Float[ndarray, "n"]
-) -> Rows:
-    """low <= n_l . (R dP)_l <= high for the chosen samples."""
-    part = R[np.flatnonzero(chosen)]
-    n = normals[chosen]
-    return Rows(sp.csr_array(sp.hstack([sp.diags_array(n[:, j]) @ part for j in range(3)])), low[chosen], high[chosen])

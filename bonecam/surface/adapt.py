@@ -1,4 +1,4 @@
-"""Where a row-structured T-mesh gets or loses knots: refined only where the mesh is missed, thinned where a knot does nothing.
+"""Where a row-structured T-mesh gets knots: only where the mesh is missed.
 
 Each sample of the mesh that is missed votes with (its area) x (its distance)^4 for the longer side of the cell it lies in: for an s-knot in
 the middle of the interval in each row that acts there, or for a t-knot in the middle of the span. Votes are divided by the control
@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from bonecam.surface.knots import span_functions
-from bonecam.surface.periodic import FEWEST, insertion
+from bonecam.surface.periodic import FEWEST
 from bonecam.surface.tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 
@@ -125,26 +125,3 @@ def _interval(knots: ndarray, s: ndarray) -> tuple[ndarray, ndarray]:
     """Which interval of the row holds s, and its width; a pole row has one of width 1."""
     index = np.mod(np.searchsorted(knots, s, side="right") - 1, len(knots))
     return index, np.diff(np.append(knots, knots[0] + 1))[index]
-
-
-def thin(surface: TSpline, allowed: float) -> RowTMesh:
-    """Without the s-knots whose removal moves their control curve by less than `allowed` mm; of neighbours only the better goes."""
-    starts, rows = surface.tmesh.row_starts, []
-    for j, knots in enumerate(surface.tmesh.s_knots):
-        if len(knots) <= FEWEST:
-            rows.append(knots)
-            continue
-        points = surface.control_points[starts[j] : starts[j + 1]]
-        loss = np.array([_removal_loss(knots, points, k) for k in range(len(knots))])
-        least = (loss <= np.roll(loss, 1)) & (loss < np.roll(loss, -1)) & (loss < allowed)
-        going = np.flatnonzero(least)
-        going = going[np.argsort(loss[going], kind="stable")][: len(knots) - FEWEST]
-        rows.append(np.delete(knots, going))
-    return RowTMesh.from_rows(surface.tmesh.t_knots, rows)
-
-
-def _removal_loss(knots: ndarray, points: ndarray, k: int) -> float:
-    """How far the control curve moves at most when knot k goes (least squares on the other knots)."""
-    matrix = insertion(np.delete(knots, k), knots)
-    found = np.linalg.lstsq(matrix, points, rcond=None)[0]
-    return float(np.linalg.norm(matrix @ found - points, axis=1).max())

@@ -14,7 +14,7 @@ from bonecam.levels.level import Level
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.toolpath.path import Kind, ToolPath
 
-CUT_COLOURS, ROUND_MARGIN = "viridis", 1.05
+CUT_COLOURS = "viridis"
 
 
 def section(mesh: TriangleMesh, origin: Float[ndarray, "3"], normal: Float[ndarray, "3"]) -> Float[ndarray, "k 2 3"]:
