@@ -99,7 +99,7 @@ def convert(
     whole; where anything fails nothing is written. Raises a BonecamError that names the trouble.
     """
     job, clock = job or Job(), _Clock()
-    machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)
+    machine, _ = read_machine(job.nc.machine), read_dialect(job.nc.controller)  # a wrong name is refused before the work
     with clock.stage("mesh"):
         placed, stock = place(prepare(mesh, job.mesh, part(progress, 0.0, 0.03)), job)
         check_room(stock, job, machine)
@@ -110,7 +110,7 @@ def convert(
     with clock.stage("toolpath"):
         paths = plan_paths(levels, stock, job, machine, part(progress, 0.3, 0.85))
     with clock.stage("nc"):
-        posted = write_program(paths, machine, dialect, job, stock_bounds=stock_bounds(stock), progress=part(progress, 0.85, 0.9))
+        posted = post(paths, stock, job, part(progress, 0.85, 0.9))
     with clock.stage("verify"):
         proof = verify(posted, paths, levels, job, part(progress, 0.9, 0.97))
     figures = {
@@ -229,11 +229,10 @@ def verify(posted: Program, paths: Sequence[ToolPath], levels: Morph, job: Job, 
     return verify_program(posted.text, paths, machine, dialect, surface.tessellate(PROOF_CHORD), tolerances)
 
 
-def post(paths: Sequence[ToolPath], levels: Morph, stock: Capsule, job: Job, progress: Progress = silent) -> tuple[Program, Verification]:
-    """The program of the paths for the job's machine and controller, and its proof."""
+def post(paths: Sequence[ToolPath], stock: Capsule, job: Job, progress: Progress = silent) -> Program:
+    """The program of the paths for the job's machine and controller."""
     machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)
-    posted = write_program(paths, machine, dialect, job, stock_bounds=stock_bounds(stock), progress=part(progress, 0.0, 0.5))
-    return posted, verify(posted, paths, levels, job, part(progress, 0.5, 1.0))
+    return write_program(paths, machine, dialect, job, stock_bounds=stock_bounds(stock), progress=progress)
 
 
 def write_outputs(result: Result, job: Job, program: str | Path | None, keep: str | Path | None, report: str | Path | None) -> None:

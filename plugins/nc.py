@@ -9,7 +9,7 @@ from bonecam.filters.filter import Filter
 from bonecam.filters.layers import Layers
 from bonecam.filters.parameter import FilterParameter, Kind, parameters_of, stage_of
 from bonecam.job import NcJob
-from bonecam.progress import Progress
+from bonecam.progress import Progress, part
 
 CATEGORY = "Bonecam: NC"
 
@@ -18,14 +18,15 @@ def save_program(layers: Layers, values: Mapping[str, Any], progress: Progress) 
     """`save_nc_program`."""
     from bonecam.levels.morph import Morph
     from bonecam.levels.stock import Capsule
-    from bonecam.pipeline import post
+    from bonecam.pipeline import post, verify
     from bonecam.verify.report import nc_report
 
     paths = layers.kept("toolpath", tuple, "generate_toolpath")
     morph = layers.kept("morph", Morph, "generate_morph_levels")
     stock = layers.kept("stock", Capsule, "generate_stock_capsule")
     job = replace(layers.job(), nc=stage_of(layers.job().nc, values))
-    program, proof = post(paths, morph, stock, job, progress)
+    program = post(paths, stock, job, part(progress, 0.0, 0.5))
+    proof = verify(program, paths, morph, job, part(progress, 0.5, 1.0))
     target = layers.target(values["file"])
     write_whole(target, program.text)
     return {**nc_report(program, proof), "file": str(target)}
