@@ -1,0 +1,88 @@
+"""A T-spline as one tensor-product B-spline."""
+
+import numpy as np
+import pytest
+from rowed import bone_like, samples
+from scipy.interpolate import NdBSpline
+
+from bonecam.errors import SurfaceError
+from bonecam.surface.nurbs import BSplineSurface, Knots, bezier_grid, to_bspline
+from bonecam.surface.tmesh import RowTMesh
+from bonecam.surface.tspline import TSpline
+
+
+def relative_error(spline: BSplineSurface, surface: TSpline) -> float:
+    s, t = samples(10_000)
+    return float(np.abs(spline.evaluate(s, t) - surface.evaluate(s, t)).max()) / spline.size
+
+
+@pytest.mark.parametrize("poles", [True, False])
+@pytest.mark.parametrize("spread", [0.0, 0.2])
+def test_the_b_spline_equals_the_t_spline_to_rounding(spread: float, poles: bool) -> None:
+    surface = bone_like(12, 9, 3, spread=spread, poles=poles)
+    spline = to_bspline(surface)
+    assert relative_error(spline, surface) < 2e-15
+    assert spline.rational == (spread > 0)
+    assert spline.collapsed == (poles, poles)
+    assert spline.watertight == poles
+
+
+def test_the_knots_are_the_union_of_the_rows_knots_and_the_seam_all_simple() -> None:
+    surface = bone_like(8, 5, 1)
+    spline = to_bspline(surface)
+    union = np.unique(np.concatenate([[0.0, 1.0], *[row for row in surface.tmesh.s_knots if len(row) > 1]]))
+    np.testing.assert_allclose(spline.s_knots.values, union, rtol=0, atol=1e-15)
+    assert (spline.s_knots.multiplicities == 1).all()
+    assert len(spline.poles) == len(union) - 1
+    assert spline.t_knots.flat.tolist() == surface.tmesh.t_knots.tolist()
+
+
+def test_a_repeated_knot_keeps_its_multiplicity() -> None:
+    t = np.array([0, 0, 0, 0, 0.2, 0.4, 0.4, 0.7, 0.7, 0.7, 1, 1, 1, 1.0])
+    rng = np.random.default_rng(2)
+    mesh = RowTMesh.from_rows(t, [np.sort(rng.random(6)) for _ in range(len(t) - 4)])
+    surface = TSpline(mesh, rng.normal(size=(mesh.size, 3)), rng.uniform(0.5, 2, mesh.size))
+    spline = to_bspline(surface)
+    assert spline.t_knots.multiplicities.tolist() == [4, 1, 2, 3, 4]
+    assert relative_error(spline, surface) < 1e-14
+
+
+def test_rows_whose_knots_nearly_meet_lose_no_digit() -> None:
+    rng = np.random.default_rng(5)
+    t = np.concatenate([[0.0] * 4, [0.1, 0.1001, 0.5], [1.0] * 4])
+    rows = [np.sort(np.concatenate([[0.1, 0.4, 0.7, 0.9], 0.5 + 10.0 ** -rng.uniform(3, 7, 2)])) for _ in range(7)]
+    mesh = RowTMesh.from_rows(t, rows)
+    surface = TSpline(mesh, rng.normal(size=(mesh.size, 3)), np.ones(mesh.size))
+    assert relative_error(to_bspline(surface), surface) < 1e-14
+
+
+def test_an_independent_evaluation_agrees() -> None:
+    surface = bone_like(9, 7, 4)
+    spline = to_bspline(surface)
+    wrapped = np.arange(len(spline.s_knots.flat) - 4 + 3) % spline.s_knots.poles
+    flat = np.concatenate([spline.s_knots.flat, spline.s_knots.flat[4:7] + 1.0])
+    homogeneous = np.concatenate([spline.poles * spline.weights[..., None], spline.weights[..., None]], axis=2)[wrapped]
+    s, t = samples(1000)
+    found = NdBSpline((flat, spline.t_knots.flat), homogeneous, 3)(np.column_stack([s, t]))
+    np.testing.assert_allclose(found[:, :3] / found[:, 3:], surface.evaluate(s, t), rtol=0, atol=1e-13)
+
+
+def test_a_domain_with_a_missing_corner_is_refused() -> None:
+    elements = bone_like(6, 5, 0).elements()
+    keep = slice(0, elements.starts[-2])
+    part = type(elements)(elements.boxes[:-1], elements.starts[:-1], elements.functions[keep], elements.coefficients[keep])
+    with pytest.raises(SurfaceError, match="no rectangle"):
+        bezier_grid(part, np.ones((len(part.boxes), 16, 4)))
+
+
+def test_a_closed_direction_of_few_poles_wraps_more_than_once() -> None:
+    knots = Knots(np.array([0.0, 0.5, 1.0]), np.array([1, 1, 1]), True)
+    values, poles = knots.functions(np.linspace(0, 1, 11))
+    np.testing.assert_allclose(values.sum(axis=1), 1, rtol=0, atol=1e-15)
+    assert poles.max() == 1
+
+
+def test_poles_that_do_not_fit_the_knots_are_refused() -> None:
+    spline = to_bspline(bone_like(6, 5, 0))
+    with pytest.raises(ValueError, match="the knots need"):
+        BSplineSurface(spline.s_knots, spline.t_knots, spline.poles[1:], spline.weights[1:])
