@@ -97,7 +97,7 @@ def fit(rows: Rows, mesh: TriangleMesh, tolerance: float, max_control_points: in
 
     `rows` are sections of (a remeshed copy of) the mesh from the lower to the upper pole; at least 40 control points.
     """
-    skinned = skin(rows.points, rows.poles, tolerance)
+    skinned = skin(rows.points, tolerance, poles=rows.poles)
     points, areas = sample_mesh(mesh, SAMPLES)
     empty = np.zeros(len(points))
     target = Target(Shape(mesh), points, areas, empty, empty, empty).on(skinned, anew=True)
@@ -123,6 +123,7 @@ def attempt(skinned: TSpline, target: Target, tolerance: float, max_control_poin
         size, worst = surface.tmesh.size, float(target.distances.max())
         report(progress, size / max_control_points, f"{size} control points, {worst:.3f} mm")
         votes = miss_votes(surface, target.s, target.t, target.distances, target.areas, tolerance)
+        assert isinstance(surface.tmesh, RowTMesh)
         tmesh = refine(surface.tmesh, votes, max_control_points - size)
         if tmesh.size == size:
             break

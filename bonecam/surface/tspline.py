@@ -14,6 +14,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface import measures
 from bonecam.surface.curvature import Curvature, pole_curvature, pole_normal, surface_curvature, unit
 from bonecam.surface.elements import Elements
+from bonecam.surface.open_rows import OpenRowTMesh
 from bonecam.surface.project import Projection, Seeds, project
 from bonecam.surface.tessellate import Tessellation, tessellate
 from bonecam.surface.tmesh import RowTMesh
@@ -32,7 +33,7 @@ def _matrices(order: int) -> int:
 class TSpline:
     """Control points (n, 3) in mm and positive weights (n,) over a T-mesh."""
 
-    tmesh: RowTMesh
+    tmesh: RowTMesh | OpenRowTMesh
     control_points: Float[ndarray, "n 3"]
     weights: Float[ndarray, " n"]
 

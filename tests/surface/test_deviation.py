@@ -16,7 +16,7 @@ POLES = np.array([[0.0, 0.0, -2.0], [0.0, 0.0, 2.0]])
 def ball() -> TSpline:
     t, s = np.meshgrid(np.pi * np.arange(1, 16) / 16, 2 * np.pi * np.arange(40) / 40, indexing="ij")
     points = 2 * np.stack([np.sin(t) * np.cos(s), np.sin(t) * np.sin(s), -np.cos(t)], axis=2)
-    return skin(points, POLES, 1e-4)
+    return skin(points, 1e-4, poles=POLES)
 
 
 def test_a_surface_deviates_from_its_own_tessellation_by_the_chord_only(ball: TSpline) -> None:

@@ -16,7 +16,7 @@ def pear(bump: float = 0.35) -> TriangleMesh:
     t, s = np.meshgrid(np.pi * np.arange(1, 24) / 24, 2 * np.pi * np.arange(40) / 40, indexing="ij")
     radius = np.sin(t) * (2.5 + 0.7 * np.cos(t)) + bump * np.exp(-((t - 1.3) ** 2 + np.minimum(s, 2 * np.pi - s) ** 2) / 0.12)
     points = np.stack([radius * np.cos(s), 0.8 * radius * np.sin(s), -6 * np.cos(t)], axis=2)
-    return skin(points, np.array([[0, 0, -6.0], [0, 0, 6.0]]), 1e-3).tessellate(0.01)
+    return skin(points, 1e-3, poles=np.array([[0, 0, -6.0], [0, 0, 6.0]])).tessellate(0.01)
 
 
 @pytest.fixture(scope="module")
