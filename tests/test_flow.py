@@ -17,6 +17,8 @@ DOORS = {
     "matplotlib": {"verify/pictures.py"},
     "numba": {"kernels"},
     "open3d": {"mesh/distance.py"},
+    "OCP": {"mesh/opencascade.py"},
+    "ezdxf": {"mesh/polyhedra.py"},
 }
 
 

@@ -1,5 +1,6 @@
 """Mesh files through MeshLab: STL (binary, ASCII), PLY, OBJ, OFF in; PLY and STL out. The door for pymeshlab.
 
+`read_mesh` reads every kind of part file: for STEP, IGES, SAT and DXF it asks the modules that know them.
 Coordinates are read and written as they stand in the file; `bonecam.mesh.units` gives them their unit. What MeshLab
 mends in silence (vertices that are not numbers are dropped, duplicate STL corners are merged) is looked at first:
 the former is an error here, the latter is wanted.
@@ -18,9 +19,12 @@ from numpy import ndarray
 
 from bonecam.errors import FileError
 from bonecam.mesh.file_content import trouble_in
+from bonecam.mesh.opencascade import IGES, STEP, read_cad_mesh
+from bonecam.mesh.polyhedra import ACIS, DXF, read_polyhedra
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
-READABLE = (".stl", ".ply", ".obj", ".off")
+MESHES = (".stl", ".ply", ".obj", ".off")
+READABLE = (*MESHES, *STEP, *IGES, *ACIS, *DXF)
 WRITABLE = (".ply", ".stl")
 
 
@@ -53,11 +57,14 @@ def from_meshset(meshset: Any) -> TriangleMesh:
 def read_mesh(path: str | Path) -> TriangleMesh:
     """The triangles of a file, in the file's own unit; equal corners of an STL are merged.
 
+    STEP, IGES, SAT and DXF need the extra `cad`; where they state their unit the triangles are in mm. Curved faces are tessellated.
     FileError names the file, what is wrong with it and the remedy: it is missing, empty, cut short, of an unknown kind,
     holds coordinates that are not numbers, or no triangles.
     """
     file = Path(path)
     data = _bytes_of(file)
+    if file.suffix.lower() not in MESHES:
+        return read_cad_mesh(file) if file.suffix.lower() in (*STEP, *IGES) else read_polyhedra(file)
     if trouble := trouble_in(file.suffix.lower(), data):
         raise _refusal(file, *trouble)
     meshset = meshlab().MeshSet()

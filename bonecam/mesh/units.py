@@ -1,9 +1,11 @@
 """Units: from the file's coordinates to mm, refused where the size is no bone's."""
 
 from bonecam.errors import UnitsError
+from bonecam.mesh.opencascade import IGES, STEP
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 MM_OF = {"mm": 1.0, "m": 1000.0, "inch": 25.4}
+STATES_UNIT = (*STEP, *IGES)
 SMALLEST, LARGEST = 5.0, 1000.0
 """The bounding-box diagonals in mm between which a part is plausible: an ear ossicle's neighbour to twice a femur."""
 
@@ -12,6 +14,8 @@ def to_mm(mesh: TriangleMesh, units: str, file: str = "the mesh") -> TriangleMes
     """`mesh` scaled to mm; UnitsError names the size that results and the flag that would fit."""
     if units not in MM_OF:
         raise ValueError(f"units {units!r}: use one of {', '.join(MM_OF)}")
+    if units != "mm" and file.lower().endswith(STATES_UNIT):
+        raise UnitsError(f"{file}: states its unit itself and was read in mm: leave out --units {units}", units=units)
     size = mesh.diagonal * MM_OF[units]
     if not SMALLEST <= size <= LARGEST:
         raise UnitsError(f"{file}: {size:.3g} mm from corner to corner if its unit is {units}: {_remedy(mesh.diagonal)}", size_mm=size)

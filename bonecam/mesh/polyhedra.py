@@ -1,0 +1,140 @@
+"""Polyhedra in SAT, SAB (ACIS) and DXF files through ezdxf (optional extra `cad`).
+
+ezdxf is no ACIS kernel: it knows flat faces with straight edges. A body with curved faces, or with holes in its faces, is refused
+whole rather than read in part. From a DXF come 3DFACE, MESH, POLYLINE meshes, 3DSOLID and BODY, those inside inserted blocks too.
+Where the header states a unit (SAT: mm a unit; DXF: $INSUNITS) the part comes back in mm; else its numbers stand.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bonecam.errors import FileError
+from bonecam.mesh.triangle_mesh import TriangleMesh
+
+ACIS, DXF = (".sat", ".sab"), (".dxf",)
+SOLIDS = ("3DSOLID", "BODY", "REGION", "SURFACE")
+
+Polygon = Sequence[Any]
+
+
+def read_polyhedra(path: str | Path) -> TriangleMesh:
+    """The polyhedra of a .sat, .sab or .dxf file as triangles, equal corners merged. FileError names the file and what is wrong with it."""
+    file = Path(path)
+    try:
+        import ezdxf
+        from ezdxf.acis.api import AcisException
+    except ImportError as error:
+        raise _refusal(file, f"reading {file.suffix[1:].upper()} needs ezdxf", "pip install 'bonecam[cad]'") from error
+    troubles = (
+        OSError,
+        ValueError,
+        TypeError,
+        IndexError,
+        AttributeError,
+        ezdxf.DXFError,
+        AcisException,
+    )  # what ezdxf raises on broken files
+    try:
+        polygons, scale = _from_dxf(file) if file.suffix.lower() in DXF else _from_acis(file)
+        corners = np.array([[tuple(corner) for corner in triangle] for triangle in _triangles(polygons)], dtype=np.float64)
+    except FileNotFoundError as error:
+        raise _refusal(file, f"cannot be read ({error.strerror})", "give the path of a readable file") from error
+    except troubles as error:
+        kind, reason = file.suffix[1:].upper(), " ".join(str(error).split()) or type(error).__name__
+        raise _refusal(file, f"is no readable {kind} file ({reason})", "export the part again, or as STEP") from error
+    if not len(corners):
+        raise _refusal(file, "holds no faces", "give a part with faces, not curves or points")
+    vertices, index = np.unique(corners.reshape(-1, 3) * scale + 0.0, axis=0, return_inverse=True)
+    try:
+        return TriangleMesh(vertices, index.reshape(-1, 3).astype(np.int32))
+    except ValueError as error:
+        raise _refusal(file, f"has coordinates that are not numbers ({error})", "export the part again") from error
+
+
+def _triangles(polygons: Iterable[Polygon]) -> Iterator[Polygon]:
+    """Ears of each polygon, concave ones too. (ezdxf returns turned copies of the corners: the corners themselves are put back.)"""
+    from ezdxf.math.triangulation import mapbox_earcut_3d
+
+    for polygon in polygons:
+        if len(polygon) == 3:
+            yield polygon
+        elif len(polygon) > 3:
+            for ear in mapbox_earcut_3d(polygon):
+                yield [min(polygon, key=corner.distance) for corner in ear]
+
+
+def _from_acis(file: Path) -> tuple[list[Polygon], float]:
+    """Polygons of a .sat or .sab file and the mm of its unit."""
+    from ezdxf.acis import api, sab, sat
+
+    data = file.read_bytes()
+    if file.suffix.lower() == ".sab":
+        bodies, header = api.load(data), sab.parse_sab(data).header
+    else:
+        text = data.decode("ascii", errors="replace").splitlines()
+        bodies, header = api.load(text), sat.parse_sat(text).header
+    return list(_body_polygons(file, bodies)), header.units_in_mm if header.units_in_mm > 0 else 1.0
+
+
+def _body_polygons(file: Path, bodies: Iterable[Any]) -> Iterator[Polygon]:
+    """The polygons of ACIS bodies. FileError where a face is curved, has a curved edge or a hole."""
+    from ezdxf.acis.mesh import flat_polygon_faces_from_body
+
+    for body in bodies:
+        found = [polygon for lump in flat_polygon_faces_from_body(body) for polygon in lump]
+        faces = list(_faces(body))
+        curved, holed = len(faces) - len(found), sum(not face.loop.is_none and not face.loop.next_loop.is_none for face in faces)
+        if curved or holed:
+            what = f"has {curved} curved faces of {len(faces)}" if curved else f"has {holed} faces with holes"
+            raise _refusal(file, what, "only flat faces can be read from ACIS: export the part as STEP", curved=curved, holed=holed)
+        yield from found
+
+
+def _faces(body: Any) -> Iterator[Any]:
+    lump = body.lump
+    while not lump.is_none:
+        shell = lump.shell
+        while not shell.is_none:
+            face = shell.face
+            while not face.is_none:
+                yield face
+                face = face.next_face
+            shell = shell.next_shell
+        lump = lump.next_lump
+
+
+def _from_dxf(file: Path) -> tuple[list[Polygon], float]:
+    """Polygons of the model space of a .dxf file and the mm of its unit."""
+    import ezdxf
+    from ezdxf.disassemble import recursive_decompose
+    from ezdxf.units import MM, conversion_factor
+
+    drawing = ezdxf.readfile(file)
+    polygons: list[Polygon] = []
+    for entity in recursive_decompose(drawing.modelspace()):
+        polygons += _entity_polygons(file, entity)
+    return polygons, conversion_factor(drawing.units, MM) if drawing.units else 1.0
+
+
+def _entity_polygons(file: Path, entity: Any) -> list[Polygon]:
+    """The polygons of one DXF entity; none where it is no surface."""
+    from ezdxf.acis import api
+    from ezdxf.render import MeshBuilder
+
+    kind = entity.dxftype()
+    if kind == "3DFACE":
+        return [entity.wcs_vertices()]
+    if kind == "MESH":
+        return list(MeshBuilder.from_mesh(entity).faces_as_vertices())
+    if kind == "POLYLINE" and (entity.is_poly_face_mesh or entity.is_polygon_mesh):
+        return list(MeshBuilder.from_polyface(entity).faces_as_vertices())
+    if kind in SOLIDS:
+        return list(_body_polygons(file, api.load_dxf(entity)))
+    return []
+
+
+def _refusal(file: Path, what: str, remedy: str, **evidence: Any) -> FileError:
+    return FileError(f"{file}: {what}: {remedy}", file=str(file), **evidence)

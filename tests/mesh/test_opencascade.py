@@ -1,0 +1,111 @@
+"""STEP and IGES parts as triangles."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bonecam.errors import FileError, UnitsError
+from bonecam.mesh.files import read_mesh
+from bonecam.mesh.opencascade import occ, read_cad_mesh
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.mesh.units import to_mm
+
+pytest.importorskip("OCP", reason="OpenCASCADE's wheel is not installed: pip install 'bonecam[cad]'")
+
+
+def write(shape: Any, path: Path, unit: str = "MM") -> Path:
+    """A shape as STEP or IGES by OpenCASCADE's own writers."""
+    lib = occ()
+    if path.suffix == ".iges":
+        writer = lib.IGESControl.IGESControl_Writer(unit, 0)
+        writer.AddShape(shape)
+        writer.ComputeModel()
+    else:
+        writer = lib.STEPControl.STEPControl_Writer()
+        lib.Interface.Interface_Static.SetCVal_s("write.step.unit", unit)
+        writer.Transfer(shape, lib.STEPControl.STEPControl_StepModelType.STEPControl_AsIs)
+        lib.Interface.Interface_Static.SetCVal_s("write.step.unit", "MM")
+    writer.Write(str(path))
+    return path
+
+
+def cylinder() -> Any:
+    return occ().BRepPrimAPI.BRepPrimAPI_MakeCylinder(4.0, 20.0).Shape()
+
+
+def is_closed(mesh: TriangleMesh) -> bool:
+    edges = np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    return bool((np.unique(edges, axis=0, return_counts=True)[1] == 2).all())
+
+
+@pytest.mark.parametrize("name", ["part.step", "part.stp", "part.iges", "part.igs"])
+def test_a_cylinder_is_one_closed_outward_mesh(name: str, tmp_path: Path) -> None:
+    write(cylinder(), tmp_path / "a.iges" if "ig" in name else tmp_path / "a.step").rename(tmp_path / name)
+    mesh = read_mesh(tmp_path / name)
+    assert is_closed(mesh)
+    assert mesh.volume == pytest.approx(np.pi * 16 * 20, rel=0.01)
+
+
+def test_the_chord_tolerance_is_kept(tmp_path: Path) -> None:
+    file = write(occ().BRepPrimAPI.BRepPrimAPI_MakeSphere(10.0).Shape(), tmp_path / "ball.step")
+    for tolerance in (0.1, 0.02):
+        mesh = read_cad_mesh(file, tolerance)
+        radius = np.linalg.norm(mesh.vertices[mesh.faces].mean(axis=1), axis=1)
+        assert 10 - tolerance < radius.min() <= radius.max() <= 10
+        assert is_closed(mesh)
+
+
+@pytest.mark.parametrize(("unit", "name"), [("M", "a.step"), ("INCH", "a.step"), ("M", "a.iges"), ("INCH", "a.iges")])
+def test_a_part_stated_in_another_unit_comes_in_mm(unit: str, name: str, tmp_path: Path) -> None:
+    mesh = read_mesh(write(cylinder(), tmp_path / name, unit))
+    assert np.ptp(mesh.vertices[:, 2]) == pytest.approx(20.0, rel=1e-6)
+    with pytest.raises(UnitsError, match="leave out --units"):
+        to_mm(mesh, "m", str(tmp_path / name))
+
+
+def test_loose_iges_faces_are_sewn(tmp_path: Path) -> None:
+    lib = occ()
+    build, loose = lib.BRep.BRep_Builder(), lib.TopoDS.TopoDS_Compound()
+    build.MakeCompound(loose)
+    explorer = lib.TopExp.TopExp_Explorer(cylinder(), lib.TopAbs.TopAbs_ShapeEnum.TopAbs_FACE)
+    while explorer.More():
+        build.Add(loose, lib.BRepBuilderAPI.BRepBuilderAPI_Copy(explorer.Current()).Shape())
+        explorer.Next()
+    assert is_closed(read_mesh(write(loose, tmp_path / "loose.iges")))
+
+
+def test_curves_without_surfaces_are_refused(tmp_path: Path) -> None:
+    lib = occ()
+    edge = lib.BRepBuilderAPI.BRepBuilderAPI_MakeEdge(lib.gp.gp_Pnt(0, 0, 0), lib.gp.gp_Pnt(1, 2, 3)).Edge()
+    with pytest.raises(FileError, match=r"edge\.step: holds no surfaces"):
+        read_mesh(write(edge, tmp_path / "edge.step"))
+
+
+STEP_HEAD = b"ISO-10303-21;\nHEADER;\n"
+BAD = {
+    "empty.step": (b"", "is empty"),
+    "text.stp": (b"a letter", "is no STEP file"),
+    "cut.step": (STEP_HEAD + b"FILE_NAME", "is cut short"),
+    "hollow.step": (STEP_HEAD + b"ENDSEC;\nDATA;\nENDSEC;\nEND-ISO-10303-21;\n", "nothing in it"),
+    "text.igs": (b"a letter", "is no IGES file"),
+    "cut.iges": (b"x".ljust(72) + b"S      1\n", "is cut short"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_bad_file_is_refused_in_one_line_that_names_it(name: str, tmp_path: Path) -> None:
+    content, reason = BAD[name]
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(FileError, match=name) as caught:
+        read_mesh(tmp_path / name)
+    assert reason in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_opencascade_says_nothing_on_the_terminal(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    read_mesh(write(cylinder(), tmp_path / "a.step"))
+    with pytest.raises(FileError):
+        read_cad_mesh(tmp_path / "none.step")
+    assert capfd.readouterr() == ("", "")
