@@ -1,119 +1,83 @@
-"""Row-structured T-splines as text, bit for bit.
+"""T-splines as text files. One reader and one writer, `read_tsm` and `write_tsm`, for two forms, told apart by the first line:
 
-The half-edge records of a .tsm file cannot hold such a surface: rows that share no knot have no vertical edge to
-bound their faces, and a pole is one control point where .tsm wants a vertex of valence n. So it has its own form,
-one record a line, numbers in the shortest decimal that reads back as the same double:
+- `#TS0200`: half edges and control points, as Rhino's T-Splines and Fusion write them: general T-meshes (surface.tsm);
+- `#bonecam-tspline 1`: row-structured T-splines, which half edges cannot hold (surface.rows_file).
 
-    #bonecam-tspline 1
-    degree 3
-    units mm
-    t-knots 0.0 0.0 0.0 0.0 0.25 ... 1.0        one clamped vector for all rows: number of rows + 4
-    row 0 1                                     row number, number of control points; 1: a pole
-    0.0 x y z w                                 knot in [0, 1), control point (not homogeneous), weight
-    row 1 9                                     periodic cubic in s; the knots of this row only
-    ...
-    end
-
-S(s, t) = sum_ji w_ji N_j(t) B_ji(s) P_ji / sum_ji w_ji N_j(t) B_ji(s); N_j is the cubic B-spline on t-knots[j : j + 5],
-B_ji the periodic cubic B-spline whose middle knot is knot i of row j, 1 for a pole. Lines that start with # and empty
-lines are comments.
+Both come back bit for bit. Any other first line is a FileError.
 """
 
 from pathlib import Path
 
 import numpy as np
 
-from bonecam.errors import FileError
+from bonecam.errors import FileError, SurfaceError
 from bonecam.files import write_whole
+from bonecam.surface import rows_file
+from bonecam.surface.general_tmesh import TMesh
+from bonecam.surface.open_rows import OpenRowTMesh
 from bonecam.surface.tmesh import RowTMesh
+from bonecam.surface.tsm import TSM_HEADER, Records, parse_tsm
+from bonecam.surface.tsm_layout import tmesh_of
+from bonecam.surface.tsm_write import tsm_text
 from bonecam.surface.tspline import TSpline
 
-HEADER = "#bonecam-tspline 1"
+MILLIMETRES = {"millimeters": 1.0, "centimeters": 10.0, "meters": 1000.0, "inches": 25.4, "feet": 304.8}
 
 
-def rows_text(surface: TSpline) -> str:
-    """The surface in the text form above."""
-    mesh = surface.tmesh
-    starts = mesh.row_starts
-    lines = [HEADER, "degree 3", "units mm", "t-knots " + _words(mesh.t_knots)]
-    for j, knots in enumerate(mesh.s_knots):
-        lines.append(f"row {j} {len(knots)}")
-        here = slice(starts[j], starts[j + 1])
-        records = np.column_stack([knots, surface.control_points[here], surface.weights[here]])
-        lines += [_words(record) for record in records]
-    return "\n".join([*lines, "end", ""])
+def read_tsm(path: str | Path, *, homogeneous: bool = False, to_mm: bool = False) -> TSpline:
+    """The T-spline of a file of either form.
 
-
-def write_tsm(surface: TSpline, path: str | Path) -> None:
-    """Write a row-structured T-spline in the text form above; `read_tsm` gives every number back bit for bit."""
-    write_whole(path, rows_text(surface))
-
-
-def read_tsm(path: str | Path) -> TSpline:
-    """Read the text form above. Raises FileError with the line where the file departs from it."""
+    A .tsm file does not say whether its control points are (x, y, z) or homogeneous (w x, w y, w z): they are taken as they stand,
+    S = sum w P B / sum w B, unless `homogeneous`, which divides them by their weight first. `to_mm` converts them from the
+    file's `units` (only the unit's name counts; the number before it is a tolerance). Raises FileError naming line and record.
+    """
     path = Path(path)
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        text = path.read_bytes().decode("utf-8", errors="replace")
+    except OSError as error:
         raise FileError(f"{path} cannot be read as text: {error}", file=str(path)) from error
-    if not text.startswith(HEADER):
-        raise FileError(f"{path}: the first line must be '{HEADER}'", file=str(path), line=1)
-    records = [(n, line.split()) for n, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")]
-    return _RowsReader(path, records).surface()
+    first = text.split("\n", 1)[0].strip()
+    if first == rows_file.HEADER:
+        return rows_file.read_rows(text, path)
+    if first.split()[:1] != [TSM_HEADER]:
+        raise FileError(
+            f"{path}: the first line must be '{TSM_HEADER}' or '{rows_file.HEADER}', not '{first[:40]}'", file=str(path), line=1
+        )
+    records = parse_tsm(text, path)
+    tmesh, numbers = _laid_out(records, path)
+    found = [records.grips[k] for k in numbers]
+    for k, point in zip(numbers, found):
+        if point is None or not point[3] > 0:
+            raise records.error("0g", k, "a control point in use is deleted" if point is None else f"weight {point[3]} is not positive")
+    values = np.array(found)
+    points = values[:, :3] / values[:, 3:] if homogeneous else values[:, :3]
+    return TSpline(tmesh, points * (_scale(records.header, path) if to_mm else 1.0), values[:, 3])
 
 
-def _words(values: np.ndarray) -> str:
-    return " ".join(repr(float(value)) for value in values)
+def write_tsm(surface: TSpline, path: str | Path, *, homogeneous: bool = False) -> None:
+    """Write the surface, row-structured ones as `#bonecam-tspline 1`, others as `#TS0200`; `read_tsm` gives every number back bit for bit.
+
+    `homogeneous` as in `read_tsm`. Raises SurfaceError for a T-mesh that half edges cannot hold.
+    """
+    if isinstance(surface.tmesh, OpenRowTMesh):
+        raise SurfaceError("rows that are open have no text form: write_tsm takes closed rows and general T-meshes")
+    if isinstance(surface.tmesh, RowTMesh):
+        if homogeneous:
+            raise ValueError("row-structured files hold points that are not homogeneous")
+        write_whole(path, rows_file.rows_text(surface))
+    else:
+        write_whole(path, tsm_text(surface, homogeneous))
 
 
-class _RowsReader:
-    """Takes the records one by one; every complaint names the line."""
+def _laid_out(records: Records, path: Path) -> tuple[TMesh, list[int]]:
+    try:
+        return tmesh_of(records)
+    except SurfaceError as error:
+        raise FileError(f"{path}: {error}", file=str(path), **error.evidence) from error
 
-    def __init__(self, path: Path, records: list[tuple[int, list[str]]]) -> None:
-        self.path = path
-        self.records = records
-        self.next = 0
 
-    def surface(self) -> TSpline:
-        self._expect(["degree", "3"])
-        self._expect(["units", "mm"])
-        line, words = self._take()
-        if words[0] != "t-knots":
-            raise self._error(line, "expected 't-knots'")
-        t_knots = self._numbers(line, words[1:], None)
-        rows: list[np.ndarray] = []
-        while (record := self._take())[1] != ["end"]:
-            rows.append(self._row(*record, len(rows)))
-        try:
-            mesh = RowTMesh.from_rows(t_knots, [row[:, 0] for row in rows])
-            return TSpline(mesh, np.vstack([row[:, 1:4] for row in rows]), np.concatenate([row[:, 4] for row in rows]))
-        except ValueError as error:
-            raise self._error(self.records[-1][0], str(error)) from error
-
-    def _row(self, line: int, words: list[str], expected: int) -> np.ndarray:
-        if len(words) != 3 or words[:2] != ["row", str(expected)] or not words[2].isdigit() or words[2] == "0":
-            raise self._error(line, f"expected 'row {expected} COUNT' or 'end'")
-        return np.array([self._numbers(*self._take(), 5) for _ in range(int(words[2]))])
-
-    def _numbers(self, line: int, words: list[str], count: int | None) -> np.ndarray:
-        try:
-            values = np.array([float(word) for word in words])
-        except ValueError as error:
-            raise self._error(line, str(error)) from error
-        if (count is not None and len(values) != count) or not np.isfinite(values).all():
-            raise self._error(line, f"expected {count or 'only'} finite numbers")
-        return values
-
-    def _expect(self, words: list[str]) -> None:
-        line, found = self._take()
-        if found != words:
-            raise self._error(line, f"expected '{' '.join(words)}'")
-
-    def _take(self) -> tuple[int, list[str]]:
-        if self.next == len(self.records):
-            raise self._error(self.records[-1][0] if self.records else 1, "the file ends before 'end'")
-        self.next += 1
-        return self.records[self.next - 1]
-
-    def _error(self, line: int, message: str) -> FileError:
-        return FileError(f"{self.path} line {line}: {message}", file=str(self.path), line=line)
+def _scale(header: dict[str, list[str]], path: Path) -> float:
+    unit = header.get("units", ["", "?"])[-1]
+    if unit not in MILLIMETRES:
+        raise FileError(f"{path}: unit '{unit}' is none of {', '.join(MILLIMETRES)}", file=str(path))
+    return MILLIMETRES[unit]

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Generic, TypeVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -14,6 +15,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface import measures
 from bonecam.surface.curvature import Curvature, pole_curvature, pole_normal, surface_curvature, unit
 from bonecam.surface.elements import Elements
+from bonecam.surface.general_tmesh import TMesh
 from bonecam.surface.open_rows import OpenRowTMesh
 from bonecam.surface.project import Projection, Seeds, project
 from bonecam.surface.tessellate import Tessellation, tessellate
@@ -21,6 +23,7 @@ from bonecam.surface.tmesh import RowTMesh
 
 POLE = 1e-9  # of the t-range: nearer to a pole than this its limits are taken
 POLE_DIRECTIONS = 256
+M = TypeVar("M", bound=RowTMesh | OpenRowTMesh | TMesh)
 
 
 def _matrices(order: int) -> int:
@@ -30,10 +33,10 @@ def _matrices(order: int) -> int:
 
 
 @dataclass(frozen=True, eq=False)
-class TSpline:
-    """Control points (n, 3) in mm and positive weights (n,) over a T-mesh."""
+class TSpline(Generic[M]):
+    """Control points (n, 3) in mm and positive weights (n,) over a T-mesh, row-structured or general."""
 
-    tmesh: RowTMesh | OpenRowTMesh
+    tmesh: M
     control_points: Float[ndarray, "n 3"]
     weights: Float[ndarray, " n"]
 
@@ -50,7 +53,7 @@ class TSpline:
         """[[s_low, s_high], [t_low, t_high]]; s is periodic where the surface is closed."""
         return self.tmesh.domain
 
-    def with_control_points(self, control_points: Float[ndarray, "n 3"]) -> "TSpline":
+    def with_control_points(self, control_points: Float[ndarray, "n 3"]) -> "TSpline[M]":
         """The same T-mesh and weights with other control points."""
         return TSpline(self.tmesh, control_points, self.weights)
 

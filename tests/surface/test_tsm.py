@@ -1,0 +1,159 @@
+"""General T-meshes: the .tsm models beside an independent library's values, their files, and broken ones."""
+
+import json
+from fractions import Fraction
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial import KDTree
+
+from bonecam.errors import FileError
+from bonecam.surface.files import read_tsm, write_tsm
+from bonecam.surface.general_tmesh import TMesh
+from bonecam.surface.tspline import TSpline
+
+MODELS = ("simple", "fan", "Bike", "mouse", "face", "gearbox2-9")
+ARRAYS = ("s_lines", "t_lines", "vertices", "along_s", "along_t", "inside")
+
+
+def model(shared: Path, name: str) -> tuple[TSpline[TMesh], dict]:
+    folder = shared / "tspline" / "tsm"
+    return read_tsm(folder / f"{name}.tsm"), json.loads((folder / f"{name}.oracle.json").read_text())
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_every_local_knot_vector_is_the_oracles(shared: Path, name: str) -> None:
+    surface, oracle = model(shared, name)
+    u, v, p = (np.array([node[key] for node in oracle["nodes"]]) for key in "uvp")
+    scale = [np.ptp(u)] * 5 + [np.ptp(v)] * 5 + [np.ptp(p)] * 3
+    mine = np.column_stack([*surface.tmesh.local_knots, surface.control_points]) / scale
+    distance, nearest = KDTree(mine).query(np.column_stack([u, v, p]) / scale)
+    assert surface.tmesh.size == len(u) == len(np.unique(nearest))
+    assert distance.max() <= 1e-12
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_the_surface_and_its_derivatives_are_the_oracles(shared: Path, name: str) -> None:
+    surface, oracle = model(shared, name)
+    samples = np.array([sample for face in oracle["faces"] for sample in face["samples"]])
+    for k, found in enumerate(surface.evaluate(samples[:, 0], samples[:, 1], 2)):
+        expected = samples[:, 2 + 3 * k : 5 + 3 * k]
+        # Bike: the oracle itself is 5e-9 off on faces 0.12 wide (see the next test)
+        np.testing.assert_allclose(found, expected, atol=(2e-9 if name == "Bike" else 1e-10) * abs(expected).max())
+
+
+def test_where_the_oracle_is_inexact_exact_fractions_agree_with_us(shared: Path) -> None:
+    surface, oracle = model(shared, "Bike")
+    samples = np.array([sample for face in oracle["faces"] for sample in face["samples"]])
+    positions = surface.evaluate(samples[:, 0], samples[:, 1])
+    for n in np.argsort(-np.linalg.norm(positions - samples[:, 2:5], axis=1))[:2]:
+        s, t = (Fraction(x) for x in samples[n, :2])
+        total = [Fraction(0)] * 4
+        for node in oracle["nodes"]:
+            value = Fraction(node["w"]) * exact_cubic(node["u"], s) * exact_cubic(node["v"], t)
+            total = [a + value * b for a, b in zip(total, [*(Fraction(x) for x in node["p"]), 1])]
+        np.testing.assert_allclose(positions[n], [float(x / total[3]) for x in total[:3]], rtol=1e-14)
+
+
+def exact_cubic(knots: list[float], x: Fraction) -> Fraction:
+    k = [Fraction(value) for value in knots]
+    values = [Fraction(int(a <= x < b)) for a, b in pairwise(k)]
+    for p in (1, 2, 3):
+        values = [
+            (values[i] * (x - k[i]) / (k[i + p] - k[i]) if k[i + p] > k[i] else 0)
+            + (values[i + 1] * (k[i + p + 1] - x) / (k[i + p + 1] - k[i + 1]) if k[i + p + 1] > k[i + 1] else 0)
+            for i in range(len(values) - 1)
+        ]
+    return values[0]
+
+
+@pytest.mark.parametrize("homogeneous", [False, True])
+@pytest.mark.parametrize("name", MODELS)
+def test_a_tsm_round_trip_is_bit_equal(shared: Path, tmp_path: Path, name: str, homogeneous: bool) -> None:
+    first = read_tsm(shared / "tspline" / "tsm" / f"{name}.tsm", homogeneous=homogeneous)
+    write_tsm(first, tmp_path / "a.tsm", homogeneous=homogeneous)
+    again = read_tsm(tmp_path / "a.tsm", homogeneous=homogeneous)
+    for key in ARRAYS:
+        np.testing.assert_array_equal(getattr(again.tmesh, key), getattr(first.tmesh, key))
+    assert again.control_points.tobytes() == first.control_points.tobytes()
+    assert again.weights.tobytes() == first.weights.tobytes()
+    write_tsm(again, tmp_path / "b.tsm", homogeneous=homogeneous)
+    assert (tmp_path / "a.tsm").read_bytes() == (tmp_path / "b.tsm").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "match"),
+    [
+        ("#TS0200", "#TS9900", "first line"),
+        ("l 11 14 1 0 0 0 0", "l 11 14 1 0 0 0", "line 29"),
+        ("l 11 14 1 0 0 0 0", "l 11 14 99 0 0 0 0", "l 0: link 99 does not exist"),
+        ("l 11 14 1 0 0 0 0", "l 12 14 1 0 0 0 0", "l 0: previous link"),
+        ("l 11 14 1 0 0 0 0", "l 11 14 1 0 0 0 1", "direction contradicts|corners"),
+        ("e 2 0.5", "e 2 -0.5", "negative: knots must not decrease"),
+        ("e 2 0.5", "e 2 0.7", "do not add up"),
+        ("e 2 0.5", "e 2 nan", "finite"),
+        ("0g 15 0 0 1", "0g 15 0 0 0", "0g 2: weight 0"),
+        ("0g 15 0 0 1", "0g 15 0 0", "expected 4 finite numbers"),
+        ("0m gvp 3\n", "", "cg|no control point"),
+        ("0m cg 1 4 1 0 0 0 7", "0m cg 1 4 1 0 0 0 8", "cg 1: control point 8"),
+        ("0m cg 1 4 1 0 0 0 7", "0m cg 1 4 1 1 0 0 7", "cg 1: extents"),
+        ("v 2 EAST", "v 2 UP", "EAST, NORTH"),
+        ("degree 3", "degree 4", "degree 4"),
+    ],
+)
+def test_a_broken_tsm_names_the_record(shared: Path, tmp_path: Path, old: str, new: str, match: str) -> None:
+    text = (shared / "tspline" / "tsm" / "simple.tsm").read_text()
+    assert old in text
+    (tmp_path / "bad.tsm").write_text(text.replace(old, new, 1))
+    with pytest.raises(FileError, match=match):
+        read_tsm(tmp_path / "bad.tsm")
+
+
+def torus_text(n: int = 5, m: int = 6, units: str = "1 meters") -> str:
+    """A closed torus the way Fusion writes it: no 0m records, one 0g a vertex."""
+    v = lambda i, j: (i % n) + n * (j % m)  # noqa: E731
+    link = lambda i, j, k: 4 * v(i, j) + k  # noqa: E731  k: side of face (i, j): bottom, right, top, left
+    lines = ["#TS0200", "", "degree 3", "cap-type G1CAPS", f"units {units}", "end-conditions SUBD_CREASES", "star-knot-rule NURCCS"]
+    lines += [f"f {link(i, j, 0)} 0" for j in range(m) for i in range(n)]
+    horizontal, vertical = (lambda i, j: v(i, j)), (lambda i, j: n * m + v(i, j))
+    lines += [f"e {link(i, j, 0)} 1" for j in range(m) for i in range(n)] + [f"e {link(i, j, 3)} 1" for j in range(m) for i in range(n)]
+    lines += [f"v {link(i, j, 0)} EAST" for j in range(m) for i in range(n)]
+    for j in range(m):
+        for i in range(n):
+            f = v(i, j)
+            corners = (v(i, j), v(i + 1, j), v(i + 1, j + 1), v(i, j + 1))
+            opposite = (link(i, j - 1, 2), link(i + 1, j, 3), link(i, j + 1, 0), link(i - 1, j, 1))
+            edges = (horizontal(i, j), vertical(i + 1, j), horizontal(i, j + 1), vertical(i, j))
+            for k in range(4):
+                lines.append(f"l {4 * f + (k - 1) % 4} {4 * f + (k + 1) % 4} {opposite[k]} {corners[k]} {f} {edges[k]} 0")
+    a, b = 2 * np.pi * np.arange(n) / n, 2 * np.pi * np.arange(m) / m
+    for y in b:
+        for x in a:
+            r = 0.03 + 0.01 * np.cos(y)
+            lines.append(f"0g {r * np.cos(x):.17g} {r * np.sin(x):.17g} {0.01 * np.sin(y):.17g} 1")
+    return "\n".join([*lines, "tol 1e-05", "behavior-version 14.2.0", ""])
+
+
+def test_a_fusion_torus_is_closed_both_ways(tmp_path: Path) -> None:
+    (tmp_path / "torus.tsm").write_text(torus_text())
+    surface = read_tsm(tmp_path / "torus.tsm", to_mm=True)
+    assert surface.tmesh.period == (5.0, 6.0)
+    s, t = np.random.default_rng(1).uniform(-6, 12, (2, 300))
+    np.testing.assert_allclose(surface.evaluate(s, t), surface.evaluate(s + 5, t - 6), atol=1e-12)
+    np.testing.assert_allclose(surface.basis(s, t)[0].sum(axis=1), 1, atol=1e-14)
+    assert 0.3 < surface.volume / (2 * np.pi**2 * 30 * 100) < 1
+    write_tsm(surface, tmp_path / "again.tsm")
+    again = read_tsm(tmp_path / "again.tsm")
+    assert again.control_points.tobytes() == surface.control_points.tobytes()
+    assert again.tmesh.period == surface.tmesh.period
+
+
+def test_a_closed_direction_of_three_knots_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "thin.tsm").write_text(torus_text(3, 6))
+    with pytest.raises(FileError, match="3 distinct knots"):
+        read_tsm(tmp_path / "thin.tsm")
+    (tmp_path / "odd.tsm").write_text(torus_text(units="1 cubits"))
+    with pytest.raises(FileError, match="cubits"):
+        read_tsm(tmp_path / "odd.tsm", to_mm=True)
