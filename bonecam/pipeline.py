@@ -193,6 +193,7 @@ def make_levels(surface: TSpline, stock: Capsule, job: Job, progress: Progress =
         schedule_of(job.levels),
         stiffness=job.levels.stiffness,
         attraction=job.levels.attraction,
+        method=job.levels.method,
         chord_tolerance=job.levels.chord_tolerance,
         progress=progress,
     )

@@ -13,6 +13,7 @@ MODULES = sorted(path for path in ROOT.rglob("*.py") if path != ROOT / "__init__
 
 DOORS = {
     "osqp": {"levels/solve.py"},
+    "clarabel": {"levels/qcqp.py"},
     "fcl": {"orientation/collision.py"},
     "matplotlib": {"verify/pictures.py"},
     "numba": {"kernels"},

@@ -78,12 +78,14 @@ def measure(inner: TriangleMesh, outer: TriangleMesh, stock: Stock, limit: float
     )
 
 
-def require(cut: int, found: Measure, limit: float, inner: TriangleMesh, outer: TriangleMesh, stock: Stock) -> None:
+def require(
+    cut: int, found: Measure, limit: float, inner: TriangleMesh, outer: TriangleMesh, stock: Stock, behind: float = NEST_TOLERANCE
+) -> None:
     """Raise LevelError with the level and the place where a measure of cut `cut` is out of tolerance."""
     if found.depth_max > limit + DEPTH_TOLERANCE:
         points = probes(outer)
         _fail(cut, f"is {found.depth_max:.4f} mm deep, more than {limit} mm,", points[np.argmax(MeshDistance(inner).unsigned(points))])
-    if found.nesting_min < -NEST_TOLERANCE:
+    if found.nesting_min < -behind:
         points = probes(inner)
         place = points[np.argmax(MeshDistance(outer).signed(points))]
         _fail(cut, f"falls {-found.nesting_min:.4f} mm behind the level before", place)

@@ -14,7 +14,7 @@ from numpy import ndarray
 
 from bonecam.errors import LevelError
 from bonecam.levels.attraction import ATTRACTIONS
-from bonecam.levels.check import measure, require
+from bonecam.levels.check import NEST_TOLERANCE, measure, require
 from bonecam.levels.grid import LevelGrid, level_grid
 from bonecam.levels.level import Level
 from bonecam.levels.schedule import MOST_LEVELS, Schedule
@@ -27,6 +27,8 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.progress import Progress, part, report, silent
 from bonecam.surface.tspline import TSpline
 
+METHODS = {"qp": NEST_TOLERANCE, "qcqp": 0.02}
+"""How far (mm) a level may fall behind the one before: the published program says nothing of it, and holds it at samples only."""
 SMOOTHINGS, TRIED = (1e-6, 1e-5, 1e-4), 2
 STIFFNESS, COARSE, STALL, SOFTEN, PATIENCE = 1e-7, 0.02, 0.25, 0.1, 4
 
@@ -57,24 +59,34 @@ def morph(
     *,
     stiffness: float = STIFFNESS,
     attraction: str = "stock",
+    method: str = "qp",
     chord_tolerance: float = 0.01,
     progress: Progress = silent,
 ) -> Morph:
     """All levels, measured on tessellations within `chord_tolerance` mm.
 
-    `stiffness` is c_int / c_ext (parameters in [0, 1]); it falls where progress stalls. Raises StockError where the part
+    `stiffness` is c_int / c_ext (parameters in [0, 1]); it falls where progress stalls. `method` is `qp` or `qcqp`, the published
+    program solved exactly (`levels/qcqp.py`: slow, the reference). Raises StockError where the part
     is not inside the stock, LevelError where a level cannot be made or fails its check.
     """
     if attraction not in ATTRACTIONS:
         raise ValueError(f"attraction {attraction!r}: choose one of {', '.join(ATTRACTIONS)}")
+    if method not in METHODS:
+        raise ValueError(f"method {method!r}: choose one of {', '.join(METHODS)}")
     coarse = level_grid(surface, [surface.control_points], COARSE)
     require_inside(stock, coarse.mesh(surface.control_points).vertices, MARGIN)
     start = time.perf_counter()
     distance = _distance(stock, coarse.mesh(surface.control_points))[0]
     lower_bound = schedule.lower_bound(distance)
-    made = _fewest(surface, stock, schedule, stiffness, attraction, coarse, lower_bound, part(progress, 0.0, 0.7))
+    solving = part(progress, 0.0, 0.7)
+    if method == "qcqp":
+        from bonecam.levels.qcqp import cone_sequence
+
+        made = cone_sequence(surface, stock, schedule, stiffness, attraction, lambda P: _distance(stock, coarse.mesh(P)), solving)
+    else:
+        made = _fewest(surface, stock, schedule, stiffness, attraction, coarse, lower_bound, solving)
     solved = time.perf_counter()
-    levels = _measured(surface, made, stock, schedule, chord_tolerance, part(progress, 0.7, 1.0))
+    levels = _measured(surface, made, stock, schedule, chord_tolerance, METHODS[method], part(progress, 0.7, 1.0))
     return Morph(levels, lower_bound, distance, solved - start, time.perf_counter() - solved)
 
 
@@ -152,7 +164,13 @@ def _sequence(
 
 
 def _measured(
-    surface: TSpline, made: Sequence[ndarray], stock: Stock, schedule: Schedule, chord_tolerance: float, progress: Progress
+    surface: TSpline,
+    made: Sequence[ndarray],
+    stock: Stock,
+    schedule: Schedule,
+    chord_tolerance: float,
+    behind: float,
+    progress: Progress,
 ) -> tuple[Level, ...]:
     """The levels with what was measured on each; the stock behind them."""
     grid = level_grid(surface, made, chord_tolerance)
@@ -163,13 +181,13 @@ def _measured(
         report(progress, k / len(meshes), f"checking level {k}")
         last = k == len(made)
         shape = None if last else surface.with_control_points(made[k])
-        levels.append(_level(k, shape, meshes[k - 1], meshes[k], stock, schedule.limit(k)))
+        levels.append(_level(k, shape, meshes[k - 1], meshes[k], stock, schedule.limit(k), behind))
     return tuple(levels)
 
 
-def _level(k: int, surface: TSpline | None, inner: TriangleMesh, outer: TriangleMesh, stock: Stock, limit: float) -> Level:
+def _level(k: int, surface: TSpline | None, inner: TriangleMesh, outer: TriangleMesh, stock: Stock, limit: float, behind: float) -> Level:
     found = measure(inner, outer, stock, limit, surface is None)
-    require(k, found, limit, inner, outer, stock)
+    require(k, found, limit, inner, outer, stock, behind)
     return Level(
         k,
         surface,

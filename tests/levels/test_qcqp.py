@@ -1,0 +1,81 @@
+"""The published program, solved exactly, and the default method beside it."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from test_morph import SCHEDULE, STOCK, waisted
+
+from bonecam.errors import LevelError
+from bonecam.levels.attraction import ATTRACTIONS
+from bonecam.levels.morph import morph
+from bonecam.levels.qcqp import Cones, ConeLevels, Planes, solve_cones
+from bonecam.levels.schedule import Schedule
+from bonecam.levels.setting import setting_of
+from bonecam.levels.step import next_level
+
+STIFFNESS = 1e-7
+pytest.importorskip("clarabel", reason="the extra `reference` is not installed")
+
+
+def none(count: int) -> Planes:
+    return Planes(sp.csr_array((0, count)), np.zeros((0, 3)), np.zeros(0))
+
+
+def test_a_ball_holds_the_move_at_its_radius() -> None:
+    E, pull = sp.csc_array(sp.eye_array(2)), np.array([[-3.0, -4.0, 0.0], [0.1, 0.0, 0.0]])
+    balls = Cones(sp.eye_array(2, format="csr"), np.zeros((2, 3)), np.ones(2))
+    assert np.allclose(solve_cones(E, pull, (balls,), none(2)), [[0.6, 0.8, 0], [-0.1, 0, 0]], atol=1e-4)
+
+
+def test_a_capsule_holds_the_move_at_the_nearest_axis_point() -> None:
+    E, pull = sp.csc_array(sp.eye_array(1)), np.array([[-5.0, 0.0, -2.0]])
+    wall = Cones(sp.eye_array(1, format="csr"), np.zeros((1, 3)), np.ones(1), np.array([0.0, 0.0, 10.0]))
+    assert np.allclose(solve_cones(E, pull, (wall,), none(1)), [[1, 0, 2]], atol=1e-4)
+
+
+def test_contradicting_limits_are_an_error() -> None:
+    ball = Cones(sp.eye_array(1, format="csr"), np.zeros((1, 3)), np.ones(1))
+    away = Planes(sp.eye_array(1, format="csr"), np.array([[1.0, 0, 0]]), np.array([-2.0]))
+    with pytest.raises(LevelError, match="ends as"):
+        solve_cones(sp.csc_array(sp.eye_array(1)), np.zeros((1, 3)), (ball,), away)
+
+
+@pytest.mark.parametrize("attraction", ["stock", "sphere"])
+def test_the_exact_level_keeps_the_published_limits(attraction: str) -> None:
+    surface, program = waisted(), ConeLevels(waisted(), STOCK, attraction)
+    P = np.array(surface.control_points)
+    moves = program.next_moves(P, 0.5, STIFFNESS)
+    rng = np.random.default_rng(3)
+    R = surface.basis(rng.random(3000), rng.random(3000))[0]
+    assert np.linalg.norm(R @ moves, axis=1).max() <= 0.503
+    assert STOCK.signed_distance(R @ (P + moves)).max() <= 0.001
+    hull = ConeLevels(waisted(), STOCK, attraction, hull=True).next_moves(P, 0.5, STIFFNESS)
+    assert np.linalg.norm(hull, axis=1).max() <= 0.5 + 1e-5
+    assert program.energy(P, moves, STIFFNESS) <= program.energy(P, hull, STIFFNESS) < program.energy(P, 0 * moves, STIFFNESS)
+
+
+@pytest.mark.parametrize("attraction", ["stock", "sphere"])
+def test_the_default_method_comes_within_one_percent_of_the_exact_energy(attraction: str) -> None:
+    """The default's own pull (towards H), the depth held on the control points, solved exactly."""
+    surface = waisted()
+    P, setting = np.array(surface.control_points), setting_of(surface, STOCK, ATTRACTIONS[attraction], 1e-6)
+    moves = next_level(setting, P, 0.5, STIFFNESS, np.ones(len(P))).moves
+    program = ConeLevels(surface, STOCK, attraction, hull=True)
+    exact = program.next_moves(P, 0.5, STIFFNESS)
+    assert program.energy(P, moves, STIFFNESS) <= 1.01 * program.energy(P, exact, STIFFNESS)
+
+
+def test_the_method_has_the_default_ones_interface() -> None:
+    made = morph(waisted(rows=8, around=6), STOCK, Schedule((), 0.8), method="qcqp", chord_tolerance=0.05)
+    assert made.lower_bound <= made.cuts <= made.lower_bound + 2
+    assert all(level.depth_max <= level.limit + 0.002 for level in made.levels[1:])
+
+
+def test_an_unknown_method_is_refused() -> None:
+    with pytest.raises(ValueError, match="choose one of qp, qcqp"):
+        morph(waisted(), STOCK, SCHEDULE, method="magic")
+
+
+def test_an_attraction_the_paper_has_not_is_refused() -> None:
+    with pytest.raises(ValueError, match="choose one of"):
+        ConeLevels(waisted(), STOCK, "nearest")
