@@ -20,8 +20,12 @@ from bonecam.errors import FileError
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 STEP, IGES = (".step", ".stp"), (".iges", ".igs")
-CHORD = 4e-4  # default chord tolerance, of the diagonal
-ASKED = 0.5  # of the tolerance is asked of OpenCASCADE: in the middle of triangles it overshoots what it is asked for by a quarter
+CHORD = 5e-4  # default chord tolerance, of the diagonal
+ASKED = 0.6  # of the tolerance is asked of OpenCASCADE, which overshoots by up to a half on balls
+BROKEN = 10.0  # times the tolerance: a face whose own estimate of its deflection (up to 4 times the true one) is beyond has failed
+TRIES = (1.0, 0.7, 0.5)  # of the deflection, one after the other where a face fails
+LOST = 0.02  # of the area: where the triangles have so much less or more than the faces, OpenCASCADE has lost a part
+SPLITS = 3  # closed faces are cut that often in the second way of tessellating
 ANGLE = 0.35  # between neighbouring triangles, radians
 SEWN = 1e-5  # of the diagonal: loose edges nearer than this are one
 WELDED = 1e-7  # of the diagonal: mesh points nearer than this are one
@@ -58,7 +62,7 @@ class _Packages:
 
 
 def read_cad_mesh(path: str | Path, chord_tolerance: float | None = None) -> TriangleMesh:
-    """The part in a STEP or IGES file as triangles in mm, `chord_tolerance` (mm; default 4e-4 of its diagonal) from the true surface.
+    """The part in a STEP or IGES file as triangles in mm, `chord_tolerance` (mm; default 5e-4 of its diagonal) from the true surface.
 
     FileError names the file and what is wrong: not installed, no such file, no STEP or IGES, cut short, no surfaces in it.
     """
@@ -133,25 +137,59 @@ def sewn(shape: Any, tolerance: float) -> Any:
 
 
 def tessellated(shape: Any, chord_tolerance: float | None = None) -> TriangleMesh:
-    """Triangles of all faces (one or more), outward as the faces say, welded along their edges."""
+    """Triangles of all faces (one or more), outward as the faces say, welded along their edges.
+
+    OpenCASCADE sometimes loses parts of a face, of one that closes on itself above all. So what it made is compared with the faces (its
+    own estimate of the deflection, the area) and tried again finer, and with closed faces cut up. FileError where no try succeeds.
+    """
     lib = occ()
     diagonal = diagonal_of(shape)
+    tolerance = chord_tolerance or CHORD * diagonal
     solids = lib.TopExp.TopExp_Explorer(shape, lib.TopAbs.TopAbs_ShapeEnum.TopAbs_SOLID).More()
     whole = shape if solids else sewn(shape, SEWN * diagonal)
-    lib.BRepMesh.BRepMesh_IncrementalMesh(whole, ASKED * (chord_tolerance or CHORD * diagonal), False, ANGLE, False)
-    parts = [_triangles(face) for face in faces_of(whole)]
+    area = _area(whole)
+    for divided in (False, True):
+        tried = _without_closed_faces(whole) if divided else whole
+        for share in TRIES:
+            lib.BRepTools.BRepTools.Clean_s(tried)
+            lib.BRepMesh.BRepMesh_IncrementalMesh(tried, share * ASKED * tolerance, False, ANGLE, False)
+            mesh = _mesh_of(tried, BROKEN * tolerance, WELDED * diagonal)
+            if mesh is not None and abs(mesh.area - area) <= LOST * area:
+                return mesh
+    raise FileError("a face of the part cannot be tessellated: heal the part in its CAD system and export it again")
+
+
+def _area(shape: Any) -> float:
+    """Area of all faces, mm^2."""
+    found = occ().GProp.GProp_GProps()
+    occ().BRepGProp.BRepGProp.SurfaceProperties_s(shape, found)
+    return float(found.Mass())
+
+
+def _without_closed_faces(shape: Any) -> Any:
+    divided = occ().ShapeUpgrade.ShapeUpgrade_ShapeDivideClosed(shape)
+    divided.SetNbSplitPoints(SPLITS)
+    divided.Perform()
+    return divided.Result()
+
+
+def _mesh_of(shape: Any, worst: float, weld: float) -> TriangleMesh | None:
+    """The triangles of a tessellated shape; None where a face has none or is further than `worst` from them (mm)."""
+    faces = faces_of(shape)
+    parts = [part for face in faces if (part := _triangles(face, worst))]
+    if len(parts) < len(faces):
+        return None
     starts = np.cumsum([0, *[len(nodes) for nodes, _ in parts]])
-    nodes = np.concatenate([nodes for nodes, _ in parts])
-    return _welded(nodes, np.concatenate([faces + start for (_, faces), start in zip(parts, starts)]), WELDED * diagonal)
+    return _welded(np.concatenate([nodes for nodes, _ in parts]), np.concatenate([c + start for (_, c), start in zip(parts, starts)]), weld)
 
 
-def _triangles(face: Any) -> tuple[Float[ndarray, "n 3"], Int64[ndarray, "m 3"]]:
-    """Nodes and triangles of one face; FileError where OpenCASCADE could not mesh it."""
+def _triangles(face: Any, worst: float) -> tuple[Float[ndarray, "n 3"], Int64[ndarray, "m 3"]] | None:
+    """Nodes and triangles of one face; None where there are none, or OpenCASCADE estimates a deflection above `worst` (mm)."""
     lib = occ()
     place = lib.TopLoc.TopLoc_Location()
     mesh = lib.BRep.BRep_Tool.Triangulation_s(face, place)
-    if mesh is None:
-        raise FileError("a face of the part cannot be tessellated: heal the part in its CAD system and export it again")
+    if mesh is None or mesh.Deflection() > worst:
+        return None
     matrix = place.Transformation()
     points = [mesh.Node(i).Transformed(matrix) for i in range(1, mesh.NbNodes() + 1)]
     corners = np.array([mesh.Triangle(i).Get() for i in range(1, mesh.NbTriangles() + 1)], dtype=np.int64).reshape(-1, 3) - 1

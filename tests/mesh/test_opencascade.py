@@ -1,5 +1,6 @@
 """STEP and IGES parts as triangles."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -7,8 +8,9 @@ import numpy as np
 import pytest
 
 from bonecam.errors import FileError, UnitsError
+from bonecam.mesh import opencascade
 from bonecam.mesh.files import read_mesh
-from bonecam.mesh.opencascade import occ, read_cad_mesh
+from bonecam.mesh.opencascade import occ, read_cad_mesh, tessellated
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.mesh.units import to_mm
 
@@ -55,6 +57,38 @@ def test_the_chord_tolerance_is_kept(tmp_path: Path) -> None:
         radius = np.linalg.norm(mesh.vertices[mesh.faces].mean(axis=1), axis=1)
         assert 10 - tolerance < radius.min() <= radius.max() <= 10
         assert is_closed(mesh)
+
+
+def ball_on_a_stick() -> Any:
+    make = occ().BRepPrimAPI
+    stick = make.BRepPrimAPI_MakeCylinder(3.0, 25.0).Shape()
+    return occ().BRepAlgoAPI.BRepAlgoAPI_Fuse(make.BRepPrimAPI_MakeSphere(10.0).Shape(), stick).Shape()
+
+
+def ring() -> Any:
+    return occ().BRepPrimAPI.BRepPrimAPI_MakeTorus(10.0, 3.0).Shape()
+
+
+def cone() -> Any:
+    return occ().BRepPrimAPI.BRepPrimAPI_MakeCone(5.0, 0.0, 20.0).Shape()
+
+
+@pytest.mark.parametrize("part", [cylinder, ball_on_a_stick, ring, cone])
+@pytest.mark.parametrize("tolerance", [None, 0.1, 0.03])
+def test_no_part_of_a_face_is_lost(part: Callable[[], Any], tolerance: float | None) -> None:
+    shape = part()
+    found = occ().GProp.GProp_GProps()
+    occ().BRepGProp.BRepGProp.VolumeProperties_s(shape, found)
+    mesh = tessellated(shape, tolerance)
+    assert is_closed(mesh)
+    assert abs(mesh.volume - found.Mass()) < (tolerance or 0.03) * mesh.area
+
+
+def test_a_face_that_cannot_be_tessellated_is_an_error_and_not_a_hole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = write(cylinder(), tmp_path / "a.step")
+    monkeypatch.setattr(opencascade, "BROKEN", 1e-9)
+    with pytest.raises(FileError, match=r"a\.step: a face of the part cannot be tessellated"):
+        read_mesh(file)
 
 
 @pytest.mark.parametrize(("unit", "name"), [("M", "a.step"), ("INCH", "a.step"), ("M", "a.iges"), ("INCH", "a.iges")])
