@@ -22,6 +22,7 @@ from bonecam.job import Job, MeshJob
 from bonecam.levels.morph import Morph, morph
 from bonecam.levels.schedule import schedule_of
 from bonecam.levels.stock import Capsule, given_capsule, smallest_capsule
+from bonecam.mesh.distance import LayeredDistance
 from bonecam.mesh.files import read_mesh
 from bonecam.mesh.pose import upright
 from bonecam.mesh.repair import repair
@@ -40,6 +41,7 @@ from bonecam.progress import Progress, part, report, silent
 from bonecam.surface.fit import Fit, fit
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.cutter import Cutter
+from bonecam.toolpath.material import DEVIATION, Material
 from bonecam.toolpath.path import ToolPath
 from bonecam.toolpath.post import post_below
 from bonecam.toolpath.zigzag import cover_level
@@ -48,8 +50,9 @@ from bonecam.verify.report import levels_report, nc_report, summary_of, surface_
 
 AXIS_MARGIN = np.radians(1.0)
 """Kept from the machine's tilt limit: a turn of up to 30 degrees between two axes at the limit bulges past it by less."""
-PATH_CHORD = 0.002
-"""Chord tolerance of the part's tessellation that balls are kept out of while paths are planned, mm."""
+PATH_CHORD, LEVEL_CHORD, COARSE_CHORD = 0.002, 0.01, 0.02
+"""Chord tolerances of the tessellations of the part and of the other levels that balls are kept out of while paths are planned,
+and of the part where no ball is near, mm."""
 PROOF_CHORD = 0.001
 """Chord tolerance of the part's tessellation that the posted program is checked against, mm."""
 
@@ -204,19 +207,24 @@ def plan_paths(levels: Morph, stock: Capsule, job: Job, machine: Machine, progre
     design = levels.levels[0].surface
     assert design is not None
     part_mesh = design.tessellate(PATH_CHORD)
+    part_distance = LayeredDistance(part_mesh, design.tessellate(COARSE_CHORD), COARSE_CHORD)
+    material = Material(levels.levels, stock)
     below = post_below(part_mesh, job.holding)
     limits = AxisLimits(tilt_limit(machine) - AXIS_MARGIN)
     cutters = [
         Cutter.from_job(number, name, tool) for number, name, tool in ((1, "roughing", job.roughing), (2, "finishing", job.finishing))
     ]
     paths: list[ToolPath] = []
-    for level, before in zip(levels.levels[-2::-1], levels.levels[:0:-1]):
+    for level in levels.levels[-2::-1]:
         report(progress, len(paths) / (len(levels.levels) - 1), f"path of level {level.index}")
         assert level.surface is not None
         cutter = cutters[job.is_finishing(level.index)]
-        level_mesh = level.mesh if level.index else part_mesh
-        contacts = cover_level(level.index, level.surface, level_mesh, part_mesh, cutter, below, job.path)
-        paths.append(orient(contacts, Scene(level_mesh, before.mesh, stock, below), limits, job.path, job.nc))
+        level_mesh = level.surface.tessellate(LEVEL_CHORD) if level.index else part_mesh
+        obstacles = [LayeredDistance(level_mesh), part_distance][: 2 if level.index else 1]
+        contacts = cover_level(level, obstacles, cutter, below, job.path, material)
+        scene = Scene(level_mesh, material.mesh, stock, below, DEVIATION)
+        paths.append(orient(contacts, scene, limits, job.path, job.nc))
+        material.cut(level, paths[-1])
     return tuple(paths)
 
 

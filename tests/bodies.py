@@ -6,6 +6,7 @@ import numpy as np
 from numpy import ndarray
 
 from bonecam.job import FINISHING, ROUGHING, HoldingJob
+from bonecam.levels.level import Level
 from bonecam.levels.stock import Capsule
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.tmesh import RowTMesh
@@ -66,3 +67,8 @@ def mesh_of(surface: TSpline, around: int = 96, along: int = 120) -> TriangleMes
 def stock() -> Capsule:
     """A capsule that holds the bodies."""
     return Capsule(np.array([0.0, 0.0, 36.0]), np.array([0.0, 0.0, 38.0]), 6.6)
+
+
+def level_of(surface: TSpline, index: int = 0, limit: float = 0.0) -> Level:
+    """A level without measures."""
+    return Level(index, surface, mesh_of(surface), limit, 0.0, 0.0, 0.0, 0)

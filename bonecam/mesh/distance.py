@@ -54,6 +54,32 @@ class MeshDistance:
         return self._scene.cast_rays(self._tensor(bundle))["t_hit"].numpy().astype(np.float64)
 
 
+class LayeredDistance:
+    """Lower bounds of the signed distance to a closed solid: a coarse mesh answers where that is enough, the fine one elsewhere.
+
+    `deviation` (mm) is how far the coarse mesh may lie from the fine one. A query of a mesh of a tenth of the faces costs a third.
+    """
+
+    def __init__(self, fine: TriangleMesh, coarse: TriangleMesh | None = None, deviation: float = 0.0) -> None:
+        self._fine = MeshDistance(fine)
+        self._coarse = MeshDistance(coarse) if coarse is not None else None
+        self._deviation = deviation
+
+    @property
+    def layered(self) -> bool:
+        """Whether a coarse mesh makes far answers cheap."""
+        return self._coarse is not None
+
+    def signed(self, points: Float[ndarray, "n 3"], wanted: float | Float[ndarray, " n"]) -> Float[ndarray, " n"]:
+        """A lower bound of each signed distance, mm; exact where it is below `wanted`."""
+        if self._coarse is None or not len(points):
+            return self._fine.signed(points)
+        bound = self._coarse.signed(points) - self._deviation
+        close = bound < wanted
+        bound[close] = self._fine.signed(points[close])
+        return bound
+
+
 def exact_closest(mesh: TriangleMesh, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, "n 3"], Int[ndarray, " n"]]:
     """The closest surface point of each point and its face, in float64 (libigl's AABB tree)."""
     import igl

@@ -25,7 +25,7 @@ class Judge:
 
     def __init__(self, scene: Scene, cutter: Cutter, margin: float = 0.0) -> None:
         self._scene, self._cutter, self._margin = scene, cutter, margin
-        self._tools = {name: _object(mesh) for name, mesh in tool_meshes(cutter, margin).items()}
+        self._tools = {name: _object(mesh) for name, mesh in tool_meshes(cutter, margin + scene.material_deviation).items()}
         slim, thick = scene.post, scene.thick_post(cutter.radius)
         table = _object(_table())
         level, material = _object(scene.level), _object(scene.material)

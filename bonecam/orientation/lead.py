@@ -10,7 +10,6 @@ from bonecam.orientation.scene import TABLE_CLEARANCE
 from bonecam.toolpath.cutter import Cutter
 
 OUTWARD = 0.3
-HALVINGS = 40
 
 
 def lead_axes(normals: Float[ndarray, "n 3"], feeds: Float[ndarray, "n 3"], lead: float) -> Float[ndarray, "n 3"]:
@@ -35,18 +34,14 @@ def turned_up(axes: Float[ndarray, "n 3"], centres: Float[ndarray, "n 3"], cutte
 
 
 def table_limit(centres: Float[ndarray, "n 3"], cutter: Cutter) -> Float[ndarray, " n"]:
-    """Largest polar angle at which the holder's and shank's rims stay above the table, radians."""
-    low, high = np.full(len(centres), np.pi / 2), np.full(len(centres), np.pi)
-    for _ in range(HALVINGS):
-        angle = (low + high) / 2
-        rim = np.min(
-            [
-                centres[:, 2] + (u - cutter.radius) * np.cos(angle) - radius * np.sin(angle)
-                for _, start, end, radius in cutter.sections
-                for u in (start, end)
-            ],
-            axis=0,
-        )
-        fits = rim >= 2 * TABLE_CLEARANCE
-        low, high = np.where(fits, angle, low), np.where(fits, high, angle)
-    return low
+    """Largest polar angle at which the holder's and shank's rims stay above the table, at least a right angle; radians.
+
+    A rim at height c above the ball's centre with radius r stands at z + c cos(a) - r sin(a) = z + h cos(a + f).
+    """
+    largest = np.full(len(centres), np.pi)
+    for _, start, end, radius in cutter.sections:
+        for height in (start - cutter.radius, end - cutter.radius):
+            reach, phase = np.hypot(height, radius), np.arctan2(radius, height)
+            ratio = np.clip((2 * TABLE_CLEARANCE - centres[:, 2]) / reach, -1, 1)
+            largest = np.minimum(largest, np.where(ratio > -1, np.arccos(ratio) - phase, np.pi))
+    return np.maximum(largest, np.pi / 2)

@@ -1,15 +1,16 @@
 """Moves between poses: tip and axis interpolated, proven by distance or judged by FCL at close poses."""
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from bonecam.orientation.clear import FREE, HIT, Poses, judge_by_distance
+from bonecam.orientation.clear import FREE, HIT, UNSURE, Poses, judge_by_distance
 from bonecam.orientation.collision import Judge
 from bonecam.orientation.limits import angles_between, unit
 from bonecam.orientation.scene import Scene
 from bonecam.toolpath.cutter import Cutter
 
+AIR, LEAST_STEPS = 0.1, 3
 SWEEP_MARGIN = 0.2
 """Shank and holder are thickened by this much while moves are judged by FCL; no tool point moves further between poses judged."""
 
@@ -29,38 +30,51 @@ class Checker:
         return self._judge
 
     def free(self, centres: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
-        """Whether still poses with these ball centres are proven free by distance alone."""
-        poses = Poses.still(centres - self.cutter.radius * axes, axes)
+        """Whether still poses with these ball centres are proven free by distance alone, with AIR to spare for the moves between."""
+        poses = Poses.still(centres - self.cutter.radius * axes, axes, AIR)
         return judge_by_distance(self.scene, self.cutter, poses) == FREE
 
-    def free_or_judged(self, centres: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
-        """As `free`, with FCL deciding where distances leave it open."""
-        tips = centres - self.cutter.radius * axes
-        state = judge_by_distance(self.scene, self.cutter, Poses.still(tips, axes))
-        for i in np.flatnonzero((state != FREE) & (state != HIT)):
-            state[i] = HIT if self.judge.hits(tips[i], axes[i]) else FREE
-        return state == FREE
+    def steady(self, tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], joined: Bool[ndarray, " n"]) -> Bool[ndarray, " n"]:
+        """Whether each pose and its half of the moves to its neighbours is proven free by distance; `joined` as in `free_moves`."""
+        return judge_by_distance(self.scene, self.cutter, Poses.moving(tips, axes, joined)) == FREE
 
     def free_moves(
-        self, tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], joined: Bool[ndarray, " n"], *, cutting: bool = True
+        self,
+        tips: Float[ndarray, "n 3"],
+        axes: Float[ndarray, "n 3"],
+        joined: Bool[ndarray, " n"],
+        known: Bool[ndarray, " n"] | None = None,
+        *,
+        cutting: bool = True,
     ) -> Bool[ndarray, " n"]:
-        """Whether the move from i to i + 1 is free, where `joined[i]`; False elsewhere."""
-        state = judge_by_distance(self.scene, self.cutter, Poses.moving(tips, axes, joined), cutting=cutting)
+        """Whether the move from i to i + 1 is free, where `joined[i]`; False elsewhere. `known` poses were found steady before."""
+        state = np.full(len(tips), FREE)
+        asked = np.arange(len(tips)) if known is None else np.flatnonzero(~known)
+        poses = Poses.moving(tips, axes, joined).take(asked)
+        state[asked] = judge_by_distance(self.scene, self.cutter, poses, cutting=cutting)
         proven = joined & (state == FREE) & (np.r_[state[1:], HIT] == FREE)
-        for i in np.flatnonzero(joined & ~proven):
-            proven[i] = self._judged(tips[i : i + 2], axes[i : i + 2], cutting)
+        doubtful = np.flatnonzero(joined & ~proven)
+        if len(doubtful):
+            proven[doubtful] = self._judged(tips, axes, doubtful, cutting)
         return proven
 
-    def _judged(self, tips: ndarray, axes: ndarray, cutting: bool) -> bool:
-        turn = float(angles_between(axes[:1], axes[1:])[0])
-        reach = float(np.linalg.norm(tips[1] - tips[0])) + turn * np.hypot(self.cutter.length, self.cutter.holder_diameter / 2)
-        steps = max(1, int(np.ceil(reach / SWEEP_MARGIN)))
-        places, turns = interpolated(tips[0], tips[1], axes[0], axes[1], steps)
-        poses = Poses.moving(places, turns, np.r_[np.ones(steps, dtype=bool), False])
-        state = judge_by_distance(self.scene, self.cutter, poses, cutting=cutting)
-        if (state == HIT).any():
-            return False
-        return not any(self.judge.hits(places[k], turns[k], cutting=cutting) for k in np.flatnonzero(state != FREE))
+    def _judged(self, tips: ndarray, axes: ndarray, moves: Int[ndarray, " m"], cutting: bool) -> Bool[ndarray, " m"]:
+        """Each move in steps: proven by distance, or else judged by FCL at each of them."""
+        turn = angles_between(axes[moves], axes[moves + 1])
+        reach = np.linalg.norm(tips[moves + 1] - tips[moves], axis=1) + turn * np.hypot(self.cutter.length, self.cutter.holder_diameter / 2)
+        steps = np.maximum(LEAST_STEPS, np.ceil(reach / SWEEP_MARGIN)).astype(int)
+        ways = [interpolated(tips[i], tips[i + 1], axes[i], axes[i + 1], n) for i, n in zip(moves.tolist(), steps.tolist())]
+        places, turns = np.vstack([way[0] for way in ways]), np.vstack([way[1] for way in ways])
+        starts = np.r_[0, np.cumsum(steps + 1)]
+        inside = np.ones(len(places), dtype=bool)
+        inside[starts[1:] - 1] = False
+        state = judge_by_distance(self.scene, self.cutter, Poses.moving(places, turns, inside), cutting=cutting)
+        worst = np.maximum.reduceat(state, starts[:-1])
+        for k in np.flatnonzero(worst == UNSURE):
+            unsure = starts[k] + np.flatnonzero(state[starts[k] : starts[k + 1]] == UNSURE)
+            if any(self.judge.hits(places[j], turns[j], cutting=cutting) for j in unsure):
+                worst[k] = HIT
+        return worst != HIT
 
 
 def interpolated(

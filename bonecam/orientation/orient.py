@@ -25,7 +25,7 @@ def orient(path: ContactPath, scene: Scene, limits: AxisLimits, job: PathJob, nc
     (`limits`, `collision`). Raises OrientationError where nothing can be reached.
     """
     checker = Checker(scene, path.cutter)
-    axes, reasons = choose_axes(path, checker, limits, job)
+    axes, reasons, steady = choose_axes(path, checker, limits, job)
     kept = np.array([not reason for reason in reasons], dtype=bool)
     index = np.flatnonzero(kept)
     if not len(index):
@@ -33,7 +33,7 @@ def orient(path: ContactPath, scene: Scene, limits: AxisLimits, job: PathJob, nc
             f"level {path.level}: no contact has a free tool axis: use a longer overhang, a longer post or a slimmer holder",
             level=path.level,
         )
-    joined = _joined(path, index, axes, checker)
+    joined = _joined(path, index, axes, checker, steady)
     runs = np.split(np.arange(len(index)), np.flatnonzero(~joined[:-1]) + 1)
     feeds = Feeds(nc.link_feed, nc.plunge_feed, nc.rapid_feed)
     linker = Linker(checker, limits, job.clearance, feeds)
@@ -41,12 +41,21 @@ def orient(path: ContactPath, scene: Scene, limits: AxisLimits, job: PathJob, nc
     return builder.build([*zip(path.contacts[~kept], [r for r in reasons if r])])
 
 
-def choose_axes(path: ContactPath, checker: Checker, limits: AxisLimits, job: PathJob) -> tuple[Float[ndarray, "n 3"], list[str]]:
-    """A free axis for every contact, and for each an empty string or why there is none."""
+def choose_axes(
+    path: ContactPath, checker: Checker, limits: AxisLimits, job: PathJob
+) -> tuple[Float[ndarray, "n 3"], list[str], Bool[ndarray, " n"]]:
+    """A free axis for every contact; for each an empty string or why there is none; and whether it was found steady as it is.
+
+    A contact is steady where its pose and its halves of the moves to its neighbours on the pass are proven free.
+    """
     cutter, max_tilt = path.cutter, np.radians(job.max_tilt_deg)
     axes = turned_up(lead_axes(path.normals, path.feeds, np.radians(job.lead_deg)), path.centres, cutter, limits)
     good = allowed(axes, path.normals, limits, max_tilt)
-    good &= checker.free_or_judged(path.centres, axes)
+    wished, centres = axes.copy(), path.centres
+    together = np.r_[path.pass_index[1:] == path.pass_index[:-1], False]
+    steady = checker.steady(centres - cutter.radius * axes, axes, together)
+    open_ = np.flatnonzero(good & ~steady)
+    good[open_] = checker.free(centres[open_], axes[open_])
     reasons = [""] * len(axes)
     which = np.flatnonzero(~good)
     if len(which):
@@ -67,16 +76,18 @@ def choose_axes(path: ContactPath, checker: Checker, limits: AxisLimits, job: Pa
             max_tilt,
             lambda i, tried: checker.free(path.centres[reached[i]], tried),
         )
-    return axes, reasons
+    kept = (axes == wished).all(axis=1) & np.array([not reason for reason in reasons])
+    same = np.r_[True, kept, True]
+    return axes, reasons, steady & same[:-2] & kept & same[2:]
 
 
-def _joined(path: ContactPath, index: ndarray, axes: ndarray, checker: Checker) -> Bool[ndarray, " n"]:
+def _joined(path: ContactPath, index: ndarray, axes: ndarray, checker: Checker, steady: ndarray) -> Bool[ndarray, " n"]:
     """Whether the tool cuts from each kept contact straight to the next: same pass, neighbours, small turn, move proven free."""
     passes, kept_axes = path.pass_index[index], axes[index]
     joined = np.r_[(passes[1:] == passes[:-1]) & (np.diff(index) == 1), False]
     joined[:-1] &= angles_between(kept_axes[1:], kept_axes[:-1]) <= MAX_TURN
     tips = path.centres[index] - path.cutter.radius * kept_axes
-    return checker.free_moves(tips, kept_axes, joined)
+    return checker.free_moves(tips, kept_axes, joined, steady[index])
 
 
 class _Builder:

@@ -23,12 +23,16 @@ FAR = 1.0
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """`level` must remain; `material` (closed, inside `stock`) is there while the level is cut; the table is z = 0."""
+    """`level` must remain; `material` (closed, inside `stock`) is there while the level is cut; the table is z = 0.
+
+    `material_deviation` (mm) is how far the material may reach out of its mesh.
+    """
 
     level: TriangleMesh
     material: TriangleMesh
     stock: Capsule
     post: Post
+    material_deviation: float = 0.0
 
     @cached_property
     def level_distance(self) -> MeshDistance:
@@ -51,7 +55,8 @@ class Scene:
         """
         distance = self.stock.signed_distance(points)
         close = np.flatnonzero(distance < wanted + FAR)
-        mesh = self.level_distance if against == "level" else self.material_distance
-        if len(close):
-            distance[close] = mesh.signed(points[close])
+        if len(close) and against == "level":
+            distance[close] = self.level_distance.signed(points[close])
+        elif len(close):
+            distance[close] = self.material_distance.signed(points[close]) - self.material_deviation
         return np.minimum(distance, post.distance(points))

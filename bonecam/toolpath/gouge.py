@@ -5,11 +5,12 @@ Where the ball does not fit (a groove sharper than the ball, a neighbouring cond
 """
 
 from collections.abc import Sequence
-from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
+
+from bonecam.mesh.distance import LayeredDistance
 
 ROUNDS = 40
 FRACTIONS = (0.25, 0.5, 0.75)
@@ -17,25 +18,12 @@ CONTACT_SHARE, MOVE_SHARE = 0.2, 0.5
 """Parts of the tolerance a contact, and a place between two contacts, may use up."""
 
 
-@runtime_checkable
-class SignedDistance(Protocol):
-    """What measures distance to a closed mesh: negative inside, mm."""
-
-    def signed(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
-        """Signed distances of points."""
-
-
-def room(obstacles: Sequence[SignedDistance], points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
-    """Distance to the nearest of the obstacles, mm."""
-    return np.min([obstacle.signed(points) for obstacle in obstacles], axis=0) if len(points) else np.zeros(0)
-
-
 def lift_free(
     contacts: Float[ndarray, "n 3"],
     normals: Float[ndarray, "n 3"],
     radius: float,
     tolerance: float,
-    obstacles: Sequence[SignedDistance],
+    obstacles: Sequence[LayeredDistance],
     joined: Bool[ndarray, " n"],
     limit: float,
 ) -> Float[ndarray, " n"]:
@@ -48,10 +36,8 @@ def lift_free(
     for _ in range(ROUNDS):
         centres = contacts + (radius + lifts)[:, None] * normals
         moves = moves[np.isfinite(lifts[moves]) & np.isfinite(lifts[moves + 1])]
-        need = np.zeros(len(moves))
-        for fraction in FRACTIONS:
-            between = (1 - fraction) * centres[moves] + fraction * centres[moves + 1]
-            need = np.maximum(need, radius - MOVE_SHARE * tolerance - room(obstacles, between))
+        wanted = radius - MOVE_SHARE * tolerance
+        need = np.max([_lacking(obstacle, centres, moves, wanted) for obstacle in obstacles], axis=0)
         bad = need > 0
         if not bad.any():
             return lifts
@@ -66,14 +52,34 @@ def lift_free(
     return lifts
 
 
+def _lacking(obstacle: LayeredDistance, centres: ndarray, moves: Int[ndarray, " m"], wanted: float) -> Float[ndarray, " m"]:
+    """What the distance lacks at most along each move from centre i to i + 1, at FRACTIONS of it.
+
+    Distance changes no faster than the place: where that rules a lack out by the distances at the ends, nothing is asked.
+    """
+    need = np.zeros(len(moves))
+    length = np.linalg.norm(centres[moves + 1] - centres[moves], axis=1)
+    known = np.full(len(centres), -np.inf)
+    if obstacle.layered:
+        ends = np.union1d(moves, moves + 1)
+        known[ends] = obstacle.signed(centres[ends], wanted)
+    for fraction in FRACTIONS:
+        bound = np.maximum(known[moves] - fraction * length, known[moves + 1] - (1 - fraction) * length)
+        ask = np.flatnonzero(bound < wanted)
+        places = (1 - fraction) * centres[moves[ask]] + fraction * centres[moves[ask] + 1]
+        need[ask] = np.maximum(need[ask], wanted - obstacle.signed(places, wanted))
+    return need
+
+
 def _lift_contacts(
-    contacts: ndarray, normals: ndarray, radius: float, wanted: float, obstacles: Sequence[SignedDistance], limit: float
+    contacts: ndarray, normals: ndarray, radius: float, wanted: float, obstacles: Sequence[LayeredDistance], limit: float
 ) -> ndarray:
     """Raise each ball by what it lacks, again and again: the distance never grows faster than the lift."""
     lifts = np.zeros(len(contacts))
     active = np.arange(len(contacts))
     for _ in range(ROUNDS):
-        lack = wanted - room(obstacles, contacts[active] + (radius + lifts[active])[:, None] * normals[active])
+        centres = contacts[active] + (radius + lifts[active])[:, None] * normals[active]
+        lack = wanted - np.min([obstacle.signed(centres, wanted) for obstacle in obstacles], axis=0)
         active, lack = active[lack > 0], lack[lack > 0]
         if not len(active):
             return lifts

@@ -4,6 +4,7 @@
 `along`: lines s = const from pole to pole, as published; they crowd at the poles.
 """
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -12,38 +13,42 @@ from numpy import ndarray
 
 from bonecam.errors import ToolPathError
 from bonecam.job import PathJob
-from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.surface.tspline import TSpline
+from bonecam.levels.level import Level
+from bonecam.mesh.distance import LayeredDistance
 from bonecam.toolpath.cutter import Cutter
 from bonecam.toolpath.gouge import lift_free
+from bonecam.toolpath.material import Material
 from bonecam.toolpath.path import ContactPath
 from bonecam.toolpath.post import Post
 from bonecam.toolpath.sampling import frame, sample_lines
 from bonecam.toolpath.spacing import line_positions
 
 POST_CLEARANCE = 0.1
+DEEPEST_RADII = 0.75
+"""A ball is never sunk deeper than this many radii into what is left."""
 LIFT_LIMIT_RADII = 0.5
 """A ball lifted by more than this many radii does not machine the level any more: its contact is left out."""
 
 
 def cover_level(
-    level: int,
-    surface: TSpline,
-    level_mesh: TriangleMesh,
-    part_mesh: TriangleMesh,
+    level: Level,
+    obstacles: Sequence[LayeredDistance],
     cutter: Cutter,
     post: Post,
     job: PathJob,
+    material: Material | None = None,
     *,
     post_clearance: float = POST_CLEARANCE,
 ) -> ContactPath:
-    """The contacts that machine `surface`: cusps <= cutter.scallop, chords <= job.chord_tolerance, no gouge beyond tolerance.
+    """The contacts that machine a level: cusps <= cutter.scallop, chords <= job.chord_tolerance, no gouge beyond tolerance.
 
-    `level_mesh` and `part_mesh` (closed, outward) are what the ball must not enter. Contacts whose ball would come within
-    `post_clearance` of the post are left uncut (`post`), those lifted by more than the scallop are listed as uncut (`gouge`)
-    though the lifted ball still passes over them. Raises ToolPathError where nothing is left to cut.
+    `obstacles` are what the ball must not enter: the level and the part. Contacts whose ball would come within
+    `post_clearance` of the post are left uncut (`post`), and those under more `material` than DEEPEST_RADII (`covered`: an outer
+    level was left uncut there). Those lifted by more than the scallop are listed as uncut (`gouge`) though the lifted ball still
+    passes over them. Raises ToolPathError where nothing is left to cut.
     """
+    surface = level.surface
+    assert surface is not None
     across = line_positions(surface, job.direction, cutter.radius, cutter.scallop)
     across = across[::-1] if job.direction == "around" else across
     lines = sample_lines(surface, job.direction, across, cutter.radius, job.chord_tolerance, job.max_step)
@@ -52,17 +57,20 @@ def cover_level(
     contacts, normals, feeds = frame(surface, job.direction, parameters)
     feeds = np.where((line % 2 == 1)[:, None], -feeds, feeds)
     joined = np.r_[line[1:] == line[:-1], False]
-    obstacles = [MeshDistance(level_mesh)] if level == 0 else [MeshDistance(level_mesh), MeshDistance(part_mesh)]
     lifts = lift_free(contacts, normals, cutter.radius, job.gouge_tolerance, obstacles, joined, LIFT_LIMIT_RADII * cutter.radius)
     blocked = np.isnan(lifts)
     centres = contacts + (cutter.radius + np.where(blocked, 0.0, lifts))[:, None] * normals
     at_post = post.distance(centres) < cutter.radius + post_clearance
-    kept, passes = _runs(line, ~(at_post | blocked), closed=job.direction == "around")
+    covered = np.zeros(len(contacts), dtype=bool)
+    if material is not None:
+        covered = ~at_post & ~blocked & (material.over(level, contacts) - np.where(blocked, 0.0, lifts) > DEEPEST_RADII * cutter.radius)
+    left_out = at_post | blocked | covered
+    kept, passes = _runs(line, ~left_out, closed=job.direction == "around")
     if not len(kept):
-        raise ToolPathError(f"level {level}: nothing can be cut: take a smaller cutter or a thinner post", level=level)
-    missed = at_post | blocked | (lifts > cutter.scallop)
+        raise ToolPathError(f"level {level.index}: nothing can be cut: take a smaller cutter or a thinner post", level=level.index)
+    missed = left_out | (lifts > cutter.scallop)
     return ContactPath(
-        level,
+        level.index,
         cutter,
         cutter.scallop,
         passes,
@@ -73,7 +81,7 @@ def cover_level(
         centres[kept],
         lifts[kept],
         contacts[missed],
-        tuple(np.where(at_post[missed], "post", "gouge").tolist()),
+        tuple(np.select([at_post[missed], covered[missed]], ["post", "covered"], "gouge").tolist()),
     )
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from solids import ellipsoid, moved, solid
 
-from bonecam.mesh.distance import MeshDistance, exact_closest
+from bonecam.mesh.distance import LayeredDistance, MeshDistance, exact_closest
 from bonecam.mesh.intersections import self_intersections
 
 FAR = (300.0, -200.0, 500.0)
@@ -49,3 +49,13 @@ def test_self_intersections_are_found_only_where_they_are() -> None:
     found = self_intersections(solid(spiked, BALL.faces))
     assert len(found) >= 2
     assert (np.diff(found) > 0).all()
+
+
+def test_a_layered_distance_is_a_lower_bound_and_exact_where_it_is_close() -> None:
+    coarse = moved(ellipsoid(10, 10, 10, 12, 18), FAR)
+    layered, exact = LayeredDistance(BALL, coarse, 0.6), MeshDistance(BALL)
+    found, true = layered.signed(POINTS, 0.3), exact.signed(POINTS)
+    assert (found <= true + 1e-6).all()
+    close = true < 0.3
+    assert 0 < close.sum() < len(close)
+    assert np.allclose(found[close], true[close], atol=1e-6)

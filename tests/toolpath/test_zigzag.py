@@ -9,18 +9,19 @@ from scipy.spatial import KDTree
 
 from bonecam.errors import ToolPathError
 from bonecam.job import HoldingJob, PathJob
-from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.distance import LayeredDistance, MeshDistance
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.path import ContactPath
 from bonecam.toolpath.post import post_below
-from bonecam.toolpath.zigzag import cover_level
+from bonecam.toolpath.zigzag import POST_CLEARANCE, cover_level
 
 DIRECTIONS = ("around", "along")
 
 
-def covered(surface: TSpline, direction: str, **changes: float) -> ContactPath:
-    mesh = bodies.mesh_of(surface)
-    return cover_level(0, surface, mesh, mesh, bodies.FINE, post_below(mesh, bodies.HOLDING), PathJob(direction=direction), **changes)
+def covered(surface: TSpline, direction: str, post_clearance: float = POST_CLEARANCE) -> ContactPath:
+    level = bodies.level_of(surface)
+    post, job = post_below(level.mesh, bodies.HOLDING), PathJob(direction=direction)
+    return cover_level(level, [LayeredDistance(level.mesh)], bodies.FINE, post, job, post_clearance=post_clearance)
 
 
 def joined(path: ContactPath) -> np.ndarray:
@@ -137,6 +138,5 @@ def test_the_post_ends_inside_the_part() -> None:
 
 
 def test_nothing_to_cut_is_an_error() -> None:
-    mesh = bodies.mesh_of(bodies.pebble())
     with pytest.raises(ToolPathError, match="nothing"):
-        cover_level(0, bodies.pebble(), mesh, mesh, bodies.FINE, post_below(mesh, HoldingJob(diameter=2.0)), PathJob(), post_clearance=50.0)
+        covered(bodies.pebble(), "around", post_clearance=50.0)
