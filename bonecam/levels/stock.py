@@ -39,6 +39,13 @@ class Stock(Protocol):
     def middle(self) -> Float[ndarray, "3"]:
         """The middle of the body."""
 
+    @property
+    def bounds(self) -> Float[ndarray, "2 3"]:
+        """Lowest and highest corner, mm."""
+
+    def moved(self, shift: Float[ndarray, "3"]) -> "Stock":
+        """The same body elsewhere."""
+
     def signed_distance(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n"]:
         """Distance to the surface, mm, negative inside."""
 
@@ -81,6 +88,15 @@ class Capsule:
     def middle(self) -> Float[ndarray, "3"]:
         """The middle of the axis."""
         return np.asarray((self.start + self.end) / 2)
+
+    @property
+    def bounds(self) -> Float[ndarray, "2 3"]:
+        """Lowest and highest corner, mm."""
+        return np.array([np.minimum(self.start, self.end) - self.radius, np.maximum(self.start, self.end) + self.radius])
+
+    def moved(self, shift: Float[ndarray, "3"]) -> "Capsule":
+        """The same capsule elsewhere."""
+        return Capsule(self.start + shift, self.end + shift, self.radius)
 
     def _axis_points(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
         axis = self.end - self.start

@@ -8,7 +8,7 @@ from test_morph import SCHEDULE, STOCK, waisted
 from bonecam.errors import LevelError
 from bonecam.levels.attraction import ATTRACTIONS
 from bonecam.levels.morph import morph
-from bonecam.levels.qcqp import Cones, ConeLevels, Planes, solve_cones
+from bonecam.levels.qcqp import ConeLevels, Cones, Planes, solve_cones
 from bonecam.levels.schedule import Schedule
 from bonecam.levels.setting import setting_of
 from bonecam.levels.step import next_level

@@ -1,0 +1,140 @@
+"""Any closed convex mesh as stock. Inside, the nearest wall is a face's plane; outside, the nearest point is libigl's (exact)."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+from scipy.spatial import ConvexHull
+
+from bonecam.errors import StockError
+from bonecam.mesh.distance import exact_closest
+from bonecam.mesh.triangle_mesh import TriangleMesh
+
+FLAT = 1e-5
+"""A point of the mesh may lie this far inside its hull (of the mesh's diagonal): the rounding of a file in float32."""
+
+
+@dataclass(frozen=True, eq=False)
+class ConvexStock:
+    """The body inside a closed convex outward mesh, mm. StockError names the place where the mesh is not closed or not convex."""
+
+    surface: TriangleMesh
+    kind: str = "mesh"
+
+    def __post_init__(self) -> None:
+        _require_closed(self.surface)
+        _require_convex(self.surface)
+
+    @property
+    def bounds(self) -> Float[ndarray, "2 3"]:
+        """Lowest and highest corner, mm."""
+        return self.surface.bounds
+
+    @property
+    def diameter(self) -> float:
+        """The longer side across the Z axis, mm."""
+        return float((self.bounds[1] - self.bounds[0])[:2].max())
+
+    @property
+    def length(self) -> float:
+        """Extent along Z, mm."""
+        return float(self.bounds[1, 2] - self.bounds[0, 2])
+
+    @property
+    def middle(self) -> Float[ndarray, "3"]:
+        """The middle of the bounding box."""
+        return np.asarray(self.bounds.mean(0))
+
+    def moved(self, shift: Float[ndarray, "3"]) -> "ConvexStock":
+        """The same body elsewhere."""
+        return ConvexStock(TriangleMesh(self.surface.vertices + shift, self.surface.faces))
+
+    def scaled(self, factor: float) -> "ConvexStock":
+        """The same body `factor` times as large about its middle."""
+        return ConvexStock(TriangleMesh(self.middle + factor * (self.surface.vertices - self.middle), self.surface.faces))
+
+    @cached_property
+    def _normals(self) -> Float[ndarray, "f 3"]:
+        size = np.linalg.norm(self.surface.face_vectors, axis=1, keepdims=True)
+        return np.asarray(self.surface.face_vectors / np.where(size > 0, size, 1.0))
+
+    def _answer(self, points: ndarray) -> tuple[ndarray, ndarray]:
+        """Signed distances and outward unit normals. Inside, the way to the nearest point runs along its face's normal."""
+        closest, face = exact_closest(self.surface, points)
+        away, normals = points - closest, self._normals[face]
+        distance, along = np.linalg.norm(away, axis=1), (away * normals).sum(1)
+        tiny = distance <= np.finfo(float).eps * 16 * self.surface.diagonal
+        inside = ~tiny & (along < -(1 - FLAT) * distance)
+        out = np.where((inside | tiny)[:, None], normals, away / np.where(tiny, 1.0, distance)[:, None])
+        return np.where(inside, -distance, distance), out
+
+    def signed_distance(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n"]:
+        """Distance to the surface, mm, negative inside."""
+        return self._answer(points)[0]
+
+    def outward(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+        """Unit outward normals at the nearest points; away from the edge or corner where that is the nearest."""
+        return self._answer(points)[1]
+
+    def nearest(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+        """The surface point nearest to each point."""
+        distance, out = self._answer(points)
+        return np.asarray(points - distance[:, None] * out)
+
+    def mesh(self, chord_tolerance: float) -> TriangleMesh:
+        """The mesh itself with every face split until its edges are as short as those of a cylinder as wide would be."""
+        step, mesh = np.sqrt(8 * chord_tolerance * self.diameter), self.surface
+        while _longest_edge(mesh) > step and len(mesh.faces) < 100_000:
+            mesh = _quartered(mesh)
+        return mesh
+
+
+def _edges(mesh: TriangleMesh) -> ndarray:
+    return np.vstack([mesh.faces[:, [i, (i + 1) % 3]] for i in range(3)])
+
+
+def _longest_edge(mesh: TriangleMesh) -> float:
+    edges = _edges(mesh)
+    return float(np.linalg.norm(mesh.vertices[edges[:, 0]] - mesh.vertices[edges[:, 1]], axis=1).max())
+
+
+def _quartered(mesh: TriangleMesh) -> TriangleMesh:
+    """Every face split into four at the middles of its edges."""
+    edges, index = np.unique(np.sort(_edges(mesh), axis=1), axis=0, return_inverse=True)
+    middle = len(mesh.vertices) + index.reshape(3, -1)
+    (a, b, c), (ab, bc, ca) = mesh.faces.T, middle
+    faces = np.vstack([np.column_stack(f) for f in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))])
+    return TriangleMesh(np.vstack([mesh.vertices, mesh.vertices[edges].mean(1)]), faces.astype(np.int32))
+
+
+def _require_closed(mesh: TriangleMesh) -> None:
+    edges = _edges(mesh)
+    forward = edges[:, 0].astype(np.int64) * len(mesh.vertices) + edges[:, 1]
+    backward = edges[:, 1].astype(np.int64) * len(mesh.vertices) + edges[:, 0]
+    lonely = np.flatnonzero(~np.isin(forward, backward))
+    if not len(edges) or len(lonely) or len(np.unique(forward)) < len(forward):
+        place = mesh.vertices[edges[lonely[0] if len(lonely) else 0]].mean(0) if len(edges) else np.zeros(3)
+        raise StockError(f"the stock's mesh is not closed at {_named(place)}: close it", distance=0.0, place=place)
+    if mesh.volume <= 0:
+        raise StockError("the stock's mesh is turned inside out: flip its faces", distance=0.0, place=mesh.vertices[0])
+
+
+def _require_convex(mesh: TriangleMesh) -> None:
+    """Every vertex, edge middle and face middle lies on the convex hull, and the volumes agree."""
+    edges, hull = _edges(mesh), ConvexHull(mesh.vertices)
+    probes = np.vstack([mesh.vertices, mesh.vertices[edges].mean(1), mesh.vertices[mesh.faces].mean(1)])
+    planes = np.unique(hull.equations, axis=0)
+    inside = -np.concatenate([(some @ planes[:, :3].T + planes[:, 3]).max(1) for some in np.array_split(probes, len(probes) // 1000 + 1)])
+    worst = int(np.argmax(inside))
+    if inside[worst] > FLAT * mesh.diagonal or abs(mesh.volume - hull.volume) > FLAT * mesh.diagonal * mesh.area:
+        raise StockError(
+            f"the stock is not convex: it lies {inside[worst]:.3f} mm inside its convex hull at {_named(probes[worst])}: give the hull",
+            distance=float(inside[worst]),
+            place=probes[worst],
+        )
+
+
+def _named(place: ndarray) -> str:
+    return f"({place[0]:.2f}, {place[1]:.2f}, {place[2]:.2f})"

@@ -1,0 +1,109 @@
+"""Every stock answers the same questions: exact distances, nearest points, a closed even mesh, and refuses what is no body."""
+
+import numpy as np
+import pytest
+
+from bonecam.errors import StockError
+from bonecam.levels.box import Box
+from bonecam.levels.convex import ConvexStock
+from bonecam.levels.cylinder import Cylinder
+from bonecam.levels.stock import Capsule, Stock
+from bonecam.mesh.distance import exact_closest
+from bonecam.mesh.triangle_mesh import TriangleMesh
+
+BOX = Box(np.array([-6.0, -7.5, 3.0]), np.array([6.0, 7.5, 40.0]))
+CYLINDER = Cylinder(7.5, 3.0, 40.0)
+BODIES: dict[str, Stock] = {
+    "capsule": Capsule(np.array([0, 0, 10.5]), np.array([0, 0, 32.5]), 7.5),
+    "cylinder": CYLINDER,
+    "box": BOX,
+    "mesh": ConvexStock(BOX.mesh(2.0)),
+    "prism": ConvexStock(Cylinder(7.0, 0.0, 30.0).mesh(2.0)),
+}
+
+
+@pytest.fixture(params=BODIES, name="body")
+def each_body(request: pytest.FixtureRequest) -> Stock:
+    return BODIES[request.param]
+
+
+def cloud(count: int = 500) -> np.ndarray:
+    return np.random.default_rng(5).uniform([-14, -14, -8], [14, 14, 50], (count, 3))
+
+
+def test_nearest_points_lie_on_the_surface_at_the_signed_distance(body: Stock) -> None:
+    points = cloud()
+    distance, nearest = body.signed_distance(points), body.nearest(points)
+    assert isinstance(body, Stock)
+    assert np.abs(body.signed_distance(nearest)).max() < 1e-9
+    assert np.allclose(np.linalg.norm(points - nearest, axis=1), np.abs(distance), atol=1e-9)
+    assert np.allclose(nearest + distance[:, None] * body.outward(points), points, atol=1e-9)
+
+
+def test_distances_agree_with_the_mesh(body: Stock) -> None:
+    points = cloud()
+    closest, _ = exact_closest(body.mesh(0.002), points)
+    assert np.allclose(np.linalg.norm(points - closest, axis=1), np.abs(body.signed_distance(points)), atol=0.004)
+
+
+def test_no_planes_of_nearest_points_cut_the_body(body: Stock) -> None:
+    points = cloud(200)
+    normals, touch, probes = body.outward(points), body.nearest(points), body.mesh(0.05).vertices
+    assert np.allclose(np.linalg.norm(normals, axis=1), 1)
+    assert (probes @ normals.T - (normals * touch).sum(1)).max() < 1e-9
+
+
+def test_the_mesh_is_closed_outward_and_on_the_surface(body: Stock) -> None:
+    mesh = body.mesh(0.02)
+    edges = np.sort(np.vstack([mesh.faces[:, [i, (i + 1) % 3]] for i in range(3)]), axis=1)
+    assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
+    assert np.abs(body.signed_distance(mesh.vertices)).max() < 1e-9
+    assert np.abs(body.signed_distance(mesh.vertices[mesh.faces].mean(1))).max() < 0.02
+    assert np.linalg.norm(mesh.face_vectors, axis=1).min() > 0
+    assert np.allclose(mesh.bounds, body.bounds, atol=0.05)
+    assert mesh.volume > 0
+
+
+def test_a_moved_body_is_the_same_elsewhere(body: Stock) -> None:
+    shift, points = np.array([1.0, -2.0, 3.0]), cloud(50)
+    moved = body.moved(shift)
+    assert np.allclose(moved.signed_distance(points + shift), body.signed_distance(points), atol=1e-9)
+    assert (moved.kind, moved.diameter, moved.length) == pytest.approx((body.kind, body.diameter, body.length))
+
+
+def test_a_mesh_that_is_not_convex_is_refused_with_distance_and_place() -> None:
+    mesh = Box(np.zeros(3), np.full(3, 10.0)).mesh(2.0)
+    vertices = mesh.vertices.copy()
+    middle = int(np.argmin(np.linalg.norm(vertices - [5, 5, 10], axis=1)))
+    vertices[middle, 2] -= 1.0
+    with pytest.raises(StockError, match="not convex: it lies 1") as caught:
+        ConvexStock(TriangleMesh(vertices, mesh.faces))
+    assert caught.value.evidence["distance"] == pytest.approx(1.0)
+    assert caught.value.evidence["place"][2] == pytest.approx(9.0)
+
+
+def test_two_bodies_are_not_one_convex_body() -> None:
+    mesh = Box(np.zeros(3), np.ones(3)).mesh(1.0)
+    two = TriangleMesh(np.vstack([mesh.vertices, mesh.vertices + 3]), np.vstack([mesh.faces, mesh.faces + len(mesh.vertices)]))
+    with pytest.raises(StockError, match="not convex"):
+        ConvexStock(two)
+
+
+def test_an_open_mesh_is_refused() -> None:
+    mesh = BOX.mesh(1.0)
+    with pytest.raises(StockError, match="not closed at"):
+        ConvexStock(TriangleMesh(mesh.vertices, mesh.faces[1:]))
+
+
+def test_a_mesh_inside_out_is_refused() -> None:
+    mesh = BOX.mesh(1.0)
+    with pytest.raises(StockError, match="inside out"):
+        ConvexStock(TriangleMesh(mesh.vertices, mesh.faces[:, ::-1]))
+
+
+@pytest.mark.parametrize(
+    "make", [lambda: Cylinder(0.0, 0.0, 1.0), lambda: Cylinder(1.0, 2.0, 1.0), lambda: Box(np.zeros(3), np.array([1.0, 1, 0]))]
+)
+def test_a_bar_without_extent_is_refused(make: object) -> None:
+    with pytest.raises(StockError, match="positive"):
+        make()  # type: ignore[operator]
