@@ -88,8 +88,8 @@ class TMesh:
         vertex = self.crossings >= 0
         s_hits = vertex | _crossed(self.along_t, bool(self.period[1]))
         t_hits = vertex | _crossed(self.along_s.T, bool(self.period[0])).T
-        s_passes = self.along_s | _beside(self.inside, bool(self.period[1]))
-        t_passes = self.along_t | _beside(self.inside.T, bool(self.period[0])).T
+        s_passes = self.along_s | beside(self.inside, bool(self.period[1]))
+        t_passes = self.along_t | beside(self.inside.T, bool(self.period[0])).T
         return (
             local_lines(i, j, s_hits, s_passes, bool(self.period[0])),
             local_lines(j, i, t_hits.T, t_passes.T, bool(self.period[1])),
@@ -146,7 +146,7 @@ def _crossed(edges: ndarray, closed: bool) -> ndarray:
     return through
 
 
-def _beside(inside: ndarray, closed: bool) -> ndarray:
+def beside(inside: ndarray, closed: bool) -> ndarray:
     """Between which crossings of a row there is domain on one side at least: inside (p, q) -> (p, q + 1), closed: (p, q)."""
     if closed:
         return np.asarray(inside | np.roll(inside, 1, axis=1))

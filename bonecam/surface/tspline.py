@@ -14,6 +14,7 @@ from bonecam.kernels import bezier
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface import measures
 from bonecam.surface.curvature import Curvature, pole_curvature, pole_normal, surface_curvature, unit
+from bonecam.surface.diagnose import Diagnosis, diagnose
 from bonecam.surface.elements import Elements
 from bonecam.surface.general_tmesh import TMesh
 from bonecam.surface.open_rows import OpenRowTMesh
@@ -148,6 +149,10 @@ class TSpline(Generic[M]):
     def project(self, points: Float[ndarray, "n 3"]) -> Projection:
         """Foot parameters (n, 2), feet (n, 3) and distances (n,) of points in mm: see surface.project."""
         return project(self, points)
+
+    def diagnose(self) -> Diagnosis:
+        """Standard, semi-standard or non-standard, nullity, and how T-junction extensions meet: see surface.diagnose."""
+        return diagnose(self)
 
     @cached_property
     def seeds(self) -> Seeds:

@@ -1,0 +1,36 @@
+"""Diagnosis: the models' kinds, and T-meshes whose kind is known."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rowed import bone_like
+
+from bonecam.surface.files import read_tsm
+
+TABLE = {  # kind, faces on which the sum is one, faces, T-junctions, crossing, touching
+    "simple": ("standard", 3, 3, 1, 0, 0),
+    "fan": ("standard", 32, 32, 8, 0, 16),
+    "Bike": ("semi-standard", 69, 81, 2, 0, 0),
+    "mouse": ("non-standard", 0, 12, 6, 0, 0),
+    "face": ("non-standard", 43, 135, 16, 16, 0),
+    "gearbox2-9": ("non-standard", 0, 94, 56, 50, 24),
+}
+
+
+@pytest.mark.parametrize("name", TABLE)
+def test_the_models_are_of_their_kind(shared: Path, name: str) -> None:
+    surface = read_tsm(shared / "tspline" / "tsm" / f"{name}.tsm")
+    found = surface.diagnose()
+    assert (found.kind, found.sums_to_one, found.faces, found.junctions, len(found.crossing), len(found.touching)) == TABLE[name]
+    assert found.nullity == 0
+    if found.unit_weights is not None:
+        patches = surface.elements().patches(surface.control_points, found.unit_weights)
+        np.testing.assert_allclose(patches[:, :, 3], 1, atol=1e-10)
+
+
+def test_row_structured_surfaces_are_standard_and_independent() -> None:
+    found = bone_like(10, 7, 3).diagnose()
+    assert found.standard
+    assert found.analysis_suitable
+    assert found.linearly_independent
