@@ -21,10 +21,9 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 
 STEP, IGES = (".step", ".stp"), (".iges", ".igs")
 CHORD = 5e-4  # default chord tolerance, of the diagonal
-ASKED = 0.6  # of the tolerance is asked of OpenCASCADE, which overshoots by up to a half on balls
-BROKEN = 10.0  # times the tolerance: a face whose own estimate of its deflection (up to 4 times the true one) is beyond has failed
-TRIES = (1.0, 0.7, 0.5)  # of the deflection, one after the other where a face fails
-LOST = 0.02  # of the area: where the triangles have so much less or more than the faces, OpenCASCADE has lost a part
+ASKED = 0.6  # of the tolerance is asked of OpenCASCADE, which overshoots
+TRIES = (1.0, 0.7, 0.4)  # of the deflection, one after the other where a face fails
+LOST = 0.03  # of the area: where the triangles have so much less or more than the faces, OpenCASCADE has lost a part
 SPLITS = 3  # closed faces are cut that often in the second way of tessellating
 ANGLE = 0.35  # between neighbouring triangles, radians
 SEWN = 1e-5  # of the diagonal: loose edges nearer than this are one
@@ -139,8 +138,8 @@ def sewn(shape: Any, tolerance: float) -> Any:
 def tessellated(shape: Any, chord_tolerance: float | None = None) -> TriangleMesh:
     """Triangles of all faces (one or more), outward as the faces say, welded along their edges.
 
-    OpenCASCADE sometimes loses parts of a face, of one that closes on itself above all. So what it made is compared with the faces (its
-    own estimate of the deflection, the area) and tried again finer, and with closed faces cut up. FileError where no try succeeds.
+    OpenCASCADE sometimes loses parts of a face, of one that closes on itself above all. So what it made is measured (distance of each
+    triangle from the face, area) and tried again finer, and with closed faces cut up. FileError where no try succeeds.
     """
     lib = occ()
     diagonal = diagonal_of(shape)
@@ -153,7 +152,7 @@ def tessellated(shape: Any, chord_tolerance: float | None = None) -> TriangleMes
         for share in TRIES:
             lib.BRepTools.BRepTools.Clean_s(tried)
             lib.BRepMesh.BRepMesh_IncrementalMesh(tried, share * ASKED * tolerance, False, ANGLE, False)
-            mesh = _mesh_of(tried, BROKEN * tolerance, WELDED * diagonal)
+            mesh = _mesh_of(tried, tolerance, WELDED * diagonal)
             if mesh is not None and abs(mesh.area - area) <= LOST * area:
                 return mesh
     raise FileError("a face of the part cannot be tessellated: heal the part in its CAD system and export it again")
@@ -173,29 +172,41 @@ def _without_closed_faces(shape: Any) -> Any:
     return divided.Result()
 
 
-def _mesh_of(shape: Any, worst: float, weld: float) -> TriangleMesh | None:
-    """The triangles of a tessellated shape; None where a face has none or is further than `worst` from them (mm)."""
+def _mesh_of(shape: Any, tolerance: float, weld: float) -> TriangleMesh | None:
+    """The triangles of a tessellated shape; None where a face has none or is further than `tolerance` from them (mm)."""
     faces = faces_of(shape)
-    parts = [part for face in faces if (part := _triangles(face, worst))]
+    parts = [part for face in faces if (part := _triangles(face, tolerance))]
     if len(parts) < len(faces):
         return None
     starts = np.cumsum([0, *[len(nodes) for nodes, _ in parts]])
     return _welded(np.concatenate([nodes for nodes, _ in parts]), np.concatenate([c + start for (_, c), start in zip(parts, starts)]), weld)
 
 
-def _triangles(face: Any, worst: float) -> tuple[Float[ndarray, "n 3"], Int64[ndarray, "m 3"]] | None:
-    """Nodes and triangles of one face; None where there are none, or OpenCASCADE estimates a deflection above `worst` (mm)."""
+def _triangles(face: Any, tolerance: float) -> tuple[Float[ndarray, "n 3"], Int64[ndarray, "m 3"]] | None:
+    """Nodes and triangles of one face; None where there are none, or the face is further than `tolerance` from one of them (mm)."""
     lib = occ()
     place = lib.TopLoc.TopLoc_Location()
     mesh = lib.BRep.BRep_Tool.Triangulation_s(face, place)
-    if mesh is None or mesh.Deflection() > worst:
+    if mesh is None:
         return None
-    matrix = place.Transformation()
-    points = [mesh.Node(i).Transformed(matrix) for i in range(1, mesh.NbNodes() + 1)]
+    matrix, count = place.Transformation(), range(1, mesh.NbNodes() + 1)
+    nodes = np.array([(p.X(), p.Y(), p.Z()) for p in (mesh.Node(i).Transformed(matrix) for i in count)])
+    parameters = np.array([(p.X(), p.Y()) for p in map(mesh.UVNode, count)])
     corners = np.array([mesh.Triangle(i).Get() for i in range(1, mesh.NbTriangles() + 1)], dtype=np.int64).reshape(-1, 3) - 1
-    if face.Orientation() == lib.TopAbs.TopAbs_Orientation.TopAbs_REVERSED:
-        corners = corners[:, ::-1]
-    return np.array([(p.X(), p.Y(), p.Z()) for p in points]), corners
+    surface = lib.BRepAdaptor.BRepAdaptor_Surface(face)
+    middles = np.array([(p.X(), p.Y(), p.Z()) for p in (surface.Value(u, v) for u, v in parameters[corners].mean(axis=1).tolist())])
+    if _heights(nodes[corners], middles).max() > tolerance:
+        return None
+    return nodes, corners[:, ::-1] if face.Orientation() == lib.TopAbs.TopAbs_Orientation.TopAbs_REVERSED else corners
+
+
+def _heights(triangles: Float[ndarray, "m 3 3"], points: Float[ndarray, "m 3"]) -> Float[ndarray, " m"]:
+    """Distance of each point from its triangle's plane, 0 where the triangle is none."""
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    length = np.linalg.norm(normals, axis=1)
+    flat = length > np.finfo(float).eps * np.ptp(triangles, axis=(0, 1)).max() ** 2
+    heights = np.abs(np.einsum("mi,mi->m", points - triangles[:, 0], normals))
+    return np.where(flat, heights / np.where(flat, length, 1.0), 0.0)
 
 
 def _welded(nodes: Float[ndarray, "n 3"], faces: Int64[ndarray, "m 3"], tolerance: float) -> TriangleMesh:

@@ -1,11 +1,14 @@
 """A T-spline as one tensor-product B-spline."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from rowed import bone_like, samples
 from scipy.interpolate import NdBSpline
 
 from bonecam.errors import SurfaceError
+from bonecam.surface.files import read_tsm
 from bonecam.surface.nurbs import BSplineSurface, Knots, bezier_grid, to_bspline
 from bonecam.surface.tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
@@ -86,3 +89,19 @@ def test_poles_that_do_not_fit_the_knots_are_refused() -> None:
     spline = to_bspline(bone_like(6, 5, 0))
     with pytest.raises(ValueError, match="the knots need"):
         BSplineSurface(spline.s_knots, spline.t_knots, spline.poles[1:], spline.weights[1:])
+
+
+@pytest.mark.parametrize("model", ["simple", "fan", "gearbox2-9"])
+def test_a_general_t_mesh_over_a_rectangle_is_one_b_spline_too(model: str, shared: Path) -> None:
+    surface = read_tsm(shared / "tspline" / "tsm" / f"{model}.tsm")
+    spline = to_bspline(surface)
+    rng = np.random.default_rng(0)
+    low, high = surface.domain.T
+    s, t = low[:, None] + (high - low)[:, None] * rng.random((2, 10_000))
+    assert np.abs(spline.evaluate(s, t) - surface.evaluate(s, t)).max() < 1e-14 * spline.size
+
+
+@pytest.mark.parametrize("model", ["Bike", "mouse", "face"])
+def test_a_t_mesh_with_missing_faces_has_no_such_form(model: str, shared: Path) -> None:
+    with pytest.raises(SurfaceError, match="no rectangle"):
+        to_bspline(read_tsm(shared / "tspline" / "tsm" / f"{model}.tsm"))
