@@ -1,18 +1,40 @@
-"""Normal equations of sparse rows with a 3 x 3 metric each: H += D_i^T M_i D_i, row by row."""
+"""Normal equations of sparse rows with a 3 x 3 metric each: H += D_i^T M_i D_i, row by row, into a lower band."""
 
 import numpy as np
 from numba import njit
 
 
 @njit(cache=True)
-def add_rows(hessian: np.ndarray, starts: np.ndarray, columns: np.ndarray, values: np.ndarray, metric: np.ndarray) -> None:
-    """Add sum_i v_ij v_ik M_i to hessian[j, :, k, :] (n, 3, n, 3); the rows are CSR, metric (m, 3, 3) symmetric."""
+def add_rows(
+    band: np.ndarray,
+    gradient: np.ndarray,
+    starts: np.ndarray,
+    columns: np.ndarray,
+    values: np.ndarray,
+    metric: np.ndarray,
+    targets: np.ndarray,
+) -> None:
+    """Add v_ij v_ik M_i to the band and v_ij M_i X_i to the gradient (n, 3), for the rows i of a CSR matrix v.
+
+    Unknown 3 j + a is axis a of control point j; band[p, q - p] holds H[q, p] for q >= p. metric (m, 3, 3) symmetric, targets (m, 3).
+    """
+    pull = np.zeros(3)
     for i in range(len(starts) - 1):
+        for a in range(3):
+            pull[a] = metric[i, a, 0] * targets[i, 0] + metric[i, a, 1] * targets[i, 1] + metric[i, a, 2] * targets[i, 2]
         for p in range(starts[i], starts[i + 1]):
             j = columns[p]
+            for a in range(3):
+                gradient[j, a] += values[p] * pull[a]
             for q in range(starts[i], starts[i + 1]):
                 k = columns[q]
-                product = values[p] * values[q]
-                for a in range(3):
-                    for b in range(3):
-                        hessian[j, a, k, b] += product * metric[i, a, b]
+                if k > j:
+                    product = values[p] * values[q]
+                    for a in range(3):
+                        for b in range(3):
+                            band[3 * j + a, 3 * (k - j) + b - a] += product * metric[i, a, b]
+                elif k == j:
+                    product = values[p] * values[q]
+                    for a in range(3):
+                        for b in range(a, 3):
+                            band[3 * j + a, b - a] += product * metric[i, a, b]

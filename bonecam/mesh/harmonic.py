@@ -13,14 +13,30 @@ from numpy import ndarray
 
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
+CAP = 1.0
+"""Mean radii that the end of a part reaches in."""
 WEIGHT_FLOOR = 0.02
 """Least edge weight; a regular triangle pair has 2 / sqrt(3) / 2 = 0.58."""
 
 
 def end_poles(mesh: TriangleMesh) -> Int[ndarray, "2"]:
-    """The lowest and the highest vertex along Z."""
-    heights = mesh.vertices[:, 2]
-    return np.array([int(np.argmin(heights)), int(np.argmax(heights))])
+    """The vertices in the middle of the lower and of the upper end along Z.
+
+    An end is what lies within CAP mean radii of the lowest or the highest point; its middle is the vertex nearest to where the axis through
+    its centroid leaves the mesh. (A pole at the very lowest point, often a corner at the rim, would crowd the rows on one side.)
+    """
+    heights, corners = mesh.vertices[:, 2], mesh.vertices[mesh.faces]
+    radius = mesh.area / (2 * np.pi * np.ptp(heights))
+    centres, areas = corners.mean(axis=1), np.linalg.norm(mesh.face_vectors, axis=1)
+    found = []
+    for sign, end in ((-1.0, heights.min()), (1.0, heights.max())):
+        cap = (end - centres[:, 2]) * sign < CAP * radius
+        middle = np.average(centres[cap], axis=0, weights=areas[cap])
+        outward = cap & (mesh.face_vectors[:, 2] * sign > 0)
+        candidates = np.unique(mesh.faces[outward if outward.any() else cap])
+        away = np.linalg.norm(mesh.vertices[candidates, :2] - middle[:2], axis=1)
+        found.append(int(candidates[np.argmin(away)]))
+    return np.array(found)
 
 
 def harmonic_field(mesh: TriangleMesh, poles: Int[ndarray, "2"]) -> Float[ndarray, " v"]:

@@ -5,40 +5,90 @@ With e = |S_s| and g = |S_t| averaged over the row (mm), integrated over the are
     int |M^(1/2) S_ss|^2 / e^4 + 2 |M^(1/2) S_st|^2 / (e g)^2 + |M^(1/2) S_tt|^2 / g^4,   M = bend n n^T + drift (1 - n n^T).
 
 For the drift the second derivatives are taken of the change from the present surface. The bend is the shape's curvature, so its weight is
-small; the drift keeps how the parameters run, so its weight may be large without a cost in deviation. Close to a pole e is kept above a
-part of its mean, as all meridians must turn there.
+small; the drift keeps how the parameters run, so its weight may be large without a cost in deviation. Both grow with the square of the cell
+a control point has there: where the T-mesh is fine it is free to turn sharply. Close to a pole e is kept above a part of its mean, as all
+meridians must turn there.
 """
 
-import numpy as np
+from dataclasses import dataclass
 
-from bonecam.surface.quadratic import Quadratic
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.surface.quadratic import Term
+from bonecam.surface.tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 
-AROUND = 40  # quadrature points round each row
 SHORTEST = 0.35  # e is never taken below this part of its mean: the poles
+POLE_WIDTH = 0.25  # of the domain, what a pole is taken to have of its row
 GAUSS = np.array([-1.0, 1.0]) / np.sqrt(12) + 0.5
 
 
-def fairness(surface: TSpline, bend: float, drift: float) -> Quadratic:
-    """The energy as a quadratic form of the control points, lengths and normals frozen at `surface`. Weights in mm^4."""
-    knots = np.unique(surface.tmesh.t_knots)
-    t = (knots[:-1, None] + np.diff(knots)[:, None] * GAUSS).ravel()
-    width = np.repeat(np.diff(knots) / len(GAUSS), len(GAUSS))
-    shape = (len(t), AROUND)
-    s_all, t_all = np.tile(np.arange(AROUND) / AROUND, len(t)), np.repeat(t, AROUND)
-    basis = surface.basis(s_all, t_all, 2)
-    Ss, St = basis[1] @ surface.control_points, basis[2] @ surface.control_points
-    normals = np.cross(Ss, St)
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-    e, g = (np.linalg.norm(v, axis=1).reshape(shape).mean(axis=1) for v in (Ss, St))
-    e = np.maximum(e, SHORTEST * e.mean())
-    area = np.repeat(e * g * width / AROUND, AROUND)
-    e, g = np.repeat(e, AROUND), np.repeat(g, AROUND)
-    along = normals[:, :, None] * normals[:, None, :]
-    metric = drift * np.eye(3) + (bend - drift) * along
-    form = Quadratic.zero(surface.tmesh.size)
-    for matrix, factor in ((basis[3], 1 / e**4), (basis[4], 2 / (e * g) ** 2), (basis[5], 1 / g**4)):
-        now = matrix @ surface.control_points
-        tangential = now - normals * np.einsum("ij,ij->i", normals, now)[:, None]
-        form = form.plus(matrix, (area * factor)[:, None, None] * metric, tangential)
-    return form
+@dataclass(frozen=True, eq=False)
+class Quadrature:
+    """Points (s, t) of 2 x 2 Gauss points an element, the area each stands for, the second derivatives there and the frozen lengths."""
+
+    s: Float[ndarray, " n"]
+    t: Float[ndarray, " n"]
+    places: Float[ndarray, "n 3"]
+    normals: Float[ndarray, "n 3"]
+    areas: Float[ndarray, " n"]
+    cells: Float[ndarray, " n"]
+    blending: sp.csr_array
+    parts: tuple[tuple[sp.csr_array, ndarray], ...]
+
+    @classmethod
+    def on(cls, surface: TSpline) -> "Quadrature":
+        """Of a surface as it is."""
+        boxes = surface.elements().boxes
+        low, wide = boxes[:, [0, 2]], boxes[:, [1, 3]] - boxes[:, [0, 2]]
+        u, v = (x.ravel() for x in np.meshgrid(GAUSS, GAUSS))
+        s, t = ((low[:, [k]] + wide[:, [k]] * x).ravel() for k, x in ((0, u), (1, v)))
+        basis = surface.basis(s, t, 2)
+        places, Ss, St = (matrix @ surface.control_points for matrix in basis[:3])
+        normals = np.cross(Ss, St)
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+        share = np.repeat(wide.prod(axis=1) / 4, 4)
+        e, g = (_row_mean(np.linalg.norm(d, axis=1), t, share) for d in (Ss, St))
+        e = np.maximum(e, SHORTEST * np.average(e, weights=share))
+        cells = (basis[0] @ _shares(surface.tmesh)) * e * g
+        parts = ((basis[3], 1 / e**4), (basis[4], 2 / (e * g) ** 2), (basis[5], 1 / g**4))
+        return cls(s, t, places, normals, share * e * g, cells, basis[0], parts)
+
+    def terms(self, surface: TSpline, bend: Float[ndarray, " n"], drift: Float[ndarray, " n"]) -> list[Term]:
+        """The energy with the weights bend and drift, times (mean cell side)^4, at each point."""
+        along = self.normals[:, :, None] * self.normals[:, None, :]
+        scale = (self.areas * self.cells**2)[:, None, None]
+        metric = scale * (drift[:, None, None] * np.eye(3) + (bend - drift)[:, None, None] * along)
+        terms = []
+        for matrix, factor in self.parts:
+            now = matrix @ surface.control_points
+            tangential = now - self.normals * np.einsum("ij,ij->i", self.normals, now)[:, None]
+            terms.append(Term(matrix, factor[:, None, None] * metric, tangential))
+        return terms
+
+    def held(self, weight: Float[ndarray, " n"]) -> Term:
+        """The square of the change of the surface, times weight."""
+        return Term(self.blending, (weight * self.areas)[:, None, None] * np.eye(3), self.places)
+
+
+def _row_mean(lengths: ndarray, t: ndarray, share: ndarray) -> ndarray:
+    """The mean of lengths over all points with the same t."""
+    _, index = np.unique(t, return_inverse=True)
+    return np.asarray((np.bincount(index, lengths * share) / np.bincount(index, share))[index])
+
+
+def _shares(tmesh: RowTMesh) -> Float[ndarray, " n"]:
+    """The part of the parameter domain each control point has: its support divided by the knot intervals in it, in both directions."""
+    t = tmesh.t_knots
+    tall = (t[4:] - t[:-4]) / sum((t[k + 1 : len(t) - 3 + k] > t[k : len(t) - 4 + k]).astype(float) for k in range(4))
+    return np.concatenate([h * _widths(knots) for h, knots in zip(tall, tmesh.s_knots)])
+
+
+def _widths(knots: ndarray) -> ndarray:
+    if len(knots) == 1:
+        return np.full(1, POLE_WIDTH)
+    unwrapped = np.concatenate([knots[-2:] - 1, knots, knots[:2] + 1])
+    return (unwrapped[4:] - unwrapped[:-4]) / 4

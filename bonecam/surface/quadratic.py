@@ -1,5 +1,10 @@
-"""Quadratic forms of all control points: sum_i (D_i P - X_i)^T M_i (D_i P - X_i), P (n, 3), D a sparse matrix, M_i (3, 3) symmetric."""
+"""Quadratic forms of all control points: sum_i (D_i P - X_i)^T M_i (D_i P - X_i), P (n, 3), D a sparse matrix, M_i (3, 3) symmetric.
 
+Functions of a row-structured T-mesh meet those of the next three rows only: in the order of the control points the form is a band, and
+its Cholesky factor costs n times the square of the band's width.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,30 +17,29 @@ from bonecam.kernels.normal_equations import add_rows
 
 
 @dataclass(frozen=True, eq=False)
-class Quadratic:
-    """P^T H P - 2 b^T P with H (n, 3, n, 3) and b (n, 3), constants left out."""
+class Term:
+    """The terms of `matrix` (m, n) times control points against `targets`, each in its own metric."""
 
-    hessian: Float[ndarray, "n 3 n 3"]
-    gradient: Float[ndarray, "n 3"]
+    matrix: sp.csr_array
+    metric: Float[ndarray, "m 3 3"]
+    targets: Float[ndarray, "m 3"]
 
-    @classmethod
-    def zero(cls, size: int) -> "Quadratic":
-        """No terms yet."""
-        return cls(np.zeros((size, 3, size, 3)), np.zeros((size, 3)))
+    @property
+    def width(self) -> int:
+        """Largest distance of two columns that meet in a row."""
+        starts, columns = self.matrix.indptr, self.matrix.indices
+        here = np.diff(starts) > 0
+        first = starts[:-1][here]
+        return int((np.maximum.reduceat(columns, first) - np.minimum.reduceat(columns, first)).max(initial=0)) if here.any() else 0
 
-    def plus(self, matrix: sp.csr_array, metric: Float[ndarray, "m 3 3"], targets: Float[ndarray, "m 3"]) -> "Quadratic":
-        """With the terms of `matrix` (m, n) times control points against `targets`, each in its own metric."""
-        hessian = self.hessian.copy()
-        rows = sp.csr_array(matrix)
-        add_rows(hessian, rows.indptr, rows.indices, rows.data, np.ascontiguousarray(metric))
-        return Quadratic(hessian, self.gradient + rows.T @ np.einsum("mab,mb->ma", metric, targets))
 
-    def __add__(self, other: "Quadratic") -> "Quadratic":
-        return Quadratic(self.hessian + other.hessian, self.gradient + other.gradient)
-
-    def least(self) -> Float[ndarray, "n 3"]:
-        """The control points that make it least. Raises numpy's LinAlgError where the form is not definite."""
-        size = len(self.gradient)
-        factor = la.cho_factor(self.hessian.reshape(3 * size, 3 * size), overwrite_a=False, check_finite=True)
-        found: ndarray = la.cho_solve(factor, self.gradient.ravel()).reshape(size, 3)
-        return found
+def least(terms: Sequence[Term], size: int) -> Float[ndarray, "n 3"]:
+    """The `size` control points that make the sum of the terms least. Raises numpy's LinAlgError where it is not definite."""
+    width = max(term.width for term in terms)
+    band, gradient = np.zeros((3 * size, 3 * width + 3)), np.zeros((size, 3))
+    for term in terms:
+        m = term.matrix
+        add_rows(band, gradient, m.indptr, m.indices, m.data, np.ascontiguousarray(term.metric), np.ascontiguousarray(term.targets))
+    factor = la.cholesky_banded(band.T, overwrite_ab=True, lower=True, check_finite=True)
+    found: ndarray = la.cho_solve_banded((factor, True), gradient.ravel(), check_finite=False).reshape(size, 3)
+    return found

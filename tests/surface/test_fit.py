@@ -56,6 +56,13 @@ def test_too_few_control_points_are_reported_not_hidden(body: tuple[Rows, Triang
     assert found.deviation.max > 0.002
 
 
+def test_a_wrong_call_is_refused(body: tuple[Rows, TriangleMesh]) -> None:
+    with pytest.raises(ValueError, match="40 or more"):
+        fit(body[0], body[1], 0.1, 20)
+    with pytest.raises(ValueError, match="above 0"):
+        fit(body[0], body[1], 0.0, 200)
+
+
 def test_two_fits_are_equal_to_the_last_bit(body: tuple[Rows, TriangleMesh]) -> None:
     one, two = (fit(body[0], body[1], 0.1, 120).surface for _ in range(2))
     assert one.control_points.tobytes() == two.control_points.tobytes()

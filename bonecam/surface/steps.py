@@ -1,0 +1,89 @@
+"""One step of the fit: all control points at once, and no fold.
+
+With the feet (s, t) and normals n of the surface before, a step solves
+
+    min sum_i w_i [ (n_i . (S(s_i, t_i) - X_i))^2 + slide |S(s_i, t_i) - X_i|^2 ] + fairness + poles,
+
+the tangent-distance step (Wang, Pottmann & Liu 2006): samples may slide in the tangent plane at little cost, so the parameters
+follow the shape and steps converge in few rounds. w_i grows with the miss, which trades a little of the rms for the maximum. The row
+next to a pole is kept in one plane with it. Where the solved surface would fold, the change is held back round that place only.
+"""
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Float
+from numpy import ndarray
+from scipy.spatial import cKDTree
+
+from bonecam.surface.fairness import Quadrature
+from bonecam.surface.quadratic import Term, least
+from bonecam.surface.target import Target
+from bonecam.surface.tspline import TSpline
+
+SLIDE = 0.1  # weight of a miss in the tangent plane
+BEND, DRIFT = 2e-5, 3e-2  # fairness, times (mean cell side)^4
+DAMPING = 1e-4  # weight of the change itself, against that of the samples
+FIRMER = 10.0  # times the damping round a fold, at each try, and 1 at least
+TRIES = 3
+REACH = 2.0  # mean cell sides round a fold
+LEAST_TURN, LEAST_FACING = 0.5, 0.2  # cosines
+
+
+def step(surface: TSpline, target: Target, tolerance: float, plane: float) -> TSpline:
+    """The solved surface; firmer round folds; where it still folds, only a part of the way there."""
+    quadrature = Quadrature.on(surface)
+    data = data_terms(surface, target, tolerance, SLIDE) + pole_planes(surface, plane * target.areas.sum() / surface.tmesh.size)
+    damping, found = np.full(len(quadrature.s), DAMPING), surface
+    grid = fold_grid(surface)
+    before = surface.normals(*grid), target.shape.facing(surface, *grid)
+    data += quadrature.terms(surface, np.full(len(quadrature.s), BEND), np.full(len(quadrature.s), DRIFT))
+    for _ in range(TRIES):
+        found = surface.with_control_points(least([*data, quadrature.held(damping)], surface.tmesh.size))
+        folded = folds(found, target, grid, before)
+        if not folded.any():
+            return found
+        near, _ = cKDTree(surface.positions(grid[0][folded], grid[1][folded])).query(quadrature.places)
+        damping = np.where(near < REACH * np.sqrt(quadrature.cells), np.maximum(FIRMER * damping, 1.0), damping)
+    for share in (0.5, 0.25, 0.1):
+        nearer = surface.with_control_points((1 - share) * surface.control_points + share * found.control_points)
+        if not folds(nearer, target, grid, before).any():
+            return nearer
+    return surface
+
+
+def fold_grid(surface: TSpline) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
+    """s and t of a grid that crowds at the poles."""
+    s, t = np.meshgrid(np.arange(48) / 48, (1 - np.cos(np.linspace(0.06, np.pi - 0.06, 64))) / 2)
+    return s.ravel(), t.ravel()
+
+
+def folds(surface: TSpline, target: Target, grid: tuple[ndarray, ndarray], before: tuple[ndarray, ndarray]) -> ndarray:
+    """Where a normal turned too far from what it was before, or away from the mesh's."""
+    turn = np.einsum("ij,ij->i", surface.normals(*grid), before[0])
+    facing = target.shape.facing(surface, *grid)
+    return np.asarray((turn < LEAST_TURN) | ((facing < LEAST_FACING) & (facing < before[1])))
+
+
+def data_terms(surface: TSpline, target: Target, tolerance: float, slide: float) -> list[Term]:
+    """The samples against their feet, normals and lengths of now."""
+    (basis,) = surface.basis(target.s, target.t)
+    normals = surface.normals(target.s, target.t)
+    level = max(tolerance, 0.5 * float(target.distances.max()))
+    weights = target.areas * (0.25 + (target.distances / level) ** 2)
+    metric = weights[:, None, None] * (slide * np.eye(3) + (1 - slide) * normals[:, :, None] * normals[:, None, :])
+    return [Term(basis, metric, target.points)]
+
+
+def pole_planes(surface: TSpline, weight: float) -> list[Term]:
+    """Keeps the control points next to each pole in one plane with it, square to the area vector of their polygon now."""
+    starts, terms = surface.tmesh.row_starts, []
+    for pole, ring in ((0, np.arange(starts[1], starts[2])), (starts[-1] - 1, np.arange(starts[-3], starts[-2]))):
+        arms = surface.control_points[ring] - surface.control_points[pole]
+        normal = np.cross(arms, np.roll(arms, -1, axis=0)).sum(axis=0)
+        normal /= np.linalg.norm(normal)
+        ones, index, shape = np.ones(len(ring)), np.arange(len(ring)), (len(ring), surface.tmesh.size)
+        matrix = sp.csr_array((ones, (index, ring)), shape=shape) - sp.csr_array((ones, (index, np.full(len(ring), pole))), shape=shape)
+        terms.append(
+            Term(sp.csr_array(matrix), np.broadcast_to(weight * np.outer(normal, normal), (len(ring), 3, 3)), np.zeros((len(ring), 3)))
+        )
+    return terms
