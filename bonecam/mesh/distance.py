@@ -14,7 +14,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 
 
 class MeshDistance:
-    """Closest points, distances, inside tests and rays against one mesh; ValueError where it has no faces."""
+    """Closest points, distances and inside tests against one mesh; ValueError where it has no faces."""
 
     def __init__(self, mesh: TriangleMesh) -> None:
         import open3d.core as o3c
@@ -47,11 +47,6 @@ class MeshDistance:
     def inside(self, points: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
         """Whether each point lies inside the closed surface (three rays each, the majority)."""
         return self._scene.compute_occupancy(self._put(points), nsamples=3).numpy() > 0.5
-
-    def rays(self, starts: Float[ndarray, "n 3"], directions: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
-        """Distance to the first hit in units of the direction's length; inf where nothing is hit."""
-        bundle = np.concatenate([starts - self._centre, directions], axis=1).astype(np.float32)
-        return self._scene.cast_rays(self._tensor(bundle))["t_hit"].numpy().astype(np.float64)
 
 
 class LayeredDistance:

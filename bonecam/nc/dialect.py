@@ -15,7 +15,6 @@ Say in the file which words are proved and which were only read.
 
 import re
 import string
-import tomllib
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -23,6 +22,7 @@ from typing import Any
 
 from bonecam.errors import MachineError
 from bonecam.nc.machine import Machine
+from bonecam.nc.tables import names_in, read_table
 from bonecam.nc.words import NumberFormat
 
 FOLDER = Path(__file__).parent / "dialects"
@@ -118,21 +118,12 @@ class Dialect:
 
 def dialect_names() -> tuple[str, ...]:
     """The dialects that come with bonecam."""
-    return tuple(sorted(path.stem for path in FOLDER.glob("*.toml")))
+    return names_in(FOLDER)
 
 
 def read_dialect(name: str | Path) -> Dialect:
     """The dialect of a name, or of a path to a TOML file; MachineError names file and key."""
-    path = Path(name) if str(name).endswith(".toml") else FOLDER / f"{name}.toml"
-    try:
-        values = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        known = ", ".join(dialect_names())
-        raise MachineError(
-            f"controller {str(name)!r} is unknown: use one of {known}, or the path of a .toml file", dialect=str(name)
-        ) from error
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise MachineError(f"{path}: {error}: mend the dialect file", file=str(path)) from error
+    path, values = read_table("controller", name, FOLDER)
     return _dialect(path, values)
 
 

@@ -14,13 +14,13 @@ No formula belongs to a machine: `kinematics.py` composes the chain.
 """
 
 import math
-import tomllib
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from bonecam.errors import MachineError
+from bonecam.nc.tables import names_in, read_table
 
 FOLDER = Path(__file__).parent / "machines"
 LINEAR = "XYZ"
@@ -89,21 +89,12 @@ class Machine:
 
 def machine_names() -> tuple[str, ...]:
     """The machines that come with bonecam."""
-    return tuple(sorted(path.stem for path in FOLDER.glob("*.toml")))
+    return names_in(FOLDER)
 
 
 def read_machine(name: str | Path) -> Machine:
     """The machine of a name, or of a path to a TOML file; MachineError names file and key."""
-    path = Path(name) if str(name).endswith(".toml") else FOLDER / f"{name}.toml"
-    try:
-        values = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        known = ", ".join(machine_names())
-        raise MachineError(
-            f"machine {str(name)!r} is unknown: use one of {known}, or the path of a .toml file", machine=str(name)
-        ) from error
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise MachineError(f"{path}: {error}: mend the machine file", file=str(path)) from error
+    path, values = read_table("machine", name, FOLDER)
     return _Reader(path).machine(values)
 
 

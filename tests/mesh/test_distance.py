@@ -26,14 +26,6 @@ def test_bulk_and_exact_closest_points_agree_to_single_precision() -> None:
     assert ((faces >= 0) & (faces < len(BALL.faces))).all()
 
 
-def test_rays_from_the_middle_hit_at_the_radius_and_outward_ones_never() -> None:
-    directions = np.random.default_rng(2).normal(size=(50, 3))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    distance = MeshDistance(BALL)
-    assert np.allclose(distance.rays(np.tile(FAR, (50, 1)), directions), 10, atol=0.02)
-    assert np.isinf(distance.rays(np.array(FAR) + 11 * directions, directions)).all()
-
-
 def test_an_empty_mesh_is_refused() -> None:
     empty = solid(np.empty((0, 3)), np.empty((0, 3)))
     with pytest.raises(ValueError, match="no faces"):

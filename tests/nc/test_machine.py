@@ -50,7 +50,7 @@ GOOD = CHAINS["table-table"]
         (GOOD.replace("endless = true", "endless = 1", 1), "C.endless"),
         (GOOD.replace("pivot = [1, 2, 0]", "pivot = [nan, 2, 0]"), "C.pivot"),
         (GOOD + "\n[Q]\nspeed = 1", "Q"),
-        (GOOD + '\n[A2]\nx = "', "mend the machine file"),
+        (GOOD + '\n[A2]\nx = "', "mend the file"),
         (machine_text(["C", "A", "XYZ"], {"C": axis([0, 0, 1], [0, 0, 0])}), "[A]"),
         (machine_text(["C", "A", "XYZ"], {}, 'programmed_point = "top"'), "programmed_point"),
     ],

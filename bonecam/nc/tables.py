@@ -1,0 +1,24 @@
+"""The TOML tables of machines and dialects: those that come with bonecam by name, others by path."""
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from bonecam.errors import MachineError
+
+
+def names_in(folder: Path) -> tuple[str, ...]:
+    """The names of the tables in a folder."""
+    return tuple(sorted(path.stem for path in folder.glob("*.toml")))
+
+
+def read_table(kind: str, name: str | Path, folder: Path) -> tuple[Path, dict[str, Any]]:
+    """The file of a name in `folder`, or of a path that ends in .toml, and its values; MachineError where there is none."""
+    path = Path(name) if str(name).endswith(".toml") else folder / f"{name}.toml"
+    try:
+        return path, tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        known = ", ".join(names_in(folder))
+        raise MachineError(f"{kind} {str(name)!r} is unknown: use one of {known}, or the path of a .toml file", name=str(name)) from error
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise MachineError(f"{path}: {error}: mend the file", file=str(path)) from error
