@@ -235,7 +235,8 @@ def verify(posted: Program, paths: Sequence[ToolPath], levels: Morph, job: Job, 
     assert surface is not None
     tolerances = Tolerances(gouge=job.path.gouge_tolerance)
     machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)
-    return verify_program(posted.text, paths, machine, dialect, surface.tessellate(PROOF_CHORD), tolerances)
+    part = LayeredDistance(surface.tessellate(PROOF_CHORD), surface.tessellate(COARSE_CHORD), COARSE_CHORD)
+    return verify_program(posted.text, paths, machine, dialect, part, tolerances)
 
 
 def post(paths: Sequence[ToolPath], stock: Capsule, job: Job, progress: Progress = silent) -> Program:

@@ -28,14 +28,10 @@ MOST_PIECES = 64
 
 @runtime_checkable
 class Distances(Protocol):
-    """Distances (n,) in mm from points (n, 3) to the part, and which points lie inside it."""
+    """Distances from the part: `bonecam.mesh.distance.LayeredDistance`, or a shape that knows them."""
 
-    def unsigned(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n"]:
-        """Distances, mm."""
-        ...
-
-    def inside(self, points: Float[ndarray, "n 3"]) -> Bool[ndarray, "n"]:
-        """Which lie inside."""
+    def signed(self, points: Float[ndarray, "n 3"], wanted: float | Float[ndarray, " n"]) -> Float[ndarray, " n"]:
+        """A lower bound of the signed distance (negative inside) of each point, mm; exact where it is below `wanted`."""
         ...
 
 
@@ -78,7 +74,7 @@ def measure_gouge(motions: Motions, part: Distances, slack: float = SLACK) -> Go
         raise VerifyError("the program moves nothing: there is no gouge to measure", line=0)
     radius = np.array([motions.controls[number].radius for number in motions.tools.tolist()])
     centres = motions.tips + radius[:, None] * motions.axes
-    distance = _signed(part, centres)
+    distance = part.signed(centres, radius)
     depth = radius - distance
     worst = int(np.argmax(depth))
     best = Gouge(float(depth[worst]), float(depth[worst]), int(motions.lines[worst]), _place(centres[worst]), len(centres))
@@ -92,11 +88,6 @@ def measure_gouge(motions: Motions, part: Distances, slack: float = SLACK) -> Go
 def _place(point: ndarray) -> tuple[float, float, float]:
     x, y, z = (float(value) for value in point)
     return x, y, z
-
-
-def _signed(part: Distances, points: ndarray) -> ndarray:
-    """Negative inside: a ball centre within the part is no clearance."""
-    return np.where(part.inside(points), -1.0, 1.0) * part.unsigned(points)
 
 
 def _refine(
@@ -157,8 +148,7 @@ def _divided(
     tips, axes = control.between(motions.words[moves[move] - 1], motions.words[moves[move]], end)
     last = tips + control.radius * axes
     far = spans.far[owner].copy()
-    # unsigned will do: a way from outside to inside passes distance 0, which the bound does not let slip through
-    far[~last_piece] = part.unsigned(last[~last_piece])
+    far[~last_piece] = part.signed(last[~last_piece], control.radius)
     begins = place == 0
     first = np.where(begins[:, None], spans.first[owner], np.roll(last, 1, axis=0))
     near = np.where(begins, spans.near[owner], np.roll(far, 1))

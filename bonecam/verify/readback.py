@@ -14,13 +14,12 @@ from numpy import ndarray
 
 from bonecam.errors import VerifyError
 from bonecam.kernels.align import align
-from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.machine import Machine
 from bonecam.nc.motions import Motions
 from bonecam.nc.read import read_program
 from bonecam.toolpath.path import Kind, ToolPath
-from bonecam.verify.gouge import measure_gouge
+from bonecam.verify.gouge import Distances, measure_gouge
 
 FEED_TOLERANCE = 0.02
 
@@ -63,20 +62,18 @@ def verify_program(
     paths: Sequence[ToolPath],
     machine: Machine,
     dialect: Dialect,
-    part_mesh: TriangleMesh,
+    part: Distances,
     tolerances: Tolerances | None = None,
 ) -> Verification:
     """Read `text` back and prove it against the paths and the part.
 
-    `part_mesh` is a fine tessellation of the design surface: its own deviation is not seen here. ProgramError where the text cannot
-    be read, VerifyError (with `line`, `place`, `error`) where it is wrong.
+    `part` measures against a fine tessellation of the design surface: its own deviation is not seen here.
+    ProgramError where the text cannot be read, VerifyError (with `line`, `place`, `error`) where it is wrong.
     """
-    from bonecam.mesh.distance import MeshDistance  # loads open3d
-
     allowed = tolerances or Tolerances()
     motions = read_program(text, machine, dialect)
     checked = compare(motions, paths, dialect, allowed)
-    gouge = measure_gouge(motions, MeshDistance(part_mesh))
+    gouge = measure_gouge(motions, part)
     if gouge.depth > allowed.gouge:
         place = ", ".join(f"{value:.3f}" for value in gouge.place)
         raise VerifyError(
