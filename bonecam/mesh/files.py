@@ -1,6 +1,6 @@
 """Mesh files through MeshLab: STL (binary, ASCII), PLY, OBJ, OFF in; PLY and STL out. The door for pymeshlab.
 
-`read_mesh` reads every kind of part file: for STEP, IGES, SAT and DXF it asks the modules that know them.
+`read_mesh` reads every kind of part file: for STEP, IGES, SAT, DXF and point clouds it asks the modules that know them.
 Coordinates are read and written as they stand in the file; `bonecam.mesh.units` gives them their unit. What MeshLab
 mends in silence (vertices that are not numbers are dropped, duplicate STL corners are merged) is looked at first:
 the former is an error here, the latter is wanted.
@@ -17,14 +17,15 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.errors import FileError
+from bonecam.errors import FileError, MeshError
 from bonecam.mesh.file_content import trouble_in
 from bonecam.mesh.opencascade import IGES, STEP, read_cad_mesh
+from bonecam.mesh.point_files import POINTS, read_blocks
 from bonecam.mesh.polyhedra import ACIS, DXF, read_polyhedra
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 MESHES = (".stl", ".ply", ".obj", ".off")
-READABLE = (*MESHES, *STEP, *IGES, *ACIS, *DXF)
+READABLE = (*MESHES, *STEP, *IGES, *ACIS, *DXF, *POINTS)
 WRITABLE = (".ply", ".stl")
 
 
@@ -58,13 +59,14 @@ def read_mesh(path: str | Path) -> TriangleMesh:
     """The triangles of a file, in the file's own unit; equal corners of an STL are merged.
 
     STEP, IGES, SAT and DXF need the extra `cad`; where they state their unit the triangles are in mm. Curved faces are tessellated.
+    A dense point cloud (PLY without faces, or text of one block) gets a surface round it, see `mesh.point_cloud`.
     FileError names the file, what is wrong with it and the remedy: it is missing, empty, cut short, of an unknown kind,
     holds coordinates that are not numbers, or no triangles.
     """
     file = Path(path)
     data = _bytes_of(file)
     if file.suffix.lower() not in MESHES:
-        return read_cad_mesh(file) if file.suffix.lower() in (*STEP, *IGES) else read_polyhedra(file)
+        return _read_other(file)
     if trouble := trouble_in(file.suffix.lower(), data):
         raise _refusal(file, *trouble)
     meshset = meshlab().MeshSet()
@@ -79,9 +81,34 @@ def read_mesh(path: str | Path) -> TriangleMesh:
         reason = " ".join(str(error).split()).split("Error details: ")[-1]
         raise _refusal(file, f"is no readable {_kind(file)} file ({reason})", "write it anew from its source") from error
     if not len(mesh.faces):
-        raise _refusal(file, "holds no triangles", "give a surface mesh, not points or curves")
+        return _round_points(file, mesh.vertices)
     _refuse_lost_elements(file, data, mesh)
     return mesh
+
+
+def _read_other(file: Path) -> TriangleMesh:
+    """The triangles of what MeshLab does not read."""
+    ending = file.suffix.lower()
+    if ending in (*STEP, *IGES):
+        return read_cad_mesh(file)
+    if ending in (*ACIS, *DXF):
+        return read_polyhedra(file)
+    blocks = read_blocks(file)
+    if len(blocks) > 1:
+        raise _refusal(file, f"holds {len(blocks)} rows of points, no mesh", "skin them with bonecam.surface.point_rows.read_rows")
+    return _round_points(file, blocks[0])
+
+
+def _round_points(file: Path, points: Float[ndarray, "n 3"]) -> TriangleMesh:
+    """The surface round a point cloud; FileError where it is none."""
+    from bonecam.mesh.point_cloud import FEWEST, reconstruct
+
+    if len(points) < FEWEST:
+        raise _refusal(file, f"holds no triangles, and {len(points)} points are no cloud", "give a surface mesh, not points or curves")
+    try:
+        return reconstruct(points)
+    except MeshError as error:
+        raise MeshError(f"{file}: {error}", file=str(file), **error.evidence) from error
 
 
 def write_mesh(mesh: TriangleMesh, path: str | Path, quality: Float[ndarray, " n"] | None = None) -> None:

@@ -77,7 +77,7 @@ BAD = {
     "short.ply": ((PLY + TETRAHEDRON).encode(), "is no readable PLY file"),
     "word.off": (OFF.replace("3 1 2 3", "3 one 2 3").encode(), "has a word where a number should stand"),
     "points.obj": (b"v 0 0 0\nv 1 0 0\nv 0 1 0\n", "holds no triangles"),
-    "mesh.xyz": (b"0 0 0", "unknown ending '.xyz'"),
+    "mesh.prt": (b"0 0 0", "unknown ending '.prt'"),
 }
 
 

@@ -1,0 +1,72 @@
+"""Points from text files: XYZ, CSV, ASC, PTS, TXT.
+
+One point a line, x y z first (normals, colours and what else follows are left out), separated by blanks, tabs, commas or semicolons;
+where semicolons separate, a comma is a decimal comma. Blocks of points are separated by empty lines, or headed by a line with
+their number (and `3`). Lines that start with # or // and one line of column names are comments.
+
+One block is a point cloud; several blocks are the rows of a surface (`bonecam.surface.point_rows`).
+"""
+
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.errors import FileError
+
+POINTS = (".xyz", ".csv", ".asc", ".pts", ".txt")
+
+
+def read_blocks(path: str | Path) -> tuple[Float[ndarray, "_ 3"], ...]:
+    """The blocks of points of a text file, in the file's unit. FileError names the file, the line and what is wrong with it."""
+    file = Path(path)
+    try:
+        lines = file.read_text(encoding="utf-8-sig").splitlines()
+    except OSError as error:
+        raise FileError(f"{file}: cannot be read ({error.strerror}): give the path of a readable file", file=str(file)) from error
+    except UnicodeDecodeError as error:
+        raise FileError(f"{file}: is no text: give points as text, or name the file by its true kind", file=str(file)) from error
+    blocks: list[list[list[float]]] = [[]]
+    names = False
+    for number, line in enumerate(lines, 1):
+        words = _words(line)
+        if not words and not line.lstrip().startswith(("#", "//")):
+            blocks.append([])
+        if not words:
+            continue
+        try:
+            values = [float(word) for word in words]
+        except ValueError as error:
+            if not names and not any(blocks):
+                names = True
+                continue
+            raise _refusal(file, number, f"{line.strip()[:40]!r} is no point", "write x y z") from error
+        if len(values) < 3:
+            if not _is_head(values):
+                raise _refusal(file, number, f"{len(values)} numbers are no point", "write x y z")
+            blocks.append([])
+        elif not np.isfinite(values[:3]).all():
+            raise _refusal(file, number, f"{line.strip()[:40]!r} is not finite", "export the points again")
+        else:
+            blocks[-1].append(values[:3])
+    found = tuple(np.array(block) for block in blocks if block)
+    if not found:
+        raise FileError(f"{file}: holds no points: write x y z, one point a line", file=str(file))
+    return found
+
+
+def _words(line: str) -> list[str]:
+    text = line.strip()
+    if text.startswith(("#", "//")):
+        return []
+    return text.replace(",", ".").replace(";", " ").split() if ";" in text else text.replace(",", " ").split()
+
+
+def _is_head(values: list[float]) -> bool:
+    """A line with the number of points that follow, alone or before the dimension 3."""
+    return values[0] == int(values[0]) and values[0] > 0 and values[1:] in ([], [3.0])
+
+
+def _refusal(file: Path, line: int, what: str, remedy: str) -> FileError:
+    return FileError(f"{file} line {line}: {what}: {remedy}", file=str(file), line=line)

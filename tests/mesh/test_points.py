@@ -1,0 +1,82 @@
+"""Points from text files, and surfaces round point clouds."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from solids import ellipsoid
+
+from bonecam.errors import FileError, MeshError
+from bonecam.mesh.files import read_mesh
+from bonecam.mesh.point_cloud import reconstruct
+from bonecam.mesh.point_files import read_blocks
+
+SAME = {
+    "a.xyz": "1 2 3\n4 5 6.5\n\n\n7 8 9\n",
+    "a.csv": "x, y, z\n1,2,3\n4,5,6.5\n\n7,8,9",
+    "tabs.txt": "# a comment\n1\t2\t3\t0 0 1\n4\t5\t6.5\t0 0 1\n\n7\t8\t9\t0 0 1\n",
+    "german.csv": "1,0;2,0;3,0\n4;5;6,5\n\n7;8;9\n",
+    "heads.txt": "2 3\n1 2 3\n4 5 6.5\n1 3\n7 8 9\n",
+    "count.pts": "2\n1 2 3\n4 5 6.5\n1\n7 8 9\n",
+    "mark.asc": "\ufeff1 2 3\n// a comment\n4 5 6.5\n \n7 8 9",
+}
+
+
+@pytest.mark.parametrize("name", SAME)
+def test_every_way_to_write_blocks_of_points_gives_the_same(name: str, tmp_path: Path) -> None:
+    (tmp_path / name).write_text(SAME[name], encoding="utf-8")
+    first, second = read_blocks(tmp_path / name)
+    assert first.tolist() == [[1, 2, 3], [4, 5, 6.5]]
+    assert second.tolist() == [[7, 8, 9]]
+
+
+BAD = {
+    "empty.xyz": (b"# nothing\n\n", "holds no points"),
+    "word.xyz": (b"1 2 3\n4 five 6\n", "word.xyz line 2: '4 five 6' is no point"),
+    "names.csv": (b"x,y,z\nx,y,z\n1,2,3\n", "names.csv line 2"),
+    "short.csv": (b"1,2,3\n4,5\n", "short.csv line 2: 2 numbers are no point"),
+    "nan.xyz": (b"1 2 nan\n", "is not finite"),
+    "binary.xyz": (b"\xff\xfe\x00\x80", "is no text"),
+    "rows.csv": (b"1 2 3\n4 5 6\n\n1 2 4\n4 5 7\n", "holds 2 rows of points, no mesh"),
+    "few.xyz": (b"1 2 3\n4 5 6\n", "2 points are no cloud"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_bad_file_is_refused_in_one_line_that_names_it(name: str, tmp_path: Path) -> None:
+    content, reason = BAD[name]
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(FileError, match=name) as caught:
+        read_mesh(tmp_path / name)
+    assert reason in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def cloud(count: int) -> np.ndarray:
+    """Points spread evenly on an ellipsoid of half axes 3, 4, 9."""
+    k = np.arange(count) + 0.5
+    height, angle = 1 - 2 * k / count, np.pi * (1 + 5**0.5) * k
+    r = np.sqrt(1 - height**2)
+    return np.column_stack([3 * r * np.cos(angle), 4 * r * np.sin(angle), 9 * height])
+
+
+def test_the_surface_round_a_cloud_is_closed_outward_near_and_twice_the_same(tmp_path: Path) -> None:
+    points = cloud(1500) + 100.0
+    (tmp_path / "cloud.xyz").write_text("\n".join(" ".join(map(repr, point)) for point in points.tolist()))
+    mesh = read_mesh(tmp_path / "cloud.xyz")
+    edges = np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
+    assert mesh.volume == pytest.approx(4 / 3 * np.pi * 3 * 4 * 9, rel=0.01)
+    assert reconstruct(points).vertices.tobytes() == mesh.vertices.tobytes()
+
+
+def test_a_ply_without_faces_is_a_cloud(tmp_path: Path) -> None:
+    points = cloud(1000)
+    head = f"ply\nformat ascii 1.0\nelement vertex {len(points)}\n" + "".join(f"property double {x}\n" for x in "xyz") + "end_header\n"
+    (tmp_path / "cloud.ply").write_text(head + "\n".join(" ".join(map(repr, point)) for point in points.tolist()) + "\n")
+    assert read_mesh(tmp_path / "cloud.ply").volume == pytest.approx(ellipsoid(3, 4, 9).volume, rel=0.02)
+
+
+def test_a_cloud_whose_surface_misses_a_point_is_refused() -> None:
+    with pytest.raises(MeshError, match="misses one by"):
+        reconstruct(np.vstack([cloud(400), [[0.0, 0.0, 0.0]]]))
