@@ -2,6 +2,10 @@
 
 from dataclasses import dataclass
 
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.levels.stock import Stock
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.tspline import TSpline
 
@@ -15,6 +19,8 @@ class Level:
     `depth_max` and `depth_mean` go from this level to the one before, `depth_back_max` the other way; `full_mean` is the mean
     depth where at least one full depth of material was left; `histogram` the shares of this level's area by depth, in even
     bins from 0 to `limit`; `outside` how far the level leaves the stock (negative: inside).
+    A level that rounds the stock (`levels/rounding.py`) has a T-mesh of its own: only what of its surface lies inside the body
+    `within` is machined, and `shared` are control points over the other levels' T-mesh that follow it roughly.
     """
 
     index: int
@@ -29,3 +35,11 @@ class Level:
     full_mean: float = 0.0
     outside: float = 0.0
     histogram: tuple[float, ...] = ()
+    within: Stock | None = None
+    shared: Float[ndarray, "c 3"] | None = None
+
+    @property
+    def net(self) -> Float[ndarray, "c 3"]:
+        """Control points over the T-mesh that all levels share."""
+        assert self.surface is not None
+        return self.surface.control_points if self.shared is None else self.shared

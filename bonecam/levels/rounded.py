@@ -1,0 +1,151 @@
+"""A convex body with all its edges rounded: a core and everything within `radius` of it. A morph can follow it, an edge it cannot.
+
+Rounding a stock S by rho takes S eroded by rho as core: of all bodies inside S that a ball of radius rho can roll round, this is
+the largest. A cylinder bar rounded by its radius is the published capsule (Gan et al. 2014, section 4.2).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+from scipy.optimize import linprog
+from scipy.spatial import ConvexHull, HalfspaceIntersection
+
+from bonecam.levels.box import Box
+from bonecam.levels.convex import ConvexStock
+from bonecam.levels.cylinder import Cylinder
+from bonecam.levels.stock import Capsule, Stock
+from bonecam.mesh.triangle_mesh import TriangleMesh
+
+THIN, HALVINGS = 0.98, 20
+
+
+@dataclass(frozen=True, eq=False)
+class Rounded:
+    """All points within `radius` mm of `core`."""
+
+    core: Stock
+    radius: float
+    kind: str = "rounded"
+
+    @property
+    def diameter(self) -> float:
+        """Largest extent across the axis, mm."""
+        return self.core.diameter + 2 * self.radius
+
+    @property
+    def length(self) -> float:
+        """Extent along the axis, mm."""
+        return self.core.length + 2 * self.radius
+
+    @property
+    def middle(self) -> Float[ndarray, "3"]:
+        """The middle of the body."""
+        return self.core.middle
+
+    @property
+    def bounds(self) -> Float[ndarray, "2 3"]:
+        """Lowest and highest corner, mm."""
+        return self.core.bounds + self.radius * np.array([[-1.0], [1.0]])
+
+    def moved(self, shift: Float[ndarray, "3"]) -> "Rounded":
+        """The same body elsewhere."""
+        return Rounded(self.core.moved(shift), self.radius)
+
+    def signed_distance(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n"]:
+        """Distance to the surface, mm, negative inside."""
+        return self.core.signed_distance(points) - self.radius
+
+    def outward(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+        """Unit outward normals at the nearest points."""
+        return self.core.outward(points)
+
+    def nearest(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+        """The surface point nearest to each point."""
+        return self.core.nearest(points) + self.radius * self.core.outward(points)
+
+    def mesh(self, chord_tolerance: float) -> TriangleMesh:
+        """A closed outward mesh, its vertices on the surface: the stock's own mesh pulled onto it."""
+        around = offset(self.core, self.radius).mesh(chord_tolerance)
+        return TriangleMesh(self.nearest(around.vertices), around.faces)
+
+
+def offset(stock: Stock, distance: float) -> Stock:
+    """The body bounded by the stock's flat and round walls moved by `distance` mm (negative: inwards); edges stay edges.
+
+    Raises StockError (or ValueError for a capsule) where nothing is left.
+    """
+    if isinstance(stock, Capsule):
+        return Capsule(stock.start, stock.end, stock.radius + distance)
+    if isinstance(stock, Cylinder):
+        return Cylinder(stock.radius + distance, stock.bottom - distance, stock.top + distance, stock.centre)
+    if isinstance(stock, Box):
+        return Box(stock.low - distance, stock.high + distance)
+    if isinstance(stock, ConvexStock):
+        return _offset_planes(stock, distance)
+    raise ValueError(f"a {stock.kind} has no walls to move")
+
+
+def planes_of(mesh: TriangleMesh) -> Float[ndarray, "k 4"]:
+    """Unit normals and offsets, n . x + d <= 0 inside, of a convex mesh's faces; coplanar faces once."""
+    equations = np.asarray(ConvexHull(mesh.vertices).equations)
+    _, first = np.unique(np.round(equations, 7), axis=0, return_index=True)
+    return equations[np.sort(first)]
+
+
+def _offset_planes(stock: ConvexStock, distance: float) -> ConvexStock:
+    planes = planes_of(stock.surface)
+    moved = np.column_stack([planes[:, :3], planes[:, 3] - distance])
+    return ConvexStock(intersection(moved, _deepest(moved)[0]), stock.kind)
+
+
+def _deepest(planes: ndarray) -> tuple[ndarray, float]:
+    """The point farthest inside n . x + d <= 0, and how far."""
+    A = np.column_stack([planes[:, :3], np.ones(len(planes))])
+    found = np.asarray(linprog([0, 0, 0, -1], A_ub=A, b_ub=-planes[:, 3], bounds=[(None, None)] * 4).x, dtype=np.float64)
+    return found[:3], float(found[3])
+
+
+def intersection(planes: Float[ndarray, "k 4"], inside: Float[ndarray, "3"]) -> TriangleMesh:
+    """The closed outward mesh of all points with n . x + d <= 0, given one strictly inside."""
+    corners = np.asarray(HalfspaceIntersection(planes, inside).intersections)
+    hull = ConvexHull(corners, qhull_options="Qt")
+    a, b, c = (np.asarray(corners[hull.simplices[:, i]]) for i in range(3))
+    flipped = (np.cross(b - a, c - a) * np.asarray(hull.equations)[:, :3]).sum(1) < 0
+    faces = np.where(flipped[:, None], hull.simplices[:, ::-1], hull.simplices)
+    used, index = np.unique(faces, return_inverse=True)
+    return TriangleMesh(corners[used], index.reshape(-1, 3).astype(np.int32))
+
+
+def inradius(stock: Stock) -> float:
+    """Radius of the largest ball inside the stock, mm."""
+    if isinstance(stock, ConvexStock):
+        return _deepest(planes_of(stock.surface))[1]
+    return float(-stock.signed_distance(stock.middle[None])[0])
+
+
+def rounded(stock: Stock, radius: float) -> Stock:
+    """The stock with its edges rounded by `radius` mm; a cylinder rounded wholly is a capsule."""
+    if isinstance(stock, Cylinder) and radius >= THIN * stock.radius and stock.length > 2 * stock.radius:
+        foot = np.array([*stock.centre, stock.bottom + stock.radius])
+        return Capsule(foot, np.array([*stock.centre, stock.top - stock.radius]), stock.radius)
+    return Rounded(offset(stock, -radius), radius)
+
+
+def roundest(stock: Stock, points: Float[ndarray, "n 3"], margin: float) -> Stock | None:
+    """The stock rounded by the largest radius that leaves `margin` mm over every point; None where a tenth of its inradius does not."""
+    most = inradius(stock)
+
+    def holds(radius: float) -> bool:
+        return bool(rounded(stock, radius).signed_distance(points).max() <= -margin)
+
+    low, high = 0.1 * most, THIN * most
+    if holds(high):
+        return rounded(stock, high)
+    if not holds(low):
+        return None
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return rounded(stock, low)

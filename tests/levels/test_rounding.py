@@ -1,0 +1,123 @@
+"""Stocks with edges: rounded as far as the part allows, then cut down to that in levels of a known depth."""
+
+import numpy as np
+import pytest
+from test_morph import waisted
+
+from bonecam.errors import StockError
+from bonecam.levels.body_surface import body_surface, enclosing
+from bonecam.levels.box import Box
+from bonecam.levels.convex import ConvexStock
+from bonecam.levels.cylinder import Cylinder
+from bonecam.levels.morph import Morph
+from bonecam.levels.rounded import Rounded, inradius, offset, rounded, roundest
+from bonecam.levels.rounding import levels_in
+from bonecam.levels.schedule import Schedule
+from bonecam.levels.stock import Capsule, Stock
+
+BAR, BOX = Cylinder(4.5, 0.0, 20.0), Box(np.array([-4.5, -4.0, 0.0]), np.array([4.5, 4.0, 20.0]))
+SCHEDULE = Schedule((0.1,), 0.9)
+STOCKS: dict[str, Stock] = {"cylinder": BAR, "box": BOX, "mesh": ConvexStock(BOX.mesh(2.0))}
+
+
+def cloud(low: float, high: float) -> np.ndarray:
+    points = np.random.default_rng(11).normal(size=(300, 3))
+    return points / np.linalg.norm(points, axis=1)[:, None] * [2.5, 2.5, (high - low) / 2] + [0, 0, (low + high) / 2]
+
+
+@pytest.mark.parametrize("stock", STOCKS.values(), ids=STOCKS)
+def test_a_rounded_stock_lies_inside_and_its_distances_are_exact(stock: Stock) -> None:
+    body = Rounded(offset(stock, -2.0), 2.0)
+    mesh, points = body.mesh(0.02), np.random.default_rng(2).uniform(-8, 26, (300, 3))
+    assert stock.signed_distance(mesh.vertices).max() < 1e-6
+    assert np.abs(body.signed_distance(mesh.vertices)).max() < 1e-9
+    assert mesh.volume < stock.mesh(0.02).volume
+    distance, nearest = body.signed_distance(points), body.nearest(points)
+    assert np.abs(body.signed_distance(nearest)).max() < 1e-9
+    assert np.allclose(np.linalg.norm(points - nearest, axis=1), np.abs(distance), atol=1e-9)
+    assert np.allclose(mesh.bounds, body.bounds, atol=0.02)
+
+
+@pytest.mark.parametrize("stock", STOCKS.values(), ids=STOCKS)
+def test_walls_move_in_by_the_offset(stock: Stock) -> None:
+    inner = offset(stock, -1.0)
+    assert np.allclose(inner.bounds, stock.bounds + np.array([[1.0], [-1.0]]), atol=1e-6)
+    assert inradius(inner) == pytest.approx(inradius(stock) - 1, abs=1e-6)
+
+
+def test_a_bar_rounded_by_its_radius_is_the_published_capsule() -> None:
+    body = rounded(BAR, BAR.radius)
+    assert isinstance(body, Capsule)
+    assert (body.diameter, body.length) == (BAR.diameter, BAR.length)
+
+
+def test_the_roundest_body_leaves_the_margin_over_the_part() -> None:
+    points = np.array([[3.9, 3.4, 10.0], [0.0, 0.0, 19.5]])
+    body = roundest(BOX, points, 0.2)
+    assert isinstance(body, Rounded)
+    assert body.signed_distance(points).max() == pytest.approx(-0.2, abs=0.01)
+    assert roundest(BOX, np.array([[4.4, 3.9, 10.0]]), 0.09) is None
+
+
+@pytest.mark.parametrize("body", [rounded(BAR, 4.5), rounded(BAR, 2.0), rounded(BOX, 3.0)], ids=["capsule", "bar", "box"])
+def test_the_spline_of_a_body_lies_on_it(body: Stock) -> None:
+    surface = body_surface(body)
+    s, t = np.random.default_rng(4).random((2, 3000))
+    points = surface.evaluate(s, t)
+    assert isinstance(points, np.ndarray)
+    assert np.abs(body.signed_distance(points)).max() < 0.002
+    assert (surface.normals(s, t) * body.outward(points)).sum(1).min() > 0.999
+
+
+@pytest.mark.parametrize("stock", STOCKS.values(), ids=STOCKS)
+def test_the_enclosing_capsule_holds_the_stock(stock: Stock) -> None:
+    assert enclosing(stock).signed_distance(stock.mesh(0.01).vertices).max() < 0
+
+
+@pytest.fixture(scope="module")
+def made() -> Morph:
+    return levels_in(waisted(), BAR, SCHEDULE, chord_tolerance=0.05)
+
+
+def test_rounding_levels_follow_the_morph_out_to_the_bar(made: Morph) -> None:
+    assert [level.index for level in made.levels] == list(range(len(made.levels)))
+    last = made.levels[-1]
+    assert last.surface is None
+    assert np.abs(BAR.signed_distance(last.mesh.vertices)).max() < 1e-9
+    rounding = [level for level in made.levels if level.within is not None]
+    # the edge is (sqrt 2 - 1) 4.5 = 1.86 mm from the capsule: three cuts of 0.9, and the capsule itself
+    assert len(rounding) == 3
+    assert [level.limit for level in made.levels[-3:]] == [0.9] * 3
+    assert made.lower_bound <= made.cuts
+
+
+def test_rounding_levels_keep_depth_nesting_and_stock(made: Morph) -> None:
+    for level in made.levels[1:]:
+        assert level.depth_max <= level.limit + 0.002
+        assert level.nesting_min >= -0.001
+        assert level.outside <= 0.001
+        assert level.self_intersections == 0
+        assert sum(level.histogram) == pytest.approx(1.0, abs=0.03)
+    depths = [level.depth_max for level in made.levels[-3:]]
+    assert np.ptp(depths) < 0.02
+    volumes = [level.mesh.volume for level in made.levels]
+    assert (np.diff(volumes) > 0).all()
+
+
+def test_every_level_can_be_followed_on_the_parts_tmesh(made: Morph) -> None:
+    assert {len(level.net) for level in made.levels[:-1]} == {waisted().tmesh.size}
+    rounding = next(level for level in made.levels if level.within is not None)
+    assert np.abs(rounding.mesh.bounds - waisted().with_control_points(rounding.net).tessellate(0.02).bounds).max() < 0.3
+
+
+def test_a_part_that_leaves_the_bar_is_refused_at_once_with_its_place() -> None:
+    with pytest.raises(StockError, match=r"cylinder 6\.00 x 20\.00 mm\) does not hold the part") as caught:
+        levels_in(waisted(), Cylinder(3.0, 0.0, 20.0), SCHEDULE)
+    assert caught.value.evidence["distance"] > 0
+    assert caught.value.evidence["place"].shape == (3,)
+
+
+def test_a_part_in_the_edges_of_a_bar_is_refused_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bonecam.levels.rounding.roundest", lambda *_: None)
+    with pytest.raises(StockError, match="too near to the edges of the box at"):
+        levels_in(waisted(), BOX, SCHEDULE)
