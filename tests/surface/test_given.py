@@ -1,0 +1,86 @@
+"""Parts that come as a surface."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rowed import bone_like, samples
+from test_point_rows import POLES, sections, write
+
+from bonecam.errors import FileError, SurfaceError, UnitsError
+from bonecam.surface.deviation import Deviation
+from bonecam.surface.files import read_tsm, write_tsm
+from bonecam.surface.fit import Fit
+from bonecam.surface.given import holds_surface, placed, read_surface, turned
+from bonecam.surface.save import check_target, save_surface
+
+
+def test_turning_a_surface_reverses_both_parameters_and_nothing_else() -> None:
+    surface = bone_like(9, 7, 4)
+    s, t = samples(2000)
+    np.testing.assert_allclose(turned(surface).evaluate(s, t), surface.evaluate(np.mod(-s, 1), 1 - t), rtol=0, atol=1e-13)
+    assert turned(surface).volume == pytest.approx(surface.volume, rel=1e-12)
+
+
+def test_rows_in_metres_are_skinned_in_mm_and_their_deviation_is_told(tmp_path: Path) -> None:
+    file = write([row / 1000 for row in [POLES[:1], *sections(6, 16), POLES[1:]]], tmp_path / "rows.csv")
+    assert holds_surface(file)
+    found = read_surface(file, 1000.0, 0.05, 450)
+    assert found.reached
+    assert 0 < found.deviation.max <= 0.05
+    assert found.surface.volume == pytest.approx(4 / 3 * np.pi * 4 * 3 * 9, rel=0.05)
+
+
+def test_a_saved_surface_comes_back_as_it_was(tmp_path: Path) -> None:
+    surface = bone_like(9, 7, 4)
+    save_surface(surface, tmp_path / "a.tspline")
+    found = read_surface(tmp_path / "a.tspline", 1.0, 0.1, 450)
+    assert found.surface.control_points.tobytes() == surface.control_points.tobytes()
+    assert found.deviation.max == 0
+
+
+def test_a_surface_that_is_put_upside_down_runs_from_the_lower_pole_again() -> None:
+    given = bone_like(9, 7, 4)
+    upside_down = np.diag([1.0, -1.0, -1.0, 1.0])
+    upside_down[:3, 3] = [1, 2, 30]
+    fit = Fit(given, Deviation(0.0, 0.0, 0.0, 0.0, np.zeros(3)), 0.1, True)
+    surface = placed(fit, upside_down).surface
+    assert surface.control_points[0, 2] < surface.control_points[-1, 2]
+    assert surface.volume == pytest.approx(given.volume, rel=1e-12)
+
+
+def test_what_encloses_no_part_is_refused(tmp_path: Path) -> None:
+    surface = bone_like()
+    write(sections(), tmp_path / "open.csv")
+    write([POLES[:1], *sections(4, 12), POLES[1:]], tmp_path / "many.csv")
+    write_tsm(bone_like(poles=False), tmp_path / "tube.tspline")
+    write_tsm(surface.with_control_points(surface.control_points * [1, -1, 1]), tmp_path / "inward.tspline")
+    for name, allowed, reason in (
+        ("open.csv", 450, "encloses no part: give a pole"),
+        ("tube.tspline", 450, "encloses no part"),
+        ("inward.tspline", 450, "point inward"),
+        ("many.csv", 20, "20 are allowed"),
+    ):
+        with pytest.raises(SurfaceError, match=rf"{name}: .*{reason}"):
+            read_surface(tmp_path / name, 1.0, 0.3, allowed)
+    with pytest.raises(UnitsError, match=r"inward\.tspline: states its unit"):
+        read_surface(tmp_path / "inward.tspline", 1000.0, 0.1, 450)
+
+
+def test_the_ending_decides_what_is_written(tmp_path: Path, shared: Path) -> None:
+    pytest.importorskip("OCP", reason="OpenCASCADE's wheel is not installed: pip install 'bonecam[cad]'")
+    surface = bone_like(7, 5, 1)
+    for name, head in (("a.tspline", b"#bonecam"), ("a.step", b"ISO-10303-21"), ("a.stp", b"ISO"), ("a.igs", b" "), ("a.IGES", b" ")):
+        save_surface(surface, tmp_path / name)
+        assert (tmp_path / name).read_bytes().startswith(head)
+    general = read_tsm(shared / "tspline" / "tsm" / "simple.tsm")
+    save_surface(general, tmp_path / "b.tsm")
+    assert (tmp_path / "b.tsm").read_text().startswith("#TS0200")
+
+
+def test_a_name_that_fits_no_form_is_refused_before_the_work(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match=r"unknown ending '\.prt'"):
+        check_target(tmp_path / "a.prt")
+    with pytest.raises(FileError, match=r"have no \.tsm form: end the name in \.tspline"):
+        save_surface(bone_like(), tmp_path / "a.tsm")
+    assert not list(tmp_path.iterdir())
