@@ -63,12 +63,13 @@ def _command(commands: Any, name: str, text: str, run: Any) -> argparse.Argument
 
 def _add_convert(commands: Any) -> None:
     convert = _command(commands, "convert", "Mesh in, verified NC program out.", run_convert)
-    convert.add_argument("mesh", help="STL, PLY, OBJ or OFF file")
+    convert.add_argument("mesh", help="STL, PLY, OBJ or OFF mesh; STEP, IGES, SAT or DXF part; point cloud; rows of points; saved .tspline")
     demo = _command(commands, "demo", "The whole chain on the phalanx that ships with bonecam.", run_demo)
     for command, default in ((convert, None), (demo, "phalanx.h")):
         command.add_argument("-o", "--output", required=default is None, default=default, help="the NC program to write")
         command.add_argument("--keep", metavar="DIR", help="write surface, levels, tool path and pictures there")
         command.add_argument("--report", metavar="FILE.json", help="write the figures there")
+        command.add_argument("--surface", metavar="FILE", help="write the T-spline there; .tspline, .step, .iges: the ending decides")
         _add_job_options(command)
 
 
@@ -168,7 +169,8 @@ def _convert(mesh: str | Path, options: argparse.Namespace) -> int:
     terminal = _progress(options)
     progress: Progress = terminal or silent
     try:
-        result = bonecam.convert(mesh, job, keep=options.keep, program=options.output, report=options.report, progress=progress)
+        outputs = {"program": options.output, "keep": options.keep, "report": options.report, "surface": options.surface}
+        result = bonecam.convert(mesh, job, **outputs, progress=progress)
     finally:
         if terminal:
             terminal.close()
@@ -179,7 +181,7 @@ def _convert(mesh: str | Path, options: argparse.Namespace) -> int:
 
 def _check_outputs(options: argparse.Namespace) -> None:
     """Fail before the work, not after it, where an output's folder is not there."""
-    for name in (options.output, options.report):
+    for name in (options.output, options.report, options.surface):
         if name and not Path(name).resolve().parent.is_dir():
             raise JobError(f"{name}: its folder does not exist: make {Path(name).parent} first", file=str(name))
         if name and Path(name).is_dir():

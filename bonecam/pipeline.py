@@ -18,17 +18,20 @@ from threadpoolctl import threadpool_limits
 
 from bonecam.errors import MachineError, MeshError
 from bonecam.files import write_whole
-from bonecam.job import Job, MeshJob
-from bonecam.levels.morph import Morph, morph
+from bonecam.job import Job, MeshJob, SurfaceJob
+from bonecam.levels.body_surface import enclosing
+from bonecam.levels.morph import Morph
+from bonecam.levels.placing import stock_for
+from bonecam.levels.rounding import levels_in
 from bonecam.levels.schedule import schedule_of
-from bonecam.levels.stock import Capsule, given_capsule, smallest_capsule
+from bonecam.levels.stock import Stock
 from bonecam.mesh.distance import LayeredDistance
 from bonecam.mesh.files import read_mesh
 from bonecam.mesh.pose import upright
 from bonecam.mesh.repair import repair
 from bonecam.mesh.sections import harmonic_rows
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.mesh.units import to_mm
+from bonecam.mesh.units import MM_OF, to_mm
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.kinematics import tilt_limit
 from bonecam.nc.machine import Machine, read_machine
@@ -38,7 +41,9 @@ from bonecam.orientation.limits import AxisLimits
 from bonecam.orientation.orient import orient
 from bonecam.orientation.scene import Scene
 from bonecam.progress import Progress, part, report, silent
+from bonecam.surface import given
 from bonecam.surface.fit import Fit, fit
+from bonecam.surface.save import check_target, save_surface
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.cutter import Cutter
 from bonecam.toolpath.material import DEVIATION, Material
@@ -47,6 +52,8 @@ from bonecam.toolpath.post import post_below
 from bonecam.toolpath.zigzag import cover_level
 from bonecam.verify.readback import Tolerances, Verification, verify_program
 from bonecam.verify.report import levels_report, nc_report, summary_of, surface_report, toolpath_report
+
+File = str | Path | None
 
 AXIS_MARGIN = np.radians(1.0)
 """Kept from the machine's tilt limit: a turn of up to 30 degrees between two axes at the limit bulges past it by less."""
@@ -59,7 +66,10 @@ PROOF_CHORD = 0.001
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """The repaired bone in mm, and where it came from. `transform` (4, 4) leads from the file's mm to `mesh`."""
+    """The repaired bone in mm, and where it came from. `transform` (4, 4) leads from the file's mm to `mesh`.
+
+    `given` is the surface itself, in the file's mm, where that came instead of a mesh: rows of points or a saved T-spline.
+    """
 
     mesh: TriangleMesh
     file: str
@@ -67,6 +77,7 @@ class Part:
     units: str
     repairs: tuple[str, ...]
     transform: Float[ndarray, "4 4"]
+    given: Fit | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +86,7 @@ class Result:
 
     part: Part
     surface: TSpline
-    stock: Capsule
+    stock: Stock
     levels: Morph
     paths: tuple[ToolPath, ...]
     program: Program
@@ -91,20 +102,23 @@ def convert(
     mesh: str | Path | TriangleMesh,
     job: Job | None = None,
     *,
-    program: str | Path | None = None,
-    keep: str | Path | None = None,
-    report: str | Path | None = None,
+    program: File = None,
+    keep: File = None,
+    report: File = None,
+    surface: File = None,
     progress: Progress = silent,
 ) -> Result:
     """Mesh in, verified NC program out: the whole chain.
 
-    `mesh` is a file or a TriangleMesh in the job's units. Files named by `program`, `keep` and `report` are written last, each
-    whole; where anything fails nothing is written. Raises a BonecamError that names the trouble.
+    `mesh` is a file or a TriangleMesh in the job's units. Files named by `program`, `keep`, `report` and `surface` (its ending says
+    its kind) are written last, each whole; where anything fails nothing is written. Raises a BonecamError that names the trouble.
     """
     job, clock = job or Job(), _Clock()
+    if surface is not None:
+        check_target(surface)
     machine, _ = read_machine(job.nc.machine), read_dialect(job.nc.controller)  # a wrong name is refused before the work
     with clock.stage("mesh"):
-        placed, stock = place(prepare(mesh, job.mesh, part(progress, 0.0, 0.03)), job)
+        placed, stock = place(prepare(mesh, job.mesh, part(progress, 0.0, 0.03), job.surface), job)
         check_room(stock, job, machine)
     with clock.stage("surface"):
         fitted = fit_surface(placed, job, part(progress, 0.03, 0.15))
@@ -127,13 +141,15 @@ def convert(
         "seconds": clock.seconds,
     }
     result = Result(placed, fitted.surface, stock, levels, paths, posted, figures)
-    write_outputs(result, job, program, keep, report)
+    write_outputs(result, job, program, keep, report, surface)
     return result
 
 
-def prepare(mesh: str | Path | TriangleMesh, job: MeshJob, progress: Progress = silent) -> Part:
-    """Read, scale to mm, repair and turn upright."""
+def prepare(mesh: str | Path | TriangleMesh, job: MeshJob, progress: Progress = silent, surface: SurfaceJob | None = None) -> Part:
+    """Read, scale to mm, repair and turn upright. A file that gives the surface itself is skinned as `surface` says."""
     report(progress, 0.0, "reading the mesh")
+    if not isinstance(mesh, TriangleMesh) and given.holds_surface(mesh):
+        return prepare_surface(mesh, job, surface or SurfaceJob())
     name = "the mesh" if isinstance(mesh, TriangleMesh) else str(mesh)
     raw = mesh if isinstance(mesh, TriangleMesh) else read_mesh(mesh)
     report(progress, 0.3, "repairing the mesh")
@@ -146,26 +162,23 @@ def prepare(mesh: str | Path | TriangleMesh, job: MeshJob, progress: Progress = 
     return Part(posed, name, len(raw.faces), job.units, repairs, transform)
 
 
-def place(unplaced: Part, job: Job) -> tuple[Part, Capsule]:
+def prepare_surface(file: str | Path, job: MeshJob, surface: SurfaceJob) -> Part:
+    """Rows of points or a saved T-spline, upright."""
+    found = given.read_surface(file, MM_OF[job.units], surface.tolerance, surface.max_control_points)
+    mesh = given.sound_mesh(found.surface, str(file))
+    posed, transform = upright(mesh) if job.upright else (mesh, np.eye(4))
+    return Part(posed, str(file), len(mesh.faces), job.units, (), transform, found)
+
+
+def place(unplaced: Part, job: Job) -> tuple[Part, Stock]:
     """The stock round the part, and both moved up onto the post."""
-    found = unplaced.mesh
-    if job.stock.diameter or job.stock.length:
-        stock = given_capsule(job.stock.diameter, job.stock.length, found.vertices)
-    else:
-        stock = smallest_capsule(found.vertices, job.stock.allowance)
-    lift = np.array([-stock.start[0], -stock.start[1], job.holding.length - (stock.start[2] - stock.radius)])
-    shift = np.eye(4)
-    shift[:3, 3] = lift
-    placed = replace(unplaced, mesh=found.moved(shift), transform=shift @ unplaced.transform)
-    return placed, Capsule(stock.start + lift, stock.end + lift, stock.radius)
+    stock, pose = stock_for(unplaced.mesh.vertices, job.stock)
+    lift = np.array([0.0, 0.0, job.holding.length - stock.bounds[0, 2]])
+    pose[:3, 3] += lift
+    return replace(unplaced, mesh=unplaced.mesh.moved(pose), transform=pose @ unplaced.transform), stock.moved(lift)
 
 
-def stock_bounds(stock: Capsule) -> Float[ndarray, "2 3"]:
-    """Lowest and highest corner of the stock, mm."""
-    return np.array([np.minimum(stock.start, stock.end) - stock.radius, np.maximum(stock.start, stock.end) + stock.radius])
-
-
-def check_room(stock: Capsule, job: Job, machine: Machine) -> None:
+def check_room(stock: Stock, job: Job, machine: Machine) -> None:
     """MachineError where the stock on its post with a tool above it cannot be within the machine's travel."""
     needed = job.holding.length + stock.length + max(job.roughing.overhang, job.finishing.overhang)
     for axis in machine.linear:
@@ -181,16 +194,18 @@ def check_room(stock: Capsule, job: Job, machine: Machine) -> None:
 
 
 def fit_surface(placed: Part, job: Job, progress: Progress = silent) -> Fit:
-    """Harmonic rows, then the T-spline within the tolerance."""
+    """Harmonic rows, then the T-spline within the tolerance; the surface itself where it was given."""
+    if placed.given is not None:
+        return given.placed(placed.given, placed.transform)
     edge = job.mesh.edge_percent / 100 * placed.mesh.diagonal
     rows = harmonic_rows(placed.mesh, job.mesh.rows, job.mesh.row_points, edge, part(progress, 0.0, 0.2))
     with threadpool_limits(1, user_api="blas"):  # small matrices: threads only wait, and their number would change the last digits
         return fit(rows, placed.mesh, job.surface.tolerance, job.surface.max_control_points, part(progress, 0.2, 1.0))
 
 
-def make_levels(surface: TSpline, stock: Capsule, job: Job, progress: Progress = silent) -> Morph:
+def make_levels(surface: TSpline, stock: Stock, job: Job, progress: Progress = silent) -> Morph:
     """The morph from the part to the stock, measured."""
-    return morph(
+    return levels_in(
         surface,
         stock,
         schedule_of(job.levels),
@@ -202,13 +217,13 @@ def make_levels(surface: TSpline, stock: Capsule, job: Job, progress: Progress =
     )
 
 
-def plan_paths(levels: Morph, stock: Capsule, job: Job, machine: Machine, progress: Progress = silent) -> tuple[ToolPath, ...]:
+def plan_paths(levels: Morph, stock: Stock, job: Job, machine: Machine, progress: Progress = silent) -> tuple[ToolPath, ...]:
     """The path of every level in machining order, from the one next to the stock down to the part."""
     design = levels.levels[0].surface
     assert design is not None
     part_mesh = design.tessellate(PATH_CHORD)
     part_distance = LayeredDistance(part_mesh, design.tessellate(COARSE_CHORD), COARSE_CHORD)
-    material = Material(levels.levels, stock)
+    material, round_about = Material(levels.levels, stock), enclosing(stock)
     below = post_below(part_mesh, job.holding)
     limits = AxisLimits(tilt_limit(machine) - AXIS_MARGIN)
     cutters = [
@@ -222,7 +237,7 @@ def plan_paths(levels: Morph, stock: Capsule, job: Job, machine: Machine, progre
         level_mesh = level.surface.tessellate(LEVEL_CHORD) if level.index else part_mesh
         obstacles = [LayeredDistance(level_mesh), part_distance][: 2 if level.index else 1]
         contacts = cover_level(level, obstacles, cutter, below, job.path, material)
-        scene = Scene(level_mesh, material.mesh, stock, below, DEVIATION)
+        scene = Scene(level_mesh, material.mesh, round_about, below, DEVIATION)
         paths.append(orient(contacts, scene, limits, job.path, job.nc))
         material.cut(level, paths[-1])
     return tuple(paths)
@@ -239,18 +254,20 @@ def verify(posted: Program, paths: Sequence[ToolPath], levels: Morph, job: Job, 
     return verify_program(posted.text, paths, machine, dialect, part, tolerances)
 
 
-def post(paths: Sequence[ToolPath], stock: Capsule, job: Job, progress: Progress = silent) -> Program:
+def post(paths: Sequence[ToolPath], stock: Stock, job: Job, progress: Progress = silent) -> Program:
     """The program of the paths for the job's machine and controller."""
     machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)
-    return write_program(paths, machine, dialect, job, stock_bounds=stock_bounds(stock), progress=progress)
+    return write_program(paths, machine, dialect, job, stock_bounds=stock.bounds, progress=progress)
 
 
-def write_outputs(result: Result, job: Job, program: str | Path | None, keep: str | Path | None, report: str | Path | None) -> None:
+def write_outputs(result: Result, job: Job, program: File, keep: File, report: File, surface: File) -> None:
     """Write what was asked for: the kept folder first, the program last."""
     if keep is not None:
         from bonecam.keep import keep as keep_files
 
         keep_files(keep, result.surface, result.levels.levels, result.paths, (job.holding.diameter, float(result.part.mesh.bounds[0, 2])))
+    if surface is not None:
+        save_surface(result.surface, surface)
     if report is not None:
         write_whole(report, json.dumps(result.report, indent=2) + "\n")
     if program is not None:

@@ -32,11 +32,11 @@ def fit_tspline(layers: Layers, values: Mapping[str, Any], progress: Progress) -
 
 def save_tspline(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """`save_tspline_surface`."""
-    from bonecam.surface.files import write_tsm
+    from bonecam.surface.save import save_surface
 
     surface = layers.kept("surface", TSpline, "compute_tspline_surface")
     target = layers.target(values["file"])
-    write_tsm(surface, target)
+    save_surface(surface, target)
     return {"file": str(target)}
 
 
@@ -61,7 +61,8 @@ FILTERS = (
     Filter(
         "save_tspline_surface",
         "Save T-Spline Surface",
-        "Writes the T-spline that is kept with the layer in bonecam's own text form (bonecam/surface/files.py).",
+        "Writes the T-spline that is kept with the layer. The ending decides: .tspline is bonecam's own text form, bit for bit; "
+        ".step, .stp, .iges and .igs hold one exact periodic B-spline face in mm, for CAD systems (needs the extra bonecam[cad]).",
         CATEGORY,
         (FilterParameter("file", Kind.SAVE_FILE, "surface.tspline", "File", "The file to write."),),
         save_tspline,

@@ -7,7 +7,10 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.errors import SurfaceError, UnitsError
+from bonecam.errors import MeshError, SurfaceError, UnitsError
+from bonecam.mesh.intersections import self_intersections
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.mesh.units import to_mm
 from bonecam.surface.deviation import Deviation
 from bonecam.surface.files import read_tsm
 from bonecam.surface.fit import Fit
@@ -15,6 +18,8 @@ from bonecam.surface.point_rows import holds_rows, read_rows
 from bonecam.surface.save import TEXTS
 from bonecam.surface.tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
+
+CHORD = 0.01  # chord tolerance of the mesh that stands for the surface, mm
 
 
 def holds_surface(path: str | Path) -> bool:
@@ -53,6 +58,16 @@ def _deviation(surface: TSpline, points: Float[ndarray, "n 3"]) -> Deviation:
     distances = surface.project(points).distances
     worst = float(distances.max())
     return Deviation(worst, float(np.sqrt(np.mean(distances**2))), 0.0, worst, points[np.argmax(distances)])
+
+
+def sound_mesh(surface: TSpline, file: str) -> TriangleMesh:
+    """The surface as a closed mesh. UnitsError where its size is no part's, MeshError where it cuts itself."""
+    mesh = to_mm(surface.tessellate(CHORD), "mm", file)
+    if len(faces := self_intersections(mesh)):
+        place = mesh.vertices[mesh.faces[faces[0]]].mean(axis=0)
+        at = f"near {np.round(place, 2).tolist()}"
+        raise MeshError(f"{file}: its surface cuts itself {at}: mend the rows there, or give a mesh", file=file, faces=faces, place=place)
+    return mesh
 
 
 def placed(given: Fit, transform: Float[ndarray, "4 4"]) -> Fit:

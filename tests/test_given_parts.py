@@ -1,0 +1,71 @@
+"""Parts that come as a surface or from a CAD system, as far as the T-spline in the program's frame."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bodies import pebble
+
+from bonecam.errors import FileError, MeshError, SurfaceError
+from bonecam.job import Job
+from bonecam.pipeline import fit_surface, place, prepare
+from bonecam.surface.save import save_surface
+from bonecam.surface.tspline import TSpline
+
+JOB = Job()
+
+
+def rows_of(surface: TSpline, turn: np.ndarray, path: Path) -> Path:
+    """Sections of a body as a rows file, turned."""
+    angle = np.arange(20) / 20
+    blocks = [
+        surface.evaluate(angle[: 1 if t in (0, 1) else None], np.full(1 if t in (0, 1) else 20, t)) @ turn.T for t in np.linspace(0, 1, 10)
+    ]
+    path.write_text("\n\n".join("\n".join(" ".join(map(repr, point)) for point in block.tolist()) for block in blocks))
+    return path
+
+
+@pytest.mark.parametrize(
+    "turn", [np.eye(3), np.diag([1.0, -1.0, -1.0]), np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])], ids=["as is", "upside down", "lying"]
+)
+def test_rows_are_skinned_and_stand_where_their_mesh_stands(turn: np.ndarray, tmp_path: Path) -> None:
+    body = pebble()
+    part, stock = place(prepare(rows_of(body, turn, tmp_path / "rows.xyz"), JOB.mesh, surface=JOB.surface), JOB)
+    fitted = fit_surface(part, JOB)
+    assert fitted.surface.volume == pytest.approx(body.volume, rel=0.02)
+    assert fitted.surface.project(part.mesh.vertices).distances.max() < 0.02
+    lower, upper = fitted.surface.evaluate(np.zeros(2), np.array([0.0, 1.0]))
+    assert lower[2] < upper[2]
+    assert abs(stock.signed_distance(fitted.surface.control_points)).min() > 0
+
+
+def test_a_saved_surface_is_a_part_again(tmp_path: Path) -> None:
+    body = pebble()
+    save_surface(body, tmp_path / "body.tspline")
+    part, _ = place(prepare(tmp_path / "body.tspline", JOB.mesh), JOB)
+    surface = fit_surface(part, JOB).surface
+    assert surface.tmesh.size == body.tmesh.size
+    assert surface.volume == pytest.approx(body.volume, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["body.step", "body.igs"])
+def test_a_cad_part_is_fitted_like_a_mesh(name: str, tmp_path: Path) -> None:
+    pytest.importorskip("OCP", reason="OpenCASCADE's wheel is not installed: pip install 'bonecam[cad]'")
+    body = pebble()
+    save_surface(body, tmp_path / name)
+    part = prepare(tmp_path / name, JOB.mesh)
+    assert part.repairs == ()
+    assert part.mesh.volume == pytest.approx(body.volume, rel=5e-3)
+
+
+def test_rows_that_make_no_part_are_refused(tmp_path: Path) -> None:
+    file = rows_of(pebble(), np.eye(3), tmp_path / "rows.xyz")
+    blocks = file.read_text().split("\n\n")
+    (tmp_path / "open.xyz").write_text("\n\n".join(blocks[1:-1]))
+    with pytest.raises(SurfaceError, match=r"open\.xyz: encloses no part"):
+        prepare(tmp_path / "open.xyz", JOB.mesh)
+    (tmp_path / "crossing.xyz").write_text("\n\n".join([*blocks[:3], blocks[6], *blocks[3:]]))
+    with pytest.raises(MeshError, match=r"crossing\.xyz: its surface cuts"):
+        prepare(tmp_path / "crossing.xyz", JOB.mesh)
+    with pytest.raises(FileError, match=r"none\.csv: cannot be read"):
+        prepare(tmp_path / "none.csv", JOB.mesh)
