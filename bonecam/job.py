@@ -86,14 +86,32 @@ class SurfaceJob(_Stage):
 
 @dataclass(frozen=True)
 class StockJob(_Stage):
-    """The capsule the part is cut from. Zero means: the smallest that holds the part plus the allowance."""
+    """What the part is cut from, upright on the Z axis, and how the part lies in it. A size of zero: the smallest that holds the part."""
 
-    diameter: float = parameter(
-        0.0, "Diameter", "Diameter of the capsule; 0: the smallest that holds the part.", unit="mm", low=0.0, high=500.0
+    kind: str = parameter(
+        "capsule",
+        "Kind",
+        "Capsule, cylinder or box bar, or any closed convex mesh. Edges are rounded by levels of their own first.",
+        choices=("capsule", "cylinder", "box", "mesh"),
     )
-    length: float = parameter(0.0, "Length", "Length of the capsule over both caps; 0: the smallest.", unit="mm", low=0.0, high=2000.0)
+    diameter: float = parameter(0.0, "Diameter", "Diameter of capsule or cylinder; 0: the smallest.", unit="mm", low=0.0, high=500.0)
+    length: float = parameter(0.0, "Length", "Length of capsule (over both caps) or bar; 0: the smallest.", unit="mm", low=0.0, high=2000.0)
+    width: float = parameter(0.0, "Width", "Side of a box along X; 0: the smallest.", unit="mm", low=0.0, high=500.0)
+    depth: float = parameter(0.0, "Depth", "Side of a box along Y; 0: the smallest.", unit="mm", low=0.0, high=500.0)
+    mesh: str = parameter("", "Mesh", "File of a closed convex stock, in mm, Z upright.")
+    scale: float = parameter(1.0, "Scale", "Factor on that file's size; 0: the smallest copy that holds the part.", low=0.0, high=1000.0)
     allowance: float = parameter(
         0.5, "Allowance", "Material round the part in a stock that is found, not given.", unit="mm", low=0.05, high=50.0
+    )
+    offset_x: float = parameter(0.0, "Offset X", "How far the part lies off the stock's axis along X.", unit="mm", low=-500.0, high=500.0)
+    offset_y: float = parameter(0.0, "Offset Y", "How far the part lies off the stock's axis along Y.", unit="mm", low=-500.0, high=500.0)
+    offset_z: float = parameter(
+        0.0, "Offset Z", "How far the part lies above the middle of a given stock.", unit="mm", low=-1000.0, high=1000.0
+    )
+    tilt_x_deg: float = parameter(0.0, "Tilt about X", "Turn of the part about X in the stock, first.", unit="deg", low=-180.0, high=180.0)
+    tilt_y_deg: float = parameter(0.0, "Tilt about Y", "Turn of the part about Y, second.", unit="deg", low=-180.0, high=180.0)
+    turn_deg: float = parameter(
+        0.0, "Turn", "Turn of the part about Z, last (a box without sides finds its own).", unit="deg", low=-180.0, high=180.0
     )
 
 

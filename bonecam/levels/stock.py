@@ -199,14 +199,35 @@ def smallest_capsule(points: Float[ndarray, "n 3"], allowance: float) -> Capsule
     return Capsule(np.array([0, 0, best[2]]), np.array([0, 0, best[3]]), best[1])
 
 
-def given_capsule(diameter: float, length: float, points: Float[ndarray, "n 3"], margin: float = MARGIN) -> Capsule:
-    """A capsule of this size on the Z axis, centred on the part's height.
+def capsule_of_diameter(diameter: float, points: Float[ndarray, "n 3"], allowance: float) -> Capsule:
+    """The shortest capsule of this diameter on the Z axis that holds the points with `allowance` mm of material around them."""
+    reach, inner = np.linalg.norm(points[:, :2], axis=1), diameter / 2 - allowance
+    worst = int(np.argmax(reach))
+    if reach[worst] >= inner:
+        raise StockError(
+            f"a capsule of diameter {diameter:g} mm does not hold the part {reach[worst]:.2f} mm from the axis "
+            f"at z = {points[worst, 2]:.2f} and {allowance:g} mm round it: give at least {2 * (reach[worst] + allowance):.2f}",
+            distance=float(reach[worst] - inner),
+            place=points[worst],
+        )
+    rise = np.sqrt(inner**2 - reach**2)
+    low, high = float((points[:, 2] + rise).min()), float((points[:, 2] - rise).max())
+    low, high = (low, high) if low <= high else ((low + high) / 2,) * 2
+    return Capsule(np.array([0, 0, low]), np.array([0, 0, high]), diameter / 2)
+
+
+def given_capsule(
+    diameter: float, length: float, points: Float[ndarray, "n 3"], margin: float = MARGIN, middle: float | None = None
+) -> Capsule:
+    """A capsule of this size on the Z axis, centred on the part's height or at z = `middle`.
 
     Raises StockError with `distance` and `place` where the part leaves it or has less than `margin` mm of material outside it.
     """
     if not 0 < diameter <= length:
-        raise StockError(f"a capsule of diameter {diameter} and length {length} mm: the length must reach over both caps", distance=0.0)
-    middle = (points[:, 2].min() + points[:, 2].max()) / 2
+        trouble = "the length must reach over both caps" if diameter > 0 else "give the diameter"
+        raise StockError(f"a capsule of diameter {diameter} and length {length} mm: {trouble}", distance=0.0)
+    if middle is None:
+        middle = float(points[:, 2].min() + points[:, 2].max()) / 2
     half = (length - diameter) / 2
     capsule = Capsule(np.array([0, 0, middle - half]), np.array([0, 0, middle + half]), diameter / 2)
     require_inside(capsule, points, margin)

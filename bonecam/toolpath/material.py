@@ -23,25 +23,28 @@ DEVIATION = 2.5 * CHORD
 
 
 class Material:
-    """Begins as the stock; `cut` takes away what a path machines."""
+    """Begins as the stock; `cut` takes away what a path machines. Its mesh stays the whole stock while that is rounded: the grid
+    cannot follow an edge.
+    """
 
     def __init__(self, levels: Sequence[Level], stock: Stock) -> None:
         surfaces = [level.surface for level in levels if level.surface is not None]
-        self._grid = level_grid(surfaces[0], [surface.control_points for surface in surfaces], CHORD)
-        self._vertices = stock.nearest(self._grid.R @ surfaces[-1].control_points)
+        nets = [level.net for level in levels if level.surface is not None]
+        self._grid = level_grid(surfaces[0], nets, CHORD)
+        self._vertices = stock.nearest(self._grid.R @ nets[-1])
         self.mesh: TriangleMesh = levels[-1].mesh
 
     def over(self, level: Level, contacts: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
         """Thickness of the material on the level at each contact, mm."""
         assert level.surface is not None
-        floor = self._grid.R @ level.surface.control_points
+        floor = self._grid.R @ level.net
         thickness = np.linalg.norm(self._vertices - floor, axis=1)
         return np.asarray(thickness[KDTree(floor).query(contacts)[1]])
 
     def cut(self, level: Level, path: ToolPath) -> None:
         """Take away what `path` machines of the material on `level`: down to the level, or to the lifted ball."""
         assert level.surface is not None
-        floor = self._grid.R @ level.surface.control_points
+        floor = self._grid.R @ level.net
         rows = np.flatnonzero(path.kinds == Kind.CUT)
         contacts, centres = path.contacts[rows], path.tips[rows] + path.cutter.radius * path.axes[rows]
         away, nearest = KDTree(contacts).query(floor)
@@ -50,4 +53,5 @@ class Material:
         lowered = floor + (1 - path.cutter.radius / reach) * out
         left = KDTree(path.uncut).query(floor)[0] if len(path.uncut) else np.full(len(floor), np.inf)
         self._vertices = np.where(np.less_equal(away, left)[:, None], lowered, self._vertices)
-        self.mesh = TriangleMesh(self._vertices, self._grid.faces)
+        if level.within is None:
+            self.mesh = TriangleMesh(self._vertices, self._grid.faces)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from bonecam.errors import ToolPathError
@@ -24,6 +24,7 @@ from bonecam.toolpath.sampling import frame, sample_lines
 from bonecam.toolpath.spacing import line_positions
 
 POST_CLEARANCE = 0.1
+THINNEST = 0.002
 DEEPEST_RADII = 0.75
 """A ball is never sunk deeper than this many radii into what is left."""
 LIFT_LIMIT_RADII = 0.5
@@ -45,7 +46,8 @@ def cover_level(
     `obstacles` are what the ball must not enter: the level and the part. Contacts whose ball would come within
     `post_clearance` of the post are left uncut (`post`), and those under more `material` than DEEPEST_RADII (`covered`: an outer
     level was left uncut there). Those lifted by more than the scallop are listed as uncut (`gouge`) though the lifted ball still
-    passes over them. Raises ToolPathError where nothing is left to cut.
+    passes over them. Of a level that rounds the stock only what lies inside the stock is covered. Raises ToolPathError where
+    nothing is left to cut.
     """
     surface = level.surface
     assert surface is not None
@@ -64,11 +66,12 @@ def cover_level(
     covered = np.zeros(len(contacts), dtype=bool)
     if material is not None:
         covered = ~at_post & ~blocked & (material.over(level, contacts) - np.where(blocked, 0.0, lifts) > DEEPEST_RADII * cutter.radius)
-    left_out = at_post | blocked | covered
+    air = _in_air(level, contacts)
+    left_out = at_post | blocked | covered | air
     kept, passes = _runs(line, ~left_out, closed=job.direction == "around")
     if not len(kept):
         raise ToolPathError(f"level {level.index}: nothing can be cut: take a smaller cutter or a thinner post", level=level.index)
-    missed = left_out | (lifts > cutter.scallop)
+    missed = ~air & (left_out | (lifts > cutter.scallop))
     return ContactPath(
         level.index,
         cutter,
@@ -83,6 +86,13 @@ def cover_level(
         contacts[missed],
         tuple(np.select([at_post[missed], covered[missed]], ["post", "covered"], "gouge").tolist()),
     )
+
+
+def _in_air(level: Level, contacts: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
+    """Where a level that rounds the stock lies outside it, or has less than THINNEST mm of it to remove: there is nothing to cut."""
+    if level.within is None:
+        return np.zeros(len(contacts), dtype=bool)
+    return np.asarray(level.within.signed_distance(contacts) > -THINNEST)
 
 
 def _to_and_fro(line: Int[ndarray, " n"]) -> Int[ndarray, " n"]:

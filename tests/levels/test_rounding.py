@@ -111,8 +111,8 @@ def test_every_level_can_be_followed_on_the_parts_tmesh(made: Morph) -> None:
 
 
 def test_a_part_that_leaves_the_bar_is_refused_at_once_with_its_place() -> None:
-    with pytest.raises(StockError, match=r"cylinder 6\.00 x 20\.00 mm\) does not hold the part") as caught:
-        levels_in(waisted(), Cylinder(3.0, 0.0, 20.0), SCHEDULE)
+    with pytest.raises(StockError, match=r"cylinder 4\.00 x 20\.00 mm\) does not hold the part") as caught:
+        levels_in(waisted(), Cylinder(2.0, 0.0, 20.0), SCHEDULE)
     assert caught.value.evidence["distance"] > 0
     assert caught.value.evidence["place"].shape == (3,)
 

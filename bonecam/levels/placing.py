@@ -1,0 +1,110 @@
+"""The stock a job asks for, given or the smallest round the part, and how the part lies in it.
+
+The stock stands upright on the Z axis. The part is turned (first about X, then Y, then Z, about the middle of its box) and
+shifted in it as the job says; without that it lies in the middle of the stock's height.
+"""
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.errors import StockError
+from bonecam.job import StockJob
+from bonecam.levels.box import Box
+from bonecam.levels.convex import ConvexStock
+from bonecam.levels.cylinder import Cylinder
+from bonecam.levels.stock import MARGIN, Stock, capsule_of_diameter, given_capsule, require_inside, smallest_capsule
+from bonecam.mesh.files import read_mesh
+
+TURNS, HALVINGS, LARGEST_SCALE = 90, 50, 1e4
+
+
+def stock_for(points: Float[ndarray, "n 3"], job: StockJob) -> tuple[Stock, Float[ndarray, "4 4"]]:
+    """The stock on the Z axis, and the transform (4, 4) that puts the part's points (n, 3) into it; mm.
+
+    Raises StockError with `distance` and `place` where the part leaves a given stock or comes within MARGIN mm of its wall.
+    """
+    turn = job.turn_deg
+    if job.kind == "box" and not (job.width or job.depth or turn):
+        turn = _narrowest_turn(points)
+    rotation = _rotation(job.tilt_x_deg, job.tilt_y_deg, turn)
+    middle = (points.min(0) + points.max(0)) / 2
+    transform = np.eye(4)
+    transform[:3, :3], transform[:3, 3] = rotation, middle - rotation @ middle + [job.offset_x, job.offset_y, job.offset_z]
+    lying = points @ rotation.T + transform[:3, 3]
+    stock = STOCKS[job.kind](lying, job, float((lying[:, 2].min() + lying[:, 2].max()) / 2 - job.offset_z))
+    require_inside(stock, lying, MARGIN)
+    return stock, transform
+
+
+def _rotation(x_deg: float, y_deg: float, z_deg: float) -> Float[ndarray, "3 3"]:
+    found = np.eye(3)
+    for axis, angle in enumerate(np.radians([x_deg, y_deg, z_deg])):
+        u, v = (axis + 1) % 3, (axis + 2) % 3
+        turn = np.eye(3)
+        turn[u, u], turn[u, v], turn[v, u], turn[v, v] = np.cos(angle), -np.sin(angle), np.sin(angle), np.cos(angle)
+        found = turn @ found
+    return found
+
+
+def _narrowest_turn(points: ndarray) -> float:
+    """The turn about Z (degrees) after which a box on the axis round the points has the smallest base."""
+    areas = []
+    for angle in range(TURNS):
+        reach = np.abs(points @ _rotation(0.0, 0.0, angle).T)[:, :2].max(0)
+        areas.append(float(np.prod(reach)))
+    return float(np.argmin(areas))
+
+
+def _capsule(points: ndarray, job: StockJob, middle: float) -> Stock:
+    if not (job.diameter or job.length):
+        return smallest_capsule(points, job.allowance)
+    if job.diameter and not job.length:
+        return capsule_of_diameter(job.diameter, points, job.allowance)
+    return given_capsule(job.diameter, job.length, points, middle=middle)
+
+
+def _cylinder(points: ndarray, job: StockJob, middle: float) -> Stock:
+    """Without sizes the bar round the smallest capsule, because that is what it is rounded to."""
+    if not (job.diameter or job.length):
+        capsule = smallest_capsule(points, job.allowance)
+        return Cylinder(capsule.radius, float(capsule.bounds[0, 2]), float(capsule.bounds[1, 2]))
+    radius = job.diameter / 2 or float(np.hypot(points[:, 0], points[:, 1]).max()) + job.allowance
+    half = job.length / 2 or _half(points[:, 2] - middle, job)
+    return Cylinder(radius, middle - half, middle + half)
+
+
+def _box(points: ndarray, job: StockJob, middle: float) -> Stock:
+    sizes = zip((job.width, job.depth, job.length), (points - [0.0, 0.0, middle]).T)
+    half = np.array([size / 2 or _half(extent, job) for size, extent in sizes])
+    return Box(np.array([0.0, 0.0, middle]) - half, np.array([0.0, 0.0, middle]) + half)
+
+
+def _half(extent: ndarray, job: StockJob) -> float:
+    return float(np.abs(extent).max()) + job.allowance
+
+
+def _mesh(points: ndarray, job: StockJob, middle: float) -> Stock:
+    """The file's body with the middle of its box on the axis; scale 0: the smallest copy that leaves the allowance."""
+    if not job.mesh:
+        raise StockError("a stock of kind 'mesh' needs a file: give stock.mesh = \"block.stl\" (mm, Z upright)")
+    given = ConvexStock(read_mesh(job.mesh))
+    stock = given.moved(np.array([0.0, 0.0, middle]) - given.middle)
+    if job.scale:
+        return stock.scaled(job.scale)
+
+    def holds(scale: float) -> bool:
+        return bool(stock.scaled(scale).signed_distance(points).max() <= -job.allowance)
+
+    low, high = 0.0, 1.0
+    while not holds(high):
+        low, high = high, 2 * high
+        if high > LARGEST_SCALE:
+            raise StockError(f"{job.mesh}: no copy of this body on the Z axis holds the part: move the part with stock.offset_x, offset_y")
+    for _ in range(HALVINGS):
+        between = (low + high) / 2
+        low, high = (low, between) if holds(between) else (between, high)
+    return stock.scaled(high)
+
+
+STOCKS = {"capsule": _capsule, "cylinder": _cylinder, "box": _box, "mesh": _mesh}
