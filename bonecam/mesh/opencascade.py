@@ -34,8 +34,10 @@ def occ(task: str = "this") -> Any:
     """A name space of OpenCASCADE's packages, `occ().gp.gp_Pnt`; FileError names the extra where `task` cannot be done without it."""
     try:
         return _packages()
-    except ImportError as error:
+    except ModuleNotFoundError as error:
         raise FileError(f"{task} needs OpenCASCADE: pip install 'bonecam[cad]'") from error
+    except ImportError as error:
+        raise FileError(f"{task} needs OpenCASCADE, which cannot be loaded ({error}): install the system package libgl1") from error
 
 
 @cache
