@@ -6,6 +6,7 @@ triangles of neighbouring faces share the points of their common edge; they are 
 
 from functools import cache
 from importlib import import_module
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,8 @@ CHORD = 5e-4  # default chord tolerance, of the diagonal
 ASKED = 0.6  # of the tolerance is asked of OpenCASCADE, which overshoots
 TRIES = (1.0, 0.7, 0.4)  # of the deflection, one after the other where a face fails
 LOST = 0.03  # of the area: where the triangles have so much less or more than the faces, OpenCASCADE has lost a part
-SPLITS = 3  # closed faces are cut that often in the second way of tessellating
+MEASURED = np.array([[1, 1, 1], [1, 1, 0], [0, 1, 1], [1, 0, 1]]) / [[3], [2], [2], [2]]  # shares of the corners at the measured points
+SPLITS = 3  # closed faces are cut that often
 ANGLE = 0.35  # between neighbouring triangles, radians
 SEWN = 1e-5  # of the diagonal: loose edges nearer than this are one
 WELDED = 1e-7  # of the diagonal: mesh points nearer than this are one
@@ -141,7 +143,7 @@ def tessellated(shape: Any, chord_tolerance: float | None = None) -> TriangleMes
     """Triangles of all faces (one or more), outward as the faces say, welded along their edges.
 
     OpenCASCADE sometimes loses parts of a face, of one that closes on itself above all. So what it made is measured (distance of each
-    triangle from the face, area) and tried again finer, and with closed faces cut up. FileError where no try succeeds.
+    triangle from the face, area) and tried again: closed faces cut up, as they are, finer. FileError where no try succeeds.
     """
     lib = occ()
     diagonal = diagonal_of(shape)
@@ -149,14 +151,12 @@ def tessellated(shape: Any, chord_tolerance: float | None = None) -> TriangleMes
     solids = lib.TopExp.TopExp_Explorer(shape, lib.TopAbs.TopAbs_ShapeEnum.TopAbs_SOLID).More()
     whole = shape if solids else sewn(shape, SEWN * diagonal)
     area = _area(whole)
-    for divided in (False, True):
-        tried = _without_closed_faces(whole) if divided else whole
-        for share in TRIES:
-            lib.BRepTools.BRepTools.Clean_s(tried)
-            lib.BRepMesh.BRepMesh_IncrementalMesh(tried, share * ASKED * tolerance, False, ANGLE, False)
-            mesh = _mesh_of(tried, tolerance, WELDED * diagonal)
-            if mesh is not None and abs(mesh.area - area) <= LOST * area:
-                return mesh
+    for share, tried in product(TRIES, (_without_closed_faces(whole), whole)):
+        lib.BRepTools.BRepTools.Clean_s(tried)
+        lib.BRepMesh.BRepMesh_IncrementalMesh(tried, share * ASKED * tolerance, False, ANGLE, False)
+        mesh = _mesh_of(tried, tolerance, WELDED * diagonal)
+        if mesh is not None and abs(mesh.area - area) <= LOST * area:
+            return mesh
     raise FileError("a face of the part cannot be tessellated: heal the part in its CAD system and export it again")
 
 
@@ -196,9 +196,11 @@ def _triangles(face: Any, tolerance: float) -> tuple[Float[ndarray, "n 3"], Int6
     parameters = np.array([(p.X(), p.Y()) for p in map(mesh.UVNode, count)])
     corners = np.array([mesh.Triangle(i).Get() for i in range(1, mesh.NbTriangles() + 1)], dtype=np.int64).reshape(-1, 3) - 1
     surface = lib.BRepAdaptor.BRepAdaptor_Surface(face)
-    middles = np.array([(p.X(), p.Y(), p.Z()) for p in (surface.Value(u, v) for u, v in parameters[corners].mean(axis=1).tolist())])
-    if _heights(nodes[corners], middles).max() > tolerance:
-        return None
+    for shares in MEASURED:
+        at = np.einsum("k,mkp->mp", shares, parameters[corners]).tolist()
+        found = np.array([(p.X(), p.Y(), p.Z()) for p in (surface.Value(u, v) for u, v in at)])
+        if _heights(nodes[corners], found).max() > tolerance:
+            return None
     return nodes, corners[:, ::-1] if face.Orientation() == lib.TopAbs.TopAbs_Orientation.TopAbs_REVERSED else corners
 
 
