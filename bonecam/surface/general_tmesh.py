@@ -24,6 +24,8 @@ from bonecam.surface.elements import Elements
 from bonecam.surface.local_extraction import extract_local
 from bonecam.surface.rays import knots_of_lines, local_lines
 
+ROUNDING = 1e-12  # of the knots' size: nearer knots must be equal
+
 
 @dataclass(frozen=True, eq=False)
 class TMesh:
@@ -58,6 +60,15 @@ class TMesh:
         if not len(self.faces):
             raise SurfaceError("the T-mesh has no face")
         assert len(self.knot_lines[0]) == len(v)
+
+    @classmethod
+    def tensor(cls, s_lines: Float[ndarray, " a"], t_lines: Float[ndarray, " b"], period: tuple[float, float] = (0.0, 0.0)) -> "TMesh":
+        """The full grid: a vertex at every crossing. Give the end knots of a clamped direction twice, of a closed one once and no end."""
+        a, b = len(s_lines), len(t_lines)
+        p, q = a - (not period[0]), b - (not period[1])
+        vertices = np.indices((a, b)).reshape(2, -1).T
+        full = [np.ones(shape, dtype=bool) for shape in ((p, b), (a, q), (p, q))]
+        return cls(s_lines, t_lines, vertices, *full, period)
 
     @property
     def size(self) -> int:
@@ -133,6 +144,10 @@ def _check_knots(letter: str, lines: ndarray, period: float) -> None:
     if len(lines) < 2 or not np.isfinite(lines).all() or (np.diff(lines) < 0).any():
         k = int(np.argmax(~(np.diff(lines) >= 0))) + 1 if len(lines) > 1 else 0
         raise SurfaceError(f"the knot of {letter}-line {k} is less than the one before: knots must not decrease", line=k)
+    close = (np.diff(lines) > 0) & (np.diff(lines) < ROUNDING * max(np.ptp(lines), np.abs(lines).max()))
+    if close.any():
+        k = int(np.argmax(close)) + 1
+        raise SurfaceError(f"the knots of {letter}-lines {k - 1} and {k} differ by rounding only: make them equal", line=k)
     if period < 0 or (period and not period > np.ptp(lines)):
         raise SurfaceError(f"the period of {letter} must be longer than its knots' range {np.ptp(lines)}, not {period}")
 

@@ -27,7 +27,8 @@ def extract_local(
     """
     s, t, ids = _images(s_knots, t_knots, period)
     boxes = _cut(faces, s, t)
-    function, element = _overlaps(boxes, s, t)
+    s_middle, t_middle = boxes[:, :2].mean(axis=1), boxes[:, 2:].mean(axis=1)
+    function, element = _overlaps(np.column_stack([s_middle, s_middle, t_middle, t_middle]), s, t)  # images are off by a rounding
     low, high = boxes[element][:, [0, 2]], boxes[element][:, [1, 3]]
     around, along = (_coefficients(k[function], low[:, d], high[:, d]) for d, k in ((0, s), (1, t)))
     values = (along[:, :, None] * around[:, None, :]).reshape(-1, 16)

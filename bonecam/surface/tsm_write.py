@@ -147,9 +147,12 @@ def _links(graph: Graph) -> tuple[list[tuple[int, int]], dict[tuple[int, int], i
     """Half edges (vertex, direction), the two of an edge one after the other, and their numbers."""
     links = []
     for v, row in enumerate(graph.neighbours):
-        for direction in (0, 1):
-            if row[direction] >= 0:
-                links += [(v, direction), (int(row[direction]), direction + 2)]
+        for direction, w in enumerate(row.tolist()):
+            if w >= 0 and graph.neighbours[w, (direction + 2) % 4] != v:
+                message = f"lines with one knot part between control points {graph.own[v]} and {graph.own[w]}: a .tsm file cannot hold it"
+                raise SurfaceError(message, control_points=(graph.own[v], graph.own[w]))
+            if direction < 2 and w >= 0:
+                links += [(v, direction), (w, direction + 2)]
     return links, {link: n for n, link in enumerate(links)}
 
 

@@ -19,6 +19,7 @@ from bonecam.surface.elements import Elements
 from bonecam.surface.general_tmesh import TMesh
 from bonecam.surface.open_rows import OpenRowTMesh
 from bonecam.surface.project import Projection, Seeds, project
+from bonecam.surface.refine import refine
 from bonecam.surface.tessellate import Tessellation, tessellate
 from bonecam.surface.tmesh import RowTMesh
 
@@ -153,6 +154,10 @@ class TSpline(Generic[M]):
     def diagnose(self) -> Diagnosis:
         """Standard, semi-standard or non-standard, nullity, and how T-junction extensions meet: see surface.diagnose."""
         return diagnose(self)
+
+    def refine(self, s: Float[ndarray, " n"], t: Float[ndarray, " n"], directions: str = "st") -> "TSpline[M]":
+        """The same surface, the faces that hold the samples cut in their middle: see surface.refine."""
+        return refine(self, s, t, directions)
 
     @cached_property
     def seeds(self) -> Seeds:

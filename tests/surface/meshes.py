@@ -1,0 +1,42 @@
+"""Random general T-splines: a tensor grid, faces of it cut at random, control points and weights at random."""
+
+import numpy as np
+
+from bonecam.surface.general_tmesh import TMesh
+from bonecam.surface.tspline import TSpline
+
+
+def tensor(seed: int, s_count: int = 4, t_count: int = 3, closed: bool = False) -> TSpline[TMesh]:
+    """A patch near the unit square's graph, or a tube closed in s."""
+    rng = np.random.default_rng(seed)
+    inner = lambda n: np.cumsum(rng.uniform(0.3, 1.0, n))  # noqa: E731
+    t = inner(t_count)
+    t = np.concatenate([[0.0, 0.0], t, [t[-1] + 0.5] * 2])
+    if closed:
+        s = inner(s_count + 3)
+        mesh = TMesh.tensor(s, t, (float(s[-1] - s[0] + 0.6), 0.0))
+    else:
+        s = inner(s_count)
+        mesh = TMesh.tensor(np.concatenate([[0.0, 0.0], s, [s[-1] + 0.5] * 2]), t)
+    x, y = mesh.s_lines[mesh.vertices[:, 0]], mesh.t_lines[mesh.vertices[:, 1]]
+    angle = 2 * np.pi * x / mesh.period[0] if closed else x
+    points = np.column_stack([3 * np.cos(angle), 3 * np.sin(angle), y] if closed else [x, y, np.zeros(mesh.size)])
+    return TSpline(mesh, points + 0.15 * rng.standard_normal((mesh.size, 3)), rng.uniform(0.7, 1.4, mesh.size))
+
+
+def samples(surface: TSpline, seed: int, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Parameters inside random elements."""
+    rng = np.random.default_rng(seed)
+    box = surface.elements().boxes[rng.integers(0, len(surface.elements().boxes), count)]
+    u = rng.random((2, count))
+    return box[:, 0] + (box[:, 1] - box[:, 0]) * u[0], box[:, 2] + (box[:, 3] - box[:, 2]) * u[1]
+
+
+def random_tspline(seed: int, closed: bool = False, rounds: int = 3) -> TSpline[TMesh]:
+    """A T-spline with T-junctions, its control points moved after each cut."""
+    rng = np.random.default_rng(seed)
+    surface = tensor(seed, int(rng.integers(1, 4)), int(rng.integers(1, 4)), closed)
+    for k in range(rounds):
+        surface = surface.refine(*samples(surface, seed + k, 1), ("s", "t", "st")[int(rng.integers(3))])
+        surface = surface.with_control_points(surface.control_points + 0.02 * rng.standard_normal(surface.control_points.shape))
+    return surface

@@ -1,0 +1,112 @@
+"""Refinement leaves every surface what it is: rational, non-standard, closed, with holes; and so do rows."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from meshes import random_tspline, samples
+from rowed import bone_like
+
+from bonecam.surface.as_general import as_general
+from bonecam.surface.files import read_tsm, write_tsm
+from bonecam.surface.tspline import TSpline
+
+seeds = st.integers(0, 10_000)
+
+
+def assert_same(first: TSpline, second: TSpline, seed: int = 0, order: int = 1) -> None:
+    s, t = samples(second, seed, 400)
+    for a, b, tolerance in zip(first.evaluate(s, t, 2), second.evaluate(s, t, 2), [1e-13] + [2e-12] * 2 + [1e-10] * 3):
+        np.testing.assert_allclose(a, b, atol=tolerance * max(1.0, abs(a).max()))
+
+
+@pytest.mark.parametrize("name", ["simple", "fan", "Bike", "mouse", "face", "gearbox2-9"])
+def test_the_models_stay_what_they_are(shared: Path, name: str) -> None:
+    surface = read_tsm(shared / "tspline" / "tsm" / f"{name}.tsm")
+    s, t = samples(surface, 1, 2000)
+    expected, size = surface.evaluate(s, t), np.ptp(surface.control_points, axis=0).max()
+    for k, directions in enumerate(("st", "s", "t")):
+        finer = surface.refine(*samples(surface, k + 2, 3), directions=directions)
+        assert len(finer.tmesh.face_boxes) > len(surface.tmesh.face_boxes)
+        surface = finer
+        np.testing.assert_allclose(surface.evaluate(s, t), expected, atol=1e-13 * size)
+
+
+def test_every_face_of_the_notched_model_can_be_cut(shared: Path) -> None:
+    surface = read_tsm(shared / "tspline" / "tsm" / "mouse.tsm")
+    s, t = samples(surface, 1, 500)
+    expected = surface.evaluate(s, t)
+    for box in surface.tmesh.face_boxes[::2]:
+        finer = surface.refine(box[[0]] * 0.6 + box[[1]] * 0.4, box[[2]] * 0.3 + box[[3]] * 0.7)
+        np.testing.assert_allclose(finer.evaluate(s, t), expected, atol=1e-11)
+
+
+@settings(max_examples=8, deadline=None)
+@given(seeds, st.booleans(), st.sampled_from(["s", "t", "st"]))
+def test_random_tsplines_stay_what_they_are(seed: int, closed: bool, directions: str) -> None:
+    surface = random_tspline(seed, closed)
+    finer = surface.refine(*samples(surface, seed + 9, 2), directions)
+    assert len(finer.tmesh.face_boxes) > len(surface.tmesh.face_boxes)
+    assert_same(surface, finer, seed)
+
+
+@settings(max_examples=8, deadline=None)
+@given(seeds)
+def test_derivatives_of_random_tsplines_agree_with_finite_differences(seed: int) -> None:
+    surface = random_tspline(seed, seed % 2 == 0)
+    boxes = surface.elements().boxes
+    rng = np.random.default_rng(seed)
+    box, (u, v) = boxes[rng.integers(0, len(boxes), 100)], rng.uniform(0.05, 0.95, (2, 100))
+    s, t = box[:, 0] + (box[:, 1] - box[:, 0]) * u, box[:, 2] + (box[:, 3] - box[:, 2]) * v
+    h = 1e-4 * (boxes[:, 1::2] - boxes[:, ::2]).min()
+    _, Ss, St, Sss, Sst, Stt = surface.evaluate(s, t, 2)
+    right, left, up, down = (surface.evaluate(s + a, t + b, 1) for a, b in ((h, 0), (-h, 0), (0, h), (0, -h)))
+    pairs = ((Ss, right[0], left[0]), (St, up[0], down[0]), (Sss, right[1], left[1]), (Sst, up[1], down[1]), (Stt, up[2], down[2]))
+    for exact, ahead, back in pairs:
+        np.testing.assert_allclose((ahead - back) / (2 * h), exact, atol=1e-5 * max(1.0, abs(exact).max()))
+
+
+@settings(max_examples=8, deadline=None)
+@given(seeds, st.booleans())
+def test_random_tsplines_come_back_from_their_files(tmp_path_factory: pytest.TempPathFactory, seed: int, closed: bool) -> None:
+    path = tmp_path_factory.mktemp("tsm") / "a.tsm"
+    surface = random_tspline(seed, closed)
+    write_tsm(surface, path)
+    again = read_tsm(path)
+    assert again.control_points.tobytes() == surface.control_points.tobytes()
+    np.testing.assert_array_equal(again.tmesh.knot_lines[0], surface.tmesh.knot_lines[0])
+    np.testing.assert_array_equal(again.tmesh.knot_lines[1], surface.tmesh.knot_lines[1])
+    assert again.tmesh.s_lines.tobytes() == surface.tmesh.s_lines.tobytes()
+
+
+@settings(max_examples=10, deadline=None)
+@given(seeds, st.integers(6, 12), st.integers(4, 9), st.sampled_from(["s", "t", "st"]), st.booleans())
+def test_rows_stay_what_they_are(seed: int, rows: int, around: int, directions: str, poles: bool) -> None:
+    surface = bone_like(rows, around, seed, poles=poles)
+    s, t = np.random.default_rng(seed).random((2, 3))
+    finer = surface.refine(s, t, directions)
+    assert type(finer.tmesh) is type(surface.tmesh)
+    assert finer.tmesh.size > surface.tmesh.size
+    s, t = np.random.default_rng(seed + 1).random((2, 500))
+    np.testing.assert_allclose(finer.evaluate(s, t), surface.evaluate(s, t), atol=1e-13 * 28)
+
+
+@settings(max_examples=8, deadline=None)
+@given(seeds, st.booleans())
+def test_rows_are_a_general_tmesh(seed: int, poles: bool) -> None:
+    surface = bone_like(8, 6, seed, poles=poles)
+    general = as_general(surface)
+    s, t = np.random.default_rng(seed).random((2, 500))
+    for a, b in zip(surface.evaluate(s, t, 2), general.evaluate(s, t, 2)):
+        np.testing.assert_allclose(a, b, atol=1e-11 * abs(a).max())
+    np.testing.assert_allclose(general.refine(s[:1], t[:1], "s").evaluate(s, t), surface.evaluate(s, t), atol=1e-13 * 28)
+
+
+def test_a_wrong_call_is_refused() -> None:
+    surface = random_tspline(1)
+    with pytest.raises(ValueError, match="directions"):
+        surface.refine(np.zeros(1), np.zeros(1), "x")
+    with pytest.raises(ValueError, match="s must be in"):
+        surface.refine(np.array([-1.0]), np.zeros(1))
