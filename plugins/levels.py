@@ -22,8 +22,8 @@ from bonecam.surface.tspline import TSpline
 CATEGORY = "Bonecam: Stock and Levels"
 
 
-def stock_capsule(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
-    """`generate_stock_capsule`."""
+def generate_stock(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
+    """`generate_stock` and `generate_stock_capsule`."""
     from bonecam.pipeline import Part, place
 
     job = replace(layers.job(), stock=stage_of(StockJob(), values), holding=stage_of(HoldingJob(), values, prefix="post_"))
@@ -37,11 +37,11 @@ def stock_capsule(layers: Layers, values: Mapping[str, Any], progress: Progress)
 
 def morph_levels(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """`generate_morph_levels`."""
-    from bonecam.levels.stock import Capsule
+    from bonecam.levels.stock import Stock
     from bonecam.pipeline import make_levels
 
     surface = layers.kept("surface", TSpline, "compute_tspline_surface")
-    stock = layers.kept("stock", Capsule, "generate_stock_capsule")
+    stock = layers.kept("stock", Stock, "generate_stock")  # type: ignore[type-abstract]
     job = replace(layers.job(), levels=stage_of(LevelsJob(), values))
     morph = make_levels(surface, stock, job, progress)
     source = layers.meshset.current_mesh_id()
@@ -99,11 +99,25 @@ FILTERS = (
         "the stock.",
         CATEGORY,
         (
+            *parameters_of(StockJob(), only=("diameter", "length", "allowance")),
+            *parameters_of(HoldingJob(), prefix="post_"),
+            *parameters_of(LevelsJob(), only=("chord_tolerance",)),
+        ),
+        generate_stock,
+    ),
+    Filter(
+        "generate_stock",
+        "Generate Stock",
+        "What the part is cut from: a capsule, a cylinder or box bar, or any closed convex mesh, given or the smallest that holds the "
+        "part, which may lie anywhere in it. Adds the stock and the part moved onto its post (program zero is the table, z = 0) as "
+        "layers. The part's layer becomes the current one and keeps the stock.",
+        CATEGORY,
+        (
             *parameters_of(StockJob()),
             *parameters_of(HoldingJob(), prefix="post_"),
             *parameters_of(LevelsJob(), only=("chord_tolerance",)),
         ),
-        stock_capsule,
+        generate_stock,
     ),
     Filter(
         "generate_morph_levels",

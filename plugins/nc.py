@@ -17,13 +17,13 @@ CATEGORY = "Bonecam: NC"
 def save_program(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """`save_nc_program`."""
     from bonecam.levels.morph import Morph
-    from bonecam.levels.stock import Capsule
+    from bonecam.levels.stock import Stock
     from bonecam.pipeline import post, verify
     from bonecam.verify.report import nc_report
 
     paths = layers.kept("toolpath", tuple, "generate_toolpath")
     morph = layers.kept("morph", Morph, "generate_morph_levels")
-    stock = layers.kept("stock", Capsule, "generate_stock_capsule")
+    stock = layers.kept("stock", Stock, "generate_stock")  # type: ignore[type-abstract]
     job = replace(layers.job(), nc=stage_of(layers.job().nc, values))
     program = post(paths, stock, job, part(progress, 0.0, 0.5))
     proof = verify(program, paths, morph, job, part(progress, 0.5, 1.0))

@@ -20,12 +20,12 @@ CATEGORY = "Bonecam: Tool Paths"
 def plan_toolpath(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """`generate_toolpath`."""
     from bonecam.levels.morph import Morph
-    from bonecam.levels.stock import Capsule
+    from bonecam.levels.stock import Stock
     from bonecam.nc.machine import read_machine
     from bonecam.pipeline import plan_paths
 
     morph = layers.kept("morph", Morph, "generate_morph_levels")
-    stock = layers.kept("stock", Capsule, "generate_stock_capsule")
+    stock = layers.kept("stock", Stock, "generate_stock")  # type: ignore[type-abstract]
     job = replace(
         layers.job(),
         path=stage_of(PathJob(), values),

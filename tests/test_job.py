@@ -28,7 +28,7 @@ def test_every_parameter_states_label_tooltip_and_a_default_within_its_range() -
     ("text", "named"),
     [
         ("[stock]\ndiameter = -1", "diameter"),
-        ("[stock]\nwidth = 1", "width"),
+        ("[stock]\nbreadth = 1", "breadth"),
         ("[stok]\ndiameter = 1", "stok"),
         ('[stock]\ndiameter = "15"', "diameter"),
         ("diameter = 1", "diameter"),

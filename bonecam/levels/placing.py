@@ -51,7 +51,7 @@ def _narrowest_turn(points: ndarray) -> float:
     """The turn about Z (degrees) after which a box on the axis round the points has the smallest base."""
     areas = []
     for angle in range(TURNS):
-        reach = np.abs(points @ _rotation(0.0, 0.0, angle).T)[:, :2].max(0)
+        reach = np.abs(points @ _rotation(0.0, 0.0, float(angle)).T)[:, :2].max(0)
         areas.append(float(np.prod(reach)))
     return float(np.argmin(areas))
 

@@ -19,6 +19,7 @@ OURS = [item for item in installed() if item.act.__module__.startswith("bonecam_
 EVERY = pytest.mark.parametrize("item", OURS, ids=lambda item: item.name)
 
 QUICK: dict[str, dict[str, Any]] = {
+    "generate_stock": {"kind": "box", "allowance": 0.6},
     "generate_stock_capsule": {"allowance": 0.6},
     "compute_tspline_surface": {"tolerance": 0.2, "rows": 12, "row_points": 40, "edge_percent": 4.0},
     "generate_morph_levels": {"finishing_levels": 1, "finishing_depth": 0.5, "roughing_depth": 1.0},

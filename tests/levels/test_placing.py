@@ -1,0 +1,127 @@
+"""The stock a job asks for, and where the part lies in it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bonecam.errors import StockError
+from bonecam.job import StockJob
+from bonecam.levels.box import Box
+from bonecam.levels.convex import ConvexStock
+from bonecam.levels.cylinder import Cylinder
+from bonecam.levels.placing import stock_for
+from bonecam.levels.stock import MARGIN, smallest_capsule
+from bonecam.mesh.files import write_mesh
+
+KINDS = ("capsule", "cylinder", "box")
+
+
+def cloud() -> np.ndarray:
+    points = np.random.default_rng(8).normal(size=(800, 3))
+    return points / np.linalg.norm(points, axis=1)[:, None] * [4.0, 3.0, 12.0] + [0, 0, 3.0]
+
+
+def lying(points: np.ndarray, transform: np.ndarray) -> np.ndarray:
+    return points @ transform[:3, :3].T + transform[:3, 3]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_smallest_stock_leaves_the_allowance_over_the_part(kind: str) -> None:
+    points, allowance = cloud(), 0.7
+    stock, transform = stock_for(points, StockJob(kind=kind, allowance=allowance))
+    inside = stock.signed_distance(lying(points, transform)).max()
+    assert stock.kind == kind
+    if kind != "cylinder":
+        assert inside == pytest.approx(-allowance, abs=1e-6)
+    else:  # the bar round the smallest capsule, to which it is rounded
+        capsule = smallest_capsule(points, allowance)
+        assert (stock.diameter, stock.length) == pytest.approx((capsule.diameter, capsule.length))
+
+
+@pytest.mark.parametrize(
+    "job",
+    [
+        StockJob(diameter=12.0, length=30.0),
+        StockJob(diameter=12.0),
+        StockJob(kind="cylinder", diameter=12.0, length=30.0),
+        StockJob(kind="cylinder", diameter=12.0),
+        StockJob(kind="cylinder", length=30.0),
+        StockJob(kind="box", width=12.0, depth=11.0, length=30.0),
+        StockJob(kind="box", width=12.0),
+    ],
+)
+def test_given_sizes_are_kept_and_the_others_found(job: StockJob) -> None:
+    points = cloud()
+    stock, transform = stock_for(points, job)
+    low, high = stock.bounds
+    if job.diameter:
+        assert stock.diameter == pytest.approx(job.diameter)
+    if job.length:
+        assert stock.length == pytest.approx(job.length)
+        assert low[2] + high[2] == pytest.approx(points[:, 2].min() + points[:, 2].max())
+    if job.width:
+        assert (high - low)[0] == pytest.approx(job.width)
+    assert stock.signed_distance(lying(points, transform)).max() <= -min(MARGIN, job.allowance)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_part_is_shifted_in_the_stock_not_the_stock(kind: str) -> None:
+    sizes = {"width": 14.0, "depth": 14.0} if kind == "box" else {"diameter": 14.0}
+    plain = StockJob(kind=kind, length=34.0, **sizes)
+    moved = StockJob(kind=kind, length=34.0, offset_x=1.0, offset_y=-0.5, offset_z=1.5, **sizes)
+    (stock, before), (same, after) = stock_for(cloud(), plain), stock_for(cloud(), moved)
+    assert np.allclose(stock.bounds, same.bounds)
+    assert np.allclose(lying(cloud(), after) - lying(cloud(), before), [1.0, -0.5, 1.5])
+
+
+def test_the_part_is_tilted_about_its_middle() -> None:
+    points = cloud()
+    _, transform = stock_for(points, StockJob(diameter=20.0, length=36.0, tilt_x_deg=30.0, tilt_y_deg=-10.0, turn_deg=45.0))
+    middle = (points.min(0) + points.max(0)) / 2
+    assert np.allclose(lying(middle[None], transform)[0], middle)
+    x, y, z = np.radians([30.0, -10.0, 45.0])
+    about_x = np.array([[1, 0, 0], [0, np.cos(x), -np.sin(x)], [0, np.sin(x), np.cos(x)]])
+    about_y = np.array([[np.cos(y), 0, np.sin(y)], [0, 1, 0], [-np.sin(y), 0, np.cos(y)]])
+    about_z = np.array([[np.cos(z), -np.sin(z), 0], [np.sin(z), np.cos(z), 0], [0, 0, 1]])
+    assert np.allclose(transform[:3, :3], about_z @ about_y @ about_x)
+
+
+def test_a_box_without_sides_turns_the_part_to_its_narrowest() -> None:
+    turn = np.radians(30)
+    points = cloud() @ np.array([[np.cos(turn), np.sin(turn), 0], [-np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
+    stock, _ = stock_for(points, StockJob(kind="box", allowance=0.5))
+    assert isinstance(stock, Box)
+    assert np.sort((stock.high - stock.low)[:2]) == pytest.approx([7.0, 9.0], abs=0.3)
+
+
+def test_a_stock_from_a_file_is_taken_as_it_is_or_as_its_smallest_copy(tmp_path: Path) -> None:
+    file = tmp_path / "block.stl"
+    write_mesh(Cylinder(8.0, 100.0, 140.0, (30.0, 5.0)).mesh(0.5), file)
+    stock, _ = stock_for(cloud(), StockJob(kind="mesh", mesh=str(file)))
+    assert isinstance(stock, ConvexStock)
+    assert np.allclose(stock.middle, [0, 0, 3], atol=0.05)
+    assert (stock.diameter, stock.length) == pytest.approx((16.0, 40.0), abs=0.2)
+    smallest, transform = stock_for(cloud(), StockJob(kind="mesh", mesh=str(file), scale=0.0, allowance=0.4))
+    assert smallest.signed_distance(lying(cloud(), transform)).max() == pytest.approx(-0.4, abs=1e-6)
+    assert smallest.length < stock.length
+
+
+IMPOSSIBLE = {
+    "leaves a capsule": (StockJob(diameter=7.0, length=30.0), "does not hold the part, which leaves it by"),
+    "shifted out of a bar": (StockJob(kind="cylinder", diameter=10.0, length=30.0, offset_x=3.0), r"leaves it by .* at \("),
+    "tilted out of a box": (StockJob(kind="box", width=9.0, depth=9.0, length=26.0, tilt_x_deg=60.0), r"leaves it by .* at \("),
+    "touches the wall": (StockJob(kind="cylinder", diameter=8.01, length=30.0), "comes within 0.0.* mm of its wall"),
+    "too narrow": (StockJob(diameter=7.0), "mm from the axis at z = .*: give at least"),
+    "no diameter": (StockJob(length=30.0), "give the diameter"),
+    "no file": (StockJob(kind="mesh"), "needs a file"),
+}
+
+
+@pytest.mark.parametrize(("job", "trouble"), IMPOSSIBLE.values(), ids=IMPOSSIBLE)
+def test_an_impossible_stock_is_refused_with_distance_and_place(job: StockJob, trouble: str) -> None:
+    with pytest.raises(StockError, match=trouble) as caught:
+        stock_for(cloud(), job)
+    if "leaves" in trouble:
+        assert caught.value.evidence["distance"] > 0
+        assert caught.value.evidence["place"].shape == (3,)
