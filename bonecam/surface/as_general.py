@@ -20,8 +20,8 @@ def as_general(surface: TSpline[RowTMesh]) -> TSpline[TMesh]:
     place = [np.searchsorted(lines, row) for row in knots]
     vertices = np.column_stack([np.concatenate(place), np.repeat(np.arange(len(knots)), [len(row) for row in knots])])
     a, b = len(lines), len(knots)
-    flags = [np.ones((a, b), dtype=bool), np.zeros((a, b - 1), dtype=bool), np.ones((a, b - 1), dtype=bool)]
-    mesh = TMesh(lines, t[2:-2], vertices, *flags, (1.0, 0.0))
+    along_s, along_t, inside = np.ones((a, b), dtype=bool), np.zeros((a, b - 1), dtype=bool), np.ones((a, b - 1), dtype=bool)
+    mesh = TMesh(lines, t[2:-2], vertices, along_s, along_t, inside, (1.0, 0.0))
     index = np.concatenate([np.full(len(row), start) if len(old) == 1 else np.arange(start, start + len(old))
                             for row, old, start in zip(knots, rows.s_knots, rows.row_starts)])  # fmt: skip
     return TSpline(mesh, surface.control_points[index], surface.weights[index])

@@ -67,8 +67,8 @@ class TMesh:
         a, b = len(s_lines), len(t_lines)
         p, q = a - (not period[0]), b - (not period[1])
         vertices = np.indices((a, b)).reshape(2, -1).T
-        full = [np.ones(shape, dtype=bool) for shape in ((p, b), (a, q), (p, q))]
-        return cls(s_lines, t_lines, vertices, *full, period)
+        along_s, along_t, inside = (np.ones(shape, dtype=bool) for shape in ((p, b), (a, q), (p, q)))
+        return cls(s_lines, t_lines, vertices, along_s, along_t, inside, period)
 
     @property
     def size(self) -> int:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from meshes import random_tspline, samples
+from general import random_tspline, samples
 from rowed import bone_like
 
 from bonecam.surface.as_general import as_general
