@@ -18,8 +18,9 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import FileError, MeshError
+from bonecam.mesh.cad_files import read_cad_mesh
 from bonecam.mesh.file_content import trouble_in
-from bonecam.mesh.opencascade import IGES, STEP, read_cad_mesh
+from bonecam.mesh.opencascade import IGES, STEP
 from bonecam.mesh.point_files import POINTS, read_blocks
 from bonecam.mesh.polyhedra import ACIS, DXF, read_polyhedra
 from bonecam.mesh.triangle_mesh import TriangleMesh

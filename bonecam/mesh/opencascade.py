@@ -37,9 +37,14 @@ def occ(task: str = "this") -> Any:
     try:
         return _packages()
     except ModuleNotFoundError as error:
-        raise FileError(f"{task} needs OpenCASCADE: pip install 'bonecam[cad]'") from error
+        raise missing(task) from error
     except ImportError as error:
         raise FileError(f"{task} needs OpenCASCADE, which cannot be loaded ({error}): install the system package libgl1") from error
+
+
+def missing(task: str) -> FileError:
+    """What is raised where OpenCASCADE is not installed."""
+    return FileError(f"{task} needs OpenCASCADE: pip install 'bonecam[cad]'")
 
 
 @cache
@@ -64,12 +69,13 @@ class _Packages:
         return found
 
 
-def read_cad_mesh(path: str | Path, chord_tolerance: float | None = None) -> TriangleMesh:
-    """The part in a STEP or IGES file as triangles in mm, `chord_tolerance` (mm; default 5e-4 of its diagonal) from the true surface.
+def kind_of(file: Path) -> str:
+    """STEP or IGES, by the file's ending."""
+    return "STEP" if file.suffix.lower() in STEP else "IGES"
 
-    FileError names the file and what is wrong: not installed, no such file, no STEP or IGES, cut short, no surfaces in it.
-    """
-    file = Path(path)
+
+def mesh_in(file: Path, chord_tolerance: float | None = None) -> TriangleMesh:
+    """The part in a STEP or IGES file as triangles in mm: `mesh.cad_files` calls it in a process of its own."""
     shape = read_shape(file)
     if not faces_of(shape):
         raise FileError(f"{file}: holds no surfaces: export the part as a solid or as faces", file=str(file))
@@ -81,8 +87,8 @@ def read_cad_mesh(path: str | Path, chord_tolerance: float | None = None) -> Tri
 
 def read_shape(path: str | Path) -> Any:
     """What a STEP or IGES file holds, as one OpenCASCADE shape in mm."""
-    file, kind = Path(path), "STEP" if Path(path).suffix.lower() in STEP else "IGES"
-    _refuse_foreign(file, kind)
+    file, kind = Path(path), kind_of(Path(path))
+    refuse_foreign(file)
     lib = occ(f"{file}: reading {kind}")
     reader = lib.STEPControl.STEPControl_Reader() if kind == "STEP" else lib.IGESControl.IGESControl_Reader()
     try:
@@ -98,8 +104,9 @@ def read_shape(path: str | Path) -> Any:
     return shape
 
 
-def _refuse_foreign(file: Path, kind: str) -> None:
+def refuse_foreign(file: Path) -> None:
     """FileError where the first and the last words of a file are not those of its kind."""
+    kind = kind_of(file)
     try:
         data = file.read_bytes()
     except OSError as error:

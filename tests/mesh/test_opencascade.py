@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from bonecam.errors import FileError, UnitsError
-from bonecam.mesh import opencascade
+from bonecam.mesh import cad_files, opencascade
 from bonecam.mesh.files import read_mesh
-from bonecam.mesh.opencascade import occ, read_cad_mesh, tessellated
+from bonecam.mesh.opencascade import mesh_in, occ, tessellated
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.mesh.units import to_mm
 
@@ -53,7 +53,7 @@ def test_a_cylinder_is_one_closed_outward_mesh(name: str, tmp_path: Path) -> Non
 def test_the_chord_tolerance_is_kept(tmp_path: Path) -> None:
     file = write(occ().BRepPrimAPI.BRepPrimAPI_MakeSphere(10.0).Shape(), tmp_path / "ball.step")
     for tolerance in (0.1, 0.02):
-        mesh = read_cad_mesh(file, tolerance)
+        mesh = mesh_in(file, tolerance)
         radius = np.linalg.norm(mesh.vertices[mesh.faces].mean(axis=1), axis=1)
         assert 10 - tolerance < radius.min() <= radius.max() <= 10
         assert is_closed(mesh)
@@ -88,12 +88,12 @@ def test_a_face_that_cannot_be_tessellated_is_an_error_and_not_a_hole(tmp_path: 
     file = write(cylinder(), tmp_path / "a.step")
     monkeypatch.setattr(opencascade, "ASKED", 1e3)
     with pytest.raises(FileError, match=r"a\.step: a face of the part cannot be tessellated"):
-        read_mesh(file)
+        mesh_in(file)
 
 
 @pytest.mark.parametrize(("unit", "name"), [("M", "a.step"), ("INCH", "a.step"), ("M", "a.iges"), ("INCH", "a.iges")])
 def test_a_part_stated_in_another_unit_comes_in_mm(unit: str, name: str, tmp_path: Path) -> None:
-    mesh = read_mesh(write(cylinder(), tmp_path / name, unit))
+    mesh = mesh_in(write(cylinder(), tmp_path / name, unit))
     assert np.ptp(mesh.vertices[:, 2]) == pytest.approx(20.0, rel=1e-6)
     with pytest.raises(UnitsError, match="leave out --units"):
         to_mm(mesh, "m", str(tmp_path / name))
@@ -107,7 +107,7 @@ def test_loose_iges_faces_are_sewn(tmp_path: Path) -> None:
     while explorer.More():
         build.Add(loose, lib.BRepBuilderAPI.BRepBuilderAPI_Copy(explorer.Current()).Shape())
         explorer.Next()
-    assert is_closed(read_mesh(write(loose, tmp_path / "loose.iges")))
+    assert is_closed(mesh_in(write(loose, tmp_path / "loose.iges")))
 
 
 def test_curves_without_surfaces_are_refused(tmp_path: Path) -> None:
@@ -140,6 +140,19 @@ def test_a_bad_file_is_refused_in_one_line_that_names_it(name: str, tmp_path: Pa
 
 def test_opencascade_says_nothing_on_the_terminal(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     read_mesh(write(cylinder(), tmp_path / "a.step"))
+    mesh_in(tmp_path / "a.step")
     with pytest.raises(FileError):
-        read_cad_mesh(tmp_path / "none.step")
+        mesh_in(tmp_path / "none.step")
     assert capfd.readouterr() == ("", "")
+
+
+def test_a_file_that_ends_opencascade_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write(cylinder(), tmp_path / "a.step")
+    monkeypatch.setattr(cad_files, "CHILD", "import os; os.abort()")
+    with pytest.raises(FileError, match=r"a\.step: OpenCASCADE broke down on it[^\n]*: export the part as STEP again$"):
+        read_mesh(tmp_path / "a.step")
+
+
+def test_the_child_hands_back_the_same_mesh(tmp_path: Path) -> None:
+    file = write(cylinder(), tmp_path / "a part.step")
+    assert read_mesh(file).vertices.tobytes() == mesh_in(file).vertices.tobytes()
