@@ -16,8 +16,9 @@ from bonecam.surface.periodic import FEWEST
 from bonecam.surface.tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 
-POWER = 4  # of the distance in a vote
-SHARE = 0.12  # of the present control points are added in one round
+LEAST = 1.0  # of the goal: nearer samples do not vote
+POWER = 2  # of the distance in a vote
+SHARE = 0.04  # of the present control points are added in one round
 ASPECT = 1.0  # a cell is cut along t when its t-side is longer than this times its s-side
 NARROWEST = 1 / 128  # no s-interval below this
 
@@ -52,7 +53,7 @@ def miss_votes(
     goal: float,
 ) -> Votes:
     """The votes of the samples that are further than 0.6 of `goal` from the surface."""
-    missed = distances > 0.6 * goal
+    missed = distances > LEAST * goal
     _, Ss, St = surface.evaluate(s[missed], t[missed], 1)
     around, along = np.linalg.norm(Ss, axis=1), np.linalg.norm(St, axis=1)
     return Votes(s[missed], t[missed], areas[missed] * (distances[missed] / goal) ** POWER, around, along)

@@ -24,22 +24,49 @@ class Deviation:
     place: Float[ndarray, "3"]
 
 
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """Samples of the mesh with their distances to the surface (inward) and of the surface with theirs to the mesh (outward), and areas."""
+
+    mesh_points: Float[ndarray, "n 3"]
+    inward: Float[ndarray, " n"]
+    mesh_areas: Float[ndarray, " n"]
+    surface_points: Float[ndarray, "m 3"]
+    nearest: Float[ndarray, "m 3"]
+    outward: Float[ndarray, " m"]
+    surface_areas: Float[ndarray, " m"]
+
+    @property
+    def deviation(self) -> Deviation:
+        """What they come to."""
+        inward, outward = self.inward, self.outward
+        squares = [np.average(d**2, weights=w) for d, w in ((inward, self.mesh_areas), (outward, self.surface_areas))]
+        at_mesh = inward.max() >= outward.max()
+        return Deviation(
+            max=float(max(inward.max(), outward.max())),
+            rms=float(np.sqrt(np.mean(squares))),
+            surface_to_mesh_max=float(outward.max()),
+            mesh_to_surface_max=float(inward.max()),
+            place=self.mesh_points[np.argmax(inward)] if at_mesh else self.surface_points[np.argmax(outward)],
+        )
+
+    def missed(self, tolerance: float) -> Float[ndarray, "k 3"]:
+        """Points of the mesh that are, or that a surface sample finds, farther than the tolerance."""
+        return np.vstack([self.mesh_points[self.inward > tolerance], self.nearest[self.outward > tolerance]])
+
+
 def deviation(surface: TSpline, mesh: TriangleMesh, samples: int = 20000) -> Deviation:
+    """How far surface and mesh are from each other."""
+    return measure(surface, mesh, MeshDistance(mesh), samples).deviation
+
+
+def measure(surface: TSpline, mesh: TriangleMesh, distance: MeshDistance, samples: int = 20000) -> Measured:
     """Surface samples to the mesh's nearest points and mesh samples (vertices, points in the faces) to their feet on the surface."""
     points, areas = sample_mesh(mesh, samples)
     s, t = nearest_on_grid(surface, points)
     _, _, inward = follow(surface, points, s, t, rounds=6)
     along = int(np.ceil(np.sqrt(samples)))
-    s, t = grid_parameters(surface, along, along)
-    S, Ss, St = surface.evaluate(s, t, 1)
+    S, Ss, St = surface.evaluate(*grid_parameters(surface, along, along), 1)
+    nearest = distance.closest(S)[0]
     cells = np.linalg.norm(np.cross(Ss, St), axis=1)
-    outward = np.linalg.norm(S - MeshDistance(mesh).closest(S)[0], axis=1)
-    mean_squares = [np.average(d**2, weights=w) for d, w in ((inward, areas), (outward, cells))]
-    place = points[np.argmax(inward)] if inward.max() >= outward.max() else S[np.argmax(outward)]
-    return Deviation(
-        max=float(max(inward.max(), outward.max())),
-        rms=float(np.sqrt(np.mean(mean_squares))),
-        surface_to_mesh_max=float(outward.max()),
-        mesh_to_surface_max=float(inward.max()),
-        place=place,
-    )
+    return Measured(points, inward, areas, S, nearest, np.linalg.norm(S - nearest, axis=1), cells)

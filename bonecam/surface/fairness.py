@@ -26,6 +26,15 @@ POLE_WIDTH = 0.25  # of the domain, what a pole is taken to have of its row
 GAUSS = np.array([-1.0, 1.0]) / np.sqrt(12) + 0.5
 
 
+def gauss_points(surface: TSpline) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"], Float[ndarray, " n"]]:
+    """s and t of 2 x 2 Gauss points an element and the part of the domain each stands for."""
+    boxes = surface.elements().boxes
+    low, wide = boxes[:, [0, 2]], boxes[:, [1, 3]] - boxes[:, [0, 2]]
+    u, v = (x.ravel() for x in np.meshgrid(GAUSS, GAUSS))
+    s, t = ((low[:, [k]] + wide[:, [k]] * x).ravel() for k, x in ((0, u), (1, v)))
+    return s, t, np.repeat(wide.prod(axis=1) / 4, 4)
+
+
 @dataclass(frozen=True, eq=False)
 class Quadrature:
     """Points (s, t) of 2 x 2 Gauss points an element, the area each stands for, the second derivatives there and the frozen lengths."""
@@ -42,15 +51,11 @@ class Quadrature:
     @classmethod
     def on(cls, surface: TSpline) -> "Quadrature":
         """Of a surface as it is."""
-        boxes = surface.elements().boxes
-        low, wide = boxes[:, [0, 2]], boxes[:, [1, 3]] - boxes[:, [0, 2]]
-        u, v = (x.ravel() for x in np.meshgrid(GAUSS, GAUSS))
-        s, t = ((low[:, [k]] + wide[:, [k]] * x).ravel() for k, x in ((0, u), (1, v)))
+        s, t, share = gauss_points(surface)
         basis = surface.basis(s, t, 2)
         places, Ss, St = (matrix @ surface.control_points for matrix in basis[:3])
         normals = np.cross(Ss, St)
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-        share = np.repeat(wide.prod(axis=1) / 4, 4)
         e, g = (_row_mean(np.linalg.norm(d, axis=1), t, share) for d in (Ss, St))
         e = np.maximum(e, SHORTEST * np.average(e, weights=share))
         cells = (basis[0] @ _shares(surface.tmesh)) * e * g

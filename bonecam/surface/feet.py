@@ -52,7 +52,7 @@ def _step(away: ndarray, Ss: ndarray, St: ndarray, s: ndarray, t: ndarray) -> tu
     E, F, G = (np.einsum("ij,ij->i", a, b) for a, b in ((Ss, Ss), (Ss, St), (St, St)))
     E = E + 1e-6 * G
     a, b = np.einsum("ij,ij->i", away, Ss), np.einsum("ij,ij->i", away, St)
-    scale = 1 / np.maximum(E * G - F * F, 1e-9 * E * G)
+    scale = 1 / np.maximum(np.maximum(E * G - F * F, 1e-9 * E * G), np.finfo(float).tiny)
     ds, dt = (G * a - F * b) * scale, (E * b - F * a) * scale
     limit = np.minimum(1.0, LONGEST_STEP / np.maximum(np.maximum(np.abs(ds), np.abs(dt)), LONGEST_STEP))
     return s + limit * ds, t + limit * dt

@@ -23,16 +23,16 @@ from bonecam.surface.tspline import TSpline
 SLIDE = 0.1  # weight of a miss in the tangent plane
 BEND, DRIFT = 2e-5, 3e-2  # fairness, times (mean cell side)^4
 DAMPING = 1e-4  # weight of the change itself, against that of the samples
-FIRMER = 10.0  # times the damping round a fold, at each try, and 1 at least
-TRIES = 3
+FIRMER = 30.0  # times the damping round a fold, at each try, and 1 at least
+TRIES = 4
 REACH = 2.0  # mean cell sides round a fold
-LEAST_TURN, LEAST_FACING = 0.5, 0.2  # cosines
+LEAST_TURN, LEAST_FACING, LOSS = 0.5, 0.2, 0.02  # cosines; a loss of facing that is none yet
 
 
 def step(surface: TSpline, target: Target, tolerance: float, plane: float) -> TSpline:
     """The solved surface; firmer round folds; where it still folds, only a part of the way there."""
     quadrature = Quadrature.on(surface)
-    data = data_terms(surface, target, tolerance, SLIDE) + pole_planes(surface, plane * target.areas.sum() / surface.tmesh.size)
+    data = data_terms(surface, target, tolerance, SLIDE) + pole_planes(surface, plane * target.inward.areas.sum() / surface.tmesh.size)
     damping, found = np.full(len(quadrature.s), DAMPING), surface
     grid = fold_grid(surface)
     before = surface.normals(*grid), target.shape.facing(surface, *grid)
@@ -61,17 +61,17 @@ def folds(surface: TSpline, target: Target, grid: tuple[ndarray, ndarray], befor
     """Where a normal turned too far from what it was before, or away from the mesh's."""
     turn = np.einsum("ij,ij->i", surface.normals(*grid), before[0])
     facing = target.shape.facing(surface, *grid)
-    return np.asarray((turn < LEAST_TURN) | ((facing < LEAST_FACING) & (facing < before[1])))
+    return np.asarray((turn < LEAST_TURN) | ((facing < LEAST_FACING) & (facing < before[1] - LOSS)))
 
 
 def data_terms(surface: TSpline, target: Target, tolerance: float, slide: float) -> list[Term]:
     """The samples against their feet, normals and lengths of now."""
-    (basis,) = surface.basis(target.s, target.t)
-    normals = surface.normals(target.s, target.t)
-    level = max(tolerance, 0.5 * float(target.distances.max()))
-    weights = target.areas * (0.25 + (target.distances / level) ** 2)
+    samples = target.all
+    (basis,) = surface.basis(samples.s, samples.t)
+    normals = surface.normals(samples.s, samples.t)
+    weights = samples.areas * (0.25 + (samples.distances / max(tolerance, 0.5 * target.worst)) ** 2)
     metric = weights[:, None, None] * (slide * np.eye(3) + (1 - slide) * normals[:, :, None] * normals[:, None, :])
-    return [Term(basis, metric, target.points)]
+    return [Term(basis, metric, samples.points)]
 
 
 def pole_planes(surface: TSpline, weight: float) -> list[Term]:

@@ -4,7 +4,7 @@ The first feet come from the mesh itself, the harmonic height and the share roun
 groove too, where the nearest point of a smooth surface lies on the wrong side. Later feet are followed from where they were.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -13,21 +13,24 @@ from numpy import ndarray
 from bonecam.mesh.distance import MeshDistance, exact_closest
 from bonecam.mesh.sections import Rows
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.surface.feet import follow
+from bonecam.surface.fairness import gauss_points
+from bonecam.surface.feet import follow, nearest_on_grid
 from bonecam.surface.samples import sample_mesh
 from bonecam.surface.tspline import TSpline
+
+PULLED = 2.0  # tolerances: surface points farther than this from the mesh are drawn to it
 
 
 class Shape:
     """The mesh, asked for the normal nearest to a point."""
 
     def __init__(self, mesh: TriangleMesh) -> None:
-        self._distance = MeshDistance(mesh)
+        self.mesh, self.distance = mesh, MeshDistance(mesh)
         self._normals = mesh.face_vectors / np.maximum(np.linalg.norm(mesh.face_vectors, axis=1, keepdims=True), np.finfo(float).tiny)
 
     def normals(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
         """The normal of the face nearest to each point."""
-        return np.asarray(self._normals[self._distance.closest(points)[1]])
+        return np.asarray(self._normals[self.distance.closest(points)[1]])
 
     def facing(self, surface: TSpline, s: Float[ndarray, " n"], t: Float[ndarray, " n"]) -> Float[ndarray, " n"]:
         """Cosines between the surface normals and those of the mesh's nearest faces."""
@@ -35,28 +38,66 @@ class Shape:
 
 
 @dataclass(frozen=True, eq=False)
-class Target:
-    """Samples of the mesh with their areas, and where their feet are now."""
+class Samples:
+    """Points of the mesh, each with its place (s, t) on the surface, its distance from there and the area it stands for."""
 
-    shape: Shape
     points: Float[ndarray, "n 3"]
     areas: Float[ndarray, " n"]
     s: Float[ndarray, " n"]
     t: Float[ndarray, " n"]
     distances: Float[ndarray, " n"]
 
+    def __add__(self, other: "Samples") -> "Samples":
+        mine, others = ((x.points, x.areas, x.s, x.t, x.distances) for x in (self, other))
+        return Samples(*(np.concatenate(pair) for pair in zip(mine, others)))
+
+    def on(self, surface: TSpline) -> "Samples":
+        """With the feet followed from where they were."""
+        return Samples(self.points, self.areas, *follow(surface, self.points, self.s, self.t, rounds=3))
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """Samples of the mesh with their feet on the surface, and samples of the surface that miss the mesh with the nearest points there."""
+
+    shape: Shape
+    inward: Samples
+    outward: Samples
+
     @classmethod
     def of(cls, mesh: TriangleMesh, rows: Rows, samples: int) -> "Target":
         """With the parameters of the rows' harmonic field as feet; no distances yet."""
         points, areas = sample_mesh(mesh, samples)
-        shape = Shape(mesh)
         s, t = harmonic_parameters(rows, points)
-        return cls(shape, points, areas, s, t, np.full(len(points), np.inf))
+        none = np.empty(0)
+        inward = Samples(points, areas, s, t, np.full(len(points), np.inf))
+        return cls(Shape(mesh), inward, Samples(np.empty((0, 3)), none, none, none, none))
 
-    def on(self, surface: TSpline, rounds: int = 3) -> "Target":
-        """With the feet followed from where they were."""
-        s, t, distances = follow(surface, self.points, self.s, self.t, rounds=rounds)
-        return replace(self, s=s, t=t, distances=distances)
+    @property
+    def all(self) -> Samples:
+        """Both."""
+        return self.inward + self.outward
+
+    @property
+    def worst(self) -> float:
+        """The largest distance, mm."""
+        return float(max(self.inward.distances.max(), self.outward.distances.max(initial=0.0)))
+
+    def with_points(self, points: Float[ndarray, "k 3"], surface: TSpline) -> "Target":
+        """With more samples, each standing for a typical area; their feet are found on the surface."""
+        areas = np.full(len(points), np.median(self.inward.areas))
+        added = Samples(points, areas, *follow(surface, points, *nearest_on_grid(surface, points)))
+        return Target(self.shape, self.inward + added, self.outward)
+
+    def on(self, surface: TSpline, tolerance: float) -> "Target":
+        """With the feet on `surface`, and its own points that are farther than a part of the tolerance from the mesh."""
+        s, t, share = gauss_points(surface)
+        S, Ss, St = surface.evaluate(s, t, 1)
+        nearest = self.shape.distance.closest(S)[0]
+        away = np.linalg.norm(S - nearest, axis=1)
+        areas = share * np.linalg.norm(np.cross(Ss, St), axis=1)
+        far = away > PULLED * tolerance
+        return Target(self.shape, self.inward.on(surface), Samples(nearest[far], areas[far], s[far], t[far], away[far]))
 
 
 def harmonic_parameters(rows: Rows, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:

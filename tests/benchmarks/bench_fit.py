@@ -1,0 +1,75 @@
+"""Fitting bones: control points of the adaptive T-spline beside a tensor-product B-spline fitted within the same deviation.
+
+    python tests/benchmarks/bench_fit.py TOLERANCE_MM MOST BONE.stl[:m] ...
+
+":m" means a file in metres. The B-spline is fitted by the same steps from the same start and refined where it misses the mesh, but every
+knot runs through all rows (its poles stay single points). Deviations are two-sided, mm; seconds are CPU seconds, rows included.
+"""
+
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from bonecam.job import MeshJob
+from bonecam.mesh.sections import harmonic_rows
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.pipeline import prepare
+from bonecam.surface.adapt import SHARE, Votes, with_t_knots
+from bonecam.surface.fit import Fit, Refine, fit, refine
+from bonecam.surface.tmesh import RowTMesh
+
+
+def tensor_refine(tmesh: RowTMesh, votes: Votes, room: int) -> RowTMesh:
+    """The votes of `adapt`, but an s-knot goes into all rows and costs one control point in each."""
+    knots, rows = tmesh.s_knots[2], len(tmesh.s_knots) - 4
+    span = np.clip(np.searchsorted(tmesh.t_knots, votes.t, side="right") - 1, 3, len(tmesh.t_knots) - 5)
+    index = np.mod(np.searchsorted(knots, votes.s, side="right") - 1, len(knots))
+    gaps = np.diff(np.append(knots, knots[0] + 1))
+    tall = np.diff(tmesh.t_knots)[span] * votes.along > gaps[index] * votes.around
+    along = np.bincount(span[tall], votes.weight[tall], minlength=len(tmesh.t_knots)) / len(knots)
+    around = np.bincount(index[~tall], votes.weight[~tall], minlength=len(knots)) / rows
+    cuts = [(-w, 0, k) for k, w in enumerate(along) if w > 0] + [(-w, 1, k) for k, w in enumerate(around) if w > 0 and gaps[k] > 1 / 256]
+    wanted, s_new, t_new, found = min(room, max(6, round(SHARE * tmesh.size))), list(knots), [], tmesh
+    for _, kind, k in sorted(cuts):
+        if found.size - tmesh.size >= wanted:
+            break
+        tried_s = [*s_new, float(np.mod(knots[k] + gaps[k] / 2, 1))] if kind else s_new
+        tried_t = t_new if kind else [*t_new, float(tmesh.t_knots[k : k + 2].mean())]
+        every = [*tmesh.s_knots[:2], *[np.sort(np.array(tried_s))] * rows, *tmesh.s_knots[-2:]]
+        finer = with_t_knots(tmesh.t_knots, every, np.array(tried_t))
+        if finer.size - tmesh.size <= room:
+            found, s_new, t_new = finer, tried_s, tried_t
+    return found
+
+
+def one(mesh: TriangleMesh, tolerance: float, most: int, how: Refine) -> tuple[Fit, float]:
+    """A fit and its CPU seconds."""
+    start = time.process_time()
+    with threadpool_limits(1):
+        found = fit(harmonic_rows(mesh, 48, 100, 0.013 * mesh.diagonal), mesh, tolerance, most, refine=how)
+    return found, time.process_time() - start
+
+
+def main(tolerance: float, most: int, names: list[str]) -> None:
+    """Print the table."""
+    print(
+        f"tolerance {tolerance} mm    T-spline: points    max    rms  CPU s reached |  B-spline: points    max    rms  CPU s reached | share"
+    )
+    for name in names:
+        path, _, unit = name.partition(":")
+        mesh = prepare(Path(path), MeshJob(units=unit or "mm")).mesh
+        cells, counts = [], []
+        for how in (refine, tensor_refine):
+            found, seconds = one(mesh, tolerance, most, how)
+            cells.append(
+                f"{found.control_points:6d} {found.deviation.max:6.3f} {found.deviation.rms:6.4f} {seconds:6.1f} {found.reached!s:>7}"
+            )
+            counts.append(found.control_points)
+        print(f"{Path(path).stem:26s}{cells[0]} | {cells[1]} | {counts[0] / counts[1]:.0%}", flush=True)
+
+
+if __name__ == "__main__":
+    main(float(sys.argv[1]), int(sys.argv[2]), sys.argv[3:])
