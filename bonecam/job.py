@@ -132,6 +132,16 @@ class LevelsJob(_Stage):
     )
     finishing_levels: int = parameter(4, "Finishing levels", "How many levels next to the part are finishing.", low=0, high=50)
     roughing_depth: float = parameter(0.5, "Roughing depth", "Largest cutting depth of the other levels.", unit="mm", low=0.01, high=20.0)
+    schedule: str = parameter(
+        "numbers",
+        "Schedule",
+        "These numbers, or the fewest levels there can be: every cut at the roughing depth, the part alone with the finishing cutter.",
+        choices=("numbers", "fewest"),
+    )
+    depths: str = parameter(
+        "", "Depths", "Instead: depths (mm) of the cuts from the part outwards, like '0.1 0.1 0.3 0.5'; the last holds for all others."
+    )
+    even: bool = parameter(False, "Even", "Make the roughing cuts shallower, as many as before, until the outermost is no sliver.")
     stiffness: float = parameter(1e-7, "Stiffness", "c_int / c_ext, parameters in [0, 1].", low=0.0, high=1.0)
     attraction: str = parameter(
         "stock", "Attraction", "Pull to the nearest stock point, or to the bounding sphere as published.", choices=("stock", "sphere")
@@ -142,6 +152,24 @@ class LevelsJob(_Stage):
     chord_tolerance: float = parameter(
         0.01, "Chord tolerance", "Tessellation of the levels that are measured and kept.", unit="mm", low=0.0005, high=1.0
     )
+
+    def __post_init__(self) -> None:
+        check(self)
+        _ = self.cuts
+
+    @property
+    def cuts(self) -> tuple[tuple[float, ...], float]:
+        """Depths (mm) of the first cuts, from the part outwards, and of all others. JobError where `depths` is no list of them."""
+        if self.depths.strip():
+            try:
+                *first, beyond = (float(word) for word in self.depths.replace(",", " ").split())
+            except ValueError as error:
+                raise JobError(f"LevelsJob.depths = {self.depths!r}: give numbers like '0.1 0.1 0.5'", field="depths") from error
+            if not all(0 < depth < math.inf for depth in (*first, beyond)):
+                raise JobError(f"LevelsJob.depths = {self.depths!r}: every depth must be positive", field="depths")
+            return tuple(first), beyond
+        count = self.finishing_levels if self.schedule == "numbers" else 0
+        return (self.finishing_depth,) * count, self.roughing_depth
 
 
 @dataclass(frozen=True)
@@ -233,8 +261,11 @@ class Job:
         return dataclasses.replace(self, **stages)
 
     def is_finishing(self, level: int) -> bool:
-        """Whether the finishing cutter machines a level; the part itself always is finishing."""
-        return level < max(self.levels.finishing_levels, 1)
+        """Whether the finishing cutter machines a level: the part itself, and what is cut no deeper than the finishing depth."""
+        first, beyond = self.levels.cuts
+        if level < len(first):
+            return level == 0 or first[level] <= self.levels.finishing_depth
+        return level == 0 or (bool(self.levels.depths.strip()) and beyond <= self.levels.finishing_depth)
 
 
 def read_job(path: str | Path, base: Job | None = None) -> Job:

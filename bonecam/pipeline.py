@@ -20,6 +20,7 @@ from bonecam.errors import MachineError, MeshError
 from bonecam.files import write_whole
 from bonecam.job import Job, MeshJob, SurfaceJob
 from bonecam.levels.body_surface import enclosing
+from bonecam.levels.evening import even_levels
 from bonecam.levels.morph import Morph
 from bonecam.levels.placing import stock_for
 from bonecam.levels.rounding import levels_in
@@ -205,7 +206,7 @@ def fit_surface(placed: Part, job: Job, progress: Progress = silent) -> Fit:
 
 def make_levels(surface: TSpline, stock: Stock, job: Job, progress: Progress = silent) -> Morph:
     """The morph from the part to the stock, measured."""
-    return levels_in(
+    return (even_levels if job.levels.even else levels_in)(
         surface,
         stock,
         schedule_of(job.levels),

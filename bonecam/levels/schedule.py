@@ -44,5 +44,19 @@ class Schedule:
 
 
 def schedule_of(job: LevelsJob) -> Schedule:
-    """The schedule of a job: `finishing_levels` cuts of `finishing_depth`, then `roughing_depth`."""
-    return Schedule((job.finishing_depth,) * job.finishing_levels, job.roughing_depth)
+    """The schedule of a job: its list of depths, its numbers of finishing and roughing depths, or the roughing depth throughout."""
+    return Schedule(*job.cuts)
+
+
+def evened(schedule: Schedule, distance: float, cuts: int, rest: float) -> Schedule:
+    """The same schedule with shallower roughing cuts, so that the last of `cuts` takes as much as the others.
+
+    `distance` (mm) is the largest from the stock to the part, `rest` what the last cut had to take at most. A level gains a share
+    of its depth, the same for all: (distance - first - rest) / ((cuts - 1) * beyond) over the roughing cuts but the last.
+    """
+    before = cuts - 1 - len(schedule.first)
+    if before < 1:
+        return schedule
+    gained = (distance - sum(schedule.first) - rest) / before
+    share = gained / schedule.beyond
+    return Schedule(schedule.first, min(schedule.beyond, (distance - sum(schedule.first)) / (before * share + 1)))

@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bonecam.errors import LevelError
-from bonecam.job import LevelsJob
-from bonecam.levels.schedule import Schedule, schedule_of
+from bonecam.errors import JobError, LevelError
+from bonecam.job import Job, LevelsJob
+from bonecam.levels.schedule import Schedule, evened, schedule_of
 
 
 def test_the_papers_schedule_needs_sixteen_cuts_for_its_finger_bone() -> None:
@@ -32,3 +32,43 @@ def test_a_depth_of_nothing_is_refused(depths: tuple[tuple[float, ...], float]) 
 def test_more_cuts_than_anybody_wants_are_refused() -> None:
     with pytest.raises(LevelError, match="deeper cuts"):
         Schedule((), 0.001).lower_bound(100.0)
+
+
+def test_a_list_of_depths_rules_and_its_last_holds_for_all_others() -> None:
+    schedule = schedule_of(LevelsJob(depths="0.05, 0.1 0.4", finishing_levels=7))
+    assert [schedule.limit(k) for k in (1, 2, 3, 9)] == [0.05, 0.1, 0.4, 0.4]
+    assert schedule_of(LevelsJob(depths="0.3")) == Schedule((), 0.3)
+
+
+def test_the_fewest_levels_are_all_at_the_roughing_depth() -> None:
+    job, distance = LevelsJob(schedule="fewest"), 6.34
+    assert schedule_of(job) == Schedule((), 0.5)
+    assert schedule_of(job).lower_bound(distance) == 13 < schedule_of(LevelsJob()).lower_bound(distance)
+
+
+@pytest.mark.parametrize("depths", ["deep", "0.1;0.2", "0.1 0 0.5", "0.1 -1", "nan", "0.1 inf"])
+def test_a_list_that_is_none_is_refused(depths: str) -> None:
+    with pytest.raises(JobError, match=r"LevelsJob\.depths"):
+        LevelsJob(depths=depths)
+
+
+@pytest.mark.parametrize(
+    ("levels", "finishing"),
+    [({}, 4), ({"finishing_levels": 0}, 1), ({"schedule": "fewest"}, 1), ({"depths": "0.1 0.05 0.2 0.5"}, 2), ({"depths": "0.3 0.1"}, 20)],
+)
+def test_the_finishing_cutter_machines_what_is_cut_no_deeper_than_finishing(levels: dict[str, object], finishing: int) -> None:
+    job = Job().with_values(levels=levels)
+    kinds = [job.is_finishing(level) for level in range(20)]
+    assert kinds[0]
+    assert sum(kinds) == finishing
+
+
+@given(st.floats(0.2, 1.0), st.floats(0.8, 1.0), st.integers(2, 30), st.floats(0.02, 0.98))
+def test_evened_cuts_share_what_the_last_had_left(beyond: float, share: float, count: int, left: float) -> None:
+    """`count` cuts that each gain `share` of their depth and a last one of `left` of its depth."""
+    first = (0.1, 0.1)
+    rest = left * beyond
+    distance = sum(first) + count * share * beyond + rest
+    even = evened(Schedule(first, beyond), distance, 2 + count + 1, rest)
+    assert even.beyond <= beyond
+    assert distance - sum(first) - count * share * even.beyond == pytest.approx(min(even.beyond, distance))

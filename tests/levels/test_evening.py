@@ -1,0 +1,28 @@
+"""Even levels: as many as before, the outermost no sliver."""
+
+import numpy as np
+from test_morph import STOCK, waisted
+
+from bonecam.levels.cylinder import Cylinder
+from bonecam.levels.evening import even_levels
+from bonecam.levels.rounding import levels_in
+from bonecam.levels.schedule import Schedule
+
+SCHEDULE = Schedule((0.2,), 1.0)
+
+
+def test_the_outermost_cut_is_as_deep_as_the_others_and_there_are_as_many() -> None:
+    plain, even = (make(waisted(), STOCK, SCHEDULE, chord_tolerance=0.05) for make in (levels_in, even_levels))
+    assert plain.levels[-1].depth_max < 0.75
+    assert even.cuts == plain.cuts
+    assert even.lower_bound == plain.lower_bound
+    depths = [level.depth_max for level in even.levels[2:]]
+    assert min(depths) > 0.85 * max(depths)
+    assert max(depths) < 0.99
+
+
+def test_a_bar_keeps_its_rounding_levels() -> None:
+    bar = Cylinder(4.5, 0.0, 20.0)
+    even = even_levels(waisted(), bar, SCHEDULE, chord_tolerance=0.05)
+    assert sum(level.within is not None for level in even.levels) >= 2
+    assert np.abs(bar.signed_distance(even.levels[-1].mesh.vertices)).max() < 1e-9
