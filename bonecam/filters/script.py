@@ -19,7 +19,7 @@ from bonecam.filters.filter import Registry, installed
 from bonecam.filters.meshlab_values import checked_value
 from bonecam.filters.meshset import MeshSet, known_to_meshlab
 from bonecam.filters.mlx import FilterCall, ScriptParameter, read_calls
-from bonecam.mesh.files import READABLE, meshlab, read_mesh
+from bonecam.mesh.files import CAD, MESHES, READABLE, meshlab, read_mesh
 from bonecam.progress import Progress, part, report, silent
 
 
@@ -82,8 +82,13 @@ def apply_steps(meshes: MeshSet, steps: Sequence[Step], script: str, progress: P
 
 
 def load(meshes: MeshSet, file: str | Path) -> None:
-    """Load a mesh file as a layer, as it stands in the file. FileError names what is wrong with it."""
-    if Path(file).suffix.lower() in READABLE:
+    """Load a mesh file as a layer, as it stands in the file; a CAD part as its triangles, in mm. FileError names what is wrong with it."""
+    ending = Path(file).suffix.lower()
+    if ending in CAD:
+        mesh = read_mesh(file)
+        meshes.add_mesh(meshlab().Mesh(mesh.vertices, mesh.faces), Path(file).name)
+        return
+    if ending in MESHES:
         read_mesh(file)
     try:
         meshes.load_new_mesh(str(file))

@@ -26,7 +26,8 @@ from bonecam.mesh.polyhedra import ACIS, DXF, read_polyhedra
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 MESHES = (".stl", ".ply", ".obj", ".off")
-READABLE = (*MESHES, *STEP, *IGES, *ACIS, *DXF, *POINTS)
+CAD = (*STEP, *IGES, *ACIS, *DXF)
+READABLE = (*MESHES, *CAD, *POINTS)
 WRITABLE = (".ply", ".stl")
 
 

@@ -162,3 +162,13 @@ def test_a_script_that_meshlab_saved_runs_to_the_same_mesh(tmp_path: Path, phala
     found = pymeshlab.MeshSet()
     found.load_new_mesh(str(tmp_path / "out" / "phalanx.ply"))
     assert np.allclose(found.current_mesh().vertex_matrix(), meshes.current_mesh().vertex_matrix(), atol=1e-5)
+
+
+def test_a_cad_part_is_a_layer_like_a_mesh(tmp_path: Path, registry: Registry) -> None:
+    pytest.importorskip("ezdxf", reason="ezdxf is not installed: pip install 'bonecam[cad]'")
+    from ezdxf.acis import api
+    from ezdxf.render import forms
+
+    (tmp_path / "block.sat").write_text("\n".join(api.export_sat([api.body_from_mesh(forms.cube().scale(10, 10, 20))])))
+    (written,) = run_script(script(tmp_path, SMOOTH), [tmp_path / "block.sat"], tmp_path / "out", registry=registry)
+    assert written.name == "block.ply"
