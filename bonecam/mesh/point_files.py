@@ -1,8 +1,8 @@
-"""Points from text files: XYZ, CSV, ASC, PTS, TXT.
+"""Points from text files: XYZ, CSV, ASC, PTS, TXT, DAT.
 
 One point a line, x y z first (normals, colours and what else follows are left out), separated by blanks, tabs, commas or semicolons;
-where semicolons separate, a comma is a decimal comma. Blocks of points are separated by empty lines, or headed by a line with
-their number (and `3`). Lines that start with # or // and one line of column names are comments.
+where semicolons separate, a comma is a decimal comma. Blocks of points are separated by empty lines or comments (# or //), or headed by
+a line with their number (and `3`). One line of column names may stand before them; they must begin with x, y, z.
 
 One block is a point cloud; several blocks are the rows of a surface (`bonecam.surface.point_rows`).
 """
@@ -15,7 +15,7 @@ from numpy import ndarray
 
 from bonecam.errors import FileError
 
-POINTS = (".xyz", ".csv", ".asc", ".pts", ".txt")
+POINTS = (".xyz", ".csv", ".asc", ".pts", ".txt", ".dat")
 
 
 def read_blocks(path: str | Path) -> tuple[Float[ndarray, "_ 3"], ...]:
@@ -31,17 +31,16 @@ def read_blocks(path: str | Path) -> tuple[Float[ndarray, "_ 3"], ...]:
     names = False
     for number, line in enumerate(lines, 1):
         words = _words(line)
-        if not words and not line.lstrip().startswith(("#", "//")):
-            blocks.append([])
         if not words:
+            blocks.append([])
             continue
         try:
             values = [float(word) for word in words]
         except ValueError as error:
-            if not names and not any(blocks):
+            if not names and not any(blocks) and _names_axes(words):
                 names = True
                 continue
-            raise _refusal(file, number, f"{line.strip()[:40]!r} is no point", "write x y z") from error
+            raise _refusal(file, number, f"{line.strip()[:40]!r} is no point", "write x y z in columns of that order") from error
         if len(values) < 3:
             if not _is_head(values):
                 raise _refusal(file, number, f"{len(values)} numbers are no point", "write x y z")
@@ -61,6 +60,12 @@ def _words(line: str) -> list[str]:
     if text.startswith(("#", "//")):
         return []
     return text.replace(",", ".").replace(";", " ").split() if ";" in text else text.replace(",", " ").split()
+
+
+def _names_axes(words: list[str]) -> bool:
+    """Whether column names, units between them left out, begin with x, y, z."""
+    names = [name for word in words if (name := word.strip("\"'").lower())[:1].isalpha()]
+    return [name[0] for name in names[:3]] == ["x", "y", "z"]
 
 
 def _is_head(values: list[float]) -> bool:

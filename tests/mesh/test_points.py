@@ -15,10 +15,12 @@ SAME = {
     "a.xyz": "1 2 3\n4 5 6.5\n\n\n7 8 9\n",
     "a.csv": "x, y, z\n1,2,3\n4,5,6.5\n\n7,8,9",
     "tabs.txt": "# a comment\n1\t2\t3\t0 0 1\n4\t5\t6.5\t0 0 1\n\n7\t8\t9\t0 0 1\n",
+    "turbo.dat": "# Profile 1 at 0%\n\t1 2 3\n4 5 6.5\n# Profile 2 at 20%\n7 8 9\n",
+    "units.csv": '"X [mm]";"Y [mm]";"Z [mm]"\n1;2;3\n4;5;6,5\n\n7;8;9\n',
     "german.csv": "1,0;2,0;3,0\n4;5;6,5\n\n7;8;9\n",
     "heads.txt": "2 3\n1 2 3\n4 5 6.5\n1 3\n7 8 9\n",
     "count.pts": "2\n1 2 3\n4 5 6.5\n1\n7 8 9\n",
-    "mark.asc": "\ufeff1 2 3\n// a comment\n4 5 6.5\n \n7 8 9",
+    "mark.asc": "\ufeff// a comment\n1 2 3\n4 5 6.5\n \n7 8 9",
 }
 
 
@@ -34,6 +36,7 @@ BAD = {
     "empty.xyz": (b"# nothing\n\n", "holds no points"),
     "word.xyz": (b"1 2 3\n4 five 6\n", "word.xyz line 2: '4 five 6' is no point"),
     "names.csv": (b"x,y,z\nx,y,z\n1,2,3\n", "names.csv line 2"),
+    "polar.txt": (b"X R*THETA R\n1 2 3\n", "polar.txt line 1: 'X R*THETA R' is no point: write x y z"),
     "short.csv": (b"1,2,3\n4,5\n", "short.csv line 2: 2 numbers are no point"),
     "nan.xyz": (b"1 2 nan\n", "is not finite"),
     "binary.xyz": (b"\xff\xfe\x00\x80", "is no text"),
