@@ -2,12 +2,9 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
-from numpy import ndarray
 
 from bonecam.errors import LevelError
 from bonecam.filters.filter import Filter
@@ -37,6 +34,7 @@ def generate_stock(layers: Layers, values: Mapping[str, Any], progress: Progress
 
 def morph_levels(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """`generate_morph_levels`."""
+    from bonecam.levels.depths import step_depths
     from bonecam.levels.stock import Stock
     from bonecam.pipeline import make_levels
 
@@ -71,16 +69,6 @@ def level_check(layers: Layers, values: Mapping[str, Any], progress: Progress) -
                 level=level.index,
             )
     return figures(levels)
-
-
-def step_depths(levels: Sequence[Level]) -> list[Float[ndarray, " n"]]:
-    """For each level the distance of its mesh vertices to the level before it, mm; zero on the part."""
-    from bonecam.mesh.distance import MeshDistance
-
-    found = [np.zeros(len(levels[0].mesh.vertices))]
-    for before, level in pairwise(levels):
-        found.append(np.asarray(MeshDistance(before.mesh).unsigned(level.mesh.vertices), dtype=np.float64))
-    return found
 
 
 def figures(levels: Sequence[Level]) -> dict[str, Any]:

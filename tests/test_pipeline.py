@@ -75,12 +75,13 @@ def test_keep_writes_levels_path_surface_and_pictures(chain: tuple[bonecam.Resul
     result, folder = chain
     count = len(result.levels.levels)
     names = {item.name for item in (folder / "keep").iterdir()}
-    assert names == {f"level_{k:02d}.ply" for k in range(count)} | {"surface.tspline", "toolpath.csv", "levels.png", "toolpath.png"}
+    pictures = {"levels.png", "depths.png", "toolpath.png"}
+    assert names == {f"level_{k:02d}.ply" for k in range(count)} | {"surface.tspline", "toolpath.csv"} | pictures
     with open(folder / "keep" / "toolpath.csv", encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == sum(len(path.tips) for path in result.paths)
     assert {row["kind"] for row in rows} == {"cut", "link", "rapid"}
-    assert all((folder / "keep" / name).read_bytes()[:4] == b"\x89PNG" for name in ("levels.png", "toolpath.png"))
+    assert all((folder / "keep" / name).read_bytes()[:4] == b"\x89PNG" for name in pictures)
     part = read_mesh(folder / "keep" / "level_00.ply")
     assert abs(part.volume / result.part.mesh.volume - 1) < 0.02
 
@@ -108,7 +109,7 @@ def test_progress_rises_to_its_end_and_false_cancels() -> None:
     ("changes", "kind", "named"),
     [
         ({"stock": {"diameter": 6.0, "length": 40.0}}, StockError, "mm"),
-        ({"stock": {"diameter": 15.0}}, StockError, "length"),
+        ({"stock": {"length": 37.0}}, StockError, "diameter"),
         ({"holding": {"length": 480.0}}, MachineError, "Z"),
         ({"nc": {"machine": "no-such-mill"}}, MachineError, "no-such-mill"),
         ({"nc": {"controller": "no-such-control"}}, MachineError, "no-such-control"),

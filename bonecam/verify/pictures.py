@@ -1,4 +1,4 @@
-"""Pictures of what was made: the section through all levels (Gan et al. 2014, Fig. 10) and the tool path (Fig. 12).
+"""Pictures of what was made: section through all levels (Gan et al. 2014, Fig. 10), depths (Fig. 11), the tool path (Fig. 12).
 
 The only door to matplotlib; it loads when a picture is drawn and needs no display.
 """
@@ -58,6 +58,32 @@ def draw_levels(levels: Sequence[Level], post: tuple[float, float], path: str | 
     axes[0].set_ylabel("z (mm)")
     figure.suptitle(f"Levels 0 (part) to {levels[-1].index} (stock); dashed: the post")
     figure.colorbar(_scale(Normalize(0, len(levels) - 1)), ax=axes, label="level", shrink=0.6)
+    figure.savefig(path, metadata={"Software": None})
+
+
+def draw_depths(levels: Sequence[Level], line: Float[ndarray, "k n"], path: str | Path) -> None:
+    """Above: how far the points of one parameter line move in each cut (`line`). Below: the share of each level's area by depth."""
+    from matplotlib.colors import Normalize
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10, 9), dpi=120, layout="constrained")
+    above, below = figure.subplots(2, 1)
+    colour = _colours(len(line) + 1)
+    for k, depths in enumerate(line, start=1):
+        above.plot(np.arange(line.shape[1]), depths, lw=0.9, color=colour(k))
+    above.set_xlim(0, line.shape[1] - 1)
+    above.set_ylim(0, 1.05 * max(level.limit for level in levels))
+    above.set_xlabel("point on the line, from the lower to the upper pole")
+    above.set_ylabel("distance to the next level (mm)")
+    figure.colorbar(_scale(Normalize(1, len(line))), ax=above, label="cut")
+    shares = np.array([level.histogram for level in levels[1:]])
+    image = below.imshow(
+        100 * shares, aspect="auto", origin="lower", cmap="magma_r", extent=(0, 100, 0.5, len(shares) + 0.5), interpolation="nearest"
+    )
+    below.set_xlabel("depth, % of the cut's limit")
+    below.set_ylabel("cut")
+    figure.colorbar(image, ax=below, label="% of the level's area")
+    figure.suptitle("Depths of the cuts")
     figure.savefig(path, metadata={"Software": None})
 
 

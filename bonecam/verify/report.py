@@ -13,7 +13,7 @@ from bonecam.verify.readback import Verification
 
 
 def levels_report(levels: Sequence[Level]) -> list[dict[str, Any]]:
-    """`levels` of the report: what was measured on each."""
+    """`levels` of the report: what was measured on each; shares of the area by depth, in even bins from 0 to the limit."""
     return [
         {
             "index": level.index,
@@ -22,6 +22,10 @@ def levels_report(levels: Sequence[Level]) -> list[dict[str, Any]]:
             "depth_mean_mm": _mm(level.depth_mean),
             "nesting_min_mm": _mm(level.nesting_min),
             "self_intersections": int(level.self_intersections),
+            "depth_full_mean_mm": _mm(level.full_mean),
+            "outside_stock_mm": _mm(level.outside),
+            "depth_shares": [round(share, 4) for share in level.histogram],
+            "rounding": level.within is not None,
         }
         for level in levels
     ]

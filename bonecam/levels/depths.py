@@ -1,0 +1,33 @@
+"""How deep each cut is at single points: on the vertices of every level, and along one parameter line (Gan et al. 2014, Fig. 11)."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.levels.level import Level
+from bonecam.mesh.distance import MeshDistance
+
+LINE, POINTS = 0.7, 1000
+
+
+def step_depths(levels: Sequence[Level]) -> list[Float[ndarray, " n"]]:
+    """For each level the distance of its mesh vertices to the level before it, mm; zero on the part."""
+    found = [np.zeros(len(levels[0].mesh.vertices))]
+    for before, level in pairwise(levels):
+        found.append(np.asarray(MeshDistance(before.mesh).unsigned(level.mesh.vertices), dtype=np.float64))
+    return found
+
+
+def line_depths(levels: Sequence[Level], s: float = LINE, points: int = POINTS) -> Float[ndarray, "k points"]:
+    """For each cut of the morph (rounding levels left out) how far points evenly spaced on the line s move to the next level, mm.
+
+    The last cut's are the distances to the body that the morph ends at.
+    """
+    surfaces = [level.surface for level in levels if level.within is None and level.surface is not None]
+    t = np.linspace(*surfaces[0].domain[1], points)
+    line = np.stack([surface.positions(np.full(points, s), t) for surface in surfaces])
+    moved = np.linalg.norm(np.diff(line, axis=0), axis=2)
+    return np.vstack([moved, MeshDistance(levels[len(surfaces)].mesh).unsigned(line[-1])])

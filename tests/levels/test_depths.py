@@ -1,0 +1,41 @@
+"""Depths at single points: what the pictures and the coloured layers show."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_morph import waisted
+
+from bonecam.levels.cylinder import Cylinder
+from bonecam.levels.depths import POINTS, line_depths, step_depths
+from bonecam.levels.morph import Morph
+from bonecam.levels.rounding import levels_in
+from bonecam.levels.schedule import Schedule
+from bonecam.verify.pictures import draw_depths
+
+
+@pytest.fixture(scope="module")
+def made() -> Morph:
+    return levels_in(waisted(), Cylinder(4.5, 0.0, 20.0), Schedule((0.2,), 1.0), chord_tolerance=0.05)
+
+
+def test_points_of_the_line_move_no_further_than_the_depth(made: Morph) -> None:
+    depths = line_depths(made.levels)
+    body = next(level for level in made.levels if level.within is not None)
+    assert depths.shape == (body.index, POINTS)
+    limits = np.array([level.limit for level in made.levels[1 : body.index + 1]])
+    assert (depths.max(axis=1) <= limits + 0.003).all()
+    assert depths[0].mean() > 0.8 * limits[0]
+
+
+def test_every_vertex_carries_the_depth_of_its_cut(made: Morph) -> None:
+    found = step_depths(made.levels)
+    assert not found[0].any()
+    for level, depth in zip(made.levels, found):
+        assert len(depth) == len(level.mesh.vertices)
+        assert depth.max() <= level.limit + 0.02
+
+
+def test_the_picture_of_depths_is_drawn(made: Morph, tmp_path: Path) -> None:
+    draw_depths(made.levels, line_depths(made.levels), tmp_path / "depths.png")
+    assert (tmp_path / "depths.png").read_bytes().startswith(b"\x89PNG")
