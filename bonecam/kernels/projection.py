@@ -67,6 +67,20 @@ def _step(D: ndarray, p: ndarray) -> tuple[float, float, float, bool]:
 
 
 @njit(cache=True, fastmath=CONTRACT)
+def _step_along(D: ndarray, p: ndarray, axis: int) -> tuple[float, float]:
+    """The step in one parameter alone and its slope: Newton's, Gauss-Newton's where the second derivative is not positive."""
+    g = G = c = 0.0
+    for d in range(3):
+        r = D[0, d] - p[d]
+        g += r * D[1 + axis, d]
+        G += D[1 + axis, d] * D[1 + axis, d]
+        c += r * D[3 + 2 * axis, d]
+    c = c + G if c + G > 0.0 else G
+    step = -g / c if c > 0.0 else 0.0
+    return step, g * step
+
+
+@njit(cache=True, fastmath=CONTRACT)
 def descend(
     patches: ndarray, boxes: ndarray, strips: tuple, domain: ndarray, period: ndarray, poles: ndarray, limit: ndarray, p: ndarray,
     s: float, t: float, D: ndarray,
@@ -83,11 +97,22 @@ def descend(
             y = max(y, 0.0)
         if not poles[1] and period[1] == 0.0 and t >= domain[1, 1]:
             y = min(y, 0.0)
+        if period[0] == 0.0 and ((s <= domain[0, 0] and x < 0.0) or (s >= domain[0, 1] and x > 0.0)):
+            x = 0.0
+            y, slope = _step_along(D, p, 1)
+        elif (
+            period[0] == 0.0
+            and period[1] == 0.0
+            and (t <= domain[1, 0] or t >= domain[1, 1])
+            and (y == 0.0 or (y > 0.0) == (t > domain[1, 0]))
+        ):
+            y = 0.0
+            x, slope = _step_along(D, p, 0)
         shrink = max(1.0, max(abs(x) / limit[0], abs(y) / limit[1]))
         x, y = x / shrink, y / shrink
         # so near the foot that |S - p| cannot tell any more: Newton's step is trusted, three times
         near = newton and shrink == 1.0 and -slope <= NEAR * value
-        moved = False
+        moved, part = False, 1.0
         for _ in range(HALVINGS):
             s1, t1 = _inside(s + x, t + y, domain, period, poles)
             e = locate_one(*strips, s1, t1)
@@ -97,6 +122,22 @@ def descend(
                 if new < value or near:
                     moved = True
                     break
+            else:  # into a notch of the domain: to the border of the element, and along it
+                e = locate_one(*strips, s, t)
+                s1 = min(max(s + x, boxes[e, 0]), boxes[e, 1])
+                t1 = min(max(t + y, boxes[e, 2]), boxes[e, 3])
+                if s1 == s or t1 == t:
+                    jet(patches[e], boxes[e], s, t, D)
+                    if s1 == s:
+                        t1 = min(max(t + _step_along(D, p, 1)[0] * part, boxes[e, 2]), boxes[e, 3])
+                    else:
+                        s1 = min(max(s + _step_along(D, p, 0)[0] * part, boxes[e, 0]), boxes[e, 1])
+                jet(patches[e], boxes[e], s1, t1, D)
+                new = _half_square(D, p)
+                if new < value:
+                    moved = True
+                    break
+            part *= 0.5
             x, y = 0.5 * x, 0.5 * y
         if not moved:
             break

@@ -51,8 +51,13 @@ def triangle_distances(points: ndarray, vertices: ndarray, faces: ndarray) -> nd
 
 
 @njit(cache=True)
-def between(parameters: ndarray, poles: ndarray, corners: ndarray, shares: ndarray) -> tuple[ndarray, ndarray]:
-    """s and t between the corners (n, c) at each of the barycentric shares (k, c): (n k,); s closes at 1, a pole has no s of its own."""
+def between(
+    parameters: ndarray, poles: ndarray, corners: ndarray, shares: ndarray, origin: tuple[float, float], period: tuple[float, float]
+) -> tuple[ndarray, ndarray]:
+    """s and t between the corners (n, c) at each of the barycentric shares (k, c): (n k,); a pole has no s of its own.
+
+    A direction with a period closes: [origin, origin + period).
+    """
     count = len(shares)
     s, t = np.empty(len(corners) * count), np.empty(len(corners) * count)
     for n in range(len(corners)):
@@ -64,13 +69,24 @@ def between(parameters: ndarray, poles: ndarray, corners: ndarray, shares: ndarr
             weight = offset = height = 0.0
             for c in range(corners.shape[1]):
                 v = corners[n, c]
-                height += shares[k, c] * parameters[v, 1]
+                if period[1] > 0.0:
+                    d = parameters[v, 1] - parameters[first, 1]
+                    height += shares[k, c] * (d - period[1] * np.round(d / period[1]))
+                else:
+                    height += shares[k, c] * parameters[v, 1]
                 if not poles[v]:
                     d = parameters[v, 0] - reference
-                    offset += shares[k, c] * (d - np.round(d))
+                    if period[0] > 0.0:
+                        d -= period[0] * np.round(d / period[0])
+                    offset += shares[k, c] * d
                     weight += shares[k, c]
             x = reference + offset / weight
-            s[n * count + k] = x - np.floor(x)
+            if period[0] > 0.0:
+                x -= period[0] * np.floor((x - origin[0]) / period[0])
+            if period[1] > 0.0:
+                height += parameters[first, 1]
+                height -= period[1] * np.floor((height - origin[1]) / period[1])
+            s[n * count + k] = x
             t[n * count + k] = height
     return s, t
 

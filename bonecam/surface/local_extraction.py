@@ -48,17 +48,33 @@ def _cut(faces: ndarray, s: ndarray, t: ndarray) -> ndarray:
     function, face = _overlaps(faces, s, t)
     order = np.argsort(face, kind="stable")
     function, starts = function[order], np.searchsorted(face[order], np.arange(len(faces) + 1))
+    lines = [_lines(faces[:, :2], s), _lines(faces[:, 2:], t)]
     boxes = []
     for k, (s_low, s_high, t_low, t_high) in enumerate(faces):
         here = function[starts[k] : starts[k + 1]]
         x, y = (
-            distinct(np.concatenate([[low, high], np.clip(knots[here].ravel(), low, high)]))
-            for knots, low, high in ((s, s_low, s_high), (t, t_low, t_high))
+            _nearest(every, np.concatenate([[low, high], np.clip(knots[here].ravel(), low, high)]))
+            for every, knots, low, high in ((lines[0], s, s_low, s_high), (lines[1], t, t_low, t_high))
         )
-        x[-1], y[-1] = s_high, t_high
         i, j = (index.ravel() for index in np.meshgrid(np.arange(len(x) - 1), np.arange(len(y) - 1)))
         boxes.append(np.column_stack([x[i], x[i + 1], y[j], y[j + 1]]))
     return np.vstack(boxes)
+
+
+def _lines(sides: ndarray, knots: ndarray) -> ndarray:
+    """All places where a box may end: the sides of faces, and knots that do not differ from them by rounding only."""
+    sides = np.unique(sides)
+    every = distinct(np.clip(knots.ravel(), sides[0], sides[-1]))
+    slack = 4096 * np.finfo(float).eps * max(1.0, float(np.abs(sides).max()))
+    apart = np.abs(every - sides[np.clip(np.searchsorted(sides, every), 0, len(sides) - 1)]) > slack
+    apart &= np.abs(every - sides[np.clip(np.searchsorted(sides, every) - 1, 0, None)]) > slack
+    return np.sort(np.concatenate([sides, every[apart]]))
+
+
+def _nearest(lines: ndarray, knots: ndarray) -> ndarray:
+    """The lines that are nearest to some of the knots."""
+    above = np.clip(np.searchsorted(lines, knots), 1, len(lines) - 1)
+    return lines[np.unique(np.where(knots - lines[above - 1] < lines[above] - knots, above - 1, above))]
 
 
 def _overlaps(boxes: ndarray, s: ndarray, t: ndarray) -> tuple[ndarray, ndarray]:

@@ -14,6 +14,7 @@ from numpy import ndarray
 from scipy.spatial import KDTree
 
 from bonecam.kernels import projection
+from bonecam.surface.tmesh import RowTMesh
 
 if TYPE_CHECKING:
     from bonecam.surface.tspline import TSpline
@@ -22,6 +23,8 @@ AROUND = 128  # seeds round a closed surface
 ALONG = (4, 40)  # fewest and most seeds across an element strip
 POLE_AROUND = 16  # seeds of each ring nearer to a pole
 POLE_RINGS = 0.5 ** np.arange(1, 6)
+SEEDS = 8000  # about as many on a surface of general elements
+ELEMENT_SEEDS = (3, 32)  # fewest and most along an element's side
 CANDIDATES = 12  # nearest seeds looked at for each point
 
 
@@ -47,6 +50,23 @@ class Seeds:
     """Surface points from which projections start."""
 
     def __init__(self, surface: "TSpline") -> None:
+        if isinstance(surface.tmesh, RowTMesh):
+            self._of_rows(surface)
+        else:
+            self._of_elements(surface)
+
+    def _of_elements(self, surface: "TSpline") -> None:
+        """A grid on every element: the domain need not be a rectangle."""
+        boxes = surface.elements().boxes
+        count = int(np.clip(np.ceil(np.sqrt(SEEDS / len(boxes))), *ELEMENT_SEEDS))
+        u, v = (x.ravel() for x in np.meshgrid(*[(np.arange(count) + 0.5) / count] * 2))
+        width, height = boxes[:, 1] - boxes[:, 0], boxes[:, 3] - boxes[:, 2]
+        s, t = boxes[:, :1] + width[:, None] * u, boxes[:, 2:3] + height[:, None] * v
+        self.parameters = np.column_stack([s.ravel(), t.ravel()])
+        self.tree = KDTree(surface.positions(*self.parameters.T))
+        self.limit = 2 * np.array([width.max(), height.max()]) / count
+
+    def _of_rows(self, surface: "TSpline") -> None:
         breaks = np.unique(surface.elements().boxes[:, 2:])
         t = np.concatenate([a + (b - a) * (np.arange(n) + 0.5) / n for a, b, n in zip(breaks[:-1], breaks[1:], _along(surface, breaks))])
         low, high = surface.domain[0]
@@ -77,7 +97,7 @@ def project(surface: "TSpline", points: Float[ndarray, "n 3"]) -> Projection:
     nearest = seeds.parameters[seeds.tree.query(points, CANDIDATES)[1]]
     elements, count = surface.elements(), len(points)
     s, t, squared = np.empty(count), np.empty(count), np.empty(count)
-    domain, period, poles = surface.domain, np.array(elements.period), np.array(surface.tmesh.poles)
+    domain, period, poles = surface.domain, np.array(elements.period), np.array(surface.poles)
     parts = (surface.patches, elements.boxes, elements.strips, domain, period, poles, seeds.limit)
     projection.feet(*parts, points, nearest, s, t, squared)
     return Projection(np.column_stack([s, t]), surface.positions(s, t), np.sqrt(squared))

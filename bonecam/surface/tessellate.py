@@ -1,6 +1,6 @@
-"""Triangles within a measured chord tolerance of a closed surface.
+"""Triangles within a measured chord tolerance of a surface, closed or open.
 
-A coarse conforming mesh of the parameter domain (surface.rings) is refined by splitting edges: an edge is split where the
+A coarse conforming mesh of the parameter domain (surface.rings, patch_mesh) is refined by splitting edges: an edge is split where the
 surface at its quarter points is farther from the chord than the tolerance, and all edges of a triangle where the surface at
 its centroid is, or where the triangle faces against the surface. What is split depends on the edge alone, so the mesh stays
 watertight across elements, T-junctions, seam and poles. The distances are measured on the final mesh, not estimated.
@@ -16,7 +16,9 @@ from numpy import ndarray
 from bonecam.errors import SurfaceError
 from bonecam.kernels import triangles
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.surface.patch_mesh import patch_mesh
 from bonecam.surface.rings import ring_mesh
+from bonecam.surface.tmesh import RowTMesh
 
 if TYPE_CHECKING:
     from bonecam.surface.tspline import TSpline
@@ -49,16 +51,24 @@ class _Draft:
     fresh: Bool[ndarray, " m"]
     deviation: float = 0.0
 
+    def between(self, corners: Int[ndarray, "n c"], shares: Float[ndarray, "k c"]) -> tuple[ndarray, ndarray]:
+        """s and t at barycentric shares of vertices, round a closed direction the short way."""
+        (s_low, _), (t_low, _) = self.surface.domain
+        found = triangles.between(self.parameters, self.poles, corners, shares, (s_low, t_low), self.surface.elements().period)
+        return found[0], found[1]
+
 
 def tessellate(surface: "TSpline", chord_tolerance: float, angle_tolerance: float | None = None) -> Tessellation:
     """Triangles within `chord_tolerance` (mm) of the surface; with `angle_tolerance` (rad) the normals along an edge, too.
 
-    The mesh is outward, and closed where both ends of t are poles. Edges shorter than the chord tolerance are not split for
-    their angle. Raises SurfaceError where the tolerance cannot be reached or a triangle has no area.
+    The mesh is outward where the surface is closed, else on the side of S_s x S_t; it is closed where the surface is. Edges shorter
+    than the chord tolerance are not split for their angle. Raises SurfaceError where the tolerance cannot be reached or a triangle
+    has no area.
     """
     if not chord_tolerance > 0 or (angle_tolerance is not None and not angle_tolerance > 0):
         raise ValueError(f"tolerances must be positive, not {chord_tolerance} and {angle_tolerance}")
-    parameters, poles, faces = ring_mesh(surface, chord_tolerance)
+    rows = isinstance(surface.tmesh, RowTMesh)
+    parameters, poles, faces = ring_mesh(surface, chord_tolerance) if rows else patch_mesh(surface)
     points = surface.positions(*parameters.T)
     draft = _Draft(surface, parameters, poles, points, faces, np.ones(len(faces), dtype=bool))
     for _ in range(ROUNDS):
@@ -89,13 +99,13 @@ def _marked(draft: _Draft, edges: ndarray, edge_of_face: ndarray, chord_toleranc
     marked = np.zeros(len(edges), dtype=bool)
     marked[edge_of_face[draft.fresh].ravel()] = True
     fresh = np.flatnonzero(marked)
-    points = draft.surface.positions(*triangles.between(draft.parameters, draft.poles, edges[fresh], QUARTERS)).reshape(-1, 3, 3)
+    points = draft.surface.positions(*draft.between(edges[fresh], QUARTERS)).reshape(-1, 3, 3)
     along = triangles.segment_distances(points, draft.points, edges[fresh])
     marked[fresh] = along > chord_tolerance
     if angle_tolerance is not None:
         marked[fresh] |= _too_bent(draft, edges[fresh], chord_tolerance, angle_tolerance)
     faces, sides = draft.faces[draft.fresh], edge_of_face[draft.fresh]
-    s, t = triangles.between(draft.parameters, draft.poles, faces, CENTRE)
+    s, t = draft.between(faces, CENTRE)
     centre, S_s, S_t = draft.surface.derivatives(s, t, 1)
     inside = triangles.triangle_distances(centre, draft.points, faces)
     normals = np.cross(S_s, S_t)
@@ -126,7 +136,7 @@ def _split(draft: _Draft, edges: ndarray, edge_of_face: ndarray, marked: ndarray
     triangles.mark_longest(marked, edge_of_face, edge_of_face[np.arange(len(longest)), longest])
     middle = np.full(len(edges), -1)
     middle[marked] = len(draft.points) + np.arange(int(marked.sum()))
-    s, t = triangles.between(draft.parameters, draft.poles, edges[marked], QUARTERS[1:2])
+    s, t = draft.between(edges[marked], QUARTERS[1:2])
     draft.parameters = np.vstack([draft.parameters, np.column_stack([s, t])])
     draft.poles = np.concatenate([draft.poles, np.zeros(len(s), dtype=bool)])
     draft.points = np.vstack([draft.points, draft.surface.positions(s, t)])
@@ -168,4 +178,12 @@ def _checked(draft: _Draft) -> TriangleMesh:
     if not area.min() > 0:
         place = draft.parameters[mesh.faces[int(np.argmin(area))][0]]
         raise SurfaceError(f"control points coincide near (s, t) = ({place[0]:.4f}, {place[1]:.4f}): move them apart", place=place)
-    return mesh
+    inward = not isinstance(draft.surface.tmesh, RowTMesh) and _closed(mesh.faces) and mesh.volume < 0
+    return TriangleMesh(mesh.vertices, mesh.faces[:, ::-1]) if inward else mesh
+
+
+def _closed(faces: ndarray) -> bool:
+    """Whether every edge has a face on both sides."""
+    following = faces[:, [1, 2, 0]].astype(np.int64)
+    there, back = faces.astype(np.int64) << 32 | following, following << 32 | faces
+    return np.array_equal(np.sort(there, axis=None), np.sort(back, axis=None))

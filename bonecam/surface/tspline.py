@@ -25,6 +25,7 @@ from bonecam.surface.tmesh import RowTMesh
 
 POLE = 1e-9  # of the t-range: nearer to a pole than this its limits are taken
 POLE_DIRECTIONS = 256
+ONE_POINT = 1e-12  # of the size: an end whose points are nearer to each other is a pole
 M = TypeVar("M", bound=RowTMesh | OpenRowTMesh | TMesh)
 
 
@@ -54,6 +55,17 @@ class TSpline(Generic[M]):
     def domain(self) -> Float[ndarray, "2 2"]:
         """[[s_low, s_high], [t_low, t_high]]; s is periodic where the surface is closed."""
         return self.tmesh.domain
+
+    @cached_property
+    def poles(self) -> tuple[bool, bool]:
+        """Whether the lower and the upper end of t is one point of a surface that is closed in s."""
+        if any(self.tmesh.poles) or not self.elements().period[0] or self.elements().period[1]:
+            return self.tmesh.poles
+        s = np.linspace(self.domain[0, 0], self.domain[0, 1], POLE_DIRECTIONS, endpoint=False)
+        ends = [self.positions(s, np.full(len(s), t)) for t in self.domain[1]]
+        size = float(np.ptp(self.control_points, axis=0).max())
+        low, high = (bool(np.ptp(end, axis=0).max() <= ONE_POINT * size) for end in ends)
+        return low, high
 
     def with_control_points(self, control_points: Float[ndarray, "n 3"]) -> "TSpline[M]":
         """The same T-mesh and weights with other control points."""
@@ -130,12 +142,13 @@ class TSpline(Generic[M]):
         """Which samples lie on the lower (0) and the upper (1) pole, where there is one."""
         low, high = self.domain[1]
         distance = (np.asarray(t) - low, high - np.asarray(t))
-        found = [(end, np.flatnonzero(distance[end] <= POLE * (high - low))) for end in (0, 1) if self.tmesh.poles[end]]
+        found = [(end, np.flatnonzero(distance[end] <= POLE * (high - low))) for end in (0, 1) if self.poles[end]]
         return [(end, here) for end, here in found if len(here)]
 
     def _pole(self, end: int) -> tuple[ndarray, ndarray, ndarray]:
         """The normal at a pole and S_t, S_tt round it."""
-        s = np.arange(POLE_DIRECTIONS) / POLE_DIRECTIONS
+        low, high = self.domain[0]
+        s = low + (high - low) * (np.arange(POLE_DIRECTIONS) / POLE_DIRECTIONS)
         derivatives = self.evaluate(s, np.full(len(s), self.domain[1, end]), 2)
         return pole_normal(derivatives[2], end == 1), derivatives[2], derivatives[5]
 

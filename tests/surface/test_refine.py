@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from general import random_tspline, samples
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from general import random_tspline, samples
 from rowed import bone_like
 
 from bonecam.surface.as_general import as_general
