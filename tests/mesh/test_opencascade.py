@@ -84,6 +84,26 @@ def test_no_part_of_a_face_is_lost(part: Callable[[], Any], tolerance: float | N
     assert abs(mesh.volume - found.Mass()) < (tolerance or 0.03) * mesh.area
 
 
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_parts_of_an_assembly_stand_in_their_places_and_face_outward(mirrored: bool) -> None:
+    lib = occ()
+    move = lib.gp.gp_Trsf()
+    if mirrored:
+        move.SetMirror(lib.gp.gp_Ax2(lib.gp.gp_Pnt(50, 0, 0), lib.gp.gp_Dir(1, 0, 0)))
+        moved = lib.BRepBuilderAPI.BRepBuilderAPI_Transform(cone(), move).Shape()
+    else:
+        move.SetTranslation(lib.gp.gp_Vec(100, 0, 0))
+        moved = cone().Moved(lib.TopLoc.TopLoc_Location(move))
+    build, both = lib.BRep.BRep_Builder(), lib.TopoDS.TopoDS_Compound()
+    build.MakeCompound(both)
+    for shape in (cone(), moved):
+        build.Add(both, shape)
+    mesh = tessellated(both, 0.05)
+    assert is_closed(mesh)
+    assert mesh.volume == pytest.approx(2 * np.pi * 25 * 20 / 3, rel=0.02)
+    np.testing.assert_allclose(mesh.bounds[:, 0], [-5, 105], atol=0.05)
+
+
 def test_a_face_that_cannot_be_tessellated_is_an_error_and_not_a_hole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = write(cylinder(), tmp_path / "a.step")
     monkeypatch.setattr(opencascade, "ASKED", 1e3)
