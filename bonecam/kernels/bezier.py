@@ -72,12 +72,13 @@ def locate(
 
 @njit(cache=True, fastmath=CONTRACT)
 def homogeneous_patches(starts: ndarray, functions: ndarray, coefficients: ndarray, weighted: ndarray) -> ndarray:
-    """Sum of coefficient x weighted control point over the functions of each element: (e, 16, 4)."""
-    result = np.zeros((len(starts) - 1, 16, 4))
+    """Sum of coefficient x weighted control point over the functions of each element: (e, 16, 4) for bicubic ones."""
+    count = coefficients.shape[1]
+    result = np.zeros((len(starts) - 1, count, 4))
     for e in range(len(starts) - 1):
         for k in range(starts[e], starts[e + 1]):
             f = functions[k]
-            for c in range(16):
+            for c in range(count):
                 for d in range(4):
                     result[e, c, d] += coefficients[k, c] * weighted[f, d]
     return result

@@ -5,6 +5,7 @@ division by W = sum w B makes the surface follow its control points (Sederberg e
 coefficients: sum_i x_i C_i = 1 on every element is a linear system, and its rank tells whether the functions are independent.
 """
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -86,18 +87,20 @@ def diagnose(surface: "TSpline") -> Diagnosis:
 
 
 def _coefficients(elements: Elements, size: int) -> sp.csr_array:
-    """Row 16 e + c: the c-th Bernstein coefficients on element e of all functions."""
+    """Row 16 e + c (cubic elements): the c-th Bernstein coefficients on element e of all functions."""
     element = np.repeat(np.arange(len(elements.boxes)), np.diff(elements.starts))
-    rows = (16 * element[:, None] + np.arange(16)).ravel()
-    columns = np.repeat(elements.functions, 16)
-    return sp.csr_array((elements.coefficients.ravel(), (rows, columns)), shape=(16 * len(elements.boxes), size))
+    count = elements.coefficients.shape[1]
+    rows = (count * element[:, None] + np.arange(count)).ravel()
+    columns = np.repeat(elements.functions, count)
+    return sp.csr_array((elements.coefficients.ravel(), (rows, columns)), shape=(count * len(elements.boxes), size))
 
 
 def _sum_errors(elements: Elements, sums: ndarray) -> Float[ndarray, " e"]:
     """Largest |sum - 1| on each element, on a grid of places."""
     x = np.linspace(0, 1, GRID)
-    cubics = np.array([(1 - x) ** 3, 3 * x * (1 - x) ** 2, 3 * x * x * (1 - x), x**3])
-    values = np.einsum("eji,jn,im->enm", sums.reshape(-1, 4, 4), cubics, cubics)
+    d = elements.degree
+    bernstein = np.array([math.comb(d, k) * x**k * (1 - x) ** (d - k) for k in range(d + 1)])
+    values = np.einsum("eji,jn,im->enm", sums.reshape(-1, d + 1, d + 1), bernstein, bernstein)
     found: ndarray = np.abs(values - 1).max(axis=(1, 2))
     return found
 

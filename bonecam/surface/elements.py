@@ -4,6 +4,7 @@ An element is a box of the parameter domain, the functions that live on it, and 
 Bernstein coefficients of its (polynomial) restriction. Nothing downstream needs the T-mesh any more.
 """
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,7 +13,7 @@ from jaxtyping import Float, Int32, Int64
 from numpy import ndarray
 
 from bonecam.arrays import frozen
-from bonecam.kernels import bezier
+from bonecam.kernels import bezier, bezier_any
 
 SLICES = 256
 SLOTS = 128
@@ -22,19 +23,25 @@ SLOTS = 128
 class Elements:
     """Boxes (s_low, s_high, t_low, t_high) that tile the domain; functions starts[e]:starts[e+1] live on box e.
 
-    coefficients[k] belongs to functions[k]: 4 x 4 Bernstein coefficients, s fastest. `period` is the length of
+    coefficients[k] belongs to functions[k]: 4 x 4 Bernstein coefficients, s fastest ((d + 1) x (d + 1) where elements of another
+    degree d come from a file; kernels.bezier_any evaluates them). `period` is the length of
     a closed direction (s, t), 0 where it is open. Functions are increasing within an element.
     """
 
     boxes: Float[ndarray, "e 4"]
     starts: Int64[ndarray, " e1"]
     functions: Int64[ndarray, " k"]
-    coefficients: Float[ndarray, "k 16"]
+    coefficients: Float[ndarray, "k c"]
     period: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         for name, dtype in (("boxes", np.float64), ("starts", np.int64), ("functions", np.int64), ("coefficients", np.float64)):
             object.__setattr__(self, name, frozen(getattr(self, name), dtype))
+
+    @property
+    def degree(self) -> int:
+        """Degree in s and in t."""
+        return math.isqrt(self.coefficients.shape[1]) - 1
 
     @cached_property
     def domain(self) -> Float[ndarray, "2 2"]:
@@ -89,7 +96,22 @@ class Elements:
             raise ValueError(f"{'st'[direction]} must be in [{low}, {high}], not {x.min() if x.min() < low else x.max()}")
         return np.clip(x, low, high)
 
-    def patches(self, control_points: Float[ndarray, "n 3"], weights: Float[ndarray, " n"]) -> Float[ndarray, "e 16 4"]:
+    def derivatives(
+        self, patches: Float[ndarray, "e c 4"], element: Int32[ndarray, " n"], s: Float[ndarray, " n"], t: Float[ndarray, " n"], order: int
+    ) -> Float[ndarray, "d n 3"]:
+        """S; S_s, S_t (order 1); S_ss, S_st, S_tt (order 2) of the elements' patches at parameters inside the given elements."""
+        found = np.empty(((1, 3, 6)[order], len(s), 3))
+        if self.degree != 3:
+            bezier_any.derivatives(patches, self.boxes, element, s, t, self.degree, found)
+        elif order == 0:
+            bezier.positions(patches, self.boxes, element, s, t, found[0])
+        elif order == 1:
+            bezier.first_derivatives(patches, self.boxes, element, s, t, *found)
+        else:
+            bezier.second_derivatives(patches, self.boxes, element, s, t, found)
+        return found
+
+    def patches(self, control_points: Float[ndarray, "n 3"], weights: Float[ndarray, " n"]) -> Float[ndarray, "e c 4"]:
         """Homogeneous Bezier control points of every element."""
         weighted = np.column_stack([control_points * weights[:, None], weights])
         return bezier.homogeneous_patches(self.starts, self.functions, self.coefficients, weighted)

@@ -9,8 +9,6 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.kernels import bezier
-
 if TYPE_CHECKING:
     from bonecam.surface.tspline import TSpline
 
@@ -39,8 +37,7 @@ def _quadrature(surface: "TSpline", order: int) -> tuple[Float[ndarray, "n 3"], 
     u, v = (a.ravel() for a in np.meshgrid(x, x))
     s = ((boxes[:, 0] + half[:, 0])[:, None] + half[:, :1] * u).ravel()
     t = ((boxes[:, 2] + half[:, 1])[:, None] + half[:, 1:] * v).ravel()
-    found = np.empty((3, len(s), 3))
     element = np.repeat(np.arange(len(boxes), dtype=np.int32), order * order)
-    bezier.first_derivatives(surface.patches, boxes, element, s, t, *found)
+    found = surface.elements().derivatives(surface.patches, element, s, t, 1)
     weights = (half.prod(axis=1)[:, None] * np.outer(w, w).ravel()).ravel()
     return found[0], found[1], found[2], weights

@@ -13,6 +13,7 @@ from jaxtyping import Float
 from numpy import ndarray
 from scipy.spatial import KDTree
 
+from bonecam.errors import SurfaceError
 from bonecam.kernels import projection
 from bonecam.surface.tmesh import RowTMesh
 
@@ -91,6 +92,8 @@ def _along(surface: "TSpline", breaks: ndarray) -> list[int]:
 def project(surface: "TSpline", points: Float[ndarray, "n 3"]) -> Projection:
     """The nearest point of the surface for each point. Raises ValueError for points that are not finite."""
     points = np.ascontiguousarray(points, dtype=np.float64)
+    if surface.elements().degree != 3:
+        raise SurfaceError(f"the elements have degree {surface.elements().degree}: points are projected on cubic ones")
     if not np.isfinite(points).all():
         raise ValueError(f"point {int(np.argmin(np.isfinite(points).all(axis=1)))} is not finite")
     seeds: Seeds = surface.seeds

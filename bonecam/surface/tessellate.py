@@ -16,6 +16,7 @@ from numpy import ndarray
 from bonecam.errors import SurfaceError
 from bonecam.kernels import triangles
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.surface.extracted import ExtractedTMesh
 from bonecam.surface.patch_mesh import patch_mesh
 from bonecam.surface.rings import ring_mesh
 from bonecam.surface.tmesh import RowTMesh
@@ -67,6 +68,8 @@ def tessellate(surface: "TSpline", chord_tolerance: float, angle_tolerance: floa
     """
     if not chord_tolerance > 0 or (angle_tolerance is not None and not angle_tolerance > 0):
         raise ValueError(f"tolerances must be positive, not {chord_tolerance} and {angle_tolerance}")
+    if isinstance(surface.tmesh, ExtractedTMesh):
+        raise SurfaceError("the elements of an .iga file have no common parameters: they cannot be tessellated as one mesh")
     rows = isinstance(surface.tmesh, RowTMesh)
     parameters, poles, faces = ring_mesh(surface, chord_tolerance) if rows else patch_mesh(surface)
     points = surface.positions(*parameters.T)

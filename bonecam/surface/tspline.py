@@ -10,12 +10,14 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.arrays import frozen
+from bonecam.errors import SurfaceError
 from bonecam.kernels import bezier
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface import measures
 from bonecam.surface.curvature import Curvature, pole_curvature, pole_normal, surface_curvature, unit
 from bonecam.surface.diagnose import Diagnosis, diagnose
 from bonecam.surface.elements import Elements
+from bonecam.surface.extracted import ExtractedTMesh
 from bonecam.surface.general_tmesh import TMesh
 from bonecam.surface.open_rows import OpenRowTMesh
 from bonecam.surface.project import Projection, Seeds, project
@@ -26,7 +28,7 @@ from bonecam.surface.tmesh import RowTMesh
 POLE = 1e-9  # of the t-range: nearer to a pole than this its limits are taken
 POLE_DIRECTIONS = 256
 ONE_POINT = 1e-12  # of the size: an end whose points are nearer to each other is a pole
-M = TypeVar("M", bound=RowTMesh | OpenRowTMesh | TMesh)
+M = TypeVar("M", bound=RowTMesh | OpenRowTMesh | TMesh | ExtractedTMesh)
 
 
 def _matrices(order: int) -> int:
@@ -76,7 +78,7 @@ class TSpline(Generic[M]):
         return self.tmesh.elements
 
     @cached_property
-    def patches(self) -> Float[ndarray, "e 16 4"]:
+    def patches(self) -> Float[ndarray, "e c 4"]:
         """Homogeneous Bezier control points (w x, w y, w z, w) of every element, s fastest."""
         return self.tmesh.elements.patches(self.control_points, self.weights)
 
@@ -88,6 +90,8 @@ class TSpline(Generic[M]):
         indptr = np.concatenate([[0], np.cumsum(count)]).astype(np.int64 if count.sum() > 2**31 - 1 else np.int32)
         indices = np.empty(indptr[-1], dtype=indptr.dtype)
         values = np.empty((_matrices(order), indptr[-1]))
+        if elements.degree != 3:
+            raise SurfaceError(f"the elements have degree {elements.degree}: the basis is assembled for cubic ones")
         parts = (elements.starts, elements.functions, elements.coefficients, self.weights, elements.boxes)
         bezier.basis_values(*parts, place, s, t, order, indptr, indices, values)
         shape = (len(s), self.tmesh.size)
@@ -102,20 +106,15 @@ class TSpline(Generic[M]):
 
     def positions(self, s: Float[ndarray, " n"], t: Float[ndarray, " n"]) -> Float[ndarray, "n 3"]:
         """S."""
-        place, s, t = self.tmesh.elements.place(s, t)
-        found = np.empty((len(s), 3))
-        bezier.positions(self.patches, self.tmesh.elements.boxes, place, s, t, found)
+        elements = self.tmesh.elements
+        found: ndarray = elements.derivatives(self.patches, *elements.place(s, t), 0)[0]
         return found
 
     def derivatives(self, s: Float[ndarray, " n"], t: Float[ndarray, " n"], order: int) -> tuple[Float[ndarray, "n 3"], ...]:
         """S, S_s, S_t (order 1) and S_ss, S_st, S_tt (order 2)."""
-        found = np.empty((_matrices(order), len(s), 3))
-        place, s, t = self.tmesh.elements.place(s, t)
-        if order == 1:
-            bezier.first_derivatives(self.patches, self.tmesh.elements.boxes, place, s, t, *found)
-        else:
-            bezier.second_derivatives(self.patches, self.tmesh.elements.boxes, place, s, t, found)
-        return tuple(found)
+        elements = self.tmesh.elements
+        _matrices(order)
+        return tuple(elements.derivatives(self.patches, *elements.place(s, t), order))
 
     def normals(self, s: Float[ndarray, " n"], t: Float[ndarray, " n"]) -> Float[ndarray, "n 3"]:
         """Outward unit normals; at a pole the limit (see surface.curvature). Raises SurfaceError where there is none."""
