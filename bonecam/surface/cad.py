@@ -5,7 +5,8 @@ a degenerate edge; where it encloses a volume, as a solid. What has no rectangul
 each a face, sewn to a shell.
 
 Files are in mm, with 17 digits (a double comes back as itself), and say nothing of the time, user or place: the same surface
-gives the same bytes. STEP keeps the closed direction periodic; IGES as OpenCASCADE writes it has the same surface with repeated end knots.
+gives the same bytes. STEP keeps the closed direction periodic; IGES as OpenCASCADE writes it may hold the same surface open, with three
+columns twice.
 """
 
 import io
@@ -196,6 +197,9 @@ def _bspline_of(face: Any, file: Path) -> BSplineSurface:
         kind = type(found).__name__.removeprefix("Geom_")
         raise FileError(f"{file}: a face lies on a {kind}, no bicubic B-spline: read the part as a mesh", file=str(file), kind=kind)
     found.IncreaseDegree(3, 3)
+    loose = (not found.IsUPeriodic() and found.UMultiplicity(1) < 4) or (not found.IsVPeriodic() and found.VMultiplicity(1) < 4)
+    if loose:
+        found.Segment(*found.Bounds(), EDGE, EDGE)  # end knots four times, by knot insertion
     size = found.NbUPoles(), found.NbVPoles()
     poles = [[found.Pole(i, j) for j in range(1, size[1] + 1)] for i in range(1, size[0] + 1)]
     weights = [[found.Weight(i, j) for j in range(1, size[1] + 1)] for i in range(1, size[0] + 1)]

@@ -136,11 +136,21 @@ def to_bspline(surface: TSpline) -> BSplineSurface:
 
     Raises SurfaceError where the domain is no rectangle or the surface is torn along a line.
     """
-    elements = surface.elements()
-    s_breaks, t_breaks, grid = bezier_grid(elements, surface.patches)
+    period = surface.elements().period
+    result = joined(surface.elements(), surface.patches, (period[0] > 0, period[1] > 0))
+    _prove(result, surface)
+    return result
+
+
+def joined(elements: Elements, patches: Float[ndarray, "e 16 4"], closed: tuple[bool, bool]) -> BSplineSurface:
+    """Bezier elements that fill a rectangle as one B-spline, closed in s, in t; with as few knots as their continuity allows.
+
+    Raises SurfaceError where they fill none, or are torn along a line (the seam of a closed direction too).
+    """
+    s_breaks, t_breaks, grid = bezier_grid(elements, patches)
     scale = _scale(grid)
-    s_knots = _knots(s_breaks, grid, elements.period[0] > 0, scale)
-    t_knots = _knots(t_breaks, grid.transpose(1, 0, 3, 2, 4), elements.period[1] > 0, scale)
+    s_knots = _knots(s_breaks, grid, closed[0], scale)
+    t_knots = _knots(t_breaks, grid.transpose(1, 0, 3, 2, 4), closed[1], scale)
     found = _poles(t_knots, _poles(s_knots, grid).swapaxes(0, 1)).swapaxes(0, 1)
     weights = found[..., 3]
     poles = found[..., :3] / weights[..., None]
@@ -149,9 +159,7 @@ def to_bspline(surface: TSpline) -> BSplineSurface:
     for end in (poles[:, 0], poles[:, -1]):
         if np.ptp(end, axis=0).max() <= ROUNDING * scale[0]:
             end[:] = end[0]
-    result = BSplineSurface(s_knots, t_knots, poles, weights)
-    _prove(result, surface)
-    return result
+    return BSplineSurface(s_knots, t_knots, poles, weights)
 
 
 def bezier_grid(
