@@ -12,6 +12,8 @@ from numpy import ndarray
 
 from bonecam.levels.level import Level
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.surface.tmesh_lines import TMeshLines, tmesh_lines
+from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.path import Kind, ToolPath
 
 CUT_COLOURS = "viridis"
@@ -85,6 +87,52 @@ def draw_depths(levels: Sequence[Level], line: Float[ndarray, "k n"], path: str 
     figure.colorbar(image, ax=below, label="% of the level's area")
     figure.suptitle("Depths of the cuts")
     figure.savefig(path, metadata={"Software": None})
+
+
+def draw_tmesh(surface: TSpline, path: str | Path, chord_tolerance: float = 0.01) -> None:
+    """The T-mesh on the surface, seen from the front (-y) and from behind; `chord_tolerance` (mm) of the shaded surface."""
+    from matplotlib.figure import Figure
+
+    mesh, lines = surface.tessellate(chord_tolerance), tmesh_lines(surface)
+    figure = Figure(figsize=(7, 8), dpi=120, layout="constrained")
+    for plot, across in zip(figure.subplots(1, 2, sharey=True), (1.0, -1.0)):
+        _draw_shaded(plot, mesh, across)
+        _draw_lines(plot, surface, lines, across)
+        plot.autoscale()
+        plot.set_aspect("equal")
+        plot.set_xlabel("x (mm)" if across > 0 else "-x (mm)")
+    figure.suptitle(f"{len(surface.weights)} control points")
+    figure.savefig(path, metadata={"Software": None})
+
+
+def _draw_shaded(plot: "Axes", mesh: TriangleMesh, across: float) -> None:  # type: ignore[name-defined]
+    """Triangles that face the viewer, the far ones first."""
+    from matplotlib.collections import PolyCollection
+
+    normals = mesh.face_vectors / np.linalg.norm(mesh.face_vectors, axis=1, keepdims=True)
+    facing = np.flatnonzero(across * normals[:, 1] < 0)
+    corners = mesh.vertices[mesh.faces[facing]]
+    order = np.argsort(-across * corners[:, :, 1].mean(axis=1), kind="stable")
+    light = 0.55 + 0.4 * np.clip(normals[facing] @ (np.array([across, -2 * across, 1.0]) / np.sqrt(6)), 0, 1)
+    colours = np.repeat(light[:, None], 3, axis=1)[order]
+    plot.add_collection(PolyCollection(corners[order][:, :, [0, 2]] * [across, 1], facecolors=colours, edgecolors=colours, linewidths=0.3))
+
+
+def _draw_lines(plot: "Axes", surface: TSpline, lines: TMeshLines, across: float) -> None:  # type: ignore[name-defined]
+    """Edges and vertices on the side that faces the viewer."""
+    from matplotlib.collections import LineCollection
+
+    share = np.linspace(0, 1, 9)[:, None]
+    places = lines.pieces[:, :1] * (1 - share) + lines.pieces[:, 1:] * share
+    low, high = surface.domain.T
+    s, t = np.clip(places[..., 0].ravel(), low[0], None), np.clip(places[..., 1].ravel(), low[1], high[1])
+    points, normals = surface.positions(s, t), surface.normals(s, t)
+    flat = np.where((across * normals[:, 1] < 0)[:, None], points[:, [0, 2]] * [across, 1], np.nan).reshape(-1, 9, 2)
+    plot.add_collection(LineCollection(list(flat), colors="#1f4e8c", linewidths=0.8))
+    s, t = lines.vertices.T
+    points, normals = surface.positions(s, t), surface.normals(s, t)
+    seen = points[across * normals[:, 1] < 0]
+    plot.plot(across * seen[:, 0], seen[:, 2], ".", color="#b03020", markersize=2.5)
 
 
 def draw_toolpath(paths: Sequence[ToolPath], path: str | Path) -> None:
