@@ -11,7 +11,7 @@ columns twice.
 
 import io
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from numpy import ndarray
 
 from bonecam.errors import FileError, SurfaceError
 from bonecam.files import write_whole
+from bonecam.mesh.cad_files import in_child
 from bonecam.mesh.opencascade import faces_of, occ, read_shape, sewn
 from bonecam.surface.nurbs import BSplineSurface, Knots, to_bspline
 from bonecam.surface.tspline import TSpline
@@ -48,9 +49,36 @@ def write_iges(surface: TSpline, path: str | Path) -> int:
 def read_bsplines(path: str | Path) -> tuple[BSplineSurface, ...]:
     """The bicubic (or lower) B-spline surfaces under the faces of a STEP or IGES file, in mm, untrimmed and in the file's order.
 
-    Raises FileError where a face lies on another kind of surface: read such a part with `bonecam.mesh.read_mesh`.
+    Raises FileError as `mesh.cad_files` does, and where a face lies on another kind of surface: read such a part with `read_mesh`.
     """
-    return tuple(_bspline_of(face, Path(path)) for face in faces_of(read_shape(path)))
+    found = in_child(f"{__name__}:bspline_arrays", Path(path))
+    return tuple(
+        BSplineSurface(_knots_of(found, f"{n} s"), _knots_of(found, f"{n} t"), found[f"{n} poles"], found[f"{n} weights"])
+        for n in range(len(found) // 8)
+    )
+
+
+def bspline_arrays(file: Path) -> dict[str, ndarray]:
+    """What the child makes of a file for `read_bsplines`: eight arrays a surface."""
+    found: dict[str, ndarray] = {}
+    for n, surface in enumerate(bsplines_in(file)):
+        found |= {f"{n} poles": surface.poles, f"{n} weights": surface.weights}
+        for way, knots in (("s", surface.s_knots), ("t", surface.t_knots)):
+            found |= {
+                f"{n} {way} values": knots.values,
+                f"{n} {way} counts": knots.multiplicities,
+                f"{n} {way} closed": np.array(knots.closed),
+            }
+    return found
+
+
+def _knots_of(found: Mapping[str, ndarray], name: str) -> Knots:
+    return Knots(found[f"{name} values"], found[f"{name} counts"], bool(found[f"{name} closed"]))
+
+
+def bsplines_in(file: Path) -> tuple[BSplineSurface, ...]:
+    """As `read_bsplines`, in this process, which a damaged file may end."""
+    return tuple(_bspline_of(face, file) for face in faces_of(read_shape(file)))
 
 
 def shape_of(surface: TSpline) -> Any:

@@ -13,7 +13,7 @@ from bonecam.errors import FileError
 from bonecam.mesh.files import read_mesh
 from bonecam.mesh.opencascade import faces_of, occ, read_shape, tessellated
 from bonecam.surface import cad
-from bonecam.surface.cad import read_bsplines, shape_of, write_iges, write_step
+from bonecam.surface.cad import bsplines_in, read_bsplines, shape_of, write_iges, write_step
 from bonecam.surface.files import read_tsm
 from bonecam.surface.tspline import TSpline
 
@@ -36,7 +36,7 @@ def is_valid(shape: Any) -> bool:
 def test_a_file_holds_one_b_spline_equal_to_the_t_spline_to_rounding(name: str, spread: float, poles: bool, tmp_path: Path) -> None:
     surface = bone_like(10, 7, 3, spread=spread, poles=poles)
     assert WRITERS[name](surface, tmp_path / name) == 1
-    (spline,) = read_bsplines(tmp_path / name)
+    (spline,) = bsplines_in(tmp_path / name)
     s, t = samples(10_000)
     assert np.abs(spline.evaluate(s, t) - surface.evaluate(s, t)).max() < 1e-12 * spline.size
     assert spline.rational == (spread > 0)

@@ -7,7 +7,7 @@ import pytest
 from rowed import bone_like, samples
 
 from bonecam.errors import SurfaceError
-from bonecam.surface.cad import read_bsplines, write_iges, write_step
+from bonecam.surface.cad import bsplines_in, write_iges, write_step
 from bonecam.surface.from_bspline import from_bspline
 from bonecam.surface.nurbs import BSplineSurface, Knots, to_bspline
 from bonecam.surface.open_rows import OpenRowTMesh
@@ -32,7 +32,7 @@ def test_a_file_gives_the_periodic_surface_with_its_poles(name: str, spread: flo
     pytest.importorskip("OCP", reason="OpenCASCADE's wheel is not installed: pip install 'bonecam[cad]'")
     surface = bone_like(9, 7, 3, spread=spread)
     (write_step if name == "a.step" else write_iges)(surface, tmp_path / name)
-    (spline,) = read_bsplines(tmp_path / name)
+    (spline,) = bsplines_in(tmp_path / name)
     again = from_bspline(spline)
     s, t = samples(5000)
     assert isinstance(again.tmesh, RowTMesh)
