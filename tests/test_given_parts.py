@@ -7,6 +7,7 @@ import pytest
 from bodies import pebble
 
 from bonecam.errors import FileError, MeshError, SurfaceError
+from bonecam.filters.meshset import MeshSet
 from bonecam.job import Job
 from bonecam.pipeline import fit_surface, place, prepare
 from bonecam.surface.save import save_surface
@@ -69,3 +70,14 @@ def test_rows_that_make_no_part_are_refused(tmp_path: Path) -> None:
         prepare(tmp_path / "crossing.xyz", JOB.mesh)
     with pytest.raises(FileError, match=r"none\.csv: cannot be read"):
         prepare(tmp_path / "none.csv", JOB.mesh)
+
+
+@pytest.mark.parametrize("name", ["body.step", "body.iges", "body.tspline"])
+def test_the_save_filter_writes_what_the_ending_says(name: str, tmp_path: Path) -> None:
+    if name != "body.tspline":
+        pytest.importorskip("OCP", reason="OpenCASCADE's wheel is not installed: pip install 'bonecam[cad]'")
+    body, meshes = pebble(), MeshSet(folder=tmp_path)
+    meshes.layers.add(body.tessellate(0.1), "surface", keep={"surface": body})
+    assert meshes.apply_filter("save_tspline_surface", file=name) == {"file": str(tmp_path / name)}
+    save_surface(body, tmp_path / f"same_{name}")
+    assert (tmp_path / name).read_bytes() == (tmp_path / f"same_{name}").read_bytes()
