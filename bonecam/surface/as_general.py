@@ -4,14 +4,16 @@ import numpy as np
 
 from bonecam.errors import SurfaceError
 from bonecam.surface.general_tmesh import TMesh
-from bonecam.surface.tmesh import RowTMesh
+from bonecam.surface.open_rows import OpenRowTMesh
 from bonecam.surface.tspline import TSpline
 
 POLE_POINTS = 4  # a closed row has four knots at least
 
 
-def as_general(surface: TSpline[RowTMesh]) -> TSpline[TMesh]:
+def as_general(surface: TSpline) -> TSpline[TMesh]:
     """The same surface, exactly. Raises SurfaceError where the t-knots are not clamped."""
+    if isinstance(surface.tmesh, OpenRowTMesh):
+        return _of_open_rows(surface)
     rows, t = surface.tmesh, surface.tmesh.t_knots
     if not (t[:4] == t[0]).all() or not (t[-4:] == t[-1]).all():
         raise SurfaceError("the t-knots are not clamped: a general T-mesh repeats its end knots")
@@ -25,3 +27,17 @@ def as_general(surface: TSpline[RowTMesh]) -> TSpline[TMesh]:
     index = np.concatenate([np.full(len(row), start) if len(old) == 1 else np.arange(start, start + len(old))
                             for row, old, start in zip(knots, rows.s_knots, rows.row_starts)])  # fmt: skip
     return TSpline(mesh, surface.control_points[index], surface.weights[index])
+
+
+def _of_open_rows(surface: TSpline) -> TSpline[TMesh]:
+    """Open rows: both ends of s are clamped, two lines each, and edges join the rows there."""
+    rows = surface.tmesh
+    lines = np.concatenate([[0.0], np.unique(np.concatenate(rows.s_knots)), [1.0]])
+    place = [np.searchsorted(lines[1:-1], knots[3:-3]) + 1 for knots in rows.s_knots]
+    across = np.concatenate([np.concatenate([[0], p, [len(lines) - 1]]) for p in place])
+    vertices = np.column_stack([across, np.repeat(np.arange(len(place)), [len(p) + 2 for p in place])])
+    a, b = len(lines), len(place)
+    along_t = np.zeros((a, b - 1), dtype=bool)
+    along_t[[0, 1, -2, -1]] = True
+    along_s, inside = np.ones((a - 1, b), dtype=bool), np.ones((a - 1, b - 1), dtype=bool)
+    return TSpline(TMesh(lines, rows.t_knots[2:-2], vertices, along_s, along_t, inside), surface.control_points, surface.weights)

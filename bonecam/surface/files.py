@@ -71,7 +71,9 @@ def write_tsm(surface: TSpline, path: str | Path, *, homogeneous: bool = False) 
 
 def _laid_out(records: Records, path: Path) -> tuple[TMesh, list[int]]:
     try:
-        return tmesh_of(records)
+        tmesh, numbers = tmesh_of(records)
+        assert len(tmesh.elements.boxes)
+        return tmesh, numbers
     except SurfaceError as error:
         raise FileError(f"{path}: {error}", file=str(path), **error.evidence) from error
 

@@ -136,8 +136,17 @@ class TMesh:
 
     @cached_property
     def elements(self) -> Elements:
-        """The Bezier elements."""
-        return extract_local(self.face_boxes, *self.local_knots, self.period)
+        """The Bezier elements. Raises SurfaceError where all functions vanish (a border that is not clamped)."""
+        found = extract_local(self.face_boxes, *self.local_knots, self.period)
+        sums = np.add.reduceat(found.coefficients, found.starts[:-1], axis=0)
+        if not sums.min() > 0:
+            e, c = np.unravel_index(np.argmin(sums), sums.shape)
+            s, t = found.boxes[e, c % 4 // 2], found.boxes[e, 2 + c // 4 // 2]
+            message = (
+                f"all functions vanish at s = {s:.6g}, t = {t:.6g}: a clamped border needs its end knot on two lines of control points"
+            )
+            raise SurfaceError(message, place=(float(s), float(t)))
+        return found
 
 
 def _check_knots(letter: str, lines: ndarray, period: float) -> None:

@@ -33,7 +33,7 @@ def refine(surface: "TSpline", s: Float[ndarray, " n"], t: Float[ndarray, " n"],
     if isinstance(tmesh, RowTMesh):
         return refined_rows(surface, s, t, directions)
     if not isinstance(tmesh, TMesh):
-        raise SurfaceError("only closed rows and general T-meshes can be refined")
+        raise SurfaceError("only closed rows and general T-meshes can be refined: bring open rows to a general one by as_general")
     middle = surface.elements().boxes[place]
     chosen = sorted({_face_at(tmesh, a, b) for a, b in zip(middle[:, :2].mean(axis=1), middle[:, 2:].mean(axis=1))})
     return _cut(surface, chosen, directions)

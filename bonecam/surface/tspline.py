@@ -49,9 +49,12 @@ class TSpline(Generic[M]):
         object.__setattr__(self, "control_points", frozen(self.control_points))
         object.__setattr__(self, "weights", frozen(self.weights))
         if self.control_points.shape != (self.tmesh.size, 3) or self.weights.shape != (self.tmesh.size,):
-            raise ValueError(f"the T-mesh has {self.tmesh.size} vertices: give as many control points and weights")
-        if not (self.weights > 0).all():
-            raise ValueError(f"weight {int(np.argmin(self.weights))} is not positive")
+            shapes = f"control_points {self.control_points.shape} and weights {self.weights.shape}"
+            raise ValueError(f"{shapes}: the T-mesh has {self.tmesh.size} vertices, give as many control points and weights")
+        if not np.isfinite(self.control_points).all():
+            raise ValueError(f"control point {int(np.argmin(np.isfinite(self.control_points).all(axis=1)))} is not finite")
+        if not ((self.weights > 0) & np.isfinite(self.weights)).all():
+            raise ValueError(f"weight {int(np.argmin((self.weights > 0) & np.isfinite(self.weights)))} is not positive and finite")
 
     @cached_property
     def domain(self) -> Float[ndarray, "2 2"]:

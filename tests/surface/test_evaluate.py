@@ -98,5 +98,11 @@ def test_bad_meshes_are_refused_by_row() -> None:
     with pytest.raises(ValueError, match="t-knots"):
         RowTMesh.from_rows(t[::-1], [np.arange(5) / 5] * 4)
     mesh = RowTMesh.from_rows(t, [np.arange(5) / 5] * 4)
+    with pytest.raises(ValueError, match="weight 4 is not positive and finite"):
+        TSpline(mesh, np.zeros((20, 3)), np.where(np.arange(20) == 4, np.inf, 1.0))
+    with pytest.raises(ValueError, match="control point 7 is not finite"):
+        TSpline(mesh, np.where(np.arange(20)[:, None] == 7, np.nan, np.zeros((20, 3))), np.ones(20))
+    with pytest.raises(ValueError, match=r"\(19, 3\).*20 vertices"):
+        TSpline(mesh, np.zeros((19, 3)), np.ones(19))
     with pytest.raises(ValueError, match="weight 3"):
         TSpline(mesh, np.zeros((20, 3)), np.where(np.arange(20) == 3, -1.0, 1.0))

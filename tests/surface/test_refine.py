@@ -9,8 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rowed import bone_like
 
+from bonecam.errors import SurfaceError
 from bonecam.surface.as_general import as_general
 from bonecam.surface.files import read_tsm, write_tsm
+from bonecam.surface.open_rows import OpenRowTMesh
 from bonecam.surface.tspline import TSpline
 
 seeds = st.integers(0, 10_000)
@@ -110,3 +112,19 @@ def test_a_wrong_call_is_refused() -> None:
         surface.refine(np.zeros(1), np.zeros(1), "x")
     with pytest.raises(ValueError, match="s must be in"):
         surface.refine(np.array([-1.0]), np.zeros(1))
+
+
+def test_open_rows_are_a_general_tmesh_and_can_be_refined_there() -> None:
+    t = np.concatenate([np.zeros(4), [0.3, 0.6], np.ones(4)])
+    inner = [np.sort(np.random.default_rng(j).uniform(0.1, 0.9, j % 3)) for j in range(6)]
+    rows = OpenRowTMesh.from_rows(t, [np.concatenate([np.zeros(4), k, np.ones(4)]) for k in inner])
+    rng = np.random.default_rng(1)
+    surface = TSpline(rows, rng.standard_normal((rows.size, 3)), rng.uniform(0.8, 1.2, rows.size))
+    general = as_general(surface)
+    s, t = np.random.default_rng(2).random((2, 500))
+    for a, b in zip(surface.evaluate(s, t, 2), general.evaluate(s, t, 2)):
+        np.testing.assert_allclose(a, b, atol=1e-11 * abs(a).max())
+    finer = general.refine(s[:2], t[:2])
+    np.testing.assert_allclose(finer.evaluate(s, t), surface.evaluate(s, t), atol=1e-13 * 5)
+    with pytest.raises(SurfaceError, match="as_general"):
+        surface.refine(s[:1], t[:1])

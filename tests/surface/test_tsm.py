@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from bonecam.errors import FileError
+from bonecam.errors import FileError, SurfaceError
 from bonecam.surface.files import read_tsm, write_tsm
 from bonecam.surface.general_tmesh import TMesh
 from bonecam.surface.tspline import TSpline
@@ -157,3 +157,41 @@ def test_a_closed_direction_of_three_knots_is_refused(tmp_path: Path) -> None:
     (tmp_path / "odd.tsm").write_text(torus_text(units="1 cubits"))
     with pytest.raises(FileError, match="cubits"):
         read_tsm(tmp_path / "odd.tsm", to_mm=True)
+
+
+def test_a_border_without_its_control_points_is_refused(shared: Path, tmp_path: Path) -> None:
+    lines = (shared / "tspline" / "tsm" / "simple.tsm").read_text().splitlines()
+    grips = [line for line in lines if line.startswith("0g ")]
+    plain = [line for line in lines if not line.startswith(("0m", "0g", "ec"))]
+    (tmp_path / "open.tsm").write_text("\n".join([*plain, *grips[:8], ""]))
+    with pytest.raises(FileError, match="all functions vanish"):
+        read_tsm(tmp_path / "open.tsm")
+    (tmp_path / "short.tsm").write_text("\n".join([*plain, *grips[:7], ""]))
+    with pytest.raises(FileError, match="8 vertices need as many control points"):
+        read_tsm(tmp_path / "short.tsm")
+
+
+def test_wrong_grids_are_refused() -> None:
+    lines = np.array([0.0, 0, 1, 2, 2])
+    mesh = TMesh.tensor(lines, lines)
+    parts = [mesh.s_lines, mesh.t_lines, mesh.vertices, mesh.along_s, mesh.along_t, mesh.inside]
+    for k, value, match in (
+        (0, np.array([0.0, 0, 1, 0.5, 2]), "s-line 3 is less"),
+        (1, np.array([0.0, 0, 1, 1 + 1e-15, 2]), "differ by rounding only"),
+        (2, np.vstack([mesh.vertices[:-1], [[0, 0]]]), "crossing of its own"),
+        (2, np.vstack([mesh.vertices[:-1], [[0, 9]]]), "crossing of its own"),
+        (4, np.where(np.indices((5, 4))[0] == 2, np.indices((5, 4))[1] < 2, mesh.along_t), "not a rectangle"),
+        (5, np.zeros((4, 4), dtype=bool), "no face"),
+    ):
+        changed = [*parts]
+        changed[k] = value
+        if k == 4:
+            changed[3] = np.where(np.indices((4, 5))[1] == 2, np.indices((4, 5))[0] < 2, mesh.along_s)
+        with pytest.raises(SurfaceError, match=match):
+            TMesh(*changed)
+    with pytest.raises(SurfaceError, match="all functions vanish"):
+        _ = TMesh.tensor(np.arange(6.0), lines).elements
+    with pytest.raises(SurfaceError, match="3 distinct knots"):
+        TMesh.tensor(np.arange(3.0), lines, (3.0, 0.0))
+    with pytest.raises(SurfaceError, match="period"):
+        TMesh.tensor(np.arange(5.0), lines, (4.0, 0.0))
