@@ -201,7 +201,7 @@ def fit_surface(placed: Part, job: Job, progress: Progress = silent) -> Fit:
     edge = job.mesh.edge_percent / 100 * placed.mesh.diagonal
     rows = harmonic_rows(placed.mesh, job.mesh.rows, job.mesh.row_points, edge, part(progress, 0.0, 0.2))
     with threadpool_limits(1, user_api="blas"):  # small matrices: threads only wait, and their number would change the last digits
-        return fit(rows, placed.mesh, job.surface.tolerance, job.surface.max_control_points, part(progress, 0.2, 1.0))
+        return fit(placed.mesh, job.surface.tolerance, job.surface.max_control_points, rows=rows, progress=part(progress, 0.2, 1.0))
 
 
 def make_levels(surface: TSpline, stock: Stock, job: Job, progress: Progress = silent) -> Morph:

@@ -18,20 +18,21 @@ from bonecam.surface.tspline import TSpline
 
 LEAST = 1.0  # of the goal: nearer samples do not vote
 POWER = 2  # of the distance in a vote
-SHARE = 0.04  # of the present control points are added in one round
+SHARE, HASTE = 0.04, 0.3  # of the present control points are added in one round, and that times the share of the area that is missed
 ASPECT = 1.0  # a cell is cut along t when its t-side is longer than this times its s-side
 NARROWEST = 1 / 128  # no s-interval below this
 
 
 @dataclass(frozen=True, eq=False)
 class Votes:
-    """Samples at (s, t), each with the weight of its miss and the lengths per parameter |S_s| and |S_t| there, mm."""
+    """Samples at (s, t), each with the weight of its miss, and |S_s| and |S_t| there, mm; their share of the area."""
 
     s: Float[ndarray, " n"]
     t: Float[ndarray, " n"]
     weight: Float[ndarray, " n"]
     around: Float[ndarray, " n"]
     along: Float[ndarray, " n"]
+    missed: float
 
 
 @dataclass(frozen=True)
@@ -52,17 +53,19 @@ def miss_votes(
     areas: Float[ndarray, " n"],
     goal: float,
 ) -> Votes:
-    """The votes of the samples that are further than 0.6 of `goal` from the surface."""
+    """The votes of the samples that are farther than `goal` from the surface."""
     missed = distances > LEAST * goal
     _, Ss, St = surface.evaluate(s[missed], t[missed], 1)
     around, along = np.linalg.norm(Ss, axis=1), np.linalg.norm(St, axis=1)
-    return Votes(s[missed], t[missed], areas[missed] * (distances[missed] / goal) ** POWER, around, along)
+    return Votes(
+        s[missed], t[missed], areas[missed] * (distances[missed] / goal) ** POWER, around, along, float(areas[missed].sum() / areas.sum())
+    )
 
 
 def refine(tmesh: RowTMesh, votes: Votes, room: int) -> RowTMesh:
     """The T-mesh with the best cuts made, at most `room` control points more; the same T-mesh where none is left."""
     cuts = sorted(_cuts(tmesh, votes), key=lambda cut: (-cut.worth, cut.row, cut.place))
-    wanted = min(room, max(6, round(SHARE * tmesh.size)))
+    wanted = min(room, max(6, round((SHARE + HASTE * votes.missed) * tmesh.size)))
     refined, rows = tmesh, [list(row) for row in tmesh.s_knots]
     t_cuts: list[float] = []
     for cut in cuts:

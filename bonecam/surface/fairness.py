@@ -62,11 +62,11 @@ class Quadrature:
         parts = ((basis[3], 1 / e**4), (basis[4], 2 / (e * g) ** 2), (basis[5], 1 / g**4))
         return cls(s, t, places, normals, share * e * g, cells, basis[0], parts)
 
-    def terms(self, surface: TSpline, bend: Float[ndarray, " n"], drift: Float[ndarray, " n"]) -> list[Term]:
-        """The energy with the weights bend and drift, times (mean cell side)^4, at each point."""
+    def terms(self, surface: TSpline, bend: float, drift: float) -> list[Term]:
+        """The energy with the weights bend and drift, times (mean cell side)^4."""
         along = self.normals[:, :, None] * self.normals[:, None, :]
         scale = (self.areas * self.cells**2)[:, None, None]
-        metric = scale * (drift[:, None, None] * np.eye(3) + (bend - drift)[:, None, None] * along)
+        metric = scale * (drift * np.eye(3) + (bend - drift) * along)
         terms = []
         for matrix, factor in self.parts:
             now = matrix @ surface.control_points

@@ -33,13 +33,30 @@ class Term:
         return int((np.maximum.reduceat(columns, first) - np.minimum.reduceat(columns, first)).max(initial=0)) if here.any() else 0
 
 
-def least(terms: Sequence[Term], size: int) -> Float[ndarray, "n 3"]:
-    """The `size` control points that make the sum of the terms least. Raises numpy's LinAlgError where it is not definite."""
-    width = max(term.width for term in terms)
-    band, gradient = np.zeros((3 * size, 3 * width + 3)), np.zeros((size, 3))
-    for term in terms:
-        m = term.matrix
-        add_rows(band, gradient, m.indptr, m.indices, m.data, np.ascontiguousarray(term.metric), np.ascontiguousarray(term.targets))
-    factor = la.cholesky_banded(band.T, overwrite_ab=True, lower=True, check_finite=True)
-    found: ndarray = la.cho_solve_banded((factor, True), gradient.ravel(), check_finite=False).reshape(size, 3)
-    return found
+@dataclass(frozen=True, eq=False)
+class Form:
+    """A sum of terms of the control points: half of its matrix as a band, P^T H P - 2 b^T P."""
+
+    band: Float[ndarray, "n3 w"]
+    gradient: Float[ndarray, "n 3"]
+
+    @classmethod
+    def of(cls, terms: Sequence[Term], size: int) -> "Form":
+        """The sum for `size` control points, wide enough for these terms."""
+        width = max(term.width for term in terms)
+        return cls(np.zeros((3 * size, 3 * width + 3)), np.zeros((size, 3))).plus(terms)
+
+    def plus(self, terms: Sequence[Term]) -> "Form":
+        """With more terms, no wider than the first."""
+        band, gradient = self.band.copy(), self.gradient.copy()
+        for term in terms:
+            m = term.matrix
+            parts = m.indptr, m.indices, m.data, np.ascontiguousarray(term.metric), np.ascontiguousarray(term.targets)
+            add_rows(band, gradient, *parts)
+        return Form(band, gradient)
+
+    def least(self) -> Float[ndarray, "n 3"]:
+        """The control points that make it least. Raises numpy's LinAlgError where it is not definite."""
+        factor = la.cholesky_banded(self.band.T, lower=True, check_finite=True)
+        found: ndarray = la.cho_solve_banded((factor, True), self.gradient.ravel(), check_finite=False).reshape(-1, 3)
+        return found

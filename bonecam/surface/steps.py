@@ -16,7 +16,7 @@ from numpy import ndarray
 from scipy.spatial import cKDTree
 
 from bonecam.surface.fairness import Quadrature
-from bonecam.surface.quadratic import Term, least
+from bonecam.surface.quadratic import Form, Term
 from bonecam.surface.target import Target
 from bonecam.surface.tspline import TSpline
 
@@ -24,7 +24,7 @@ SLIDE = 0.1  # weight of a miss in the tangent plane
 BEND, DRIFT = 2e-5, 3e-2  # fairness, times (mean cell side)^4
 DAMPING = 1e-4  # weight of the change itself, against that of the samples
 FIRMER = 30.0  # times the damping round a fold, at each try, and 1 at least
-TRIES = 4
+TRIES = 3
 REACH = 2.0  # mean cell sides round a fold
 LEAST_TURN, LEAST_FACING, LOSS = 0.5, 0.2, 0.02  # cosines; a loss of facing that is none yet
 
@@ -36,15 +36,15 @@ def step(surface: TSpline, target: Target, tolerance: float, plane: float) -> TS
     damping, found = np.full(len(quadrature.s), DAMPING), surface
     grid = fold_grid(surface)
     before = surface.normals(*grid), target.shape.facing(surface, *grid)
-    data += quadrature.terms(surface, np.full(len(quadrature.s), BEND), np.full(len(quadrature.s), DRIFT))
+    form = Form.of([*data, *quadrature.terms(surface, BEND, DRIFT)], surface.tmesh.size)
     for _ in range(TRIES):
-        found = surface.with_control_points(least([*data, quadrature.held(damping)], surface.tmesh.size))
+        found = surface.with_control_points(form.plus([quadrature.held(damping)]).least())
         folded = folds(found, target, grid, before)
         if not folded.any():
             return found
         near, _ = cKDTree(surface.positions(grid[0][folded], grid[1][folded])).query(quadrature.places)
         damping = np.where(near < REACH * np.sqrt(quadrature.cells), np.maximum(FIRMER * damping, 1.0), damping)
-    for share in (0.5, 0.25, 0.1):
+    for share in (0.5, 0.2):
         nearer = surface.with_control_points((1 - share) * surface.control_points + share * found.control_points)
         if not folds(nearer, target, grid, before).any():
             return nearer
@@ -52,9 +52,11 @@ def step(surface: TSpline, target: Target, tolerance: float, plane: float) -> TS
 
 
 def fold_grid(surface: TSpline) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
-    """s and t of a grid that crowds at the poles."""
-    s, t = np.meshgrid(np.arange(48) / 48, (1 - np.cos(np.linspace(0.06, np.pi - 0.06, 64))) / 2)
-    return s.ravel(), t.ravel()
+    """s and t of the middle of each element and of a grid that crowds at the poles."""
+    boxes = surface.elements().boxes
+    near = 0.5 ** np.arange(1, 9) * boxes[:, 3].min()
+    s, t = np.meshgrid(np.arange(48) / 48, np.concatenate([near, 1 - near]))
+    return np.concatenate([s.ravel(), boxes[:, :2].mean(axis=1)]), np.concatenate([t.ravel(), boxes[:, 2:].mean(axis=1)])
 
 
 def folds(surface: TSpline, target: Target, grid: tuple[ndarray, ndarray], before: tuple[ndarray, ndarray]) -> ndarray:

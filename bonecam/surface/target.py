@@ -83,6 +83,11 @@ class Target:
         """The largest distance, mm."""
         return float(max(self.inward.distances.max(), self.outward.distances.max(initial=0.0)))
 
+    def folded(self, surface: TSpline) -> bool:
+        """Whether some normal on a fine grid points into the mesh."""
+        s, t = np.meshgrid(np.arange(96) / 96, (1 - np.cos(np.linspace(0.03, np.pi - 0.03, 160))) / 2)
+        return bool(self.shape.facing(surface, s.ravel(), t.ravel()).min() < 0)
+
     def with_points(self, points: Float[ndarray, "k 3"], surface: TSpline) -> "Target":
         """With more samples, each standing for a typical area; their feet are found on the surface."""
         areas = np.full(len(points), np.median(self.inward.areas))

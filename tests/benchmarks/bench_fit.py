@@ -3,7 +3,7 @@
     python tests/benchmarks/bench_fit.py TOLERANCE_MM MOST BONE.stl[:m] ...
 
 ":m" means a file in metres. The B-spline is fitted by the same steps from the same start and refined where it misses the mesh, but every
-knot runs through all rows (its poles stay single points). Deviations are two-sided, mm; seconds are CPU seconds, rows included.
+knot runs through all rows, and goes from all rows (its poles stay single points). Deviations are two-sided, mm; seconds are CPU seconds, rows included.
 """
 
 import sys
@@ -17,9 +17,13 @@ from bonecam.job import MeshJob
 from bonecam.mesh.sections import harmonic_rows
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.pipeline import prepare
-from bonecam.surface.adapt import SHARE, Votes, with_t_knots
-from bonecam.surface.fit import Fit, Refine, fit, refine
+from bonecam.surface.adapt import HASTE, SHARE, Votes, refine, with_t_knots
+from bonecam.surface.fit import Fit, fit
+from bonecam.surface.growth import Prune, Refine
+from bonecam.surface.prune import prune, spare_knots
+from bonecam.surface.target import Target
 from bonecam.surface.tmesh import RowTMesh
+from bonecam.surface.tspline import TSpline
 
 
 def tensor_refine(tmesh: RowTMesh, votes: Votes, room: int) -> RowTMesh:
@@ -32,7 +36,7 @@ def tensor_refine(tmesh: RowTMesh, votes: Votes, room: int) -> RowTMesh:
     along = np.bincount(span[tall], votes.weight[tall], minlength=len(tmesh.t_knots)) / len(knots)
     around = np.bincount(index[~tall], votes.weight[~tall], minlength=len(knots)) / rows
     cuts = [(-w, 0, k) for k, w in enumerate(along) if w > 0] + [(-w, 1, k) for k, w in enumerate(around) if w > 0 and gaps[k] > 1 / 256]
-    wanted, s_new, t_new, found = min(room, max(6, round(SHARE * tmesh.size))), list(knots), [], tmesh
+    wanted, s_new, t_new, found = min(room, max(6, round((SHARE + HASTE * votes.missed) * tmesh.size))), list(knots), [], tmesh
     for _, kind, k in sorted(cuts):
         if found.size - tmesh.size >= wanted:
             break
@@ -45,11 +49,30 @@ def tensor_refine(tmesh: RowTMesh, votes: Votes, room: int) -> RowTMesh:
     return found
 
 
-def one(mesh: TriangleMesh, tolerance: float, most: int, how: Refine) -> tuple[Fit, float]:
+def tensor_prune(surface: TSpline, target: Target, limit: float, most: int) -> RowTMesh:
+    """As `prune`, but an s-knot goes from all rows at once: its moves are the sum over the rows."""
+    tmesh = surface.tmesh
+    assert isinstance(tmesh, RowTMesh)
+    now, spared = spare_knots(surface, target)
+    count, rows = len(tmesh.s_knots[2]), len(tmesh.s_knots) - 4
+    moves = np.zeros((count, len(now)))
+    for one in spared:
+        moves[one.knot, one.samples] += one.moves
+    gone: set[int] = set()
+    for k in np.argsort(np.abs(now + moves).max(axis=1), kind="stable").tolist():
+        near = {(k + d) % count for d in (-2, -1, 0, 1, 2)} & gone
+        if (len(gone) + 1) * rows <= most and count - len(gone) > 4 and not near and np.abs(now + moves[k]).max() < limit:
+            gone.add(k)
+            now = now + moves[k]
+    inner = [np.delete(tmesh.s_knots[2], sorted(gone))] * rows
+    return RowTMesh.from_rows(tmesh.t_knots, [*tmesh.s_knots[:2], *inner, *tmesh.s_knots[-2:]])
+
+
+def one(mesh: TriangleMesh, tolerance: float, most: int, how: tuple[Refine, Prune]) -> tuple[Fit, float]:
     """A fit and its CPU seconds."""
     start = time.process_time()
     with threadpool_limits(1):
-        found = fit(harmonic_rows(mesh, 48, 100, 0.013 * mesh.diagonal), mesh, tolerance, most, refine=how)
+        found = fit(mesh, tolerance, most, rows=harmonic_rows(mesh, 48, 100), refine=how[0], prune=how[1])
     return found, time.process_time() - start
 
 
@@ -62,7 +85,7 @@ def main(tolerance: float, most: int, names: list[str]) -> None:
         path, _, unit = name.partition(":")
         mesh = prepare(Path(path), MeshJob(units=unit or "mm")).mesh
         cells, counts = [], []
-        for how in (refine, tensor_refine):
+        for how in ((refine, prune), (tensor_refine, tensor_prune)):
             found, seconds = one(mesh, tolerance, most, how)
             cells.append(
                 f"{found.control_points:6d} {found.deviation.max:6.3f} {found.deviation.rms:6.4f} {seconds:6.1f} {found.reached!s:>7}"

@@ -2,12 +2,16 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from bonecam.errors import MeshError
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.sections import Rows, harmonic_rows
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.adapt import with_t_knots
-from bonecam.surface.fit import Fit, first_tmesh, fit
+from bonecam.surface.deviation import deviation
+from bonecam.surface.fit import Fit, fit, usual_control_points
+from bonecam.surface.growth import first_tmesh
 from bonecam.surface.skin import skin
 
 
@@ -27,7 +31,7 @@ def body() -> tuple[Rows, TriangleMesh]:
 
 @pytest.fixture(scope="module")
 def fitted(body: tuple[Rows, TriangleMesh]) -> Fit:
-    return fit(body[0], body[1], 0.05, 300)
+    return fit(body[1], 0.05, 300, rows=body[0])
 
 
 def test_the_tolerance_is_reached_and_said_so(fitted: Fit) -> None:
@@ -50,7 +54,7 @@ def test_the_row_next_to_a_pole_lies_in_one_plane_with_it(fitted: Fit) -> None:
 
 
 def test_too_few_control_points_are_reported_not_hidden(body: tuple[Rows, TriangleMesh]) -> None:
-    found = fit(body[0], body[1], 0.002, 80)
+    found = fit(body[1], 0.002, 80, rows=body[0])
     assert not found.reached
     assert found.control_points <= 80
     assert found.deviation.max > 0.002
@@ -58,13 +62,32 @@ def test_too_few_control_points_are_reported_not_hidden(body: tuple[Rows, Triang
 
 def test_a_wrong_call_is_refused(body: tuple[Rows, TriangleMesh]) -> None:
     with pytest.raises(ValueError, match="40 or more"):
-        fit(body[0], body[1], 0.1, 20)
+        fit(body[1], 0.1, 20, rows=body[0])
     with pytest.raises(ValueError, match="above 0"):
-        fit(body[0], body[1], 0.0, 200)
+        fit(body[1], 0.0, 200, rows=body[0])
+
+
+def test_a_mesh_that_lies_tilted_is_fitted_where_it_lies(body: tuple[Rows, TriangleMesh]) -> None:
+    turn = Rotation.from_rotvec([0.4, 1.1, -0.3]).as_matrix()
+    tilted = TriangleMesh(body[1].vertices @ turn.T + [5.0, -7.0, 30.0], body[1].faces)
+    found = fit(tilted, 0.1)
+    assert found.reached
+    assert deviation(found.surface, tilted).max <= 0.105
+    assert found.surface.volume == pytest.approx(tilted.volume, rel=0.01)
+
+
+def test_an_open_mesh_is_refused_by_name(body: tuple[Rows, TriangleMesh]) -> None:
+    with pytest.raises(MeshError):
+        fit(TriangleMesh(body[1].vertices, body[1].faces[40:]), 0.1)
+
+
+def test_larger_bones_may_have_more_control_points(body: tuple[Rows, TriangleMesh]) -> None:
+    assert usual_control_points(body[1]) == 450
+    assert usual_control_points(TriangleMesh(10 * body[1].vertices, body[1].faces)) > 1000
 
 
 def test_two_fits_are_equal_to_the_last_bit(body: tuple[Rows, TriangleMesh]) -> None:
-    one, two = (fit(body[0], body[1], 0.1, 120).surface for _ in range(2))
+    one, two = (fit(body[1], 0.1, 120, rows=body[0]).surface for _ in range(2))
     assert one.control_points.tobytes() == two.control_points.tobytes()
 
 
@@ -72,7 +95,7 @@ def test_progress_may_cancel(body: tuple[Rows, TriangleMesh]) -> None:
     from bonecam.errors import Cancelled
 
     with pytest.raises(Cancelled):
-        fit(body[0], body[1], 0.01, 200, lambda fraction, message: False)
+        fit(body[1], 0.01, 200, rows=body[0], progress=lambda fraction, message: False)
 
 
 def test_a_new_t_knot_adds_one_row_that_is_like_its_neighbour() -> None:

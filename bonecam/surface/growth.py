@@ -1,0 +1,145 @@
+"""Growing the T-mesh of a fit: a coarse start, knots where samples are missed, knots out again where they can be spared."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.mesh.sections import Rows
+from bonecam.progress import Progress, report, silent
+from bonecam.surface.adapt import Votes, miss_votes, refine
+from bonecam.surface.fairness import gauss_points
+from bonecam.surface.periodic import FEWEST
+from bonecam.surface.prune import prune
+from bonecam.surface.quadratic import Form, Term
+from bonecam.surface.steps import LEAST_FACING, fold_grid, step
+from bonecam.surface.target import Target
+from bonecam.surface.tmesh import RowTMesh
+from bonecam.surface.tspline import TSpline
+
+ROUGH_SHARE = 0.6  # of the control points may be spent on a first surface without folds
+LOOSE_PLANE, PLANE = 0.3, 1000.0  # weight of the poles' planes, times the mean area of a control point: as it grows, and at last
+ROUNDS, LAST_ROUNDS = 2, 4  # steps after each refinement, and at last
+GOAL = 0.95  # of the tolerance: no sample may be farther
+GAIN = 0.97  # a round of taking knots out that leaves more of the control points (of the miss) halves the next one's share
+LEAST_SHARE = 0.3  # the last one
+SPARE = {True: 0.9, False: 0.8}  # of the tolerance (of the miss where it is not reached): no sample may pass it for the lack of a knot
+SPARED = {True: 0.4, False: 0.2}  # of the control points may go in one round
+FIRST = ((150, 9, 10), (40, 5, 6))  # from so many control points allowed: spans and knots a row of the first T-mesh
+LEAST_POINTS = FIRST[-1][0]
+Refine = Callable[[RowTMesh, Votes, int], RowTMesh]
+"""A finer T-mesh from the votes for it and the number of control points it may have more."""
+Prune = Callable[[TSpline, Target, float, int], RowTMesh]
+"""A T-mesh with fewer knots, at most so many fewer, for which no sample should pass the limit (mm)."""
+
+
+@dataclass(frozen=True)
+class Aim:
+    """What is wanted, with how many control points, and how the T-mesh changes."""
+
+    tolerance: float
+    most: int
+    refine: Refine = refine
+    prune: Prune = prune
+
+
+def grown(surface: TSpline, target: Target, aim: Aim, progress: Progress = silent) -> tuple[TSpline, Target]:
+    """Refined where samples are missed until none is or the control points are spent, and settled with plane poles."""
+    while target.worst > GOAL * aim.tolerance and surface.tmesh.size < aim.most:
+        size, worst = surface.tmesh.size, target.worst
+        report(progress, size / aim.most, f"{size} control points, {worst:.3f} mm")
+        samples = target.all
+        votes = miss_votes(surface, samples.s, samples.t, samples.distances, samples.areas, GOAL * aim.tolerance)
+        assert isinstance(surface.tmesh, RowTMesh)
+        tmesh = aim.refine(surface.tmesh, votes, aim.most - size)
+        if tmesh.size == size:
+            break
+        surface = moved(surface, tmesh)
+        surface, target = settle(surface, target.on(surface, aim.tolerance), aim)
+    return settle(surface, target, aim, LAST_ROUNDS, PLANE)
+
+
+def thinned(surface: TSpline, target: Target, aim: Aim) -> tuple[TSpline, Target]:
+    """Knots taken out where they can be spared and put in where they are missed, as long as that brings clearly fewer or closer."""
+    share, folded = 1.0, target.folded(surface)
+    while share > LEAST_SHARE:
+        reached, size, worst = target.worst <= aim.tolerance, surface.tmesh.size, target.worst
+        tmesh = aim.prune(surface, target, SPARE[reached] * max(aim.tolerance, worst), round(share * SPARED[reached] * size))
+        fewer = moved(surface, tmesh)
+        fewer, found = settle(fewer, target.on(fewer, aim.tolerance), aim)
+        fewer, found = grown(fewer, found, replace(aim, most=size - 1 if reached else aim.most))
+        better = found.worst <= (aim.tolerance if reached else worst) and (folded or not found.folded(fewer))
+        gained = fewer.tmesh.size / size if reached else found.worst / worst
+        if better:
+            surface, target = fewer, found
+        if not better or gained > GAIN:
+            share /= 2
+    return surface, target
+
+
+def first_surface(rows: Rows, target: Target, aim: Aim) -> tuple[TSpline, Target]:
+    """A coarse surface with the parameters of the rows, and the feet on it; its T-mesh grows until nothing folds."""
+    spans, knots = next(first[1:] for first in FIRST if first[0] <= aim.most)
+    tmesh = first_tmesh(spans, knots)
+    while True:
+        surface = through_loops(rows, tmesh)
+        found = target.on(surface, aim.tolerance)
+        if target.shape.facing(surface, *fold_grid(surface)).min() > LEAST_FACING:
+            break
+        samples = found.all
+        votes = miss_votes(surface, samples.s, samples.t, samples.distances, samples.areas, aim.tolerance)
+        finer = aim.refine(tmesh, votes, round(ROUGH_SHARE * aim.most) - tmesh.size)
+        if finer.size == tmesh.size:
+            break
+        tmesh = finer
+    return surface, found
+
+
+def through_loops(rows: Rows, tmesh: RowTMesh) -> TSpline:
+    """The surface that meets the rows' loops and poles best, each at its parameters."""
+    loops, count = rows.guides.shape[:2]
+    share = np.arange(1, loops + 1) * (len(rows.heights) + 1) / (loops + 1)
+    heights = np.interp(share, np.arange(len(rows.heights) + 2), [0.0, *rows.heights, 1.0])
+    s, t = np.tile(np.arange(count) / count, loops), np.repeat(heights, count)
+    weights = np.repeat(np.gradient(heights), count)
+    basis = tmesh.blending(np.append(s, [0.0, 0.0]), np.append(t, [0.0, 1.0]), 0)[0]
+    weighted = sp.diags_array(np.append(weights, [1.0, 1.0])) @ basis
+    normal = (basis.T @ weighted).toarray() + 1e-9 * np.eye(tmesh.size)
+    points = np.vstack([rows.guides.reshape(-1, 3), rows.poles])
+    return TSpline(tmesh, np.linalg.solve(normal, weighted.T @ points), np.ones(tmesh.size))
+
+
+def first_tmesh(spans: int, knots: int) -> RowTMesh:
+    """Even spans in t, `knots` even knots a row, four in the rows next to the poles."""
+    t_knots = np.concatenate([np.zeros(3), np.linspace(0, 1, spans + 1), np.ones(3)])
+    rows = [np.arange(knots) / knots for _ in range(spans + 3)]
+    rows[0] = rows[-1] = np.zeros(1)
+    rows[1] = rows[-2] = np.arange(FEWEST) / FEWEST
+    return RowTMesh.from_rows(t_knots, rows)
+
+
+def moved(surface: TSpline, tmesh: RowTMesh) -> TSpline:
+    """A surface on `tmesh` like `surface`: least squares in the Gauss points, faintly held at the anchors."""
+    size = tmesh.size
+    draft = TSpline(tmesh, surface.positions(*anchors(tmesh)), np.ones(size))
+    s, t, share = gauss_points(draft)
+    data = Term(draft.basis(s, t)[0], share[:, None, None] * np.eye(3), surface.positions(s, t))
+    held = Term(sp.eye_array(size, format="csr"), np.broadcast_to(1e-6 / size * np.eye(3), (size, 3, 3)), draft.control_points)
+    return TSpline(tmesh, Form.of([data, held], size).least(), np.ones(size))
+
+
+def anchors(tmesh: RowTMesh) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
+    """(s, t) of each control point: its knot and its row's Greville point."""
+    t = [tmesh.t_knots[j + 1 : j + 4].mean() for j in range(len(tmesh.s_knots))]
+    return np.concatenate(tmesh.s_knots), np.repeat(t, [len(row) for row in tmesh.s_knots])
+
+
+def settle(surface: TSpline, target: Target, aim: Aim, rounds: int = ROUNDS, plane: float = LOOSE_PLANE) -> tuple[TSpline, Target]:
+    """`rounds` steps with the feet followed after each."""
+    for _ in range(rounds):
+        surface = step(surface, target, aim.tolerance, plane)
+        target = target.on(surface, aim.tolerance)
+    return surface, target
