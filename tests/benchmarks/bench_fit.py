@@ -3,7 +3,8 @@
     python tests/benchmarks/bench_fit.py TOLERANCE_MM MOST BONE.stl[:m] ...
 
 ":m" means a file in metres. The B-spline is fitted by the same steps from the same start and refined where it misses the mesh, but every
-knot runs through all rows, and goes from all rows (its poles stay single points). Deviations are two-sided, mm; seconds are CPU seconds, rows included.
+knot runs through all rows, and goes from all rows (its poles stay single points). Deviations are two-sided, mm; seconds are CPU seconds,
+rows included.
 """
 
 import sys
@@ -36,7 +37,8 @@ def tensor_refine(tmesh: RowTMesh, votes: Votes, room: int) -> RowTMesh:
     along = np.bincount(span[tall], votes.weight[tall], minlength=len(tmesh.t_knots)) / len(knots)
     around = np.bincount(index[~tall], votes.weight[~tall], minlength=len(knots)) / rows
     cuts = [(-w, 0, k) for k, w in enumerate(along) if w > 0] + [(-w, 1, k) for k, w in enumerate(around) if w > 0 and gaps[k] > 1 / 256]
-    wanted, s_new, t_new, found = min(room, max(6, round((SHARE + HASTE * votes.missed) * tmesh.size))), list(knots), [], tmesh
+    wanted, s_new, found = min(room, max(6, round((SHARE + HASTE * votes.missed) * tmesh.size))), list(knots), tmesh
+    t_new: list[float] = []
     for _, kind, k in sorted(cuts):
         if found.size - tmesh.size >= wanted:
             break
@@ -78,9 +80,8 @@ def one(mesh: TriangleMesh, tolerance: float, most: int, how: tuple[Refine, Prun
 
 def main(tolerance: float, most: int, names: list[str]) -> None:
     """Print the table."""
-    print(
-        f"tolerance {tolerance} mm    T-spline: points    max    rms  CPU s reached |  B-spline: points    max    rms  CPU s reached | share"
-    )
+    columns = "points    max    rms  CPU s reached"
+    print(f"{tolerance} mm".ljust(26) + f"{columns} | B-spline: {columns} | share")
     for name in names:
         path, _, unit = name.partition(":")
         mesh = prepare(Path(path), MeshJob(units=unit or "mm")).mesh
