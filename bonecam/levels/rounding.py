@@ -8,6 +8,7 @@ surface at delta_j that lies inside S.
 """
 
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from numpy import ndarray
 from scipy.sparse.linalg import splu
 
 from bonecam.errors import StockError
-from bonecam.levels.body_surface import body_surface
+from bonecam.levels.body_surface import body_surfaces
 from bonecam.levels.check import BINS, probes
 from bonecam.levels.energy import integration_points, samples_of, thin_plate
 from bonecam.levels.level import Level
@@ -42,7 +43,7 @@ def levels_in(surface: TSpline, stock: Stock, schedule: Schedule, **options: Any
         return morph(surface, stock, schedule, **options)
     part_mesh = surface.tessellate(CHORD)
     require_inside(stock, part_mesh.vertices, MARGIN)
-    inner = roundest(stock, part_mesh.vertices, MARGIN)
+    inner = roundest(stock, part_mesh.vertices, MARGIN + CHORD)
     if inner is None:
         worst = part_mesh.vertices[np.argmax(stock.signed_distance(part_mesh.vertices))]
         raise StockError(
@@ -62,12 +63,13 @@ def rounding(made: Morph, inner: Stock, stock: Stock, schedule: Schedule) -> tup
     assert outermost is not None
     nets, corners, first = _Nets(outermost), stock.mesh(CHORD), made.levels[-1]
     deltas = _deltas(float(inner.signed_distance(corners.vertices).max()), schedule, first.index)
-    levels = [*made.levels[:-1], replace(first, surface=body_surface(inner), within=stock, shared=nets.of(inner, stock))]
-    for j, delta in enumerate(deltas, start=1):
+    bodies = [inner, *(_grown(inner, delta) for delta in deltas)]
+    shapes = body_surfaces(bodies[:-1])
+    levels = [*made.levels[:-1], replace(first, surface=shapes[0], within=stock, shared=nets.of(inner, stock))]
+    for j, (before, body) in enumerate(pairwise(bodies), start=1):
         k, last = first.index + j, j == len(deltas)
-        before, body = _grown(inner, deltas[j - 2] if j > 1 else 0.0), _grown(inner, delta)
         mesh = corners if last else intersection(np.vstack([planes_of(corners), planes_of(body.mesh(CHORD))]), stock.middle)
-        surfaces = {} if last else {"surface": body_surface(body), "shared": nets.of(body, stock)}
+        surfaces = {} if last else {"surface": shapes[j], "shared": nets.of(body, stock)}
         levels.append(_level(k, mesh, levels[-1].mesh, before, stock, schedule.limit(k), surfaces))
     return tuple(levels)
 

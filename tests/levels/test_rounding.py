@@ -5,7 +5,7 @@ import pytest
 from test_morph import waisted
 
 from bonecam.errors import StockError
-from bonecam.levels.body_surface import body_surface, enclosing
+from bonecam.levels.body_surface import body_surfaces, enclosing
 from bonecam.levels.box import Box
 from bonecam.levels.convex import ConvexStock
 from bonecam.levels.cylinder import Cylinder
@@ -61,7 +61,7 @@ def test_the_roundest_body_leaves_the_margin_over_the_part() -> None:
 
 @pytest.mark.parametrize("body", [rounded(BAR, 4.5), rounded(BAR, 2.0), rounded(BOX, 3.0)], ids=["capsule", "bar", "box"])
 def test_the_spline_of_a_body_lies_on_it(body: Stock) -> None:
-    surface = body_surface(body)
+    surface = body_surfaces([body])[0]
     s, t = np.random.default_rng(4).random((2, 3000))
     points = surface.evaluate(s, t)
     assert isinstance(points, np.ndarray)

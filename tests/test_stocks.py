@@ -1,0 +1,58 @@
+"""The whole chain from every kind of stock to a posted program that was read back."""
+
+from pathlib import Path
+
+import pytest
+from bonecam_meshes import path as shipped
+
+import bonecam
+from bonecam.errors import StockError
+from bonecam.job import Job
+from bonecam.levels.cylinder import Cylinder
+from bonecam.mesh.files import write_mesh
+
+COARSE = Job().with_values(
+    surface={"tolerance": 0.2},
+    levels={"roughing_depth": 1.5, "finishing_levels": 1, "finishing_depth": 0.3, "chord_tolerance": 0.02},
+    roughing={"scallop": 0.3},
+    finishing={"scallop": 0.2},
+)
+STOCKS = {
+    "cylinder": {"kind": "cylinder", "diameter": 15.0, "length": 37.0},
+    "cylinder, aside": {"kind": "cylinder", "diameter": 18.0, "length": 40.0, "offset_x": 1.0, "offset_z": -1.0, "tilt_x_deg": 5.0},
+    "smallest box": {"kind": "box"},
+    "prism": {"kind": "mesh", "mesh": "bar.stl", "scale": 0.0},
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stock", STOCKS.values(), ids=STOCKS)
+def test_every_stock_leads_to_a_program_without_gouges(stock: dict[str, object], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_mesh(Cylinder(9.0, 0.0, 40.0).mesh(10.0), "bar.stl")  # a prism of twelve sides
+    result = bonecam.convert(shipped("phalanx"), COARSE.with_values(stock=stock), program="bone.h")
+    report = result.report
+    assert report["stock"]["kind"] == stock["kind"]
+    assert report["nc"]["gouge_max_mm"] <= 0.01
+    assert report["nc"]["readback_tip_error_mm"] <= 0.002
+    assert [row["rounding"] for row in report["levels"]].count(True) >= 2
+    for row in report["levels"][1:]:
+        assert row["depth_max_mm"] <= row["limit_mm"] + 0.002
+    cut = [row for row in report["toolpath"] if row["contacts"]]
+    assert len(cut) == len(report["levels"]) - 1
+    assert (tmp_path / "bone.h").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("stock", "named"),
+    [
+        ({"kind": "cylinder", "diameter": 8.0, "length": 40.0}, "does not hold the part, which leaves it by"),
+        ({"kind": "cylinder", "diameter": 15.0, "length": 37.0, "offset_x": 9.0}, "leaves it by"),
+        ({"kind": "box", "width": 5.0}, "does not hold the part"),
+        ({"kind": "mesh"}, "needs a file"),
+    ],
+)
+def test_an_impossible_stock_fails_at_once(stock: dict[str, object], named: str, tmp_path: Path) -> None:
+    with pytest.raises(StockError, match=named):
+        bonecam.convert(shipped("phalanx"), COARSE.with_values(stock=stock), program=tmp_path / "bone.h")
+    assert not list(tmp_path.iterdir())
