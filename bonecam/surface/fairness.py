@@ -23,21 +23,22 @@ from bonecam.surface.tspline import TSpline
 
 SHORTEST = 0.35  # e is never taken below this part of its mean: the poles
 POLE_WIDTH = 0.25  # of the domain, what a pole is taken to have of its row
-GAUSS = np.array([-1.0, 1.0]) / np.sqrt(12) + 0.5
+GAUSS = {1: np.array([0.5]), 2: np.array([-1.0, 1.0]) / np.sqrt(12) + 0.5}
+POINTS = 1  # Gauss points each way an element: elements are smaller than the cells of the control points
 
 
-def gauss_points(surface: TSpline) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"], Float[ndarray, " n"]]:
-    """s and t of 2 x 2 Gauss points an element and the part of the domain each stands for."""
+def gauss_points(surface: TSpline, count: int) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"], Float[ndarray, " n"]]:
+    """s and t of count x count (1 or 2) Gauss points an element and the part of the domain each stands for."""
     boxes = surface.elements().boxes
     low, wide = boxes[:, [0, 2]], boxes[:, [1, 3]] - boxes[:, [0, 2]]
-    u, v = (x.ravel() for x in np.meshgrid(GAUSS, GAUSS))
+    u, v = (x.ravel() for x in np.meshgrid(GAUSS[count], GAUSS[count]))
     s, t = ((low[:, [k]] + wide[:, [k]] * x).ravel() for k, x in ((0, u), (1, v)))
-    return s, t, np.repeat(wide.prod(axis=1) / 4, 4)
+    return s, t, np.repeat(wide.prod(axis=1) / count**2, count**2)
 
 
 @dataclass(frozen=True, eq=False)
 class Quadrature:
-    """Points (s, t) of 2 x 2 Gauss points an element, the area each stands for, the second derivatives there and the frozen lengths."""
+    """Points (s, t) in every element, the area each stands for, the second derivatives there and the frozen lengths."""
 
     s: Float[ndarray, " n"]
     t: Float[ndarray, " n"]
@@ -51,7 +52,7 @@ class Quadrature:
     @classmethod
     def on(cls, surface: TSpline) -> "Quadrature":
         """Of a surface as it is."""
-        s, t, share = gauss_points(surface)
+        s, t, share = gauss_points(surface, POINTS)
         basis = surface.basis(s, t, 2)
         places, Ss, St = (matrix @ surface.control_points for matrix in basis[:3])
         normals = np.cross(Ss, St)

@@ -21,6 +21,7 @@ from bonecam.surface.tspline import TSpline
 
 SAMPLES = 6000  # of the mesh, besides its vertices
 CHECKS = 8  # dense measurements, each followed by more samples where the mesh is missed
+REGROWN = 1.05  # times the control points left by the last thinning: then the next one
 MOST = 20000  # control points where no limit is given
 ROWS, ROW_POINTS = 48, 100  # of the harmonic field where none are given
 USUAL, USUAL_AREA = 450, 1500.0  # control points for a surface of so many mm^2
@@ -82,8 +83,12 @@ def _fitted(mesh: TriangleMesh, rows: Rows, aim: Aim, progress: Progress) -> Fit
     surface, target = first_surface(rows, Target.of(mesh, rows, SAMPLES), aim)
     surface, target = settle(surface, target, aim)
     found: list[tuple[bool, float, int, Fit]] = []
+    size = 0
     for number in range(CHECKS):
-        surface, target = thinned(*grown(surface, target, aim, progress), aim)
+        surface, target = grown(surface, target, aim, progress)
+        if surface.tmesh.size > REGROWN * size or surface.tmesh.size >= aim.most:
+            surface, target = thinned(surface, target, aim)
+            size = surface.tmesh.size
         measured = measure(surface, mesh, target.shape.distance)
         now, folded = measured.deviation, target.folded(surface)
         report(progress, number / CHECKS, f"{surface.tmesh.size} control points, {now.max:.3f} mm measured")

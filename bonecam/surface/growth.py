@@ -125,7 +125,7 @@ def moved(surface: TSpline, tmesh: RowTMesh) -> TSpline:
     """A surface on `tmesh` like `surface`: least squares in the Gauss points, faintly held at the anchors."""
     size = tmesh.size
     draft = TSpline(tmesh, surface.positions(*anchors(tmesh)), np.ones(size))
-    s, t, share = gauss_points(draft)
+    s, t, share = gauss_points(draft, 2)
     data = Term(draft.basis(s, t)[0], share[:, None, None] * np.eye(3), surface.positions(s, t))
     held = Term(sp.eye_array(size, format="csr"), np.broadcast_to(1e-6 / size * np.eye(3), (size, 3, 3)), draft.control_points)
     return TSpline(tmesh, Form.of([data, held], size).least(), np.ones(size))

@@ -18,6 +18,7 @@ from bonecam.surface.feet import follow, nearest_on_grid
 from bonecam.surface.samples import sample_mesh
 from bonecam.surface.tspline import TSpline
 
+OUTWARD = 2  # Gauss points each way an element that are measured to the mesh
 PULLED = 2.0  # tolerances: surface points farther than this from the mesh are drawn to it
 
 
@@ -96,7 +97,7 @@ class Target:
 
     def on(self, surface: TSpline, tolerance: float) -> "Target":
         """With the feet on `surface`, and its own points that are farther than a part of the tolerance from the mesh."""
-        s, t, share = gauss_points(surface)
+        s, t, share = gauss_points(surface, OUTWARD)
         S, Ss, St = surface.evaluate(s, t, 1)
         nearest = self.shape.distance.closest(S)[0]
         away = np.linalg.norm(S - nearest, axis=1)

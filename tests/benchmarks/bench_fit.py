@@ -18,7 +18,7 @@ from bonecam.job import MeshJob
 from bonecam.mesh.sections import harmonic_rows
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.pipeline import prepare
-from bonecam.surface.adapt import HASTE, SHARE, Votes, refine, with_t_knots
+from bonecam.surface.adapt import HASTE, SHARE, Votes, refine
 from bonecam.surface.fit import Fit, fit
 from bonecam.surface.growth import Prune, Refine
 from bonecam.surface.prune import prune, spare_knots
@@ -44,8 +44,8 @@ def tensor_refine(tmesh: RowTMesh, votes: Votes, room: int) -> RowTMesh:
             break
         tried_s = [*s_new, float(np.mod(knots[k] + gaps[k] / 2, 1))] if kind else s_new
         tried_t = t_new if kind else [*t_new, float(tmesh.t_knots[k : k + 2].mean())]
-        every = [*tmesh.s_knots[:2], *[np.sort(np.array(tried_s))] * rows, *tmesh.s_knots[-2:]]
-        finer = with_t_knots(tmesh.t_knots, every, np.array(tried_t))
+        t_knots = np.sort(np.concatenate([tmesh.t_knots, tried_t]))
+        finer = RowTMesh.from_rows(t_knots, every_row(tmesh, np.sort(np.array(tried_s)), len(t_knots) - 8))
         if finer.size - tmesh.size <= room:
             found, s_new, t_new = finer, tried_s, tried_t
     return found
@@ -66,8 +66,12 @@ def tensor_prune(surface: TSpline, target: Target, limit: float, most: int) -> R
         if (len(gone) + 1) * rows <= most and count - len(gone) > 4 and not near and np.abs(now + moves[k]).max() < limit:
             gone.add(k)
             now = now + moves[k]
-    inner = [np.delete(tmesh.s_knots[2], sorted(gone))] * rows
-    return RowTMesh.from_rows(tmesh.t_knots, [*tmesh.s_knots[:2], *inner, *tmesh.s_knots[-2:]])
+    return RowTMesh.from_rows(tmesh.t_knots, every_row(tmesh, np.delete(tmesh.s_knots[2], sorted(gone)), rows))
+
+
+def every_row(tmesh: RowTMesh, knots: np.ndarray, rows: int) -> list[np.ndarray]:
+    """The poles and the rings next to them as they are, and `rows` rows with the same knots."""
+    return [*tmesh.s_knots[:2], *[knots] * rows, *tmesh.s_knots[-2:]]
 
 
 def one(mesh: TriangleMesh, tolerance: float, most: int, how: tuple[Refine, Prune]) -> tuple[Fit, float]:
