@@ -57,7 +57,8 @@ def read_tsm(path: str | Path, *, homogeneous: bool = False, to_mm: bool = False
 def write_tsm(surface: TSpline, path: str | Path, *, homogeneous: bool = False) -> None:
     """Write the surface, row-structured ones as `#bonecam-tspline 1`, others as `#TS0200`; `read_tsm` gives every number back bit for bit.
 
-    `homogeneous` as in `read_tsm`. Raises SurfaceError for a T-mesh that half edges cannot hold.
+    `homogeneous` as in `read_tsm`. Raises SurfaceError for a T-mesh that half edges cannot hold: some that were refined beside a
+    corner of the domain that turns inwards. `write_iga` holds every surface.
     """
     if isinstance(surface.tmesh, OpenRowTMesh):
         raise SurfaceError("rows that are open have no text form: write_tsm takes closed rows and general T-meshes")
@@ -66,7 +67,22 @@ def write_tsm(surface: TSpline, path: str | Path, *, homogeneous: bool = False) 
             raise ValueError("row-structured files hold points that are not homogeneous")
         write_whole(path, rows_file.rows_text(surface))
     else:
-        write_whole(path, tsm_text(surface, homogeneous))
+        text = tsm_text(surface, homogeneous)
+        _prove(text, surface, Path(path))
+        write_whole(path, text)
+
+
+def _prove(text: str, surface: TSpline[TMesh], path: Path) -> None:
+    """Read the text back: every vertex must see what it saw, else the file would hold another surface."""
+    try:
+        tmesh, numbers = tmesh_of(parse_tsm(text, path))
+        same = numbers == list(range(surface.tmesh.size)) and all(
+            np.array_equal(a, b) for a, b in zip(tmesh.local_knots, surface.tmesh.local_knots)
+        )
+    except (FileError, SurfaceError):
+        same = False
+    if not same:
+        raise SurfaceError("half edges cannot hold this T-mesh, whose lines with one knot part at a corner: write_iga can", file=str(path))
 
 
 def _laid_out(records: Records, path: Path) -> tuple[TMesh, list[int]]:
