@@ -12,6 +12,7 @@ from rowed import bone_like
 from bonecam.errors import SurfaceError
 from bonecam.surface.as_general import as_general
 from bonecam.surface.files import read_tsm, write_tsm
+from bonecam.surface.iga import read_iga, write_iga
 from bonecam.surface.open_rows import OpenRowTMesh
 from bonecam.surface.tspline import TSpline
 
@@ -128,3 +129,16 @@ def test_open_rows_are_a_general_tmesh_and_can_be_refined_there() -> None:
     np.testing.assert_allclose(finer.evaluate(s, t), surface.evaluate(s, t), atol=1e-13 * 5)
     with pytest.raises(SurfaceError, match="as_general"):
         surface.refine(s[:1], t[:1])
+
+
+def test_what_half_edges_cannot_hold_is_said_and_goes_into_an_iga_file(shared: Path, tmp_path: Path) -> None:
+    surface = read_tsm(shared / "tspline" / "tsm" / "mouse.tsm")
+    expected = surface.area
+    for face in (0, 11):
+        box = surface.tmesh.face_boxes[face]
+        surface = surface.refine(box[[0]] * 0.6 + box[[1]] * 0.4, box[[2]] * 0.5 + box[[3]] * 0.5)
+    with pytest.raises(SurfaceError, match="cannot hold"):
+        write_tsm(surface, tmp_path / "a.tsm")
+    assert not (tmp_path / "a.tsm").exists()
+    write_iga(surface, tmp_path / "a.iga")
+    assert read_iga(tmp_path / "a.iga").area == pytest.approx(expected, rel=1e-9)
