@@ -55,9 +55,14 @@ class Diagnosis:
         return self.kind != "non-standard"
 
     @property
+    def meeting(self) -> int:
+        """Pairs of closed extensions that meet, crossing or touching."""
+        return len(self.crossing) + len(self.touching)
+
+    @property
     def analysis_suitable(self) -> bool:
         """No extension meets another, not even at an end (Li & Scott's closed extensions)."""
-        return not len(self.crossing) and not len(self.touching)
+        return self.meeting == 0
 
     @property
     def linearly_independent(self) -> bool:

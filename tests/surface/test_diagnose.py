@@ -24,6 +24,7 @@ def test_the_models_are_of_their_kind(shared: Path, name: str) -> None:
     found = surface.diagnose()
     assert (found.kind, found.sums_to_one, found.faces, found.junctions, len(found.crossing), len(found.touching)) == TABLE[name]
     assert found.nullity == 0
+    assert found.meeting == {"fan": 16, "face": 16, "gearbox2-9": 74}.get(name, 0)
     if found.unit_weights is not None:
         patches = surface.elements().patches(surface.control_points, found.unit_weights)
         np.testing.assert_allclose(patches[:, :, 3], 1, atol=1e-10)

@@ -8,6 +8,7 @@ from general import random_tspline, samples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rowed import bone_like
+from test_tsm import torus_text
 
 from bonecam.errors import SurfaceError
 from bonecam.surface.as_general import as_general
@@ -105,6 +106,15 @@ def test_rows_are_a_general_tmesh(seed: int, poles: bool) -> None:
     for a, b in zip(surface.evaluate(s, t, 2), general.evaluate(s, t, 2)):
         np.testing.assert_allclose(a, b, atol=1e-11 * abs(a).max())
     np.testing.assert_allclose(general.refine(s[:1], t[:1], "s").evaluate(s, t), surface.evaluate(s, t), atol=1e-13 * 28)
+
+
+def test_a_torus_is_refined_across_both_seams(tmp_path: Path) -> None:
+    (tmp_path / "torus.tsm").write_text(torus_text())
+    surface = read_tsm(tmp_path / "torus.tsm", to_mm=True)
+    finer = surface.refine(np.array([4.9, 0.2]), np.array([5.9, 0.1]))
+    s, t = np.random.default_rng(1).uniform(0, 5, (2, 400))
+    np.testing.assert_allclose(finer.evaluate(s, t), surface.evaluate(s, t), atol=1e-13 * 80)
+    assert finer.diagnose().semi_standard
 
 
 def test_a_wrong_call_is_refused() -> None:
