@@ -22,12 +22,13 @@ def step_depths(levels: Sequence[Level]) -> list[Float[ndarray, " n"]]:
 
 
 def line_depths(levels: Sequence[Level], s: float = LINE, points: int = POINTS) -> Float[ndarray, "k points"]:
-    """For each cut of the morph (rounding levels left out) how far points evenly spaced on the line s move to the next level, mm.
+    """For each cut of the morph (rounding levels left out) the depth, mm, at points evenly spaced on the line s of its outer level.
 
-    The last cut's are the distances to the body that the morph ends at.
+    Depths are distances to the level before, not to the point of the same parameter, which may have slid along. The last cut's are
+    the distances from the outermost level to the body that the morph ends at.
     """
     surfaces = [level.surface for level in levels if level.within is None and level.surface is not None]
-    t = np.linspace(*surfaces[0].domain[1], points)
-    line = np.stack([surface.positions(np.full(points, s), t) for surface in surfaces])
-    moved = np.linalg.norm(np.diff(line, axis=0), axis=2)
-    return np.vstack([moved, MeshDistance(levels[len(surfaces)].mesh).unsigned(line[-1])])
+    low, high = surfaces[0].domain[1]
+    t, across = np.linspace(low, high, points), np.full(points, s)
+    found = [before.project(level.positions(across, t)).distances for before, level in pairwise(surfaces)]
+    return np.vstack([*found, MeshDistance(levels[len(surfaces)].mesh).unsigned(surfaces[-1].positions(across, t))])

@@ -64,7 +64,7 @@ def draw_levels(levels: Sequence[Level], post: tuple[float, float], path: str | 
 
 
 def draw_depths(levels: Sequence[Level], line: Float[ndarray, "k n"], path: str | Path) -> None:
-    """Above: how far the points of one parameter line move in each cut (`line`). Below: the share of each level's area by depth."""
+    """Above: the depth of each cut along one parameter line (`line`). Below: the share of each level's area by depth."""
     from matplotlib.colors import Normalize
     from matplotlib.figure import Figure
 
@@ -76,7 +76,7 @@ def draw_depths(levels: Sequence[Level], line: Float[ndarray, "k n"], path: str 
     above.set_xlim(0, line.shape[1] - 1)
     above.set_ylim(0, 1.05 * max(level.limit for level in levels))
     above.set_xlabel("point on the line, from the lower to the upper pole")
-    above.set_ylabel("distance to the next level (mm)")
+    above.set_ylabel("distance between levels (mm)")
     figure.colorbar(_scale(Normalize(1, len(line))), ax=above, label="cut")
     shares = np.array([level.histogram for level in levels[1:]])
     image = below.imshow(

@@ -19,7 +19,7 @@ def made() -> Morph:
     return levels_in(waisted(), Cylinder(4.5, 0.0, 20.0), Schedule((0.2,), 1.0), chord_tolerance=0.05)
 
 
-def test_points_of_the_line_move_no_further_than_the_depth(made: Morph) -> None:
+def test_no_point_of_the_line_is_deeper_than_the_cut_may_be(made: Morph) -> None:
     depths = line_depths(made.levels)
     body = next(level for level in made.levels if level.within is not None)
     assert depths.shape == (body.index, POINTS)
