@@ -118,7 +118,8 @@ def _numbers(path: Path, n: int, words: list[str], kind: Callable[[str], float],
 def _check_references(records: Records) -> None:
     """Every number a record names must be a record that exists, and links must agree with one another."""
     if records.header.get("degree", ["3"]) != ["3"]:
-        raise FileError(f"{records.path}: degree {records.header['degree'][0]}: only cubic T-splines are read", file=str(records.path))
+        degree = " ".join(records.header["degree"])
+        raise FileError(f"{records.path}: degree '{degree}': only cubic T-splines are read", file=str(records.path))
     if not any(link is not None for link in records.links):
         raise FileError(f"{records.path}: the file has no links (l records)", file=str(records.path))
     tables: dict[str, list] = {"link": records.links, "vertex": records.vertices, "face": records.faces, "edge": records.edges}

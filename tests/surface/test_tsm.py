@@ -100,7 +100,8 @@ def test_a_tsm_round_trip_is_bit_equal(shared: Path, tmp_path: Path, name: str, 
         ("0m cg 1 4 1 0 0 0 7", "0m cg 1 4 1 0 0 0 8", "cg 1: control point 8"),
         ("0m cg 1 4 1 0 0 0 7", "0m cg 1 4 1 1 0 0 7", "cg 1: extents"),
         ("v 2 EAST", "v 2 UP", "EAST, NORTH"),
-        ("degree 3", "degree 4", "degree 4"),
+        ("degree 3", "degree 4", "degree '4'"),
+        ("degree 3", "degree", "degree ''"),
     ],
 )
 def test_a_broken_tsm_names_the_record(shared: Path, tmp_path: Path, old: str, new: str, match: str) -> None:
