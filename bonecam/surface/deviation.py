@@ -12,6 +12,8 @@ from bonecam.surface.feet import follow, grid_parameters, nearest_on_grid
 from bonecam.surface.samples import sample_mesh
 from bonecam.surface.tspline import TSpline
 
+DOUBTFUL = 50  # one in so many samples, the farthest, is projected with more care
+
 
 @dataclass(frozen=True, eq=False)
 class Deviation:
@@ -65,6 +67,8 @@ def measure(surface: TSpline, mesh: TriangleMesh, distance: MeshDistance, sample
     points, areas = sample_mesh(mesh, samples)
     s, t = nearest_on_grid(surface, points)
     _, _, inward = follow(surface, points, s, t, rounds=6)
+    doubtful = np.argsort(-inward, kind="stable")[: max(1, len(points) // DOUBTFUL)]
+    inward[doubtful] = np.minimum(inward[doubtful], surface.project(points[doubtful]).distances)
     along = int(np.ceil(np.sqrt(samples)))
     S, Ss, St = surface.evaluate(*grid_parameters(surface, along, along), 1)
     nearest = distance.closest(S)[0]

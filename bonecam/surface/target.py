@@ -11,6 +11,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.mesh.distance import MeshDistance, exact_closest
+from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.sections import Rows
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.fairness import gauss_points
@@ -18,6 +19,7 @@ from bonecam.surface.feet import follow, nearest_on_grid
 from bonecam.surface.samples import sample_mesh
 from bonecam.surface.tspline import TSpline
 
+FOLD_CHORD = 3e-4  # of the diagonal: chord tolerance of the tessellation that is checked against itself
 OUTWARD = 2  # Gauss points each way an element that are measured to the mesh
 PULLED = 2.0  # tolerances: surface points farther than this from the mesh are drawn to it
 
@@ -85,9 +87,11 @@ class Target:
         return float(max(self.inward.distances.max(), self.outward.distances.max(initial=0.0)))
 
     def folded(self, surface: TSpline) -> bool:
-        """Whether some normal on a fine grid points into the mesh."""
+        """Whether the surface meets itself: looked at only where some normal on a fine grid points into the mesh, as at sharp rims too."""
         s, t = np.meshgrid(np.arange(96) / 96, (1 - np.cos(np.linspace(0.03, np.pi - 0.03, 160))) / 2)
-        return bool(self.shape.facing(surface, s.ravel(), t.ravel()).min() < 0)
+        if self.shape.facing(surface, s.ravel(), t.ravel()).min() >= 0:
+            return False
+        return len(self_intersections(surface.tessellate(FOLD_CHORD * self.shape.mesh.diagonal))) > 0
 
     def with_points(self, points: Float[ndarray, "k 3"], surface: TSpline) -> "Target":
         """With more samples, each standing for a typical area; their feet are found on the surface."""
