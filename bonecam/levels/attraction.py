@@ -1,10 +1,9 @@
-"""Where each point of a level is pulled: unit directions, from which the attracting points H of the energy are made.
+"""Where each point of a level is pulled: unit directions, along which the attracting points H of the energy lie.
 
-`stock`   along the level's own normal while far from the stock, and more and more along the shortest way to the stock
-          as it comes near (the last BLEND mm). Normals are what makes each depth count in full: the stock point farthest
-          from a level lies on a normal of it.
+`stock`   between the level's own normal and the shortest way to the stock: the nearer to the stock (within BLEND mm), the more
+          of the latter. Normals alone meet in hollows; the shortest ways of a convex stock never do.
 `sphere`  as published (Gan et al. 2014): radially from the middle of the stock to its bounding sphere. Drags the points
-          along the axis and needs far more levels.
+          along the axis and needs more levels.
 `nearest` the shortest way to the stock from the start.
 """
 
@@ -22,9 +21,9 @@ Attraction = Callable[[ndarray, ndarray, Stock], ndarray]
 
 
 def towards_stock(points: Float[ndarray, "n 3"], normals: Float[ndarray, "n 3"], stock: Stock) -> Float[ndarray, "n 3"]:
-    """Between the level's normals (BLEND mm from the stock and more) and the shortest way to the stock (at the stock)."""
+    """The level's normals, half way to the shortest way to the stock where they are at it."""
     near = np.clip(1 + stock.signed_distance(points) / BLEND, 0, 1)[:, None]
-    return unit((1 - near) * normals + near * stock.outward(points))
+    return unit(normals + near * stock.outward(points))
 
 
 def towards_nearest(points: Float[ndarray, "n 3"], normals: Float[ndarray, "n 3"], stock: Stock) -> Float[ndarray, "n 3"]:

@@ -1,7 +1,9 @@
-"""What is measured on the tessellations of neighbouring levels; a level that fails is an error with the place.
+"""What is measured between neighbouring levels; a level that fails is an error with the place and the patch around it.
 
 Depth of cut k: how far points of level k lie from level k - 1 (what the cutter at level k - 1 has to remove), and the other
-way round. Nesting: no point of level k - 1 lies outside level k. The stock is measured exactly, not by its mesh.
+way round. Nesting: no point of level k - 1 lies outside level k. Points are the vertices of the tessellations and the surface in
+the middle of every face; nearest places are found on the tessellations, distances taken to the surfaces (`sheet.py`), the stock
+is measured exactly. Self-intersections are those of the tessellation.
 """
 
 from dataclasses import dataclass
@@ -11,27 +13,41 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import LevelError
+from bonecam.levels.sheet import Sheet
 from bonecam.levels.stock import Stock
-from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 DEPTH_TOLERANCE, NEST_TOLERANCE, STOCK_TOLERANCE = 0.002, 0.001, 0.001
-REMAINS, BINS = 1.0, 20
+REMAINS, BINS, PATCH = 1.0, 20, 2.0
 
 
 @dataclass(frozen=True, eq=False)
 class Measure:
-    """One cut measured, mm. `mean` is over the points of the outer level where a full depth of material was left to move."""
+    """One cut measured, mm, and where the worst was found.
+
+    `full_mean` is over the points of the inner level that had at least a full depth of material to move through, `full_area` (mm^2)
+    their share of its surface. `near_limits` are parameters of all points that use up half a tolerance or more.
+    """
 
     depth_max: float
     depth_mean: float
     depth_max_back: float
     full_mean: float
+    full_area: float
     histogram: Float[ndarray, "b"]
     nesting_min: float
     outside: float
-    self_intersections: int
+    crossing: ndarray
+    deepest: Float[ndarray, "3"]
+    hindmost: Float[ndarray, "3"]
+    outermost: Float[ndarray, "3"]
+    near_limits: Float[ndarray, "k 2"]
+
+    @property
+    def self_intersections(self) -> int:
+        """Faces of the outer level that cut others."""
+        return len(self.crossing)
 
 
 def probes(mesh: TriangleMesh) -> Float[ndarray, "n 3"]:
@@ -39,64 +55,80 @@ def probes(mesh: TriangleMesh) -> Float[ndarray, "n 3"]:
     return np.vstack([mesh.vertices, mesh.vertices[mesh.faces].mean(1)])
 
 
-def _weights(mesh: TriangleMesh) -> Float[ndarray, "f"]:
-    area = np.linalg.norm(mesh.face_vectors, axis=1)
-    return np.asarray(area / area.sum())
+def _areas(mesh: TriangleMesh) -> Float[ndarray, "f"]:
+    return np.asarray(np.linalg.norm(mesh.face_vectors, axis=1) / 2)
 
 
-def signed(mesh: TriangleMesh, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n"]:
-    """Distance of each point to the closed mesh, negative inside: by the closest face's side, and where that says outside, by rays."""
-    to_mesh = MeshDistance(mesh)
-    closest, face = to_mesh.closest(points)
-    across = points - closest
-    distance = np.linalg.norm(across, axis=1)
-    side = np.where(np.einsum("ij,ij->i", across, mesh.face_vectors[face]) > 0, 1.0, -1.0)
-    doubtful = np.flatnonzero((side > 0) & (distance > NEST_TOLERANCE))
-    if len(doubtful):
-        side[doubtful] = np.where(to_mesh.inside(points[doubtful]), -1.0, 1.0)
-    return np.asarray(side * distance)
-
-
-def measure(inner: TriangleMesh, outer: TriangleMesh, stock: Stock, limit: float, last: bool) -> Measure:
-    """The cut from `outer` (level k; the stock itself where `last`) down to `inner` (level k - 1)."""
-    inside, outside = probes(inner), probes(outer)
-    depth = MeshDistance(inner).unsigned(outside)
-    ahead = -stock.signed_distance(inside) if last else -signed(outer, inside)
-    middles, weights = slice(len(outer.vertices), None), _weights(outer)
-    back, area = np.abs(ahead[len(inner.vertices) :]), _weights(inner)
-    full = -stock.signed_distance(inside[len(inner.vertices) :]) >= REMAINS * limit
-    full_mean = float(np.average(back[full], weights=area[full])) if full.any() and not last else limit
+def measure(inner: Sheet, outer: Sheet | TriangleMesh, stock: Stock, limit: float) -> Measure:
+    """The cut from `outer` (level k, or the mesh of the stock, the last) down to `inner` (level k - 1)."""
+    last = isinstance(outer, TriangleMesh)
+    if isinstance(outer, TriangleMesh):
+        mesh, outside, corner = outer, probes(outer), outer.faces[:, 0]
+    else:
+        mesh, outside, corner = outer.mesh, outer.points, outer.grid.corner
+    inside, count = inner.points, len(inner.mesh.vertices)
+    depth = np.abs(inner.signed(outside, corner))
+    deep = np.flatnonzero(depth > limit)
+    gap = ahead = -stock.signed_distance(inside)
+    if not isinstance(outer, TriangleMesh):
+        depth[deep] = np.abs(inner.closely(outside[deep], outer.parameters[deep]))
+        ahead = -outer.signed(inside, inner.grid.corner)
+        behind = np.flatnonzero(ahead < 0)
+        ahead[behind] = -outer.closely(inside[behind], inner.parameters[behind])
+    middle, weights, areas = depth[len(mesh.vertices) :], _areas(mesh), _areas(inner.mesh)
+    full = np.zeros(len(areas), dtype=bool) if last else gap[count:] >= REMAINS * limit
+    leaves = stock.signed_distance(outside)
     return Measure(
         float(depth.max()),
-        float(depth[middles] @ weights),
+        float(np.average(middle, weights=weights)),
         float(np.abs(ahead).max()),
-        full_mean,
-        np.histogram(depth[middles], bins=BINS, range=(0, limit), weights=weights)[0],
+        float(np.average(np.abs(ahead[count:][full]), weights=areas[full])) if full.any() else limit,
+        float(areas[full].sum()),
+        np.histogram(middle, bins=BINS, range=(0, limit), weights=weights / weights.sum())[0],
         float(ahead.min()),
-        float(stock.signed_distance(outside).max()),
-        0 if last else len(self_intersections(outer)),
+        float(leaves.max()),
+        np.empty(0, dtype=np.int64) if last else self_intersections(mesh),
+        outside[np.argmax(depth)],
+        inside[np.argmin(ahead)],
+        outside[np.argmax(leaves)],
+        _near_limits(inner, outer, depth > limit + DEPTH_TOLERANCE / 2, leaves > STOCK_TOLERANCE / 2, ahead < -NEST_TOLERANCE / 2),
     )
 
 
+def _near_limits(inner: Sheet, outer: Sheet | TriangleMesh, deep: ndarray, leaves: ndarray, behind: ndarray) -> Float[ndarray, "k 2"]:
+    if isinstance(outer, TriangleMesh):
+        return np.empty((0, 2))
+    return np.vstack([outer.parameters[deep | leaves], inner.parameters[behind]])
+
+
 def require(
-    cut: int, found: Measure, limit: float, inner: TriangleMesh, outer: TriangleMesh, stock: Stock, behind: float = NEST_TOLERANCE
+    cut: int, found: Measure, limit: float, outer: TriangleMesh, behind: float = NEST_TOLERANCE, outside: float = STOCK_TOLERANCE
 ) -> None:
-    """Raise LevelError with the level and the place where a measure of cut `cut` is out of tolerance."""
+    """Raise LevelError with the level, the place and the patch (a mesh) where a measure of cut `cut` is out of tolerance."""
     if found.depth_max > limit + DEPTH_TOLERANCE:
-        points = probes(outer)
-        _fail(cut, f"is {found.depth_max:.4f} mm deep, more than {limit} mm,", points[np.argmax(MeshDistance(inner).unsigned(points))])
+        _fail(cut, f"is {found.depth_max:.4f} mm deep, more than {limit} mm,", found.deepest, outer)
     if found.nesting_min < -behind:
-        points = probes(inner)
-        place = points[np.argmax(MeshDistance(outer).signed(points))]
-        _fail(cut, f"falls {-found.nesting_min:.4f} mm behind the level before", place)
-    if found.outside > STOCK_TOLERANCE:
-        points = probes(outer)
-        _fail(cut, f"leaves the stock by {found.outside:.4f} mm", points[np.argmax(stock.signed_distance(points))])
+        _fail(cut, f"falls {-found.nesting_min:.4f} mm behind the level before", found.hindmost, outer)
+    if found.outside > outside:
+        _fail(cut, f"leaves the stock by {found.outside:.4f} mm", found.outermost, outer)
     if found.self_intersections:
-        first = self_intersections(outer)[0]
-        _fail(cut, f"cuts itself in {found.self_intersections} faces", outer.vertices[outer.faces[first]].mean(0))
+        crossing = outer.vertices[outer.faces[found.crossing]].mean(1)
+        _fail(cut, f"cuts itself in {found.self_intersections} faces", crossing[0], outer)
 
 
-def _fail(level: int, trouble: str, place: ndarray) -> None:
+def _fail(level: int, trouble: str, place: Float[ndarray, "3"], mesh: TriangleMesh) -> None:
     where = f"({place[0]:.2f}, {place[1]:.2f}, {place[2]:.2f})"
-    raise LevelError(f"level {level} {trouble} at {where}: give a higher stiffness or more control points there", level=level, place=place)
+    raise LevelError(
+        f"level {level} {trouble} at {where}: give a higher stiffness or more control points there",
+        level=level,
+        place=place,
+        patch=patch_of(mesh, place),
+    )
+
+
+def patch_of(mesh: TriangleMesh, place: Float[ndarray, "3"]) -> TriangleMesh:
+    """The faces of a mesh within PATCH mm of a place (at least the nearest one), without the other vertices."""
+    distance = np.linalg.norm(mesh.vertices[mesh.faces] - place, axis=2).min(1)
+    faces = mesh.faces[distance <= max(PATCH, float(distance.min()))]
+    kept, faces = np.unique(faces, return_inverse=True)
+    return TriangleMesh(mesh.vertices[kept], faces.reshape(-1, 3).astype(np.int32))

@@ -17,8 +17,9 @@ from numpy import ndarray
 
 from bonecam.surface.tspline import TSpline
 
-GAUSS, AROUND, MOST_AROUND = 3, 3, 400
+GAUSS, AROUND, MOST_AROUND, LEAST_AROUND = 3, 3, 400, 12
 WATCH_ALONG, WATCH_AROUND, NEAR_POLE = 8, 6, 1e-3
+CLOSE_TO_POLE = (0.005, 0.02, 0.05)
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +35,12 @@ class Samples:
 
     def normals(self, control_points: Float[ndarray, "c 3"]) -> Float[ndarray, "n 3"]:
         """Outward unit normals of the surface with these control points."""
-        n = np.cross(self.R_s @ control_points, self.R_t @ control_points)
+        n = self.stretched(control_points)
         return np.asarray(n / np.linalg.norm(n, axis=1, keepdims=True))
+
+    def stretched(self, control_points: Float[ndarray, "c 3"]) -> Float[ndarray, "n 3"]:
+        """S_s x S_t: outward, as long as the area per unit of the parameters."""
+        return np.cross(self.R_s @ control_points, self.R_t @ control_points)
 
     @cached_property
     def N(self) -> sp.csc_array:
@@ -71,6 +76,38 @@ def watch_points(surface: TSpline) -> Samples:
     bent = t + np.append(np.zeros(len(t) - 2), edge)
     _, R_s, R_t = surface.basis(s, bent, 1)
     return Samples(s, t, np.zeros(len(s)), surface.basis(s, t)[0], R_s, R_t)
+
+
+def ring_pattern(surface: TSpline, along: int, around: int) -> Samples:
+    """`along` rings in every t-span, on each `around` points for every knot of its densest control row; both ends of t and
+    rings close to them.
+
+    The weights are areas of the parameters (sum 1). Normals at the ends are those just inside.
+    """
+    knots, rows = surface.tmesh.t_knots, surface.tmesh.s_knots
+    spans = np.unique(knots[3:-3])
+    parts = (np.arange(along) + 0.5) / along
+    rings = (spans[:-1, None] + np.diff(spans)[:, None] * parts).ravel()
+    share = np.repeat(np.diff(spans), along) / along
+    near = np.array(CLOSE_TO_POLE)
+    rings = np.concatenate([spans[0] + near * (spans[1] - spans[0]), rings, spans[-1] - near * (spans[-1] - spans[-2])])
+    share = np.concatenate([0 * near, share, 0 * near])
+    first = np.searchsorted(knots, rings, side="right") - 4
+    counts = np.array([max(LEAST_AROUND, around * max(len(row) for row in rows[j : j + 4])) for j in first])
+    s = np.concatenate([np.arange(count) / count for count in counts])
+    t, share = np.repeat(rings, counts), np.repeat(share / counts, counts)
+    edge = NEAR_POLE * (spans[-1] - spans[0]) * np.array([1, -1])
+    s, t, share = np.append(s, [0.0, 0.0]), np.append(t, spans[[0, -1]]), np.append(share, [0.0, 0.0])
+    _, R_s, R_t = surface.basis(s, t + np.append(np.zeros(len(t) - 2), edge), 1)
+    return Samples(s, t, share / share.sum(), surface.basis(s, t)[0], R_s, R_t)
+
+
+def joined(first: Samples, second: Samples) -> Samples:
+    """Both."""
+    s, t, weights = (np.concatenate(pair) for pair in ((first.s, second.s), (first.t, second.t), (first.weights, second.weights)))
+    pairs = ((first.R, second.R), (first.R_s, second.R_s), (first.R_t, second.R_t))
+    R, R_s, R_t = (sp.csr_array(sp.vstack(pair)) for pair in pairs)
+    return Samples(s, t, weights, R, R_s, R_t)
 
 
 def samples_of(surface: TSpline, s: ndarray, t: ndarray, weights: ndarray) -> Samples:

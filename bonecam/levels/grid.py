@@ -1,7 +1,7 @@
-"""One parameter grid for all levels of a morph, so that their tessellations correspond vertex by vertex.
+"""One parameter mesh for all levels of a morph, so that their tessellations correspond vertex by vertex.
 
-Neighbouring levels that touch (at the stock's wall) then touch in their tessellations too, and what is measured
-between them is not the difference of two chord errors. Rings lie closer where some level bends more along t.
+Neighbouring levels that touch then touch in their tessellations too, and what is measured between them is not the difference of
+two chord errors. Fine only where one of the levels needs it: of every STRIDE-th level, the first and the last.
 """
 
 from collections.abc import Sequence
@@ -13,20 +13,26 @@ from jaxtyping import Float, Int32
 from numpy import ndarray
 
 from bonecam.arrays import frozen
-from bonecam.levels.stock import ring_faces
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.surface.together import shared_parameters
 from bonecam.surface.tspline import TSpline
 
-PROBES, LEAST_AROUND, LEAST_RINGS, PEAK = 160, 24, 12, 0.1
+STRIDE = 3
+TURN = 0.5  # of s: corners of a face that are farther apart lie on both sides of the seam
 
 
 @dataclass(frozen=True, eq=False)
 class LevelGrid:
-    """Rings of `around` points at `rings` and the two poles; `R` (vertices, control points)."""
+    """Parameters (s, t) of the vertices and of the faces' middles, the basis `R`, `R_middles` there, and the faces.
 
-    rings: Float[ndarray, " m"]
-    around: int
+    `corner` is a vertex of each face, no pole.
+    """
+
+    parameters: Float[ndarray, "v 2"]
+    middles: Float[ndarray, "f 2"]
+    corner: Int32[ndarray, " f"]
     R: sp.csr_array
+    R_middles: sp.csr_array
     faces: Int32[ndarray, "f 3"]
 
     def mesh(self, control_points: Float[ndarray, "c 3"]) -> TriangleMesh:
@@ -35,31 +41,20 @@ class LevelGrid:
 
 
 def level_grid(surface: TSpline, levels: Sequence[Float[ndarray, "c 3"]], chord_tolerance: float) -> LevelGrid:
-    """The grid on which every one of the levels is within about `chord_tolerance` of its surface.
-
-    A step h leaves a chord error of h^2 |S''| / 8; half the tolerance goes to each direction.
-    """
+    """The grid on which the levels are within about `chord_tolerance` of their surfaces."""
+    chosen = [*levels[:-1:STRIDE], levels[-1]]
+    parameters, faces = shared_parameters([surface.with_control_points(np.asarray(P)) for P in chosen[::-1]], chord_tolerance)
     low, high = surface.domain[1]
-    t = np.linspace(low, high, PROBES + 2)[1:-1]
-    s, tt = (v.ravel() for v in np.meshgrid(np.arange(PROBES) / PROBES, t))
-    *_, R_ss, _, R_tt = surface.basis(s, tt, 2)
-    bend_s, bend_t = np.zeros(len(s)), np.zeros(len(s))
-    for control_points in levels:
-        bend_s = np.maximum(bend_s, np.linalg.norm(R_ss @ control_points, axis=1))
-        bend_t = np.maximum(bend_t, np.linalg.norm(R_tt @ control_points, axis=1))
-    around = max(LEAST_AROUND, int(np.ceil(np.sqrt(bend_s.max() / (4 * chord_tolerance)))))
-    rings = _rings(t, bend_t.reshape(PROBES, PROBES).max(1), low, high, chord_tolerance)
-    gs, gt = (v.ravel() for v in np.meshgrid(np.arange(around) / around, rings))
-    R = surface.basis(np.append(gs, [0.0, 0.0]), np.append(gt, [low, high]))[0]
-    return LevelGrid(frozen(rings), around, R, frozen(ring_faces(len(rings), around), np.int32))
+    inner = (parameters[faces, 1] > low) & (parameters[faces, 1] < high)
+    corner = np.take_along_axis(faces, np.argmax(inner, axis=1)[:, None], axis=1)[:, 0]
+    middles = _middles(parameters, faces, parameters[corner, 0], np.where(inner.any(1)[:, None], inner, True))
+    R, R_middles = (surface.basis(p[:, 0], p[:, 1])[0] for p in (parameters, middles))
+    return LevelGrid(frozen(parameters), frozen(middles), frozen(corner, np.int32), R, R_middles, frozen(faces, np.int32))
 
 
-def _rings(t: ndarray, bend: ndarray, low: float, high: float, chord_tolerance: float) -> ndarray:
-    """Ring parameters with steps sqrt(4 tolerance / bend), ends left out."""
-    wide = np.maximum.reduce([np.roll(np.pad(bend, 1, mode="edge"), k)[1:-1] for k in (-1, 0, 1)])
-    density = np.sqrt(np.maximum(wide, PEAK * wide.max()) / (4 * chord_tolerance))
-    x = np.concatenate([[low], t, [high]])
-    y = np.concatenate([density[:1], density, density[-1:]])
-    total = np.concatenate([[0.0], np.cumsum(np.diff(x) * (y[1:] + y[:-1]) / 2)])
-    count = max(LEAST_RINGS, int(np.ceil(total[-1])))
-    return np.asarray(np.interp(np.linspace(0, total[-1], count + 1)[1:-1], total, x))
+def _middles(parameters: ndarray, faces: ndarray, first: ndarray, own: ndarray) -> ndarray:
+    """(s, t) in the middle of each face, near `first` round the seam; s over the corners that have one of their `own`."""
+    offset = parameters[faces, 0] - first[:, None]
+    offset -= np.round(offset) * (np.abs(offset) > TURN)
+    s = first + (offset * own).sum(1) / own.sum(1)
+    return np.column_stack([np.mod(s, 1.0), parameters[faces, 1].mean(1)])

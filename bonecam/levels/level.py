@@ -17,8 +17,8 @@ class Level:
     `mesh` is the tessellation the measures were taken on. `surface` is None for the last level, which is
     the stock itself. The cut that machines level k - 1 removes the material between levels k - 1 and k.
     `depth_max` and `depth_mean` go from this level to the one before, `depth_back_max` the other way; `full_mean` is the mean
-    depth where at least one full depth of material was left; `histogram` the shares of this level's area by depth, in even
-    bins from 0 to `limit`; `outside` how far the level leaves the stock (negative: inside).
+    depth where at least one full depth of material was left (on `full_area` mm^2 of the level before); `histogram` the shares of
+    this level's area by depth, in even bins from 0 to `limit`; `outside` how far the level leaves the stock (negative: inside).
     A level that rounds the stock (`levels/rounding.py`) has a T-mesh of its own: only what of its surface lies inside the body
     `within` is machined, and `shared` are control points over the other levels' T-mesh that follow it roughly.
     """
@@ -37,6 +37,7 @@ class Level:
     histogram: tuple[float, ...] = ()
     within: Stock | None = None
     shared: Float[ndarray, "c 3"] | None = None
+    full_area: float = 0.0
 
     @property
     def net(self) -> Float[ndarray, "c 3"]:

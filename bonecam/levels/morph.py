@@ -5,8 +5,8 @@ stock's surface lies within one depth of the last one; the stock itself is the l
 """
 
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,11 +14,13 @@ from numpy import ndarray
 
 from bonecam.errors import LevelError
 from bonecam.levels.attraction import ATTRACTIONS
-from bonecam.levels.check import NEST_TOLERANCE, measure, require
-from bonecam.levels.grid import LevelGrid, level_grid
+from bonecam.levels.check import NEST_TOLERANCE, STOCK_TOLERANCE, Measure, measure, require
+from bonecam.levels.grid import level_grid
 from bonecam.levels.level import Level
-from bonecam.levels.schedule import MOST_LEVELS, Schedule
+from bonecam.levels.remaining import Remaining, remaining, whole
+from bonecam.levels.schedule import Schedule
 from bonecam.levels.setting import Setting, setting_of
+from bonecam.levels.sheet import Sheet
 from bonecam.levels.step import next_level
 from bonecam.levels.stock import MARGIN, Stock, require_inside
 from bonecam.mesh.distance import MeshDistance
@@ -27,10 +29,13 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.progress import Progress, part, report, silent
 from bonecam.surface.tspline import TSpline
 
-METHODS = {"qp": NEST_TOLERANCE, "qcqp": 0.02}
-"""How far (mm) a level may fall behind the one before: the published program says nothing of it, and holds it at samples only."""
-SMOOTHINGS, TRIED = (1e-6, 1e-5, 1e-4), 2
-STIFFNESS, COARSE, STALL, SOFTEN, PATIENCE = 1e-7, 0.02, 0.25, 0.1, 4
+METHODS = {"qp": (NEST_TOLERANCE, STOCK_TOLERANCE), "qcqp": (0.02, 2 * STOCK_TOLERANCE), "osqp": (NEST_TOLERANCE, STOCK_TOLERANCE)}
+"""How far (mm) a level may fall behind the one before and leave the stock: the published program says nothing of the one, and holds
+the other at samples only."""
+SMOOTHINGS, TRIED = (1e-4, 1e-5, 1e-3), 2
+STIFFNESS, COARSE, STALL, SOFTEN, PATIENCE, MOST_EXTRA, MENDS = 5e-7, 0.02, 0.25, 0.1, 4, 12, 3
+LANDING, CREEP = 0.03, 0.01
+"""How far inside the stock (mm) the last level stays, and how much more each level before it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +56,13 @@ class Morph:
         """K, the number of cuts."""
         return len(self.levels) - 1
 
+    @cached_property
+    def depth_used(self) -> float:
+        """Mean share of the limit that the levels move where at least a full depth of material is left, over all their area."""
+        cuts = self.levels[1:]
+        whole = sum(level.full_area for level in cuts)
+        return sum(level.full_area * level.full_mean / level.limit for level in cuts) / whole if whole else 1.0
+
 
 def morph(
     surface: TSpline,
@@ -65,102 +77,113 @@ def morph(
 ) -> Morph:
     """All levels, measured on tessellations within `chord_tolerance` mm.
 
-    `stiffness` is c_int / c_ext (parameters in [0, 1]); it falls where progress stalls. `method` is `qp` or `qcqp`, the published
-    program solved exactly (`levels/qcqp.py`: slow, the reference). Raises StockError where the part
-    is not inside the stock, LevelError where a level cannot be made or fails its check.
+    `stiffness` is c_int / c_ext (parameters in [0, 1]); it falls where progress stalls. `method` is `qp`; `osqp`, the
+    same programs solved by OSQP; or `qcqp`, the published program solved exactly (`levels/qcqp.py`): both slow, for reference.
+    Raises StockError where the part is not inside the stock, LevelError where a level cannot be made or fails its check.
     """
     if attraction not in ATTRACTIONS:
         raise ValueError(f"attraction {attraction!r}: choose one of {', '.join(ATTRACTIONS)}")
     if method not in METHODS:
         raise ValueError(f"method {method!r}: choose one of {', '.join(METHODS)}")
-    coarse = level_grid(surface, [surface.control_points], COARSE)
-    require_inside(stock, coarse.mesh(surface.control_points).vertices, MARGIN)
-    start = time.perf_counter()
-    distance = _distance(stock, coarse.mesh(surface.control_points))[0]
-    lower_bound = schedule.lower_bound(distance)
-    solving = part(progress, 0.0, 0.7)
-    if method == "qcqp":
-        from bonecam.levels.qcqp import cone_sequence
-
-        made = cone_sequence(surface, stock, schedule, stiffness, attraction, lambda P: _distance(stock, coarse.mesh(P)), solving)
-    else:
-        made = _fewest(surface, stock, schedule, stiffness, attraction, coarse, lower_bound, solving)
-    solved = time.perf_counter()
-    levels = _measured(surface, made, stock, schedule, chord_tolerance, METHODS[method], part(progress, 0.7, 1.0))
-    return Morph(levels, lower_bound, distance, solved - start, time.perf_counter() - solved)
-
-
-def _distance(stock: Stock, mesh: TriangleMesh) -> tuple[float, ndarray]:
-    """The largest distance from the stock to the mesh, mm, and where."""
-    targets = stock.mesh(COARSE).vertices
-    distance = MeshDistance(mesh).unsigned(targets)
-    return float(distance.max()), targets[np.argmax(distance)]
-
-
-def _fewest(
-    surface: TSpline,
-    stock: Stock,
-    schedule: Schedule,
-    stiffness: float,
-    attraction: str,
-    coarse: LevelGrid,
-    lower_bound: int,
-    progress: Progress,
-) -> list[ndarray]:
-    """The shortest sound sequence of the first smoothings (or the first later one that works); K_min cuts end the search."""
-    best: list[ndarray] | None = None
+    require_inside(stock, surface.tessellate(COARSE).vertices, MARGIN)
+    start, checking = time.perf_counter(), 0.0
+    setting = setting_of(surface, stock, ATTRACTIONS[attraction])
+    rest = remaining(setting, surface.control_points, whole(stock))
+    lower_bound = schedule.lower_bound(rest.left)
+    solving, measuring = part(progress, 0.0, 0.7), part(progress, 0.7, 1.0)
+    program = _Levels(setting, schedule, lower_bound, solving, method)
+    sequences = (
+        program.sequences(rest, stiffness) if method != "qcqp" else _by_cones(surface, stock, schedule, stiffness, attraction, solving)
+    )
     failure: LevelError | None = None
-    for place, smoothing in enumerate(SMOOTHINGS):
-        steps = part(progress, place / len(SMOOTHINGS), (place + 1) / len(SMOOTHINGS))
-        setting = setting_of(surface, stock, ATTRACTIONS[attraction], smoothing)
-        most = MOST_LEVELS if best is None else len(best) - 1
-        try:
-            made = _sequence(setting, np.array(surface.control_points), schedule, stiffness, coarse, lower_bound, most, steps)
-        except LevelError as error:
-            failure = failure or error
-            continue
-        if best is None or len(made) < len(best):
-            best = made
-        if len(best) <= lower_bound or place + 1 >= TRIED:
-            break
-    if best is None:
-        assert failure is not None
-        raise failure
-    return best
+    for made, smoothing in sequences:
+        for mends in range(MENDS + 1):
+            began = time.perf_counter()
+            levels, trouble = _measured(surface, made, stock, schedule, chord_tolerance, METHODS[method], measuring)
+            checking += time.perf_counter() - began
+            if trouble is None:
+                return Morph(levels, lower_bound, rest.left, time.perf_counter() - start - checking, checking)
+            failure = failure or trouble.error
+            if method == "qcqp" or mends == MENDS or trouble.crosses or not len(trouble.parameters):
+                break
+            program = replace(program, setting=program.setting.watching(trouble.parameters))
+            made = program.sequence(made[: trouble.level], stiffness, smoothing)
+    assert failure is not None
+    raise failure
 
 
-def _sequence(
-    setting: Setting,
-    P: ndarray,
-    schedule: Schedule,
-    stiffness: float,
-    coarse: LevelGrid,
-    lower_bound: int,
-    most: int,
-    progress: Progress,
-) -> list[ndarray]:
-    """Control points of levels 0, 1, 2, ... up to the last below the stock. LevelError where progress ends, or after `most` levels."""
-    left, _ = _distance(setting.stock, coarse.mesh(P))
-    allowance, stalls, made = np.ones(len(P)), 0, [P]
-    while left > schedule.limit(len(made)):
-        k = len(made)
-        depth = schedule.limit(k)
-        report(progress, min(1.0, k / lower_bound), f"level {k}")
-        step = next_level(setting, made[-1], depth, stiffness, allowance)
-        allowance = step.allowance
-        made.append(made[-1] + step.moves)
-        mesh = coarse.mesh(made[-1])
-        before, (left, place) = left, _distance(setting.stock, mesh)
-        stalled = left > before - STALL * depth
-        stalls, stiffness = (stalls + 1, stiffness * SOFTEN) if stalled else (0, stiffness)
-        where = f"({place[0]:.2f}, {place[1]:.2f}, {place[2]:.2f})"
-        if stalls > PATIENCE or k >= most:
-            raise LevelError(
-                f"level {k} gets no nearer to the stock than {left:.3f} mm at {where}: give more control points", level=k, place=place
-            )
-        if len(self_intersections(mesh)):
-            raise LevelError(f"level {k} cuts itself: give a higher stiffness or more control points", level=k, place=place)
-    return made
+def _by_cones(
+    surface: TSpline, stock: Stock, schedule: Schedule, stiffness: float, attraction: str, progress: Progress
+) -> Iterator[tuple[list[ndarray], float]]:
+    """The one sequence of the published program."""
+    from bonecam.levels.qcqp import cone_sequence
+
+    grid, targets = level_grid(surface, [surface.control_points], COARSE), stock.mesh(COARSE).vertices
+
+    def left(P: ndarray) -> tuple[float, ndarray]:
+        distance = MeshDistance(grid.mesh(P)).unsigned(targets)
+        return float(distance.max()), targets[np.argmax(distance)]
+
+    yield cone_sequence(surface, stock, schedule, stiffness, attraction, left, progress), 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class _Levels:
+    """Makes sequences of levels."""
+
+    setting: Setting
+    schedule: Schedule
+    lower_bound: int
+    progress: Progress
+    method: str
+
+    def sequences(self, rest: Remaining, stiffness: float) -> Iterator[tuple[list[ndarray], float]]:
+        """Sequences to be measured and their smoothings; of the first TRIED the shortest first, and K_min cuts end the search."""
+        waiting: list[tuple[list[ndarray], float]] = []
+        failure: LevelError | None = None
+        for place, smoothing in enumerate(SMOOTHINGS):
+            try:
+                waiting.append((self.sequence([np.array(self.setting.surface.control_points)], stiffness, smoothing, rest), smoothing))
+            except LevelError as error:
+                failure = failure or error
+            waiting.sort(key=lambda one: len(one[0]))
+            if waiting and (place + 1 >= TRIED or len(waiting[0][0]) <= self.lower_bound):
+                yield waiting.pop(0)
+        yield from waiting
+        if failure is not None:
+            raise failure
+
+    def sequence(self, made: list[ndarray], stiffness: float, smoothing: float, rest: Remaining | None = None) -> list[ndarray]:
+        """Control points of levels 0, 1, 2, ... up to the last below the stock, from those `made`. LevelError where progress ends."""
+        made, stalls = list(made), 0
+        rest = rest or remaining(self.setting, made[-1], whole(self.setting.stock))
+        while rest.left > self.schedule.limit(len(made)):
+            k = len(made)
+            depth, before = self.schedule.limit(k), rest.left
+            report(self.progress, min(1.0, k / self.lower_bound), f"level {k}")
+            landing = LANDING + CREEP * max(0, self.lower_bound - 1 - k)
+            made.append(made[-1] + next_level(self.setting, made[-1], depth, stiffness, smoothing, landing, self.method).moves)
+            rest = remaining(self.setting, made[-1], rest)
+            stalled = rest.left > before - STALL * depth
+            stalls, stiffness = (stalls + 1, stiffness * SOFTEN) if stalled else (0, stiffness)
+            if stalls > PATIENCE or k >= self.lower_bound + MOST_EXTRA:
+                where = "({:.2f}, {:.2f}, {:.2f})".format(*rest.place)
+                raise LevelError(
+                    f"level {k} gets no nearer to the stock than {rest.left:.3f} mm at {where}: give more control points",
+                    level=k,
+                    place=rest.place,
+                )
+        return made
+
+
+@dataclass(frozen=True, eq=False)
+class _Trouble:
+    """The first failed check, its level, and the parameters of what was near the limits on all levels."""
+
+    error: LevelError
+    level: int
+    parameters: ndarray
+    crosses: bool
 
 
 def _measured(
@@ -169,29 +192,39 @@ def _measured(
     stock: Stock,
     schedule: Schedule,
     chord_tolerance: float,
-    behind: float,
+    tolerances: tuple[float, float],
     progress: Progress,
-) -> tuple[Level, ...]:
-    """The levels with what was measured on each; the stock behind them."""
+) -> tuple[tuple[Level, ...], _Trouble | None]:
+    """The levels with what was measured on each, the stock behind them; and what failed."""
     grid = level_grid(surface, made, chord_tolerance)
-    meshes = [grid.mesh(P) for P in made] + [stock.mesh(chord_tolerance)]
-    first = len(self_intersections(meshes[0]))
-    levels = [Level(0, surface, meshes[0], 0.0, 0.0, 0.0, 0.0, first)]
-    for k in range(1, len(meshes)):
-        report(progress, k / len(meshes), f"checking level {k}")
-        last = k == len(made)
-        shape = None if last else surface.with_control_points(made[k])
-        levels.append(_level(k, shape, meshes[k - 1], meshes[k], stock, schedule.limit(k), behind))
-    return tuple(levels)
+    inner = Sheet(surface, grid)
+    levels = [Level(0, surface, inner.mesh, 0.0, 0.0, 0.0, 0.0, len(self_intersections(inner.mesh)))]
+    failed: list[LevelError] = []
+    places: list[ndarray] = []
+    for k in range(1, len(made) + 1):
+        report(progress, k / (len(made) + 1), f"checking level {k}")
+        outer = Sheet(surface.with_control_points(made[k]), grid) if k < len(made) else stock.mesh(chord_tolerance)
+        shape, mesh = (outer.surface, outer.mesh) if isinstance(outer, Sheet) else (None, outer)
+        found = measure(inner, outer, stock, schedule.limit(k))
+        try:
+            require(k, found, schedule.limit(k), mesh, *tolerances)
+        except LevelError as error:
+            failed.append(error)
+        levels.append(_level(k, shape, mesh, schedule.limit(k), found))
+        places.append(found.near_limits)
+        inner = outer if isinstance(outer, Sheet) else inner
+    if failed:
+        return tuple(levels), _Trouble(
+            failed[0], failed[0].evidence["level"], np.vstack(places), any(level.self_intersections for level in levels)
+        )
+    return tuple(levels), None
 
 
-def _level(k: int, surface: TSpline | None, inner: TriangleMesh, outer: TriangleMesh, stock: Stock, limit: float, behind: float) -> Level:
-    found = measure(inner, outer, stock, limit, surface is None)
-    require(k, found, limit, inner, outer, stock, behind)
+def _level(k: int, surface: TSpline | None, mesh: TriangleMesh, limit: float, found: Measure) -> Level:
     return Level(
         k,
         surface,
-        outer,
+        mesh,
         limit,
         found.depth_max,
         found.depth_mean,
@@ -201,4 +234,5 @@ def _level(k: int, surface: TSpline | None, inner: TriangleMesh, outer: Triangle
         found.full_mean,
         found.outside,
         tuple(float(v) for v in found.histogram),
+        full_area=found.full_area,
     )

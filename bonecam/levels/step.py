@@ -1,10 +1,16 @@
-"""One level from the one before: a quadratic program on the control points' moves, tightened until what is measured holds.
+"""One level from the one before: a quadratic program on the control points' moves D.
 
-The depth box holds each control point's move; because blending functions are non-negative and sum to one, the surface moves
-by no more. Where directions spread (on convex places) it moves by less, so a control point may be allowed more than the
-depth as long as no sample moves further: the allowance learns how much, from level to level. Near the wall a control
-point lands where the fitted wall has it; what still breaks a limit on the watched samples is tightened and solved again,
-and what is left after that is shortened, for a level that does not move breaks nothing.
+    min  stiffness D'MD + int |S_new - H|^2      S_new = S + R D, the integral over the surface
+    s.t. depth, nesting and stock at samples     (`limits.py`)
+
+H lies along the pull, beyond the depth, so that every place goes as far as its limits let it. A level's limits are planes at
+feet on the level before: a place may slide along, what counts is its distance. The program is solved by splitting (ADMM, as OSQP
+does it): samples go to the nearest point of their own limits, control points to the least-squares fit of the samples, and the
+matrix of that fit is the same for x, y and z and for all iterations: one small factor a level. What is left broken on the denser
+watched samples is projected away.
+
+Near the stock levels do not all end in one surface, which no limit could tell apart: they stay `landing` mm away from it, and
+every level may go a little further than the one before.
 """
 
 from dataclasses import dataclass
@@ -13,122 +19,168 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 from numpy import ndarray
+from scipy.sparse.linalg import SuperLU, splu
 
-from bonecam.levels.limits import depth_box, frames, planes
-from bonecam.levels.setting import SHRINK, Place, Setting, place_of
-from bonecam.levels.solve import Rows, solve, stacked
+from bonecam.kernels import splitting
+from bonecam.levels.attraction import unit
+from bonecam.levels.limits import Limits, feet, limits_at, unset
+from bonecam.levels.setting import Setting
+from bonecam.levels.solve import solve
+from bonecam.levels.stock import Stock
+from bonecam.surface.tspline import TSpline
 
-ROUNDS, SWEEPS, RELAXATION, DAMPINGS, REACH = 2, 100, 1.0, 20, 2.0
-SIDE, LANDING_SIDE = 0.05, 0.1
-MOMENTUM = 0.7
-INSIDE, NEST_LIMIT = 0.006, 0.0004
-DEPTH_SLACK, WALL_SLACK, NEST_SLACK, SOLVER_TOLERANCE = 0.002, 0.0002, 0.0001, 5e-5
-LEAST_GAIN, MOST_GAIN, GENTLE, HALF = 0.9, 3.0, 0.9, 0.5
-LEAST_SPEED = 0.72
-AIM, AIM_SHARE = 0.0005, 0.02
+ITERATIONS, RENEW, RHO, RELAXATION = 100, 20, 8.0, 1.6
+BEYOND, LONGEST, LEAST_COSINE = 2.0, 2.0, 0.3
+EVEN = 0.05
+RENEWALS, OSQP_TOLERANCE = 3, 1e-5
+DEPTH_MARGIN, DEPTH_SHARE, NEST_MARGIN, NEST_SHARE, SPARE = 0.001, 0.01, 0.001, 0.05, 0.02
+ROUNDS, SWEEPS, NEAR, ENOUGH, FOOT_STEPS = 4, 20, 0.005, 2e-4, 3
 
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """The control points' moves and the allowance learnt; lengths in mm, measured on the watched samples."""
+    """The control points' moves, and how far the watched samples break a limit afterwards, mm."""
 
     moves: Float[ndarray, "c 3"]
-    allowance: Float[ndarray, "c"]
-    outside: float
-    behind: float
+    broken: float
+    folded: bool
 
 
 @dataclass(frozen=True, eq=False)
-class _Watched:
-    """What moves do to the watched samples: how far they go, how far outside the stock and how far ahead they end."""
+class Program:
+    """min sum_l w_l |x_l + R_l D - H_l|^2 + D'(stiffness M)D within `limits`: one level, its limits set up at the targets."""
 
-    size: ndarray
-    outside: ndarray
-    ahead: ndarray
+    before: TSpline
+    stock: Stock
+    R: sp.csr_array
+    x: Float[ndarray, "k 3"]
+    weights: Float[ndarray, " k"]
+    H: Float[ndarray, "k 3"]
+    start: Float[ndarray, "k 3"]
+    clearance: Float[ndarray, " k"]
+    limits: Limits
+    N: sp.csc_array
+    plate: sp.csc_array
 
-    def holds(self, depth: float) -> bool:
-        return bool(self.size.max() <= (1 + DEPTH_SLACK) * depth and self.outside.max() <= WALL_SLACK and self.ahead.min() >= -NEST_SLACK)
+    @property
+    def matrix(self) -> sp.csc_array:
+        """Half the energy's second derivative, for each of x, y and z."""
+        return sp.csc_array(self.N + self.plate)
 
+    def energy(self, moves: Float[ndarray, "c 3"]) -> float:
+        """What is made least."""
+        pull = self.weights @ ((self.x - self.H) ** 2).sum(1) + 2 * np.einsum("ij,ij->", self.gradient, moves)
+        return float(np.einsum("ij,ij->", moves, self.matrix @ moves) + pull)
 
-def _watch(setting: Setting, place: Place, moves: ndarray) -> _Watched:
-    move = setting.watch.R @ moves
-    outside = setting.stock.signed_distance(place.watched + move) + INSIDE
-    return _Watched(np.linalg.norm(move, axis=1), outside, (place.normals * move).sum(1))
-
-
-def _control_rows(place: Place, reach: ndarray, room: ndarray) -> Rows:
-    """Depth boxes, for control points about to land along their shortest way to the wall; and the wall itself."""
-    lands = room < reach
-    frame = np.where(lands[:, None, None], frames(place.outward), place.frame)
-    up = np.where(lands, room, reach)
-    box = depth_box(frame, up, np.where(lands, LANDING_SIDE, SIDE) * up)
-    return stacked(box, planes(place.outward, np.full(len(room), -np.inf), room))
-
-
-def next_level(setting: Setting, P: Float[ndarray, "c 3"], depth: float, stiffness: float, allowance: Float[ndarray, "c"]) -> Step:
-    """The moves of the control points that bring the level one `depth` closer to the stock."""
-    samples, place = setting.samples, place_of(setting, P)
-    H = place.points + np.clip(place.gap - SHRINK, 0, REACH * depth)[:, None] * place.pull
-    energy = sp.csc_array(sp.block_diag([stiffness * setting.M + samples.N] * 3))
-    gradient = (stiffness * (setting.M @ P) + samples.N @ P - samples.moments(H)).T.ravel()
-    room = place.room
-    for _ in range(ROUNDS):
-        rows = _control_rows(place, depth * allowance, np.maximum(room, 0.0))
-        moves = solve(energy, gradient, rows, SOLVER_TOLERANCE).x.reshape(3, -1).T
-        found = _watch(setting, place, moves)
-        allowance = _learnt(setting, allowance, np.linalg.norm(moves, axis=1) / depth, found.size / depth)
-        if found.holds(depth):
-            break
-        room = room - np.maximum(setting.over_support(found.outside), 0)
-    return _damped(setting, place, _projected(setting, place, moves, depth), depth, allowance)
+    @property
+    def gradient(self) -> Float[ndarray, "c 3"]:
+        """Half the energy's gradient at D = 0."""
+        return np.asarray(self.R.T @ (self.weights[:, None] * (self.x - self.H)))
 
 
-def _projected(setting: Setting, place: Place, moves: ndarray, depth: float) -> ndarray:
-    """Moves close to these that keep every limit on the watched samples: simultaneous projections onto the broken ones.
+def next_level(
+    setting: Setting, P: Float[ndarray, "c 3"], depth: float, stiffness: float, smoothing: float, landing: float, method: str = "qp"
+) -> Step:
+    """The moves of the control points to the next level, at most `depth` mm away and at least `landing` mm inside the stock.
 
-    x += C R'v with v the shortest correction of each broken sample and C the reciprocal column sums (SIRT; rows sum to one).
+    What is nearer to the stock already stays. `smoothing` is the thin-plate weight on the field of directions.
     """
-    R = setting.watch.R
-    wall_limit = np.maximum(setting.stock.signed_distance(place.watched) + INSIDE, 0)
-    aim = np.clip(-AIM_SHARE * setting.stock.signed_distance(place.watched), 0, AIM)
-    push = np.zeros_like(moves)
-    for _ in range(SWEEPS):
-        move = R @ moves
-        found = _watch(setting, place, moves)
-        out = np.maximum(found.outside - wall_limit, 0)
-        behind = np.maximum(aim - found.ahead, 0)
-        beyond = np.maximum(found.size - depth, 0)
-        broken = np.flatnonzero((out > WALL_SLACK / 2) | (behind > NEST_SLACK) | (beyond > DEPTH_SLACK * depth))
-        if not len(broken):
+    program = program_of(setting, P, depth, stiffness, smoothing, landing)
+    return _kept(setting, P, split(program) if method == "qp" else by_osqp(program), depth, landing)
+
+
+def program_of(setting: Setting, P: Float[ndarray, "c 3"], depth: float, stiffness: float, smoothing: float, landing: float) -> Program:
+    """The program of one level."""
+    samples, stock, before = setting.samples, setting.stock, setting.surface.with_control_points(P)
+    x, area = samples.R @ P, np.linalg.norm(stretched := samples.stretched(P), axis=1)
+    weights = area * samples.weights
+    weights = weights / weights.sum() + EVEN / len(x)
+    N = sp.csc_array(samples.R.T @ sp.diags_array(weights) @ samples.R)
+    gap = -stock.signed_distance(x)
+    normals = stretched / np.maximum(area, np.finfo(float).tiny)[:, None]
+    pull = setting.attraction(x, normals, stock)
+    pull = unit(samples.R @ _factor(N + smoothing * setting.M).solve(samples.R.T @ (weights[:, None] * pull)))
+    limits = unset(normals, samples.s, samples.t, *_heights(gap, depth, landing))
+    target = _targets(before, stock, x, pull, limits, np.minimum(gap, landing))
+    clearance = np.minimum(gap, landing - SPARE)
+    limits = limits_at(before, stock, target, limits, clearance, 2)
+    H = _inside(stock, limits.c + BEYOND * (target - limits.c), np.minimum(gap, landing))
+    return Program(before, stock, samples.R, x, weights, H, target, clearance, limits, N, sp.csc_array(stiffness * setting.M))
+
+
+def split(program: Program, iterations: int = ITERATIONS, renew: int = RENEW) -> Float[ndarray, "c 3"]:
+    """The moves by splitting; every `renew` iterations the limits are set up again where the samples are."""
+    limits, R, x = program.limits, program.R, program.x
+    factor = _factor(program.N + program.plate / RHO)
+    z, u = program.start.copy(), np.zeros_like(x)
+    D = factor.solve(R.T @ (program.weights[:, None] * (z - x)))
+    moments = np.empty_like(D)
+    for k in range(1, iterations + 1):
+        if k % renew == 0:
+            limits = limits_at(program.before, program.stock, x + R @ D, limits, program.clearance, 1)
+        planes = (limits.c, limits.n, limits.low, limits.high, limits.m, limits.h)
+        splitting.sweep(R.indptr, R.indices, R.data, x, D, program.H, *planes, program.weights, RHO, RELAXATION, z, u, moments)
+        D = factor.solve(moments)
+    return np.asarray(D)
+
+
+def by_osqp(program: Program) -> Float[ndarray, "c 3"]:
+    """The moves by OSQP, with every limit a row: the same program, many times slower."""
+    limits, count = program.limits, program.matrix.shape[0]
+    energy, D = sp.csc_array(sp.block_diag([program.matrix] * 3)), np.zeros((count, 3))
+    for _ in range(RENEWALS):
+        rows = limits.rows(program.R, program.x)
+        D = solve(energy, program.gradient.T.ravel(), rows, OSQP_TOLERANCE, D.T.ravel()).x.reshape(3, -1).T
+        limits = limits_at(program.before, program.stock, program.x + program.R @ D, limits, program.clearance, 1)
+    return D
+
+
+def _kept(setting: Setting, P: ndarray, D: ndarray, depth: float, landing: float) -> Step:
+    """The moves, projected onto what the watched samples still break."""
+    watch, stock, before = setting.watch, setting.stock, setting.surface.with_control_points(P)
+    x = watch.R @ P
+    gap = -stock.signed_distance(x)
+    limits, clearance = unset(np.zeros_like(x), watch.s, watch.t, *_heights(gap, depth, landing)), np.minimum(gap, landing - SPARE)
+    for k in range(ROUNDS + 1):
+        y = x + watch.R @ D
+        limits = limits_at(before, stock, y, limits, clearance, FOOT_STEPS if k == 0 else 1)
+        broken = limits.broken(y)
+        if broken.max() <= ENOUGH or k == ROUNDS:
             break
-        part, here = R[broken], place.watched[broken] + move[broken]
-        v = behind[broken, None] * place.normals[broken] - out[broken, None] * setting.stock.outward(here)
-        v -= (beyond / np.maximum(found.size, depth))[broken, None] * move[broken]
-        columns = np.asarray(part.sum(axis=0)).ravel()
-        push = MOMENTUM * push + RELAXATION * (part.T @ v) / np.where(columns > 0, columns, 1.0)[:, None]
-        moves = moves + push
-    return moves
+        near = np.flatnonzero(broken > -NEAR)
+        part, R = limits.only(near), sp.csr_array(watch.R[near])
+        planes = (part.c, part.n, part.low, part.high, part.m, part.h)
+        splitting.project(R.indptr, R.indices, R.data, x[near], D, *planes, SWEEPS, ENOUGH)
+    folded = ((watch.stretched(P + D) * limits.n).sum(1) <= 0).any()
+    return Step(D, float(broken.max()), bool(folded))
 
 
-def _damped(setting: Setting, place: Place, moves: ndarray, depth: float, allowance: ndarray) -> Step:
-    """Shorten the moves round every sample that still breaks a limit; where nothing moves every limit holds."""
-    before = setting.stock.signed_distance(place.watched) + INSIDE
-    most_outside = np.maximum(before, INSIDE)
-    for _ in range(DAMPINGS):
-        found = _watch(setting, place, moves)
-        share = depth / np.maximum(found.size, depth)
-        less = np.clip(1 - (found.outside - most_outside) / np.maximum(found.outside - before, WALL_SLACK), 0, GENTLE)
-        share = np.where(found.outside > most_outside, np.minimum(share, less), share)
-        share = np.where(found.ahead < -NEST_LIMIT, np.minimum(share, HALF), share)
-        if share.min() >= 1:
-            break
-        moves = moves * setting.least_share(share)[:, None]
-    found = _watch(setting, place, moves)
-    return Step(moves * min(1.0, depth / float(found.size.max())), allowance, float(found.outside.max()), float(found.ahead.min()))
+def _heights(gap: ndarray, depth: float, landing: float) -> tuple[ndarray, ndarray]:
+    """Lowest and largest height of each sample over the level before: a little more than nested where there is room."""
+    room = np.clip(NEST_SHARE * (gap - (landing - SPARE)), 0, NEST_MARGIN)
+    return room, np.full(len(gap), depth - min(DEPTH_MARGIN, DEPTH_SHARE * depth))
 
 
-def _learnt(setting: Setting, allowance: ndarray, moved: ndarray, speed: ndarray) -> ndarray:
-    """Allow more where the limit held a control point and no sample near it used the depth up, less where one exceeded it."""
-    most = setting.over_support(np.maximum(speed, LEAST_SPEED))
-    held = (moved > LEAST_GAIN * allowance) | (most > 1)
-    return np.where(held, np.clip(allowance / most, LEAST_GAIN, MOST_GAIN), allowance)
+def _targets(before: TSpline, stock: Stock, x: ndarray, pull: ndarray, limits: Limits, clearance: ndarray) -> ndarray:
+    """Where each sample should be: along its pull so far that its distance to the level before is the depth, or at the stock."""
+    depth, s, t = limits.high, limits.s, limits.t
+    cosine = np.maximum((limits.n * pull).sum(1), LEAST_COSINE)
+    reach = np.minimum(depth / cosine, LONGEST * depth)
+    for _ in range(2):
+        y = x + reach[:, None] * pull
+        s, t, c, _ = feet(before, y, s, t, 1)
+        distance = np.linalg.norm(y - c, axis=1)
+        slope = ((y - c) * pull).sum(1) / np.maximum(distance, np.finfo(float).tiny)
+        reach = np.clip(reach + (depth - distance) / np.maximum(slope, LEAST_COSINE), 0, LONGEST * depth)
+    return _inside(stock, x + reach[:, None] * pull, clearance)
+
+
+def _inside(stock: Stock, points: ndarray, clearance: ndarray) -> ndarray:
+    """The points, those less than their clearance inside the stock taken there along the shortest way."""
+    beyond = np.maximum(stock.signed_distance(points) + clearance, 0)
+    return np.asarray(points - beyond[:, None] * stock.outward(points))
+
+
+def _factor(matrix: sp.csc_array) -> SuperLU:
+    """Symmetric, positive definite: no pivots."""
+    return splu(sp.csc_matrix(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})

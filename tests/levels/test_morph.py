@@ -6,8 +6,11 @@ import pytest
 from bonecam.errors import Cancelled, LevelError, StockError
 from bonecam.levels import check
 from bonecam.levels.energy import integration_points, samples_of, thin_plate
+from bonecam.levels.grid import level_grid
+from bonecam.levels.limits import feet
 from bonecam.levels.morph import Morph, morph
 from bonecam.levels.schedule import Schedule
+from bonecam.levels.sheet import Sheet
 from bonecam.levels.stock import Capsule
 from bonecam.surface.tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
@@ -57,14 +60,19 @@ def test_every_measure_is_within_its_tolerance(made: Morph) -> None:
         assert sum(level.histogram) == pytest.approx(1.0, abs=0.02)
 
 
-def test_the_surface_moves_no_further_than_the_depth_between_the_samples(made: Morph) -> None:
+def test_no_place_is_deeper_than_allowed_between_the_samples(made: Morph) -> None:
     rng = np.random.default_rng(7)
     s, t = rng.random(4000), rng.random(4000)
     for inner, outer in zip(made.levels[:-2], made.levels[1:-1]):
         assert inner.surface is not None
         assert outer.surface is not None
-        move = outer.surface.evaluate(s, t) - inner.surface.evaluate(s, t)
-        assert np.linalg.norm(move, axis=1).max() <= outer.limit + check.DEPTH_TOLERANCE
+        points = outer.surface.evaluate(s, t)
+        foot = feet(inner.surface, points, s, t, 12)[2]
+        assert np.linalg.norm(points - foot, axis=1).max() <= outer.limit + check.DEPTH_TOLERANCE
+
+
+def test_the_levels_use_their_depth_up(made: Morph) -> None:
+    assert made.depth_used >= 0.95
 
 
 def test_two_runs_give_the_same_control_points(made: Morph) -> None:
@@ -90,23 +98,54 @@ def test_progress_that_answers_false_cancels() -> None:
         morph(waisted(), STOCK, SCHEDULE, progress=lambda fraction, message: False)
 
 
-def test_a_level_that_falls_behind_is_an_error_with_its_place(made: Morph) -> None:
-    inner, outer = made.levels[3], made.levels[2]
-    found = check.measure(inner.mesh, outer.mesh, STOCK, 0.5, False)
+def sheets(*surfaces: TSpline) -> list[Sheet]:
+    grid = level_grid(surfaces[0], [surface.control_points for surface in surfaces], 0.02)
+    return [Sheet(surface, grid) for surface in surfaces]
+
+
+def test_a_level_that_falls_behind_is_an_error_with_its_place_and_patch(made: Morph) -> None:
+    inner, outer = made.levels[3].surface, made.levels[2].surface
+    assert inner is not None
+    assert outer is not None
+    a, b = sheets(inner, outer)
+    found = check.measure(a, b, STOCK, 0.5)
     assert found.nesting_min < -0.05
     with pytest.raises(LevelError, match="behind the level before") as caught:
-        check.require(3, found, 0.5, inner.mesh, outer.mesh, STOCK)
+        check.require(3, found, 0.5, b.mesh)
     assert caught.value.evidence["level"] == 3
-    assert caught.value.evidence["place"].shape == (3,)
+    patch, place = caught.value.evidence["patch"], caught.value.evidence["place"]
+    assert np.linalg.norm(patch.vertices - place, axis=1).min() < 0.5
+    assert 0 < len(patch.faces) < len(b.mesh.faces)
 
 
 def test_a_cut_too_deep_is_an_error() -> None:
     surface = waisted()
-    inner, outer = (surface.with_control_points(surface.control_points * [k, k, 1.0]) for k in (1.0, 1.2))
-    meshes = [part.tessellate(0.02) for part in (inner, outer)]
-    found = check.measure(meshes[0], meshes[1], STOCK, 0.1, False)
+    inner, outer = sheets(*(surface.with_control_points(surface.control_points * [k, k, 1.0]) for k in (1.0, 1.2)))
+    found = check.measure(inner, outer, STOCK, 0.1)
     with pytest.raises(LevelError, match="deep, more than"):
-        check.require(1, found, 0.1, meshes[0], meshes[1], STOCK)
+        check.require(1, found, 0.1, outer.mesh)
+
+
+def test_a_level_through_itself_is_an_error_with_its_place() -> None:
+    surface = waisted()
+    twisted = np.array(surface.control_points)
+    twisted[len(twisted) // 2] = [-3.0, -3.0, 10.0]
+    inner, outer = sheets(surface, surface.with_control_points(twisted))
+    found = check.measure(inner, outer, STOCK, 9.0)
+    assert found.self_intersections > 0
+    with pytest.raises(LevelError, match=r"level 1 cuts itself in \d+ faces at \("):
+        check.require(1, found, 9.0, outer.mesh, behind=9.0)
+
+
+def test_distances_are_to_the_surface_not_to_its_tessellation() -> None:
+    surface = waisted()
+    rng = np.random.default_rng(5)
+    s, t = rng.random(500), rng.uniform(0.05, 0.95, 500)
+    places, normals = surface.evaluate(s, t), surface.normals(s, t)
+    (sheet,) = sheets(surface)
+    found = sheet.closely(places + 0.2 * normals, np.column_stack([s, t]))
+    assert np.abs(found - 0.2).max() < 1e-4
+    assert np.abs(sheet.distance.unsigned(places + 0.2 * normals) - 0.2).max() > 1e-3
 
 
 def test_the_energy_matrices_are_the_integrals_of_the_paper() -> None:

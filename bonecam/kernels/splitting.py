@@ -1,0 +1,131 @@
+"""The loops of one morph level's program, compiled: a sweep of the splitting, a sweep of projections, one step towards feet.
+
+All hold samples y_l = x_l + sum_i R_li D_i between two planes (low <= n . (y - c) <= high, from the foot c on the level before)
+and behind a third (m . y <= h, the stock's wall). R is in CSR form.
+"""
+
+from numba import njit
+from numpy import ndarray
+
+PARALLEL = 1e-3  # of 1 - cos^2 between slab and wall: below this they are one direction
+STEP_S, STEP_T, RIDGE = 0.05, 0.03, 1e-6
+
+
+@njit(inline="always")
+def correction(d: float, low: float, high: float, e: float, g: float) -> tuple[float, float]:
+    """How far to go along n and along m to the nearest point of the slab behind the wall.
+
+    d is the height over the foot, e the distance outside the wall, g = n . m.
+    """
+    p = min(max(d, low), high) - d
+    if e + p * g <= 0.0:
+        return p, 0.0
+    d -= e * g
+    if e > 0.0 and low <= d <= high:
+        return 0.0, -e
+    t = min(max(d, low), high) - (d + e * g)
+    across = 1.0 - g * g
+    if across > PARALLEL:
+        return (t + e * g) / across, (-e - t * g) / across
+    return 0.5 * (t - e), 0.0
+
+
+@njit(cache=True)
+def sweep(
+    indptr: ndarray, indices: ndarray, data: ndarray, x: ndarray, D: ndarray, H: ndarray, c: ndarray, n: ndarray, low: ndarray,
+    high: ndarray, m: ndarray, h: ndarray, weights: ndarray, rho: float, relaxation: float, z: ndarray, u: ndarray, moments: ndarray,
+) -> None:  # fmt: skip
+    """One iteration: z = the point of the limits nearest to (H + rho (y + u)) / (1 + rho), u += y - z, moments = R'W (z - u - x)."""
+    moments[:] = 0.0
+    keep, share = 1.0 - relaxation, 1.0 / (1.0 + rho)
+    for l in range(len(x)):
+        y0, y1, y2 = x[l, 0], x[l, 1], x[l, 2]
+        for k in range(indptr[l], indptr[l + 1]):
+            j, r = indices[k], data[k]
+            y0 += r * D[j, 0]
+            y1 += r * D[j, 1]
+            y2 += r * D[j, 2]
+        y0 = relaxation * y0 + keep * z[l, 0] + u[l, 0]
+        y1 = relaxation * y1 + keep * z[l, 1] + u[l, 1]
+        y2 = relaxation * y2 + keep * z[l, 2] + u[l, 2]
+        a0, a1, a2 = share * (H[l, 0] + rho * y0), share * (H[l, 1] + rho * y1), share * (H[l, 2] + rho * y2)
+        n0, n1, n2, m0, m1, m2 = n[l, 0], n[l, 1], n[l, 2], m[l, 0], m[l, 1], m[l, 2]
+        d = n0 * (a0 - c[l, 0]) + n1 * (a1 - c[l, 1]) + n2 * (a2 - c[l, 2])
+        p, q = correction(d, low[l], high[l], m0 * a0 + m1 * a1 + m2 * a2 - h[l], n0 * m0 + n1 * m1 + n2 * m2)
+        a0, a1, a2 = a0 + p * n0 + q * m0, a1 + p * n1 + q * m1, a2 + p * n2 + q * m2
+        y0, y1, y2 = y0 - a0, y1 - a1, y2 - a2
+        z[l, 0], z[l, 1], z[l, 2], u[l, 0], u[l, 1], u[l, 2] = a0, a1, a2, y0, y1, y2
+        w = weights[l]
+        a0, a1, a2 = w * (a0 - y0 - x[l, 0]), w * (a1 - y1 - x[l, 1]), w * (a2 - y2 - x[l, 2])
+        for k in range(indptr[l], indptr[l + 1]):
+            j, r = indices[k], data[k]
+            moments[j, 0] += r * a0
+            moments[j, 1] += r * a1
+            moments[j, 2] += r * a2
+
+
+@njit(cache=True)
+def project(
+    indptr: ndarray, indices: ndarray, data: ndarray, x: ndarray, D: ndarray, c: ndarray, n: ndarray, low: ndarray, high: ndarray,
+    m: ndarray, h: ndarray, sweeps: int, enough: float,
+) -> None:  # fmt: skip
+    """Move D onto the limits of one sample after the other (Kaczmarz), until all hold to `enough` or for `sweeps` rounds."""
+    for _ in range(sweeps):
+        worst = 0.0
+        for l in range(len(x)):
+            y0, y1, y2, square = x[l, 0], x[l, 1], x[l, 2], 0.0
+            for k in range(indptr[l], indptr[l + 1]):
+                j, r = indices[k], data[k]
+                square += r * r
+                y0 += r * D[j, 0]
+                y1 += r * D[j, 1]
+                y2 += r * D[j, 2]
+            n0, n1, n2, m0, m1, m2 = n[l, 0], n[l, 1], n[l, 2], m[l, 0], m[l, 1], m[l, 2]
+            d = n0 * (y0 - c[l, 0]) + n1 * (y1 - c[l, 1]) + n2 * (y2 - c[l, 2])
+            p, q = correction(d, low[l], high[l], m0 * y0 + m1 * y1 + m2 * y2 - h[l], n0 * m0 + n1 * m1 + n2 * m2)
+            broken = abs(p) + abs(q)
+            if broken > 0.01 * enough:
+                worst = max(worst, broken)
+                p, q = p / square, q / square
+                for k in range(indptr[l], indptr[l + 1]):
+                    j, r = indices[k], data[k]
+                    D[j, 0] += r * (p * n0 + q * m0)
+                    D[j, 1] += r * (p * n1 + q * m1)
+                    D[j, 2] += r * (p * n2 + q * m2)
+        if worst < enough:
+            break
+
+
+@njit(cache=True)
+def keep_nearest(
+    y: ndarray, s: ndarray, t: ndarray, S: ndarray, S_s: ndarray, S_t: ndarray, square: ndarray, best_s: ndarray, best_t: ndarray,
+    best: ndarray, best_S_s: ndarray, best_S_t: ndarray,
+) -> None:  # fmt: skip
+    """Where S is nearer to y than `best`, at the squared distance `square`, take it instead."""
+    for l in range(len(y)):
+        d = (y[l, 0] - S[l, 0]) ** 2 + (y[l, 1] - S[l, 1]) ** 2 + (y[l, 2] - S[l, 2]) ** 2
+        if d < square[l]:
+            square[l], best_s[l], best_t[l] = d, s[l], t[l]
+            for i in range(3):
+                best[l, i], best_S_s[l, i], best_S_t[l, i] = S[l, i], S_s[l, i], S_t[l, i]
+
+
+@njit(cache=True)
+def foot_step(y: ndarray, S: ndarray, S_s: ndarray, S_t: ndarray, s: ndarray, t: ndarray) -> None:
+    """One Gauss-Newton step of (s, t) towards the foot of y, damped near poles and never long."""
+    for l in range(len(y)):
+        E = F = G = a = b = 0.0
+        for i in range(3):
+            r = y[l, i] - S[l, i]
+            E += S_s[l, i] * S_s[l, i]
+            F += S_s[l, i] * S_t[l, i]
+            G += S_t[l, i] * S_t[l, i]
+            a += r * S_s[l, i]
+            b += r * S_t[l, i]
+        E += RIDGE * G
+        across = E * G - F * F * (1.0 - RIDGE)
+        if across > 0.0:
+            ds, dt = (G * a - F * b) / across, (E * b - F * a) / across
+            far = max(1.0, abs(ds) / STEP_S, abs(dt) / STEP_T)
+            s[l] += ds / far
+            t[l] += dt / far

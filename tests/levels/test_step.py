@@ -1,0 +1,76 @@
+"""One level's program: what is solved by splitting is what OSQP and a cone solver find, and its limits are distances."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from test_morph import STOCK, waisted
+
+from bonecam.levels.attraction import ATTRACTIONS
+from bonecam.levels.limits import feet
+from bonecam.levels.setting import Setting, setting_of
+from bonecam.levels.solve import solve
+from bonecam.levels.step import Program, next_level, program_of, split
+
+STIFFNESS, SMOOTHING, DEPTH, LANDING = 1e-7, 1e-4, 0.5, 0.05
+
+
+@cache
+def setting() -> Setting:
+    return setting_of(waisted(), STOCK, ATTRACTIONS["stock"])
+
+
+@cache
+def program(levels: int) -> Program:
+    P = np.array(setting().surface.control_points)
+    for _ in range(levels):
+        P = P + next_level(setting(), P, DEPTH, STIFFNESS, SMOOTHING, LANDING).moves
+    return program_of(setting(), P, DEPTH, STIFFNESS, SMOOTHING, LANDING)
+
+
+@pytest.mark.parametrize("levels", [0, 1, 2])
+def test_the_energy_is_within_one_percent_of_the_reference(levels: int) -> None:
+    """The same linear limits for both: the splitting does not renew them here."""
+    one = program(levels)
+    clarabel = pytest.importorskip("clarabel", reason="the extra `reference` is not installed")
+    rows = one.limits.rows(one.R, one.x)
+    A = sp.csr_array(sp.vstack([rows.A, -rows.A]))
+    b = np.concatenate([rows.high, -rows.low])
+    kept = np.isfinite(b)
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    P = sp.csc_matrix(sp.triu(sp.block_diag([one.matrix] * 3), format="csc"))
+    cones = [clarabel.NonnegativeConeT(int(kept.sum()))]
+    answer = clarabel.DefaultSolver(P, one.gradient.T.ravel(), sp.csc_matrix(A[kept]), b[kept], cones, settings).solve()
+    exact = np.array(answer.x).reshape(3, -1).T
+    ours = split(one, iterations=400, renew=10**6)
+    assert one.energy(ours) == pytest.approx(one.energy(exact), rel=0.01)
+    assert one.limits.broken(one.x + one.R @ ours).max() < 0.02 * DEPTH
+
+
+def test_osqp_finds_the_same_optimum() -> None:
+    one = program(1)
+    rows = one.limits.rows(one.R, one.x)
+    found = solve(sp.csc_array(sp.block_diag([one.matrix] * 3)), one.gradient.T.ravel(), rows, 1e-5).x.reshape(3, -1).T
+    assert one.energy(found) == pytest.approx(one.energy(split(one, iterations=400, renew=10**6)), rel=0.01)
+
+
+def test_what_is_left_broken_is_projected_away() -> None:
+    P = np.array(setting().surface.control_points)
+    for k in range(4):
+        step = next_level(setting(), P, DEPTH, STIFFNESS, SMOOTHING, LANDING + 0.01 * (4 - k))
+        assert step.broken < 0.001
+        assert not step.folded
+        P = P + step.moves
+
+
+def test_feet_are_nearest_places() -> None:
+    surface = waisted()
+    rng = np.random.default_rng(2)
+    s, t = rng.random(300), rng.uniform(0.02, 0.98, 300)
+    points = surface.evaluate(s, t) + 0.3 * surface.normals(s, t)
+    found_s, found_t, foot, normals = feet(surface, points, s + 0.01, np.clip(t + 0.01, 0, 1), 8)
+    assert np.allclose(surface.evaluate(found_s, found_t), foot, atol=1e-12)
+    assert np.abs(np.linalg.norm(points - foot, axis=1) - 0.3).max() < 1e-3
+    assert np.einsum("ij,ij->i", points - foot, normals).min() > 0
