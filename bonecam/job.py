@@ -142,7 +142,7 @@ class LevelsJob(_Stage):
         "", "Depths", "Instead: depths (mm) of the cuts from the part outwards, like '0.1 0.1 0.3 0.5'; the last holds for all others."
     )
     even: bool = parameter(False, "Even", "Make the roughing cuts shallower, as many as before, until the outermost is no sliver.")
-    stiffness: float = parameter(1e-7, "Stiffness", "c_int / c_ext, parameters in [0, 1].", low=0.0, high=1.0)
+    stiffness: float = parameter(5e-7, "Stiffness", "c_int / c_ext, parameters in [0, 1].", low=0.0, high=1.0)
     attraction: str = parameter(
         "stock", "Attraction", "Pull to the nearest stock point, or to the bounding sphere as published.", choices=("stock", "sphere")
     )
