@@ -13,6 +13,7 @@ from bonecam.job import StockJob
 from bonecam.levels.box import Box
 from bonecam.levels.convex import ConvexStock
 from bonecam.levels.cylinder import Cylinder
+from bonecam.levels.rounded import require_roundable
 from bonecam.levels.stock import MARGIN, Stock, capsule_of_diameter, given_capsule, require_inside, smallest_capsule
 from bonecam.mesh.files import read_mesh
 
@@ -22,7 +23,8 @@ TURNS, HALVINGS, LARGEST_SCALE = 90, 50, 1e4
 def stock_for(points: Float[ndarray, "n 3"], job: StockJob) -> tuple[Stock, Float[ndarray, "4 4"]]:
     """The stock on the Z axis, and the transform (4, 4) that puts the part's points (n, 3) into it; mm.
 
-    Raises StockError with `distance` and `place` where the part leaves a given stock or comes within MARGIN mm of its wall.
+    Raises StockError with `distance` and `place` where the part leaves a given stock, comes within MARGIN mm of its wall or
+    too near to an edge that has to be rounded.
     """
     turn = job.turn_deg
     if job.kind == "box" and not (job.width or job.depth or turn):
@@ -34,6 +36,7 @@ def stock_for(points: Float[ndarray, "n 3"], job: StockJob) -> tuple[Stock, Floa
     lying = points @ rotation.T + transform[:3, 3]
     stock = STOCKS[job.kind](lying, job, float((lying[:, 2].min() + lying[:, 2].max()) / 2 - job.offset_z))
     require_inside(stock, lying, MARGIN)
+    require_roundable(stock, lying, MARGIN)
     return stock, transform
 
 

@@ -12,6 +12,7 @@ from numpy import ndarray
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 
+from bonecam.errors import StockError
 from bonecam.levels.box import Box
 from bonecam.levels.convex import ConvexStock
 from bonecam.levels.cylinder import Cylinder
@@ -149,3 +150,17 @@ def roundest(stock: Stock, points: Float[ndarray, "n 3"], margin: float) -> Stoc
         middle = (low + high) / 2
         low, high = (middle, high) if holds(middle) else (low, middle)
     return rounded(stock, low)
+
+
+def require_roundable(stock: Stock, points: Float[ndarray, "n 3"], margin: float) -> Stock:
+    """The roundest body inside the stock; StockError with the place where the part comes too near to an edge for any."""
+    inner = stock if isinstance(stock, Capsule | Rounded) else roundest(stock, points, margin)
+    if inner is None:
+        worst = points[np.argmax(rounded(stock, 0.1 * inradius(stock)).signed_distance(points))]
+        raise StockError(
+            f"the part comes too near to the edges of the {stock.kind} at ({worst[0]:.2f}, {worst[1]:.2f}, {worst[2]:.2f}) "
+            "to round them: give a larger stock or a capsule",
+            distance=float(stock.signed_distance(worst[None])[0]),
+            place=worst,
+        )
+    return inner

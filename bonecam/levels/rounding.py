@@ -17,13 +17,12 @@ from jaxtyping import Float
 from numpy import ndarray
 from scipy.sparse.linalg import splu
 
-from bonecam.errors import StockError
 from bonecam.levels.body_surface import body_surfaces
 from bonecam.levels.check import BINS, probes
 from bonecam.levels.energy import integration_points, samples_of, thin_plate
 from bonecam.levels.level import Level
 from bonecam.levels.morph import Morph, morph
-from bonecam.levels.rounded import Rounded, intersection, planes_of, roundest
+from bonecam.levels.rounded import Rounded, intersection, planes_of, require_roundable
 from bonecam.levels.schedule import Schedule
 from bonecam.levels.stock import MARGIN, Capsule, Stock, require_inside
 from bonecam.mesh.distance import MeshDistance
@@ -43,15 +42,7 @@ def levels_in(surface: TSpline, stock: Stock, schedule: Schedule, **options: Any
         return morph(surface, stock, schedule, **options)
     part_mesh = surface.tessellate(CHORD)
     require_inside(stock, part_mesh.vertices, MARGIN)
-    inner = roundest(stock, part_mesh.vertices, MARGIN + CHORD)
-    if inner is None:
-        worst = part_mesh.vertices[np.argmax(stock.signed_distance(part_mesh.vertices))]
-        raise StockError(
-            f"the part comes too near to the edges of the {stock.kind} at ({worst[0]:.2f}, {worst[1]:.2f}, {worst[2]:.2f}) "
-            "to round them: give a larger stock or a capsule",
-            distance=float(stock.signed_distance(worst[None])[0]),
-            place=worst,
-        )
+    inner = require_roundable(stock, part_mesh.vertices, MARGIN + CHORD)
     made = morph(surface, inner, schedule, **options)
     distance = float(MeshDistance(part_mesh).unsigned(stock.mesh(CHORD).vertices).max())
     return replace(made, levels=rounding(made, inner, stock, schedule), lower_bound=schedule.lower_bound(distance), distance=distance)

@@ -114,14 +114,16 @@ IMPOSSIBLE = {
     "touches the wall": (StockJob(kind="cylinder", diameter=8.01, length=30.0), "comes within 0.0.* mm of its wall"),
     "too narrow": (StockJob(diameter=7.0), "mm from the axis at z = .*: give at least"),
     "no diameter": (StockJob(length=30.0), "give the diameter"),
+    "in the edges": (StockJob(kind="box", width=8.2, depth=6.2, length=24.2), r"too near to the edges of the box at \("),
     "no file": (StockJob(kind="mesh"), "needs a file"),
 }
 
 
 @pytest.mark.parametrize(("job", "trouble"), IMPOSSIBLE.values(), ids=IMPOSSIBLE)
 def test_an_impossible_stock_is_refused_with_distance_and_place(job: StockJob, trouble: str) -> None:
+    points = cloud() if "edges" not in trouble else np.clip(3 * cloud(), [-4, -3, -9], [4, 3, 15])
     with pytest.raises(StockError, match=trouble) as caught:
-        stock_for(cloud(), job)
+        stock_for(points, job)
     if "leaves" in trouble:
         assert caught.value.evidence["distance"] > 0
         assert caught.value.evidence["place"].shape == (3,)

@@ -8,8 +8,10 @@ import scipy.sparse as sp
 from test_morph import SCHEDULE, STOCK, waisted
 
 from bonecam.errors import LevelError
+from bonecam.levels.cylinder import Cylinder
 from bonecam.levels.morph import morph
 from bonecam.levels.qcqp import ConeLevels, Cones, Planes, solve_cones
+from bonecam.levels.rounded import rounded
 from bonecam.levels.schedule import Schedule
 
 STIFFNESS = 1e-7
@@ -37,6 +39,18 @@ def test_contradicting_limits_are_an_error() -> None:
     away = Planes(sp.eye_array(1, format="csr"), np.array([[1.0, 0, 0]]), np.array([-2.0]))
     with pytest.raises(LevelError, match="ends as"):
         solve_cones(sp.csc_array(sp.eye_array(1)), np.zeros((1, 3)), (ball,), away)
+
+
+def test_a_stock_that_is_no_capsule_is_held_by_planes() -> None:
+    stock = rounded(Cylinder(3.3, 0.7, 19.3), 1.0)
+    surface, program = waisted(), ConeLevels(waisted(), stock, "stock")
+    P = np.array(surface.control_points)
+    moves = program.next_moves(P, 0.5, STIFFNESS)
+    rng = np.random.default_rng(3)
+    R = surface.basis(rng.random(3000), rng.random(3000))[0]
+    assert stock.signed_distance(R @ (P + moves)).max() <= 0.001
+    assert stock.signed_distance(R @ (P + moves)).max() > -0.05
+    assert np.linalg.norm(R @ moves, axis=1).max() <= 0.506
 
 
 @pytest.mark.parametrize("attraction", ["stock", "sphere"])

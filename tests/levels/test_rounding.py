@@ -118,6 +118,6 @@ def test_a_part_that_leaves_the_bar_is_refused_at_once_with_its_place() -> None:
 
 
 def test_a_part_in_the_edges_of_a_bar_is_refused_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("bonecam.levels.rounding.roundest", lambda *_: None)
+    monkeypatch.setattr("bonecam.levels.rounded.roundest", lambda *_: None)
     with pytest.raises(StockError, match="too near to the edges of the box at"):
         levels_in(waisted(), BOX, SCHEDULE)
