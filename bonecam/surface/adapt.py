@@ -17,7 +17,7 @@ from bonecam.surface.tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 LEAST = 1.0  # of the goal: nearer samples do not vote
-POWER = 2  # of the distance in a vote
+POWER = 4  # of the distance in a vote
 SHARE, HASTE = 0.04, 0.3  # of the present control points are added in one round, and that times the share of the area that is missed
 ASPECT = 1.0  # a cell is cut along t when its t-side is longer than this times its s-side
 NARROWEST = 1 / 128  # no s-interval below this
