@@ -79,7 +79,7 @@ class SurfaceJob(_Stage):
     """How well the T-spline follows the mesh."""
 
     tolerance: float = parameter(
-        0.1, "Tolerance", "Largest two-sided deviation wanted between surface and mesh.", unit="mm", low=0.001, high=5.0
+        0.08, "Tolerance", "Largest two-sided deviation wanted between surface and mesh.", unit="mm", low=0.001, high=5.0
     )
     max_control_points: int = parameter(450, "Control points", "Never use more control points than this.", low=40, high=20000)
 
