@@ -143,14 +143,14 @@ def test_published_counts_are_not_exceeded_at_the_verified_tolerance(shared: Pat
 
 
 def test_too_few_control_points_say_what_they_reach() -> None:
-    needed = skin(ellipsoid_rows(), 1e-4, poles=POLES).tmesh.size
+    needed = skin(ellipsoid_rows(), 1e-3, poles=POLES).tmesh.size
     with pytest.raises(SurfaceError, match="reach") as caught:
-        skin(ellipsoid_rows(), 1e-4, poles=POLES, max_control_points=needed // 2)
+        skin(ellipsoid_rows(), 1e-3, poles=POLES, max_control_points=needed // 2)
     reached = caught.value.evidence["reached"]
-    assert reached > 1e-4
+    assert reached > 1e-3
     assert skin(ellipsoid_rows(), reached, poles=POLES).tmesh.size <= needed // 2
     with pytest.raises(SurfaceError, match="at least"):
-        skin(ellipsoid_rows(), 1e-4, poles=POLES, max_control_points=10)
+        skin(ellipsoid_rows(), 1e-3, poles=POLES, max_control_points=10)
     with pytest.raises(SurfaceError, match="below rounding"):
         skin(ellipsoid_rows(), 1e-15, poles=POLES)
 
