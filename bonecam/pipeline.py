@@ -20,12 +20,13 @@ from bonecam.errors import MachineError, MeshError
 from bonecam.files import write_whole
 from bonecam.job import Job, MeshJob, SurfaceJob
 from bonecam.levels.body_surface import enclosing
+from bonecam.levels.centring import centred, is_free
 from bonecam.levels.evening import even_levels
 from bonecam.levels.morph import Morph
 from bonecam.levels.placing import stock_for
 from bonecam.levels.rounding import levels_in
 from bonecam.levels.schedule import schedule_of
-from bonecam.levels.stock import Stock
+from bonecam.levels.stock import MARGIN, Stock
 from bonecam.mesh.distance import LayeredDistance
 from bonecam.mesh.files import read_mesh
 from bonecam.mesh.pose import upright
@@ -174,6 +175,8 @@ def prepare_surface(file: str | Path, job: MeshJob, surface: SurfaceJob) -> Part
 def place(unplaced: Part, job: Job) -> tuple[Part, Stock]:
     """The stock round the part, and both moved up onto the post."""
     stock, pose = stock_for(unplaced.mesh.vertices, job.stock)
+    if job.mesh.upright and is_free(job.stock):
+        pose = centred(unplaced.mesh.moved(pose).vertices, stock, MARGIN) @ pose
     lift = np.array([0.0, 0.0, job.holding.length - stock.bounds[0, 2]])
     pose[:3, 3] += lift
     return replace(unplaced, mesh=unplaced.mesh.moved(pose), transform=pose @ unplaced.transform), stock.moved(lift)

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy import ndarray
 
-from bonecam.errors import LevelError
+from bonecam.errors import LevelError, SurfaceError
 from bonecam.levels.attraction import ATTRACTIONS
 from bonecam.levels.check import NEST_TOLERANCE, STOCK_TOLERANCE, Measure, measure, require
 from bonecam.levels.grid import level_grid
@@ -34,6 +34,8 @@ METHODS = {"qp": (NEST_TOLERANCE, STOCK_TOLERANCE), "qcqp": (0.02, 2 * STOCK_TOL
 the other at samples only."""
 SMOOTHINGS, TRIED = (1e-4, 1e-5, 1e-3), 2
 STIFFNESS, COARSE, STALL, SOFTEN, PATIENCE, MOST_EXTRA, MENDS = 5e-7, 0.02, 0.25, 0.1, 4, 12, 3
+HARDER = (1.0, 10.0, 100.0, 1000.0)
+"""Times the stiffness for a level that would fold."""
 LANDING, CREEP = 0.03, 0.01
 """How far inside the stock (mm) the last level stays, and how much more each level before it."""
 
@@ -162,7 +164,13 @@ class _Levels:
             depth, before = self.schedule.limit(k), rest.left
             report(self.progress, min(1.0, k / self.lower_bound), f"level {k}")
             landing = LANDING + CREEP * max(0, self.lower_bound - 1 - k)
-            made.append(made[-1] + next_level(self.setting, made[-1], depth, stiffness, smoothing, landing, self.method).moves)
+            for harder in HARDER:
+                step = next_level(self.setting, made[-1], depth, harder * stiffness, smoothing, landing, self.method)
+                if not step.folded:
+                    break
+            if step.folded:
+                raise LevelError(f"level {k} folds: give a higher stiffness or more control points", level=k)
+            made.append(made[-1] + step.moves)
             rest = remaining(self.setting, made[-1], rest)
             stalled = rest.left > before - STALL * depth
             stalls, stiffness = (stalls + 1, stiffness * SOFTEN) if stalled else (0, stiffness)
@@ -196,7 +204,10 @@ def _measured(
     progress: Progress,
 ) -> tuple[tuple[Level, ...], _Trouble | None]:
     """The levels with what was measured on each, the stock behind them; and what failed."""
-    grid = level_grid(surface, made, chord_tolerance)
+    try:
+        grid = level_grid(surface, made, chord_tolerance)
+    except SurfaceError as error:
+        return (), _Trouble(LevelError(f"a level is creased: {error}"), 0, np.empty((0, 2)), True)
     inner = Sheet(surface, grid)
     levels = [Level(0, surface, inner.mesh, 0.0, 0.0, 0.0, 0.0, len(self_intersections(inner.mesh)))]
     failed: list[LevelError] = []
