@@ -15,7 +15,7 @@ from bonecam.surface.fairness import gauss_points
 from bonecam.surface.periodic import FEWEST
 from bonecam.surface.prune import prune
 from bonecam.surface.quadratic import Form, Term
-from bonecam.surface.steps import LEAST_FACING, fold_grid, step
+from bonecam.surface.steps import LEAST_FACING, flattened, fold_grid, step
 from bonecam.surface.target import Target
 from bonecam.surface.tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
@@ -59,7 +59,9 @@ def grown(surface: TSpline, target: Target, aim: Aim, progress: Progress = silen
             break
         surface = moved(surface, tmesh)
         surface, target = settle(surface, target.on(surface, aim.tolerance), aim)
-    return settle(surface, target, aim, LAST_ROUNDS, PLANE)
+    surface, target = settle(surface, target, aim, LAST_ROUNDS, PLANE)
+    surface = flattened(surface)
+    return surface, target.on(surface, aim.tolerance)
 
 
 def thinned(surface: TSpline, target: Target, aim: Aim) -> tuple[TSpline, Target]:

@@ -76,16 +76,30 @@ def data_terms(surface: TSpline, target: Target, tolerance: float, slide: float)
     return [Term(basis, metric, samples.points)]
 
 
-def pole_planes(surface: TSpline, weight: float) -> list[Term]:
-    """Keeps the control points next to each pole in one plane with it, square to the area vector of their polygon now."""
-    starts, terms = surface.tmesh.row_starts, []
+def rings(surface: TSpline) -> list[tuple[int, ndarray, ndarray]]:
+    """Each pole, the control points next to it, and the unit area vector of the polygon these make."""
+    starts, found = surface.tmesh.row_starts, []
     for pole, ring in ((0, np.arange(starts[1], starts[2])), (starts[-1] - 1, np.arange(starts[-3], starts[-2]))):
         arms = surface.control_points[ring] - surface.control_points[pole]
         normal = np.cross(arms, np.roll(arms, -1, axis=0)).sum(axis=0)
-        normal /= np.linalg.norm(normal)
+        found.append((int(pole), ring, normal / np.linalg.norm(normal)))
+    return found
+
+
+def flattened(surface: TSpline) -> TSpline:
+    """With the control points next to each pole moved square into the plane that `pole_planes` draws them to."""
+    points = surface.control_points.copy()
+    for pole, ring, normal in rings(surface):
+        points[ring] -= ((points[ring] - points[pole]) @ normal)[:, None] * normal
+    return surface.with_control_points(points)
+
+
+def pole_planes(surface: TSpline, weight: float) -> list[Term]:
+    """Keeps the control points next to each pole in one plane with it, square to the area vector of their polygon now."""
+    terms = []
+    for pole, ring, normal in rings(surface):
         ones, index, shape = np.ones(len(ring)), np.arange(len(ring)), (len(ring), surface.tmesh.size)
         matrix = sp.csr_array((ones, (index, ring)), shape=shape) - sp.csr_array((ones, (index, np.full(len(ring), pole))), shape=shape)
-        terms.append(
-            Term(sp.csr_array(matrix), np.broadcast_to(weight * np.outer(normal, normal), (len(ring), 3, 3)), np.zeros((len(ring), 3)))
-        )
+        metric = np.broadcast_to(weight * np.outer(normal, normal), (len(ring), 3, 3))
+        terms.append(Term(sp.csr_array(matrix), metric, np.zeros((len(ring), 3))))
     return terms
