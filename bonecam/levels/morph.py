@@ -34,6 +34,8 @@ METHODS = {"qp": (NEST_TOLERANCE, STOCK_TOLERANCE), "qcqp": (0.02, 2 * STOCK_TOL
 the other at samples only."""
 SMOOTHINGS, TRIED = (1e-4, 1e-5, 1e-3), 2
 STIFFNESS, COARSE, STALL, SOFTEN, PATIENCE, MOST_EXTRA, MENDS = 5e-7, 0.02, 0.25, 0.1, 4, 12, 3
+MOST_MENDED = 3000
+"""Points near their limits that are watched when a level is made again; where there are more, another smoothing is tried."""
 HARDER = (1.0, 10.0, 100.0, 1000.0)
 """Times the stiffness for a level that would fold."""
 LANDING, CREEP = 0.03, 0.01
@@ -106,7 +108,7 @@ def morph(
             if trouble is None:
                 return Morph(levels, lower_bound, rest.left, time.perf_counter() - start - checking, checking)
             failure = failure or trouble.error
-            if method == "qcqp" or mends == MENDS or trouble.crosses or not len(trouble.parameters):
+            if method == "qcqp" or mends == MENDS or trouble.crosses or not 0 < len(trouble.parameters) <= MOST_MENDED:
                 break
             program = replace(program, setting=program.setting.watching(trouble.parameters))
             made = program.sequence(made[: trouble.level], stiffness, smoothing)
