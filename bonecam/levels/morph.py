@@ -32,7 +32,8 @@ from bonecam.surface.tspline import TSpline
 METHODS = {"qp": (NEST_TOLERANCE, STOCK_TOLERANCE), "qcqp": (0.02, 2 * STOCK_TOLERANCE), "osqp": (NEST_TOLERANCE, STOCK_TOLERANCE)}
 """How far (mm) a level may fall behind the one before and leave the stock: the published program says nothing of the one, and holds
 the other at samples only."""
-SMOOTHINGS, TRIED = (1e-4, 1e-5, 1e-3), 2
+VARIANTS, TRIED = ((1e-4, 1.0), (1e-5, 1.0), (1e-4, 6.0), (1e-3, 1.0), (1e-4, 30.0)), 2
+"""Smoothings of the direction field, and times the stiffness; tried in turn."""
 STIFFNESS, COARSE, STALL, SOFTEN, PATIENCE, MOST_EXTRA, MENDS = 5e-7, 0.02, 0.25, 0.1, 4, 12, 3
 MOST_MENDED = 3000
 """Points near their limits that are watched when a level is made again; where there are more, another smoothing is tried."""
@@ -145,9 +146,10 @@ class _Levels:
         """Sequences to be measured and their smoothings; of the first TRIED the shortest first, and K_min cuts end the search."""
         waiting: list[tuple[list[ndarray], float]] = []
         failure: LevelError | None = None
-        for place, smoothing in enumerate(SMOOTHINGS):
+        for place, (smoothing, harder) in enumerate(VARIANTS):
             try:
-                waiting.append((self.sequence([np.array(self.setting.surface.control_points)], stiffness, smoothing, rest), smoothing))
+                first = [np.array(self.setting.surface.control_points)]
+                waiting.append((self.sequence(first, harder * stiffness, smoothing, rest), smoothing))
             except LevelError as error:
                 failure = failure or error
             waiting.sort(key=lambda one: len(one[0]))

@@ -12,7 +12,7 @@ STOCK = Capsule(np.array([0.0, 0.0, 7.5]), np.array([0.0, 0.0, 29.5]), 7.5)
 
 def test_a_part_off_the_middle_is_brought_back_and_keeps_its_margin() -> None:
     rng = np.random.default_rng(4)
-    points = rng.uniform([0, -3, 10], [4, 1, 27], (3000, 3))
+    points = rng.uniform([0, -3, 4], [4, 1, 33], (3000, 3))
     moved = centred(points, STOCK, 0.05)
     assert np.allclose(moved[:3, :3] @ moved[:3, :3].T, np.eye(3))
     after, surface = points @ moved[:3, :3].T + moved[:3, 3], STOCK.mesh(0.1).vertices
