@@ -112,7 +112,10 @@ def morph(
             if method == "qcqp" or mends == MENDS or trouble.crosses or not 0 < len(trouble.parameters) <= MOST_MENDED:
                 break
             program = replace(program, setting=program.setting.watching(trouble.parameters))
-            made = program.sequence(made[: trouble.level], stiffness, smoothing)
+            try:
+                made = program.sequence(made[: trouble.level], stiffness, smoothing)
+            except LevelError:
+                break  # the first failure is told, if no other sequence works
     assert failure is not None
     raise failure
 
