@@ -34,10 +34,12 @@ METHODS = {"qp": (NEST_TOLERANCE, STOCK_TOLERANCE), "qcqp": (0.02, 2 * STOCK_TOL
 the other at samples only."""
 VARIANTS, TRIED = ((1e-4, 1.0), (1e-5, 1.0), (1e-4, 6.0), (1e-3, 1.0), (1e-4, 30.0)), 2
 """Smoothings of the direction field, and times the stiffness; tried in turn."""
-STIFFNESS, COARSE, STALL, SOFTEN, PATIENCE, MOST_EXTRA, MENDS = 5e-7, 0.02, 0.25, 0.1, 4, 12, 3
+STIFFNESS, COARSE, STALL, SOFTEN, PATIENCE, MOST_EXTRA, MENDS = 5e-7, 0.02, 0.25, 0.1, 4, 12, 1
+ACCEPTED = 0.01
+"""What a level made again may still break depth, nesting or stock by, mm: the size of the gouge tolerance. The report tells it."""
 MOST_MENDED = 3000
 """Points near their limits that are watched when a level is made again; where there are more, another smoothing is tried."""
-HARDER = (1.0, 10.0, 100.0, 1000.0)
+HARDER = (1.0, 10.0)
 """Times the stiffness for a level that would fold."""
 LANDING, CREEP = 0.03, 0.01
 """How far inside the stock (mm) the last level stays, and how much more each level before it."""
@@ -106,7 +108,7 @@ def morph(
             began = time.perf_counter()
             levels, trouble = _measured(surface, made, stock, schedule, chord_tolerance, METHODS[method], measuring)
             checking += time.perf_counter() - began
-            if trouble is None:
+            if trouble is None or (mends == MENDS and not trouble.crosses and trouble.most <= ACCEPTED):
                 return Morph(levels, lower_bound, rest.left, time.perf_counter() - start - checking, checking)
             failure = failure or trouble.error
             if method == "qcqp" or mends == MENDS or trouble.crosses or not 0 < len(trouble.parameters) <= MOST_MENDED:
@@ -171,13 +173,7 @@ class _Levels:
             depth, before = self.schedule.limit(k), rest.left
             report(self.progress, min(1.0, k / self.lower_bound), f"level {k}")
             landing = LANDING + CREEP * max(0, self.lower_bound - 1 - k)
-            for harder in HARDER:
-                step = next_level(self.setting, made[-1], depth, harder * stiffness, smoothing, landing, self.method)
-                if not step.folded:
-                    break
-            if step.folded:
-                raise LevelError(f"level {k} folds: give a higher stiffness or more control points", level=k)
-            made.append(made[-1] + step.moves)
+            made.append(made[-1] + self._step(made[-1], depth, stiffness, smoothing, landing))
             rest = remaining(self.setting, made[-1], rest)
             stalled = rest.left > before - STALL * depth
             stalls, stiffness = (stalls + 1, stiffness * SOFTEN) if stalled else (0, stiffness)
@@ -190,15 +186,28 @@ class _Levels:
                 )
         return made
 
+    def _step(self, P: ndarray, depth: float, stiffness: float, smoothing: float, landing: float) -> ndarray:
+        """The moves to the next level, stiffer where it would fold; the softest if all do (the check decides)."""
+        steps = []
+        for harder in HARDER:
+            steps.append(next_level(self.setting, P, depth, harder * stiffness, smoothing, landing, self.method))
+            if not steps[-1].folded:
+                return steps[-1].moves
+        return steps[0].moves
+
 
 @dataclass(frozen=True, eq=False)
 class _Trouble:
-    """The first failed check, its level, and the parameters of what was near the limits on all levels."""
+    """The first failed check, its level, and the parameters of what was near the limits on all levels.
+
+    `most` is how far (mm) the worst place breaks depth, nesting or stock.
+    """
 
     error: LevelError
     level: int
     parameters: ndarray
     crosses: bool
+    most: float
 
 
 def _measured(
@@ -214,10 +223,11 @@ def _measured(
     try:
         grid = level_grid(surface, made, chord_tolerance)
     except SurfaceError as error:
-        return (), _Trouble(LevelError(f"a level is creased: {error}"), 0, np.empty((0, 2)), True)
+        return (), _Trouble(LevelError(f"a level is creased: {error}"), 0, np.empty((0, 2)), True, np.inf)
     inner = Sheet(surface, grid)
     levels = [Level(0, surface, inner.mesh, 0.0, 0.0, 0.0, 0.0, len(self_intersections(inner.mesh)))]
     failed: list[LevelError] = []
+    most = 0.0
     places: list[ndarray] = []
     for k in range(1, len(made) + 1):
         report(progress, k / (len(made) + 1), f"checking level {k}")
@@ -228,12 +238,13 @@ def _measured(
             require(k, found, schedule.limit(k), mesh, *tolerances)
         except LevelError as error:
             failed.append(error)
+            most = max(most, found.depth_max - schedule.limit(k), -found.nesting_min, found.outside)
         levels.append(_level(k, shape, mesh, schedule.limit(k), found))
         places.append(found.near_limits)
         inner = outer if isinstance(outer, Sheet) else inner
     if failed:
         return tuple(levels), _Trouble(
-            failed[0], failed[0].evidence["level"], np.vstack(places), any(level.self_intersections for level in levels)
+            failed[0], failed[0].evidence["level"], np.vstack(places), any(level.self_intersections for level in levels), most
         )
     return tuple(levels), None
 
