@@ -34,12 +34,13 @@ METHODS = {"qp": (NEST_TOLERANCE, STOCK_TOLERANCE), "qcqp": (0.02, 2 * STOCK_TOL
 the other at samples only."""
 VARIANTS, TRIED = ((1e-4, 1.0), (1e-5, 1.0), (1e-4, 6.0), (1e-3, 1.0), (1e-4, 30.0)), 2
 """Smoothings of the direction field, and times the stiffness; tried in turn."""
-STIFFNESS, COARSE, STALL, SOFTEN, PATIENCE, MOST_EXTRA, MENDS = 5e-7, 0.02, 0.25, 0.1, 4, 12, 1
+STIFFNESS, COARSE, STALL, SOFTEN, PATIENCE, MOST_EXTRA, MENDS = 5e-7, 0.02, 0.25, 0.1, 4, 12, 3
 ACCEPTED = 0.01
-"""What a level made again may still break depth, nesting or stock by, mm: the size of the gouge tolerance. The report tells it."""
+"""Where no sequence keeps every tolerance, one that breaks depth, nesting or stock by no more (mm, the size of the
+gouge tolerance) is taken. The report tells it."""
 MOST_MENDED = 3000
 """Points near their limits that are watched when a level is made again; where there are more, another smoothing is tried."""
-HARDER = (1.0, 10.0)
+HARDER = (1.0, 10.0, 100.0, 1000.0)
 """Times the stiffness for a level that would fold."""
 LANDING, CREEP = 0.03, 0.01
 """How far inside the stock (mm) the last level stays, and how much more each level before it."""
@@ -103,13 +104,17 @@ def morph(
         program.sequences(rest, stiffness) if method != "qcqp" else _by_cones(surface, stock, schedule, stiffness, attraction, solving)
     )
     failure: LevelError | None = None
+    nearly: Morph | None = None
     for made, smoothing in sequences:
         for mends in range(MENDS + 1):
             began = time.perf_counter()
             levels, trouble = _measured(surface, made, stock, schedule, chord_tolerance, METHODS[method], measuring)
             checking += time.perf_counter() - began
-            if trouble is None or (mends == MENDS and not trouble.crosses and trouble.most <= ACCEPTED):
-                return Morph(levels, lower_bound, rest.left, time.perf_counter() - start - checking, checking)
+            found = Morph(levels, lower_bound, rest.left, time.perf_counter() - start - checking, checking)
+            if trouble is None:
+                return found
+            if nearly is None and not trouble.crosses and trouble.most <= ACCEPTED:
+                nearly = found
             failure = failure or trouble.error
             if method == "qcqp" or mends == MENDS or trouble.crosses or not 0 < len(trouble.parameters) <= MOST_MENDED:
                 break
@@ -118,6 +123,8 @@ def morph(
                 made = program.sequence(made[: trouble.level], stiffness, smoothing)
             except LevelError:
                 break  # the first failure is told, if no other sequence works
+    if nearly is not None:
+        return nearly
     assert failure is not None
     raise failure
 
@@ -151,6 +158,7 @@ class _Levels:
         """Sequences to be measured and their smoothings; of the first TRIED the shortest first, and K_min cuts end the search."""
         waiting: list[tuple[list[ndarray], float]] = []
         failure: LevelError | None = None
+        yielded = False
         for place, (smoothing, harder) in enumerate(VARIANTS):
             try:
                 first = [np.array(self.setting.surface.control_points)]
@@ -159,9 +167,10 @@ class _Levels:
                 failure = failure or error
             waiting.sort(key=lambda one: len(one[0]))
             if waiting and (place + 1 >= TRIED or len(waiting[0][0]) <= self.lower_bound):
+                yielded = True
                 yield waiting.pop(0)
         yield from waiting
-        if failure is not None:
+        if failure is not None and not yielded:
             raise failure
 
     def sequence(self, made: list[ndarray], stiffness: float, smoothing: float, rest: Remaining | None = None) -> list[ndarray]:
