@@ -51,7 +51,11 @@ def read_tsm(path: str | Path, *, homogeneous: bool = False, to_mm: bool = False
             raise records.error("0g", k, "a control point in use is deleted" if point is None else f"weight {point[3]} is not positive")
     values = np.array(found)
     points = values[:, :3] / values[:, 3:] if homogeneous else values[:, :3]
-    return TSpline(tmesh, points * (_scale(records.header, path) if to_mm else 1.0), values[:, 3])
+    points = points * (_scale(records.header, path) if to_mm else 1.0)
+    try:
+        return TSpline(tmesh, points, values[:, 3])
+    except ValueError as error:
+        raise FileError(f"{path}: {error}", file=str(path)) from error
 
 
 def write_tsm(surface: TSpline, path: str | Path, *, homogeneous: bool = False) -> None:

@@ -25,6 +25,7 @@ from bonecam.surface.local_extraction import extract_local
 from bonecam.surface.rays import knots_of_lines, local_lines
 
 ROUNDING = 1e-12  # of the knots' size: nearer knots must be equal
+LARGEST = 1e18  # knots and the inverse of their range must be smaller, lest derivatives overflow
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,6 +154,8 @@ def _check_knots(letter: str, lines: ndarray, period: float) -> None:
     if len(lines) < 2 or not np.isfinite(lines).all() or (np.diff(lines) < 0).any():
         k = int(np.argmax(~(np.diff(lines) >= 0))) + 1 if len(lines) > 1 else 0
         raise SurfaceError(f"the knot of {letter}-line {k} is less than the one before: knots must not decrease", line=k)
+    if not (max(np.ptp(lines), period) > 1 / LARGEST and max(np.abs(lines).max(), period) < LARGEST):
+        raise SurfaceError(f"the knots in {letter} are all equal, or their range is not between {1 / LARGEST:g} and {LARGEST:g}")
     close = (np.diff(lines) > 0) & (np.diff(lines) < ROUNDING * max(np.ptp(lines), np.abs(lines).max()))
     if close.any():
         k = int(np.argmax(close)) + 1

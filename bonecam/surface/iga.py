@@ -19,7 +19,7 @@ from numpy import ndarray
 from bonecam.errors import FileError
 from bonecam.files import write_whole
 from bonecam.surface.extracted import ExtractedTMesh
-from bonecam.surface.tspline import TSpline
+from bonecam.surface.tspline import LARGEST, TSpline
 
 LARGEST_DEGREE = 9
 
@@ -118,8 +118,8 @@ class _Reader:
             values = np.array([float(word) for word in words])
         except ValueError as error:
             raise self._error(n, str(error)) from error
-        if len(values) != count or not np.isfinite(values).all():
-            raise self._error(n, f"expected {count} finite numbers, found {len(values)}")
+        if len(values) != count or not (np.abs(values) < LARGEST).all():
+            raise self._error(n, f"expected {count} finite numbers below {LARGEST:g}, found {len(values)}")
         return values
 
     def _error(self, line: int | None, message: str) -> FileError:
@@ -134,4 +134,7 @@ def _assembled(reader: _Reader, nodes: ndarray, elements: list[tuple[ndarray, nd
     degree = max(3, *(max(c.shape[1:]) - 1 for _, c in elements))
     coefficients = np.concatenate([raised(c, degree).reshape(len(ids), -1) for ids, c in elements])
     starts = np.concatenate([[0], np.cumsum([len(ids) for ids, _ in elements])]).astype(np.int64)
-    return TSpline(ExtractedTMesh(len(nodes), starts, functions, coefficients), nodes[:, :3], nodes[:, 3])
+    try:
+        return TSpline(ExtractedTMesh(len(nodes), starts, functions, coefficients), nodes[:, :3], nodes[:, 3])
+    except ValueError as error:
+        raise reader._error(None, str(error)) from error

@@ -17,13 +17,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
-
 from bonecam.errors import FileError
 
 DIRECTIONS = ("EAST", "NORTH", "WEST", "SOUTH")
 TSM_HEADER = "#TS0200"
 COMMENTS = ("#s-knots ", "#t-knots ", "#s-period ", "#t-period ")  # our own: all digits, which sums of intervals lose
+LARGEST = 1e18  # no number is as large: record numbers fit 64 bits, and nothing overflows
 HEADER_WORDS = ("degree", "units", "end-conditions")
 
 
@@ -110,8 +109,10 @@ def _numbers(path: Path, n: int, words: list[str], kind: Callable[[str], float],
         values = [kind(word) for word in words]
     except ValueError as error:
         raise FileError(f"{path} line {n}: {error}", file=str(path), line=n) from error
-    if (count is not None and len(values) != count) or not np.isfinite(values).all():
-        raise FileError(f"{path} line {n}: expected {count or 'only'} finite numbers, found {len(values)}", file=str(path), line=n)
+    if count is not None and len(values) != count:
+        raise FileError(f"{path} line {n}: expected {count} finite numbers, found {len(values)}", file=str(path), line=n)
+    if not all(abs(value) < LARGEST for value in values):
+        raise FileError(f"{path} line {n}: expected finite numbers of a size below {LARGEST:g}", file=str(path), line=n)
     return values
 
 

@@ -27,6 +27,7 @@ from bonecam.surface.tmesh import RowTMesh
 
 POLE = 1e-9  # of the t-range: nearer to a pole than this its limits are taken
 POLE_DIRECTIONS = 256
+LARGEST = 1e30  # coordinates, weights and their inverses must be smaller, lest products overflow
 ONE_POINT = 1e-12  # of the size: an end whose points are nearer to each other is a pole
 M = TypeVar("M", bound=RowTMesh | OpenRowTMesh | TMesh | ExtractedTMesh)
 
@@ -51,10 +52,12 @@ class TSpline(Generic[M]):
         if self.control_points.shape != (self.tmesh.size, 3) or self.weights.shape != (self.tmesh.size,):
             shapes = f"control_points {self.control_points.shape} and weights {self.weights.shape}"
             raise ValueError(f"{shapes}: the T-mesh has {self.tmesh.size} vertices, give as many control points and weights")
-        if not np.isfinite(self.control_points).all():
-            raise ValueError(f"control point {int(np.argmin(np.isfinite(self.control_points).all(axis=1)))} is not finite")
-        if not ((self.weights > 0) & np.isfinite(self.weights)).all():
-            raise ValueError(f"weight {int(np.argmin((self.weights > 0) & np.isfinite(self.weights)))} is not positive and finite")
+        places = (np.abs(self.control_points) < LARGEST).all(axis=1)
+        if not places.all():
+            raise ValueError(f"control point {int(np.argmin(places))} is not finite or not below {LARGEST:g} mm")
+        weights = (self.weights > 1 / LARGEST) & (self.weights < LARGEST)
+        if not weights.all():
+            raise ValueError(f"weight {int(np.argmin(weights))} is not positive and finite, or so small or large that nothing else counts")
 
     @cached_property
     def domain(self) -> Float[ndarray, "2 2"]:
