@@ -67,6 +67,14 @@ class MeshJob(_Stage):
 
     units: str = parameter("mm", "Units", "Unit of the mesh file's coordinates.", choices=("mm", "m", "inch"))
     upright: bool = parameter(True, "Upright", "Turn the longest principal axis to +Z and centre the part on the axis.")
+    pit_radius: float = parameter(
+        1.0,
+        "Pit radius",
+        "Pits that a ball of this radius, the finishing cutter's, cannot enter are filled before the fit; 0: none.",
+        unit="mm",
+        low=0.0,
+        high=50.0,
+    )
     edge_percent: float = parameter(
         1.3, "Remesh edge", "Target edge of the isotropic remesh, in percent of the bounding-box diagonal.", unit="%", low=0.2, high=10.0
     )

@@ -29,6 +29,7 @@ from bonecam.levels.schedule import schedule_of
 from bonecam.levels.stock import MARGIN, Stock
 from bonecam.mesh.distance import LayeredDistance
 from bonecam.mesh.files import read_mesh
+from bonecam.mesh.pits import fill_pits
 from bonecam.mesh.pose import upright
 from bonecam.mesh.repair import repair
 from bonecam.mesh.sections import harmonic_rows
@@ -148,7 +149,7 @@ def convert(
 
 
 def prepare(mesh: str | Path | TriangleMesh, job: MeshJob, progress: Progress = silent, surface: SurfaceJob | None = None) -> Part:
-    """Read, scale to mm, repair and turn upright. A file that gives the surface itself is skinned as `surface` says."""
+    """Read, scale to mm, repair, fill pits and turn upright. A file that gives the surface itself is skinned as `surface` says."""
     report(progress, 0.0, "reading the mesh")
     if not isinstance(mesh, TriangleMesh) and given.holds_surface(mesh):
         return prepare_surface(mesh, job, surface or SurfaceJob())
@@ -160,8 +161,9 @@ def prepare(mesh: str | Path | TriangleMesh, job: MeshJob, progress: Progress = 
         sound, repairs = repair(scaled, progress=part(progress, 0.3, 1.0))
     except MeshError as error:
         raise MeshError(f"{name}: {error}", file=name, **error.evidence) from error
-    posed, transform = upright(sound) if job.upright else (sound, np.eye(4))
-    return Part(posed, name, len(raw.faces), job.units, repairs, transform)
+    filled, pits = fill_pits(sound, job.pit_radius) if job.pit_radius else (sound, ())
+    posed, transform = upright(filled) if job.upright else (filled, np.eye(4))
+    return Part(posed, name, len(raw.faces), job.units, repairs + pits, transform)
 
 
 def prepare_surface(file: str | Path, job: MeshJob, surface: SurfaceJob) -> Part:

@@ -33,6 +33,15 @@ def repair_bone(layers: Layers, values: Mapping[str, Any], progress: Progress) -
     return {"repairs": list(changes), "faces": len(mesh.faces)}
 
 
+def fill_pits_layer(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
+    """`meshing_fill_pits`."""
+    from bonecam.mesh.pits import fill_pits
+
+    mesh, told = fill_pits(layers.mesh(), values["pit_radius"])
+    layers.add(mesh, "filled")
+    return {"filled": list(told)}
+
+
 def stand_upright(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """`apply_upright_pose`."""
     from bonecam.mesh.pose import upright
@@ -76,6 +85,15 @@ FILTERS = (
         CATEGORY,
         (),
         repair_bone,
+    ),
+    Filter(
+        "meshing_fill_pits",
+        "Fill Pits",
+        "Fills pits and clefts that a ball of the given radius cannot enter with a membrane, as a new layer: the cutter leaves that "
+        "material anyway, and levels over a pit would fold. The layer is closed and in mm.",
+        CATEGORY,
+        parameters_of(MeshJob(), only=("pit_radius",)),
+        fill_pits_layer,
     ),
     Filter(
         "apply_upright_pose",
