@@ -5,6 +5,8 @@ Exit codes: 0 done, 1 some mesh of a batch failed, 2 the input, the job or the c
 
 import argparse
 import logging
+import os
+import signal
 import sys
 import time
 from collections.abc import Sequence
@@ -14,6 +16,7 @@ from typing import Any, NoReturn
 
 import bonecam
 from bonecam.errors import BonecamError, JobError
+from bonecam.files import check_files
 from bonecam.job import Job, read_job, write_job
 from bonecam.progress import Progress, silent
 
@@ -22,14 +25,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     options = _parser().parse_args(arguments)
     logging.basicConfig(level=logging.INFO if options.verbose else logging.ERROR, format="%(name)s: %(message)s")
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a polite kill cleans up like Ctrl-C
     try:
-        return int(options.run(options))
+        code = int(options.run(options))
+        sys.stdout.flush()
+        return code
     except BonecamError as error:
-        print(f"bonecam: {error}", file=sys.stderr)
+        print(f"bonecam: {' '.join(str(error).splitlines())}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print("bonecam: stopped; nothing was written", file=sys.stderr)
+        print(f"bonecam: stopped; {options.stopped}", file=sys.stderr)
         return 130
+    except BrokenPipeError:  # who reads our output has read enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
 
 
 class _Parser(argparse.ArgumentParser):
@@ -55,7 +64,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _command(commands: Any, name: str, text: str, run: Any) -> argparse.ArgumentParser:
     command: argparse.ArgumentParser = commands.add_parser(name, help=text, description=text)
-    command.set_defaults(run=run)
+    command.set_defaults(run=run, stopped="nothing was written")
     command.add_argument("-q", "--quiet", action="store_true", help="no progress")
     command.add_argument("-v", "--verbose", action="store_true", help="tell what is done")
     return command
@@ -75,6 +84,7 @@ def _add_convert(commands: Any) -> None:
 
 def _add_batch(commands: Any) -> None:
     batch = _command(commands, "batch", "Many meshes, each in a process of its own.", run_batch)
+    batch.set_defaults(stopped="what is finished is kept, --resume goes on from there")
     batch.add_argument("meshes", nargs="+", help="mesh files")
     batch.add_argument("-o", "--output", metavar="DIR", required=True, help="folder for programs, reports and batch.csv")
     batch.add_argument("--jobs", type=int, default=2, help="meshes at a time (2)")
@@ -165,27 +175,18 @@ def run_demo(options: argparse.Namespace) -> int:
 
 def _convert(mesh: str | Path, options: argparse.Namespace) -> int:
     job = job_of(options)
-    _check_outputs(options)
+    outputs = {"program": options.output, "report": options.report, "surface": options.surface}
+    check_files(filter(None, outputs.values()), filter(None, (options.job, options.machine, options.controller)))
     terminal = _progress(options)
     progress: Progress = terminal or silent
     try:
-        outputs = {"program": options.output, "keep": options.keep, "report": options.report, "surface": options.surface}
-        result = bonecam.convert(mesh, job, **outputs, progress=progress)
+        result = bonecam.convert(mesh, job, **outputs, keep=options.keep, progress=progress)
     finally:
         if terminal:
             terminal.close()
     if not options.quiet:
         print(result.summary)
     return 0
-
-
-def _check_outputs(options: argparse.Namespace) -> None:
-    """Fail before the work, not after it, where an output's folder is not there."""
-    for name in (options.output, options.report, options.surface):
-        if name and not Path(name).resolve().parent.is_dir():
-            raise JobError(f"{name}: its folder does not exist: make {Path(name).parent} first", file=str(name))
-        if name and Path(name).is_dir():
-            raise JobError(f"{name}: is a folder: name a file", file=str(name))
 
 
 def run_batch(options: argparse.Namespace) -> int:

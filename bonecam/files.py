@@ -1,38 +1,54 @@
-"""Output files are written whole or not at all."""
+"""Output files are written whole or not at all, and what cannot be written is refused before the work."""
 
+import errno
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from bonecam.errors import FileError
 
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+
+
+@contextmanager
+def whole_file(path: str | Path) -> Iterator[Path]:
+    """A name to write to, in a temporary folder beside `path`; the file moves there when the block ends well.
+
+    A link is followed: what it leads to is written. FileError names the file and the reason.
+    """
+    target = Path(os.path.realpath(path))
+    try:
+        work = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name[:40]}."))
+    except OSError as error:
+        raise _unwritable(path, error) from error
+    try:
+        yield work / target.name
+        os.replace(work / target.name, target)
+    except OSError as error:
+        raise _unwritable(path, error) from error
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
+
 
 def write_whole(path: str | Path, text: str) -> None:
     """Write `text` (UTF-8) to `path` in one step; FileError names the file and the reason."""
-    target = Path(path)
-    try:
-        with tempfile.NamedTemporaryFile(
-            "w", dir=target.parent, prefix=f".{target.name}.", encoding="utf-8", newline="", delete=False
-        ) as file:
-            file.write(text)
-        os.chmod(file.name, 0o644)
-        os.replace(file.name, target)
-    except OSError as error:
-        raise FileError(f"{target}: {error.strerror}: choose a folder that exists and may be written", file=str(target)) from error
+    with whole_file(path) as work:
+        work.write_text(text, encoding="utf-8", newline="")
 
 
 @contextmanager
 def whole_folder(path: str | Path) -> Iterator[Path]:
     """A temporary folder whose files move into `path` when the block ends well; nothing is left where it fails."""
     target = Path(path)
+    made = missing_folders(target.parent)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        work = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name}."))
+        work = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name[:40]}."))
     except OSError as error:
-        raise FileError(f"{target}: {error.strerror}: choose a folder that may be written", file=str(target)) from error
+        raise _unwritable(path, error) from error
     try:
         yield work
         target.mkdir(exist_ok=True)
@@ -40,5 +56,68 @@ def whole_folder(path: str | Path) -> Iterator[Path]:
             os.replace(item, target / item.name)
     except FileExistsError as error:
         raise FileError(f"{target}: is a file: name a folder", file=str(target)) from error
+    except OSError as error:
+        raise _unwritable(path, error) from error
     finally:
         shutil.rmtree(work, ignore_errors=True)
+        remove_empty(made)
+
+
+def missing_folders(folder: Path) -> list[Path]:
+    """What `mkdir(parents=True)` would make, the innermost first."""
+    return [place for place in (folder, *folder.parents) if not place.exists()]
+
+
+def remove_empty(folders: Iterable[Path]) -> None:
+    """Remove those of the folders that hold nothing."""
+    for folder in folders:
+        if folder.is_dir() and not any(folder.iterdir()):
+            folder.rmdir()
+
+
+def check_files(outputs: Iterable[str | Path], inputs: Iterable[str | Path] = ()) -> None:
+    """FileError, before any work is done for them, where a file cannot be written, is named twice, or would overwrite an input."""
+    named = {os.path.realpath(path): "is read as well: writing it would overwrite it" for path in inputs}
+    for path in outputs:
+        place = os.path.realpath(path)
+        trouble = named.get(place) or _trouble_of(path, Path(place))
+        if trouble:
+            raise FileError(f"{path}: {trouble}: choose another name", file=str(path))
+        named[place] = "is named for two outputs"
+        _probe(path, Path(place).parent)
+
+
+def check_folder(path: str | Path) -> None:
+    """FileError, before any work is done for it, where a folder cannot be made or written to."""
+    place = next(place for place in (Path(path), *Path(path).absolute().parents) if place.exists())
+    if not place.is_dir():
+        raise FileError(f"{path}: {'' if place == Path(path) else f'{place} '}is a file: name a folder", file=str(path))
+    _probe(path, place)
+
+
+def _trouble_of(path: str | Path, target: Path) -> str | None:
+    """Why no file can be written to `target`, which is where `path` leads."""
+    try:
+        kinds = {
+            "an empty name": not str(path).strip(),
+            "is a folder": target.is_dir(),
+            f"its folder {target.parent} does not exist": not target.parent.exists(),
+            f"{target.parent} is a file": target.parent.is_file(),
+            "is no regular file": target.exists() and not target.is_file(),
+        }
+    except OSError as error:
+        return error.strerror
+    return next((what for what, found in kinds.items() if found), None)
+
+
+def _probe(path: str | Path, folder: Path) -> None:
+    """FileError where nothing can be made in the folder."""
+    try:
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        raise _unwritable(path, error) from error
+
+
+def _unwritable(path: str | Path, error: OSError) -> FileError:
+    remedy = "make room there or choose another folder" if error.errno in FULL else "choose a folder that exists and may be written"
+    return FileError(f"{path}: {error.strerror or error}: {remedy}", file=str(path))

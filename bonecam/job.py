@@ -90,6 +90,9 @@ class SurfaceJob(_Stage):
         0.08, "Tolerance", "Largest two-sided deviation wanted between surface and mesh.", unit="mm", low=0.001, high=5.0
     )
     max_control_points: int = parameter(450, "Control points", "Never use more control points than this.", low=40, high=20000)
+    largest_deviation: float = parameter(
+        0.5, "Largest deviation", "A surface that misses the mesh by more is refused.", unit="mm", low=0.001, high=50.0
+    )
 
 
 @dataclass(frozen=True)

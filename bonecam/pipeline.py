@@ -3,7 +3,6 @@
 All stages work in one frame, mm: the part's long axis is +Z, the table is z = 0 and is the program's zero, the post stands on it.
 """
 
-import json
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -16,8 +15,7 @@ from jaxtyping import Float
 from numpy import ndarray
 from threadpoolctl import threadpool_limits
 
-from bonecam.errors import MachineError, MeshError
-from bonecam.files import write_whole
+from bonecam.errors import MachineError, MeshError, SurfaceError
 from bonecam.job import Job, MeshJob, SurfaceJob
 from bonecam.levels.body_surface import enclosing
 from bonecam.levels.centring import centred, is_free
@@ -43,10 +41,10 @@ from bonecam.nc.write import write_program
 from bonecam.orientation.limits import AxisLimits
 from bonecam.orientation.orient import orient
 from bonecam.orientation.scene import Scene
+from bonecam.outputs import File, Outputs
 from bonecam.progress import Progress, part, report, silent
 from bonecam.surface import given
 from bonecam.surface.fit import Fit, fit
-from bonecam.surface.save import check_target, save_surface
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.cutter import Cutter
 from bonecam.toolpath.material import DEVIATION, Material
@@ -55,8 +53,6 @@ from bonecam.toolpath.post import post_below
 from bonecam.toolpath.zigzag import cover_level
 from bonecam.verify.readback import Tolerances, Verification, verify_program
 from bonecam.verify.report import levels_report, nc_report, summary_of, surface_report, toolpath_report
-
-File = str | Path | None
 
 AXIS_MARGIN = np.radians(1.0)
 """Kept from the machine's tilt limit: a turn of up to 30 degrees between two axes at the limit bulges past it by less."""
@@ -117,9 +113,9 @@ def convert(
     its kind) are written last, each whole; where anything fails nothing is written. Raises a BonecamError that names the trouble.
     """
     job, clock = job or Job(), _Clock()
-    if surface is not None:
-        check_target(surface)
-    machine, _ = read_machine(job.nc.machine), read_dialect(job.nc.controller)  # a wrong name is refused before the work
+    machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)  # what is wrong is refused before the work
+    outputs = Outputs(program, keep, report, surface)
+    outputs.check(dialect, *([] if isinstance(mesh, TriangleMesh) else [mesh]))
     with clock.stage("mesh"):
         placed, stock = place(prepare(mesh, job.mesh, part(progress, 0.0, 0.03), job.surface), job)
         check_room(stock, job, machine)
@@ -144,7 +140,8 @@ def convert(
         "seconds": clock.seconds,
     }
     result = Result(placed, fitted.surface, stock, levels, paths, posted, figures)
-    write_outputs(result, job, program, keep, report, surface)
+    holder = (job.holding.diameter, float(placed.mesh.bounds[0, 2]))
+    outputs.write(posted.text, figures, fitted.surface, levels.levels, paths, holder)
     return result
 
 
@@ -200,13 +197,19 @@ def check_room(stock: Stock, job: Job, machine: Machine) -> None:
 
 
 def fit_surface(placed: Part, job: Job, progress: Progress = silent) -> Fit:
-    """Harmonic rows, then the T-spline within the tolerance; the surface itself where it was given."""
+    """Harmonic rows, then the T-spline within the tolerance; a given surface itself. SurfaceError where it misses the mesh."""
     if placed.given is not None:
         return given.placed(placed.given, placed.transform)
     edge = job.mesh.edge_percent / 100 * placed.mesh.diagonal
     rows = harmonic_rows(placed.mesh, job.mesh.rows, job.mesh.row_points, edge, part(progress, 0.0, 0.2))
     with threadpool_limits(1, user_api="blas"):  # small matrices: threads only wait, and their number would change the last digits
-        return fit(placed.mesh, job.surface.tolerance, job.surface.max_control_points, rows=rows, progress=part(progress, 0.2, 1.0))
+        found = fit(placed.mesh, job.surface.tolerance, job.surface.max_control_points, rows=rows, progress=part(progress, 0.2, 1.0))
+    missed, limit = found.deviation, max(job.surface.tolerance, job.surface.largest_deviation)
+    if missed.max > limit:
+        where = ", ".join(f"{x:.2f}" for x in missed.place)
+        what = f"{placed.file}: {found.control_points} control points miss the mesh by {missed.max:.2f} mm near ({where})"
+        raise SurfaceError(f"{what}: raise surface.max_control_points, or surface.largest_deviation ({limit:g} mm)", deviation=missed)
+    return found
 
 
 def make_levels(surface: TSpline, stock: Stock, job: Job, progress: Progress = silent) -> Morph:
@@ -264,20 +267,6 @@ def post(paths: Sequence[ToolPath], stock: Stock, job: Job, progress: Progress =
     """The program of the paths for the job's machine and controller."""
     machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)
     return write_program(paths, machine, dialect, job, stock_bounds=stock.bounds, progress=progress)
-
-
-def write_outputs(result: Result, job: Job, program: File, keep: File, report: File, surface: File) -> None:
-    """Write what was asked for: the kept folder first, the program last."""
-    if keep is not None:
-        from bonecam.keep import keep as keep_files
-
-        keep_files(keep, result.surface, result.levels.levels, result.paths, (job.holding.diameter, float(result.part.mesh.bounds[0, 2])))
-    if surface is not None:
-        save_surface(result.surface, surface)
-    if report is not None:
-        write_whole(report, json.dumps(result.report, indent=2) + "\n")
-    if program is not None:
-        write_whole(program, result.program.text)
 
 
 class _Clock:

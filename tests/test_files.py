@@ -1,0 +1,116 @@
+"""Files are written whole or not at all, and what cannot be written is refused with nothing left."""
+
+import errno
+import os
+import resource
+from pathlib import Path
+
+import pytest
+
+from bonecam.errors import FileError
+from bonecam.files import check_files, check_folder, whole_file, whole_folder, write_whole
+from bonecam.nc.dialect import read_dialect
+from bonecam.outputs import check_ending
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with a file and a folder in it."""
+    (tmp_path / "file").write_text("old")
+    (tmp_path / "inner").mkdir()
+    return tmp_path
+
+
+@pytest.fixture
+def full_disk() -> object:
+    """No file may grow beyond 100 bytes."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, before[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(item.name for item in folder.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("", "an empty name"),
+        ("inner", "is a folder"),
+        ("none/out.h", "does not exist"),
+        ("file/out.h", "is a file"),
+        ("/dev/null", "is no regular file"),
+        ("/proc/out.h", "choose a folder"),
+        ("x" * 300, "name too long"),
+        ("file", "is read as well"),
+        ("./given", "named for two outputs"),
+    ],
+)
+def test_a_file_that_cannot_be_written_is_refused_before_the_work(
+    name: str, reason: str, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(folder)
+    with pytest.raises(FileError, match=f"(?i){reason}") as caught:
+        check_files(["given", name], ["file"])
+    assert "\n" not in str(caught.value)
+    assert names(folder) == ["file", "inner"]
+
+
+@pytest.mark.parametrize("name", ["file", "file/kept", "file/a/b", "/proc/kept"])
+def test_a_folder_that_cannot_be_made_is_refused_before_the_work(name: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(folder)
+    with pytest.raises(FileError, match=name):
+        check_folder(name)
+    check_folder("a/b")
+    check_folder("inner")
+    assert names(folder) == ["file", "inner"]
+
+
+@pytest.mark.usefixtures("full_disk")
+def test_a_disk_that_is_full_leaves_what_was_there(folder: Path) -> None:
+    with pytest.raises(FileError, match="make room") as caught:
+        write_whole(folder / "file", "x" * 1000)
+    assert str(folder / "file") in str(caught.value)
+    with pytest.raises(FileError, match="make room"), whole_folder(folder / "a" / "b") as work:
+        write_whole(work / "two", "x" * 1000)
+    assert names(folder) == ["file", "inner"]
+    assert (folder / "file").read_text() == "old"
+
+
+def test_a_link_is_followed_and_stays_a_link(folder: Path) -> None:
+    (folder / "link").symlink_to("file")
+    write_whole(folder / "link", "new")
+    assert (folder / "file").read_text() == "new"
+    assert (folder / "link").is_symlink()
+
+
+def test_what_fails_or_is_stopped_in_between_leaves_nothing(folder: Path) -> None:
+    def stopped(half: Path) -> None:
+        half.write_text("half")
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt), whole_file(folder / "out") as work:
+        stopped(work)
+    with pytest.raises(KeyboardInterrupt), whole_folder(folder / "out") as work:
+        stopped(work / "half")
+    with pytest.raises(FileError, match="Permission"), whole_file(folder / "out"):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+    assert names(folder) == ["file", "inner"]
+
+
+@pytest.mark.parametrize(("controller", "name", "proposed"), [("heidenhain", "a.ngc", "a.h"), ("linuxcnc", "a.H", "a.ngc")])
+def test_a_program_named_for_another_controller_is_refused_with_the_name_that_fits(controller: str, name: str, proposed: str) -> None:
+    with pytest.raises(FileError, match=f"name it {proposed}"):
+        check_ending(Path(name), read_dialect(controller))
+
+
+@pytest.mark.parametrize("name", ["a.h", "a.H", "a", "a.nc", "a.i"])
+def test_a_control_s_own_endings_are_free(name: str) -> None:
+    check_ending(Path(name), read_dialect("heidenhain"))
+
+
+def test_a_program_is_never_named_as_a_part() -> None:
+    with pytest.raises(FileError, match=r"name it bone\.h"):
+        check_ending(Path("bone.stl"), read_dialect("heidenhain"))
