@@ -69,9 +69,9 @@ def measure(inner: Sheet, outer: Sheet | TriangleMesh, stock: Stock, limit: floa
     inside, count = inner.points, len(inner.mesh.vertices)
     depth = np.abs(inner.signed(outside, corner))
     deep = np.flatnonzero(depth > limit)
+    depth[deep] = np.abs(inner.closely(outside[deep], None if isinstance(outer, TriangleMesh) else outer.parameters[deep]))
     gap = ahead = -stock.signed_distance(inside)
     if not isinstance(outer, TriangleMesh):
-        depth[deep] = np.abs(inner.closely(outside[deep], outer.parameters[deep]))
         ahead = -outer.signed(inside, inner.grid.corner)
         behind = np.flatnonzero(ahead < 0)
         ahead[behind] = -outer.closely(inside[behind], inner.parameters[behind])

@@ -59,9 +59,11 @@ class Sheet:
         distance[count:] = _signed(points[count:], foot, n)
         return self._inside_out(points, distance)
 
-    def closely(self, points: Float[ndarray, "n 3"], parameters: Float[ndarray, "n 2"]) -> Float[ndarray, " n"]:
+    def closely(self, points: Float[ndarray, "n 3"], parameters: Float[ndarray, "n 2"] | None = None) -> Float[ndarray, " n"]:
         """The same of any points, with more steps, from the nearest place on the mesh and from these parameters: the nearer foot."""
         distance = self._from_mesh(points, CLOSE_STEPS)[0]
+        if parameters is None:
+            return self._inside_out(points, distance)
         _, _, foot, n = feet(self.surface, points, parameters[:, 0], parameters[:, 1], CLOSE_STEPS)
         own = _signed(points, foot, n)
         return self._inside_out(points, np.where(np.abs(own) < np.abs(distance), own, distance))
