@@ -77,13 +77,13 @@ def remove_empty(folders: Iterable[Path]) -> None:
 
 def check_files(outputs: Iterable[str | Path], inputs: Iterable[str | Path] = ()) -> None:
     """FileError, before any work is done for them, where a file cannot be written, is named twice, or would overwrite an input."""
-    named = {os.path.realpath(path): "is read as well: writing it would overwrite it" for path in inputs}
+    named = {os.path.realpath(path): "is read as well, and would be overwritten: choose another name" for path in inputs}
     for path in outputs:
         place = os.path.realpath(path)
         trouble = named.get(place) or _trouble_of(path, Path(place))
         if trouble:
-            raise FileError(f"{path}: {trouble}: choose another name", file=str(path))
-        named[place] = "is named for two outputs"
+            raise FileError(f"{path}: {trouble}", file=str(path))
+        named[place] = "is named for two outputs: choose another name"
         _probe(path, Path(place).parent)
 
 
@@ -96,17 +96,17 @@ def check_folder(path: str | Path) -> None:
 
 
 def _trouble_of(path: str | Path, target: Path) -> str | None:
-    """Why no file can be written to `target`, which is where `path` leads."""
+    """Why no file can be written to `target`, which is where `path` leads, and the remedy."""
     try:
         kinds = {
-            "an empty name": not str(path).strip(),
-            "is a folder": target.is_dir(),
-            f"its folder {target.parent} does not exist": not target.parent.exists(),
-            f"{target.parent} is a file": target.parent.is_file(),
-            "is no regular file": target.exists() and not target.is_file(),
+            "is an empty name: name a file": not str(path).strip(),
+            "is a folder: name a file in it": target.is_dir(),
+            f"its folder {target.parent} does not exist: make it first": not target.parent.exists(),
+            f"{target.parent} is a file: name a folder": target.parent.is_file(),
+            "is no regular file: choose another name": target.exists() and not target.is_file(),
         }
     except OSError as error:
-        return error.strerror
+        return f"{error.strerror}: choose another name"
     return next((what for what, found in kinds.items() if found), None)
 
 
