@@ -2,8 +2,8 @@
 
 Meant between two rows: the ball centre runs straight, the axis turns evenly on the great circle. What the control does
 instead is in `control.py`. A move is split evenly until tip and ball centre stay within the tolerance at 1/4, 1/2 and 3/4
-of it (the deviation is of second order in the move, so its square root tells how often), no joint turns by more than a
-right angle, and, without tool-centre control, no feed move is longer than 1 mm.
+of it (the deviation is of second order in the move, so its square root tells how often), no joint turns by more than 10
+degrees in a feed move or a right angle in a rapid, and, without tool-centre control, no feed move is longer than 1 mm.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from bonecam.toolpath.path import Kind, ToolPath
 
 MOST_ROUNDS = 40
 LONGEST_MOVE = 1.0
-LARGEST_TURN = np.pi / 2
+LARGEST_TURN, LARGEST_RAPID_TURN = np.radians(10.0), np.pi / 2
 RAPID_SLACK = 20.0
 AXIS_TOLERANCE = np.radians(1.0)
 
@@ -100,7 +100,8 @@ def _pieces(control: Control, kinds: ndarray, tips: ndarray, axes: ndarray, angl
         off = np.maximum(centre, np.linalg.norm(tip - meant, axis=1))
         worst = np.maximum(worst, np.maximum(off / allowed, lean / AXIS_TOLERANCE))
     pieces = np.where(worst > 1, np.ceil(np.sqrt(1.1 * np.minimum(worst, 1e4))), 1)
-    pieces = np.maximum(pieces, np.ceil(np.abs(np.diff(angles, axis=0)).max(1) / LARGEST_TURN - 1e-9))
+    turn = np.abs(np.diff(angles, axis=0)).max(1) / np.where(rapid, LARGEST_RAPID_TURN, LARGEST_TURN)
+    pieces = np.maximum(pieces, np.ceil(turn - 1e-9))
     if not control.tool_centre:
         length = np.linalg.norm(np.diff(tips, axis=0), axis=1)
         pieces = np.maximum(pieces, np.where(rapid, 1, np.ceil(length / LONGEST_MOVE - 1e-9)))

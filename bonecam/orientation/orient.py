@@ -11,6 +11,7 @@ from bonecam.orientation.lead import lead_axes, turned_up
 from bonecam.orientation.limits import AxisLimits, angles_between
 from bonecam.orientation.links import Feeds, Linker, Moves
 from bonecam.orientation.moves import Checker
+from bonecam.orientation.pole import round_pole
 from bonecam.orientation.scene import Scene
 from bonecam.toolpath.path import ContactPath, Kind, ToolPath
 
@@ -50,6 +51,7 @@ def choose_axes(
     """
     cutter, max_tilt = path.cutter, np.radians(job.max_tilt_deg)
     axes = turned_up(lead_axes(path.normals, path.feeds, np.radians(job.lead_deg)), path.centres, cutter, limits)
+    axes = round_pole(axes, path.centres, path.pass_index)
     good = allowed(axes, path.normals, limits, max_tilt)
     wished, centres = axes.copy(), path.centres
     together = np.r_[path.pass_index[1:] == path.pass_index[:-1], False]

@@ -75,3 +75,14 @@ def test_a_cut_past_the_singular_axis_is_split_until_it_holds(control, miss_deg)
     worst, rapid = deviations(control, moves)
     assert worst[~rapid].max() <= 1.2 * TOLERANCE
     assert len(moves.tips) < 3000
+
+
+@pytest.mark.parametrize("miss_deg", [0.0, 0.001, 0.05, 1.0])
+def test_no_feed_move_turns_an_axis_by_more_than_ten_degrees(control, miss_deg):
+    angle = np.radians(np.linspace(-10, 10, 12))
+    axes = np.column_stack([np.sin(angle), np.full(12, np.radians(miss_deg)), np.cos(angle)])
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    tips = np.column_stack([np.linspace(0, 6, 12), np.zeros(12), np.full(12, 60.0)])
+    moves = split_moves(made_path(tips, axes), control, TOLERANCE, HOLD)
+    feed = moves.kinds[1:] != 2
+    assert np.degrees(np.abs(np.diff(moves.angles, axis=0))[feed].max()) <= 10 + 1e-6

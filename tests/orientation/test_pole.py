@@ -1,0 +1,50 @@
+"""The axis runs round the pole, not through it."""
+
+import numpy as np
+import pytest
+
+from bonecam.orientation.limits import angles_between, polar, unit
+from bonecam.orientation.pole import CONE, round_pole
+
+
+def over_the_top(miss: float, count: int = 101) -> tuple[np.ndarray, np.ndarray]:
+    """Axes that lean from -20 to 20 degrees past the pole at `miss` (rad), and centres an even way apart."""
+    lean = np.linspace(-np.radians(20), np.radians(20), count)
+    return unit(np.column_stack([np.tan(lean), np.full(count, np.tan(miss)), np.ones(count)])), np.column_stack(
+        [np.linspace(0, 4, count), np.zeros((count, 2))]
+    )
+
+
+@pytest.mark.parametrize("miss_deg", [0.0, 1e-6, 0.04, 1.0, 2.5])
+def test_a_pass_over_the_pole_turns_evenly_on_the_cone(miss_deg: float) -> None:
+    axes, centres = over_the_top(np.radians(miss_deg))
+    steered = round_pole(axes, centres, np.zeros(len(axes), dtype=np.int64))
+    near = polar(axes) < CONE
+    assert np.allclose(steered[~near], axes[~near], atol=0)
+    assert np.allclose(polar(steered[near]), CONE)
+    assert angles_between(steered, axes).max() <= 2 * CONE
+    azimuth = np.unwrap(np.arctan2(steered[:, 1], steered[:, 0]))
+    around = np.flatnonzero(near)
+    turns = np.diff(azimuth[around[0] - 1 : around[-1] + 2])
+    assert np.ptp(turns) < 1e-9
+    assert abs(turns.sum()) <= np.pi + 1e-9
+
+
+def test_passes_that_begin_end_or_stay_at_the_pole_hold_their_azimuth() -> None:
+    axes, centres = over_the_top(np.radians(0.5))
+    middle = len(axes) // 2
+    near = polar(axes) < CONE
+    passes = (np.arange(len(axes)) >= middle).astype(np.int64)
+    steered = round_pole(axes, centres, passes)
+    azimuth = np.arctan2(steered[:, 1], steered[:, 0])
+    first, last = np.flatnonzero(near)[[0, -1]]
+    assert np.allclose(azimuth[first:middle], azimuth[first - 1])
+    assert np.allclose(azimuth[middle : last + 1], azimuth[last + 1])
+    whole = round_pole(axes[near], centres[near], np.zeros(near.sum(), dtype=np.int64))
+    assert np.allclose(polar(whole), CONE)
+    assert np.ptp(whole, axis=0).max() < 1e-12
+
+
+def test_axes_away_from_the_pole_stay() -> None:
+    axes, centres = over_the_top(np.radians(3.1))
+    assert (round_pole(axes, centres, np.zeros(len(axes), dtype=np.int64)) == axes).all()
