@@ -5,6 +5,7 @@ subclass of BonecamError: its message is one line that names the place and the r
 `evidence` holds the data (face ids, level number, contact indices, axis, ...).
 """
 
+from collections.abc import Iterable
 from typing import Any
 
 
@@ -17,6 +18,11 @@ class BonecamError(Exception):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _restore, (type(self), str(self), self.evidence)
+
+
+def place_name(place: Iterable[float]) -> str:
+    """A place (mm) as messages name it, like (1.50, -0.20, 43.00)."""
+    return "({:.2f}, {:.2f}, {:.2f})".format(*place)
 
 
 def _restore(kind: type[BonecamError], message: str, evidence: dict[str, Any]) -> BonecamError:

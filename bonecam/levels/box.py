@@ -8,11 +8,12 @@ from numpy import ndarray
 
 from bonecam.arrays import frozen
 from bonecam.errors import StockError
+from bonecam.levels.stock import Stock
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 
 @dataclass(frozen=True, eq=False)
-class Box:
+class Box(Stock):
     """All points between two corners, mm. Raises StockError where there are none."""
 
     low: Float[ndarray, "3"]
@@ -67,10 +68,6 @@ class Box:
         nearest_face = np.eye(3)[np.argmax(past, axis=1)]
         n = np.where((past.max(1) > 0)[:, None], outside, nearest_face)
         return np.asarray(side * n / np.linalg.norm(n, axis=1, keepdims=True))
-
-    def nearest(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
-        """The surface point nearest to each point."""
-        return points - self.signed_distance(points)[:, None] * self.outward(points)
 
     def mesh(self, chord_tolerance: float) -> TriangleMesh:
         """A closed outward mesh of nearly even faces, as fine as that of a cylinder as wide would be."""

@@ -8,7 +8,8 @@ from jaxtyping import Float
 from numpy import ndarray
 from scipy.spatial import ConvexHull
 
-from bonecam.errors import StockError
+from bonecam.errors import StockError, place_name
+from bonecam.levels.stock import Stock
 from bonecam.mesh.distance import exact_closest
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
@@ -17,7 +18,7 @@ FLAT = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
-class ConvexStock:
+class ConvexStock(Stock):
     """The body inside a closed convex outward mesh, mm. StockError names the place where the mesh is not closed or not convex."""
 
     surface: TriangleMesh
@@ -79,7 +80,7 @@ class ConvexStock:
         return self._answer(points)[1]
 
     def nearest(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
-        """The surface point nearest to each point."""
+        """The surface point nearest to each point, from one question."""
         distance, out = self._answer(points)
         return np.asarray(points - distance[:, None] * out)
 
@@ -116,7 +117,7 @@ def _require_closed(mesh: TriangleMesh) -> None:
     lonely = np.flatnonzero(~np.isin(forward, backward))
     if not len(edges) or len(lonely) or len(np.unique(forward)) < len(forward):
         place = mesh.vertices[edges[lonely[0] if len(lonely) else 0]].mean(0) if len(edges) else np.zeros(3)
-        raise StockError(f"the stock's mesh is not closed at {_named(place)}: close it", distance=0.0, place=place)
+        raise StockError(f"the stock's mesh is not closed at {place_name(place)}: close it", distance=0.0, place=place)
     if mesh.volume <= 0:
         raise StockError("the stock's mesh is turned inside out: flip its faces", distance=0.0, place=mesh.vertices[0])
 
@@ -130,11 +131,7 @@ def _require_convex(mesh: TriangleMesh) -> None:
     worst = int(np.argmax(inside))
     if inside[worst] > FLAT * mesh.diagonal or abs(mesh.volume - hull.volume) > FLAT * mesh.diagonal * mesh.area:
         raise StockError(
-            f"the stock is not convex: it lies {inside[worst]:.3f} mm inside its convex hull at {_named(probes[worst])}: give the hull",
+            f"the stock is not convex: it lies {inside[worst]:.3f} mm inside its convex hull at {place_name(probes[worst])}: give the hull",
             distance=float(inside[worst]),
             place=probes[worst],
         )
-
-
-def _named(place: ndarray) -> str:
-    return f"({place[0]:.2f}, {place[1]:.2f}, {place[2]:.2f})"

@@ -7,12 +7,12 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import StockError
-from bonecam.levels.stock import ring_faces
+from bonecam.levels.stock import Stock, revolved
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 
 @dataclass(frozen=True, eq=False)
-class Cylinder:
+class Cylinder(Stock):
     """All points within `radius` of the Z axis with bottom <= z <= top, mm. Raises StockError where there are none."""
 
     radius: float
@@ -74,10 +74,6 @@ class Cylinder:
         size = np.hypot(a, b)
         return np.column_stack([across * (a / size)[:, None], side * b / size])
 
-    def nearest(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
-        """The surface point nearest to each point."""
-        return points - self.signed_distance(points)[:, None] * self.outward(points)
-
     def mesh(self, chord_tolerance: float) -> TriangleMesh:
         """A closed outward mesh, its vertices on the surface, its faces within `chord_tolerance` of it and nearly even."""
         turn = np.arccos(max(1 - chord_tolerance / (2 * self.radius), 0.0))
@@ -87,9 +83,5 @@ class Cylinder:
         rises = np.linspace(self.bottom, self.top, max(2, int(np.ceil(self.length / step))) + 1)
         reach = np.concatenate([disc, np.full(len(rises) - 2, self.radius), disc[::-1]])
         height = np.concatenate([np.full(len(disc), self.bottom), rises[1:-1], np.full(len(disc), self.top)])
-        angle = 2 * np.pi * np.arange(around) / around
-        ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(around)])
-        points = reach[:, None, None] * ring + height[:, None, None] * np.array([0.0, 0.0, 1.0])
-        poles = np.array([[0, 0, self.bottom], [0, 0, self.top]])
-        shift = np.array([*self.centre, 0.0])
-        return TriangleMesh(np.vstack([points.reshape(-1, 3), poles]) + shift, ring_faces(len(reach), around))
+        upright = revolved(reach, height, (self.bottom, self.top), around)
+        return TriangleMesh(upright.vertices + np.array([*self.centre, 0.0]), upright.faces)

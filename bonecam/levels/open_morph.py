@@ -20,7 +20,7 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 from scipy.sparse.linalg import splu
 
-from bonecam.errors import LevelError, StockError
+from bonecam.errors import LevelError, StockError, place_name
 from bonecam.levels.check import BINS, DEPTH_TOLERANCE, NEST_TOLERANCE, probes
 from bonecam.levels.level import Level
 from bonecam.levels.morph import Morph
@@ -141,7 +141,7 @@ def _target(surface: TSpline, fabric: _Fabric, stock: Any, held: ndarray) -> tup
     worst = int(np.argmin(ahead))
     if ahead[worst] < -NEST_TOLERANCE:
         raise StockError(
-            f"the stock lies {-ahead[worst]:.3f} mm behind the part at {_named(points[worst])}: give one on one side of it",
+            f"the stock lies {-ahead[worst]:.3f} mm behind the part at {place_name(points[worst])}: give one on one side of it",
             distance=float(-ahead[worst]),
             place=points[worst],
         )
@@ -188,7 +188,7 @@ def _level(k: int, surface: TSpline | None, inner: TriangleMesh, outer: Triangle
     ):
         if worst > 0:
             remedy = "give a higher stiffness or fixed edges"
-            raise LevelError(f"level {k} {trouble} at {_named(places)}: {remedy}", level=k, place=places)
+            raise LevelError(f"level {k} {trouble} at {place_name(places)}: {remedy}", level=k, place=places)
     return Level(
         k,
         surface,
@@ -202,7 +202,3 @@ def _level(k: int, surface: TSpline | None, inner: TriangleMesh, outer: Triangle
         full_mean=float(np.average(middles, weights=area)),
         histogram=tuple(float(v) for v in np.histogram(middles, bins=BINS, range=(0, limit), weights=area / area.sum())[0]),
     )
-
-
-def _named(place: ndarray) -> str:
-    return f"({place[0]:.2f}, {place[1]:.2f}, {place[2]:.2f})"

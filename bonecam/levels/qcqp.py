@@ -21,7 +21,7 @@ import scipy.sparse as sp
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from bonecam.errors import LevelError
+from bonecam.errors import LevelError, place_name
 from bonecam.levels.energy import Samples, integration_points, samples_of, thin_plate, watch_points
 from bonecam.levels.schedule import Schedule
 from bonecam.levels.stock import Capsule, Stock
@@ -169,8 +169,9 @@ def cone_sequence(
         rest, place = left(made[-1])
         stiffness = max(SOFTEST, stiffness * SOFTEN) if rest > before - STALL * schedule.limit(k) else stiffness
         if k >= most or np.linalg.norm(moves, axis=1).max() < STILL * schedule.limit(k):
-            where = f"({place[0]:.2f}, {place[1]:.2f}, {place[2]:.2f})"
-            raise LevelError(f"level {k} gets no nearer to the stock than {rest:.3f} mm at {where}: give more control points", level=k)
+            raise LevelError(
+                f"level {k} gets no nearer to the stock than {rest:.3f} mm at {place_name(place)}: give more control points", level=k
+            )
     return made
 
 

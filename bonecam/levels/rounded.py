@@ -12,7 +12,7 @@ from numpy import ndarray
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 
-from bonecam.errors import StockError
+from bonecam.errors import StockError, place_name
 from bonecam.levels.box import Box
 from bonecam.levels.convex import ConvexStock
 from bonecam.levels.cylinder import Cylinder
@@ -23,7 +23,7 @@ THIN, HALVINGS = 0.98, 20
 
 
 @dataclass(frozen=True, eq=False)
-class Rounded:
+class Rounded(Stock):
     """All points within `radius` mm of `core`."""
 
     core: Stock
@@ -61,10 +61,6 @@ class Rounded:
     def outward(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
         """Unit outward normals at the nearest points."""
         return self.core.outward(points)
-
-    def nearest(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
-        """The surface point nearest to each point."""
-        return self.core.nearest(points) + self.radius * self.core.outward(points)
 
     def mesh(self, chord_tolerance: float) -> TriangleMesh:
         """A closed outward mesh, its vertices on the surface: the stock's own mesh pulled onto it."""
@@ -158,7 +154,7 @@ def require_roundable(stock: Stock, points: Float[ndarray, "n 3"], margin: float
     if inner is None:
         worst = points[np.argmax(rounded(stock, 0.1 * inradius(stock)).signed_distance(points))]
         raise StockError(
-            f"the part comes too near to the edges of the {stock.kind} at ({worst[0]:.2f}, {worst[1]:.2f}, {worst[2]:.2f}) "
+            f"the part comes too near to the edges of the {stock.kind} at {place_name(worst)} "
             "to round them: give a larger stock or a capsule",
             distance=float(stock.signed_distance(worst[None])[0]),
             place=worst,

@@ -1,4 +1,4 @@
-"""The stock a part is cut from: any closed convex body that answers four questions (signed distance, nearest, mesh, size).
+"""The stock a part is cut from: any closed convex body that answers four questions (signed distance, outward normals, mesh, size).
 
 A capsule (a cylinder with half-balls at its ends) is every point within `radius` of an axis segment, so that its signed
 distance is exact everywhere: `|x - nearest axis point| - radius`. Other stocks are new small files with the same interface.
@@ -12,7 +12,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.arrays import frozen
-from bonecam.errors import StockError
+from bonecam.errors import StockError, place_name
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 MARGIN = 0.05
@@ -49,18 +49,19 @@ class Stock(Protocol):
     def signed_distance(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n"]:
         """Distance to the surface, mm, negative inside."""
 
-    def nearest(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
-        """The surface point nearest to each point."""
-
     def outward(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
         """Unit outward normals of the surface at the nearest points."""
 
     def mesh(self, chord_tolerance: float) -> TriangleMesh:
         """A closed outward mesh, its vertices on the surface, its faces within `chord_tolerance` of it."""
 
+    def nearest(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+        """The surface point nearest to each point."""
+        return np.asarray(points - self.signed_distance(points)[:, None] * self.outward(points))
+
 
 @dataclass(frozen=True, eq=False)
-class Capsule:
+class Capsule(Stock):
     """All points within `radius` of the segment from `start` to `end`, mm."""
 
     start: Float[ndarray, "3"]
@@ -116,10 +117,6 @@ class Capsule:
         across[degenerate], reach[degenerate] = self._frame()[0], 1.0
         return across / reach
 
-    def nearest(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
-        """The surface point nearest to each point."""
-        return self._axis_points(points) + self.radius * self.outward(points)
-
     def _frame(self) -> Float[ndarray, "3 3"]:
         """Two unit vectors across the axis and the axis itself, right-handed."""
         axis = self.end - self.start
@@ -140,16 +137,21 @@ class Capsule:
         height = self.radius * np.concatenate([-np.cos(latitude[1:-1]), 0 * rises, np.cos(latitude[-2:0:-1])])
         reach = self.radius * np.concatenate([np.sin(latitude[1:-1]), 0 * rises + 1, np.sin(latitude[-2:0:-1])])
         lift = np.concatenate([np.zeros(quarter - 1), rises, np.full(quarter - 1, straight)])
-        angle = 2 * np.pi * np.arange(around) / around
-        ring = np.stack([np.cos(angle), np.sin(angle), np.zeros(around)], axis=1)
-        local = reach[:, None, None] * ring + (height + lift)[:, None, None] * np.array([0.0, 0.0, 1.0])
-        poles = np.array([[0, 0, -self.radius], [0, 0, self.length - self.radius]])
-        points = np.vstack([local.reshape(-1, 3), poles]) @ self._frame() + self.start
-        return TriangleMesh(points, ring_faces(len(reach), around))
+        upright = revolved(reach, height + lift, (-self.radius, self.length - self.radius), around)
+        return TriangleMesh(upright.vertices @ self._frame() + self.start, upright.faces)
 
 
-def ring_faces(rings: int, around: int) -> ndarray:
-    """Faces of `rings` rings of `around` points and two poles behind them, outward when the rings rise."""
+def revolved(reach: Float[ndarray, " r"], height: Float[ndarray, " r"], ends: tuple[float, float], around: int) -> TriangleMesh:
+    """The closed outward mesh of rings of `around` points about the Z axis, their heights rising, and of the axis' points at `ends`."""
+    angle = 2 * np.pi * np.arange(around) / around
+    ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(around)])
+    points = reach[:, None, None] * ring + height[:, None, None] * np.array([0.0, 0.0, 1.0])
+    poles = np.array([[0, 0, end] for end in ends])
+    return TriangleMesh(np.vstack([points.reshape(-1, 3), poles]), _ring_faces(len(reach), around))
+
+
+def _ring_faces(rings: int, around: int) -> ndarray:
+    """The poles come behind the rings."""
     index = np.arange(rings * around).reshape(rings, around)
     a, b = index[:-1].ravel(), np.roll(index, -1, axis=1)[:-1].ravel()
     c, d = np.roll(index, -1, axis=1)[1:].ravel(), index[1:].ravel()
@@ -166,11 +168,10 @@ def require_inside(stock: Stock, points: Float[ndarray, "n 3"], margin: float) -
     worst = int(np.argmax(depth))
     if depth[worst] > -margin:
         place = points[worst]
-        where = f"({place[0]:.2f}, {place[1]:.2f}, {place[2]:.2f})"
         trouble = f"leaves it by {depth[worst]:.3f} mm" if depth[worst] > 0 else f"comes within {-depth[worst]:.3f} mm of its wall"
         raise StockError(
-            f"the stock ({stock.kind} {stock.diameter:.2f} x {stock.length:.2f} mm) does not hold the part, which {trouble} at {where}: "
-            f"give a stock at least {depth[worst] + margin:.2f} mm larger there",
+            f"the stock ({stock.kind} {stock.diameter:.2f} x {stock.length:.2f} mm) does not hold the part, which {trouble} "
+            f"at {place_name(place)}: give a stock at least {depth[worst] + margin:.2f} mm larger there",
             distance=float(depth[worst]),
             place=place,
         )
