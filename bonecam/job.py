@@ -158,7 +158,10 @@ class LevelsJob(_Stage):
         "stock", "Attraction", "Pull to the nearest stock point, or to the bounding sphere as published.", choices=("stock", "sphere")
     )
     method: str = parameter(
-        "qp", "Method", "Quadratic programs (OSQP), or the published cone program solved exactly (slow).", choices=("qp", "qcqp")
+        "qp",
+        "Method",
+        "Quadratic programs solved by splitting (ADMM), or the published cone program solved exactly (slow).",
+        choices=("qp", "qcqp"),
     )
     chord_tolerance: float = parameter(
         0.01, "Chord tolerance", "Tessellation of the levels that are measured and kept.", unit="mm", low=0.0005, high=1.0
