@@ -2,13 +2,16 @@
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
+from bonecam.errors import LevelError
 from bonecam.files import whole_folder, write_whole
 from bonecam.levels.depths import line_depths, step_depths
 from bonecam.levels.level import Level
 from bonecam.mesh.files import write_mesh
+from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.files import write_tsm
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.path import Kind, ToolPath
@@ -30,6 +33,22 @@ def keep(folder: str | Path, surface: TSpline, levels: Sequence[Level], paths: S
         draw_levels(levels, post, work / "levels.png")
         draw_depths(levels, line_depths(levels), work / "depths.png")
         draw_toolpath(paths, work / "toolpath.png")
+
+
+@contextmanager
+def failed_level_kept(folder: str | Path | None) -> Iterator[None]:
+    """Where a level fails its check inside the block, write the patch it failed on as failed_level_NN.ply; the error names the file."""
+    try:
+        yield
+    except LevelError as error:
+        patch = error.evidence.get("patch")
+        if folder is None or not isinstance(patch, TriangleMesh):
+            raise
+        name = f"failed_level_{error.evidence['level']:02d}.ply"
+        with whole_folder(folder) as work:
+            write_mesh(patch, work / name)
+        file = Path(folder) / name
+        raise LevelError(f"{error} ({file} shows it)", **error.evidence, file=str(file)) from error
 
 
 def toolpath_csv(paths: Sequence[ToolPath]) -> str:

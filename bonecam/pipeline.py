@@ -17,6 +17,7 @@ from threadpoolctl import threadpool_limits
 
 from bonecam.errors import MachineError, MeshError, SurfaceError
 from bonecam.job import Job, MeshJob, SurfaceJob
+from bonecam.keep import failed_level_kept
 from bonecam.levels.body_surface import enclosing
 from bonecam.levels.centring import centred, is_free
 from bonecam.levels.evening import even_levels
@@ -110,7 +111,8 @@ def convert(
     """Mesh in, verified NC program out: the whole chain.
 
     `mesh` is a file or a TriangleMesh in the job's units. Files named by `program`, `keep`, `report` and `surface` (its ending says
-    its kind) are written last, each whole; where anything fails nothing is written. Raises a BonecamError that names the trouble.
+    its kind) are written last, each whole; where anything fails nothing is written, but for the patch of a level that failed its check,
+    in `keep`. Raises a BonecamError that names the trouble.
     """
     job, clock = job or Job(), _Clock()
     machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)  # what is wrong is refused before the work
@@ -121,7 +123,7 @@ def convert(
         check_room(stock, job, machine)
     with clock.stage("surface"):
         fitted = fit_surface(placed, job, part(progress, 0.03, 0.15))
-    with clock.stage("levels"):
+    with clock.stage("levels"), failed_level_kept(keep):
         levels = make_levels(fitted.surface, stock, job, part(progress, 0.15, 0.3))
     with clock.stage("toolpath"):
         paths = plan_paths(levels, stock, job, machine, part(progress, 0.3, 0.85))

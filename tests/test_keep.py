@@ -1,0 +1,44 @@
+"""What is kept for a person to look at where a level fails its check."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bonecam_meshes import path as shipped
+
+from bonecam import pipeline
+from bonecam.cli import main
+from bonecam.errors import LevelError
+from bonecam.keep import failed_level_kept
+from bonecam.levels.cylinder import Cylinder
+from bonecam.mesh.files import read_mesh
+
+PATCH = Cylinder(2.0, 0.0, 3.0).mesh(0.1)
+
+
+def failing(*_: object, **__: object) -> None:
+    raise LevelError("level 7 falls 0.0500 mm behind at (1.00, 2.00, 3.00): give more", level=7, place=np.array([1.0, 2, 3]), patch=PATCH)
+
+
+def test_the_patch_of_a_failed_level_is_written_and_named(tmp_path: Path) -> None:
+    with pytest.raises(LevelError, match=r"give more \(.*failed_level_07\.ply shows it\)$") as caught, failed_level_kept(tmp_path / "keep"):
+        failing()
+    assert caught.value.evidence["level"] == 7
+    assert [item.name for item in (tmp_path / "keep").iterdir()] == ["failed_level_07.ply"]
+    assert np.allclose(read_mesh(caught.value.evidence["file"]).bounds, PATCH.bounds, atol=1e-6)
+
+
+def test_nothing_is_written_where_nothing_is_kept_or_there_is_no_patch(tmp_path: Path) -> None:
+    with pytest.raises(LevelError, match=r"give more$"), failed_level_kept(None):
+        failing()
+    with pytest.raises(LevelError, match=r"^no patch$"), failed_level_kept(tmp_path / "keep"):
+        raise LevelError("no patch", level=3)
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_command_line_names_the_patch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(pipeline, "make_levels", failing)
+    folder, program = tmp_path / "keep", tmp_path / "bone.h"
+    assert main(["convert", str(shipped("phalanx")), "-o", str(program), "--keep", str(folder), "-q"]) == 2
+    assert "failed_level_07.ply shows it" in capsys.readouterr().err
+    assert [item.name for item in tmp_path.iterdir()] == ["keep"]
