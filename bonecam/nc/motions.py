@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 
-import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
@@ -25,7 +24,7 @@ class Motions:
     `words` (n, 5): X Y Z in mm and the rotary words in radians, unwound; `feed_rates` in mm/min, or 1/min where `inverse_time`,
     NaN for rapids; `lines` of the text (from 1); `known_start`: the position before the move is known too, so that all of it can be
     simulated; `tips` (mm) and `axes` in the part's frame by forward kinematics. `blocks` counts every moving block, also those
-    that leave the position partly unknown; `block_of` is each row's number among them. `controls`: by tool number.
+    that leave the position partly unknown. `controls`: by tool number.
     """
 
     rapid: Bool[ndarray, "n"]
@@ -38,9 +37,4 @@ class Motions:
     tips: Float[ndarray, "n 3"]
     axes: Float[ndarray, "n 3"]
     blocks: int
-    block_of: Int[ndarray, "n"]
     controls: dict[int, Control]
-
-    def rows_of_tool(self, number: int) -> Int[ndarray, "m"]:
-        """The moves made with one cutter."""
-        return np.flatnonzero(self.tools == number)

@@ -6,11 +6,13 @@ or known state is a ProgramError with its line. Two grammars: Klartext (statemen
 """
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
+from numpy import ndarray
 
 from bonecam.errors import ProgramError
+from bonecam.nc.bulk import ISO_NUMBER, Blocks, full_move, klartext_number, read_full_moves, unwound
 from bonecam.nc.control import Control
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.machine import Machine
@@ -40,6 +42,8 @@ class _Reader:
         self.blocks = 0
         self.wraps = dialect.endless_words == "wrapped"
         self.rows: list[tuple[float, ...]] = []
+        self.tables: list[ndarray] = []
+        self.full_move = full_move(dialect, machine.letters)
 
     def wrong(self, line: int, why: str) -> ProgramError:
         return ProgramError(f"line {line}: {why}", line=line)
@@ -74,7 +78,41 @@ class _Reader:
         if None not in self.position:
             known = None not in before
             numbers = [float(value or 0.0) for value in self.position]
-            self.rows.append((*numbers, rapid, np.nan if rapid else feed, self.inverse_time, line, self.tool, known, self.blocks - 1))
+            self.rows.append((*numbers, rapid, np.nan if rapid else feed, self.inverse_time, line, self.tool, known))
+
+    def full_moves(self, lines: Sequence[str], start: int, number: int) -> int:
+        """Run the plain full moves from lines[start] on; how many they are. `number`: of the block there, -1: no numbers.
+
+        It stops before the first block that leaves any doubt: `move` says what is wrong with it.
+        """
+        if None in self.position or not self.tool or self.ended or self.tool_centre != self.dialect.tool_centre:
+            return 0
+        found = read_full_moves(lines, start, self.full_move, self.dialect)
+        if found is None:
+            return 0
+        doubtful = ~found.rapid & ~(found.feeds > 0)
+        if number >= 0:
+            doubtful |= found.numbers != number + np.arange(len(found.numbers))
+        if self.wraps:
+            for column, axis in enumerate(self.machine.rotary, start=3):
+                if axis.endless:
+                    found.words[:, column], turns = unwound(float(self.position[column] or 0.0), found.words[:, column])
+                    doubtful |= (np.abs(turns) > AMBIGUOUS_TURN_DEG) | (not self.short_way)
+        count = int(np.argmax(doubtful)) if doubtful.any() else len(doubtful)
+        if count:
+            self._take(found.first(count), start + 1)
+        return count
+
+    def _take(self, found: Blocks, line: int) -> None:
+        count = len(found.rapid)
+        same = np.column_stack([np.full(count, self.inverse_time), line + np.arange(count), np.full(count, self.tool), np.ones(count)])
+        self.tables += [self._table(), np.column_stack([found.words, found.rapid, found.feeds, same])]
+        self.rows = []
+        self.position = [float(value) for value in found.words[-1]]
+        self.blocks += count
+
+    def _table(self) -> ndarray:
+        return np.array(self.rows, dtype=np.float64).reshape(-1, 11)
 
     def unwound(self, column: int, value: float, line: int) -> float:
         """Where a rotary word sends its axis, in degrees: the short way on an endless axis of a wrapping control."""
@@ -92,7 +130,7 @@ class _Reader:
     def motions(self) -> Motions:
         if not self.ended:
             raise ProgramError("the program has no end: its last blocks are missing")
-        table = np.array(self.rows, dtype=np.float64).reshape(-1, 12)
+        table = np.vstack([*self.tables, self._table()])
         words = np.column_stack([table[:, :3], np.radians(table[:, 3:5])])
         numbers = table[:, 9].astype(np.int64)
         tips, axes = np.zeros((len(table), 3)), np.zeros((len(table), 3))
@@ -111,18 +149,24 @@ class _Reader:
             tips=tips,
             axes=axes,
             blocks=self.blocks,
-            block_of=table[:, 11].astype(np.int64),
             controls=controls,
         )
 
     # Klartext
 
     def klartext(self, text: str) -> None:
-        length, angle = (_number(self.dialect.numbers[key].decimals, signed=True) for key in ("length", "angle"))
+        length, angle = (klartext_number(self.dialect.numbers[key].decimals) for key in ("length", "angle"))
         letters = self.machine.letters
         words = "".join(f"(?: {letter}({length if letter in 'XYZ' else angle}))?" for letter in letters)
         move = re.compile(rf"L{words} R0 F(MAX|\d+)")
-        for line, block in self._blocks(text):
+        lines, at, number = _lines(text), 0, int(self.dialect.numbering.get("first", 0))
+        while at < len(lines):
+            count = self.full_moves(lines, at, number)
+            if count:
+                at, number = at + count, number + count
+                continue
+            line, (block, at) = at + 1, self._block(lines, at, number)
+            number += 1
             found = move.fullmatch(block)
             if self.ended and not block.startswith("END PGM"):
                 raise self.wrong(line, "a block after the program's end")
@@ -133,26 +177,18 @@ class _Reader:
             else:
                 self._statement(block, line)
 
-    def _blocks(self, text: str) -> Iterator[tuple[int, str]]:
-        """Blocks without their numbers, continuation lines joined, with their line."""
-        if not text.endswith("\n"):
-            raise ProgramError("the last line is not ended: the file is cut off")
-        expected, joined, start = int(self.dialect.numbering.get("first", 0)), "", 0
-        for line, content in enumerate(text[:-1].split("\n"), start=1):
-            if joined:
-                joined += content.strip()
-            else:
-                number, _, rest = content.partition(" ")
-                if number != str(expected):
-                    raise self.wrong(line, f"block number {expected} expected, found {number!r}")
-                expected, joined, start = expected + 1, rest, line
-            if joined.endswith("~"):
-                joined = joined[:-1].rstrip() + " "
-                continue
-            yield start, joined
-            joined = ""
-        if joined:
-            raise self.wrong(start, "the last block is continued by nothing")
+    def _block(self, lines: Sequence[str], at: int, number: int) -> tuple[str, int]:
+        """The block from lines[at] on without its number, continuation lines joined, and where the next one begins."""
+        found, _, block = lines[at].partition(" ")
+        if found != str(number):
+            raise self.wrong(at + 1, f"block number {number} expected, found {found!r}")
+        start = at
+        while block.endswith("~"):
+            at += 1
+            if at == len(lines):
+                raise self.wrong(start + 1, "the last block is continued by nothing")
+            block = block[:-1].rstrip() + " " + lines[at].strip()
+        return block, at + 1
 
     def _statement(self, block: str, line: int) -> None:
         for pattern, effect in self.dialect.patterns:
@@ -188,13 +224,19 @@ class _Reader:
     # ISO
 
     def iso(self, text: str) -> None:
-        comment, word = re.compile(r"\(([^()]*)\)"), re.compile(r"([A-Z])([+-]?\d+(?:\.\d+)?)")
-        if not text.endswith("\n"):
-            raise ProgramError("the last line is not ended: the file is cut off")
-        lines = text[:-1].split("\n")
+        comment, word = re.compile(r"\(([^()]*)\)"), re.compile(rf"([A-Z])({ISO_NUMBER})")
+        lines = _lines(text)
         if lines[0] != "%" or lines[-1] != "%":
             raise ProgramError("the program is not between two lines of %: the file is cut off", line=len(lines))
-        for line, content in enumerate(lines[1:-1], start=2):
+        lines.pop()
+        at = 1
+        while at < len(lines):
+            count = self.full_moves(lines, at, -1)
+            if count:
+                at += count
+                continue
+            content, at = lines[at], at + 1
+            line = at
             found = comment.fullmatch(content)
             if found:
                 self.comment(found[1], line)
@@ -235,5 +277,7 @@ class _Reader:
         return self.dialect.codes[code]
 
 
-def _number(decimals: int, signed: bool) -> str:
-    return rf"{'[+-]' if signed else '-?'}\d+\.\d{{{decimals}}}"
+def _lines(text: str) -> list[str]:
+    if not text.endswith("\n"):
+        raise ProgramError("the last line is not ended: the file is cut off")
+    return text[:-1].split("\n")
