@@ -29,6 +29,7 @@ MESHES = (".stl", ".ply", ".obj", ".off")
 CAD = (*STEP, *IGES, *ACIS, *DXF)
 READABLE = (*MESHES, *CAD, *POINTS)
 WRITABLE = (".ply", ".stl")
+LARGEST_COORDINATE = 1e9
 
 
 @cache
@@ -82,10 +83,8 @@ def read_mesh(path: str | Path) -> TriangleMesh:
     except (meshlab().PyMeshLabException, ValueError, MemoryError) as error:
         reason = " ".join(str(error).split()).split("Error details: ")[-1]
         raise _refusal(file, f"is no readable {_kind(file)} file ({reason})", "write it anew from its source") from error
-    if not len(mesh.faces):
-        return _round_points(file, mesh.vertices)
     _refuse_lost_elements(file, data, mesh)
-    return mesh
+    return mesh if len(mesh.faces) else _round_points(file, mesh.vertices)
 
 
 def _read_other(file: Path) -> TriangleMesh:
@@ -152,7 +151,9 @@ def _bytes_of(file: Path) -> bytes:
 
 
 def _refuse_lost_elements(file: Path, data: bytes, mesh: TriangleMesh) -> None:
-    """FileError where a PLY names more vertices than MeshLab kept: it drops those that are not numbers."""
+    """FileError where a PLY names more vertices than MeshLab kept: it drops those that are not numbers. Or where a number is absurd."""
+    if (largest := np.abs(mesh.vertices).max(initial=0.0)) > LARGEST_COORDINATE:
+        raise _refusal(file, f"has a coordinate of {largest:.3g}", "export it again")
     if file.suffix.lower() == ".ply" and (match := re.search(rb"element vertex (\d+)", data)) and len(mesh.vertices) < int(match[1]):
         lost = int(match[1]) - len(mesh.vertices)
         raise _refusal(file, f"has {lost} of {int(match[1])} vertices with coordinates that are not numbers", "export it again", lost=lost)
