@@ -24,8 +24,9 @@ LIMIT_GUARD = 1e-8
 def turn(vectors: Float[ndarray, "n 3"], direction: Float[ndarray, "3"], angles: Float[ndarray, "n"]) -> Float[ndarray, "n 3"]:
     """Rodrigues: each vector turned by its angle (rad), right-handed about the unit direction."""
     cosine, sine = np.cos(angles)[:, None], np.sin(angles)[:, None]
+    x, y, z = direction
     along = (vectors @ direction)[:, None] * direction
-    return along + (vectors - along) * cosine + np.cross(direction, vectors) * sine
+    return along + (vectors - along) * cosine + (vectors @ np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]])) * sine
 
 
 def _carried(points: ndarray, axis: RotaryAxis, angles: ndarray) -> ndarray:

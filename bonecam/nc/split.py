@@ -90,19 +90,30 @@ def _pieces(control: Control, kinds: ndarray, tips: ndarray, axes: ndarray, angl
     words = control.words(tips, angles)
     rapid = kinds[1:] == Kind.RAPID
     allowed = np.where(rapid, RAPID_SLACK * tolerance, tolerance)
-    move = np.arange(len(tips) - 1)
-    worst = np.zeros(len(move))
-    for fraction in (0.25, 0.5, 0.75):
+    worst = np.zeros(len(words) - 1)
+    starts, ends = tips[:-1] + control.radius * axes[:-1], tips[1:] + control.radius * axes[1:]
+    middle = _bisected(axes[:-1], axes[1:])
+    quarters = (0.25, _bisected(axes[:-1], middle)), (0.5, middle), (0.75, _bisected(middle, axes[1:]))
+    for fraction, turned in quarters:
         tip, axis = control.between(words[:-1], words[1:], fraction)
-        meant, turned = between(tips, axes, control.radius, move, np.full(len(move), fraction))
-        lean = np.linalg.norm(axis - turned, axis=1)
-        centre = np.linalg.norm(tip - meant + control.radius * (axis - turned), axis=1)
-        off = np.maximum(centre, np.linalg.norm(tip - meant, axis=1))
-        worst = np.maximum(worst, np.maximum(off / allowed, lean / AXIS_TOLERANCE))
+        leant = axis - turned
+        centre = tip + control.radius * axis - (1 - fraction) * starts - fraction * ends
+        off = np.maximum(_lengths(centre), _lengths(centre - control.radius * leant))
+        worst = np.maximum(worst, np.maximum(off / allowed, _lengths(leant) / AXIS_TOLERANCE))
     pieces = np.where(worst > 1, np.ceil(np.sqrt(1.1 * np.minimum(worst, 1e4))), 1)
     turn = np.abs(np.diff(angles, axis=0)).max(1) / np.where(rapid, LARGEST_RAPID_TURN, LARGEST_TURN)
     pieces = np.maximum(pieces, np.ceil(turn - 1e-9))
     if not control.tool_centre:
-        length = np.linalg.norm(np.diff(tips, axis=0), axis=1)
+        length = _lengths(np.diff(tips, axis=0))
         pieces = np.maximum(pieces, np.where(rapid, 1, np.ceil(length / LONGEST_MOVE - 1e-9)))
     return np.maximum(pieces, 1).astype(np.int64)
+
+
+def _bisected(a: Float[ndarray, "n 3"], b: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+    """Halfway on the great circle; nothing (zero) between opposite axes."""
+    middle = a + b
+    return middle / np.maximum(_lengths(middle), np.finfo(float).tiny)[:, None]
+
+
+def _lengths(vectors: Float[ndarray, "n 3"]) -> Float[ndarray, "n"]:
+    return np.asarray(np.sqrt(np.einsum("ij,ij->i", vectors, vectors)))
