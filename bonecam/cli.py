@@ -18,6 +18,7 @@ import bonecam
 from bonecam.errors import BonecamError, JobError
 from bonecam.files import check_files
 from bonecam.job import Job, read_job, write_job
+from bonecam.parameters import KINDS
 from bonecam.progress import Progress, silent
 
 
@@ -132,14 +133,15 @@ def _setting(text: str, job: Job) -> tuple[str, str, Any]:
     section, dot, name = key.strip().partition(".")
     if not (equals and dot):
         raise JobError(f"--set {text}: write SECTION.NAME=VALUE, like stock.diameter=15")
-    kinds: dict[str, Any] = {item.name: type(item.default) for item in fields(getattr(job, section))} if hasattr(job, section) else {}
+    sections = {item.name: getattr(job, item.name) for item in fields(job)}
+    kinds: dict[str, Any] = {item.name: type(item.default) for item in fields(sections[section])} if section in sections else {}
     kind = kinds.get(name, str)
     try:
         if kind is bool:
             return section, name, {"true": True, "false": False}[value.strip().lower()]
         return section, name, kind(value.strip())
     except (ValueError, KeyError) as error:
-        raise JobError(f"--set {text}: give a {kind.__name__}") from error
+        raise JobError(f"--set {text}: give {KINDS[kind]}") from error
 
 
 class _Terminal:

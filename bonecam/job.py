@@ -7,62 +7,16 @@ Degrees appear only in names that end in `_deg`; all other angles are radians, l
 import dataclasses
 import math
 import tomllib
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
 from bonecam.errors import JobError
+from bonecam.parameters import Stage, check, parameter, record
 
 
 @dataclass(frozen=True)
-class Parameter:
-    """What a person needs to know of one parameter."""
-
-    label: str
-    tooltip: str
-    unit: str = ""
-    low: float = -math.inf
-    high: float = math.inf
-    choices: tuple[str, ...] = ()
-
-
-def parameter(default: Any, label: str, tooltip: str, **kinds: Any) -> Any:
-    """A dataclass field that carries its Parameter record."""
-    return field(default=default, metadata={"parameter": Parameter(label, tooltip, **kinds)})
-
-
-def record(item: "dataclasses.Field[Any]") -> Parameter:
-    """The Parameter record of a field made by `parameter`."""
-    return item.metadata["parameter"]  # type: ignore[no-any-return]
-
-
-def check(stage: Any) -> None:
-    """Raise JobError where a field of `stage` has the wrong type or leaves its range."""
-    for item in fields(stage):
-        if "parameter" not in item.metadata:
-            continue
-        value, known = getattr(stage, item.name), record(item)
-        name = f"{type(stage).__name__}.{item.name}"
-        if isinstance(item.default, float) and type(value) is int:
-            value = float(value)
-            object.__setattr__(stage, item.name, value)
-        if type(value) is not type(item.default):
-            raise JobError(f"{name} = {value!r}: give a {type(item.default).__name__}", field=item.name)
-        if known.choices and value not in known.choices:
-            raise JobError(f"{name} = {value!r}: choose one of {', '.join(known.choices)}", field=item.name)
-        if isinstance(value, int | float) and not (known.low <= value <= known.high):
-            raise JobError(f"{name} = {value}: keep it within {known.low:g} .. {known.high:g} {known.unit}".rstrip(), field=item.name)
-
-
-class _Stage:
-    """Base of the stage records: checks its fields when made."""
-
-    def __post_init__(self) -> None:
-        check(self)
-
-
-@dataclass(frozen=True)
-class MeshJob(_Stage):
+class MeshJob(Stage):
     """How the mesh is read, repaired and cut into rows."""
 
     units: str = parameter("mm", "Units", "Unit of the mesh file's coordinates.", choices=("mm", "m", "inch"))
@@ -83,7 +37,7 @@ class MeshJob(_Stage):
 
 
 @dataclass(frozen=True)
-class SurfaceJob(_Stage):
+class SurfaceJob(Stage):
     """How well the T-spline follows the mesh."""
 
     tolerance: float = parameter(
@@ -96,7 +50,7 @@ class SurfaceJob(_Stage):
 
 
 @dataclass(frozen=True)
-class StockJob(_Stage):
+class StockJob(Stage):
     """What the part is cut from, upright on the Z axis, and how the part lies in it. A size of zero: the smallest that holds the part."""
 
     kind: str = parameter(
@@ -127,7 +81,7 @@ class StockJob(_Stage):
 
 
 @dataclass(frozen=True)
-class HoldingJob(_Stage):
+class HoldingJob(Stage):
     """The post that holds the part at its lower end, on the table."""
 
     diameter: float = parameter(4.0, "Post diameter", "Diameter of the post left at the lower end.", unit="mm", low=0.5, high=100.0)
@@ -135,7 +89,7 @@ class HoldingJob(_Stage):
 
 
 @dataclass(frozen=True)
-class LevelsJob(_Stage):
+class LevelsJob(Stage):
     """The morph: depth schedule and energy (Gan et al. 2014, section 4.2)."""
 
     finishing_depth: float = parameter(
@@ -178,16 +132,16 @@ class LevelsJob(_Stage):
             try:
                 *first, beyond = (float(word) for word in self.depths.replace(",", " ").split())
             except ValueError as error:
-                raise JobError(f"LevelsJob.depths = {self.depths!r}: give numbers like '0.1 0.1 0.5'", field="depths") from error
+                raise JobError(f"depths = {self.depths!r}: give numbers like '0.1 0.1 0.5'", field="depths") from error
             if not all(0 < depth < math.inf for depth in (*first, beyond)):
-                raise JobError(f"LevelsJob.depths = {self.depths!r}: every depth must be positive", field="depths")
+                raise JobError(f"depths = {self.depths!r}: every depth must be positive", field="depths")
             return tuple(first), beyond
         count = self.finishing_levels if self.schedule == "numbers" else 0
         return (self.finishing_depth,) * count, self.roughing_depth
 
 
 @dataclass(frozen=True)
-class ToolJob(_Stage):
+class ToolJob(Stage):
     """One ball-end cutter in its holder, from the tip up: ball and flutes, shank, holder."""
 
     radius: float = parameter(2.0, "Radius", "Ball radius.", unit="mm", low=0.05, high=50.0)
@@ -206,7 +160,7 @@ FINISHING = ToolJob(radius=1.0, flute_length=4.0, shank_diameter=2.0, overhang=2
 
 
 @dataclass(frozen=True)
-class PathJob(_Stage):
+class PathJob(Stage):
     """How a level is covered and how passes are linked."""
 
     direction: str = parameter(
@@ -229,7 +183,7 @@ class PathJob(_Stage):
 
 
 @dataclass(frozen=True)
-class NcJob(_Stage):
+class NcJob(Stage):
     """Machine, controller and feeds."""
 
     machine: str = parameter("mikron-ucp600", "Machine", "Name of a machine file.")
@@ -271,7 +225,10 @@ class Job:
                 raise JobError(
                     f"[{section}] knows no {sorted(unknown)[0]!r}: use one of {', '.join(i.name for i in fields(stage))}", section=section
                 )
-            stages[section] = dataclasses.replace(stage, **values)
+            try:
+                stages[section] = dataclasses.replace(stage, **values)
+            except JobError as error:
+                raise JobError(f"[{section}] {error}", section=section, **error.evidence) from error
         return dataclasses.replace(self, **stages)
 
     def is_finishing(self, level: int) -> bool:
@@ -285,11 +242,11 @@ class Job:
 def read_job(path: str | Path, base: Job | None = None) -> Job:
     """The job of a TOML file: sections named as the fields of Job; what is left out keeps its default."""
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        text = Path(path).read_text(encoding="utf-8-sig")
         values = tomllib.loads(text)
     except OSError as error:
         raise JobError(f"{path}: {error.strerror}: give a readable job file", file=str(path)) from error
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except ValueError as error:
         raise JobError(f"{path}: {error}: mend the TOML there", file=str(path)) from error
     loose = [name for name, value in values.items() if not isinstance(value, dict)]
     if loose:

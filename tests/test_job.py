@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from bonecam.errors import JobError, LevelError
-from bonecam.job import Job, read_job, record, write_job
+from bonecam.job import Job, read_job, write_job
+from bonecam.parameters import record
 
 
 def test_a_written_job_reads_back_equal(tmp_path: Path) -> None:
@@ -36,6 +37,12 @@ def test_every_parameter_states_label_tooltip_and_a_default_within_its_range() -
         ('[mesh]\nunits = "feet"', "units"),
         ("[nc]\ncoolant = 1", "coolant"),
         ("[stock]\ndiameter = nan", "diameter"),
+        ("[finishing]\nradius = -1", r"\[finishing\] radius = -1"),
+        ("[mesh]\nrows = 48.0", "give a whole number"),
+        ("[stock]\ndiameter = " + "9" * 400, "give a number"),
+        ("[stock]\ndiameter = " + "9" * 5000, "mend the TOML"),
+        ("[[stock]]\ndiameter = 1", "stock"),
+        ('[levels]\ndepths = "0.1 x"', r"\[levels\] depths"),
     ],
 )
 def test_a_wrong_job_file_is_refused_with_its_name_and_place(tmp_path: Path, text: str, named: str) -> None:
@@ -44,6 +51,11 @@ def test_a_wrong_job_file_is_refused_with_its_name_and_place(tmp_path: Path, tex
     with pytest.raises(JobError, match=named) as caught:
         read_job(file)
     assert "job.toml" in str(caught.value)
+
+
+def test_a_byte_order_mark_before_the_job_is_no_matter(tmp_path: Path) -> None:
+    (tmp_path / "job.toml").write_bytes(b"\xef\xbb\xbf[stock]\ndiameter = 15\n")
+    assert read_job(tmp_path / "job.toml").stock.diameter == 15.0
 
 
 def test_a_missing_job_file_is_refused(tmp_path: Path) -> None:

@@ -8,8 +8,9 @@ from hypothesis import strategies as st
 
 from bonecam.errors import FilterError
 from bonecam.filters.parameter import FilterParameter, Kind, Percentage, parameters_of, stage_of
-from bonecam.job import Job, LevelsJob, StockJob, fields, record
+from bonecam.job import Job, LevelsJob, StockJob, fields
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.parameters import record
 
 BOX = TriangleMesh(np.array([[0.0, 0, 0], [30, 0, 0], [0, 40, 0]]), np.array([[0, 1, 2]], dtype=np.int32))
 LENGTH = FilterParameter("depth", Kind.LENGTH, 0.5, "Depth", "How deep.", "mm", 0.01, 20.0)
