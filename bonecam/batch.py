@@ -9,17 +9,22 @@ import hashlib
 import io
 import json
 import multiprocessing
+import os
+import signal
 import time
-from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
+from multiprocessing.connection import Connection, wait
 from pathlib import Path
+from threading import Thread
 
 import bonecam
 from bonecam.errors import BonecamError, FileError, JobError
 from bonecam.files import write_whole
 from bonecam.job import Job, write_job
+from bonecam.nc.dialect import read_dialect
+from bonecam.nc.machine import read_machine
 
 
 @dataclass(frozen=True)
@@ -35,6 +40,9 @@ class Outcome:
     message: str
 
 
+Work = Callable[[Path, Path, Job], Outcome]
+
+
 def convert_many(
     meshes: Sequence[str | Path],
     folder: str | Path,
@@ -43,27 +51,94 @@ def convert_many(
     jobs: int = 2,
     resume: bool = False,
     told: Callable[[Outcome, int], object] = lambda outcome, left: None,
+    work: Work | None = None,
 ) -> list[Outcome]:
     """Convert every mesh into `folder`, `jobs` at a time; also writes `batch.csv` there after each mesh.
 
-    Raises JobError where two meshes have one name (their programs would overwrite each other) or there is none.
+    `work` (default `convert_one`) is what each new process does.     Raises JobError where two meshes have one name (their programs would overwrite each other) or there is none.
     """
     job, target = job or Job(), Path(folder)
     files = [Path(mesh) for mesh in meshes]
     _check_names(files, jobs)
+    read_machine(job.nc.machine), read_dialect(job.nc.controller)
     try:
         target.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise FileError(f"{target}: {error.strerror}: name a folder that may be made", file=str(target)) from error
     outcomes: dict[int, Outcome] = {}
-    with ThreadPoolExecutor(jobs) as pool:
-        waiting = {pool.submit(_one, file, target, job, resume): index for index, file in enumerate(files)}
-        for future in as_completed(waiting):
-            index = waiting[future]
-            outcomes[index] = future.result()
-            told(outcomes[index], len(files) - len(outcomes))
-            write_whole(target / "batch.csv", _table([outcomes[i] for i in sorted(outcomes)]))
+    for index, outcome in _outcomes(files, target, job, jobs, resume, work or convert_one):
+        outcomes[index] = outcome
+        write_whole(target / "batch.csv", _table([outcomes[i] for i in sorted(outcomes)]))
+        told(outcome, len(files) - len(outcomes))
     return [outcomes[i] for i in sorted(outcomes)]
+
+
+def _outcomes(files: Sequence[Path], folder: Path, job: Job, jobs: int, resume: bool, work: Work) -> Iterator[tuple[int, Outcome]]:
+    """The outcome of each file, by its index, as they come; no process is left where the loop is left early."""
+    waiting = deque(enumerate(files))
+    running: dict[Connection, _Running] = {}
+    try:
+        while waiting or running:
+            while waiting and len(running) < jobs:
+                index, file = waiting.popleft()
+                if resume and (kept := _kept(file, folder, job)):
+                    yield index, kept
+                else:
+                    one = _Running(index, work, file, folder, job)
+                    running[one.ending] = one
+            ready = wait(list(running))
+            for ending in [ending for ending in running if ending in ready]:
+                one = running.pop(ending)
+                yield one.index, one.outcome()
+    finally:
+        for one in running.values():
+            one.process.kill()
+            one.process.join()
+
+
+class _Running:
+    """One mesh in a new process; whatever happens to it becomes an Outcome."""
+
+    def __init__(self, index: int, work: Work, mesh: Path, folder: Path, job: Job) -> None:
+        self.index, self.mesh, self.began = index, mesh, time.perf_counter()
+        spawn = multiprocessing.get_context("spawn")
+        self.ending, answer = spawn.Pipe(duplex=False)
+        self.process = spawn.Process(target=_answer, args=(answer, work, mesh, folder, job))
+        self.process.start()
+        answer.close()
+
+    def outcome(self) -> Outcome:
+        """What came of it, once it has answered or ended."""
+        try:
+            found: Outcome | str = self.ending.recv()
+        except EOFError:
+            found = ""
+        self.ending.close()
+        self.process.join()
+        if isinstance(found, Outcome):
+            return found
+        died = f"its process died (exit {self.process.exitcode}; out of memory?): try it alone with bonecam convert -v"
+        return Outcome(str(self.mesh), "failed", "", 0, 0.0, round(time.perf_counter() - self.began, 2), found or died)
+
+
+def _answer(answer: Connection, work: Work, mesh: Path, folder: Path, job: Job) -> None:
+    """In the new process: the Outcome of a mesh, or what went wrong."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to the parent, which ends us
+    Thread(target=_end_with_parent, daemon=True).start()
+    try:
+        answer.send(work(mesh, folder, job))
+    except BonecamError as error:
+        answer.send(" ".join(str(error).splitlines()))
+    except Exception as error:
+        answer.send(f"internal error {type(error).__name__}: {' '.join(str(error).split())}: please report it with the mesh")
+
+
+def _end_with_parent() -> None:
+    """End this process as soon as its parent is gone, killed for instance: nobody waits for the outcome."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)
 
 
 def _check_names(files: Sequence[Path], jobs: int) -> None:
@@ -79,36 +154,20 @@ def _check_names(files: Sequence[Path], jobs: int) -> None:
 
 
 def fingerprint(mesh: Path, job: Job) -> str:
-    """A hash of all that decides the outcome: the mesh's bytes, the job and the version."""
+    """A hash of all that decides the outcome: the version, the job, the bytes of the mesh and of the files that the job names."""
     digest = hashlib.sha256(bonecam.__version__.encode() + b"\0" + write_job(job).encode() + b"\0")
-    digest.update(mesh.read_bytes())
+    for file in (mesh, *map(Path, (job.stock.mesh, job.nc.machine, job.nc.controller))):
+        digest.update(hashlib.sha256(file.read_bytes() if file.is_file() else b"").digest())
     return digest.hexdigest()
-
-
-def _one(mesh: Path, folder: Path, job: Job, resume: bool) -> Outcome:
-    """One mesh in one new process; whatever happens to it becomes an Outcome."""
-    began = time.perf_counter()
-    if resume and (kept := _kept(mesh, folder, job)):
-        return kept
-    try:
-        with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as process:
-            return process.submit(convert_one, mesh, folder, job).result()
-    except BrokenProcessPool:
-        message = "the process died (out of memory?): try it alone with bonecam convert -v"
-    except BonecamError as error:
-        message = str(error)
-    except Exception as error:
-        message = f"internal error {type(error).__name__}: {error}: please report it with the mesh"
-    return Outcome(str(mesh), "failed", "", 0, 0.0, round(time.perf_counter() - began, 2), message)
 
 
 def convert_one(mesh: Path, folder: Path, job: Job) -> Outcome:
     """Convert in this process and write program and report into `folder`, the report last."""
-    began = time.perf_counter()
+    began, mark = time.perf_counter(), fingerprint(mesh, job)
     result = bonecam.convert(mesh, job)
     program = folder / f"{mesh.stem}{result.program.extension}"
     write_whole(program, result.program.text)
-    report = {**result.report, "nc": {**result.report["nc"], "file": program.name}, "fingerprint": fingerprint(mesh, job)}
+    report = {**result.report, "nc": {**result.report["nc"], "file": program.name}, "fingerprint": mark}
     write_whole(folder / f"{mesh.stem}.json", json.dumps(report, indent=2) + "\n")
     seconds = round(time.perf_counter() - began, 2)
     return Outcome(str(mesh), "done", program.name, len(report["levels"]) - 1, report["nc"]["time_min"], seconds, "")
@@ -120,7 +179,7 @@ def _kept(mesh: Path, folder: Path, job: Job) -> Outcome | None:
         report = json.loads((folder / f"{mesh.stem}.json").read_text(encoding="utf-8"))
         if report["fingerprint"] != fingerprint(mesh, job) or not (folder / report["nc"]["file"]).is_file():
             return None
-    except (OSError, ValueError, KeyError):
+    except (OSError, ValueError, KeyError, TypeError):
         return None
     return Outcome(str(mesh), "kept", report["nc"]["file"], len(report["levels"]) - 1, report["nc"]["time_min"], 0.0, "")
 

@@ -1,35 +1,162 @@
+"""Many meshes: none stops the others, whatever happens to its process; a run that was killed goes on where it stopped."""
+
 import csv
+import os
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
-from bonecam.batch import Outcome, convert_many
-from bonecam.errors import JobError
+import bonecam
+from bonecam.batch import Outcome, convert_many, convert_one
+from bonecam.errors import BonecamError, FileError, JobError
 from bonecam.job import Job
 
+ROWS = list(Outcome.__dataclass_fields__)
 
-def bad_meshes(folder: Path, count: int) -> list[Path]:
-    files = [folder / f"bad{k}.stl" for k in range(count)]
-    for file in files:
-        file.write_text("no mesh at all", encoding="utf-8")
+
+def work(mesh: Path, folder: Path, job: Job) -> Outcome:
+    """What the mesh file says: stand in for the chain, which takes a minute."""
+    orders = mesh.read_text(encoding="utf-8").split()
+    if "die" in orders:
+        os.kill(os.getpid(), signal.SIGKILL)
+    if "break" in orders:
+        raise ZeroDivisionError("two\nlines")
+    if "refuse" in orders:
+        raise FileError(f'{mesh}: is "bad", and\nmore: mend it')
+    if "sleep" in orders:
+        (folder / f"{mesh.stem}.began").touch()
+        time.sleep(60)
+    report = {"levels": [{}, {}, {}], "nc": {"time_min": 1.5, "file": ""}}
+    made = SimpleNamespace(program=SimpleNamespace(extension=".h", text=f"BEGIN {os.getpid()}\n"), report=report)
+    bonecam.convert = lambda mesh, job: made  # type: ignore[attr-defined]
+    return convert_one(mesh, folder, job)
+
+
+def meshes(folder: Path, **orders: str) -> list[Path]:
+    files = [folder / f"{name}.stl" for name in orders]
+    for file, text in zip(files, orders.values()):
+        file.write_text(text, encoding="utf-8")
     return files
 
 
-def test_bad_meshes_fail_one_by_one_and_the_table_names_each(tmp_path: Path) -> None:
-    told: list[Outcome] = []
-    outcomes = convert_many(bad_meshes(tmp_path, 2), tmp_path / "out", Job(), jobs=2, told=lambda outcome, left: told.append(outcome))
-    assert [outcome.state for outcome in outcomes] == ["failed", "failed"]
-    assert all(Path(outcome.mesh).name in outcome.message for outcome in outcomes)
-    with open(tmp_path / "out" / "batch.csv", encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
-    assert [row["state"] for row in rows] == ["failed", "failed"]
-    assert {outcome.mesh for outcome in told} == {row["mesh"] for row in rows}
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["batch.csv"]
+def table(folder: Path) -> list[dict[str, str]]:
+    with open(folder / "batch.csv", encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_each_mesh_has_its_line_whatever_happens_to_its_process(tmp_path: Path) -> None:
+    files = meshes(tmp_path, a="good", b="die", c="refuse", d="break", e="good")
+    told: list[tuple[str, int]] = []
+    out = tmp_path / "out"
+    outcomes = convert_many(files, out, jobs=2, told=lambda outcome, left: told.append((outcome.mesh, left)), work=work)
+    assert [outcome.state for outcome in outcomes] == ["done", "failed", "failed", "failed", "done"]
+    rows = table(out)
+    assert [list(row) for row in rows] == [ROWS] * 5
+    assert [(row["mesh"], row["state"], row["message"]) for row in rows] == [(o.mesh, o.state, o.message) for o in outcomes]
+    assert [row["program"] for row in rows] == ["a.h", "", "", "", "e.h"]
+    assert (rows[0]["levels"], rows[0]["time_min"]) == ("2", "1.5")
+    assert "process died (exit -9" in rows[1]["message"]
+    assert rows[2]["message"] == f'{files[2]}: is "bad", and more: mend it'
+    assert "ZeroDivisionError: two lines" in rows[3]["message"]
+    assert [left for _, left in told] == [4, 3, 2, 1, 0]
+    assert sorted(path.name for path in out.iterdir()) == ["a.h", "a.json", "batch.csv", "e.h", "e.json"]
+
+
+def test_the_real_chain_refuses_what_is_no_mesh(tmp_path: Path) -> None:
+    (outcome,) = convert_many(meshes(tmp_path, a="no mesh at all"), tmp_path / "out")
+    assert outcome.state == "failed"
+    assert "a.stl: is text but no STL" in outcome.message
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["batch.csv"]
+
+
+def test_resuming_does_only_what_is_missing_or_was_done_from_something_else(tmp_path: Path) -> None:
+    files = meshes(tmp_path, same="good", changed="good", lost="good", broken="good")
+    machine = tmp_path / "mill.toml"
+    machine.write_bytes((Path(bonecam.__file__).parent / "nc" / "machines" / "mikron-ucp600.toml").read_bytes())
+    out, job = tmp_path / "out", Job().with_values(nc={"machine": str(machine)})
+
+    def states() -> list[str]:
+        return [outcome.state for outcome in convert_many(files, out, job, resume=True, work=work)]
+
+    assert states() == ["done"] * 4
+    files[1].write_text("good as well", encoding="utf-8")
+    (out / "lost.h").unlink()
+    (out / "broken.json").write_text("[]", encoding="utf-8")
+    before = (out / "same.h").read_bytes()
+    assert states() == ["kept", "done", "done", "done"]
+    assert (out / "same.h").read_bytes() == before
+    assert [row["state"] for row in table(out)] == ["kept", "done", "done", "done"]
+    machine.write_text(machine.read_text() + "# another\n", encoding="utf-8")
+    assert states() == ["done"] * 4
+
+
+SCRIPT = """
+import sys
+from pathlib import Path
+from bonecam.batch import convert_many
+from test_batch import work
+if __name__ == "__main__":
+    try:
+        convert_many(sys.argv[2:], sys.argv[1], jobs=2, resume=True, work=work)
+    except KeyboardInterrupt:
+        sys.exit(130)
+"""
+
+
+@pytest.mark.parametrize(("kind", "code"), [(signal.SIGKILL, -9), (signal.SIGINT, 130)])
+def test_a_run_that_is_killed_leaves_no_process_and_goes_on_where_it_stopped(kind: signal.Signals, code: int, tmp_path: Path) -> None:
+    files = meshes(tmp_path, a="good", b="sleep", c="sleep", d="good")
+    out = tmp_path / "out"
+    (tmp_path / "run.py").write_text(SCRIPT, encoding="utf-8")
+    paths = os.pathsep.join([str(Path(__file__).parent), *filter(None, sys.path)])
+    with subprocess.Popen([sys.executable, tmp_path / "run.py", out, *files], env={**os.environ, "PYTHONPATH": paths}) as run:
+        until(lambda: (out / "b.began").exists() and (out / "c.began").exists())
+        workers = children(run.pid)
+        run.send_signal(kind)
+        assert run.wait() == code
+    until(lambda: not any(alive(worker) for worker in workers))
+    assert sorted(path.name for path in out.iterdir()) == ["a.h", "a.json", "b.began", "batch.csv", "c.began"]
+    assert [row["state"] for row in table(out)] == ["done"]
+    for file in files[1:3]:
+        file.write_text("good", encoding="utf-8")
+    assert [outcome.state for outcome in convert_many(files, out, resume=True, work=work)] == ["kept", "done", "done", "done"]
+
+
+def until(answer: object, seconds: float = 30.0) -> None:
+    """Wait until `answer()` holds."""
+    end = time.monotonic() + seconds
+    while not answer():  # type: ignore[operator]
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+
+def children(process: int) -> list[int]:
+    return [int(word) for word in Path(f"/proc/{process}/task/{process}/children").read_text().split()]
+
+
+def alive(process: int) -> bool:
+    """Whether a process runs still; an ended one that nobody has asked about does not."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except OSError:
+        return False
 
 
 def test_two_meshes_of_one_name_are_refused_before_anything_runs(tmp_path: Path) -> None:
     with pytest.raises(JobError, match="bone"):
         convert_many([tmp_path / "a" / "bone.stl", tmp_path / "b" / "bone.ply"], tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("values", [{"machine": "lathe"}, {"controller": "klartext"}])
+def test_a_machine_that_is_not_known_is_refused_before_anything_runs(values: dict[str, str], tmp_path: Path) -> None:
+    with pytest.raises(BonecamError, match="is unknown"):
+        convert_many([tmp_path / "bone.stl"], tmp_path / "out", Job().with_values(nc=values))
     assert not (tmp_path / "out").exists()
 
 
