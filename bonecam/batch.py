@@ -55,7 +55,8 @@ def convert_many(
 ) -> list[Outcome]:
     """Convert every mesh into `folder`, `jobs` at a time; also writes `batch.csv` there after each mesh.
 
-    `work` (default `convert_one`) is what each new process does.     Raises JobError where two meshes have one name (their programs would overwrite each other) or there is none.
+    `work` (default `convert_one`) is what each new process does. A process ends with this one, however that ends.
+    Raises JobError where two meshes have one name (their programs would overwrite each other) or there is none.
     """
     job, target = job or Job(), Path(folder)
     files = [Path(mesh) for mesh in meshes]
