@@ -23,12 +23,13 @@ COLUMNS = "level,pass,index,contact_x,contact_y,contact_z,tip_x,tip_y,tip_z,axis
 def keep(folder: str | Path, surface: TSpline, levels: Sequence[Level], paths: Sequence[ToolPath], post: tuple[float, float]) -> None:
     """Write surface.tspline, level_00.ply ..., toolpath.csv, levels.png, depths.png and toolpath.png; all of them or none.
 
-    The levels' vertices carry the depth of their cut (mm) as quality. `post` is (diameter, top z) in mm.
+    The levels' vertices carry the depth of their cut (mm) as quality and colour (all on one scale). `post` is (diameter, top z) in mm.
     """
     with whole_folder(folder) as work:
         write_tsm(surface, work / "surface.tspline")
+        deepest = max(level.limit for level in levels)
         for level, depth in zip(levels, step_depths(levels), strict=True):
-            write_mesh(level.mesh, work / f"level_{level.index:02d}.ply", quality=depth)
+            write_mesh(level.mesh, work / f"level_{level.index:02d}.ply", quality=depth, largest=deepest)
         write_whole(work / "toolpath.csv", toolpath_csv(paths))
         draw_levels(levels, post, work / "levels.png")
         draw_depths(levels, line_depths(levels), work / "depths.png")

@@ -44,11 +44,11 @@ def morph_levels(layers: Layers, values: Mapping[str, Any], progress: Progress) 
     morph = make_levels(surface, stock, job, progress)
     source = layers.meshset.current_mesh_id()
     kept = {"morph": morph, "job": job}
-    part = source
+    part, deepest = source, max(level.limit for level in morph.levels)
     for level, depth in zip(morph.levels, step_depths(morph.levels), strict=True):
         layers.select(source)
         own = {"level": level} if level.surface is None else {"level": level, "surface": level.surface}
-        key = layers.add(level.mesh, f"level_{level.index:02d}", quality=depth, keep={**kept, **own})
+        key = layers.add(level.mesh, f"level_{level.index:02d}", quality=depth, keep={**kept, **own}, largest=deepest)
         part = key if level.index == 0 else part
     layers.select(part)
     return {"cuts": len(morph.levels) - 1, "levels_lower_bound": morph.lower_bound, **figures(morph.levels)}
@@ -111,8 +111,8 @@ FILTERS = (
         "generate_morph_levels",
         "Generate Morph Levels",
         "Morphs the T-spline into the stock in levels that keep their cutting depth, lie inside the stock and enclose one another; adds "
-        "them as layers level_00 (the part) ... level_K (the stock), coloured by depth. Layer level_00 becomes the current one. The "
-        "quadratic programs are solved on the control points by splitting (ADMM).",
+        "them as layers level_00 (the part) ... level_K (the stock), coloured by depth on one scale. Layer level_00 becomes the "
+        "current one. The quadratic programs are solved on the control points by splitting (ADMM).",
         CATEGORY,
         parameters_of(LevelsJob()),
         morph_levels,

@@ -11,7 +11,7 @@ from bonecam.cli import main
 from bonecam.errors import LevelError
 from bonecam.keep import failed_level_kept
 from bonecam.levels.cylinder import Cylinder
-from bonecam.mesh.files import read_mesh
+from bonecam.mesh.files import meshlab, read_mesh, write_mesh
 
 PATCH = Cylinder(2.0, 0.0, 3.0).mesh(0.1)
 
@@ -42,3 +42,17 @@ def test_the_command_line_names_the_patch(tmp_path: Path, monkeypatch: pytest.Mo
     assert main(["convert", str(shipped("phalanx")), "-o", str(program), "--keep", str(folder), "-q"]) == 2
     assert "failed_level_07.ply shows it" in capsys.readouterr().err
     assert [item.name for item in tmp_path.iterdir()] == ["keep"]
+
+
+def test_kept_levels_are_coloured_on_one_scale(tmp_path: Path) -> None:
+    colours = {}
+    for name, depths in (("shallow", [0.0, 0.1]), ("deep", [0.1, 0.5])):
+        quality = np.linspace(*depths, len(PATCH.vertices))
+        write_mesh(PATCH, tmp_path / f"{name}.ply", quality=quality, largest=0.5)
+        meshset = meshlab().MeshSet()
+        meshset.load_new_mesh(str(tmp_path / f"{name}.ply"))
+        found = meshset.current_mesh()
+        assert np.allclose(found.vertex_scalar_array(), quality, atol=1e-6)
+        colours[name] = found.vertex_color_matrix()
+    assert np.allclose(colours["shallow"][-1], colours["deep"][0], atol=0.02)
+    assert np.abs(colours["shallow"][0] - colours["deep"][-1]).max() > 0.5

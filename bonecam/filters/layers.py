@@ -17,7 +17,7 @@ from numpy import ndarray
 
 from bonecam.errors import FilterError
 from bonecam.job import Job
-from bonecam.mesh.files import meshlab
+from bonecam.mesh.files import colours_to, meshlab
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 Value = TypeVar("Value")
@@ -84,12 +84,22 @@ class Layers:
         found: Job = self._valid().get("job", Job())
         return found
 
-    def add(self, mesh: TriangleMesh, name: str, quality: Float[ndarray, " n"] | None = None, keep: Mapping[str, Any] | None = None) -> int:
-        """A new current layer with the kept values of the layer before and `keep`; `quality` is a number a vertex, shown as colour."""
+    def add(
+        self,
+        mesh: TriangleMesh,
+        name: str,
+        quality: Float[ndarray, " n"] | None = None,
+        keep: Mapping[str, Any] | None = None,
+        largest: float = 0.0,
+    ) -> int:
+        """A new current layer with the kept values of the layer before and `keep`.
+
+        `quality` is a number a vertex, shown as colour: from 0 to `largest`, or without that over its own range.
+        """
         extra = {} if quality is None else {"v_scalar_array": np.asarray(quality, dtype=np.float64)}
         key = self._new(meshlab().Mesh(mesh.vertices, mesh.faces, **extra), name, keep or {})
         if quality is not None:
-            self.native("compute_color_from_scalar_per_vertex")
+            self.native("compute_color_from_scalar_per_vertex", **(colours_to(largest) if largest > 0 else {}))
         return key
 
     def add_polyline(self, points: Float[ndarray, "n 3"], edges: ndarray, name: str, quality: Float[ndarray, " n"]) -> int:

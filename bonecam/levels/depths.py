@@ -14,10 +14,11 @@ LINE, POINTS = 0.7, 1000
 
 
 def step_depths(levels: Sequence[Level]) -> list[Float[ndarray, " n"]]:
-    """For each level the distance of its mesh vertices to the level before it, mm; zero on the part."""
+    """For each level the distance of its mesh vertices to the level before it (its surface, not its mesh), mm; zero on the part."""
     found = [np.zeros(len(levels[0].mesh.vertices))]
     for before, level in pairwise(levels):
-        found.append(np.asarray(MeshDistance(before.mesh).unsigned(level.mesh.vertices), dtype=np.float64))
+        points, surface = level.mesh.vertices, before.surface if before.within is None else None
+        found.append(surface.project(points).distances if surface else MeshDistance(before.mesh).unsigned(points))
     return found
 
 

@@ -112,8 +112,11 @@ def _round_points(file: Path, points: Float[ndarray, "n 3"]) -> TriangleMesh:
         raise MeshError(f"{file}: {error}", file=str(file), **error.evidence) from error
 
 
-def write_mesh(mesh: TriangleMesh, path: str | Path, quality: Float[ndarray, " n"] | None = None) -> None:
-    """Write `mesh` as binary PLY or STL, whole or not at all; `quality` is a number a vertex (PLY only)."""
+def write_mesh(mesh: TriangleMesh, path: str | Path, quality: Float[ndarray, " n"] | None = None, largest: float = 0.0) -> None:
+    """Write `mesh` as binary PLY or STL, whole or not at all.
+
+    `quality` is a number a vertex (PLY only), coloured from 0 to `largest` where that is given.
+    """
     target = Path(path)
     if target.suffix.lower() not in WRITABLE:
         raise _refusal(target, f"has the unknown ending {target.suffix!r}", f"end the name in one of {', '.join(WRITABLE)}")
@@ -122,7 +125,12 @@ def write_mesh(mesh: TriangleMesh, path: str | Path, quality: Float[ndarray, " n
     extra: dict[str, Any] = {} if quality is None else {"v_scalar_array": np.asarray(quality, dtype=np.float64)}
     meshset = meshlab().MeshSet()
     meshset.add_mesh(meshlab().Mesh(mesh.vertices, mesh.faces, **extra))
-    options: dict[str, Any] = {"save_vertex_quality": quality is not None} if target.suffix.lower() == ".ply" else {}
+    shown = quality is not None and largest > 0
+    options: dict[str, Any] = {}
+    if target.suffix.lower() == ".ply":
+        options = {"save_vertex_quality": quality is not None, "save_vertex_color": shown}
+    if shown:
+        meshset.compute_color_from_scalar_per_vertex(**colours_to(largest))
     try:
         with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}.") as folder:
             work = Path(folder) / f"mesh{target.suffix.lower()}"
@@ -130,6 +138,11 @@ def write_mesh(mesh: TriangleMesh, path: str | Path, quality: Float[ndarray, " n
             os.replace(work, target)
     except OSError as error:
         raise _refusal(target, f"cannot be written ({error.strerror})", "choose a folder that exists and may be written") from error
+
+
+def colours_to(largest: float) -> dict[str, Any]:
+    """Parameters of MeshLab's colouring by quality on one scale from 0 to `largest`, dark to light."""
+    return {"minval": 0.0, "maxval": largest, "colormap": "Viridis"}
 
 
 def _welded(mesh: TriangleMesh) -> TriangleMesh:

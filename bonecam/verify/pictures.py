@@ -5,6 +5,7 @@ The only door to matplotlib; it loads when a picture is drawn and needs no displ
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -50,7 +51,7 @@ def draw_levels(levels: Sequence[Level], post: tuple[float, float], path: str | 
         for level in levels:
             flat = section(level.mesh, np.zeros(3), normal)[:, :, [across, 2]]
             width = 1.6 if level.index in (0, levels[-1].index) else 0.8
-            plot.add_collection(LineCollection(list(flat), colors=[colour(level.index)], linewidths=width))
+            plot.add_collection(LineCollection(list(flat), colors=[colour(level.index)], linewidths=width, capstyle="round"))
         diameter, top = post
         low = float(levels[-1].mesh.bounds[0, 2])
         plot.plot([-diameter / 2, -diameter / 2, np.nan, diameter / 2, diameter / 2], [low - 2, top, np.nan, low - 2, top], "k--", lw=0.8)
@@ -59,7 +60,7 @@ def draw_levels(levels: Sequence[Level], post: tuple[float, float], path: str | 
         plot.set_xlabel(f"{name} (mm)")
     axes[0].set_ylabel("z (mm)")
     figure.suptitle(f"Levels 0 (part) to {levels[-1].index} (stock); dashed: the post")
-    figure.colorbar(_scale(Normalize(0, len(levels) - 1)), ax=axes, label="level", shrink=0.6)
+    figure.colorbar(_scale(Normalize(0, len(levels) - 1)), ax=axes, label="level", shrink=0.6, ticks=_whole())
     figure.savefig(path, metadata={"Software": None})
 
 
@@ -77,13 +78,14 @@ def draw_depths(levels: Sequence[Level], line: Float[ndarray, "k n"], path: str 
     above.set_ylim(0, 1.05 * max(level.limit for level in levels))
     above.set_xlabel("point on the line, from the lower to the upper pole")
     above.set_ylabel("distance between levels (mm)")
-    figure.colorbar(_scale(Normalize(1, len(line))), ax=above, label="cut")
+    figure.colorbar(_scale(Normalize(1, len(line))), ax=above, label="cut", ticks=_whole())
     shares = np.array([level.histogram for level in levels[1:]])
     image = below.imshow(
         100 * shares, aspect="auto", origin="lower", cmap="magma_r", extent=(0, 100, 0.5, len(shares) + 0.5), interpolation="nearest"
     )
     below.set_xlabel("depth, % of the cut's limit")
     below.set_ylabel("cut")
+    below.yaxis.set_major_locator(_whole())
     figure.colorbar(image, ax=below, label="% of the level's area")
     figure.suptitle("Depths of the cuts")
     figure.savefig(path, metadata={"Software": None})
@@ -172,6 +174,13 @@ def _colours(count: int):  # type: ignore[no-untyped-def]
 
     table = colormaps[CUT_COLOURS]
     return lambda index: table(index / max(count - 1, 1))
+
+
+def _whole() -> Any:
+    """Ticks at whole numbers."""
+    from matplotlib.ticker import MaxNLocator
+
+    return MaxNLocator(integer=True)
 
 
 def _scale(norm: object):  # type: ignore[no-untyped-def]

@@ -33,7 +33,7 @@ def test_every_vertex_carries_the_depth_of_its_cut(made: Morph) -> None:
     assert not found[0].any()
     for level, depth in zip(made.levels, found):
         assert len(depth) == len(level.mesh.vertices)
-        assert depth.max() <= level.limit + 0.02
+        assert depth.max() <= level.limit + 0.002
 
 
 def test_the_picture_of_depths_is_drawn(made: Morph, tmp_path: Path) -> None:
