@@ -18,7 +18,7 @@ from numpy import ndarray
 from bonecam.surface.tspline import TSpline
 
 GAUSS, AROUND, MOST_AROUND, LEAST_AROUND = 3, 3, 400, 12
-WATCH_ALONG, WATCH_AROUND, NEAR_POLE = 8, 6, 1e-3
+NEAR_POLE = 1e-3
 CLOSE_TO_POLE = (0.005, 0.02, 0.05)
 
 
@@ -62,20 +62,6 @@ def integration_points(surface: TSpline) -> tuple[ndarray, ndarray, ndarray]:
     across = (size[:, None] * w / 2).ravel()
     ss, tt = np.meshgrid(np.arange(around) / around, t)
     return ss.ravel(), tt.ravel(), np.repeat(across / around, around)
-
-
-def watch_points(surface: TSpline) -> Samples:
-    """A denser pattern, without weights, on which limits are watched; with both ends of t, normals there from just inside."""
-    around = min(MOST_AROUND, WATCH_AROUND * max(len(knots) for knots in surface.tmesh.s_knots))
-    spans = np.unique(surface.tmesh.t_knots[3:-3])
-    parts = (np.arange(WATCH_ALONG) + 0.5) / WATCH_ALONG
-    inner = (spans[:-1, None] + np.diff(spans)[:, None] * parts).ravel()
-    edge = NEAR_POLE * (spans[-1] - spans[0]) * np.array([1, -1])
-    s, t = (v.ravel() for v in np.meshgrid(np.arange(around) / around, inner))
-    s, t = np.append(s, [0.0, 0.0]), np.append(t, spans[[0, -1]])
-    bent = t + np.append(np.zeros(len(t) - 2), edge)
-    _, R_s, R_t = surface.basis(s, bent, 1)
-    return Samples(s, t, np.zeros(len(s)), surface.basis(s, t)[0], R_s, R_t)
 
 
 def ring_pattern(surface: TSpline, along: int, around: int) -> Samples:

@@ -22,7 +22,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from bonecam.errors import LevelError, place_name
-from bonecam.levels.energy import Samples, integration_points, samples_of, thin_plate, watch_points
+from bonecam.levels.energy import Samples, integration_points, ring_pattern, samples_of, thin_plate
 from bonecam.levels.schedule import Schedule
 from bonecam.levels.stock import Capsule, Stock
 from bonecam.progress import Progress, report
@@ -32,7 +32,7 @@ TOLERANCE, ROUNDS, PER_POINT, CLEAR = 1e-3, 12, 3, 6e-3
 ACCURACY, GAP, INTERIOR = 1e-6, 1e-4, 2e-4
 """A level may fall this far behind the one before, mm: at the wall the limits would leave the solver no inside otherwise."""
 STALL, SOFTEN, SOFTEST, STILL, MOST_TIMES = 0.25, 0.5, 1e-9, 0.05, 4
-SPARSE_AROUND, SPARSE_ALONG = 1.0, 2
+WATCH_ALONG, WATCH_AROUND, SPARSE_ALONG, SPARSE_AROUND = 8, 6, 4, 5
 Source = Callable[[ndarray, Stock], ndarray]
 
 
@@ -178,16 +178,17 @@ def cone_sequence(
 class ConeLevels:
     """The published program of one part in one stock; `next_moves` solves a level.
 
-    `attraction` is `sphere` (as published) or `stock` (the nearest stock point); `stiffness` is c_int / c_ext.
+    `attraction` is `sphere` (as published) or `stock` (the nearest stock point); `stiffness` is c_int / c_ext. `printed` leaves it at
+    what the paper prints: no nesting, and limits at one sparse set of samples.
     """
 
-    def __init__(self, surface: TSpline, stock: Stock, attraction: str, *, hull: bool = False) -> None:
+    def __init__(self, surface: TSpline, stock: Stock, attraction: str, *, hull: bool = False, printed: bool = False) -> None:
         if attraction not in SOURCES:
             raise ValueError(f"attraction {attraction!r} of method 'qcqp': choose one of {', '.join(SOURCES)}")
-        self.stock, self._source, self._hull = stock, SOURCES[attraction], hull
+        self.stock, self._source, self._hull, self._printed = stock, SOURCES[attraction], hull, printed
         self.samples, self.M = samples_of(surface, *integration_points(surface)), thin_plate(surface)
-        self._watch = watch_points(surface)
-        self._first = _sparse(surface, self._watch)
+        self._watch = ring_pattern(surface, WATCH_ALONG, WATCH_AROUND)
+        self._first = _sparse(self._watch)
         self._main = np.asarray(self._watch.R.argmax(axis=1)).ravel()
 
     def terms(self, P: Float[ndarray, "c 3"], stiffness: float) -> tuple[sp.csc_array, Float[ndarray, "c 3"]]:
@@ -212,7 +213,7 @@ class ConeLevels:
             moves = solve_cones(E, gradient, cones, planes if isinstance(self.stock, Capsule) else planes.and_these(walls))
             broken, outside = self._broken(P, moves, depth)
             worst = float(broken.max())
-            if worst <= TOLERANCE:
+            if worst <= TOLERANCE or self._printed:
                 return moves
             active = np.union1d(active, self._worst(broken))
             walls = walls.and_these(self._walls(P, self._watch.R @ (P + moves), self._worst(outside)))
@@ -233,7 +234,7 @@ class ConeLevels:
         R = sp.csr_array(self._watch.R[active])
         ball = sp.eye_array(len(P), format="csr") if self._hull else R
         cones = [Cones(ball, np.zeros((ball.shape[0], 3)), np.full(ball.shape[0], depth))]
-        ahead = Planes(R, -self._watch.normals(P)[active], np.full(len(active), INTERIOR))
+        ahead = Planes(R, -self._watch.normals(P)[active], np.full(len(active), np.inf if self._printed else INTERIOR))
         if isinstance(self.stock, Capsule):
             points = R @ P
             outside = self.stock.signed_distance(points)
@@ -258,15 +259,9 @@ class ConeLevels:
         return np.maximum.reduce([np.linalg.norm(move, axis=1) - depth, outside, behind]), outside
 
 
-def _sparse(surface: TSpline, watch: Samples) -> Int[ndarray, " k"]:
-    """The watched samples nearest to an even pattern of about two a control point, and both ends of t."""
-    spans = np.unique(surface.tmesh.t_knots[3:-3])
-    around = max(4, int(SPARSE_AROUND * max(len(knots) for knots in surface.tmesh.s_knots)))
-    t = np.unique(watch.t[:-2])
-    per = max(1, len(t) // (SPARSE_ALONG * (len(spans) - 1)))
-    rows = t[per // 2 :: per]
-    places = np.flatnonzero(np.isin(watch.t[:-2], rows))
-    steps = np.unique(watch.s[:-2])
-    chosen = steps[np.linspace(0, len(steps), around, endpoint=False).astype(int)]
-    kept = places[np.isin(watch.s[places], chosen)]
+def _sparse(watch: Samples) -> Int[ndarray, " k"]:
+    """Every SPARSE_ALONG-th ring of the watched samples, on it every SPARSE_AROUND-th; and both ends of t."""
+    _, ring, count = np.unique(watch.t[:-2], return_inverse=True, return_counts=True)
+    place = np.round(watch.s[:-2] * count[ring])
+    kept = np.flatnonzero((ring % SPARSE_ALONG == SPARSE_ALONG // 2) & (place % SPARSE_AROUND == 0))
     return np.append(kept, [len(watch.s) - 2, len(watch.s) - 1])

@@ -79,6 +79,16 @@ def test_the_default_method_comes_within_one_percent_of_the_exact_energy(attract
         assert program.energy(before, after - before, STIFFNESS) <= 1.01 * exact
 
 
+def test_as_printed_the_program_forgets_nesting_and_what_lies_between_its_samples() -> None:
+    P = np.array(waisted().control_points)
+    ours, printed = (ConeLevels(waisted(), STOCK, "sphere", printed=printed) for printed in (False, True))
+    moves = printed.next_moves(P, 0.5, STIFFNESS)
+    assert printed.energy(P, moves, STIFFNESS) < ours.energy(P, ours.next_moves(P, 0.5, STIFFNESS), STIFFNESS)
+    rng = np.random.default_rng(3)
+    R = waisted().basis(rng.random(3000), rng.random(3000))[0]
+    assert 0.5 < np.linalg.norm(R @ moves, axis=1).max() < 0.6
+
+
 def test_the_method_has_the_default_ones_interface() -> None:
     made = morph(waisted(rows=8, around=6), STOCK, Schedule((), 0.8), method="qcqp", chord_tolerance=0.05)
     assert made.lower_bound <= made.cuts <= made.lower_bound + 2
