@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from bonecam.surface.quadratic import Term
@@ -63,15 +63,16 @@ class Quadrature:
         parts = ((basis[3], 1 / e**4), (basis[4], 2 / (e * g) ** 2), (basis[5], 1 / g**4))
         return cls(s, t, places, normals, share * e * g, cells, basis[0], parts)
 
-    def terms(self, surface: TSpline, bend: float, drift: float) -> list[Term]:
-        """The energy with the weights bend and drift, times (mean cell side)^4."""
-        along = self.normals[:, :, None] * self.normals[:, None, :]
+    def terms(self, surface: TSpline, bend: float, drift: float, folded: Bool[ndarray, " n"]) -> list[Term]:
+        """The energy with the weights bend and drift, times (mean cell side)^4; where the surface is folded, the drift of its own shape."""
+        along = np.where(folded[:, None, None], 0.0, self.normals[:, :, None] * self.normals[:, None, :])
         scale = (self.areas * self.cells**2)[:, None, None]
         metric = scale * (drift * np.eye(3) + (bend - drift) * along)
         terms = []
         for matrix, factor in self.parts:
             now = matrix @ surface.control_points
             tangential = now - self.normals * np.einsum("ij,ij->i", self.normals, now)[:, None]
+            tangential[folded] = 0.0
             terms.append(Term(matrix, factor[:, None, None] * metric, tangential))
         return terms
 

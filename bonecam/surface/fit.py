@@ -14,7 +14,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.progress import Progress, part, report, silent
 from bonecam.surface.adapt import refine
 from bonecam.surface.deviation import Deviation, measure
-from bonecam.surface.growth import LEAST_POINTS, Aim, Prune, Refine, first_surface, grown, settle, thinned
+from bonecam.surface.growth import GAIN, LEAST_POINTS, Aim, Prune, Refine, first_surface, grown, settle, thinned
 from bonecam.surface.prune import prune
 from bonecam.surface.target import Target
 from bonecam.surface.tspline import TSpline
@@ -95,8 +95,9 @@ def _fitted(mesh: TriangleMesh, rows: Rows, aim: Aim, progress: Progress) -> Fit
         found.append(
             (folded, max(now.max, aim.tolerance), number, Fit(surface, now, aim.tolerance, now.max <= aim.tolerance and not folded))
         )
-        missed = measured.missed(aim.tolerance)
-        if not len(missed) or surface.tmesh.size >= aim.most:
+        missed = measured.missed(max(aim.tolerance, target.worst))
+        spent = surface.tmesh.size >= aim.most
+        if not len(missed) or (spent and number > 0 and now.max > GAIN * min(one[1] for one in found[:-1])):
             break
         target = target.with_points(missed, surface)
     return min(found, key=lambda one: one[:3])[3]

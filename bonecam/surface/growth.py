@@ -25,8 +25,8 @@ LOOSE_PLANE, PLANE = 0.3, 1000.0  # weight of the poles' planes, times the mean 
 ROUNDS, LAST_ROUNDS = 2, 4  # steps after each refinement, and at last
 GOAL = 0.95  # of the tolerance: no sample may be farther
 GAIN = 0.93  # a round of taking knots out that leaves more of the control points (of the miss) halves the next one's share
-LEAST_SHARE = 0.3  # the last one
-SPARE = {True: 0.9, False: 0.8}  # of the tolerance (of the miss where it is not reached): no sample may pass it for the lack of a knot
+LEAST_SHARE = {True: 0.3, False: 0.1}  # the last one, where the tolerance is reached (is not)
+SPARE = {True: 0.95, False: 0.8}  # of the tolerance (of the miss where it is not reached): no sample may pass it for the lack of a knot
 SPARED = {True: 0.4, False: 0.2}  # of the control points may go in one round
 FIRST = ((150, 9, 10), (40, 5, 6))  # from so many control points allowed: spans and knots a row of the first T-mesh
 LEAST_POINTS = FIRST[-1][0]
@@ -67,7 +67,7 @@ def grown(surface: TSpline, target: Target, aim: Aim, progress: Progress = silen
 def thinned(surface: TSpline, target: Target, aim: Aim) -> tuple[TSpline, Target]:
     """Knots taken out where they can be spared and put in where they are missed, as long as that brings clearly fewer or closer."""
     share, folded = 1.0, target.folded(surface)
-    while share > LEAST_SHARE:
+    while share > LEAST_SHARE[target.worst <= aim.tolerance]:
         reached, size, worst = target.worst <= aim.tolerance, surface.tmesh.size, target.worst
         tmesh = aim.prune(surface, target, SPARE[reached] * max(aim.tolerance, worst), round(share * SPARED[reached] * size))
         fewer = moved(surface, tmesh)

@@ -15,18 +15,19 @@ from jaxtyping import Float
 from numpy import ndarray
 from scipy.spatial import cKDTree
 
-from bonecam.surface.fairness import Quadrature
+from bonecam.surface.fairness import Quadrature, gauss_points
 from bonecam.surface.quadratic import Form, Term
 from bonecam.surface.target import Target
 from bonecam.surface.tspline import TSpline
 
 SLIDE = 0.1  # weight of a miss in the tangent plane
 BEND, DRIFT = 2e-5, 3e-2  # fairness, times (mean cell side)^4
+NEAR, STRESS = 2.0, {False: (0.25, 2), True: (0.4, 4)}  # weight of a sample that is met, power of the miss: till (once) none is so far
 DAMPING = 1e-4  # weight of the change itself, against that of the samples
 FIRMER = 30.0  # times the damping round a fold, at each try, and 1 at least
 TRIES = 3
 REACH = 2.0  # mean cell sides round a fold
-LEAST_TURN, LEAST_FACING, LOSS = 0.5, 0.2, 0.02  # cosines; a loss of facing that is none yet
+LEAST_TURN, WELL, LEAST_FACING, LOSS = 0.5, 0.7, 0.2, 0.02  # cosines; a loss of facing that is none yet
 
 
 def step(surface: TSpline, target: Target, tolerance: float, plane: float) -> TSpline:
@@ -36,19 +37,31 @@ def step(surface: TSpline, target: Target, tolerance: float, plane: float) -> TS
     damping, found = np.full(len(quadrature.s), DAMPING), surface
     grid = fold_grid(surface)
     before = surface.normals(*grid), target.shape.facing(surface, *grid)
-    form = Form.of([*data, *quadrature.terms(surface, BEND, DRIFT)], surface.tmesh.size)
+    folded = _round(surface, quadrature, grid, before[1] < LEAST_FACING)
+    form = Form.of([*data, *quadrature.terms(surface, BEND, DRIFT, folded)], surface.tmesh.size)
     for _ in range(TRIES):
         found = surface.with_control_points(form.plus([quadrature.held(damping)]).least())
         folded = folds(found, target, grid, before)
         if not folded.any():
             return found
-        near, _ = cKDTree(surface.positions(grid[0][folded], grid[1][folded])).query(quadrature.places)
-        damping = np.where(near < REACH * np.sqrt(quadrature.cells), np.maximum(FIRMER * damping, 1.0), damping)
-    for share in (0.5, 0.2):
-        nearer = surface.with_control_points((1 - share) * surface.control_points + share * found.control_points)
-        if not folds(nearer, target, grid, before).any():
-            return nearer
+        damping = np.where(_round(surface, quadrature, grid, folded), np.maximum(FIRMER * damping, 1.0), damping)
+    (basis,), moving = surface.basis(*grid), np.ones(surface.tmesh.size, dtype=bool)
+    for _ in range(TRIES):
+        moving[basis[np.flatnonzero(folded)].indices] = False
+        points = np.where(moving[:, None], found.control_points, surface.control_points)
+        found = surface.with_control_points(points)
+        folded = folds(found, target, grid, before)
+        if not folded.any():
+            return found
     return surface
+
+
+def _round(surface: TSpline, quadrature: Quadrature, grid: tuple[ndarray, ndarray], which: ndarray) -> ndarray:
+    """The quadrature points near to some of the grid."""
+    if not which.any():
+        return np.zeros(len(quadrature.s), dtype=bool)
+    near, _ = cKDTree(surface.positions(grid[0][which], grid[1][which])).query(quadrature.places)
+    return np.asarray(near < REACH * np.sqrt(quadrature.cells))
 
 
 def fold_grid(surface: TSpline) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
@@ -56,14 +69,16 @@ def fold_grid(surface: TSpline) -> tuple[Float[ndarray, " n"], Float[ndarray, " 
     boxes = surface.elements().boxes
     near = 0.5 ** np.arange(1, 9) * boxes[:, 3].min()
     s, t = np.meshgrid(np.arange(48) / 48, np.concatenate([near, 1 - near]))
-    return np.concatenate([s.ravel(), boxes[:, :2].mean(axis=1)]), np.concatenate([t.ravel(), boxes[:, 2:].mean(axis=1)])
+    inner_s, inner_t, _ = gauss_points(surface, 2)
+    return np.concatenate([s.ravel(), inner_s]), np.concatenate([t.ravel(), inner_t])
 
 
 def folds(surface: TSpline, target: Target, grid: tuple[ndarray, ndarray], before: tuple[ndarray, ndarray]) -> ndarray:
     """Where a normal turned too far from what it was before, or away from the mesh's."""
     turn = np.einsum("ij,ij->i", surface.normals(*grid), before[0])
     facing = target.shape.facing(surface, *grid)
-    return np.asarray((turn < LEAST_TURN) | ((facing < LEAST_FACING) & (facing < before[1] - LOSS)))
+    turned = (turn < LEAST_TURN) & (facing < np.minimum(before[1], WELL))
+    return np.asarray(turned | ((facing < LEAST_FACING) & (facing < before[1] - LOSS)))
 
 
 def data_terms(surface: TSpline, target: Target, tolerance: float, slide: float) -> list[Term]:
@@ -71,7 +86,8 @@ def data_terms(surface: TSpline, target: Target, tolerance: float, slide: float)
     samples = target.all
     (basis,) = surface.basis(samples.s, samples.t)
     normals = surface.normals(samples.s, samples.t)
-    weights = samples.areas * (0.25 + (samples.distances / max(tolerance, 0.5 * target.worst)) ** 2)
+    least, power = STRESS[target.worst < NEAR * tolerance]
+    weights = samples.areas * (least + (samples.distances / max(tolerance, target.worst / NEAR)) ** power)
     metric = weights[:, None, None] * (slide * np.eye(3) + (1 - slide) * normals[:, :, None] * normals[:, None, :])
     return [Term(basis, metric, samples.points)]
 
