@@ -75,8 +75,8 @@ def _add_convert(commands: Any) -> None:
     convert = _command(commands, "convert", "Mesh in, verified NC program out.", run_convert)
     convert.add_argument("mesh", help="STL, PLY, OBJ or OFF mesh; STEP, IGES, SAT or DXF part; point cloud; rows of points; saved .tspline")
     demo = _command(commands, "demo", "The whole chain on the phalanx that ships with bonecam.", run_demo)
-    for command, default in ((convert, None), (demo, "phalanx.h")):
-        command.add_argument("-o", "--output", required=default is None, default=default, help="the NC program to write")
+    for command, default in ((convert, ""), (demo, " (phalanx.h, or as the controller's programs end)")):
+        command.add_argument("-o", "--output", required=not default, help=f"the NC program to write{default}")
         command.add_argument("--keep", metavar="DIR", help="write surface, levels, tool path and pictures there")
         command.add_argument("--report", metavar="FILE.json", help="write the figures there")
         command.add_argument("--surface", metavar="FILE", help="write the T-spline there; .tspline, .step, .iges: the ending decides")
@@ -172,6 +172,10 @@ def run_demo(options: argparse.Namespace) -> int:
     """`bonecam demo`."""
     from bonecam_meshes import path
 
+    from bonecam.nc.dialect import read_dialect
+
+    if options.output is None:
+        options.output = f"phalanx{read_dialect(job_of(options).nc.controller).extension}"
     return _convert(path("phalanx"), options)
 
 

@@ -75,10 +75,6 @@ class Layers:
         value: Value = found.values[name]
         return value
 
-    def has(self, name: str) -> bool:
-        """Whether a value of that name is kept beside the current layer as it is now."""
-        return name in self._valid()
-
     def job(self) -> Job:
         """The job as the filters before have filled it in beside the current layer, or the default one."""
         found: Job = self._valid().get("job", Job())
@@ -124,8 +120,11 @@ class Layers:
         return self.meshset.apply_native(name, **values)
 
     def target(self, name: str) -> Path:
-        """Where a file to be written goes: relative names lead into `folder`."""
-        return self.folder / name
+        """Where a file to be written goes: relative names lead into `folder`. FilterError where one leads out of it again."""
+        place = self.folder / name
+        if not Path(name).is_absolute() and self.folder.resolve() not in place.resolve().parents:
+            raise FilterError(f"file {name!r} is no file in the folder of outputs: give a name in it, or an absolute path", file=name)
+        return place
 
     def keys(self) -> frozenset[int]:
         """The ids of all layers."""

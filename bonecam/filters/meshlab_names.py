@@ -1,7 +1,7 @@
 """MeshLab's filters have two names: the one its dialogs and scripts show, and pymeshlab's. `meshlab_names.tsv` pairs them.
 
 The pairs were read off scripts that pymeshlab 2025.7 saved after running each filter, and for the filters that need
-a raster, a texture or a GPU off the texts of its plugins. Where a filter has two shown names the first is written.
+a raster, a texture or a GPU off the texts of its plugins.
 """
 
 from functools import cache
@@ -20,11 +20,6 @@ def _python_of_shown() -> dict[str, str]:
     return {shown: python for python, shown in _pairs()}
 
 
-@cache
-def _shown_of_python() -> dict[str, str]:
-    return dict(reversed(_pairs()))
-
-
 def all_names() -> frozenset[str]:
     """Every name of either sort."""
     return frozenset(name for pair in _pairs() for name in pair)
@@ -33,8 +28,3 @@ def all_names() -> frozenset[str]:
 def python_name(name: str) -> str:
     """pymeshlab's name of a shown name; any other name is given back as it is."""
     return _python_of_shown().get(name, name)
-
-
-def shown_name(name: str) -> str:
-    """The name MeshLab shows of pymeshlab's name; any other name is given back as it is."""
-    return _shown_of_python().get(name, name)

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from bonecam.errors import BonecamError, FileError, FilterError
-from bonecam.files import whole_folder
+from bonecam.files import check_folder, whole_folder
 from bonecam.filters import meshlab_names
 from bonecam.filters.filter import Registry, installed
 from bonecam.filters.meshlab_values import checked_value
@@ -46,6 +46,7 @@ def run_script(
     """
     known = installed() if registry is None else registry
     steps = read_script(script, known)
+    check_folder(output_dir)
     with whole_folder(output_dir) as folder:
         meshes = MeshSet(registry=known, folder=folder)
         for file in inputs:

@@ -116,7 +116,6 @@ def test_kept_values_of_a_layer_that_was_changed_are_refused(meshes: MeshSet) ->
     meshes.apply_coord_taubin_smoothing()
     with pytest.raises(FilterError, match="was changed after its distance was made: apply generate_offset again"):
         meshes.compute_recall()
-    assert not meshes.layers.has("distance")
 
 
 def test_the_saved_script_gives_the_same_layers_again(meshes: MeshSet, phalanx: Path, registry: Registry, tmp_path: Path) -> None:

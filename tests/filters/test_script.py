@@ -92,6 +92,11 @@ def test_wrong_scripts_fail_with_their_line_before_anything_ran(
         ([MOVE.replace("10%", "80%")], FilterError, r"line 3: generate_offset: parameter distance = 25\.\d+: keep it within"),
         ([SMOOTH, ' <filter name="Recall"/>\n'], FilterError, r"line 4: layer 0 'phalanx.ply' has no distance"),
         ([MOVE.replace('name="how"', 'name="fail"').replace("RichEnum", "RichBool")], StockError, "line 3: the stock is too small"),
+        (
+            [MOVE.replace("</filter>", '<Param type="RichSaveFile" value="../gone.txt" name="file"/></filter>')],
+            FilterError,
+            "line 3: file '../gone",
+        ),
         ([' <filter name="Delete Current Mesh"/>\n', MOVE], FilterError, "line 4: there is no layer"),
     ],
 )
@@ -110,6 +115,12 @@ def test_a_missing_or_broken_mesh_is_a_file_error(tmp_path: Path, registry: Regi
         with pytest.raises(FileError, match=name):
             run_script(script(tmp_path, SMOOTH), [tmp_path / name], tmp_path / "out", registry=registry)
     assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_that_cannot_be_made_is_refused_before_anything_ran(tmp_path: Path, registry: Registry) -> None:
+    path = script(tmp_path, SMOOTH)
+    with pytest.raises(FileError, match="is a file: name a folder"):
+        run_script(path, [tmp_path / "none.ply"], path, registry=registry)
 
 
 def test_cancelling_writes_nothing(tmp_path: Path, phalanx: Path, registry: Registry) -> None:
