@@ -13,14 +13,14 @@ demo: $(VENV)/installed
 	mkdir -p out
 	$(BIN)/bonecam demo -o out/phalanx.h --keep out/keep --report out/phalanx.json
 
-test: $(VENV)/installed cnc
+test: $(VENV)/developing cnc
 	$(BIN)/python -m pytest
 
-lint: $(VENV)/installed
+lint: $(VENV)/developing
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 
-types: $(VENV)/installed
+types: $(VENV)/developing
 	$(BIN)/mypy
 
 # The libraries that open3d and pymeshlab load, and (for tests only) LinuxCNC's interpreter, which runs what we write.
@@ -33,6 +33,10 @@ cnc:
 $(VENV)/installed: pyproject.toml | system
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --upgrade pip
+	$(BIN)/pip install --quiet -e .
+	touch $@
+
+$(VENV)/developing: $(VENV)/installed
 	$(BIN)/pip install --quiet -e ".[test,dev]"
 	touch $@
 

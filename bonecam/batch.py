@@ -20,8 +20,8 @@ from pathlib import Path
 from threading import Thread
 
 import bonecam
-from bonecam.errors import BonecamError, FileError, JobError
-from bonecam.files import write_whole
+from bonecam.errors import BonecamError, JobError
+from bonecam.files import check_folder, write_whole
 from bonecam.job import Job, write_job
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.machine import read_machine
@@ -62,10 +62,8 @@ def convert_many(
     files = [Path(mesh) for mesh in meshes]
     _check_names(files, jobs)
     read_machine(job.nc.machine), read_dialect(job.nc.controller)
-    try:
-        target.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FileError(f"{target}: {error.strerror}: name a folder that may be made", file=str(target)) from error
+    check_folder(target)
+    target.mkdir(parents=True, exist_ok=True)
     outcomes: dict[int, Outcome] = {}
     for index, outcome in _outcomes(files, target, job, jobs, resume, work or convert_one):
         outcomes[index] = outcome
