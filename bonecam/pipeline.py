@@ -26,7 +26,7 @@ from bonecam.levels.placing import stock_for
 from bonecam.levels.rounding import levels_in
 from bonecam.levels.schedule import schedule_of
 from bonecam.levels.stock import MARGIN, Stock
-from bonecam.mesh.distance import LayeredDistance
+from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.files import read_mesh
 from bonecam.mesh.pits import fill_pits
 from bonecam.mesh.pose import upright
@@ -57,9 +57,8 @@ from bonecam.verify.report import levels_report, nc_report, summary_of, surface_
 
 AXIS_MARGIN = np.radians(1.0)
 """Kept from the machine's tilt limit: a turn of up to 30 degrees between two axes at the limit bulges past it by less."""
-PATH_CHORD, LEVEL_CHORD, COARSE_CHORD = 0.002, 0.01, 0.02
-"""Chord tolerances of the tessellations of the part and of the other levels that balls are kept out of while paths are planned,
-and of the part where no ball is near, mm."""
+PATH_CHORD, LEVEL_CHORD = 0.002, 0.01
+"""Chord tolerances of the tessellations of the part and of the other levels that balls are kept out of while paths are planned, mm."""
 PROOF_CHORD = 0.001
 """Chord tolerance of the part's tessellation that the posted program is checked against, mm."""
 
@@ -233,7 +232,7 @@ def plan_paths(levels: Morph, stock: Stock, job: Job, machine: Machine, progress
     design = levels.levels[0].surface
     assert design is not None
     part_mesh = design.tessellate(PATH_CHORD)
-    part_distance = LayeredDistance(part_mesh, design.tessellate(COARSE_CHORD), COARSE_CHORD)
+    part_distance = MeshDistance(part_mesh)
     material, round_about = Material(levels.levels, stock), enclosing(stock)
     below = post_below(part_mesh, job.holding)
     limits = AxisLimits(tilt_limit(machine) - AXIS_MARGIN)
@@ -246,7 +245,7 @@ def plan_paths(levels: Morph, stock: Stock, job: Job, machine: Machine, progress
         assert level.surface is not None
         cutter = cutters[job.is_finishing(level.index)]
         level_mesh = level.surface.tessellate(LEVEL_CHORD) if level.index else part_mesh
-        obstacles = [LayeredDistance(level_mesh), part_distance][: 2 if level.index else 1]
+        obstacles = [MeshDistance(level_mesh), part_distance][: 2 if level.index else 1]
         contacts = cover_level(level, obstacles, cutter, below, job.path, material)
         scene = Scene(level_mesh, material.mesh, round_about, below, DEVIATION)
         paths.append(orient(contacts, scene, limits, job.path, job.nc))
@@ -261,8 +260,7 @@ def verify(posted: Program, paths: Sequence[ToolPath], levels: Morph, job: Job, 
     assert surface is not None
     tolerances = Tolerances(gouge=job.path.gouge_tolerance)
     machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)
-    part = LayeredDistance(surface.tessellate(PROOF_CHORD), surface.tessellate(COARSE_CHORD), COARSE_CHORD)
-    return verify_program(posted.text, paths, machine, dialect, part, tolerances)
+    return verify_program(posted.text, paths, machine, dialect, MeshDistance(surface.tessellate(PROOF_CHORD)), tolerances)
 
 
 def post(paths: Sequence[ToolPath], stock: Stock, job: Job, progress: Progress = silent) -> Program:

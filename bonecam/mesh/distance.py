@@ -1,20 +1,32 @@
-"""Distances to a mesh: open3d's ray casting in bulk (float32), libigl's tree where float64 is needed.
+"""Distances to a mesh in bulk: our own tree (float64, as far as asked), open3d's ray casting for what is inside, libigl's closest points.
 
-open3d works in float32: the scene is shifted to the mesh's centre, so the error is near 6e-8 of the part's size
+open3d works in float32: the scene is shifted to the mesh's centre, so the error of `closest` is near 6e-8 of the part's size
 (measured 5e-6 mm near the origin). `exact_closest` is float64.
 """
 
+import os
+from concurrent.futures import ThreadPoolExecutor
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
+from bonecam.kernels.nearest import boxes_of, distances_within, tree_order
 from bonecam.mesh.triangle_mesh import TriangleMesh
+
+LEAF = 4
+"""Triangles of a leaf of the tree, at most."""
+CHUNK = 8192
+"""Points a thread asks for at a time: the same whatever the number of threads, so that each search begins alike."""
 
 
 class MeshDistance:
-    """Closest points, distances and inside tests against one mesh; ValueError where it has no faces."""
+    """Closest points, distances and inside tests against one mesh; ValueError where it has no faces.
+
+    Points in the order of a path are found two to three times as fast as in no order.
+    """
 
     def __init__(self, mesh: TriangleMesh) -> None:
         import open3d.core as o3c
@@ -28,16 +40,37 @@ class MeshDistance:
         self._scene: Any = RaycastingScene(nthreads=0)
         self._scene.add_triangles(self._put(mesh.vertices), o3c.Tensor(mesh.faces.astype(np.uint32)))
 
+    @cached_property
+    def _tree(self) -> tuple[Float[ndarray, "f 9"], Float[ndarray, "b 6"]]:
+        """Triangles in the order of the tree, and its boxes."""
+        corners = self.mesh.vertices[self.mesh.faces]
+        leaves = 1 << ((len(corners) - 1) // LEAF).bit_length()
+        triangles = corners.reshape(-1, 9)[tree_order(corners.mean(axis=1), leaves)]
+        return triangles, boxes_of(triangles, leaves)
+
     def _put(self, points: Float[ndarray, "n 3"]) -> Any:
         return self._tensor(np.ascontiguousarray(points - self._centre, dtype=np.float32))
 
+    def _within(self, points: Float[ndarray, "n 3"], limits: Float[ndarray, " n"]) -> Float[ndarray, " n"]:
+        """Distance to the surface, or the limit where that is less."""
+        points = np.ascontiguousarray(points, dtype=np.float64)
+        if len(points) <= CHUNK:
+            return np.asarray(distances_within(points, limits, *self._tree))
+        parts, tree = [slice(i, i + CHUNK) for i in range(0, len(points), CHUNK)], self._tree
+        with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as threads:
+            return np.concatenate(list(threads.map(lambda part: distances_within(points[part], limits[part], *tree), parts)))
+
     def unsigned(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
         """Distance of each point to the surface, mm."""
-        return self._scene.compute_distance(self._put(points)).numpy().astype(np.float64)
+        return self._within(points, np.full(len(points), np.inf))
 
-    def signed(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
-        """Distance of each point to the closed surface, mm, negative inside."""
-        return self._scene.compute_signed_distance(self._put(points), nsamples=3).numpy().astype(np.float64)
+    def signed(self, points: Float[ndarray, "n 3"], wanted: float | Float[ndarray, " n"] = np.inf) -> Float[ndarray, " n"]:
+        """Distance of each point to the closed surface, mm, negative inside; where it exceeds `wanted`, that: it is the cheaper bound."""
+        limits = np.maximum(np.broadcast_to(np.asarray(wanted, dtype=np.float64), len(points)), 0.0)
+        distance, inside = self._within(points, limits), self.inside(points)
+        deep = np.flatnonzero(inside & (distance >= limits) & np.isfinite(limits))
+        distance[deep] = self._within(points[deep], np.full(len(deep), np.inf))
+        return np.where(inside, -distance, distance)
 
     def closest(self, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, "n 3"], Int[ndarray, " n"]]:
         """The closest surface point of each point, and its face."""
@@ -49,30 +82,14 @@ class MeshDistance:
         return self._scene.compute_occupancy(self._put(points), nsamples=3).numpy() > 0.5
 
 
-class LayeredDistance:
-    """Lower bounds of the signed distance to a closed solid: a coarse mesh answers where that is enough, the fine one elsewhere.
+def lowest_between(near: Float[ndarray, " n"], far: Float[ndarray, " n"], length: Float[ndarray, " n"]) -> Float[ndarray, " n"]:
+    """No point of a straight way of `length` is nearer to a body than this, with at least `near` and `far` (>= 0) at its ends.
 
-    `deviation` (mm) is how far the coarse mesh may lie from the fine one. A query of a mesh of a tenth of the faces costs a third.
+    For every point q of the body, Stewart's theorem gives |c(u) - q|^2 = (1-u) |c0-q|^2 + u |c1-q|^2 - u (1-u) length^2.
     """
-
-    def __init__(self, fine: TriangleMesh, coarse: TriangleMesh | None = None, deviation: float = 0.0) -> None:
-        self._fine = MeshDistance(fine)
-        self._coarse = MeshDistance(coarse) if coarse is not None else None
-        self._deviation = deviation
-
-    @property
-    def layered(self) -> bool:
-        """Whether a coarse mesh makes far answers cheap."""
-        return self._coarse is not None
-
-    def signed(self, points: Float[ndarray, "n 3"], wanted: float | Float[ndarray, " n"]) -> Float[ndarray, " n"]:
-        """A lower bound of each signed distance, mm; exact where it is below `wanted`."""
-        if self._coarse is None or not len(points):
-            return self._fine.signed(points)
-        bound = self._coarse.signed(points) - self._deviation
-        close = bound < wanted
-        bound[close] = self._fine.signed(points[close])
-        return bound
+    a, b, s2 = near**2, far**2, length**2
+    u = np.clip(0.5 + (a - b) / np.maximum(2 * s2, np.finfo(float).tiny), 0, 1)
+    return np.asarray(np.sqrt(np.maximum((1 - u) * a + u * b - u * (1 - u) * s2, 0)))
 
 
 def exact_closest(mesh: TriangleMesh, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, "n 3"], Int[ndarray, " n"]]:

@@ -56,7 +56,8 @@ class Scene:
         distance = self.stock.signed_distance(points)
         close = np.flatnonzero(distance < wanted + FAR)
         if len(close) and against == "level":
-            distance[close] = self.level_distance.signed(points[close])
+            distance[close] = self.level_distance.signed(points[close], wanted[close] + FAR)
         elif len(close):
-            distance[close] = self.material_distance.signed(points[close]) - self.material_deviation
+            deviation = self.material_deviation
+            distance[close] = self.material_distance.signed(points[close], wanted[close] + FAR + deviation) - deviation
         return np.minimum(distance, post.distance(points))

@@ -10,10 +10,10 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from bonecam.mesh.distance import LayeredDistance
+from bonecam.mesh.distance import MeshDistance, lowest_between
 
 ROUNDS = 40
-FRACTIONS = (0.25, 0.5, 0.75)
+QUARTERS = (0.25, 0.75)
 CONTACT_SHARE, MOVE_SHARE = 0.2, 0.5
 """Parts of the tolerance a contact, and a place between two contacts, may use up."""
 
@@ -23,7 +23,7 @@ def lift_free(
     normals: Float[ndarray, "n 3"],
     radius: float,
     tolerance: float,
-    obstacles: Sequence[LayeredDistance],
+    obstacles: Sequence[MeshDistance],
     joined: Bool[ndarray, " n"],
     limit: float,
 ) -> Float[ndarray, " n"]:
@@ -31,13 +31,14 @@ def lift_free(
 
     `joined[i]` says that the tool moves straight from contact i to contact i + 1 (the last entry is False).
     """
-    lifts = _lift_contacts(contacts, normals, radius, radius - CONTACT_SHARE * tolerance, obstacles, limit)
-    moves = np.flatnonzero(joined)
+    clear, wanted = radius - CONTACT_SHARE * tolerance, radius - MOVE_SHARE * tolerance
+    lifts = np.zeros(len(contacts))
+    moved, moves = np.arange(len(contacts)), np.flatnonzero(joined)
     for _ in range(ROUNDS):
+        lifts[moved] = _lifted(contacts[moved], normals[moved], lifts[moved], radius, clear, obstacles, limit)
         centres = contacts + (radius + lifts)[:, None] * normals
         moves = moves[np.isfinite(lifts[moves]) & np.isfinite(lifts[moves + 1])]
-        wanted = radius - MOVE_SHARE * tolerance
-        need = np.max([_lacking(obstacle, centres, moves, wanted) for obstacle in obstacles], axis=0)
+        need = np.max([_lacking(obstacle, centres, moves, clear, wanted) for obstacle in obstacles], axis=0)
         bad = need > 0
         if not bad.any():
             return lifts
@@ -47,35 +48,32 @@ def lift_free(
         np.maximum.at(raised, moves + 1, need)
         lifts = lifts + raised
         lifts[lifts > limit] = np.nan
+        moved = np.flatnonzero((raised > 0) & np.isfinite(lifts))
         moves = np.flatnonzero(joined & ((raised > 0) | np.r_[raised[1:] > 0, False]))
     lifts[moves] = lifts[moves + 1] = np.nan
     return lifts
 
 
-def _lacking(obstacle: LayeredDistance, centres: ndarray, moves: Int[ndarray, " m"], wanted: float) -> Float[ndarray, " m"]:
-    """What the distance lacks at most along each move from centre i to i + 1, at FRACTIONS of it.
-
-    Distance changes no faster than the place: where that rules a lack out by the distances at the ends, nothing is asked.
+def _lacking(obstacle: MeshDistance, centres: ndarray, moves: Int[ndarray, " m"], clear: float, wanted: float) -> Float[ndarray, " m"]:
+    """What the distance lacks at most along each move from centre i to i + 1: at its middle, and where that does not rule a lack
+    out between it and the ends, at least `clear`, at the quarters too.
     """
-    need = np.zeros(len(moves))
-    length = np.linalg.norm(centres[moves + 1] - centres[moves], axis=1)
-    known = np.full(len(centres), -np.inf)
-    if obstacle.layered:
-        ends = np.union1d(moves, moves + 1)
-        known[ends] = obstacle.signed(centres[ends], wanted)
-    for fraction in FRACTIONS:
-        bound = np.maximum(known[moves] - fraction * length, known[moves + 1] - (1 - fraction) * length)
-        ask = np.flatnonzero(bound < wanted)
-        places = (1 - fraction) * centres[moves[ask]] + fraction * centres[moves[ask] + 1]
+    starts, ends = centres[moves], centres[moves + 1]
+    middle = obstacle.signed((starts + ends) / 2, clear)
+    need = np.maximum(wanted - middle, 0.0)
+    half = np.linalg.norm(ends - starts, axis=1) / 2
+    ask = np.flatnonzero(lowest_between(np.full(len(moves), clear), np.clip(middle, 0.0, clear), half) < wanted)
+    for fraction in QUARTERS:
+        places = (1 - fraction) * starts[ask] + fraction * ends[ask]
         need[ask] = np.maximum(need[ask], wanted - obstacle.signed(places, wanted))
     return need
 
 
-def _lift_contacts(
-    contacts: ndarray, normals: ndarray, radius: float, wanted: float, obstacles: Sequence[LayeredDistance], limit: float
-) -> ndarray:
+def _lifted(
+    contacts: ndarray, normals: ndarray, lifts: ndarray, radius: float, wanted: float, obstacles: Sequence[MeshDistance], limit: float
+) -> Float[ndarray, " n"]:
     """Raise each ball by what it lacks, again and again: the distance never grows faster than the lift."""
-    lifts = np.zeros(len(contacts))
+    lifts = lifts.copy()
     active = np.arange(len(contacts))
     for _ in range(ROUNDS):
         centres = contacts[active] + (radius + lifts[active])[:, None] * normals[active]

@@ -14,7 +14,7 @@ from numpy import ndarray
 from bonecam.errors import ToolPathError
 from bonecam.job import PathJob
 from bonecam.levels.level import Level
-from bonecam.mesh.distance import LayeredDistance
+from bonecam.mesh.distance import MeshDistance
 from bonecam.toolpath.cutter import Cutter
 from bonecam.toolpath.gouge import lift_free
 from bonecam.toolpath.material import Material
@@ -33,7 +33,7 @@ LIFT_LIMIT_RADII = 0.5
 
 def cover_level(
     level: Level,
-    obstacles: Sequence[LayeredDistance],
+    obstacles: Sequence[MeshDistance],
     cutter: Cutter,
     post: Post,
     job: PathJob,

@@ -18,6 +18,7 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from bonecam.errors import VerifyError
+from bonecam.mesh.distance import lowest_between
 from bonecam.nc.control import Control
 from bonecam.nc.motions import Motions
 
@@ -28,7 +29,7 @@ MOST_PIECES = 64
 
 @runtime_checkable
 class Distances(Protocol):
-    """Distances from the part: `bonecam.mesh.distance.LayeredDistance`, or a shape that knows them."""
+    """Distances from the part: `bonecam.mesh.distance.MeshDistance`, or a shape that knows them."""
 
     def signed(self, points: Float[ndarray, "n 3"], wanted: float | Float[ndarray, " n"]) -> Float[ndarray, " n"]:
         """A lower bound of the signed distance (negative inside) of each point, mm; exact where it is below `wanted`."""
@@ -74,7 +75,9 @@ def measure_gouge(motions: Motions, part: Distances, slack: float = SLACK) -> Go
         raise VerifyError("the program moves nothing: there is no gouge to measure", line=0)
     radius = np.array([motions.controls[number].radius for number in motions.tools.tolist()])
     centres = motions.tips + radius[:, None] * motions.axes
-    distance = part.signed(centres, radius)
+    # far from the part half of the longest move beside it is enough to keep the ball clear of it
+    steps = np.r_[0.0, np.linalg.norm(np.diff(centres, axis=0), axis=1), 0.0]
+    distance = part.signed(centres, radius + np.maximum(steps[:-1], steps[1:]) / 2)
     depth = radius - distance
     worst = int(np.argmax(depth))
     best = Gouge(float(depth[worst]), float(depth[worst]), int(motions.lines[worst]), _place(centres[worst]), len(centres))
@@ -118,11 +121,9 @@ def _refine(
 
 def _lowest(spans: _Spans, bows: ndarray) -> Float[ndarray, "k"]:
     """No point of a span is nearer to the part than this."""
-    s2 = ((spans.last - spans.first) ** 2).sum(1)
+    length = np.linalg.norm(spans.last - spans.first, axis=1)
     # inside the part distances are negative: the bound holds for what is outside, so the worst is taken
-    a, b = np.maximum(spans.near, 0) ** 2, np.maximum(spans.far, 0) ** 2
-    u = np.clip(0.5 + (a - b) / np.maximum(2 * s2, np.finfo(float).tiny), 0, 1)
-    value = np.sqrt(np.maximum((1 - u) * a + u * b - u * (1 - u) * s2, 0))
+    value = lowest_between(np.maximum(spans.near, 0), np.maximum(spans.far, 0), length)
     lowest = value - bows[spans.move] * (spans.end - spans.start) ** 2 / 8
     return np.minimum(lowest, np.where(np.minimum(spans.near, spans.far) < 0, np.minimum(spans.near, spans.far), np.inf))
 
@@ -148,7 +149,7 @@ def _divided(
     tips, axes = control.between(motions.words[moves[move] - 1], motions.words[moves[move]], end)
     last = tips + control.radius * axes
     far = spans.far[owner].copy()
-    far[~last_piece] = part.signed(last[~last_piece], control.radius)
+    far[~last_piece] = part.signed(last[~last_piece], control.radius + (length / pieces)[owner[~last_piece]])
     begins = place == 0
     first = np.where(begins[:, None], spans.first[owner], np.roll(last, 1, axis=0))
     near = np.where(begins, spans.near[owner], np.roll(far, 1))

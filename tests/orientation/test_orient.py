@@ -8,7 +8,7 @@ import pytest
 
 from bonecam.errors import MachineError, OrientationError
 from bonecam.job import NcJob, PathJob
-from bonecam.mesh.distance import LayeredDistance, MeshDistance
+from bonecam.mesh.distance import MeshDistance
 from bonecam.orientation.admissible import fan
 from bonecam.orientation.lead import lead_axes
 from bonecam.orientation.limits import AxisLimits, angles_between, polar, unit
@@ -29,7 +29,7 @@ def made(
     surface = bodies.waist(waist)
     level, material = bodies.mesh_of(surface), bodies.mesh_of(bodies.waist(waist, 0.4))
     post, settings = post_below(level, bodies.HOLDING), PathJob(**job)  # type: ignore[arg-type]
-    contacts = cover_level(bodies.level_of(surface), [LayeredDistance(level)], cutter, post, settings)
+    contacts = cover_level(bodies.level_of(surface), [MeshDistance(level)], cutter, post, settings)
     scene = Scene(level, material, bodies.stock(), post)
     return contacts, scene, orient(contacts, scene, limits, settings, NcJob())
 

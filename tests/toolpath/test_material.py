@@ -11,7 +11,7 @@ from numpy import ndarray
 from bonecam.job import NcJob, PathJob
 from bonecam.levels.level import Level
 from bonecam.levels.stock import Capsule
-from bonecam.mesh.distance import LayeredDistance, MeshDistance
+from bonecam.mesh.distance import MeshDistance
 from bonecam.orientation.limits import AxisLimits
 from bonecam.orientation.orient import orient
 from bonecam.orientation.scene import Scene
@@ -41,7 +41,7 @@ def levels_of() -> tuple[Level, Level, Level]:
 
 
 def path_on(level: Level, material: Material, cutter: Cutter = bodies.ROUGH) -> ToolPath:
-    contacts = cover_level(level, [LayeredDistance(level.mesh)], cutter, POST, PathJob(), material)
+    contacts = cover_level(level, [MeshDistance(level.mesh)], cutter, POST, PathJob(), material)
     return orient(contacts, Scene(level.mesh, material.mesh, STOCK, POST, DEVIATION), AxisLimits(2.0), PathJob(), NcJob())
 
 

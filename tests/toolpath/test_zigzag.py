@@ -9,7 +9,7 @@ from scipy.spatial import KDTree
 
 from bonecam.errors import ToolPathError
 from bonecam.job import HoldingJob, PathJob
-from bonecam.mesh.distance import LayeredDistance, MeshDistance
+from bonecam.mesh.distance import MeshDistance
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.path import ContactPath
 from bonecam.toolpath.post import post_below
@@ -21,7 +21,7 @@ DIRECTIONS = ("around", "along")
 def covered(surface: TSpline, direction: str, post_clearance: float = POST_CLEARANCE) -> ContactPath:
     level = bodies.level_of(surface)
     post, job = post_below(level.mesh, bodies.HOLDING), PathJob(direction=direction)
-    return cover_level(level, [LayeredDistance(level.mesh)], bodies.FINE, post, job, post_clearance=post_clearance)
+    return cover_level(level, [MeshDistance(level.mesh)], bodies.FINE, post, job, post_clearance=post_clearance)
 
 
 def joined(path: ContactPath) -> np.ndarray:

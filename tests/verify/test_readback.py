@@ -7,7 +7,7 @@ from synthetic_paths import BOTTOM, CAPSULE_RADIUS, TOP, capsule_path
 
 from bonecam.errors import VerifyError
 from bonecam.job import Job
-from bonecam.mesh.distance import LayeredDistance
+from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.machine import read_machine
@@ -39,7 +39,7 @@ def capsule_mesh(chord: float = 0.002) -> TriangleMesh:
 
 @pytest.fixture(scope="module")
 def mesh():
-    return LayeredDistance(capsule_mesh(), capsule_mesh(0.05), 0.06)
+    return MeshDistance(capsule_mesh())
 
 
 @pytest.fixture(params=PAIRS)

@@ -1,0 +1,142 @@
+"""The distance to the nearest of many triangles, as far as a limit: a tree of boxes, halved along the longest side.
+
+The tree is complete: node n has the children 2n + 1 and 2n + 2, its last row are the leaves, which share the triangles evenly. Each
+search begins with the triangle that was nearest to the point before, so points in the order of a path find their way quickly.
+"""
+
+import numpy as np
+from numba import njit
+from numpy import ndarray
+
+DEEPEST = 64
+
+
+@njit(cache=True)
+def tree_order(middles: ndarray, leaves: int) -> ndarray:
+    """The order of triangles (by their middles (n, 3)) in which `leaves`, a power of two, share them: halved along the longest side."""
+    n = len(middles)
+    order = np.arange(n)
+    parts = leaves
+    while parts > 1:
+        for first in range(0, leaves, parts):
+            low, middle, high = first * n // leaves, (first + parts // 2) * n // leaves, (first + parts) * n // leaves
+            if not low < middle < high:
+                continue
+            here = order[low:high]
+            longest, axis = -1.0, 0
+            for k in range(3):
+                smallest, largest = np.inf, -np.inf
+                for i in here:
+                    smallest, largest = min(smallest, middles[i, k]), max(largest, middles[i, k])
+                if largest - smallest > longest:
+                    longest, axis = largest - smallest, k
+            along = np.empty(len(here))
+            for i in range(len(here)):
+                along[i] = middles[here[i], axis]
+            order[low:high] = here[np.argsort(along, kind="mergesort")]
+        parts //= 2
+    return order
+
+
+@njit(cache=True)
+def boxes_of(triangles: ndarray, leaves: int) -> ndarray:
+    """Boxes (2 leaves - 1, 6) of the tree over ordered triangles (n, 9): lowest x, y, z, highest x, y, z; empty ones are nowhere."""
+    n = len(triangles)
+    boxes = np.empty((2 * leaves - 1, 6))
+    boxes[:, :3], boxes[:, 3:] = np.inf, -np.inf
+    for leaf in range(leaves):
+        box = boxes[leaves - 1 + leaf]
+        for i in range(leaf * n // leaves, (leaf + 1) * n // leaves):
+            for k in range(9):
+                box[k % 3] = min(box[k % 3], triangles[i, k])
+                box[3 + k % 3] = max(box[3 + k % 3], triangles[i, k])
+    for node in range(leaves - 2, -1, -1):
+        for k in range(3):
+            boxes[node, k] = min(boxes[2 * node + 1, k], boxes[2 * node + 2, k])
+            boxes[node, 3 + k] = max(boxes[2 * node + 1, 3 + k], boxes[2 * node + 2, 3 + k])
+    return boxes
+
+
+@njit(inline="always")
+def _to_box(px: float, py: float, pz: float, boxes: ndarray, n: int) -> float:
+    """Squared distance from a box; infinite where it is empty."""
+    x = max(max(boxes[n, 0] - px, px - boxes[n, 3]), 0.0)
+    y = max(max(boxes[n, 1] - py, py - boxes[n, 4]), 0.0)
+    z = max(max(boxes[n, 2] - pz, pz - boxes[n, 5]), 0.0)
+    return x * x + y * y + z * z
+
+
+@njit(cache=True, nogil=True)
+def _to_triangle(px: float, py: float, pz: float, t: ndarray) -> float:
+    """Squared distance from a triangle (Ericson 2005, section 5.1.5)."""
+    abx, aby, abz = t[3] - t[0], t[4] - t[1], t[5] - t[2]
+    acx, acy, acz = t[6] - t[0], t[7] - t[1], t[8] - t[2]
+    apx, apy, apz = px - t[0], py - t[1], pz - t[2]
+    d1, d2 = abx * apx + aby * apy + abz * apz, acx * apx + acy * apy + acz * apz
+    if d1 <= 0.0 and d2 <= 0.0:
+        return apx * apx + apy * apy + apz * apz
+    bpx, bpy, bpz = px - t[3], py - t[4], pz - t[5]
+    d3, d4 = abx * bpx + aby * bpy + abz * bpz, acx * bpx + acy * bpy + acz * bpz
+    if d3 >= 0.0 and d4 <= d3:
+        return bpx * bpx + bpy * bpy + bpz * bpz
+    vc = d1 * d4 - d3 * d2
+    if vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0 and d1 > d3:
+        v = d1 / (d1 - d3)
+        return (apx - v * abx) ** 2 + (apy - v * aby) ** 2 + (apz - v * abz) ** 2
+    cpx, cpy, cpz = px - t[6], py - t[7], pz - t[8]
+    d5, d6 = abx * cpx + aby * cpy + abz * cpz, acx * cpx + acy * cpy + acz * cpz
+    if d6 >= 0.0 and d5 <= d6:
+        return cpx * cpx + cpy * cpy + cpz * cpz
+    vb = d5 * d2 - d1 * d6
+    if vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0 and d2 > d6:
+        w = d2 / (d2 - d6)
+        return (apx - w * acx) ** 2 + (apy - w * acy) ** 2 + (apz - w * acz) ** 2
+    va = d3 * d6 - d5 * d4
+    if va <= 0.0 and d4 >= d3 and d5 >= d6 and (d4 - d3) + (d5 - d6) > 0.0:
+        w = (d4 - d3) / ((d4 - d3) + (d5 - d6))
+        x, y, z = bpx - w * (t[6] - t[3]), bpy - w * (t[7] - t[4]), bpz - w * (t[8] - t[5])
+        return x * x + y * y + z * z
+    whole = va + vb + vc
+    if whole <= 0.0:  # a triangle without area
+        return min(apx * apx + apy * apy + apz * apz, min(bpx * bpx + bpy * bpy + bpz * bpz, cpx * cpx + cpy * cpy + cpz * cpz))
+    v, w = vb / whole, vc / whole
+    x, y, z = apx - v * abx - w * acx, apy - v * aby - w * acy, apz - v * abz - w * acz
+    return x * x + y * y + z * z
+
+
+@njit(cache=True, nogil=True)
+def distances_within(points: ndarray, limits: ndarray, triangles: ndarray, boxes: ndarray) -> ndarray:
+    """Distance of each point from the nearest triangle, or its limit where none is nearer."""
+    n, found, leaves = len(triangles), np.empty(len(points)), (len(boxes) + 1) // 2
+    stack, reach = np.empty(DEEPEST, dtype=np.int64), np.empty(DEEPEST)
+    last = 0
+    for i in range(len(points)):
+        px, py, pz = points[i, 0], points[i, 1], points[i, 2]
+        best = limits[i] * limits[i]
+        best = min(best, _to_triangle(px, py, pz, triangles[last]))
+        stack[0], reach[0], height = 0, _to_box(px, py, pz, boxes, 0), 1
+        while height:
+            height -= 1
+            if reach[height] >= best:
+                continue
+            node = stack[height]
+            if node >= leaves - 1:
+                leaf = node - leaves + 1
+                for k in range(leaf * n // leaves, (leaf + 1) * n // leaves):
+                    d = _to_triangle(px, py, pz, triangles[k])
+                    if d < best:
+                        best, last = d, k
+                continue
+            a, b = 2 * node + 1, 2 * node + 2
+            to_a, to_b = _to_box(px, py, pz, boxes, a), _to_box(px, py, pz, boxes, b)
+            if to_a < to_b:
+                a, b, to_a, to_b = b, a, to_b, to_a
+            # the nearer child comes off the stack first
+            if to_a < best:
+                stack[height], reach[height] = a, to_a
+                height += 1
+            if to_b < best:
+                stack[height], reach[height] = b, to_b
+                height += 1
+        found[i] = np.sqrt(best)
+    return found
