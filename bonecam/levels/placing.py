@@ -91,7 +91,10 @@ def _mesh(points: ndarray, job: StockJob, middle: float) -> Stock:
     """The file's body with the middle of its box on the axis; scale 0: the smallest copy that leaves the allowance."""
     if not job.mesh:
         raise StockError("a stock of kind 'mesh' needs a file: give stock.mesh = \"block.stl\" (mm, Z upright)")
-    given = ConvexStock(read_mesh(job.mesh))
+    try:
+        given = ConvexStock(read_mesh(job.mesh))
+    except StockError as error:
+        raise StockError(f"{job.mesh}: {error}", file=job.mesh, **error.evidence) from error
     stock = given.moved(np.array([0.0, 0.0, middle]) - given.middle)
     if job.scale:
         return stock.scaled(job.scale)

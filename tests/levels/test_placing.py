@@ -13,6 +13,7 @@ from bonecam.levels.cylinder import Cylinder
 from bonecam.levels.placing import stock_for
 from bonecam.levels.stock import MARGIN, smallest_capsule
 from bonecam.mesh.files import write_mesh
+from bonecam.mesh.triangle_mesh import TriangleMesh
 
 KINDS = ("capsule", "cylinder", "box")
 
@@ -105,6 +106,15 @@ def test_a_stock_from_a_file_is_taken_as_it_is_or_as_its_smallest_copy(tmp_path:
     smallest, transform = stock_for(cloud(), StockJob(kind="mesh", mesh=str(file), scale=0.0, allowance=0.4))
     assert smallest.signed_distance(lying(cloud(), transform)).max() == pytest.approx(-0.4, abs=1e-6)
     assert smallest.length < stock.length
+
+
+def test_a_stock_file_that_is_no_convex_body_is_named(tmp_path: Path) -> None:
+    bar = Cylinder(8.0, 0.0, 40.0).mesh(0.5)
+    waist = 1 - 0.3 * np.exp(-(((bar.vertices[:, 2:] - 20) / 6) ** 2))
+    write_mesh(TriangleMesh(bar.vertices * np.hstack([waist, waist, 1 + 0 * waist]), bar.faces), tmp_path / "waist.stl")
+    with pytest.raises(StockError, match=r"waist\.stl: the stock is not convex: it lies 2\.\d+ mm inside .* at \(") as caught:
+        stock_for(cloud(), StockJob(kind="mesh", mesh=str(tmp_path / "waist.stl")))
+    assert caught.value.evidence["distance"] > 2
 
 
 IMPOSSIBLE = {
