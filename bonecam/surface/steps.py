@@ -22,7 +22,7 @@ from bonecam.surface.tspline import TSpline
 
 SLIDE = 0.1  # weight of a miss in the tangent plane
 BEND, DRIFT = 2e-5, 3e-2  # fairness, times (mean cell side)^4
-NEAR, STRESS = 2.0, {False: (0.25, 2), True: (0.4, 4)}  # weight of a sample that is met, power of the miss: till (once) none is so far
+NEAR, STRESS = 2.0, {False: (0.4, 2), True: (0.5, 4)}  # weight of a sample that is met, power of the miss: till (once) none is so far
 DAMPING = 1e-4  # weight of the change itself, against that of the samples
 FIRMER = 30.0  # times the damping round a fold, at each try, and 1 at least
 TRIES = 3
