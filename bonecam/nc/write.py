@@ -89,7 +89,6 @@ class _Writer:
         turns = [np.abs(np.diff(p.words[:, 3:], axis=0, prepend=p.words[:1, 3:])).max(1) for p in self.posted]
         for posted, turn in zip(self.posted, turns, strict=True):
             turn[[run[0] for run in posted.runs]] = 0.0
-        rates = [turn / np.maximum(60 * p.minutes, np.finfo(float).tiny) * (turn > 0) for p, turn in zip(self.posted, turns, strict=True)]
         return Program(
             text=text,
             name=self.name,
@@ -98,13 +97,11 @@ class _Writer:
             extension=self.dialect.extension,
             blocks=blocks,
             moves=self.moves,
-            cut_moves=sum(int((posted.moves.kinds == Kind.CUT).sum()) for posted in self.posted),
             split_moves=sum(len(posted.words) - len(posted.path.tips) for posted in self.posted),
             rewinds=sum(len(posted.runs) - 1 for posted in self.posted),
             tools=tuple(dict.fromkeys(posted.path.cutter.number for posted in self.posted)),
             time_min=float(sum(posted.minutes.sum() for posted in self.posted)),
             rotary_max_deg_per_block=max(float(t[f].max(initial=0.0)) for t, f in zip(turns, feeds, strict=True)),
-            rotary_max_deg_per_s=max(float(r[f].max(initial=0.0)) for r, f in zip(rates, feeds, strict=True)),
         )
 
     def _comment(self, text: str) -> str:

@@ -24,7 +24,7 @@ class Judge:
     """Collision tests of one cutter in one scene. `margin` (mm) thickens shank and holder."""
 
     def __init__(self, scene: Scene, cutter: Cutter, margin: float = 0.0) -> None:
-        self._scene, self._cutter, self._margin = scene, cutter, margin
+        self._scene, self._cutter = scene, cutter
         self._tools = {name: _object(mesh) for name, mesh in tool_meshes(cutter, margin + scene.material_deviation).items()}
         slim, thick = scene.post, scene.thick_post(cutter.radius)
         table = _object(_table())

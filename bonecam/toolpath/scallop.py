@@ -1,4 +1,4 @@
-"""Side step and scallop of a ball on a circular section, exact both ways.
+"""Side step of a ball on a circular section, exact.
 
 A section of curvature kappa (1/mm, > 0 where the part bulges towards the cutter) is a circle of radius 1/kappa; ball centres
 lie on the circle 1/kappa + R, the cusp on 1/kappa + h. The triangle centre - cutter - cusp gives, with theta the angle between
@@ -33,21 +33,6 @@ def side_step(radius: float, scallop: float, curvature: Float[ndarray, " n"]) ->
     sine = np.clip(curvature * half, -1, 1)
     flat = np.abs(sine) < FLAT
     return np.where(flat, 4 * half, 4 * np.arcsin(sine) / np.where(flat, 1, curvature))
-
-
-def scallop_of_step(radius: float, step: Float[ndarray, " n"], curvature: Float[ndarray, " n"]) -> Float[ndarray, " n"]:
-    """Height of the cusp (mm) that contacts `step` apart along the section leave.
-
-    The cusp lies on both balls: with a = theta/2 and rho = 1/kappa, rho + h = (rho + R) cos a - sqrt(R^2 - (rho + R)^2 sin^2 a).
-    NaN where neighbouring balls do not meet. Raises ToolPathError where kappa <= -1/R.
-    """
-    _refuse(radius, curvature)
-    angle = curvature * step / 2
-    across = np.where(np.abs(angle) < FLAT, step / 2, np.sin(angle) / np.where(curvature == 0, 1, curvature))
-    fall = np.where(np.abs(angle) < FLAT, curvature * step**2 / 8, 2 * np.sin(angle / 2) ** 2 / np.where(curvature == 0, 1, curvature))
-    with np.errstate(invalid="ignore"):
-        depth = radius - np.sqrt(radius**2 - (across * (1 + curvature * radius)) ** 2)
-    return depth - fall * (1 + curvature * radius)
 
 
 def _refuse(radius: float, curvature: ndarray) -> None:
