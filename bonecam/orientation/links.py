@@ -89,16 +89,14 @@ class Linker:
         """Short links from ends to starts (each: centres, normals, axes (k, 3)), and which of them are proven free."""
         (a, na, va), (b, nb, vb) = ends, starts
         possible = (np.linalg.norm(b - a, axis=1) <= near) & (angles_between(va, vb) <= HOP_TURN)
-        hops, centres, axes = [], [], []
-        for i in range(len(a)):
-            between, turning = interpolated(a[i] + HOP_LIFT * na[i], b[i] + HOP_LIFT * nb[i], va[i], vb[i], HOP_STEPS)
-            hops.append(Moves.along(Kind.LINK, between, turning, min(self.feeds.link, self._checker.cutter.feed)))
-            centres.append(np.vstack([a[i], between, b[i]]))
-            axes.append(np.vstack([va[i], turning, vb[i]]))
+        between, turning = interpolated(a + HOP_LIFT * na, b + HOP_LIFT * nb, va, vb, HOP_STEPS)
+        between, turning = between.reshape(len(a), HOP_STEPS + 1, 3), turning.reshape(len(a), HOP_STEPS + 1, 3)
+        hops = [Moves.along(Kind.LINK, *way, min(self.feeds.link, self._checker.cutter.feed)) for way in zip(between, turning, strict=True)]
         good = possible.copy()
         which = np.flatnonzero(possible)
         if len(which):
-            c, v = np.vstack([centres[i] for i in which]), np.vstack([axes[i] for i in which])
+            c = np.concatenate([a[which, None], between[which], b[which, None]], axis=1).reshape(-1, 3)
+            v = np.concatenate([va[which, None], turning[which], vb[which, None]], axis=1).reshape(-1, 3)
             joined = np.tile(np.r_[np.ones(HOP_STEPS + 2, dtype=bool), False], len(which))
             free = self._checker.free_moves(c - self._radius * v, v, joined, cutting=True)
             good[which] = (free | ~joined).reshape(len(which), -1).all(axis=1)
@@ -164,7 +162,6 @@ class Linker:
     def _verified(self, centres: ndarray, axes: ndarray, *, cutting: bool) -> bool:
         """Whether straight moves through these poses are proven free; finely subdivided."""
         tips = centres - self._radius * axes
-        fine = [interpolated(tips[i], tips[i + 1], axes[i], axes[i + 1], VERIFY_STEPS) for i in range(len(tips) - 1)]
-        places, turns = np.vstack([f[0] for f in fine]), np.vstack([f[1] for f in fine])
-        joined = np.tile(np.r_[np.ones(VERIFY_STEPS, dtype=bool), False], len(fine))
+        places, turns = interpolated(tips[:-1], tips[1:], axes[:-1], axes[1:], VERIFY_STEPS)
+        joined = np.tile(np.r_[np.ones(VERIFY_STEPS, dtype=bool), False], len(tips) - 1)
         return bool((self._checker.free_moves(places, turns, joined, cutting=cutting) | ~joined).all())

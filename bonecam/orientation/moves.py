@@ -63,8 +63,7 @@ class Checker:
         turn = angles_between(axes[moves], axes[moves + 1])
         reach = np.linalg.norm(tips[moves + 1] - tips[moves], axis=1) + turn * np.hypot(self.cutter.length, self.cutter.holder_diameter / 2)
         steps = np.maximum(LEAST_STEPS, np.ceil(reach / SWEEP_MARGIN)).astype(int)
-        ways = [interpolated(tips[i], tips[i + 1], axes[i], axes[i + 1], n) for i, n in zip(moves.tolist(), steps.tolist())]
-        places, turns = np.vstack([way[0] for way in ways]), np.vstack([way[1] for way in ways])
+        places, turns = interpolated(tips[moves], tips[moves + 1], axes[moves], axes[moves + 1], steps)
         starts = np.r_[0, np.cumsum(steps + 1)]
         inside = np.ones(len(places), dtype=bool)
         inside[starts[1:] - 1] = False
@@ -78,13 +77,19 @@ class Checker:
 
 
 def interpolated(
-    first: Float[ndarray, "3"], last: Float[ndarray, "3"], first_axis: Float[ndarray, "3"], last_axis: Float[ndarray, "3"], steps: int
+    first: Float[ndarray, "m 3"],
+    last: Float[ndarray, "m 3"],
+    first_axes: Float[ndarray, "m 3"],
+    last_axes: Float[ndarray, "m 3"],
+    steps: int | Int[ndarray, " m"],
 ) -> tuple[Float[ndarray, "k 3"], Float[ndarray, "k 3"]]:
-    """steps + 1 poses: tips on the straight line, axes on the great circle at even angles."""
-    f = np.linspace(0, 1, steps + 1)[:, None]
-    angle = float(angles_between(first_axis[None], last_axis[None])[0])
-    if angle < 1e-9:
-        axes = (1 - f) * first_axis + f * last_axis
-    else:
-        axes = (np.sin((1 - f) * angle) * first_axis + np.sin(f * angle) * last_axis) / np.sin(angle)
-    return (1 - f) * first + f * last, unit(axes)
+    """steps + 1 poses of each move, one move behind the other: tips on the straight line, axes on the great circle at even angles."""
+    counts = np.broadcast_to(np.asarray(steps) + 1, len(first))
+    move = np.repeat(np.arange(len(first)), counts)
+    f = ((np.arange(len(move)) - np.repeat(np.cumsum(counts) - counts, counts)) / (counts[move] - 1))[:, None]
+    angle = angles_between(first_axes, last_axes)[move][:, None]
+    sine = np.sin(angle)
+    bent = angle >= 1e-9
+    a = np.where(bent, np.sin((1 - f) * angle) / np.where(bent, sine, 1.0), 1 - f)
+    b = np.where(bent, np.sin(f * angle) / np.where(bent, sine, 1.0), f)
+    return (1 - f) * first[move] + f * last[move], unit(a * first_axes[move] + b * last_axes[move])

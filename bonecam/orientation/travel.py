@@ -12,7 +12,7 @@ from bonecam.levels.stock import Capsule
 from bonecam.orientation.limits import AxisLimits, angles_between, polar, unit, with_polar
 
 ROW_STEP, ROW_TURN = 3.0, np.radians(5.0)
-HALVINGS = 60
+ROUNDS, PARTS = 8, 64
 
 
 class Route:
@@ -40,10 +40,11 @@ class Route:
         low, high = 0.0, 2 * (self._span + 2 * self._radius) + float(np.linalg.norm(centre - self._low))
         if self._stock.signed_distance(centre[None])[0] >= self._clearance:
             return 0.0
-        for _ in range(HALVINGS):
-            middle = (low + high) / 2
-            inside = self._stock.signed_distance((centre + middle * axis)[None])[0] < self._clearance
-            low, high = (middle, high) if inside else (low, middle)
+        for _ in range(ROUNDS):
+            reach = np.linspace(low, high, PARTS + 1)[1:]
+            outside = self._stock.signed_distance(centre + reach[:, None] * axis) >= self._clearance
+            first = int(np.argmax(outside)) if outside.any() else PARTS - 1
+            low, high = float(reach[first - 1]) if first else low, float(reach[first])
         return high
 
     def address(self, point: Float[ndarray, "3"]) -> tuple[float, float, float]:

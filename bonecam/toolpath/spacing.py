@@ -21,6 +21,8 @@ FULLNESS = 0.97
 TURN = np.pi
 """A cell of the grid turns by no more: at a crease the curvature of one point is not that of its whole cell."""
 MOST_LINES = 20000
+CELLS = 16
+"""Cells of the grid that are looked at for the next line at first."""
 POLE = 1e-5
 """Parameter distance from a pole at which its limits are taken."""
 
@@ -79,9 +81,9 @@ def across_feed(
 def _rings(across: ndarray, counts: ndarray, full: float) -> ndarray:
     """Rings half a step, then whole steps, from pole to pole."""
     lines: list[float] = []
-    here, step = counts[:, 0], full / 2
+    cell, here, step = 1, counts[:, 0], full / 2
     while (counts[:, -1] - here).max() > full / 2 or not lines:
-        place, here = _next(across, counts, here, step)
+        cell, place, here = _next(across, counts, cell, here, step)
         lines.append(place)
         _require_progress(lines)
         step = full
@@ -90,9 +92,9 @@ def _rings(across: ndarray, counts: ndarray, full: float) -> ndarray:
 
 def _meridians(across: ndarray, counts: ndarray, full: float) -> ndarray:
     """Lines from s = 0 by whole steps until the seam is one step away or less."""
-    lines, here = [0.0], counts[:, 0]
+    cell, lines, here = 1, [0.0], counts[:, 0]
     while (counts[:, -1] - here).max() > full:
-        place, here = _next(across, counts, here, full)
+        cell, place, here = _next(across, counts, cell, here, full)
         lines.append(place)
         _require_progress(lines)
     return np.array(lines)
@@ -103,13 +105,20 @@ def _require_progress(lines: list[float]) -> None:
         raise ToolPathError(f"passes crowd without end at parameter {lines[-1]:.6f}: smooth the level there", parameter=lines[-1])
 
 
-def _next(across: ndarray, counts: ndarray, here: ndarray, step: float) -> tuple[float, ndarray]:
-    """The parameter where the fullest place has moved on by `step`, and the counts there."""
-    moved = (counts - here[:, None]).max(axis=0)
-    cell = int(np.clip(np.searchsorted(moved, step), 1, len(across) - 1))
+def _next(across: ndarray, counts: ndarray, start: int, here: ndarray, step: float) -> tuple[int, float, ndarray]:
+    """The cell, from `start` on, and the parameter where the fullest place has moved on by `step`, and the counts there."""
+    last, window = len(across) - 1, CELLS
+    while start + window < last and (counts[:, start + window] - here).max() < step:
+        window *= 2
+    # the one cell before may be where the last line lies
+    moved = (counts[:, start - 1 : start + window + 1] - here[:, None]).max(axis=0)
+    cell = int(np.clip(np.searchsorted(moved, step), 1, len(moved) - 1))
     ratio = np.clip((step - moved[cell - 1]) / (moved[cell] - moved[cell - 1]), 0.0, 1.0)
-    return float(across[cell - 1] + ratio * (across[cell] - across[cell - 1])), counts[:, cell - 1] + ratio * (
-        counts[:, cell] - counts[:, cell - 1]
+    cell += start - 1
+    return (
+        cell,
+        float(across[cell - 1] + ratio * (across[cell] - across[cell - 1])),
+        counts[:, cell - 1] + ratio * (counts[:, cell] - counts[:, cell - 1]),
     )
 
 
