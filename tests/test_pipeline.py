@@ -3,19 +3,22 @@
 import csv
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from bonecam_meshes import path as shipped
 
 import bonecam
-from bonecam.errors import BonecamError, Cancelled, MachineError, MeshError, StockError, UnitsError
+from bonecam import pipeline
+from bonecam.errors import BonecamError, Cancelled, MachineError, MeshError, StockError, SurfaceError, UnitsError
 from bonecam.job import Job
 from bonecam.mesh.files import read_mesh, write_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.machine import read_machine
 from bonecam.nc.read import read_program
+from bonecam.surface.deviation import Deviation
 
 COARSE = Job().with_values(
     surface={"tolerance": 0.2},
@@ -30,6 +33,14 @@ def chain(tmp_path_factory: pytest.TempPathFactory) -> tuple[bonecam.Result, Pat
     folder = tmp_path_factory.mktemp("chain")
     result = bonecam.convert(shipped("phalanx"), COARSE, program=folder / "bone.h", keep=folder / "keep", report=folder / "report.json")
     return result, folder
+
+
+def test_a_surface_that_misses_the_mesh_is_refused_before_the_levels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    missed = Deviation(0.6, 0.1, 0.6, 0.5, np.array([1.0, 2.0, 3.0]))
+    monkeypatch.setattr(pipeline, "fit", lambda *given, **named: SimpleNamespace(control_points=40, deviation=missed))
+    with pytest.raises(SurfaceError, match=r"40 control points miss the mesh by 0\.60 mm near \(1\.00, 2\.00, 3\.00\): raise surface\.max"):
+        bonecam.convert(shipped("phalanx"), COARSE, program=tmp_path / "bone.h")
+    assert not list(tmp_path.iterdir())
 
 
 def test_the_report_has_the_names_that_stay(chain: tuple[bonecam.Result, Path]) -> None:
