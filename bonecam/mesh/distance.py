@@ -60,13 +60,13 @@ class MeshDistance:
         with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as threads:
             return np.concatenate(list(threads.map(lambda part: distances_within(points[part], limits[part], *tree), parts)))
 
-    def unsigned(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
-        """Distance of each point to the surface, mm."""
-        return self._within(points, np.full(len(points), np.inf))
+    def unsigned(self, points: Float[ndarray, "n 3"], wanted: float | Float[ndarray, " n"] = np.inf) -> Float[ndarray, " n"]:
+        """Distance of each point to the surface, mm; where it exceeds `wanted`, that: it is the cheaper bound."""
+        return self._within(points, _limits(wanted, len(points)))
 
     def signed(self, points: Float[ndarray, "n 3"], wanted: float | Float[ndarray, " n"] = np.inf) -> Float[ndarray, " n"]:
         """Distance of each point to the closed surface, mm, negative inside; where it exceeds `wanted`, that: it is the cheaper bound."""
-        limits = np.maximum(np.broadcast_to(np.asarray(wanted, dtype=np.float64), len(points)), 0.0)
+        limits = _limits(wanted, len(points))
         distance, inside = self._within(points, limits), self.inside(points)
         deep = np.flatnonzero(inside & (distance >= limits) & np.isfinite(limits))
         distance[deep] = self._within(points[deep], np.full(len(deep), np.inf))
@@ -80,6 +80,10 @@ class MeshDistance:
     def inside(self, points: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
         """Whether each point lies inside the closed surface (three rays each, the majority)."""
         return self._scene.compute_occupancy(self._put(points), nsamples=3).numpy() > 0.5
+
+
+def _limits(wanted: float | ndarray, count: int) -> Float[ndarray, " n"]:
+    return np.maximum(np.broadcast_to(np.asarray(wanted, dtype=np.float64), count), 0.0)
 
 
 def lowest_between(near: Float[ndarray, " n"], far: Float[ndarray, " n"], length: Float[ndarray, " n"]) -> Float[ndarray, " n"]:

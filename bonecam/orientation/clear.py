@@ -92,7 +92,7 @@ def _march(
     active = np.arange(len(poses.tips))
     u = np.full(len(active), start)
     core = radius - SLACK if touching else radius
-    for _ in range(ROUNDS):
+    for sphere in range(ROUNDS):
         if not len(active):
             break
         shift, turn = poses.shift[active], poses.turn[active]
@@ -101,7 +101,8 @@ def _march(
             near = NEAR_SLOPE * (u - ball)
             margin, slope = np.minimum(margin, near), np.where(near < margin, NEAR_SLOPE, turn)
         points = poses.tips[active] + u[:, None] * poses.axes[active]
-        distance = scene.room(points, core + margin, "level" if touching else "material", post)
+        # every sphere but the first begins inside the one before, which holds nothing
+        distance = scene.room(points, core + margin, "level" if touching else "material", post, outside=sphere > 0)
         reach = _reach(distance, core + margin, slope)
         u = u + reach
         state[active[u >= end]] = FREE

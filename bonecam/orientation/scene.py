@@ -48,16 +48,17 @@ class Scene:
         """The post with the fillet a ball of `radius` leaves round it."""
         return Post(self.post.radius + radius, self.post.top)
 
-    def room(self, points: Float[ndarray, "n 3"], wanted: Float[ndarray, " n"], against: str, post: Post) -> Float[ndarray, " n"]:
+    def room(
+        self, points: Float[ndarray, "n 3"], wanted: Float[ndarray, " n"], against: str, post: Post, *, outside: bool = False
+    ) -> Float[ndarray, " n"]:
         """A lower bound of the signed distance to `against` (`level` or `material`) and the post, mm.
 
-        It is exact where it is below `wanted` + FAR.
+        It is exact where it is below `wanted` + FAR. `outside`: no point is inside `against`, which saves asking.
         """
         distance = self.stock.signed_distance(points)
         close = np.flatnonzero(distance < wanted + FAR)
-        if len(close) and against == "level":
-            distance[close] = self.level_distance.signed(points[close], wanted[close] + FAR)
-        elif len(close):
-            deviation = self.material_deviation
-            distance[close] = self.material_distance.signed(points[close], wanted[close] + FAR + deviation) - deviation
+        if len(close):
+            mesh, deviation = (self.level_distance, 0.0) if against == "level" else (self.material_distance, self.material_deviation)
+            ask = mesh.unsigned if outside else mesh.signed
+            distance[close] = ask(points[close], wanted[close] + FAR + deviation) - deviation
         return np.minimum(distance, post.distance(points))

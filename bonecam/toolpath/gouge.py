@@ -59,13 +59,15 @@ def _lacking(obstacle: MeshDistance, centres: ndarray, moves: Int[ndarray, " m"]
     out between it and the ends, at least `clear`, at the quarters too.
     """
     starts, ends = centres[moves], centres[moves + 1]
-    middle = obstacle.signed((starts + ends) / 2, clear)
-    need = np.maximum(wanted - middle, 0.0)
     half = np.linalg.norm(ends - starts, axis=1) / 2
+    # no way shorter than its end's distance from the surface leads through it
+    distance = obstacle.unsigned if (half < clear).all() else obstacle.signed
+    middle = distance((starts + ends) / 2, clear)
+    need = np.maximum(wanted - middle, 0.0)
     ask = np.flatnonzero(lowest_between(np.full(len(moves), clear), np.clip(middle, 0.0, clear), half) < wanted)
     for fraction in QUARTERS:
         places = (1 - fraction) * starts[ask] + fraction * ends[ask]
-        need[ask] = np.maximum(need[ask], wanted - obstacle.signed(places, wanted))
+        need[ask] = np.maximum(need[ask], wanted - distance(places, wanted))
     return need
 
 
