@@ -76,6 +76,7 @@ class Linker:
         self._radius = checker.cutter.radius
         self._clearance = clearance
         self._route = Route(self._scene.stock, clearance + self._radius)
+        self._found: dict[bytes, Moves | None] = {}
 
     @property
     def safe(self) -> tuple[Float[ndarray, "3"], Float[ndarray, "3"]]:
@@ -126,11 +127,11 @@ class Linker:
         if pose is None:
             centre, axis = self.safe
             return Moves.along(Kind.RAPID, centre[None], axis[None], self.feeds.rapid)
-        for direction in self._directions(pose[1]):
-            way = self._straight_out(*pose, direction)
-            if way is not None:
-                return way
-        return None
+        key = np.concatenate(pose).tobytes()
+        if key not in self._found:
+            ways = (self._straight_out(*pose, direction) for direction in self._directions(pose[1]))
+            self._found[key] = next((way for way in ways if way is not None), None)
+        return self._found[key]
 
     def _directions(self, axis: ndarray) -> list[ndarray]:
         """Ways out to try: along the axis, and the same way but level or rising, so that a drooping holder does not sink to the table."""
