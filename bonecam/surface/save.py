@@ -4,6 +4,7 @@
 |---|---|
 | .tspline | bonecam's own text form of row-structured T-splines, bit for bit (`surface.rows_file`) |
 | .tsm | general T-meshes as Rhino writes them (`surface.tsm_write`) |
+| .iga | the Bezier elements of any T-spline, bit for bit (`surface.iga`) |
 | .step, .stp, .iges, .igs | one exact B-spline face, or Bezier faces (`surface.cad`; extra `cad`) |
 """
 
@@ -12,10 +13,11 @@ from pathlib import Path
 from bonecam.errors import FileError
 from bonecam.mesh.opencascade import IGES, STEP, occ
 from bonecam.surface.files import write_tsm
+from bonecam.surface.iga import write_iga
 from bonecam.surface.tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 
-TEXTS = (".tspline", ".tsm")
+TEXTS = (".tspline", ".tsm", ".iga")
 
 
 def check_target(path: str | Path) -> None:
@@ -32,7 +34,9 @@ def save_surface(surface: TSpline, path: str | Path) -> None:
     """Write the surface, whole or not at all. FileError where the ending is unknown, unfit for the T-mesh, or its writer is missing."""
     check_target(path)
     ending = Path(path).suffix.lower()
-    if ending in TEXTS:
+    if ending == ".iga":
+        write_iga(surface, path)
+    elif ending in TEXTS:
         rows = isinstance(surface.tmesh, RowTMesh)
         if rows != (ending == ".tspline"):
             what = "rows of control points have no .tsm form" if rows else "a general T-mesh has no .tspline form"

@@ -16,6 +16,7 @@ from numpy import ndarray
 from bonecam.errors import SurfaceError
 from bonecam.kernels import triangles
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.surface.element_mesh import element_mesh
 from bonecam.surface.extracted import ExtractedTMesh
 from bonecam.surface.patch_mesh import patch_mesh
 from bonecam.surface.rings import ring_mesh
@@ -69,7 +70,10 @@ def tessellate(surface: "TSpline", chord_tolerance: float, angle_tolerance: floa
     if not chord_tolerance > 0 or (angle_tolerance is not None and not angle_tolerance > 0):
         raise ValueError(f"tolerances must be positive, not {chord_tolerance} and {angle_tolerance}")
     if isinstance(surface.tmesh, ExtractedTMesh):
-        raise SurfaceError("the elements of an .iga file have no common parameters: they cannot be tessellated as one mesh")
+        if angle_tolerance is not None:
+            raise SurfaceError("surfaces of .iga files know no angle tolerance: give a smaller chord tolerance instead")
+        parameters, points, faces, worst = element_mesh(surface, MARGIN * chord_tolerance)
+        return Tessellation(_checked(surface, parameters, points, faces), parameters, worst)
     rows = isinstance(surface.tmesh, RowTMesh)
     parameters, poles, faces = ring_mesh(surface, chord_tolerance) if rows else patch_mesh(surface)
     points = surface.positions(*parameters.T)
@@ -78,7 +82,8 @@ def tessellate(surface: "TSpline", chord_tolerance: float, angle_tolerance: floa
         edges, edge_of_face = _edges(draft.faces)
         marked = _marked(draft, edges, edge_of_face, MARGIN * chord_tolerance, angle_tolerance)
         if not marked.any():
-            return Tessellation(_checked(draft), draft.parameters, draft.deviation)
+            mesh = _checked(surface, draft.parameters, draft.points, draft.faces)
+            return Tessellation(mesh, draft.parameters, draft.deviation)
         if len(draft.points) + int(marked.sum()) > MOST_VERTICES:
             break
         _split(draft, edges, edge_of_face, marked)
@@ -174,14 +179,14 @@ def _cut(points: ndarray, faces: ndarray, middle: ndarray) -> ndarray:
     return np.vstack([np.column_stack(corners)[which] for which, corners in pieces])
 
 
-def _checked(draft: _Draft) -> TriangleMesh:
+def _checked(surface: "TSpline", parameters: ndarray, points: ndarray, faces: ndarray) -> TriangleMesh:
     """The mesh. Raises SurfaceError where a face has no area."""
-    mesh = TriangleMesh(draft.points, draft.faces.astype(np.int32))
+    mesh = TriangleMesh(points, faces.astype(np.int32))
     area = np.linalg.norm(mesh.face_vectors, axis=1)
     if not area.min() > 0:
-        place = draft.parameters[mesh.faces[int(np.argmin(area))][0]]
+        place = parameters[mesh.faces[int(np.argmin(area))][0]]
         raise SurfaceError(f"control points coincide near (s, t) = ({place[0]:.4f}, {place[1]:.4f}): move them apart", place=place)
-    inward = not isinstance(draft.surface.tmesh, RowTMesh) and _closed(mesh.faces) and mesh.volume < 0
+    inward = not isinstance(surface.tmesh, RowTMesh) and _closed(mesh.faces) and mesh.volume < 0
     return TriangleMesh(mesh.vertices, mesh.faces[:, ::-1]) if inward else mesh
 
 
