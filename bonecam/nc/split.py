@@ -3,7 +3,8 @@
 Meant between two rows: the ball centre runs straight, the axis turns evenly on the great circle. What the control does
 instead is in `control.py`. A move is split evenly until tip and ball centre stay within the tolerance at 1/4, 1/2 and 3/4
 of it (the deviation is of second order in the move, so its square root tells how often), no joint turns by more than 10
-degrees in a feed move or a right angle in a rapid, and, without tool-centre control, no feed move is longer than 1 mm.
+degrees in a feed move or a right angle in a rapid or at the pole itself, and, without tool-centre control, no feed move is
+longer than 1 mm.
 """
 
 from dataclasses import dataclass
@@ -20,6 +21,8 @@ from bonecam.toolpath.path import Kind, ToolPath
 MOST_ROUNDS = 40
 LONGEST_MOVE = 1.0
 LARGEST_TURN, LARGEST_RAPID_TURN = np.radians(10.0), np.pi / 2
+POLE_PASS = np.radians(0.1)
+"""A feed move whose axis turns by less passes the pole itself: its joint may turn as far as in a rapid, no split would help."""
 RAPID_SLACK = 20.0
 AXIS_TOLERANCE = np.radians(1.0)
 
@@ -101,7 +104,8 @@ def _pieces(control: Control, kinds: ndarray, tips: ndarray, axes: ndarray, angl
         off = np.maximum(_lengths(centre), _lengths(centre - control.radius * leant))
         worst = np.maximum(worst, np.maximum(off / allowed, _lengths(leant) / AXIS_TOLERANCE))
     pieces = np.where(worst > 1, np.ceil(np.sqrt(1.1 * np.minimum(worst, 1e4))), 1)
-    turn = np.abs(np.diff(angles, axis=0)).max(1) / np.where(rapid, LARGEST_RAPID_TURN, LARGEST_TURN)
+    at_pole = _lengths(np.diff(axes, axis=0)) < POLE_PASS
+    turn = np.abs(np.diff(angles, axis=0)).max(1) / np.where(rapid | at_pole, LARGEST_RAPID_TURN, LARGEST_TURN)
     pieces = np.maximum(pieces, np.ceil(turn - 1e-9))
     if not control.tool_centre:
         length = _lengths(np.diff(tips, axis=0))
