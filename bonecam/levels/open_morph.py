@@ -10,8 +10,8 @@ moves further than eps_k, and none falls behind where the ways lie on the outer 
 Fixed edges keep their control points: all levels hang on the part's edges, and the stock bends down to them.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,7 @@ from numpy import ndarray
 from scipy.sparse.linalg import splu
 
 from bonecam.errors import LevelError, StockError, place_name
-from bonecam.levels.check import BINS, DEPTH_TOLERANCE, NEST_TOLERANCE, probes
+from bonecam.levels.check import BINS, DEPTH_TOLERANCE, NEST_TOLERANCE, patch_of
 from bonecam.levels.level import Level
 from bonecam.levels.morph import Morph
 from bonecam.levels.schedule import Schedule
@@ -73,26 +73,53 @@ def morph_open(
     held = fabric.edge & (edges == "fixed")
     target, side = _target(surface, fabric, stock, held)
     finer = max((each.tessellate_with_parameters(chord_tolerance) for each in (surface, target)), key=lambda found: len(found.mesh.faces))
-    s, t = finer.parameters.T
-    meshes = [TriangleMesh(each.positions(s, t), finer.mesh.faces) for each in (surface, target)]
-    distance = float(MeshDistance(meshes[0]).unsigned(probes(meshes[1])).max())
+    grid = _Grid(finer.parameters, _middles(finer.parameters, finer.mesh.faces, surface.elements().period), finer.mesh.faces)
+    stock_points = grid.points(target)
+    distance = _farthest(grid.mesh(surface), stock_points)
     lower_bound = schedule.lower_bound(distance)
     made = [np.array(surface.control_points)]
-    while _rest(surface.with_control_points(made[-1]).positions(s, t), meshes[1], meshes[0].faces) > schedule.limit(len(made)):
+    while _farthest(grid.mesh(surface.with_control_points(made[-1])), stock_points) > schedule.limit(len(made)):
         k = len(made)
         report(progress, min(1.0, k / lower_bound), f"level {k}")
         moves = _moves(fabric, made[-1], target.control_points, schedule.limit(k), stiffness, held)
         if np.linalg.norm(moves, axis=1).max() < schedule.limit(k) / 100:
             raise LevelError(f"level {k} gets no nearer to the stock: give a lower stiffness", level=k)
         made.append(made[-1] + moves)
-    surfaces = [surface.with_control_points(P) for P in made]
-    meshes = [TriangleMesh(each.positions(s, t), finer.mesh.faces) for each in surfaces] + [meshes[1]]
-    return Morph(_measured(surfaces, meshes, schedule, side), lower_bound, distance, 0.0, 0.0)
+    shapes = [*(surface.with_control_points(P) for P in made), target]
+    levels = [Level(0, surface, mesh := grid.mesh(surface), 0.0, 0.0, 0.0, 0.0, len(self_intersections(mesh)))]
+    levels += [_level(k, inner, outer, grid, schedule.limit(k), side) for k, (inner, outer) in enumerate(pairwise(shapes), start=1)]
+    levels[-1] = replace(levels[-1], surface=None)
+    return Morph(tuple(levels), lower_bound, distance, 0.0, 0.0)
 
 
-def _rest(points: ndarray, stock: TriangleMesh, faces: ndarray) -> float:
-    """The largest distance from the stock to a level, mm."""
-    return float(MeshDistance(TriangleMesh(points, faces)).unsigned(probes(stock)).max())
+def _farthest(mesh: TriangleMesh, points: ndarray) -> float:
+    """The largest distance from the points to a level, mm."""
+    return float(MeshDistance(mesh).unsigned(points).max())
+
+
+@dataclass(frozen=True, eq=False)
+class _Grid:
+    """One parameter mesh for all levels: (s, t) of its vertices and of its faces' middles."""
+
+    parameters: Float[ndarray, "v 2"]
+    middles: Float[ndarray, "f 2"]
+    faces: ndarray
+
+    def mesh(self, surface: TSpline) -> TriangleMesh:
+        """The tessellation of a level."""
+        return TriangleMesh(surface.positions(*self.parameters.T), self.faces)
+
+    def points(self, surface: TSpline) -> Float[ndarray, "n 3"]:
+        """Points of a level: at the vertices, then at the middles."""
+        return surface.positions(*np.vstack([self.parameters, self.middles]).T)
+
+
+def _middles(parameters: ndarray, faces: ndarray, period: tuple[float, float]) -> Float[ndarray, "f 2"]:
+    """(s, t) in the middle of each face, also where it lies across a seam."""
+    first, turn = parameters[faces[:, 0]], np.array(period)
+    offset = parameters[faces] - first[:, None]
+    offset -= turn * np.round(offset / np.where(turn > 0, turn, 1.0))
+    return np.asarray(first + offset.mean(1))
 
 
 def _fabric(surface: TSpline) -> _Fabric:
@@ -162,33 +189,33 @@ def _moves(fabric: _Fabric, P: ndarray, Q: ndarray, depth: float, stiffness: flo
     return np.asarray(found[:, None] * ahead)
 
 
-def _measured(surfaces: Sequence[TSpline], meshes: Sequence[TriangleMesh], schedule: Schedule, side: float) -> tuple[Level, ...]:
-    levels = [Level(0, surfaces[0], meshes[0], 0.0, 0.0, 0.0, 0.0, len(self_intersections(meshes[0])))]
-    for k in range(1, len(meshes)):
-        shape = surfaces[k] if k < len(surfaces) else None
-        levels.append(_level(k, shape, meshes[k - 1], meshes[k], schedule.limit(k), side))
-    return tuple(levels)
+def _level(k: int, before: TSpline, surface: TSpline, grid: _Grid, limit: float, side: float) -> Level:
+    """One cut measured: depth both ways, nesting along the outer level's normals, self-intersections.
 
-
-def _level(k: int, surface: TSpline | None, inner: TriangleMesh, outer: TriangleMesh, limit: float, side: float) -> Level:
-    """One cut measured on the meshes: depth both ways, nesting along the outer level's normals, self-intersections."""
-    inside, outside = probes(inner), probes(outer)
+    Nearest places are found on the meshes; where a limit seems broken, on the surfaces.
+    """
+    inner, outer, inside, outside = grid.mesh(before), grid.mesh(surface), grid.points(before), grid.points(surface)
     depth = MeshDistance(inner).unsigned(outside)
+    deep = np.flatnonzero(depth > limit)
+    depth[deep] = np.minimum(depth[deep], before.project(outside[deep]).distances)
     closest, face = exact_closest(outer, inside)
     away = inside - closest
     normals = outer.face_vectors[face] / np.linalg.norm(outer.face_vectors[face], axis=1, keepdims=True)
     ahead = -side * (away * normals).sum(1)
+    behind = np.flatnonzero(ahead < 0)
+    feet = surface.project(inside[behind])
+    ahead[behind] = -side * ((inside[behind] - feet.feet) * surface.normals(*feet.parameters.T)).sum(1)
     area = np.linalg.norm(outer.face_vectors, axis=1)
     middles = depth[len(outer.vertices) :]
     cuts = self_intersections(outer)
-    for worst, trouble, places in (
+    for worst, trouble, place in (
         (float(depth.max()) - limit - DEPTH_TOLERANCE, f"is {depth.max():.4f} mm deep, more than {limit} mm,", outside[np.argmax(depth)]),
         (float(-ahead.min()) - NEST_TOLERANCE, f"falls {-ahead.min():.4f} mm behind the level before", inside[np.argmin(ahead)]),
         (float(len(cuts)), f"cuts itself in {len(cuts)} faces", outer.vertices[outer.faces[cuts[0] if len(cuts) else 0]].mean(0)),
     ):
         if worst > 0:
-            remedy = "give a higher stiffness or fixed edges"
-            raise LevelError(f"level {k} {trouble} at {place_name(places)}: {remedy}", level=k, place=places)
+            told = f"level {k} {trouble} at {place_name(place)}: give a higher stiffness or other edges"
+            raise LevelError(told, level=k, place=place, patch=patch_of(outer, place))
     return Level(
         k,
         surface,
