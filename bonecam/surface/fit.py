@@ -24,7 +24,6 @@ CHECKS = 8  # dense measurements, each followed by more samples where the mesh i
 REGROWN = 1.05  # times the control points left by the last thinning: then the next one
 MOST = 20000  # control points where no limit is given
 ROWS, ROW_POINTS = 48, 100  # of the harmonic field where none are given
-USUAL, USUAL_AREA = 450, 1500.0  # control points for a surface of so many mm^2
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,11 +42,6 @@ class Fit:
     def control_points(self) -> int:
         """Number of control points."""
         return self.surface.tmesh.size
-
-
-def usual_control_points(mesh: TriangleMesh) -> int:
-    """A limit that suits the size of a bone: 450 up to 1500 mm^2 of surface (a 45 mm metacarpal), 0.3 for each mm^2 of a larger one."""
-    return round(USUAL * max(1.0, mesh.area / USUAL_AREA))
 
 
 def fit(

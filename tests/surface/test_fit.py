@@ -10,7 +10,7 @@ from bonecam.mesh.sections import Rows, harmonic_rows
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.adapt import with_t_knots
 from bonecam.surface.deviation import deviation
-from bonecam.surface.fit import Fit, fit, usual_control_points
+from bonecam.surface.fit import Fit, fit
 from bonecam.surface.growth import first_tmesh
 from bonecam.surface.skin import skin
 
@@ -79,11 +79,6 @@ def test_a_mesh_that_lies_tilted_is_fitted_where_it_lies(body: tuple[Rows, Trian
 def test_an_open_mesh_is_refused_by_name(body: tuple[Rows, TriangleMesh]) -> None:
     with pytest.raises(MeshError):
         fit(TriangleMesh(body[1].vertices, body[1].faces[40:]), 0.1)
-
-
-def test_larger_bones_may_have_more_control_points(body: tuple[Rows, TriangleMesh]) -> None:
-    assert usual_control_points(body[1]) == 450
-    assert usual_control_points(TriangleMesh(10 * body[1].vertices, body[1].faces)) > 1000
 
 
 def test_two_fits_are_equal_to_the_last_bit(body: tuple[Rows, TriangleMesh]) -> None:
