@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.errors import LevelError
+from bonecam.errors import LevelError, place_name
 from bonecam.levels.sheet import Sheet
 from bonecam.levels.stock import Stock
 from bonecam.mesh.intersections import self_intersections
@@ -117,9 +117,8 @@ def require(
 
 
 def _fail(level: int, trouble: str, place: Float[ndarray, "3"], mesh: TriangleMesh) -> None:
-    where = f"({place[0]:.2f}, {place[1]:.2f}, {place[2]:.2f})"
     raise LevelError(
-        f"level {level} {trouble} at {where}: give a higher stiffness or more control points there",
+        f"level {level} {trouble} at {place_name(place)}: give a higher stiffness or more control points there",
         level=level,
         place=place,
         patch=patch_of(mesh, place),

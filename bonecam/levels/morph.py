@@ -12,11 +12,12 @@ from functools import cached_property
 import numpy as np
 from numpy import ndarray
 
-from bonecam.errors import LevelError, SurfaceError
+from bonecam.errors import LevelError, SurfaceError, place_name
 from bonecam.levels.attraction import ATTRACTIONS
 from bonecam.levels.check import NEST_TOLERANCE, STOCK_TOLERANCE, Measure, measure, require
 from bonecam.levels.grid import level_grid
 from bonecam.levels.level import Level
+from bonecam.levels.program import Cut, Manner
 from bonecam.levels.remaining import Remaining, remaining, whole
 from bonecam.levels.schedule import Schedule
 from bonecam.levels.setting import Setting, setting_of
@@ -32,8 +33,8 @@ from bonecam.surface.tspline import TSpline
 METHODS = {"qp": (NEST_TOLERANCE, STOCK_TOLERANCE), "qcqp": (0.02, 2 * STOCK_TOLERANCE), "osqp": (NEST_TOLERANCE, STOCK_TOLERANCE)}
 """How far (mm) a level may fall behind the one before and leave the stock: the published program says nothing of the one, and holds
 the other at samples only."""
-VARIANTS, TRIED = ((1e-4, 1.0), (1e-5, 1.0), (1e-4, 6.0), (1e-3, 1.0), (1e-4, 30.0)), 2
-"""Smoothings of the direction field, and times the stiffness; tried in turn."""
+VARIANTS, TRIED = ((1e-6, 1e-4, 1.0), (1e-6, 1e-4, 0.7), (3e-6, 1e-4, 0.7), (1e-7, 1e-4, 0.5), (1e-5, 1e-4, 0.7), (1e-6, 1e-3, 1.0)), 2
+"""Bending, smoothing of the field of directions and haste (`Manner`); tried in turn."""
 STIFFNESS, COARSE, STALL, SOFTEN, PATIENCE, MOST_EXTRA, MENDS = 5e-7, 0.02, 0.25, 0.1, 4, 12, 3
 ACCEPTED = 0.01
 """Where no sequence keeps every tolerance, one that breaks depth, nesting or stock by no more (mm, the size of the
@@ -105,7 +106,7 @@ def morph(
     )
     failure: LevelError | None = None
     nearly: Morph | None = None
-    for made, smoothing in sequences:
+    for made, manner in sequences:
         for mends in range(MENDS + 1):
             began = time.perf_counter()
             levels, trouble = _measured(surface, made, stock, schedule, chord_tolerance, METHODS[method], measuring)
@@ -120,7 +121,7 @@ def morph(
                 break
             program = replace(program, setting=program.setting.watching(trouble.parameters))
             try:
-                made = program.sequence(made[: trouble.level], stiffness, smoothing)
+                made = program.sequence(made[: trouble.level], manner)
             except LevelError:
                 break  # the first failure is told, if no other sequence works
     if nearly is not None:
@@ -131,7 +132,7 @@ def morph(
 
 def _by_cones(
     surface: TSpline, stock: Stock, schedule: Schedule, stiffness: float, attraction: str, progress: Progress
-) -> Iterator[tuple[list[ndarray], float]]:
+) -> Iterator[tuple[list[ndarray], Manner]]:
     """The one sequence of the published program."""
     from bonecam.levels.qcqp import cone_sequence
 
@@ -141,7 +142,7 @@ def _by_cones(
         distance = MeshDistance(grid.mesh(P)).unsigned(targets)
         return float(distance.max()), targets[np.argmax(distance)]
 
-    yield cone_sequence(surface, stock, schedule, stiffness, attraction, left, progress), 0.0
+    yield cone_sequence(surface, stock, schedule, stiffness, attraction, left, progress), Manner(stiffness, stiffness, 0.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,15 +155,15 @@ class _Levels:
     progress: Progress
     method: str
 
-    def sequences(self, rest: Remaining, stiffness: float) -> Iterator[tuple[list[ndarray], float]]:
-        """Sequences to be measured and their smoothings; of the first TRIED the shortest first, and K_min cuts end the search."""
-        waiting: list[tuple[list[ndarray], float]] = []
+    def sequences(self, rest: Remaining, stiffness: float) -> Iterator[tuple[list[ndarray], Manner]]:
+        """Sequences to be measured and how they were made; of the first TRIED the shortest first, and K_min cuts end the search."""
+        waiting: list[tuple[list[ndarray], Manner]] = []
         failure: LevelError | None = None
         yielded = False
-        for place, (smoothing, harder) in enumerate(VARIANTS):
+        for place, (bending, smoothing, haste) in enumerate(VARIANTS):
+            manner = Manner(stiffness, bending, smoothing, haste)
             try:
-                first = [np.array(self.setting.surface.control_points)]
-                waiting.append((self.sequence(first, harder * stiffness, smoothing, rest), smoothing))
+                waiting.append((self.sequence([np.array(self.setting.surface.control_points)], manner, rest), manner))
             except LevelError as error:
                 failure = failure or error
             waiting.sort(key=lambda one: len(one[0]))
@@ -173,36 +174,40 @@ class _Levels:
         if failure is not None and not yielded:
             raise failure
 
-    def sequence(self, made: list[ndarray], stiffness: float, smoothing: float, rest: Remaining | None = None) -> list[ndarray]:
+    def sequence(self, made: list[ndarray], manner: Manner, rest: Remaining | None = None) -> list[ndarray]:
         """Control points of levels 0, 1, 2, ... up to the last below the stock, from those `made`. LevelError where progress ends."""
-        made, stalls = list(made), 0
+        made, stalls, limit = list(made), 0, self.schedule.limit
         rest = rest or remaining(self.setting, made[-1], whole(self.setting.stock))
-        while rest.left > self.schedule.limit(len(made)):
-            k = len(made)
-            depth, before = self.schedule.limit(k), rest.left
+        while rest.left > limit(len(made)):
+            k, before = len(made), rest.left
             report(self.progress, min(1.0, k / self.lower_bound), f"level {k}")
-            landing = LANDING + CREEP * max(0, self.lower_bound - 1 - k)
-            made.append(made[-1] + self._step(made[-1], depth, stiffness, smoothing, landing))
+            left = sum(limit(later) for later in range(k, max(k, self.lower_bound) + 1))
+            cut = Cut(limit(k), left, LANDING + CREEP * max(0, self.lower_bound - 1 - k))
+            made.append(made[-1] + self._step(made[-1], rest, cut, manner))
             rest = remaining(self.setting, made[-1], rest)
-            stalled = rest.left > before - STALL * depth
-            stalls, stiffness = (stalls + 1, stiffness * SOFTEN) if stalled else (0, stiffness)
+            stalled = rest.left > before - STALL * cut.depth
+            stalls, manner = (stalls + 1, _softer(manner)) if stalled else (0, manner)
             if stalls > PATIENCE or k >= self.lower_bound + MOST_EXTRA:
-                where = "({:.2f}, {:.2f}, {:.2f})".format(*rest.place)
                 raise LevelError(
-                    f"level {k} gets no nearer to the stock than {rest.left:.3f} mm at {where}: give more control points",
+                    f"level {k} gets no nearer to the stock than {rest.left:.3f} mm at {place_name(rest.place)}: give more control points",
                     level=k,
                     place=rest.place,
                 )
         return made
 
-    def _step(self, P: ndarray, depth: float, stiffness: float, smoothing: float, landing: float) -> ndarray:
+    def _step(self, P: ndarray, rest: Remaining, cut: Cut, manner: Manner) -> ndarray:
         """The moves to the next level, stiffer where it would fold; the softest if all do (the check decides)."""
         steps = []
         for harder in HARDER:
-            steps.append(next_level(self.setting, P, depth, harder * stiffness, smoothing, landing, self.method))
+            stiffer = replace(manner, stiffness=harder * manner.stiffness)
+            steps.append(next_level(self.setting, P, rest, cut, stiffer, self.method))
             if not steps[-1].folded:
                 return steps[-1].moves
         return steps[0].moves
+
+
+def _softer(manner: Manner) -> Manner:
+    return replace(manner, stiffness=SOFTEN * manner.stiffness, bending=SOFTEN * manner.bending)
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,10 +20,12 @@ CHORD, FIRST, STEPS = 0.01, 500, 4
 
 @dataclass(frozen=True, eq=False)
 class Remaining:
-    """Points of the stock, farthest first, and for each a distance (mm) it is not farther than; the first one's is exact."""
+    """Points of the stock, farthest first, for each a distance (mm) it is not farther than (the first one's is exact), and the
+    parameters (s, t) of the foot at which that was found."""
 
     points: Float[ndarray, "n 3"]
     at_most: Float[ndarray, " n"]
+    feet: Float[ndarray, "n 2"]
 
     @property
     def left(self) -> float:
@@ -40,13 +42,13 @@ def whole(stock: Stock) -> Remaining:
     """Nothing measured yet."""
     mesh = stock.mesh(CHORD)
     points = stock.nearest(np.vstack([mesh.vertices, mesh.vertices[mesh.faces].mean(1)]))
-    return Remaining(points, np.full(len(points), np.inf))
+    return Remaining(points, np.full(len(points), np.inf), np.zeros((len(points), 2)))
 
 
 def remaining(setting: Setting, P: Float[ndarray, "c 3"], before: Remaining) -> Remaining:
     """What is left above the level with control points P, which encloses the one `before` was measured from."""
     level, watch, samples = setting.surface.with_control_points(P), setting.watch, setting.watch.R @ P
-    tree, distance = cKDTree(samples), before.at_most.copy()
+    tree, distance, places = cKDTree(samples), before.at_most.copy(), before.feet.copy()
     first = 0
     for stop in (min(FIRST, len(distance)), len(distance)):
         if first:
@@ -54,8 +56,9 @@ def remaining(setting: Setting, P: Float[ndarray, "c 3"], before: Remaining) -> 
         points = before.points[first:stop]
         if len(points):
             to_sample, nearest = tree.query(points)
-            foot = feet(level, points, watch.s[nearest], watch.t[nearest], STEPS)[2]
+            s, t, foot, _ = feet(level, points, watch.s[nearest], watch.t[nearest], STEPS)
+            places[first:stop] = np.column_stack([s, t])
             distance[first:stop] = np.minimum(to_sample, np.linalg.norm(points - foot, axis=1))
         first = stop
     order = np.argsort(-distance, kind="stable")
-    return Remaining(before.points[order], distance[order])
+    return Remaining(before.points[order], distance[order], places[order])

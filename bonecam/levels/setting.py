@@ -9,6 +9,7 @@ from numpy import ndarray
 
 from bonecam.levels.attraction import Attraction
 from bonecam.levels.energy import Samples, joined, ring_pattern, samples_of, thin_plate
+from bonecam.levels.poles import free_moves
 from bonecam.levels.stock import Stock
 from bonecam.surface.tspline import TSpline
 
@@ -19,7 +20,8 @@ WATCH_ALONG, WATCH_AROUND, FEATURES = 5, 5, 0.005
 @dataclass(frozen=True, eq=False)
 class Setting:
     """The part and its stock; `samples` (about ten a control point) carry the energy, `watch` only limits: an even
-    pattern and the vertices of a fine tessellation of the part, which are dense where it is sharp. M as in `energy`."""
+    pattern and the vertices of a fine tessellation of the part, which are dense where it is sharp. M as in `energy`, `free`
+    as in `poles`."""
 
     surface: TSpline
     stock: Stock
@@ -27,6 +29,7 @@ class Setting:
     samples: Samples
     watch: Samples
     M: sp.csc_array
+    free: sp.csr_array
 
     def watching(self, parameters: Float[ndarray, "n 2"]) -> "Setting":
         """The same with more samples watched, at these (s, t)."""
@@ -38,5 +41,5 @@ class Setting:
 def setting_of(surface: TSpline, stock: Stock, attraction: Attraction) -> Setting:
     """The samples and matrices of one morph."""
     samples, watch = ring_pattern(surface, ALONG, AROUND), ring_pattern(surface, WATCH_ALONG, WATCH_AROUND)
-    even = Setting(surface, stock, attraction, samples, watch, thin_plate(surface))
+    even = Setting(surface, stock, attraction, samples, watch, thin_plate(surface), free_moves(surface))
     return even.watching(surface.tessellate_with_parameters(FEATURES).parameters)

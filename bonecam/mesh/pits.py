@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from bonecam.errors import place_name
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -42,8 +43,7 @@ def fill_pits(mesh: TriangleMesh, radius: float) -> tuple[TriangleMesh, tuple[st
             break
     moved = np.linalg.norm(filled.vertices - mesh.vertices, axis=1)
     worst = int(np.argmax(moved))
-    where = "({:.2f}, {:.2f}, {:.2f})".format(*mesh.vertices[worst])
-    told = f"pits that a ball of {radius:g} mm cannot enter, up to {moved[worst]:.2f} mm deep at {where} mm"
+    told = f"pits that a ball of {radius:g} mm cannot enter, up to {moved[worst]:.2f} mm deep at {place_name(mesh.vertices[worst])} mm"
     if len(self_intersections(filled)):
         return mesh, (f"left {told}, open: a membrane over them would cut the part",)
     return filled, (f"filled {told}{f'; {left.sum()} vertices are still out of its reach' if left.any() else ''}",)

@@ -114,7 +114,7 @@ def test_a_level_that_falls_behind_is_an_error_with_its_place_and_patch(made: Mo
         check.require(3, found, 0.5, b.mesh)
     assert caught.value.evidence["level"] == 3
     patch, place = caught.value.evidence["patch"], caught.value.evidence["place"]
-    assert np.linalg.norm(patch.vertices - place, axis=1).min() < 0.5
+    assert MeshDistance(patch).unsigned(place[None])[0] == pytest.approx(-found.nesting_min, abs=0.01)
     assert 0 < len(patch.faces) < len(b.mesh.faces)
 
 

@@ -1,5 +1,6 @@
 """One level's program: what is solved by splitting is what OSQP and a cone solver find, and its limits are distances."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -9,11 +10,13 @@ from test_morph import STOCK, waisted
 
 from bonecam.levels.attraction import ATTRACTIONS
 from bonecam.levels.limits import feet
+from bonecam.levels.program import Cut, Manner, Program, program_of, split
+from bonecam.levels.remaining import remaining, whole
 from bonecam.levels.setting import Setting, setting_of
 from bonecam.levels.solve import solve
-from bonecam.levels.step import Program, next_level, program_of, split
+from bonecam.levels.step import next_level
 
-STIFFNESS, SMOOTHING, DEPTH, LANDING = 1e-7, 1e-4, 0.5, 0.05
+MANNER, CUT = Manner(stiffness=1e-7, bending=1e-7, smoothing=1e-4, haste=0.7), Cut(depth=0.5, left=4.0, landing=0.05)
 
 
 @cache
@@ -24,9 +27,11 @@ def setting() -> Setting:
 @cache
 def program(levels: int) -> Program:
     P = np.array(setting().surface.control_points)
+    rest = remaining(setting(), P, whole(STOCK))
     for _ in range(levels):
-        P = P + next_level(setting(), P, DEPTH, STIFFNESS, SMOOTHING, LANDING).moves
-    return program_of(setting(), P, DEPTH, STIFFNESS, SMOOTHING, LANDING)
+        P = P + next_level(setting(), P, rest, CUT, MANNER).moves
+        rest = remaining(setting(), P, rest)
+    return program_of(setting(), P, rest, CUT, MANNER)
 
 
 @pytest.mark.parametrize("levels", [0, 1, 2])
@@ -46,7 +51,7 @@ def test_the_energy_is_within_one_percent_of_the_reference(levels: int) -> None:
     exact = np.array(answer.x).reshape(3, -1).T
     ours = split(one, iterations=400, renew=10**6)
     assert one.energy(ours) == pytest.approx(one.energy(exact), rel=0.01)
-    assert one.limits.broken(one.x + one.R @ ours).max() < 0.02 * DEPTH
+    assert one.limits.broken(one.x + one.R @ ours).max() < 0.02 * CUT.depth
 
 
 def test_osqp_finds_the_same_optimum() -> None:
@@ -58,11 +63,13 @@ def test_osqp_finds_the_same_optimum() -> None:
 
 def test_what_is_left_broken_is_projected_away() -> None:
     P = np.array(setting().surface.control_points)
+    rest = remaining(setting(), P, whole(STOCK))
     for k in range(4):
-        step = next_level(setting(), P, DEPTH, STIFFNESS, SMOOTHING, LANDING + 0.01 * (4 - k))
+        step = next_level(setting(), P, rest, replace(CUT, landing=CUT.landing + 0.01 * (4 - k)), MANNER)
         assert step.broken < 0.001
         assert not step.folded
         P = P + step.moves
+        rest = remaining(setting(), P, rest)
 
 
 def test_feet_are_nearest_places() -> None:
