@@ -12,6 +12,7 @@ from bonecam.levels.morph import Morph, morph
 from bonecam.levels.schedule import Schedule
 from bonecam.levels.sheet import Sheet
 from bonecam.levels.stock import Capsule
+from bonecam.mesh.distance import MeshDistance
 from bonecam.surface.tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 

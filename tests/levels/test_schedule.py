@@ -48,7 +48,7 @@ def test_the_fewest_levels_are_all_at_the_roughing_depth() -> None:
 
 @pytest.mark.parametrize("depths", ["deep", "0.1;0.2", "0.1 0 0.5", "0.1 -1", "nan", "0.1 inf"])
 def test_a_list_that_is_none_is_refused(depths: str) -> None:
-    with pytest.raises(JobError, match="^depths = "):
+    with pytest.raises(JobError, match=r"^depths = "):
         LevelsJob(depths=depths)
 
 
