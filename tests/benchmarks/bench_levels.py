@@ -19,6 +19,7 @@ import argparse
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -27,18 +28,20 @@ import clarabel
 import numpy as np
 import scipy.sparse as sp
 from numpy import ndarray
+from scipy.sparse.linalg import spsolve
 from threadpoolctl import threadpool_limits
 
-from bonecam.job import Job
-from bonecam.levels.attraction import ATTRACTIONS
+from bonecam.job import Job, LevelsJob
 from bonecam.levels.grid import level_grid
 from bonecam.levels.limits import limits_at, unset
-from bonecam.levels.morph import LANDING, STIFFNESS, VARIANTS, Morph, morph
+from bonecam.levels.morph import Morph, morph
+from bonecam.levels.program import Cut, Manner, Program, program_of, split
 from bonecam.levels.qcqp import ConeLevels
+from bonecam.levels.remaining import Remaining
 from bonecam.levels.schedule import Schedule
-from bonecam.levels.setting import Setting, setting_of
+from bonecam.levels.setting import Setting
 from bonecam.levels.solve import stacked
-from bonecam.levels.step import SPARE, Program, _heights, next_level, program_of, split
+from bonecam.levels.step import Step, next_level
 from bonecam.levels.stock import Capsule
 from bonecam.mesh.distance import MeshDistance
 from bonecam.pipeline import fit_surface, place, prepare
@@ -47,19 +50,47 @@ from bonecam.surface.tspline import TSpline
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "meshes" / "bones" / "3midph_m.stl"
 FITS = ((0.15, 125), (0.075, 260), (0.05, 520), (0.03, 1000), (0.01, 2000))
 BASE = 260
-SCHEDULE, SMOOTHING = Schedule((0.1,) * 4, 0.5), VARIANTS[0][0]
+SCHEDULE, STIFFNESS = Schedule((0.1,) * 4, 0.5), LevelsJob().stiffness
 LARGEST_CONES, RENEWALS, EVERY, NEAR = 600, 2, 3, 0.006
 ROWS, ROW_POINTS = 17, 100
 PRINTED_STIFFNESS, MOST_CUTS = 1e-6, 60
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+class Call:
+    """One call of `next_level` by the morph, and its answer."""
+
+    setting: Setting
+    P: ndarray
+    rest: Remaining
+    cut: Cut
+    manner: Manner
+    step: Step
+
+    @property
+    def program(self) -> Program:
+        """The program it solved."""
+        return program_of(self.setting, self.P, self.rest, self.cut, self.manner)
+
+    def again(self) -> Step:
+        """The same call."""
+        return next_level(self.setting, self.P, self.rest, self.cut, self.manner)
+
+    @property
+    def free_moves(self) -> ndarray:
+        """The answer's moves of the control points that are free."""
+        B = self.setting.free
+        return spsolve(sp.csc_matrix(B.T @ B), B.T @ self.step.moves).reshape(-1, 3)
+
+
+@dataclass(frozen=True, eq=False)
 class Case:
-    """One fit and what became of it."""
+    """One fit and what became of it; `calls` made its levels 1, 2, ... below the stock."""
 
     surface: TSpline
     stock: Capsule
     made: Morph
+    calls: list[Call]
 
     @property
     def nets(self) -> list[ndarray]:
@@ -82,24 +113,36 @@ def cases(mesh: str, largest: int) -> list[Case]:
         job = job.with_values(stock={"diameter": float(size[0]), "length": float(size[1])})
     placed, stock = place(prepare(name, job.mesh), job)
     assert isinstance(stock, Capsule)
-    found = []
+    found: list[Case] = []
     for tolerance, most in FITS:
         if most <= largest:
             surface = fit_surface(placed, replace(job, surface=replace(job.surface, tolerance=tolerance, max_control_points=most))).surface
             if not found:
                 morph(surface, stock, Schedule((), 2.0))  # compiles and loads what the first call does
-            with patch("time.perf_counter", time.process_time):
-                found.append(Case(surface, stock, morph(surface, stock, SCHEDULE)))
+            found.append(recorded(surface, stock))
     return found
+
+
+def recorded(surface: TSpline, stock: Capsule) -> Case:
+    """The morph, with the calls that made the levels it answers."""
+    calls: list[Call] = []
+
+    def noted(setting: Setting, P: ndarray, rest: Remaining, cut: Cut, manner: Manner, method: str = "qp") -> Step:
+        calls.append(Call(setting, P, rest, cut, manner, next_level(setting, P, rest, cut, manner, method)))
+        return calls[-1].step
+
+    with patch("time.perf_counter", time.process_time), patch("bonecam.levels.morph.next_level", noted):
+        made = morph(surface, stock, SCHEDULE)
+    nets = [level.surface.control_points for level in made.levels if level.surface is not None]
+    made_by = [
+        next(call for call in calls if np.array_equal(call.P, a) and np.array_equal(a + call.step.moves, b)) for a, b in pairwise(nets)
+    ]
+    return Case(surface, stock, made, made_by)
 
 
 def level_seconds(case: Case) -> list[float]:
     """CPU seconds of each level's program, solved and projected, from our levels."""
-    setting = setting_of(case.surface, case.stock, ATTRACTIONS["stock"])
-    return [
-        seconds(lambda P=P, k=k: next_level(setting, P, SCHEDULE.limit(k), STIFFNESS, SMOOTHING, LANDING))[0]
-        for k, P in enumerate(case.nets[:-1], start=1)
-    ]
+    return [seconds(call.again)[0] for call in case.calls]
 
 
 def growth(found: list[Case]) -> None:
@@ -132,25 +175,25 @@ def exponent(sizes: ndarray, times: ndarray) -> float:
     return float(np.polyfit(np.log(sizes[kept]), np.log(times[kept]), 1)[0]) if kept.sum() > 1 else np.nan
 
 
-def optimum(setting: Setting, program: Program, P: ndarray, depth: float, start: ndarray, watched: bool) -> float:
+def optimum(call: Call, program: Program, start: ndarray, watched: bool) -> float:
     """Least energy of a level's program by Clarabel, the planes set up again RENEWALS times where its samples are.
 
     With `watched` the planes of all watched samples that `start` or the last answer brings within NEAR mm of them hold as well.
     """
-    stock, watch, settings, D = setting.stock, setting.watch, clarabel.DefaultSettings(), start
+    stock, watch, settings, D = program.stock, call.setting.watch, clarabel.DefaultSettings(), start
     settings.verbose = False
     energy = sp.csc_matrix(sp.triu(sp.block_diag([program.matrix] * 3), format="csc"))
-    x = watch.R @ P
+    x, R = watch.R @ call.P, sp.csr_array(watch.R @ call.setting.free)
     gap = -stock.signed_distance(x)
-    planes, dense = program.limits, unset(np.zeros_like(x), watch.s, watch.t, *_heights(gap, depth, LANDING))
+    planes, dense = program.limits, unset(np.zeros_like(x), watch.s, watch.t, *call.cut.heights(gap))
     for _ in range(RENEWALS):
         planes = limits_at(program.before, stock, program.x + program.R @ D, planes, program.clearance, 3)
         rows = planes.rows(program.R, program.x)
         if watched:
-            y = x + watch.R @ D
-            dense = limits_at(program.before, stock, y, dense, np.minimum(gap, LANDING - SPARE), 3)
+            y = x + R @ D
+            dense = limits_at(program.before, stock, y, dense, call.cut.clearance(gap), 3)
             near = np.flatnonzero(dense.broken(y) > -NEAR)
-            rows = stacked(rows, dense.only(near).rows(sp.csr_array(watch.R[near]), x[near]))
+            rows = stacked(rows, dense.only(near).rows(sp.csr_array(R[near]), x[near]))
         b = np.concatenate([rows.high, -rows.low])
         kept = np.isfinite(b)
         A = sp.csc_matrix(sp.csr_array(sp.vstack([rows.A, -rows.A]))[kept])
@@ -166,17 +209,15 @@ def energies(case: Case) -> None:
     """Each level's energy beside the optimum of the same program."""
     print(f"Energy / Clarabel's optimum of the same program, {len(case.surface.control_points)} control points (aim: within 1 %)")
     print("level | splitting, its samples' planes  (broken by mm) | level, the watched samples' planes too  (broken by mm)")
-    setting, ratios = setting_of(case.surface, case.stock, ATTRACTIONS["stock"]), []
-    count = len(case.nets) - 1
+    ratios, count = [], len(case.calls)
     for k in sorted({*range(1, count + 1, EVERY), count}):
-        P, depth = case.nets[k - 1], SCHEDULE.limit(k)
-        program = program_of(setting, P, depth, STIFFNESS, SMOOTHING, LANDING)
-        moves, level = split(program), next_level(setting, P, depth, STIFFNESS, SMOOTHING, LANDING)
+        call, program = case.calls[k - 1], case.calls[k - 1].program
+        moves = split(program)
         y = program.x + program.R @ moves
         wide = limits_at(program.before, program.stock, y, program.limits, program.clearance, 3).broken(y).max()
-        pairs = ((moves, False), (level.moves, True))
-        ratios.append([program.energy(D) / optimum(setting, program, P, depth, D, watched) for D, watched in pairs])
-        print(f"{k:5d} | {ratios[-1][0]:30.4f}  {wide:14.4f} | {ratios[-1][1]:36.4f}  {level.broken:14.4f}", flush=True)
+        pairs = ((moves, False), (call.free_moves, True))
+        ratios.append([program.energy(D) / optimum(call, program, D, watched) for D, watched in pairs])
+        print(f"{k:5d} | {ratios[-1][0]:30.4f}  {wide:14.4f} | {ratios[-1][1]:36.4f}  {call.step.broken:14.4f}", flush=True)
     worst = 100 * np.abs(np.array(ratios) - 1).max(0)
     print(f"farthest from 1: {worst[0]:.2f} % by splitting, {worst[1]:.2f} % of the finished levels\n")
 

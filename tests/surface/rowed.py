@@ -18,7 +18,7 @@ def bone_like(
     for j in range(rows):
         if poles and j in (0, rows - 1):
             knots.append(np.zeros(1))
-            points.append([[0.0, 0.0, length * height[j]]])
+            points.append(np.array([[0.0, 0.0, length * height[j]]]))
             continue
         row = (np.arange(around) + 0.6 * rng.random(around)) / around
         angle = 2 * np.pi * row
