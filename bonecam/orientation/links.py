@@ -4,6 +4,7 @@ Out and in run along the tool's own axis; the last of the way in is at the plung
 tool against level, material in process, post and table.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,6 +33,9 @@ TRIES = (
     {"rise": 15.0, "way_round": True},
 )
 VERIFY_STEPS = 4
+
+Pose = tuple[Float[ndarray, "3"], Float[ndarray, "3"]]
+"""Ball centre and axis."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +80,8 @@ class Linker:
         self._radius = checker.cutter.radius
         self._clearance = clearance
         self._route = Route(self._scene.stock, clearance + self._radius)
-        self._found: dict[bytes, Moves | None] = {}
+        self._outs: dict[bytes, Moves | None] = {}
+        self._rounds: dict[bytes, Moves | None] = {}
 
     @property
     def safe(self) -> tuple[Float[ndarray, "3"], Float[ndarray, "3"]]:
@@ -103,12 +108,18 @@ class Linker:
             good[which] = (free | ~joined).reshape(len(which), -1).all(axis=1)
         return good, hops
 
-    def far(self, first: tuple[ndarray, ndarray] | None, last: tuple[ndarray, ndarray] | None) -> Moves | None:
+    def foresee(self, pairs: Sequence[tuple[Pose | None, Pose | None]]) -> None:
+        """Find what `far` needs for all these pairs at once, which is much quicker than one after the other."""
+        self._find_outs([pose for pair in pairs for pose in pair if pose is not None])
+        outs = [(self._out(first), self._out(last)) for first, last in pairs]
+        self._find_rounds([(_end(out), _end(enter)) for out, enter in outs if out is not None and enter is not None])
+
+    def far(self, first: Pose | None, last: Pose | None) -> Moves | None:
         """The way from one (centre, axis) to another, the end itself left out; None stands for the safe point. None: there is no way."""
         out, enter = self._out(first), self._out(last)
         if out is None or enter is None:
             return None
-        between = self._round((out.centres[-1], out.axes[-1]), (enter.centres[-1], enter.axes[-1]))
+        between = self._round(_end(out), _end(enter))
         if between is None and first is not None and last is not None:
             home, back = self.far(first, None), self.far(None, last)
             return None if home is None or back is None else home.then(back)
@@ -122,47 +133,79 @@ class Linker:
         centres, axes = out.centres[::-1][1:], out.axes[::-1][1:]
         return Moves.along(Kind.RAPID, centres, axes, self.feeds.rapid)
 
-    def _out(self, pose: tuple[ndarray, ndarray] | None) -> Moves | None:
+    def _out(self, pose: Pose | None) -> Moves | None:
         """From a contact straight to the standoff (link), on to the clearance surface (rapid); verified. None: blocked."""
         if pose is None:
             centre, axis = self.safe
             return Moves.along(Kind.RAPID, centre[None], axis[None], self.feeds.rapid)
-        key = np.concatenate(pose).tobytes()
-        if key not in self._found:
-            ways = (self._straight_out(*pose, direction) for direction in self._directions(pose[1]))
-            self._found[key] = next((way for way in ways if way is not None), None)
-        return self._found[key]
+        self._find_outs([pose])
+        return self._outs[_key(pose)]
+
+    def _find_outs(self, poses: Sequence[Pose]) -> None:
+        """Try the directions out of each pose one after the other, the same one of all poses at once."""
+        fresh = {key: pose for pose in poses if (key := _key(pose)) not in self._outs}
+        directions = {key: self._directions(axis) for key, (_, axis) in fresh.items()}
+        for k in range(len(LEVEL_OUT) + 1):
+            left = [key for key in fresh if self._outs.get(key) is None and k < len(directions[key])]
+            if left:
+                self._outs.update(zip(left, self._straight_out([fresh[key] for key in left], [directions[key][k] for key in left])))
 
     def _directions(self, axis: ndarray) -> list[ndarray]:
         """Ways out to try: along the axis, and the same way but level or rising, so that a drooping holder does not sink to the table."""
         angle = float(polar(axis[None])[0])
         return [axis] + [with_polar(axis[None], np.array([limit]))[0] for limit in LEVEL_OUT if angle > limit]
 
-    def _straight_out(self, centre: ndarray, axis: ndarray, direction: ndarray) -> Moves | None:
-        length = max(self._route.exit(centre, direction), REACH[4])
-        reach = np.r_[REACH[length - 0.05 > REACH], length]
-        places, axes = centre + reach[:, None] * direction, np.repeat(axis[None], len(reach), axis=0)
+    def _straight_out(self, poses: Sequence[Pose], directions: Sequence[ndarray]) -> list[Moves | None]:
+        lengths = np.maximum(self._route.exits(np.array([centre for centre, _ in poses]), np.array(directions)), REACH[4])
+        reaches = [np.r_[REACH[length - 0.05 > REACH], length] for length in lengths]
+        ways = [(c + r[:, None] * d, np.repeat(a[None], len(r), axis=0)) for (c, a), d, r in zip(poses, directions, reaches, strict=True)]
+        places = np.vstack([way[0] for way in ways])
         air = self._scene.room(places, np.full(len(places), self._radius + STANDOFF), "material", self._scene.post) - self._radius
-        blocked = np.flatnonzero(air < STANDOFF)
-        first = min(int(blocked[-1]) + 1 if len(blocked) else 1, len(reach) - 1)
-        if not self._verified(places[: first + 1], axes[: first + 1], cutting=True):
-            return None
-        if first + 1 < len(places) and not self._verified(places[first:], axes[first:], cutting=False):
-            return None
-        link = Moves.along(Kind.LINK, places[first : first + 1], axes[:1], self.feeds.link)
-        return link if first + 1 == len(places) else link.then(Moves.along(Kind.RAPID, places[-1:], axes[:1], self.feeds.rapid))
+        starts = np.cumsum([len(reach) for reach in reaches])[:-1]
+        blocked = [np.flatnonzero(part < STANDOFF) for part in np.split(air, starts)]
+        turns = [min(int(b[-1]) + 1 if len(b) else 1, len(reach) - 1) for b, reach in zip(blocked, reaches, strict=True)]
+        good = self._verified([(c[: k + 1], a[: k + 1]) for (c, a), k in zip(ways, turns, strict=True)], cutting=True)
+        open_ = [i for i in np.flatnonzero(good) if turns[i] + 1 < len(reaches[i])]
+        good[open_] = self._verified([(ways[i][0][turns[i] :], ways[i][1][turns[i] :]) for i in open_], cutting=False)
+        return [self._way_out(*way, k) if free else None for way, k, free in zip(ways, turns, good, strict=True)]
 
-    def _round(self, first: tuple[ndarray, ndarray], last: tuple[ndarray, ndarray]) -> Moves | None:
+    def _way_out(self, places: ndarray, axes: ndarray, turn: int) -> Moves:
+        """Link to the pose `turn`, and rapid from there to the last."""
+        link = Moves.along(Kind.LINK, places[turn : turn + 1], axes[:1], self.feeds.link)
+        return link if turn + 1 == len(places) else link.then(Moves.along(Kind.RAPID, places[-1:], axes[:1], self.feeds.rapid))
+
+    def _round(self, first: Pose, last: Pose) -> Moves | None:
         """Round the stock by the first route that is proven free."""
-        for choice in TRIES:
-            centres, axes = travel(self._route, first, last, self._limits, **choice)  # type: ignore[arg-type]
-            if self._limits.allow(axes).all() and self._verified(centres, axes, cutting=False):
-                return Moves.along(Kind.RAPID, centres[1:], axes[1:], self.feeds.rapid)
-        return None
+        self._find_rounds([(first, last)])
+        return self._rounds[_key(first) + _key(last)]
 
-    def _verified(self, centres: ndarray, axes: ndarray, *, cutting: bool) -> bool:
-        """Whether straight moves through these poses are proven free; finely subdivided."""
-        tips = centres - self._radius * axes
-        places, turns = interpolated(tips[:-1], tips[1:], axes[:-1], axes[1:], VERIFY_STEPS)
-        joined = np.tile(np.r_[np.ones(VERIFY_STEPS, dtype=bool), False], len(tips) - 1)
-        return bool((self._checker.free_moves(places, turns, joined, cutting=cutting) | ~joined).all())
+    def _find_rounds(self, pairs: Sequence[tuple[Pose, Pose]]) -> None:
+        """Try the routes between each two poses one after the other, the same one of all pairs at once."""
+        fresh = {key: pair for pair in pairs if (key := _key(pair[0]) + _key(pair[1])) not in self._rounds}
+        for choice in TRIES:
+            left = [key for key in fresh if self._rounds.get(key) is None]
+            routes = [travel(self._route, *fresh[key], self._limits, **choice) for key in left]  # type: ignore[arg-type]
+            allowed = np.array([self._limits.allow(axes).all() for _, axes in routes], dtype=bool)
+            allowed[allowed] = self._verified([routes[i] for i in np.flatnonzero(allowed)], cutting=False)
+            for key, (centres, axes), free in zip(left, routes, allowed, strict=True):
+                self._rounds[key] = Moves.along(Kind.RAPID, centres[1:], axes[1:], self.feeds.rapid) if free else None
+
+    def _verified(self, ways: Sequence[tuple[ndarray, ndarray]], *, cutting: bool) -> Bool[ndarray, " k"]:
+        """Whether straight moves through the poses (centres, axes) of each way are proven free; finely subdivided."""
+        if not ways:
+            return np.zeros(0, dtype=bool)
+        tips = [centres - self._radius * axes for centres, axes in ways]
+        first, last = np.vstack([t[:-1] for t in tips]), np.vstack([t[1:] for t in tips])
+        places, turns = interpolated(first, last, np.vstack([a[:-1] for _, a in ways]), np.vstack([a[1:] for _, a in ways]), VERIFY_STEPS)
+        joined = np.tile(np.r_[np.ones(VERIFY_STEPS, dtype=bool), False], len(first))
+        free = (self._checker.free_moves(places, turns, joined, cutting=cutting) | ~joined).reshape(len(first), -1).all(axis=1)
+        blocked = np.bincount(np.repeat(np.arange(len(ways)), [len(t) - 1 for t in tips]), ~free, len(ways))
+        return np.asarray(blocked == 0)
+
+
+def _key(pose: Pose) -> bytes:
+    return np.concatenate(pose).tobytes()
+
+
+def _end(way: Moves) -> Pose:
+    return way.centres[-1], way.axes[-1]

@@ -1,5 +1,7 @@
 """From contacts to a tool path: an axis for every contact, proven free, and the moves that join the passes."""
 
+from itertools import pairwise
+
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
@@ -9,7 +11,7 @@ from bonecam.job import NcJob, PathJob
 from bonecam.orientation.admissible import allowed, nearest_free, smoothed
 from bonecam.orientation.lead import lead_axes, turned_up
 from bonecam.orientation.limits import AxisLimits, angles_between
-from bonecam.orientation.links import Feeds, Linker, Moves
+from bonecam.orientation.links import Feeds, Linker, Moves, Pose
 from bonecam.orientation.moves import Checker
 from bonecam.orientation.pole import round_pole
 from bonecam.orientation.scene import Scene
@@ -108,6 +110,7 @@ class _Builder:
         here, count, before = None, 0, -1
         hop_free, hops = self._hops()
         leavable = self._leavable(hop_free)
+        self._linker.foresee(self._expected(hop_free, leavable))
         for k, run in enumerate(self._runs):
             link: Moves | None = None
             if leavable[k]:
@@ -132,12 +135,20 @@ class _Builder:
     def _leavable(self, hop_free: ndarray) -> list[bool]:
         """Whether the tool gets away from the end of each run: by a hop to one it gets away from, or out to the safe point."""
         answer = [False] * len(self._runs)
+        self._linker.foresee([(self._pose(run[-1]), None) for run, hop in zip(self._runs, [*hop_free, False], strict=True) if not hop])
         for k in range(len(self._runs) - 1, -1, -1):
             hop = k + 1 < len(self._runs) and bool(hop_free[k]) and answer[k + 1]
             answer[k] = hop or self._linker.far(self._pose(self._runs[k][-1]), None) is not None
         return answer
 
-    def _pose(self, contact: int | np.integer) -> tuple[ndarray, ndarray]:
+    def _expected(self, hop_free: ndarray, leavable: list[bool]) -> list[tuple[Pose | None, Pose | None]]:
+        """The long ways that are needed if every run that can be left is reached."""
+        reached = np.flatnonzero(leavable).tolist()
+        pairs = [(a, b) for a, b in pairwise(reached) if b > a + 1 or not hop_free[a]]
+        first: list[tuple[Pose | None, Pose | None]] = [(None, self._pose(self._runs[k][0])) for k in reached[:1]]
+        return first + [(self._pose(self._runs[a][-1]), self._pose(self._runs[b][0])) for a, b in pairs]
+
+    def _pose(self, contact: int | np.integer) -> Pose:
         return self._path.centres[contact], self._axes[contact]
 
     def _hops(self) -> tuple[ndarray, list[Moves]]:

@@ -35,17 +35,17 @@ class Route:
         """Arc length of the upper pole."""
         return 2 * self._quarter + self._span
 
-    def exit(self, centre: Float[ndarray, "3"], axis: Float[ndarray, "3"]) -> float:
-        """How far a ball goes along `axis` until it leaves the surface's inside, mm (0 where it is outside)."""
-        low, high = 0.0, 2 * (self._span + 2 * self._radius) + float(np.linalg.norm(centre - self._low))
-        if self._stock.signed_distance(centre[None])[0] >= self._clearance:
-            return 0.0
+    def exits(self, centres: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
+        """How far each ball goes along its axis until it leaves the surface's inside, mm (0 where it is outside)."""
+        low, high = np.zeros(len(centres)), 2 * (self._span + 2 * self._radius) + np.linalg.norm(centres - self._low, axis=1)
+        rows = np.arange(len(centres))
         for _ in range(ROUNDS):
-            reach = np.linspace(low, high, PARTS + 1)[1:]
-            outside = self._stock.signed_distance(centre + reach[:, None] * axis) >= self._clearance
-            first = int(np.argmax(outside)) if outside.any() else PARTS - 1
-            low, high = float(reach[first - 1]) if first else low, float(reach[first])
-        return high
+            reach = np.linspace(low, high, PARTS + 1, axis=1)[:, 1:]
+            places = centres[:, None] + reach[:, :, None] * axes[:, None]
+            outside = self._stock.signed_distance(places.reshape(-1, 3)).reshape(reach.shape) >= self._clearance
+            first = np.where(outside.any(axis=1), outside.argmax(axis=1), PARTS - 1)
+            low, high = np.where(first > 0, reach[rows, first - 1], low), reach[rows, first]
+        return np.where(self._stock.signed_distance(centres) >= self._clearance, 0.0, high)
 
     def address(self, point: Float[ndarray, "3"]) -> tuple[float, float, float]:
         """Azimuth, arc length and height above the surface of a point outside."""
@@ -108,12 +108,9 @@ def travel(
 
 
 def _thinned(centres: ndarray, axes: ndarray) -> tuple[ndarray, ndarray]:
-    """Drop poses while the step to the next kept one stays below ROW_STEP and ROW_TURN."""
-    kept = [0]
-    for i in range(1, len(centres) - 1):
-        far = np.linalg.norm(centres[i + 1] - centres[kept[-1]]) > ROW_STEP
-        turned = angles_between(axes[i + 1][None], axes[kept[-1]][None])[0] > ROW_TURN
-        if far or turned:
-            kept.append(i)
-    kept.append(len(centres) - 1)
+    """Drop poses while the steps since the last kept one amount to less than ROW_STEP or ROW_TURN."""
+    step = np.linalg.norm(np.diff(centres, axis=0), axis=1) / ROW_STEP + angles_between(axes[1:], axes[:-1]) / ROW_TURN
+    whole = np.floor(np.cumsum(step))
+    kept = np.r_[0, 1 + np.flatnonzero(np.diff(whole) > 0), len(centres) - 1]
+    kept = kept[np.r_[True, np.diff(kept) > 0]]
     return centres[kept], axes[kept]

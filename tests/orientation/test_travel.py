@@ -18,7 +18,7 @@ def pose(direction: list[float], height: float) -> tuple[np.ndarray, np.ndarray]
     """Where a ball that left along `direction` crosses the route's surface."""
     axis = unit(np.array([direction], dtype=np.float64))[0]
     start = np.array([1.0, -2.0, height])
-    return start + ROUTE.exit(start, axis) * axis, axis
+    return start + ROUTE.exits(start[None], axis[None])[0] * axis, axis
 
 
 ENDS = [
