@@ -3,6 +3,8 @@
 import errno
 import os
 import resource
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -21,13 +23,15 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-@pytest.fixture
-def full_disk() -> object:
-    """No file may grow beyond 100 bytes."""
+@contextmanager
+def full_disk() -> Iterator[None]:
+    """No file may grow beyond 100 bytes; not a fixture, since pytest writes its own log before fixtures end."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (100, before[1]))
-    yield
-    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 def names(folder: Path) -> list[str]:
@@ -68,12 +72,11 @@ def test_a_folder_that_cannot_be_made_is_refused_before_the_work(name: str, fold
     assert names(folder) == ["file", "inner"]
 
 
-@pytest.mark.usefixtures("full_disk")
 def test_a_disk_that_is_full_leaves_what_was_there(folder: Path) -> None:
-    with pytest.raises(FileError, match="make room") as caught:
+    with full_disk(), pytest.raises(FileError, match="make room") as caught:
         write_whole(folder / "file", "x" * 1000)
     assert str(folder / "file") in str(caught.value)
-    with pytest.raises(FileError, match="make room"), whole_folder(folder / "a" / "b") as work:
+    with full_disk(), pytest.raises(FileError, match="make room"), whole_folder(folder / "a" / "b") as work:
         write_whole(work / "two", "x" * 1000)
     assert names(folder) == ["file", "inner"]
     assert (folder / "file").read_text() == "old"
