@@ -15,25 +15,27 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.files import write_tsm
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.path import Kind, ToolPath
-from bonecam.verify.pictures import draw_depths, draw_levels, draw_toolpath
+from bonecam.verify.pictures import draw_coloured, draw_depths, draw_levels, draw_toolpath
 
 COLUMNS = "level,pass,index,contact_x,contact_y,contact_z,tip_x,tip_y,tip_z,axis_x,axis_y,axis_z,kind,feed".split(",")
 
 
 def keep(folder: str | Path, surface: TSpline, levels: Sequence[Level], paths: Sequence[ToolPath], post: tuple[float, float]) -> None:
-    """Write surface.tspline, level_00.ply ..., toolpath.csv, levels.png, depths.png and toolpath.png; all of them or none.
+    """Write surface.tspline, level_00.ply ..., toolpath.csv, levels.png, coloured.png, depths.png and toolpath.png; all of them or none.
 
     The levels' vertices carry the depth of their cut (mm) as quality and colour (all on one scale). `post` is (diameter, top z) in mm.
     """
     with whole_folder(folder) as work:
         write_tsm(surface, work / "surface.tspline")
         deepest = max(level.limit for level in levels)
-        for level, depth in zip(levels, step_depths(levels), strict=True):
+        depths = step_depths(levels)
+        for level, depth in zip(levels, depths, strict=True):
             write_mesh(level.mesh, work / f"level_{level.index:02d}.ply", quality=depth, largest=deepest)
         write_whole(work / "toolpath.csv", toolpath_csv(paths))
         draw_levels(levels, post, work / "levels.png")
+        draw_coloured(levels, depths, work / "coloured.png")
         draw_depths(levels, line_depths(levels), work / "depths.png")
-        draw_toolpath(paths, work / "toolpath.png")
+        draw_toolpath(paths, levels, work / "toolpath.png")
 
 
 @contextmanager

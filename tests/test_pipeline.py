@@ -86,7 +86,7 @@ def test_keep_writes_levels_path_surface_and_pictures(chain: tuple[bonecam.Resul
     result, folder = chain
     count = len(result.levels.levels)
     names = {item.name for item in (folder / "keep").iterdir()}
-    pictures = {"levels.png", "depths.png", "toolpath.png"}
+    pictures = {"levels.png", "coloured.png", "depths.png", "toolpath.png"}
     assert names == {f"level_{k:02d}.ply" for k in range(count)} | {"surface.tspline", "toolpath.csv"} | pictures
     with open(folder / "keep" / "toolpath.csv", encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))

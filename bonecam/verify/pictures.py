@@ -18,6 +18,11 @@ from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.path import Kind, ToolPath
 
 CUT_COLOURS = "viridis"
+CUT, LINK, AXIS = "#1f5fa8", "#e07b00", "#b03030"
+CHORD = 0.01
+"""Tolerance (mm) of a shaded T-spline."""
+SHOWN, AXES_SHOWN, AXIS_LENGTH = 5, 60, 3.0
+"""Levels in a row, axes a level and their length, mm."""
 
 
 def section(mesh: TriangleMesh, origin: Float[ndarray, "3"], normal: Float[ndarray, "3"]) -> Float[ndarray, "k 2 3"]:
@@ -38,30 +43,35 @@ def section(mesh: TriangleMesh, origin: Float[ndarray, "3"], normal: Float[ndarr
 
 
 def draw_levels(levels: Sequence[Level], post: tuple[float, float], path: str | Path) -> None:
-    """Two sections through the axis, x = 0 and y = 0, of all levels; `post` is (diameter, top z) in mm."""
-    from matplotlib.collections import LineCollection
+    """Two sections through the axis, y = 0 and x = 0, of all levels; `post` is (diameter, top z) in mm."""
     from matplotlib.colors import Normalize
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(10, 9), dpi=120, layout="constrained")
-    axes = figure.subplots(1, 2, sharey=True)
-    colour = _colours(len(levels))
-    for plot, across, name in ((axes[0], 0, "x"), (axes[1], 1, "y")):
-        normal = np.eye(3)[1 - across]
-        for level in levels:
-            flat = section(level.mesh, np.zeros(3), normal)[:, :, [across, 2]]
-            width = 1.6 if level.index in (0, levels[-1].index) else 0.8
-            plot.add_collection(LineCollection(list(flat), colors=[colour(level.index)], linewidths=width, capstyle="round"))
-        diameter, top = post
-        low = float(levels[-1].mesh.bounds[0, 2])
-        plot.plot([-diameter / 2, -diameter / 2, np.nan, diameter / 2, diameter / 2], [low - 2, top, np.nan, low - 2, top], "k--", lw=0.8)
-        plot.autoscale()
-        plot.set_aspect("equal")
-        plot.set_xlabel(f"{name} (mm)")
-    axes[0].set_ylabel("z (mm)")
+    plots = figure.subplots(1, 2, sharey=True)
+    for plot, across in zip(plots, (0, 1)):
+        show_levels(plot, levels, post, across)
+    plots[0].set_ylabel("z (mm)")
     figure.suptitle(f"Levels 0 (part) to {levels[-1].index} (stock); dashed: the post")
-    figure.colorbar(_scale(Normalize(0, len(levels) - 1)), ax=axes, label="level", shrink=0.6, ticks=_whole())
+    figure.colorbar(_scale(Normalize(0, len(levels) - 1)), ax=plots, label="level", shrink=0.6, ticks=_whole())
     figure.savefig(path, metadata={"Software": None})
+
+
+def show_levels(plot: "Axes", levels: Sequence[Level], post: tuple[float, float], across: int) -> None:  # type: ignore[name-defined]
+    """The section of all levels by the plane of z and x (`across` = 0) or y (1)."""
+    from matplotlib.collections import LineCollection
+
+    colour = _colours(len(levels))
+    for level in levels:
+        flat = section(level.mesh, np.zeros(3), np.eye(3)[1 - across])[:, :, [across, 2]]
+        width = 1.6 if level.index in (0, levels[-1].index) else 0.8
+        plot.add_collection(LineCollection(list(flat), colors=[colour(level.index)], linewidths=width, capstyle="round"))
+    diameter, top = post
+    low = float(levels[-1].mesh.bounds[0, 2])
+    plot.plot([-diameter / 2, -diameter / 2, np.nan, diameter / 2, diameter / 2], [low - 2, top, np.nan, low - 2, top], "k--", lw=0.8)
+    plot.autoscale()
+    plot.set_aspect("equal")
+    plot.set_xlabel(f"{'xy'[across]} (mm)")
 
 
 def draw_depths(levels: Sequence[Level], line: Float[ndarray, "k n"], path: str | Path) -> None:
@@ -91,33 +101,45 @@ def draw_depths(levels: Sequence[Level], line: Float[ndarray, "k n"], path: str 
     figure.savefig(path, metadata={"Software": None})
 
 
-def draw_tmesh(surface: TSpline, path: str | Path, chord_tolerance: float = 0.01) -> None:
+def draw_tmesh(surface: TSpline, path: str | Path, chord_tolerance: float = CHORD) -> None:
     """The T-mesh on the surface, seen from the front (-y) and from behind; `chord_tolerance` (mm) of the shaded surface."""
     from matplotlib.figure import Figure
 
-    mesh, lines = surface.tessellate(chord_tolerance), tmesh_lines(surface)
     figure = Figure(figsize=(7, 8), dpi=120, layout="constrained")
     for plot, across in zip(figure.subplots(1, 2, sharey=True), (1.0, -1.0)):
-        _draw_shaded(plot, mesh, across)
-        _draw_lines(plot, surface, lines, across)
-        plot.autoscale()
-        plot.set_aspect("equal")
-        plot.set_xlabel("x (mm)" if across > 0 else "-x (mm)")
+        show_tmesh(plot, surface, across, chord_tolerance)
     figure.suptitle(f"{len(surface.weights)} control points")
     figure.savefig(path, metadata={"Software": None})
 
 
-def _draw_shaded(plot: "Axes", mesh: TriangleMesh, across: float) -> None:  # type: ignore[name-defined]
-    """Triangles that face the viewer, the far ones first."""
+def show_tmesh(
+    plot: "Axes",  # type: ignore[name-defined]
+    surface: TSpline,
+    across: float = 1.0,
+    chord_tolerance: float = CHORD,
+) -> None:
+    """The shaded surface with the lines of its T-mesh, from -y (`across` = 1) or from y (-1)."""
+    _draw_shaded(plot, surface.tessellate(chord_tolerance), across)
+    _draw_lines(plot, surface, tmesh_lines(surface), across)
+
+
+def _draw_shaded(plot: "Axes", mesh: TriangleMesh, across: float, colours: ndarray | None = None) -> None:  # type: ignore[name-defined]
+    """Triangles that face the viewer, the far ones first; grey, or one `colours` row (RGB) a vertex."""
     from matplotlib.collections import PolyCollection
 
-    normals = mesh.face_vectors / np.linalg.norm(mesh.face_vectors, axis=1, keepdims=True)
-    facing = np.flatnonzero(across * normals[:, 1] < 0)
-    corners = mesh.vertices[mesh.faces[facing]]
-    order = np.argsort(-across * corners[:, :, 1].mean(axis=1), kind="stable")
-    light = 0.55 + 0.4 * np.clip(normals[facing] @ (np.array([across, -2 * across, 1.0]) / np.sqrt(6)), 0, 1)
-    colours = np.repeat(light[:, None], 3, axis=1)[order]
-    plot.add_collection(PolyCollection(corners[order][:, :, [0, 2]] * [across, 1], facecolors=colours, edgecolors=colours, linewidths=0.3))
+    normals = np.zeros((len(mesh.vertices), 3))
+    for corner in mesh.faces.T:
+        np.add.at(normals, corner, mesh.face_vectors)
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
+    light = 0.55 + 0.4 * np.clip(normals @ (np.array([across, -2 * across, 1.0]) / np.sqrt(6)), 0, 1)
+    shade = light[:, None] * (np.ones(3) if colours is None else colours)
+    facing = mesh.faces[across * mesh.face_vectors[:, 1] < 0]
+    facing = facing[np.argsort(-across * mesh.vertices[facing][:, :, 1].mean(axis=1), kind="stable")]
+    corners, faces = mesh.vertices[facing][:, :, [0, 2]] * [across, 1], shade[facing].mean(axis=1)
+    plot.add_collection(PolyCollection(corners, facecolors=faces, edgecolors=faces, linewidths=0.8))
+    plot.autoscale()
+    plot.set_aspect("equal")
+    plot.set_xlabel("x (mm)" if across > 0 else "-x (mm)")
 
 
 def _draw_lines(plot: "Axes", surface: TSpline, lines: TMeshLines, across: float) -> None:  # type: ignore[name-defined]
@@ -137,36 +159,58 @@ def _draw_lines(plot: "Axes", surface: TSpline, lines: TMeshLines, across: float
     plot.plot(across * seen[:, 0], seen[:, 2], ".", color="#b03020", markersize=2.5)
 
 
-def draw_toolpath(paths: Sequence[ToolPath], path: str | Path) -> None:
-    """The outermost and the innermost level's moves in space, cutting moves with some of their axes."""
+def draw_coloured(levels: Sequence[Level], depths: Sequence[ndarray], path: str | Path) -> None:
+    """Some levels of the morph seen from the front (-y), coloured by the depth (mm) of their cut, `depths` at each level's vertices."""
+    from matplotlib import colormaps
+    from matplotlib.colors import Normalize
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(12, 8), dpi=120, layout="constrained")
-    for place, item in enumerate([paths[0], paths[-1]]):
-        plot = figure.add_subplot(1, 2, place + 1, projection="3d")
-        _draw_level(plot, item)
+    last = next((level.index for level in levels if level.within is not None), len(levels) - 1)
+    some = np.unique(np.linspace(1, last, min(last, SHOWN)).round().astype(int))
+    norm = Normalize(0, max(level.limit for level in levels))
+    figure = Figure(figsize=(10, 5), dpi=120, layout="constrained")
+    plots = figure.subplots(1, len(some), sharex=True, sharey=True, squeeze=False)[0]
+    for plot, k in zip(plots, some):
+        _draw_shaded(plot, levels[k].mesh, 1.0, colormaps[CUT_COLOURS](norm(depths[k]))[:, :3])
+        plot.set_title(f"level {k}")
+    plots[0].set_ylabel("z (mm)")
+    figure.colorbar(_scale(norm), ax=plots, label="distance to the level before (mm)", shrink=0.8)
     figure.savefig(path, metadata={"Software": None})
 
 
-def _draw_level(plot: "Axes3D", item: ToolPath) -> None:  # type: ignore[name-defined]
-    cut, link = (np.where((item.kinds == kind)[:, None], item.tips, np.nan) for kind in (Kind.CUT, Kind.LINK))
-    plot.plot(*cut.T, lw=0.35, color="#1f5fa8")
-    plot.plot(*link.T, lw=0.5, color="#d08020")
-    cuts = np.flatnonzero(item.kinds == Kind.CUT)
-    some = cuts[:: max(1, len(cuts) // 150)]
-    span = np.ptp(item.tips[cuts], axis=0).max() if len(cuts) else 1.0
-    ends = item.tips[some] + 0.12 * span * item.axes[some]
-    for tip, end in zip(item.tips[some], ends):
-        plot.plot(*np.array([tip, end]).T, lw=0.4, color="#b03030", alpha=0.6)
-    plot.set_box_aspect(np.maximum(np.ptp(np.vstack([item.tips[cuts], ends]), axis=0), 1e-3) if len(cuts) else None)
-    if len(cuts):
-        both = np.vstack([item.tips[cuts], ends])
-        for setter, low, high in zip((plot.set_xlim, plot.set_ylim, plot.set_zlim), both.min(0), both.max(0)):
-            setter(low, high)
-    plot.set_title(f"level {item.level}: ball R {item.cutter.radius:g} mm, {len(cuts)} cutting moves")
-    plot.set_xlabel("x")
-    plot.set_ylabel("y")
-    plot.set_zlabel("z (mm)")
+def draw_toolpath(paths: Sequence[ToolPath], levels: Sequence[Level], path: str | Path) -> None:
+    """The outermost, a middle and the innermost level from the front (-y): contacts, some tool axes, links by their tips."""
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
+    shown = [paths[k] for k in sorted({0, len(paths) // 2, len(paths) - 1})]
+    figure = Figure(figsize=(10, 7.2), dpi=120, layout="constrained")
+    plots = figure.subplots(1, len(shown), sharex=True, sharey=True, squeeze=False)[0]
+    for plot, item in zip(plots, shown):
+        show_path(plot, item, levels[item.level].mesh)
+        plot.set_title(f"level {item.level}, ball R {item.cutter.radius:g} mm\n{int((item.kinds == Kind.CUT).sum())} cutting moves")
+    plots[0].set_ylabel("z (mm)")
+    keys = {"cut (contact)": CUT, "link (tip)": LINK, "tool axis": AXIS}
+    figure.legend([Line2D([], [], color=colour) for colour in keys.values()], list(keys), loc="outside lower center", ncols=3)
+    figure.savefig(path, metadata={"Software": None})
+
+
+def show_path(plot: "Axes", item: ToolPath, level: TriangleMesh) -> None:  # type: ignore[name-defined]
+    """The moves on the side of a level that faces the viewer, by the surface's normal at the contact, else by the tool axis."""
+    from matplotlib.collections import LineCollection
+
+    _draw_shaded(plot, level, 1.0)
+    cut = item.kinds == Kind.CUT
+    outward = np.where(cut[:, None], item.tips + item.cutter.radius * item.axes - item.contacts, item.axes)
+    front = outward[:, 1] < 0
+    for kind, points, colour in ((Kind.CUT, item.contacts, CUT), (Kind.LINK, item.tips, LINK)):
+        arrives = np.flatnonzero((item.kinds[1:] == kind) & front[1:] & front[:-1] & np.isfinite(points[:-1, 0])) + 1
+        ends = np.stack([points[arrives - 1], points[arrives]], axis=1)
+        plot.add_collection(LineCollection(list(ends[:, :, [0, 2]]), colors=colour, linewidths=0.35))
+    some = np.flatnonzero(cut & front)
+    some = some[:: max(1, len(some) // AXES_SHOWN)]
+    ends = np.stack([item.contacts[some], item.contacts[some] + AXIS_LENGTH * item.axes[some]], axis=1)
+    plot.add_collection(LineCollection(list(ends[:, :, [0, 2]]), colors=AXIS, linewidths=0.6))
 
 
 def _colours(count: int):  # type: ignore[no-untyped-def]

@@ -3,20 +3,39 @@
 from pathlib import Path
 
 from bonecam_meshes import path
+from matplotlib.figure import Figure
 
 import bonecam
-from bonecam.verify.pictures import draw_levels, draw_tmesh, draw_toolpath
+from bonecam.levels.depths import line_depths, step_depths
+from bonecam.verify.pictures import draw_coloured, draw_depths, draw_tmesh, draw_toolpath, show_levels, show_path, show_tmesh
 
 HERE = Path(__file__).parent
 
 
 def main() -> None:
-    """Write levels.png, toolpath.png and tmesh.png beside this file."""
+    """Write chain.png, coloured.png, depths.png, toolpath.png and tmesh.png beside this file."""
     result = bonecam.convert(path("phalanx"))
-    job = bonecam.Job()
-    draw_levels(result.levels.levels, (job.holding.diameter, float(result.part.mesh.bounds[0, 2])), HERE / "levels.png")
-    draw_toolpath(result.paths, HERE / "toolpath.png")
+    levels = result.levels.levels
+    draw_chain(result, HERE / "chain.png")
+    draw_coloured(levels, step_depths(levels), HERE / "coloured.png")
+    draw_depths(levels, line_depths(levels), HERE / "depths.png")
+    draw_toolpath(result.paths, levels, HERE / "toolpath.png")
     draw_tmesh(result.surface, HERE / "tmesh.png")
+
+
+def draw_chain(result: bonecam.Result, file: Path) -> None:
+    """Surface, levels and last level's path side by side, to one scale."""
+    levels, paths = result.levels.levels, result.paths
+    figure = Figure(figsize=(8.4, 5.6), dpi=120, layout="constrained")
+    plots = figure.subplots(1, 3, sharex=True, sharey=True)
+    show_tmesh(plots[0], result.surface)
+    show_levels(plots[1], levels, (bonecam.Job().holding.diameter, float(result.part.mesh.bounds[0, 2])), 0)
+    show_path(plots[2], paths[-1], levels[0].mesh)
+    plots[0].set_title(f"one T-spline, {len(result.surface.weights)} control points")
+    plots[1].set_title(f"{result.levels.cuts} cuts from the stock to the part")
+    plots[2].set_title("the last level's path and tool axes")
+    plots[0].set_ylabel("z (mm)")
+    figure.savefig(file, metadata={"Software": None})
 
 
 if __name__ == "__main__":
