@@ -20,7 +20,7 @@ LEAST = 1.0  # of the goal: nearer samples do not vote
 POWER = 4  # of the distance in a vote
 SHARE, HASTE = 0.04, 0.3  # of the present control points are added in one round, and that times the share of the area that is missed
 ASPECT = 1.0  # a cell is cut along t when its t-side is longer than this times its s-side
-NARROWEST = 1 / 128  # no s-interval below this
+NARROWEST = 1 / 256  # no s-interval below this
 
 
 @dataclass(frozen=True, eq=False)

@@ -34,6 +34,7 @@ class Measured:
     inward: Float[ndarray, " n"]
     mesh_areas: Float[ndarray, " n"]
     surface_points: Float[ndarray, "m 3"]
+    surface_places: Float[ndarray, "m 2"]
     nearest: Float[ndarray, "m 3"]
     outward: Float[ndarray, " m"]
     surface_areas: Float[ndarray, " m"]
@@ -52,9 +53,10 @@ class Measured:
             place=self.mesh_points[np.argmax(inward)] if at_mesh else self.surface_points[np.argmax(outward)],
         )
 
-    def missed(self, tolerance: float) -> Float[ndarray, "k 3"]:
-        """Points of the mesh that are, or that a surface sample finds, farther than the tolerance."""
-        return np.vstack([self.mesh_points[self.inward > tolerance], self.nearest[self.outward > tolerance]])
+    def missed(self, tolerance: float) -> tuple[Float[ndarray, "k 3"], Float[ndarray, "p 2"]]:
+        """Points of the mesh that are, or that a surface sample finds, farther than the tolerance; and (s, t) of such surface samples."""
+        far = self.outward > tolerance
+        return np.vstack([self.mesh_points[self.inward > tolerance], self.nearest[far]]), self.surface_places[far]
 
 
 def deviation(surface: TSpline, mesh: TriangleMesh, samples: int = 20000) -> Deviation:
@@ -70,7 +72,8 @@ def measure(surface: TSpline, mesh: TriangleMesh, distance: MeshDistance, sample
     doubtful = np.argsort(-inward, kind="stable")[: max(1, len(points) // DOUBTFUL)]
     inward[doubtful] = np.minimum(inward[doubtful], surface.project(points[doubtful]).distances)
     along = int(np.ceil(np.sqrt(samples)))
-    S, Ss, St = surface.evaluate(*grid_parameters(surface, along, along), 1)
+    s, t = grid_parameters(surface, along, along)
+    S, Ss, St = surface.evaluate(s, t, 1)
     nearest = distance.closest(S)[0]
     cells = np.linalg.norm(np.cross(Ss, St), axis=1)
-    return Measured(points, inward, areas, S, nearest, np.linalg.norm(S - nearest, axis=1), cells)
+    return Measured(points, inward, areas, S, np.column_stack([s, t]), nearest, np.linalg.norm(S - nearest, axis=1), cells)

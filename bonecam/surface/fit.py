@@ -89,9 +89,9 @@ def _fitted(mesh: TriangleMesh, rows: Rows, aim: Aim, progress: Progress) -> Fit
         found.append(
             (folded, max(now.max, aim.tolerance), number, Fit(surface, now, aim.tolerance, now.max <= aim.tolerance and not folded))
         )
-        missed = measured.missed(max(aim.tolerance, target.worst))
+        missed, places = measured.missed(max(aim.tolerance, target.worst))
         spent = surface.tmesh.size >= aim.most
         if not len(missed) or (spent and number > 0 and now.max > GAIN * min(one[1] for one in found[:-1])):
             break
-        target = target.with_points(missed, surface)
+        target = target.with_points(missed, places, surface)
     return min(found, key=lambda one: one[:3])[3]

@@ -22,7 +22,7 @@ from bonecam.surface.tspline import TSpline
 
 ROUGH_SHARE = 0.6  # of the control points may be spent on a first surface without folds
 LOOSE_PLANE, PLANE = 0.3, 1000.0  # weight of the poles' planes, times the mean area of a control point: as it grows, and at last
-ROUNDS, LAST_ROUNDS = 2, 4  # steps after each refinement, and at last
+ROUNDS, LAST_ROUNDS = 2, 4  # steps after each refinement, and at last, where the best is taken
 GOAL = 0.95  # of the tolerance: no sample may be farther
 GAIN = 0.93  # a round of taking knots out that leaves more of the control points (of the miss) halves the next one's share
 LEAST_SHARE = {True: 0.3, False: 0.1}  # the last one, where the tolerance is reached (is not)
@@ -58,10 +58,14 @@ def grown(surface: TSpline, target: Target, aim: Aim, progress: Progress = silen
         if tmesh.size == size:
             break
         surface = moved(surface, tmesh)
-        surface, target = settle(surface, target.on(surface, aim.tolerance), aim)
-    surface, target = settle(surface, target, aim, LAST_ROUNDS, PLANE)
-    surface = flattened(surface)
-    return surface, target.on(surface, aim.tolerance)
+        surface, target = settle(surface, target.on(surface, aim.tolerance).denser(surface), aim)
+    best = surface, target
+    for number in range(LAST_ROUNDS):
+        surface, target = settle(surface, target, aim, 1, PLANE)
+        if number == 0 or target.worst < best[1].worst:
+            best = surface, target
+    surface = flattened(best[0])
+    return surface, best[1].on(surface, aim.tolerance)
 
 
 def thinned(surface: TSpline, target: Target, aim: Aim) -> tuple[TSpline, Target]:

@@ -4,11 +4,12 @@ The first feet come from the mesh itself, the harmonic height and the share roun
 groove too, where the nearest point of a smooth surface lies on the wrong side. Later feet are followed from where they were.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
+from scipy.spatial import cKDTree
 
 from bonecam.mesh.distance import MeshDistance, exact_closest
 from bonecam.mesh.intersections import self_intersections
@@ -21,7 +22,8 @@ from bonecam.surface.tspline import TSpline
 
 FOLD_CHORD = 3e-4  # of the diagonal: chord tolerance of the tessellation that is checked against itself
 OUTWARD = 2  # Gauss points each way an element that are measured to the mesh
-PULLED = 2.0  # tolerances: surface points farther than this from the mesh are drawn to it
+PULLED = {False: 2.0, True: 0.7}  # tolerances: surface points farther from the mesh are drawn to it, till (once) no sample is that far
+EACH = 8  # samples of the mesh, at least, for each control point
 
 
 class Shape:
@@ -61,11 +63,15 @@ class Samples:
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """Samples of the mesh with their feet on the surface, and samples of the surface that miss the mesh with the nearest points there."""
+    """Samples of the mesh with their feet on the surface, and samples of the surface that miss the mesh with the nearest points there.
+
+    The latter are looked for in every element and at `places` (s, t).
+    """
 
     shape: Shape
     inward: Samples
     outward: Samples
+    places: Float[ndarray, "k 2"]
 
     @classmethod
     def of(cls, mesh: TriangleMesh, rows: Rows, samples: int) -> "Target":
@@ -74,7 +80,7 @@ class Target:
         s, t = harmonic_parameters(rows, points)
         none = np.empty(0)
         inward = Samples(points, areas, s, t, np.full(len(points), np.inf))
-        return cls(Shape(mesh), inward, Samples(np.empty((0, 3)), none, none, none, none))
+        return cls(Shape(mesh), inward, Samples(np.empty((0, 3)), none, none, none, none), np.empty((0, 2)))
 
     @property
     def all(self) -> Samples:
@@ -93,21 +99,37 @@ class Target:
             return False
         return len(self_intersections(surface.tessellate(FOLD_CHORD * self.shape.mesh.diagonal))) > 0
 
-    def with_points(self, points: Float[ndarray, "k 3"], surface: TSpline) -> "Target":
-        """With more samples, each standing for a typical area; their feet are found on the surface."""
+    def with_points(self, points: Float[ndarray, "k 3"], places: Float[ndarray, "p 2"], surface: TSpline) -> "Target":
+        """With more samples, each standing for a typical area, whose feet are found on the surface; and with more places on it."""
         areas = np.full(len(points), np.median(self.inward.areas))
         added = Samples(points, areas, *follow(surface, points, *nearest_on_grid(surface, points)))
-        return Target(self.shape, self.inward + added, self.outward)
+        return replace(self, inward=self.inward + added, places=np.vstack([self.places, places]))
+
+    def denser(self, surface: TSpline) -> "Target":
+        """With more samples once the control points are too many for them; each starts at the foot of the nearest one so far."""
+        count = len(self.inward.points)
+        if surface.tmesh.size * EACH <= count:
+            return self
+        points, areas = sample_mesh(self.shape.mesh, 2 * surface.tmesh.size * EACH)
+        size = np.sqrt(self.inward.areas.mean())
+        old, new = (np.hstack([p, size * self.shape.normals(p)]) for p in (self.inward.points, points))
+        near = cKDTree(old).query(new)[1]
+        feet = follow(surface, points, self.inward.s[near], self.inward.t[near], rounds=3)
+        return replace(self, inward=Samples(points, areas, *feet))
 
     def on(self, surface: TSpline, tolerance: float) -> "Target":
         """With the feet on `surface`, and its own points that are farther than a part of the tolerance from the mesh."""
-        s, t, share = gauss_points(surface, OUTWARD)
+        inner_s, inner_t, inner_share = gauss_points(surface, OUTWARD)
+        s, t = np.append(inner_s, self.places[:, 0]), np.append(inner_t, self.places[:, 1])
+        share = np.append(inner_share, np.full(len(self.places), np.median(inner_share)))
         S, Ss, St = surface.evaluate(s, t, 1)
         nearest = self.shape.distance.closest(S)[0]
         away = np.linalg.norm(S - nearest, axis=1)
         areas = share * np.linalg.norm(np.cross(Ss, St), axis=1)
-        far = away > PULLED * tolerance
-        return Target(self.shape, self.inward.on(surface), Samples(nearest[far], areas[far], s[far], t[far], away[far]))
+        inward = self.inward.on(surface)
+        far = away > PULLED[inward.distances.max() < PULLED[False] * tolerance] * tolerance
+        outward = Samples(nearest[far], areas[far], s[far], t[far], away[far])
+        return replace(self, inward=inward, outward=outward)
 
 
 def harmonic_parameters(rows: Rows, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
