@@ -21,6 +21,24 @@ from bonecam.job import Job, read_job, write_job
 from bonecam.parameters import KINDS
 from bonecam.progress import Progress, silent
 
+EXIT_CODES = "Exit codes: 0 done; 1 some mesh of a batch failed; 2 wrong input, job or call (one line on stderr); 130 stopped."
+EXAMPLES = {
+    "convert": """
+  bonecam convert bone.stl --units m -o bone.h
+  bonecam convert bone.stl -o bone.h --set stock.diameter=15 --set stock.length=37 --keep look --report bone.json
+  bonecam convert bone.stl -o bone.ngc --machine linuxcnc-xyzbc --controller linuxcnc""",
+    "demo": """
+  bonecam demo -o phalanx.h --keep look""",
+    "batch": """
+  bonecam batch scans/*.stl -o programs --job job.toml --jobs 4 --resume""",
+    "script": """
+  bonecam script levels.mlx -i bone.stl -o layers""",
+    "filters": """
+  bonecam filters generate_morph_levels""",
+    "job": """
+  bonecam job --set levels.roughing_depth=1 > job.toml""",
+}
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
@@ -50,63 +68,78 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(prog="bonecam", description="From a bone mesh to a verified five-axis NC program.")
+    parser = _Parser(prog="bonecam", description="From a bone mesh to a verified five-axis NC program.", epilog=EXIT_CODES)
     parser.add_argument("--version", action="version", version=f"bonecam {bonecam.__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=_Parser)
     _add_convert(commands)
     _add_batch(commands)
     _add_script(commands)
-    filters = _command(commands, "filters", "List the filters, or one with its parameters.", run_filters)
-    filters.add_argument("name", nargs="?", help="one filter's name")
-    job = _command(commands, "job", "Print a job file with every parameter, its default and meaning.", run_job)
+    filters = _command(commands, "filters", "List bonecam's filters, or one with its parameters, units and ranges.", run_filters)
+    filters.add_argument("name", metavar="NAME", nargs="?", help="one filter's name")
+    job = _command(commands, "job", "Print a job file: every parameter with its value and meaning.", run_job)
     _add_job_options(job)
     return parser
 
 
 def _command(commands: Any, name: str, text: str, run: Any) -> argparse.ArgumentParser:
-    command: argparse.ArgumentParser = commands.add_parser(name, help=text, description=text)
-    command.set_defaults(run=run, stopped="nothing was written")
-    command.add_argument("-q", "--quiet", action="store_true", help="no progress")
-    command.add_argument("-v", "--verbose", action="store_true", help="tell what is done")
+    layout = argparse.RawDescriptionHelpFormatter
+    command: argparse.ArgumentParser = commands.add_parser(
+        name, help=text, description=text, epilog=f"examples:{EXAMPLES[name]}", formatter_class=layout
+    )
+    command.set_defaults(run=run, stopped="nothing was written", quiet=False, verbose=False)
     return command
+
+
+def _add_talk(command: argparse.ArgumentParser) -> None:
+    command.add_argument("-q", "--quiet", action="store_true", help="no progress, no summary")
+    command.add_argument("-v", "--verbose", action="store_true", help="log what each stage does")
 
 
 def _add_convert(commands: Any) -> None:
     convert = _command(commands, "convert", "Mesh in, verified NC program out.", run_convert)
-    convert.add_argument("mesh", help="STL, PLY, OBJ or OFF mesh; STEP, IGES, SAT or DXF part; point cloud; rows of points; saved .tspline")
+    convert.add_argument(
+        "mesh", metavar="PART", help="STL, PLY, OBJ or OFF mesh; STEP, IGES, SAT or DXF part; point cloud; rows of points; saved .tspline"
+    )
     demo = _command(commands, "demo", "The whole chain on the phalanx that ships with bonecam.", run_demo)
     for command, default in ((convert, ""), (demo, " (phalanx.h, or as the controller's programs end)")):
-        command.add_argument("-o", "--output", required=not default, help=f"the NC program to write{default}")
+        command.add_argument("-o", "--output", metavar="PROGRAM", required=not default, help=f"the NC program to write{default}")
         command.add_argument("--keep", metavar="DIR", help="write surface, levels, tool path and pictures there")
-        command.add_argument("--report", metavar="FILE.json", help="write the figures there")
-        command.add_argument("--surface", metavar="FILE", help="write the T-spline there; .tspline, .step, .iges: the ending decides")
+        command.add_argument("--report", metavar="FILE.json", help="write every figure that was measured there")
+        command.add_argument("--surface", metavar="FILE", help="write the T-spline there: .tspline, .iga, .step or .iges")
         _add_job_options(command)
+        _add_talk(command)
 
 
 def _add_batch(commands: Any) -> None:
     batch = _command(commands, "batch", "Many meshes, each in a process of its own.", run_batch)
     batch.set_defaults(stopped="what is finished is kept, --resume goes on from there")
-    batch.add_argument("meshes", nargs="+", help="mesh files")
+    batch.add_argument("meshes", metavar="PART", nargs="+", help="files as `convert` reads them, all with the same job")
     batch.add_argument("-o", "--output", metavar="DIR", required=True, help="folder for programs, reports and batch.csv")
-    batch.add_argument("--jobs", type=int, default=2, help="meshes at a time (2)")
-    batch.add_argument("--resume", action="store_true", help="skip what an earlier run finished with the same mesh and job")
+    batch.add_argument("--jobs", metavar="N", type=int, default=2, help="parts at a time (2)")
+    batch.add_argument("--resume", action="store_true", help="skip what an earlier run finished with the same mesh, job and version")
     _add_job_options(batch)
+    _add_talk(batch)
 
 
 def _add_script(commands: Any) -> None:
     script = _command(commands, "script", "Run a MeshLab filter script (.mlx) with MeshLab's filters and ours.", run_script)
-    script.add_argument("script", help="the .mlx file")
+    script.add_argument("script", metavar="SCRIPT.mlx", help="the script; all of it is checked before anything runs")
     script.add_argument("-i", "--input", action="append", required=True, metavar="MESH", help="a mesh to load as a layer (repeat for more)")
     script.add_argument("-o", "--output", metavar="DIR", required=True, help="folder for the resulting layers")
+    _add_talk(script)
 
 
 def _add_job_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("--job", metavar="JOB.toml", help="job file; what it leaves out keeps its default")
-    command.add_argument("--units", choices=("mm", "m", "inch"), help="unit of the mesh file (mm)")
-    command.add_argument("--machine", help="machine by name or file (mikron-ucp600)")
-    command.add_argument("--controller", help="controller dialect by name or file (heidenhain)")
+    command.add_argument("--units", choices=("mm", "m", "inch"), help="unit of the file's coordinates (mm)")
+    command.add_argument("--machine", metavar="NAME", help="mikron-ucp600 (default), linuxcnc-xyzbc, or a TOML file of your own")
+    command.add_argument("--controller", metavar="NAME", help="heidenhain (default), linuxcnc, or a TOML file of your own")
     command.add_argument(
-        "--set", action="append", default=[], metavar="SECTION.NAME=VALUE", help="any parameter of the job, as `bonecam job` lists them"
+        "--set",
+        action="append",
+        default=[],
+        metavar="SECTION.NAME=VALUE",
+        help="one parameter of the job, as `bonecam job` lists them (repeat for more)",
     )
 
 

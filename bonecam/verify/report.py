@@ -95,7 +95,7 @@ def summary_of(report: Mapping[str, Any]) -> str:
         f"levels    {len(levels) - 1} cuts, no schedule needs fewer than {report['levels_lower_bound']}; "
         f"depth max {max(row['depth_max_mm'] for row in levels):.4f} mm",
         f"toolpath  {contacts} contacts, {uncut} left uncut (listed in the report by reason)",
-        f"nc        {nc['file']}: {nc['blocks']} blocks for {nc['machine']} / {nc['controller']}, about {nc['time_min']:.0f} min",
+        f"nc        {nc['file'] or 'not written'}: {nc['blocks']} blocks for {nc['machine']} / {nc['controller']}, about {nc['time_min']:.0f} min",
         f"proof     tip {nc['readback_tip_error_mm'] * 1000:.2f} um, axis {nc['readback_axis_error_deg']:.4f} deg, "
         f"gouge {nc['gouge_max_mm'] * 1000:.2f} um",
         f"time      {sum(report['seconds'].values()):.1f} s",
