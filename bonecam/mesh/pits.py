@@ -16,6 +16,8 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 
 REACH = 0.2
 """How far (as a share of its radius) the ball may reach into the part: facets and fillets are no pits."""
+SHALLOW = 0.02
+"""Where the membrane is nowhere farther (mm) from the mesh there is no pit: the normal of a vertex among slivers misled."""
 ROUNDS = 10
 """Most times that what was filled grows by a ring of neighbours."""
 
@@ -43,6 +45,8 @@ def fill_pits(mesh: TriangleMesh, radius: float) -> tuple[TriangleMesh, tuple[st
             break
     moved = np.linalg.norm(filled.vertices - mesh.vertices, axis=1)
     worst = int(np.argmax(moved))
+    if moved[worst] < SHALLOW and not left.any():
+        return mesh, ()
     told = f"pits that a ball of {radius:g} mm cannot enter, up to {moved[worst]:.2f} mm deep at {place_name(mesh.vertices[worst])} mm"
     if len(self_intersections(filled)):
         return mesh, (f"left {told}, open: a membrane over them would cut the part",)
