@@ -4,7 +4,6 @@ Exit codes: 0 done, 1 some mesh of a batch failed, 2 the input, the job or the c
 """
 
 import argparse
-import logging
 import os
 import signal
 import sys
@@ -43,7 +42,6 @@ EXAMPLES = {
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     options = _parser().parse_args(arguments)
-    logging.basicConfig(level=logging.INFO if options.verbose else logging.ERROR, format="%(name)s: %(message)s")
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # a polite kill cleans up like Ctrl-C
     try:
         code = int(options.run(options))
@@ -92,7 +90,7 @@ def _command(commands: Any, name: str, text: str, run: Any) -> argparse.Argument
 
 def _add_talk(command: argparse.ArgumentParser) -> None:
     command.add_argument("-q", "--quiet", action="store_true", help="no progress, no summary")
-    command.add_argument("-v", "--verbose", action="store_true", help="log what each stage does")
+    command.add_argument("-v", "--verbose", action="store_true", help="progress as lines with their time, on a terminal or not")
 
 
 def _add_convert(commands: Any) -> None:
@@ -118,7 +116,7 @@ def _add_batch(commands: Any) -> None:
     batch.add_argument("--jobs", metavar="N", type=int, default=2, help="parts at a time (2)")
     batch.add_argument("--resume", action="store_true", help="skip what an earlier run finished with the same mesh, job and version")
     _add_job_options(batch)
-    _add_talk(batch)
+    batch.add_argument("-q", "--quiet", action="store_true", help="no line for each part")
 
 
 def _add_script(commands: Any) -> None:
@@ -192,7 +190,24 @@ class _Terminal:
         print(f"\r{' ' * self.width}\r", end="", file=sys.stderr, flush=True)
 
 
-def _progress(options: argparse.Namespace) -> _Terminal | None:
+class _Lines:
+    """Each new message of the progress as a line on stderr."""
+
+    def __init__(self) -> None:
+        self.began, self.message = time.perf_counter(), ""
+
+    def __call__(self, fraction: float, message: str) -> None:
+        if message != self.message:
+            print(f"{time.perf_counter() - self.began:7.1f} s {fraction:4.0%}  {message}", file=sys.stderr, flush=True)
+        self.message = message
+
+    def close(self) -> None:
+        """Nothing stays open."""
+
+
+def _progress(options: argparse.Namespace) -> _Terminal | _Lines | None:
+    if options.verbose:
+        return _Lines()
     return _Terminal() if sys.stderr.isatty() and not options.quiet else None
 
 

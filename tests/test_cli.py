@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 from bonecam_meshes import path as shipped
 
-from bonecam.cli import main
+from bonecam.cli import _Lines, main
 from bonecam.job import Job, write_job
 
 
@@ -79,3 +79,10 @@ def test_an_unknown_command_exits_2(capsys: pytest.CaptureFixture[str]) -> None:
         main(["melt"])
     assert caught.value.code == 2
     assert "melt" in capsys.readouterr().err
+
+
+def test_verbose_tells_each_step_once_as_a_line(capsys: pytest.CaptureFixture[str]) -> None:
+    lines = _Lines()
+    for fraction, message in ((0.0, "level 1"), (0.1, "level 1"), (0.2, "level 2")):
+        lines(fraction, message)
+    assert [line.split("%  ")[1] for line in capsys.readouterr().err.splitlines()] == ["level 1", "level 2"]
