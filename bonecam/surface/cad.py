@@ -11,7 +11,7 @@ columns twice.
 
 import io
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -88,7 +88,7 @@ def shape_of(surface: TSpline) -> Any:
     except SurfaceError:
         shape = _bezier_shell(surface)
     else:
-        shell = _shell_of(_face_of(_geometry(spline)))
+        shell = _joined("Shell", [_face_of(_geometry(spline))])
         shape = _solid_in(shell) if spline.watertight else shell
     if not occ().BRepCheck.BRepCheck_Analyzer(shape).IsValid():
         raise SurfaceError("OpenCASCADE finds the shape of the surface invalid: look for folds with its self-intersections")
@@ -184,34 +184,30 @@ def _face_of(geometry: Any) -> Any:
     return occ().BRepBuilderAPI.BRepBuilderAPI_MakeFace(geometry, EDGE).Face()
 
 
-def _shell_of(face: Any) -> Any:
+def _joined(kind: str, parts: Iterable[Any]) -> Any:
+    """The parts in a Compound, a Shell or a Solid."""
     lib = occ()
-    build, shell = lib.BRep.BRep_Builder(), lib.TopoDS.TopoDS_Shell()
-    build.MakeShell(shell)
-    build.Add(shell, face)
-    return shell
+    build, whole = lib.BRep.BRep_Builder(), getattr(lib.TopoDS, f"TopoDS_{kind}")()
+    getattr(build, f"Make{kind}")(whole)
+    for part in parts:
+        build.Add(whole, part)
+    return whole
 
 
 def _solid_in(shell: Any) -> Any:
     """The solid inside a closed shell."""
-    lib = occ()
-    build, solid = lib.BRep.BRep_Builder(), lib.TopoDS.TopoDS_Solid()
     shell.Closed(True)
-    build.MakeSolid(solid)
-    build.Add(solid, shell)
-    return solid
+    return _joined("Solid", [shell])
 
 
 def _bezier_shell(surface: TSpline) -> Any:
     """The Bezier elements as faces, sewn; a solid where no edge is free."""
     lib = occ()
-    build, loose = lib.BRep.BRep_Builder(), lib.TopoDS.TopoDS_Compound()
-    build.MakeCompound(loose)
-    size = float(np.linalg.norm(np.ptp(surface.control_points, axis=0)))
+    faces, size = [], float(np.linalg.norm(np.ptp(surface.control_points, axis=0)))
     for patch in surface.patches.reshape(-1, 4, 4, 4).swapaxes(1, 2):
         weights = _grid(lib.collections.Array2_double, patch[..., 3].tolist())
-        build.Add(loose, _face_of(lib.Geom.Geom_BezierSurface(_points(patch[..., :3] / patch[..., 3:]), weights)))
-    shape = sewn(loose, max(EDGE, JOINED * size))
+        faces.append(_face_of(lib.Geom.Geom_BezierSurface(_points(patch[..., :3] / patch[..., 3:]), weights)))
+    shape = sewn(_joined("Compound", faces), max(EDGE, JOINED * size))
     if shape.ShapeType() != lib.TopAbs.TopAbs_ShapeEnum.TopAbs_SHELL or not lib.BRep.BRep_Tool.IsClosed_s(shape):
         return shape
     return _solid_in(lib.TopoDS.TopoDS.Shell(shape))
@@ -231,14 +227,14 @@ def _bspline_of(face: Any, file: Path) -> BSplineSurface:
     size = found.NbUPoles(), found.NbVPoles()
     poles = [[found.Pole(i, j) for j in range(1, size[1] + 1)] for i in range(1, size[0] + 1)]
     weights = [[found.Weight(i, j) for j in range(1, size[1] + 1)] for i in range(1, size[0] + 1)]
-    s_knots = Knots(
-        np.array([found.UKnot(i) for i in range(1, found.NbUKnots() + 1)]),
-        np.array([found.UMultiplicity(i) for i in range(1, found.NbUKnots() + 1)]),
-        found.IsUPeriodic(),
-    )
-    t_knots = Knots(
-        np.array([found.VKnot(i) for i in range(1, found.NbVKnots() + 1)]),
-        np.array([found.VMultiplicity(i) for i in range(1, found.NbVKnots() + 1)]),
-        found.IsVPeriodic(),
-    )
+    s_knots, t_knots = (_knots_along(found, way) for way in "UV")
     return BSplineSurface(s_knots, t_knots, np.array([[(p.X(), p.Y(), p.Z()) for p in row] for row in poles]), np.array(weights))
+
+
+def _knots_along(spline: Any, way: str) -> Knots:
+    """The knots of OpenCASCADE's B-spline along "U" or "V"."""
+    count, knot, multiplicity, closed = (
+        getattr(spline, name) for name in (f"Nb{way}Knots", f"{way}Knot", f"{way}Multiplicity", f"Is{way}Periodic")
+    )
+    numbers = range(1, count() + 1)
+    return Knots(np.array([knot(i) for i in numbers]), np.array([multiplicity(i) for i in numbers]), closed())

@@ -62,15 +62,6 @@ class TMesh:
             raise SurfaceError("the T-mesh has no face")
         assert len(self.knot_lines[0]) == len(v)
 
-    @classmethod
-    def tensor(cls, s_lines: Float[ndarray, " a"], t_lines: Float[ndarray, " b"], period: tuple[float, float] = (0.0, 0.0)) -> "TMesh":
-        """The full grid: a vertex at every crossing. Give the end knots of a clamped direction twice, of a closed one once and no end."""
-        a, b = len(s_lines), len(t_lines)
-        p, q = a - (not period[0]), b - (not period[1])
-        vertices = np.indices((a, b)).reshape(2, -1).T
-        along_s, along_t, inside = (np.ones(shape, dtype=bool) for shape in ((p, b), (a, q), (p, q)))
-        return cls(s_lines, t_lines, vertices, along_s, along_t, inside, period)
-
     @property
     def size(self) -> int:
         """Number of control points."""

@@ -5,8 +5,6 @@ least needed one first, as long as the tolerance holds: an early knot is often s
 the largest control point of the difference curve on fine knots, which bounds the difference everywhere.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 import scipy.linalg as la
 from jaxtyping import Float
@@ -29,26 +27,26 @@ class Reduction:
         self._weights = _closed_steps(self._sites) if closed else np.gradient(self._sites)
         self._to_fine = la.inv(collocation(fine, self._sites, closed))
 
-    def least(self, points: Float[ndarray, "n d"], tolerance: float) -> tuple[ndarray, ndarray]:
-        """Kept knots and control points of a curve that differs from the given one by less than `tolerance` everywhere."""
-        kept = self._kept([points], tolerance)
-        return self.candidates[kept], self._fitted(kept, [points], tolerance)[0]
+    def least(self, points: Float[ndarray, "n ... d"], tolerance: float) -> tuple[ndarray, ndarray]:
+        """Kept knots and control points of a curve that differs from the given one by less than `tolerance` everywhere.
 
-    def least_together(self, curves: Sequence[Float[ndarray, "n d"]], tolerance: float) -> ndarray:
-        """The knots that suffice for each of the curves: what a tensor product needs."""
-        return np.asarray(self.candidates[self._kept(curves, tolerance)])
+        Several curves (n, c, d) keep the same knots, which suffice for each: what a tensor product needs.
+        """
+        flat, curves = points.reshape(len(points), -1), points.size // len(points) // points.shape[-1]
+        kept = self._removed(self._inserted(flat, curves, tolerance), flat, curves, tolerance)
+        return self.candidates[kept], self._fitted(kept, flat, curves, tolerance)[0].reshape(-1, *points.shape[1:])
 
-    def _fitted(self, kept: ndarray, curves: Sequence[ndarray], tolerance: float) -> tuple[ndarray, Float[ndarray, " n"]]:
+    def _fitted(self, kept: ndarray, points: ndarray, curves: int, tolerance: float) -> tuple[ndarray, Float[ndarray, " n"]]:
         """The control points on the kept candidates that fit best, and the largest error of all curves at each fine control point.
 
         Where least squares miss the tolerance narrowly, weights that grow with the error (Lawson 1961) lower the largest error.
         """
         matrix = self._to_fine @ collocation(self.candidates[kept], self._sites, self.closed)
-        points, weights = np.hstack(list(curves)), self._weights
+        weights = self._weights
         best, least = self._solved(matrix, points, weights), np.inf
         found = best
         for _ in range(1 + SHARPENED):
-            difference = (matrix @ found - points).reshape(len(points), len(curves), -1)
+            difference = (matrix @ found - points).reshape(len(points), curves, -1)
             now = np.linalg.norm(difference, axis=2).max(axis=1)
             if now.max() < least:
                 best, error, least = found, now, now.max()
@@ -65,14 +63,11 @@ class Reduction:
         inner = points - matrix[:, [0, -1]] @ points[[0, -1]]
         return np.vstack([points[:1], _least_squares(matrix[:, 1:-1], inner, weights), points[-1:]])
 
-    def _kept(self, curves: Sequence[ndarray], tolerance: float) -> ndarray:
-        return self._removed(self._inserted(curves, tolerance), curves, tolerance)
-
-    def _inserted(self, curves: Sequence[ndarray], tolerance: float) -> ndarray:
+    def _inserted(self, points: ndarray, curves: int, tolerance: float) -> ndarray:
         count = len(self.candidates)
         kept = np.unique(np.linspace(0, count, FEWEST, endpoint=False).astype(np.int64)) if self.closed else np.empty(0, dtype=np.int64)
         while len(kept) < count:
-            error = self._fitted(kept, curves, tolerance)[1]
+            error = self._fitted(kept, points, curves, tolerance)[1]
             if error.max() < tolerance:
                 break
             peaks = self._sites[np.flatnonzero(self._peaks(error) & (error >= tolerance))]
@@ -80,15 +75,15 @@ class Reduction:
             kept = np.union1d(kept, free[self._apart(self.candidates[free], peaks).argmin(axis=0)])
         return kept
 
-    def _removed(self, kept: ndarray, curves: Sequence[ndarray], tolerance: float) -> ndarray:
+    def _removed(self, kept: ndarray, points: ndarray, curves: int, tolerance: float) -> ndarray:
         """Without the knots that can be spared, tried in the order of the error their lack makes, until PATIENCE in a row cannot."""
         if len(kept) <= (FEWEST if self.closed else 0):
             return kept
-        lacks = [self._fitted(np.delete(kept, k), curves, 0.0)[1].max() for k in range(len(kept))]
+        lacks = [self._fitted(np.delete(kept, k), points, curves, 0.0)[1].max() for k in range(len(kept))]
         needed = 0
         for knot in kept[np.argsort(lacks, kind="stable")]:
             tried = kept[kept != knot]
-            if self._fitted(tried, curves, tolerance)[1].max() < tolerance:
+            if self._fitted(tried, points, curves, tolerance)[1].max() < tolerance:
                 kept, needed = tried, 0
             else:
                 needed += 1

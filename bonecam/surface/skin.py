@@ -52,10 +52,6 @@ class ControlCurves:
         reduction = Reduction(self.fine, self.candidates, self.closed)
         return self._surface([(np.zeros(1), q[:1]) if _point(q) else reduction.least(q, tolerance) for q in self.points])
 
-    def whole(self) -> TSpline:
-        """With all knots in every row."""
-        return self._surface([(np.zeros(1), q[:1]) if _point(q) else (self.fine, q) for q in self.points])
-
     @property
     def least(self) -> int:
         """No reduction leaves fewer control points."""
@@ -97,11 +93,6 @@ def skin(
     if max_control_points is not None and surface.tmesh.size > max_control_points:
         raise _too_many(control, tolerance, surface.tmesh.size, max_control_points)
     return surface
-
-
-def exact_skin(rows: Sequence[ndarray] | ndarray, *, closed: bool = True, poles: Float[ndarray, "2 3"] | None = None) -> TSpline:
-    """The tensor-product surface that meets every row's curve: all knots in every row."""
-    return control_curves(_checked(rows, closed, poles), poles).whole()
 
 
 def _checked(rows: Sequence[ndarray] | ndarray, closed: bool, poles: ndarray | None) -> RowCurves:

@@ -1,9 +1,19 @@
-"""Random general T-splines: a tensor grid, faces of it cut at random, control points and weights at random."""
+"""General T-splines for tests: a tensor grid, faces of it cut at random, control points and weights at random; damaged files."""
+
+from pathlib import Path
 
 import numpy as np
 
 from bonecam.surface.general_tmesh import TMesh
 from bonecam.surface.tspline import TSpline
+
+
+def grid(s_lines: np.ndarray, t_lines: np.ndarray, period: tuple[float, float] = (0.0, 0.0)) -> TMesh:
+    """The full grid: a vertex at every crossing. The end knots of a clamped direction come twice, of a closed one once and no end."""
+    a, b = len(s_lines), len(t_lines)
+    p, q = a - (not period[0]), b - (not period[1])
+    along_s, along_t, inside = (np.ones(shape, dtype=bool) for shape in ((p, b), (a, q), (p, q)))
+    return TMesh(s_lines, t_lines, np.indices((a, b)).reshape(2, -1).T, along_s, along_t, inside, period)
 
 
 def tensor(seed: int, s_count: int = 4, t_count: int = 3, closed: bool = False) -> TSpline[TMesh]:
@@ -14,10 +24,10 @@ def tensor(seed: int, s_count: int = 4, t_count: int = 3, closed: bool = False) 
     t = np.concatenate([[0.0, 0.0], t, [t[-1] + 0.5] * 2])
     if closed:
         s = inner(s_count + 3)
-        mesh = TMesh.tensor(s, t, (float(s[-1] - s[0] + 0.6), 0.0))
+        mesh = grid(s, t, (float(s[-1] - s[0] + 0.6), 0.0))
     else:
         s = inner(s_count)
-        mesh = TMesh.tensor(np.concatenate([[0.0, 0.0], s, [s[-1] + 0.5] * 2]), t)
+        mesh = grid(np.concatenate([[0.0, 0.0], s, [s[-1] + 0.5] * 2]), t)
     x, y = mesh.s_lines[mesh.vertices[:, 0]], mesh.t_lines[mesh.vertices[:, 1]]
     angle = 2 * np.pi * x / mesh.period[0] if closed else x
     points = np.column_stack([3 * np.cos(angle), 3 * np.sin(angle), y] if closed else [x, y, np.zeros(mesh.size)])
@@ -40,3 +50,11 @@ def random_tspline(seed: int, closed: bool = False, rounds: int = 3) -> TSpline[
         surface = surface.refine(*samples(surface, seed + k, 1), ("s", "t", "st")[int(rng.integers(3))])
         surface = surface.with_control_points(surface.control_points + 0.02 * rng.standard_normal(surface.control_points.shape))
     return surface
+
+
+def damaged(source: Path, folder: Path, old: str, new: str) -> Path:
+    """A copy of a text file with the first `old` replaced."""
+    text = source.read_text()
+    assert old in text
+    (folder / source.name).write_text(text.replace(old, new, 1))
+    return folder / source.name

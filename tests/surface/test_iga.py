@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from general import random_tspline, samples
+from general import damaged, random_tspline, samples
 
 from bonecam.errors import FileError, SurfaceError
 from bonecam.surface.iga import raised, read_iga, write_iga
@@ -86,11 +86,8 @@ def test_a_round_trip_is_bit_equal(shared: Path, tmp_path: Path) -> None:
     ],
 )
 def test_a_broken_file_is_refused(shared: Path, tmp_path: Path, old: str, new: str, match: str) -> None:
-    text = (shared / "tspline" / "iga" / "square_structured.iga").read_text()
-    assert old in text
-    (tmp_path / "bad.iga").write_text(text.replace(old, new, 1))
     with pytest.raises(FileError, match=match):
-        read_iga(tmp_path / "bad.iga")
+        read_iga(damaged(shared / "tspline" / "iga" / "square_structured.iga", tmp_path, old, new))
 
 
 def test_what_needs_a_chart_or_cubics_says_so(shared: Path) -> None:

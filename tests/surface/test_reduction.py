@@ -39,7 +39,7 @@ def test_knots_for_curves_together_suffice_for_each() -> None:
     knots = np.arange(1, 40) / 40
     curves = [wandering(43, False, seed) for seed in (1, 2, 3)]
     reduction = Reduction(knots, knots, False)
-    together = reduction.least_together(curves, 0.2)
+    together = reduction.least(np.stack(curves, axis=1), 0.2)[0]
     for curve in curves:
         assert len(reduction.least(curve, 0.2)[0]) <= len(together) < len(knots)
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from general import damaged, grid
 from scipy.spatial import KDTree
 
 from bonecam.errors import FileError, SurfaceError
@@ -106,11 +107,8 @@ def test_a_tsm_round_trip_is_bit_equal(shared: Path, tmp_path: Path, name: str, 
     ],
 )
 def test_a_broken_tsm_names_the_record(shared: Path, tmp_path: Path, old: str, new: str, match: str) -> None:
-    text = (shared / "tspline" / "tsm" / "simple.tsm").read_text()
-    assert old in text
-    (tmp_path / "bad.tsm").write_text(text.replace(old, new, 1))
     with pytest.raises(FileError, match=match):
-        read_tsm(tmp_path / "bad.tsm")
+        read_tsm(damaged(shared / "tspline" / "tsm" / "simple.tsm", tmp_path, old, new))
 
 
 def torus_text(n: int = 5, m: int = 6, units: str = "1 meters") -> str:
@@ -175,7 +173,7 @@ def test_a_border_without_its_control_points_is_refused(shared: Path, tmp_path: 
 
 def test_wrong_grids_are_refused() -> None:
     lines = np.array([0.0, 0, 1, 2, 2])
-    mesh = TMesh.tensor(lines, lines)
+    mesh = grid(lines, lines)
     parts = [mesh.s_lines, mesh.t_lines, mesh.vertices, mesh.along_s, mesh.along_t, mesh.inside]
     for k, value, match in (
         (0, np.array([0.0, 0, 1, 0.5, 2]), "s-line 3 is less"),
@@ -192,11 +190,11 @@ def test_wrong_grids_are_refused() -> None:
         with pytest.raises(SurfaceError, match=match):
             TMesh(*changed)
     with pytest.raises(SurfaceError, match="all functions vanish"):
-        _ = TMesh.tensor(np.arange(6.0), lines).elements
+        _ = grid(np.arange(6.0), lines).elements
     with pytest.raises(SurfaceError, match="3 distinct knots"):
-        TMesh.tensor(np.arange(3.0), lines, (3.0, 0.0))
+        grid(np.arange(3.0), lines, (3.0, 0.0))
     with pytest.raises(SurfaceError, match="period"):
-        TMesh.tensor(np.arange(5.0), lines, (4.0, 0.0))
+        grid(np.arange(5.0), lines, (4.0, 0.0))
 
 
 def test_every_derivative_that_departs_from_the_oracle_is_exact_in_fractions(shared: Path) -> None:
