@@ -21,7 +21,7 @@ from bonecam.toolpath.path import Kind, ToolPath
 MOST_ROUNDS = 40
 LONGEST_MOVE = 1.0
 LARGEST_TURN, LARGEST_RAPID_TURN = np.radians(10.0), np.pi / 2
-POLE_PASS = np.radians(0.1)
+POLE_PASS = np.radians(0.01)
 """A feed move whose axis turns by less passes the pole itself: its joint may turn as far as in a rapid, no split would help."""
 RAPID_SLACK = 20.0
 AXIS_TOLERANCE = np.radians(1.0)

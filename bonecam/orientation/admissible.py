@@ -10,7 +10,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from bonecam.orientation.limits import AxisLimits, angles_between, unit
+from bonecam.orientation.limits import AxisLimits, angles_between, polar, unit, with_polar
+from bonecam.orientation.pole import CONE
 
 SUBDIVISIONS = 3
 WAVE, MOST = 8, 120
@@ -22,8 +23,8 @@ Free = Callable[[Int[ndarray, " k"], Float[ndarray, "k 3"]], Bool[ndarray, " k"]
 """Whether contacts (by index) are free with the given axes."""
 
 
-def fan() -> Float[ndarray, "642 3"]:
-    """The vertices of an icosahedron, its triangles halved three times: 8 degrees apart."""
+def fan() -> Float[ndarray, "647 3"]:
+    """The vertices of an icosahedron, its triangles halved three times: 8 degrees apart; six round the pole in its place."""
     golden = (1 + np.sqrt(5)) / 2
     corners = [(0, a, b * golden) for a in (-1, 1) for b in (-1, 1)]
     points = unit(np.array([np.roll(c, k) for k in range(3) for c in corners], dtype=np.float64))
@@ -33,7 +34,9 @@ def fan() -> Float[ndarray, "642 3"]:
         near = np.linalg.norm(points[i] - points[j], axis=1) < edge
         points = np.vstack([points, unit(points[i[near]] + points[j[near]])])
         edge /= 1.9
-    return points
+    azimuth = np.arange(6) * np.pi / 3
+    ring = with_polar(np.column_stack([np.cos(azimuth), np.sin(azimuth), 0 * azimuth]), np.full(6, CONE))
+    return np.vstack([points[polar(points) >= CONE], ring])
 
 
 def allowed(axes: Float[ndarray, "n 3"], normals: Float[ndarray, "n 3"], limits: AxisLimits, max_tilt: float) -> Bool[ndarray, " n"]:

@@ -13,6 +13,7 @@ from numpy import ndarray
 
 from bonecam.orientation.limits import AxisLimits, angles_between, polar, with_polar
 from bonecam.orientation.moves import Checker, interpolated
+from bonecam.orientation.pole import AT_POLE, nearest_to_pole, round_pole
 from bonecam.orientation.scene import Scene
 from bonecam.orientation.travel import Route, travel
 from bonecam.toolpath.path import Kind
@@ -94,17 +95,18 @@ class Linker:
     ) -> tuple[Bool[ndarray, " k"], list[Moves]]:
         """Short links from ends to starts (each: centres, normals, axes (k, 3)), and which of them are proven free."""
         (a, na, va), (b, nb, vb) = ends, starts
-        possible = (np.linalg.norm(b - a, axis=1) <= near) & (angles_between(va, vb) <= HOP_TURN)
         between, turning = interpolated(a + HOP_LIFT * na, b + HOP_LIFT * nb, va, vb, HOP_STEPS)
+        turning = round_pole(turning, between, np.repeat(np.arange(len(a)), HOP_STEPS + 1))
         between, turning = between.reshape(len(a), HOP_STEPS + 1, 3), turning.reshape(len(a), HOP_STEPS + 1, 3)
         hops = [Moves.along(Kind.LINK, *way, min(self.feeds.link, self._checker.cutter.feed)) for way in zip(between, turning, strict=True)]
-        good = possible.copy()
-        which = np.flatnonzero(possible)
+        c, v = (np.concatenate([x[:, None], y, z[:, None]], axis=1) for x, y, z in ((a, between, b), (va, turning, vb)))
+        good = (np.linalg.norm(b - a, axis=1) <= near) & (angles_between(va, vb) <= HOP_TURN)
+        good &= np.array([nearest_to_pole(way).min() > AT_POLE for way in v], dtype=bool)
+        which = np.flatnonzero(good)
         if len(which):
-            c = np.concatenate([a[which, None], between[which], b[which, None]], axis=1).reshape(-1, 3)
-            v = np.concatenate([va[which, None], turning[which], vb[which, None]], axis=1).reshape(-1, 3)
+            places, axes = c[which].reshape(-1, 3), v[which].reshape(-1, 3)
             joined = np.tile(np.r_[np.ones(HOP_STEPS + 2, dtype=bool), False], len(which))
-            free = self._checker.free_moves(c - self._radius * v, v, joined, cutting=True)
+            free = self._checker.free_moves(places - self._radius * axes, axes, joined, cutting=True)
             good[which] = (free | ~joined).reshape(len(which), -1).all(axis=1)
         return good, hops
 

@@ -13,7 +13,7 @@ from bonecam.orientation.lead import lead_axes, turned_up
 from bonecam.orientation.limits import AxisLimits, angles_between
 from bonecam.orientation.links import Feeds, Linker, Moves, Pose
 from bonecam.orientation.moves import Checker
-from bonecam.orientation.pole import round_pole
+from bonecam.orientation.pole import AT_POLE, nearest_to_pole, round_pole, round_pole_where_free
 from bonecam.orientation.scene import Scene
 from bonecam.toolpath.path import ContactPath, Kind, ToolPath
 
@@ -80,16 +80,21 @@ def choose_axes(
             max_tilt,
             lambda i, tried: checker.free(path.centres[reached[i]], tried),
         )
+
+        def may(i: Int[ndarray, " k"], tried: Float[ndarray, "k 3"]) -> Bool[ndarray, " k"]:
+            return allowed(tried, path.normals[reached[i]], limits, max_tilt) & checker.free(path.centres[reached[i]], tried)
+
+        axes[reached] = round_pole_where_free(axes[reached], path.centres[reached], path.pass_index[reached], may)
     kept = (axes == wished).all(axis=1) & np.array([not reason for reason in reasons])
     same = np.r_[True, kept, True]
     return axes, reasons, steady & same[:-2] & kept & same[2:]
 
 
 def _joined(path: ContactPath, index: ndarray, axes: ndarray, checker: Checker, steady: ndarray) -> Bool[ndarray, " n"]:
-    """Whether the tool cuts from each kept contact straight to the next: same pass, neighbours, small turn, move proven free."""
+    """Whether the tool cuts from each kept contact straight to the next: same pass, neighbours, small turn off the pole, proven free."""
     passes, kept_axes = path.pass_index[index], axes[index]
     joined = np.r_[(passes[1:] == passes[:-1]) & (np.diff(index) == 1), False]
-    joined[:-1] &= angles_between(kept_axes[1:], kept_axes[:-1]) <= MAX_TURN
+    joined[:-1] &= (angles_between(kept_axes[1:], kept_axes[:-1]) <= MAX_TURN) & (nearest_to_pole(kept_axes) > AT_POLE)
     tips = path.centres[index] - path.cutter.radius * kept_axes
     return checker.free_moves(tips, kept_axes, joined, steady[index])
 

@@ -13,7 +13,7 @@ from bonecam.orientation.admissible import fan
 from bonecam.orientation.lead import lead_axes
 from bonecam.orientation.limits import AxisLimits, angles_between, polar, unit
 from bonecam.orientation.orient import MAX_TURN, orient
-from bonecam.orientation.pole import CONE, round_pole
+from bonecam.orientation.pole import AT_POLE, CONE, nearest_to_pole, round_pole
 from bonecam.orientation.scene import Scene
 from bonecam.toolpath.cutter import Cutter
 from bonecam.toolpath.path import ContactPath, Kind, ToolPath
@@ -110,6 +110,12 @@ def test_upper_contacts_take_the_lead_angle(case: tuple[ContactPath, Scene, Tool
     assert polar(path.axes[cut]).min() >= CONE - 1e-9
 
 
+def test_no_cut_or_link_passes_the_pole(case: tuple[ContactPath, Scene, ToolPath]) -> None:
+    _, _, path = case
+    turned = (path.axes[1:] != path.axes[:-1]).any(axis=1)
+    assert nearest_to_pole(path.axes)[turned & (path.kinds[1:] != Kind.RAPID)].min() > AT_POLE
+
+
 def test_a_level_begins_and_ends_clear_above_the_stock(case: tuple[ContactPath, Scene, ToolPath]) -> None:
     _, scene, path = case
     for row in (0, -1):
@@ -151,7 +157,7 @@ def test_no_reach_at_all_is_an_error() -> None:
 
 def test_the_fan_covers_the_sphere_evenly() -> None:
     directions = fan()
-    assert directions.shape == (642, 3)
+    assert directions.shape == (647, 3)
     probe = unit(np.random.default_rng(0).normal(size=(2000, 3)))
     assert np.degrees(np.arccos(np.clip((probe @ directions.T).max(axis=1), -1, 1))).max() < 6.0
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bonecam.orientation.limits import angles_between, polar, unit
-from bonecam.orientation.pole import CONE, round_pole
+from bonecam.orientation.pole import CONE, PASS, round_pole, round_pole_where_free
 
 
 def over_the_top(miss: float, count: int = 101) -> tuple[np.ndarray, np.ndarray]:
@@ -48,3 +48,25 @@ def test_passes_that_begin_end_or_stay_at_the_pole_hold_their_azimuth() -> None:
 def test_axes_away_from_the_pole_stay() -> None:
     axes, centres = over_the_top(np.radians(3.1))
     assert (round_pole(axes, centres, np.zeros(len(axes), dtype=np.int64)) == axes).all()
+
+
+@pytest.mark.parametrize("lean_deg", [3.5, 6.0, 7.4])
+@pytest.mark.parametrize("miss_deg", [0.0, 0.2])
+def test_a_single_move_past_the_pole_is_spread_over_its_neighbours(lean_deg: float, miss_deg: float) -> None:
+    lean = np.radians(np.r_[np.full(8, -lean_deg), np.full(8, lean_deg)])
+    axes = unit(np.column_stack([np.tan(lean), np.full(16, np.tan(np.radians(miss_deg))), np.ones(16)]))
+    centres = np.column_stack([np.linspace(0, 4, 16), np.zeros((16, 2))])
+    steered = round_pole(axes, centres, np.zeros(16, dtype=np.int64))
+    assert np.allclose(polar(steered), polar(axes))
+    f = np.linspace(0, 1, 101)[:, None, None]
+    assert polar(unit(((1 - f) * steered[:-1] + f * steered[1:]).reshape(-1, 3))).min() > PASS - 1e-9
+    assert (steered[[0, -1]] == axes[[0, -1]]).all()
+
+
+def test_a_stretch_with_one_forbidden_axis_stays_as_it_was() -> None:
+    axes, centres = over_the_top(np.radians(0.5))
+    twice, passes = np.vstack([axes, axes]), np.repeat([0, 1], len(axes))
+    forbidden = len(axes) // 2
+    steered = round_pole_where_free(twice, np.vstack([centres, centres]), passes, lambda i, tried: i != forbidden)
+    assert (steered[passes == 0] == axes).all()
+    assert (steered[passes == 1] == round_pole(axes, centres, passes[: len(axes)])).all()
