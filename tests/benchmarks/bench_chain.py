@@ -14,19 +14,20 @@ from pathlib import Path
 BONES = Path(__file__).resolve().parents[3] / "shared" / "meshes" / "bones"
 NAMES = ("3midph", "2midph", "3distph", "3proxph", "1mc", "3mc", "scaphoid", "capitate", "metatarsal1_rv")
 SIZES = {"3midph": ":15:37"}
-COLUMNS = "mesh", "points", "max", "rms", "K", "K_min", "contacts", "uncut", "gouge um", "tip um", "seconds", "MB"
+COLUMNS = "mesh", "points", "max", "rms", "K", "K_min", "contacts", "uncut", "gouge um", "tip um", "seconds", "CPU s", "MB"
 ONE = """
 import json, resource, sys, time
 import bonecam
 mesh, units, diameter, length = sys.argv[1:]
 job = bonecam.Job().with_values(mesh={"units": units}, stock={"diameter": float(diameter), "length": float(length)})
-began = time.perf_counter()
+began, cpu = time.perf_counter(), time.process_time()
 try:
     result = bonecam.convert(mesh, job)
     answer = {"report": result.report}
 except bonecam.BonecamError as error:
     answer = {"error": str(error)}
-print(json.dumps({**answer, "seconds": time.perf_counter() - began, "MB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024}))
+seconds, cpu, most = time.perf_counter() - began, time.process_time() - cpu, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+print(json.dumps({**answer, "seconds": seconds, "cpu": cpu, "MB": most}))
 """
 
 
@@ -46,7 +47,7 @@ def row(case: str) -> list[str]:
     mesh, units, *size = case.split(":")
     run = subprocess.run([sys.executable, "-c", ONE, mesh, units, *(size or ["0", "0"])], stdout=subprocess.PIPE, text=True, check=True)
     found = json.loads(run.stdout)
-    name, cost = Path(mesh).stem, [f"{found['seconds']:.0f}", f"{found['MB']:.0f}"]
+    name, cost = Path(mesh).stem, [f"{found[key]:.0f}" for key in ("seconds", "cpu", "MB")]
     if "error" in found:
         return [name, found["error"], *cost]
     report = found["report"]

@@ -31,9 +31,9 @@ def draw_chain(result: bonecam.Result, file: Path) -> None:
     show_tmesh(plots[0], result.surface)
     show_levels(plots[1], levels, (bonecam.Job().holding.diameter, float(result.part.mesh.bounds[0, 2])), 0)
     show_path(plots[2], paths[-1], levels[0].mesh)
-    plots[0].set_title(f"one T-spline, {len(result.surface.weights)} control points")
-    plots[1].set_title(f"{result.levels.cuts} cuts from the stock to the part")
-    plots[2].set_title("the last level's path and tool axes")
+    plots[0].set_title(f"one T-spline,\n{len(result.surface.weights)} control points")
+    plots[1].set_title(f"{result.levels.cuts} cuts\nfrom stock to part")
+    plots[2].set_title("path and tool axes\nof the last level")
     plots[0].set_ylabel("z (mm)")
     figure.savefig(file, metadata={"Software": None})
 
