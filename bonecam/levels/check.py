@@ -27,7 +27,7 @@ class Measure:
     """One cut measured, mm, and where the worst was found.
 
     `full_mean` is over the points of the inner level that had at least a full depth of material to move through, `full_area` (mm^2)
-    their share of its surface. `near_limits` are parameters of all points that use up half a tolerance or more.
+    their share of its surface. `near_limits` are parameters of all points of the outer level that use up half a tolerance or more.
     """
 
     depth_max: float
@@ -61,23 +61,25 @@ def _areas(mesh: TriangleMesh) -> Float[ndarray, "f"]:
 
 def measure(inner: Sheet, outer: Sheet | TriangleMesh, stock: Stock, limit: float) -> Measure:
     """The cut from `outer` (level k, or the mesh of the stock, the last) down to `inner` (level k - 1)."""
-    last = isinstance(outer, TriangleMesh)
-    if isinstance(outer, TriangleMesh):
-        mesh, outside, corner = outer, probes(outer), outer.faces[:, 0]
-    else:
-        mesh, outside, corner = outer.mesh, outer.points, outer.grid.corner
     inside, count = inner.points, len(inner.mesh.vertices)
-    depth = np.abs(inner.signed(outside, corner))
-    deep = np.flatnonzero(depth > limit)
-    depth[deep] = np.abs(inner.closely(outside[deep], None if isinstance(outer, TriangleMesh) else outer.parameters[deep]))
     gap = ahead = -stock.signed_distance(inside)
-    if not isinstance(outer, TriangleMesh):
-        ahead = -outer.signed(inside, inner.grid.corner)
+    near_limits = np.empty((0, 2))
+    if isinstance(outer, TriangleMesh):
+        mesh, outside = outer, probes(outer)
+        leaves, depth = stock.signed_distance(outside), np.abs(inner.closely(outside)[0])
+    else:
+        mesh, outside = outer.mesh, outer.points
+        leaves, depth = stock.signed_distance(outside), np.abs(inner.signed(outside, outer.parameters))
+        deep = np.flatnonzero(depth > limit)
+        depth[deep] = np.abs(inner.closely(outside[deep], outer.parameters[deep])[0])
+        ahead = -outer.signed(inside, inner.parameters)
         behind = np.flatnonzero(ahead < 0)
-        ahead[behind] = -outer.closely(inside[behind], inner.parameters[behind])
+        nesting, feet_at = outer.closely(inside[behind], inner.parameters[behind])
+        ahead[behind] = -nesting
+        too_far = (depth > limit + DEPTH_TOLERANCE / 2) | (leaves > STOCK_TOLERANCE / 2)
+        near_limits = np.vstack([outer.parameters[too_far], feet_at[nesting > NEST_TOLERANCE / 2]])
     middle, weights, areas = depth[len(mesh.vertices) :], _areas(mesh), _areas(inner.mesh)
-    full = np.zeros(len(areas), dtype=bool) if last else gap[count:] >= REMAINS * limit
-    leaves = stock.signed_distance(outside)
+    full = np.zeros(len(areas), dtype=bool) if mesh is outer else gap[count:] >= REMAINS * limit
     return Measure(
         float(depth.max()),
         float(np.average(middle, weights=weights)),
@@ -87,18 +89,12 @@ def measure(inner: Sheet, outer: Sheet | TriangleMesh, stock: Stock, limit: floa
         np.histogram(middle, bins=BINS, range=(0, limit), weights=weights / weights.sum())[0],
         float(ahead.min()),
         float(leaves.max()),
-        np.empty(0, dtype=np.int64) if last else self_intersections(mesh),
+        np.empty(0, dtype=np.int64) if mesh is outer else self_intersections(mesh),
         outside[np.argmax(depth)],
         inside[np.argmin(ahead)],
         outside[np.argmax(leaves)],
-        _near_limits(inner, outer, depth > limit + DEPTH_TOLERANCE / 2, leaves > STOCK_TOLERANCE / 2, ahead < -NEST_TOLERANCE / 2),
+        near_limits,
     )
-
-
-def _near_limits(inner: Sheet, outer: Sheet | TriangleMesh, deep: ndarray, leaves: ndarray, behind: ndarray) -> Float[ndarray, "k 2"]:
-    if isinstance(outer, TriangleMesh):
-        return np.empty((0, 2))
-    return np.vstack([outer.parameters[deep | leaves], inner.parameters[behind]])
 
 
 def require(

@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from bonecam.surface.tspline import TSpline
@@ -20,6 +20,8 @@ from bonecam.surface.tspline import TSpline
 GAUSS, AROUND, MOST_AROUND, LEAST_AROUND = 3, 3, 400, 12
 NEAR_POLE = 1e-3
 CLOSE_TO_POLE = (0.005, 0.02, 0.05)
+SHAPED = 0.3
+"""Share of the surface at a sample that control points together have where they shape it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +48,11 @@ class Samples:
     def N(self) -> sp.csc_array:
         """int R'R (control points squared)."""
         return sp.csc_array(self.R.T @ sp.diags_array(self.weights) @ self.R)
+
+    def near(self, which: Bool[ndarray, "n"]) -> Bool[ndarray, "c"]:
+        """Control points that shape the surface at some of the samples, and those that do where these do."""
+        own = self.R[which].sum(axis=0) > 0
+        return np.asarray(self.R[self.R @ own > SHAPED].sum(axis=0) > 0)
 
     def moments(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "c 3"]:
         """int R'H for one attracting point a sample."""

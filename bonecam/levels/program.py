@@ -102,8 +102,10 @@ class Program:
         return np.asarray(self.R.T @ (self.weights[:, None] * (self.x - self.H)) + self.bend)
 
 
-def program_of(setting: Setting, P: Float[ndarray, "c 3"], rest: Remaining, cut: Cut, manner: Manner) -> Program:
-    """The program of the level above P, from which `rest` is left to the stock."""
+def program_of(
+    setting: Setting, P: Float[ndarray, "c 3"], rest: Remaining, cut: Cut, manner: Manner, ease: Float[ndarray, " c"] | None = None
+) -> Program:
+    """The program of the level above P, from which `rest` is left to the stock; `ease` is a factor of the pull, a control point each."""
     samples, stock, before, free = setting.samples, setting.stock, setting.surface.with_control_points(P), setting.free
     far = _farthest(before, rest, cut.depth)
     own, area = samples.R @ P, np.linalg.norm(stretched := samples.stretched(P), axis=1)
@@ -115,7 +117,9 @@ def program_of(setting: Setting, P: Float[ndarray, "c 3"], rest: Remaining, cut:
     pull = unit(samples.R @ _factor(N + manner.smoothing * setting.M).solve(pull))
     x, weights = np.vstack([own, far.feet]), np.concatenate([weights, far.weights])
     normals, pull = np.vstack([normals, far.towards]), np.vstack([pull, far.towards])
-    R = sp.csr_array(sp.vstack([samples.R, far.R]) @ free)
+    R = sp.vstack([samples.R, far.R])
+    weights = weights if ease is None else weights * (R @ ease)
+    R = sp.csr_array(R @ free)
     gap = -stock.signed_distance(x)
     low, high = cut.heights(gap)
     share = np.clip(gap / cut.left, manner.haste, 1)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float, Int32
+from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.levels.grid import LevelGrid
@@ -47,44 +47,35 @@ class Sheet:
         """Theirs."""
         return np.vstack([self.grid.parameters, self.grid.middles])
 
-    def signed(self, points: Float[ndarray, "n 3"], corner: Int32[ndarray, " f"]) -> Float[ndarray, " n"]:
-        """Distance (mm, negative inside) of vertices, found on the mesh, and of the points in the middle of faces behind them.
+    def signed(self, points: Float[ndarray, "n 3"], parameters: Float[ndarray, "n 2"]) -> Float[ndarray, " n"]:
+        """Distance (mm, negative inside) of points from the foot that Newton finds from these parameters: never too near."""
+        return self._sided(points, self._from(points, parameters, STEPS)[0])
 
-        These are looked for from the feet of a vertex of theirs, `corner`: too far off now and then, never too near.
-        """
-        count = len(points) - len(corner)
-        distance = np.empty(len(points))
-        distance[:count], s, t = self._from_mesh(points[:count], STEPS)
-        _, _, foot, n = feet(self.surface, points[count:], s[corner], t[corner], STEPS)
-        distance[count:] = _signed(points[count:], foot, n)
-        return self._inside_out(points, distance)
+    def closely(self, points: Float[ndarray, "n 3"], parameters: Float[ndarray, "n 2"] | None = None) -> tuple[ndarray, ndarray]:
+        """The same with more steps, from the nearest place on the mesh too: the nearer foot. And the parameters (n, 2) of the feet."""
+        distance, places = self._from_mesh(points, CLOSE_STEPS)
+        if parameters is not None:
+            own, own_places = self._from(points, parameters, CLOSE_STEPS)
+            nearer = np.abs(own) < np.abs(distance)
+            distance, places = np.where(nearer, own, distance), np.where(nearer[:, None], own_places, places)
+        return self._sided(points, distance), places
 
-    def closely(self, points: Float[ndarray, "n 3"], parameters: Float[ndarray, "n 2"] | None = None) -> Float[ndarray, " n"]:
-        """The same of any points, with more steps, from the nearest place on the mesh and from these parameters: the nearer foot."""
-        distance = self._from_mesh(points, CLOSE_STEPS)[0]
-        if parameters is None:
-            return self._inside_out(points, distance)
-        _, _, foot, n = feet(self.surface, points, parameters[:, 0], parameters[:, 1], CLOSE_STEPS)
-        own = _signed(points, foot, n)
-        return self._inside_out(points, np.where(np.abs(own) < np.abs(distance), own, distance))
+    def _from(self, points: ndarray, parameters: ndarray, steps: int) -> tuple[ndarray, ndarray]:
+        """Signed distances and the parameters of the feet, by Newton from the given ones."""
+        s, t, foot, n = feet(self.surface, points, parameters[:, 0], parameters[:, 1], steps)
+        across = points - foot
+        return np.copysign(np.linalg.norm(across, axis=1), np.einsum("ij,ij->i", across, n)), np.column_stack([s, t])
 
-    def _from_mesh(self, points: ndarray, steps: int) -> tuple[ndarray, ndarray, ndarray]:
-        """Signed distances and the parameters of the feet, looked for from the nearest corner of the nearest face."""
+    def _from_mesh(self, points: ndarray, steps: int) -> tuple[ndarray, ndarray]:
+        """The same from the nearest corner of the nearest face."""
         nearest, face = self.distance.closest(points)
         corners = self.grid.faces[face]
         away = np.linalg.norm(self.mesh.vertices[corners] - nearest[:, None], axis=2)
-        start = self.grid.parameters[corners[np.arange(len(points)), np.argmin(away, axis=1)]]
-        s, t, foot, n = feet(self.surface, points, start[:, 0], start[:, 1], steps)
-        return _signed(points, foot, n), s, t
+        return self._from(points, self.grid.parameters[corners[np.arange(len(points)), np.argmin(away, axis=1)]], steps)
 
-    def _inside_out(self, points: ndarray, distance: ndarray) -> ndarray:
-        """Beyond a crease the nearest place's own side misleads: what seems far outside is asked by rays."""
-        doubtful = np.flatnonzero(distance > DOUBTFUL)
-        if len(doubtful):
-            distance[doubtful] *= np.where(self.distance.inside(points[doubtful]), -1.0, 1.0)
+    def _sided(self, points: ndarray, distance: ndarray) -> ndarray:
+        """Beyond a crease the nearest place's own side misleads: of what is far off, rays tell the side."""
+        far = np.flatnonzero(np.abs(distance) > DOUBTFUL)
+        if len(far):
+            distance[far] = np.abs(distance[far]) * np.where(self.distance.inside(points[far]), -1.0, 1.0)
         return distance
-
-
-def _signed(points: ndarray, foot: ndarray, n: ndarray) -> ndarray:
-    across = points - foot
-    return np.asarray(np.copysign(np.linalg.norm(across, axis=1), np.einsum("ij,ij->i", across, n)))

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from bonecam.kernels import splitting
@@ -23,16 +23,27 @@ ROUNDS, SWEEPS, NEAR, ENOUGH, FOOT_STEPS = 4, 20, 0.005, 2e-4, 3
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """The control points' moves, how far the watched samples break a limit afterwards, mm, and whether the level folds at one."""
+    """The control points' moves, how far the watched samples break a limit afterwards, mm, and at which of them the level folds."""
 
     moves: Float[ndarray, "c 3"]
     broken: float
-    folded: bool
+    folded: Bool[ndarray, " w"]
 
 
-def next_level(setting: Setting, P: Float[ndarray, "c 3"], rest: Remaining, cut: Cut, manner: Manner, method: str = "qp") -> Step:
-    """The moves of the control points to the next level; what is nearer to the stock than `cut.landing` already stays."""
-    program = program_of(setting, P, rest, cut, manner)
+def next_level(
+    setting: Setting,
+    P: Float[ndarray, "c 3"],
+    rest: Remaining,
+    cut: Cut,
+    manner: Manner,
+    ease: Float[ndarray, " c"] | None = None,
+    method: str = "qp",
+) -> Step:
+    """The moves of the control points to the next level; what is nearer to the stock than `cut.landing` already stays.
+
+    `ease` is a factor of the pull on each control point (1 unless given), less where the level would fold.
+    """
+    program = program_of(setting, P, rest, cut, manner, ease)
     return _kept(setting, P, split(program) if method == "qp" else by_osqp(program), cut)
 
 
@@ -53,4 +64,4 @@ def _kept(setting: Setting, P: ndarray, D: ndarray, cut: Cut) -> Step:
         planes = (part.c, part.n, part.low, part.high, part.m, part.h)
         splitting.project(some.indptr, some.indices, some.data, x[near], D, *planes, SWEEPS, ENOUGH)
     moves = np.asarray(setting.free @ D)
-    return Step(moves, float(broken.max()), bool(((watch.stretched(P + moves) * limits.n).sum(1) <= 0).any()))
+    return Step(moves, float(broken.max()), (watch.stretched(P + moves) * limits.n).sum(1) <= 0)

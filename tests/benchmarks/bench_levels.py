@@ -127,11 +127,11 @@ def recorded(surface: TSpline, stock: Capsule) -> Case:
     """The morph, with the calls that made the levels it answers."""
     calls: list[Call] = []
 
-    def noted(setting: Setting, P: ndarray, rest: Remaining, cut: Cut, manner: Manner, method: str = "qp") -> Step:
-        calls.append(Call(setting, P, rest, cut, manner, next_level(setting, P, rest, cut, manner, method)))
+    def noted(setting: Setting, P: ndarray, rest: Remaining, cut: Cut, manner: Manner, ease: ndarray, method: str) -> Step:
+        calls.append(Call(setting, P, rest, cut, manner, next_level(setting, P, rest, cut, manner, ease, method)))
         return calls[-1].step
 
-    with patch("time.perf_counter", time.process_time), patch("bonecam.levels.morph.next_level", noted):
+    with patch("time.perf_counter", time.process_time), patch("bonecam.levels.sequence.next_level", noted):
         made = morph(surface, stock, SCHEDULE)
     nets = [level.surface.control_points for level in made.levels if level.surface is not None]
     made_by = [

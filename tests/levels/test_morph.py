@@ -144,7 +144,7 @@ def test_distances_are_to_the_surface_not_to_its_tessellation() -> None:
     s, t = rng.random(500), rng.uniform(0.05, 0.95, 500)
     places, normals = surface.evaluate(s, t), surface.normals(s, t)
     (sheet,) = sheets(surface)
-    found = sheet.closely(places + 0.2 * normals, np.column_stack([s, t]))
+    found, _ = sheet.closely(places + 0.2 * normals, np.column_stack([s, t]))
     assert np.abs(found - 0.2).max() < 1e-4
     assert np.abs(sheet.distance.unsigned(places + 0.2 * normals) - 0.2).max() > 1e-3
 

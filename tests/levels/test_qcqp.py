@@ -70,7 +70,7 @@ def test_the_exact_level_keeps_the_published_limits(attraction: str) -> None:
 @pytest.mark.parametrize("attraction", ["stock", "sphere"])
 def test_the_default_method_comes_within_one_percent_of_the_exact_energy(attraction: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of the published energy, for the depth held on the control points and solved exactly, from each of the first levels to the next."""
-    monkeypatch.setattr("bonecam.levels.morph.require", lambda *_: None)  # what is measured later on does not matter here
+    monkeypatch.setattr("bonecam.levels.inspection.require", lambda *_: None)  # what is measured later on does not matter here
     made = morph(waisted(), STOCK, SCHEDULE, attraction=attraction, chord_tolerance=0.05)
     nets = [level.surface.control_points for level in made.levels if level.surface is not None]
     program = ConeLevels(waisted(), STOCK, attraction, hull=True)

@@ -1,0 +1,126 @@
+"""A sequence of levels as measured: every cut a `Level` with its measures, and what failed where.
+
+When some levels are made again only the cuts below and above them are measured again, on the same grid: such levels move by microns.
+"""
+
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.errors import LevelError, SurfaceError
+from bonecam.levels.check import Measure, measure, require
+from bonecam.levels.grid import level_grid
+from bonecam.levels.level import Level
+from bonecam.levels.schedule import Schedule
+from bonecam.levels.sheet import Sheet
+from bonecam.levels.stock import Stock
+from bonecam.mesh.intersections import self_intersections
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.progress import Progress, report
+from bonecam.surface.tspline import TSpline
+
+
+@dataclass(frozen=True, eq=False)
+class Cut:
+    """One cut as measured; `error` where a measure is out of tolerance."""
+
+    level: Level
+    found: Measure
+    error: LevelError | None
+
+    @property
+    def over(self) -> float:
+        """How far the worst place breaks depth, nesting or stock, mm (negative where none does)."""
+        return max(self.found.depth_max - self.level.limit, -self.found.nesting_min, self.found.outside)
+
+
+@dataclass(frozen=True, eq=False)
+class Rules:
+    """What levels are measured against: the stock, the depths, how far (mm) they may fall behind and leave the stock."""
+
+    stock: Stock
+    schedule: Schedule
+    behind: float
+    outside: float
+    chord_tolerance: float
+
+
+class Inspection:
+    """The levels `made` (control points of levels 0 to K - 1) as measured, in `seconds`. LevelError where one is creased."""
+
+    def __init__(self, surface: TSpline, made: Sequence[Float[ndarray, "c 3"]], rules: Rules, progress: Progress) -> None:
+        began = time.perf_counter()
+        try:
+            self._grid = level_grid(surface, made, rules.chord_tolerance)
+        except SurfaceError as error:
+            raise LevelError(f"a level is creased: {error}") from error
+        part = Sheet(surface, self._grid)
+        self._part = Level(0, surface, part.mesh, 0.0, 0.0, 0.0, 0.0, len(self_intersections(part.mesh)))
+        self._surface, self._rules, self._progress = surface, rules, progress
+        self._cuts: dict[int, Cut] = {}
+        self.seconds = time.perf_counter() - began
+        self.measure(made, range(1, len(made) + 1))
+
+    def measure(self, made: Sequence[Float[ndarray, "c 3"]], cuts: Iterable[int]) -> None:
+        """Measure some of the cuts, again where they have been."""
+        began = time.perf_counter()
+        sheets: dict[int, Sheet] = {}
+        for k in cuts:
+            report(self._progress, k / (len(made) + 1), f"checking level {k}")
+            for j in (k - 1, k):
+                if j < len(made) and j not in sheets:
+                    sheets[j] = Sheet(self._surface.with_control_points(made[j]), self._grid)
+            self._cuts[k] = self._cut(k, sheets[k - 1], sheets.get(k))
+            sheets.pop(k - 1)
+        self.seconds += time.perf_counter() - began
+
+    @property
+    def levels(self) -> tuple[Level, ...]:
+        """Levels 0 (the part) to K (the stock)."""
+        return (self._part, *(self._cuts[k].level for k in sorted(self._cuts)))
+
+    @property
+    def cuts(self) -> tuple[Cut, ...]:
+        """Cuts 1 to K."""
+        return tuple(self._cuts[k] for k in sorted(self._cuts))
+
+    @property
+    def crosses(self) -> bool:
+        """Whether a level cuts itself."""
+        return any(level.self_intersections for level in self.levels)
+
+    @property
+    def failed(self) -> tuple[Cut, ...]:
+        """Those out of tolerance."""
+        return tuple(cut for cut in self.cuts if cut.error is not None)
+
+    def _cut(self, k: int, inner: Sheet, outer: Sheet | None) -> Cut:
+        stock, limit = self._rules.stock, self._rules.schedule.limit(k)
+        mesh = stock.mesh(self._rules.chord_tolerance) if outer is None else outer.mesh
+        found, error = measure(inner, outer or mesh, stock, limit), None
+        try:
+            require(k, found, limit, mesh, self._rules.behind, self._rules.outside)
+        except LevelError as failure:
+            error = failure
+        return Cut(_level(k, None if outer is None else outer.surface, mesh, limit, found), found, error)
+
+
+def _level(k: int, surface: TSpline | None, mesh: TriangleMesh, limit: float, found: Measure) -> Level:
+    return Level(
+        k,
+        surface,
+        mesh,
+        limit,
+        found.depth_max,
+        found.depth_mean,
+        found.nesting_min,
+        found.self_intersections,
+        found.depth_max_back,
+        found.full_mean,
+        found.outside,
+        tuple(float(v) for v in found.histogram),
+        full_area=found.full_area,
+    )

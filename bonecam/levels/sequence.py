@@ -1,0 +1,99 @@
+"""Sequences of levels, each from the one before, up to the last below the stock; none is measured here (`inspection.py`)."""
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy import ndarray
+
+from bonecam.errors import LevelError, place_name
+from bonecam.levels.program import Cut, Manner
+from bonecam.levels.remaining import Remaining, remaining, whole
+from bonecam.levels.schedule import Schedule
+from bonecam.levels.setting import Setting
+from bonecam.levels.step import next_level
+from bonecam.progress import Progress, report
+
+VARIANTS = ((1e-6, 1e-4, 1.0), (3e-6, 1e-4, 0.7), (3e-7, 1e-4, 1.0), (1e-5, 1e-4, 0.7), (1e-7, 1e-4, 0.5), (1e-6, 1e-3, 1.0))
+"""Bending, smoothing of the field of directions and haste (`Manner`); tried in turn."""
+WAITING, CLOSE = 2, 1
+"""The first so many sequences are compared, and the shortest goes first, unless one has no more than so many cuts above K_min."""
+STALL, SOFTEN, PATIENCE, MOST_EXTRA = 0.25, 0.1, 4, 12
+EASINGS, EASED = 4, 0.1
+"""How often the pull on a place that folds is eased, each time to this share."""
+LANDING, CREEP = 0.03, 0.01
+"""How far inside the stock (mm) the last level stays, and how much more each level before it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sequences:
+    """Makes sequences of levels: lists of control points, the part's first."""
+
+    setting: Setting
+    schedule: Schedule
+    lower_bound: int
+    progress: Progress
+    method: str
+
+    def all(self, rest: Remaining, stiffness: float) -> Iterator[tuple[list[ndarray], Manner]]:
+        """Sequences to be measured and how they were made, the shortest of the first ones first. LevelError where there is none."""
+        waiting: list[tuple[list[ndarray], Manner]] = []
+        failure: LevelError | None = None
+        yielded = False
+        for place, (bending, smoothing, haste) in enumerate(VARIANTS):
+            manner = Manner(stiffness, bending, smoothing, haste)
+            try:
+                waiting.append((self.sequence(manner, rest), manner))
+            except LevelError as error:
+                failure = failure or error
+            waiting.sort(key=lambda one: len(one[0]))
+            if waiting and (place + 1 >= WAITING or len(waiting[0][0]) <= self.lower_bound + CLOSE):
+                yielded = True
+                yield waiting.pop(0)
+        yield from waiting
+        if failure is not None and not yielded:
+            raise failure
+
+    def sequence(self, manner: Manner, rest: Remaining) -> list[ndarray]:
+        """Levels 0, 1, 2, ... up to the last below the stock. LevelError where progress ends."""
+        made, stalls, limit = [np.array(self.setting.surface.control_points)], 0, self.schedule.limit
+        while rest.left > limit(len(made)):
+            k, before = len(made), rest.left
+            report(self.progress, min(1.0, k / self.lower_bound), f"level {k}")
+            made.append(self._next(made[-1], k, rest, manner))
+            rest = remaining(self.setting, made[-1], rest)
+            stalled = rest.left > before - STALL * limit(k)
+            stalls, manner = (stalls + 1, _softer(manner)) if stalled else (0, manner)
+            if stalls > PATIENCE or k >= self.lower_bound + MOST_EXTRA:
+                raise LevelError(
+                    f"level {k} gets no nearer to the stock than {rest.left:.3f} mm at {place_name(rest.place)}: give more control points",
+                    level=k,
+                    place=rest.place,
+                )
+        return made
+
+    def mended(self, made: Sequence[ndarray], which: Collection[int], manner: Manner) -> list[ndarray]:
+        """The same with some levels made again, each from the one before."""
+        made = list(made)
+        for k in sorted(which):
+            made[k] = self._next(made[k - 1], k, remaining(self.setting, made[k - 1], whole(self.setting.stock)), manner)
+        return made
+
+    def _next(self, P: ndarray, k: int, rest: Remaining, manner: Manner) -> ndarray:
+        """Level k, above P; where it folds the pull is eased (if it folds all the same, the check decides)."""
+        left = sum(self.schedule.limit(later) for later in range(k, max(k, self.lower_bound) + 1))
+        cut = Cut(self.schedule.limit(k), left, LANDING + CREEP * max(0, self.lower_bound - 1 - k))
+        ease, fewest, best = np.ones(len(P)), len(self.setting.watch.s) + 1, P
+        for _ in range(EASINGS):
+            step = next_level(self.setting, P, rest, cut, manner, ease, self.method)
+            count = int(step.folded.sum())
+            if count < fewest:
+                fewest, best = count, P + step.moves
+            if not count:
+                break
+            ease[self.setting.watch.near(step.folded)] *= EASED
+        return best
+
+
+def _softer(manner: Manner) -> Manner:
+    return replace(manner, stiffness=SOFTEN * manner.stiffness, bending=SOFTEN * manner.bending)
