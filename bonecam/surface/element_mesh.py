@@ -10,7 +10,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 from scipy.spatial import Delaunay, cKDTree
 
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 SAME = 1e-7  # of the size: corners nearer to each other are one
 FINEST = 256  # cells each way in an element
+SLOWEST = 64  # what is so many times farther than the tolerance after all halvings that are left, a quarter each, is not reached
 LOOKED = 64  # places on a side where a corner is looked for
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 MIDDLES = np.array([[0.5, 0.5, 0.0], [0.0, 0.5, 0.5], [0.5, 0.0, 0.5], [1 / 3, 1 / 3, 1 / 3]])
@@ -50,40 +51,52 @@ class Net:
 
     def positions(self, element: int, uv: Float[ndarray, "n 2"]) -> Float[ndarray, "n 3"]:
         """Points of one element at places in its square."""
-        elements = self.surface.elements()
-        box = elements.boxes[element]
+        elements, (s, t) = self.surface.elements(), self._parameters(element, uv).T
         which = np.full(len(uv), element, dtype=np.int32)
-        s, t = box[0] + uv[:, 0] * (box[1] - box[0]), box[2] + uv[:, 1] * (box[3] - box[2])
         found: ndarray = elements.derivatives(self.surface.patches, which, s, t, 0)[0]
         return found
 
+    def normals(self, element: int, uv: Float[ndarray, "n 2"]) -> Float[ndarray, "n 3"]:
+        """Unit normals of one element at places in its square; 0 where it has none."""
+        elements = self.surface.elements()
+        s, t = self._parameters(element, uv).T
+        _, Ss, St = elements.derivatives(self.surface.patches, np.full(len(uv), element, dtype=np.int32), s, t, 1)
+        found = np.cross(Ss, St)
+        return np.asarray(found / np.maximum(np.linalg.norm(found, axis=1, keepdims=True), np.finfo(float).tiny))
+
+    def _parameters(self, element: int, uv: Float[ndarray, "n 2"]) -> Float[ndarray, "n 2"]:
+        box = self.surface.elements().boxes[element]
+        return np.asarray(box[[0, 2]] + uv * (box[[1, 3]] - box[[0, 2]]))
+
     def added(self, element: int, uv: Float[ndarray, "n 2"], places: Float[ndarray, "n 3"]) -> Int[ndarray, " n"]:
         """Numbers of new vertices."""
-        box = self.surface.elements().boxes[element]
-        self.parameters.append(box[[0, 2]] + uv * (box[[1, 3]] - box[[0, 2]]))
+        self.parameters.append(self._parameters(element, uv))
         self.points.append(places)
         self.count += len(uv)
         return np.arange(self.count - len(uv), self.count)
 
 
-def element_mesh(surface: "TSpline", tolerance: float) -> tuple[ndarray, ndarray, ndarray, float]:
+def element_mesh(surface: "TSpline", tolerance: float, angle: float | None = None) -> tuple[ndarray, ndarray, ndarray, float]:
     """Parameters and points of the vertices, faces, and the largest measured distance (mm) of the surface from them.
 
-    Neighbours whose common side differs by more than the tolerance are an error; smaller gaps count as distance.
+    With `angle` (rad) the normals along an edge of one element differ by no more, but for edges shorter than the tolerance. Neighbours
+    whose common side differs by more than the tolerance are an error; smaller gaps count as distance.
     """
     pieces = _pieces(surface, SAME * float(np.ptp(surface.control_points, axis=0).max()))
     cells = np.ones(len(pieces), dtype=np.int64)
     while True:
-        net, faces, worst = _meshed(surface, pieces, cells)
+        net, faces, worst, bent = _meshed(surface, pieces, cells, tolerance, angle)
         if net.gap > tolerance:
             raise SurfaceError(f"elements part by {net.gap:.3g} mm along a common side: ask for a tolerance above that", gap=net.gap)
-        missed = worst > tolerance
+        missed = (worst > tolerance) | bent
         if not missed.any():
             return np.vstack(net.parameters), np.vstack(net.points), faces, max(net.gap, float(worst.max()))
         cells[missed] *= 2
-        if cells.max() > FINEST:
-            number = int(np.argmax(cells))
-            raise SurfaceError(f"element {number} cannot be tessellated to {tolerance} mm: raise the tolerance", element=number)
+        hopeless = (cells > FINEST) | (worst > tolerance * SLOWEST * (FINEST / cells) ** 2)
+        if hopeless.any():
+            number = int(np.argmax(hopeless))
+            asked = f"{tolerance:g} mm" if angle is None else f"{tolerance:g} mm and {angle:g} rad"
+            raise SurfaceError(f"element {number} cannot be tessellated to {asked}: raise the tolerance", element=number)
 
 
 def _pieces(surface: "TSpline", same: float) -> list[list[Piece]]:
@@ -141,8 +154,10 @@ def _corners_on(net: Net, e: int, side: int, places: ndarray, tree: cKDTree, end
     return sorted(found)
 
 
-def _meshed(surface: "TSpline", pieces: list[list[Piece]], cells: Int[ndarray, " e"]) -> tuple[Net, ndarray, Float[ndarray, " e"]]:
-    """The mesh with so many cells in each element, and the largest distance in each."""
+def _meshed(
+    surface: "TSpline", pieces: list[list[Piece]], cells: Int[ndarray, " e"], shortest: float, angle: float | None
+) -> tuple[Net, ndarray, Float[ndarray, " e"], Bool[ndarray, " e"]]:
+    """The mesh with so many cells in each element, the largest distance in each, and whether an edge in it turns by more than the angle."""
     net = Net(surface)
     fine: dict[tuple[int, int, int], int] = {}
     for e, around in enumerate(pieces):
@@ -150,7 +165,7 @@ def _meshed(surface: "TSpline", pieces: list[list[Piece]], cells: Int[ndarray, "
             key = _unordered(piece)
             fine[key] = max(fine.get(key, 1), int(cells[e]))
     vertices: dict[int, int] = {}
-    faces, worst = [], np.zeros(len(pieces))
+    faces, worst, bent = [], np.zeros(len(pieces)), np.zeros(len(pieces), dtype=bool)
     for e, around in enumerate(pieces):
         uv, ids = _loop(net, e, around, fine, vertices)
         inner = np.arange(1, cells[e]) / cells[e]
@@ -162,10 +177,11 @@ def _meshed(surface: "TSpline", pieces: list[list[Piece]], cells: Int[ndarray, "
         area = one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]
         cut = np.where((area < 0)[:, None], cut[:, ::-1], cut)[np.abs(area) > 1e-12]
         worst[e] = _distance(net, e, uv, cut)
+        bent[e] = angle is not None and _bent(net, e, uv, cut, shortest, angle)
         faces.append(ids[cut])
     joined = np.vstack(faces)
     distinct = (joined != np.roll(joined, 1, axis=1)).all(axis=1)
-    return net, joined[distinct], worst
+    return net, joined[distinct], worst, bent
 
 
 def _unordered(piece: Piece) -> tuple[int, int, int]:
@@ -203,3 +219,13 @@ def _distance(net: Net, e: int, uv: ndarray, cut: ndarray) -> float:
     points, faces = net.positions(e, uv), cut.astype(np.int32)
     found = [triangles.triangle_distances(net.positions(e, np.einsum("c,fcd->fd", share, uv[cut])), points, faces) for share in MIDDLES]
     return float(np.max(found))
+
+
+def _bent(net: Net, e: int, uv: ndarray, cut: ndarray, shortest: float, angle: float) -> bool:
+    """Whether the normals at the ends of an edge longer than `shortest` part by more than the angle."""
+    edges = np.vstack([cut[:, [0, 1]], cut[:, [1, 2]], cut[:, [2, 0]]])
+    points, normals = net.positions(e, uv), net.normals(e, uv)
+    long = np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1) > shortest
+    a, b = (normals[edges[long, k]] for k in (0, 1))
+    known = a.any(axis=1) & b.any(axis=1)
+    return bool((np.einsum("ij,ij->i", a, b)[known] < np.cos(angle)).any())

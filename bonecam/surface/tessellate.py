@@ -70,9 +70,7 @@ def tessellate(surface: "TSpline", chord_tolerance: float, angle_tolerance: floa
     if not chord_tolerance > 0 or (angle_tolerance is not None and not angle_tolerance > 0):
         raise ValueError(f"tolerances must be positive, not {chord_tolerance} and {angle_tolerance}")
     if isinstance(surface.tmesh, ExtractedTMesh):
-        if angle_tolerance is not None:
-            raise SurfaceError("surfaces of .iga files know no angle tolerance: give a smaller chord tolerance instead")
-        parameters, points, faces, worst = element_mesh(surface, MARGIN * chord_tolerance)
+        parameters, points, faces, worst = element_mesh(surface, MARGIN * chord_tolerance, angle_tolerance)
         return Tessellation(_checked(surface, parameters, points, faces), parameters, worst)
     rows = isinstance(surface.tmesh, RowTMesh)
     parameters, poles, faces = ring_mesh(surface, chord_tolerance) if rows else patch_mesh(surface)

@@ -63,10 +63,23 @@ def test_t_junctions_are_joined(tmp_path: Path) -> None:
 def test_what_cannot_be_had_is_an_error(tmp_path: Path) -> None:
     write_iga(random_tspline(4), tmp_path / "a.iga")
     surface: TSpline[ExtractedTMesh] = read_iga(tmp_path / "a.iga")
-    with pytest.raises(SurfaceError, match="smaller chord tolerance"):
-        surface.tessellate(0.1, 0.1)
     with pytest.raises(SurfaceError, match=r"element \d+ cannot be tessellated .* raise the tolerance"):
         surface.tessellate(1e-12)
+    with pytest.raises(ValueError, match="positive"):
+        surface.tessellate(0.1, 0.0)
+
+
+def test_the_normals_along_an_edge_keep_the_angle(tmp_path: Path) -> None:
+    write_iga(random_tspline(4), tmp_path / "a.iga")
+    surface = read_iga(tmp_path / "a.iga")
+    coarse, fine = surface.tessellate(0.1), surface.tessellate_with_parameters(0.1, 0.15)
+    assert borders(fine.mesh) == 1
+    assert len(fine.mesh.faces) > len(coarse.faces)
+    a, b = fine.mesh.faces.ravel(), np.roll(fine.mesh.faces, -1, axis=1).ravel()
+    long = np.linalg.norm(fine.mesh.vertices[a] - fine.mesh.vertices[b], axis=1) > 0.1
+    normals = surface.normals(*fine.parameters.T)
+    turns = np.arccos(np.clip(np.einsum("ij,ij->i", normals[a[long]], normals[b[long]]), -1, 1))
+    assert turns.max() < 0.15 + 1e-9
 
 
 def test_any_surface_is_saved_as_iga(tmp_path: Path) -> None:
