@@ -23,6 +23,7 @@ HOP_TURN = np.radians(30.0)
 STANDOFF = 1.0
 """Rapid moves end, and begin, where the ball is this far from the material in process, mm."""
 LEVEL_OUT = np.radians([90.0, 70.0, 45.0])
+BEND = 1.5
 REACH = np.array([0.0, 0.1, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 13.0, 16.0, 20.0, 26.0, 34.0, 45.0, 60.0, 80.0])
 TRIES = (
     {"rise": 0.0},
@@ -131,9 +132,10 @@ class Linker:
         return way if last is None else way.then(self._reversed(enter))
 
     def _reversed(self, out: Moves) -> Moves:
-        """The way in: the way out backwards without its first pose, all but the last move rapid."""
-        centres, axes = out.centres[::-1][1:], out.axes[::-1][1:]
-        return Moves.along(Kind.RAPID, centres, axes, self.feeds.rapid)
+        """The way in: the way out backwards without its first pose, links at the plunge feed."""
+        kinds = out.kinds[:0:-1]
+        feeds = np.where(kinds == Kind.LINK, self.feeds.plunge, self.feeds.rapid)
+        return Moves(kinds, out.centres[-2::-1], out.axes[-2::-1], feeds)
 
     def _out(self, pose: Pose | None) -> Moves | None:
         """From a contact straight to the standoff (link), on to the clearance surface (rapid); verified. None: blocked."""
@@ -146,21 +148,24 @@ class Linker:
     def _find_outs(self, poses: Sequence[Pose]) -> None:
         """Try the directions out of each pose one after the other, the same one of all poses at once."""
         fresh = {key: pose for pose in poses if (key := _key(pose)) not in self._outs}
-        directions = {key: self._directions(axis) for key, (_, axis) in fresh.items()}
-        for k in range(len(LEVEL_OUT) + 1):
-            left = [key for key in fresh if self._outs.get(key) is None and k < len(directions[key])]
+        ways = {key: _ways_out(axis) for key, (_, axis) in fresh.items()}
+        for k in range(1 + 2 * len(LEVEL_OUT)):
+            left = [key for key in fresh if self._outs.get(key) is None and k < len(ways[key])]
             if left:
-                self._outs.update(zip(left, self._straight_out([fresh[key] for key in left], [directions[key][k] for key in left])))
+                self._outs.update(zip(left, self._proven_out([fresh[key] for key in left], [ways[key][k] for key in left])))
 
-    def _directions(self, axis: ndarray) -> list[ndarray]:
-        """Ways out to try: along the axis, and the same way but level or rising, so that a drooping holder does not sink to the table."""
-        angle = float(polar(axis[None])[0])
-        return [axis] + [with_polar(axis[None], np.array([limit]))[0] for limit in LEVEL_OUT if angle > limit]
-
-    def _straight_out(self, poses: Sequence[Pose], directions: Sequence[ndarray]) -> list[Moves | None]:
-        lengths = np.maximum(self._route.exits(np.array([centre for centre, _ in poses]), np.array(directions)), REACH[4])
+    def _proven_out(self, poses: Sequence[Pose], chosen: Sequence[tuple[float, ndarray]]) -> list[Moves | None]:
+        """The way out of each pose: so far along its axis, then in a direction; None where it is not proven free."""
+        bends, corners = (
+            np.array([bend for bend, _ in chosen]),
+            np.array([c + bend * a for (c, a), (bend, _) in zip(poses, chosen, strict=True)]),
+        )
+        lengths = np.maximum(bends + self._route.exits(corners, np.array([direction for _, direction in chosen])), REACH[4])
         reaches = [np.r_[REACH[length - 0.05 > REACH], length] for length in lengths]
-        ways = [(c + r[:, None] * d, np.repeat(a[None], len(r), axis=0)) for (c, a), d, r in zip(poses, directions, reaches, strict=True)]
+        ways = [
+            (c + np.outer(np.minimum(r, bend), a) + np.outer(np.maximum(r - bend, 0), d), np.repeat(a[None], len(r), axis=0))
+            for (c, a), (bend, d), r in zip(poses, chosen, reaches, strict=True)
+        ]
         places = np.vstack([way[0] for way in ways])
         air = self._scene.room(places, np.full(len(places), self._radius + STANDOFF), "material", self._scene.post) - self._radius
         starts = np.cumsum([len(reach) for reach in reaches])[:-1]
@@ -169,12 +174,15 @@ class Linker:
         good = self._verified([(c[: k + 1], a[: k + 1]) for (c, a), k in zip(ways, turns, strict=True)], cutting=True)
         open_ = [i for i in np.flatnonzero(good) if turns[i] + 1 < len(reaches[i])]
         good[open_] = self._verified([(ways[i][0][turns[i] :], ways[i][1][turns[i] :]) for i in open_], cutting=False)
-        return [self._way_out(*way, k) if free else None for way, k, free in zip(ways, turns, good, strict=True)]
+        bent = [np.flatnonzero((r == bend) & (r > 0)) for r, bend in zip(reaches, bends, strict=True)]
+        return [self._way_out(*way, k, b) if free else None for way, k, b, free in zip(ways, turns, bent, good, strict=True)]
 
-    def _way_out(self, places: ndarray, axes: ndarray, turn: int) -> Moves:
-        """Link to the pose `turn`, and rapid from there to the last."""
-        link = Moves.along(Kind.LINK, places[turn : turn + 1], axes[:1], self.feeds.link)
-        return link if turn + 1 == len(places) else link.then(Moves.along(Kind.RAPID, places[-1:], axes[:1], self.feeds.rapid))
+    def _way_out(self, places: ndarray, axes: ndarray, turn: int, bent: ndarray) -> Moves:
+        """Link to the pose `turn`, and rapid from there to the last, each straight but for where it is `bent`."""
+        stops = np.unique(np.r_[bent, turn, len(places) - 1])
+        link = stops <= turn
+        feeds = np.where(link, self.feeds.link, self.feeds.rapid)
+        return Moves(np.where(link, int(Kind.LINK), int(Kind.RAPID)), places[stops], axes[stops], feeds)
 
     def _round(self, first: Pose, last: Pose) -> Moves | None:
         """Round the stock by the first route that is proven free."""
@@ -203,6 +211,15 @@ class Linker:
         free = (self._checker.free_moves(places, turns, joined, cutting=cutting) | ~joined).reshape(len(first), -1).all(axis=1)
         blocked = np.bincount(np.repeat(np.arange(len(ways)), [len(t) - 1 for t in tips]), ~free, len(ways))
         return np.asarray(blocked == 0)
+
+
+def _ways_out(axis: ndarray) -> list[tuple[float, ndarray]]:
+    """Ways out to try: how far along the axis, and the direction then: along the axis on, or the same way but level or rising, so
+    that a drooping holder does not sink to the table; at once or behind a BEND, where the ball leaves a hollow first.
+    """
+    angle = float(polar(axis[None])[0])
+    level = [with_polar(axis[None], np.array([limit]))[0] for limit in LEVEL_OUT if angle > limit]
+    return [(0.0, axis)] + [(bend, direction) for bend in (0.0, BEND) for direction in level]
 
 
 def _key(pose: Pose) -> bytes:

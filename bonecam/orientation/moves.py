@@ -34,6 +34,14 @@ class Checker:
         poses = Poses.still(centres - self.cutter.radius * axes, axes, AIR)
         return judge_by_distance(self.scene, self.cutter, poses) == FREE
 
+    def clear(self, centres: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
+        """Whether still poses are free, by distance or, where that proves nothing, by FCL: in hollows hardly wider than the ball."""
+        tips = centres - self.cutter.radius * axes
+        state = judge_by_distance(self.scene, self.cutter, Poses.still(tips, axes, AIR))
+        for i in np.flatnonzero(state == UNSURE):
+            state[i] = HIT if self.judge.hits(tips[i], axes[i]) else FREE
+        return np.asarray(state == FREE)
+
     def steady(self, tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], joined: Bool[ndarray, " n"]) -> Bool[ndarray, " n"]:
         """Whether each pose and its half of the moves to its neighbours is proven free by distance; `joined` as in `free_moves`."""
         return judge_by_distance(self.scene, self.cutter, Poses.moving(tips, axes, joined)) == FREE

@@ -9,6 +9,7 @@ import pytest
 from bonecam.errors import MachineError, OrientationError
 from bonecam.job import NcJob, PathJob
 from bonecam.mesh.distance import MeshDistance
+from bonecam.orientation import links
 from bonecam.orientation.admissible import fan
 from bonecam.orientation.lead import lead_axes
 from bonecam.orientation.limits import AxisLimits, angles_between, polar, unit
@@ -70,6 +71,20 @@ def test_the_tool_never_enters_anything(case: tuple[ContactPath, Scene, ToolPath
         near = np.r_[0, np.flatnonzero(bodies.stock().signed_distance(placed) < 0.1)]
         solid = level if name == "cutter" else material
         assert solid.signed(placed[near]).min() > -PathJob().gouge_tolerance, f"{name} in the material"
+
+
+def test_bent_ways_out_and_in_stay_clear_and_slow_near_the_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    def bent(axis: np.ndarray) -> list[tuple[float, np.ndarray]]:
+        return [(0.5, unit((axis + np.array([0.3, 0.2, 0.1]))[None])[0])]
+
+    monkeypatch.setattr(links, "_ways_out", bent)
+    contacts, scene, path = made(direction="along")
+    test_the_tool_never_enters_anything((contacts, scene, path))
+    last_in = np.flatnonzero((path.kinds[1:] == Kind.CUT) & (path.kinds[:-1] == Kind.LINK) & (path.feed_rates[:-1] == NcJob().plunge_feed))
+    assert len(last_in), "no pass was entered round a bend"
+    tips, axes, kinds = between(path)
+    air = MeshDistance(scene.material).signed(tips + path.cutter.radius * axes) - path.cutter.radius
+    assert air[kinds == Kind.RAPID].min() > 0.9 * links.STANDOFF
 
 
 def test_every_contact_is_cut_or_listed(case: tuple[ContactPath, Scene, ToolPath]) -> None:
