@@ -1,5 +1,6 @@
 """The report: figures of every stage under names that stay (`--report FILE.json`)."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -10,6 +11,15 @@ from bonecam.nc.program import Program
 from bonecam.surface.fit import Fit
 from bonecam.toolpath.path import Kind, ToolPath
 from bonecam.verify.readback import Verification
+
+WHY = {
+    "post": "at the post",
+    "gouge": "ball too large for the hollow",
+    "covered": "behind what a larger ball left",
+    "collision": "no free way for the tool",
+    "limits": "beyond the machine's tilt",
+}
+"""What each reason for leaving a contact uncut means."""
 
 
 def levels_report(levels: Sequence[Level]) -> list[dict[str, Any]]:
@@ -85,7 +95,6 @@ def nc_report(program: Program, proof: Verification) -> dict[str, Any]:
 def summary_of(report: Mapping[str, Any]) -> str:
     """The report in a few lines for a person."""
     surface, levels, nc = report["surface"], report["levels"], report["nc"]
-    uncut = sum(row["uncut_contacts"] for row in report["toolpath"])
     contacts = sum(row["contacts"] for row in report["toolpath"])
     lines = [
         f"mesh      {report['input']['faces']} faces, {report['input']['units']}; {len(report['input']['repairs'])} repairs",
@@ -94,13 +103,24 @@ def summary_of(report: Mapping[str, Any]) -> str:
         f"stock     {report['stock']['kind']} {report['stock']['diameter_mm']:.2f} x {report['stock']['length_mm']:.2f} mm",
         f"levels    {len(levels) - 1} cuts, no schedule needs fewer than {report['levels_lower_bound']}; "
         f"depth max {max(row['depth_max_mm'] for row in levels):.4f} mm",
-        f"toolpath  {contacts} contacts, {uncut} left uncut (listed in the report by reason)",
-        f"nc        {nc['file'] or 'not written'}: {nc['blocks']} blocks for {nc['machine']} / {nc['controller']}, about {nc['time_min']:.0f} min",
+        f"toolpath  {contacts} contacts",
+        f"uncut     {uncut_text(report['toolpath'])}",
+        f"nc        {nc['file'] or 'not written'}: {nc['blocks']} blocks for {nc['machine']} / {nc['controller']}, "
+        f"about {nc['time_min']:.0f} min",
         f"proof     tip {nc['readback_tip_error_mm'] * 1000:.2f} um, axis {nc['readback_axis_error_deg']:.4f} deg, "
         f"gouge {nc['gouge_max_mm'] * 1000:.2f} um",
         f"time      {sum(report['seconds'].values()):.1f} s",
     ]
     return "\n".join(lines)
+
+
+def uncut_text(toolpath: Sequence[Mapping[str, Any]]) -> str:
+    """Which contacts were left uncut and why, in one line; `toolpath` as in the report."""
+    reasons: Counter[str] = sum((Counter(row["uncut_reasons"]) for row in toolpath), Counter())
+    if not reasons:
+        return "nothing"
+    told = ", ".join(f"{reason} {count} ({WHY[reason]})" for reason, count in reasons.most_common())
+    return f"{reasons.total()} contacts, {sum(row['uncut_contacts'] for row in toolpath if not row['level'])} of them on the part: {told}"
 
 
 def _mm(value: float) -> float:
