@@ -58,12 +58,17 @@ def boxes_of(triangles: ndarray, leaves: int) -> ndarray:
 
 
 @njit(inline="always")
+def _squared(x: float, y: float, z: float) -> float:
+    return x * x + y * y + z * z
+
+
+@njit(inline="always")
 def _to_box(px: float, py: float, pz: float, boxes: ndarray, n: int) -> float:
     """Squared distance from a box; infinite where it is empty."""
     x = max(max(boxes[n, 0] - px, px - boxes[n, 3]), 0.0)
     y = max(max(boxes[n, 1] - py, py - boxes[n, 4]), 0.0)
     z = max(max(boxes[n, 2] - pz, pz - boxes[n, 5]), 0.0)
-    return x * x + y * y + z * z
+    return _squared(x, y, z)
 
 
 @njit(cache=True, nogil=True)
@@ -74,34 +79,32 @@ def _to_triangle(px: float, py: float, pz: float, t: ndarray) -> float:
     apx, apy, apz = px - t[0], py - t[1], pz - t[2]
     d1, d2 = abx * apx + aby * apy + abz * apz, acx * apx + acy * apy + acz * apz
     if d1 <= 0.0 and d2 <= 0.0:
-        return apx * apx + apy * apy + apz * apz
+        return _squared(apx, apy, apz)
     bpx, bpy, bpz = px - t[3], py - t[4], pz - t[5]
     d3, d4 = abx * bpx + aby * bpy + abz * bpz, acx * bpx + acy * bpy + acz * bpz
     if d3 >= 0.0 and d4 <= d3:
-        return bpx * bpx + bpy * bpy + bpz * bpz
+        return _squared(bpx, bpy, bpz)
     vc = d1 * d4 - d3 * d2
     if vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0 and d1 > d3:
         v = d1 / (d1 - d3)
-        return (apx - v * abx) ** 2 + (apy - v * aby) ** 2 + (apz - v * abz) ** 2
+        return _squared(apx - v * abx, apy - v * aby, apz - v * abz)
     cpx, cpy, cpz = px - t[6], py - t[7], pz - t[8]
     d5, d6 = abx * cpx + aby * cpy + abz * cpz, acx * cpx + acy * cpy + acz * cpz
     if d6 >= 0.0 and d5 <= d6:
-        return cpx * cpx + cpy * cpy + cpz * cpz
+        return _squared(cpx, cpy, cpz)
     vb = d5 * d2 - d1 * d6
     if vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0 and d2 > d6:
         w = d2 / (d2 - d6)
-        return (apx - w * acx) ** 2 + (apy - w * acy) ** 2 + (apz - w * acz) ** 2
+        return _squared(apx - w * acx, apy - w * acy, apz - w * acz)
     va = d3 * d6 - d5 * d4
     if va <= 0.0 and d4 >= d3 and d5 >= d6 and (d4 - d3) + (d5 - d6) > 0.0:
         w = (d4 - d3) / ((d4 - d3) + (d5 - d6))
-        x, y, z = bpx - w * (t[6] - t[3]), bpy - w * (t[7] - t[4]), bpz - w * (t[8] - t[5])
-        return x * x + y * y + z * z
+        return _squared(bpx - w * (t[6] - t[3]), bpy - w * (t[7] - t[4]), bpz - w * (t[8] - t[5]))
     whole = va + vb + vc
     if whole <= 0.0:  # a triangle without area
-        return min(apx * apx + apy * apy + apz * apz, min(bpx * bpx + bpy * bpy + bpz * bpz, cpx * cpx + cpy * cpy + cpz * cpz))
+        return min(_squared(apx, apy, apz), min(_squared(bpx, bpy, bpz), _squared(cpx, cpy, cpz)))
     v, w = vb / whole, vc / whole
-    x, y, z = apx - v * abx - w * acx, apy - v * aby - w * acy, apz - v * abz - w * acz
-    return x * x + y * y + z * z
+    return _squared(apx - v * abx - w * acx, apy - v * aby - w * acy, apz - v * abz - w * acz)
 
 
 @njit(cache=True, nogil=True)

@@ -20,7 +20,8 @@ from bonecam.toolpath.path import Kind, ToolPath
 
 MOST_ROUNDS = 40
 LONGEST_MOVE = 1.0
-LARGEST_TURN, LARGEST_RAPID_TURN = np.radians(10.0), np.pi / 2
+LARGEST_TURN, LARGEST_RAPID_TURN = np.radians(9.99), np.pi / 2
+"""What is left of 10 degrees is more than the rounding of the words."""
 POLE_PASS = np.radians(0.01)
 """A feed move whose axis turns by less passes the pole itself: its joint may turn as far as in a rapid, no split would help."""
 RAPID_SLACK = 20.0

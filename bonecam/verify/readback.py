@@ -19,7 +19,7 @@ from bonecam.nc.machine import Machine
 from bonecam.nc.motions import Motions
 from bonecam.nc.read import read_program
 from bonecam.toolpath.path import Kind, ToolPath
-from bonecam.verify.gouge import Distances, measure_gouge
+from bonecam.verify.gouge import Distances, Gouge, measure_gouge
 
 FEED_TOLERANCE = 0.02
 
@@ -35,16 +35,13 @@ class Tolerances:
 
 @dataclass(frozen=True)
 class Verification:
-    """What was measured on the text. `gouge_line` and `gouge_place` (part frame, mm): where the ball enters deepest, or least clears."""
+    """What was measured on the text; `gouge`: where the ball enters the part deepest, or least clears it."""
 
     moves: int
     rows: int
     readback_tip_error_mm: float
     readback_axis_error_deg: float
-    gouge_max_mm: float
-    gouge_line: int
-    gouge_place: tuple[float, float, float]
-    gouge_samples: int
+    gouge: Gouge
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,10 +85,7 @@ def verify_program(
         rows=checked.rows,
         readback_tip_error_mm=float(checked.tip_error.max(initial=0.0)),
         readback_axis_error_deg=float(np.degrees(checked.axis_error.max(initial=0.0))),
-        gouge_max_mm=max(gouge.depth, 0.0),
-        gouge_line=gouge.line,
-        gouge_place=gouge.place,
-        gouge_samples=gouge.samples,
+        gouge=gouge,
     )
 
 

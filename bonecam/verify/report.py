@@ -86,7 +86,7 @@ def nc_report(program: Program, proof: Verification) -> dict[str, Any]:
         "moves": program.moves,
         "readback_tip_error_mm": _mm(proof.readback_tip_error_mm),
         "readback_axis_error_deg": _mm(proof.readback_axis_error_deg),
-        "gouge_max_mm": _mm(proof.gouge_max_mm),
+        "gouge_max_mm": _mm(max(proof.gouge.depth, 0.0)),
         "rotary_max_deg_per_block": _mm(program.rotary_max_deg_per_block),
         "time_min": round(program.time_min, 2),
     }

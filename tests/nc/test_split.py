@@ -5,6 +5,7 @@ from synthetic_paths import capsule_path, made_path
 from bonecam.nc.control import Control
 from bonecam.nc.machine import read_machine
 from bonecam.nc.split import POLE_PASS, between, split_moves
+from bonecam.toolpath.path import ToolPath
 
 TOLERANCE, HOLD = 0.002, np.radians(0.0005)
 CONTROLS = {
@@ -21,6 +22,14 @@ def control(request):
 def rough_path():
     """Big steps in position and axis: every move needs splitting."""
     return capsule_path(turns=4.0, count=60)
+
+
+def past_the_pole(miss_deg: float) -> ToolPath:
+    """Axes that lean from -10 to 10 degrees past the singular axis."""
+    angle = np.radians(np.linspace(-10, 10, 12))
+    axes = np.column_stack([np.sin(angle), np.full(12, np.radians(miss_deg)), np.cos(angle)])
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    return made_path(np.column_stack([np.linspace(0, 6, 12), np.zeros(12), np.full(12, 60.0)]), axes)
 
 
 def deviations(control, moves) -> tuple[np.ndarray, np.ndarray]:
@@ -67,11 +76,7 @@ def test_a_path_fine_enough_is_left_alone():
 
 @pytest.mark.parametrize("miss_deg", [0.0, 0.001, 0.05, 1.0])
 def test_a_cut_past_the_singular_axis_is_split_until_it_holds(control, miss_deg):
-    angle = np.radians(np.linspace(-10, 10, 12))
-    axes = np.column_stack([np.sin(angle), np.full(12, np.radians(miss_deg)), np.cos(angle)])
-    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
-    tips = np.column_stack([np.linspace(0, 6, 12), np.zeros(12), np.full(12, 60.0)])
-    moves = split_moves(made_path(tips, axes), control, TOLERANCE, HOLD)
+    moves = split_moves(past_the_pole(miss_deg), control, TOLERANCE, HOLD)
     worst, rapid = deviations(control, moves)
     assert worst[~rapid].max() <= 1.2 * TOLERANCE
     assert len(moves.tips) < 3000
@@ -79,11 +84,7 @@ def test_a_cut_past_the_singular_axis_is_split_until_it_holds(control, miss_deg)
 
 @pytest.mark.parametrize("miss_deg", [0.0, 0.001, 0.05, 1.0])
 def test_no_feed_move_turns_an_axis_by_more_than_ten_degrees_but_at_the_pole(control, miss_deg):
-    angle = np.radians(np.linspace(-10, 10, 12))
-    axes = np.column_stack([np.sin(angle), np.full(12, np.radians(miss_deg)), np.cos(angle)])
-    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
-    tips = np.column_stack([np.linspace(0, 6, 12), np.zeros(12), np.full(12, 60.0)])
-    moves = split_moves(made_path(tips, axes), control, TOLERANCE, HOLD)
+    moves = split_moves(past_the_pole(miss_deg), control, TOLERANCE, HOLD)
     feed = moves.kinds[1:] != 2
     turn = np.degrees(np.abs(np.diff(moves.angles, axis=0)).max(axis=1))
     at_pole = np.linalg.norm(np.diff(moves.axes, axis=0), axis=1) < POLE_PASS

@@ -57,7 +57,7 @@ def test_what_was_written_is_proved(pair, mesh):
     assert proof.moves >= proof.rows
     assert proof.readback_tip_error_mm <= 0.001
     assert proof.readback_axis_error_deg <= 0.0008
-    assert proof.gouge_max_mm <= 0.01
+    assert proof.gouge.depth <= 0.01
 
 
 def check(text, pair, paths=PATHS):
