@@ -87,7 +87,8 @@ def data_terms(surface: TSpline, target: Target, tolerance: float, slide: float)
     (basis,) = surface.basis(samples.s, samples.t)
     normals = surface.normals(samples.s, samples.t)
     least, power = STRESS[target.worst < NEAR * tolerance]
-    weights = samples.areas * (least + (samples.distances / max(tolerance, target.worst / NEAR)) ** power)
+    met = np.append(np.full(len(target.inward.areas), least), np.zeros(len(target.outward.areas)))  # the latter come and go unnoticed
+    weights = samples.areas * (met + (samples.distances / max(tolerance, target.worst / NEAR)) ** power)
     metric = weights[:, None, None] * (slide * np.eye(3) + (1 - slide) * normals[:, :, None] * normals[:, None, :])
     return [Term(basis, metric, samples.points)]
 

@@ -22,7 +22,7 @@ from bonecam.surface.tspline import TSpline
 
 FOLD_CHORD = 3e-4  # of the diagonal: chord tolerance of the tessellation that is checked against itself
 OUTWARD = 2  # Gauss points each way an element that are measured to the mesh
-PULLED = {False: 2.0, True: 0.7}  # tolerances: surface points farther from the mesh are drawn to it, till (once) no sample is that far
+PULLED, WATCHED = 2.0, 0.5  # tolerances: surface points (places that were missed before) farther than this from the mesh are drawn to it
 EACH = 8  # samples of the mesh, at least, for each control point
 
 
@@ -65,7 +65,7 @@ class Samples:
 class Target:
     """Samples of the mesh with their feet on the surface, and samples of the surface that miss the mesh with the nearest points there.
 
-    The latter are looked for in every element and at `places` (s, t).
+    The latter are looked for in every element and, more strictly, at `places` (s, t).
     """
 
     shape: Shape
@@ -119,17 +119,17 @@ class Target:
 
     def on(self, surface: TSpline, tolerance: float) -> "Target":
         """With the feet on `surface`, and its own points that are farther than a part of the tolerance from the mesh."""
-        inner_s, inner_t, inner_share = gauss_points(surface, OUTWARD)
-        s, t = np.append(inner_s, self.places[:, 0]), np.append(inner_t, self.places[:, 1])
-        share = np.append(inner_share, np.full(len(self.places), np.median(inner_share)))
+        s, t, share = gauss_points(surface, OUTWARD)
+        limits = np.append(np.full(len(s), PULLED * tolerance), np.full(len(self.places), WATCHED * tolerance))
+        s, t = np.append(s, self.places[:, 0]), np.append(t, self.places[:, 1])
+        share = np.append(share, np.full(len(self.places), np.median(share)))
         S, Ss, St = surface.evaluate(s, t, 1)
         nearest = self.shape.distance.closest(S)[0]
         away = np.linalg.norm(S - nearest, axis=1)
         areas = share * np.linalg.norm(np.cross(Ss, St), axis=1)
-        inward = self.inward.on(surface)
-        far = away > PULLED[inward.distances.max() < PULLED[False] * tolerance] * tolerance
+        far = away > limits
         outward = Samples(nearest[far], areas[far], s[far], t[far], away[far])
-        return replace(self, inward=inward, outward=outward)
+        return replace(self, inward=self.inward.on(surface), outward=outward)
 
 
 def harmonic_parameters(rows: Rows, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
