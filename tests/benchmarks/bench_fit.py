@@ -95,7 +95,8 @@ def main(tolerance: float, most: int, names: list[str]) -> None:
     for name in names:
         path, _, unit = name.partition(":")
         mesh = prepare(Path(path), MeshJob(units=unit or "mm")).mesh
-        cells, fits = [], []
+        cells: list[str] = []
+        fits: list[Fit] = []
         for how in ((refine, prune), (tensor_refine, tensor_prune)):
             found, seconds = one(mesh, tolerance, min(most, 2 * fits[0].control_points) if fits else most, how)
             fits.append(found)
