@@ -6,8 +6,11 @@ With the feet (s, t) and normals n of the surface before, a step solves
 
 the tangent-distance step (Wang, Pottmann & Liu 2006): samples may slide in the tangent plane at little cost, so the parameters
 follow the shape and steps converge in few rounds. w_i grows with the miss, which trades a little of the rms for the maximum. The row
-next to a pole is kept in one plane with it. Where the solved surface would fold, the change is held back round that place only.
+next to a pole is kept in one plane with it and round it: at a pole near the rim of its row a surface folds. Where the solved surface
+would fold, the change is held back round that place only.
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
@@ -26,6 +29,7 @@ NEAR, STRESS = 2.0, {False: (0.4, 2), True: (0.5, 4)}  # weight of a sample that
 DAMPING = 1e-4  # weight of the change itself, against that of the samples
 FIRMER = 30.0  # times the damping round a fold, at each try, and 1 at least
 TRIES = 3
+RING = 0.3  # weight of the rings round poles, times the mean area of a control point
 REACH = 2.0  # mean cell sides round a fold
 LEAST_TURN, WELL, LEAST_FACING, LOSS = 0.5, 0.7, 0.2, 0.02  # cosines; a loss of facing that is none yet
 
@@ -33,7 +37,8 @@ LEAST_TURN, WELL, LEAST_FACING, LOSS = 0.5, 0.7, 0.2, 0.02  # cosines; a loss of
 def step(surface: TSpline, target: Target, tolerance: float, plane: float) -> TSpline:
     """The solved surface; firmer round folds; where it still folds, only a part of the way there."""
     quadrature = Quadrature.on(surface)
-    data = data_terms(surface, target, tolerance, SLIDE) + pole_planes(surface, plane * target.inward.areas.sum() / surface.tmesh.size)
+    share = target.inward.areas.sum() / surface.tmesh.size
+    data = data_terms(surface, target, tolerance, SLIDE) + pole_planes(surface, plane * share) + pole_rings(surface, RING * share)
     damping, found = np.full(len(quadrature.s), DAMPING), surface
     grid = fold_grid(surface)
     before = surface.normals(*grid), target.shape.facing(surface, *grid)
@@ -93,30 +98,54 @@ def data_terms(surface: TSpline, target: Target, tolerance: float, slide: float)
     return [Term(basis, metric, samples.points)]
 
 
-def rings(surface: TSpline) -> list[tuple[int, ndarray, ndarray]]:
-    """Each pole, the control points next to it, and the unit area vector of the polygon these make."""
-    starts, found = surface.tmesh.row_starts, []
-    for pole, ring in ((0, np.arange(starts[1], starts[2])), (starts[-1] - 1, np.arange(starts[-3], starts[-2]))):
-        arms = surface.control_points[ring] - surface.control_points[pole]
-        normal = np.cross(arms, np.roll(arms, -1, axis=0)).sum(axis=0)
-        found.append((int(pole), ring, normal / np.linalg.norm(normal)))
+@dataclass(frozen=True, eq=False)
+class Ring:
+    """A pole, the control points next to it, `arms` that yield their offsets from it, the unit area vector of the polygon they make."""
+
+    pole: int
+    points: ndarray
+    arms: sp.csr_array
+    normal: Float[ndarray, "3"]
+    knots: Float[ndarray, " r"]
+
+
+def rings(surface: TSpline) -> list[Ring]:
+    """Those of both poles."""
+    starts, size, knots = surface.tmesh.row_starts, surface.tmesh.size, surface.tmesh.s_knots
+    found = []
+    for pole, row in ((0, 1), (size - 1, len(knots) - 2)):
+        points = np.arange(starts[row], starts[row + 1])
+        ones, index, shape = np.ones(len(points)), np.arange(len(points)), (len(points), size)
+        arms = sp.csr_array((ones, (index, points)), shape=shape) - sp.csr_array((ones, (index, np.full(len(points), pole))), shape=shape)
+        offsets = arms @ surface.control_points
+        normal = np.cross(offsets, np.roll(offsets, -1, axis=0)).sum(axis=0)
+        found.append(Ring(pole, points, arms, normal / np.linalg.norm(normal), knots[row]))
     return found
 
 
 def flattened(surface: TSpline) -> TSpline:
     """With the control points next to each pole moved square into the plane that `pole_planes` draws them to."""
     points = surface.control_points.copy()
-    for pole, ring, normal in rings(surface):
-        points[ring] -= ((points[ring] - points[pole]) @ normal)[:, None] * normal
+    for ring in rings(surface):
+        points[ring.points] -= ((ring.arms @ points) @ ring.normal)[:, None] * ring.normal
     return surface.with_control_points(points)
 
 
 def pole_planes(surface: TSpline, weight: float) -> list[Term]:
     """Keeps the control points next to each pole in one plane with it, square to the area vector of their polygon now."""
     terms = []
-    for pole, ring, normal in rings(surface):
-        ones, index, shape = np.ones(len(ring)), np.arange(len(ring)), (len(ring), surface.tmesh.size)
-        matrix = sp.csr_array((ones, (index, ring)), shape=shape) - sp.csr_array((ones, (index, np.full(len(ring), pole))), shape=shape)
-        metric = np.broadcast_to(weight * np.outer(normal, normal), (len(ring), 3, 3))
-        terms.append(Term(sp.csr_array(matrix), metric, np.zeros((len(ring), 3))))
+    for ring in rings(surface):
+        metric = np.broadcast_to(weight * np.outer(ring.normal, ring.normal), (len(ring.points), 3, 3))
+        terms.append(Term(ring.arms, metric, np.zeros((len(ring.points), 3))))
+    return terms
+
+
+def pole_rings(surface: TSpline, weight: float) -> list[Term]:
+    """Draws the control points next to each pole to an ellipse round it, at the angles of their knots: a polar patch smooth at its pole."""
+    terms = []
+    for ring in rings(surface):
+        ellipse = np.column_stack([np.cos(2 * np.pi * ring.knots), np.sin(2 * np.pi * ring.knots)])
+        off = np.eye(len(ellipse)) - ellipse @ np.linalg.pinv(ellipse)
+        metric = np.broadcast_to(weight * np.eye(3), (len(ellipse), 3, 3))
+        terms.append(Term(sp.csr_array(off @ ring.arms), metric, np.zeros((len(ellipse), 3))))
     return terms
