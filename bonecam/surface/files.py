@@ -17,6 +17,7 @@ from bonecam.surface.general_tmesh import TMesh
 from bonecam.surface.open_rows import OpenRowTMesh
 from bonecam.surface.tmesh import RowTMesh
 from bonecam.surface.tsm import TSM_HEADER, Records, parse_tsm
+from bonecam.surface.tsm_borders import MIRRORED, with_mirrored_borders
 from bonecam.surface.tsm_layout import tmesh_of
 from bonecam.surface.tsm_write import tsm_text
 from bonecam.surface.tspline import TSpline
@@ -29,7 +30,8 @@ def read_tsm(path: str | Path, *, homogeneous: bool = False, to_mm: bool = False
 
     A .tsm file does not say whether its control points are (x, y, z) or homogeneous (w x, w y, w z): they are taken as they stand,
     S = sum w P B / sum w B, unless `homogeneous`, which divides them by their weight first. `to_mm` converts them from the
-    file's `units` (only the unit's name counts; the number before it is a tolerance). Raises FileError naming line and record.
+    file's `units` (only the unit's name counts; the number before it is a tolerance). An open border without clamped control points
+    needs `end-conditions SUBD_CREASES` (surface.tsm_borders). Raises FileError naming line and record.
     """
     path = Path(path)
     try:
@@ -45,15 +47,22 @@ def read_tsm(path: str | Path, *, homogeneous: bool = False, to_mm: bool = False
         )
     records = parse_tsm(text, path)
     tmesh, numbers = _laid_out(records, path)
-    found = [records.grips[k] for k in numbers]
-    for k, point in zip(numbers, found):
+    mirrored = not records.owners and records.header.get("end-conditions") == [MIRRORED] and not all(tmesh.period)
+    given = [records.grips[k] for k in numbers]
+    for k, point in zip(numbers, given):
         if point is None or not point[3] > 0:
             raise records.error("0g", k, "a control point in use is deleted" if point is None else f"weight {point[3]} is not positive")
-    values = np.array(found)
+    values = np.array(given)
     points = values[:, :3] / values[:, 3:] if homogeneous else values[:, :3]
     points = points * (_scale(records.header, path) if to_mm else 1.0)
     try:
+        if mirrored:
+            tmesh, found = with_mirrored_borders(tmesh, np.column_stack([points * values[:, 3:], values[:, 3]]))
+            points, values = np.vstack([points, found[len(points) :, :3] / found[len(points) :, 3:]]), found
+        assert len(tmesh.elements.boxes)
         return TSpline(tmesh, points, values[:, 3])
+    except SurfaceError as error:
+        raise FileError(f"{path}: {error}", file=str(path), **error.evidence) from error
     except ValueError as error:
         raise FileError(f"{path}: {error}", file=str(path)) from error
 
@@ -91,9 +100,7 @@ def _prove(text: str, surface: TSpline[TMesh], path: Path) -> None:
 
 def _laid_out(records: Records, path: Path) -> tuple[TMesh, list[int]]:
     try:
-        tmesh, numbers = tmesh_of(records)
-        assert len(tmesh.elements.boxes)
-        return tmesh, numbers
+        return tmesh_of(records)
     except SurfaceError as error:
         raise FileError(f"{path}: {error}", file=str(path), **error.evidence) from error
 

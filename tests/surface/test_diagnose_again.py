@@ -1,8 +1,7 @@
 """The diagnosis by a second method that shares no code with it: exact fractions, junctions from the half edges of the file.
 
-A published table of these models states smaller errors of the blending sums (mouse 0.068, face 0.31, gearbox2-9 0.45): what a coarse
-set of places shows. The oracle's own samples show 0.068, 0.196 and 0.429; a dense set shows 0.084, 0.464 and 0.572, and exact fractions
-at the worst place agree with it, so the larger figures hold. Its 74 pairs of gearbox2-9 are 50 that cross and 24 that touch at an end.
+SUMS: the largest |sum B - 1| on a coarse set of places (the oracle's own samples show 0.068, 0.196 and 0.429) and on a dense one, where
+exact fractions at the worst place agree with it. MEETINGS: pairs that cross, and that touch at an end of one; gearbox2-9 has 74 of both.
 """
 
 import json

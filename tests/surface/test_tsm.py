@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
@@ -14,6 +15,8 @@ from scipy.spatial import KDTree
 from bonecam.errors import FileError, SurfaceError
 from bonecam.surface.files import read_tsm, write_tsm
 from bonecam.surface.general_tmesh import TMesh
+from bonecam.surface.tsm_borders import with_mirrored_borders
+from bonecam.surface.tsm_write import tsm_text
 from bonecam.surface.tspline import TSpline
 
 MODELS = ("simple", "fan", "Bike", "mouse", "face", "gearbox2-9")
@@ -169,6 +172,62 @@ def test_a_border_without_its_control_points_is_refused(shared: Path, tmp_path: 
     (tmp_path / "short.tsm").write_text("\n".join([*plain, *grips[:7], ""]))
     with pytest.raises(FileError, match="8 vertices need as many control points"):
         read_tsm(tmp_path / "short.tsm")
+
+
+def fusion_patch(points: np.ndarray, ends: str = "SUBD_CREASES") -> str:
+    """An open grid of control points (a, b, 3) the way Fusion writes it: no 0m records, one 0g a vertex."""
+    a, b = points.shape[:2]
+    text = tsm_text(TSpline(grid(np.arange(float(a)), np.arange(float(b))), points.reshape(-1, 3), np.ones(a * b)))
+    lines = [line for line in text.splitlines() if not line.startswith(("0m", "force-bezier"))]
+    return "\n".join([*lines[:2], f"end-conditions {ends}", "star-knot-rule NURCCS", *lines[2:], ""])
+
+
+def subdivided(points: np.ndarray) -> np.ndarray:
+    """One round of Catmull-Clark along the first axis of a grid whose border is a crease: ends stay."""
+    found = np.empty((2 * len(points) - 1, *points.shape[1:]))
+    found[1::2] = (points[1:] + points[:-1]) / 2
+    found[2:-1:2] = (points[2:] + 6 * points[1:-1] + points[:-2]) / 8
+    found[[0, -1]] = points[[0, -1]]
+    return found
+
+
+def limit(points: np.ndarray) -> np.ndarray:
+    """Where the vertices of a subdivided grid end, along its first axis."""
+    return np.concatenate([points[:1], (points[2:] + 4 * points[1:-1] + points[:-2]) / 6, points[-1:]])
+
+
+@pytest.mark.parametrize("shape", [(5, 4), (3, 6), (2, 2)])
+def test_an_open_fusion_border_is_that_of_the_subdivision_surface(tmp_path: Path, shape: tuple[int, int]) -> None:
+    points = np.random.default_rng(3).normal(size=(*shape, 3))
+    (tmp_path / "open.tsm").write_text(fusion_patch(points))
+    surface = read_tsm(tmp_path / "open.tsm")
+    assert np.array_equal(surface.control_points[: points.size // 3], points.reshape(-1, 3))
+    finer = subdivided(subdivided(points).swapaxes(0, 1)).swapaxes(0, 1)
+    expected = limit(limit(finer).swapaxes(0, 1)).swapaxes(0, 1)
+    s, t = np.meshgrid(np.arange(2 * shape[0] - 1) / 2, np.arange(2 * shape[1] - 1) / 2, indexing="ij")
+    np.testing.assert_allclose(surface.evaluate(s.ravel(), t.ravel()), expected.reshape(-1, 3), atol=1e-13)
+    assert np.array_equal(surface.domain, [[0, shape[0] - 1], [0, shape[1] - 1]])
+    assert surface.diagnose().standard
+    assert len(surface.tessellate(0.05).faces)
+
+
+def test_other_open_fusion_borders_are_refused(tmp_path: Path) -> None:
+    points = np.random.default_rng(3).normal(size=(5, 4, 3))
+    (tmp_path / "open.tsm").write_text(fusion_patch(points, "MULTIPLE_KNOTS"))
+    with pytest.raises(FileError, match="all functions vanish"):
+        read_tsm(tmp_path / "open.tsm")
+    mesh = grid(np.arange(5.0), np.arange(4.0))
+    homogeneous = np.column_stack([points.reshape(-1, 3), np.ones(20)])
+    cut = mesh.along_t.copy()
+    cut[1, 0] = False
+    kept = (mesh.vertices != [1, 0]).any(axis=1)
+    for changed, values, match in (
+        ({"along_t": cut, "vertices": mesh.vertices[kept]}, homogeneous[kept], "a line ends beside"),
+        ({"inside": np.pad(np.ones((3, 3), dtype=bool), ((0, 1), (0, 0)))}, homogeneous, "no rectangle"),
+        ({}, homogeneous * np.where(mesh.vertices[:, :1] == 1, [[1, 1, 1, 3]], 1), "fall to -1"),
+    ):
+        with pytest.raises(SurfaceError, match=match):
+            with_mirrored_borders(replace(mesh, **changed), values)
 
 
 def test_wrong_grids_are_refused() -> None:
