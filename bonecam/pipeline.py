@@ -4,7 +4,8 @@ All stages work in one frame, mm: the part's long axis is +Z, the table is z = 0
 """
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -21,6 +22,7 @@ from bonecam.keep import failed_level_kept
 from bonecam.levels.body_surface import enclosing
 from bonecam.levels.centring import centred, is_free
 from bonecam.levels.evening import even_levels
+from bonecam.levels.level import Level
 from bonecam.levels.morph import Morph
 from bonecam.levels.placing import stock_for
 from bonecam.levels.rounding import levels_in
@@ -51,7 +53,7 @@ from bonecam.toolpath.cutter import Cutter
 from bonecam.toolpath.material import DEVIATION, Material
 from bonecam.toolpath.path import ToolPath
 from bonecam.toolpath.post import post_below
-from bonecam.toolpath.zigzag import cover_level
+from bonecam.toolpath.zigzag import Candidates, candidates, cover_level
 from bonecam.verify.readback import Tolerances, Verification, verify_program
 from bonecam.verify.report import levels_report, nc_report, summary_of, surface_report, toolpath_report
 
@@ -61,6 +63,8 @@ PATH_CHORD, LEVEL_CHORD = 0.002, 0.01
 """Chord tolerances of the tessellations of the part and of the other levels that balls are kept out of while paths are planned, mm."""
 PROOF_CHORD = 0.001
 """Chord tolerance of the part's tessellation that the posted program is checked against, mm."""
+Reached = tuple[Level, MeshDistance, Candidates]
+"""A level, the distance to it, and its contacts before what was cut outside it is looked at."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,18 +243,30 @@ def plan_paths(levels: Morph, stock: Stock, job: Job, machine: Machine, progress
     cutters = [
         Cutter.from_job(number, name, tool) for number, name, tool in ((1, "roughing", job.roughing), (2, "finishing", job.finishing))
     ]
-    paths: list[ToolPath] = []
-    for level in levels.levels[-2::-1]:
-        report(progress, len(paths) / (len(levels.levels) - 1), f"path of level {level.index}")
+
+    def reached(level: Level) -> Reached:
         assert level.surface is not None
+        near = MeshDistance(level.surface.tessellate(LEVEL_CHORD)) if level.index else part_distance
         cutter = cutters[job.is_finishing(level.index)]
-        level_mesh = level.surface.tessellate(LEVEL_CHORD) if level.index else part_mesh
-        obstacles = [MeshDistance(level_mesh), part_distance][: 2 if level.index else 1]
-        contacts = cover_level(level, obstacles, cutter, below, job.path, material)
-        scene = Scene(level_mesh, material.mesh, round_about, below, DEVIATION)
-        paths.append(orient(contacts, scene, limits, job.path, job.nc))
+        return level, near, candidates(level, [near, part_distance][: 2 if level.index else 1], cutter, below, job.path)
+
+    paths: list[ToolPath] = []
+    for level, near, found in _one_ahead(reached, levels.levels[-2::-1]):
+        report(progress, len(paths) / (len(levels.levels) - 1), f"path of level {level.index}")
+        scene = Scene(near.mesh, material.mesh, round_about, below, DEVIATION, near)
+        paths.append(orient(cover_level(found, material), scene, limits, job.path, job.nc))
         material.cut(level, paths[-1])
     return tuple(paths)
+
+
+def _one_ahead(make: Callable[[Level], Reached], levels: Sequence[Level]) -> Iterator[Reached]:
+    """What is made of each level, the next one in a thread of its own while the caller works with this one."""
+    with ThreadPoolExecutor(1) as thread:
+        coming = thread.submit(make, levels[0])
+        for level in levels[1:]:
+            made, coming = coming.result(), thread.submit(make, level)
+            yield made
+        yield coming.result()
 
 
 def verify(posted: Program, paths: Sequence[ToolPath], levels: Morph, job: Job, progress: Progress = silent) -> Verification:

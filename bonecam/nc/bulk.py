@@ -50,15 +50,15 @@ def full_move(dialect: Dialect, letters: str) -> re.Pattern[str]:
 
 def read_full_moves(lines: Sequence[str], start: int, pattern: re.Pattern[str], dialect: Dialect) -> Blocks | None:
     """The full moves from line `start` on, up to the first line that is none; None where that is the first."""
-    found = []
+    found: list[str] = []
     for line in islice(lines, start, start + MOST_LINES):
         matched = pattern.fullmatch(line)
         if matched is None:
             break
-        found.append(matched.groups())
+        found.extend(matched.groups())
     if not found:
         return None
-    first, *words, feed = zip(*found, strict=True)
+    first, *words, feed = (found[k :: pattern.groups] for k in range(pattern.groups))
     if dialect.grammar == "klartext":
         rapid, numbers = np.array([value == "MAX" for value in feed]), np.array(first, dtype=np.int64)
         feeds = np.array(["nan" if value == "MAX" else value for value in feed], dtype=np.float64)

@@ -25,7 +25,7 @@ FAR = 1.0
 class Scene:
     """`level` must remain; `material` (closed, inside `stock`) is there while the level is cut; the table is z = 0.
 
-    `material_deviation` (mm) is how far the material may reach out of its mesh.
+    `material_deviation` (mm) is how far the material may reach out of its mesh; `known` measures the level's distances already.
     """
 
     level: TriangleMesh
@@ -33,11 +33,12 @@ class Scene:
     stock: Capsule
     post: Post
     material_deviation: float = 0.0
+    known: MeshDistance | None = None
 
     @cached_property
     def level_distance(self) -> MeshDistance:
         """Distances to what must remain."""
-        return MeshDistance(self.level)
+        return self.known or MeshDistance(self.level)
 
     @cached_property
     def material_distance(self) -> MeshDistance:

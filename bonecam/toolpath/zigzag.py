@@ -5,6 +5,7 @@
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -31,23 +32,33 @@ LIFT_LIMIT_RADII = 0.5
 """A ball lifted by more than this many radii does not machine the level any more: its contact is left out."""
 
 
-def cover_level(
-    level: Level,
-    obstacles: Sequence[MeshDistance],
-    cutter: Cutter,
-    post: Post,
-    job: PathJob,
-    material: Material | None = None,
-    *,
-    post_clearance: float = POST_CLEARANCE,
-) -> ContactPath:
-    """The contacts that machine a level: cusps <= cutter.scallop, chords <= job.chord_tolerance, no gouge beyond tolerance.
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """The contacts of all lines of a level in machining order, ends of lines included, before any is left out.
 
-    `obstacles` are what the ball must not enter: the level and the part. Contacts whose ball would come within
-    `post_clearance` of the post are left uncut (`post`), and those under more `material` than DEEPEST_RADII (`covered`: an outer
-    level was left uncut there). Those lifted by more than the scallop are listed as uncut (`gouge`) though the lifted ball still
-    passes over them. Of a level that rounds the stock only what lies inside the stock is covered. Raises ToolPathError where
-    nothing is left to cut.
+    `lifts` as `lift_free` has them, NaN where the ball does not fit; `at_post`: too near the post; `air`: there is nothing to cut.
+    """
+
+    level: Level
+    cutter: Cutter
+    closed: bool
+    line: Int[ndarray, " n"]
+    parameters: Float[ndarray, "n 2"]
+    contacts: Float[ndarray, "n 3"]
+    normals: Float[ndarray, "n 3"]
+    feeds: Float[ndarray, "n 3"]
+    lifts: Float[ndarray, " n"]
+    centres: Float[ndarray, "n 3"]
+    at_post: Bool[ndarray, " n"]
+    air: Bool[ndarray, " n"]
+
+
+def candidates(
+    level: Level, obstacles: Sequence[MeshDistance], cutter: Cutter, post: Post, job: PathJob, *, post_clearance: float = POST_CLEARANCE
+) -> Candidates:
+    """The contacts of a level: cusps <= cutter.scallop, chords <= job.chord_tolerance, no gouge beyond tolerance.
+
+    `obstacles` are what the ball must not enter: the level and the part. Nothing here depends on the levels cut before.
     """
     surface = level.surface
     assert surface is not None
@@ -60,31 +71,43 @@ def cover_level(
     feeds = np.where((line % 2 == 1)[:, None], -feeds, feeds)
     joined = np.r_[line[1:] == line[:-1], False]
     lifts = lift_free(contacts, normals, cutter.radius, job.gouge_tolerance, obstacles, joined, LIFT_LIMIT_RADII * cutter.radius)
-    blocked = np.isnan(lifts)
-    centres = contacts + (cutter.radius + np.where(blocked, 0.0, lifts))[:, None] * normals
-    at_post = post.distance(centres) < cutter.radius + post_clearance
-    covered = np.zeros(len(contacts), dtype=bool)
-    if material is not None:
-        covered = ~at_post & ~blocked & (material.over(level, contacts) - np.where(blocked, 0.0, lifts) > DEEPEST_RADII * cutter.radius)
+    centres = contacts + (cutter.radius + np.nan_to_num(lifts))[:, None] * normals
+    at_post, closed = post.distance(centres) < cutter.radius + post_clearance, job.direction == "around"
     air = _in_air(level, contacts)
-    left_out = at_post | blocked | covered | air
-    kept, passes = _runs(line, ~left_out, closed=job.direction == "around")
+    return Candidates(level, cutter, closed, line, parameters, contacts, normals, feeds, lifts, centres, at_post, air)
+
+
+def cover_level(found: Candidates, material: Material | None = None) -> ContactPath:
+    """The contacts that machine a level.
+
+    Those too near the post are left uncut (`post`), and those under more `material` than DEEPEST_RADII (`covered`: an outer level was
+    left uncut there). Those lifted by more than the scallop are listed as uncut (`gouge`) though the lifted ball still passes over
+    them. Of a level that rounds the stock only what lies inside the stock is covered. Raises ToolPathError where nothing is left.
+    """
+    level, cutter, lifts = found.level, found.cutter, found.lifts
+    blocked = np.isnan(lifts)
+    covered = np.zeros(len(lifts), dtype=bool)
+    if material is not None:
+        thickness = material.over(level, found.contacts) - np.nan_to_num(lifts)
+        covered = ~found.at_post & ~blocked & (thickness > DEEPEST_RADII * cutter.radius)
+    left_out = found.at_post | blocked | covered | found.air
+    kept, passes = _runs(found.line, ~left_out, found.closed)
     if not len(kept):
         raise ToolPathError(f"level {level.index}: nothing can be cut: take a smaller cutter or a thinner post", level=level.index)
-    missed = ~air & (left_out | (lifts > cutter.scallop))
+    missed = ~found.air & (left_out | (lifts > cutter.scallop))
     return ContactPath(
         level.index,
         cutter,
         cutter.scallop,
         passes,
-        parameters[kept],
-        contacts[kept],
-        normals[kept],
-        feeds[kept],
-        centres[kept],
+        found.parameters[kept],
+        found.contacts[kept],
+        found.normals[kept],
+        found.feeds[kept],
+        found.centres[kept],
         lifts[kept],
-        contacts[missed],
-        tuple(np.select([at_post[missed], covered[missed]], ["post", "covered"], "gouge").tolist()),
+        found.contacts[missed],
+        tuple(np.select([found.at_post[missed], covered[missed]], ["post", "covered"], "gouge").tolist()),
     )
 
 

@@ -19,7 +19,7 @@ from bonecam.orientation.scene import Scene
 from bonecam.toolpath.cutter import Cutter
 from bonecam.toolpath.path import ContactPath, Kind, ToolPath
 from bonecam.toolpath.post import post_below
-from bonecam.toolpath.zigzag import cover_level
+from bonecam.toolpath.zigzag import candidates, cover_level
 
 MIKRON = AxisLimits(np.radians(115.0))
 
@@ -30,7 +30,7 @@ def made(
     surface = bodies.waist(waist)
     level, material = bodies.mesh_of(surface), bodies.mesh_of(bodies.waist(waist, 0.4))
     post, settings = post_below(level, bodies.HOLDING), PathJob(**job)  # type: ignore[arg-type]
-    contacts = cover_level(bodies.level_of(surface), [MeshDistance(level)], cutter, post, settings)
+    contacts = cover_level(candidates(bodies.level_of(surface), [MeshDistance(level)], cutter, post, settings))
     scene = Scene(level, material, bodies.stock(), post)
     return contacts, scene, orient(contacts, scene, limits, settings, NcJob())
 

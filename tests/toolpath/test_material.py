@@ -19,7 +19,7 @@ from bonecam.toolpath.cutter import Cutter
 from bonecam.toolpath.material import DEVIATION, Material
 from bonecam.toolpath.path import ToolPath
 from bonecam.toolpath.post import post_below
-from bonecam.toolpath.zigzag import cover_level
+from bonecam.toolpath.zigzag import candidates, cover_level
 
 POST = post_below(bodies.mesh_of(bodies.pebble()), bodies.HOLDING)
 
@@ -41,7 +41,7 @@ def levels_of() -> tuple[Level, Level, Level]:
 
 
 def path_on(level: Level, material: Material, cutter: Cutter = bodies.ROUGH) -> ToolPath:
-    contacts = cover_level(level, [MeshDistance(level.mesh)], cutter, POST, PathJob(), material)
+    contacts = cover_level(candidates(level, [MeshDistance(level.mesh)], cutter, POST, PathJob()), material)
     return orient(contacts, Scene(level.mesh, material.mesh, STOCK, POST, DEVIATION), AxisLimits(2.0), PathJob(), NcJob())
 
 

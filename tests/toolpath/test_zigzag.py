@@ -13,7 +13,7 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.path import ContactPath
 from bonecam.toolpath.post import post_below
-from bonecam.toolpath.zigzag import POST_CLEARANCE, cover_level
+from bonecam.toolpath.zigzag import POST_CLEARANCE, candidates, cover_level
 
 DIRECTIONS = ("around", "along")
 
@@ -21,7 +21,7 @@ DIRECTIONS = ("around", "along")
 def covered(surface: TSpline, direction: str, post_clearance: float = POST_CLEARANCE) -> ContactPath:
     level = bodies.level_of(surface)
     post, job = post_below(level.mesh, bodies.HOLDING), PathJob(direction=direction)
-    return cover_level(level, [MeshDistance(level.mesh)], bodies.FINE, post, job, post_clearance=post_clearance)
+    return cover_level(candidates(level, [MeshDistance(level.mesh)], bodies.FINE, post, job, post_clearance=post_clearance))
 
 
 def joined(path: ContactPath) -> np.ndarray:
