@@ -27,7 +27,7 @@ class Measure:
     """One cut measured, mm, and where the worst was found.
 
     `full_mean` is over the points of the inner level that had at least a full depth of material to move through, `full_area` (mm^2)
-    their share of its surface. `near_limits` are parameters of all points of the outer level that use up half a tolerance or more.
+    their share of its surface. `near_limits` are parameters of all points of the outer level that use up half a tolerance or more, or where it cuts itself.
     """
 
     depth_max: float
@@ -63,7 +63,7 @@ def measure(inner: Sheet, outer: Sheet | TriangleMesh, stock: Stock, limit: floa
     """The cut from `outer` (level k, or the mesh of the stock, the last) down to `inner` (level k - 1)."""
     inside, count = inner.points, len(inner.mesh.vertices)
     gap = ahead = -stock.signed_distance(inside)
-    near_limits = np.empty((0, 2))
+    near_limits, crossing = np.empty((0, 2)), np.empty(0, dtype=np.int64)
     if isinstance(outer, TriangleMesh):
         mesh, outside = outer, probes(outer)
         leaves, depth = stock.signed_distance(outside), np.abs(inner.closely(outside)[0])
@@ -77,7 +77,9 @@ def measure(inner: Sheet, outer: Sheet | TriangleMesh, stock: Stock, limit: floa
         nesting, feet_at = outer.closely(inside[behind], inner.parameters[behind])
         ahead[behind] = -nesting
         too_far = (depth > limit + DEPTH_TOLERANCE / 2) | (leaves > STOCK_TOLERANCE / 2)
-        near_limits = np.vstack([outer.parameters[too_far], feet_at[nesting > NEST_TOLERANCE / 2]])
+        crossing = self_intersections(mesh)
+        crossed = outer.grid.parameters[np.unique(mesh.faces[crossing])]
+        near_limits = np.vstack([outer.parameters[too_far], feet_at[nesting > NEST_TOLERANCE / 2], crossed])
     middle, weights, areas = depth[len(mesh.vertices) :], _areas(mesh), _areas(inner.mesh)
     full = np.zeros(len(areas), dtype=bool) if mesh is outer else gap[count:] >= REMAINS * limit
     return Measure(
@@ -89,7 +91,7 @@ def measure(inner: Sheet, outer: Sheet | TriangleMesh, stock: Stock, limit: floa
         np.histogram(middle, bins=BINS, range=(0, limit), weights=weights / weights.sum())[0],
         float(ahead.min()),
         float(leaves.max()),
-        np.empty(0, dtype=np.int64) if mesh is outer else self_intersections(mesh),
+        crossing,
         outside[np.argmax(depth)],
         inside[np.argmin(ahead)],
         outside[np.argmax(leaves)],

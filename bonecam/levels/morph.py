@@ -127,7 +127,7 @@ def _mend(inspection: Inspection, making: Sequences, made: Sequence[ndarray], ma
     while mends < MENDS:
         which = {cut.level.index for cut in inspection.failed} - {len(made)}
         watched = np.vstack([cut.found.near_limits for cut in inspection.cuts])
-        if not which or inspection.crosses or not 0 < len(watched) <= MOST_MENDED:
+        if not which or not 0 < len(watched) <= MOST_MENDED:
             return
         mends, lowest = mends + (min(which) <= lowest), min(which)
         making = replace(making, setting=making.setting.watching(watched))
