@@ -27,7 +27,8 @@ class Measure:
     """One cut measured, mm, and where the worst was found.
 
     `full_mean` is over the points of the inner level that had at least a full depth of material to move through, `full_area` (mm^2)
-    their share of its surface. `near_limits` are parameters of all points of the outer level that use up half a tolerance or more, or where it cuts itself.
+    their share of its surface. `near_limits` are parameters of all points of the outer level that use up half a tolerance or more,
+    or where it cuts itself.
     """
 
     depth_max: float
