@@ -20,7 +20,7 @@ from bonecam.surface.target import Target
 from bonecam.surface.tspline import TSpline
 
 SAMPLES = 6000  # of the mesh, besides its vertices
-CHECKS = 8  # dense measurements, each followed by more samples where the mesh is missed
+CHECKS = 16  # dense measurements, each followed by more samples where the mesh is missed
 REGROWN = 1.05  # times the control points left by the last thinning: then the next one
 MOST = 20000  # control points where no limit is given
 ROWS, ROW_POINTS = 48, 100  # of the harmonic field where none are given

@@ -84,8 +84,12 @@ def one(mesh: TriangleMesh, tolerance: float, most: int, how: tuple[Refine, Prun
 
 
 def spot(found: Fit) -> str:
-    """Where the fit misses the mesh the most; nothing where it is within the tolerance."""
-    return "" if found.reached else f" missed at ({', '.join(f'{x:.2f}' for x in found.deviation.place)})"
+    """Where the fit misses the mesh the most, or that it meets itself; nothing where neither is so."""
+    if found.reached:
+        return ""
+    if found.deviation.max <= found.tolerance:
+        return " folded"
+    return f" missed at ({', '.join(f'{x:.2f}' for x in found.deviation.place)})"
 
 
 def main(tolerance: float, most: int, names: list[str]) -> None:
