@@ -35,8 +35,9 @@ STIFFNESS, COARSE, MENDS = 5e-7, 0.02, 4
 ACCEPTED = 0.01
 """Where no sequence keeps every tolerance, one that breaks depth, nesting or stock by no more (mm, the size of the
 gouge tolerance) is taken. The report tells it."""
-MOST_MENDED = 3000
-"""Points near their limits that are watched when levels are made again; where there are more, another sequence is tried."""
+MOST_MENDED, MENDABLE = 3000, 0.03
+"""Points near their limits that are watched when levels are made again, and how far (mm) a level may break a limit then; where there
+are more, or one is farther, another sequence is tried."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +128,7 @@ def _mend(inspection: Inspection, making: Sequences, made: Sequence[ndarray], ma
     while mends < MENDS:
         which = {cut.level.index for cut in inspection.failed} - {len(made)}
         watched = np.vstack([cut.found.near_limits for cut in inspection.cuts])
-        if not which or not 0 < len(watched) <= MOST_MENDED:
+        if not which or not 0 < len(watched) <= MOST_MENDED or max(cut.over for cut in inspection.failed) > MENDABLE:
             return
         mends, lowest = mends + (min(which) <= lowest), min(which)
         making = replace(making, setting=making.setting.watching(watched))
