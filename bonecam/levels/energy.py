@@ -1,117 +1,69 @@
-"""The morph's energy as matrices over the control points (Gan et al. 2014, section 4.2).
+"""What an energy of a level's program is: a function of what is `Given` that yields its matrices, of one of two kinds.
 
-    thin plate   c_int * int |S_ss|^2 + 2 |S_st|^2 + |S_tt|^2      = c_int * P' M P
-    attraction   c_ext * int |S - H|^2                             = c_ext * (P' N P - 2 P' L + const)
+    Quadratic   D'(matrix)D + 2 linear . D                   of the control net, D its free moves (`poles.py`)
+    Pulled      sum_l w_l |S_new - H_l|^2                    of samples
 
-M and N are the same for every level of one surface; L = int R'H changes with the attracting points H. The integrals are
-sums over `Samples`: Gauss points in every t-span, evenly spaced points round s (both parameters run over [0, 1]).
+A new one is a new file `energy_*.py` with one such function, and its name in NET or SAMPLED of `program.py`.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from numpy import ndarray
 
+from bonecam.levels.cut import Cut, Manner
+from bonecam.levels.remaining import Remaining
+from bonecam.levels.setting import Setting
 from bonecam.surface.tspline import TSpline
-
-GAUSS, AROUND, MOST_AROUND, LEAST_AROUND = 3, 3, 400, 12
-NEAR_POLE = 1e-3
-CLOSE_TO_POLE = (0.005, 0.02, 0.05)
-SHAPED = 0.3
-"""Share of the surface at a sample that control points together have where they shape it."""
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
-    """Parameters (s, t) in one fixed pattern, their integration weights, and the basis there: all levels share them."""
+class Given:
+    """What a level is made from: the level `before`, from which `rest` is left to the stock, and how."""
 
-    s: Float[ndarray, "n"]
-    t: Float[ndarray, "n"]
-    weights: Float[ndarray, "n"]
+    setting: Setting
+    before: TSpline
+    rest: Remaining
+    cut: Cut
+    manner: Manner
+
+
+@dataclass(frozen=True, eq=False)
+class Quadratic:
+    """D'(matrix)D + 2 linear . D; the matrix is symmetric, positive semidefinite, and the same for x, y and z."""
+
+    matrix: sp.csc_array
+    linear: Float[ndarray, "m 3"]
+
+
+@dataclass(frozen=True, eq=False)
+class Pulled:
+    """Samples at parameters (s, t), now at x = R P, that should be at `target`; H lies `beyond` times as far from the target's foot."""
+
+    s: Float[ndarray, " k"]
+    t: Float[ndarray, " k"]
     R: sp.csr_array
-    R_s: sp.csr_array
-    R_t: sp.csr_array
-
-    def normals(self, control_points: Float[ndarray, "c 3"]) -> Float[ndarray, "n 3"]:
-        """Outward unit normals of the surface with these control points."""
-        n = self.stretched(control_points)
-        return np.asarray(n / np.linalg.norm(n, axis=1, keepdims=True))
-
-    def stretched(self, control_points: Float[ndarray, "c 3"]) -> Float[ndarray, "n 3"]:
-        """S_s x S_t: outward, as long as the area per unit of the parameters."""
-        return np.cross(self.R_s @ control_points, self.R_t @ control_points)
-
-    @cached_property
-    def N(self) -> sp.csc_array:
-        """int R'R (control points squared)."""
-        return sp.csc_array(self.R.T @ sp.diags_array(self.weights) @ self.R)
-
-    def near(self, which: Bool[ndarray, "n"]) -> Bool[ndarray, "c"]:
-        """Control points that shape the surface at some of the samples, and those that do where these do."""
-        own = self.R[which].sum(axis=0) > 0
-        return np.asarray(self.R[self.R @ own > SHAPED].sum(axis=0) > 0)
-
-    def moments(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "c 3"]:
-        """int R'H for one attracting point a sample."""
-        return np.asarray(self.R.T @ (self.weights[:, None] * points))
+    x: Float[ndarray, "k 3"]
+    weights: Float[ndarray, " k"]
+    target: Float[ndarray, "k 3"]
+    beyond: Float[ndarray, " k"]
 
 
-def integration_points(surface: TSpline) -> tuple[ndarray, ndarray, ndarray]:
-    """s, t and weights of the integrals."""
-    around = min(MOST_AROUND, AROUND * max(len(knots) for knots in surface.tmesh.s_knots))
-    spans = np.unique(surface.tmesh.t_knots[3:-3])
-    x, w = np.polynomial.legendre.leggauss(GAUSS)
-    size = np.diff(spans)
-    t = (spans[:-1, None] + size[:, None] * (x + 1) / 2).ravel()
-    across = (size[:, None] * w / 2).ravel()
-    ss, tt = np.meshgrid(np.arange(around) / around, t)
-    return ss.ravel(), tt.ravel(), np.repeat(across / around, around)
+def summed(parts: Sequence[Quadratic]) -> Quadratic:
+    """All as one energy."""
+    first, *others = parts
+    matrix, linear = first.matrix, first.linear
+    for other in others:
+        matrix, linear = matrix + other.matrix, linear + other.linear
+    return Quadratic(sp.csc_array(matrix), linear)
 
 
-def ring_pattern(surface: TSpline, along: int, around: int) -> Samples:
-    """`along` rings in every t-span, on each `around` points for every knot of its densest control row; both ends of t and
-    rings close to them.
-
-    The weights are areas of the parameters (sum 1). Normals at the ends are those just inside.
-    """
-    knots, rows = surface.tmesh.t_knots, surface.tmesh.s_knots
-    spans = np.unique(knots[3:-3])
-    parts = (np.arange(along) + 0.5) / along
-    rings = (spans[:-1, None] + np.diff(spans)[:, None] * parts).ravel()
-    share = np.repeat(np.diff(spans), along) / along
-    near = np.array(CLOSE_TO_POLE)
-    rings = np.concatenate([spans[0] + near * (spans[1] - spans[0]), rings, spans[-1] - near * (spans[-1] - spans[-2])])
-    share = np.concatenate([0 * near, share, 0 * near])
-    first = np.searchsorted(knots, rings, side="right") - 4
-    counts = np.array([max(LEAST_AROUND, around * max(len(row) for row in rows[j : j + 4])) for j in first])
-    s = np.concatenate([np.arange(count) / count for count in counts])
-    t, share = np.repeat(rings, counts), np.repeat(share / counts, counts)
-    edge = NEAR_POLE * (spans[-1] - spans[0]) * np.array([1, -1])
-    s, t, share = np.append(s, [0.0, 0.0]), np.append(t, spans[[0, -1]]), np.append(share, [0.0, 0.0])
-    _, R_s, R_t = surface.basis(s, t + np.append(np.zeros(len(t) - 2), edge), 1)
-    return Samples(s, t, share / share.sum(), surface.basis(s, t)[0], R_s, R_t)
-
-
-def joined(first: Samples, second: Samples) -> Samples:
-    """Both."""
-    s, t, weights = (np.concatenate(pair) for pair in ((first.s, second.s), (first.t, second.t), (first.weights, second.weights)))
-    pairs = ((first.R, second.R), (first.R_s, second.R_s), (first.R_t, second.R_t))
-    R, R_s, R_t = (sp.csr_array(sp.vstack(pair)) for pair in pairs)
-    return Samples(s, t, weights, R, R_s, R_t)
-
-
-def samples_of(surface: TSpline, s: ndarray, t: ndarray, weights: ndarray) -> Samples:
-    """The samples at these parameters."""
-    R, R_s, R_t = surface.basis(s, t, 1)
-    return Samples(s, t, weights, R, R_s, R_t)
-
-
-def thin_plate(surface: TSpline) -> sp.csc_array:
-    """M: int R_ss'R_ss + 2 R_st'R_st + R_tt'R_tt over the parameters."""
-    s, t, weights = integration_points(surface)
-    *_, ss, st, tt = surface.basis(s, t, 2)
-    W = sp.diags_array(weights)
-    return sp.csc_array(ss.T @ W @ ss + 2 * (st.T @ W @ st) + tt.T @ W @ tt)
+def stacked(parts: Sequence[Pulled]) -> Pulled:
+    """All samples as one energy."""
+    s, t, x, weights, target, beyond = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in ("s", "t", "x", "weights", "target", "beyond")
+    )
+    return Pulled(s, t, sp.csr_array(sp.vstack([part.R for part in parts])), x, weights, target, beyond)

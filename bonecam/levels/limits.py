@@ -2,13 +2,14 @@
 
 A sample y = S_new(l) has the foot c on the level before, with the outward normal n there, and y - c is along n. So
 
-    depth     n . (y - c) <= depth          the distance to the level before, not to where the sample came from: it may slide
-    nesting   n . (y - c) >= low            low is zero, or a little more where there is room
-    stock     m . y <= h                    the plane that touches the stock, `clearance` inside, at the nearest stock point
+    slabs    low <= n . (y - c) <= high     heights over the level before, not over where the sample came from: it may slide
+    walls    m . y <= h                     planes that are found anew as the sample moves
 
-The planes are exact at y itself; `limits_at` sets them up again when y has moved on.
+and of several of a kind the tightest holds. A new one is a new file `limit_*.py` with one function, and its name in SLABS or WALLS.
+The planes are exact at y itself; `Limits.at` sets them up again when y has moved on.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,25 +18,57 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.kernels import splitting
+from bonecam.levels.cut import Cut
+from bonecam.levels.limit_depth import depth
+from bonecam.levels.limit_nesting import nesting
+from bonecam.levels.limit_wall import wall
 from bonecam.levels.solve import Rows
 from bonecam.levels.stock import Stock
 from bonecam.surface.tspline import TSpline
 
 EDGE, CLEAR_OF, TIP = 1e-4, 0.02, 32
+SLABS, WALLS = (depth, nesting), (wall,)
+
+
+def heights(cut: Cut, gap: Float[ndarray, " k"]) -> tuple[Float[ndarray, " k"], Float[ndarray, " k"]]:
+    """Lowest and largest height over the level before of samples that are `gap` inside the stock there, by all slabs, mm."""
+    low, high = zip(*(slab(cut, gap) for slab in SLABS))
+    return np.maximum.reduce(low), np.minimum.reduce(high)
+
+
+def tightest(
+    y: Float[ndarray, "k 3"], planes: Sequence[tuple[Float[ndarray, "k 3"], Float[ndarray, " k"]]]
+) -> tuple[Float[ndarray, "k 3"], Float[ndarray, " k"]]:
+    """Of the planes m . y <= h at each sample the one that y breaks most."""
+    m, h = planes[0]
+    for other, its in planes[1:]:
+        worse = (other * y).sum(1) - its > (m * y).sum(1) - h
+        m, h = np.where(worse[:, None], other, m), np.where(worse, its, h)
+    return m, h
 
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """low <= n . (y - c) <= high and m . y <= h, one a sample, mm; and the parameters (s, t) of the feet c."""
+    """low <= n . (y - c) <= high and m . y <= h, one a sample, mm; the parameters (s, t) of the feet c; and what they are set up from:
+    `gap` is how far inside the stock a sample is at the level before."""
 
+    before: TSpline
+    stock: Stock
+    cut: Cut
+    gap: Float[ndarray, " k"]
+    s: Float[ndarray, " k"]
+    t: Float[ndarray, " k"]
     c: Float[ndarray, "k 3"]
     n: Float[ndarray, "k 3"]
     low: Float[ndarray, " k"]
     high: Float[ndarray, " k"]
     m: Float[ndarray, "k 3"]
     h: Float[ndarray, " k"]
-    s: Float[ndarray, " k"]
-    t: Float[ndarray, " k"]
+
+    @property
+    def planes(self) -> tuple[ndarray, ndarray, ndarray, ndarray, ndarray, ndarray]:
+        """As `kernels/splitting.py` takes them."""
+        return self.c, self.n, self.low, self.high, self.m, self.h
 
     def heights(self, y: Float[ndarray, "k 3"]) -> Float[ndarray, " k"]:
         """Distance of each sample from the level before, mm, negative behind it."""
@@ -46,9 +79,14 @@ class Limits:
         height = self.heights(y)
         return np.maximum.reduce([height - self.high, self.low - height, (self.m * y).sum(1) - self.h])
 
+    def at(self, y: Float[ndarray, "k 3"], steps: int) -> "Limits":
+        """Set up again where the samples are now."""
+        return limits_at(self.before, self.stock, self.cut, self.gap, y, self.s, self.t, steps)
+
     def only(self, which: ndarray) -> "Limits":
         """Those of some samples."""
-        return Limits(*(value[which] for value in (self.c, self.n, self.low, self.high, self.m, self.h, self.s, self.t)))
+        values = (self.gap, self.s, self.t, *self.planes)
+        return Limits(self.before, self.stock, self.cut, *(value[which] for value in values))
 
     def rows(self, R: sp.csr_array, x: Float[ndarray, "k 3"]) -> Rows:
         """The same over the control points' moves D (x, y, z stacked): y = x + R D."""
@@ -56,12 +94,6 @@ class Limits:
         start = self.heights(x)
         low = np.concatenate([self.low - start, np.full(len(x), -np.inf)])
         return Rows(sp.csr_array(sp.vstack([along, wall])), low, np.concatenate([self.high - start, self.h - (self.m * x).sum(1)]))
-
-
-def unset(n: ndarray, s: ndarray, t: ndarray, low: ndarray, high: ndarray) -> Limits:
-    """Heights and places to start from; feet and planes are found by `limits_at`."""
-    none = np.zeros_like(n)
-    return Limits(none, n, low, high, none, np.zeros(len(n)), s, t)
 
 
 def feet(
@@ -98,16 +130,26 @@ def _tip(surface: TSpline, t: float) -> Float[ndarray, "3"]:
     return np.asarray(n / max(float(np.linalg.norm(n)), np.finfo(float).tiny))
 
 
-def limits_at(before: TSpline, stock: Stock, y: Float[ndarray, "k 3"], old: Limits, clearance: Float[ndarray, " k"], steps: int) -> Limits:
-    """The limits where the samples are now; `old` gives where to look for feet, and `clearance` how far inside the stock they stay.
+def limits_at(
+    before: TSpline,
+    stock: Stock,
+    cut: Cut,
+    gap: Float[ndarray, " k"],
+    y: Float[ndarray, "k 3"],
+    s: Float[ndarray, " k"],
+    t: Float[ndarray, " k"],
+    steps: int,
+) -> Limits:
+    """The limits of samples at y that were `gap` inside the stock at the level before; their feet are found from (s, t), by so many steps.
 
     CLEAR_OF mm and more from its foot a sample's direction from it stands for the normal: the same at a foot, and where Newton has
     not found one, or at the tip of a pole, the distance is not understated.
     """
-    s, t, c, n = feet(before, y, old.s, old.t, steps)
+    s, t, c, n = feet(before, y, s, t, steps)
     across = y - c
     size = np.linalg.norm(across, axis=1)
     away = size > CLEAR_OF
     n[away] = across[away] * (np.sign((across * n).sum(1)) / np.maximum(size, CLEAR_OF))[away, None]
-    m = stock.outward(y)
-    return Limits(c, n, old.low, old.high, m, (m * y).sum(1) - stock.signed_distance(y) - clearance, s, t)
+    low, high = heights(cut, gap)
+    m, h = tightest(y, [one(cut, gap, stock, y) for one in WALLS])
+    return Limits(before, stock, cut, gap, s, t, c, n, low, high, m, h)

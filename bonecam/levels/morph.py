@@ -15,10 +15,10 @@ from numpy import ndarray
 from bonecam.errors import LevelError
 from bonecam.levels.attraction import ATTRACTIONS
 from bonecam.levels.check import NEST_TOLERANCE, STOCK_TOLERANCE
+from bonecam.levels.cut import Manner
 from bonecam.levels.grid import level_grid
 from bonecam.levels.inspection import Inspection, Rules
 from bonecam.levels.level import Level
-from bonecam.levels.program import Manner
 from bonecam.levels.remaining import remaining, whole
 from bonecam.levels.schedule import Schedule
 from bonecam.levels.sequence import Sequences

@@ -22,7 +22,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from bonecam.errors import LevelError, place_name
-from bonecam.levels.energy import Samples, integration_points, ring_pattern, samples_of, thin_plate
+from bonecam.levels.samples import Samples, integration_points, ring_pattern, samples_of, thin_plate
 from bonecam.levels.schedule import Schedule
 from bonecam.levels.stock import Capsule, Stock
 from bonecam.progress import Progress, report

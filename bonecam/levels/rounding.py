@@ -19,10 +19,10 @@ from scipy.sparse.linalg import splu
 
 from bonecam.levels.body_surface import body_surfaces
 from bonecam.levels.check import BINS, probes
-from bonecam.levels.energy import integration_points, samples_of, thin_plate
 from bonecam.levels.level import Level
 from bonecam.levels.morph import Morph, morph
 from bonecam.levels.rounded import Rounded, intersection, planes_of, require_roundable
+from bonecam.levels.samples import integration_points, samples_of, thin_plate
 from bonecam.levels.schedule import Schedule
 from bonecam.levels.stock import MARGIN, Capsule, Stock, require_inside
 from bonecam.mesh.distance import MeshDistance

@@ -7,7 +7,7 @@ import numpy as np
 from numpy import ndarray
 
 from bonecam.errors import LevelError, place_name
-from bonecam.levels.program import Cut, Manner
+from bonecam.levels.cut import Cut, Manner
 from bonecam.levels.remaining import Remaining, remaining, whole
 from bonecam.levels.schedule import Schedule
 from bonecam.levels.setting import Setting

@@ -8,8 +8,8 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.levels.attraction import Attraction
-from bonecam.levels.energy import Samples, joined, ring_pattern, samples_of, thin_plate
 from bonecam.levels.poles import free_moves
+from bonecam.levels.samples import Samples, joined, ring_pattern, samples_of, thin_plate
 from bonecam.levels.stock import Stock
 from bonecam.surface.tspline import TSpline
 
@@ -20,7 +20,7 @@ WATCH_ALONG, WATCH_AROUND, FEATURES = 5, 5, 0.005
 @dataclass(frozen=True, eq=False)
 class Setting:
     """The part and its stock; `samples` (about ten a control point) carry the energy, `watch` only limits: an even
-    pattern and the vertices of a fine tessellation of the part, which are dense where it is sharp. M as in `energy`, `free`
+    pattern and the vertices of a fine tessellation of the part, which are dense where it is sharp. M as in `samples`, `free`
     as in `poles`."""
 
     surface: TSpline

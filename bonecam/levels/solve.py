@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 from numpy import ndarray
+from scipy.sparse.linalg import SuperLU, splu
 
 from bonecam.errors import LevelError
 
@@ -71,3 +72,8 @@ def solve(P: sp.csc_array, q: Float[ndarray, "v"], rows: Rows, tolerance: float,
     if not np.isfinite(x).all() or violation > 20 * tolerance:
         raise LevelError(f"OSQP left the limits by {violation:.2g} mm ({status}): give a lower stiffness", violation=violation)
     return Solution(x, violation, int(answer.info.iter))
+
+
+def factor(matrix: sp.csc_array) -> SuperLU:
+    """Of a symmetric, positive definite matrix: no pivots."""
+    return splu(sp.csc_matrix(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})

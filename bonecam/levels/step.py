@@ -13,8 +13,9 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from bonecam.kernels import splitting
-from bonecam.levels.limits import limits_at, unset
-from bonecam.levels.program import Cut, Manner, by_osqp, program_of, split
+from bonecam.levels.cut import Cut, Manner
+from bonecam.levels.limits import limits_at
+from bonecam.levels.program import by_osqp, program_of, split
 from bonecam.levels.remaining import Remaining
 from bonecam.levels.setting import Setting
 
@@ -51,17 +52,17 @@ def _kept(setting: Setting, P: ndarray, D: ndarray, cut: Cut) -> Step:
     """The free moves, projected onto what the watched samples still break."""
     watch, stock, before = setting.watch, setting.stock, setting.surface.with_control_points(P)
     x, R = watch.R @ P, sp.csr_array(watch.R @ setting.free)
-    gap = -stock.signed_distance(x)
-    limits, clearance = unset(np.zeros_like(x), watch.s, watch.t, *cut.heights(gap)), cut.clearance(gap)
-    for k in range(ROUNDS + 1):
-        y = x + R @ D
-        limits = limits_at(before, stock, y, limits, clearance, FOOT_STEPS if k == 0 else 1)
-        broken = limits.broken(y)
-        if broken.max() <= ENOUGH or k == ROUNDS:
+    gap, y = -stock.signed_distance(x), x + R @ D
+    limits = limits_at(before, stock, cut, gap, y, watch.s, watch.t, FOOT_STEPS)
+    broken = limits.broken(y)
+    for _ in range(ROUNDS):
+        if broken.max() <= ENOUGH:
             break
         near = np.flatnonzero(broken > -NEAR)
         part, some = limits.only(near), sp.csr_array(R[near])
-        planes = (part.c, part.n, part.low, part.high, part.m, part.h)
-        splitting.project(some.indptr, some.indices, some.data, x[near], D, *planes, SWEEPS, ENOUGH)
+        splitting.project(some.indptr, some.indices, some.data, x[near], D, *part.planes, SWEEPS, ENOUGH)
+        y = x + R @ D
+        limits = limits.at(y, 1)
+        broken = limits.broken(y)
     moves = np.asarray(setting.free @ D)
     return Step(moves, float(broken.max()), (watch.stretched(P + moves) * limits.n).sum(1) <= 0)

@@ -32,10 +32,11 @@ from scipy.sparse.linalg import spsolve
 from threadpoolctl import threadpool_limits
 
 from bonecam.job import Job, LevelsJob
+from bonecam.levels.cut import Cut, Manner
 from bonecam.levels.grid import level_grid
-from bonecam.levels.limits import limits_at, unset
+from bonecam.levels.limits import limits_at
 from bonecam.levels.morph import Morph, morph
-from bonecam.levels.program import Cut, Manner, Program, program_of, split
+from bonecam.levels.program import Program, program_of, split
 from bonecam.levels.qcqp import ConeLevels
 from bonecam.levels.remaining import Remaining
 from bonecam.levels.schedule import Schedule
@@ -180,18 +181,18 @@ def optimum(call: Call, program: Program, start: ndarray, watched: bool) -> floa
 
     With `watched` the planes of all watched samples that `start` or the last answer brings within NEAR mm of them hold as well.
     """
-    stock, watch, settings, D = program.stock, call.setting.watch, clarabel.DefaultSettings(), start
+    watch, settings, D = call.setting.watch, clarabel.DefaultSettings(), start
     settings.verbose = False
     energy = sp.csc_matrix(sp.triu(sp.block_diag([program.matrix] * 3), format="csc"))
     x, R = watch.R @ call.P, sp.csr_array(watch.R @ call.setting.free)
-    gap = -stock.signed_distance(x)
-    planes, dense = program.limits, unset(np.zeros_like(x), watch.s, watch.t, *call.cut.heights(gap))
+    planes, gap = program.limits, -call.setting.stock.signed_distance(x)
+    dense = limits_at(planes.before, planes.stock, call.cut, gap, x + R @ D, watch.s, watch.t, 3)
     for _ in range(RENEWALS):
-        planes = limits_at(program.before, stock, program.x + program.R @ D, planes, program.clearance, 3)
+        planes = planes.at(program.x + program.R @ D, 3)
         rows = planes.rows(program.R, program.x)
         if watched:
             y = x + R @ D
-            dense = limits_at(program.before, stock, y, dense, call.cut.clearance(gap), 3)
+            dense = dense.at(y, 3)
             near = np.flatnonzero(dense.broken(y) > -NEAR)
             rows = stacked(rows, dense.only(near).rows(sp.csr_array(R[near]), x[near]))
         b = np.concatenate([rows.high, -rows.low])
@@ -214,7 +215,7 @@ def energies(case: Case) -> None:
         call, program = case.calls[k - 1], case.calls[k - 1].program
         moves = split(program)
         y = program.x + program.R @ moves
-        wide = limits_at(program.before, program.stock, y, program.limits, program.clearance, 3).broken(y).max()
+        wide = program.limits.at(y, 3).broken(y).max()
         pairs = ((moves, False), (call.free_moves, True))
         ratios.append([program.energy(D) / optimum(call, program, D, watched) for D, watched in pairs])
         print(f"{k:5d} | {ratios[-1][0]:30.4f}  {wide:14.4f} | {ratios[-1][1]:36.4f}  {call.step.broken:14.4f}", flush=True)

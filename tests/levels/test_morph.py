@@ -5,10 +5,10 @@ import pytest
 
 from bonecam.errors import Cancelled, LevelError, StockError
 from bonecam.levels import check
-from bonecam.levels.energy import integration_points, samples_of, thin_plate
 from bonecam.levels.grid import level_grid
 from bonecam.levels.limits import feet
 from bonecam.levels.morph import Morph, morph
+from bonecam.levels.samples import integration_points, samples_of, thin_plate
 from bonecam.levels.schedule import Schedule
 from bonecam.levels.sheet import Sheet
 from bonecam.levels.stock import Capsule

@@ -9,8 +9,9 @@ import scipy.sparse as sp
 from test_morph import STOCK, waisted
 
 from bonecam.levels.attraction import ATTRACTIONS
+from bonecam.levels.cut import Cut, Manner
 from bonecam.levels.limits import feet
-from bonecam.levels.program import Cut, Manner, Program, program_of, split
+from bonecam.levels.program import Program, program_of, split
 from bonecam.levels.remaining import remaining, whole
 from bonecam.levels.setting import Setting, setting_of
 from bonecam.levels.solve import solve

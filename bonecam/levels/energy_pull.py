@@ -1,0 +1,62 @@
+"""The pull on the level itself: its samples along a smoothed field of directions (`attraction.py`), as far as they should go.
+
+A sample should go as far as it may, and is pulled beyond, where the way to the stock needs all the depth the cuts to come have; a place
+with less to go takes at least `haste` of the depth, so that all come to the stock together: where some come early, levels crowd into
+what is left between them and fold.
+"""
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.levels.attraction import unit
+from bonecam.levels.energy import Given, Pulled
+from bonecam.levels.limit_wall import inside
+from bonecam.levels.limits import feet, heights
+from bonecam.levels.solve import factor
+
+BEYOND, ALL_OUT = 2.0, 8
+"""How far beyond the depth is pulled at most, and how sharply that sets in."""
+LONGEST, LEAST_COSINE = 2.0, 0.3
+EVEN = 0.05
+
+
+def pull(given: Given) -> Pulled:
+    """The samples of the setting, weighed by area."""
+    setting, samples, P = given.setting, given.setting.samples, given.before.control_points
+    x, area = samples.R @ P, np.linalg.norm(stretched := samples.stretched(P), axis=1)
+    weights = area * samples.weights
+    weights = weights / weights.sum() + EVEN / len(x)
+    normals = stretched / np.maximum(area, np.finfo(float).tiny)[:, None]
+    N = sp.csc_array(samples.R.T @ sp.diags_array(weights) @ samples.R)
+    field = samples.R.T @ (weights[:, None] * setting.attraction(x, normals, setting.stock))
+    field = unit(samples.R @ factor(N + given.manner.smoothing * setting.M).solve(field))
+    gap = -setting.stock.signed_distance(x)
+    share = np.clip(gap / given.cut.left, given.manner.haste, 1)
+    target = targets(given, x, samples.s, samples.t, normals, field, share)
+    return Pulled(samples.s, samples.t, samples.R, x, weights, target, 1 + (BEYOND - 1) * share**ALL_OUT)
+
+
+def targets(
+    given: Given,
+    x: Float[ndarray, "k 3"],
+    s: Float[ndarray, " k"],
+    t: Float[ndarray, " k"],
+    normals: Float[ndarray, "k 3"],
+    towards: Float[ndarray, "k 3"],
+    share: Float[ndarray, " k"],
+) -> Float[ndarray, "k 3"]:
+    """Where samples at x should be: so far along `towards` that their distance to the level before is a `share` of what they may go."""
+    stock, cut = given.setting.stock, given.cut
+    gap = -stock.signed_distance(x)
+    height = share * heights(cut, gap)[1]
+    cosine = np.maximum((normals * towards).sum(1), LEAST_COSINE)
+    reach = np.minimum(height / cosine, LONGEST * height)
+    for _ in range(2):
+        y = x + reach[:, None] * towards
+        s, t, c, _ = feet(given.before, y, s, t, 1)
+        distance = np.linalg.norm(y - c, axis=1)
+        slope = ((y - c) * towards).sum(1) / np.maximum(distance, np.finfo(float).tiny)
+        reach = np.clip(reach + (height - distance) / np.maximum(slope, LEAST_COSINE), 0, LONGEST * height)
+    return inside(stock, x + reach[:, None] * towards, np.minimum(gap, cut.landing))

@@ -1,0 +1,117 @@
+"""Samples of a surface, fixed patterns in its parameters, and the integrals over it as matrices over the control points.
+
+    thin plate   int |S_ss|^2 + 2 |S_st|^2 + |S_tt|^2      = P' M P          (Gan et al. 2014, section 4.2)
+    pull         int |S - H|^2                             = P' N P - 2 P' L + const
+
+M and N are the same for every level of one surface; L = int R'H changes with the attracting points H. The integrals are
+sums over `Samples`: Gauss points in every t-span, evenly spaced points round s (both parameters run over [0, 1]).
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Bool, Float
+from numpy import ndarray
+
+from bonecam.surface.tspline import TSpline
+
+GAUSS, AROUND, MOST_AROUND, LEAST_AROUND = 3, 3, 400, 12
+NEAR_POLE = 1e-3
+CLOSE_TO_POLE = (0.005, 0.02, 0.05)
+SHAPED = 0.3
+"""Share of the surface at a sample that control points together have where they shape it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Parameters (s, t) in one fixed pattern, their integration weights, and the basis there: all levels share them."""
+
+    s: Float[ndarray, "n"]
+    t: Float[ndarray, "n"]
+    weights: Float[ndarray, "n"]
+    R: sp.csr_array
+    R_s: sp.csr_array
+    R_t: sp.csr_array
+
+    def normals(self, control_points: Float[ndarray, "c 3"]) -> Float[ndarray, "n 3"]:
+        """Outward unit normals of the surface with these control points."""
+        n = self.stretched(control_points)
+        return np.asarray(n / np.linalg.norm(n, axis=1, keepdims=True))
+
+    def stretched(self, control_points: Float[ndarray, "c 3"]) -> Float[ndarray, "n 3"]:
+        """S_s x S_t: outward, as long as the area per unit of the parameters."""
+        return np.cross(self.R_s @ control_points, self.R_t @ control_points)
+
+    @cached_property
+    def N(self) -> sp.csc_array:
+        """int R'R (control points squared)."""
+        return sp.csc_array(self.R.T @ sp.diags_array(self.weights) @ self.R)
+
+    def near(self, which: Bool[ndarray, "n"]) -> Bool[ndarray, "c"]:
+        """Control points that shape the surface at some of the samples, and those that do where these do."""
+        own = self.R[which].sum(axis=0) > 0
+        return np.asarray(self.R[self.R @ own > SHAPED].sum(axis=0) > 0)
+
+    def moments(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "c 3"]:
+        """int R'H for one attracting point a sample."""
+        return np.asarray(self.R.T @ (self.weights[:, None] * points))
+
+
+def integration_points(surface: TSpline) -> tuple[ndarray, ndarray, ndarray]:
+    """s, t and weights of the integrals."""
+    around = min(MOST_AROUND, AROUND * max(len(knots) for knots in surface.tmesh.s_knots))
+    spans = np.unique(surface.tmesh.t_knots[3:-3])
+    x, w = np.polynomial.legendre.leggauss(GAUSS)
+    size = np.diff(spans)
+    t = (spans[:-1, None] + size[:, None] * (x + 1) / 2).ravel()
+    across = (size[:, None] * w / 2).ravel()
+    ss, tt = np.meshgrid(np.arange(around) / around, t)
+    return ss.ravel(), tt.ravel(), np.repeat(across / around, around)
+
+
+def ring_pattern(surface: TSpline, along: int, around: int) -> Samples:
+    """`along` rings in every t-span, on each `around` points for every knot of its densest control row; both ends of t and
+    rings close to them.
+
+    The weights are areas of the parameters (sum 1). Normals at the ends are those just inside.
+    """
+    knots, rows = surface.tmesh.t_knots, surface.tmesh.s_knots
+    spans = np.unique(knots[3:-3])
+    parts = (np.arange(along) + 0.5) / along
+    rings = (spans[:-1, None] + np.diff(spans)[:, None] * parts).ravel()
+    share = np.repeat(np.diff(spans), along) / along
+    near = np.array(CLOSE_TO_POLE)
+    rings = np.concatenate([spans[0] + near * (spans[1] - spans[0]), rings, spans[-1] - near * (spans[-1] - spans[-2])])
+    share = np.concatenate([0 * near, share, 0 * near])
+    first = np.searchsorted(knots, rings, side="right") - 4
+    counts = np.array([max(LEAST_AROUND, around * max(len(row) for row in rows[j : j + 4])) for j in first])
+    s = np.concatenate([np.arange(count) / count for count in counts])
+    t, share = np.repeat(rings, counts), np.repeat(share / counts, counts)
+    edge = NEAR_POLE * (spans[-1] - spans[0]) * np.array([1, -1])
+    s, t, share = np.append(s, [0.0, 0.0]), np.append(t, spans[[0, -1]]), np.append(share, [0.0, 0.0])
+    _, R_s, R_t = surface.basis(s, t + np.append(np.zeros(len(t) - 2), edge), 1)
+    return Samples(s, t, share / share.sum(), surface.basis(s, t)[0], R_s, R_t)
+
+
+def joined(first: Samples, second: Samples) -> Samples:
+    """Both."""
+    s, t, weights = (np.concatenate(pair) for pair in ((first.s, second.s), (first.t, second.t), (first.weights, second.weights)))
+    pairs = ((first.R, second.R), (first.R_s, second.R_s), (first.R_t, second.R_t))
+    R, R_s, R_t = (sp.csr_array(sp.vstack(pair)) for pair in pairs)
+    return Samples(s, t, weights, R, R_s, R_t)
+
+
+def samples_of(surface: TSpline, s: ndarray, t: ndarray, weights: ndarray) -> Samples:
+    """The samples at these parameters."""
+    R, R_s, R_t = surface.basis(s, t, 1)
+    return Samples(s, t, weights, R, R_s, R_t)
+
+
+def thin_plate(surface: TSpline) -> sp.csc_array:
+    """M: int R_ss'R_ss + 2 R_st'R_st + R_tt'R_tt over the parameters."""
+    s, t, weights = integration_points(surface)
+    *_, ss, st, tt = surface.basis(s, t, 2)
+    W = sp.diags_array(weights)
+    return sp.csc_array(ss.T @ W @ ss + 2 * (st.T @ W @ st) + tt.T @ W @ tt)

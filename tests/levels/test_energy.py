@@ -1,0 +1,85 @@
+"""What all energies promise, whichever are listed, and that one more in a list is part of the program."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from test_morph import STOCK
+from test_step import CUT, MANNER, setting
+
+from bonecam.levels import program
+from bonecam.levels.cut import ROUGH
+from bonecam.levels.energy import Given, Pulled, Quadratic
+from bonecam.levels.energy_plate import plate
+from bonecam.levels.limits import feet
+from bonecam.levels.program import NET, SAMPLED, Program, program_of, split
+from bonecam.levels.remaining import remaining, whole
+
+RNG = np.random.default_rng(4)
+
+
+@cache
+def given() -> Given:
+    part = setting().surface
+    return Given(setting(), part, remaining(setting(), part.control_points, whole(STOCK)), CUT, MANNER)
+
+
+def first_program() -> Program:
+    one = given()
+    return program_of(one.setting, one.before.control_points, one.rest, one.cut, one.manner)
+
+
+@pytest.mark.parametrize("energy", [*NET, *SAMPLED], ids=lambda energy: energy.__name__)
+def test_its_matrices_are_those_of_a_convex_energy(energy) -> None:  # type: ignore[no-untyped-def]
+    found, before, free = energy(given()), given().before, setting().free
+    if isinstance(found, Quadratic):
+        matrix = found.matrix
+        assert found.linear.shape == (free.shape[1], 3)
+    else:
+        assert isinstance(found, Pulled)
+        assert np.allclose(found.R @ before.control_points, found.x, atol=1e-12)
+        assert np.allclose(before.evaluate(found.s, found.t), found.x, atol=1e-12)
+        *_, foot, _ = feet(before, found.target, found.s, found.t, 8)
+        assert np.linalg.norm(found.target - foot, axis=1).max() < CUT.depth + 0.002
+        assert STOCK.signed_distance(found.target).max() < -CUT.landing + 1e-9
+        assert found.weights.min() >= 0
+        assert found.beyond.min() >= 1
+        matrix = free.T @ found.R.T @ sp.diags_array(found.weights) @ found.R @ free
+    dense = matrix.toarray()
+    assert dense.shape == (free.shape[1],) * 2
+    assert np.abs(dense - dense.T).max() <= 1e-12 * np.abs(dense).max()
+    eigenvalues = np.linalg.eigvalsh(dense)
+    assert eigenvalues[0] >= -1e-12 * eigenvalues[-1]
+
+
+def test_the_gradient_is_the_slope_of_the_energy_written_out() -> None:
+    one, step = first_program(), 1e-3
+    D = RNG.normal(size=one.net.linear.shape)
+
+    def energy(length: float) -> float:
+        moves = length * D
+        net = np.einsum("ij,ij->", moves, one.net.matrix @ moves) + 2 * np.einsum("ij,ij->", one.net.linear, moves)
+        return float(one.weights @ ((one.x + one.R @ moves - one.H) ** 2).sum(1) + net)
+
+    assert np.einsum("ij,ij->", one.gradient, D) == pytest.approx((energy(step) - energy(-step)) / (4 * step), rel=1e-6)
+    assert one.energy(D) == pytest.approx(energy(1.0))
+
+
+def test_the_plate_is_stiffness_of_the_moves_and_bending_of_the_level() -> None:
+    found, M, P = plate(given()), setting().M, given().before.control_points
+    D = RNG.normal(size=found.linear.shape)
+    moves, bending = setting().free @ D, MANNER.bending * (CUT.depth / ROUGH) ** 2
+    of_moves, after, now = (float(np.einsum("ij,ij->", net, M @ net)) for net in (moves, P + moves, P))
+    value = np.einsum("ij,ij->", D, found.matrix @ D) + 2 * np.einsum("ij,ij->", found.linear, D)
+    assert value == pytest.approx(MANNER.stiffness * of_moves + bending * (after - now))
+
+
+def test_a_new_energy_is_one_function_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    def anchor(given: Given) -> Quadratic:
+        count = given.setting.free.shape[1]
+        return Quadratic(sp.csc_array(1e3 * sp.eye_array(count)), np.zeros((count, 3)))
+
+    assert np.abs(split(first_program())).max() > 0.3
+    monkeypatch.setattr(program, "NET", (*NET, anchor))
+    assert np.abs(split(first_program())).max() < 0.01

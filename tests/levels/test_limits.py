@@ -1,0 +1,63 @@
+"""What all limits promise, whichever are listed, and that one more in a list holds."""
+
+import numpy as np
+import pytest
+from test_energy import first_program
+from test_morph import STOCK
+from test_step import CUT
+
+from bonecam.levels import limits
+from bonecam.levels.cut import Cut
+from bonecam.levels.limits import SLABS, WALLS, heights
+from bonecam.levels.program import split
+
+GAP = np.linspace(0, 6, 200)
+RNG = np.random.default_rng(5)
+
+
+@pytest.mark.parametrize("slab", SLABS, ids=lambda slab: slab.__name__)
+def test_a_slab_leaves_room_and_the_tightest_counts(slab) -> None:  # type: ignore[no-untyped-def]
+    low, high = slab(CUT, GAP)
+    lowest, largest = heights(CUT, GAP)
+    assert low.shape == high.shape == GAP.shape
+    assert (low <= lowest).all()
+    assert (lowest < largest).all()
+    assert (largest <= high).all()
+    assert (lowest >= 0).all()
+    assert (largest <= CUT.depth).all()
+
+
+@pytest.mark.parametrize("wall", WALLS, ids=lambda wall: wall.__name__)
+def test_a_wall_holds_what_it_may_and_its_plane_is_its_slope(wall) -> None:  # type: ignore[no-untyped-def]
+    y = STOCK.nearest(STOCK.middle + RNG.normal(size=(len(GAP), 3)) * [1, 1, 5]) + 0.1 * RNG.normal(size=(len(GAP), 3))
+    m, h = wall(CUT, GAP, STOCK, y)
+    assert np.allclose(np.linalg.norm(m, axis=1), 1)
+    outside = (m * y).sum(1) - h
+    stays = y - outside[:, None] * m
+    assert np.allclose(-STOCK.signed_distance(stays), np.minimum(GAP, CUT.clearance), atol=1e-9)
+    for step in 1e-5 * np.eye(3):
+        moved, at = wall(CUT, GAP, STOCK, y + step)
+        assert np.allclose(((moved * (y + step)).sum(1) - at - outside) / 1e-5, m @ step / 1e-5, atol=1e-4)
+
+
+def test_a_new_slab_is_one_function_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    def half(cut: Cut, gap: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return np.full(len(gap), -np.inf), np.full(len(gap), cut.depth / 2)
+
+    monkeypatch.setattr(limits, "SLABS", (*SLABS, half))
+    one = first_program()
+    y = one.x + one.R @ split(one)
+    assert one.limits.at(y, 3).heights(y).max() < 0.55 * CUT.depth
+
+
+def test_a_new_wall_is_one_function_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    free = first_program()
+    top = float(free.x[:, 2].max()) + 0.1
+
+    def ceiling(cut: Cut, gap: np.ndarray, stock: object, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return np.tile([0.0, 0.0, 1.0], (len(y), 1)), np.full(len(y), top)
+
+    assert (free.x + free.R @ split(free))[:, 2].max() > top + 0.1
+    monkeypatch.setattr(limits, "WALLS", (*WALLS, ceiling))
+    held = first_program()
+    assert (held.x + held.R @ split(held))[:, 2].max() < top + 0.02
