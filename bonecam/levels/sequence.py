@@ -14,10 +14,10 @@ from bonecam.levels.setting import Setting
 from bonecam.levels.step import next_level
 from bonecam.progress import Progress, report
 
-VARIANTS = ((1e-6, 1e-4, 1.0), (3e-6, 1e-4, 0.7), (3e-7, 1e-4, 1.0), (1e-5, 1e-4, 0.7), (1e-7, 1e-4, 0.5), (1e-6, 1e-3, 1.0))
+VARIANTS = ((1e-6, 1e-4, 1.0), (3e-7, 1e-4, 1.0), (3e-6, 1e-4, 0.7), (1e-5, 1e-4, 0.7), (1e-7, 1e-4, 0.5), (1e-6, 1e-3, 1.0))
 """Bending, smoothing of the field of directions and haste (`Manner`); tried in turn."""
-WAITING, CLOSE = 2, 1
-"""The first so many sequences are compared, and the shortest goes first, unless one has no more than so many cuts above K_min."""
+WAITING = 2
+"""The first so many sequences are compared, and the shortest goes first, unless one has the fewest cuts possible."""
 STALL, SOFTEN, PATIENCE, MOST_EXTRA = 0.25, 0.1, 4, 12
 EASINGS, EASED = 4, 0.1
 """How often the pull on a place that folds is eased, each time to this share."""
@@ -47,7 +47,7 @@ class Sequences:
             except LevelError as error:
                 failure = failure or error
             waiting.sort(key=lambda one: len(one[0]))
-            if waiting and (place + 1 >= WAITING or len(waiting[0][0]) <= self.lower_bound + CLOSE):
+            if waiting and (place + 1 >= WAITING or len(waiting[0][0]) <= self.lower_bound):
                 yielded = True
                 yield waiting.pop(0)
         yield from waiting
