@@ -47,10 +47,9 @@ class Sequences:
             except LevelError as error:
                 failure = failure or error
             waiting.sort(key=lambda one: len(one[0]))
-            if waiting and (place + 1 >= WAITING or len(waiting[0][0]) <= self.lower_bound):
+            while waiting and (place + 1 >= WAITING or len(waiting[0][0]) <= self.lower_bound):
                 yielded = True
                 yield waiting.pop(0)
-        yield from waiting
         if failure is not None and not yielded:
             raise failure
 
