@@ -85,7 +85,7 @@ def _outcomes(files: Sequence[Path], folder: Path, job: Job, jobs: int, resume: 
                 else:
                     one = _Running(index, work, file, folder, job)
                     running[one.ending] = one
-            ready = wait(list(running))
+            ready = wait(list(running)) if running else []  # an empty wait never ends
             for ending in [ending for ending in running if ending in ready]:
                 one = running.pop(ending)
                 yield one.index, one.outcome()

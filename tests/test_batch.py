@@ -164,3 +164,9 @@ def test_a_machine_that_is_not_known_is_refused_before_anything_runs(values: dic
 def test_no_process_at_all_is_refused(tmp_path: Path, jobs: int) -> None:
     with pytest.raises(JobError, match="jobs"):
         convert_many([tmp_path / "bone.stl"], tmp_path / "out", jobs=jobs)
+
+
+def test_a_batch_that_is_done_already_ends_at_once(tmp_path: Path) -> None:
+    files = meshes(tmp_path, a="good", b="good")
+    convert_many(files, tmp_path / "out", jobs=2, work=work)
+    assert [outcome.state for outcome in convert_many(files, tmp_path / "out", resume=True, work=work)] == ["kept", "kept"]

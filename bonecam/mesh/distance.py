@@ -92,7 +92,8 @@ def lowest_between(near: Float[ndarray, " n"], far: Float[ndarray, " n"], length
     For every point q of the body, Stewart's theorem gives |c(u) - q|^2 = (1-u) |c0-q|^2 + u |c1-q|^2 - u (1-u) length^2.
     """
     a, b, s2 = near**2, far**2, length**2
-    u = np.clip(0.5 + (a - b) / np.maximum(2 * s2, np.finfo(float).tiny), 0, 1)
+    ahead = np.clip(a - b, -s2, s2)  # beyond, the lowest is at an end
+    u = 0.5 + ahead / np.maximum(2 * s2, np.finfo(float).tiny)
     return np.asarray(np.sqrt(np.maximum((1 - u) * a + u * b - u * (1 - u) * s2, 0)))
 
 

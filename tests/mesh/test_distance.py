@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from solids import ellipsoid, moved, solid
 
-from bonecam.mesh.distance import CHUNK, MeshDistance, exact_closest
+from bonecam.mesh.distance import CHUNK, MeshDistance, exact_closest, lowest_between
 from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
@@ -79,3 +79,8 @@ def test_the_number_of_threads_changes_no_bit(monkeypatch: pytest.MonkeyPatch) -
         found.append(MeshDistance(BALL).unsigned(points))
     assert np.array_equal(found[0], found[1])
     assert np.array_equal(found[0], found[2])
+
+
+def test_a_way_without_length_is_bounded_by_its_ends() -> None:
+    near, far = np.array([2.0, 0.0, 1.0]), np.array([2.0, 1e3, 1.0])
+    assert lowest_between(near, far, np.array([0.0, 1e3, 2.0])).tolist() == [2.0, 0.0, 0.0]
