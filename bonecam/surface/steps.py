@@ -29,7 +29,7 @@ NEAR, STRESS = 2.0, {False: (0.4, 2), True: (0.5, 4)}  # weight of a sample that
 DAMPING = 1e-4  # weight of the change itself, against that of the samples
 FIRMER = 30.0  # times the damping round a fold, at each try, and 1 at least
 TRIES = 3
-RING = 0.1  # weight of the rings round poles, times the mean area of a control point
+RING = 0.3  # weight of the rings round poles, times the mean area of a control point
 REACH = 2.0  # mean cell sides round a fold
 LEAST_TURN, WELL, LEAST_FACING, LOSS = 0.5, 0.7, 0.2, 0.02  # cosines; a loss of facing that is none yet
 
