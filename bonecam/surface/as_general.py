@@ -1,9 +1,11 @@
 """A row-structured T-spline on a general T-mesh: rows become closed lines that no edge joins, poles rows of equal control points."""
 
 import numpy as np
+from numpy import ndarray
 
 from bonecam.errors import SurfaceError
 from bonecam.surface.general_tmesh import TMesh
+from bonecam.surface.knots import aligned
 from bonecam.surface.open_rows import OpenRowTMesh
 from bonecam.surface.tspline import TSpline
 
@@ -17,27 +19,35 @@ def as_general(surface: TSpline) -> TSpline[TMesh]:
     rows, t = surface.tmesh, surface.tmesh.t_knots
     if not (t[:4] == t[0]).all() or not (t[-4:] == t[-1]).all():
         raise SurfaceError("the t-knots are not clamped: a general T-mesh repeats its end knots")
-    knots = [row if len(row) > 1 else np.arange(POLE_POINTS) / POLE_POINTS for row in rows.s_knots]
+    closed = aligned([row if len(row) > 1 else np.arange(POLE_POINTS) / POLE_POINTS for row in rows.s_knots], 1.0)
+    orders = [np.argsort(row) for row in closed]
+    knots = [row[order] for row, order in zip(closed, orders)]
     lines = np.unique(np.concatenate(knots))
     place = [np.searchsorted(lines, row) for row in knots]
     vertices = np.column_stack([np.concatenate(place), np.repeat(np.arange(len(knots)), [len(row) for row in knots])])
     a, b = len(lines), len(knots)
     along_s, along_t, inside = np.ones((a, b), dtype=bool), np.zeros((a, b - 1), dtype=bool), np.ones((a, b - 1), dtype=bool)
     mesh = TMesh(lines, t[2:-2], vertices, along_s, along_t, inside, (1.0, 0.0))
-    index = np.concatenate([np.full(len(row), start) if len(old) == 1 else np.arange(start, start + len(old))
-                            for row, old, start in zip(knots, rows.s_knots, rows.row_starts)])  # fmt: skip
+    index = np.concatenate([start + order % count for order, start, count in zip(orders, rows.row_starts, np.diff(rows.row_starts))])
     return TSpline(mesh, surface.control_points[index], surface.weights[index])
 
 
 def _of_open_rows(surface: TSpline) -> TSpline[TMesh]:
     """Open rows: both ends of s are clamped, two lines each, and edges join the rows there."""
     rows = surface.tmesh
-    lines = np.concatenate([[0.0], np.unique(np.concatenate(rows.s_knots)), [1.0]])
-    place = [np.searchsorted(lines[1:-1], knots[3:-3]) + 1 for knots in rows.s_knots]
-    across = np.concatenate([np.concatenate([[0], p, [len(lines) - 1]]) for p in place])
-    vertices = np.column_stack([across, np.repeat(np.arange(len(place)), [len(p) + 2 for p in place])])
+    knots = [row[2:-2] for row in aligned(rows.s_knots)]
+    every = np.unique(np.concatenate(knots))
+    lines = np.repeat(every, np.max([_times(row, every) for row in knots], axis=0))
+    place = [np.searchsorted(lines, row) + np.arange(len(row)) - np.searchsorted(row, row) for row in knots]
+    across = np.concatenate(place)
+    vertices = np.column_stack([across, np.repeat(np.arange(len(place)), [len(p) for p in place])])
     a, b = len(lines), len(place)
     along_t = np.zeros((a, b - 1), dtype=bool)
     along_t[[0, 1, -2, -1]] = True
     along_s, inside = np.ones((a - 1, b), dtype=bool), np.ones((a - 1, b - 1), dtype=bool)
     return TSpline(TMesh(lines, rows.t_knots[2:-2], vertices, along_s, along_t, inside), surface.control_points, surface.weights)
+
+
+def _times(row: ndarray, every: ndarray) -> ndarray:
+    """How often a row has each knot."""
+    return np.asarray(np.searchsorted(row, every, side="right") - np.searchsorted(row, every))

@@ -1,7 +1,7 @@
 """Cutting faces of a general T-mesh: new lines, edges and vertices on its index grid.
 
 A cut runs through its face to the edges on either side and puts a vertex there; empty intervals beyond (the lines of a clamped border)
-are cut as well, so that a border stays clamped.
+are cut as well, so that a border stays clamped. A row that passes all round a closed direction is given four knots at least.
 """
 
 from collections.abc import Sequence
@@ -11,7 +11,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int64
 from numpy import ndarray
 
-from bonecam.surface.general_tmesh import TMesh
+from bonecam.surface.general_tmesh import TMesh, sight
+
+FEWEST = 4  # knots of a row all round a closed direction
 
 
 @dataclass(eq=False)
@@ -32,6 +34,7 @@ class Draft:
 
     def tmesh(self) -> TMesh:
         """The finished T-mesh; vertices keep their numbers."""
+        self._fill_rings()
         i, j = np.nonzero(self.crossings >= 0)
         order = np.argsort(self.crossings[i, j])
         (s, t), (along_s, along_t) = self.knots, self.edges
@@ -86,6 +89,17 @@ class Draft:
             self._close(axis, line, row)
         else:
             self.cut(axis, line, row % self.inside.shape[1 - axis])
+
+    def _fill_rings(self) -> None:
+        """Draw each row that passes all round a closed direction with vertices but too few knots as a ring with more."""
+        for axis, (hits, passes) in enumerate(sight(self.crossings >= 0, self.edges, self.inside, self.period)):
+            vertex = self.crossings >= 0 if axis == 0 else self.crossings.T >= 0
+            short = (hits.sum(axis=0) < FEWEST) & vertex.any(axis=0) & passes.all(axis=0)
+            for row in np.flatnonzero(short).tolist() if self.period[axis] else ():
+                self.edges[axis][(slice(None), row) if axis == 0 else (row, slice(None))] = True
+                for line in (k * len(hits) // FEWEST for k in range(FEWEST)):
+                    if not hits[line, row]:
+                        self._put((line, row) if axis == 0 else (row, line))
 
     def _close(self, axis: int, line: int, row: int) -> None:
         """Cut the empty intervals on both sides of a new vertex, so that all lines of a clamped border have it."""

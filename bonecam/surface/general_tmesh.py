@@ -9,6 +9,7 @@ Faces are the rectangles that edges bound. Local knot vectors come from rays (su
 such grid: they come as Bezier elements (surface.iga).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -88,14 +89,10 @@ class TMesh:
     def knot_lines(self) -> tuple[Int64[ndarray, "n 5"], Int64[ndarray, "n 5"]]:
         """The five s-lines and the five t-lines each vertex sees; numbers beyond the ends count on round a closed direction."""
         i, j = self.vertices.T
-        vertex = self.crossings >= 0
-        s_hits = vertex | _crossed(self.along_t, bool(self.period[1]))
-        t_hits = vertex | _crossed(self.along_s.T, bool(self.period[0])).T
-        s_passes = self.along_s | beside(self.inside, bool(self.period[1]))
-        t_passes = self.along_t | beside(self.inside.T, bool(self.period[0])).T
+        (s_hits, s_passes), (t_hits, t_passes) = sight(self.crossings >= 0, (self.along_s, self.along_t), self.inside, self.period)
         return (
             local_lines(i, j, s_hits, s_passes, bool(self.period[0])),
-            local_lines(j, i, t_hits.T, t_passes.T, bool(self.period[1])),
+            local_lines(j, i, t_hits, t_passes, bool(self.period[1])),
         )
 
     @cached_property
@@ -153,6 +150,17 @@ def _check_knots(letter: str, lines: ndarray, period: float) -> None:
         raise SurfaceError(f"the knots of {letter}-lines {k - 1} and {k} differ by rounding only: make them equal", line=k)
     if period < 0 or (period and not period > np.ptp(lines)):
         raise SurfaceError(f"the period of {letter} must be longer than its knots' range {np.ptp(lines)}, not {period}")
+
+
+def sight(vertex: ndarray, edges: Sequence[ndarray], inside: ndarray, period: tuple[float, float]) -> list[tuple[ndarray, ndarray]]:
+    """For rays along s and along t: where something stops them (line, row), and where they may pass (piece, row)."""
+    found = []
+    for along, across, cells, stops, closed in (
+        (edges[0], edges[1], inside, vertex, bool(period[1])),
+        (edges[1].T, edges[0].T, inside.T, vertex.T, bool(period[0])),
+    ):
+        found.append((stops | _crossed(across, closed), along | beside(cells, closed)))
+    return found
 
 
 def _crossed(edges: ndarray, closed: bool) -> ndarray:

@@ -1,5 +1,7 @@
 """Cubic B-spline basis functions on given knots (Cox-de Boor), many spans at once."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
@@ -58,6 +60,15 @@ def bernstein_coefficients(knots: Float[ndarray, "n 8"], low: Float[ndarray, " n
             points = points[:, :-1] * (1 - ratio) + points[:, 1:] * ratio
         result[:, :, i] = points[:, 0]
     return result
+
+
+def aligned(rows: Sequence[Float[ndarray, " _"]], period: float = 0.0) -> list[Float[ndarray, " _"]]:
+    """Rows of knots, those that differ by rounding only made equal to the least of them; a knot just below the period comes to lie at 0."""
+    every = np.unique(np.concatenate(rows))
+    kept = distinct(every)
+    lifted = distinct(np.append(kept, kept[0] + period)) if period else kept
+    values = np.append(kept[:-1], kept[0]) if period and len(lifted) == len(kept) else kept
+    return [values[np.searchsorted(kept, row, side="right") - 1] for row in rows]
 
 
 def distinct(knots: Float[ndarray, " n"]) -> Float[ndarray, " m"]:

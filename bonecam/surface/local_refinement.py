@@ -201,7 +201,7 @@ def _split(lines: Lines, new: int, sight: _Sight, axis: int) -> list[tuple[Lines
     return [(part, factor) for part, factor in ((six[:5], left), (six[1:], right)) if factor > 0]
 
 
-def _reaches(s: Lines, t: Lines, sight: _Sight, faces: Float[ndarray, "f 4"]) -> bool:
+def _reaches(s: Lines, t: Lines, sight: _Sight, faces: ndarray) -> bool:
     """Whether the function is not zero everywhere on the domain."""
     s_low, s_high, t_low, t_high = sight.knot(0, s[0]), sight.knot(0, s[4]), sight.knot(1, t[0]), sight.knot(1, t[4])
     if s_low == s_high or t_low == t_high:

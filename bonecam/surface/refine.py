@@ -10,6 +10,7 @@ from bonecam.errors import SurfaceError
 from bonecam.surface.cutting import Draft
 from bonecam.surface.general_tmesh import TMesh
 from bonecam.surface.local_refinement import refined
+from bonecam.surface.open_rows import OpenRowTMesh
 from bonecam.surface.row_refinement import refined_rows
 from bonecam.surface.tmesh import RowTMesh
 
@@ -30,10 +31,10 @@ def refine(surface: "TSpline", s: Float[ndarray, " n"], t: Float[ndarray, " n"],
         raise ValueError(f"directions must be 's', 't' or 'st', not {directions!r}")
     place, s, t = surface.elements().place(s, t)
     tmesh: Any = surface.tmesh
-    if isinstance(tmesh, RowTMesh):
+    if isinstance(tmesh, RowTMesh | OpenRowTMesh):
         return refined_rows(surface, s, t, directions)
     if not isinstance(tmesh, TMesh):
-        raise SurfaceError("only closed rows and general T-meshes can be refined: bring open rows to a general one by as_general")
+        raise SurfaceError("Bezier elements without a T-mesh (.iga) cannot be refined: read the surface from a .tsm or .tspline file")
     middle = surface.elements().boxes[place]
     chosen = sorted({_face_at(tmesh, a, b) for a, b in zip(middle[:, :2].mean(axis=1), middle[:, 2:].mean(axis=1))})
     return _cut(surface, chosen, directions)

@@ -1,63 +1,92 @@
 """Exact knot insertion in row-structured surfaces (Boehm 1980): knots in single rows, and new rows.
 
 In t a new row is a combination of two old ones, S = sum_j N_j(t) Q_j(s); both are first brought to the knots of either. All points are
-homogeneous, so weights take part like coordinates.
+homogeneous, so weights take part like coordinates. Rows are closed (periodic knots, one a point) or open (clamped, four more than points).
 """
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.surface.tmesh import RowTMesh
+from bonecam.surface.knots import aligned
+from bonecam.surface.open_rows import OpenRowTMesh
+from bonecam.surface.tmesh import NEAREST, RowTMesh
 
 if TYPE_CHECKING:
     from bonecam.surface.tspline import TSpline
 
-Row = tuple[ndarray, ndarray]  # knots (r,) and homogeneous control points (r, 4); one of each: a pole
+Row = tuple[ndarray, ndarray]  # knots and homogeneous control points (r, 4); one of each: a pole
+T = TypeVar("T")
 
 
-def refined_rows(surface: "TSpline[RowTMesh]", s: Float[ndarray, " n"], t: Float[ndarray, " n"], directions: str) -> "TSpline[RowTMesh]":
+def refined_rows(
+    surface: "TSpline[RowTMesh] | TSpline[OpenRowTMesh]", s: Float[ndarray, " n"], t: Float[ndarray, " n"], directions: str
+) -> "TSpline":
     """A knot in the middle of the interval that holds s in each of the rows that act at t ("s"), and of the t-span ("t")."""
-    tmesh = surface.tmesh
+    tmesh: Any = surface.tmesh
     rows = _rows(surface)
     span = np.clip(np.searchsorted(tmesh.t_knots, t, side="right") - 1, 3, len(tmesh.t_knots) - 5)
     if "s" in directions:
         for j in range(len(rows)):
             acting = (span - 3 <= j) & (j <= span)
             if len(rows[j][0]) > 1 and acting.any():
-                rows[j] = with_knots(rows[j], _middles(rows[j][0], s[acting]))
+                rows[j] = with_knots(rows[j], _middles(rows[j], s[acting], np.concatenate([row[0] for row in rows])))
     t_knots = tmesh.t_knots
     if "t" in directions:
         for x in np.unique((tmesh.t_knots[span] + tmesh.t_knots[span + 1]) / 2):
-            t_knots, rows = with_t_knot(t_knots, rows, float(x))
+            t_knots, rows = _inserted(t_knots, rows, float(x), _mixed)
     points = np.vstack([row[1] for row in rows])
-    return type(surface)(RowTMesh.from_rows(t_knots, [row[0] for row in rows]), points[:, :3] / points[:, 3:], points[:, 3])
+    return type(surface)(type(tmesh).from_rows(t_knots, [row[0] for row in rows]), points[:, :3] / points[:, 3:], points[:, 3])
 
 
-def _rows(surface: "TSpline[RowTMesh]") -> list[Row]:
+def _rows(surface: "TSpline[RowTMesh] | TSpline[OpenRowTMesh]") -> list[Row]:
+    """The rows with homogeneous points; knots of different rows that differ by rounding only are made equal."""
     starts, weights = surface.tmesh.row_starts, surface.weights[:, None]
-    points = np.hstack([surface.control_points * weights, weights])
-    return [(knots, points[starts[j] : starts[j + 1]]) for j, knots in enumerate(surface.tmesh.s_knots)]
+    points = np.split(np.hstack([surface.control_points * weights, weights]), starts[1:-1])
+    if isinstance(surface.tmesh, OpenRowTMesh):
+        return list(zip(aligned(surface.tmesh.s_knots), points))
+    rows = [(knots, np.argsort(knots), part) for knots, part in zip(aligned(surface.tmesh.s_knots, 1.0), points)]
+    return [(knots[order], part[order]) for knots, order, part in rows]
 
 
-def _middles(knots: ndarray, s: ndarray) -> ndarray:
-    """The middles of the periodic intervals that hold s, in [0, 1)."""
-    k = np.unique((np.searchsorted(knots, np.mod(s, 1.0), side="right") - 1) % len(knots))
-    following = np.append(knots, knots[0] + 1)[k + 1]
-    return np.asarray(np.mod((knots[k] + following) / 2, 1.0))
+def _is_open(row: Row) -> bool:
+    return len(row[0]) > len(row[1])
+
+
+def _middles(row: Row, s: ndarray, known: ndarray) -> ndarray:
+    """The middles of the intervals that hold s; one that is a known knot but for rounding is that knot."""
+    knots = row[0]
+    if _is_open(row):
+        k = np.unique(np.clip(np.searchsorted(knots, s, side="right") - 1, 3, len(knots) - 5))
+        middles, period = (knots[k] + knots[k + 1]) / 2, 2.0
+    else:
+        k = np.unique((np.searchsorted(knots, np.mod(s, 1.0), side="right") - 1) % len(knots))
+        middles, period = np.mod((knots[k] + np.append(knots, knots[0] + 1)[k + 1]) / 2, 1.0), 1.0
+    apart = np.abs(np.mod(middles[:, None] - known + period / 2, period) - period / 2)
+    nearest = apart.argmin(axis=1)
+    return np.asarray(np.where(apart.min(axis=1) < NEAREST, known[nearest], middles))
 
 
 def with_knots(row: Row, new: Float[ndarray, " k"]) -> Row:
-    """The same periodic curve with more knots, each in [0, 1) and not there yet. A pole gets its point at every one of them."""
+    """The same curve with more knots; a closed one has none of them yet. A pole gets its point at every one of them."""
     knots, points = row
     if len(knots) == 1:
         every = np.sort(new)
         return every, np.repeat(points, len(every), axis=0)
     for x in new:
-        knots, points = _with_knot(knots, points, float(x))
+        if _is_open((knots, points)):
+            knots, legs = _inserted(knots, list(points), float(x), _divided)
+            points = np.array(legs)
+        else:
+            knots, points = _with_knot(knots, points, float(x))
     return knots, points
+
+
+def _divided(first: ndarray, second: ndarray, ratio: float) -> ndarray:
+    return np.asarray(first * (1 - ratio) + second * ratio)
 
 
 def _with_knot(knots: ndarray, points: ndarray, x: float) -> Row:
@@ -81,20 +110,26 @@ def _with_knot(knots: ndarray, points: ndarray, x: float) -> Row:
     return np.insert(knots, place, x), result
 
 
-def with_t_knot(t_knots: ndarray, rows: list[Row], x: float) -> tuple[ndarray, list[Row]]:
-    """The same surface with one more row: rows k-2..k of the new surface lie between two old ones, x in t-span k."""
-    k = int(np.searchsorted(t_knots, x, side="right")) - 1
-    found = list(rows[: k - 2])
+def _inserted(knots: ndarray, items: Sequence[T], x: float, mixed: Callable[[T, T, float], T]) -> tuple[ndarray, list[T]]:
+    """Clamped knots with x, and the control points or rows: three lie between two old ones each."""
+    k = int(np.searchsorted(knots, x, side="right")) - 1
+    found = list(items[: k - 2])
     for i in (k - 2, k - 1, k):
-        ratio = (x - t_knots[i]) / (t_knots[i + 3] - t_knots[i])
-        found.append(_mixed(rows[i - 1], rows[i], ratio))
-    return np.insert(t_knots, k + 1, x), found + list(rows[k:])
+        found.append(mixed(items[i - 1], items[i], (x - knots[i]) / (knots[i + 3] - knots[i])))
+    return np.insert(knots, k + 1, x), [*found, *items[k:]]
 
 
 def _mixed(first: Row, second: Row, ratio: float) -> Row:
     """(1 - ratio) first + ratio second, on the knots of both."""
     if len(first[0]) == 1 and len(second[0]) == 1:
         return first[0], first[1] * (1 - ratio) + second[1] * ratio
-    every = np.union1d(*(row[0] if len(row[0]) > 1 else np.zeros(0) for row in (first, second)))
-    a, b = (with_knots(row, every if len(row[0]) == 1 else np.setdiff1d(every, row[0])) for row in (first, second))
-    return every, a[1] * (1 - ratio) + b[1] * ratio
+    a, b = with_knots(first, _lacking(first, second)), with_knots(second, _lacking(second, first))
+    return a[0], a[1] * (1 - ratio) + b[1] * ratio
+
+
+def _lacking(row: Row, other: Row) -> ndarray:
+    """The knots of `other` that `row` has not, or not as often; a pole has none of its own."""
+    knots, others = (x[0] if len(x[0]) > 1 else np.zeros(0) for x in (row, other))
+    every, times = np.unique(others, return_counts=True)
+    own = np.searchsorted(knots, every, side="right") - np.searchsorted(knots, every, side="left")
+    return np.repeat(every, np.maximum(times - own, 0))

@@ -13,8 +13,11 @@ from test_tsm import torus_text
 from bonecam.errors import SurfaceError
 from bonecam.surface.as_general import as_general
 from bonecam.surface.files import read_tsm, write_tsm
+from bonecam.surface.fit import fit
+from bonecam.surface.general_tmesh import TMesh
 from bonecam.surface.iga import read_iga, write_iga
 from bonecam.surface.open_rows import OpenRowTMesh
+from bonecam.surface.skin import skin
 from bonecam.surface.tspline import TSpline
 
 seeds = st.integers(0, 10_000)
@@ -135,12 +138,17 @@ def test_a_wrong_call_is_refused() -> None:
         surface.refine(np.array([-1.0]), np.zeros(1))
 
 
-def test_open_rows_are_a_general_tmesh_and_can_be_refined_there() -> None:
+def open_rows(seed: int) -> TSpline[OpenRowTMesh]:
+    """Six open rows with random knots, one of them twice, and random weights."""
+    rng = np.random.default_rng(seed)
+    inner = [np.sort(np.append(rng.uniform(0.1, 0.9, j % 3), [0.5] * (j // 2))) for j in range(6)]
     t = np.concatenate([np.zeros(4), [0.3, 0.6], np.ones(4)])
-    inner = [np.sort(np.random.default_rng(j).uniform(0.1, 0.9, j % 3)) for j in range(6)]
     rows = OpenRowTMesh.from_rows(t, [np.concatenate([np.zeros(4), k, np.ones(4)]) for k in inner])
-    rng = np.random.default_rng(1)
-    surface = TSpline(rows, rng.standard_normal((rows.size, 3)), rng.uniform(0.8, 1.2, rows.size))
+    return TSpline(rows, rng.standard_normal((rows.size, 3)), rng.uniform(0.8, 1.2, rows.size))
+
+
+def test_open_rows_are_a_general_tmesh_and_can_be_refined_there() -> None:
+    surface = open_rows(1)
     general = as_general(surface)
     s, t = np.random.default_rng(2).random((2, 500))
     boxes = general.elements().boxes
@@ -152,8 +160,57 @@ def test_open_rows_are_a_general_tmesh_and_can_be_refined_there() -> None:
         assert (abs(a - b).max(axis=1) <= rounding * abs(a).max()).all()
     finer = general.refine(s[:2], t[:2])
     np.testing.assert_allclose(finer.evaluate(s, t), surface.evaluate(s, t), atol=1e-13 * 5)
-    with pytest.raises(SurfaceError, match="as_general"):
-        surface.refine(s[:1], t[:1])
+
+
+@settings(max_examples=10, deadline=None)
+@given(seeds, st.sampled_from(["s", "t", "st"]))
+def test_open_rows_stay_what_they_are(seed: int, directions: str) -> None:
+    surface = open_rows(seed)
+    finer = surface.refine(*np.random.default_rng(seed).random((2, 3)), directions)
+    assert isinstance(finer.tmesh, OpenRowTMesh)
+    assert finer.tmesh.size > surface.tmesh.size
+    s, t = np.concatenate([np.random.default_rng(seed + 1).random((2, 500)), [[0, 1, 0.5], [1, 1, 0]]], axis=1)
+    np.testing.assert_allclose(finer.evaluate(s, t), surface.evaluate(s, t), atol=1e-13 * 5)
+
+
+def test_knots_of_rows_that_differ_by_rounding_are_one() -> None:
+    surface = bone_like(9, 6, 3)
+    rows = [row.copy() for row in surface.tmesh.s_knots]
+    rows[3][2], rows[4][2] = rows[5][2] + 1e-16, rows[5][2] - 1e-16
+    rows[3][-1], rows[4][0] = 1 - 2e-16, 0.0
+    surface = TSpline(type(surface.tmesh).from_rows(surface.tmesh.t_knots, rows), surface.control_points, surface.weights)
+    s, t = np.random.default_rng(1).random((2, 500))
+    for first in (surface, as_general(surface)):
+        finer = first.refine(s[:3], t[:3], "t").refine(s[:2], t[:2])
+        np.testing.assert_allclose(finer.evaluate(s, t), surface.evaluate(s, t), atol=1e-13 * 28)
+
+
+def own_surfaces() -> dict[str, TSpline]:
+    """What bonecam makes: fitted (levels keep its T-mesh), skinned closed, with and without poles, and open."""
+    fitted = fit(bone_like(8, 8).tessellate(0.3), 0.3).surface
+    angle = 2 * np.pi * np.arange(40) / 40
+    rings = [np.column_stack([(2 + z % 3) * np.cos(angle), 3 * np.sin(angle) + z, np.full(40, float(z))]) for z in range(1, 8)]
+    poles = np.array([[0.0, 0, 0], [0, 8, 8]])
+    skinned = skin(rings, 0.01, poles=poles), skin(rings, 0.01), skin(rings, 0.01, closed=False)
+    return dict(zip(("fitted", "poles", "tube", "sheet"), (fitted, *skinned)))
+
+
+def faces_and_points(surface: TSpline) -> int:
+    """Grows with each refinement: a face that is cut where its rows have a knot already needs no control point."""
+    return surface.tmesh.size + (len(surface.tmesh.faces) if isinstance(surface.tmesh, TMesh) else 0)
+
+
+def test_every_surface_made_here_is_refined_without_change() -> None:
+    for name, surface in own_surfaces().items():
+        s, t = np.random.default_rng(1).random((2, 1000))
+        expected, size = surface.evaluate(s, t), np.ptp(surface.control_points, axis=0).max()
+        for first in (surface, as_general(surface)):
+            for seed, order in enumerate((("st", "s"), ("t", "st"))):
+                finer = first
+                for k, directions in enumerate(order):
+                    coarse, finer = finer, finer.refine(*np.random.default_rng(10 * seed + k).random((2, 1)), directions)
+                    assert faces_and_points(finer) > faces_and_points(coarse), name
+                np.testing.assert_allclose(finer.evaluate(s, t), expected, atol=1e-13 * size, err_msg=name)
 
 
 def test_what_half_edges_cannot_hold_is_said_and_goes_into_an_iga_file(shared: Path, tmp_path: Path) -> None:
