@@ -25,6 +25,7 @@ from bonecam.files import check_folder, write_whole
 from bonecam.job import Job, write_job
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.machine import read_machine
+from bonecam.requirements import check_job
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ def convert_many(
     job, target = job or Job(), Path(folder)
     files = [Path(mesh) for mesh in meshes]
     _check_names(files, jobs)
-    read_machine(job.nc.machine), read_dialect(job.nc.controller)
+    check_job(job, read_machine(job.nc.machine)), read_dialect(job.nc.controller)
     check_folder(target)
     target.mkdir(parents=True, exist_ok=True)
     outcomes: dict[int, Outcome] = {}

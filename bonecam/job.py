@@ -106,6 +106,7 @@ class LevelsJob(Stage):
     depths: str = parameter(
         "", "Depths", "Instead: depths (mm) of the cuts from the part outwards, like '0.1 0.1 0.3 0.5'; the last holds for all others."
     )
+    most_cuts: int = parameter(250, "Most cuts", "A stock so far from the part that it takes more is refused.", low=1, high=2000)
     even: bool = parameter(False, "Even", "Make the roughing cuts shallower, as many as before, until the outermost is no sliver.")
     stiffness: float = parameter(5e-7, "Stiffness", "c_int / c_ext, parameters in [0, 1].", low=0.0, high=1.0)
     attraction: str = parameter(

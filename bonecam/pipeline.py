@@ -16,7 +16,7 @@ from jaxtyping import Float
 from numpy import ndarray
 from threadpoolctl import threadpool_limits
 
-from bonecam.errors import MachineError, MeshError, SurfaceError
+from bonecam.errors import MeshError, SurfaceError, place_name
 from bonecam.job import Job, MeshJob, SurfaceJob
 from bonecam.keep import failed_level_kept
 from bonecam.levels.body_surface import enclosing
@@ -46,6 +46,7 @@ from bonecam.orientation.orient import orient
 from bonecam.orientation.scene import Scene
 from bonecam.outputs import File, Outputs
 from bonecam.progress import Progress, part, report, silent
+from bonecam.requirements import check_cuts, check_job, check_post, check_room, check_sizes, check_surface, check_tools
 from bonecam.surface import given
 from bonecam.surface.fit import Fit, fit
 from bonecam.surface.tspline import TSpline
@@ -119,11 +120,13 @@ def convert(
     """
     job, clock = job or Job(), _Clock()
     machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)  # what is wrong is refused before the work
+    check_job(job, machine)
     outputs = Outputs(program, keep, report, surface)
     outputs.check(dialect, *([] if isinstance(mesh, TriangleMesh) else [mesh]))
     with clock.stage("mesh"):
         placed, stock = place(prepare(mesh, job.mesh, part(progress, 0.0, 0.03), job.surface), job)
         check_room(stock, job, machine)
+        check_cuts(placed.mesh, stock, job.levels)
     with clock.stage("surface"):
         fitted = fit_surface(placed, job, part(progress, 0.03, 0.15))
     with clock.stage("levels"), failed_level_kept(keep):
@@ -178,27 +181,15 @@ def prepare_surface(file: str | Path, job: MeshJob, surface: SurfaceJob) -> Part
 
 def place(unplaced: Part, job: Job) -> tuple[Part, Stock]:
     """The stock round the part, and both moved up onto the post."""
+    check_sizes(job.stock)
     stock, pose = stock_for(unplaced.mesh.vertices, job.stock)
     if job.mesh.upright and is_free(job.stock):
         pose = centred(unplaced.mesh.moved(pose).vertices, stock, MARGIN) @ pose
     lift = np.array([0.0, 0.0, job.holding.length - stock.bounds[0, 2]])
     pose[:3, 3] += lift
-    return replace(unplaced, mesh=unplaced.mesh.moved(pose), transform=pose @ unplaced.transform), stock.moved(lift)
-
-
-def check_room(stock: Stock, job: Job, machine: Machine) -> None:
-    """MachineError where the stock on its post with a tool above it cannot be within the machine's travel."""
-    needed = job.holding.length + stock.length + max(job.roughing.overhang, job.finishing.overhang)
-    for axis in machine.linear:
-        extent = needed if axis.letter == "Z" else stock.diameter
-        if extent > axis.travel:
-            raise MachineError(
-                f"{machine.name}: {extent:.0f} mm are needed along {axis.letter}, its travel is {axis.travel:.0f} mm: "
-                "take a larger machine (--machine), or a shorter post or tool",
-                axis=axis.letter,
-                needed=extent,
-                travel=axis.travel,
-            )
+    placed, standing = replace(unplaced, mesh=unplaced.mesh.moved(pose), transform=pose @ unplaced.transform), stock.moved(lift)
+    check_post(placed.mesh, standing, job)
+    return placed, standing
 
 
 def fit_surface(placed: Part, job: Job, progress: Progress = silent) -> Fit:
@@ -211,9 +202,9 @@ def fit_surface(placed: Part, job: Job, progress: Progress = silent) -> Fit:
         found = fit(placed.mesh, job.surface.tolerance, job.surface.max_control_points, rows=rows, progress=part(progress, 0.2, 1.0))
     missed, limit = found.deviation, max(job.surface.tolerance, job.surface.largest_deviation)
     if missed.max > limit:
-        where = ", ".join(f"{x:.2f}" for x in missed.place)
-        what = f"{placed.file}: {found.control_points} control points miss the mesh by {missed.max:.2f} mm near ({where})"
+        what = f"{placed.file}: {found.control_points} control points miss the mesh by {missed.max:.2f} mm near {place_name(missed.place)}"
         raise SurfaceError(f"{what}: raise surface.max_control_points, or surface.largest_deviation ({limit:g} mm)", deviation=missed)
+    check_surface(found.surface, job.levels.chord_tolerance, placed.file)
     return found
 
 
@@ -233,6 +224,7 @@ def make_levels(surface: TSpline, stock: Stock, job: Job, progress: Progress = s
 
 def plan_paths(levels: Morph, stock: Stock, job: Job, machine: Machine, progress: Progress = silent) -> tuple[ToolPath, ...]:
     """The path of every level in machining order, from the one next to the stock down to the part."""
+    check_tools(job, machine)
     design = levels.levels[0].surface
     assert design is not None
     part_mesh = design.tessellate(PATH_CHORD)

@@ -4,7 +4,7 @@ How to add a machine: copy a file of `bonecam/nc/machines/` (name it, or give it
 - `title`, `chain`: from the part outward to the tool, rotary letters and "XYZ" for the linear axes together:
   ["C", "B", "XYZ"] table/table (C carries the part, B carries C), ["C", "XYZ", "B"] head/table, ["XYZ", "C", "B"] head/head;
 - `part_zero` (mm): the program's zero in the machine's frame, all axes at zero; `programmed_point`: "tip" or "centre";
-  `tool_centre_control`: the dialect's name of it where the dialect has several;
+  `tool_centre_control`: the dialect's name of it where the dialect has several; `spindle_speed` (1/min, optional): the highest;
 - [X] [Y] [Z]: `speed` mm/min and either `limits` (lowest and highest mm of the spindle nose) or, where the place of the
   part on the machine is not known, `travel` (mm): then only the span of the program is checked;
 - one table a rotary letter: `direction` (unit vector) and `pivot` (mm, any point on the axis; of a head axis: measured from
@@ -24,7 +24,7 @@ from bonecam.nc.tables import names_in, read_table
 
 FOLDER = Path(__file__).parent / "machines"
 LINEAR = "XYZ"
-_KEYS = {"title", "chain", "part_zero", "programmed_point", "tool_centre_control", "X", "Y", "Z"}
+_KEYS = {"title", "chain", "part_zero", "programmed_point", "tool_centre_control", "spindle_speed", "X", "Y", "Z"}
 _LINEAR_KEYS = {"speed", "limits", "travel"}
 _ROTARY_KEYS = {"direction", "pivot", "sign", "limits_deg", "endless", "speed_deg_s"}
 Vector = tuple[float, float, float]
@@ -70,6 +70,7 @@ class Machine:
     part_zero: Vector
     programmed_point: str
     tool_centre_control: str
+    spindle_speed: float = math.inf
 
     @cached_property
     def rotary(self) -> tuple[RotaryAxis, RotaryAxis]:
@@ -127,6 +128,7 @@ class _Reader:
             part_zero=self.vector("part_zero", values.get("part_zero", [0.0, 0.0, 0.0])),
             programmed_point=point,
             tool_centre_control=values.get("tool_centre_control", ""),
+            spindle_speed=self.number("spindle_speed", values["spindle_speed"], 0.0) if "spindle_speed" in values else math.inf,
         )
 
     def chain(self, values: dict[str, Any]) -> tuple[list[str], list[str]]:

@@ -37,7 +37,8 @@ def post_below(part: TriangleMesh, holding: HoldingJob) -> Post:
     met = heights[np.isfinite(heights)]
     if not len(met):
         raise ToolPathError(
-            f"the post of diameter {holding.diameter:g} mm on the Z axis misses the part: place the part's lower end over it",
+            f"the post of diameter {holding.diameter:g} mm on the Z axis misses the part: bring the part's lower end over it "
+            "(stock.offset_x, offset_y, mesh.upright), or give a larger holding.diameter",
             diameter=holding.diameter,
         )
     return Post(radius, float(min(met.max(), met.min() + holding.diameter)))

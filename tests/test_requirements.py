@@ -1,0 +1,103 @@
+"""What cannot come to a program is refused at once: the field with its value, the bound and the remedy, in one line, and no file."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from bodies import mesh_of, pebble
+from bonecam_meshes import path as shipped
+
+import bonecam
+from bonecam import pipeline
+from bonecam.batch import convert_many
+from bonecam.errors import BonecamError, JobError, SurfaceError, ToolPathError
+from bonecam.job import Job
+from bonecam.mesh.files import read_mesh
+from bonecam.nc.machine import machine_names, read_machine
+from bonecam.requirements import check_job, check_surface
+from bonecam.surface.tspline import TSpline
+
+
+@pytest.fixture
+def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fitted(*given: Any, **named: Any) -> None:
+        raise AssertionError("the surface was fitted before the job was refused")
+
+    monkeypatch.setattr(pipeline, "fit", fitted)
+
+
+@pytest.mark.usefixtures("no_work")
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"holding": {"diameter": 100.0}}, r"\[holding\] diameter = 100: the stock is 1\d\.\d\d mm wide: give"),
+        (
+            {"stock": {"diameter": 300.0, "length": 320.0}},
+            r"\[levels\] most_cuts = 250: the stock at .* takes 2\d\d cuts or more: give a smaller",
+        ),
+        ({"stock": {"width": 20.0}}, r"\[stock\] width = 20: a capsule has none: give diameter and length, or kind = box"),
+        ({"stock": {"mesh": "block.stl"}}, r"\[stock\] mesh = 'block\.stl': a capsule has none"),
+        ({"stock": {"kind": "box", "diameter": 15.0}}, r"\[stock\] diameter = 15: a box has none"),
+        ({"finishing": {"scallop": 1.5}}, r"\[finishing\] scallop = 1\.5: give less than the ball's radius \(1 mm\)"),
+        ({"roughing": {"flute_length": 1.5}}, r"\[roughing\] flute_length = 1\.5: give at least the ball's radius"),
+        ({"roughing": {"overhang": 6.0}}, r"\[roughing\] overhang = 6: give more than flute_length \(8 mm\)"),
+        ({"finishing": {"shank_diameter": 25.0}}, r"\[finishing\] shank_diameter = 25: give at most holder_diameter \(20 mm\)"),
+        (
+            {"finishing": {"shank_diameter": 50.0, "holder_diameter": 60.0}},
+            r"\[finishing\] shank_diameter = 50: at the lead of 10 degrees the shank would cut into a flat part",
+        ),
+        ({"roughing": {"spindle": 60000.0}}, r"\[roughing\] spindle = 60000: mikron-ucp600 turns at 20000 1/min at most"),
+        ({"finishing": {"feed": 25000.0}}, r"\[finishing\] feed = 25000: an axis of mikron-ucp600 makes 22000 mm/min at most"),
+        ({"levels": {"roughing_depth": 5.0}}, r"\[levels\] roughing_depth = 5: a ball of roughing\.radius = 2 mm sinks 1\.5 mm at most"),
+        ({"levels": {"finishing_depth": 0.8}}, r"\[levels\] finishing_depth = 0\.8: a ball of finishing\.radius = 1 mm"),
+        ({"levels": {"depths": "0.1 2.5"}}, r"\[levels\] depths = '0\.1 2\.5': a ball"),
+        ({"path": {"lead_deg": 60.0, "max_tilt_deg": 30.0}}, r"\[path\] lead_deg = 60: keep it within path\.max_tilt_deg \(30\)"),
+        ({"holding": {"length": 0.0}}, r"\[holding\] length = 0\.0: keep it within"),
+        ({"roughing": {"feed": -900.0}}, r"\[roughing\] feed = -900\.0: keep it within"),
+        ({"roughing": {"overhang": 400.0}}, "mm are needed along Z, its travel is 450 mm"),
+        ({"stock": {"offset_x": 40.0}}, r"the post of diameter 4 mm on the Z axis misses the part: .*stock\.offset_x"),
+    ],
+)
+def test_an_absurd_job_is_refused_before_the_surface_is_fitted(changes: dict, named: str, tmp_path: Path) -> None:
+    with pytest.raises(BonecamError, match=named) as caught:
+        bonecam.convert(shipped("phalanx"), Job().with_values(**changes), program=tmp_path / "bone.h")
+    assert "\n" not in str(caught.value)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", machine_names())
+def test_the_default_job_suits_every_machine(name: str) -> None:
+    check_job(Job(), read_machine(name))
+
+
+def test_a_batch_refuses_an_absurd_job_before_its_first_mesh(tmp_path: Path) -> None:
+    with pytest.raises(JobError, match="scallop"):
+        convert_many(["bone.stl"], tmp_path / "out", Job().with_values(finishing={"scallop": 1.5}))
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_filters_refuse_a_post_beside_the_part() -> None:
+    mesh = read_mesh(shipped("phalanx"))
+    meshes = bonecam.MeshSet()
+    from bonecam.mesh.files import meshlab
+
+    meshes.add_mesh(meshlab().Mesh(mesh.vertices, mesh.faces))
+    with pytest.raises(ToolPathError, match="misses the part"):
+        meshes.apply_filter("generate_stock", offset_x=40.0)
+    assert meshes.mesh_number() == 1
+
+
+def test_a_surface_that_cuts_itself_is_refused_with_the_place() -> None:
+    sound = pebble()
+    check_surface(sound, 0.05, "bone.stl")
+    points = np.array(sound.control_points)
+    waist = slice(1 + 12 * 4, 1 + 12 * 7)
+    points[waist, :2] *= -0.3  # turned through the axis: the wall passes through itself
+    crossed = TSpline(sound.tmesh, points, sound.weights)
+    with pytest.raises(
+        SurfaceError, match=r"bone\.stl: the surface of \d+ control points cuts itself in \d+ faces, first near \(.*\): raise"
+    ) as caught:
+        check_surface(crossed, 0.05, "bone.stl")
+    low, high = mesh_of(crossed).bounds
+    assert ((caught.value.evidence["place"] >= low - 0.1) & (caught.value.evidence["place"] <= high + 0.1)).all()
