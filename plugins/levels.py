@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from bonecam.errors import LevelError
+from bonecam.errors import LevelError, StockError, ToolPathError
 from bonecam.filters.filter import Filter
 from bonecam.filters.layers import Layers
 from bonecam.filters.parameter import FilterParameter, Kind, parameters_of, stage_of
@@ -24,8 +24,11 @@ def generate_stock(layers: Layers, values: Mapping[str, Any], progress: Progress
     from bonecam.pipeline import Part, place
 
     job = replace(layers.job(), stock=stage_of(StockJob(), values), holding=stage_of(HoldingJob(), values, prefix="post_"))
-    mesh = layers.mesh()
-    part, stock = place(Part(mesh, layers.name, len(mesh.faces), "mm", (), np.eye(4)), job)
+    mesh = layers.bone()
+    try:
+        part, stock = place(Part(mesh, layers.name, len(mesh.faces), "mm", (), np.eye(4)), job)
+    except (StockError, ToolPathError) as error:
+        raise type(error)(f"{error} (stock and post stand on the Z axis: was apply_upright_pose applied?)", **error.evidence) from error
     kept = {"stock": stock, "job": job}
     layers.add(stock.mesh(values["chord_tolerance"]), "stock", keep=kept)
     layers.add(part.mesh, "part on post", keep=kept)

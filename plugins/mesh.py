@@ -19,7 +19,7 @@ def scale_to_mm(layers: Layers, values: Mapping[str, Any], progress: Progress) -
     """`apply_units_in_mm`."""
     from bonecam.mesh.units import MM_OF, to_mm
 
-    scaled = to_mm(layers.mesh(), values["units"], layers.name)
+    scaled = to_mm(layers.mesh(), values["units"], layers.name, 'give units="{}"')
     layers.transform(np.diag([MM_OF[values["units"]]] * 3 + [1.0]))
     return {"scale": MM_OF[values["units"]], "diagonal_mm": scaled.diagonal}
 
@@ -28,7 +28,7 @@ def repair_bone(layers: Layers, values: Mapping[str, Any], progress: Progress) -
     """`meshing_repair_bone`."""
     from bonecam.mesh.repair import repair
 
-    mesh, changes = repair(layers.mesh(), progress=progress)
+    mesh, changes = repair(layers.bone(), progress=progress)
     layers.add(mesh, "repaired")
     return {"repairs": list(changes), "faces": len(mesh.faces)}
 
@@ -37,7 +37,7 @@ def fill_pits_layer(layers: Layers, values: Mapping[str, Any], progress: Progres
     """`meshing_fill_pits`."""
     from bonecam.mesh.pits import fill_pits
 
-    mesh, told = fill_pits(layers.mesh(), values["pit_radius"])
+    mesh, told = fill_pits(layers.bone(), values["pit_radius"])
     layers.add(mesh, "filled")
     return {"filled": list(told)}
 
@@ -56,7 +56,7 @@ def harmonic_rows_layer(layers: Layers, values: Mapping[str, Any], progress: Pro
     from bonecam.mesh.sections import harmonic_rows
 
     job = stage_of(MeshJob(), values)
-    mesh = layers.mesh()
+    mesh = layers.bone()
     rows = harmonic_rows(mesh, rows=job.rows, points=job.row_points, edge=mesh.diagonal * job.edge_percent / 100, progress=progress)
     count, points = rows.points.shape[:2]
     index = np.arange(count * points).reshape(count, points)

@@ -23,7 +23,7 @@ def fit_tspline(layers: Layers, values: Mapping[str, Any], progress: Progress) -
 
     before = layers.job()
     job = replace(before, mesh=stage_of(before.mesh, values), surface=stage_of(SurfaceJob(), values))
-    mesh = layers.mesh()
+    mesh = layers.bone()
     part = Part(mesh, layers.name, len(mesh.faces), "mm", (), np.eye(4))
     fit = fit_surface(part, job, progress)
     layers.add(fit.surface.tessellate(values["chord_tolerance"]), "surface", keep={"surface": fit.surface, "job": job})

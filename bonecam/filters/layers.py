@@ -19,6 +19,7 @@ from bonecam.errors import FilterError
 from bonecam.job import Job
 from bonecam.mesh.files import colours_to, meshlab
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.mesh.units import to_mm
 
 Value = TypeVar("Value")
 
@@ -60,6 +61,10 @@ class Layers:
         if not layer.face_number():
             raise FilterError(f"{self.name} has no triangles: make a layer with a surface the current one")
         return TriangleMesh(layer.transformed_vertex_matrix(), layer.face_matrix().astype(np.int32))
+
+    def bone(self) -> TriangleMesh:
+        """The current layer where its size is a bone's in mm; UnitsError names the unit that it seems to be in."""
+        return to_mm(self.mesh(), "mm", self.name, 'apply apply_units_in_mm with units="{}"')
 
     def keep(self, **values: Any) -> None:
         """Keep values beside the current layer; what was kept of an earlier shape of it is dropped."""

@@ -7,6 +7,7 @@ import numpy as np
 import pymeshlab
 import pytest
 
+from bonecam.errors import BonecamError, UnitsError
 from bonecam.filters.meshset import MeshSet
 from bonecam.filters.script import run_script
 
@@ -69,3 +70,40 @@ def test_a_percentage_leads_to_the_same_levels_as_its_millimetres(phalanx: Path)
         found.append(meshes.generate_stock_capsule(allowance=allowance))
     assert found[0]["diameter_mm"] == found[1]["diameter_mm"]
     assert found[0]["length_mm"] == found[1]["length_mm"]
+
+
+FITTING = r'0\.03\d\d mm from corner to corner .*apply apply_units_in_mm with units="m" \(3\d\.\d mm\)'
+
+
+@pytest.mark.parametrize(
+    "name", ["meshing_repair_bone", "meshing_fill_pits", "compute_harmonic_rows", "compute_tspline_surface", "generate_stock"]
+)
+def test_a_bone_in_metres_is_refused_by_every_filter_that_works_in_mm(name: str, metres: MeshSet) -> None:
+    with pytest.raises(UnitsError, match=FITTING):
+        metres.apply_filter(name)
+    assert metres.mesh_number() == 1
+
+
+def test_units_that_do_not_fit_are_refused_in_the_words_of_the_filter(metres: MeshSet) -> None:
+    with pytest.raises(UnitsError, match=r'if its unit is inch: give units="m" \(3\d') as caught:
+        metres.apply_units_in_mm(units="inch")
+    assert "--units" not in str(caught.value)
+    metres.apply_units_in_mm(units="m")
+    assert "repairs" in metres.meshing_repair_bone()
+
+
+@pytest.mark.parametrize("size", [{}, {"diameter": 12.0, "length": 40.0}])
+def test_a_part_that_lies_beside_its_stock_is_told_to_stand_upright(size: dict, phalanx: Path) -> None:
+    meshes = MeshSet()
+    meshes.load_new_mesh(str(phalanx))
+    meshes.compute_matrix_from_translation(axisx=60.0)
+    with pytest.raises(BonecamError, match=r"was apply_upright_pose applied\?"):
+        meshes.generate_stock_capsule(**size)
+
+
+@pytest.fixture
+def metres(phalanx: Path) -> MeshSet:
+    meshes = MeshSet()
+    meshes.load_new_mesh(str(phalanx))
+    meshes.compute_matrix_from_scaling_or_normalization(axisx=0.001)
+    return meshes

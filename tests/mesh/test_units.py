@@ -17,6 +17,11 @@ def test_metres_taken_for_mm_are_refused_with_the_flag_that_fits() -> None:
         to_mm(moved(BONE, (0, 0, 0), 0.001), "mm", "bone.stl")
 
 
+def test_the_remedy_is_worded_for_who_asks() -> None:
+    with pytest.raises(UnitsError, match=r'write units="m" \(31\.4 mm\)'):
+        to_mm(moved(BONE, (0, 0, 0), 0.001), "mm", flag='write units="{}"')
+
+
 def test_a_size_no_unit_fits_and_an_unknown_unit_are_refused() -> None:
     with pytest.raises(UnitsError, match="scale the mesh"):
         to_mm(moved(BONE, (0, 0, 0), 1e6), "mm")
