@@ -62,7 +62,8 @@ def convert_many(
     job, target = job or Job(), Path(folder)
     files = [Path(mesh) for mesh in meshes]
     _check_names(files, jobs)
-    check_job(job, read_machine(job.nc.machine)), read_dialect(job.nc.controller)
+    read_dialect(job.nc.controller)
+    check_job(job, read_machine(job.nc.machine))
     check_folder(target)
     target.mkdir(parents=True, exist_ok=True)
     outcomes: dict[int, Outcome] = {}
