@@ -16,7 +16,7 @@ from bonecam.levels.limit_wall import inside
 from bonecam.levels.limits import feet, heights
 from bonecam.levels.solve import factor
 
-BEYOND, ALL_OUT = 2.0, 8
+BEYOND, ALL_OUT = 4.0, 8
 """How far beyond the depth is pulled at most, and how sharply that sets in."""
 LONGEST, LEAST_COSINE = 2.0, 0.3
 EVEN = 0.05

@@ -122,15 +122,21 @@ def morph(
 def _mend(inspection: Inspection, making: Sequences, made: Sequence[ndarray], manner: Manner) -> None:
     """Make what failed again, with the places watched that are near their limits, until nothing fails or nothing helps.
 
-    The level above one that moved may fail then, and so on outwards; only a step back counts as one of the MENDS.
+    The level above one that moved may fail then, and so on outwards; only a step back counts as one of the MENDS, and has to help.
     """
-    mends, lowest = 0, len(made)
+    mends, lowest, trouble = 0, len(made), (len(made), np.inf, np.inf)
     while mends < MENDS:
-        which = {cut.level.index for cut in inspection.failed} - {len(made)}
+        failed = inspection.failed
+        which = {cut.level.index for cut in failed} - {len(made)}
         watched = np.vstack([cut.found.near_limits for cut in inspection.cuts])
-        if not which or not 0 < len(watched) <= MOST_MENDED or max(cut.over for cut in inspection.failed) > MENDABLE:
+        if not which or not 0 < len(watched) <= MOST_MENDED or max(cut.over for cut in failed) > MENDABLE:
             return
-        mends, lowest = mends + (min(which) <= lowest), min(which)
+        if min(which) <= lowest:
+            before, trouble = trouble, (len(which), sum(cut.level.self_intersections for cut in failed), max(cut.over for cut in failed))
+            if mends and all(now >= then for now, then in zip(trouble, before)):
+                return
+            mends += 1
+        lowest = min(which)
         making = replace(making, setting=making.setting.watching(watched))
         made = making.mended(made, which, manner)
         inspection.measure(made, sorted({k for level in which for k in (level, level + 1)}))
@@ -148,4 +154,4 @@ def _by_cones(
         distance = MeshDistance(grid.mesh(P)).unsigned(targets)
         return float(distance.max()), targets[np.argmax(distance)]
 
-    yield cone_sequence(surface, stock, schedule, stiffness, attraction, left, progress), Manner(stiffness, stiffness, 0.0, 1.0)
+    yield cone_sequence(surface, stock, schedule, stiffness, attraction, left, progress), Manner(stiffness, stiffness, 0.0, 1.0, 1.0)

@@ -14,8 +14,19 @@ from bonecam.levels.setting import Setting
 from bonecam.levels.step import next_level
 from bonecam.progress import Progress, report
 
-VARIANTS = ((1e-6, 1e-4, 1.0), (3e-7, 1e-4, 1.0), (3e-6, 1e-4, 0.7), (1e-5, 1e-4, 0.7), (1e-7, 1e-4, 0.5), (1e-6, 1e-3, 1.0))
+VARIANTS = (
+    (1e-7, 1e-4, 1.0),
+    (1e-6, 1e-4, 1.0),
+    (3e-7, 1e-4, 1.0),
+    (3e-6, 1e-4, 0.7),
+    (1e-5, 1e-4, 0.7),
+    (1e-7, 1e-4, 0.5),
+    (1e-6, 1e-3, 1.0),
+)
 """Bending, smoothing of the field of directions and haste (`Manner`); tried in turn."""
+LAST, LATE = 3, 0.5
+"""Where there are more cuts than K_min, the last so many levels below the stock are made again with this haste at most: what is left is
+wider and shallower then, and the last levels can follow it."""
 WAITING = 2
 """The first so many sequences are compared, and the shortest goes first, unless one has the fewest cuts possible."""
 STALL, SOFTEN, PATIENCE, MOST_EXTRA = 0.25, 0.1, 4, 12
@@ -41,9 +52,8 @@ class Sequences:
         failure: LevelError | None = None
         yielded = False
         for place, (bending, smoothing, haste) in enumerate(VARIANTS):
-            manner = Manner(stiffness, bending, smoothing, haste)
             try:
-                waiting.append((self.sequence(manner, rest), manner))
+                waiting.append(self.sequence(Manner(stiffness, bending, smoothing, haste, haste), rest))
             except LevelError as error:
                 failure = failure or error
             waiting.sort(key=lambda one: len(one[0]))
@@ -53,23 +63,34 @@ class Sequences:
         if failure is not None and not yielded:
             raise failure
 
-    def sequence(self, manner: Manner, rest: Remaining) -> list[ndarray]:
-        """Levels 0, 1, 2, ... up to the last below the stock. LevelError where progress ends."""
-        made, stalls, limit = [np.array(self.setting.surface.control_points)], 0, self.schedule.limit
-        while rest.left > limit(len(made)):
-            k, before = len(made), rest.left
+    def sequence(self, manner: Manner, rest: Remaining) -> tuple[list[ndarray], Manner]:
+        """Levels 0, 1, 2, ... up to the last below the stock, and how they were made. LevelError where progress ends."""
+        made, rests = self._outwards([np.array(self.setting.surface.control_points)], [rest], manner)
+        kept = self.lower_bound - LAST
+        if len(made) > self.lower_bound and kept > 0:
+            patient = replace(manner, late=min(manner.haste, LATE))
+            again, _ = self._outwards(made[:kept], rests[:kept], patient)
+            if len(again) < len(made):
+                return again, patient
+        return made, manner
+
+    def _outwards(self, made: list[ndarray], rests: list[Remaining], manner: Manner) -> tuple[list[ndarray], list[Remaining]]:
+        """The levels made already and those above them, and what is left to the stock from each."""
+        made, rests, stalls, limit, softened = [*made], [*rests], 0, self.schedule.limit, manner
+        while rests[-1].left > limit(len(made)):
+            k, before = len(made), rests[-1]
             report(self.progress, min(1.0, k / self.lower_bound), f"level {k}")
-            made.append(self._next(made[-1], k, rest, manner))
-            rest = remaining(self.setting, made[-1], rest)
-            stalled = rest.left > before - STALL * limit(k)
-            stalls, manner = (stalls + 1, _softer(manner)) if stalled else (0, manner)
+            made.append(self._next(made[-1], k, before, softened))
+            rests.append(rest := remaining(self.setting, made[-1], before))
+            stalled = rest.left > before.left - STALL * limit(k)
+            stalls, softened = (stalls + 1, _softer(softened)) if stalled else (0, softened)
             if stalls > PATIENCE or k >= self.lower_bound + MOST_EXTRA:
                 raise LevelError(
                     f"level {k} gets no nearer to the stock than {rest.left:.3f} mm at {place_name(rest.place)}: give more control points",
                     level=k,
                     place=rest.place,
                 )
-        return made
+        return made, rests
 
     def mended(self, made: Sequence[ndarray], which: Collection[int], manner: Manner) -> list[ndarray]:
         """The same with some levels made again, each from the one before."""
@@ -82,6 +103,8 @@ class Sequences:
         """Level k, above P; where it folds the pull is eased (if it folds all the same, the check decides)."""
         left = sum(self.schedule.limit(later) for later in range(k, max(k, self.lower_bound) + 1))
         cut = Cut(self.schedule.limit(k), left, LANDING + CREEP * max(0, self.lower_bound - 1 - k))
+        if k >= self.lower_bound - LAST:
+            manner = replace(manner, haste=manner.late)
         ease, fewest, best = np.ones(len(P)), len(self.setting.watch.s) + 1, P
         for _ in range(EASINGS):
             step = next_level(self.setting, P, rest, cut, manner, ease, self.method)
