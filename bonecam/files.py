@@ -115,7 +115,10 @@ def _probe(path: str | Path, folder: Path) -> None:
     try:
         tempfile.TemporaryFile(dir=folder).close()
     except OSError as error:
-        raise _unwritable(path, error) from error
+        if error.errno in FULL:
+            raise _unwritable(path, error) from error
+        what = f"no file can be made in {folder} ({error.strerror or error})"
+        raise FileError(f"{path}: {what}: choose a folder that may be written", file=str(path)) from error
 
 
 def _unwritable(path: str | Path, error: OSError) -> FileError:

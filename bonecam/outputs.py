@@ -62,8 +62,11 @@ class Outputs:
 
 
 def check_ending(program: Path, dialect: Dialect) -> None:
-    """FileError where a program's name ends as another controller's programs or as a part's file."""
+    """FileError where a program's name has no ending, or ends as another controller's programs or as a part's file."""
+    name = program.with_name(f"{program.stem.strip('.') or 'program'}{dialect.extension}").name
+    if len(program.suffix) < 2:
+        raise FileError(f"{program}: has no ending, {dialect.name} programs end in {dialect.extension}: name it {name}", file=str(program))
     foreign = {*MESHES, *CAD, *TEXTS, *(read_dialect(name).extension for name in dialect_names())} - {dialect.extension}
     if program.suffix.lower() in foreign:
-        remedy = f"name it {program.with_suffix(dialect.extension).name}, or choose another --controller"
+        remedy = f"name it {name}, or choose another --controller"
         raise FileError(f"{program}: {dialect.name} programs do not end in {program.suffix}: {remedy}", file=str(program))

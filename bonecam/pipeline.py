@@ -49,6 +49,7 @@ from bonecam.progress import Progress, part, report, silent
 from bonecam.requirements import check_cuts, check_job, check_post, check_room, check_sizes, check_surface, check_tools
 from bonecam.surface import given
 from bonecam.surface.fit import Fit, fit
+from bonecam.surface.save import TEXTS
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.cutter import Cutter
 from bonecam.toolpath.material import DEVIATION, Material
@@ -159,7 +160,7 @@ def prepare(mesh: str | Path | TriangleMesh, job: MeshJob, progress: Progress = 
     if not isinstance(mesh, TriangleMesh) and given.holds_surface(mesh):
         return prepare_surface(mesh, job, surface or SurfaceJob())
     name = "the mesh" if isinstance(mesh, TriangleMesh) else str(mesh)
-    raw = mesh if isinstance(mesh, TriangleMesh) else read_mesh(mesh)
+    raw = mesh if isinstance(mesh, TriangleMesh) else read_mesh(mesh, TEXTS)
     report(progress, 0.3, "repairing the mesh")
     scaled = to_mm(raw, job.units, file=name)
     try:
@@ -203,7 +204,7 @@ def fit_surface(placed: Part, job: Job, progress: Progress = silent) -> Fit:
     missed, limit = found.deviation, max(job.surface.tolerance, job.surface.largest_deviation)
     if missed.max > limit:
         what = f"{placed.file}: {found.control_points} control points miss the mesh by {missed.max:.2f} mm near {place_name(missed.place)}"
-        raise SurfaceError(f"{what}: raise surface.max_control_points, or surface.largest_deviation ({limit:g} mm)", deviation=missed)
+        raise SurfaceError(f"{what}: {found.shortfall}, or raise surface.largest_deviation ({limit:g} mm)", deviation=missed)
     check_surface(found.surface, job.levels.chord_tolerance, placed.file)
     return found
 

@@ -58,16 +58,17 @@ def from_meshset(meshset: Any) -> TriangleMesh:
     return TriangleMesh(layer.vertex_matrix(), layer.face_matrix())
 
 
-def read_mesh(path: str | Path) -> TriangleMesh:
+def read_mesh(path: str | Path, also: tuple[str, ...] = ()) -> TriangleMesh:
     """The triangles of a file, in the file's own unit; equal corners of an STL are merged.
 
     STEP, IGES, SAT and DXF need the extra `cad`; where they state their unit the triangles are in mm. Curved faces are tessellated.
+    `also` are other endings that the caller reads itself: a refusal names them too.
     A dense point cloud (PLY without faces, or text of one block) gets a surface round it, see `mesh.point_cloud`.
     FileError names the file, what is wrong with it and the remedy: it is missing, empty, cut short, of an unknown kind,
     holds coordinates that are not numbers, or no triangles.
     """
     file = Path(path)
-    data = _bytes_of(file)
+    data = _bytes_of(file, also)
     if file.suffix.lower() not in MESHES:
         return _read_other(file)
     if trouble := trouble_in(file.suffix.lower(), data):
@@ -151,9 +152,12 @@ def _welded(mesh: TriangleMesh) -> TriangleMesh:
     return TriangleMesh(vertices, index.ravel()[mesh.faces].astype(np.int32))
 
 
-def _bytes_of(file: Path) -> bytes:
+def _bytes_of(file: Path, also: tuple[str, ...]) -> bytes:
+    if file.is_dir():
+        raise _refusal(file, "is a folder", "give a file in it, or all of them to `bonecam batch`")
     if file.suffix.lower() not in READABLE:
-        raise _refusal(file, f"has the unknown ending {file.suffix!r}", f"give a file that ends in one of {', '.join(READABLE)}")
+        ending = f"has the unknown ending {file.suffix!r}" if file.suffix else "has no ending that tells its kind"
+        raise _refusal(file, ending, f"give a file that ends in one of {', '.join((*READABLE, *also))}")
     try:
         data = file.read_bytes()
     except OSError as error:

@@ -24,6 +24,8 @@ from bonecam.progress import Progress, report, silent
 
 LARGEST_DEVIATION = 0.02
 """Largest distance between the mesh before and after, as a share of the diagonal."""
+TOLD = 5e-4
+"""Least deviation that the report tells, mm: what its three decimals show."""
 WIDEST_HOLE = 0.5
 """Widest hole that is closed, as a share of the diagonal."""
 DEBRIS = 0.05
@@ -83,7 +85,8 @@ def repair(mesh: TriangleMesh, *, progress: Progress = silent) -> tuple[Triangle
             _refuse_handles(found, state)
             trouble = _refusal(found, state)
         elif (deviation := _moved(tidied.mesh, cleaned.mesh, state.mesh))[0] <= LARGEST_DEVIATION * kept.mesh.diagonal:
-            return state.mesh, (*state.done, f"moved no part of the surface by more than {deviation[0]:.3f} mm")
+            told = f"moved no part of the surface by more than {deviation[0]:.3f} mm"
+            return state.mesh, (*state.done, *((told,) if deviation[0] >= TOLD else ()))
         else:
             trouble = _unfaithful(*deviation, state)
     raise trouble
@@ -120,7 +123,8 @@ def _refuse_flat(mesh: TriangleMesh) -> None:
     size = float(np.linalg.norm(np.ptp(used, axis=0)))
     thickness = np.ptp((used - used.mean(0)) @ np.linalg.svd(used - used.mean(0), full_matrices=False)[2].T, axis=0).min()
     if thickness < FLAT * size:
-        what = f"the mesh is flat: {thickness:.3g} mm thick, {size:.3g} mm from corner to corner"
+        faces = "one triangle" if len(mesh.faces) == 1 else f"{len(mesh.faces)} triangles"
+        what = f"the mesh ({faces}) is flat: {round(float(thickness), 9):.3g} mm thick, {size:.3g} mm from corner to corner"
         raise MeshError(f"{what}: give a solid part", thickness=float(thickness))
 
 

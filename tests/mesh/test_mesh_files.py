@@ -95,6 +95,7 @@ BAD = {
     "word.off": (OFF.replace("3 1 2 3", "3 one 2 3").encode(), "has a word where a number should stand"),
     "points.obj": (b"v 0 0 0\nv 1 0 0\nv 0 1 0\n", "holds no triangles"),
     "mesh.prt": (b"0 0 0", "unknown ending '.prt'"),
+    "mesh": (b"0 0 0", "has no ending that tells its kind"),
 }
 
 
@@ -118,6 +119,18 @@ def test_a_missing_file_and_a_missing_folder_are_named(tmp_path: Path) -> None:
         write_mesh(ellipsoid(1, 1, 2), tmp_path / "nowhere" / "a.ply")
     with pytest.raises(FileError, match="unknown ending"):
         write_mesh(ellipsoid(1, 1, 2), tmp_path / "a.obj")
+
+
+def test_a_folder_is_no_part_whatever_its_name(tmp_path: Path) -> None:
+    for name in ("scans", "scans.stl"):
+        (tmp_path / name).mkdir()
+        with pytest.raises(FileError, match=rf"{name}: is a folder: give a file in it"):
+            read_mesh(tmp_path / name)
+
+
+def test_a_refused_ending_names_what_the_caller_reads_itself(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match=r"\.dat, \.tspline$"):
+        read_mesh(tmp_path / "bone.prt", also=(".tspline",))
 
 
 def test_faces_without_area_survive_reading_so_that_repair_can_tell_of_them(tmp_path: Path) -> None:
