@@ -10,6 +10,7 @@ from bonecam.errors import LevelError
 from bonecam.files import whole_folder, write_whole
 from bonecam.levels.depths import line_depths, step_depths
 from bonecam.levels.level import Level
+from bonecam.levels.stock import Stock
 from bonecam.mesh.files import write_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.files import write_tsm
@@ -20,7 +21,9 @@ from bonecam.verify.pictures import draw_coloured, draw_depths, draw_levels, dra
 COLUMNS = "level,pass,index,contact_x,contact_y,contact_z,tip_x,tip_y,tip_z,axis_x,axis_y,axis_z,kind,feed".split(",")
 
 
-def keep(folder: str | Path, surface: TSpline, levels: Sequence[Level], paths: Sequence[ToolPath], post: tuple[float, float]) -> None:
+def keep(
+    folder: str | Path, surface: TSpline, levels: Sequence[Level], stock: Stock, paths: Sequence[ToolPath], post: tuple[float, float]
+) -> None:
     """Write surface.tspline, level_00.ply ..., toolpath.csv, levels.png, coloured.png, depths.png and toolpath.png; all of them or none.
 
     The levels' vertices carry the depth of their cut (mm) as quality and colour (all on one scale). `post` is (diameter, top z) in mm.
@@ -34,7 +37,7 @@ def keep(folder: str | Path, surface: TSpline, levels: Sequence[Level], paths: S
         write_whole(work / "toolpath.csv", toolpath_csv(paths))
         draw_levels(levels, post, work / "levels.png")
         draw_coloured(levels, depths, work / "coloured.png")
-        draw_depths(levels, line_depths(levels), work / "depths.png")
+        draw_depths(levels, line_depths(levels, stock), work / "depths.png")
         draw_toolpath(paths, levels, work / "toolpath.png")
 
 

@@ -10,6 +10,7 @@ from typing import Any
 from bonecam.errors import FileError
 from bonecam.files import check_files, check_folder, whole_file
 from bonecam.levels.level import Level
+from bonecam.levels.stock import Stock
 from bonecam.mesh.files import CAD, MESHES
 from bonecam.nc.dialect import Dialect, dialect_names, read_dialect
 from bonecam.surface.save import TEXTS, check_target, save_surface
@@ -44,6 +45,7 @@ class Outputs:
         report: dict[str, Any],
         surface: TSpline,
         levels: Sequence[Level],
+        stock: Stock,
         paths: Sequence[ToolPath],
         post: tuple[float, float],
     ) -> None:
@@ -58,7 +60,7 @@ class Outputs:
             if self.surface is not None:
                 save_surface(surface, files.enter_context(whole_file(self.surface)))
             if self.keep is not None:
-                keep(self.keep, surface, levels, paths, post)
+                keep(self.keep, surface, levels, stock, paths, post)
 
 
 def check_ending(program: Path, dialect: Dialect) -> None:

@@ -150,7 +150,7 @@ def convert(
     }
     result = Result(placed, fitted.surface, stock, levels, paths, posted, figures)
     holder = (job.holding.diameter, float(placed.mesh.bounds[0, 2]))
-    outputs.write(posted.text, figures, fitted.surface, levels.levels, paths, holder)
+    outputs.write(posted.text, figures, fitted.surface, levels.levels, stock, paths, holder)
     return result
 
 

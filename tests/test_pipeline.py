@@ -37,7 +37,9 @@ def chain(tmp_path_factory: pytest.TempPathFactory) -> tuple[bonecam.Result, Pat
 
 def test_a_surface_that_misses_the_mesh_is_refused_before_the_levels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     missed = Deviation(0.6, 0.1, 0.6, 0.5, np.array([1.0, 2.0, 3.0]))
-    monkeypatch.setattr(pipeline, "fit", lambda *given, **named: SimpleNamespace(control_points=40, deviation=missed))
+    monkeypatch.setattr(
+        pipeline, "fit", lambda *given, **named: SimpleNamespace(control_points=40, deviation=missed, shortfall="raise surface.max")
+    )
     with pytest.raises(SurfaceError, match=r"40 control points miss the mesh by 0\.60 mm near \(1\.00, 2\.00, 3\.00\): raise surface\.max"):
         bonecam.convert(shipped("phalanx"), COARSE, program=tmp_path / "bone.h")
     assert not list(tmp_path.iterdir())

@@ -8,6 +8,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.levels.level import Level
+from bonecam.levels.stock import Stock
 from bonecam.mesh.distance import MeshDistance
 
 LINE, POINTS = 0.7, 1000
@@ -22,14 +23,15 @@ def step_depths(levels: Sequence[Level]) -> list[Float[ndarray, " n"]]:
     return found
 
 
-def line_depths(levels: Sequence[Level], s: float = LINE, points: int = POINTS) -> Float[ndarray, "k points"]:
+def line_depths(levels: Sequence[Level], stock: Stock, s: float = LINE, points: int = POINTS) -> Float[ndarray, "k points"]:
     """For each cut of the morph (rounding levels left out) the depth, mm, at points evenly spaced on the line s of its outer level.
 
     Depths are distances to the level before, not to the point of the same parameter, which may have slid along. The last cut's are
-    the distances from the outermost level to the body that the morph ends at.
+    the distances from the outermost level to the body that the morph ends at: the `stock` itself, or its surface where it was rounded.
     """
     surfaces = [level.surface for level in levels if level.within is None and level.surface is not None]
     low, high = surfaces[0].domain[1]
     t, across = np.linspace(low, high, points), np.full(points, s)
     found = [before.project(level.positions(across, t)).distances for before, level in pairwise(surfaces)]
-    return np.vstack([*found, MeshDistance(levels[len(surfaces)].mesh).unsigned(surfaces[-1].positions(across, t))])
+    last, body = surfaces[-1].positions(across, t), levels[len(surfaces)].surface
+    return np.vstack([*found, np.abs(stock.signed_distance(last)) if body is None else body.project(last).distances])

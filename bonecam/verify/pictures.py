@@ -21,6 +21,8 @@ CUT_COLOURS = "viridis"
 CUT, LINK, AXIS = "#1f5fa8", "#e07b00", "#b03030"
 CHORD = 0.01
 """Tolerance (mm) of a shaded T-spline."""
+TALL = 9.0
+"""Height of the picture of the sections, inches; its width follows the stock's."""
 SHOWN, AXES_SHOWN, AXIS_LENGTH = 5, 60, 3.0
 """Levels in a row, axes a level and their length, mm."""
 
@@ -47,13 +49,14 @@ def draw_levels(levels: Sequence[Level], post: tuple[float, float], path: str | 
     from matplotlib.colors import Normalize
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(10, 9), dpi=120, layout="constrained")
+    wide, _, high = np.ptp(levels[-1].mesh.bounds, axis=0)
+    figure = Figure(figsize=(float(np.clip(2 * TALL * wide / high + 1.5, 5, 12)), TALL), dpi=120, layout="compressed")
     plots = figure.subplots(1, 2, sharey=True)
     for plot, across in zip(plots, (0, 1)):
         show_levels(plot, levels, post, across)
     plots[0].set_ylabel("z (mm)")
     figure.suptitle(f"Levels 0 (part) to {levels[-1].index} (stock); dashed: the post")
-    figure.colorbar(_scale(Normalize(0, len(levels) - 1)), ax=plots, label="level", shrink=0.6, ticks=_whole())
+    figure.colorbar(_scale(Normalize(0, len(levels) - 1)), ax=plots, label="level", location="bottom", aspect=40, ticks=_whole())
     figure.savefig(path, metadata={"Software": None})
 
 
@@ -71,6 +74,7 @@ def show_levels(plot: "Axes", levels: Sequence[Level], post: tuple[float, float]
     plot.plot([-diameter / 2, -diameter / 2, np.nan, diameter / 2, diameter / 2], [low - 2, top, np.nan, low - 2, top], "k--", lw=0.8)
     plot.autoscale()
     plot.set_aspect("equal")
+    plot.locator_params(axis="x", nbins=4)
     plot.set_xlabel(f"{'xy'[across]} (mm)")
 
 

@@ -18,7 +18,7 @@ def main() -> None:
     levels = result.levels.levels
     draw_chain(result, HERE / "chain.png")
     draw_coloured(levels, step_depths(levels), HERE / "coloured.png")
-    draw_depths(levels, line_depths(levels), HERE / "depths.png")
+    draw_depths(levels, line_depths(levels, result.stock), HERE / "depths.png")
     draw_toolpath(result.paths, levels, HERE / "toolpath.png")
     draw_tmesh(result.surface, HERE / "tmesh.png")
 
