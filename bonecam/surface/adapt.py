@@ -2,7 +2,8 @@
 
 Each sample of the mesh that is missed votes with (its area) x (its distance)^4 for the longer side of the cell it lies in: for an s-knot in
 the middle of the interval in each row that acts there, or for a t-knot in the middle of the span. Votes are divided by the control
-points the knot costs (an s-knot one, a t-knot a whole row), and the best are taken.
+points the knot costs (an s-knot one, a t-knot a whole row), and the best are taken. Cells smaller than the goal are not cut: that would
+not help.
 """
 
 from dataclasses import dataclass
@@ -25,7 +26,7 @@ NARROWEST = 1 / 256  # no s-interval below this
 
 @dataclass(frozen=True, eq=False)
 class Votes:
-    """Samples at (s, t), each with the weight of its miss, and |S_s| and |S_t| there, mm; their share of the area."""
+    """Samples at (s, t), each with the weight of its miss, and |S_s| and |S_t| there, mm; their share of the area; the goal, mm."""
 
     s: Float[ndarray, " n"]
     t: Float[ndarray, " n"]
@@ -33,6 +34,7 @@ class Votes:
     around: Float[ndarray, " n"]
     along: Float[ndarray, " n"]
     missed: float
+    goal: float
 
 
 @dataclass(frozen=True)
@@ -57,9 +59,8 @@ def miss_votes(
     missed = distances > LEAST * goal
     _, Ss, St = surface.evaluate(s[missed], t[missed], 1)
     around, along = np.linalg.norm(Ss, axis=1), np.linalg.norm(St, axis=1)
-    return Votes(
-        s[missed], t[missed], areas[missed] * (distances[missed] / goal) ** POWER, around, along, float(areas[missed].sum() / areas.sum())
-    )
+    weight = areas[missed] * (distances[missed] / goal) ** POWER
+    return Votes(s[missed], t[missed], weight, around, along, float(areas[missed].sum() / areas.sum()), goal)
 
 
 def refine(tmesh: RowTMesh, votes: Votes, room: int) -> RowTMesh:
@@ -74,7 +75,7 @@ def refine(tmesh: RowTMesh, votes: Votes, room: int) -> RowTMesh:
         tried = [[*row, cut.place] if j == cut.row else row for j, row in enumerate(rows)]
         tried_t = [*t_cuts, cut.place] if cut.row < 0 else t_cuts
         finer = with_t_knots(tmesh.t_knots, [np.sort(np.array(row)) for row in tried], np.array(tried_t))
-        if finer.size - tmesh.size <= min(room, 2 * wanted):
+        if finer.size - tmesh.size <= (room if refined is tmesh else min(room, 2 * wanted)):
             refined, rows, t_cuts = finer, tried, tried_t
     return refined
 
@@ -97,8 +98,9 @@ def _cuts(tmesh: RowTMesh, votes: Votes) -> list[Cut]:
     acting = span[:, None] + np.arange(-3, 1)
     widths = np.stack([_interval(tmesh.s_knots[j], votes.s)[1] for j in range(len(tmesh.s_knots))], axis=1)
     side = (functions * np.take_along_axis(widths, acting, axis=1)).sum(axis=1) * votes.around
-    tall = (tmesh.t_knots[span + 1] - tmesh.t_knots[span]) * votes.along > ASPECT * side
-    return [*_row_cuts(tmesh, votes, ~tall, acting, functions), *_span_cuts(tmesh, votes, tall, span)]
+    height = (tmesh.t_knots[span + 1] - tmesh.t_knots[span]) * votes.along
+    tall = height > ASPECT * side
+    return [*_row_cuts(tmesh, votes, ~tall, acting, functions), *_span_cuts(tmesh, votes, tall & (height > votes.goal), span)]
 
 
 def _row_cuts(tmesh: RowTMesh, votes: Votes, voting: Bool[ndarray, " n"], acting: ndarray, functions: ndarray) -> list[Cut]:

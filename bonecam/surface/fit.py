@@ -6,12 +6,12 @@ until all samples are within the tolerance or the control points are spent. A de
 joins the samples.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from bonecam.mesh.pose import upright
 from bonecam.mesh.sections import Rows, harmonic_rows
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.progress import Progress, part, report, silent
+from bonecam.progress import Progress, part, report, rising, silent
 from bonecam.surface.adapt import refine
 from bonecam.surface.deviation import Deviation, measure
 from bonecam.surface.growth import GAIN, LEAST_POINTS, Aim, Prune, Refine, first_surface, grown, settle, thinned
@@ -22,21 +22,28 @@ from bonecam.surface.tspline import TSpline
 SAMPLES = 6000  # of the mesh, besides its vertices
 CHECKS = 16  # dense measurements, each followed by more samples where the mesh is missed
 REGROWN = 1.05  # times the control points left by the last thinning: then the next one
+AFTER = 0.6  # of the work is thought left after each of them
 MOST = 20000  # control points where no limit is given
 ROWS, ROW_POINTS = 48, 100  # of the harmonic field where none are given
+
+SPENT = "all control points are spent: raise surface.max_control_points"
+STUCK = "more control points would bring it no nearer: round the edge or fill the hollow there"
+FOLDED = "it meets itself: smooth the mesh, or raise surface.tolerance"
+OFTEN = f"{CHECKS} measurements each found new places missed: raise surface.tolerance"
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
     """The fitted surface and how far it is from the mesh; `reached` says whether that is within the tolerance asked for.
 
-    Where it is not, `deviation.place` is the spot that is missed the most.
+    Where it is not, `deviation.place` is the spot that is missed the most, and `shortfall` says why it came no nearer, and what helps.
     """
 
     surface: TSpline
     deviation: Deviation
     tolerance: float
     reached: bool
+    shortfall: str = ""
 
     @property
     def control_points(self) -> int:
@@ -69,29 +76,31 @@ def fit(
     back = found.surface.with_control_points((found.surface.control_points - motion[:3, 3]) @ motion[:3, :3])
     d = found.deviation
     place = (d.place - motion[:3, 3]) @ motion[:3, :3]
-    return Fit(back, Deviation(d.max, d.rms, d.surface_to_mesh_max, d.mesh_to_surface_max, place), tolerance, found.reached)
+    return replace(found, surface=back, deviation=replace(d, place=place))
 
 
 def _fitted(mesh: TriangleMesh, rows: Rows, aim: Aim, progress: Progress) -> Fit:
     """Grown, thinned and measured until the dense measurement finds nothing missed; the best of all unfolded ones."""
     surface, target = first_surface(rows, Target.of(mesh, rows, SAMPLES), aim)
     surface, target = settle(surface, target, aim)
-    found: list[tuple[bool, float, int, Fit]] = []
-    size = 0
+    found: list[tuple[bool, float, int, TSpline, Deviation]] = []
+    size, why, progress = 0, OFTEN, rising(progress)
     for number in range(CHECKS):
-        surface, target = grown(surface, target, aim, progress)
+        done, then = (1 - AFTER**k for k in (number, number + 1))
+        surface, target = grown(surface, target, aim, part(progress, done, then))
         if surface.tmesh.size > REGROWN * size or surface.tmesh.size >= aim.most:
             surface, target = thinned(surface, target, aim)
             size = surface.tmesh.size
         measured = measure(surface, mesh, target.shape.distance)
-        now, folded = measured.deviation, target.folded(surface)
-        report(progress, number / CHECKS, f"{surface.tmesh.size} control points, {now.max:.3f} mm measured")
-        found.append(
-            (folded, max(now.max, aim.tolerance), number, Fit(surface, now, aim.tolerance, now.max <= aim.tolerance and not folded))
-        )
+        now = measured.deviation
+        report(progress, then, f"{surface.tmesh.size} control points, {now.max:.3f} mm measured")
+        found.append((target.folded(surface), max(now.max, aim.tolerance), number, surface, now))
         missed, places = measured.missed(max(aim.tolerance, target.worst))
         spent = surface.tmesh.size >= aim.most
-        if not len(missed) or (spent and number > 0 and now.max > GAIN * min(one[1] for one in found[:-1])):
+        why = SPENT if spent else STUCK if target.worst > aim.tolerance else OFTEN
+        if not len(missed) or (why != OFTEN and number > 0 and now.max > GAIN * min(one[1] for one in found[:-1])):
             break
         target = target.with_points(missed, places, surface)
-    return min(found, key=lambda one: one[:3])[3]
+    folded, _, _, surface, now = min(found, key=lambda one: one[:3])
+    reached = now.max <= aim.tolerance and not folded
+    return Fit(surface, now, aim.tolerance, reached, "" if reached else FOLDED if folded else why)

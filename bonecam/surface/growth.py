@@ -29,7 +29,9 @@ LEAST_SHARE = {True: 0.3, False: 0.1}  # the last one, where the tolerance is re
 SPARE = {True: 0.95, False: 0.8}  # of the tolerance (of the miss where it is not reached): no sample may pass it for the lack of a knot
 SPARED = {True: 0.4, False: 0.2}  # of the control points may go in one round
 FIRST = ((150, 9, 10), (40, 5, 6))  # from so many control points allowed: spans and knots a row of the first T-mesh
+PATIENCE = 3  # refinements of the first surface without clearly less that folds
 LEAST_POINTS = FIRST[-1][0]
+HELD = 1e-9  # weight of a control point's place between the rows' points, where these do not reach it
 Refine = Callable[[RowTMesh, Votes, int], RowTMesh]
 """A finer T-mesh from the votes for it and the number of control points it may have more."""
 Prune = Callable[[TSpline, Target, float, int], RowTMesh]
@@ -48,9 +50,11 @@ class Aim:
 
 def grown(surface: TSpline, target: Target, aim: Aim, progress: Progress = silent) -> tuple[TSpline, Target]:
     """Refined where samples are missed until none is or the control points are spent, and settled with plane poles."""
+    first = target.worst / (GOAL * aim.tolerance)
     while target.worst > GOAL * aim.tolerance and surface.tmesh.size < aim.most:
         size, worst = surface.tmesh.size, target.worst
-        report(progress, size / aim.most, f"{size} control points, {worst:.3f} mm")
+        way = 1 - np.log(worst / (GOAL * aim.tolerance)) / np.log(first)
+        report(progress, float(np.clip(max(way, size / aim.most), 0, 1)), f"{size} control points, {worst:.3f} mm")
         samples = target.all
         votes = miss_votes(surface, samples.s, samples.t, samples.distances, samples.areas, GOAL * aim.tolerance)
         assert isinstance(surface.tmesh, RowTMesh)
@@ -87,35 +91,48 @@ def thinned(surface: TSpline, target: Target, aim: Aim) -> tuple[TSpline, Target
 
 
 def first_surface(rows: Rows, target: Target, aim: Aim) -> tuple[TSpline, Target]:
-    """A coarse surface with the parameters of the rows, and the feet on it; its T-mesh grows until nothing folds."""
+    """A coarse surface with the parameters of the rows, and the feet on it; its T-mesh grows as long as that folds less."""
     spans, knots = next(first[1:] for first in FIRST if first[0] <= aim.most)
     tmesh = first_tmesh(spans, knots)
-    while True:
-        surface = through_loops(rows, tmesh)
-        found = target.on(surface, aim.tolerance)
-        if target.shape.facing(surface, *fold_grid(surface)).min() > LEAST_FACING:
-            break
-        samples = found.all
+    best, waited = through_loops(rows, tmesh), 0
+    surface, fewest = best, folded_places(best, target)
+    while fewest > 0 and waited < PATIENCE:
+        samples = target.on(surface, aim.tolerance).all
         votes = miss_votes(surface, samples.s, samples.t, samples.distances, samples.areas, aim.tolerance)
         finer = aim.refine(tmesh, votes, round(ROUGH_SHARE * aim.most) - tmesh.size)
         if finer.size == tmesh.size:
             break
-        tmesh = finer
-    return surface, found
+        tmesh, surface = finer, through_loops(rows, finer)
+        folded = folded_places(surface, target)
+        waited = 0 if folded < GAIN * fewest else waited + 1
+        if folded < fewest:
+            best, fewest = surface, folded
+    return best, target.on(best, aim.tolerance)
+
+
+def folded_places(surface: TSpline, target: Target) -> int:
+    """How many places of the fold grid do not face as the mesh does; the tip of a cone never does."""
+    return int((target.shape.facing(surface, *fold_grid(surface)) <= LEAST_FACING).sum())
 
 
 def through_loops(rows: Rows, tmesh: RowTMesh) -> TSpline:
-    """The surface that meets the rows' loops and poles best, each at its parameters."""
+    """The surface that meets the rows' loops and poles best, each at its parameters; faintly held by them at its anchors."""
     loops, count = rows.guides.shape[:2]
-    share = np.arange(1, loops + 1) * (len(rows.heights) + 1) / (loops + 1)
-    heights = np.interp(share, np.arange(len(rows.heights) + 2), [0.0, *rows.heights, 1.0])
+    order = np.arange(1, loops + 1) * (len(rows.heights) + 1) / (loops + 1)
+    heights = np.interp(order, np.arange(len(rows.heights) + 2), [0.0, *rows.heights, 1.0])
     s, t = np.tile(np.arange(count) / count, loops), np.repeat(heights, count)
     weights = np.repeat(np.gradient(heights), count)
     basis = tmesh.blending(np.append(s, [0.0, 0.0]), np.append(t, [0.0, 1.0]), 0)[0]
     weighted = sp.diags_array(np.append(weights, [1.0, 1.0])) @ basis
-    normal = (basis.T @ weighted).toarray() + 1e-9 * np.eye(tmesh.size)
     points = np.vstack([rows.guides.reshape(-1, 3), rows.poles])
-    return TSpline(tmesh, np.linalg.solve(normal, weighted.T @ points), np.ones(tmesh.size))
+    nets = np.concatenate([np.repeat(rows.poles[:1, None], count, axis=1), rows.guides, np.repeat(rows.poles[1:, None], count, axis=1)])
+    anchor_s, anchor_t = anchors(tmesh)
+    column, place = np.rint(anchor_s * count).astype(int) % count, np.interp(anchor_t, [0.0, *heights, 1.0], np.arange(loops + 2))
+    level = np.minimum(place.astype(int), loops)
+    share = (place - level)[:, None]
+    held = nets[level, column] * (1 - share) + nets[level + 1, column] * share
+    normal = (basis.T @ weighted).toarray() + HELD * np.eye(tmesh.size)
+    return TSpline(tmesh, np.linalg.solve(normal, weighted.T @ points + HELD * held), np.ones(tmesh.size))
 
 
 def first_tmesh(spans: int, knots: int) -> RowTMesh:

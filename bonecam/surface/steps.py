@@ -4,10 +4,10 @@ With the feet (s, t) and normals n of the surface before, a step solves
 
     min sum_i w_i [ (n_i . (S(s_i, t_i) - X_i))^2 + slide |S(s_i, t_i) - X_i|^2 ] + fairness + poles,
 
-the tangent-distance step (Wang, Pottmann & Liu 2006): samples may slide in the tangent plane at little cost, so the parameters
-follow the shape and steps converge in few rounds. w_i grows with the miss, which trades a little of the rms for the maximum. The row
-next to a pole is kept in one plane with it and round it: at a pole near the rim of its row a surface folds. Where the solved surface
-would fold, the change is held back round that place only.
+the tangent-distance step (Wang, Pottmann & Liu 2006): samples may slide in the tangent plane at little cost, so the parameters follow the
+shape and steps converge in few rounds. w_i grows with the miss, which trades a little of the rms for the maximum. The row next to a pole is
+kept in one plane with it and roughly round it: where it lies near the rim of its row a surface folds. Where the solved surface would fold,
+the change is held back round that place only.
 """
 
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ NEAR, STRESS = 2.0, {False: (0.4, 2), True: (0.5, 4)}  # weight of a sample that
 DAMPING = 1e-4  # weight of the change itself, against that of the samples
 FIRMER = 30.0  # times the damping round a fold, at each try, and 1 at least
 TRIES = 3
-RING = 0.3  # weight of the rings round poles, times the mean area of a control point
+RING, OFF = 0.3, 0.3  # weight of the rings round poles, times the mean area of a control point; what they may be off, of their size
 REACH = 2.0  # mean cell sides round a fold
 LEAST_TURN, WELL, LEAST_FACING, LOSS = 0.5, 0.7, 0.2, 0.02  # cosines; a loss of facing that is none yet
 
@@ -141,11 +141,17 @@ def pole_planes(surface: TSpline, weight: float) -> list[Term]:
 
 
 def pole_rings(surface: TSpline, weight: float) -> list[Term]:
-    """Draws the control points next to each pole to an ellipse round it, at the angles of their knots: a polar patch smooth at its pole."""
+    """Draws the control points next to each pole towards an ellipse round it, at the angles of their knots, where they are far off it.
+
+    Such a ring is a polar patch smooth at its pole; within OFF of its size it is free, as no bone's end is an ellipsoid's.
+    """
     terms = []
     for ring in rings(surface):
         ellipse = np.column_stack([np.cos(2 * np.pi * ring.knots), np.sin(2 * np.pi * ring.knots)])
         off = np.eye(len(ellipse)) - ellipse @ np.linalg.pinv(ellipse)
-        metric = np.broadcast_to(weight * np.eye(3), (len(ellipse), 3, 3))
-        terms.append(Term(sp.csr_array(off @ ring.arms), metric, np.zeros((len(ellipse), 3))))
+        arms = ring.arms @ surface.control_points
+        now, free = off @ arms, OFF * np.sqrt((arms**2).sum(axis=1).mean())
+        far = np.linalg.norm(now, axis=1)
+        nearer = now * np.minimum(1.0, free / np.maximum(far, np.finfo(float).tiny))[:, None]
+        terms.append(Term(sp.csr_array(off @ ring.arms), (weight * (far > free))[:, None, None] * np.eye(3), nearer))
     return terms

@@ -2,17 +2,20 @@
 
 import numpy as np
 import pytest
+from rowed import bone_like
 from scipy.spatial.transform import Rotation
 
 from bonecam.errors import MeshError
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.sections import Rows, harmonic_rows
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.surface.adapt import with_t_knots
+from bonecam.surface.adapt import Votes, refine, with_t_knots
 from bonecam.surface.deviation import deviation
 from bonecam.surface.fit import Fit, fit
 from bonecam.surface.growth import first_tmesh
 from bonecam.surface.skin import skin
+from bonecam.surface.steps import pole_rings
+from bonecam.surface.tspline import TSpline
 
 
 def pear(bump: float = 0.35) -> TriangleMesh:
@@ -38,6 +41,7 @@ def test_the_tolerance_is_reached_and_said_so(fitted: Fit) -> None:
     assert fitted.reached
     assert fitted.deviation.max <= 0.05
     assert fitted.control_points <= 300
+    assert fitted.shortfall == ""
 
 
 def test_the_normals_point_outward_everywhere(fitted: Fit, body: tuple[Rows, TriangleMesh]) -> None:
@@ -58,6 +62,17 @@ def test_too_few_control_points_are_reported_not_hidden(body: tuple[Rows, Triang
     assert not found.reached
     assert found.control_points <= 80
     assert found.deviation.max > 0.002
+    assert "raise surface.max_control_points" in found.shortfall
+
+
+def test_a_fit_that_no_knot_can_mend_says_so_and_where(body: tuple[Rows, TriangleMesh]) -> None:
+    found = fit(body[1], 0.01, 300, rows=body[0], refine=lambda tmesh, votes, room: tmesh)
+    assert not found.reached
+    assert found.control_points < 300
+    assert "would bring it no nearer" in found.shortfall
+    place = found.deviation.place[None]
+    away = max(found.surface.project(place).distances[0], MeshDistance(body[1]).unsigned(place)[0])
+    assert away == pytest.approx(found.deviation.max, rel=1e-3)
 
 
 def test_a_wrong_call_is_refused(body: tuple[Rows, TriangleMesh]) -> None:
@@ -91,6 +106,49 @@ def test_progress_may_cancel(body: tuple[Rows, TriangleMesh]) -> None:
 
     with pytest.raises(Cancelled):
         fit(body[1], 0.01, 200, rows=body[0], progress=lambda fraction, message: False)
+
+
+def test_progress_only_rises(body: tuple[Rows, TriangleMesh]) -> None:
+    told: list[float] = []
+    fit(body[1], 0.03, 200, rows=body[0], progress=lambda fraction, message: told.append(fraction))
+    assert len(told) >= 3
+    assert told == sorted(told)
+    assert 0 <= told[0] <= told[-1] <= 1
+
+
+def test_a_cone_is_followed_to_its_tip() -> None:
+    angle, radius = 2 * np.pi * np.arange(40) / 40, np.concatenate([np.arange(1, 8) / 7, np.arange(19, 0, -1) / 20])
+    height = np.concatenate([np.zeros(7), 1 - np.arange(19, 0, -1) / 20])
+    rings = np.stack([r * np.column_stack([np.cos(angle), np.sin(angle)]) for r in radius])
+    points = np.vstack([[0, 0, 0], *(np.column_stack([3 * ring, np.full(40, 12 * z)]) for ring, z in zip(rings, height)), [0, 0, 12.0]])
+    i, k = np.arange(40), 1 + 40 * np.arange(len(radius) - 1)[:, None]
+    right, last = (i + 1) % 40, len(points) - 1
+    sides = [np.stack([k + i, k + right, k + 40 + right], axis=2), np.stack([k + i, k + 40 + right, k + 40 + i], axis=2)]
+    ends = [np.stack([0 * i, 1 + right, 1 + i], axis=1), np.stack([0 * i + last, last - 40 + i, last - 40 + right], axis=1)]
+    cone = TriangleMesh(points, np.concatenate([*(side.reshape(-1, 3) for side in sides), *ends]).astype(np.int32))
+    found = fit(cone, 0.15, 200)
+    assert found.reached, (found.deviation, found.shortfall)
+
+
+def test_the_best_cut_is_made_even_where_it_costs_much() -> None:
+    tmesh = first_tmesh(6, 30)
+    one = np.ones(1)
+    finer = refine(tmesh, Votes(0.3 * one, 0.42 * one, one, 0.1 * one, 100 * one, 0.001, 0.05), 100)
+    assert finer.size == tmesh.size + 30
+    assert refine(tmesh, Votes(0.3 * one, 0.42 * one, one, 0.1 * one, 100 * one, 0.001, 0.05), 20).size == tmesh.size
+
+
+def test_rings_round_poles_are_drawn_only_where_they_are_far_off_an_ellipse() -> None:
+    surface = bone_like(8, 5, spread=0.0)
+    even = surface.tmesh.from_rows(surface.tmesh.t_knots, [row if len(row) == 1 else np.arange(5) / 5 for row in surface.tmesh.s_knots])
+    points = surface.control_points.copy()
+    angle = 2 * np.pi * np.arange(5) / 5
+    points[1:6] = points[0] + np.column_stack([3 * np.cos(angle), 2 * np.sin(angle), 0 * angle])
+    for shift, pulled in ((0.0, 0), (0.5, 0), (1.5, 5)):
+        moved = points.copy()
+        moved[0, 0] += shift
+        term = pole_rings(TSpline(even, moved, np.ones(even.size)), 2.0)[0]
+        assert np.count_nonzero(term.metric[:, 0, 0]) == pulled
 
 
 def test_a_new_t_knot_adds_one_row_that_is_like_its_neighbour() -> None:
