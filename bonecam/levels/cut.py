@@ -11,13 +11,14 @@ ROUGH = 0.5
 class Manner:
     """How levels are made: `stiffness` of the moves, `bending` of the surface at a depth of ROUGH mm, `smoothing` of the field of
     directions (all weights of the thin plate in parameters over [0, 1]), `haste` the least share of the depth, `late` the same
-    of the last levels below the stock."""
+    of the last levels below the stock, `beyond` how far a sample that needs all the depth is pulled, in depths."""
 
     stiffness: float
     bending: float
     smoothing: float
     haste: float
     late: float
+    beyond: float
 
 
 @dataclass(frozen=True)

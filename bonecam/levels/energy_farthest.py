@@ -4,7 +4,7 @@ import numpy as np
 
 from bonecam.levels.attraction import unit
 from bonecam.levels.energy import Given, Pulled
-from bonecam.levels.energy_pull import BEYOND, targets
+from bonecam.levels.energy_pull import targets
 from bonecam.levels.limits import feet
 
 FARTHEST, MOST, WEIGHT = 1.0, 600, 0.3
@@ -26,4 +26,4 @@ def farthest(given: Given) -> Pulled:
     weights = WEIGHT * weights[kept] / weights.sum()
     s, t, x, towards = s[kept], t[kept], x[kept], unit(across[kept])
     target = targets(given, x, s, t, towards, towards, np.ones(len(s)))
-    return Pulled(s, t, before.basis(s, t)[0], x, weights, target, np.full(len(s), BEYOND))
+    return Pulled(s, t, before.basis(s, t)[0], x, weights, target, np.full(len(s), given.manner.beyond))

@@ -16,8 +16,8 @@ from bonecam.levels.limit_wall import inside
 from bonecam.levels.limits import feet, heights
 from bonecam.levels.solve import factor
 
-BEYOND, ALL_OUT = 4.0, 8
-"""How far beyond the depth is pulled at most, and how sharply that sets in."""
+ALL_OUT = 8
+"""How sharply the pull beyond the depth sets in."""
 LONGEST, LEAST_COSINE = 2.0, 0.3
 EVEN = 0.05
 
@@ -35,7 +35,7 @@ def pull(given: Given) -> Pulled:
     gap = -setting.stock.signed_distance(x)
     share = np.clip(gap / given.cut.left, given.manner.haste, 1)
     target = targets(given, x, samples.s, samples.t, normals, field, share)
-    return Pulled(samples.s, samples.t, samples.R, x, weights, target, 1 + (BEYOND - 1) * share**ALL_OUT)
+    return Pulled(samples.s, samples.t, samples.R, x, weights, target, 1 + (given.manner.beyond - 1) * share**ALL_OUT)
 
 
 def targets(

@@ -15,20 +15,20 @@ from bonecam.levels.step import next_level
 from bonecam.progress import Progress, report
 
 VARIANTS = (
-    (1e-7, 1e-4, 1.0),
-    (1e-6, 1e-4, 1.0),
-    (3e-7, 1e-4, 1.0),
-    (3e-6, 1e-4, 0.7),
-    (1e-5, 1e-4, 0.7),
-    (1e-7, 1e-4, 0.5),
-    (1e-6, 1e-3, 1.0),
+    (1e-7, 1e-4, 1.0, 4.0),
+    (1e-6, 1e-4, 1.0, 2.0),
+    (3e-7, 1e-4, 1.0, 2.0),
+    (3e-6, 1e-4, 0.7, 2.0),
+    (1e-5, 1e-4, 0.7, 2.0),
+    (1e-7, 1e-4, 0.5, 2.0),
+    (1e-6, 1e-3, 1.0, 2.0),
 )
-"""Bending, smoothing of the field of directions and haste (`Manner`); tried in turn."""
+"""Bending, smoothing of the field of directions, haste and how far beyond is pulled (`Manner`); tried in turn."""
 LAST, LATE = 3, 0.5
 """Where there are more cuts than K_min, the last so many levels below the stock are made again with this haste at most: what is left is
 wider and shallower then, and the last levels can follow it."""
 WAITING = 2
-"""The first so many sequences are compared, and the shortest goes first, unless one has the fewest cuts possible."""
+"""Only after so many sequences is one taken with a cut more than K_min, and after all of them one with more."""
 STALL, SOFTEN, PATIENCE, MOST_EXTRA = 0.25, 0.1, 4, 12
 EASINGS, EASED = 4, 0.1
 """How often the pull on a place that folds is eased, each time to this share."""
@@ -47,17 +47,18 @@ class Sequences:
     method: str
 
     def all(self, rest: Remaining, stiffness: float) -> Iterator[tuple[list[ndarray], Manner]]:
-        """Sequences to be measured and how they were made, the shortest of the first ones first. LevelError where there is none."""
+        """Sequences to be measured and how they were made, the shortest known first. LevelError where there is none."""
         waiting: list[tuple[list[ndarray], Manner]] = []
         failure: LevelError | None = None
         yielded = False
-        for place, (bending, smoothing, haste) in enumerate(VARIANTS):
+        for place, (bending, smoothing, haste, beyond) in enumerate(VARIANTS):
             try:
-                waiting.append(self.sequence(Manner(stiffness, bending, smoothing, haste, haste), rest))
+                waiting.append(self.sequence(Manner(stiffness, bending, smoothing, haste, haste, beyond), rest))
             except LevelError as error:
                 failure = failure or error
             waiting.sort(key=lambda one: len(one[0]))
-            while waiting and (place + 1 >= WAITING or len(waiting[0][0]) <= self.lower_bound):
+            most = self.lower_bound + (place + 1 >= WAITING) if place + 1 < len(VARIANTS) else np.inf
+            while waiting and len(waiting[0][0]) <= most:
                 yielded = True
                 yield waiting.pop(0)
         if failure is not None and not yielded:
