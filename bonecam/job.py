@@ -220,6 +220,8 @@ class Job:
         for section, values in changes.items():
             if section not in {item.name for item in fields(self)}:
                 raise JobError(f"[{section}] is no section of a job: use one of {', '.join(i.name for i in fields(self))}", section=section)
+            if not isinstance(values, dict):
+                raise JobError(f"[{section}] = {values!r}: give its values by name, like {section}={{name: value}}", section=section)
             stage = getattr(self, section)
             unknown = set(values) - {item.name for item in fields(stage)}
             if unknown:

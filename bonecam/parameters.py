@@ -4,6 +4,7 @@ import dataclasses
 import math
 import sys
 from dataclasses import dataclass, field, fields
+from pathlib import Path
 from typing import Any
 
 from bonecam.errors import JobError
@@ -40,9 +41,9 @@ def check(stage: Any) -> None:
     for item in fields(stage):
         if "parameter" not in item.metadata:
             continue
-        value, known = getattr(stage, item.name), record(item)
-        if isinstance(item.default, float) and type(value) is int and abs(value) <= sys.maxsize:
-            value = float(value)
+        given, known = getattr(stage, item.name), record(item)
+        value = _plain(given, float if isinstance(item.default, float) else type(item.default))
+        if value is not given:
             object.__setattr__(stage, item.name, value)
         if type(value) is not type(item.default):
             raise JobError(f"{item.name} = {str(value)[:40]!r}: give {KINDS[type(item.default)]}", field=item.name)
@@ -50,6 +51,15 @@ def check(stage: Any) -> None:
             raise JobError(f"{item.name} = {value!r}: choose one of {', '.join(known.choices)}", field=item.name)
         if isinstance(value, int | float) and not (known.low <= value <= known.high):
             raise JobError(f"{item.name} = {value}: keep it within {known.low:g} .. {known.high:g} {known.unit}".rstrip(), field=item.name)
+
+
+def _plain(value: Any, kind: type) -> Any:
+    """A numpy scalar as Python's, a whole number where a number is wanted as that, a Path as its text."""
+    if type(value).__module__ == "numpy" and getattr(value, "ndim", 1) == 0:
+        value = value.item()
+    if kind is float and type(value) is int and abs(value) <= sys.maxsize:
+        return float(value)
+    return str(value) if kind is str and isinstance(value, Path) else value
 
 
 class Stage:

@@ -119,6 +119,8 @@ def convert(
     its kind) are written last, each whole; where anything fails nothing is written, but for the patch of a level that failed its check,
     in `keep`. Raises a BonecamError that names the trouble.
     """
+    if not isinstance(job, Job | None):
+        raise TypeError(f"job {job!r}: give a bonecam.Job, such as bonecam.read_job(file)")
     job, clock = job or Job(), _Clock()
     machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)  # what is wrong is refused before the work
     check_job(job, machine)
@@ -161,6 +163,8 @@ def prepare(mesh: str | Path | TriangleMesh, job: MeshJob, progress: Progress = 
         return prepare_surface(mesh, job, surface or SurfaceJob())
     name = "the mesh" if isinstance(mesh, TriangleMesh) else str(mesh)
     raw = mesh if isinstance(mesh, TriangleMesh) else read_mesh(mesh, TEXTS)
+    if not len(raw.faces):
+        raise MeshError(f"{name}: the mesh has no faces: give a surface mesh", file=name)
     report(progress, 0.3, "repairing the mesh")
     scaled = to_mm(raw, job.units, file=name)
     try:

@@ -2,6 +2,7 @@ import pickle
 from dataclasses import fields
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from bonecam.errors import JobError, LevelError
@@ -51,6 +52,20 @@ def test_a_wrong_job_file_is_refused_with_its_name_and_place(tmp_path: Path, tex
     with pytest.raises(JobError, match=named) as caught:
         read_job(file)
     assert "job.toml" in str(caught.value)
+
+
+def test_numbers_of_numpy_and_paths_are_taken_for_python_s() -> None:
+    job = Job().with_values(
+        stock={"diameter": np.float64(15), "length": np.int64(37), "mesh": Path("a.stl")}, nc={"coolant": np.bool_(False)}
+    )
+    assert job == Job().with_values(stock={"diameter": 15.0, "length": 37.0, "mesh": "a.stl"}, nc={"coolant": False})
+    assert type(job.stock.diameter) is float
+    assert write_job(job).count("diameter = 15.0") == 1
+
+
+def test_a_section_that_is_no_table_is_refused() -> None:
+    with pytest.raises(JobError, match=r"\[stock\] = 15: give its values by name"):
+        Job().with_values(stock=15)  # type: ignore[arg-type]
 
 
 def test_a_byte_order_mark_before_the_job_is_no_matter(tmp_path: Path) -> None:

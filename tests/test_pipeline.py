@@ -11,7 +11,7 @@ from bonecam_meshes import path as shipped
 
 import bonecam
 from bonecam import pipeline
-from bonecam.errors import BonecamError, Cancelled, MachineError, MeshError, StockError, SurfaceError, UnitsError
+from bonecam.errors import BonecamError, Cancelled, FileError, MachineError, MeshError, StockError, SurfaceError, UnitsError
 from bonecam.job import Job
 from bonecam.mesh.files import read_mesh, write_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -142,3 +142,12 @@ def test_repair_troubles_name_the_file(tmp_path: Path) -> None:
     write_mesh(flat, tmp_path / "flat.ply")
     with pytest.raises(MeshError, match=r"flat\.ply"):
         bonecam.convert(tmp_path / "flat.ply")
+
+
+def test_a_call_with_no_job_or_no_mesh_says_so() -> None:
+    with pytest.raises(TypeError, match=r"job 'fast\.toml': give a bonecam\.Job, such as bonecam\.read_job"):
+        bonecam.convert(shipped("phalanx"), "fast.toml")  # type: ignore[arg-type]
+    with pytest.raises(MeshError, match="the mesh has no faces"):
+        bonecam.convert(TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32)))
+    with pytest.raises(FileError, match="is no name of a file"):
+        bonecam.convert("")

@@ -153,6 +153,8 @@ def _welded(mesh: TriangleMesh) -> TriangleMesh:
 
 
 def _bytes_of(file: Path, also: tuple[str, ...]) -> bytes:
+    if not file.name:
+        raise _refusal(file, "is no name of a file", "give the path of a mesh file")
     if file.is_dir():
         raise _refusal(file, "is a folder", "give a file in it, or all of them to `bonecam batch`")
     if file.suffix.lower() not in READABLE:
