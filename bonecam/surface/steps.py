@@ -115,8 +115,9 @@ def rings(surface: TSpline) -> list[Ring]:
     found = []
     for pole, row in ((0, 1), (size - 1, len(knots) - 2)):
         points = np.arange(starts[row], starts[row + 1])
-        ones, index, shape = np.ones(len(points)), np.arange(len(points)), (len(points), size)
-        arms = sp.csr_array((ones, (index, points)), shape=shape) - sp.csr_array((ones, (index, np.full(len(points), pole))), shape=shape)
+        pairs = np.sort(np.column_stack([points, np.full(len(points), pole)]), axis=1)
+        signs = np.where(pairs == pole, -1.0, 1.0)
+        arms = sp.csr_array((signs.ravel(), pairs.ravel(), np.arange(0, 2 * len(points) + 1, 2)), shape=(len(points), size))
         offsets = arms @ surface.control_points
         normal = np.cross(offsets, np.roll(offsets, -1, axis=0)).sum(axis=0)
         found.append(Ring(pole, points, arms, normal / np.linalg.norm(normal), knots[row]))
