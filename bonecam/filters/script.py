@@ -89,12 +89,12 @@ def load(meshes: MeshSet, file: str | Path) -> None:
         mesh = read_mesh(file)
         meshes.add_mesh(meshlab().Mesh(mesh.vertices, mesh.faces), Path(file).name)
         return
-    if ending in MESHES:
+    if ending in MESHES or Path(file).is_dir():
         read_mesh(file)
     try:
         meshes.load_new_mesh(str(file))
     except meshlab().PyMeshLabException as error:
-        raise FileError(f"{file}: {' '.join(str(error).split())}: give a readable mesh file", file=str(file)) from error
+        raise FileError(f"{file}: {' '.join(str(error).split()).rstrip(':')}: give a readable mesh file", file=str(file)) from error
 
 
 def save_layers(meshes: MeshSet, folder: Path) -> None:

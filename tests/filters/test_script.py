@@ -183,3 +183,12 @@ def test_a_cad_part_is_a_layer_like_a_mesh(tmp_path: Path, registry: Registry) -
     (tmp_path / "block.sat").write_text("\n".join(api.export_sat([api.body_from_mesh(forms.cube().scale(10, 10, 20))])))
     (written,) = run_script(script(tmp_path, SMOOTH), [tmp_path / "block.sat"], tmp_path / "out", registry=registry)
     assert written.name == "block.ply"
+
+
+def test_what_is_no_mesh_is_refused_by_its_name(tmp_path: Path, registry: Registry) -> None:
+    (tmp_path / "scans").mkdir()
+    (tmp_path / "notes.md").write_text("no mesh")
+    for name, trouble in (("scans", "is a folder: give a file in it"), ("notes.md", r"Unknown format for load: md: give a readable")):
+        with pytest.raises(FileError, match=rf"{name}: {trouble}"):
+            run_script(script(tmp_path, MOVE), [tmp_path / name], tmp_path / "out", registry=registry)
+    assert not (tmp_path / "out").exists()
