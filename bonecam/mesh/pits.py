@@ -6,8 +6,9 @@ whatever the program; a surface that followed the pit would only fold on the lev
 """
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
+from scipy.spatial import cKDTree
 
 from bonecam.errors import place_name
 from bonecam.mesh.distance import MeshDistance
@@ -22,13 +23,13 @@ ROUNDS = 10
 """Most times that what was filled grows by a ring of neighbours."""
 
 
-def intrusion(mesh: TriangleMesh, radius: float) -> Float[ndarray, " v"]:
-    """How far (mm) a ball of `radius` that touches the surface at each vertex from outside reaches into the part elsewhere."""
+def intrusion(mesh: TriangleMesh, radius: float, at: Int[ndarray, " k"] | slice = slice(None)) -> Float[ndarray, " k"]:
+    """How far (mm) a ball of `radius` that touches the surface at each vertex (of `at`) from outside reaches into the part elsewhere."""
     import igl
 
     weighting = igl.PER_VERTEX_NORMALS_WEIGHTING_TYPE_ANGLE
     normals = igl.per_vertex_normals(np.array(mesh.vertices), mesh.faces.astype(np.int64), weighting)
-    return np.maximum(radius - MeshDistance(mesh).signed(mesh.vertices + radius * normals), 0.0)
+    return np.maximum(radius - MeshDistance(mesh).signed((mesh.vertices + radius * normals)[at], radius), 0.0)
 
 
 def fill_pits(mesh: TriangleMesh, radius: float) -> tuple[TriangleMesh, tuple[str, ...]]:
@@ -36,11 +37,12 @@ def fill_pits(mesh: TriangleMesh, radius: float) -> tuple[TriangleMesh, tuple[st
     found = intrusion(mesh, radius) > REACH * radius
     if not found.any():
         return mesh, ()
-    free, filled, left = np.zeros(len(mesh.vertices), dtype=bool), mesh, found
+    free, filled, left = np.zeros(len(mesh.vertices), dtype=bool), mesh, found.copy()
     for _ in range(ROUNDS):
         free[np.unique(mesh.faces[left[mesh.faces].any(axis=1)])] = True
         filled = _membrane(mesh, free)
-        left = intrusion(filled, radius) > REACH * radius
+        near = _reached(filled, free, radius)
+        left[:], left[near] = found, intrusion(filled, radius, near) > REACH * radius
         if not left.any():
             break
     moved = np.linalg.norm(filled.vertices - mesh.vertices, axis=1)
@@ -51,6 +53,15 @@ def fill_pits(mesh: TriangleMesh, radius: float) -> tuple[TriangleMesh, tuple[st
     if len(self_intersections(filled)):
         return mesh, (f"left {told}, open: a membrane over them would cut the part",)
     return filled, (f"filled {told}{f'; {left.sum()} vertices are still out of its reach' if left.any() else ''}",)
+
+
+def _reached(mesh: TriangleMesh, free: Bool[ndarray, " v"], radius: float) -> Int[ndarray, " k"]:
+    """Vertices whose ball may touch a face with a free vertex: for all others nothing has changed."""
+    faces = mesh.faces[free[mesh.faces].any(axis=1)]
+    corners = mesh.vertices[faces]
+    longest = float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max())
+    away, _ = cKDTree(mesh.vertices[np.unique(faces)]).query(mesh.vertices, distance_upper_bound=2 * radius + longest)
+    return np.flatnonzero(np.isfinite(away))
 
 
 def _membrane(mesh: TriangleMesh, free: ndarray) -> TriangleMesh:

@@ -4,7 +4,7 @@ from solids import ellipsoid, solid
 
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.intersections import self_intersections
-from bonecam.mesh.pits import REACH, fill_pits, intrusion
+from bonecam.mesh.pits import REACH, _membrane, _reached, fill_pits, intrusion
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 BONE = ellipsoid(5, 4, 14, rings=120, columns=160)
@@ -47,3 +47,14 @@ def test_a_smaller_ball_goes_in() -> None:
     mesh = pitted(1.6, 0.6)
     assert fill_pits(mesh, 0.2)[1] == ()
     assert fill_pits(mesh, 1.5)[1]
+
+
+def test_only_vertices_near_what_was_filled_can_change() -> None:
+    mesh = pitted(0.9, 0.8)
+    free = np.linalg.norm(mesh.vertices - [5, 0, 0], axis=1) < 0.6
+    near = _reached(mesh, free, 1.0)
+    filled = _membrane(mesh, free)
+    far = np.setdiff1d(np.arange(len(mesh.vertices)), near)
+    assert 0 < len(near) < 0.5 * len(mesh.vertices)
+    assert (intrusion(filled, 1.0)[far] == intrusion(mesh, 1.0)[far]).all()
+    assert (intrusion(filled, 1.0, near) == intrusion(filled, 1.0)[near]).all()
