@@ -204,7 +204,8 @@ def fit_surface(placed: Part, job: Job, progress: Progress = silent) -> Fit:
     edge = job.mesh.edge_percent / 100 * placed.mesh.diagonal
     rows = harmonic_rows(placed.mesh, job.mesh.rows, job.mesh.row_points, edge, part(progress, 0.0, 0.2))
     with threadpool_limits(1, user_api="blas"):  # small matrices: threads only wait, and their number would change the last digits
-        found = fit(placed.mesh, job.surface.tolerance, job.surface.max_control_points, rows=rows, progress=part(progress, 0.2, 1.0))
+        tolerance, most = job.surface.tolerance, job.surface.max_control_points
+        found = fit(placed.mesh, tolerance, most, rows=rows, progress=part(progress, 0.2, 1.0), round_poles=True)
     missed, limit = found.deviation, max(job.surface.tolerance, job.surface.largest_deviation)
     if missed.max > limit:
         what = f"{placed.file}: {found.control_points} control points miss the mesh by {missed.max:.2f} mm near {place_name(missed.place)}"

@@ -6,7 +6,7 @@ from numpy import ndarray
 
 from bonecam.levels.cut import Cut
 
-MARGIN, SHARE = 0.001, 0.01
+MARGIN, SHARE = 0.001, 0.005
 
 
 def depth(cut: Cut, gap: Float[ndarray, " k"]) -> tuple[Float[ndarray, " k"], Float[ndarray, " k"]]:

@@ -21,7 +21,7 @@ from bonecam.levels.inspection import Inspection, Rules
 from bonecam.levels.level import Level
 from bonecam.levels.remaining import remaining, whole
 from bonecam.levels.schedule import Schedule
-from bonecam.levels.sequence import Sequences
+from bonecam.levels.sequence import MENDABLE, Sequences
 from bonecam.levels.setting import setting_of
 from bonecam.levels.stock import MARGIN, Stock, require_inside
 from bonecam.mesh.distance import MeshDistance
@@ -35,9 +35,9 @@ STIFFNESS, COARSE, MENDS = 5e-7, 0.02, 4
 ACCEPTED = 0.01
 """Where no sequence keeps every tolerance, one that breaks depth, nesting or stock by no more (mm, the size of the
 gouge tolerance) is taken. The report tells it."""
-MOST_MENDED, MENDABLE = 3000, 0.03
-"""Points near their limits that are watched when levels are made again, and how far (mm) a level may break a limit then; where there
-are more, or one is farther, another sequence is tried."""
+MOST_MENDED = 3000
+"""Points near their limits that are watched when levels are made again; where there are more, another sequence is tried, and where more
+than half of the levels fail."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +129,7 @@ def _mend(inspection: Inspection, making: Sequences, made: Sequence[ndarray], ma
         failed = inspection.failed
         which = {cut.level.index for cut in failed} - {len(made)}
         watched = np.vstack([cut.found.near_limits for cut in inspection.cuts])
-        if not which or not 0 < len(watched) <= MOST_MENDED or max(cut.over for cut in failed) > MENDABLE:
+        if not which or len(which) > len(made) / 2 or not 0 < len(watched) <= MOST_MENDED or max(cut.over for cut in failed) > MENDABLE:
             return
         if min(which) <= lowest:
             before, trouble = trouble, (len(which), sum(cut.level.self_intersections for cut in failed), max(cut.over for cut in failed))

@@ -20,6 +20,8 @@ from bonecam.surface.tspline import TSpline
 GAUSS, AROUND, MOST_AROUND, LEAST_AROUND = 3, 3, 400, 12
 NEAR_POLE = 1e-3
 CLOSE_TO_POLE = (0.005, 0.02, 0.05)
+FEATURES = 0.005
+"""Chord tolerance (mm) of the tessellation that finds what is sharp."""
 SHAPED = 0.3
 """Share of the surface at a sample that control points together have where they shape it."""
 
@@ -107,6 +109,14 @@ def samples_of(surface: TSpline, s: ndarray, t: ndarray, weights: ndarray) -> Sa
     """The samples at these parameters."""
     R, R_s, R_t = surface.basis(s, t, 1)
     return Samples(s, t, weights, R, R_s, R_t)
+
+
+def features(surface: TSpline) -> Samples:
+    """The vertices of a fine tessellation but the poles, which are dense where the surface is sharp; they weigh nothing."""
+    low, high = surface.domain[1]
+    s, t = surface.tessellate_with_parameters(FEATURES).parameters.T
+    inner = (t > low) & (t < high)
+    return samples_of(surface, s[inner], t[inner], np.zeros(int(inner.sum())))
 
 
 def thin_plate(surface: TSpline) -> sp.csc_array:

@@ -29,7 +29,9 @@ LAST, LATE = 3, 0.5
 wider and shallower then, and the last levels can follow it."""
 WAITING = 2
 """Only after so many sequences is one taken with a cut more than K_min, and after all of them one with more."""
-STALL, SOFTEN, PATIENCE, MOST_EXTRA = 0.25, 0.1, 4, 12
+STALL, SOFTEN, PATIENCE, MOST_EXTRA = 0.25, 0.1, 4, 5
+MENDABLE = 0.03
+"""How far (mm) a level may break a limit: what is farther no mending makes good."""
 EASINGS, EASED = 4, 0.1
 """How often the pull on a place that folds is eased, each time to this share."""
 LANDING, CREEP = 0.03, 0.01
@@ -106,15 +108,17 @@ class Sequences:
         cut = Cut(self.schedule.limit(k), left, LANDING + CREEP * max(0, self.lower_bound - 1 - k))
         if k >= self.lower_bound - LAST:
             manner = replace(manner, haste=manner.late)
-        ease, fewest, best = np.ones(len(P)), len(self.setting.watch.s) + 1, P
+        ease, fewest, best, broken = np.ones(len(P)), len(self.setting.watch.s) + 1, P, np.inf
         for _ in range(EASINGS):
             step = next_level(self.setting, P, rest, cut, manner, ease, self.method)
             count = int(step.folded.sum())
             if count < fewest:
-                fewest, best = count, P + step.moves
+                fewest, best, broken = count, P + step.moves, step.broken
             if not count:
                 break
             ease[self.setting.watch.near(step.folded)] *= EASED
+        if broken > MENDABLE:
+            raise LevelError(f"level {k} breaks its limits by {broken:.2f} mm: give more control points or a larger stock", level=k)
         return best
 
 

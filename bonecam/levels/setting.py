@@ -9,12 +9,12 @@ from numpy import ndarray
 
 from bonecam.levels.attraction import Attraction
 from bonecam.levels.poles import free_moves
-from bonecam.levels.samples import Samples, joined, ring_pattern, samples_of, thin_plate
+from bonecam.levels.samples import Samples, features, joined, ring_pattern, samples_of, thin_plate
 from bonecam.levels.stock import Stock
 from bonecam.surface.tspline import TSpline
 
 ALONG, AROUND = 3, 3
-WATCH_ALONG, WATCH_AROUND, FEATURES = 5, 5, 0.005
+WATCH_ALONG, WATCH_AROUND = 5, 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +40,5 @@ class Setting:
 
 def setting_of(surface: TSpline, stock: Stock, attraction: Attraction) -> Setting:
     """The samples and matrices of one morph."""
-    samples, watch = ring_pattern(surface, ALONG, AROUND), ring_pattern(surface, WATCH_ALONG, WATCH_AROUND)
-    even = Setting(surface, stock, attraction, samples, watch, thin_plate(surface), free_moves(surface))
-    return even.watching(surface.tessellate_with_parameters(FEATURES).parameters)
+    samples, watch = ring_pattern(surface, ALONG, AROUND), joined(ring_pattern(surface, WATCH_ALONG, WATCH_AROUND), features(surface))
+    return Setting(surface, stock, attraction, samples, watch, thin_plate(surface), free_moves(surface))

@@ -16,6 +16,7 @@ from bonecam.surface.adapt import refine
 from bonecam.surface.deviation import Deviation, measure
 from bonecam.surface.growth import GAIN, LEAST_POINTS, Aim, Prune, Refine, first_surface, grown, settle, thinned
 from bonecam.surface.prune import prune
+from bonecam.surface.steps import OFF
 from bonecam.surface.target import Target
 from bonecam.surface.tspline import TSpline
 
@@ -60,19 +61,23 @@ def fit(
     progress: Progress = silent,
     refine: Refine = refine,
     prune: Prune = prune,
+    round_poles: bool = False,
 ) -> Fit:
     """The T-spline within `tolerance` (mm, both ways) of the mesh, or as near as `max_control_points` allow: see `Fit.reached`.
 
-    `rows` are sections of the mesh from the lower to the upper pole; without them the mesh is stood upright and cut.
+    `rows` are sections of the mesh from the lower to the upper pole; without them the mesh is stood upright and cut. `round_poles`
+    draws the control points next to each pole to an ellipse round it: for levels, which fold sooner at other poles. It takes some
+    more control points, and the largest bones may fold.
     Raises ValueError on a tolerance of 0 or fewer than 40 control points, MeshError where the mesh is not closed and of genus 0.
     """
     if not tolerance > 0 or max_control_points < LEAST_POINTS:
         raise ValueError(f"tolerance {tolerance}, {max_control_points} control points: give a length above 0 and {LEAST_POINTS} or more")
+    aim = Aim(tolerance, max_control_points, refine, prune, 0.0 if round_poles else OFF)
     if rows is not None:
-        return _fitted(target, rows, Aim(tolerance, max_control_points, refine, prune), progress)
+        return _fitted(target, rows, aim, progress)
     posed, motion = upright(target)
     rows = harmonic_rows(posed, ROWS, ROW_POINTS, progress=part(progress, 0.0, 0.1))
-    found = _fitted(posed, rows, Aim(tolerance, max_control_points, refine, prune), part(progress, 0.1, 1.0))
+    found = _fitted(posed, rows, aim, part(progress, 0.1, 1.0))
     back = found.surface.with_control_points((found.surface.control_points - motion[:3, 3]) @ motion[:3, :3])
     d = found.deviation
     place = (d.place - motion[:3, 3]) @ motion[:3, :3]

@@ -15,7 +15,7 @@ from bonecam.surface.fairness import gauss_points
 from bonecam.surface.periodic import FEWEST
 from bonecam.surface.prune import prune
 from bonecam.surface.quadratic import Form, Term
-from bonecam.surface.steps import LEAST_FACING, flattened, fold_grid, step
+from bonecam.surface.steps import LEAST_FACING, OFF, flattened, fold_grid, step
 from bonecam.surface.target import Target
 from bonecam.surface.tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
@@ -40,12 +40,13 @@ Prune = Callable[[TSpline, Target, float, int], RowTMesh]
 
 @dataclass(frozen=True)
 class Aim:
-    """What is wanted, with how many control points, and how the T-mesh changes."""
+    """What is wanted, with how many control points, how the T-mesh changes, and how far rings round poles may be off ellipses."""
 
     tolerance: float
     most: int
     refine: Refine = refine
     prune: Prune = prune
+    off: float = OFF
 
 
 def grown(surface: TSpline, target: Target, aim: Aim, progress: Progress = silent) -> tuple[TSpline, Target]:
@@ -163,6 +164,6 @@ def anchors(tmesh: RowTMesh) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]
 def settle(surface: TSpline, target: Target, aim: Aim, rounds: int = ROUNDS, plane: float = LOOSE_PLANE) -> tuple[TSpline, Target]:
     """`rounds` steps with the feet followed after each."""
     for _ in range(rounds):
-        surface = step(surface, target, aim.tolerance, plane)
+        surface = step(surface, target, aim.tolerance, plane, aim.off)
         target = target.on(surface, aim.tolerance)
     return surface, target

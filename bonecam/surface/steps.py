@@ -34,11 +34,11 @@ REACH = 2.0  # mean cell sides round a fold
 LEAST_TURN, WELL, LEAST_FACING, LOSS = 0.5, 0.7, 0.2, 0.02  # cosines; a loss of facing that is none yet
 
 
-def step(surface: TSpline, target: Target, tolerance: float, plane: float) -> TSpline:
-    """The solved surface; firmer round folds; where it still folds, only a part of the way there."""
+def step(surface: TSpline, target: Target, tolerance: float, plane: float, off: float = OFF) -> TSpline:
+    """The solved surface; firmer round folds; where it still folds, only a part of the way there. `off` as in `pole_rings`."""
     quadrature = Quadrature.on(surface)
     share = target.inward.areas.sum() / surface.tmesh.size
-    data = data_terms(surface, target, tolerance, SLIDE) + pole_planes(surface, plane * share) + pole_rings(surface, RING * share)
+    data = data_terms(surface, target, tolerance, SLIDE) + pole_planes(surface, plane * share) + pole_rings(surface, RING * share, off)
     damping, found = np.full(len(quadrature.s), DAMPING), surface
     grid = fold_grid(surface)
     before = surface.normals(*grid), target.shape.facing(surface, *grid)
@@ -141,18 +141,18 @@ def pole_planes(surface: TSpline, weight: float) -> list[Term]:
     return terms
 
 
-def pole_rings(surface: TSpline, weight: float) -> list[Term]:
+def pole_rings(surface: TSpline, weight: float, free: float) -> list[Term]:
     """Draws the control points next to each pole towards an ellipse round it, at the angles of their knots, where they are far off it.
 
-    Such a ring is a polar patch smooth at its pole; within OFF of its size it is free, as no bone's end is an ellipsoid's.
+    Such a ring is a polar patch smooth at its pole; within `free` of its size it is free, as no bone's end is an ellipsoid's.
     """
     terms = []
     for ring in rings(surface):
         ellipse = np.column_stack([np.cos(2 * np.pi * ring.knots), np.sin(2 * np.pi * ring.knots)])
         off = np.eye(len(ellipse)) - ellipse @ np.linalg.pinv(ellipse)
         arms = ring.arms @ surface.control_points
-        now, free = off @ arms, OFF * np.sqrt((arms**2).sum(axis=1).mean())
+        now, within = off @ arms, free * np.sqrt((arms**2).sum(axis=1).mean())
         far = np.linalg.norm(now, axis=1)
-        nearer = now * np.minimum(1.0, free / np.maximum(far, np.finfo(float).tiny))[:, None]
-        terms.append(Term(sp.csr_array(off @ ring.arms), (weight * (far > free))[:, None, None] * np.eye(3), nearer))
+        nearer = now * np.minimum(1.0, within / np.maximum(far, np.finfo(float).tiny))[:, None]
+        terms.append(Term(sp.csr_array(off @ ring.arms), (weight * (far > within))[:, None, None] * np.eye(3), nearer))
     return terms

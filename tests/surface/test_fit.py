@@ -14,7 +14,7 @@ from bonecam.surface.deviation import deviation
 from bonecam.surface.fit import Fit, fit
 from bonecam.surface.growth import first_tmesh
 from bonecam.surface.skin import skin
-from bonecam.surface.steps import pole_rings
+from bonecam.surface.steps import OFF, pole_rings
 from bonecam.surface.tspline import TSpline
 
 
@@ -147,8 +147,11 @@ def test_rings_round_poles_are_drawn_only_where_they_are_far_off_an_ellipse() ->
     for shift, pulled in ((0.0, 0), (0.5, 0), (1.5, 5)):
         moved = points.copy()
         moved[0, 0] += shift
-        term = pole_rings(TSpline(even, moved, np.ones(even.size)), 2.0)[0]
-        assert np.count_nonzero(term.metric[:, 0, 0]) == pulled
+        moved_surface = TSpline(even, moved, np.ones(even.size))
+        assert np.count_nonzero(pole_rings(moved_surface, 2.0, OFF)[0].metric[:, 0, 0]) == pulled
+    pulls = pole_rings(moved_surface, 2.0, 0.0)[0]
+    assert (pulls.metric[:, 0, 0] == 2.0).all()
+    assert not pulls.targets.any()
 
 
 def test_a_new_t_knot_adds_one_row_that_is_like_its_neighbour() -> None:
