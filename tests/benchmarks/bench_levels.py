@@ -49,7 +49,7 @@ from bonecam.pipeline import fit_surface, place, prepare
 from bonecam.surface.tspline import TSpline
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "meshes" / "bones" / "3midph_m.stl"
-FITS = ((0.15, 125), (0.075, 260), (0.05, 520), (0.03, 1000), (0.01, 2000))
+FITS = ((0.12, 150), (0.075, 260), (0.05, 520), (0.03, 1000), (0.02, 2000))
 BASE = 260
 SCHEDULE, STIFFNESS = Schedule((0.1,) * 4, 0.5), LevelsJob().stiffness
 LARGEST_CONES, RENEWALS, EVERY, NEAR = 600, 2, 3, 0.006
