@@ -108,18 +108,19 @@ class Sequences:
         cut = Cut(self.schedule.limit(k), left, LANDING + CREEP * max(0, self.lower_bound - 1 - k))
         if k >= self.lower_bound - LAST:
             manner = replace(manner, haste=manner.late)
-        ease, fewest, best, broken = np.ones(len(P)), len(self.setting.watch.s) + 1, P, np.inf
+        ease, best = np.ones(len(P)), None
         for _ in range(EASINGS):
             step = next_level(self.setting, P, rest, cut, manner, ease, self.method)
-            count = int(step.folded.sum())
-            if count < fewest:
-                fewest, best, broken = count, P + step.moves, step.broken
-            if not count:
+            if best is None or step.folded.sum() < best.folded.sum():
+                best = step
+            if not step.folded.any():
                 break
             ease[self.setting.watch.near(step.folded)] *= EASED
-        if broken > MENDABLE:
-            raise LevelError(f"level {k} breaks its limits by {broken:.2f} mm: give more control points or a larger stock", level=k)
-        return best
+        assert best is not None
+        if best.broken > MENDABLE:
+            what = f"level {k} breaks its limits by {best.broken:.2f} mm at {place_name(best.place)}"
+            raise LevelError(f"{what}: give more control points or a larger stock", level=k, place=best.place)
+        return P + best.moves
 
 
 def _softer(manner: Manner) -> Manner:

@@ -24,10 +24,11 @@ ROUNDS, SWEEPS, NEAR, ENOUGH, FOOT_STEPS = 4, 20, 0.005, 2e-4, 3
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """The control points' moves, how far the watched samples break a limit afterwards, mm, and at which of them the level folds."""
+    """The control points' moves, how far the watched samples break a limit afterwards, mm, where, and at which of them the level folds."""
 
     moves: Float[ndarray, "c 3"]
     broken: float
+    place: Float[ndarray, "3"]
     folded: Bool[ndarray, " w"]
 
 
@@ -65,4 +66,5 @@ def _kept(setting: Setting, P: ndarray, D: ndarray, cut: Cut) -> Step:
         limits = limits.at(y, 1)
         broken = limits.broken(y)
     moves = np.asarray(setting.free @ D)
-    return Step(moves, float(broken.max()), (watch.stretched(P + moves) * limits.n).sum(1) <= 0)
+    worst = int(np.argmax(broken))
+    return Step(moves, float(broken[worst]), y[worst], (watch.stretched(P + moves) * limits.n).sum(1) <= 0)

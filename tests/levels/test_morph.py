@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bonecam.errors import Cancelled, LevelError, StockError
-from bonecam.levels import check
+from bonecam.levels import check, sequence
 from bonecam.levels.grid import level_grid
 from bonecam.levels.limits import feet
 from bonecam.levels.morph import Morph, morph
@@ -117,6 +117,14 @@ def test_a_level_that_falls_behind_is_an_error_with_its_place_and_patch(made: Mo
     patch, place = caught.value.evidence["patch"], caught.value.evidence["place"]
     assert MeshDistance(patch).unsigned(place[None])[0] == pytest.approx(-found.nesting_min, abs=0.01)
     assert 0 < len(patch.faces) < len(b.mesh.faces)
+
+
+def test_a_level_that_cannot_keep_its_limits_ends_its_sequence_with_the_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sequence, "MENDABLE", -1.0)  # a level's worst place is never a millimetre inside its limits
+    with pytest.raises(LevelError, match=r"level 1 breaks its limits by .* mm at \(") as caught:
+        morph(waisted(), STOCK, SCHEDULE, chord_tolerance=0.02)
+    assert caught.value.evidence["level"] == 1
+    assert abs(STOCK.signed_distance(caught.value.evidence["place"][None])[0]) < STOCK.radius
 
 
 def test_a_cut_too_deep_is_an_error() -> None:
