@@ -111,12 +111,16 @@ def samples_of(surface: TSpline, s: ndarray, t: ndarray, weights: ndarray) -> Sa
     return Samples(s, t, weights, R, R_s, R_t)
 
 
-def features(surface: TSpline) -> Samples:
-    """The vertices of a fine tessellation but the poles, which are dense where the surface is sharp; they weigh nothing."""
+def weightless(surface: TSpline, parameters: Float[ndarray, "k 2"]) -> Samples:
+    """The samples at these (s, t), those at the poles left out; they weigh nothing."""
     low, high = surface.domain[1]
-    s, t = surface.tessellate_with_parameters(FEATURES).parameters.T
-    inner = (t > low) & (t < high)
-    return samples_of(surface, s[inner], t[inner], np.zeros(int(inner.sum())))
+    s, t = parameters[(parameters[:, 1] > low) & (parameters[:, 1] < high)].T
+    return samples_of(surface, s, t, np.zeros(len(s)))
+
+
+def features(surface: TSpline) -> Samples:
+    """The vertices of a fine tessellation, which are dense where the surface is sharp."""
+    return weightless(surface, surface.tessellate_with_parameters(FEATURES).parameters)
 
 
 def thin_plate(surface: TSpline) -> sp.csc_array:

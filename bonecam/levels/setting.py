@@ -2,14 +2,13 @@
 
 from dataclasses import dataclass, replace
 
-import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.levels.attraction import Attraction
 from bonecam.levels.poles import free_moves
-from bonecam.levels.samples import Samples, features, joined, ring_pattern, samples_of, thin_plate
+from bonecam.levels.samples import Samples, features, joined, ring_pattern, thin_plate, weightless
 from bonecam.levels.stock import Stock
 from bonecam.surface.tspline import TSpline
 
@@ -33,9 +32,7 @@ class Setting:
 
     def watching(self, parameters: Float[ndarray, "n 2"]) -> "Setting":
         """The same with more samples watched, at these (s, t)."""
-        low, high = self.surface.domain[1]
-        s, t = parameters[(parameters[:, 1] > low) & (parameters[:, 1] < high)].T
-        return replace(self, watch=joined(self.watch, samples_of(self.surface, s, t, np.zeros(len(s)))))
+        return replace(self, watch=joined(self.watch, weightless(self.surface, parameters)))
 
 
 def setting_of(surface: TSpline, stock: Stock, attraction: Attraction) -> Setting:
