@@ -11,7 +11,7 @@ from bonecam.levels.cut import Cut, Manner
 from bonecam.levels.remaining import Remaining, remaining, whole
 from bonecam.levels.schedule import Schedule
 from bonecam.levels.setting import Setting
-from bonecam.levels.step import next_level
+from bonecam.levels.step import Step, next_level
 from bonecam.progress import Progress, report
 
 VARIANTS = (
@@ -83,7 +83,11 @@ class Sequences:
         while rests[-1].left > limit(len(made)):
             k, before = len(made), rests[-1]
             report(self.progress, min(1.0, k / self.lower_bound), f"level {k}")
-            made.append(self._next(made[-1], k, before, softened))
+            step = self._next(made[-1], k, before, softened)
+            if step.broken > MENDABLE:
+                what = f"level {k} breaks its limits by {step.broken:.2f} mm at {place_name(step.place)}"
+                raise LevelError(f"{what}: give more control points or a larger stock", level=k, place=step.place)
+            made.append(made[-1] + step.moves)
             rests.append(rest := remaining(self.setting, made[-1], before))
             stalled = rest.left > before.left - STALL * limit(k)
             stalls, softened = (stalls + 1, _softer(softened)) if stalled else (0, softened)
@@ -96,31 +100,26 @@ class Sequences:
         return made, rests
 
     def mended(self, made: Sequence[ndarray], which: Collection[int], manner: Manner) -> list[ndarray]:
-        """The same with some levels made again, each from the one before."""
+        """The same with some levels made again, each from the one before; what they break shows when they are measured."""
         made = list(made)
         for k in sorted(which):
-            made[k] = self._next(made[k - 1], k, remaining(self.setting, made[k - 1], whole(self.setting.stock)), manner)
+            before = made[k - 1]
+            made[k] = before + self._next(before, k, remaining(self.setting, before, whole(self.setting.stock)), manner).moves
         return made
 
-    def _next(self, P: ndarray, k: int, rest: Remaining, manner: Manner) -> ndarray:
-        """Level k, above P; where it folds the pull is eased (if it folds all the same, the check decides)."""
+    def _next(self, P: ndarray, k: int, rest: Remaining, manner: Manner) -> Step:
+        """The step from P to level k; where it folds the pull is eased (if it folds all the same, the check decides)."""
         left = sum(self.schedule.limit(later) for later in range(k, max(k, self.lower_bound) + 1))
         cut = Cut(self.schedule.limit(k), left, LANDING + CREEP * max(0, self.lower_bound - 1 - k))
         if k >= self.lower_bound - LAST:
             manner = replace(manner, haste=manner.late)
-        ease, best = np.ones(len(P)), None
+        ease, tried = np.ones(len(P)), []
         for _ in range(EASINGS):
-            step = next_level(self.setting, P, rest, cut, manner, ease, self.method)
-            if best is None or step.folded.sum() < best.folded.sum():
-                best = step
+            tried.append(step := next_level(self.setting, P, rest, cut, manner, ease, self.method))
             if not step.folded.any():
                 break
             ease[self.setting.watch.near(step.folded)] *= EASED
-        assert best is not None
-        if best.broken > MENDABLE:
-            what = f"level {k} breaks its limits by {best.broken:.2f} mm at {place_name(best.place)}"
-            raise LevelError(f"{what}: give more control points or a larger stock", level=k, place=best.place)
-        return P + best.moves
+        return min(tried, key=lambda step: int(step.folded.sum()))
 
 
 def _softer(manner: Manner) -> Manner:

@@ -34,7 +34,7 @@ REACH = 2.0  # mean cell sides round a fold
 LEAST_TURN, WELL, LEAST_FACING, LOSS = 0.5, 0.7, 0.2, 0.02  # cosines; a loss of facing that is none yet
 
 
-def step(surface: TSpline, target: Target, tolerance: float, plane: float, off: float = OFF) -> TSpline:
+def step(surface: TSpline, target: Target, tolerance: float, plane: float, off: float) -> TSpline:
     """The solved surface; firmer round folds; where it still folds, only a part of the way there. `off` as in `pole_rings`."""
     quadrature = Quadrature.on(surface)
     share = target.inward.areas.sum() / surface.tmesh.size
