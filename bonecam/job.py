@@ -242,6 +242,12 @@ class Job:
         return level == 0 or (bool(self.levels.depths.strip()) and beyond <= self.levels.finishing_depth)
 
 
+def wrong(section: str, name: str, value: object, why: str) -> JobError:
+    """The refusal of a field of a job: its value, and `why` with the bound and the remedy."""
+    shown = f"{value:g}" if isinstance(value, float) else repr(value)
+    return JobError(f"[{section}] {name} = {shown}: {why}", section=section, field=name)
+
+
 def read_job(path: str | Path, base: Job | None = None) -> Job:
     """The job of a TOML file: sections named as the fields of Job; what is left out keeps its default."""
     try:

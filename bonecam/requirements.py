@@ -7,8 +7,8 @@ import math
 
 import numpy as np
 
-from bonecam.errors import JobError, MachineError, SurfaceError, place_name
-from bonecam.job import Job, LevelsJob, StockJob, ToolJob
+from bonecam.errors import MachineError, SurfaceError, place_name
+from bonecam.job import Job, LevelsJob, StockJob, wrong
 from bonecam.levels.schedule import schedule_of
 from bonecam.levels.stock import Stock
 from bonecam.mesh.distance import MeshDistance
@@ -32,7 +32,7 @@ def check_job(job: Job, machine: Machine) -> None:
     check_tools(job, machine)
     check_depths(job)
     if abs(job.path.lead_deg) > job.path.max_tilt_deg:
-        raise _wrong("path", "lead_deg", job.path.lead_deg, f"keep it within path.max_tilt_deg ({job.path.max_tilt_deg:g})")
+        raise wrong("path", "lead_deg", job.path.lead_deg, f"keep it within path.max_tilt_deg ({job.path.max_tilt_deg:g})")
 
 
 def check_sizes(stock: StockJob) -> None:
@@ -42,35 +42,23 @@ def check_sizes(stock: StockJob) -> None:
         value, default = getattr(stock, name), getattr(StockJob, name)
         if name not in own and value != default:
             kinds = " or ".join(kind for kind, sizes in SIZES.items() if name in sizes.split())
-            raise _wrong("stock", name, value, f"a {stock.kind} has none: give {' and '.join(own)}, or kind = {kinds}")
+            raise wrong("stock", name, value, f"a {stock.kind} has none: give {' and '.join(own)}, or kind = {kinds}")
 
 
 def check_tools(job: Job, machine: Machine) -> None:
     """JobError where a cutter cannot be, is driven faster than the machine can, or would sink into a flat part at the lead angle."""
     slowest = min(axis.speed for axis in machine.linear)
+    lead = math.radians(abs(job.path.lead_deg))
     for section, tool in (("roughing", job.roughing), ("finishing", job.finishing)):
-        _check_shape(section, tool)
+        cutter = Cutter.from_job(0, section, tool)
         if tool.spindle > machine.spindle_speed:
-            raise _wrong(section, "spindle", tool.spindle, f"{machine.name} turns at {machine.spindle_speed:g} 1/min at most: give less")
+            raise wrong(section, "spindle", tool.spindle, f"{machine.name} turns at {machine.spindle_speed:g} 1/min at most: give less")
         if tool.feed > slowest:
-            raise _wrong(section, "feed", tool.feed, f"an axis of {machine.name} makes {slowest:g} mm/min at most: give less")
-        lead = math.radians(abs(job.path.lead_deg))
-        for name, start, _, radius in Cutter.from_job(0, section, tool).sections[1:]:
+            raise wrong(section, "feed", tool.feed, f"an axis of {machine.name} makes {slowest:g} mm/min at most: give less")
+        for name, start, _, radius in cutter.sections[1:]:
             if tool.radius + (start - tool.radius) * math.cos(lead) <= radius * math.sin(lead):
                 remedy = f"at the lead of {job.path.lead_deg:g} degrees the {name} would cut into a flat part: give a slimmer {name}"
-                raise _wrong(section, f"{name}_diameter", 2 * radius, f"{remedy}, less path.lead_deg, or a longer overhang or flute_length")
-
-
-def _check_shape(section: str, tool: ToolJob) -> None:
-    """The sections follow one another from the tip up, and the shank fits into the holder."""
-    if tool.flute_length < tool.radius:
-        raise _wrong(section, "flute_length", tool.flute_length, f"give at least the ball's radius ({tool.radius:g} mm)")
-    if tool.overhang <= tool.flute_length:
-        raise _wrong(section, "overhang", tool.overhang, f"give more than flute_length ({tool.flute_length:g} mm)")
-    if tool.scallop >= tool.radius:
-        raise _wrong(section, "scallop", tool.scallop, f"give less than the ball's radius ({tool.radius:g} mm)")
-    if tool.shank_diameter > tool.holder_diameter:
-        raise _wrong(section, "shank_diameter", tool.shank_diameter, f"give at most holder_diameter ({tool.holder_diameter:g} mm)")
+                raise wrong(section, f"{name}_diameter", 2 * radius, f"{remedy}, less path.lead_deg, or a longer overhang or flute_length")
 
 
 def check_depths(job: Job) -> None:
@@ -83,7 +71,7 @@ def check_depths(job: Job) -> None:
         if depth > DEEPEST_RADII * radius:
             name = "depths" if listed else "finishing_depth" if level < len(first) else "roughing_depth"
             bound = f"a ball of {section}.radius = {radius:g} mm sinks {DEEPEST_RADII * radius:g} mm at most ({DEEPEST_RADII:g} of it)"
-            raise _wrong("levels", name, getattr(job.levels, name), f"{bound}: give shallower cuts or a larger ball")
+            raise wrong("levels", name, getattr(job.levels, name), f"{bound}: give shallower cuts or a larger ball")
 
 
 def check_room(stock: Stock, job: Job, machine: Machine) -> None:
@@ -106,7 +94,7 @@ def check_post(part: TriangleMesh, stock: Stock, job: Job) -> None:
     width = float(np.ptp(stock.bounds[:, :2], axis=0).min())
     if job.holding.diameter >= width:
         bound = f"the stock is {width:.2f} mm wide"
-        raise _wrong("holding", "diameter", job.holding.diameter, f"{bound}: give a post that is thinner than the part's lower end")
+        raise wrong("holding", "diameter", job.holding.diameter, f"{bound}: give a post that is thinner than the part's lower end")
     post_below(part, job.holding)
 
 
@@ -118,7 +106,7 @@ def check_cuts(part: TriangleMesh, stock: Stock, job: LevelsJob) -> None:
     cuts = schedule_of(job).lower_bound(farthest)
     if cuts > job.most_cuts:
         what = f"the stock at {place_name(place)} is {farthest:.1f} mm from the part, which takes {cuts} cuts or more"
-        raise _wrong("levels", "most_cuts", job.most_cuts, f"{what}: give a smaller stock or a greater roughing_depth, or allow more")
+        raise wrong("levels", "most_cuts", job.most_cuts, f"{what}: give a smaller stock or a greater roughing_depth, or allow more")
 
 
 def check_surface(surface: TSpline, chord_tolerance: float, file: str) -> None:
@@ -130,8 +118,3 @@ def check_surface(surface: TSpline, chord_tolerance: float, file: str) -> None:
         what = f"{file}: the surface of {surface.tmesh.size} control points cuts itself in {len(cut)} faces, first near {place_name(place)}"
         remedy = "raise surface.max_control_points, or smooth the mesh or fill the cleft there"
         raise SurfaceError(f"{what}: {remedy}", faces=cut, place=place)
-
-
-def _wrong(section: str, name: str, value: object, why: str) -> JobError:
-    shown = f"{value:g}" if isinstance(value, float) else repr(value)
-    return JobError(f"[{section}] {name} = {shown}: {why}", section=section, field=name)

@@ -2,15 +2,15 @@
 
 from dataclasses import dataclass
 
-from bonecam.errors import JobError
-from bonecam.job import ToolJob
+from bonecam.job import ToolJob, wrong
 
 
 @dataclass(frozen=True)
 class Cutter:
     """A ball-end cutter; mm. Positions are measured from the tip towards the spindle.
 
-    Raises JobError where the shapes cannot follow each other from the tip up: radius <= flute_length < overhang.
+    `name` is the section of the job. Raises JobError where the shapes cannot follow each other from the tip up, or the shank does not
+    fit into the holder: radius <= flute_length < overhang, shank_diameter <= holder_diameter.
     """
 
     number: int
@@ -26,14 +26,14 @@ class Cutter:
     scallop: float
 
     def __post_init__(self) -> None:
-        if not self.radius <= self.flute_length < self.overhang:
-            raise JobError(
-                f"{self.name}: ball radius {self.radius:g}, flutes to {self.flute_length:g}, overhang {self.overhang:g} mm: "
-                "make radius <= flute_length < overhang",
-                cutter=self.name,
-            )
+        if not self.flute_length >= self.radius:
+            raise wrong(self.name, "flute_length", self.flute_length, f"give at least the ball's radius ({self.radius:g} mm)")
+        if not self.overhang > self.flute_length:
+            raise wrong(self.name, "overhang", self.overhang, f"give more than flute_length ({self.flute_length:g} mm)")
         if not 0 < self.scallop < self.radius:
-            raise JobError(f"{self.name}: scallop {self.scallop:g} mm: keep it between 0 and the ball radius", cutter=self.name)
+            raise wrong(self.name, "scallop", self.scallop, f"give less than the ball's radius ({self.radius:g} mm), and more than 0")
+        if not self.shank_diameter <= self.holder_diameter:
+            raise wrong(self.name, "shank_diameter", self.shank_diameter, f"give at most holder_diameter ({self.holder_diameter:g} mm)")
 
     @classmethod
     def from_job(cls, number: int, name: str, job: ToolJob) -> "Cutter":
