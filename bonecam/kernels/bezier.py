@@ -53,20 +53,27 @@ def locate_one(
     return -1
 
 
+@njit(inline="always")
+def located(
+    strip_knots: ndarray, strip_table: ndarray, strip_starts: ndarray, lows: ndarray, highs: ndarray, ids: ndarray, tables: ndarray,
+    s: float, t: float,
+) -> int:  # fmt: skip
+    """locate_one, the call left out where the first guess is right."""
+    i = _slot(strip_starts, lows, highs, tables, _strip(strip_knots, strip_table, t), s)
+    if lows[i] <= s <= highs[i]:
+        return ids[i]
+    return locate_one(strip_knots, strip_table, strip_starts, lows, highs, ids, tables, s, t)
+
+
 @njit(cache=True)
 def locate(
     strip_knots: ndarray, strip_table: ndarray, strip_starts: ndarray, lows: ndarray, highs: ndarray, ids: ndarray, tables: ndarray,
     s: ndarray, t: ndarray,
 ) -> ndarray:  # fmt: skip
-    """locate_one for many samples; the call is left out where the first guess is right."""
+    """located for many samples."""
     found = np.empty(len(s), dtype=np.int32)
     for n in range(len(s)):
-        x = s[n]
-        i = _slot(strip_starts, lows, highs, tables, _strip(strip_knots, strip_table, t[n]), x)
-        if lows[i] <= x <= highs[i]:
-            found[n] = ids[i]
-        else:
-            found[n] = locate_one(strip_knots, strip_table, strip_starts, lows, highs, ids, tables, x, t[n])
+        found[n] = located(strip_knots, strip_table, strip_starts, lows, highs, ids, tables, s[n], t[n])
     return found
 
 
@@ -122,39 +129,46 @@ def positions(patches: ndarray, boxes: ndarray, element: ndarray, s: ndarray, t:
             S[n, d] = A[d] / A[3]
 
 
+@njit(inline="always")
+def first_jet(p: ndarray, box: ndarray, s: float, t: float, D: ndarray) -> None:
+    """S, S_s and S_t of one patch at (s, t) into the rows of D (3, 3)."""
+    h, k = 1.0 / (box[1] - box[0]), 1.0 / (box[3] - box[2])
+    x, y = (s - box[0]) * h, (t - box[2]) * k
+    a0, a1, a2, a3 = bernstein(x)
+    c0, c1, c2, c3 = bernstein_first(x, h)
+    b0, b1, b2, b3 = bernstein(y)
+    d0, d1, d2, d3 = bernstein_first(y, k)
+    w = ws = wt = 0.0
+    for c in range(4):
+        d = 3 - c  # the weight comes first
+        r0 = a0 * p[0, d] + a1 * p[1, d] + a2 * p[2, d] + a3 * p[3, d]
+        r1 = a0 * p[4, d] + a1 * p[5, d] + a2 * p[6, d] + a3 * p[7, d]
+        r2 = a0 * p[8, d] + a1 * p[9, d] + a2 * p[10, d] + a3 * p[11, d]
+        r3 = a0 * p[12, d] + a1 * p[13, d] + a2 * p[14, d] + a3 * p[15, d]
+        A = b0 * r0 + b1 * r1 + b2 * r2 + b3 * r3
+        At = d0 * r0 + d1 * r1 + d2 * r2 + d3 * r3
+        r0 = c0 * p[0, d] + c1 * p[1, d] + c2 * p[2, d] + c3 * p[3, d]
+        r1 = c0 * p[4, d] + c1 * p[5, d] + c2 * p[6, d] + c3 * p[7, d]
+        r2 = c0 * p[8, d] + c1 * p[9, d] + c2 * p[10, d] + c3 * p[11, d]
+        r3 = c0 * p[12, d] + c1 * p[13, d] + c2 * p[14, d] + c3 * p[15, d]
+        As = b0 * r0 + b1 * r1 + b2 * r2 + b3 * r3
+        if c == 0:
+            w, ws, wt = 1.0 / A, As, At
+        else:
+            q = A * w
+            D[0, d], D[1, d], D[2, d] = q, (As - ws * q) * w, (At - wt * q) * w
+
+
 @njit(cache=True, fastmath=CONTRACT)
 def first_derivatives(
     patches: ndarray, boxes: ndarray, element: ndarray, s: ndarray, t: ndarray, S: ndarray, S_s: ndarray, S_t: ndarray
 ) -> None:
     """S, S_s and S_t at each sample."""
-    A, As, At = np.empty(4), np.empty(4), np.empty(4)
+    D = np.empty((3, 3))
     for n in range(len(s)):
-        e = element[n]
-        h, k = 1.0 / (boxes[e, 1] - boxes[e, 0]), 1.0 / (boxes[e, 3] - boxes[e, 2])
-        x, y = (s[n] - boxes[e, 0]) * h, (t[n] - boxes[e, 2]) * k
-        a0, a1, a2, a3 = bernstein(x)
-        c0, c1, c2, c3 = bernstein_first(x, h)
-        b0, b1, b2, b3 = bernstein(y)
-        d0, d1, d2, d3 = bernstein_first(y, k)
-        p = patches[e]
-        for d in range(4):
-            r0 = a0 * p[0, d] + a1 * p[1, d] + a2 * p[2, d] + a3 * p[3, d]
-            r1 = a0 * p[4, d] + a1 * p[5, d] + a2 * p[6, d] + a3 * p[7, d]
-            r2 = a0 * p[8, d] + a1 * p[9, d] + a2 * p[10, d] + a3 * p[11, d]
-            r3 = a0 * p[12, d] + a1 * p[13, d] + a2 * p[14, d] + a3 * p[15, d]
-            A[d] = b0 * r0 + b1 * r1 + b2 * r2 + b3 * r3
-            At[d] = d0 * r0 + d1 * r1 + d2 * r2 + d3 * r3
-            r0 = c0 * p[0, d] + c1 * p[1, d] + c2 * p[2, d] + c3 * p[3, d]
-            r1 = c0 * p[4, d] + c1 * p[5, d] + c2 * p[6, d] + c3 * p[7, d]
-            r2 = c0 * p[8, d] + c1 * p[9, d] + c2 * p[10, d] + c3 * p[11, d]
-            r3 = c0 * p[12, d] + c1 * p[13, d] + c2 * p[14, d] + c3 * p[15, d]
-            As[d] = b0 * r0 + b1 * r1 + b2 * r2 + b3 * r3
-        w = 1.0 / A[3]
+        first_jet(patches[element[n]], boxes[element[n]], s[n], t[n], D)
         for d in range(3):
-            q = A[d] * w
-            S[n, d] = q
-            S_s[n, d] = (As[d] - As[3] * q) * w
-            S_t[n, d] = (At[d] - At[3] * q) * w
+            S[n, d], S_s[n, d], S_t[n, d] = D[0, d], D[1, d], D[2, d]
 
 
 @njit(inline="always")

@@ -1,6 +1,6 @@
-"""The loops of one morph level's program, compiled: a sweep of the splitting, a sweep of projections, one step towards feet.
+"""The loops of one morph level's program, compiled: a sweep of the splitting, a sweep of projections.
 
-All hold samples y_l = x_l + sum_i R_li D_i between two planes (low <= n . (y - c) <= high, from the foot c on the level before)
+Both hold samples y_l = x_l + sum_i R_li D_i between two planes (low <= n . (y - c) <= high, from the foot c on the level before)
 and behind a third (m . y <= h, the stock's wall). R is in CSR form.
 """
 
@@ -8,7 +8,6 @@ from numba import njit
 from numpy import ndarray
 
 PARALLEL = 1e-3  # of 1 - cos^2 between slab and wall: below this they are one direction
-STEP_S, STEP_T, RIDGE = 0.05, 0.03, 1e-6
 
 
 @njit(inline="always")
@@ -94,38 +93,3 @@ def project(
                     D[j, 2] += r * (p * n2 + q * m2)
         if worst < enough:
             break
-
-
-@njit(cache=True)
-def keep_nearest(
-    y: ndarray, s: ndarray, t: ndarray, S: ndarray, S_s: ndarray, S_t: ndarray, square: ndarray, best_s: ndarray, best_t: ndarray,
-    best: ndarray, best_S_s: ndarray, best_S_t: ndarray,
-) -> None:  # fmt: skip
-    """Where S is nearer to y than `best`, at the squared distance `square`, take it instead."""
-    for l in range(len(y)):
-        d = (y[l, 0] - S[l, 0]) ** 2 + (y[l, 1] - S[l, 1]) ** 2 + (y[l, 2] - S[l, 2]) ** 2
-        if d < square[l]:
-            square[l], best_s[l], best_t[l] = d, s[l], t[l]
-            for i in range(3):
-                best[l, i], best_S_s[l, i], best_S_t[l, i] = S[l, i], S_s[l, i], S_t[l, i]
-
-
-@njit(cache=True)
-def foot_step(y: ndarray, S: ndarray, S_s: ndarray, S_t: ndarray, s: ndarray, t: ndarray) -> None:
-    """One Gauss-Newton step of (s, t) towards the foot of y, damped near poles and never long."""
-    for l in range(len(y)):
-        E = F = G = a = b = 0.0
-        for i in range(3):
-            r = y[l, i] - S[l, i]
-            E += S_s[l, i] * S_s[l, i]
-            F += S_s[l, i] * S_t[l, i]
-            G += S_t[l, i] * S_t[l, i]
-            a += r * S_s[l, i]
-            b += r * S_t[l, i]
-        E += RIDGE * G
-        across = E * G - F * F * (1.0 - RIDGE)
-        if across > 0.0:
-            ds, dt = (G * a - F * b) / across, (E * b - F * a) / across
-            far = max(1.0, abs(ds) / STEP_S, abs(dt) / STEP_T)
-            s[l] += ds / far
-            t[l] += dt / far

@@ -10,6 +10,7 @@ import scipy.sparse as sp
 from jaxtyping import Float
 from numpy import ndarray
 
+from bonecam.arrays import dots, lengths
 from bonecam.levels.attraction import unit
 from bonecam.levels.energy import Given, Pulled
 from bonecam.levels.limit_wall import inside
@@ -51,12 +52,12 @@ def targets(
     stock, cut = given.setting.stock, given.cut
     gap = -stock.signed_distance(x)
     height = share * heights(cut, gap)[1]
-    cosine = np.maximum((normals * towards).sum(1), LEAST_COSINE)
+    cosine = np.maximum(dots(normals, towards), LEAST_COSINE)
     reach = np.minimum(height / cosine, LONGEST * height)
     for _ in range(2):
         y = x + reach[:, None] * towards
         s, t, c, _ = feet(given.before, y, s, t, 1)
-        distance = np.linalg.norm(y - c, axis=1)
-        slope = ((y - c) * towards).sum(1) / np.maximum(distance, np.finfo(float).tiny)
+        distance = lengths(y - c)
+        slope = dots(y - c, towards) / np.maximum(distance, np.finfo(float).tiny)
         reach = np.clip(reach + (height - distance) / np.maximum(slope, LEAST_COSINE), 0, LONGEST * height)
     return inside(stock, x + reach[:, None] * towards, np.minimum(gap, cut.landing))

@@ -4,6 +4,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from bonecam.arrays import dots
 from bonecam.levels.cut import Cut
 from bonecam.levels.stock import Stock
 
@@ -11,7 +12,7 @@ from bonecam.levels.stock import Stock
 def wall(cut: Cut, gap: Float[ndarray, " k"], stock: Stock, y: Float[ndarray, "k 3"]) -> tuple[Float[ndarray, "k 3"], Float[ndarray, " k"]]:
     """Planes m . y <= h at samples that are at y now and `gap` inside the stock at the level before: what is near may stay."""
     m = stock.outward(y)
-    return m, (m * y).sum(1) - stock.signed_distance(y) - np.minimum(gap, cut.clearance)
+    return m, dots(m, y) - stock.signed_distance(y) - np.minimum(gap, cut.clearance)
 
 
 def inside(stock: Stock, points: Float[ndarray, "k 3"], clearance: Float[ndarray, " k"]) -> Float[ndarray, "k 3"]:

@@ -17,7 +17,8 @@ import scipy.sparse as sp
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.kernels import splitting
+from bonecam.arrays import dots, lengths
+from bonecam.kernels import feet as kernel
 from bonecam.levels.cut import Cut
 from bonecam.levels.limit_depth import depth
 from bonecam.levels.limit_nesting import nesting
@@ -26,7 +27,7 @@ from bonecam.levels.solve import Rows
 from bonecam.levels.stock import Stock
 from bonecam.surface.tspline import TSpline
 
-EDGE, CLEAR_OF, TIP = 1e-4, 0.02, 32
+EDGE, CLEAR_OF = 1e-4, 0.02
 SLABS, WALLS = (depth, nesting), (wall,)
 
 
@@ -42,7 +43,7 @@ def tightest(
     """Of the planes m . y <= h at each sample the one that y breaks most."""
     m, h = planes[0]
     for other, its in planes[1:]:
-        worse = (other * y).sum(1) - its > (m * y).sum(1) - h
+        worse = dots(other, y) - its > dots(m, y) - h
         m, h = np.where(worse[:, None], other, m), np.where(worse, its, h)
     return m, h
 
@@ -72,12 +73,12 @@ class Limits:
 
     def heights(self, y: Float[ndarray, "k 3"]) -> Float[ndarray, " k"]:
         """Distance of each sample from the level before, mm, negative behind it."""
-        return np.asarray(((y - self.c) * self.n).sum(1))
+        return dots(y - self.c, self.n)
 
     def broken(self, y: Float[ndarray, "k 3"]) -> Float[ndarray, " k"]:
         """How far each sample breaks its worst limit, mm; negative: the room it has."""
         height = self.heights(y)
-        return np.maximum.reduce([height - self.high, self.low - height, (self.m * y).sum(1) - self.h])
+        return np.maximum.reduce([height - self.high, self.low - height, dots(self.m, y) - self.h])
 
     def at(self, y: Float[ndarray, "k 3"], steps: int) -> "Limits":
         """Set up again where the samples are now."""
@@ -88,12 +89,20 @@ class Limits:
         values = (self.gap, self.s, self.t, *self.planes)
         return Limits(self.before, self.stock, self.cut, *(value[which] for value in values))
 
+    def again(self, which: ndarray, y: Float[ndarray, "k 3"], steps: int) -> "Limits":
+        """Some set up again where their samples are now."""
+        renewed = self.only(which).at(y[which], steps)
+        values = [getattr(self, name).copy() for name in ("s", "t", "c", "n", "low", "high", "m", "h")]
+        for value, new in zip(values, (renewed.s, renewed.t, *renewed.planes)):
+            value[which] = new
+        return Limits(self.before, self.stock, self.cut, self.gap, *values)
+
     def rows(self, R: sp.csr_array, x: Float[ndarray, "k 3"]) -> Rows:
         """The same over the control points' moves D (x, y, z stacked): y = x + R D."""
         along, wall = (sp.hstack([sp.diags_array(v[:, j]) @ R for j in range(3)]) for v in (self.n, self.m))
         start = self.heights(x)
         low = np.concatenate([self.low - start, np.full(len(x), -np.inf)])
-        return Rows(sp.csr_array(sp.vstack([along, wall])), low, np.concatenate([self.high - start, self.h - (self.m * x).sum(1)]))
+        return Rows(sp.csr_array(sp.vstack([along, wall])), low, np.concatenate([self.high - start, self.h - dots(self.m, x)]))
 
 
 def feet(
@@ -103,31 +112,11 @@ def feet(
 
     A foot is the nearest place that Newton came by, so |y - foot| never understates the distance to the whole surface.
     """
-    (low, high), s, t = before.domain[1], s.copy(), t.copy()
-    inside = (low + EDGE * (high - low), high - EDGE * (high - low))
-    np.clip(t, *inside, out=t)
-    best = [np.full(len(y), np.inf), s.copy(), t.copy(), np.empty_like(y), np.empty_like(y), np.empty_like(y)]
-    for k in range(steps + 1):
-        S, S_s, S_t = before.derivatives(s, t, 1)
-        splitting.keep_nearest(y, s, t, S, S_s, S_t, *best)
-        if k < steps:
-            splitting.foot_step(y, S, S_s, S_t, s, t)
-            s -= np.floor(s)
-            np.clip(t, *inside, out=t)
-    _, s, t, S, S_s, S_t = best
-    n = np.cross(S_s, S_t)
-    n /= np.maximum(np.linalg.norm(n, axis=1), np.finfo(float).tiny)[:, None]
-    for end in inside:
-        if (at := t == end).any():
-            n[at] = _tip(before, end)
-    return s, t, S, n
-
-
-def _tip(surface: TSpline, t: float) -> Float[ndarray, "3"]:
-    """The mean normal round a pole, which may be the tip of a cone."""
-    _, S_s, S_t = surface.derivatives(np.arange(TIP) / TIP, np.full(TIP, t), 1)
-    n = np.cross(S_s, S_t).sum(0)
-    return np.asarray(n / max(float(np.linalg.norm(n)), np.finfo(float).tiny))
+    (low, high), elements, s, t = before.domain[1], before.elements(), s.copy(), t.copy()
+    ends = (low + EDGE * (high - low), high - EDGE * (high - low))
+    foot, normal = np.empty((len(y), 3)), np.empty((len(y), 3))
+    kernel.feet(before.patches, elements.boxes, elements.strips, ends, np.ascontiguousarray(y), steps, s, t, foot, normal)
+    return s, t, foot, normal
 
 
 def limits_at(
@@ -147,9 +136,9 @@ def limits_at(
     """
     s, t, c, n = feet(before, y, s, t, steps)
     across = y - c
-    size = np.linalg.norm(across, axis=1)
+    size = lengths(across)
     away = size > CLEAR_OF
-    n[away] = across[away] * (np.sign((across * n).sum(1)) / np.maximum(size, CLEAR_OF))[away, None]
+    n[away] = across[away] * (np.sign(dots(across, n)) / np.maximum(size, CLEAR_OF))[away, None]
     low, high = heights(cut, gap)
     m, h = tightest(y, [one(cut, gap, stock, y) for one in WALLS])
     return Limits(before, stock, cut, gap, s, t, c, n, low, high, m, h)

@@ -1,6 +1,7 @@
 """What all levels of one morph share: the samples of the energy, the denser ones on which limits are watched, the matrices."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import scipy.sparse as sp
 from jaxtyping import Float
@@ -29,6 +30,11 @@ class Setting:
     watch: Samples
     M: sp.csc_array
     free: sp.csr_array
+
+    @cached_property
+    def watch_moves(self) -> sp.csr_array:
+        """What the watched samples make of the free moves."""
+        return sp.csr_array(self.watch.R @ self.free)
 
     def watching(self, parameters: Float[ndarray, "n 2"]) -> "Setting":
         """The same with more samples watched, at these (s, t)."""

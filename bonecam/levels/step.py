@@ -52,9 +52,10 @@ def next_level(
 def _kept(setting: Setting, P: ndarray, D: ndarray, cut: Cut) -> Step:
     """The free moves, projected onto what the watched samples still break."""
     watch, stock, before = setting.watch, setting.stock, setting.surface.with_control_points(P)
-    x, R = watch.R @ P, sp.csr_array(watch.R @ setting.free)
+    x, R = watch.R @ P, setting.watch_moves
     gap, y = -stock.signed_distance(x), x + R @ D
-    limits = limits_at(before, stock, cut, gap, y, watch.s, watch.t, FOOT_STEPS)
+    limits = limits_at(before, stock, cut, gap, y, watch.s, watch.t, 1)
+    limits = limits.again(np.flatnonzero(limits.broken(y) > -NEAR), y, FOOT_STEPS - 1)
     broken = limits.broken(y)
     for _ in range(ROUNDS):
         if broken.max() <= ENOUGH:
@@ -63,7 +64,7 @@ def _kept(setting: Setting, P: ndarray, D: ndarray, cut: Cut) -> Step:
         part, some = limits.only(near), sp.csr_array(R[near])
         splitting.project(some.indptr, some.indices, some.data, x[near], D, *part.planes, SWEEPS, ENOUGH)
         y = x + R @ D
-        limits = limits.at(y, 1)
+        limits = limits.again(near, y, 1)
         broken = limits.broken(y)
     moves = np.asarray(setting.free @ D)
     worst = int(np.argmax(broken))

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.arrays import frozen
+from bonecam.arrays import frozen, lengths
 from bonecam.errors import StockError, place_name
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
@@ -107,15 +107,15 @@ class Capsule(Stock):
 
     def signed_distance(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n"]:
         """Distance to the surface, mm, negative inside."""
-        return np.asarray(np.linalg.norm(points - self._axis_points(points), axis=1) - self.radius)
+        return lengths(points - self._axis_points(points)) - self.radius
 
     def outward(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
         """Unit directions away from the axis segment; on the segment itself any one across it."""
         across = points - self._axis_points(points)
-        reach = np.linalg.norm(across, axis=1, keepdims=True)
-        degenerate = reach[:, 0] <= np.finfo(float).eps * self.radius
-        across[degenerate], reach[degenerate] = self._frame()[0], 1.0
-        return across / reach
+        reach = lengths(across)
+        if (degenerate := reach <= np.finfo(float).eps * self.radius).any():
+            across[degenerate], reach[degenerate] = self._frame()[0], 1.0
+        return np.asarray(across / reach[:, None])
 
     def _frame(self) -> Float[ndarray, "3 3"]:
         """Two unit vectors across the axis and the axis itself, right-handed."""
