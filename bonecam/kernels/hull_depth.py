@@ -22,6 +22,7 @@ TURN = 0.4  # of a turn in s: feet of corners that are farther apart lie round a
 NEAR = 0.1  # mm: pieces that are as small may be bounded by the distance from one point
 SLENDER = 8.0  # a piece that is so much longer than wide is halved along its length
 LISTED = 1000  # most pieces over the alarm that are told
+PART = 0.02  # of what a distance is over the alarm: so far over it a bound is good enough
 CORNERS = np.array([0, 3, 12, 15])
 UNIT = np.array([0.0, 1.0, 0.0, 1.0])
 
@@ -243,7 +244,7 @@ def depth_bound(
     and how many pieces it took. A piece is told by its net and the parameters of its middle there.
 
     `starts` (n, 4, 2) are parameters of the surface near the feet of the nets' corners. A bound is good enough up to `goal` mm, or
-    `accuracy` more than a distance that there is, or where a piece is `smallest`; and where another is worse.
+    `accuracy` (and PART) more than a distance that there is, or where a piece is `smallest`; and where another is worse.
     """
     stack, feet, parts = np.empty((DEEPEST, 16, 3)), np.empty((DEEPEST, 4, 2)), np.empty((DEEPEST, 4))
     D, place, over = np.empty((6, 3)), np.zeros(3), np.empty((LISTED, 3))
@@ -266,7 +267,7 @@ def depth_bound(
                     axis = 0 if s >= t else 1
                 if corner > enough or max(s, t) < NEAR or bound <= corner + accuracy or last:
                     bound, distance = _look_again(net, feet[height], bound, on, D)
-                    last = last or bound <= distance + accuracy or max(s, t) <= smallest
+                    last = last or bound <= distance + accuracy + PART * max(0.0, distance - alarm) or max(s, t) <= smallest
             if bound > enough and not last:
                 _divide(stack, feet, parts, height, axis, on, D)
                 height += 2

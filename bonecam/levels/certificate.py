@@ -42,8 +42,8 @@ SMALL, MOST_PAIRS = 0.02, 20_000_000
 """Pieces of this size (mm) need not be a whole move apart; so many pairs are looked at."""
 SEEDS, GRID, HALVINGS, WHOLE = 5, 7, 20, 0.1
 """Points each way on an element where feet are sought and where winding numbers are summed up; how far these may be off a whole number."""
-SAGITTA, FARTHEST = 0.005, 50
-"""Chord tolerance of the mesh of the stock, mm; so many of its faces are looked at first."""
+SAGITTAS, FARTHEST = (0.005, 0.001), 50
+"""Chord tolerances of the mesh of the stock, mm; so many of its faces are looked at first."""
 HALVES = np.array([[[8, 0, 0, 0], [4, 4, 0, 0], [2, 4, 2, 0], [1, 3, 3, 1]], [[1, 3, 3, 1], [0, 2, 4, 2], [0, 0, 4, 4], [0, 0, 0, 8]]]) / 8
 
 
@@ -74,7 +74,7 @@ def certify(surfaces: Sequence[TSpline], stock: Stock, limits: Sequence[float], 
     for k, (inner, limit) in enumerate(zip(surfaces, limits), start=1):
         report(progress, k / len(surfaces), f"certifying level {k}")
         last = k == len(surfaces)
-        found.append(certificate_of_last(inner, stock) if last else certificate(inner, surfaces[k], stock, limit))
+        found.append(certificate_of_last(inner, stock, limit) if last else certificate(inner, surfaces[k], stock, limit))
     return tuple(found)
 
 
@@ -90,10 +90,17 @@ def certificate(inner: TSpline, outer: TSpline, stock: Stock, limit: float) -> C
     return Certificate(depth + ROUNDING, gap, outside, outer.positions(*place.T)[0], hindmost, outermost, too_deep, pieces)
 
 
-def certificate_of_last(inner: TSpline, stock: Stock) -> Certificate:
-    """The last cut, from the stock down to level K - 1 (`inner`)."""
-    faces, sagitta = _faces(stock)
-    on, middles = _target(inner), faces.mean(1)
+def certificate_of_last(inner: TSpline, stock: Stock, limit: float) -> Certificate:
+    """The last cut, from the stock down to level K - 1 (`inner`); a finer mesh of the stock decides where a coarse one leaves doubt."""
+    coarse = _depth_of_stock(_target(inner), *_faces(stock, SAGITTAS[0]))
+    depth, place, pieces = coarse if coarse[0] <= limit + DEPTH_TOLERANCE else _depth_of_stock(_target(inner), *_faces(stock, SAGITTAS[1]))
+    outside, outermost = _outside(_nets(inner), stock)
+    return Certificate(depth, -outside, 0.0, place, outermost, place, np.empty((0, 2)), pieces)
+
+
+def _depth_of_stock(on: hull_depth.Target, faces: Float[ndarray, "f 3 3"], sagitta: float) -> tuple[float, Float[ndarray, "3"], int]:
+    """How far the stock's surface, `sagitta` over these faces at most, is from a level; where; how many pieces that took."""
+    middles = faces.mean(1)
     seeds = on.seeds.reshape(-1, 5)
     near, which = (np.asarray(found) for found in cKDTree(seeds[:, 2:]).query(middles))
     order = np.argsort(-near, kind="stable")
@@ -106,8 +113,7 @@ def certificate_of_last(inner: TSpline, stock: Stock) -> Certificate:
         pieces += count
         if bound > depth:
             depth, place = bound, middles[part[int(face)]]
-    outside, outermost = _outside(_nets(inner), stock)
-    return Certificate(depth + sagitta + ROUNDING, -outside, 0.0, place, outermost, place, np.empty((0, 2)), pieces)
+    return depth + sagitta + ROUNDING, place, pieces
 
 
 def _nets(surface: TSpline) -> Float[ndarray, "e 16 3"]:
@@ -178,7 +184,8 @@ def _outside(pieces: Float[ndarray, "e 16 3"], stock: Stock) -> tuple[float, Flo
         most, reached = values.max(1), max(reached, float(values[:, [0, 3, 12, 15]].max()))
         doubtful = most > max(0.0, reached + ACCURACY) if halving < HALVINGS - 1 else np.zeros(len(most), dtype=bool)
         if not doubtful.all() and (bound := float(most[~doubtful].max())) > worst:
-            worst, place = bound, pieces[~doubtful][np.argmax(most[~doubtful])].mean(0)
+            piece = np.flatnonzero(~doubtful)[np.argmax(most[~doubtful])]
+            worst, place = bound, pieces[piece, np.argmax(values[piece])]
         if not doubtful.any():
             break
         quarters = np.einsum("aik,bjl,nklx->nabijx", HALVES, HALVES, pieces[doubtful].reshape(-1, 4, 4, 3))
@@ -186,10 +193,10 @@ def _outside(pieces: Float[ndarray, "e 16 3"], stock: Stock) -> tuple[float, Flo
     return worst + ROUNDING, place
 
 
-def _faces(stock: Stock) -> tuple[Float[ndarray, "f 3 3"], float]:
+def _faces(stock: Stock, chord_tolerance: float) -> tuple[Float[ndarray, "f 3 3"], float]:
     """The corners of the faces of the stock's mesh, and how deep inside the stock they are at most (the signed distance is convex, so
     over a face it stays above its tangent plane in the middle)."""
-    mesh = stock.mesh(SAGITTA)
+    mesh = stock.mesh(chord_tolerance)
     faces = mesh.vertices[mesh.faces]
     middles = faces.mean(1)
     slope = np.einsum("fcx,fx->fc", faces - middles[:, None], stock.outward(middles)).min(1)

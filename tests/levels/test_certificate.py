@@ -1,0 +1,212 @@
+"""Certificates hold between the samples: what is known exactly is bounded tightly, nothing that is found exceeds a bound."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy import ndarray
+
+from bonecam.job import Job, MeshJob
+from bonecam.kernels import hulls
+from bonecam.levels import certificate, check
+from bonecam.levels.body_surface import body_surfaces
+from bonecam.levels.box import Box
+from bonecam.levels.certificate import Certificate, certify
+from bonecam.levels.grid import level_grid
+from bonecam.levels.morph import Morph, morph
+from bonecam.levels.schedule import Schedule
+from bonecam.levels.sheet import Sheet
+from bonecam.levels.stock import Capsule, Stock
+from bonecam.pipeline import fit_surface, make_levels, place, prepare
+from bonecam.surface.tmesh import RowTMesh
+from bonecam.surface.tspline import TSpline
+
+STOCK = Capsule(np.array([0.0, 0.0, 4.5]), np.array([0.0, 0.0, 15.5]), 4.5)
+MIDDLE = np.array([0.0, 0.0, 10.0])
+BUMP = 65
+"""A control point whose bump has its peak between the points that the check measures at."""
+FITTED = 0.004
+"""How far the surfaces of two capsules may be off together, mm."""
+
+
+def waisted(waist: float = 0.35) -> TSpline:
+    """A bone with two heads and a waist (a bulge where it is negative), 18 mm long."""
+    t = np.concatenate([np.zeros(4), np.linspace(0, 1, 10)[1:-1], np.ones(4)])
+    heights = np.array([t[j + 1 : j + 4].mean() for j in range(len(t) - 4)])
+    s = [np.arange(n) / n for n in [1, *(10 + j % 2 for j in range(1, len(t) - 5)), 1]]
+    points = []
+    for share, row in zip(heights, s):
+        reach = 3.2 * np.sqrt(max(0.0, 1 - (2 * share - 1) ** 4)) * (1 - waist * np.exp(-(((share - 0.5) / 0.2) ** 2)))
+        angle = 2 * np.pi * row
+        points.append(np.column_stack([reach * np.cos(angle), 0.8 * reach * np.sin(angle), np.full(len(row), 1 + 18 * share)]))
+    tmesh = RowTMesh.from_rows(t, s)
+    return TSpline(tmesh, np.vstack(points), np.ones(tmesh.size))
+
+
+def grown(surface: TSpline, share: float) -> TSpline:
+    """The surface, star-shaped about its middle, larger by a share."""
+    return surface.with_control_points(MIDDLE + (1 + share) * (surface.control_points - MIDDLE))
+
+
+def dense(seed: int, count: int = 4000) -> tuple[ndarray, ndarray]:
+    rng = np.random.default_rng(seed)
+    return rng.random(count), np.concatenate([rng.random(count - 400), rng.uniform(0, 0.01, 200), rng.uniform(0.99, 1, 200)])
+
+
+def distances(points: ndarray, surface: TSpline) -> ndarray:
+    """Of points from a surface, negative inside."""
+    foot = surface.project(points)
+    across = ((points - foot.feet) * surface.normals(foot.s, np.clip(foot.t, 1e-6, 1 - 1e-6))).sum(1)
+    return np.copysign(foot.distances, across)
+
+
+@pytest.fixture(scope="module")
+def made() -> Morph:
+    return morph(waisted(), STOCK, Schedule((0.1, 0.1), 0.5), chord_tolerance=0.02)
+
+
+@pytest.fixture(scope="module")
+def certified(made: Morph) -> tuple[Certificate, ...]:
+    return certify([level.surface for level in made.levels if level.surface], STOCK, [level.limit for level in made.levels[1:]])
+
+
+def test_the_bounds_of_concentric_capsules_are_their_distance() -> None:
+    capsules = [Capsule(STOCK.start, STOCK.end, radius) for radius in (3.0, 3.4)]
+    inner, outer = body_surfaces(capsules)
+    found, last = certify([inner, outer], STOCK, [0.3, 0.0])
+    assert found.depth == pytest.approx(0.4, abs=FITTED)
+    assert found.outside == pytest.approx(3.4 - STOCK.radius, abs=0.05)
+    assert found.gap == pytest.approx(0.0, abs=1e-8)
+    assert len(found.too_deep) > 0
+    assert last.depth == pytest.approx(STOCK.radius - 3.4, abs=FITTED)
+    assert last.gap == pytest.approx(STOCK.radius - 3.4, abs=0.05)
+
+
+def test_a_level_moved_along_the_axis_is_bounded_by_the_move_and_does_not_enclose() -> None:
+    surface = waisted()
+    moved = surface.with_control_points(surface.control_points + np.array([0.0, 0.0, 0.3]))
+    found = certificate.certificate(surface, moved, STOCK, 0.3)
+    assert 0.3 <= found.depth <= 0.3 + certificate.CLOSE + 2 * certificate.ROUNDING
+    assert found.gap == -np.inf
+    assert certificate.certificate(surface, surface, STOCK, 0.3).depth <= 0.3 + certificate.CLOSE + certificate.ROUNDING
+
+
+def test_a_level_on_the_one_before_falls_no_farther_behind_than_the_tolerance() -> None:
+    surface = waisted()
+    found = certificate.certificate(surface, surface, STOCK, 0.0)
+    assert found.depth <= 2e-4
+    assert -check.NEST_TOLERANCE <= found.gap <= 0.0
+
+
+def test_levels_that_swap_places_are_not_nested() -> None:
+    surface = waisted()
+    assert certificate.certificate(surface, grown(surface, 0.05), STOCK, 0.5).gap == pytest.approx(0.0, abs=1e-8)
+    assert certificate.certificate(grown(surface, 0.05), surface, STOCK, 0.5).gap == -np.inf
+
+
+def test_a_level_far_off_does_not_enclose_although_nothing_meets() -> None:
+    surface = waisted()
+    away = surface.with_control_points(surface.control_points + np.array([50.0, 0.0, 0.0]))
+    assert certificate.certificate(surface, away, STOCK, 60.0).gap == -np.inf
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_no_sample_exceeds_a_bound_on_levels_moved_at_random(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    inner = waisted()
+    moves = rng.normal(scale=0.15, size=inner.control_points.shape)
+    moves[:11], moves[-11:] = moves[0], moves[-1]  # poles stay smooth
+    outer = grown(inner, 0.06).with_control_points(grown(inner, 0.06).control_points + moves)
+    found = certificate.certificate(inner, outer, STOCK, 0.3)
+    points = outer.positions(*dense(seed))
+    sampled = inner.project(points).distances.max()
+    assert sampled <= found.depth <= sampled + 0.01
+    assert STOCK.signed_distance(points).max() <= found.outside
+    assert distances(inner.positions(*dense(seed)), outer).max() <= -found.gap
+
+
+def test_no_sample_exceeds_a_bound_on_a_sequence(made: Morph, certified: tuple[Certificate, ...]) -> None:
+    s, t = dense(3)
+    surfaces = [level.surface for level in made.levels if level.surface]
+    for inner, outer, found in zip(surfaces, surfaces[1:], certified):
+        points = outer.positions(s, t)
+        assert np.abs(distances(points, inner)).max() <= found.depth
+        assert distances(inner.positions(s, t), outer).max() <= -found.gap
+        assert STOCK.signed_distance(points).max() <= found.outside
+    around = STOCK.mesh(0.002).vertices
+    assert surfaces[-1].project(around).distances.max() <= certified[-1].depth
+
+
+def test_a_sequence_keeps_its_limits_everywhere(made: Morph, certified: tuple[Certificate, ...]) -> None:
+    for level, found in zip(made.levels[1:], certified):
+        assert found.depth <= level.limit + check.DEPTH_TOLERANCE
+        assert found.gap >= -check.NEST_TOLERANCE
+        assert found.outside <= check.STOCK_TOLERANCE
+        assert not len(found.too_deep)
+
+
+def test_a_bump_with_its_peak_between_the_samples_passes_the_check_but_not_the_certificate() -> None:
+    part = waisted(waist=-0.2)
+    levels = [part.with_control_points(MIDDLE + [1 + k, 1 + k, 1 + k / 4] * (part.control_points - MIDDLE)) for k in (0.0, 0.05, 0.1)]
+    bumped = levels[1].control_points.copy()
+    bumped[BUMP, :2] *= 1 + 0.3 / np.linalg.norm(bumped[BUMP, :2])
+    bump = part.with_control_points(bumped)
+    inner, outer = (Sheet(level, level_grid(part, [level.control_points for level in levels], 0.02)) for level in (part, bump))
+    limit = check.measure(inner, outer, STOCK, 0.5).depth_max - 0.001
+    measured = check.measure(inner, outer, STOCK, limit)
+    check.require(1, measured, limit, outer.mesh)
+    found = certificate.certificate(part, bump, STOCK, limit)
+    assert measured.depth_max <= limit + check.DEPTH_TOLERANCE < found.depth
+    places = bump.positions(*found.too_deep.T)
+    assert np.linalg.norm(places - found.deepest, axis=1).min() < 0.1
+    assert part.project(places).distances.max() > limit + check.DEPTH_TOLERANCE
+
+
+@pytest.mark.parametrize("stock", [STOCK, Box(np.array([-4.0, -4.0, 0.5]), np.array([4.0, 4.0, 19.5]))])
+def test_what_leaves_the_stock_is_bounded_tightly(stock: Stock) -> None:
+    outer = grown(waisted(), 0.5)
+    bound, place = certificate._outside(certificate._nets(outer), stock)
+    sampled = stock.signed_distance(outer.positions(*dense(1, 40_000))).max()
+    assert sampled <= bound <= sampled + 0.005
+    assert stock.signed_distance(place[None])[0] == pytest.approx(bound, abs=0.05)
+
+
+def test_surfaces_that_are_not_polynomial_are_refused() -> None:
+    surface = waisted()
+    rational = TSpline(surface.tmesh, surface.control_points, np.linspace(1, 2, surface.tmesh.size))
+    with pytest.raises(ValueError, match="weights of one"):
+        certificate.certificate(surface, rational, STOCK, 0.5)
+    with pytest.raises(ValueError, match="as many limits"):
+        certify([surface], STOCK, [])
+
+
+def test_hulls_of_parallel_planes_are_as_far_apart_as_the_planes() -> None:
+    corners = np.array([[[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [0.0, 2.0, 0.0]]])
+    low, high = certificate._raised(corners), certificate._raised(corners + np.array([0.4, 0.3, 0.25]))
+    assert hulls.separation(low, high, 9.0, 0.02, 1e-3, 10**6)[0] == pytest.approx(0.25)
+    assert hulls.separation(low, low, 9.0, 0.02, 1e-3, 10**6)[0] <= 0
+
+
+def test_halves_of_a_net_are_the_patch() -> None:
+    surface = waisted()
+    net = certificate._nets(surface)[40]
+    low, high = np.empty((16, 3)), np.empty((16, 3))
+    for axis in (0, 1):
+        hulls.halve(net, axis, low, high)
+        quarters = np.einsum("aik,bjl,klx->abijx", certificate.HALVES, certificate.HALVES, net.reshape(4, 4, 3))
+        assert np.allclose(low[0], net[0])
+        assert np.allclose(high[15], net[15])
+        assert np.allclose(quarters[0, 0, 0, 0], low[0])
+        hulls.halve(low.copy(), 1 - axis, low, high)
+        assert np.allclose(low.reshape(4, 4, 3), quarters[0, 0])
+
+
+@pytest.mark.parametrize("bone", ["3distph_m.stl"])
+def test_a_shared_bone_keeps_its_limits_everywhere(shared: Path, bone: str) -> None:
+    job = Job(mesh=MeshJob(units="m"))
+    placed, stock = place(prepare(shared / "meshes" / "bones" / bone, job.mesh), job)
+    levels = make_levels(fit_surface(placed, job).surface, stock, job).levels
+    for level, found in zip(levels[1:], certify([x.surface for x in levels if x.surface], stock, [x.limit for x in levels[1:]])):
+        assert level.depth_max - 1e-4 <= found.depth <= level.limit + check.DEPTH_TOLERANCE
+        assert found.gap >= -check.NEST_TOLERANCE
+        assert found.outside <= check.STOCK_TOLERANCE
