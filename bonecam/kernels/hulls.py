@@ -11,6 +11,7 @@ from numba import njit
 from numpy import ndarray
 
 DEEPEST = 128
+FINITE = {"nnan", "nsz", "reassoc", "contract"}
 
 
 @njit(cache=True)
@@ -99,22 +100,26 @@ def _normal(net: ndarray) -> tuple[float, float, float]:
     return b * f - c * e, c * d - a * f, a * e - b * d
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=FINITE)
 def _between_nets(a: ndarray, b: ndarray, enough: float) -> float:
     """A distance that the hulls of two nets have at least; the search for a plane between them ends where it is enough."""
     x, y, z = _normal(a)
+    gap = _slab(a, b, x, y, z)
+    if gap >= enough:
+        return gap
     u, v, w = _normal(b)
-    gap = max(_slab(a, b, x, y, z), _slab(a, b, u, v, w))
-    if gap < enough:
-        p, q = math.sqrt(x * x + y * y + z * z), math.sqrt(u * u + v * v + w * w)
-        if p > 0.0 and q > 0.0:
-            gap = max(gap, _slab(a, b, x / p + u / q, y / p + v / q, z / p + w / q))
-    if gap < enough:
-        x = y = z = 0.0
-        for i in range(16):
-            x, y, z = x + b[i, 0] - a[i, 0], y + b[i, 1] - a[i, 1], z + b[i, 2] - a[i, 2]
-        gap = max(gap, _slab(a, b, x, y, z))
-    return gap
+    gap = max(gap, _slab(a, b, u, v, w))
+    if gap >= enough:
+        return gap
+    p, q = math.sqrt(x * x + y * y + z * z), math.sqrt(u * u + v * v + w * w)
+    if p > 0.0 and q > 0.0:
+        gap = max(gap, _slab(a, b, x / p + u / q, y / p + v / q, z / p + w / q))
+        if gap >= enough:
+            return gap
+    x = y = z = 0.0
+    for i in range(16):
+        x, y, z = x + b[i, 0] - a[i, 0], y + b[i, 1] - a[i, 1], z + b[i, 2] - a[i, 2]
+    return max(gap, _slab(a, b, x, y, z))
 
 
 @njit(cache=True)

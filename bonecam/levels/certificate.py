@@ -42,7 +42,7 @@ SMALL, MOST_PAIRS = 0.02, 20_000_000
 """Pieces of this size (mm) need not be a whole move apart; so many pairs are looked at."""
 SEEDS, GRID, HALVINGS, WHOLE = 5, 7, 20, 0.1
 """Points each way on an element where feet are sought and where winding numbers are summed up; how far these may be off a whole number."""
-SAGITTAS, FARTHEST = (0.005, 0.001), 50
+SAGITTAS, FARTHEST = (0.02, 0.005, 0.001), 50
 """Chord tolerances of the mesh of the stock, mm; so many of its faces are looked at first."""
 HALVES = np.array([[[8, 0, 0, 0], [4, 4, 0, 0], [2, 4, 2, 0], [1, 3, 3, 1]], [[1, 3, 3, 1], [0, 2, 4, 2], [0, 0, 4, 4], [0, 0, 0, 8]]]) / 8
 
@@ -91,9 +91,12 @@ def certificate(inner: TSpline, outer: TSpline, stock: Stock, limit: float) -> C
 
 
 def certificate_of_last(inner: TSpline, stock: Stock, limit: float) -> Certificate:
-    """The last cut, from the stock down to level K - 1 (`inner`); a finer mesh of the stock decides where a coarse one leaves doubt."""
-    coarse = _depth_of_stock(_target(inner), *_faces(stock, SAGITTAS[0]))
-    depth, place, pieces = coarse if coarse[0] <= limit + DEPTH_TOLERANCE else _depth_of_stock(_target(inner), *_faces(stock, SAGITTAS[1]))
+    """The last cut, from the stock down to level K - 1 (`inner`); finer meshes of the stock decide where coarse ones leave doubt."""
+    on = _target(inner)
+    for chord_tolerance in SAGITTAS:
+        depth, place, pieces = _depth_of_stock(on, *_faces(stock, chord_tolerance))
+        if depth <= limit + DEPTH_TOLERANCE:
+            break
     outside, outermost = _outside(_nets(inner), stock)
     return Certificate(depth, -outside, 0.0, place, outermost, place, np.empty((0, 2)), pieces)
 
@@ -109,7 +112,7 @@ def _depth_of_stock(on: hull_depth.Target, faces: Float[ndarray, "f 3 3"], sagit
     for part in (order[:FARTHEST], order[FARTHEST:]):  # how far those few are does for most of the others
         part = part[reach[part] > depth]
         nets, starts = _raised(faces[part]), np.repeat(seeds[which[part], None, :2], 4, axis=1)
-        bound, (face, _, _), _, count = hull_depth.depth_bound(nets, starts, on, depth, np.inf, ACCURACY, SMALLEST)
+        bound, (face, _, _), _, count = hull_depth.depth_bound(nets, starts, on, depth, np.inf, sagitta / 5, SMALLEST)
         pieces += count
         if bound > depth:
             depth, place = bound, middles[part[int(face)]]
