@@ -27,8 +27,9 @@ from jaxtyping import Float
 from numpy import ndarray
 from scipy.spatial import cKDTree
 
+from bonecam.errors import place_name
 from bonecam.kernels import hull_depth, hulls
-from bonecam.levels.check import DEPTH_TOLERANCE
+from bonecam.levels.check import DEPTH_TOLERANCE, NEST_TOLERANCE, STOCK_TOLERANCE
 from bonecam.levels.stock import Stock
 from bonecam.progress import Progress, report, silent
 from bonecam.surface.tmesh import RowTMesh
@@ -61,6 +62,18 @@ class Certificate:
     outermost: Float[ndarray, "3"]
     too_deep: Float[ndarray, "k 2"]
     pieces: int
+
+    def shortfalls(self, limit: float) -> tuple[str, ...]:
+        """What is not certain to be within the tolerances of the check, and where; nothing where the cut is certified."""
+        found = []
+        if self.depth > limit + DEPTH_TOLERANCE:
+            found.append(f"may be {self.depth:.4f} mm deep, more than {limit:g} mm, at {place_name(self.deepest)}")
+        if self.gap < -NEST_TOLERANCE:
+            behind = f"by {-self.gap:.4f} mm" if np.isfinite(self.gap) else "farther than is known"
+            found.append(f"may fall behind the level before {behind} at {place_name(self.hindmost)}")
+        if self.outside > STOCK_TOLERANCE:
+            found.append(f"may leave the stock by {self.outside:.4f} mm at {place_name(self.outermost)}")
+        return tuple(found)
 
 
 def certify(surfaces: Sequence[TSpline], stock: Stock, limits: Sequence[float], *, progress: Progress = silent) -> tuple[Certificate, ...]:
@@ -119,9 +132,14 @@ def _depth_of_stock(on: hull_depth.Target, faces: Float[ndarray, "f 3 3"], sagit
     return depth + sagitta + ROUNDING, place, pieces
 
 
+def certifiable(surface: TSpline) -> bool:
+    """Whether it is a closed row-structured T-spline with poles and weights of one."""
+    return isinstance(surface.tmesh, RowTMesh) and surface.poles == (True, True) and bool((surface.weights == 1).all())
+
+
 def _nets(surface: TSpline) -> Float[ndarray, "e 16 3"]:
     """Bezier control points of every element."""
-    if not (isinstance(surface.tmesh, RowTMesh) and surface.poles == (True, True) and (surface.weights == 1).all()):
+    if not certifiable(surface):
         raise ValueError("certificates are for row-structured T-splines that are closed, with two poles, and have weights of one")
     return np.ascontiguousarray(surface.patches[:, :, :3])
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from jaxtyping import Float
 from numpy import ndarray
 
+from bonecam.levels.certificate import Certificate
 from bonecam.levels.stock import Stock
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.tspline import TSpline
@@ -21,6 +22,7 @@ class Level:
     this level's area by depth, in even bins from 0 to `limit`; `outside` how far the level leaves the stock (negative: inside).
     A level that rounds the stock (`levels/rounding.py`) has a T-mesh of its own: only what of its surface lies inside the body
     `within` is machined, and `shared` are control points over the other levels' T-mesh that follow it roughly.
+    `certificate` is what holds everywhere on the cut, also between the points measured.
     """
 
     index: int
@@ -38,6 +40,7 @@ class Level:
     within: Stock | None = None
     shared: Float[ndarray, "c 3"] | None = None
     full_area: float = 0.0
+    certificate: Certificate | None = None
 
     @property
     def net(self) -> Float[ndarray, "c 3"]:

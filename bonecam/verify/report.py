@@ -36,9 +36,20 @@ def levels_report(levels: Sequence[Level]) -> list[dict[str, Any]]:
             "outside_stock_mm": _mm(level.outside),
             "depth_shares": [round(share, 4) for share in level.histogram],
             "rounding": level.within is not None,
+            **_certified(level),
         }
         for level in levels
     ]
+
+
+def _certified(level: Level) -> dict[str, Any]:
+    """What holds everywhere on a level, also between the points measured; null where nothing is known, or nothing has to be."""
+    found = level.certificate
+    values = (
+        (None, None, None) if found is None else (_mm(found.depth), _mm(found.gap) if found.gap > -np.inf else None, _mm(found.outside))
+    )
+    names = ("depth_certified_mm", "nesting_certified_mm", "outside_certified_mm")
+    return {**dict(zip(names, values)), "not_certified": None if found is None else list(found.shortfalls(level.limit))}
 
 
 def toolpath_report(paths: Sequence[ToolPath]) -> list[dict[str, Any]]:
@@ -103,6 +114,7 @@ def summary_of(report: Mapping[str, Any]) -> str:
         f"stock     {report['stock']['kind']} {report['stock']['diameter_mm']:.2f} x {report['stock']['length_mm']:.2f} mm",
         f"levels    {len(levels) - 1} cuts, no schedule needs fewer than {report['levels_lower_bound']}; "
         f"depth max {max(row['depth_max_mm'] for row in levels):.4f} mm",
+        f"certified {certified_text(levels)}",
         f"toolpath  {contacts} contacts",
         f"uncut     {uncut_text(report['toolpath'])}",
         f"nc        {nc['file'] or 'not written'}: {nc['blocks']} blocks for {nc['machine']} / {nc['controller']}, "
@@ -112,6 +124,16 @@ def summary_of(report: Mapping[str, Any]) -> str:
         f"time      {sum(report['seconds'].values()):.1f} s",
     ]
     return "\n".join(lines)
+
+
+def certified_text(levels: Sequence[Mapping[str, Any]]) -> str:
+    """What holds between the points measured, in one line; `levels` as in the report. Levels that round the stock are exact anyway."""
+    known = [row for row in levels if row["not_certified"] is not None]
+    if not known:
+        return "nothing: the surface is not polynomial"
+    doubts = [f"cut {row['index']} {doubt}" for row in known for doubt in row["not_certified"]]
+    kept = sum(not row["not_certified"] for row in known)
+    return "; ".join([f"depth, nesting and stock hold everywhere on {kept} of {len(known)} cuts", *doubts])
 
 
 def uncut_text(toolpath: Sequence[Mapping[str, Any]]) -> str:

@@ -1,5 +1,6 @@
 """Certificates hold between the samples: what is known exactly is bounded tightly, nothing that is found exceeds a bound."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +13,11 @@ from bonecam.levels import certificate, check
 from bonecam.levels.body_surface import body_surfaces
 from bonecam.levels.box import Box
 from bonecam.levels.certificate import Certificate, certify
+from bonecam.levels.certified import certified as certified_morph
+from bonecam.levels.cylinder import Cylinder
 from bonecam.levels.grid import level_grid
 from bonecam.levels.morph import Morph, morph
+from bonecam.levels.rounding import levels_in
 from bonecam.levels.schedule import Schedule
 from bonecam.levels.sheet import Sheet
 from bonecam.levels.stock import Capsule, Stock
@@ -171,6 +175,31 @@ def test_what_leaves_the_stock_is_bounded_tightly(stock: Stock) -> None:
     assert stock.signed_distance(place[None])[0] == pytest.approx(bound, abs=0.05)
 
 
+def test_what_is_not_certain_is_named_with_its_place() -> None:
+    surface = waisted()
+    found = certificate.certificate(surface, grown(surface, 0.5), STOCK, 0.5)
+    deep, leaves = found.shortfalls(0.5)
+    assert deep.startswith(f"may be {found.depth:.4f} mm deep, more than 0.5 mm, at (")
+    assert leaves.startswith(f"may leave the stock by {found.outside:.4f} mm at (")
+    (behind,) = certificate.certificate(grown(surface, 0.05), surface, STOCK, 0.5).shortfalls(0.5)
+    assert behind.startswith("may fall behind the level before farther than is known at (")
+    assert certificate.certificate(surface, grown(surface, 0.05), STOCK, 0.5).shortfalls(0.5) == ()
+
+
+def test_the_levels_of_a_bar_are_certified_up_to_the_body_they_round_it_from() -> None:
+    levels = levels_in(waisted(), Cylinder(4.5, 0.0, 20.0), Schedule((0.1, 0.1), 0.5), chord_tolerance=0.02).levels
+    body = next(level.index for level in levels if level.within is not None)
+    assert [level.certificate is None for level in levels] == [not 0 < level.index <= body for level in levels]
+    assert all(level.certificate.shortfalls(level.limit) == () for level in levels if level.certificate)
+
+
+def test_a_surface_with_other_weights_is_morphed_without_certificates(made: Morph) -> None:
+    surface = waisted()
+    rational = replace(made.levels[0], surface=TSpline(surface.tmesh, surface.control_points, np.linspace(1, 2, surface.tmesh.size)))
+    other = replace(made, levels=(rational, *made.levels[1:]))
+    assert certified_morph(other, STOCK) is other
+
+
 def test_surfaces_that_are_not_polynomial_are_refused() -> None:
     surface = waisted()
     rational = TSpline(surface.tmesh, surface.control_points, np.linspace(1, 2, surface.tmesh.size))
@@ -201,12 +230,10 @@ def test_halves_of_a_net_are_the_patch() -> None:
         assert np.allclose(low.reshape(4, 4, 3), quarters[0, 0])
 
 
-@pytest.mark.parametrize("bone", ["3distph_m.stl"])
-def test_a_shared_bone_keeps_its_limits_everywhere(shared: Path, bone: str) -> None:
+def test_a_shared_bone_keeps_its_limits_everywhere(shared: Path) -> None:
     job = Job(mesh=MeshJob(units="m"))
-    placed, stock = place(prepare(shared / "meshes" / "bones" / bone, job.mesh), job)
-    levels = make_levels(fit_surface(placed, job).surface, stock, job).levels
-    for level, found in zip(levels[1:], certify([x.surface for x in levels if x.surface], stock, [x.limit for x in levels[1:]])):
-        assert level.depth_max - 1e-4 <= found.depth <= level.limit + check.DEPTH_TOLERANCE
-        assert found.gap >= -check.NEST_TOLERANCE
-        assert found.outside <= check.STOCK_TOLERANCE
+    placed, stock = place(prepare(shared / "meshes" / "bones" / "3distph_m.stl", job.mesh), job)
+    for level in make_levels(fit_surface(placed, job).surface, stock, job).levels[1:]:
+        assert level.certificate is not None
+        assert level.certificate.shortfalls(level.limit) == ()
+        assert level.certificate.depth >= level.depth_max - 1e-4
