@@ -2,8 +2,8 @@
 
 Each sample of the mesh that is missed votes with (its area) x (its distance)^4 for the longer side of the cell it lies in: for an s-knot in
 the middle of the interval in each row that acts there, or for a t-knot in the middle of the span. Votes are divided by the control
-points the knot costs (an s-knot one, a t-knot a whole row), and the best are taken. Cells smaller than the goal are not cut: that would
-not help.
+points the knot costs (an s-knot one, a t-knot a whole row), and the best are taken. Low cells are not cut: a cubic with even knots follows
+a rim of a right angle within a tenth of their distance, and rows of lower cells only fold.
 """
 
 from dataclasses import dataclass
@@ -22,6 +22,7 @@ POWER = 4  # of the distance in a vote
 SHARE, HASTE = 0.04, 0.3  # of the present control points are added in one round, and that times the share of the area that is missed
 ASPECT = 1.0  # a cell is cut along t when its t-side is longer than this times its s-side
 NARROWEST = 1 / 256  # no s-interval below this
+LOWEST = 4.0  # goals: no lower cell is cut along t
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +101,7 @@ def _cuts(tmesh: RowTMesh, votes: Votes) -> list[Cut]:
     side = (functions * np.take_along_axis(widths, acting, axis=1)).sum(axis=1) * votes.around
     height = (tmesh.t_knots[span + 1] - tmesh.t_knots[span]) * votes.along
     tall = height > ASPECT * side
-    return [*_row_cuts(tmesh, votes, ~tall, acting, functions), *_span_cuts(tmesh, votes, tall & (height > votes.goal), span)]
+    return [*_row_cuts(tmesh, votes, ~tall, acting, functions), *_span_cuts(tmesh, votes, tall & (height > LOWEST * votes.goal), span)]
 
 
 def _row_cuts(tmesh: RowTMesh, votes: Votes, voting: Bool[ndarray, " n"], acting: ndarray, functions: ndarray) -> list[Cut]:

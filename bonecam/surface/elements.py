@@ -76,6 +76,8 @@ class Elements:
         for parameters that are not finite or lie outside.
         """
         s, t = self._into(s, 0), self._into(t, 1)
+        if s.ndim != 1 or s.shape != t.shape:
+            raise ValueError(f"s {s.shape} and t {t.shape}: give one of each for every sample, shape (n,)")
         found = bezier.locate(*self.strips, s, t)
         if len(found) and found.min() < 0:
             n = int(np.argmin(found))
@@ -85,7 +87,7 @@ class Elements:
     def _into(self, x: ndarray, direction: int) -> ndarray:
         low, high = self.domain[direction]
         x = np.ascontiguousarray(x, dtype=np.float64)
-        if len(x) == 0 or (low <= x.min() and x.max() <= high):
+        if x.size == 0 or (low <= x.min() and x.max() <= high):
             return x
         if not np.isfinite(x).all():
             raise ValueError(f"parameter {'st'[direction]} of sample {int(np.argmin(np.isfinite(x)))} is not finite")

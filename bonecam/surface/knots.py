@@ -7,6 +7,14 @@ from jaxtyping import Float
 from numpy import ndarray
 
 
+def fault(knots: ndarray) -> str:
+    """Which knot is not finite, or below the one before it; nothing where none is."""
+    if not np.isfinite(knots).all():
+        return f": knot {int(np.argmin(np.isfinite(knots)))} is not finite"
+    falls = np.flatnonzero(np.diff(knots) < 0)
+    return f": knot {falls[0] + 1} ({knots[falls[0] + 1]:g}) is below the one before it" if len(falls) else ""
+
+
 def _lifted(lower: ndarray, knots: ndarray, x: ndarray, degree: int) -> ndarray:
     """The functions of `degree` on one span from those of `degree - 1`: A2.2 of The NURBS Book, vectorised."""
     functions = np.zeros((len(x), degree + 1))

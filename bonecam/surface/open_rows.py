@@ -14,7 +14,7 @@ from numpy import ndarray
 
 from bonecam.arrays import frozen
 from bonecam.surface.elements import Elements
-from bonecam.surface.knots import bernstein_coefficients, distinct, span_functions
+from bonecam.surface.knots import bernstein_coefficients, distinct, fault, span_functions
 
 PAIRS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
 
@@ -30,11 +30,13 @@ class OpenRowTMesh:
     def from_rows(cls, t_knots: ndarray, s_knots: Sequence[ndarray]) -> "OpenRowTMesh":
         """Check and freeze. Raises ValueError on knots that decrease or are not clamped, and on wrong counts."""
         t = frozen(t_knots)
-        if len(t) != len(s_knots) + 4 or not _clamped(t):
-            raise ValueError(f"{len(s_knots)} open rows need {len(s_knots) + 4} t-knots that never decrease, both ends four times")
+        if len(t) != len(s_knots) + 4 or fault(t) or not _clamped(t):
+            raise ValueError(
+                f"{len(s_knots)} open rows need {len(s_knots) + 4} t-knots that never decrease, both ends four times{fault(t)}"
+            )
         for j, row in enumerate(s_knots):
-            if len(row) < 8 or not _clamped(row) or row[0] != 0 or row[-1] != 1:
-                raise ValueError(f"row {j}: an open row needs knots that never decrease, 0 and 1 four times at the ends")
+            if len(row) < 8 or fault(row) or not _clamped(row) or row[0] != 0 or row[-1] != 1:
+                raise ValueError(f"row {j}: an open row needs knots that never decrease, 0 and 1 four times at the ends{fault(row)}")
         return cls(t, tuple(frozen(row) for row in s_knots))
 
     @property

@@ -94,6 +94,8 @@ def project(surface: "TSpline", points: Float[ndarray, "n 3"]) -> Projection:
     points = np.ascontiguousarray(points, dtype=np.float64)
     if surface.elements().degree != 3:
         raise SurfaceError(f"the elements have degree {surface.elements().degree}: points are projected on cubic ones")
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise ValueError(f"points {points.shape}: give one a row, shape (n, 3)")
     if not np.isfinite(points).all():
         raise ValueError(f"point {int(np.argmin(np.isfinite(points).all(axis=1)))} is not finite")
     seeds: Seeds = surface.seeds

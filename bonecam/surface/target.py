@@ -1,7 +1,8 @@
 """What is fitted: samples of a mesh with their areas, and where their feet on the surface are now.
 
 The first feet come from the mesh itself, the harmonic height and the share round the row (`Rows.vertex_parameters`): they are right in a
-groove too, where the nearest point of a smooth surface lies on the wrong side. Later feet are followed from where they were.
+groove too, where the nearest point of a smooth surface lies on the wrong side. Later feet are followed from where they were; beside a rim
+such a foot may stay on the wrong side, so the last samples that seem missed are looked for on the whole surface.
 """
 
 from dataclasses import dataclass, replace
@@ -23,6 +24,7 @@ from bonecam.surface.tspline import TSpline
 FOLD_CHORD = 3e-4  # of the diagonal: chord tolerance of the tessellation that is checked against itself
 OUTWARD = 2  # Gauss points each way an element that are measured to the mesh
 PULLED, WATCHED = 2.0, 0.5  # tolerances: surface points (places that were missed before) farther than this from the mesh are drawn to it
+DOUBTFUL = 50  # one in so many samples, at most, is looked for on the whole surface
 EACH = 8  # samples of the mesh, at least, for each control point
 
 
@@ -56,9 +58,16 @@ class Samples:
         mine, others = ((x.points, x.areas, x.s, x.t, x.distances) for x in (self, other))
         return Samples(*(np.concatenate(pair) for pair in zip(mine, others)))
 
-    def on(self, surface: TSpline) -> "Samples":
-        """With the feet followed from where they were."""
-        return Samples(self.points, self.areas, *follow(surface, self.points, self.s, self.t, rounds=3))
+    def on(self, surface: TSpline, tolerance: float) -> "Samples":
+        """With the feet followed from where they were; a few that are missed there may be met by another part of the surface."""
+        s, t, distances = follow(surface, self.points, self.s, self.t, rounds=3)
+        far = np.flatnonzero(distances > tolerance)
+        if 0 < len(far) < len(s) / DOUBTFUL:
+            found = surface.project(self.points[far])
+            met = found.distances < np.minimum(tolerance, distances[far])
+            far = far[met]
+            s[far], t[far], distances[far] = found.s[met], found.t[met], found.distances[met]
+        return Samples(self.points, self.areas, s, t, distances)
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +138,7 @@ class Target:
         areas = share * np.linalg.norm(np.cross(Ss, St), axis=1)
         far = away > limits
         outward = Samples(nearest[far], areas[far], s[far], t[far], away[far])
-        return replace(self, inward=self.inward.on(surface), outward=outward)
+        return replace(self, inward=self.inward.on(surface, tolerance), outward=outward)
 
 
 def harmonic_parameters(rows: Rows, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:

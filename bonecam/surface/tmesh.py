@@ -17,7 +17,7 @@ from numpy import ndarray
 from bonecam.arrays import frozen
 from bonecam.surface.elements import Elements
 from bonecam.surface.extraction import extract_rows
-from bonecam.surface.knots import span_functions
+from bonecam.surface.knots import fault, span_functions
 
 NEAREST = 1e-12  # of the range: knots that differ by less differ by rounding only
 LARGEST = 1e18  # knots and the inverse of their steps must be smaller, lest derivatives overflow
@@ -34,14 +34,16 @@ class RowTMesh:
     def from_rows(cls, t_knots: ndarray, s_knots: Sequence[ndarray]) -> "RowTMesh":
         """Check and freeze. Raises ValueError on decreasing knots, fewer than four knots in a closed row, wrong counts."""
         t = frozen(t_knots)
-        if len(t) < 8 or len(t) != len(s_knots) + 4 or not (np.diff(t) >= 0).all():
-            raise ValueError(f"{len(s_knots)} rows (four or more) need {len(s_knots) + 4} t-knots that never decrease, not {len(t)}")
+        if len(t) < 8 or len(t) != len(s_knots) + 4:
+            raise ValueError(f"{len(s_knots)} rows (four or more) need {len(s_knots) + 4} t-knots, not {len(t)}")
+        if fault(t):
+            raise ValueError(f"t-knots must never decrease{fault(t)}")
         steps = np.diff(t)[(np.diff(t) > 0)]
         if not (t[4:] > t[:-4]).all() or not 1 / LARGEST < steps.min() <= np.abs(t).max() < LARGEST or steps.min() < NEAREST * np.ptp(t):
             raise ValueError("t-knots must repeat four times at most and else differ by more than rounding")
         for j, row in enumerate(s_knots):
             if len(row) in (0, 2, 3) or not (row[0] >= 0 and row[-1] < 1 and (np.diff(row, append=row[0] + 1) > NEAREST).all()):
-                raise ValueError(f"row {j}: a closed row needs four or more increasing knots in [0, 1), a pole one")
+                raise ValueError(f"row {j}: a closed row needs four or more increasing knots in [0, 1), a pole one{fault(row)}")
         return cls(t, tuple(frozen(row) for row in s_knots))
 
     @property

@@ -19,7 +19,7 @@ from bonecam.job import MeshJob
 from bonecam.mesh.sections import harmonic_rows
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.pipeline import prepare
-from bonecam.surface.adapt import HASTE, SHARE, Votes, refine
+from bonecam.surface.adapt import HASTE, LOWEST, SHARE, Votes, refine
 from bonecam.surface.fit import Fit, fit
 from bonecam.surface.growth import Prune, Refine
 from bonecam.surface.prune import prune, spare_knots
@@ -34,8 +34,10 @@ def tensor_refine(tmesh: RowTMesh, votes: Votes, room: int) -> RowTMesh:
     span = np.clip(np.searchsorted(tmesh.t_knots, votes.t, side="right") - 1, 3, len(tmesh.t_knots) - 5)
     index = np.mod(np.searchsorted(knots, votes.s, side="right") - 1, len(knots))
     gaps = np.diff(np.append(knots, knots[0] + 1))
-    tall = np.diff(tmesh.t_knots)[span] * votes.along > gaps[index] * votes.around
-    along = np.bincount(span[tall], votes.weight[tall], minlength=len(tmesh.t_knots)) / len(knots)
+    height = np.diff(tmesh.t_knots)[span] * votes.along
+    tall = height > gaps[index] * votes.around
+    cut = tall & (height > LOWEST * votes.goal)
+    along = np.bincount(span[cut], votes.weight[cut], minlength=len(tmesh.t_knots)) / len(knots)
     around = np.bincount(index[~tall], votes.weight[~tall], minlength=len(knots)) / rows
     cuts = [(-w, 0, k) for k, w in enumerate(along) if w > 0] + [(-w, 1, k) for k, w in enumerate(around) if w > 0 and gaps[k] > 1 / 256]
     wanted, s_new, found = min(room, max(6, round((SHARE + HASTE * votes.missed) * tmesh.size))), list(knots), tmesh

@@ -1,5 +1,9 @@
 """The evaluator: extraction, basis, derivatives, seam, poles."""
 
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -95,8 +99,12 @@ def test_bad_meshes_are_refused_by_row() -> None:
     t = np.array([0, 0, 0, 0, 1, 1, 1, 1.0])
     with pytest.raises(ValueError, match="row 1: a closed row"):
         RowTMesh.from_rows(t, [np.zeros(1), np.array([0, 0.3, 0.6]), np.arange(5) / 5, np.zeros(1)])
-    with pytest.raises(ValueError, match="t-knots"):
+    with pytest.raises(ValueError, match=r"t-knots .* knot 4 .0. is below"):
         RowTMesh.from_rows(t[::-1], [np.arange(5) / 5] * 4)
+    with pytest.raises(ValueError, match=r"row 2: .* knot 1 .0.3. is below"):
+        RowTMesh.from_rows(t, [np.arange(5) / 5] * 2 + [np.array([0.4, 0.3, 0.6, 0.8])] * 2)
+    with pytest.raises(ValueError, match=r"t-knots .* knot 5 is not finite"):
+        RowTMesh.from_rows(np.where(np.arange(8) == 5, np.inf, t), [np.arange(5) / 5] * 4)
     mesh = RowTMesh.from_rows(t, [np.arange(5) / 5] * 4)
     with pytest.raises(ValueError, match="weight 4 is not positive and finite"):
         TSpline(mesh, np.zeros((20, 3)), np.where(np.arange(20) == 4, np.inf, 1.0))
@@ -106,3 +114,22 @@ def test_bad_meshes_are_refused_by_row() -> None:
         TSpline(mesh, np.zeros((19, 3)), np.ones(19))
     with pytest.raises(ValueError, match="weight 3"):
         TSpline(mesh, np.zeros((20, 3)), np.where(np.arange(20) == 3, -1.0, 1.0))
+
+
+WRONG = {
+    "surface.evaluate(np.zeros(3), np.zeros(2))": "s (3,) and t (2,)",
+    "surface.basis(np.zeros(3), np.zeros((3, 1)))": "s (3,) and t (3, 1)",
+    "surface.curvature(np.zeros(2), np.zeros(3))": "s (2,) and t (3,)",
+    "surface.refine(np.zeros(2), np.zeros(3))": "s (2,) and t (3,)",
+    "surface.project(np.zeros(3))": "points (3,)",
+    "surface.project(np.zeros((4, 2)))": "points (4, 2)",
+}
+
+
+def test_arrays_of_wrong_lengths_are_refused_where_no_types_are_checked() -> None:
+    lines = ["import numpy as np", "from rowed import bone_like", "surface = bone_like(8, 6)"]
+    for call in WRONG:
+        lines += ["try:", f"    {call}", "except ValueError as e:", "    print(e)"]
+    done = subprocess.run([sys.executable, "-c", "\n".join(lines)], cwd=Path(__file__).parent, capture_output=True, text=True, check=True)
+    for line, said in zip(done.stdout.splitlines(), WRONG.values(), strict=True):
+        assert line.startswith(said)
