@@ -24,6 +24,7 @@ SLENDER = 8.0  # a piece that is so much longer than wide is halved along its le
 LISTED = 1000  # most pieces over the alarm that are told
 PART = 0.02  # of what a distance is over the alarm: so far over it a bound is good enough
 CORNERS = np.array([0, 3, 12, 15])
+LINE = 1e-9  # maps no wider than this lead to a line
 UNIT = np.array([0.0, 1.0, 0.0, 1.0])
 
 
@@ -110,6 +111,10 @@ def _overhang(on: Target, m: int, turn: int, a: float, b: float, c: float, d: fl
     worst, boxes = 0.0, on.boxes
     if a >= boxes[m, 0] + turn and b <= boxes[m, 1] + turn and c >= boxes[m, 2] and d <= boxes[m, 3]:
         return worst
+    if b - a < LINE:
+        a, b = a - LINE, b + LINE
+    if d - c < LINE:
+        c, d = c - LINE, d + LINE
     for k in range(len(lines) - 1):
         if lines[k] >= d or lines[k + 1] <= c:
             continue

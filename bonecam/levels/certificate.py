@@ -39,7 +39,7 @@ CLOSE, ACCURACY, SMALLEST, ROUNDING = 1e-4, 1e-4, 1e-4, 1e-9
 """Bounds are good enough so far (mm) over a limit, so far over a distance that there is, and on pieces so small."""
 INWARDS = (0.001, 0.003, 0.01, 0.03)
 """How far (mm) a level is moved inwards before it must not meet the next; the first that does it is taken."""
-SMALL, MOST_PAIRS = 0.02, 20_000_000
+SMALL, MOST_PAIRS = 0.02, 4_000_000
 """Pieces of this size (mm) need not be a whole move apart; so many pairs are looked at."""
 SEEDS, GRID, HALVINGS, WHOLE = 5, 7, 20, 0.1
 """Points each way on an element where feet are sought and where winding numbers are summed up; how far these may be off a whole number."""
@@ -168,7 +168,8 @@ def _gap(inner: TSpline, outer: Float[ndarray, "e 16 3"]) -> tuple[float, Float[
     """How far inside the outer level the inner one is at least, and about where it is least."""
     boxes = inner.elements().boxes
     s, t = boxes[:, :2].mean(1), boxes[:, 2:].mean(1)
-    N = inner.basis(s, t)[0].T @ inner.normals(s, t)
+    _, S_s, S_t = inner.derivatives(s, t, 1)
+    N = inner.basis(s, t)[0].T @ np.cross(S_s, S_t)
     N /= np.maximum(np.linalg.norm(N, axis=1), np.finfo(float).tiny)[:, None]
     place = np.zeros(3)
     for move in INWARDS:

@@ -8,7 +8,7 @@ import pytest
 from numpy import ndarray
 
 from bonecam.job import Job, MeshJob
-from bonecam.kernels import hulls
+from bonecam.kernels import hull_depth, hulls
 from bonecam.levels import certificate, check
 from bonecam.levels.body_surface import body_surfaces
 from bonecam.levels.box import Box
@@ -207,6 +207,33 @@ def test_surfaces_that_are_not_polynomial_are_refused() -> None:
         certificate.certificate(surface, rational, STOCK, 0.5)
     with pytest.raises(ValueError, match="as many limits"):
         certify([surface], STOCK, [])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_point_is_farther_from_its_image_than_the_bound_where_maps_cross_elements_seam_and_poles(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    surface = waisted()
+    rough = surface.control_points + rng.normal(scale=0.5, size=surface.control_points.shape)
+    rough[0], rough[-1] = surface.control_points[0], surface.control_points[-1]
+    surface = surface.with_control_points(rough)
+    on, net = certificate._target(surface), certificate._nets(surface)[70]
+    (s, t), u, v = on.boxes[70][::2], *rng.random((2, 2000))
+    B = [np.column_stack([(1 - x) ** 3, 3 * x * (1 - x) ** 2, 3 * x**2 * (1 - x), x**3]) for x in (u, v)]
+    points = np.einsum("ni,nj,jix->nx", *B, net.reshape(4, 4, 3))
+    for _ in range(50):
+        feet = np.column_stack([rng.uniform(-0.15, 0.15, 4) + rng.choice([s, 0.0, 1.0]), rng.uniform(-0.1, 0.1, 4) + rng.choice([t, 0, 1])])
+        feet[:, 1] = np.clip(feet[:, 1], 0, 1)
+        low, high = (feet[i] + u[:, None] * (feet[i + 1] - feet[i]) for i in (0, 2))
+        at = low + v[:, None] * (high - low)
+        assert np.linalg.norm(points - surface.positions(*at.T), axis=1).max() <= hull_depth.apart(net, feet, on)[0]
+
+
+def test_the_stock_between_the_vertices_of_its_mesh_is_bounded() -> None:
+    (inner,) = body_surfaces([Capsule(STOCK.start, STOCK.end, 3.0)])
+    for angle in np.linspace(0, 1, 5):
+        moved = inner.with_control_points(inner.control_points + np.array([np.cos(angle), np.sin(angle), 0.0]))
+        coarse = certificate._depth_of_stock(certificate._target(moved), *certificate._faces(STOCK, 0.4))[0]
+        assert 2.5 - FITTED <= coarse <= 2.5 + 0.5
 
 
 def test_hulls_of_parallel_planes_are_as_far_apart_as_the_planes() -> None:
