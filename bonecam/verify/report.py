@@ -44,12 +44,11 @@ def levels_report(levels: Sequence[Level]) -> list[dict[str, Any]]:
 
 def _certified(level: Level) -> dict[str, Any]:
     """What holds everywhere on a level, also between the points measured; null where nothing is known, or nothing has to be."""
-    found = level.certificate
-    values = (
-        (None, None, None) if found is None else (_mm(found.depth), _mm(found.gap) if found.gap > -np.inf else None, _mm(found.outside))
-    )
-    names = ("depth_certified_mm", "nesting_certified_mm", "outside_certified_mm")
-    return {**dict(zip(names, values)), "not_certified": None if found is None else list(found.shortfalls(level.limit))}
+    found, names = level.certificate, ("depth_certified_mm", "nesting_certified_mm", "outside_certified_mm")
+    if found is None:
+        return {**dict.fromkeys(names), "not_certified": None}
+    values = (_mm(value) + 0.0 if np.isfinite(value) else None for value in (found.depth, found.gap, found.outside))
+    return {**dict(zip(names, values)), "not_certified": list(found.shortfalls(level.limit))}
 
 
 def toolpath_report(paths: Sequence[ToolPath]) -> list[dict[str, Any]]:
