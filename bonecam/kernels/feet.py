@@ -32,7 +32,7 @@ def _unit(n: ndarray) -> None:
 @njit(cache=True, fastmath=CONTRACT)
 def _tips(patches: ndarray, boxes: ndarray, strips: tuple, ends: tuple) -> ndarray:
     """The mean normals round the two poles, which may be tips of cones."""
-    D, n, tips = np.empty((3, 3)), np.empty(3), np.zeros((2, 3))
+    D, n, tips = np.empty((3, 4)), np.empty(3), np.zeros((2, 3))
     for end in range(2):
         for k in range(TIP):
             s = k / TIP
@@ -53,7 +53,7 @@ def feet(
 
     The steps are damped where S_s vanishes, and never long. At the ends the normal is the mean one round the pole.
     """
-    tips, D = _tips(patches, boxes, strips, ends), np.empty((3, 3))
+    tips, D = _tips(patches, boxes, strips, ends), np.empty((3, 4))
     strip_knots, strip_table, strip_starts, lows, highs, ids, tables = strips
     for l in range(len(y)):
         u, v, best = s[l] - np.floor(s[l]), min(max(t[l], ends[0]), ends[1]), np.inf
@@ -71,7 +71,7 @@ def feet(
                 b += r * D[2, i]
             if square < best:
                 best, s[l], t[l] = square, u, v
-                foot[l] = D[0]
+                foot[l] = D[0, :3]
                 _normal(D, normal[l])
             E += RIDGE * G
             across = E * G - F * F * (1.0 - RIDGE)
