@@ -136,7 +136,7 @@ def positions(patches: ndarray, boxes: ndarray, element: ndarray, s: ndarray, t:
 
 @njit(inline="always")
 def homogeneous_jet(p: ndarray, h: float, k: float, x: float, y: float, A: ndarray, A_s: ndarray, A_t: ndarray) -> None:
-    """(w S, w) and its first derivatives (4,) at (x, y) of a patch that is 1 / h wide and 1 / k high: all columns alike, so lanes are full."""
+    """(w S, w) and its first derivatives (4,) at (x, y) of a patch 1 / h wide, 1 / k high: columns alike, so lanes are full."""
     a0, a1, a2, a3 = bernstein(x)
     c0, c1, c2, c3 = bernstein_first(x, h)
     b0, b1, b2, b3 = bernstein(y)
