@@ -8,8 +8,9 @@ Without meshes the shared bones in BONES. One row a bone: control points, cuts; 
     outside the next level measured                       | of N samples               | certified
     out of the stock       measured                       | of N samples               | certified
 
-and seconds on one thread: of the check (wall), of the certificates (CPU), of one of them. Samples' feet are the nearest of those found from many starts
-(`surface.project`): a sample may seem farther than it is, never nearer. "not certified" counts cuts with a bound beyond a tolerance.
+and seconds on one thread: of the check (wall), of the certificates (CPU), of one of them. Samples' feet are the nearest of those found
+from many starts (`surface.project`): a sample may seem farther than it is, never nearer. "not certified" counts cuts with a bound beyond
+a tolerance.
 """
 
 import argparse
