@@ -124,11 +124,11 @@ def _between_nets(a: ndarray, b: ndarray, enough: float) -> float:
 
 @njit(cache=True)
 def separation(
-    inner: ndarray, outer: ndarray, goal: float, small: float, smallest: float, most: int
+    inner: ndarray, outer: ndarray, goal: float, enough: float, small: float, smallest: float, most: int
 ) -> tuple[float, ndarray, int]:  # fmt: skip
     """A distance between two sets of patches (n, 16, 3) that they have at least, up to `goal`; where they are nearest; pairs looked at.
 
-    Pieces are halved until their hulls are `goal` apart, or `small` and apart at all; where they are `smallest` and still overlap, or
+    Pieces are halved until their hulls are `goal` apart, or `small` and more than `enough`, or `smallest`; where these still overlap, or
     `most` pairs have been looked at, the surfaces may meet: then the distance is negative.
     """
     a_boxes, b_boxes = np.empty((len(inner), 6)), np.empty((len(outer), 6))
@@ -160,7 +160,7 @@ def separation(
                 a_s, a_t = extents(a)
                 b_s, b_t = extents(b)
                 size = max(max(a_s, a_t), max(b_s, b_t))
-                if (gap > 0.0 and size <= small) or size <= smallest or height + 2 > DEEPEST or count >= most:
+                if (gap > enough and size <= small) or size <= smallest or height + 2 > DEEPEST or count >= most:
                     least = gap
                     for x in range(3):
                         place[x] = 0.25 * (a[0, x] + a[3, x] + a[12, x] + a[15, x])

@@ -37,7 +37,7 @@ from bonecam.surface.tspline import TSpline
 
 CLOSE, ACCURACY, SMALLEST, ROUNDING = 1e-4, 1e-4, 1e-4, 1e-9
 """Bounds are good enough so far (mm) over a limit, so far over a distance that there is, and on pieces so small."""
-INWARDS = (0.001, 0.003, 0.01, 0.03)
+INWARDS = (0.001, 0.0015, 0.003, 0.01, 0.03)
 """How far (mm) a level is moved inwards before it must not meet the next; the first that does it is taken."""
 SMALL, MOST_PAIRS = 0.02, 4_000_000
 """Pieces of this size (mm) need not be a whole move apart; so many pairs are looked at."""
@@ -174,7 +174,7 @@ def _gap(inner: TSpline, outer: Float[ndarray, "e 16 3"]) -> tuple[float, Float[
     place = np.zeros(3)
     for move in INWARDS:
         moved = inner.with_control_points(inner.control_points - move * N)
-        apart, place, _ = hulls.separation(_nets(moved), outer, move, SMALL, SMALLEST, MOST_PAIRS)
+        apart, place, _ = hulls.separation(_nets(moved), outer, move, move - INWARDS[0], SMALL, SMALLEST, MOST_PAIRS)
         if apart > ROUNDING and _inside(moved.positions(s, t), outer):
             return apart - move - ROUNDING, place
     return -np.inf, place

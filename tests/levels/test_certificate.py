@@ -239,8 +239,8 @@ def test_the_stock_between_the_vertices_of_its_mesh_is_bounded() -> None:
 def test_hulls_of_parallel_planes_are_as_far_apart_as_the_planes() -> None:
     corners = np.array([[[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [0.0, 2.0, 0.0]]])
     low, high = certificate._raised(corners), certificate._raised(corners + np.array([0.4, 0.3, 0.25]))
-    assert hulls.separation(low, high, 9.0, 0.02, 1e-3, 10**6)[0] == pytest.approx(0.25)
-    assert hulls.separation(low, low, 9.0, 0.02, 1e-3, 10**6)[0] <= 0
+    assert hulls.separation(low, high, 9.0, 0.0, 0.02, 1e-3, 10**6)[0] == pytest.approx(0.25)
+    assert hulls.separation(low, low, 9.0, 0.0, 0.02, 1e-3, 10**6)[0] <= 0
 
 
 def test_halves_of_a_net_are_the_patch() -> None:
