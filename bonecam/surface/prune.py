@@ -18,6 +18,9 @@ from bonecam.surface.target import Target
 from bonecam.surface.tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 
+WIDEST = 0.25
+"""The widest gap between knots, in turns, of a row next to a pole: round a wider one the surface folds at the pole."""
+
 
 @dataclass(frozen=True, eq=False)
 class Spared:
@@ -42,11 +45,18 @@ def prune(surface: TSpline, target: Target, limit: float, most: int) -> RowTMesh
         near = {(one.knot + d) % count for d in (-2, -1, 0, 1, 2)}
         if sum(map(len, gone)) >= most or near & gone[one.row] or count - len(gone[one.row]) <= FEWEST:
             continue
+        if one.row in (1, len(gone) - 2) and _widest(np.delete(tmesh.s_knots[one.row], [*gone[one.row], one.knot])) > WIDEST:
+            continue
         then = now[one.samples] + one.moves
         if len(then) == 0 or np.abs(then).max() < limit:
             gone[one.row].add(one.knot)
             now[one.samples] = then
     return RowTMesh.from_rows(tmesh.t_knots, [np.delete(knots, sorted(g)) for knots, g in zip(tmesh.s_knots, gone)])
+
+
+def _widest(knots: Float[ndarray, " k"]) -> float:
+    """The widest gap of a row's knots, in turns."""
+    return float(np.diff(knots, append=knots[0] + 1).max())
 
 
 def spare_knots(surface: TSpline, target: Target) -> tuple[Float[ndarray, " n"], list[Spared]]:

@@ -60,3 +60,17 @@ def test_harmonic_parameters_of_the_rows_are_their_own(body: tuple[Rows, Triangl
     wanted = np.tile(np.arange(60) / 60, 16)
     assert np.abs(np.mod(s - wanted + 0.5, 1) - 0.5).max() < 0.02
     assert np.abs(t - np.repeat(rows.heights, 60)).max() < 0.02
+
+
+def test_rows_next_to_poles_keep_a_knot_every_quarter_turn(settled: tuple[TSpline, Target]) -> None:
+    """Round a gap of half a turn the surface folds at its pole."""
+    surface, target = settled
+    tmesh = surface.tmesh
+    assert isinstance(tmesh, RowTMesh)
+    ring = np.array([0.0, 0.125, 0.25, 0.5, 0.625, 0.75])
+    rings = [tmesh.s_knots[0], ring, *tmesh.s_knots[2:-2], ring, tmesh.s_knots[-1]]
+    denser = moved(surface, RowTMesh.from_rows(tmesh.t_knots, rings))
+    fewer = prune(denser, target.on(denser, 0.02), 10.0, 1000)
+    for knots in (fewer.s_knots[1], fewer.s_knots[-2]):
+        assert len(knots) < len(ring)
+        assert np.diff(knots, append=knots[0] + 1).max() <= 0.25
