@@ -68,6 +68,9 @@ class StockJob(Stage):
     allowance: float = parameter(
         0.5, "Allowance", "Material round the part in a stock that is found, not given.", unit="mm", low=0.05, high=50.0
     )
+    spare_volume: float = parameter(
+        0.03, "Spare volume", "How much larger than the smallest (share) a capsule may be that takes fewer cuts.", low=0.0, high=1.0
+    )
     offset_x: float = parameter(0.0, "Offset X", "How far the part lies off the stock's axis along X.", unit="mm", low=-500.0, high=500.0)
     offset_y: float = parameter(0.0, "Offset Y", "How far the part lies off the stock's axis along Y.", unit="mm", low=-500.0, high=500.0)
     offset_z: float = parameter(

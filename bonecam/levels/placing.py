@@ -1,4 +1,4 @@
-"""The stock a job asks for, given or the smallest round the part, and how the part lies in it.
+"""The stock a job asks for, given or found round the part, and how the part lies in it.
 
 The stock stands upright on the Z axis. The part is turned (first about X, then Y, then Z, about the middle of its box) and
 shifted in it as the job says; without that it lies in the middle of the stock's height.
@@ -7,21 +7,29 @@ shifted in it as the job says; without that it lies in the middle of the stock's
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
+from scipy.spatial import cKDTree
 
 from bonecam.errors import StockError
 from bonecam.job import StockJob
 from bonecam.levels.box import Box
+from bonecam.levels.check import probes
 from bonecam.levels.convex import ConvexStock
 from bonecam.levels.cylinder import Cylinder
 from bonecam.levels.rounded import require_roundable
-from bonecam.levels.stock import MARGIN, Stock, capsule_of_diameter, given_capsule, require_inside, smallest_capsule
+from bonecam.levels.schedule import Schedule
+from bonecam.levels.stock import MARGIN, Capsule, Stock, capsule_of_diameter, capsules_round, given_capsule, require_inside
 from bonecam.mesh.files import read_mesh
 
 TURNS, HALVINGS, LARGEST_SCALE = 90, 50, 1e4
+CHORD, TRIED = 0.001, 16
+"""Chord tolerance, in radii, of the capsules that are measured for cuts, and at most so many of them."""
 
 
-def stock_for(points: Float[ndarray, "n 3"], job: StockJob) -> tuple[Stock, Float[ndarray, "4 4"]]:
+def stock_for(points: Float[ndarray, "n 3"], job: StockJob, schedule: Schedule) -> tuple[Stock, Float[ndarray, "4 4"]]:
     """The stock on the Z axis, and the transform (4, 4) that puts the part's points (n, 3) into it; mm.
+
+    Without sizes a capsule (or the bar round it) is the one that takes the fewest cuts by the schedule, of those that are at most
+    `job.spare_volume` larger than the smallest.
 
     Raises StockError with `distance` and `place` where the part leaves a given stock, comes within MARGIN mm of its wall or
     too near to an edge that has to be rounded.
@@ -34,7 +42,7 @@ def stock_for(points: Float[ndarray, "n 3"], job: StockJob) -> tuple[Stock, Floa
     transform = np.eye(4)
     transform[:3, :3], transform[:3, 3] = rotation, middle - rotation @ middle + [job.offset_x, job.offset_y, job.offset_z]
     lying = points @ rotation.T + transform[:3, 3]
-    stock = STOCKS[job.kind](lying, job, float((lying[:, 2].min() + lying[:, 2].max()) / 2 - job.offset_z))
+    stock = STOCKS[job.kind](lying, job, schedule, float((lying[:, 2].min() + lying[:, 2].max()) / 2 - job.offset_z))
     require_inside(stock, lying, MARGIN)
     require_roundable(stock, lying, MARGIN)
     return stock, transform
@@ -59,25 +67,42 @@ def _narrowest_turn(points: ndarray) -> float:
     return float(np.argmin(areas))
 
 
-def _capsule(points: ndarray, job: StockJob, middle: float) -> Stock:
+def easiest_capsule(points: Float[ndarray, "n 3"], job: StockJob, schedule: Schedule) -> Capsule:
+    """Of the capsules at most `job.spare_volume` larger than the smallest the one with the fewest cuts, and of these that whose farthest
+    place is nearest to the part.
+
+    A level gains a little less than its depth: only what leaves half a roughing depth to spare counts as that many cuts.
+    """
+    capsules, tree = capsules_round(points, job.allowance), cKDTree(points)
+    smallest = min(capsules, key=lambda capsule: capsule.volume)
+    near = [capsule for capsule in capsules if capsule.volume <= (1 + job.spare_volume) * smallest.volume]
+
+    def cuts(capsule: Capsule) -> tuple[int, float]:
+        farthest = float(np.max(tree.query(probes(capsule.mesh(CHORD * capsule.radius)))[0]))
+        return schedule.lower_bound(farthest + schedule.beyond / 2), farthest
+
+    return min((smallest, *near[:: 1 + len(near) // TRIED]), key=cuts)
+
+
+def _capsule(points: ndarray, job: StockJob, schedule: Schedule, middle: float) -> Stock:
     if not (job.diameter or job.length):
-        return smallest_capsule(points, job.allowance)
+        return easiest_capsule(points, job, schedule)
     if job.diameter and not job.length:
         return capsule_of_diameter(job.diameter, points, job.allowance)
     return given_capsule(job.diameter, job.length, points, middle=middle)
 
 
-def _cylinder(points: ndarray, job: StockJob, middle: float) -> Stock:
-    """Without sizes the bar round the smallest capsule, because that is what it is rounded to."""
+def _cylinder(points: ndarray, job: StockJob, schedule: Schedule, middle: float) -> Stock:
+    """Without sizes the bar round the capsule, because that is what it is rounded to."""
     if not (job.diameter or job.length):
-        capsule = smallest_capsule(points, job.allowance)
+        capsule = easiest_capsule(points, job, schedule)
         return Cylinder(capsule.radius, float(capsule.bounds[0, 2]), float(capsule.bounds[1, 2]))
     radius = job.diameter / 2 or float(np.hypot(points[:, 0], points[:, 1]).max()) + job.allowance
     half = job.length / 2 or _half(points[:, 2] - middle, job)
     return Cylinder(radius, middle - half, middle + half)
 
 
-def _box(points: ndarray, job: StockJob, middle: float) -> Stock:
+def _box(points: ndarray, job: StockJob, schedule: Schedule, middle: float) -> Stock:
     sizes = zip((job.width, job.depth, job.length), (points - [0.0, 0.0, middle]).T)
     half = np.array([size / 2 or _half(extent, job) for size, extent in sizes])
     return Box(np.array([0.0, 0.0, middle]) - half, np.array([0.0, 0.0, middle]) + half)
@@ -87,7 +112,7 @@ def _half(extent: ndarray, job: StockJob) -> float:
     return float(np.abs(extent).max()) + job.allowance
 
 
-def _mesh(points: ndarray, job: StockJob, middle: float) -> Stock:
+def _mesh(points: ndarray, job: StockJob, schedule: Schedule, middle: float) -> Stock:
     """The file's body with the middle of its box on the axis; scale 0: the smallest copy that leaves the allowance."""
     if not job.mesh:
         raise StockError("a stock of kind 'mesh' needs a file: give stock.mesh = \"block.stl\" (mm, Z upright)")

@@ -86,6 +86,11 @@ class Capsule(Stock):
         return float(np.linalg.norm(self.end - self.start)) + 2 * self.radius
 
     @property
+    def volume(self) -> float:
+        """Volume, mm^3."""
+        return float(np.pi * self.radius**2 * (self.length - 2 * self.radius / 3))
+
+    @property
     def middle(self) -> Float[ndarray, "3"]:
         """The middle of the axis."""
         return np.asarray((self.start + self.end) / 2)
@@ -177,27 +182,27 @@ def require_inside(stock: Stock, points: Float[ndarray, "n 3"], margin: float) -
         )
 
 
-def smallest_capsule(points: Float[ndarray, "n 3"], allowance: float) -> Capsule:
-    """The capsule of least volume on the Z axis that holds the points with `allowance` mm of material around them.
+def capsules_round(points: Float[ndarray, "n 3"], allowance: float) -> list[Capsule]:
+    """Capsules on the Z axis that hold the points with `allowance` mm of material around them, from the thinnest to 1.6 times as thick.
 
-    For a radius r the caps move in until a point is `allowance` below their surface; of the radii between the least
-    possible and 1.6 times it the one of least volume is taken (the scan is fixed, so the answer is too).
+    For a radius the caps move in until a point is `allowance` below their surface; the scan is fixed, so the answer is too.
     """
     if allowance <= 0:
         raise StockError(f"an allowance of {allowance} mm leaves no material round the part: give a positive one", distance=allowance)
     reach = np.linalg.norm(points[:, :2], axis=1)
-    best: tuple[float, float, float, float] | None = None
+    found: list[Capsule] = []
     for inner in reach.max() * np.linspace(1 + 1e-9, RADIUS_SPAN, RADII):
         rise = np.sqrt(inner**2 - reach**2)
         low, high = float((points[:, 2] + rise).min()), float((points[:, 2] - rise).max())
         if low > high:
             low = high = (low + high) / 2
-        radius = float(inner) + allowance
-        volume = np.pi * radius**2 * (high - low) + 4 / 3 * np.pi * radius**3
-        if best is None or volume < best[0]:
-            best = (volume, radius, low, high)
-    assert best is not None
-    return Capsule(np.array([0, 0, best[2]]), np.array([0, 0, best[3]]), best[1])
+        found.append(Capsule(np.array([0, 0, low]), np.array([0, 0, high]), float(inner) + allowance))
+    return found
+
+
+def smallest_capsule(points: Float[ndarray, "n 3"], allowance: float) -> Capsule:
+    """That of `capsules_round` of the least volume."""
+    return min(capsules_round(points, allowance), key=lambda capsule: capsule.volume)
 
 
 def capsule_of_diameter(diameter: float, points: Float[ndarray, "n 3"], allowance: float) -> Capsule:

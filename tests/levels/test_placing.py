@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from bonecam.errors import StockError
 from bonecam.job import StockJob
@@ -11,11 +12,13 @@ from bonecam.levels.box import Box
 from bonecam.levels.convex import ConvexStock
 from bonecam.levels.cylinder import Cylinder
 from bonecam.levels.placing import stock_for
-from bonecam.levels.stock import MARGIN, smallest_capsule
+from bonecam.levels.schedule import Schedule
+from bonecam.levels.stock import MARGIN, Capsule, Stock, smallest_capsule
 from bonecam.mesh.files import write_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 KINDS = ("capsule", "cylinder", "box")
+SCHEDULE = Schedule((0.1,) * 4, 0.5)
 
 
 def cloud() -> np.ndarray:
@@ -30,7 +33,7 @@ def lying(points: np.ndarray, transform: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_smallest_stock_leaves_the_allowance_over_the_part(kind: str) -> None:
     points, allowance = cloud(), 0.7
-    stock, transform = stock_for(points, StockJob(kind=kind, allowance=allowance))
+    stock, transform = stock_for(points, StockJob(kind=kind, allowance=allowance, spare_volume=0.0), SCHEDULE)
     inside = stock.signed_distance(lying(points, transform)).max()
     assert stock.kind == kind
     if kind != "cylinder":
@@ -38,6 +41,23 @@ def test_the_smallest_stock_leaves_the_allowance_over_the_part(kind: str) -> Non
     else:  # the bar round the smallest capsule, to which it is rounded
         capsule = smallest_capsule(points, allowance)
         assert (stock.diameter, stock.length) == pytest.approx((capsule.diameter, capsule.length))
+
+
+def test_a_little_larger_capsule_that_takes_fewer_cuts_is_taken() -> None:
+    angle, height = np.meshgrid(2 * np.pi * np.arange(60) / 60, np.linspace(-15.0, 15.0, 80))
+    reach = 6.0 - 0.2 * (height + 15.0)  # a cone: in the smallest capsule its thin end lies far from the cap's rim
+    points = np.stack([reach * np.cos(angle), reach * np.sin(angle), height], axis=2).reshape(-1, 3)
+
+    def cuts(capsule: Stock) -> int:
+        return SCHEDULE.lower_bound(float(cKDTree(points).query(capsule.mesh(0.005).vertices)[0].max()))
+
+    smallest, found = (stock_for(points, StockJob(spare_volume=spare), SCHEDULE)[0] for spare in (0.0, 0.03))
+    assert isinstance(smallest, Capsule)
+    assert isinstance(found, Capsule)
+    assert smallest.volume == pytest.approx(smallest_capsule(points, StockJob().allowance).volume)
+    assert smallest.volume < found.volume <= 1.03 * smallest.volume
+    assert cuts(found) < cuts(smallest)
+    assert found.signed_distance(points).max() == pytest.approx(-StockJob().allowance, abs=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -54,7 +74,7 @@ def test_the_smallest_stock_leaves_the_allowance_over_the_part(kind: str) -> Non
 )
 def test_given_sizes_are_kept_and_the_others_found(job: StockJob) -> None:
     points = cloud()
-    stock, transform = stock_for(points, job)
+    stock, transform = stock_for(points, job, SCHEDULE)
     low, high = stock.bounds
     if job.diameter:
         assert stock.diameter == pytest.approx(job.diameter)
@@ -71,14 +91,14 @@ def test_the_part_is_shifted_in_the_stock_not_the_stock(kind: str) -> None:
     sizes = {"width": 14.0, "depth": 14.0} if kind == "box" else {"diameter": 14.0}
     plain = StockJob(kind=kind, length=34.0, **sizes)
     moved = StockJob(kind=kind, length=34.0, offset_x=1.0, offset_y=-0.5, offset_z=1.5, **sizes)
-    (stock, before), (same, after) = stock_for(cloud(), plain), stock_for(cloud(), moved)
+    (stock, before), (same, after) = stock_for(cloud(), plain, SCHEDULE), stock_for(cloud(), moved, SCHEDULE)
     assert np.allclose(stock.bounds, same.bounds)
     assert np.allclose(lying(cloud(), after) - lying(cloud(), before), [1.0, -0.5, 1.5])
 
 
 def test_the_part_is_tilted_about_its_middle() -> None:
     points = cloud()
-    _, transform = stock_for(points, StockJob(diameter=20.0, length=36.0, tilt_x_deg=30.0, tilt_y_deg=-10.0, turn_deg=45.0))
+    _, transform = stock_for(points, StockJob(diameter=20.0, length=36.0, tilt_x_deg=30.0, tilt_y_deg=-10.0, turn_deg=45.0), SCHEDULE)
     middle = (points.min(0) + points.max(0)) / 2
     assert np.allclose(lying(middle[None], transform)[0], middle)
     x, y, z = np.radians([30.0, -10.0, 45.0])
@@ -91,7 +111,7 @@ def test_the_part_is_tilted_about_its_middle() -> None:
 def test_a_box_without_sides_turns_the_part_to_its_narrowest() -> None:
     turn = np.radians(30)
     points = cloud() @ np.array([[np.cos(turn), np.sin(turn), 0], [-np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
-    stock, _ = stock_for(points, StockJob(kind="box", allowance=0.5))
+    stock, _ = stock_for(points, StockJob(kind="box", allowance=0.5), SCHEDULE)
     assert isinstance(stock, Box)
     assert np.sort((stock.high - stock.low)[:2]) == pytest.approx([7.0, 9.0], abs=0.3)
 
@@ -99,11 +119,11 @@ def test_a_box_without_sides_turns_the_part_to_its_narrowest() -> None:
 def test_a_stock_from_a_file_is_taken_as_it_is_or_as_its_smallest_copy(tmp_path: Path) -> None:
     file = tmp_path / "block.stl"
     write_mesh(Cylinder(8.0, 100.0, 140.0, (30.0, 5.0)).mesh(0.5), file)
-    stock, _ = stock_for(cloud(), StockJob(kind="mesh", mesh=str(file)))
+    stock, _ = stock_for(cloud(), StockJob(kind="mesh", mesh=str(file)), SCHEDULE)
     assert isinstance(stock, ConvexStock)
     assert np.allclose(stock.middle, [0, 0, 3], atol=0.05)
     assert (stock.diameter, stock.length) == pytest.approx((16.0, 40.0), abs=0.2)
-    smallest, transform = stock_for(cloud(), StockJob(kind="mesh", mesh=str(file), scale=0.0, allowance=0.4))
+    smallest, transform = stock_for(cloud(), StockJob(kind="mesh", mesh=str(file), scale=0.0, allowance=0.4), SCHEDULE)
     assert smallest.signed_distance(lying(cloud(), transform)).max() == pytest.approx(-0.4, abs=1e-6)
     assert smallest.length < stock.length
 
@@ -113,7 +133,7 @@ def test_a_stock_file_that_is_no_convex_body_is_named(tmp_path: Path) -> None:
     waist = 1 - 0.3 * np.exp(-(((bar.vertices[:, 2:] - 20) / 6) ** 2))
     write_mesh(TriangleMesh(bar.vertices * np.hstack([waist, waist, 1 + 0 * waist]), bar.faces), tmp_path / "waist.stl")
     with pytest.raises(StockError, match=r"waist\.stl: the stock is not convex: it lies 2\.\d+ mm inside .* at \(") as caught:
-        stock_for(cloud(), StockJob(kind="mesh", mesh=str(tmp_path / "waist.stl")))
+        stock_for(cloud(), StockJob(kind="mesh", mesh=str(tmp_path / "waist.stl")), SCHEDULE)
     assert caught.value.evidence["distance"] > 2
 
 
@@ -133,7 +153,7 @@ IMPOSSIBLE = {
 def test_an_impossible_stock_is_refused_with_distance_and_place(job: StockJob, trouble: str) -> None:
     points = cloud() if "edges" not in trouble else np.clip(3 * cloud(), [-4, -3, -9], [4, 3, 15])
     with pytest.raises(StockError, match=trouble) as caught:
-        stock_for(points, job)
+        stock_for(points, job, SCHEDULE)
     if "leaves" in trouble:
         assert caught.value.evidence["distance"] > 0
         assert caught.value.evidence["place"].shape == (3,)
