@@ -21,8 +21,9 @@ from bonecam.levels.inspection import Inspection, Rules
 from bonecam.levels.level import Level
 from bonecam.levels.remaining import remaining, whole
 from bonecam.levels.schedule import Schedule
-from bonecam.levels.sequence import MENDABLE, Sequences
+from bonecam.levels.sequence import Sequences
 from bonecam.levels.setting import setting_of
+from bonecam.levels.step import MENDABLE
 from bonecam.levels.stock import MARGIN, Stock, require_inside
 from bonecam.mesh.distance import MeshDistance
 from bonecam.progress import Progress, part, silent

@@ -11,7 +11,7 @@ from bonecam.levels.cut import Cut, Manner
 from bonecam.levels.remaining import Remaining, remaining, whole
 from bonecam.levels.schedule import Schedule
 from bonecam.levels.setting import Setting
-from bonecam.levels.step import Step, next_level
+from bonecam.levels.step import MENDABLE, Step, next_level
 from bonecam.progress import Progress, report
 
 VARIANTS = (
@@ -30,10 +30,8 @@ wider and shallower then, and the last levels can follow it."""
 WAITING = 2
 """Only after so many sequences is one taken with a cut more than K_min, and after all of them one with more."""
 STALL, SOFTEN, PATIENCE, MOST_EXTRA = 0.25, 0.1, 4, 5
-MENDABLE = 0.03
-"""How far (mm) a level may break a limit: what is farther no mending makes good."""
 EASINGS, EASED = 4, 0.1
-"""How often the pull on a place that folds is eased, each time to this share."""
+"""How often the pull on a place that folds or breaks its limits is eased, each time to this share."""
 LANDING, CREEP = 0.03, 0.01
 """How far inside the stock (mm) the last level stays, and how much more each level before it."""
 
@@ -83,10 +81,7 @@ class Sequences:
         while rests[-1].left > limit(len(made)):
             k, before = len(made), rests[-1]
             report(self.progress, min(1.0, k / self.lower_bound), f"level {k}")
-            step = self._next(made[-1], k, before, softened)
-            if step.broken > MENDABLE:
-                what = f"level {k} breaks its limits by {step.broken:.2f} mm at {place_name(step.place)}"
-                raise LevelError(f"{what}: give more control points or a larger stock", level=k, place=step.place)
+            step = self._soundest(made[-1], k, before, softened)
             made.append(made[-1] + step.moves)
             rests.append(rest := remaining(self.setting, made[-1], before))
             stalled = rest.left > before.left - STALL * limit(k)
@@ -99,6 +94,17 @@ class Sequences:
                 )
         return made, rests
 
+    def _soundest(self, P: ndarray, k: int, rest: Remaining, manner: Manner) -> Step:
+        """The step from P to level k; where that breaks its limits, the first in other manners that does not. LevelError where all do."""
+        tried: list[Step] = []
+        for other in (manner, *(_in_variant(manner, variant) for variant in VARIANTS)):
+            tried.append(step := self._next(P, k, rest, other))
+            if step.broken <= MENDABLE:
+                return step
+        step = min(tried, key=lambda step: step.broken)
+        what = f"level {k} breaks its limits by {step.broken:.2f} mm at {place_name(step.place)}"
+        raise LevelError(f"{what}: give more control points or a larger stock", level=k, place=step.place)
+
     def mended(self, made: Sequence[ndarray], which: Collection[int], manner: Manner) -> list[ndarray]:
         """The same with some levels made again, each from the one before; what they break shows when they are measured."""
         made = list(made)
@@ -108,7 +114,7 @@ class Sequences:
         return made
 
     def _next(self, P: ndarray, k: int, rest: Remaining, manner: Manner) -> Step:
-        """The step from P to level k; where it folds the pull is eased (if it folds all the same, the check decides)."""
+        """The step from P to level k; where it folds or breaks its limits the pull is eased (if it still does, the check decides)."""
         left = sum(self.schedule.limit(later) for later in range(k, max(k, self.lower_bound) + 1))
         cut = Cut(self.schedule.limit(k), left, LANDING + CREEP * max(0, self.lower_bound - 1 - k))
         if k >= self.lower_bound - LAST:
@@ -116,11 +122,16 @@ class Sequences:
         ease, tried = np.ones(len(P)), []
         for _ in range(EASINGS):
             tried.append(step := next_level(self.setting, P, rest, cut, manner, ease, self.method))
-            if not step.folded.any():
+            if not step.amiss.any():
                 break
-            ease[self.setting.watch.near(step.folded)] *= EASED
-        return min(tried, key=lambda step: int(step.folded.sum()))
+            ease[self.setting.watch.near(step.amiss)] *= EASED
+        return min(tried, key=lambda step: int(step.amiss.sum()))
 
 
 def _softer(manner: Manner) -> Manner:
     return replace(manner, stiffness=SOFTEN * manner.stiffness, bending=SOFTEN * manner.bending)
+
+
+def _in_variant(manner: Manner, variant: tuple[float, float, float, float]) -> Manner:
+    bending, smoothing, haste, beyond = variant
+    return Manner(manner.stiffness, bending, smoothing, haste, min(haste, manner.late), beyond)

@@ -19,17 +19,20 @@ from bonecam.levels.program import by_osqp, program_of, split
 from bonecam.levels.remaining import Remaining
 from bonecam.levels.setting import Setting
 
+MENDABLE = 0.03
+"""How far (mm) a level may break a limit: what is farther no mending makes good."""
 ROUNDS, SWEEPS, NEAR, ENOUGH, FOOT_STEPS = 4, 20, 0.005, 2e-4, 3
 
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """The control points' moves, how far the watched samples break a limit afterwards, mm, where, and at which of them the level folds."""
+    """The control points' moves, how far the watched samples break a limit afterwards, mm, where, and at which of them the level folds
+    or breaks one by more than MENDABLE."""
 
     moves: Float[ndarray, "c 3"]
     broken: float
     place: Float[ndarray, "3"]
-    folded: Bool[ndarray, " w"]
+    amiss: Bool[ndarray, " w"]
 
 
 def next_level(
@@ -68,4 +71,5 @@ def _kept(setting: Setting, P: ndarray, D: ndarray, cut: Cut) -> Step:
         broken = limits.broken(y)
     moves = np.asarray(setting.free @ D)
     worst = int(np.argmax(broken))
-    return Step(moves, float(broken[worst]), y[worst], (watch.stretched(P + moves) * limits.n).sum(1) <= 0)
+    folded = (watch.stretched(P + moves) * limits.n).sum(1) <= 0
+    return Step(moves, float(broken[worst]), y[worst], folded | (broken > MENDABLE))

@@ -68,7 +68,7 @@ def test_what_is_left_broken_is_projected_away() -> None:
     for k in range(4):
         step = next_level(setting(), P, rest, replace(CUT, landing=CUT.landing + 0.01 * (4 - k)), MANNER)
         assert step.broken < 0.001
-        assert not step.folded.any()
+        assert not step.amiss.any()
         P = P + step.moves
         rest = remaining(setting(), P, rest)
 
