@@ -25,22 +25,27 @@ if TYPE_CHECKING:
 
 Lines = tuple[int, ...]
 Terms = dict[tuple[Lines, Lines], dict[int, float]]
+TURNS = 4  # round a closed direction: more than any function and what lies beside it reach
 Lack = tuple[int, bool] | None  # a line that a term lacks, and whether it only repeats the end of the domain
 
 
 @dataclass(eq=False)
 class _Sight:
-    """What the vertices of the T-mesh as drafted see, in plain lists."""
+    """What the vertices of the T-mesh as drafted see, in plain lists; knots[axis][line] holds for lines up to TURNS round, -TURNS too."""
 
     crossings: ndarray
     lines: tuple[list[list[int]], list[list[int]]]
+    counts: tuple[int, int]
     knots: tuple[list[float], list[float]]
     period: tuple[float, float]
 
-    def knot(self, axis: int, line: int) -> float:
-        """The knot of a line, numbers beyond the ends gone round."""
-        turn, k = divmod(line, len(self.knots[axis]))
-        return self.knots[axis][k] + turn * self.period[axis]
+    @classmethod
+    def of(cls, tmesh: TMesh) -> "_Sight":
+        """What they see."""
+        lines, turns = (tmesh.knot_lines[0].tolist(), tmesh.knot_lines[1].tolist()), np.append(np.arange(TURNS + 1), np.arange(-TURNS, 0))
+        pairs = zip((tmesh.s_lines, tmesh.t_lines), tmesh.period)
+        s_knots, t_knots = ((turns[:, None] * period + knots).ravel().tolist() for knots, period in pairs)
+        return cls(tmesh.crossings, lines, (len(tmesh.s_lines), len(tmesh.t_lines)), (s_knots, t_knots), tmesh.period)
 
 
 def refined(surface: "TSpline[TMesh]", draft: Draft, lines: tuple[Int64[ndarray, " a"], Int64[ndarray, " b"]]) -> "TSpline[TMesh]":
@@ -52,13 +57,7 @@ def refined(surface: "TSpline[TMesh]", draft: Draft, lines: tuple[Int64[ndarray,
     terms = _old_terms(surface.tmesh, draft, lines)
     for _ in range(draft.crossings.size):
         tmesh = draft.tmesh()
-        sight = _Sight(
-            tmesh.crossings,
-            (tmesh.knot_lines[0].tolist(), tmesh.knot_lines[1].tolist()),
-            (tmesh.s_lines.tolist(), tmesh.t_lines.tolist()),
-            tmesh.period,
-        )
-        terms, wanted = _settled(terms, sight, tmesh.face_boxes)
+        terms, wanted = _settled(terms, _Sight.of(tmesh), tmesh.face_boxes)
         if not wanted:
             return _combined(surface, tmesh, terms)
         for axis, line, row in sorted(wanted):
@@ -118,7 +117,7 @@ def _settled(terms: Terms, sight: _Sight, faces: Float[ndarray, "f 4"]) -> tuple
             stack += [(a, b, {n: f * c for n, c in coefficients.items()}) for a, b, f in pieces if _reaches(a, b, sight, faces)]
             continue
         for axis, own, row in ((0, s, t[2]), (1, t, s[2])):
-            wanted.update((axis, k % len(sight.knots[axis]), row) for k in _unseen(own, sight.lines[axis][vertex], sight, axis))
+            wanted.update((axis, k % sight.counts[axis], row) for k in _unseen(own, sight.lines[axis][vertex], sight, axis))
         _add(done, s, t, coefficients)
     return done, wanted
 
@@ -136,7 +135,7 @@ def _pieces(s: Lines, t: Lines, s_lack: Lack, t_lack: Lack, sight: _Sight) -> li
     else:
         found = [(s, part, factor) for part, factor in _split(t, t_lack[0], sight, 1)]
     if any(_knots(a, sight, 0) == _knots(s, sight, 0) and _knots(b, sight, 1) == _knots(t, sight, 1) for a, b, _ in found):
-        place = (sight.knot(0, s[2]), sight.knot(1, t[2]))
+        place = (sight.knots[0][s[2]], sight.knots[1][t[2]])
         raise SurfaceError(f"a function at (s, t) = {place} reaches over a gap of the domain: it cannot be refined there", place=place)
     return found
 
@@ -149,7 +148,7 @@ def _add(terms: Terms, s: Lines, t: Lines, coefficients: dict[int, float]) -> No
 
 def _first_turn(lines: Lines, sight: _Sight, axis: int) -> Lines:
     """The same function with its middle knot within the first turn."""
-    count = len(sight.knots[axis])
+    count = sight.counts[axis]
     turn = lines[2] // count
     return tuple(k - turn * count for k in lines) if turn else lines
 
@@ -160,7 +159,7 @@ def _compared(own: Lines, seen: Sequence[int], sight: _Sight, axis: int) -> tupl
     lacks = []
     for sign in (-1, 1):
         for k in (2 + sign, 2 + 2 * sign):
-            mine, its = sight.knot(axis, lines[k]), sight.knot(axis, seen[k])
+            mine, its = sight.knots[axis][lines[k]], sight.knots[axis][seen[k]]
             if mine == its:
                 lines[k] = seen[k]
             else:
@@ -171,7 +170,7 @@ def _compared(own: Lines, seen: Sequence[int], sight: _Sight, axis: int) -> tupl
 
 
 def _knots(lines: Lines, sight: _Sight, axis: int) -> list[float]:
-    return [sight.knot(axis, k) for k in lines]
+    return [sight.knots[axis][k] for k in lines]
 
 
 def _unseen(own: Lines, seen: Sequence[int], sight: _Sight, axis: int) -> list[int]:
@@ -179,9 +178,9 @@ def _unseen(own: Lines, seen: Sequence[int], sight: _Sight, axis: int) -> list[i
     found = []
     for sign in (-1, 1):
         for k in (2 + sign, 2 + 2 * sign):
-            knot = sight.knot(axis, own[k])
-            if knot != sight.knot(axis, seen[k]):
-                near = [line for line in (own[k], own[k] - 1, own[k] + 1, own[k] - 2, own[k] + 2) if sight.knot(axis, line) == knot]
+            knot = sight.knots[axis][own[k]]
+            if knot != sight.knots[axis][seen[k]]:
+                near = [line for line in (own[k], own[k] - 1, own[k] + 1, own[k] - 2, own[k] + 2) if sight.knots[axis][line] == knot]
                 unseen = [line for line in near if line not in seen]
                 if not unseen:
                     raise SurfaceError(f"knot {knot} of {'st'[axis]} is repeated more often than the T-mesh has lines for it", knot=knot)
@@ -193,7 +192,7 @@ def _unseen(own: Lines, seen: Sequence[int], sight: _Sight, axis: int) -> list[i
 def _split(lines: Lines, new: int, sight: _Sight, axis: int) -> list[tuple[Lines, float]]:
     """Knot insertion (Boehm 1980): one cubic as the sum of two with the knot of line `new`, and their factors."""
     x = _knots(lines, sight, axis)
-    y = sight.knot(axis, new)
+    y = sight.knots[axis][new]
     place = next(n for n in range(1, 5) if lines[n - 1] <= new <= lines[n] and x[n - 1] <= y <= x[n] and (new > lines[2]) == (n > 2))
     six = (*lines[:place], new, *lines[place:])
     left = 1.0 if y >= x[3] else (y - x[0]) / (x[3] - x[0])
@@ -203,7 +202,7 @@ def _split(lines: Lines, new: int, sight: _Sight, axis: int) -> list[tuple[Lines
 
 def _reaches(s: Lines, t: Lines, sight: _Sight, faces: ndarray) -> bool:
     """Whether the function is not zero everywhere on the domain."""
-    s_low, s_high, t_low, t_high = sight.knot(0, s[0]), sight.knot(0, s[4]), sight.knot(1, t[0]), sight.knot(1, t[4])
+    s_low, s_high, t_low, t_high = sight.knots[0][s[0]], sight.knots[0][s[4]], sight.knots[1][t[0]], sight.knots[1][t[4]]
     if s_low == s_high or t_low == t_high:
         return False
     for a in (-sight.period[0], 0.0, sight.period[0]):
