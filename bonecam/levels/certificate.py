@@ -35,7 +35,7 @@ from bonecam.progress import Progress, report, silent
 from bonecam.surface.tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 
-CLOSE, ACCURACY, SMALLEST, ROUNDING = 1e-4, 1e-4, 1e-4, 1e-9
+CLOSE, ACCURACY, SMALLEST, ROUNDING = 1e-4, 1e-4, 1e-4, 1e-8
 """Bounds are good enough so far (mm) over a limit, so far over a distance that there is, and on pieces so small."""
 INWARDS = (0.001, 0.0015, 0.003, 0.01, 0.03)
 """How far (mm) a level is moved inwards before it must not meet the next; the first that does it is taken."""
