@@ -2,7 +2,7 @@
 
 The first feet come from the mesh itself, the harmonic height and the share round the row (`Rows.vertex_parameters`): they are right in a
 groove too, where the nearest point of a smooth surface lies on the wrong side. Later feet are followed from where they were; beside a rim
-such a foot may stay on the wrong side, so the last samples that seem missed are looked for on the whole surface.
+such a foot may stay on the wrong side, so the last samples that seem missed are also looked for where others have their feet.
 """
 
 from dataclasses import dataclass, replace
@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
 
 from bonecam.mesh.distance import MeshDistance, exact_closest
 from bonecam.mesh.intersections import self_intersections
@@ -24,7 +25,7 @@ from bonecam.surface.tspline import TSpline
 FOLD_CHORD = 3e-4  # of the diagonal: chord tolerance of the tessellation that is checked against itself
 OUTWARD = 2  # Gauss points each way an element that are measured to the mesh
 PULLED, WATCHED = 2.0, 0.5  # tolerances: surface points (places that were missed before) farther than this from the mesh are drawn to it
-DOUBTFUL = 50  # one in so many samples, at most, is looked for on the whole surface
+DOUBTFUL = 100  # one in so many samples, at most, is looked for elsewhere on the surface
 EACH = 8  # samples of the mesh, at least, for each control point
 
 
@@ -59,14 +60,15 @@ class Samples:
         return Samples(*(np.concatenate(pair) for pair in zip(mine, others)))
 
     def on(self, surface: TSpline, tolerance: float) -> "Samples":
-        """With the feet followed from where they were; a few that are missed there may be met by another part of the surface."""
+        """With the feet followed from where they were; few that end far away also from the nearest foot of another sample."""
         s, t, distances = follow(surface, self.points, self.s, self.t, rounds=3)
         far = np.flatnonzero(distances > tolerance)
         if 0 < len(far) < len(s) / DOUBTFUL:
-            found = surface.project(self.points[far])
-            met = found.distances < np.minimum(tolerance, distances[far])
-            far = far[met]
-            s[far], t[far], distances[far] = found.s[met], found.t[met], found.distances[met]
+            nearest = cdist(self.points[far], surface.positions(s, t)).argmin(axis=1)
+            found = follow(surface, self.points[far], s[nearest], t[nearest], rounds=6)
+            met = found[2] < np.minimum(tolerance, distances[far])
+            for now, new in zip((s, t, distances), found):
+                now[far[met]] = new[met]
         return Samples(self.points, self.areas, s, t, distances)
 
 
