@@ -4,8 +4,8 @@
 
 ":m" means a file in metres. The B-spline is fitted by the same steps from the same start and refined where it misses the mesh, but every
 knot runs through all rows, and goes from all rows (its poles stay single points). It is asked for the same tolerance, or for what the
-T-spline reached where that missed it, and may have MOST control points, or twice the T-spline's where that is less. Where it comes no
-nearer than printed it would need more, and the share is below the one printed ("<").
+T-spline reached where that missed it with MOST control points, and may have twice as many as the T-spline took. Where it comes no nearer
+than printed it would need more, and the share is below the one printed ("<").
 Deviations are two-sided, mm; seconds are CPU seconds, rows included. Where the tolerance is missed, the spot is printed.
 """
 
@@ -106,7 +106,7 @@ def main(tolerance: float, most: int, names: list[str]) -> None:
         fits: list[Fit] = []
         for how in ((refine, prune), (tensor_refine, tensor_prune)):
             asked = max(tolerance, fits[0].deviation.max) if fits else tolerance
-            found, seconds = one(mesh, asked, min(most, 2 * fits[0].control_points) if fits else most, how)
+            found, seconds = one(mesh, asked, 2 * fits[0].control_points if fits else most, how)
             fits.append(found)
             cells.append(
                 f"{found.control_points:6d} {found.deviation.max:6.3f} {found.deviation.rms:6.4f} {seconds:6.1f} {found.reached!s:>7}"
