@@ -85,12 +85,12 @@ FILTERS = (
     Filter(
         "generate_stock_capsule",
         "Generate Stock Capsule",
-        "The capsule the part is cut from, given or the smallest coaxial one that holds it, standing on its post: adds the stock and "
-        "the part moved onto the post (program zero is the table, z = 0) as layers. The part's layer becomes the current one and keeps "
-        "the stock.",
+        "The capsule the part is cut from, given or found round it (of those little larger than the smallest the one with the fewest "
+        "cuts), standing on its post: adds the stock and the part moved onto the post (program zero is the table, z = 0) as layers. "
+        "The part's layer becomes the current one and keeps the stock.",
         CATEGORY,
         (
-            *parameters_of(StockJob(), only=("diameter", "length", "allowance")),
+            *parameters_of(StockJob(), only=("diameter", "length", "allowance", "spare_volume")),
             *parameters_of(HoldingJob(), prefix="post_"),
             *parameters_of(LevelsJob(), only=("chord_tolerance",)),
         ),
@@ -99,7 +99,7 @@ FILTERS = (
     Filter(
         "generate_stock",
         "Generate Stock",
-        "What the part is cut from: a capsule, a cylinder or box bar, or any closed convex mesh, given or the smallest that holds the "
+        "What the part is cut from: a capsule, a cylinder or box bar, or any closed convex mesh, given or found round the "
         "part, which may lie anywhere in it. Adds the stock and the part moved onto its post (program zero is the table, z = 0) as "
         "layers. The part's layer becomes the current one and keeps the stock.",
         CATEGORY,

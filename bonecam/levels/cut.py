@@ -11,7 +11,8 @@ ROUGH = 0.5
 class Manner:
     """How levels are made: `stiffness` of the moves, `bending` of the surface at a depth of ROUGH mm, `smoothing` of the field of
     directions (all weights of the thin plate in parameters over [0, 1]), `haste` the least share of the depth, `late` the same
-    of the last levels below the stock, `beyond` how far a sample that needs all the depth is pulled, in depths."""
+    of the last levels below the stock, `beyond` how far a sample that needs all the depth is pulled, in depths, `even` how much of the
+    pull every sample has alike, against what goes by its area: samples are dense where control points are."""
 
     stiffness: float
     bending: float
@@ -19,6 +20,7 @@ class Manner:
     haste: float
     late: float
     beyond: float
+    even: float
 
 
 @dataclass(frozen=True)

@@ -20,15 +20,14 @@ from bonecam.levels.solve import factor
 ALL_OUT = 8
 """How sharply the pull beyond the depth sets in."""
 LONGEST, LEAST_COSINE = 2.0, 0.3
-EVEN = 0.05
 
 
 def pull(given: Given) -> Pulled:
-    """The samples of the setting, weighed by area."""
+    """The samples of the setting, weighed by area and evenly."""
     setting, samples, P = given.setting, given.setting.samples, given.before.control_points
     x, area = samples.R @ P, np.linalg.norm(stretched := samples.stretched(P), axis=1)
     weights = area * samples.weights
-    weights = weights / weights.sum() + EVEN / len(x)
+    weights = weights / weights.sum() + given.manner.even / len(x)
     normals = stretched / np.maximum(area, np.finfo(float).tiny)[:, None]
     N = sp.csc_array(samples.R.T @ sp.diags_array(weights) @ samples.R)
     field = samples.R.T @ (weights[:, None] * setting.attraction(x, normals, setting.stock))

@@ -155,4 +155,7 @@ def _by_cones(
         distance = MeshDistance(grid.mesh(P)).unsigned(targets)
         return float(distance.max()), targets[np.argmax(distance)]
 
-    yield cone_sequence(surface, stock, schedule, stiffness, attraction, left, progress), Manner(stiffness, stiffness, 0.0, 1.0, 1.0, 1.0)
+    yield (
+        cone_sequence(surface, stock, schedule, stiffness, attraction, left, progress),
+        Manner(stiffness, stiffness, 0.0, 1.0, 1.0, 1.0, 0.0),
+    )

@@ -15,21 +15,24 @@ from bonecam.levels.step import MENDABLE, Step, next_level
 from bonecam.progress import Progress, report
 
 VARIANTS = (
-    (3e-7, 1e-4, 1.0, 4.0),
-    (1e-6, 1e-4, 1.0, 2.0),
-    (3e-7, 1e-4, 1.0, 2.0),
-    (3e-6, 1e-4, 0.7, 2.0),
-    (1e-5, 1e-4, 0.7, 2.0),
-    (1e-7, 1e-4, 0.5, 2.0),
-    (1e-6, 1e-3, 1.0, 2.0),
+    (3e-7, 1e-4, 1.0, 4.0, 3.0),
+    (1e-6, 1e-4, 1.0, 2.0, 0.05),
+    (3e-7, 1e-4, 1.0, 2.0, 0.05),
+    (3e-6, 1e-4, 0.7, 2.0, 0.05),
+    (1e-5, 1e-4, 0.7, 2.0, 0.05),
+    (1e-7, 1e-4, 0.5, 2.0, 0.05),
+    (1e-6, 1e-3, 1.0, 2.0, 0.05),
 )
-"""Bending, smoothing of the field of directions, haste and how far beyond is pulled (`Manner`); tried in turn."""
+"""Bending, smoothing of the field of directions, haste, how far beyond is pulled and how evenly (`Manner`); tried in turn. The first
+gets the deepest cuts; what keeps creases sharp enough for that may break limits, where the others do not."""
 LAST, LATE = 3, 0.5
 """Where there are more cuts than K_min, the last so many levels below the stock are made again with this haste at most: what is left is
 wider and shallower then, and the last levels can follow it."""
 WAITING = 2
 """Only after so many sequences is one taken with a cut more than K_min, and after all of them one with more."""
 STALL, SOFTEN, PATIENCE, MOST_EXTRA = 0.25, 0.1, 4, 5
+RESCUES = 3
+"""Levels of a sequence that may be made in other manners because they break their limits."""
 EASINGS, EASED = 4, 0.1
 """How often the pull on a place that folds or breaks its limits is eased, each time to this share."""
 LANDING, CREEP = 0.03, 0.01
@@ -51,9 +54,9 @@ class Sequences:
         waiting: list[tuple[list[ndarray], Manner]] = []
         failure: LevelError | None = None
         yielded = False
-        for place, (bending, smoothing, haste, beyond) in enumerate(VARIANTS):
+        for place, variant in enumerate(VARIANTS):
             try:
-                waiting.append(self.sequence(Manner(stiffness, bending, smoothing, haste, haste, beyond), rest))
+                waiting.append(self.sequence(_manner(stiffness, *variant), rest))
             except LevelError as error:
                 failure = failure or error
             waiting.sort(key=lambda one: len(one[0]))
@@ -77,11 +80,15 @@ class Sequences:
 
     def _outwards(self, made: list[ndarray], rests: list[Remaining], manner: Manner) -> tuple[list[ndarray], list[Remaining]]:
         """The levels made already and those above them, and what is left to the stock from each."""
-        made, rests, stalls, limit, softened = [*made], [*rests], 0, self.schedule.limit, manner
+        made, rests, stalls, rescued, limit, softened = [*made], [*rests], 0, 0, self.schedule.limit, manner
         while rests[-1].left > limit(len(made)):
             k, before = len(made), rests[-1]
             report(self.progress, min(1.0, k / self.lower_bound), f"level {k}")
-            step = self._soundest(made[-1], k, before, softened)
+            step = self._next(made[-1], k, before, softened)
+            if step.broken > MENDABLE:
+                if (rescued := rescued + 1) > RESCUES:
+                    raise _broken(k, step)
+                step = self._sound(made[-1], k, before, softened)
             made.append(made[-1] + step.moves)
             rests.append(rest := remaining(self.setting, made[-1], before))
             stalled = rest.left > before.left - STALL * limit(k)
@@ -94,16 +101,15 @@ class Sequences:
                 )
         return made, rests
 
-    def _soundest(self, P: ndarray, k: int, rest: Remaining, manner: Manner) -> Step:
-        """The step from P to level k; where that breaks its limits, the first in other manners that does not. LevelError where all do."""
+    def _sound(self, P: ndarray, k: int, rest: Remaining, manner: Manner) -> Step:
+        """The step from P to level k in the first of the other manners in which it keeps its limits. LevelError where there is none."""
         tried: list[Step] = []
-        for other in (manner, *(_in_variant(manner, variant) for variant in VARIANTS)):
-            tried.append(step := self._next(P, k, rest, other))
-            if step.broken <= MENDABLE:
-                return step
-        step = min(tried, key=lambda step: step.broken)
-        what = f"level {k} breaks its limits by {step.broken:.2f} mm at {place_name(step.place)}"
-        raise LevelError(f"{what}: give more control points or a larger stock", level=k, place=step.place)
+        for other in (_manner(manner.stiffness, *variant) for variant in VARIANTS):
+            if other != manner:
+                tried.append(step := self._next(P, k, rest, other))
+                if step.broken <= MENDABLE:
+                    return step
+        raise _broken(k, min(tried, key=lambda step: step.broken))
 
     def mended(self, made: Sequence[ndarray], which: Collection[int], manner: Manner) -> list[ndarray]:
         """The same with some levels made again, each from the one before; what they break shows when they are measured."""
@@ -132,6 +138,10 @@ def _softer(manner: Manner) -> Manner:
     return replace(manner, stiffness=SOFTEN * manner.stiffness, bending=SOFTEN * manner.bending)
 
 
-def _in_variant(manner: Manner, variant: tuple[float, float, float, float]) -> Manner:
-    bending, smoothing, haste, beyond = variant
-    return Manner(manner.stiffness, bending, smoothing, haste, min(haste, manner.late), beyond)
+def _manner(stiffness: float, bending: float, smoothing: float, haste: float, beyond: float, even: float) -> Manner:
+    return Manner(stiffness, bending, smoothing, haste, haste, beyond, even)
+
+
+def _broken(k: int, step: Step) -> LevelError:
+    what = f"level {k} breaks its limits by {step.broken:.2f} mm at {place_name(step.place)}"
+    return LevelError(f"{what}: give more control points or a larger stock", level=k, place=step.place)

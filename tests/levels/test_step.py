@@ -17,7 +17,10 @@ from bonecam.levels.setting import Setting, setting_of
 from bonecam.levels.solve import solve
 from bonecam.levels.step import next_level
 
-MANNER, CUT = Manner(stiffness=1e-7, bending=1e-7, smoothing=1e-4, haste=0.7, late=0.7, beyond=2.0), Cut(depth=0.5, left=4.0, landing=0.05)
+MANNER, CUT = (
+    Manner(stiffness=1e-7, bending=1e-7, smoothing=1e-4, haste=0.7, late=0.7, beyond=2.0, even=0.05),
+    Cut(depth=0.5, left=4.0, landing=0.05),
+)
 
 
 @cache
