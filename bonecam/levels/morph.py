@@ -26,7 +26,7 @@ from bonecam.levels.setting import setting_of
 from bonecam.levels.step import MENDABLE
 from bonecam.levels.stock import MARGIN, Stock, require_inside
 from bonecam.mesh.distance import MeshDistance
-from bonecam.progress import Progress, part, silent
+from bonecam.progress import Progress, part, rising, silent
 from bonecam.surface.tspline import TSpline
 
 METHODS = {"qp": (NEST_TOLERANCE, STOCK_TOLERANCE), "qcqp": (0.02, 2 * STOCK_TOLERANCE), "osqp": (NEST_TOLERANCE, STOCK_TOLERANCE)}
@@ -89,7 +89,7 @@ def morph(
     if method not in METHODS:
         raise ValueError(f"method {method!r}: choose one of {', '.join(METHODS)}")
     require_inside(stock, surface.tessellate(COARSE).vertices, MARGIN)
-    start, checking = time.perf_counter(), 0.0
+    start, checking, progress = time.perf_counter(), 0.0, rising(progress)
     setting = setting_of(surface, stock, ATTRACTIONS[attraction])
     rest = remaining(setting, surface.control_points, whole(stock))
     lower_bound = schedule.lower_bound(rest.left)

@@ -115,6 +115,7 @@ class Sequences:
         """The same with some levels made again, each from the one before; what they break shows when they are measured."""
         made = list(made)
         for k in sorted(which):
+            report(self.progress, min(1.0, k / self.lower_bound), f"level {k} again")
             before = made[k - 1]
             made[k] = before + self._next(before, k, remaining(self.setting, before, whole(self.setting.stock)), manner).moves
         return made
