@@ -5,13 +5,16 @@ When some levels are made again only the cuts below and above them are measured 
 
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 
+import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import LevelError, SurfaceError
-from bonecam.levels.check import Measure, measure, require
+from bonecam.levels.certificate import certifiable, certificate, certificate_of_last
+from bonecam.levels.check import NEST_TOLERANCE, Measure, measure, require
 from bonecam.levels.grid import level_grid
 from bonecam.levels.level import Level
 from bonecam.levels.schedule import Schedule
@@ -21,6 +24,9 @@ from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.progress import Progress, report
 from bonecam.surface.tspline import TSpline
+
+FEW = 100
+"""So many places of a level that may be too deep are watched when it is made again."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +40,14 @@ class Cut:
     @property
     def over(self) -> float:
         """How far the worst place breaks depth, nesting or stock, mm (negative where none does)."""
-        return max(self.found.depth_max - self.level.limit, -self.found.nesting_min, self.found.outside)
+        measured = max(self.found.depth_max - self.level.limit, -self.found.nesting_min, self.found.outside)
+        sure = self.level.certificate
+        return measured if sure is None else max(measured, sure.depth - self.level.limit, -sure.gap, sure.outside)
+
+    @property
+    def uncertain(self) -> bool:
+        """Whether it may break a limit between the points measured."""
+        return self.level.certificate is not None and bool(self.level.certificate.shortfalls(self.level.limit))
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +90,12 @@ class Inspection:
             sheets.pop(k - 1)
         self.seconds += time.perf_counter() - began
 
+    def copy(self) -> "Inspection":
+        """The same measures, to be taken again on other levels."""
+        other = copy(self)
+        other._cuts = dict(self._cuts)
+        return other
+
     @property
     def levels(self) -> tuple[Level, ...]:
         """Levels 0 (the part) to K (the stock)."""
@@ -97,6 +116,11 @@ class Inspection:
         """Those out of tolerance."""
         return tuple(cut for cut in self.cuts if cut.error is not None)
 
+    @property
+    def uncertain(self) -> tuple[Cut, ...]:
+        """Those that measure well and yet may be out of tolerance between the points."""
+        return tuple(cut for cut in self.cuts if cut.error is None and cut.uncertain)
+
     def _cut(self, k: int, inner: Sheet, outer: Sheet | None) -> Cut:
         stock, limit = self._rules.stock, self._rules.schedule.limit(k)
         mesh = stock.mesh(self._rules.chord_tolerance) if outer is None else outer.mesh
@@ -105,7 +129,15 @@ class Inspection:
             require(k, found, limit, mesh, self._rules.behind, self._rules.outside)
         except LevelError as failure:
             error = failure
-        return Cut(_level(k, None if outer is None else outer.surface, mesh, limit, found), found, error)
+        level = _level(k, None if outer is None else outer.surface, mesh, limit, found)
+        if not certifiable(inner.surface) or self._rules.behind > NEST_TOLERANCE:
+            return Cut(level, found, error)
+        if outer is None:
+            return Cut(replace(level, certificate=certificate_of_last(inner.surface, stock, limit)), found, error)
+        sure = certificate(inner.surface, outer.surface, stock, limit)
+        behind = outer.surface.project(sure.hindmost[None]).parameters[: sure.gap < -NEST_TOLERANCE]
+        found = replace(found, near_limits=np.vstack([found.near_limits, sure.too_deep[:FEW], behind]))
+        return Cut(replace(level, certificate=sure), found, error)
 
 
 def _level(k: int, surface: TSpline | None, mesh: TriangleMesh, limit: float, found: Measure) -> Level:

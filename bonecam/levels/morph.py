@@ -104,6 +104,7 @@ def morph(
             inspection = Inspection(surface, made, rules, measuring)
             if method != "qcqp":
                 _mend(inspection, making, made, manner)
+                inspection = _surer(inspection, making, manner)
         except LevelError as error:
             failure = failure or error
             continue
@@ -120,14 +121,27 @@ def morph(
     raise failure
 
 
-def _mend(inspection: Inspection, making: Sequences, made: Sequence[ndarray], manner: Manner) -> None:
-    """Make what failed again, with the places watched that are near their limits, until nothing fails or nothing helps.
+def _surer(inspection: Inspection, making: Sequences, manner: Manner) -> Inspection:
+    """Levels that measure well with those that only their certificates doubt made again; as they were where that breaks a measure."""
+    if inspection.failed or not inspection.uncertain:
+        return inspection
+    again, nets = inspection.copy(), [level.surface.control_points for level in inspection.levels if level.surface is not None]
+    try:
+        _mend(again, making, nets, manner, doubts=True)
+    except LevelError:
+        return inspection
+    return inspection if again.failed else again
+
+
+def _mend(inspection: Inspection, making: Sequences, made: Sequence[ndarray], manner: Manner, *, doubts: bool = False) -> None:
+    """Make what failed (and what its certificate `doubts`) again, with the places watched that are near their limits, until nothing
+    fails or nothing helps.
 
     The level above one that moved may fail then, and so on outwards; only a step back counts as one of the MENDS, and has to help.
     """
     mends, lowest, trouble = 0, len(made), (len(made), np.inf, np.inf)
     while mends < MENDS:
-        failed = inspection.failed
+        failed = inspection.failed + inspection.uncertain * doubts
         which = {cut.level.index for cut in failed} - {len(made)}
         watched = np.vstack([cut.found.near_limits for cut in inspection.cuts])
         if not which or len(which) > len(made) / 2 or not 0 < len(watched) <= MOST_MENDED or max(cut.over for cut in failed) > MENDABLE:

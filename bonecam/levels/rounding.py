@@ -18,7 +18,6 @@ from numpy import ndarray
 from scipy.sparse.linalg import splu
 
 from bonecam.levels.body_surface import body_surfaces
-from bonecam.levels.certified import certified
 from bonecam.levels.check import BINS, probes
 from bonecam.levels.level import Level
 from bonecam.levels.morph import Morph, morph
@@ -40,11 +39,11 @@ def levels_in(surface: TSpline, stock: Stock, schedule: Schedule, **options: Any
     Raises StockError where the part leaves the stock or comes so near to its edges that they cannot be rounded over it.
     """
     if isinstance(stock, Capsule | Rounded):
-        return certified(morph(surface, stock, schedule, **options), stock)
+        return morph(surface, stock, schedule, **options)
     part_mesh = surface.tessellate(CHORD)
     require_inside(stock, part_mesh.vertices, MARGIN)
     inner = require_roundable(stock, part_mesh.vertices, MARGIN + CHORD)
-    made = certified(morph(surface, inner, schedule, **options), inner)
+    made = morph(surface, inner, schedule, **options)
     distance = float(MeshDistance(part_mesh).unsigned(stock.mesh(CHORD).vertices).max())
     return replace(made, levels=rounding(made, inner, stock, schedule), lower_bound=schedule.lower_bound(distance), distance=distance)
 

@@ -13,15 +13,16 @@ from bonecam.levels import certificate, check
 from bonecam.levels.body_surface import body_surfaces
 from bonecam.levels.box import Box
 from bonecam.levels.certificate import Certificate, certify
-from bonecam.levels.certified import certified as certified_morph
 from bonecam.levels.cylinder import Cylinder
 from bonecam.levels.grid import level_grid
+from bonecam.levels.inspection import Inspection, Rules
 from bonecam.levels.morph import Morph, morph
 from bonecam.levels.rounding import levels_in
 from bonecam.levels.schedule import Schedule
 from bonecam.levels.sheet import Sheet
 from bonecam.levels.stock import Capsule, Stock
 from bonecam.pipeline import fit_surface, make_levels, place, prepare
+from bonecam.progress import silent
 from bonecam.surface.tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 
@@ -193,11 +194,21 @@ def test_the_levels_of_a_bar_are_certified_up_to_the_body_they_round_it_from() -
     assert all(level.certificate.shortfalls(level.limit) == () for level in levels if level.certificate)
 
 
-def test_a_surface_with_other_weights_is_morphed_without_certificates(made: Morph) -> None:
+def test_a_surface_with_other_weights_is_morphed_without_certificates() -> None:
     surface = waisted()
-    rational = replace(made.levels[0], surface=TSpline(surface.tmesh, surface.control_points, np.linspace(1, 2, surface.tmesh.size)))
-    other = replace(made, levels=(rational, *made.levels[1:]))
-    assert certified_morph(other, STOCK) is other
+    heavy = TSpline(surface.tmesh, surface.control_points, np.full(surface.tmesh.size, 2.0))
+    assert all(level.certificate is None for level in morph(heavy, STOCK, Schedule((), 0.5), chord_tolerance=0.02).levels)
+
+
+def test_a_cut_that_only_its_certificate_doubts_is_made_again(made: Morph) -> None:
+    surfaces = [level.surface for level in made.levels if level.surface]
+    rules = Rules(STOCK, Schedule((0.1, 0.1), 0.5), check.NEST_TOLERANCE, check.STOCK_TOLERANCE, 0.02)
+    inspection = Inspection(surfaces[0], [surface.control_points for surface in surfaces], rules, silent)
+    assert not inspection.failed + inspection.uncertain
+    cut = inspection.cuts[2]
+    doubted = replace(cut, level=replace(cut.level, limit=cut.level.certificate.depth - 2 * check.DEPTH_TOLERANCE))
+    assert doubted.uncertain
+    assert doubted.over == pytest.approx(2 * check.DEPTH_TOLERANCE)
 
 
 def test_surfaces_that_are_not_polynomial_are_refused() -> None:
