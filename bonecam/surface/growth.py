@@ -64,6 +64,8 @@ def grown(surface: TSpline, target: Target, aim: Aim, progress: Progress = silen
             break
         surface = moved(surface, tmesh)
         surface, target = settle(surface, target.on(surface, aim.tolerance).denser(surface), aim)
+        if target.worst > worst:  # new knots are not settled yet: no vote on that
+            surface, target = settle(surface, target, aim, 1)
     best = surface, target
     for number in range(LAST_ROUNDS):
         surface, target = settle(surface, target, aim, 1, PLANE)
