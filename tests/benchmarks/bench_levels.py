@@ -19,7 +19,6 @@ import argparse
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -135,9 +134,7 @@ def recorded(surface: TSpline, stock: Capsule) -> Case:
     with patch("time.perf_counter", time.process_time), patch("bonecam.levels.sequence.next_level", noted):
         made = morph(surface, stock, SCHEDULE)
     nets = [level.surface.control_points for level in made.levels if level.surface is not None]
-    made_by = [
-        next(call for call in calls if np.array_equal(call.P, a) and np.array_equal(a + call.step.moves, b)) for a, b in pairwise(nets)
-    ]
+    made_by = [next(call for call in calls if np.array_equal(call.P + call.step.moves, net)) for net in nets[1:]]
     return Case(surface, stock, made, made_by)
 
 
