@@ -27,6 +27,7 @@ from jaxtyping import Float
 from numpy import ndarray
 from scipy.spatial import cKDTree
 
+from bonecam.arrays import dots, lengths
 from bonecam.errors import place_name
 from bonecam.kernels import hull_depth, hulls
 from bonecam.levels.check import DEPTH_TOLERANCE, NEST_TOLERANCE, STOCK_TOLERANCE
@@ -193,9 +194,8 @@ def _inside(points: Float[ndarray, "n 3"], nets: Float[ndarray, "e 16 3"]) -> bo
 
 def _solid_angles(a: ndarray, b: ndarray, c: ndarray) -> ndarray:
     """Of triangles seen from the origin, signed (van Oosterom & Strackee 1983)."""
-    p, q, r = (np.linalg.norm(x, axis=1) for x in (a, b, c))
-    across = (a * np.cross(b, c)).sum(1)
-    return np.asarray(2 * np.arctan2(across, p * q * r + (a * b).sum(1) * r + (b * c).sum(1) * p + (c * a).sum(1) * q))
+    p, q, r = lengths(a), lengths(b), lengths(c)
+    return np.asarray(2 * np.arctan2(dots(a, np.cross(b, c)), p * q * r + dots(a, b) * r + dots(b, c) * p + dots(c, a) * q))
 
 
 def _outside(pieces: Float[ndarray, "e 16 3"], stock: Stock) -> tuple[float, Float[ndarray, "3"]]:

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from bonecam.arrays import dots
 from bonecam.levels.grid import LevelGrid
 from bonecam.levels.limits import feet
 from bonecam.mesh.distance import MeshDistance
@@ -64,7 +65,7 @@ class Sheet:
         """Signed distances and the parameters of the feet, by Newton from the given ones."""
         s, t, foot, n = feet(self.surface, points, parameters[:, 0], parameters[:, 1], steps)
         across = points - foot
-        return np.copysign(np.linalg.norm(across, axis=1), np.einsum("ij,ij->i", across, n)), np.column_stack([s, t])
+        return np.copysign(np.linalg.norm(across, axis=1), dots(across, n)), np.column_stack([s, t])
 
     def _from_mesh(self, points: ndarray, steps: int) -> tuple[ndarray, ndarray]:
         """The same from the nearest corner of the nearest face."""

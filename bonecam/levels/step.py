@@ -12,6 +12,7 @@ import scipy.sparse as sp
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
+from bonecam.arrays import dots
 from bonecam.kernels import splitting
 from bonecam.levels.cut import Cut, Manner
 from bonecam.levels.limits import limits_at
@@ -71,5 +72,5 @@ def _kept(setting: Setting, P: ndarray, D: ndarray, cut: Cut) -> Step:
         broken = limits.broken(y)
     moves = np.asarray(setting.free @ D)
     worst = int(np.argmax(broken))
-    folded = (watch.stretched(P + moves) * limits.n).sum(1) <= 0
+    folded = dots(watch.stretched(P + moves), limits.n) <= 0
     return Step(moves, float(broken[worst]), y[worst], folded | (broken > MENDABLE))

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy import ndarray
 
+from bonecam.arrays import dots
 from bonecam.errors import MeshError
 from bonecam.mesh.distance import exact_closest
 from bonecam.mesh.faults import Fault, faults_of, holes_of
@@ -188,7 +189,7 @@ def _without_fins(state: _State) -> _State:
 def _oriented(state: _State) -> _State:
     """Faces of one piece oriented alike."""
     after = _state_after(state, "meshing_re_orient_faces_coherently").mesh
-    turned = int((np.einsum("ij,ij->i", after.face_vectors, state.mesh.face_vectors) < 0).sum())
+    turned = int((dots(after.face_vectors, state.mesh.face_vectors) < 0).sum())
     turned = min(turned, len(after.faces) - turned)
     return state.then(after, *((f"turned {turned} faces round",) if turned else ()))
 

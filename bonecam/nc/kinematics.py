@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
+from bonecam.arrays import dots
 from bonecam.nc.machine import Machine, RotaryAxis
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -85,7 +86,7 @@ def _subproblem(machine: Machine, axes: ndarray) -> tuple[RotaryAxis, RotaryAxis
 
 def _angle_about(direction: ndarray, start: ndarray, end: ndarray) -> ndarray:
     sine = np.cross(start, end) @ direction
-    cosine = np.einsum("ij,ij->i", start, end) - (start @ direction) * (end @ direction)
+    cosine = dots(start, end) - (start @ direction) * (end @ direction)
     return np.arctan2(sine, cosine)
 
 

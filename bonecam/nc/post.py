@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from bonecam.arrays import dots
 from bonecam.errors import MachineError
 from bonecam.job import Job
 from bonecam.nc.control import Control
@@ -62,7 +63,7 @@ def post_path(
     runs = tuple((int(a), int(b)) for a, b in zip(starts, np.r_[starts[1:], len(moves.tips)], strict=True))
     words = round_words(dialect, control, moves.tips, moves.angles)
     angles = np.radians(words[:, 3:])
-    lift = (around @ moves.axes[starts].T).max(0) - np.einsum("ij,ij->i", moves.tips[starts], moves.axes[starts]) + APPROACH_HEIGHT
+    lift = (around @ moves.axes[starts].T).max(0) - dots(moves.tips[starts], moves.axes[starts]) + APPROACH_HEIGHT
     above = moves.tips[starts] + np.maximum(lift, APPROACH_HEIGHT)[:, None] * control.poses(np.radians(words[starts]))[1]
     approaches = round_words(dialect, control, above, angles[starts])
     return Posted(path, control, moves, words, runs, approaches, _minutes(control, moves, words, starts, job))

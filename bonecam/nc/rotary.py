@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
+from bonecam.arrays import dots, lengths
 from bonecam.errors import MachineError
 from bonecam.kernels.chain import cheapest_chain
 from bonecam.nc.kinematics import LIMIT_GUARD, inverse_rotary, tool_axes, within_limits
@@ -128,15 +129,15 @@ def _follows(machine: Machine, start: ndarray, change: ndarray, before: ndarray,
 
     A turn of T in all bends the axis's way by at most T, so that it is within T^2 / 8 of the middle: that settles most of them.
     """
-    turn, chord = np.abs(change).sum(1), np.sqrt(np.einsum("ij,ij->i", after - before, after - before))
+    turn, chord = np.abs(change).sum(1), lengths(after - before)
     near = (turn < SMALL_TURN) & (turn**2 / 8 <= 0.7 * chord)
     ask = np.flatnonzero(~near & np.isfinite(turn))
     middle, before, after = tool_axes(machine, start[ask] + change[ask] / 2), before[ask], after[ask]
     straight = before + after
     # opposite axes have no middle: then no linear way follows them
     straight = straight / np.maximum(np.linalg.norm(straight, axis=1), np.finfo(float).tiny)[:, None]
-    between = np.arctan2(np.linalg.norm(np.cross(before, after), axis=1), np.einsum("ij,ij->i", before, after))
-    off = np.arctan2(np.linalg.norm(np.cross(middle, straight), axis=1), np.einsum("ij,ij->i", middle, straight))
+    between = np.arctan2(np.linalg.norm(np.cross(before, after), axis=1), dots(before, after))
+    off = np.arctan2(np.linalg.norm(np.cross(middle, straight), axis=1), dots(middle, straight))
     near[ask] = off <= 0.75 * between + 1e-9
     return np.asarray(near)
 

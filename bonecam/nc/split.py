@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
+from bonecam.arrays import dots, lengths
 from bonecam.errors import MachineError
 from bonecam.nc.control import Control
 from bonecam.nc.rotary import choose_angles
@@ -66,7 +67,7 @@ def between(
     """Tips and axes meant at a fraction of the way from row `before` to the next; a whole fraction is the row itself."""
     after = np.minimum(before + 1, len(tips) - 1)
     a, b, part = axes[before], axes[after], fractions[:, None]
-    angle = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.einsum("ij,ij->i", a, b))[:, None]
+    angle = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), dots(a, b))[:, None]
     sine = np.sin(angle)
     small = sine < 1e-9
     weights = np.where(small, 1 - part, np.sin((1 - part) * angle) / np.where(small, 1, sine))
@@ -102,14 +103,14 @@ def _pieces(control: Control, kinds: ndarray, tips: ndarray, axes: ndarray, angl
         tip, axis = control.between(words[:-1], words[1:], fraction)
         leant = axis - turned
         centre = tip + control.radius * axis - (1 - fraction) * starts - fraction * ends
-        off = np.maximum(_lengths(centre), _lengths(centre - control.radius * leant))
-        worst = np.maximum(worst, np.maximum(off / allowed, _lengths(leant) / AXIS_TOLERANCE))
+        off = np.maximum(lengths(centre), lengths(centre - control.radius * leant))
+        worst = np.maximum(worst, np.maximum(off / allowed, lengths(leant) / AXIS_TOLERANCE))
     pieces = np.where(worst > 1, np.ceil(np.sqrt(1.1 * np.minimum(worst, 1e4))), 1)
-    at_pole = _lengths(np.diff(axes, axis=0)) < POLE_PASS
+    at_pole = lengths(np.diff(axes, axis=0)) < POLE_PASS
     turn = np.abs(np.diff(angles, axis=0)).max(1) / np.where(rapid | at_pole, LARGEST_RAPID_TURN, LARGEST_TURN)
     pieces = np.maximum(pieces, np.ceil(turn - 1e-9))
     if not control.tool_centre:
-        length = _lengths(np.diff(tips, axis=0))
+        length = lengths(np.diff(tips, axis=0))
         pieces = np.maximum(pieces, np.where(rapid, 1, np.ceil(length / LONGEST_MOVE - 1e-9)))
     return np.maximum(pieces, 1).astype(np.int64)
 
@@ -117,8 +118,4 @@ def _pieces(control: Control, kinds: ndarray, tips: ndarray, axes: ndarray, angl
 def _bisected(a: Float[ndarray, "n 3"], b: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
     """Halfway on the great circle; nothing (zero) between opposite axes."""
     middle = a + b
-    return middle / np.maximum(_lengths(middle), np.finfo(float).tiny)[:, None]
-
-
-def _lengths(vectors: Float[ndarray, "n 3"]) -> Float[ndarray, "n"]:
-    return np.asarray(np.sqrt(np.einsum("ij,ij->i", vectors, vectors)))
+    return middle / np.maximum(lengths(middle), np.finfo(float).tiny)[:, None]

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
+from bonecam.arrays import dots
 from bonecam.orientation.limits import AxisLimits, angles_between, polar, unit, with_polar
 from bonecam.orientation.pole import CONE
 
@@ -41,7 +42,7 @@ def fan() -> Float[ndarray, "647 3"]:
 
 def allowed(axes: Float[ndarray, "n 3"], normals: Float[ndarray, "n 3"], limits: AxisLimits, max_tilt: float) -> Bool[ndarray, " n"]:
     """Within the machine's limits and no further than `max_tilt` from the normal."""
-    return limits.allow(axes) & (np.einsum("ij,ij->i", axes, normals) >= np.cos(max_tilt) - 1e-9)
+    return limits.allow(axes) & (dots(axes, normals) >= np.cos(max_tilt) - 1e-9)
 
 
 def nearest_free(

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
+from bonecam.arrays import dots
 from bonecam.orientation.limits import polar, with_polar
 
 CONE = np.radians(3.0)
@@ -78,7 +79,7 @@ def nearest_to_pole(axes: Float[ndarray, "n 3"]) -> Float[ndarray, " m"]:
     """The least angle from +Z on the great circle from each axis to the next, radians; m = n - 1."""
     a, b = axes[:-1], axes[1:]
     ends = np.minimum(polar(a), polar(b))
-    cosine = np.einsum("ij,ij->i", a, b)
+    cosine = dots(a, b)
     between = (b[:, 2] > cosine * a[:, 2]) & (a[:, 2] > cosine * b[:, 2])
     normal = np.cross(a, b)
     length = np.linalg.norm(normal, axis=1)

@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 from scipy.spatial import Delaunay, cKDTree
 
+from bonecam.arrays import dots
 from bonecam.errors import SurfaceError
 from bonecam.kernels import triangles
 
@@ -228,4 +229,4 @@ def _bent(net: Net, e: int, uv: ndarray, cut: ndarray, shortest: float, angle: f
     long = np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1) > shortest
     a, b = (normals[edges[long, k]] for k in (0, 1))
     known = a.any(axis=1) & b.any(axis=1)
-    return bool((np.einsum("ij,ij->i", a, b)[known] < np.cos(angle)).any())
+    return bool((dots(a, b)[known] < np.cos(angle)).any())

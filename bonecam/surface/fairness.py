@@ -17,6 +17,7 @@ import scipy.sparse as sp
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
+from bonecam.arrays import dots
 from bonecam.surface.quadratic import Term
 from bonecam.surface.tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
@@ -71,7 +72,7 @@ class Quadrature:
         terms = []
         for matrix, factor in self.parts:
             now = matrix @ surface.control_points
-            tangential = now - self.normals * np.einsum("ij,ij->i", self.normals, now)[:, None]
+            tangential = now - self.normals * dots(self.normals, now)[:, None]
             tangential[folded] = 0.0
             terms.append(Term(matrix, factor[:, None, None] * metric, tangential))
         return terms

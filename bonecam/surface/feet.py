@@ -9,6 +9,7 @@ from jaxtyping import Float
 from numpy import ndarray
 from scipy.spatial import cKDTree
 
+from bonecam.arrays import dots
 from bonecam.surface.tspline import TSpline
 
 LONGEST_STEP = 0.1  # part of the domain in one step, both directions
@@ -49,9 +50,9 @@ def follow(
 
 def _step(away: ndarray, Ss: ndarray, St: ndarray, s: ndarray, t: ndarray) -> tuple[ndarray, ndarray]:
     """One Gauss-Newton step; the metric is raised where S_s vanishes."""
-    E, F, G = (np.einsum("ij,ij->i", a, b) for a, b in ((Ss, Ss), (Ss, St), (St, St)))
+    E, F, G = (dots(a, b) for a, b in ((Ss, Ss), (Ss, St), (St, St)))
     E = E + 1e-6 * G
-    a, b = np.einsum("ij,ij->i", away, Ss), np.einsum("ij,ij->i", away, St)
+    a, b = dots(away, Ss), dots(away, St)
     scale = 1 / np.maximum(np.maximum(E * G - F * F, 1e-9 * E * G), np.finfo(float).tiny)
     ds, dt = (G * a - F * b) * scale, (E * b - F * a) * scale
     limit = np.minimum(1.0, LONGEST_STEP / np.maximum(np.maximum(np.abs(ds), np.abs(dt)), LONGEST_STEP))

@@ -13,6 +13,7 @@ import scipy.sparse as sp
 from jaxtyping import Float, Int
 from numpy import ndarray
 
+from bonecam.arrays import dots
 from bonecam.surface.periodic import FEWEST, collocation
 from bonecam.surface.target import Target
 from bonecam.surface.tmesh import RowTMesh
@@ -63,7 +64,7 @@ def spare_knots(surface: TSpline, target: Target) -> tuple[Float[ndarray, " n"],
     """The signed distances of the samples now, and what the lack of each knot would do; rows with the fewest knots have none to spare."""
     samples = target.inward
     normals = surface.normals(samples.s, samples.t)
-    now = np.einsum("ij,ij->i", surface.positions(samples.s, samples.t) - samples.points, normals)
+    now = dots(surface.positions(samples.s, samples.t) - samples.points, normals)
     basis = sp.csc_array(surface.basis(samples.s, samples.t)[0])
     return now, [one for row in range(len(surface.tmesh.row_starts) - 1) for one in _row(surface, basis, normals, now, row)]
 
@@ -83,7 +84,7 @@ def _row(surface: TSpline, basis: sp.csc_array, normals: ndarray, now: ndarray, 
     for k in range(len(knots)):
         matrix = whole @ collocation(np.delete(knots, k), knots)
         change = matrix @ la.lstsq(matrix, points)[0] - points
-        moves = np.einsum("ij,ij->i", part @ change, normals[moved])
+        moves = dots(part @ change, normals[moved])
         felt = np.abs(moves) > 1e-3 * np.abs(moves).max(initial=0.0)
         worst = np.abs(now[moved[felt]] + moves[felt]).max(initial=0.0)
         found.append(Spared(row, k, moved[felt], moves[felt], float(worst)))

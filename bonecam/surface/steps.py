@@ -18,6 +18,7 @@ from jaxtyping import Float
 from numpy import ndarray
 from scipy.spatial import cKDTree
 
+from bonecam.arrays import dots
 from bonecam.surface.fairness import Quadrature, gauss_points
 from bonecam.surface.quadratic import Form, Term
 from bonecam.surface.target import Target
@@ -80,7 +81,7 @@ def fold_grid(surface: TSpline) -> tuple[Float[ndarray, " n"], Float[ndarray, " 
 
 def folds(surface: TSpline, target: Target, grid: tuple[ndarray, ndarray], before: tuple[ndarray, ndarray]) -> ndarray:
     """Where a normal turned too far from what it was before, or away from the mesh's."""
-    turn = np.einsum("ij,ij->i", surface.normals(*grid), before[0])
+    turn = dots(surface.normals(*grid), before[0])
     facing = target.shape.facing(surface, *grid)
     turned = (turn < LEAST_TURN) & (facing < np.minimum(before[1], WELL))
     return np.asarray(turned | ((facing < LEAST_FACING) & (facing < before[1] - LOSS)))

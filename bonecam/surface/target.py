@@ -13,6 +13,7 @@ from numpy import ndarray
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
+from bonecam.arrays import dots
 from bonecam.mesh.distance import MeshDistance, exact_closest
 from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.sections import Rows
@@ -42,7 +43,7 @@ class Shape:
 
     def facing(self, surface: TSpline, s: Float[ndarray, " n"], t: Float[ndarray, " n"]) -> Float[ndarray, " n"]:
         """Cosines between the surface normals and those of the mesh's nearest faces."""
-        return np.asarray(np.einsum("ij,ij->i", surface.normals(s, t), self.normals(surface.positions(s, t))))
+        return dots(surface.normals(s, t), self.normals(surface.positions(s, t)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +159,7 @@ def harmonic_parameters(rows: Rows, points: Float[ndarray, "n 3"]) -> tuple[Floa
 def barycentric(corners: Float[ndarray, "n 3 3"], points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
     """Weights of the corners of each triangle at a point in it, clipped to it."""
     a, b, c = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], points - corners[:, 0]
-    aa, ab, bb, ac, bc = (np.einsum("ij,ij->i", x, y) for x, y in ((a, a), (a, b), (b, b), (a, c), (b, c)))
+    aa, ab, bb, ac, bc = (dots(x, y) for x, y in ((a, a), (a, b), (b, b), (a, c), (b, c)))
     scale = 1 / np.maximum(aa * bb - ab * ab, np.finfo(float).tiny)
     v, w = (bb * ac - ab * bc) * scale, (aa * bc - ab * ac) * scale
     weights = np.clip(np.column_stack([1 - v - w, v, w]), 0, 1)

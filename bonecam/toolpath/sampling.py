@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
+from bonecam.arrays import dots
 from bonecam.surface.tspline import TSpline
 
 DENSE = 128
@@ -93,7 +94,7 @@ def _bisected(
     a, b, m = np.split(points + radius * normals, 3)
     chord = b - a
     length = np.linalg.norm(chord, axis=1)
-    ratio = np.clip(np.einsum("ij,ij->i", m - a, chord) / np.maximum(length, np.finfo(float).tiny) ** 2, 0, 1)
+    ratio = np.clip(dots(m - a, chord) / np.maximum(length, np.finfo(float).tiny) ** 2, 0, 1)
     far = np.linalg.norm(m - a - ratio[:, None] * chord, axis=1)
     split = (far > chord_tolerance) | (length > max_step)
     at = first[split] + 1

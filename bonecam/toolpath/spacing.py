@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from bonecam.arrays import dots
 from bonecam.errors import ToolPathError
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.scallop import side_step
@@ -65,11 +66,11 @@ def across_feed(
     _, Ss, St, Sss, Sst, Stt = surface.evaluate(s, t, 2)
     if direction == "along":
         Ss, St, Sss, Stt = St, Ss, Stt, Sss
-    E, F = (np.einsum("ij,ij->i", Ss, b) for b in (Ss, St))
+    E, F = (dots(Ss, b) for b in (Ss, St))
     normal = np.cross(Ss, St) if direction == "around" else np.cross(St, Ss)
     area = np.linalg.norm(normal, axis=1)
     inverse = np.divide(1.0, area, out=np.full(len(area), np.nan), where=area > 0)
-    e, f, g = (np.einsum("ij,ij->i", a, normal) * inverse for a in (Sss, Sst, Stt))
+    e, f, g = (dots(a, normal) * inverse for a in (Sss, Sst, Stt))
     with np.errstate(divide="ignore", invalid="ignore"):
         height = area / np.sqrt(E)
         shear = -F / E
