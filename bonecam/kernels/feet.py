@@ -10,6 +10,8 @@ from numpy import ndarray
 from bonecam.kernels.bezier import CONTRACT, first_jet, locate_one, located
 
 STEP_S, STEP_T, RIDGE = 0.05, 0.03, 1e-6
+SHORT = 2e-4
+"""A step (mm) that is not worth going: what is left of the distance is its square over twice the distance."""
 TIP = 32
 
 
@@ -51,7 +53,7 @@ def feet(
 ) -> None:  # fmt: skip
     """s and t become the parameters of the nearest place to y that `steps` steps from them came by, `foot` and `normal` what is there.
 
-    The steps are damped where S_s vanishes, and never long. At the ends the normal is the mean one round the pole.
+    The steps are damped where S_s vanishes, and neither long nor SHORT. At the ends the normal is the mean one round the pole.
     """
     tips, D = _tips(patches, boxes, strips, ends), np.empty((3, 4))
     strip_knots, strip_table, strip_starts, lows, highs, ids, tables = strips
@@ -77,6 +79,8 @@ def feet(
             across = E * G - F * F * (1.0 - RIDGE)
             if across > 0.0:
                 ds, dt = (G * a - F * b) / across, (E * b - F * a) / across
+                if E * ds * ds + 2.0 * F * ds * dt + G * dt * dt < SHORT * SHORT:
+                    break
                 far = max(1.0, abs(ds) / STEP_S, abs(dt) / STEP_T)
                 u += ds / far
                 u -= np.floor(u)

@@ -1,7 +1,8 @@
 """How far the stock is from a level: over points of the stock, the distance to the nearest sample's neighbourhood.
 
 No level lies behind the one before, so a point's distance only falls: of the points of the stock only those are measured again
-that were farther from the level before than the farthest is from this one.
+that were farther from the level before than the farthest is from this one. At the part a point is not farther than a neighbour that is
+measured and the way to it.
 """
 
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ from bonecam.levels.setting import Setting
 from bonecam.levels.stock import Stock
 from bonecam.surface.tspline import TSpline
 
-CHORD, FIRST, STEPS = 0.01, 500, 4
+CHORD, FIRST, EVERY, STEPS = 0.01, 500, 10, 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,20 +53,25 @@ def remaining(setting: Setting, P: Float[ndarray, "c 3"], before: Remaining) -> 
     known = np.isfinite(before.left)
     level, samples = setting.surface.with_control_points(P), setting.samples if known else setting.watch
     tree, distance, places = cKDTree(samples.R @ P), before.at_most.copy(), before.feet.copy()
-    first = 0
-    for stop in (min(FIRST, len(distance)), len(distance)):
-        if first:
-            stop = max(first, int(np.searchsorted(-before.at_most, -distance[:first].max())))
-        points = before.points[first:stop]
-        if len(points):
-            to_sample, nearest = tree.query(points)
-            distance[first:stop], places[first:stop] = _nearest(level, points, np.column_stack([samples.s, samples.t])[nearest])
-            if known:
-                again, its = _nearest(level, points, before.feet[first:stop])
-                nearer = again < distance[first:stop]
-                distance[first:stop][nearer], places[first:stop][nearer] = again[nearer], its[nearer]
-            distance[first:stop] = np.minimum(to_sample, distance[first:stop])
-        first = stop
+
+    def measure(which: ndarray) -> None:
+        points = before.points[which]
+        to_sample, nearest = tree.query(points)
+        for start in (np.column_stack([samples.s, samples.t])[nearest], before.feet[which]):
+            away, its = _nearest(level, points, start)
+            nearer = away < distance[which]
+            distance[which[nearer]], places[which[nearer]] = away[nearer], its[nearer]
+        distance[which] = np.minimum(to_sample, distance[which])
+
+    first = np.arange(len(distance))[: FIRST if known else None : 1 if known else EVERY]
+    measure(first)
+    if not known:
+        apart, nearest = cKDTree(before.points[first]).query(before.points)
+        distance, places = distance[first][nearest] + apart, places[first][nearest]
+    farthest = distance[first].max()
+    others = np.flatnonzero(distance > farthest)
+    distance[others], places[others] = _nearest(level, before.points[others], places[others])
+    measure(others[distance[others] > farthest])
     order = np.argsort(-distance, kind="stable")
     return Remaining(before.points[order], distance[order], places[order])
 

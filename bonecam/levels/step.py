@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
-from bonecam.arrays import dots
+from bonecam.arrays import dots, lengths
 from bonecam.kernels import splitting
 from bonecam.levels.cut import Cut, Manner
 from bonecam.levels.limits import limits_at
@@ -22,7 +22,7 @@ from bonecam.levels.setting import Setting
 
 MENDABLE = 0.03
 """How far (mm) a level may break a limit: what is farther no mending makes good."""
-ROUNDS, SWEEPS, NEAR, ENOUGH, FOOT_STEPS = 4, 20, 0.005, 2e-4, 3
+ROUNDS, SWEEPS, NEAR, ENOUGH, FOOT_STEPS, MOVED = 4, 20, 0.005, 2e-4, 3, 0.002
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,9 +58,8 @@ def _kept(setting: Setting, P: ndarray, D: ndarray, cut: Cut) -> Step:
     watch, stock, before = setting.watch, setting.stock, setting.surface.with_control_points(P)
     x, R = watch.R @ P, setting.watch_moves
     gap, y = -stock.signed_distance(x), x + R @ D
-    limits = limits_at(before, stock, cut, gap, y, watch.s, watch.t, 1)
-    limits = limits.again(np.flatnonzero(limits.broken(y) > -NEAR), y, FOOT_STEPS - 1)
-    broken = limits.broken(y)
+    limits = limits_at(before, stock, cut, gap, y, watch.s, watch.t, FOOT_STEPS)
+    set_up, broken = y, limits.broken(y)
     for _ in range(ROUNDS):
         if broken.max() <= ENOUGH:
             break
@@ -68,7 +67,9 @@ def _kept(setting: Setting, P: ndarray, D: ndarray, cut: Cut) -> Step:
         part, some = limits.only(near), sp.csr_array(R[near])
         splitting.project(some.indptr, some.indices, some.data, x[near], D, *part.planes, SWEEPS, ENOUGH)
         y = x + R @ D
-        limits = limits.again(near, y, 1)
+        moved = np.flatnonzero(lengths(y - set_up) > MOVED)
+        limits = limits.again(moved, y, 1)
+        set_up[moved] = y[moved]
         broken = limits.broken(y)
     moves = np.asarray(setting.free @ D)
     worst = int(np.argmax(broken))
