@@ -33,10 +33,13 @@ def correction(d: float, low: float, high: float, e: float, g: float) -> tuple[f
 def sweep(
     indptr: ndarray, indices: ndarray, data: ndarray, x: ndarray, D: ndarray, H: ndarray, c: ndarray, n: ndarray, low: ndarray,
     high: ndarray, m: ndarray, h: ndarray, weights: ndarray, rho: float, relaxation: float, z: ndarray, u: ndarray, moments: ndarray,
-) -> None:  # fmt: skip
-    """One iteration: z = the point of the limits nearest to (H + rho (y + u)) / (1 + rho), u += y - z, moments = R'W (z - u - x)."""
+) -> float:  # fmt: skip
+    """One iteration: z = the point of the limits nearest to (H + rho (y + u)) / (1 + rho), u += y - z, moments = R'W (z - u - x).
+
+    Answers what is unsettled: the weighed sum of squares of how far z went and how far it is from y.
+    """
     moments[:] = 0.0
-    keep, share = 1.0 - relaxation, 1.0 / (1.0 + rho)
+    keep, share, unsettled = 1.0 - relaxation, 1.0 / (1.0 + rho), 0.0
     for l in range(len(x)):
         y0, y1, y2 = x[l, 0], x[l, 1], x[l, 2]
         for k in range(indptr[l], indptr[l + 1]):
@@ -44,6 +47,7 @@ def sweep(
             y0 += r * D[j, 0]
             y1 += r * D[j, 1]
             y2 += r * D[j, 2]
+        e0, e1, e2, w = y0, y1, y2, weights[l]
         y0 = relaxation * y0 + keep * z[l, 0] + u[l, 0]
         y1 = relaxation * y1 + keep * z[l, 1] + u[l, 1]
         y2 = relaxation * y2 + keep * z[l, 2] + u[l, 2]
@@ -52,15 +56,17 @@ def sweep(
         d = n0 * (a0 - c[l, 0]) + n1 * (a1 - c[l, 1]) + n2 * (a2 - c[l, 2])
         p, q = correction(d, low[l], high[l], m0 * a0 + m1 * a1 + m2 * a2 - h[l], n0 * m0 + n1 * m1 + n2 * m2)
         a0, a1, a2 = a0 + p * n0 + q * m0, a1 + p * n1 + q * m1, a2 + p * n2 + q * m2
+        unsettled += w * ((e0 - a0) ** 2 + (e1 - a1) ** 2 + (e2 - a2) ** 2)
+        unsettled += w * ((z[l, 0] - a0) ** 2 + (z[l, 1] - a1) ** 2 + (z[l, 2] - a2) ** 2)
         y0, y1, y2 = y0 - a0, y1 - a1, y2 - a2
         z[l, 0], z[l, 1], z[l, 2], u[l, 0], u[l, 1], u[l, 2] = a0, a1, a2, y0, y1, y2
-        w = weights[l]
         a0, a1, a2 = w * (a0 - y0 - x[l, 0]), w * (a1 - y1 - x[l, 1]), w * (a2 - y2 - x[l, 2])
         for k in range(indptr[l], indptr[l + 1]):
             j, r = indices[k], data[k]
             moments[j, 0] += r * a0
             moments[j, 1] += r * a1
             moments[j, 2] += r * a2
+    return unsettled
 
 
 @njit(cache=True)
