@@ -46,7 +46,7 @@ def _tips(patches: ndarray, boxes: ndarray, strips: tuple, ends: tuple) -> ndarr
     return tips
 
 
-@njit(cache=True, fastmath=CONTRACT)
+@njit(cache=True, fastmath=CONTRACT, nogil=True)
 def feet(
     patches: ndarray, boxes: ndarray, strips: tuple, ends: tuple, y: ndarray, steps: int, s: ndarray, t: ndarray, foot: ndarray,
     normal: ndarray,

@@ -241,7 +241,7 @@ def _divide(nets: ndarray, feet: ndarray, parts: ndarray, k: int, axis: int, on:
         feet[k, last, 1] = feet[k + 1, first, 1] = t
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def depth_bound(
     nets: ndarray, starts: ndarray, on: Target, goal: float, alarm: float, accuracy: float, smallest: float
 ) -> tuple[float, ndarray, ndarray, int]:  # fmt: skip

@@ -122,7 +122,7 @@ def _between_nets(a: ndarray, b: ndarray, enough: float) -> float:
     return max(gap, _slab(a, b, x, y, z))
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def separation(
     inner: ndarray, outer: ndarray, goal: float, enough: float, small: float, smallest: float, most: int
 ) -> tuple[float, ndarray, int]:  # fmt: skip

@@ -70,7 +70,7 @@ def measure(inner: Sheet, outer: Sheet | TriangleMesh, stock: Stock, limit: floa
         leaves, depth = stock.signed_distance(outside), np.abs(inner.closely(outside)[0])
     else:
         mesh, outside = outer.mesh, outer.points
-        leaves, depth = stock.signed_distance(outside), np.abs(inner.signed(outside, outer.parameters))
+        leaves, depth = stock.signed_distance(outside), inner.apart(outside, outer.parameters)
         deep = np.flatnonzero(depth > limit)
         depth[deep] = np.abs(inner.closely(outside[deep], outer.parameters[deep])[0])
         ahead = -outer.signed(inside, inner.parameters)

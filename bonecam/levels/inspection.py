@@ -3,8 +3,10 @@
 When some levels are made again only the cuts below and above them are measured again, on the same grid: such levels move by microns.
 """
 
+import os
 import time
 from collections.abc import Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -80,14 +82,14 @@ class Inspection:
     def measure(self, made: Sequence[Float[ndarray, "c 3"]], cuts: Iterable[int]) -> None:
         """Measure some of the cuts, again where they have been."""
         began = time.perf_counter()
-        sheets: dict[int, Sheet] = {}
-        for k in cuts:
-            report(self._progress, k / (len(made) + 1), f"checking level {k}")
-            for j in (k - 1, k):
-                if j < len(made) and j not in sheets:
-                    sheets[j] = Sheet(self._surface.with_control_points(made[j]), self._grid)
-            self._cuts[k] = self._cut(k, sheets[k - 1], sheets.get(k))
-            sheets.pop(k - 1)
+        cuts, threads, sheets = list(cuts), len(os.sched_getaffinity(0)), dict[int, Sheet]()
+        with ThreadPoolExecutor(threads) as pool:
+            for some in (cuts[first : first + threads] for first in range(0, len(cuts), threads)):
+                report(self._progress, some[0] / (len(made) + 1), f"checking level {some[0]}")
+                needed = {j for k in some for j in (k - 1, k) if j < len(made)}
+                sheets = {j: sheets.get(j) or Sheet(self._surface.with_control_points(made[j]), self._grid) for j in needed}
+                measured = pool.map(lambda k, at=sheets: self._cut(k, at[k - 1], at.get(k)), some)
+                self._cuts.update(zip(some, measured))
         self.seconds += time.perf_counter() - began
 
     def copy(self) -> "Inspection":

@@ -48,8 +48,12 @@ class Sheet:
         """Theirs."""
         return np.vstack([self.grid.parameters, self.grid.middles])
 
+    def apart(self, points: Float[ndarray, "n 3"], parameters: Float[ndarray, "n 2"]) -> Float[ndarray, " n"]:
+        """Distance (mm) of points from the foot that Newton finds from these parameters: never too near."""
+        return np.abs(self._from(points, parameters, STEPS)[0])
+
     def signed(self, points: Float[ndarray, "n 3"], parameters: Float[ndarray, "n 2"]) -> Float[ndarray, " n"]:
-        """Distance (mm, negative inside) of points from the foot that Newton finds from these parameters: never too near."""
+        """The same, negative inside."""
         return self._sided(points, self._from(points, parameters, STEPS)[0])
 
     def closely(self, points: Float[ndarray, "n 3"], parameters: Float[ndarray, "n 2"] | None = None) -> tuple[ndarray, ndarray]:
