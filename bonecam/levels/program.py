@@ -9,13 +9,14 @@ The program is solved by splitting (ADMM, as OSQP does it): samples go to the ne
 least-squares fit of the samples, and the matrix of that fit is the same for x, y and z and for all iterations: one small factor a level.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 from numpy import ndarray
 
+from bonecam.arrays import dots
 from bonecam.kernels import splitting
 from bonecam.levels.cut import Cut, Manner
 from bonecam.levels.energy import Given, Quadratic, stacked, summed
@@ -33,6 +34,8 @@ ITERATIONS, RENEW, RHO, RELAXATION = 60, 20, 32.0, 1.6
 SETTLED = 5e-4
 """The splitting ends where its samples move and miss their limits by less, mm, root mean square."""
 RENEWALS, OSQP_TOLERANCE = 3, 1e-5
+PRESS = 0.3
+"""How far (mm) outside the stock samples may be pulled: what is pressed against the wall lies there, where levels meet it too."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +66,15 @@ class Program:
         """Half the energy's gradient at D = 0."""
         return np.asarray(self.R.T @ (self.weights[:, None] * (self.x - self.H)) + self.net.linear)
 
+    def at(self, moves: Float[ndarray, "m 3"]) -> "Program":
+        """Limits set up again where the moves take the samples, and H slid beside them: what counts is the way along the normals.
+
+        So samples may gather where the level bends, as at the rim of what lies at the wall.
+        """
+        y = self.x + self.R @ moves
+        limits = self.limits.at(y, 1)
+        return replace(self, limits=limits, H=y + dots(self.H - y, limits.n)[:, None] * limits.n)
+
 
 def program_of(
     setting: Setting, P: Float[ndarray, "c 3"], rest: Remaining, cut: Cut, manner: Manner, ease: Float[ndarray, " c"] | None = None
@@ -75,24 +87,23 @@ def program_of(
     weights = pulled.weights if ease is None else pulled.weights * (pulled.R @ ease)
     R, gap = sp.csr_array(pulled.R @ setting.free), -stock.signed_distance(x)
     limits = limits_at(before, stock, cut, gap, target, pulled.s, pulled.t, 2)
-    H = inside(stock, limits.c + pulled.beyond[:, None] * (target - limits.c), np.minimum(gap, cut.landing))
+    H = inside(stock, limits.c + pulled.beyond[:, None] * (target - limits.c), np.minimum(gap, cut.landing) - PRESS)
     N = sp.csc_array(R.T @ sp.diags_array(weights) @ R)
     return Program(R, x, weights, H, target, limits, N, net)
 
 
 def split(program: Program, iterations: int = ITERATIONS, renew: int = RENEW) -> Float[ndarray, "m 3"]:
-    """The free moves by splitting, in so many iterations at most; every `renew` of them the limits are set up again where the samples are."""
-    limits, R, x, linear = program.limits, program.R, program.x, program.net.linear / RHO
+    """The free moves by splitting, in so many iterations at most; every `renew` of them the program is set up again where the samples are."""
+    R, x, linear = program.R, program.x, program.net.linear / RHO
     fit = factor(program.N + program.net.matrix / RHO)
     z, u, settled = program.start.copy(), np.zeros_like(x), SETTLED**2 * program.weights.sum()
     D = fit.solve(R.T @ (program.weights[:, None] * (z - x)) - linear)
     moments = np.empty_like(D)
     for k in range(1, iterations + 1):
         if k % renew == 0:
-            limits = limits.at(x + R @ D, 1)
-        unsettled = splitting.sweep(
-            R.indptr, R.indices, R.data, x, D, program.H, *limits.planes, program.weights, RHO, RELAXATION, z, u, moments
-        )
+            program = program.at(D)
+        H, planes = program.H, program.limits.planes
+        unsettled = splitting.sweep(R.indptr, R.indices, R.data, x, D, H, *planes, program.weights, RHO, RELAXATION, z, u, moments)
         D = fit.solve(moments - linear)
         if k > renew and unsettled < settled:
             break
@@ -101,10 +112,10 @@ def split(program: Program, iterations: int = ITERATIONS, renew: int = RENEW) ->
 
 def by_osqp(program: Program) -> Float[ndarray, "m 3"]:
     """The free moves by OSQP, with every limit a row: the same program, many times slower."""
-    limits, count = program.limits, program.matrix.shape[0]
+    count = program.matrix.shape[0]
     energy, D = sp.csc_array(sp.block_diag([program.matrix] * 3)), np.zeros((count, 3))
     for _ in range(RENEWALS):
-        rows = limits.rows(program.R, program.x)
+        rows = program.limits.rows(program.R, program.x)
         D = solve(energy, program.gradient.T.ravel(), rows, OSQP_TOLERANCE, D.T.ravel()).x.reshape(3, -1).T
-        limits = limits.at(program.x + program.R @ D, 1)
+        program = program.at(D)
     return D

@@ -15,7 +15,7 @@ from bonecam.levels.step import MENDABLE, Step, next_level
 from bonecam.progress import Progress, report
 
 VARIANTS = (
-    (3e-7, 1e-4, 1.0, 4.0, 3.0),
+    (3e-7, 1e-4, 1.0, 2.0, 3.0),
     (1e-6, 1e-4, 1.0, 2.0, 0.05),
     (3e-7, 1e-4, 1.0, 2.0, 0.05),
     (3e-6, 1e-4, 0.7, 2.0, 0.05),
