@@ -34,7 +34,7 @@ ITERATIONS, RENEW, RHO, RELAXATION = 60, 20, 32.0, 1.6
 SETTLED = 5e-4
 """The splitting ends where its samples move and miss their limits by less, mm, root mean square."""
 RENEWALS, OSQP_TOLERANCE = 3, 1e-5
-PRESS = 0.3
+PRESS = 0.1
 """How far (mm) outside the stock samples may be pulled: what is pressed against the wall lies there, where levels meet it too."""
 
 
