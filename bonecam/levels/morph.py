@@ -137,14 +137,17 @@ def _mend(inspection: Inspection, making: Sequences, made: Sequence[ndarray], ma
     """Make what failed (and what its certificate `doubts`) again, with the places watched that are near their limits, until nothing
     fails or nothing helps.
 
-    The level above one that moved may fail then, and so on outwards; only a step back counts as one of the MENDS, and has to help.
+    The level above one that moved may fail then, by whatever that moved, and so on outwards; only a step back counts as one of the
+    MENDS, and has to help.
     """
-    mends, lowest, trouble = 0, len(made), (len(made), np.inf, np.inf)
+    mends, lowest, trouble, which = 0, len(made), (len(made), np.inf, np.inf), set[int]()
     while mends < MENDS:
         failed = inspection.failed + inspection.uncertain * doubts
+        settled = [cut for cut in inspection.cuts if cut.level.index - 1 not in which or cut.level.index in which]
+        over = [cut.over for cut in failed if cut in settled]
+        watched = np.vstack([cut.found.near_limits for cut in settled])
         which = {cut.level.index for cut in failed} - {len(made)}
-        watched = np.vstack([cut.found.near_limits for cut in inspection.cuts])
-        if not which or len(which) > len(made) / 2 or not 0 < len(watched) <= MOST_MENDED or max(cut.over for cut in failed) > MENDABLE:
+        if not which or len(which) > len(made) / 2 or len(watched) > MOST_MENDED or over and not (len(watched) and max(over) <= MENDABLE):
             return
         if min(which) <= lowest:
             before, trouble = trouble, (len(which), sum(cut.level.self_intersections for cut in failed), max(cut.over for cut in failed))
@@ -152,7 +155,8 @@ def _mend(inspection: Inspection, making: Sequences, made: Sequence[ndarray], ma
                 return
             mends += 1
         lowest = min(which)
-        making = replace(making, setting=making.setting.watching(watched))
+        if len(watched):
+            making = replace(making, setting=making.setting.watching(watched))
         made = making.mended(made, which, manner)
         inspection.measure(made, sorted({k for level in which for k in (level, level + 1)}))
 
