@@ -16,6 +16,7 @@ from bonecam.errors import LevelError
 from bonecam.levels.attraction import ATTRACTIONS
 from bonecam.levels.check import NEST_TOLERANCE, STOCK_TOLERANCE
 from bonecam.levels.cut import Manner
+from bonecam.levels.finer import finer
 from bonecam.levels.grid import level_grid
 from bonecam.levels.inspection import Inspection, Rules
 from bonecam.levels.level import Level
@@ -90,6 +91,8 @@ def morph(
         raise ValueError(f"method {method!r}: choose one of {', '.join(METHODS)}")
     require_inside(stock, surface.tessellate(COARSE).vertices, MARGIN)
     start, checking, progress = time.perf_counter(), 0.0, rising(progress)
+    if method != "qcqp":
+        surface = finer(surface, stock, schedule.beyond)
     setting = setting_of(surface, stock, ATTRACTIONS[attraction])
     rest = remaining(setting, surface.control_points, whole(stock))
     lower_bound = schedule.lower_bound(rest.left)

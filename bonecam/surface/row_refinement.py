@@ -38,8 +38,19 @@ def refined_rows(
     if "t" in directions:
         for x in np.unique((tmesh.t_knots[span] + tmesh.t_knots[span + 1]) / 2):
             t_knots, rows = _inserted(t_knots, rows, float(x), _mixed)
+    return _surface_of(surface, t_knots, rows)
+
+
+def with_row_knots(surface: "TSpline[RowTMesh]", new: Sequence[Float[ndarray, " _"]]) -> "TSpline[RowTMesh]":
+    """The same surface with more knots in its rows: for each row those in [0, 1) that it gets and has not, none for a pole."""
+    rows = [with_knots(row, knots) if len(knots) else row for row, knots in zip(_rows(surface), new, strict=True)]
+    return _surface_of(surface, surface.tmesh.t_knots, rows)
+
+
+def _surface_of(surface: "TSpline", t_knots: ndarray, rows: Sequence[Row]) -> "TSpline":
     points = np.vstack([row[1] for row in rows])
-    return type(surface)(type(tmesh).from_rows(t_knots, [row[0] for row in rows]), points[:, :3] / points[:, 3:], points[:, 3])
+    tmesh = type(surface.tmesh).from_rows(t_knots, [row[0] for row in rows])
+    return type(surface)(tmesh, points[:, :3] / points[:, 3:], points[:, 3])
 
 
 def _rows(surface: "TSpline[RowTMesh] | TSpline[OpenRowTMesh]") -> list[Row]:

@@ -1,0 +1,65 @@
+"""The part's T-spline with more control points, for its levels: the same surface on a finer T-mesh (exact knot insertion, Boehm 1980).
+
+Where part of a level lies at the stock's wall already and the rest still moves there is a rim between, which wanders over all of the
+surface from level to level. Within about a span of it a T-spline rounds it off, and depth is lost; so no span may be much longer than
+a cut is deep. Spans are measured on the stock, at the nearest points, where levels end.
+"""
+
+import numpy as np
+from numpy import ndarray
+
+from bonecam.arrays import lengths
+from bonecam.levels.stock import Stock
+from bonecam.surface.row_refinement import with_row_knots
+from bonecam.surface.tspline import TSpline
+
+DEPTHS, COARSER, MOST = 8.0, 1.25, 800
+"""So many depths long may spans be; so much longer, and again, where that would take more than so many control points."""
+AROUND, ALONG = 64, 4
+
+
+def finer(surface: TSpline, stock: Stock, depth: float) -> TSpline:
+    """The surface with spans halved until they are short enough for cuts so deep (mm); one of MOST control points and more as it is."""
+    longest = DEPTHS * depth
+    while surface.tmesh.size < MOST:
+        found = _across(_along(surface, stock, longest), stock, longest)
+        if found.tmesh.size <= MOST:
+            return found
+        longest *= COARSER
+    return surface
+
+
+def _along(surface: TSpline, stock: Stock, longest: float) -> TSpline:
+    """Rows between rows that are farther apart, in the mean, than `longest` mm."""
+    s = np.arange(AROUND) / AROUND
+    while True:
+        knots = np.unique(surface.tmesh.t_knots)
+        middles = (knots[:-1] + knots[1:]) / 2
+        ends = [np.linspace(low, high, ALONG + 1) for low, high in zip(knots[:-1], knots[1:])]
+        size = np.array([_length(surface, stock, np.repeat(s, ALONG + 1), np.tile(t, AROUND), ALONG).mean() for t in ends])
+        if not (size > longest).any():
+            return surface
+        t = middles[size > longest]
+        surface = surface.refine(np.zeros(len(t)), t, "t")
+
+
+def _across(surface: TSpline, stock: Stock, longest: float) -> TSpline:
+    """Knots in the intervals of rows that are longer than `longest` mm."""
+    (low, high), t_knots = surface.domain[1], surface.tmesh.t_knots
+    while True:
+        fresh = []
+        for j, knots in enumerate(surface.tmesh.s_knots):
+            step = np.diff(knots, append=knots[0] + 1)
+            s = (knots[:, None] + step[:, None] * np.linspace(0, 1, ALONG + 1)).ravel()
+            t = np.full(len(s), np.clip(t_knots[j + 1 : j + 4].mean(), low, high))
+            long = (_length(surface, stock, s, t, ALONG) > longest) & (len(knots) > 1)
+            fresh.append(np.mod(knots + step / 2, 1.0)[long])
+        if not any(len(knots) for knots in fresh):
+            return surface
+        surface = with_row_knots(surface, fresh)
+
+
+def _length(surface: TSpline, stock: Stock, s: ndarray, t: ndarray, pieces: int) -> ndarray:
+    """Lengths, mm, of lines on the surface as they lie on the stock: each of so many pieces, with its ends among s and t."""
+    points = stock.nearest(surface.positions(np.mod(s, 1.0), t)).reshape(-1, pieces + 1, 3)
+    return np.asarray(lengths(np.diff(points, axis=1).reshape(-1, 3)).reshape(-1, pieces).sum(axis=1))
