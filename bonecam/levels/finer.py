@@ -5,6 +5,8 @@ surface from level to level. Within about a span of it a T-spline rounds it off,
 a cut is deep. Spans are measured on the stock, at the nearest points, where levels end.
 """
 
+from itertools import pairwise
+
 import numpy as np
 from numpy import ndarray
 
@@ -13,7 +15,7 @@ from bonecam.levels.stock import Stock
 from bonecam.surface.row_refinement import with_row_knots
 from bonecam.surface.tspline import TSpline
 
-DEPTHS, COARSER, MOST = 8.0, 1.25, 800
+DEPTHS, COARSER, MOST = 6.0, 1.25, 800
 """So many depths long may spans be; so much longer, and again, where that would take more than so many control points."""
 AROUND, ALONG = 64, 4
 
@@ -35,7 +37,7 @@ def _along(surface: TSpline, stock: Stock, longest: float) -> TSpline:
     while True:
         knots = np.unique(surface.tmesh.t_knots)
         middles = (knots[:-1] + knots[1:]) / 2
-        ends = [np.linspace(low, high, ALONG + 1) for low, high in zip(knots[:-1], knots[1:])]
+        ends = [np.linspace(low, high, ALONG + 1) for low, high in pairwise(knots)]
         size = np.array([_length(surface, stock, np.repeat(s, ALONG + 1), np.tile(t, AROUND), ALONG).mean() for t in ends])
         if not (size > longest).any():
             return surface

@@ -150,7 +150,9 @@ def _mend(inspection: Inspection, making: Sequences, made: Sequence[ndarray], ma
         over = [cut.over for cut in failed if cut in settled]
         watched = np.vstack([cut.found.near_limits for cut in settled])
         which = {cut.level.index for cut in failed} - {len(made)}
-        if not which or len(which) > len(made) / 2 or len(watched) > MOST_MENDED or over and not (len(watched) and max(over) <= MENDABLE):
+        if not which or len(which) > len(made) / 2 or len(watched) > MOST_MENDED:
+            return
+        if over and (not len(watched) or max(over) > MENDABLE):
             return
         if min(which) <= lowest:
             before, trouble = trouble, (len(which), sum(cut.level.self_intersections for cut in failed), max(cut.over for cut in failed))

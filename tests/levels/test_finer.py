@@ -1,0 +1,31 @@
+"""The T-mesh of the levels: as fine as the cuts ask for, the surface unchanged."""
+
+import numpy as np
+import pytest
+from test_morph import STOCK
+from test_step import setting
+
+from bonecam.levels import finer as module
+from bonecam.levels.finer import finer
+
+RNG = np.random.default_rng(7)
+
+
+def test_the_surface_is_the_same_with_more_control_points() -> None:
+    part = setting().surface
+    found = finer(part, STOCK, 0.3)
+    assert part.tmesh.size < found.tmesh.size <= module.MOST
+    s, t = RNG.random((2, 500))
+    assert np.abs(found.positions(s, t) - part.positions(s, t)).max() < 1e-12
+    assert found.poles == part.poles
+
+
+def test_a_surface_that_is_fine_enough_stays_as_it_is() -> None:
+    part = setting().surface
+    assert finer(part, STOCK, 100.0).tmesh.size == part.tmesh.size
+
+
+def test_no_more_control_points_than_allowed(monkeypatch: pytest.MonkeyPatch) -> None:
+    part = setting().surface
+    monkeypatch.setattr(module, "MOST", part.tmesh.size + 20)
+    assert finer(part, STOCK, 0.05).tmesh.size <= module.MOST
