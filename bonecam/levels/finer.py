@@ -39,7 +39,7 @@ def _along(surface: TSpline, stock: Stock, longest: float) -> TSpline:
         middles = (knots[:-1] + knots[1:]) / 2
         ends = [np.linspace(low, high, ALONG + 1) for low, high in pairwise(knots)]
         size = np.array([_length(surface, stock, np.repeat(s, ALONG + 1), np.tile(t, AROUND), ALONG).mean() for t in ends])
-        if not (size > longest).any():
+        if surface.tmesh.size > MOST or not (size > longest).any():
             return surface
         t = middles[size > longest]
         surface = surface.refine(np.zeros(len(t)), t, "t")
@@ -56,7 +56,7 @@ def _across(surface: TSpline, stock: Stock, longest: float) -> TSpline:
             t = np.full(len(s), np.clip(t_knots[j + 1 : j + 4].mean(), low, high))
             long = (_length(surface, stock, s, t, ALONG) > longest) & (len(knots) > 1)
             fresh.append(np.mod(knots + step / 2, 1.0)[long])
-        if not any(len(knots) for knots in fresh):
+        if surface.tmesh.size > MOST or not any(len(knots) for knots in fresh):
             return surface
         surface = with_row_knots(surface, fresh)
 
