@@ -15,7 +15,7 @@ from bonecam.levels.stock import Stock
 from bonecam.surface.row_refinement import with_row_knots
 from bonecam.surface.tspline import TSpline
 
-DEPTHS, COARSER, MOST = 6.0, 1.25, 800
+DEPTHS, COARSER, MOST = 14.0, 1.25, 800
 """So many depths long may spans be; so much longer, and again, where that would take more than so many control points."""
 AROUND, ALONG = 64, 4
 

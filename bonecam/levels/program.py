@@ -69,11 +69,15 @@ class Program:
     def at(self, moves: Float[ndarray, "m 3"]) -> "Program":
         """Limits set up again where the moves take the samples, and H slid beside them: what counts is the way along the normals.
 
-        So samples may gather where the level bends, as at the rim of what lies at the wall.
+        So samples may gather where the level bends, as at the rim of what lies at the wall; in the spans at the poles, where they would
+        fold over the pole, they may not.
         """
         y = self.x + self.R @ moves
         limits = self.limits.at(y, 1)
-        return replace(self, limits=limits, H=y + dots(self.H - y, limits.n)[:, None] * limits.n)
+        knots = np.unique(limits.before.tmesh.t_knots)
+        free = (limits.t > knots[1]) & (limits.t < knots[-2])
+        slid = y + dots(self.H - y, limits.n)[:, None] * limits.n
+        return replace(self, limits=limits, H=np.where(free[:, None], slid, self.H))
 
 
 def program_of(
@@ -93,7 +97,7 @@ def program_of(
 
 
 def split(program: Program, iterations: int = ITERATIONS, renew: int = RENEW) -> Float[ndarray, "m 3"]:
-    """The free moves by splitting, in so many iterations at most; every `renew` of them the program is set up again where the samples are."""
+    """The free moves by splitting, in so many iterations at most; every `renew` of them the program is set up again where samples are."""
     R, x, linear = program.R, program.x, program.net.linear / RHO
     fit = factor(program.N + program.net.matrix / RHO)
     z, u, settled = program.start.copy(), np.zeros_like(x), SETTLED**2 * program.weights.sum()

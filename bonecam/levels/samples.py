@@ -119,7 +119,7 @@ def weightless(surface: TSpline, parameters: Float[ndarray, "k 2"]) -> Samples:
 
 
 def features(surface: TSpline) -> Samples:
-    """The vertices of a fine tessellation, which are dense where the surface is sharp; neighbours together, which is quicker to go through."""
+    """The vertices of a fine tessellation, which are dense where the surface is sharp, in an order that is quick to go through."""
     s, t = (parameters := surface.tessellate_with_parameters(FEATURES).parameters).T
     return weightless(surface, parameters[np.lexsort((s, np.searchsorted(surface.tmesh.t_knots, t)))])
 

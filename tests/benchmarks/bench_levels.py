@@ -4,12 +4,13 @@
 
 Without a mesh the shared middle phalanx in the paper's capsule 15 x 37, or else the shipped one. CPU seconds, one thread.
 
-Growth: the same bone fitted with more and more control points. "solve" is everything that makes the sequence (sequences that were dropped
-and levels made again included), "check" the measuring; "a level" one level's program and its projection; "cones" one level of the paper's
-sampled program by Clarabel (`method = "qcqp"`), up to LARGEST_CONES points; "hull" the same with the depth on the control points.
-Energy: of every third level's moves beside Clarabel's optimum of the same program (same energy and planes, set up again where its own
-samples are): what the splitting finds, for its samples; and the finished level, after what denser samples still broke is projected away,
-for the planes of these as well.
+Growth: the same bone fitted with more and more control points; its levels may have more. "solve" is everything that makes the sequence
+(sequences that were dropped and levels made again included), "check" the measuring; "a level" one level's program and its projection;
+"cones" one level of the paper's sampled program by Clarabel (`method = "qcqp"`), up to LARGEST_CONES points; "hull" the same with the depth
+on the control points.
+Energy: of every third level's moves beside Clarabel's optimum of the same program (same energy, its targets slid to where our samples are,
+and planes, set up again where its own are): what the splitting finds, for its samples; and the finished level, after what denser samples
+still broke is projected away, for the planes of these as well.
 CVXPY: the paper's formulation (thin plate, pull to the nearest stock point, depth and capsule cones at 17 x 100 samples) with its default
 solver, from each of our levels to the next. Cuts: of the program as the paper prints it, by what attracts.
 --quick leaves out CVXPY and what is above 600 control points.
@@ -85,8 +86,10 @@ class Call:
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """One fit and what became of it; `calls` made its levels 1, 2, ... below the stock."""
+    """One fit of so many control points and what became of it: the same `surface` with those of the levels; `calls` made its levels
+    1, 2, ... below the stock."""
 
+    fitted: int
     surface: TSpline
     stock: Capsule
     made: Morph
@@ -135,7 +138,7 @@ def recorded(surface: TSpline, stock: Capsule) -> Case:
         made = morph(surface, stock, SCHEDULE)
     nets = [level.surface.control_points for level in made.levels if level.surface is not None]
     made_by = [next(call for call in calls if np.array_equal(call.P + call.step.moves, net)) for net in nets[1:]]
-    return Case(surface, stock, made, made_by)
+    return Case(surface.tmesh.size, made.levels[0].surface, stock, made, made_by)  # type: ignore[arg-type]
 
 
 def level_seconds(case: Case) -> list[float]:
@@ -145,7 +148,7 @@ def level_seconds(case: Case) -> list[float]:
 
 def growth(found: list[Case]) -> None:
     """The table of times and its exponents."""
-    print("points |  K K_min  used | solve s check s | a level s | cones s  hull s")
+    print("   fit levels |  K K_min  used | solve s check s | a level s | cones s  hull s")
     rows = []
     for case in found:
         steps = level_seconds(case)
@@ -156,15 +159,17 @@ def growth(found: list[Case]) -> None:
                 program = ConeLevels(case.surface, case.stock, "stock", hull=hull)
                 work = lambda p=program, k=middle, P=case.nets[middle - 1]: p.next_moves(P, SCHEDULE.limit(k), STIFFNESS)  # noqa: E731
                 cones[place_] = seconds(work)[0]
-        rows.append((size, made.solve_seconds, made.check_seconds, float(np.mean(steps)), *cones))
+        rows.append((case.fitted, made.solve_seconds, made.check_seconds, float(np.mean(steps)), *cones))
         one = rows[-1]
         print(
-            f"{size:6d} | {made.cuts:2d} {made.lower_bound:5d} {made.depth_used:5.3f} | "
+            f"{case.fitted:6d} {size:6d} | {made.cuts:2d} {made.lower_bound:5d} {made.depth_used:5.3f} | "
             f"{one[1]:7.2f} {one[2]:7.2f} | {one[3]:9.3f} | {one[4]:7.2f} {one[5]:7.2f}",
             flush=True,
         )
     exponents = [exponent(np.array(rows)[:, 0], np.array(rows)[:, k]) for k in range(1, 6)]
-    print("growth n^ |                 | {:7.2f} {:7.2f} | {:9.2f} | {:7.2f} {:7.2f}    (aim: solve at most n^1.7)\n".format(*exponents))
+    print(
+        "growth n^     |                 | {:7.2f} {:7.2f} | {:9.2f} | {:7.2f} {:7.2f}    (aim: solve at most n^1.7)\n".format(*exponents)
+    )
 
 
 def exponent(sizes: ndarray, times: ndarray) -> float:
@@ -212,9 +217,9 @@ def energies(case: Case) -> None:
         call, program = case.calls[k - 1], case.calls[k - 1].program
         moves = split(program)
         y = program.x + program.R @ moves
-        wide = program.limits.at(y, 3).broken(y).max()
+        wide = program.at(moves).limits.at(y, 3).broken(y).max()
         pairs = ((moves, False), (call.free_moves, True))
-        ratios.append([program.energy(D) / optimum(call, program, D, watched) for D, watched in pairs])
+        ratios.append([(there := program.at(D)).energy(D) / optimum(call, there, D, watched) for D, watched in pairs])
         print(f"{k:5d} | {ratios[-1][0]:30.4f}  {wide:14.4f} | {ratios[-1][1]:36.4f}  {call.step.broken:14.4f}", flush=True)
     worst = 100 * np.abs(np.array(ratios) - 1).max(0)
     print(f"farthest from 1: {worst[0]:.2f} % by splitting, {worst[1]:.2f} % of the finished levels\n")
@@ -284,7 +289,7 @@ def main() -> None:
     with threadpool_limits(1):
         found = cases(mesh or f"{SHARED}:m:15:37", LARGEST_CONES if given.quick else FITS[-1][1])
         growth(found)
-        base = min(found, key=lambda case: abs(len(case.surface.control_points) - BASE))
+        base = min(found, key=lambda case: abs(case.fitted - BASE))
         energies(base)
         published(base)
         if not given.quick:

@@ -13,7 +13,7 @@ RNG = np.random.default_rng(7)
 
 def test_the_surface_is_the_same_with_more_control_points() -> None:
     part = setting().surface
-    found = finer(part, STOCK, 0.3)
+    found = finer(part, STOCK, 0.1)
     assert part.tmesh.size < found.tmesh.size <= module.MOST
     s, t = RNG.random((2, 500))
     assert np.abs(found.positions(s, t) - part.positions(s, t)).max() < 1e-12
