@@ -17,6 +17,8 @@ from bonecam.surface.tspline import TSpline
 
 DEPTHS, COARSER, MOST = 14.0, 1.25, 800
 """So many depths long may spans be; so much longer, and again, where that would take more than so many control points."""
+STRETCHED = 4.0
+"""Neighbours on both sides of the stock's axis have their nearest points on the stock far apart, however near they are."""
 AROUND, ALONG = 64, 4
 
 
@@ -62,6 +64,8 @@ def _across(surface: TSpline, stock: Stock, longest: float) -> TSpline:
 
 
 def _length(surface: TSpline, stock: Stock, s: ndarray, t: ndarray, pieces: int) -> ndarray:
-    """Lengths, mm, of lines on the surface as they lie on the stock: each of so many pieces, with its ends among s and t."""
-    points = stock.nearest(surface.positions(np.mod(s, 1.0), t)).reshape(-1, pieces + 1, 3)
-    return np.asarray(lengths(np.diff(points, axis=1).reshape(-1, 3)).reshape(-1, pieces).sum(axis=1))
+    """Lengths, mm, of lines on the surface as they lie on the stock, but STRETCHED times their own at most: each of so many pieces, with
+    its ends among s and t."""
+    points = surface.positions(np.mod(s, 1.0), t)
+    there, here = (lengths(np.diff(p.reshape(-1, pieces + 1, 3), axis=1).reshape(-1, 3)) for p in (stock.nearest(points), points))
+    return np.asarray(np.minimum(there, STRETCHED * here).reshape(-1, pieces).sum(axis=1))

@@ -29,3 +29,10 @@ def test_no_more_control_points_than_allowed(monkeypatch: pytest.MonkeyPatch) ->
     part = setting().surface
     monkeypatch.setattr(module, "MOST", part.tmesh.size + 20)
     assert finer(part, STOCK, 0.05).tmesh.size <= module.MOST
+
+
+def test_spans_across_the_stocks_axis_are_not_halved_for_ever() -> None:
+    """The nearest points of a short line across the axis lie a stock's diameter apart: that alone would double the control points."""
+    part = setting().surface
+    aside = STOCK.moved(np.array([np.ptp(part.control_points[:, 0]) / 2, 0.0, 0.0]))
+    assert finer(part, aside, 0.2).tmesh.size < 1.5 * part.tmesh.size
