@@ -35,15 +35,14 @@ def finer(surface: TSpline, stock: Stock, depth: float) -> TSpline:
 
 def _along(surface: TSpline, stock: Stock, longest: float) -> TSpline:
     """Rows between rows that are farther apart, in the mean, than `longest` mm."""
-    s = np.arange(AROUND) / AROUND
+    s = np.repeat(np.arange(AROUND) / AROUND, ALONG + 1)
     while True:
         knots = np.unique(surface.tmesh.t_knots)
-        middles = (knots[:-1] + knots[1:]) / 2
-        ends = [np.linspace(low, high, ALONG + 1) for low, high in pairwise(knots)]
-        size = np.array([_length(surface, stock, np.repeat(s, ALONG + 1), np.tile(t, AROUND), ALONG).mean() for t in ends])
-        if surface.tmesh.size > MOST or not (size > longest).any():
+        lines = (np.tile(np.linspace(low, high, ALONG + 1), AROUND) for low, high in pairwise(knots))
+        long = np.array([_length(surface, stock, s, t).mean() for t in lines]) > longest
+        if surface.tmesh.size > MOST or not long.any():
             return surface
-        t = middles[size > longest]
+        t = ((knots[:-1] + knots[1:]) / 2)[long]
         surface = surface.refine(np.zeros(len(t)), t, "t")
 
 
@@ -56,16 +55,16 @@ def _across(surface: TSpline, stock: Stock, longest: float) -> TSpline:
             step = np.diff(knots, append=knots[0] + 1)
             s = (knots[:, None] + step[:, None] * np.linspace(0, 1, ALONG + 1)).ravel()
             t = np.full(len(s), np.clip(t_knots[j + 1 : j + 4].mean(), low, high))
-            long = (_length(surface, stock, s, t, ALONG) > longest) & (len(knots) > 1)
+            long = (_length(surface, stock, s, t) > longest) & (len(knots) > 1)
             fresh.append(np.mod(knots + step / 2, 1.0)[long])
         if surface.tmesh.size > MOST or not any(len(knots) for knots in fresh):
             return surface
         surface = with_row_knots(surface, fresh)
 
 
-def _length(surface: TSpline, stock: Stock, s: ndarray, t: ndarray, pieces: int) -> ndarray:
-    """Lengths, mm, of lines on the surface as they lie on the stock, but STRETCHED times their own at most: each of so many pieces, with
+def _length(surface: TSpline, stock: Stock, s: ndarray, t: ndarray) -> ndarray:
+    """Lengths, mm, of lines on the surface as they lie on the stock, but STRETCHED times their own at most: each of ALONG pieces, with
     its ends among s and t."""
     points = surface.positions(np.mod(s, 1.0), t)
-    there, here = (lengths(np.diff(p.reshape(-1, pieces + 1, 3), axis=1).reshape(-1, 3)) for p in (stock.nearest(points), points))
-    return np.asarray(np.minimum(there, STRETCHED * here).reshape(-1, pieces).sum(axis=1))
+    there, here = (lengths(np.diff(p.reshape(-1, ALONG + 1, 3), axis=1).reshape(-1, 3)) for p in (stock.nearest(points), points))
+    return np.asarray(np.minimum(there, STRETCHED * here).reshape(-1, ALONG).sum(axis=1))

@@ -63,7 +63,8 @@ def remaining(setting: Setting, P: Float[ndarray, "c 3"], before: Remaining) -> 
             distance[which[nearer]], places[which[nearer]] = away[nearer], its[nearer]
         distance[which] = np.minimum(to_sample, distance[which])
 
-    first = np.arange(len(distance))[: FIRST if known else None : 1 if known else EVERY]
+    every = np.arange(len(distance))
+    first = every[:FIRST] if known else every[::EVERY]
     measure(first)
     if not known:
         apart, nearest = cKDTree(before.points[first]).query(before.points)

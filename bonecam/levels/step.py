@@ -22,7 +22,9 @@ from bonecam.levels.setting import Setting
 
 MENDABLE = 0.03
 """How far (mm) a level may break a limit: what is farther no mending makes good."""
-ROUNDS, SWEEPS, NEAR, ENOUGH, FOOT_STEPS, MOVED = 4, 20, 0.005, 2e-4, 3, 0.002
+ROUNDS, SWEEPS, NEAR, ENOUGH, FOOT_STEPS = 4, 20, 0.005, 2e-4, 3
+MOVED = 0.002
+"""A sample that has moved less (mm) since its foot was found keeps the planes there."""
 
 
 @dataclass(frozen=True, eq=False)
