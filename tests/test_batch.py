@@ -96,11 +96,12 @@ def test_resuming_does_only_what_is_missing_or_was_done_from_something_else(tmp_
 
 
 SCRIPT = """
-import sys
+import signal, sys
 from pathlib import Path
 from bonecam.batch import convert_many
 from test_batch import work
 if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell starts what runs in its background with SIGINT ignored
     try:
         convert_many(sys.argv[2:], sys.argv[1], jobs=2, resume=True, work=work)
     except KeyboardInterrupt:
