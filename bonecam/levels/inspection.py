@@ -40,11 +40,15 @@ class Cut:
     error: LevelError | None
 
     @property
+    def measured(self) -> float:
+        """How far the worst place measured breaks depth, nesting or stock, mm (negative where none does)."""
+        return max(self.found.depth_max - self.level.limit, -self.found.nesting_min, self.found.outside)
+
+    @property
     def over(self) -> float:
-        """How far the worst place breaks depth, nesting or stock, mm (negative where none does)."""
-        measured = max(self.found.depth_max - self.level.limit, -self.found.nesting_min, self.found.outside)
+        """The same between the places measured too."""
         sure = self.level.certificate
-        return measured if sure is None else max(measured, sure.depth - self.level.limit, -sure.gap, sure.outside)
+        return self.measured if sure is None else max(self.measured, sure.depth - self.level.limit, -sure.gap, sure.outside)
 
     @property
     def uncertain(self) -> bool:

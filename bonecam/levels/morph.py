@@ -15,7 +15,6 @@ from numpy import ndarray
 from bonecam.errors import LevelError
 from bonecam.levels.attraction import ATTRACTIONS
 from bonecam.levels.check import NEST_TOLERANCE, STOCK_TOLERANCE
-from bonecam.levels.cut import Manner
 from bonecam.levels.finer import finer
 from bonecam.levels.grid import level_grid
 from bonecam.levels.inspection import Inspection, Rules
@@ -24,7 +23,6 @@ from bonecam.levels.remaining import remaining, whole
 from bonecam.levels.schedule import Schedule
 from bonecam.levels.sequence import Sequences
 from bonecam.levels.setting import setting_of
-from bonecam.levels.step import MENDABLE
 from bonecam.levels.stock import MARGIN, Stock, require_inside
 from bonecam.mesh.distance import MeshDistance
 from bonecam.progress import Progress, part, rising, silent
@@ -33,10 +31,12 @@ from bonecam.surface.tspline import TSpline
 METHODS = {"qp": (NEST_TOLERANCE, STOCK_TOLERANCE), "qcqp": (0.02, 2 * STOCK_TOLERANCE), "osqp": (NEST_TOLERANCE, STOCK_TOLERANCE)}
 """How far (mm) a level may fall behind the one before and leave the stock: the published program says nothing of the one, and holds
 the other at samples only."""
-STIFFNESS, COARSE, MENDS = 5e-7, 0.02, 4
+STIFFNESS, COARSE, MENDS = 5e-7, 0.02, 6
 ACCEPTED = 0.01
 """Where no sequence keeps every tolerance, one that breaks depth, nesting or stock by no more (mm, the size of the
 gouge tolerance) is taken. The report tells it."""
+FAR = 0.1
+"""Levels that break a limit by more (mm) are not mended."""
 MOST_MENDED = 3000
 """Points near their limits that are watched when levels are made again; where there are more, another sequence is tried, and where more
 than half of the levels fail."""
@@ -97,17 +97,17 @@ def morph(
     rest = remaining(setting, surface.control_points, whole(stock))
     lower_bound = schedule.lower_bound(rest.left)
     solving, measuring = part(progress, 0.0, 0.7), part(progress, 0.7, 1.0)
-    making = Sequences(setting, schedule, lower_bound, solving, method)
+    making = Sequences(setting, schedule, lower_bound, solving, method, stiffness)
     rules = Rules(stock, schedule, *METHODS[method], chord_tolerance)
-    sequences = making.all(rest, stiffness) if method != "qcqp" else _by_cones(surface, stock, schedule, stiffness, attraction, solving)
+    sequences = making.all(rest) if method != "qcqp" else _by_cones(surface, stock, schedule, stiffness, attraction, solving)
     failure: LevelError | None = None
     nearly: Morph | None = None
-    for made, manner in sequences:
+    for made in sequences:
         try:
             inspection = Inspection(surface, made, rules, measuring)
             if method != "qcqp":
-                _mend(inspection, making, made, manner)
-                inspection = _surer(inspection, making, manner)
+                _mend(inspection, making, made)
+                inspection = _surer(inspection, making)
         except LevelError as error:
             failure = failure or error
             continue
@@ -124,51 +124,43 @@ def morph(
     raise failure
 
 
-def _surer(inspection: Inspection, making: Sequences, manner: Manner) -> Inspection:
+def _surer(inspection: Inspection, making: Sequences) -> Inspection:
     """Levels that measure well with those that only their certificates doubt made again; as they were where that breaks a measure."""
     if inspection.failed or not inspection.uncertain:
         return inspection
     again, nets = inspection.copy(), [level.surface.control_points for level in inspection.levels if level.surface is not None]
     try:
-        _mend(again, making, nets, manner, doubts=True)
+        _mend(again, making, nets, doubts=True)
     except LevelError:
         return inspection
-    return inspection if again.failed else again
+    return inspection if again.failed or len(again.cuts) > len(inspection.cuts) else again
 
 
-def _mend(inspection: Inspection, making: Sequences, made: Sequence[ndarray], manner: Manner, *, doubts: bool = False) -> None:
-    """Make what failed (and what its certificate `doubts`) again, with the places watched that are near their limits, until nothing
-    fails or nothing helps.
-
-    The level above one that moved may fail then, by whatever that moved, and so on outwards; only a step back counts as one of the
-    MENDS, and has to help.
-    """
-    mends, lowest, trouble, which = 0, len(made), (len(made), np.inf, np.inf), set[int]()
-    while mends < MENDS:
+def _mend(inspection: Inspection, making: Sequences, made: Sequence[ndarray], *, doubts: bool = False) -> None:
+    """Move the levels that failed (and those their certificates `doubts`) as little as keeps their limits, with the places watched that
+    are near them, until nothing fails or nothing helps."""
+    trouble = (len(made), np.inf, np.inf)
+    for _ in range(MENDS):
         failed = inspection.failed + inspection.uncertain * doubts
-        settled = [cut for cut in inspection.cuts if cut.level.index - 1 not in which or cut.level.index in which]
-        over = [cut.over for cut in failed if cut in settled]
-        watched = np.vstack([cut.found.near_limits for cut in settled])
+        watched = np.vstack([cut.found.near_limits for cut in inspection.cuts])
         which = {cut.level.index for cut in failed} - {len(made)}
-        if not which or len(which) > len(made) / 2 or len(watched) > MOST_MENDED:
+        if not which or len(which) > len(made) / 2 or not 0 < len(watched) <= MOST_MENDED:
             return
-        if over and (not len(watched) or max(over) > MENDABLE):
+        worst = max(cut.over if doubts else cut.measured for cut in failed)
+        before, trouble = trouble, (len(which), sum(cut.level.self_intersections for cut in failed), worst)
+        if worst > FAR or all(now >= then for now, then in zip(trouble, before)):
             return
-        if min(which) <= lowest:
-            before, trouble = trouble, (len(which), sum(cut.level.self_intersections for cut in failed), max(cut.over for cut in failed))
-            if mends and all(now >= then for now, then in zip(trouble, before)):
-                return
-            mends += 1
-        lowest = min(which)
-        if len(watched):
-            making = replace(making, setting=making.setting.watching(watched))
-        made = making.mended(made, which, manner)
-        inspection.measure(made, sorted({k for level in which for k in (level, level + 1)}))
+        making = replace(making, setting=making.setting.watching(watched))
+        made, moved = making.mended(made, which)
+        cuts = len(made)
+        made = making.onward(made)
+        fresh = range(cuts, len(made) + 1) if len(made) > cuts else ()
+        inspection.measure(made, sorted({*fresh, *(k for level in moved for k in (level, level + 1))}))
 
 
 def _by_cones(
     surface: TSpline, stock: Stock, schedule: Schedule, stiffness: float, attraction: str, progress: Progress
-) -> Iterator[tuple[list[ndarray], Manner]]:
+) -> Iterator[list[ndarray]]:
     """The one sequence of the published program."""
     from bonecam.levels.qcqp import cone_sequence
 
@@ -178,7 +170,4 @@ def _by_cones(
         distance = MeshDistance(grid.mesh(P)).unsigned(targets)
         return float(distance.max()), targets[np.argmax(distance)]
 
-    yield (
-        cone_sequence(surface, stock, schedule, stiffness, attraction, left, progress),
-        Manner(stiffness, stiffness, 0.0, 1.0, 1.0, 1.0, 0.0),
-    )
+    yield cone_sequence(surface, stock, schedule, stiffness, attraction, left, progress)

@@ -22,7 +22,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from bonecam.errors import LevelError, place_name
-from bonecam.levels.samples import Samples, features, integration_points, joined, ring_pattern, samples_of, thin_plate
+from bonecam.levels.samples import Samples, creases, integration_points, joined, ring_pattern, samples_of, thin_plate
 from bonecam.levels.schedule import Schedule
 from bonecam.levels.stock import Capsule, Stock
 from bonecam.progress import Progress, report
@@ -188,7 +188,7 @@ class ConeLevels:
         self.stock, self._source, self._hull, self._printed = stock, SOURCES[attraction], hull, printed
         self.samples, self.M = samples_of(surface, *integration_points(surface)), thin_plate(surface)
         even = ring_pattern(surface, WATCH_ALONG, WATCH_AROUND)
-        self._watch, self._first = joined(even, features(surface)), _sparse(even)
+        self._watch, self._first = joined(even, creases(surface, even, surface.control_points)), _sparse(even)
         self._main = np.asarray(self._watch.R.argmax(axis=1)).ravel()
 
     def terms(self, P: Float[ndarray, "c 3"], stiffness: float) -> tuple[sp.csc_array, Float[ndarray, "c 3"]]:

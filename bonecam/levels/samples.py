@@ -15,13 +15,14 @@ import scipy.sparse as sp
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
+from bonecam.arrays import lengths
 from bonecam.surface.tspline import TSpline
 
 GAUSS, AROUND, MOST_AROUND, LEAST_AROUND = 3, 3, 400, 12
 NEAR_POLE = 1e-3
 CLOSE_TO_POLE = (0.005, 0.02, 0.05)
-FEATURES = 0.005
-"""Chord tolerance (mm) of the tessellation that finds what is sharp."""
+SAG, MOST_BETWEEN = 0.001, 8
+"""Between neighbours of a ring pattern the surface may be so far (mm) off their chord; there are so many more places there at most."""
 SHAPED = 0.3
 """Share of the surface at a sample that control points together have where they shape it."""
 
@@ -97,11 +98,10 @@ def ring_pattern(surface: TSpline, along: int, around: int) -> Samples:
     return Samples(s, t, share / share.sum(), surface.basis(s, t)[0], R_s, R_t)
 
 
-def joined(first: Samples, second: Samples) -> Samples:
-    """Both."""
-    s, t, weights = (np.concatenate(pair) for pair in ((first.s, second.s), (first.t, second.t), (first.weights, second.weights)))
-    pairs = ((first.R, second.R), (first.R_s, second.R_s), (first.R_t, second.R_t))
-    R, R_s, R_t = (sp.csr_array(sp.vstack(pair)) for pair in pairs)
+def joined(*parts: Samples) -> Samples:
+    """All of them."""
+    s, t, weights = (np.concatenate([getattr(part, name) for part in parts]) for name in ("s", "t", "weights"))
+    R, R_s, R_t = (sp.csr_array(sp.vstack([getattr(part, name) for part in parts])) for name in ("R", "R_s", "R_t"))
     return Samples(s, t, weights, R, R_s, R_t)
 
 
@@ -118,10 +118,22 @@ def weightless(surface: TSpline, parameters: Float[ndarray, "k 2"]) -> Samples:
     return samples_of(surface, s, t, np.zeros(len(s)))
 
 
-def features(surface: TSpline) -> Samples:
-    """The vertices of a fine tessellation, which are dense where the surface is sharp, in an order that is quick to go through."""
-    s, t = (parameters := surface.tessellate_with_parameters(FEATURES).parameters).T
-    return weightless(surface, parameters[np.lexsort((s, np.searchsorted(surface.tmesh.t_knots, t)))])
+def creases(surface: TSpline, pattern: Samples, control_points: Float[ndarray, "c 3"]) -> Samples:
+    """Places between those of a ring pattern, more where the surface with these control points bends more; they weigh nothing."""
+    rings, starts, counts = np.unique(pattern.t[:-2], return_index=True, return_counts=True)
+    x, n = pattern.R @ control_points, pattern.normals(control_points)
+    place, ring = np.arange(counts.sum()), np.repeat(np.arange(len(rings)), counts)
+    s, above = pattern.s[place], np.minimum(ring + 1, len(rings) - 1)
+    beside = starts[ring] + (place - starts[ring] + 1) % counts[ring]
+    over = starts[above] + np.rint(s * counts[above]).astype(int) % counts[above]
+    found = []
+    for neighbour, ds, dt in ((beside, 1 / counts[ring], 0 * s), (over, 0 * s, rings[above] - rings[ring])):
+        sag = lengths(x[neighbour] - x[place]) * lengths(n[neighbour] - n[place]) / 8
+        more = np.clip(np.ceil(np.sqrt(sag / SAG)) - 1, 0, MOST_BETWEEN).astype(int)
+        which = np.repeat(place, more)
+        share = (np.arange(len(which)) - np.repeat(np.cumsum(more) - more, more) + 1) / (more[which] + 1)
+        found.append(np.column_stack([(s[which] + share * ds[which]) % 1.0, pattern.t[which] + share * dt[which]]))
+    return weightless(surface, np.vstack(found))
 
 
 def thin_plate(surface: TSpline) -> sp.csc_array:

@@ -11,7 +11,7 @@ from bonecam.levels.cut import Cut, Manner
 from bonecam.levels.remaining import Remaining, remaining, whole
 from bonecam.levels.schedule import Schedule
 from bonecam.levels.setting import Setting
-from bonecam.levels.step import MENDABLE, Step, next_level
+from bonecam.levels.step import MENDABLE, Step, kept_level, next_level
 from bonecam.progress import Progress, report
 
 VARIANTS = (
@@ -30,6 +30,9 @@ LAST, LATE = 3, 0.5
 wider and shallower then, and the last levels can follow it."""
 WAITING = 2
 """Only after so many sequences is one taken with a cut more than K_min, and after all of them one with more."""
+STILL, FARTHEST = 1e-6, 2.0
+"""Levels stay that would be mended by moves of control points that are less than the one (mm) or more than the other (depths): limits that
+contradict each other drive them ever farther."""
 STALL, SOFTEN, PATIENCE, MOST_EXTRA = 0.25, 0.1, 4, 5
 RESCUES = 3
 """Levels of a sequence that may be made in other manners because they break their limits."""
@@ -48,35 +51,36 @@ class Sequences:
     lower_bound: int
     progress: Progress
     method: str
+    stiffness: float
 
-    def all(self, rest: Remaining, stiffness: float) -> Iterator[tuple[list[ndarray], Manner]]:
-        """Sequences to be measured and how they were made, the shortest known first. LevelError where there is none."""
-        waiting: list[tuple[list[ndarray], Manner]] = []
+    def all(self, rest: Remaining) -> Iterator[list[ndarray]]:
+        """Sequences to be measured, the shortest known first. LevelError where there is none."""
+        waiting: list[list[ndarray]] = []
         failure: LevelError | None = None
         yielded = False
         for place, variant in enumerate(VARIANTS):
             try:
-                waiting.append(self.sequence(_manner(stiffness, *variant), rest))
+                waiting.append(self.sequence(_manner(self.stiffness, *variant), rest))
             except LevelError as error:
                 failure = failure or error
-            waiting.sort(key=lambda one: len(one[0]))
+            waiting.sort(key=len)
             most = self.lower_bound + (place + 1 >= WAITING) if place + 1 < len(VARIANTS) else np.inf
-            while waiting and len(waiting[0][0]) <= most:
+            while waiting and len(waiting[0]) <= most:
                 yielded = True
                 yield waiting.pop(0)
         if failure is not None and not yielded:
             raise failure
 
-    def sequence(self, manner: Manner, rest: Remaining) -> tuple[list[ndarray], Manner]:
-        """Levels 0, 1, 2, ... up to the last below the stock, and how they were made. LevelError where progress ends."""
+    def sequence(self, manner: Manner, rest: Remaining) -> list[ndarray]:
+        """Levels 0, 1, 2, ... up to the last below the stock. LevelError where progress ends."""
         made, rests = self._outwards([np.array(self.setting.surface.control_points)], [rest], manner)
         kept = self.lower_bound - LAST
         if len(made) > self.lower_bound and kept > 0:
             patient = replace(manner, late=min(manner.haste, LATE))
             again, _ = self._outwards(made[:kept], rests[:kept], patient)
             if len(again) < len(made):
-                return again, patient
-        return made, manner
+                return again
+        return made
 
     def _outwards(self, made: list[ndarray], rests: list[Remaining], manner: Manner) -> tuple[list[ndarray], list[Remaining]]:
         """The levels made already and those above them, and what is left to the stock from each."""
@@ -111,19 +115,32 @@ class Sequences:
                     return step
         raise _broken(k, min(tried, key=lambda step: step.broken))
 
-    def mended(self, made: Sequence[ndarray], which: Collection[int], manner: Manner) -> list[ndarray]:
-        """The same with some levels made again, each from the one before; what they break shows when they are measured."""
-        made = list(made)
-        for k in sorted(which):
-            report(self.progress, min(1.0, k / self.lower_bound), f"level {k} again")
-            before = made[k - 1]
-            made[k] = before + self._next(before, k, remaining(self.setting, before, whole(self.setting.stock)), manner).moves
-        return made
+    def mended(self, made: Sequence[ndarray], which: Collection[int]) -> tuple[list[ndarray], list[int]]:
+        """The same with some levels moved as little as keeps their limits, and those above them that then break theirs; and which moved."""
+        made, moved = list(made), list[int]()
+        for k in range(1, len(made)):
+            if k in which or k - 1 in moved:
+                report(self.progress, min(1.0, k / self.lower_bound), f"level {k} again")
+                step = kept_level(self.setting, made[k - 1], made[k], self.cut(k))
+                level = made[k - 1] + step.moves
+                if step.broken <= MENDABLE and STILL < np.abs(level - made[k]).max() <= FARTHEST * self.schedule.limit(k):
+                    made[k] = level
+                    moved.append(k)
+        return made, moved
+
+    def onward(self, made: list[ndarray]) -> list[ndarray]:
+        """The same and the levels that are needed above the last, where mending took that farther from the stock."""
+        rest = remaining(self.setting, made[-1], whole(self.setting.stock))
+        return self._outwards(made, [rest], _manner(self.stiffness, *VARIANTS[0]))[0]
+
+    def cut(self, k: int) -> Cut:
+        """Cut k as the program of level k sees it."""
+        left = sum(self.schedule.limit(later) for later in range(k, max(k, self.lower_bound) + 1))
+        return Cut(self.schedule.limit(k), left, LANDING + CREEP * max(0, self.lower_bound - 1 - k))
 
     def _next(self, P: ndarray, k: int, rest: Remaining, manner: Manner) -> Step:
         """The step from P to level k; where it folds or breaks its limits the pull is eased (if it still does, the check decides)."""
-        left = sum(self.schedule.limit(later) for later in range(k, max(k, self.lower_bound) + 1))
-        cut = Cut(self.schedule.limit(k), left, LANDING + CREEP * max(0, self.lower_bound - 1 - k))
+        cut = self.cut(k)
         if k >= self.lower_bound - LAST:
             manner = replace(manner, haste=manner.late)
         ease, tried = np.ones(len(P)), []
@@ -131,7 +148,7 @@ class Sequences:
             tried.append(step := next_level(self.setting, P, rest, cut, manner, ease, self.method))
             if not step.amiss.any():
                 break
-            ease[self.setting.watch.near(step.amiss)] *= EASED
+            ease[step.amiss] *= EASED
         return min(tried, key=lambda step: int(step.amiss.sum()))
 
 

@@ -19,6 +19,7 @@ from bonecam.levels.limits import limits_at
 from bonecam.levels.program import by_osqp, program_of, split
 from bonecam.levels.remaining import Remaining
 from bonecam.levels.setting import Setting
+from bonecam.levels.solve import factor
 
 MENDABLE = 0.03
 """How far (mm) a level may break a limit: what is farther no mending makes good."""
@@ -29,13 +30,13 @@ MOVED = 0.002
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """The control points' moves, how far the watched samples break a limit afterwards, mm, where, and at which of them the level folds
-    or breaks one by more than MENDABLE."""
+    """The control points' moves, how far the watched samples break a limit afterwards, mm, where, and which control points shape the level
+    where it folds or breaks one by more than MENDABLE."""
 
     moves: Float[ndarray, "c 3"]
     broken: float
     place: Float[ndarray, "3"]
-    amiss: Bool[ndarray, " w"]
+    amiss: Bool[ndarray, " c"]
 
 
 def next_level(
@@ -55,10 +56,16 @@ def next_level(
     return _kept(setting, P, split(program) if method == "qp" else by_osqp(program), cut)
 
 
+def kept_level(setting: Setting, P: Float[ndarray, "c 3"], level: Float[ndarray, "c 3"], cut: Cut) -> Step:
+    """The moves from P to about that level, which keep the limits of the watched samples."""
+    free = setting.free
+    return _kept(setting, P, np.asarray(factor(sp.csc_array(free.T @ free)).solve(free.T @ (level - P))), cut)
+
+
 def _kept(setting: Setting, P: ndarray, D: ndarray, cut: Cut) -> Step:
     """The free moves, projected onto what the watched samples still break."""
-    watch, stock, before = setting.watch, setting.stock, setting.surface.with_control_points(P)
-    x, R = watch.R @ P, setting.watch_moves
+    watch, stock, before = setting.watched(P + setting.free @ D), setting.stock, setting.surface.with_control_points(P)
+    x, R = watch.R @ P, sp.csr_array(watch.R @ setting.free)
     gap, y = -stock.signed_distance(x), x + R @ D
     limits = limits_at(before, stock, cut, gap, y, watch.s, watch.t, FOOT_STEPS)
     set_up, broken = y, limits.broken(y)
@@ -76,4 +83,4 @@ def _kept(setting: Setting, P: ndarray, D: ndarray, cut: Cut) -> Step:
     moves = np.asarray(setting.free @ D)
     worst = int(np.argmax(broken))
     folded = dots(watch.stretched(P + moves), limits.n) <= 0
-    return Step(moves, float(broken[worst]), y[worst], folded | (broken > MENDABLE))
+    return Step(moves, float(broken[worst]), y[worst], watch.near(folded | (broken > MENDABLE)))

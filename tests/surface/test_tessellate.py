@@ -37,6 +37,14 @@ def test_a_tessellation_is_one_closed_outward_sphere(seed: int, rows: int, aroun
     assert abs(found.mesh.volume - surface.volume) <= tolerance * surface.area
 
 
+def test_no_small_face_at_a_pole_turns_over() -> None:
+    """Nearly collinear in (s, t) is not so round a pole: with few vertices on its ring one of these faces lay against the surface."""
+    surface = bone_like(14, 12, 10)
+    mesh = surface.tessellate(0.01)
+    foot = surface.project(mesh.vertices[mesh.faces].mean(axis=1))
+    assert (np.einsum("ni,ni->n", mesh.face_vectors, surface.normals(foot.s, foot.t)) > 0).all()
+
+
 def test_the_surface_lies_within_the_tolerance_of_the_mesh() -> None:
     igl = pytest.importorskip("igl")
     surface = bone_like(14, 12, 2)
