@@ -1,6 +1,6 @@
 """A sequence of levels as measured: every cut a `Level` with its measures, and what failed where.
 
-When some levels are made again only the cuts below and above them are measured again, on the same grid: such levels move by microns.
+When some levels are mended only the cuts below and above them are measured again, on the same grid: such levels move by microns.
 """
 
 import os
@@ -28,7 +28,7 @@ from bonecam.progress import Progress, report
 from bonecam.surface.tspline import TSpline
 
 FEW = 100
-"""So many places of a level that may be too deep are watched when it is made again."""
+"""So many places of a level that may be too deep are watched when it is mended."""
 
 
 @dataclass(frozen=True, eq=False)

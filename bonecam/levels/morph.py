@@ -38,8 +38,8 @@ gouge tolerance) is taken. The report tells it."""
 FAR = 0.1
 """Levels that break a limit by more (mm) are not mended."""
 MOST_MENDED = 3000
-"""Points near their limits that are watched when levels are made again; where there are more, another sequence is tried, and where more
-than half of the levels fail."""
+"""Points near their limits that are watched when levels are mended; where there are more, another sequence is tried, and where more than
+half of the levels fail."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,8 +101,11 @@ def morph(
     rules = Rules(stock, schedule, *METHODS[method], chord_tolerance)
     sequences = making.all(rest) if method != "qcqp" else _by_cones(surface, stock, schedule, stiffness, attraction, solving)
     failure: LevelError | None = None
+    longer: Morph | None = None
     nearly: Morph | None = None
     for made in sequences:
+        if longer is not None and len(made) >= longer.cuts:
+            break
         try:
             inspection = Inspection(surface, made, rules, measuring)
             if method != "qcqp":
@@ -113,19 +116,22 @@ def morph(
             continue
         checking += inspection.seconds
         found = Morph(inspection.levels, lower_bound, rest.left, time.perf_counter() - start - checking, checking)
-        if not inspection.failed:
+        if not inspection.failed and found.cuts == len(made):
             return found
+        if not inspection.failed:
+            longer = found  # mending added cuts: perhaps another sequence needs fewer
+            continue
         failure = failure or inspection.failed[0].error
         if nearly is None and not inspection.crosses and max(cut.over for cut in inspection.failed) <= ACCEPTED:
             nearly = found
-    if nearly is not None:
-        return nearly
+    if longer or nearly:
+        return longer or nearly
     assert failure is not None
     raise failure
 
 
 def _surer(inspection: Inspection, making: Sequences) -> Inspection:
-    """Levels that measure well with those that only their certificates doubt made again; as they were where that breaks a measure."""
+    """Levels that measure well with those that only their certificates doubt mended; as they were where that breaks a measure."""
     if inspection.failed or not inspection.uncertain:
         return inspection
     again, nets = inspection.copy(), [level.surface.control_points for level in inspection.levels if level.surface is not None]

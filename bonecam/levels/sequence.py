@@ -30,9 +30,8 @@ LAST, LATE = 3, 0.5
 wider and shallower then, and the last levels can follow it."""
 WAITING = 2
 """Only after so many sequences is one taken with a cut more than K_min, and after all of them one with more."""
-STILL, FARTHEST = 1e-6, 2.0
-"""Levels stay that would be mended by moves of control points that are less than the one (mm) or more than the other (depths): limits that
-contradict each other drive them ever farther."""
+STILL = 1e-6
+"""Levels stay that would be mended by moves of control points that are less (mm)."""
 STALL, SOFTEN, PATIENCE, MOST_EXTRA = 0.25, 0.1, 4, 5
 RESCUES = 3
 """Levels of a sequence that may be made in other manners because they break their limits."""
@@ -123,7 +122,7 @@ class Sequences:
                 report(self.progress, min(1.0, k / self.lower_bound), f"level {k} again")
                 step = kept_level(self.setting, made[k - 1], made[k], self.cut(k))
                 level = made[k - 1] + step.moves
-                if step.broken <= MENDABLE and STILL < np.abs(level - made[k]).max() <= FARTHEST * self.schedule.limit(k):
+                if step.broken <= MENDABLE and np.abs(level - made[k]).max() > STILL:
                     made[k] = level
                     moved.append(k)
         return made, moved
