@@ -124,8 +124,8 @@ def morph(
         failure = failure or inspection.failed[0].error
         if nearly is None and not inspection.crosses and max(cut.over for cut in inspection.failed) <= ACCEPTED:
             nearly = found
-    if longer or nearly:
-        return longer or nearly
+    if (second_best := longer or nearly) is not None:
+        return second_best
     assert failure is not None
     raise failure
 
