@@ -224,7 +224,10 @@ def _united(state: _State) -> _State:
     """The outside of a surface that cuts itself: the boundary of what it winds round at least once, exact."""
     import igl.copyleft.cgal as cgal
 
-    vertices, faces, _ = cgal.mesh_boolean(np.array(state.mesh.vertices), state.mesh.faces.astype(np.int64), type_str="union")
+    try:
+        vertices, faces, _ = cgal.mesh_boolean(np.array(state.mesh.vertices), state.mesh.faces.astype(np.int64), type_str="union")
+    except RuntimeError:  # it bounds no volume: the next stage is for that
+        return state
     after = TriangleMesh(vertices, np.asarray(faces, dtype=np.int32))
     if not len(after.faces):
         return state

@@ -87,13 +87,13 @@ class Call:
 @dataclass(frozen=True, eq=False)
 class Case:
     """One fit of so many control points and what became of it: the same `surface` with those of the levels; `calls` made its levels
-    1, 2, ... below the stock."""
+    below the stock, but for those that were mended."""
 
     fitted: int
     surface: TSpline
     stock: Capsule
     made: Morph
-    calls: list[Call]
+    calls: dict[int, Call]
 
     @property
     def nets(self) -> list[ndarray]:
@@ -137,13 +137,13 @@ def recorded(surface: TSpline, stock: Capsule) -> Case:
     with patch("time.perf_counter", time.process_time), patch("bonecam.levels.sequence.next_level", noted):
         made = morph(surface, stock, SCHEDULE)
     nets = [level.surface.control_points for level in made.levels if level.surface is not None]
-    made_by = [next(call for call in calls if np.array_equal(call.P + call.step.moves, net)) for net in nets[1:]]
+    made_by = {k: call for k, net in enumerate(nets) for call in calls if np.array_equal(call.P + call.step.moves, net)}
     return Case(surface.tmesh.size, made.levels[0].surface, stock, made, made_by)  # type: ignore[arg-type]
 
 
 def level_seconds(case: Case) -> list[float]:
     """CPU seconds of each level's program, solved and projected, from our levels."""
-    return [seconds(call.again)[0] for call in case.calls]
+    return [seconds(call.again)[0] for call in case.calls.values()]
 
 
 def growth(found: list[Case]) -> None:
@@ -212,9 +212,9 @@ def energies(case: Case) -> None:
     """Each level's energy beside the optimum of the same program."""
     print(f"Energy / Clarabel's optimum of the same program, {len(case.surface.control_points)} control points (aim: within 1 %)")
     print("level | splitting, its samples' planes  (broken by mm) | level, the watched samples' planes too  (broken by mm)")
-    ratios, count = [], len(case.calls)
-    for k in sorted({*range(1, count + 1, EVERY), count}):
-        call, program = case.calls[k - 1], case.calls[k - 1].program
+    ratios, last = [], max(case.calls)
+    for k in sorted({*range(1, last + 1, EVERY), last} & set(case.calls)):
+        call, program = case.calls[k], case.calls[k].program
         moves = split(program)
         y = program.x + program.R @ moves
         wide = program.at(moves).limits.at(y, 3).broken(y).max()

@@ -77,6 +77,18 @@ def test_a_surface_that_cuts_itself_keeps_its_outside() -> None:
     assert any("cut each other" in sentence for sentence in done)
 
 
+def test_a_surface_that_bounds_no_volume_gets_a_new_skin(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuses(*_: object, **__: object) -> None:
+        raise RuntimeError("Mesh boolean failed")
+
+    monkeypatch.setattr("igl.copyleft.cgal.mesh_boolean", refuses)
+    vertices = np.array(BONE.vertices)
+    vertices[np.argmax(vertices[:, 0])] += [-0.5, 2, 3]
+    mesh, done = repair(solid(vertices, BONE.faces))
+    assert faults_of(mesh) == ()
+    assert any("new skin" in sentence for sentence in done)
+
+
 FLAT = solid(np.array([[0, 0, 0], [10, 0, 0], [10, 20, 0], [0, 20, 0]]), np.array([[0, 1, 2], [0, 2, 3], [2, 1, 0], [3, 2, 0]]))
 TUBE = solid(ellipsoid(5, 4, 14).vertices[:-2], grid_faces(24, 32, False))
 SHEET = solid(BONE.vertices, BONE.faces[(BONE.vertices[BONE.faces].mean(1)[:, 0] > 0)])
