@@ -116,14 +116,14 @@ def morph(
             continue
         checking += inspection.seconds
         found = Morph(inspection.levels, lower_bound, rest.left, time.perf_counter() - start - checking, checking)
-        if not inspection.failed and found.cuts == len(made):
+        if inspection.failed:
+            failure = failure or inspection.failed[0].error
+            if nearly is None and not inspection.crosses and max(cut.over for cut in inspection.failed) <= ACCEPTED:
+                nearly = found
+        elif found.cuts == len(made):
             return found
-        if not inspection.failed:
+        else:
             longer = found  # mending added cuts: perhaps another sequence needs fewer
-            continue
-        failure = failure or inspection.failed[0].error
-        if nearly is None and not inspection.crosses and max(cut.over for cut in inspection.failed) <= ACCEPTED:
-            nearly = found
     if (second_best := longer or nearly) is not None:
         return second_best
     assert failure is not None

@@ -22,7 +22,7 @@ from bonecam.levels.setting import Setting
 from bonecam.levels.solve import factor
 
 MENDABLE = 0.03
-"""How far (mm) a level may break a limit: what is farther no mending makes good."""
+"""How far (mm) a level may break a limit as it is made, or as it is mended; the places measured show what that comes to."""
 ROUNDS, SWEEPS, NEAR, ENOUGH, FOOT_STEPS = 4, 20, 0.005, 2e-4, 3
 MOVED = 0.002
 """A sample that has moved less (mm) since its foot was found keeps the planes there."""
