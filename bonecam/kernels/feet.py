@@ -49,11 +49,12 @@ def _tips(patches: ndarray, boxes: ndarray, strips: tuple, ends: tuple) -> ndarr
 @njit(cache=True, fastmath=CONTRACT, nogil=True)
 def feet(
     patches: ndarray, boxes: ndarray, strips: tuple, ends: tuple, y: ndarray, steps: int, s: ndarray, t: ndarray, foot: ndarray,
-    normal: ndarray,
+    normal: ndarray, clear_of: float,
 ) -> None:  # fmt: skip
     """s and t become the parameters of the nearest place to y that `steps` steps from them came by, `foot` and `normal` what is there.
 
-    The steps are damped where S_s vanishes, and neither long nor SHORT. At the ends the normal is the mean one round the pole.
+    The steps are damped where S_s vanishes, and neither long nor SHORT. At the ends the normal is the mean one round the pole; farther
+    than `clear_of` from the foot the direction from it, or towards it, stands for the normal.
     """
     tips, D = _tips(patches, boxes, strips, ends), np.empty((3, 4))
     strip_knots, strip_table, strip_starts, lows, highs, ids, tables = strips
@@ -91,3 +92,10 @@ def feet(
             normal[l] = tips[1]
         else:
             _unit(normal[l])
+        if best > clear_of * clear_of:
+            height = 0.0
+            for i in range(3):
+                height += (y[l, i] - foot[l, i]) * normal[l, i]
+            size = np.copysign(np.sqrt(best), height)
+            for i in range(3):
+                normal[l, i] = (y[l, i] - foot[l, i]) / size

@@ -3,7 +3,6 @@
 When some levels are mended only the cuts below and above them are measured again, on the same grid: such levels move by microns.
 """
 
-import os
 import time
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -26,6 +25,7 @@ from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.progress import Progress, report
 from bonecam.surface.tspline import TSpline
+from bonecam.threads import cores
 
 FEW = 100
 """So many places of a level that may be too deep are watched when it is mended."""
@@ -86,7 +86,7 @@ class Inspection:
     def measure(self, made: Sequence[Float[ndarray, "c 3"]], cuts: Iterable[int]) -> None:
         """Measure some of the cuts, again where they have been."""
         began = time.perf_counter()
-        cuts, threads, sheets = list(cuts), len(os.sched_getaffinity(0)), dict[int, Sheet]()
+        cuts, threads, sheets = list(cuts), cores(), dict[int, Sheet]()
         with ThreadPoolExecutor(threads) as pool:
             for some in (cuts[first : first + threads] for first in range(0, len(cuts), threads)):
                 report(self._progress, some[0] / (len(made) + 1), f"checking level {some[0]}")

@@ -17,7 +17,7 @@ import scipy.sparse as sp
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.arrays import dots, lengths
+from bonecam.arrays import dots
 from bonecam.kernels import feet as kernel
 from bonecam.levels.cut import Cut
 from bonecam.levels.limit_depth import depth
@@ -26,8 +26,9 @@ from bonecam.levels.limit_wall import wall
 from bonecam.levels.solve import Rows
 from bonecam.levels.stock import Stock
 from bonecam.surface.tspline import TSpline
+from bonecam.threads import in_pieces
 
-EDGE, CLEAR_OF = 1e-4, 0.02
+EDGE, CLEAR_OF, PIECE = 1e-4, 0.02, 2048
 SLABS, WALLS = (depth, nesting), (wall,)
 
 
@@ -105,17 +106,25 @@ class Limits:
         return Rows(sp.csr_array(sp.vstack([along, wall])), low, np.concatenate([self.high - start, self.h - dots(self.m, x)]))
 
 
+def rings(surface: TSpline) -> tuple[float, float]:
+    """Between which t a surface is looked at: at a pole it has no normal."""
+    low, high = (float(end) for end in surface.domain[1])
+    return low + EDGE * (high - low), high - EDGE * (high - low)
+
+
 def feet(
     before: TSpline, y: Float[ndarray, "k 3"], s: Float[ndarray, " k"], t: Float[ndarray, " k"], steps: int
 ) -> tuple[ndarray, ndarray, ndarray, ndarray]:
     """Parameters s and t of the feet of y on a surface, by `steps` of Newton from the given ones; the feet and the normals there.
 
-    A foot is the nearest place that Newton came by, so |y - foot| never understates the distance to the whole surface.
+    CLEAR_OF mm and more from its foot a point's direction from it stands for the normal: the same at a foot, and where Newton has
+    not found one, or at the tip of a pole, the distance is not understated. A foot is the nearest place that Newton came by, so
+    |y - foot| never understates the distance to the whole surface.
     """
-    (low, high), elements, s, t = before.domain[1], before.elements(), s.copy(), t.copy()
-    ends = (low + EDGE * (high - low), high - EDGE * (high - low))
-    foot, normal = np.empty((len(y), 3)), np.empty((len(y), 3))
-    kernel.feet(before.patches, elements.boxes, elements.strips, ends, np.ascontiguousarray(y), steps, s, t, foot, normal)
+    elements, s, t = before.elements(), s.copy(), t.copy()
+    y, foot, normal = np.ascontiguousarray(y), np.empty((len(y), 3)), np.empty((len(y), 3))
+    surface = before.patches, elements.boxes, elements.strips, rings(before)
+    in_pieces(lambda some: kernel.feet(*surface, y[some], steps, s[some], t[some], foot[some], normal[some], CLEAR_OF), len(y), PIECE)
     return s, t, foot, normal
 
 
@@ -129,16 +138,8 @@ def limits_at(
     t: Float[ndarray, " k"],
     steps: int,
 ) -> Limits:
-    """The limits of samples at y that were `gap` inside the stock at the level before; their feet are found from (s, t), by so many steps.
-
-    CLEAR_OF mm and more from its foot a sample's direction from it stands for the normal: the same at a foot, and where Newton has
-    not found one, or at the tip of a pole, the distance is not understated.
-    """
+    """The limits of samples at y that were `gap` inside the stock at the level before; `steps` of Newton from (s, t) find their feet."""
     s, t, c, n = feet(before, y, s, t, steps)
-    across = y - c
-    size = lengths(across)
-    away = size > CLEAR_OF
-    n[away] = across[away] * (np.sign(dots(across, n)) / np.maximum(size, CLEAR_OF))[away, None]
     low, high = heights(cut, gap)
     m, h = tightest(y, [one(cut, gap, stock, y) for one in WALLS])
     return Limits(before, stock, cut, gap, s, t, c, n, low, high, m, h)

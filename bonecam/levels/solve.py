@@ -75,5 +75,5 @@ def solve(P: sp.csc_array, q: Float[ndarray, "v"], rows: Rows, tolerance: float,
 
 
 def factor(matrix: sp.csc_array) -> SuperLU:
-    """Of a symmetric, positive definite matrix: no pivots."""
-    return splu(sp.csc_matrix(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    """Of a symmetric, positive definite matrix over the control points: no pivots, in their order, in which it is a band."""
+    return splu(sp.csc_matrix(matrix), permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})

@@ -5,14 +5,16 @@ distance is exact everywhere: `|x - nearest axis point| - radius`. Other stocks 
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.arrays import frozen, lengths
+from bonecam.arrays import frozen
 from bonecam.errors import StockError, place_name
+from bonecam.kernels.capsule import way_out
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 MARGIN = 0.05
@@ -104,24 +106,21 @@ class Capsule(Stock):
         """The same capsule elsewhere."""
         return Capsule(self.start + shift, self.end + shift, self.radius)
 
-    def _axis_points(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
-        axis = self.end - self.start
-        square = float(axis @ axis)
-        along = np.clip((points - self.start) @ axis / square, 0, 1) if square > 0 else np.zeros(len(points))
-        return self.start + along[:, None] * axis
+    def _way_out(self, points: ndarray) -> tuple[ndarray, ndarray]:
+        points = np.ascontiguousarray(points, dtype=np.float64)
+        distance, out = np.empty(len(points)), np.empty((len(points), 3))
+        way_out(points, self.start, self.end - self.start, float(self.radius), self._frame[0], distance, out)
+        return distance, out
 
     def signed_distance(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n"]:
         """Distance to the surface, mm, negative inside."""
-        return lengths(points - self._axis_points(points)) - self.radius
+        return self._way_out(points)[0]
 
     def outward(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
         """Unit directions away from the axis segment; on the segment itself any one across it."""
-        across = points - self._axis_points(points)
-        reach = lengths(across)
-        if (degenerate := reach <= np.finfo(float).eps * self.radius).any():
-            across[degenerate], reach[degenerate] = self._frame()[0], 1.0
-        return np.asarray(across / reach[:, None])
+        return self._way_out(points)[1]
 
+    @cached_property
     def _frame(self) -> Float[ndarray, "3 3"]:
         """Two unit vectors across the axis and the axis itself, right-handed."""
         axis = self.end - self.start
@@ -143,7 +142,7 @@ class Capsule(Stock):
         reach = self.radius * np.concatenate([np.sin(latitude[1:-1]), 0 * rises + 1, np.sin(latitude[-2:0:-1])])
         lift = np.concatenate([np.zeros(quarter - 1), rises, np.full(quarter - 1, straight)])
         upright = revolved(reach, height + lift, (-self.radius, self.length - self.radius), around)
-        return TriangleMesh(upright.vertices @ self._frame() + self.start, upright.faces)
+        return TriangleMesh(upright.vertices @ self._frame + self.start, upright.faces)
 
 
 def revolved(reach: Float[ndarray, " r"], height: Float[ndarray, " r"], ends: tuple[float, float], around: int) -> TriangleMesh:

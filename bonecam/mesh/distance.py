@@ -4,8 +4,6 @@ open3d works in float32: the scene is shifted to the mesh's centre, so the error
 (measured 5e-6 mm near the origin). `exact_closest` is float64.
 """
 
-import os
-from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 from typing import Any
 
@@ -15,6 +13,7 @@ from numpy import ndarray
 
 from bonecam.kernels.nearest import boxes_of, distances_within, tree_order
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.threads import in_pieces
 
 LEAF = 4
 """Triangles of a leaf of the tree, at most."""
@@ -54,11 +53,8 @@ class MeshDistance:
     def _within(self, points: Float[ndarray, "n 3"], limits: Float[ndarray, " n"]) -> Float[ndarray, " n"]:
         """Distance to the surface, or the limit where that is less."""
         points = np.ascontiguousarray(points, dtype=np.float64)
-        if len(points) <= CHUNK:
-            return np.asarray(distances_within(points, limits, *self._tree))
-        parts, tree = [slice(i, i + CHUNK) for i in range(0, len(points), CHUNK)], self._tree
-        with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as threads:
-            return np.concatenate(list(threads.map(lambda part: distances_within(points[part], limits[part], *tree), parts)))
+        tree, nothing = self._tree, np.empty(0)
+        return np.concatenate([nothing, *in_pieces(lambda some: distances_within(points[some], limits[some], *tree), len(points), CHUNK)])
 
     def unsigned(self, points: Float[ndarray, "n 3"], wanted: float | Float[ndarray, " n"] = np.inf) -> Float[ndarray, " n"]:
         """Distance of each point to the surface, mm; where it exceeds `wanted`, that: it is the cheaper bound."""
