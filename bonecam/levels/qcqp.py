@@ -188,7 +188,8 @@ class ConeLevels:
         self.stock, self._source, self._hull, self._printed = stock, SOURCES[attraction], hull, printed
         self.samples, self.M = samples_of(surface, *integration_points(surface)), thin_plate(surface)
         even = ring_pattern(surface, WATCH_ALONG, WATCH_AROUND)
-        self._watch, self._first = joined(even, creases(surface, even, surface.control_points)), _sparse(even)
+        s, t = creases(even, surface.control_points).T
+        self._watch, self._first = joined(Samples, even, samples_of(surface, s, t, np.zeros(len(s)))), _sparse(even)
         self._main = np.asarray(self._watch.R.argmax(axis=1)).ravel()
 
     def terms(self, P: Float[ndarray, "c 3"], stiffness: float) -> tuple[sp.csc_array, Float[ndarray, "c 3"]]:

@@ -7,34 +7,50 @@ M and N are the same for every level of one surface; L = int R'H changes with th
 sums over `Samples`: Gauss points in every t-span, evenly spaced points round s (both parameters run over [0, 1]).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
+from typing import Any, TypeVar
 
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
-from bonecam.arrays import lengths
+from bonecam.arrays import dots, lengths
 from bonecam.surface.tspline import TSpline
 
 GAUSS, AROUND, MOST_AROUND, LEAST_AROUND = 3, 3, 400, 12
 NEAR_POLE = 1e-3
 CLOSE_TO_POLE = (0.005, 0.02, 0.05)
-SAG, MOST_BETWEEN = 0.001, 8
-"""Between neighbours of a ring pattern the surface may be so far (mm) off their chord; there are so many more places there at most."""
+BENT, HOLLOW, MOST_BETWEEN = 0.0005, 0.001, 8
+"""Between neighbours of a ring pattern a level may sag by so much (mm) more than the one before, and by so much in a hollow; there are so
+many more places there at most."""
 SHAPED = 0.3
 """Share of the surface at a sample that control points together have where they shape it."""
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
-    """Parameters (s, t) in one fixed pattern, their integration weights, and the basis there: all levels share them."""
+class Places:
+    """Parameters (s, t) on a surface, and the basis there: all levels share them."""
 
     s: Float[ndarray, "n"]
     t: Float[ndarray, "n"]
-    weights: Float[ndarray, "n"]
     R: sp.csr_array
+
+    def near(self, which: Bool[ndarray, "n"]) -> Bool[ndarray, "c"]:
+        """Control points that shape the surface at some of the places, and those that do where these do."""
+        own = self.R[which].sum(axis=0) > 0
+        return np.asarray(self.R[self.R @ own > SHAPED].sum(axis=0) > 0)
+
+
+P = TypeVar("P", bound=Places)
+
+
+@dataclass(frozen=True, eq=False)
+class Samples(Places):
+    """Places in one fixed pattern, their integration weights, and the derivatives of the basis there."""
+
+    weights: Float[ndarray, "n"]
     R_s: sp.csr_array
     R_t: sp.csr_array
 
@@ -51,11 +67,6 @@ class Samples:
     def N(self) -> sp.csc_array:
         """int R'R (control points squared)."""
         return sp.csc_array(self.R.T @ sp.diags_array(self.weights) @ self.R)
-
-    def near(self, which: Bool[ndarray, "n"]) -> Bool[ndarray, "c"]:
-        """Control points that shape the surface at some of the samples, and those that do where these do."""
-        own = self.R[which].sum(axis=0) > 0
-        return np.asarray(self.R[self.R @ own > SHAPED].sum(axis=0) > 0)
 
     def moments(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "c 3"]:
         """int R'H for one attracting point a sample."""
@@ -95,45 +106,53 @@ def ring_pattern(surface: TSpline, along: int, around: int) -> Samples:
     edge = NEAR_POLE * (spans[-1] - spans[0]) * np.array([1, -1])
     s, t, share = np.append(s, [0.0, 0.0]), np.append(t, spans[[0, -1]]), np.append(share, [0.0, 0.0])
     _, R_s, R_t = surface.basis(s, t + np.append(np.zeros(len(t) - 2), edge), 1)
-    return Samples(s, t, share / share.sum(), surface.basis(s, t)[0], R_s, R_t)
-
-
-def joined(*parts: Samples) -> Samples:
-    """All of them."""
-    s, t, weights = (np.concatenate([getattr(part, name) for part in parts]) for name in ("s", "t", "weights"))
-    R, R_s, R_t = (sp.csr_array(sp.vstack([getattr(part, name) for part in parts])) for name in ("R", "R_s", "R_t"))
-    return Samples(s, t, weights, R, R_s, R_t)
+    return Samples(s, t, surface.basis(s, t)[0], share / share.sum(), R_s, R_t)
 
 
 def samples_of(surface: TSpline, s: ndarray, t: ndarray, weights: ndarray) -> Samples:
     """The samples at these parameters."""
     R, R_s, R_t = surface.basis(s, t, 1)
-    return Samples(s, t, weights, R, R_s, R_t)
+    return Samples(s, t, R, weights, R_s, R_t)
 
 
-def weightless(surface: TSpline, parameters: Float[ndarray, "k 2"]) -> Samples:
-    """The samples at these (s, t), those at the poles left out; they weigh nothing."""
+def places_at(surface: TSpline, parameters: Float[ndarray, "k 2"]) -> Places:
+    """The places at these (s, t), those at the poles left out."""
     low, high = surface.domain[1]
     s, t = parameters[(parameters[:, 1] > low) & (parameters[:, 1] < high)].T
-    return samples_of(surface, s, t, np.zeros(len(s)))
+    return Places(s, t, surface.basis(s, t)[0])
 
 
-def creases(surface: TSpline, pattern: Samples, control_points: Float[ndarray, "c 3"]) -> Samples:
-    """Places between those of a ring pattern, more where the surface with these control points bends more; they weigh nothing."""
+def joined(kind: type[P], *parts: Places) -> P:
+    """All of them as one of that kind."""
+    values: list[list[Any]] = [[getattr(part, field.name) for part in parts] for field in fields(kind)]
+    whole: list[Any] = [sp.csr_array(sp.vstack(some)) if sp.issparse(some[0]) else np.concatenate(some) for some in values]
+    return kind(*whole)
+
+
+def creases(pattern: Samples, level: Float[ndarray, "c 3"], before: Float[ndarray, "c 3"] | None = None) -> Float[ndarray, "k 2"]:
+    """Parameters (s, t) between neighbours of a ring pattern: more where a level bends more than the one before, if there is one, and
+    where it is hollow.
+
+    Where both bend alike what is between two samples keeps their distance; but in a hollow the sides meet between them.
+    """
     rings, starts, counts = np.unique(pattern.t[:-2], return_index=True, return_counts=True)
-    x, n = pattern.R @ control_points, pattern.normals(control_points)
+    x, n = pattern.R @ level, pattern.normals(level)
+    turned = n if before is None else n - pattern.normals(before)
     place, ring = np.arange(counts.sum()), np.repeat(np.arange(len(rings)), counts)
-    s, above = pattern.s[place], np.minimum(ring + 1, len(rings) - 1)
+    s, above = pattern.s[:-2], np.minimum(ring + 1, len(rings) - 1)
     beside = starts[ring] + (place - starts[ring] + 1) % counts[ring]
     over = starts[above] + np.rint(s * counts[above]).astype(int) % counts[above]
     found = []
     for neighbour, ds, dt in ((beside, 1 / counts[ring], 0 * s), (over, 0 * s, rings[above] - rings[ring])):
-        sag = lengths(x[neighbour] - x[place]) * lengths(n[neighbour] - n[place]) / 8
-        more = np.clip(np.ceil(np.sqrt(sag / SAG)) - 1, 0, MOST_BETWEEN).astype(int)
+        across = x[neighbour] - x[:-2]
+        bent = lengths(across) * lengths(turned[neighbour] - turned[:-2]) / 8
+        hollow = -dots(across, n[neighbour] - n[:-2]) / 8
+        more = np.sqrt(np.maximum.reduce([bent / BENT, hollow / HOLLOW, 0 * s]))
+        more = np.clip(np.ceil(more) - 1, 0, MOST_BETWEEN).astype(int)
         which = np.repeat(place, more)
         share = (np.arange(len(which)) - np.repeat(np.cumsum(more) - more, more) + 1) / (more[which] + 1)
         found.append(np.column_stack([(s[which] + share * ds[which]) % 1.0, pattern.t[which] + share * dt[which]]))
-    return weightless(surface, np.vstack(found))
+    return np.vstack(found)
 
 
 def thin_plate(surface: TSpline) -> sp.csc_array:

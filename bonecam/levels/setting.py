@@ -1,6 +1,7 @@
 """What all levels of one morph share: the samples of the energy, the denser ones on which limits are watched, the matrices."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -9,7 +10,7 @@ from numpy import ndarray
 
 from bonecam.levels.attraction import Attraction
 from bonecam.levels.poles import free_moves
-from bonecam.levels.samples import Samples, creases, joined, ring_pattern, thin_plate, weightless
+from bonecam.levels.samples import Places, Samples, creases, joined, places_at, ring_pattern, thin_plate
 from bonecam.levels.stock import Stock
 from bonecam.surface.tspline import TSpline
 
@@ -28,21 +29,26 @@ class Setting:
     attraction: Attraction
     samples: Samples
     watch: Samples
-    broken: Samples
+    broken: Places
     M: sp.csc_array
     free: sp.csr_array
 
-    def watched(self, control_points: Float[ndarray, "c 3"]) -> Samples:
-        """All samples on which the limits of the level with these control points are watched."""
-        return joined(self.watch, creases(self.surface, self.watch, control_points), self.broken)
+    def watched(self, level: Float[ndarray, "c 3"], before: Float[ndarray, "c 3"]) -> tuple[Places, sp.csr_array]:
+        """All places on which the limits of a level are watched (given its control points and those before), and R over the free moves."""
+        others = joined(Places, places_at(self.surface, creases(self.watch, level, before)), self.broken)
+        return joined(Places, self.watch, others), sp.csr_array(sp.vstack([self._watch_moves, others.R @ self.free]))
+
+    @cached_property
+    def _watch_moves(self) -> sp.csr_array:
+        return sp.csr_array(self.watch.R @ self.free)
 
     def watching(self, parameters: Float[ndarray, "n 2"]) -> "Setting":
         """The same with more samples watched, at these (s, t)."""
-        return replace(self, broken=joined(self.broken, weightless(self.surface, parameters)))
+        return replace(self, broken=joined(Places, self.broken, places_at(self.surface, parameters)))
 
 
 def setting_of(surface: TSpline, stock: Stock, attraction: Attraction) -> Setting:
     """The samples and matrices of one morph."""
     samples, watch = ring_pattern(surface, ALONG, AROUND), ring_pattern(surface, WATCH_ALONG, WATCH_AROUND)
-    none = weightless(surface, np.empty((0, 2)))
+    none = places_at(surface, np.empty((0, 2)))
     return Setting(surface, stock, attraction, samples, watch, none, thin_plate(surface), free_moves(surface))

@@ -15,7 +15,7 @@ from numpy import ndarray
 from bonecam.arrays import dots, lengths
 from bonecam.kernels import splitting
 from bonecam.levels.cut import Cut, Manner
-from bonecam.levels.limits import limits_at
+from bonecam.levels.limits import limits_at, rings
 from bonecam.levels.program import by_osqp, program_of, split
 from bonecam.levels.remaining import Remaining
 from bonecam.levels.setting import Setting
@@ -24,7 +24,7 @@ from bonecam.levels.solve import factor
 MENDABLE = 0.03
 """How far (mm) a level may break a limit as it is made, or as it is mended; the places measured show what that comes to."""
 ROUNDS, SWEEPS, NEAR, ENOUGH, FOOT_STEPS = 4, 20, 0.005, 2e-4, 3
-MOVED = 0.002
+MOVED = 0.005
 """A sample that has moved less (mm) since its foot was found keeps the planes there."""
 
 
@@ -64,8 +64,8 @@ def kept_level(setting: Setting, P: Float[ndarray, "c 3"], level: Float[ndarray,
 
 def _kept(setting: Setting, P: ndarray, D: ndarray, cut: Cut) -> Step:
     """The free moves, projected onto what the watched samples still break."""
-    watch, stock, before = setting.watched(P + setting.free @ D), setting.stock, setting.surface.with_control_points(P)
-    x, R = watch.R @ P, sp.csr_array(watch.R @ setting.free)
+    (watch, R), stock = setting.watched(P + setting.free @ D, P), setting.stock
+    before, x = setting.surface.with_control_points(P), watch.R @ P
     gap, y = -stock.signed_distance(x), x + R @ D
     limits = limits_at(before, stock, cut, gap, y, watch.s, watch.t, FOOT_STEPS)
     set_up, broken = y, limits.broken(y)
@@ -82,5 +82,6 @@ def _kept(setting: Setting, P: ndarray, D: ndarray, cut: Cut) -> Step:
         broken = limits.broken(y)
     moves = np.asarray(setting.free @ D)
     worst = int(np.argmax(broken))
-    folded = dots(watch.stretched(P + moves), limits.n) <= 0
+    _, along, across = setting.surface.with_control_points(P + moves).derivatives(watch.s, np.clip(watch.t, *rings(before)), 1)
+    folded = dots(np.cross(along, across), limits.n) <= 0
     return Step(moves, float(broken[worst]), y[worst], watch.near(folded | (broken > MENDABLE)))

@@ -183,11 +183,12 @@ def optimum(call: Call, program: Program, start: ndarray, watched: bool) -> floa
 
     With `watched` the planes of all watched samples that `start` or the last answer brings within NEAR mm of them hold as well.
     """
-    watch, settings, D = call.setting.watched(call.P + call.setting.free @ start), clarabel.DefaultSettings(), start
+    watch, R = call.setting.watched(call.P + call.setting.free @ start, call.P)
+    settings, D = clarabel.DefaultSettings(), start
     settings.verbose = False
     energy = sp.csc_matrix(sp.triu(sp.block_diag([program.matrix] * 3), format="csc"))
-    x, R = watch.R @ call.P, sp.csr_array(watch.R @ call.setting.free)
-    planes, gap = program.limits, -call.setting.stock.signed_distance(x)
+    x, planes = watch.R @ call.P, program.limits
+    gap = -call.setting.stock.signed_distance(x)
     dense = limits_at(planes.before, planes.stock, call.cut, gap, x + R @ D, watch.s, watch.t, 3)
     for _ in range(RENEWALS):
         planes = planes.at(program.x + program.R @ D, 3)

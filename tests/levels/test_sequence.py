@@ -49,16 +49,20 @@ def test_levels_that_end_too_early_go_on_to_the_stock(making: Sequences, made: l
     assert all(np.array_equal(a, b) for a, b in zip(longer, made[:-2]))
 
 
-def test_creases_of_a_level_are_watched(making: Sequences) -> None:
-    """A groove that the part does not have is seen by places between those of the even pattern."""
+def test_places_that_bend_more_than_before_or_are_hollow_are_watched(making: Sequences) -> None:
+    """What moves as it is needs few places between those of the even pattern; a groove needs many, on the level before as well."""
     surface, pattern = making.setting.surface, making.setting.watch
     starts, row = surface.tmesh.row_starts, len(surface.tmesh.row_starts) // 2
     grooved = np.array(surface.control_points)
     grooved[starts[row] : starts[row + 1], :2] *= 0.5
     low, high = surface.tmesh.t_knots[[row, row + 4]]
-    counts = []
-    for P in (surface.control_points, grooved):
-        t = creases(surface, pattern, P).t
-        counts.append(((low < t) & (t < high)).sum())
-        assert len(making.setting.watched(P).s) == len(pattern.s) + len(t)
-    assert counts[1] > 1.3 * counts[0]
+
+    def between(level: np.ndarray, before: np.ndarray) -> int:
+        t = creases(pattern, level, before)[:, 1]
+        places, moves = making.setting.watched(level, before)
+        assert len(places.s) == moves.shape[0] == len(pattern.s) + len(t)
+        return int(((low < t) & (t < high)).sum())
+
+    flat = surface.control_points
+    assert 1.3 * between(1.2 * flat, flat) < between(1.2 * grooved, grooved)
+    assert 1.3 * between(1.2 * grooved, grooved) < between(grooved, flat)
