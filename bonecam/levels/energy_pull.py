@@ -2,7 +2,7 @@
 
 A sample should go as far as it may, and is pulled beyond, where the way to the stock needs all the depth the cuts to come have; a place
 with less to go takes at least `haste` of the depth, so that all come to the stock together: where some come early, levels crowd into
-what is left between them and fold.
+what is left between them and fold. In narrow hollows walls go less, for the same reason (`narrows.py`).
 """
 
 import numpy as np
@@ -15,11 +15,14 @@ from bonecam.levels.attraction import unit
 from bonecam.levels.energy import Given, Pulled
 from bonecam.levels.limit_wall import inside
 from bonecam.levels.limits import feet, heights
+from bonecam.levels.narrows import unhindered
 from bonecam.levels.solve import factor
 
 ALL_OUT = 8
 """How sharply the pull beyond the depth sets in."""
 LONGEST, LEAST_COSINE = 2.0, 0.3
+NARROW = 5.0
+"""Hollows are narrow where a ball of so many spacings between samples does not fit in."""
 
 
 def pull(given: Given) -> Pulled:
@@ -33,7 +36,8 @@ def pull(given: Given) -> Pulled:
     field = samples.R.T @ (weights[:, None] * setting.attraction(x, normals, setting.stock))
     field = unit(samples.R @ factor(N + given.manner.smoothing * setting.M).solve(field))
     gap = -setting.stock.signed_distance(x)
-    share = np.clip(gap / given.cut.left, given.manner.haste, 1)
+    narrow = NARROW * np.sqrt(area @ samples.weights / len(x))
+    share = np.clip(gap / given.cut.left, given.manner.haste, 1) * unhindered(x, normals, narrow)
     target = targets(given, x, samples.s, samples.t, normals, field, share)
     return Pulled(samples.s, samples.t, samples.R, x, weights, target, 1 + (given.manner.beyond - 1) * share**ALL_OUT)
 

@@ -28,8 +28,8 @@ gets the deepest cuts; what keeps creases sharp enough for that may break limits
 LAST, LATE = 3, 0.5
 """Where there are more cuts than K_min, the last so many levels below the stock are made again with this haste at most: what is left is
 wider and shallower then, and the last levels can follow it."""
-WAITING = 2
-"""Only after so many sequences is one taken with a cut more than K_min, and after all of them one with more."""
+SPARE = (0, 0, 0.06, 0.2, np.inf, np.inf, np.inf)
+"""How many cuts beyond K_min, as a share of it, a sequence may have to be measured once so many were tried; one cut from the second on."""
 STILL = 1e-6
 """Levels stay that would be mended by moves of control points that are less (mm)."""
 STALL, SOFTEN, PATIENCE, MOST_EXTRA = 0.25, 0.1, 4, 5
@@ -63,7 +63,7 @@ class Sequences:
             except LevelError as error:
                 failure = failure or error
             waiting.sort(key=len)
-            most = self.lower_bound + (place + 1 >= WAITING) if place + 1 < len(VARIANTS) else np.inf
+            most = self.lower_bound + max(place > 0, SPARE[place] * self.lower_bound)
             while waiting and len(waiting[0]) <= most:
                 yielded = True
                 yield waiting.pop(0)
@@ -96,7 +96,7 @@ class Sequences:
             rests.append(rest := remaining(self.setting, made[-1], before))
             stalled = rest.left > before.left - STALL * limit(k)
             stalls, softened = (stalls + 1, _softer(softened)) if stalled else (0, softened)
-            if stalls > PATIENCE or k >= self.lower_bound + MOST_EXTRA:
+            if stalls > PATIENCE or k >= self.lower_bound + max(MOST_EXTRA, self.lower_bound // 3):
                 raise LevelError(
                     f"level {k} gets no nearer to the stock than {rest.left:.3f} mm at {place_name(rest.place)}: give more control points",
                     level=k,
