@@ -20,14 +20,15 @@ TOGETHER = 3
 def unhindered(x: Float[ndarray, "k 3"], normals: Float[ndarray, "k 3"], narrow: float) -> Float[ndarray, " k"]:
     """1 where a ball of radius `narrow` (mm) touches the sample from outside and holds no other, less the smaller the ball that does.
 
-    The balls are found by shrinking them to what they hold (Ma, Bae & Choi 2012).
+    With the cosine between the sample's normal and the line midway between it and what the ball touches beside it as the least, from half
+    that radius on. The balls are found by shrinking them to what they hold (Ma, Bae & Choi 2012).
     """
     at = np.arange(0, len(x), TOGETHER)
     tree, radii, facing, shrinking = cKDTree(x, leafsize=32), np.full(len(at), narrow), at.copy(), np.arange(len(at))
     for _ in range(ROUNDS):
         mine, within = at[shrinking], (1 - TOUCHING) * radii[shrinking]
         away, nearest = tree.query(x[mine] + radii[shrinking, None] * normals[mine], distance_upper_bound=within.max())
-        shrinks = away < within
+        shrinks = (away < within) & (nearest != mine)
         shrinking, mine, held = shrinking[shrinks], mine[shrinks], np.asarray(nearest)[shrinks]
         if not len(shrinking):
             break
