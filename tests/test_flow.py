@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 ORDER = [
-    *"errors progress arrays files parameters job kernels mesh surface levels toolpath orientation nc verify".split(),
+    *"errors progress arrays threads files parameters job kernels mesh surface levels toolpath orientation nc verify".split(),
     *"requirements keep outputs pipeline filters batch cli".split(),
 ]
 ROOT = Path(__file__).parents[1] / "bonecam"
