@@ -22,7 +22,7 @@ def _pool() -> ThreadPoolExecutor:
 def in_pieces(work: Callable[[slice], A], count: int, size: int) -> list[A]:
     """What `work` answers of each `size` of `count` items, in their order. It must leave the interpreter's lock, and not come here again.
 
-    The pieces are the same whatever the number of cores.
+    The pieces are the same whatever the number of cores; of no items there is one, which is empty.
     """
-    pieces = [slice(first, first + size) for first in range(0, count, size)]
+    pieces = [slice(first, first + size) for first in range(0, max(count, 1), size)]
     return list(_pool().map(work, pieces)) if len(pieces) > 1 else [work(piece) for piece in pieces]

@@ -57,13 +57,13 @@ class Sequences:
         waiting: list[list[ndarray]] = []
         failure: LevelError | None = None
         yielded = False
-        for place, variant in enumerate(VARIANTS):
+        for place, (variant, spare) in enumerate(zip(VARIANTS, SPARE, strict=True)):
             try:
                 waiting.append(self.sequence(_manner(self.stiffness, *variant), rest))
             except LevelError as error:
                 failure = failure or error
             waiting.sort(key=len)
-            most = self.lower_bound + max(place > 0, SPARE[place] * self.lower_bound)
+            most = self.lower_bound + max(place > 0, spare * self.lower_bound)
             while waiting and len(waiting[0]) <= most:
                 yielded = True
                 yield waiting.pop(0)

@@ -53,8 +53,8 @@ class MeshDistance:
     def _within(self, points: Float[ndarray, "n 3"], limits: Float[ndarray, " n"]) -> Float[ndarray, " n"]:
         """Distance to the surface, or the limit where that is less."""
         points = np.ascontiguousarray(points, dtype=np.float64)
-        tree, nothing = self._tree, np.empty(0)
-        return np.concatenate([nothing, *in_pieces(lambda some: distances_within(points[some], limits[some], *tree), len(points), CHUNK)])
+        tree = self._tree
+        return np.concatenate(in_pieces(lambda some: distances_within(points[some], limits[some], *tree), len(points), CHUNK))
 
     def unsigned(self, points: Float[ndarray, "n 3"], wanted: float | Float[ndarray, " n"] = np.inf) -> Float[ndarray, " n"]:
         """Distance of each point to the surface, mm; where it exceeds `wanted`, that: it is the cheaper bound."""

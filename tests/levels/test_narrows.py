@@ -10,9 +10,8 @@ NARROW = 2.0
 def plane(origin: tuple[float, float, float], along: tuple[float, float, float], normal: tuple[float, float, float]) -> tuple:
     """Points 0.1 mm apart on a square of 6 mm whose sides are `along` and Y, and their normals."""
     u, v = (k.ravel() for k in np.meshgrid(np.arange(0, 6, 0.1), np.arange(0, 6, 0.1), indexing="ij"))
-    return np.array(origin) + u[:, None] * np.array(along) + v[:, None] * np.array([0.0, 1.0, 0.0]), np.tile(
-        np.array(normal, dtype=float), (len(u), 1)
-    )
+    points = np.array(origin) + u[:, None] * np.array(along) + v[:, None] * np.array([0.0, 1.0, 0.0])
+    return points, np.tile(np.array(normal, dtype=float), (len(u), 1))
 
 
 def shares(*planes: tuple) -> np.ndarray:

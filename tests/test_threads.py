@@ -1,0 +1,25 @@
+"""Work in pieces: all of it, in order, and one empty piece of nothing."""
+
+import numpy as np
+import pytest
+
+from bonecam.threads import cores, in_pieces
+
+
+@pytest.mark.parametrize("count", [0, 1, 7, 8, 9, 100])
+def test_pieces_hold_everything_in_order(count: int) -> None:
+    items = np.arange(count)
+    pieces = in_pieces(lambda some: items[some], count, 8)
+    assert len(pieces) == max(1, -(-count // 8))
+    assert np.array_equal(np.concatenate(pieces), items)
+
+
+def test_what_a_piece_raises_comes_out() -> None:
+    def work(some: slice) -> int:
+        if some.start == 8:
+            raise ValueError("the second")
+        return some.start
+
+    with pytest.raises(ValueError, match="the second"):
+        in_pieces(work, 24, 8)
+    assert cores() >= 1
