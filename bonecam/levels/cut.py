@@ -25,11 +25,13 @@ class Manner:
 
 @dataclass(frozen=True)
 class Cut:
-    """One cut: its `depth` and how far the levels can still go in all, this one included, both mm; `landing` inside the stock."""
+    """One cut: its `depth` and how far the levels can still go in all, this one included, both mm; `landing` inside the stock; `margin`
+    is the share of their margins that limits keep: below zero they may be exceeded by as much."""
 
     depth: float
     left: float
     landing: float
+    margin: float = 1.0
 
     @property
     def clearance(self) -> float:

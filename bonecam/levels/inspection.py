@@ -102,6 +102,19 @@ class Inspection:
         other._cuts = dict(self._cuts)
         return other
 
+    def trouble(self, cuts: Iterable[int], doubts: bool) -> tuple[int, float]:
+        """How many faces of the levels of these cuts cut others, and how far the worst place measured breaks a limit, mm; with `doubts` the
+        worst that the certificates leave open."""
+        some = [self._cuts[k] for k in cuts]
+        return sum(cut.level.self_intersections for cut in some), max(cut.over if doubts else cut.measured for cut in some)
+
+    def restore(self, other: "Inspection", cuts: Iterable[int]) -> None:
+        """Take these cuts as the other inspection has them."""
+        for k in cuts:
+            self._cuts.pop(k)
+            if k in other._cuts:
+                self._cuts[k] = other._cuts[k]
+
     @property
     def levels(self) -> tuple[Level, ...]:
         """Levels 0 (the part) to K (the stock)."""

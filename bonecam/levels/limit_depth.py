@@ -11,4 +11,4 @@ MARGIN, SHARE = 0.001, 0.005
 
 def depth(cut: Cut, gap: Float[ndarray, " k"]) -> tuple[Float[ndarray, " k"], Float[ndarray, " k"]]:
     """Least and largest height, mm, of samples that are `gap` inside the stock at the level before."""
-    return np.full(len(gap), -np.inf), np.full(len(gap), cut.depth - min(MARGIN, SHARE * cut.depth))
+    return np.full(len(gap), -np.inf), np.full(len(gap), cut.depth - cut.margin * min(MARGIN, SHARE * cut.depth))

@@ -5,8 +5,9 @@ stock's surface lies within one depth of the last one; the stock itself is the l
 """
 
 import time
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -31,15 +32,12 @@ from bonecam.surface.tspline import TSpline
 METHODS = {"qp": (NEST_TOLERANCE, STOCK_TOLERANCE), "qcqp": (0.02, 2 * STOCK_TOLERANCE), "osqp": (NEST_TOLERANCE, STOCK_TOLERANCE)}
 """How far (mm) a level may fall behind the one before and leave the stock: the published program says nothing of the one, and holds
 the other at samples only."""
-STIFFNESS, COARSE, MENDS = 5e-7, 0.02, 6
+STIFFNESS, COARSE, MENDS = 5e-7, 0.02, 3
 ACCEPTED = 0.01
 """Where no sequence keeps every tolerance, one that breaks depth, nesting or stock by no more (mm, the size of the
 gouge tolerance) is taken. The report tells it."""
 FAR = 0.1
-"""Levels that break a limit by more (mm) are not mended."""
-MOST_MENDED = 3000
-"""Points near their limits that are watched when levels are mended; where there are more, another sequence is tried, and where more than
-half of the levels fail."""
+"""Levels that break a limit by more (mm) are not mended, and none where more than half of the levels fail."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,24 +142,39 @@ def _surer(inspection: Inspection, making: Sequences) -> Inspection:
 
 def _mend(inspection: Inspection, making: Sequences, made: Sequence[ndarray], *, doubts: bool = False) -> None:
     """Move the levels that failed (and those their certificates `doubts`) as little as keeps their limits, with the places watched that
-    are near them, until nothing fails or nothing helps."""
-    trouble = (len(made), np.inf, np.inf)
-    for _ in range(MENDS):
-        failed = inspection.failed + inspection.uncertain * doubts
-        watched = np.vstack([cut.found.near_limits for cut in inspection.cuts])
-        which = {cut.level.index for cut in failed} - {len(made)}
-        if not which or len(which) > len(made) / 2 or not 0 < len(watched) <= MOST_MENDED:
+    are near them, each MENDS times at most. Levels next to each other that are no better for it stay as they were."""
+    made, mended, watched = [*made], Counter[int](), defaultdict[int, list[ndarray]](list)
+    while True:
+        failed = {cut.level.index: cut for cut in inspection.failed + inspection.uncertain * doubts}
+        over = {k: cut.over if doubts else cut.measured for k, cut in failed.items()}
+        which = {k for k in failed if k < len(made) and over[k] <= FAR and mended[k] < MENDS}
+        if not which or len(failed) > len(made) / 2:
             return
-        worst = max(cut.over if doubts else cut.measured for cut in failed)
-        before, trouble = trouble, (len(which), sum(cut.level.self_intersections for cut in failed), worst)
-        if worst > FAR or all(now >= then for now, then in zip(trouble, before)):
-            return
-        making = replace(making, setting=making.setting.watching(watched))
-        made, moved = making.mended(made, which)
-        cuts = len(made)
-        made = making.onward(made)
-        fresh = range(cuts, len(made) + 1) if len(made) > cuts else ()
-        inspection.measure(made, sorted({*fresh, *(k for level in moved for k in (level, level + 1))}))
+        mended.update(which)
+        for k, cut in enumerate(inspection.cuts, start=1):
+            for near in (k - 1, k, k + 1):
+                watched[near].append(cut.found.near_limits)
+        folded = {k for k in which if failed[k].level.self_intersections and k + 1 < len(made)}
+        before, places = inspection.copy(), {k: np.vstack(some) for k, some in watched.items()}
+        attempt, moved = making.mended(made, which, folded, places)
+        inspection.measure(attempt, sorted({cut for k in moved for cut in (k, k + 1)}))
+        attempt = making.onward(attempt)
+        if len(attempt) > len(made):
+            inspection.measure(attempt, range(len(made), len(attempt) + 1))
+        for first, last in _runs(moved):
+            after = last + 1 if last + 1 < len(made) else len(attempt)
+            if inspection.trouble(range(first, after + 1), doubts) >= before.trouble(range(first, last + 2), doubts):
+                for k, cut in enumerate(inspection.cuts[first - 1 : after], start=first):
+                    watched[k].append(cut.found.near_limits)
+                inspection.restore(before, range(first, after + 1))
+                attempt[first:after] = made[first : last + 1]
+        made = attempt
+
+
+def _runs(numbers: Sequence[int]) -> list[tuple[int, int]]:
+    """First and last of those that follow each other; the numbers rise."""
+    firsts, lasts = ([k for k in numbers if k + step not in numbers] for step in (-1, 1))
+    return list(zip(firsts, lasts))
 
 
 def _by_cones(

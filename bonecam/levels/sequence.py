@@ -1,6 +1,6 @@
 """Sequences of levels, each from the one before, up to the last below the stock; none is measured here (`inspection.py`)."""
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +17,7 @@ from bonecam.progress import Progress, report
 VARIANTS = (
     (3e-7, 1e-4, 1.0, 2.0, 3.0),
     (1e-6, 1e-4, 1.0, 2.0, 0.05),
+    (3e-7, 1e-4, 0.0, 2.0, 0.05),
     (3e-7, 1e-4, 1.0, 2.0, 0.05),
     (3e-6, 1e-4, 0.7, 2.0, 0.05),
     (1e-5, 1e-4, 0.7, 2.0, 0.05),
@@ -24,21 +25,25 @@ VARIANTS = (
     (1e-6, 1e-3, 1.0, 2.0, 0.05),
 )
 """Bending, smoothing of the field of directions, haste, how far beyond is pulled and how evenly (`Manner`); tried in turn. The first
-gets the deepest cuts; what keeps creases sharp enough for that may break limits, where the others do not."""
+gets the deepest cuts; what keeps creases sharp enough for that may break limits, where the others do not. The third has no haste: all
+places come to the stock together, hollows stay wide, and broad parts get levels on which the others fold."""
 LAST, LATE = 3, 0.5
 """Where there are more cuts than K_min, the last so many levels below the stock are made again with this haste at most: what is left is
 wider and shallower then, and the last levels can follow it."""
-SPARE = (0, 0, 0.06, 0.2, np.inf, np.inf, np.inf)
+SPARE = (0, 0, 0.2, 0.2, np.inf, np.inf, np.inf, np.inf)
 """How many cuts beyond K_min, as a share of it, a sequence may have to be measured once so many were tried; one cut from the second on."""
 STILL = 1e-6
 """Levels stay that would be mended by moves of control points that are less (mm)."""
 STALL, SOFTEN, PATIENCE, MOST_EXTRA = 0.25, 0.1, 4, 5
+MENDED = -0.5
+"""Share of the limits' margins that mended levels keep: those above follow less and less, where with all of it they follow all the way,
+and farther and farther along the level."""
 RESCUES = 3
 """Levels of a sequence that may be made in other manners because they break their limits."""
 EASINGS, EASED = 4, 0.1
 """How often the pull on a place that folds or breaks its limits is eased, each time to this share."""
-LANDING, CREEP = 0.03, 0.01
-"""How far inside the stock (mm) the last level stays, and how much more each level before it."""
+LANDING, CREEP, FARTHEST_LANDING = 0.03, 0.01, 0.15
+"""How far inside the stock (mm) the last level stays, how much more each level before it, and all levels together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +101,7 @@ class Sequences:
             rests.append(rest := remaining(self.setting, made[-1], before))
             stalled = rest.left > before.left - STALL * limit(k)
             stalls, softened = (stalls + 1, _softer(softened)) if stalled else (0, softened)
-            if stalls > PATIENCE or k >= self.lower_bound + max(MOST_EXTRA, self.lower_bound // 3):
+            if stalls > PATIENCE or k >= self.lower_bound + self._most_extra:
                 raise LevelError(
                     f"level {k} gets no nearer to the stock than {rest.left:.3f} mm at {place_name(rest.place)}: give more control points",
                     level=k,
@@ -114,13 +119,20 @@ class Sequences:
                     return step
         raise _broken(k, min(tried, key=lambda step: step.broken))
 
-    def mended(self, made: Sequence[ndarray], which: Collection[int]) -> tuple[list[ndarray], list[int]]:
-        """The same with some levels moved as little as keeps their limits, and those above them that then break theirs; and which moved."""
+    def mended(
+        self, made: Sequence[ndarray], which: Collection[int], folded: Collection[int], watched: Mapping[int, ndarray]
+    ) -> tuple[list[ndarray], list[int]]:
+        """The same with some levels moved as little as keeps their limits, and those above them that then break theirs; and which moved.
+
+        The `folded` ones start midway between those below and above. `watched` are parameters (s, t) of more places of each level on which
+        its limits are watched.
+        """
         made, moved = list(made), list[int]()
         for k in range(1, len(made)):
             if k in which or k - 1 in moved:
                 report(self.progress, min(1.0, k / self.lower_bound), f"level {k} again")
-                step = kept_level(self.setting, made[k - 1], made[k], self.cut(k))
+                setting, cut = self.setting.watching(watched[k]), replace(self.cut(k), margin=MENDED)
+                step = kept_level(setting, made[k - 1], (made[k - 1] + made[k + 1]) / 2 if k in folded else made[k], cut)
                 level = made[k - 1] + step.moves
                 if step.broken <= MENDABLE and np.abs(level - made[k]).max() > STILL:
                     made[k] = level
@@ -132,14 +144,21 @@ class Sequences:
         rest = remaining(self.setting, made[-1], whole(self.setting.stock))
         return self._outwards(made, [rest], _manner(self.stiffness, *VARIANTS[0]))[0]
 
-    def cut(self, k: int) -> Cut:
-        """Cut k as the program of level k sees it."""
-        left = sum(self.schedule.limit(later) for later in range(k, max(k, self.lower_bound) + 1))
-        return Cut(self.schedule.limit(k), left, LANDING + CREEP * max(0, self.lower_bound - 1 - k))
+    def cut(self, k: int, left: float = 0.0) -> Cut:
+        """Cut k as the program of level k sees it, where so much is `left` to the stock at most, mm."""
+        longest = self.lower_bound - 1 + self._most_extra - MOST_EXTRA
+        creep = min(CREEP, FARTHEST_LANDING / max(longest, 1)) * max(0, longest - k)
+        on_schedule = sum(self.schedule.limit(later) for later in range(k, max(k, self.lower_bound) + 1))
+        return Cut(self.schedule.limit(k), max(on_schedule, left), LANDING + creep)
+
+    @property
+    def _most_extra(self) -> int:
+        """How many levels more than K_min a sequence may have."""
+        return max(MOST_EXTRA, self.lower_bound // 3)
 
     def _next(self, P: ndarray, k: int, rest: Remaining, manner: Manner) -> Step:
         """The step from P to level k; where it folds or breaks its limits the pull is eased (if it still does, the check decides)."""
-        cut = self.cut(k)
+        cut = self.cut(k, rest.left)
         if k >= self.lower_bound - LAST:
             manner = replace(manner, haste=manner.late)
         ease, tried = np.ones(len(P)), []

@@ -1,14 +1,20 @@
 """Levels that are mended move as little as keeps their limits, and go on to the stock where that took them away from it."""
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 from test_morph import SCHEDULE, STOCK, waisted
 
 from bonecam.levels.attraction import ATTRACTIONS
+from bonecam.levels.check import DEPTH_TOLERANCE
 from bonecam.levels.cut import Manner
+from bonecam.levels.inspection import Inspection, Rules
+from bonecam.levels.morph import _mend, _runs
 from bonecam.levels.remaining import remaining, whole
 from bonecam.levels.samples import creases
-from bonecam.levels.sequence import Sequences
+from bonecam.levels.sequence import FARTHEST_LANDING, LANDING, MENDED, Sequences
 from bonecam.levels.setting import setting_of
 from bonecam.levels.step import kept_level
 from bonecam.progress import silent
@@ -30,14 +36,85 @@ def made(making: Sequences) -> list[np.ndarray]:
     return making.sequence(MANNER, remaining(setting, setting.surface.control_points, whole(STOCK)))
 
 
+def unwatched(made: list[np.ndarray]) -> dict[int, np.ndarray]:
+    return {k: np.empty((0, 2)) for k in range(len(made))}
+
+
 def test_mended_levels_keep_their_limits_and_move_little(making: Sequences, made: list[np.ndarray]) -> None:
     setting, spoilt = making.setting, [*made]
     spoilt[3] = made[2] + 1.02 * (made[3] - made[2])
-    mended, moved = making.mended(spoilt, {3})
+    mended, moved = making.mended(spoilt, {3}, (), unwatched(made))
     assert 3 in moved
     assert all(np.array_equal(mended[k], spoilt[k]) for k in range(len(made)) if k not in moved)
     assert max(np.linalg.norm(setting.watch.R @ (mended[k] - spoilt[k]), axis=1).max() for k in moved) < 0.1
-    assert all(kept_level(setting, mended[k - 1], mended[k], making.cut(k)).broken < 0.001 for k in moved)
+    assert all(kept_level(setting, mended[k - 1], mended[k], replace(making.cut(k), margin=MENDED)).broken < 0.001 for k in moved)
+
+
+def test_levels_above_a_mended_one_follow_less_and_less(making: Sequences, made: list[np.ndarray]) -> None:
+    """What a level goes back for its depth those above need not all, within their margins."""
+    spoilt = [*made]
+    spoilt[3] = made[2] + 1.005 * (made[3] - made[2])
+    _, moved = making.mended(spoilt, {3}, (), unwatched(made))
+    assert moved == list(range(3, 3 + len(moved)))
+    assert len(moved) < len(made) - 4
+
+
+def test_a_folded_level_starts_again_midway(making: Sequences, made: list[np.ndarray]) -> None:
+    setting, spoilt = making.setting, [*made]
+    some = np.arange(len(made[3])) % 7 == 3
+    spoilt[3] = made[3] + 4.0 * some[:, None] * np.array([0.0, 0.0, 1.0])
+    mended, moved = making.mended(spoilt, {3}, {3}, unwatched(made))
+    assert 3 in moved
+    assert np.linalg.norm(setting.watch.R @ (mended[3] - (made[2] + made[4]) / 2), axis=1).max() < 0.05
+
+
+@pytest.fixture
+def spoilt(making: Sequences, made: list[np.ndarray]) -> tuple[list[np.ndarray], Inspection]:
+    """Level 3 is too deep, and measured."""
+    levels = [*made]
+    levels[3] = made[2] + 1.02 * (made[3] - made[2])
+    return levels, Inspection(making.setting.surface, levels, Rules(STOCK, SCHEDULE, 0.001, 0.001, 0.02), silent)
+
+
+def test_what_is_mended_is_measured_again(making: Sequences, spoilt: tuple[list[np.ndarray], Inspection]) -> None:
+    levels, inspection = spoilt
+    assert inspection.trouble([3, 4], doubts=False) > (0, 0.005)
+    _mend(inspection, making, levels)
+    assert inspection.trouble([3, 4], doubts=False) < (0, DEPTH_TOLERANCE)
+    assert {3, 4}.isdisjoint(cut.level.index for cut in inspection.failed)
+
+
+def test_what_is_no_better_mended_stays_as_it_was(
+    making: Sequences, spoilt: tuple[list[np.ndarray], Inspection], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    levels, inspection = spoilt
+    before = inspection.trouble(range(1, len(levels) + 1), doubts=False)
+
+    def worse(self: Sequences, made: list[np.ndarray], *_: Any) -> tuple[list[np.ndarray], list[int]]:
+        return [*made[:3], made[2] + 1.1 * (made[3] - made[2]), *made[4:-1], 0.9 * made[-1] + 0.1 * made[-2]], [3, len(made) - 1]
+
+    monkeypatch.setattr(Sequences, "mended", worse)
+    _mend(inspection, making, levels)
+    assert inspection.trouble(range(1, len(levels) + 1), doubts=False) == before
+    for level, net in zip(inspection.levels, levels):
+        assert level.surface is not None
+        assert np.array_equal(level.surface.control_points, net)
+    assert len(inspection.levels) == len(levels) + 1
+
+
+def test_runs_are_numbers_that_follow_each_other() -> None:
+    assert _runs([]) == []
+    assert _runs([4]) == [(4, 4)]
+    assert _runs([1, 2, 3, 7, 9, 10]) == [(1, 3), (7, 7), (9, 10)]
+
+
+def test_the_landing_creeps_outwards_and_not_from_far(making: Sequences) -> None:
+    for lower_bound in (1, 2, 16, 40, 100):
+        some = replace(making, lower_bound=lower_bound)
+        landings = np.array([some.cut(k).landing for k in range(1, lower_bound + 1)])
+        assert (np.diff(landings[:-1]) < 0).all()
+        assert landings.max() <= LANDING + FARTHEST_LANDING
+        assert landings.min() >= LANDING
 
 
 def test_levels_that_end_too_early_go_on_to_the_stock(making: Sequences, made: list[np.ndarray]) -> None:
