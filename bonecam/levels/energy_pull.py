@@ -2,7 +2,8 @@
 
 A sample should go as far as it may, and is pulled beyond, where the way to the stock needs all the depth the cuts to come have; a place
 with less to go takes at least `haste` of the depth, so that all come to the stock together: where some come early, levels crowd into
-what is left between them and fold. In narrow hollows walls go less, for the same reason (`narrows.py`).
+what is left between them and fold. In narrow hollows walls go less, for the same reason (`narrows.py`). Nothing is pulled farther than
+the stock's wall: what lies at it already would be drawn along it, and waves of one level would no longer fit into those of the next.
 """
 
 import numpy as np
@@ -63,4 +64,5 @@ def targets(
         distance = lengths(y - c)
         slope = dots(y - c, towards) / np.maximum(distance, np.finfo(float).tiny)
         reach = np.clip(reach + (height - distance) / np.maximum(slope, LEAST_COSINE), 0, LONGEST * height)
+    reach = np.minimum(reach, gap / np.maximum(dots(towards, stock.outward(x)), LEAST_COSINE))
     return inside(stock, x + reach[:, None] * towards, np.minimum(gap, cut.landing))

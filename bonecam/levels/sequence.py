@@ -17,7 +17,7 @@ from bonecam.progress import Progress, report
 VARIANTS = (
     (3e-7, 1e-4, 1.0, 2.0, 3.0),
     (1e-6, 1e-4, 1.0, 2.0, 0.05),
-    (3e-7, 1e-4, 0.0, 2.0, 0.05),
+    (3e-7, 1e-4, 0.3, 2.0, 0.05),
     (3e-7, 1e-4, 1.0, 2.0, 0.05),
     (3e-6, 1e-4, 0.7, 2.0, 0.05),
     (1e-5, 1e-4, 0.7, 2.0, 0.05),
@@ -25,8 +25,8 @@ VARIANTS = (
     (1e-6, 1e-3, 1.0, 2.0, 0.05),
 )
 """Bending, smoothing of the field of directions, haste, how far beyond is pulled and how evenly (`Manner`); tried in turn. The first
-gets the deepest cuts; what keeps creases sharp enough for that may break limits, where the others do not. The third has no haste: all
-places come to the stock together, hollows stay wide, and broad parts get levels on which the others fold."""
+gets the deepest cuts; what keeps creases sharp enough for that may break limits, where the others do not. The third has little
+haste: places come to the stock together, hollows stay wide, and broad parts get levels where those of the others fold."""
 LAST, LATE = 3, 0.5
 """Where there are more cuts than K_min, the last so many levels below the stock are made again with this haste at most: what is left is
 wider and shallower then, and the last levels can follow it."""

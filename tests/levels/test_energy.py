@@ -1,5 +1,6 @@
 """What all energies promise, whichever are listed, and that one more in a list is part of the program."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -9,9 +10,11 @@ from test_morph import STOCK
 from test_step import CUT, MANNER, setting
 
 from bonecam.levels import program
+from bonecam.levels.attraction import unit
 from bonecam.levels.cut import ROUGH
 from bonecam.levels.energy import Given, Pulled, Quadratic
 from bonecam.levels.energy_plate import plate
+from bonecam.levels.energy_pull import targets
 from bonecam.levels.limits import feet
 from bonecam.levels.program import NET, SAMPLED, Program, program_of, split
 from bonecam.levels.remaining import remaining, whole
@@ -73,6 +76,20 @@ def test_the_plate_is_stiffness_of_the_moves_and_bending_of_the_level() -> None:
     of_moves, after, now = (float(np.einsum("ij,ij->", net, M @ net)) for net in (moves, P + moves, P))
     value = np.einsum("ij,ij->", D, found.matrix @ D) + 2 * np.einsum("ij,ij->", found.linear, D)
     assert value == pytest.approx(MANNER.stiffness * of_moves + bending * (after - now))
+
+
+def test_what_is_near_the_wall_is_not_drawn_along_it() -> None:
+    middle = STOCK.start + (STOCK.end - STOCK.start) / 2
+    net = middle + 1.09 * (given().before.control_points - middle)
+    near, samples = replace(given(), before=setting().surface.with_control_points(net)), setting().samples
+    x = samples.R @ net
+    gap, outward = -STOCK.signed_distance(x), STOCK.outward(x)
+    assert gap.min() < 0.5 * CUT.depth < 0.5 < gap.max()
+    oblique = unit(outward + unit(np.cross(outward, RNG.normal(size=3))))
+    found = targets(near, x, samples.s, samples.t, samples.normals(net), oblique, np.ones(len(x)))
+    way = np.linalg.norm(found - x, axis=1)
+    assert (way <= np.sqrt(2) * gap + 1e-9).all()
+    assert way[gap > CUT.depth].min() > 0.4 * CUT.depth
 
 
 def test_a_new_energy_is_one_function_more(monkeypatch: pytest.MonkeyPatch) -> None:
