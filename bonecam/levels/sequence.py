@@ -58,20 +58,21 @@ class Sequences:
     stiffness: float
 
     def all(self, rest: Remaining) -> Iterator[list[ndarray]]:
-        """Sequences to be measured, the shortest known first. LevelError where there is none."""
-        waiting: list[list[ndarray]] = []
+        """Sequences to be measured, the shortest known first, of two as short the one with less haste. LevelError where there is none."""
+        waiting: list[tuple[Manner, list[ndarray]]] = []
         failure: LevelError | None = None
         yielded = False
         for place, (variant, spare) in enumerate(zip(VARIANTS, SPARE, strict=True)):
+            manner = _manner(self.stiffness, *variant)
             try:
-                waiting.append(self.sequence(_manner(self.stiffness, *variant), rest))
+                waiting.append((manner, self.sequence(manner, rest)))
             except LevelError as error:
                 failure = failure or error
-            waiting.sort(key=len)
+            waiting.sort(key=lambda one: (len(one[1]), one[0].haste))
             most = self.lower_bound + max(place > 0, spare * self.lower_bound)
-            while waiting and len(waiting[0]) <= most:
+            while waiting and len(waiting[0][1]) <= most:
                 yielded = True
-                yield waiting.pop(0)
+                yield waiting.pop(0)[1]
         if failure is not None and not yielded:
             raise failure
 
