@@ -96,12 +96,13 @@ class Linker:
     ) -> tuple[Bool[ndarray, " k"], list[Moves]]:
         """Short links from ends to starts (each: centres, normals, axes (k, 3)), and which of them are proven free."""
         (a, na, va), (b, nb, vb) = ends, starts
-        between, turning = interpolated(a + HOP_LIFT * na, b + HOP_LIFT * nb, va, vb, HOP_STEPS)
+        turned = angles_between(va, vb) > HOP_TURN  # refused, and opposite axes have no turn between them
+        between, turning = interpolated(a + HOP_LIFT * na, b + HOP_LIFT * nb, va, np.where(turned[:, None], va, vb), HOP_STEPS)
         turning = round_pole(turning, between, np.repeat(np.arange(len(a)), HOP_STEPS + 1))
         between, turning = between.reshape(len(a), HOP_STEPS + 1, 3), turning.reshape(len(a), HOP_STEPS + 1, 3)
         hops = [Moves.along(Kind.LINK, *way, min(self.feeds.link, self._checker.cutter.feed)) for way in zip(between, turning, strict=True)]
         c, v = (np.concatenate([x[:, None], y, z[:, None]], axis=1) for x, y, z in ((a, between, b), (va, turning, vb)))
-        good = (np.linalg.norm(b - a, axis=1) <= near) & (angles_between(va, vb) <= HOP_TURN)
+        good = (np.linalg.norm(b - a, axis=1) <= near) & ~turned
         good &= np.array([nearest_to_pole(way).min() > AT_POLE for way in v], dtype=bool)
         which = np.flatnonzero(good)
         if len(which):

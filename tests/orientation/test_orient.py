@@ -13,6 +13,7 @@ from bonecam.orientation import links
 from bonecam.orientation.admissible import fan
 from bonecam.orientation.lead import lead_axes
 from bonecam.orientation.limits import AxisLimits, angles_between, polar, unit
+from bonecam.orientation.moves import Checker
 from bonecam.orientation.orient import MAX_TURN, orient
 from bonecam.orientation.pole import AT_POLE, CONE, nearest_to_pole, round_pole
 from bonecam.orientation.scene import Scene
@@ -163,6 +164,17 @@ def test_a_stubby_tool_leaves_what_its_holder_cannot_reach() -> None:
     for h in (0.0, 20.0, 50.0):
         assert material.signed(tips + (12.0 + h) * axes).min() > 0
     assert set(path.reasons) <= {"post", "gouge", "collision", "limits"}
+
+
+def test_a_hop_between_opposite_axes_is_refused() -> None:
+    """There is no turn between them to be proven free."""
+    level, material = bodies.mesh_of(bodies.waist(0.8)), bodies.mesh_of(bodies.waist(0.8, 0.4))
+    scene = Scene(level, material, bodies.stock(), post_below(level, bodies.HOLDING))
+    linker = links.Linker(Checker(scene, bodies.ROUGH), MIKRON, PathJob().clearance, links.Feeds(500.0, 200.0, 5000.0))
+    place, x = np.array([[0.0, 0.0, 60.0]]), np.array([[1.0, 0.0, 0.0]])
+    good, hops = linker.hops((place, x, x), (place + 0.1, x, -x), near=1.0)
+    assert not good.any()
+    assert len(hops) == 1
 
 
 def test_no_reach_at_all_is_an_error() -> None:
