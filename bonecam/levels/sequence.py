@@ -43,7 +43,8 @@ RESCUES = 3
 EASINGS, EASED = 4, 0.1
 """How often the pull on a place that folds or breaks its limits is eased, each time to this share."""
 LANDING, CREEP, FARTHEST_LANDING = 0.03, 0.01, 0.15
-"""How far inside the stock (mm) the last level stays, how much more each level before it, and all levels together."""
+"""How far inside the stock (mm) the last level stays, how much more each level before it, and how much more the first at most. Where large
+parts take more levels than K_min those creep as well: levels at the wall that had no room at all would break their limits."""
 
 
 @dataclass(frozen=True, eq=False)
