@@ -121,6 +121,11 @@ class Inspection:
         return (self._part, *(self._cuts[k].level for k in sorted(self._cuts)))
 
     @property
+    def nets(self) -> list[ndarray]:
+        """Control points of levels 0 to K - 1."""
+        return [level.surface.control_points for level in self.levels if level.surface is not None]
+
+    @property
     def cuts(self) -> tuple[Cut, ...]:
         """Cuts 1 to K."""
         return tuple(self._cuts[k] for k in sorted(self._cuts))

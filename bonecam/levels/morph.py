@@ -129,15 +129,19 @@ def morph(
 
 
 def _surer(inspection: Inspection, making: Sequences) -> Inspection:
-    """Levels that measure well with those that only their certificates doubt mended; as they were where that breaks a measure."""
+    """Levels that measure well with those that only their certificates doubt mended, and one more below the stock where the points measured
+    missed what is left in a slit; as they were where that breaks a measure."""
     if inspection.failed or not inspection.uncertain:
         return inspection
-    again, nets = inspection.copy(), [level.surface.control_points for level in inspection.levels if level.surface is not None]
+    again, slit = inspection.copy(), inspection.cuts[-1].over > ACCEPTED
     try:
-        _mend(again, making, nets, doubts=True)
+        _mend(again, making, again.nets, doubts=True)
+        if again.cuts[-1].over > ACCEPTED:
+            made, longer = again.nets, making.onward(again.nets, len(again.nets) + 1)
+            again.measure(longer, range(len(made), len(longer) + 1))
     except LevelError:
         return inspection
-    return inspection if again.failed or len(again.cuts) > len(inspection.cuts) else again
+    return inspection if again.failed or (len(again.cuts) > len(inspection.cuts) and not slit) else again
 
 
 def _mend(inspection: Inspection, making: Sequences, made: Sequence[ndarray], *, doubts: bool = False) -> None:

@@ -88,10 +88,12 @@ class Sequences:
                 return again
         return made
 
-    def _outwards(self, made: list[ndarray], rests: list[Remaining], manner: Manner) -> tuple[list[ndarray], list[Remaining]]:
-        """The levels made already and those above them, and what is left to the stock from each."""
+    def _outwards(
+        self, made: list[ndarray], rests: list[Remaining], manner: Manner, least: int = 0
+    ) -> tuple[list[ndarray], list[Remaining]]:
+        """The levels made already and those above them, so many at least, and what is left to the stock from each."""
         made, rests, stalls, rescued, limit, softened = [*made], [*rests], 0, 0, self.schedule.limit, manner
-        while rests[-1].left > limit(len(made)):
+        while len(made) < least or rests[-1].left > limit(len(made)):
             k, before = len(made), rests[-1]
             report(self.progress, min(1.0, k / self.lower_bound), f"level {k}")
             step = self._next(made[-1], k, before, softened)
@@ -141,10 +143,10 @@ class Sequences:
                     moved.append(k)
         return made, moved
 
-    def onward(self, made: list[ndarray]) -> list[ndarray]:
-        """The same and the levels that are needed above the last, where mending took that farther from the stock."""
+    def onward(self, made: list[ndarray], least: int = 0) -> list[ndarray]:
+        """The same, so many levels at least, and those that are needed above the last where mending took that farther from the stock."""
         rest = remaining(self.setting, made[-1], whole(self.setting.stock))
-        return self._outwards(made, [rest], _manner(self.stiffness, *VARIANTS[0]))[0]
+        return self._outwards(made, [rest], _manner(self.stiffness, *VARIANTS[0]), least)[0]
 
     def cut(self, k: int, left: float = 0.0) -> Cut:
         """Cut k as the program of level k sees it, where so much is `left` to the stock at most, mm."""

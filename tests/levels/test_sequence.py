@@ -8,10 +8,11 @@ import pytest
 from test_morph import SCHEDULE, STOCK, waisted
 
 from bonecam.levels.attraction import ATTRACTIONS
+from bonecam.levels.certificate import certificate_of_last
 from bonecam.levels.check import DEPTH_TOLERANCE
 from bonecam.levels.cut import Manner
 from bonecam.levels.inspection import Inspection, Rules
-from bonecam.levels.morph import _mend, _runs
+from bonecam.levels.morph import _mend, _runs, _surer
 from bonecam.levels.remaining import remaining, whole
 from bonecam.levels.samples import creases
 from bonecam.levels.sequence import FARTHEST_LANDING, LANDING, MENDED, Sequences
@@ -100,6 +101,21 @@ def test_what_is_no_better_mended_stays_as_it_was(
         assert level.surface is not None
         assert np.array_equal(level.surface.control_points, net)
     assert len(inspection.levels) == len(levels) + 1
+
+
+def test_a_slit_that_the_points_measured_missed_takes_one_more_level(making: Sequences, made: list[np.ndarray]) -> None:
+    inspection = Inspection(
+        making.setting.surface, making.mended(made, {5}, (), unwatched(made))[0], Rules(STOCK, SCHEDULE, 0.01, 0.001, 0.02), silent
+    )
+    assert not inspection.failed
+    last = inspection.cuts[-1]
+    sure = certificate_of_last(inspection.levels[-2].surface, STOCK, last.level.limit)
+    deep = replace(last.level, certificate=replace(sure, depth=last.level.limit + 0.05))
+    inspection._cuts[deep.index] = replace(last, level=deep)
+    again = _surer(inspection, making)
+    assert len(again.cuts) == len(made) + 1
+    assert again.cuts[-1].over < 0.01
+    assert not again.failed
 
 
 def test_runs_are_numbers_that_follow_each_other() -> None:
