@@ -107,7 +107,7 @@ def morph(
         try:
             inspection = Inspection(surface, made, rules, measuring)
             if method != "qcqp":
-                _mend(inspection, making, made)
+                _mend(inspection, making)
                 inspection = _surer(inspection, making)
         except LevelError as error:
             failure = failure or error
@@ -135,23 +135,22 @@ def _surer(inspection: Inspection, making: Sequences) -> Inspection:
         return inspection
     again, slit = inspection.copy(), inspection.cuts[-1].over > ACCEPTED
     try:
-        _mend(again, making, again.nets, doubts=True)
+        _mend(again, making, doubts=True)
         if again.cuts[-1].over > ACCEPTED:
-            made, longer = again.nets, making.onward(again.nets, len(again.nets) + 1)
-            again.measure(longer, range(len(made), len(longer) + 1))
+            longer = making.onward(again.nets, len(again.nets) + 1)
+            again.measure(longer, range(len(again.nets), len(longer) + 1))
     except LevelError:
         return inspection
     return inspection if again.failed or (len(again.cuts) > len(inspection.cuts) and not slit) else again
 
 
-def _mend(inspection: Inspection, making: Sequences, made: Sequence[ndarray], *, doubts: bool = False) -> None:
+def _mend(inspection: Inspection, making: Sequences, *, doubts: bool = False) -> None:
     """Move the levels that failed (and those their certificates `doubts`) as little as keeps their limits, with the places watched that
     are near them, each MENDS times at most. Levels next to each other that are no better for it stay as they were."""
-    made, mended, watched = [*made], Counter[int](), defaultdict[int, list[ndarray]](list)
+    mended, watched = Counter[int](), defaultdict[int, list[ndarray]](list)
     while True:
-        failed = {cut.level.index: cut for cut in inspection.failed + inspection.uncertain * doubts}
-        over = {k: cut.over if doubts else cut.measured for k, cut in failed.items()}
-        which = {k for k in failed if k < len(made) and over[k] <= FAR and mended[k] < MENDS}
+        made, failed = inspection.nets, {cut.level.index: cut for cut in inspection.failed + inspection.uncertain * doubts}
+        which = {k for k in failed if k < len(made) and inspection.trouble([k], doubts)[1] <= FAR and mended[k] < MENDS}
         if not which or len(failed) > len(made) / 2:
             return
         mended.update(which)
@@ -161,18 +160,15 @@ def _mend(inspection: Inspection, making: Sequences, made: Sequence[ndarray], *,
         folded = {k for k in which if failed[k].level.self_intersections and k + 1 < len(made)}
         before, places = inspection.copy(), {k: np.vstack(some) for k, some in watched.items()}
         attempt, moved = making.mended(made, which, folded, places)
-        inspection.measure(attempt, sorted({cut for k in moved for cut in (k, k + 1)}))
         attempt = making.onward(attempt)
-        if len(attempt) > len(made):
-            inspection.measure(attempt, range(len(made), len(attempt) + 1))
+        fresh = range(len(made), len(attempt) + 1) if len(attempt) > len(made) else ()
+        inspection.measure(attempt, sorted({*fresh, *(cut for k in moved for cut in (k, k + 1))}))
         for first, last in _runs(moved):
             after = last + 1 if last + 1 < len(made) else len(attempt)
             if inspection.trouble(range(first, after + 1), doubts) >= before.trouble(range(first, last + 2), doubts):
                 for k, cut in enumerate(inspection.cuts[first - 1 : after], start=first):
                     watched[k].append(cut.found.near_limits)
                 inspection.restore(before, range(first, after + 1))
-                attempt[first:after] = made[first : last + 1]
-        made = attempt
 
 
 def _runs(numbers: Sequence[int]) -> list[tuple[int, int]]:

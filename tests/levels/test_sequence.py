@@ -78,9 +78,9 @@ def spoilt(making: Sequences, made: list[np.ndarray]) -> tuple[list[np.ndarray],
 
 
 def test_what_is_mended_is_measured_again(making: Sequences, spoilt: tuple[list[np.ndarray], Inspection]) -> None:
-    levels, inspection = spoilt
+    _, inspection = spoilt
     assert inspection.trouble([3, 4], doubts=False) > (0, 0.005)
-    _mend(inspection, making, levels)
+    _mend(inspection, making)
     assert inspection.trouble([3, 4], doubts=False) < (0, DEPTH_TOLERANCE)
     assert {3, 4}.isdisjoint(cut.level.index for cut in inspection.failed)
 
@@ -95,7 +95,7 @@ def test_what_is_no_better_mended_stays_as_it_was(
         return [*made[:3], made[2] + 1.1 * (made[3] - made[2]), *made[4:-1], 0.9 * made[-1] + 0.1 * made[-2]], [3, len(made) - 1]
 
     monkeypatch.setattr(Sequences, "mended", worse)
-    _mend(inspection, making, levels)
+    _mend(inspection, making)
     assert inspection.trouble(range(1, len(levels) + 1), doubts=False) == before
     for level, net in zip(inspection.levels, levels):
         assert level.surface is not None
