@@ -5,7 +5,6 @@ falls with the depth squared.
 """
 
 import numpy as np
-import scipy.sparse as sp
 
 from bonecam.levels.cut import ROUGH
 from bonecam.levels.energy import Given, Quadratic
@@ -15,5 +14,5 @@ def plate(given: Given) -> Quadratic:
     """Both, on the free moves, less their value at D = 0."""
     M, free = given.setting.M, given.setting.free
     bending = given.manner.bending * (given.cut.depth / ROUGH) ** 2
-    matrix = sp.csc_array((given.manner.stiffness + bending) * (free.T @ M @ free))
+    matrix = (given.manner.stiffness + bending) * given.setting.free_M
     return Quadratic(matrix, np.asarray(bending * (free.T @ (M @ given.before.control_points))))

@@ -39,6 +39,11 @@ class Setting:
         return joined(Places, self.watch, others), sp.csr_array(sp.vstack([self._watch_moves, others.R @ self.free]))
 
     @cached_property
+    def free_M(self) -> sp.csc_array:
+        """M over the free moves."""
+        return sp.csc_array(self.free.T @ self.M @ self.free)
+
+    @cached_property
     def _watch_moves(self) -> sp.csr_array:
         return sp.csr_array(self.watch.R @ self.free)
 
