@@ -63,11 +63,11 @@ def level_check(layers: Layers, values: Mapping[str, Any], progress: Progress) -
 
     levels = layers.kept("morph", Morph, "generate_morph_levels").levels
     for level in levels[1:]:
-        deep = level.depth_max <= level.limit + values["depth_tolerance"]
+        deep = level.deepest <= level.limit + values["depth_tolerance"]
         nested = level.nesting_min >= -values["nesting_tolerance"]
         if not (deep and nested and level.self_intersections == 0):
             raise LevelError(
-                f"level {level.index}: depth {level.depth_max:.4f} of {level.limit:g} mm, nesting {level.nesting_min:.4f} mm, "
+                f"level {level.index}: depth {level.deepest:.4f} of {level.limit:g} mm, nesting {level.nesting_min:.4f} mm, "
                 f"{level.self_intersections} self-intersections: lower the stiffness or the depth",
                 level=level.index,
             )

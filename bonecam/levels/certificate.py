@@ -3,9 +3,9 @@
 A level is a bicubic polynomial patch on every element of the T-mesh (its weights are all one), and so is each half of a patch. A patch
 lies in the hull of its 16 Bezier control points, so a convex function is nowhere on it larger than at one of them.
 
-- *Depth*: no point of level k is farther from level k - 1 than `depth`. A piece of level k is compared with level k - 1 along the bilinear
-  map of parameters that leads the piece's corners to their feet (`kernels/hull_depth.py`). Any map gives a true bound, this one a tight
-  one: where it slides by e the bound is e^2 / 2d too large.
+- *Depth*: no point of level k is farther from level k - 1 than `depth`, and none of level k - 1 from level k. A piece of the one is
+  compared with the other along the bilinear map of parameters that leads the piece's corners to their feet (`kernels/hull_depth.py`). Any
+  map gives a true bound, this one a tight one: where it slides by e the bound is e^2 / 2d too large.
 - *Stock*: the signed distance of a convex body is convex, so its largest value at control points bounds how far level k leaves the stock.
   (A stock given as a mesh may be off convex by 1e-5 of its diagonal, and the bound by as much.)
 - *Nesting*: no point of level k - 1 is farther outside level k than -`gap`. Let A be level k - 1 moved inwards by tau N, N a spline over
@@ -14,7 +14,7 @@ lies in the hull of its 16 Bezier control points, so a convex function is nowher
   to be one round one point far from level k. So A is g deep inside level k, and `gap` is g - tau. "Inside" is winding number one: the
   solid itself while level k does not cut itself, which `check.py` looks for in its tessellation.
 - *The last cut* (`certificate_of_last`) goes to the stock itself: every point of its surface is the nearest one to a point of its mesh,
-  no farther from it than the mesh's faces are deep; the faces are bounded as patches are.
+  no farther from it than the mesh's faces are deep; the faces are bounded as patches are. Patches of level K - 1 are bounded by planes.
 
 Sums are in floating point; ROUNDING is added for it. What cannot be bounded within a tolerance has the bound that was found.
 """
@@ -51,9 +51,9 @@ HALVES = np.array([[[8, 0, 0, 0], [4, 4, 0, 0], [2, 4, 2, 0], [1, 3, 3, 1]], [[1
 
 @dataclass(frozen=True, eq=False)
 class Certificate:
-    """What holds everywhere on one cut, mm, and where that is worst: no point of the outer level is farther than `depth` from the inner
-    one, no point of the inner farther than -`gap` outside the outer (-inf where that is not known), no point of the outer farther than
-    `outside` out of the stock. `too_deep` are parameters of pieces of the outer level that may be deeper than allowed."""
+    """What holds everywhere on one cut, mm, and where that is worst: no point of either level is farther than `depth` from the other,
+    no point of the inner farther than -`gap` outside the outer (-inf where that is not known), no point of the outer farther than
+    `outside` out of the stock. `too_deep` are parameters of pieces of either that may be deeper than allowed."""
 
     depth: float
     gap: float
@@ -94,14 +94,23 @@ def certify(surfaces: Sequence[TSpline], stock: Stock, limits: Sequence[float], 
 
 def certificate(inner: TSpline, outer: TSpline, stock: Stock, limit: float) -> Certificate:
     """The cut from level k (`outer`) down to level k - 1 (`inner`)."""
-    nets, boxes = _nets(outer), outer.elements().boxes
-    corners = boxes[:, [[0, 2], [1, 2], [0, 3], [1, 3]]]
-    goal, alarm = limit + CLOSE, limit + DEPTH_TOLERANCE
-    depth, deepest, over, pieces = hull_depth.depth_bound(nets, corners, _target(inner), goal, alarm, ACCURACY, SMALLEST)
+    nets = _nets(outer)
+    there, back = _apart(outer, inner, limit), _apart(inner, outer, limit)
     gap, hindmost = _gap(inner, nets)
     outside, outermost = _outside(nets, stock)
+    depth, deepest = max(there[:2], back[:2], key=lambda one: one[0])
+    return Certificate(depth, gap, outside, deepest, hindmost, outermost, np.vstack([there[2], back[2]]), there[3] + back[3])
+
+
+def _apart(level: TSpline, other: TSpline, limit: float) -> tuple[float, Float[ndarray, "3"], Float[ndarray, "k 2"], int]:
+    """How far points of a level are from another over the same T-mesh at most; where; parameters of pieces that may be farther than
+    `limit`; how many pieces that took."""
+    boxes = level.elements().boxes
+    corners = boxes[:, [[0, 2], [1, 2], [0, 3], [1, 3]]]
+    goal, alarm = limit + CLOSE, limit + DEPTH_TOLERANCE
+    bound, deepest, over, pieces = hull_depth.depth_bound(_nets(level), corners, _target(other), goal, alarm, ACCURACY, SMALLEST)
     place, too_deep = (_parameters(boxes, some) for some in (deepest[None], over))
-    return Certificate(depth + ROUNDING, gap, outside, outer.positions(*place.T)[0], hindmost, outermost, too_deep, pieces)
+    return bound + ROUNDING, level.positions(*place.T)[0], too_deep, pieces
 
 
 def certificate_of_last(inner: TSpline, stock: Stock, limit: float) -> Certificate:
@@ -112,7 +121,28 @@ def certificate_of_last(inner: TSpline, stock: Stock, limit: float) -> Certifica
         if depth <= limit + DEPTH_TOLERANCE:
             break
     outside, outermost = _outside(_nets(inner), stock)
+    depth, place = max((depth, place), _farthest_inside(_nets(inner), stock, limit), key=lambda one: one[0])
     return Certificate(depth, -outside, 0.0, place, outermost, place, np.empty((0, 2)), pieces)
+
+
+def _farthest_inside(pieces: Float[ndarray, "e 16 3"], stock: Stock, limit: float) -> tuple[float, Float[ndarray, "3"]]:
+    """How far inside the stock patches are at most, and about where; better than `limit` only where that is in doubt.
+
+    The signed distance is convex: it lies above its tangent plane in the middle of a patch.
+    """
+    worst, place, reached = 0.0, np.zeros(3), 0.0
+    for halving in range(HALVINGS):
+        middles, corners = pieces.mean(1), pieces[:, [0, 3, 12, 15]]
+        slope = np.einsum("nkx,nx->nk", pieces - middles[:, None], stock.outward(middles)).min(1)
+        most = -stock.signed_distance(middles) - slope
+        reached = max(reached, float(-stock.signed_distance(corners.reshape(-1, 3)).min()))
+        doubtful = (most > max(limit, reached + ACCURACY)) & (halving < HALVINGS - 1)
+        if not doubtful.all() and (bound := float(most[~doubtful].max())) > worst:
+            worst, place = bound, middles[np.flatnonzero(~doubtful)[np.argmax(most[~doubtful])]]
+        if not doubtful.any():
+            break
+        pieces = _quarters(pieces[doubtful])
+    return worst + ROUNDING, place
 
 
 def _depth_of_stock(on: hull_depth.Target, faces: Float[ndarray, "f 3 3"], sagitta: float) -> tuple[float, Float[ndarray, "3"], int]:
@@ -210,9 +240,14 @@ def _outside(pieces: Float[ndarray, "e 16 3"], stock: Stock) -> tuple[float, Flo
             worst, place = bound, pieces[piece, np.argmax(values[piece])]
         if not doubtful.any():
             break
-        quarters = np.einsum("aik,bjl,nklx->nabijx", HALVES, HALVES, pieces[doubtful].reshape(-1, 4, 4, 3))
-        pieces = np.ascontiguousarray(quarters.reshape(-1, 16, 3))
+        pieces = _quarters(pieces[doubtful])
     return worst + ROUNDING, place
+
+
+def _quarters(pieces: Float[ndarray, "e 16 3"]) -> Float[ndarray, "f 16 3"]:
+    """Every patch cut in four."""
+    quarters = np.einsum("aik,bjl,nklx->nabijx", HALVES, HALVES, pieces.reshape(-1, 4, 4, 3))
+    return np.ascontiguousarray(quarters.reshape(-1, 16, 3))
 
 
 def _faces(stock: Stock, chord_tolerance: float) -> tuple[Float[ndarray, "f 3 3"], float]:

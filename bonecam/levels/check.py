@@ -41,6 +41,7 @@ class Measure:
     outside: float
     crossing: ndarray
     deepest: Float[ndarray, "3"]
+    deepest_back: Float[ndarray, "3"]
     hindmost: Float[ndarray, "3"]
     outermost: Float[ndarray, "3"]
     near_limits: Float[ndarray, "k 2"]
@@ -77,16 +78,19 @@ def measure(inner: Sheet, outer: Sheet | TriangleMesh, stock: Stock, limit: floa
         behind = np.flatnonzero(ahead < 0)
         nesting, feet_at = outer.closely(inside[behind], inner.parameters[behind])
         ahead[behind] = -nesting
+        deep = np.flatnonzero(ahead > limit)
+        ahead[deep] = -outer.closely(inside[deep], inner.parameters[deep])[0]
+        too_far_back = ahead > limit + DEPTH_TOLERANCE / 2
         too_far = (depth > limit + DEPTH_TOLERANCE / 2) | (leaves > STOCK_TOLERANCE / 2)
         crossing = self_intersections(mesh)
         crossed = outer.grid.parameters[np.unique(mesh.faces[crossing])]
-        near_limits = np.vstack([outer.parameters[too_far], feet_at[nesting > NEST_TOLERANCE / 2], crossed])
+        near_limits = np.vstack([outer.parameters[too_far], inner.parameters[too_far_back], feet_at[nesting > NEST_TOLERANCE / 2], crossed])
     middle, weights, areas = depth[len(mesh.vertices) :], _areas(mesh), _areas(inner.mesh)
     full = np.zeros(len(areas), dtype=bool) if mesh is outer else gap[count:] >= REMAINS * limit
     return Measure(
         float(depth.max()),
         float(np.average(middle, weights=weights)),
-        float(np.abs(ahead).max()),
+        float(ahead.max()),
         float(np.average(np.abs(ahead[count:][full]), weights=areas[full])) if full.any() else limit,
         float(areas[full].sum()),
         np.histogram(middle, bins=BINS, range=(0, limit), weights=weights / weights.sum())[0],
@@ -94,6 +98,7 @@ def measure(inner: Sheet, outer: Sheet | TriangleMesh, stock: Stock, limit: floa
         float(leaves.max()),
         crossing,
         outside[np.argmax(depth)],
+        inside[np.argmax(ahead)],
         inside[np.argmin(ahead)],
         outside[np.argmax(leaves)],
         near_limits,
@@ -104,8 +109,9 @@ def require(
     cut: int, found: Measure, limit: float, outer: TriangleMesh, behind: float = NEST_TOLERANCE, outside: float = STOCK_TOLERANCE
 ) -> None:
     """Raise LevelError with the level, the place and the patch (a mesh) where a measure of cut `cut` is out of tolerance."""
-    if found.depth_max > limit + DEPTH_TOLERANCE:
-        _fail(cut, f"is {found.depth_max:.4f} mm deep, more than {limit} mm,", found.deepest, outer)
+    for depth, place in ((found.depth_max, found.deepest), (found.depth_max_back, found.deepest_back)):
+        if depth > limit + DEPTH_TOLERANCE:
+            _fail(cut, f"is {depth:.4f} mm deep, more than {limit} mm,", place, outer)
     if found.nesting_min < -behind:
         _fail(cut, f"falls {-found.nesting_min:.4f} mm behind the level before", found.hindmost, outer)
     if found.outside > outside:

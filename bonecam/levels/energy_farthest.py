@@ -14,14 +14,14 @@ FARTHEST, MOST, WEIGHT = 1.0, 600, 0.3
 def farthest(given: Given) -> Pulled:
     """The feet are samples of their own, the farther the point the heavier."""
     before, rest = given.before, given.rest
-    least = rest.left - FARTHEST * given.cut.depth
+    least = rest.farthest - FARTHEST * given.cut.depth
     candidates = np.flatnonzero(rest.at_most > least)
     candidates = candidates[:: 1 + len(candidates) // MOST]
     start = rest.feet[candidates]
     s, t, x, _ = feet(before, rest.points[candidates], start[:, 0], start[:, 1], 3)
     across = rest.points[candidates] - x
     distance = np.linalg.norm(across, axis=1)
-    weights = np.clip((distance - least) / (rest.left - least), 0, 1)
+    weights = np.clip((distance - least) / (rest.farthest - least), 0, 1)
     kept = weights > 0
     weights = WEIGHT * weights[kept] / weights.sum()
     s, t, x, towards = s[kept], t[kept], x[kept], unit(across[kept])

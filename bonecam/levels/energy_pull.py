@@ -7,7 +7,6 @@ the stock's wall: what lies at it already would be drawn along it, and waves of 
 """
 
 import numpy as np
-import scipy.sparse as sp
 from jaxtyping import Float
 from numpy import ndarray
 
@@ -17,6 +16,7 @@ from bonecam.levels.energy import Given, Pulled
 from bonecam.levels.limit_wall import inside
 from bonecam.levels.limits import feet, heights
 from bonecam.levels.narrows import unhindered
+from bonecam.levels.samples import gram
 from bonecam.levels.solve import factor
 
 ALL_OUT = 8
@@ -33,7 +33,7 @@ def pull(given: Given) -> Pulled:
     weights = area * samples.weights
     weights = weights / weights.sum() + given.manner.even / len(x)
     normals = stretched / np.maximum(area, np.finfo(float).tiny)[:, None]
-    N = sp.csc_array(samples.R.T @ sp.diags_array(weights) @ samples.R)
+    N = gram(samples.R, weights)
     field = samples.R.T @ (weights[:, None] * setting.attraction(x, normals, setting.stock))
     field = unit(samples.R @ factor(N + given.manner.smoothing * setting.M).solve(field))
     gap = -setting.stock.signed_distance(x)
@@ -57,12 +57,12 @@ def targets(
     gap = -stock.signed_distance(x)
     height = share * heights(cut, gap)[1]
     cosine = np.maximum(dots(normals, towards), LEAST_COSINE)
-    reach = np.minimum(height / cosine, LONGEST * height)
+    reach = longest = np.minimum(height / cosine, LONGEST * height)
     for _ in range(2):
         y = x + reach[:, None] * towards
         s, t, c, _ = feet(given.before, y, s, t, 1)
         distance = lengths(y - c)
         slope = dots(y - c, towards) / np.maximum(distance, np.finfo(float).tiny)
-        reach = np.clip(reach + (height - distance) / np.maximum(slope, LEAST_COSINE), 0, LONGEST * height)
+        reach = np.clip(reach + (height - distance) / np.maximum(slope, LEAST_COSINE), 0, longest)
     reach = np.minimum(reach, gap / np.maximum(dots(towards, stock.outward(x)), LEAST_COSINE))
     return inside(stock, x + reach[:, None] * towards, np.minimum(gap, cut.landing))

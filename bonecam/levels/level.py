@@ -43,6 +43,11 @@ class Level:
     certificate: Certificate | None = None
 
     @property
+    def deepest(self) -> float:
+        """The depth of the cut either way, mm."""
+        return max(self.depth_max, self.depth_back_max)
+
+    @property
     def net(self) -> Float[ndarray, "c 3"]:
         """Control points over the T-mesh that all levels share."""
         assert self.surface is not None

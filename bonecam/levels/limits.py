@@ -10,7 +10,7 @@ The planes are exact at y itself; `Limits.at` sets them up again when y has move
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -72,6 +72,11 @@ class Limits:
         """As `kernels/splitting.py` takes them."""
         return self.c, self.n, self.low, self.high, self.m, self.h
 
+    def planes_with(self, c: Float[ndarray, "n 3"], n: Float[ndarray, "n 3"], high: Float[ndarray, " n"]) -> tuple[ndarray, ...]:
+        """The same with others that have only n . (y - c) <= high."""
+        slabs = c, n, np.full(len(c), -np.inf), high, np.zeros((len(c), 3)), np.full(len(c), np.inf)
+        return tuple(np.concatenate([mine, its]) for mine, its in zip(self.planes, slabs))
+
     def heights(self, y: Float[ndarray, "k 3"]) -> Float[ndarray, " k"]:
         """Distance of each sample from the level before, mm, negative behind it."""
         return dots(y - self.c, self.n)
@@ -97,6 +102,12 @@ class Limits:
         for value, new in zip(values, (renewed.s, renewed.t, *renewed.planes)):
             value[which] = new
         return Limits(self.before, self.stock, self.cut, self.gap, *values)
+
+    def straight(self, which: ndarray, c: Float[ndarray, "n 3"], n: Float[ndarray, "n 3"], high: Float[ndarray, " n"]) -> "Limits":
+        """Some with n . (y - c) <= high instead of their slabs."""
+        changed = replace(self, c=self.c.copy(), n=self.n.copy(), low=self.low.copy(), high=self.high.copy())
+        changed.c[which], changed.n[which], changed.low[which], changed.high[which] = c, n, -np.inf, high
+        return changed
 
     def rows(self, R: sp.csr_array, x: Float[ndarray, "k 3"]) -> Rows:
         """The same over the control points' moves D (x, y, z stacked): y = x + R D."""

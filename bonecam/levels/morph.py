@@ -93,9 +93,9 @@ def morph(
         surface = finer(surface, stock, schedule.beyond)
     setting = setting_of(surface, stock, ATTRACTIONS[attraction])
     rest = remaining(setting, surface.control_points, whole(stock))
-    lower_bound = schedule.lower_bound(rest.left)
+    lower_bound = schedule.lower_bound(rest.farthest)
     solving, measuring = part(progress, 0.0, 0.7), part(progress, 0.7, 1.0)
-    making = Sequences(setting, schedule, lower_bound, solving, method, stiffness)
+    making = Sequences(setting, schedule, schedule.lower_bound(rest.left), solving, method, stiffness)
     rules = Rules(stock, schedule, *METHODS[method], chord_tolerance)
     sequences = making.all(rest) if method != "qcqp" else _by_cones(surface, stock, schedule, stiffness, attraction, solving)
     failure: LevelError | None = None
@@ -113,7 +113,7 @@ def morph(
             failure = failure or error
             continue
         checking += inspection.seconds
-        found = Morph(inspection.levels, lower_bound, rest.left, time.perf_counter() - start - checking, checking)
+        found = Morph(inspection.levels, lower_bound, rest.farthest, time.perf_counter() - start - checking, checking)
         if inspection.failed:
             failure = failure or inspection.failed[0].error
             if nearly is None and not inspection.crosses and max(cut.over for cut in inspection.failed) <= ACCEPTED:

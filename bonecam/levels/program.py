@@ -13,19 +13,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from bonecam.arrays import dots
 from bonecam.kernels import splitting
+from bonecam.levels.back import behind
 from bonecam.levels.cut import Cut, Manner
 from bonecam.levels.energy import Given, Quadratic, stacked, summed
 from bonecam.levels.energy_farthest import farthest
 from bonecam.levels.energy_plate import plate
 from bonecam.levels.energy_pull import pull
 from bonecam.levels.limit_wall import inside
-from bonecam.levels.limits import Limits, limits_at
+from bonecam.levels.limits import Limits, heights, limits_at
 from bonecam.levels.remaining import Remaining
+from bonecam.levels.samples import gram
 from bonecam.levels.setting import Setting
 from bonecam.levels.solve import factor, solve
 
@@ -34,14 +36,24 @@ ITERATIONS, RENEW, RHO, RELAXATION = 60, 20, 32.0, 1.6
 SETTLED = 5e-4
 """The splitting ends where its samples move and miss their limits by less, mm, root mean square."""
 RENEWALS, OSQP_TOLERANCE = 3, 1e-5
+TOO_FAR = 0.001
+"""A sample is in a hollow once it is so much (mm) farther from the new level than the cut is deep."""
 PRESS = 0.1
 """How far (mm) outside the stock samples may be pulled: what is pressed against the wall lies there, where levels meet it too."""
 
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """min sum_l w_l |x_l + R_l D - H_l|^2 + D'(matrix)D + 2 linear . D within `limits`, set up at the targets; `net` is the second half."""
+    """min sum_l w_l |x_l + R_l D - H_l|^2 + D'(matrix)D + 2 linear . D within `limits`, set up at the targets; `net` is the second half.
 
+    The samples are at parameters (s, t); the moves of all control points are `free` times D; `hollow` are samples that were behind
+    (`back.py`): they may go as far as they could if they moved straight away from where they are.
+    """
+
+    s: Float[ndarray, " k"]
+    t: Float[ndarray, " k"]
+    free: sp.csr_array
+    hollow: Bool[ndarray, " k"]
     R: sp.csr_array
     x: Float[ndarray, "k 3"]
     weights: Float[ndarray, " k"]
@@ -73,11 +85,17 @@ class Program:
         fold over the pole, they may not.
         """
         y = self.x + self.R @ moves
-        limits = self.limits.at(y, 1)
-        knots = np.unique(limits.before.tmesh.t_knots)
-        free = (limits.t > knots[1]) & (limits.t < knots[-2])
+        limits, before = self.limits.at(y, 1), self.limits.before
+        knots = np.unique(before.tmesh.t_knots)
+        sliding = (limits.t > knots[1]) & (limits.t < knots[-2])
         slid = y + dots(self.H - y, limits.n)[:, None] * limits.n
-        return replace(self, limits=limits, H=np.where(free[:, None], slid, self.H))
+        _, high = heights(limits.cut, limits.gap)
+        far = np.where(self.hollow, 0, high + TOO_FAR)
+        back = behind(before.with_control_points(before.control_points + self.free @ moves), self.x, y, self.s, self.t, far, 2)
+        hollow = self.hollow.copy()
+        hollow[back.which] = True
+        limits = limits.straight(back.which, self.x[back.which], back.n, high[back.which] + dots(y[back.which] - back.foot, back.n))
+        return replace(self, limits=limits, H=np.where(sliding[:, None], slid, self.H), hollow=hollow)
 
 
 def program_of(
@@ -92,8 +110,8 @@ def program_of(
     R, gap = sp.csr_array(pulled.R @ setting.free), -stock.signed_distance(x)
     limits = limits_at(before, stock, cut, gap, target, pulled.s, pulled.t, 2)
     H = inside(stock, limits.c + pulled.beyond[:, None] * (target - limits.c), np.minimum(gap, cut.landing) - PRESS)
-    N = sp.csc_array(R.T @ sp.diags_array(weights) @ R)
-    return Program(R, x, weights, H, target, limits, N, net)
+    hollow = np.zeros(len(x), dtype=bool)
+    return Program(pulled.s, pulled.t, setting.free, hollow, R, x, weights, H, target, limits, gram(R, weights), net)
 
 
 def split(program: Program, iterations: int = ITERATIONS, renew: int = RENEW) -> Float[ndarray, "m 3"]:

@@ -24,33 +24,41 @@ CHORD, FIRST, EVERY, STEPS = 0.01, 500, 10, 4
 @dataclass(frozen=True, eq=False)
 class Remaining:
     """Points of the stock, farthest first, for each a distance (mm) it is not farther than (the first one's is exact), and the
-    parameters (s, t) of the foot at which that was found."""
+    parameters (s, t) of the foot at which that was found; and the watched point of the level that is `deepest` inside the stock, and how
+    deep, mm: from the bottom of a hollow it is farther to the stock than from the stock to its sides."""
 
     points: Float[ndarray, "n 3"]
     at_most: Float[ndarray, " n"]
     feet: Float[ndarray, "n 2"]
+    deepest: Float[ndarray, "3"]
+    depth: float
+
+    @property
+    def farthest(self) -> float:
+        """The largest distance of a point of the stock from the level, mm."""
+        return float(self.at_most[0])
 
     @property
     def left(self) -> float:
-        """The largest distance, mm."""
-        return float(self.at_most[0])
+        """The largest distance either way, mm."""
+        return max(self.farthest, self.depth)
 
     @property
     def place(self) -> Float[ndarray, "3"]:
         """Where it is."""
-        return self.points[0]
+        return self.points[0] if self.farthest >= self.depth else self.deepest
 
 
 def whole(stock: Stock) -> Remaining:
     """Nothing measured yet."""
     mesh = stock.mesh(CHORD)
     points = stock.nearest(np.vstack([mesh.vertices, mesh.vertices[mesh.faces].mean(1)]))
-    return Remaining(points, np.full(len(points), np.inf), np.zeros((len(points), 2)))
+    return Remaining(points, np.full(len(points), np.inf), np.zeros((len(points), 2)), points[0], np.inf)
 
 
 def remaining(setting: Setting, P: Float[ndarray, "c 3"], before: Remaining) -> Remaining:
     """What is left above the level with control points P, which encloses the one `before` was measured from."""
-    known = np.isfinite(before.left)
+    known = np.isfinite(before.farthest)
     level, samples = setting.surface.with_control_points(P), setting.samples if known else setting.watch
     tree, distance, places = cKDTree(samples.R @ P), before.at_most.copy(), before.feet.copy()
 
@@ -74,7 +82,10 @@ def remaining(setting: Setting, P: Float[ndarray, "c 3"], before: Remaining) -> 
     distance[others], places[others] = _nearest(level, before.points[others], places[others])
     measure(others[distance[others] > farthest])
     order = np.argsort(-distance, kind="stable")
-    return Remaining(before.points[order], distance[order], places[order])
+    own = setting.watch.R @ P
+    depths = -setting.stock.signed_distance(own)
+    deepest = int(np.argmax(depths))
+    return Remaining(before.points[order], distance[order], places[order], own[deepest], float(depths[deepest]))
 
 
 def _nearest(level: TSpline, points: ndarray, start: ndarray) -> tuple[ndarray, ndarray]:

@@ -39,6 +39,8 @@ class Places:
 
     def near(self, which: Bool[ndarray, "n"]) -> Bool[ndarray, "c"]:
         """Control points that shape the surface at some of the places, and those that do where these do."""
+        if not which.any():
+            return np.zeros(self.R.shape[1], dtype=bool)
         own = self.R[which].sum(axis=0) > 0
         return np.asarray(self.R[self.R @ own > SHAPED].sum(axis=0) > 0)
 
@@ -66,11 +68,17 @@ class Samples(Places):
     @cached_property
     def N(self) -> sp.csc_array:
         """int R'R (control points squared)."""
-        return sp.csc_array(self.R.T @ sp.diags_array(self.weights) @ self.R)
+        return gram(self.R, self.weights)
 
     def moments(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "c 3"]:
         """int R'H for one attracting point a sample."""
         return np.asarray(self.R.T @ (self.weights[:, None] * points))
+
+
+def gram(R: sp.csr_array, weights: Float[ndarray, "n"]) -> sp.csc_array:
+    """R'WR."""
+    weighed = sp.csr_array((R.data * np.repeat(weights, np.diff(R.indptr)), R.indices, R.indptr), shape=R.shape)
+    return sp.csc_array(R.T @ weighed)
 
 
 def integration_points(surface: TSpline) -> tuple[ndarray, ndarray, ndarray]:

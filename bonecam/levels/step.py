@@ -14,6 +14,7 @@ from numpy import ndarray
 
 from bonecam.arrays import dots, lengths
 from bonecam.kernels import splitting
+from bonecam.levels.back import behind
 from bonecam.levels.cut import Cut, Manner
 from bonecam.levels.limits import limits_at, rings
 from bonecam.levels.program import by_osqp, program_of, split
@@ -69,19 +70,23 @@ def _kept(setting: Setting, P: ndarray, D: ndarray, cut: Cut) -> Step:
     gap, y = -stock.signed_distance(x), x + R @ D
     limits = limits_at(before, stock, cut, gap, y, watch.s, watch.t, FOOT_STEPS)
     set_up, broken = y, limits.broken(y)
-    for _ in range(ROUNDS):
-        if broken.max() <= ENOUGH:
+    for turn in range(ROUNDS + 1):
+        after = before.with_control_points(P + setting.free @ D)
+        back = behind(after, x, y, watch.s, watch.t, limits.high - NEAR, FOOT_STEPS)
+        broken_back = back.away - limits.high[back.which]
+        if max(broken.max(), broken_back.max(initial=0)) <= ENOUGH or turn == ROUNDS:
             break
-        near = np.flatnonzero(broken > -NEAR)
-        part, some = limits.only(near), sp.csr_array(R[near])
-        splitting.project(some.indptr, some.indices, some.data, x[near], D, *part.planes, SWEEPS, ENOUGH)
+        near, R_back = np.flatnonzero(broken > -NEAR), after.basis(back.s, back.t)[0]
+        some, start = sp.csr_array(sp.vstack([R[near], R_back @ setting.free])), np.vstack([x[near], R_back @ P])
+        planes = limits.only(near).planes_with(x[back.which], back.n, limits.high[back.which])
+        splitting.project(some.indptr, some.indices, some.data, start, D, *planes, SWEEPS, ENOUGH)
         y = x + R @ D
         moved = np.flatnonzero(lengths(y - set_up) > MOVED)
         limits = limits.again(moved, y, 1)
         set_up[moved] = y[moved]
         broken = limits.broken(y)
-    moves = np.asarray(setting.free @ D)
+    broken[back.which] = np.maximum(broken[back.which], broken_back)
     worst = int(np.argmax(broken))
-    _, along, across = setting.surface.with_control_points(P + moves).derivatives(watch.s, np.clip(watch.t, *rings(before)), 1)
+    _, along, across = after.derivatives(watch.s, np.clip(watch.t, *rings(before)), 1)
     folded = dots(np.cross(along, across), limits.n) <= 0
-    return Step(moves, float(broken[worst]), y[worst], watch.near(folded | (broken > MENDABLE)))
+    return Step(np.asarray(setting.free @ D), float(broken[worst]), y[worst], watch.near(folded | (broken > MENDABLE)))

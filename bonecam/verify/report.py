@@ -29,6 +29,7 @@ def levels_report(levels: Sequence[Level]) -> list[dict[str, Any]]:
             "index": level.index,
             "limit_mm": _mm(level.limit),
             "depth_max_mm": _mm(level.depth_max),
+            "depth_back_max_mm": _mm(level.depth_back_max),
             "depth_mean_mm": _mm(level.depth_mean),
             "nesting_min_mm": _mm(level.nesting_min),
             "self_intersections": int(level.self_intersections),
@@ -112,7 +113,7 @@ def summary_of(report: Mapping[str, Any]) -> str:
         f"deviation max {surface['deviation_max_mm']:.3f} rms {surface['deviation_rms_mm']:.3f} mm",
         f"stock     {report['stock']['kind']} {report['stock']['diameter_mm']:.2f} x {report['stock']['length_mm']:.2f} mm",
         f"levels    {len(levels) - 1} cuts, no schedule needs fewer than {report['levels_lower_bound']}; "
-        f"depth max {max(row['depth_max_mm'] for row in levels):.4f} mm",
+        f"depth max {max(row[way] for row in levels for way in ('depth_max_mm', 'depth_back_max_mm')):.4f} mm",
         f"certified {certified_text(levels)}",
         f"toolpath  {contacts} contacts",
         f"uncut     {uncut_text(report['toolpath'])}",

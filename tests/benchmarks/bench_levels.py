@@ -191,7 +191,7 @@ def optimum(call: Call, program: Program, start: ndarray, watched: bool) -> floa
     gap = -call.setting.stock.signed_distance(x)
     dense = limits_at(planes.before, planes.stock, call.cut, gap, x + R @ D, watch.s, watch.t, 3)
     for _ in range(RENEWALS):
-        planes = planes.at(program.x + program.R @ D, 3)
+        planes = program.at(D).limits
         rows = planes.rows(program.R, program.x)
         if watched:
             y = x + R @ D
@@ -217,8 +217,7 @@ def energies(case: Case) -> None:
     for k in sorted({*range(1, last + 1, EVERY), last} & set(case.calls)):
         call, program = case.calls[k], case.calls[k].program
         moves = split(program)
-        y = program.x + program.R @ moves
-        wide = program.at(moves).limits.at(y, 3).broken(y).max()
+        wide = program.at(moves).limits.broken(program.x + program.R @ moves).max()
         pairs = ((moves, False), (call.free_moves, True))
         ratios.append([(there := program.at(D)).energy(D) / optimum(call, there, D, watched) for D, watched in pairs])
         print(f"{k:5d} | {ratios[-1][0]:30.4f}  {wide:14.4f} | {ratios[-1][1]:36.4f}  {call.step.broken:14.4f}", flush=True)

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy import ndarray
+from test_morph import grooved
 
 from bonecam.job import Job, MeshJob
 from bonecam.kernels import hull_depth, hulls
@@ -162,9 +163,28 @@ def test_a_bump_with_its_peak_between_the_samples_passes_the_check_but_not_the_c
     check.require(1, measured, limit, outer.mesh)
     found = certificate.certificate(part, bump, STOCK, limit)
     assert measured.depth_max <= limit + check.DEPTH_TOLERANCE < found.depth
-    places = bump.positions(*found.too_deep.T)
+    places = np.vstack([surface.positions(*found.too_deep.T) for surface in (part, bump)])
     assert np.linalg.norm(places - found.deepest, axis=1).min() < 0.1
     assert part.project(places).distances.max() > limit + check.DEPTH_TOLERANCE
+
+
+def test_depths_are_bounded_both_ways() -> None:
+    inner, outer = grooved(0.4), grooved(1.0)
+    found, s, t = certificate.certificate(inner, outer, STOCK, 0.1), *dense(5, 40_000)
+    there, back = (to.project(of.positions(s, t)).distances.max() for of, to in ((outer, inner), (inner, outer)))
+    assert there < back <= found.depth <= back + 0.05
+    assert np.linalg.norm(inner.positions(s, t) - found.deepest, axis=1).min() < 0.1
+
+
+@pytest.mark.parametrize("limit", [0.1, 2.0, 5.0])
+def test_the_last_cut_is_bounded_from_the_bottoms_of_hollows(limit: float) -> None:
+    part = waisted(waist=0.5)
+    bound, place = certificate._farthest_inside(certificate._nets(part), STOCK, limit)
+    sampled = -STOCK.signed_distance(part.positions(*dense(4, 40_000))).min()
+    assert sampled <= bound
+    assert bound <= max(limit, sampled + 0.001)
+    assert bound <= limit or -STOCK.signed_distance(place[None])[0] > sampled - 0.1
+    assert certificate.certificate_of_last(part, STOCK, limit).depth >= sampled
 
 
 @pytest.mark.parametrize("stock", [STOCK, Box(np.array([-4.0, -4.0, 0.5]), np.array([4.0, 4.0, 19.5]))])

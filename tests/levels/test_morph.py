@@ -35,6 +35,14 @@ def waisted(waist: float = 0.35, rows: int = 12, around: int = 10) -> TSpline:
     return TSpline(tmesh, np.vstack(points), np.ones(tmesh.size))
 
 
+def grooved(share: float) -> TSpline:
+    """A bone with a groove along it, where some of its control points keep only this share of their distance from the axis."""
+    part = waisted(0.0, around=16)
+    P = np.array(part.control_points)
+    P[(np.abs(np.arctan2(P[:, 1], P[:, 0])) < 0.1) & (np.abs(P[:, 2] - 10) < 7), :2] *= share
+    return part.with_control_points(P)
+
+
 @pytest.fixture(scope="module")
 def made() -> Morph:
     return morph(waisted(), STOCK, SCHEDULE, chord_tolerance=0.02)
@@ -54,7 +62,7 @@ def test_levels_keep_the_tmesh_and_end_at_the_stock(made: Morph) -> None:
 
 def test_every_measure_is_within_its_tolerance(made: Morph) -> None:
     for level in made.levels[1:]:
-        assert level.depth_max <= level.limit + check.DEPTH_TOLERANCE
+        assert level.deepest <= level.limit + check.DEPTH_TOLERANCE
         assert level.nesting_min >= -check.NEST_TOLERANCE
         assert level.outside <= check.STOCK_TOLERANCE
         assert level.self_intersections == 0
@@ -133,6 +141,26 @@ def test_a_cut_too_deep_is_an_error() -> None:
     found = check.measure(inner, outer, STOCK, 0.1)
     with pytest.raises(LevelError, match="deep, more than"):
         check.require(1, found, 0.1, outer.mesh)
+
+
+def test_the_bottom_of_a_groove_is_no_deeper_than_the_cut() -> None:
+    made = morph(grooved(0.4), STOCK, SCHEDULE, chord_tolerance=0.02)
+    surfaces = [level.surface for level in made.levels[:-1] if level.surface is not None]
+    rng = np.random.default_rng(3)
+    s, t = np.mod(rng.uniform(-0.1, 0.1, 2000), 1), rng.uniform(0.2, 0.8, 2000)
+    for inner, outer, level in zip(surfaces, surfaces[1:], made.levels[1:]):
+        assert outer.project(inner.positions(s, t)).distances.max() <= level.limit + check.DEPTH_TOLERANCE
+
+
+def test_a_groove_left_too_far_behind_is_an_error_at_its_bottom() -> None:
+    part, filled = grooved(0.4), grooved(1.0)
+    inner, outer = (Sheet(surface, level_grid(part, [part.control_points, filled.control_points], 0.02)) for surface in (part, filled))
+    found = check.measure(inner, outer, STOCK, 0.5)
+    assert found.depth_max < found.depth_max_back
+    limit = (found.depth_max + found.depth_max_back) / 2
+    with pytest.raises(LevelError, match=f"level 1 is {found.depth_max_back:.4f} mm deep") as error:
+        check.require(1, found, limit, outer.mesh)
+    assert abs(filled.project(error.value.evidence["place"][None]).distances[0] - found.depth_max_back) < 0.01
 
 
 def test_a_level_through_itself_is_an_error_with_its_place() -> None:
