@@ -59,7 +59,7 @@ class Sequences:
     stiffness: float
 
     def all(self, rest: Remaining) -> Iterator[list[ndarray]]:
-        """Sequences to be measured, the shortest known first, of two as short the one with less haste. LevelError where there is none."""
+        """Sequences to be measured, the shortest known first, of two as short the one with more haste: its cuts are deeper. LevelError where there is none."""
         waiting: list[tuple[Manner, list[ndarray]]] = []
         failure: LevelError | None = None
         yielded = False
@@ -69,7 +69,7 @@ class Sequences:
                 waiting.append((manner, self.sequence(manner, rest)))
             except LevelError as error:
                 failure = failure or error
-            waiting.sort(key=lambda one: (len(one[1]), one[0].haste))
+            waiting.sort(key=lambda one: (len(one[1]), -one[0].haste))
             most = self.lower_bound + max(place > 0, spare * self.lower_bound)
             while waiting and len(waiting[0][1]) <= most:
                 yielded = True
