@@ -62,14 +62,17 @@ class ConvexStock(Stock):
         return np.asarray(self.surface.face_vectors / np.where(size > 0, size, 1.0))
 
     def _answer(self, points: ndarray) -> tuple[ndarray, ndarray]:
-        """Signed distances and outward unit normals. Inside, the way to the nearest point runs along its face's normal."""
+        """Signed distances and outward unit normals.
+
+        The way out to the nearest point leads away from all of the body, its middle too; the way in towards it.
+        """
         closest, face = exact_closest(self.surface, points)
-        away, normals = points - closest, self._normals[face]
-        distance, along = np.linalg.norm(away, axis=1), (away * normals).sum(1)
-        tiny = distance <= np.finfo(float).eps * 16 * self.surface.diagonal
-        inside = ~tiny & (along < -(1 - FLAT) * distance)
-        out = np.where((inside | tiny)[:, None], normals, away / np.where(tiny, 1.0, distance)[:, None])
-        return np.where(inside, -distance, distance), out
+        away = points - closest
+        distance = np.linalg.norm(away, axis=1)
+        touching = distance <= np.finfo(float).eps * 16 * self.surface.diagonal
+        side = np.where((away * (closest - self.surface.vertices.mean(0))).sum(1) < 0, -1.0, 1.0)
+        out = np.where(touching[:, None], self._normals[face], away * (side / np.where(touching, 1.0, distance))[:, None])
+        return side * distance, out
 
     def signed_distance(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n"]:
         """Distance to the surface, mm, negative inside."""

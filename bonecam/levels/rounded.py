@@ -17,6 +17,7 @@ from bonecam.levels.box import Box
 from bonecam.levels.convex import ConvexStock
 from bonecam.levels.cylinder import Cylinder
 from bonecam.levels.stock import Capsule, Stock
+from bonecam.mesh.hull import convex_hull
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 THIN, HALVINGS = 0.98, 20
@@ -106,13 +107,7 @@ def _deepest(planes: ndarray) -> tuple[ndarray, float]:
 
 def intersection(planes: Float[ndarray, "k 4"], inside: Float[ndarray, "3"]) -> TriangleMesh:
     """The closed outward mesh of all points with n . x + d <= 0, given one strictly inside."""
-    corners = np.asarray(HalfspaceIntersection(planes, inside).intersections)
-    hull = ConvexHull(corners, qhull_options="Qt")
-    a, b, c = (np.asarray(corners[hull.simplices[:, i]]) for i in range(3))
-    flipped = (np.cross(b - a, c - a) * np.asarray(hull.equations)[:, :3]).sum(1) < 0
-    faces = np.where(flipped[:, None], hull.simplices[:, ::-1], hull.simplices)
-    used, index = np.unique(faces, return_inverse=True)
-    return TriangleMesh(corners[used], index.reshape(-1, 3).astype(np.int32))
+    return convex_hull(np.asarray(HalfspaceIntersection(planes, inside).intersections))
 
 
 def inradius(stock: Stock) -> float:

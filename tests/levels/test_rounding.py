@@ -10,10 +10,11 @@ from bonecam.levels.box import Box
 from bonecam.levels.convex import ConvexStock
 from bonecam.levels.cylinder import Cylinder
 from bonecam.levels.morph import Morph
-from bonecam.levels.rounded import Rounded, inradius, offset, rounded, roundest
+from bonecam.levels.rounded import Rounded, inradius, intersection, offset, planes_of, rounded, roundest
 from bonecam.levels.rounding import levels_in
 from bonecam.levels.schedule import Schedule
-from bonecam.levels.stock import Capsule, Stock
+from bonecam.levels.stock import Capsule, Stock, revolved
+from bonecam.mesh.triangle_mesh import TriangleMesh
 
 BAR, BOX = Cylinder(4.5, 0.0, 20.0), Box(np.array([-4.5, -4.0, 0.0]), np.array([4.5, 4.0, 20.0]))
 SCHEDULE = Schedule((0.1,), 0.9)
@@ -43,6 +44,13 @@ def test_walls_move_in_by_the_offset(stock: Stock) -> None:
     inner = offset(stock, -1.0)
     assert np.allclose(inner.bounds, stock.bounds + np.array([[1.0], [-1.0]]), atol=1e-6)
     assert inradius(inner) == pytest.approx(inradius(stock) - 1, abs=1e-6)
+
+
+def test_a_body_with_the_coordinates_of_an_stl_moves_in_to_a_closed_one() -> None:
+    angle = np.linspace(0, np.pi, 14)[-2:0:-1]
+    round_about = revolved(6.9 * np.sin(angle), 0.69 * 22.0 * np.cos(angle), (-0.69 * 22.0, 0.69 * 22.0), 24)
+    planes = planes_of(TriangleMesh(round_about.vertices.astype(np.float32).astype(np.float64), round_about.faces))
+    ConvexStock(intersection(planes + np.array([0.0, 0.0, 0.0, 1.72]), np.zeros(3)))
 
 
 def test_a_bar_rounded_by_its_radius_is_the_published_capsule() -> None:
