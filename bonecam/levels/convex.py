@@ -1,16 +1,16 @@
 """Any closed convex mesh as stock. Inside, the nearest wall is a face's plane; outside, the nearest point is libigl's (exact)."""
 
-from dataclasses import dataclass
+from dataclasses import InitVar, dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
-from scipy.spatial import ConvexHull
 
 from bonecam.errors import StockError, place_name
 from bonecam.levels.stock import Stock
 from bonecam.mesh.distance import exact_closest
+from bonecam.mesh.hull import convex_hull
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 FLAT = 1e-5
@@ -19,14 +19,19 @@ FLAT = 1e-5
 
 @dataclass(frozen=True, eq=False)
 class ConvexStock(Stock):
-    """The body inside a closed convex outward mesh, mm. StockError names the place where the mesh is not closed or not convex."""
+    """The body inside a closed convex outward mesh, mm. StockError names the place where the mesh is not closed or not convex.
+
+    A mesh that is `proven` to be a hull, or a copy of a stock's, is not looked at again.
+    """
 
     surface: TriangleMesh
     kind: str = "mesh"
+    proven: InitVar[bool] = False
 
-    def __post_init__(self) -> None:
-        _require_closed(self.surface)
-        _require_convex(self.surface)
+    def __post_init__(self, proven: bool) -> None:
+        if not proven:
+            _require_closed(self.surface)
+            _require_convex(self.surface)
 
     @property
     def bounds(self) -> Float[ndarray, "2 3"]:
@@ -50,11 +55,14 @@ class ConvexStock(Stock):
 
     def moved(self, shift: Float[ndarray, "3"]) -> "ConvexStock":
         """The same body elsewhere."""
-        return ConvexStock(TriangleMesh(self.surface.vertices + shift, self.surface.faces))
+        return self._with(self.surface.vertices + shift)
 
     def scaled(self, factor: float) -> "ConvexStock":
         """The same body `factor` times as large about its middle."""
-        return ConvexStock(TriangleMesh(self.middle + factor * (self.surface.vertices - self.middle), self.surface.faces))
+        return self._with(self.middle + factor * (self.surface.vertices - self.middle))
+
+    def _with(self, vertices: ndarray) -> "ConvexStock":
+        return replace(self, surface=TriangleMesh(vertices, self.surface.faces), proven=True)
 
     @cached_property
     def _normals(self) -> Float[ndarray, "f 3"]:
@@ -127,10 +135,9 @@ def _require_closed(mesh: TriangleMesh) -> None:
 
 def _require_convex(mesh: TriangleMesh) -> None:
     """Every vertex, edge middle and face middle lies on the convex hull, and the volumes agree."""
-    edges, hull = _edges(mesh), ConvexHull(mesh.vertices)
+    edges, hull = _edges(mesh), convex_hull(mesh.vertices)
     probes = np.vstack([mesh.vertices, mesh.vertices[edges].mean(1), mesh.vertices[mesh.faces].mean(1)])
-    planes = np.unique(hull.equations, axis=0)
-    inside = -np.concatenate([(some @ planes[:, :3].T + planes[:, 3]).max(1) for some in np.array_split(probes, len(probes) // 1000 + 1)])
+    inside = np.linalg.norm(probes - exact_closest(hull, probes)[0], axis=1)
     worst = int(np.argmax(inside))
     if inside[worst] > FLAT * mesh.diagonal or abs(mesh.volume - hull.volume) > FLAT * mesh.diagonal * mesh.area:
         raise StockError(

@@ -95,7 +95,7 @@ def planes_of(mesh: TriangleMesh) -> Float[ndarray, "k 4"]:
 def _offset_planes(stock: ConvexStock, distance: float) -> ConvexStock:
     planes = planes_of(stock.surface)
     moved = np.column_stack([planes[:, :3], planes[:, 3] - distance])
-    return ConvexStock(intersection(moved, _deepest(moved)[0]), stock.kind)
+    return ConvexStock(intersection(moved, _deepest(moved)[0]), proven=True)
 
 
 def _deepest(planes: ndarray) -> tuple[ndarray, float]:

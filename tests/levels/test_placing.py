@@ -128,6 +128,16 @@ def test_a_stock_from_a_file_is_taken_as_it_is_or_as_its_smallest_copy(tmp_path:
     assert smallest.length < stock.length
 
 
+def test_the_body_of_a_file_is_proven_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_mesh(Cylinder(8.0, 0.0, 40.0).mesh(0.5), tmp_path / "block.ply")
+    proofs: list[TriangleMesh] = []
+    monkeypatch.setattr("bonecam.levels.convex._require_convex", proofs.append)
+    stock, _ = stock_for(cloud(), StockJob(kind="mesh", mesh=str(tmp_path / "block.ply"), scale=0.0), SCHEDULE)
+    assert len(proofs) == 1
+    ConvexStock(stock.mesh(10.0))
+    assert len(proofs) == 2
+
+
 def test_a_stock_file_that_is_no_convex_body_is_named(tmp_path: Path) -> None:
     bar = Cylinder(8.0, 0.0, 40.0).mesh(0.5)
     waist = 1 - 0.3 * np.exp(-(((bar.vertices[:, 2:] - 20) / 6) ** 2))
