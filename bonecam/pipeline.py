@@ -27,7 +27,7 @@ from bonecam.levels.morph import Morph
 from bonecam.levels.placing import stock_for
 from bonecam.levels.rounding import levels_in
 from bonecam.levels.schedule import schedule_of
-from bonecam.levels.stock import MARGIN, Stock
+from bonecam.levels.stock import MARGIN, Stock, stock_figures
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.files import read_mesh
 from bonecam.mesh.pits import fill_pits
@@ -143,7 +143,7 @@ def convert(
     figures = {
         "input": {"file": placed.file, "faces": placed.faces, "units": placed.units, "repairs": list(placed.repairs)},
         "surface": surface_report(fitted),
-        "stock": {"kind": stock.kind, "diameter_mm": stock.diameter, "length_mm": stock.length},
+        "stock": stock_figures(stock),
         "levels": levels_report(levels.levels),
         "levels_lower_bound": levels.lower_bound,
         "toolpath": toolpath_report(paths),

@@ -21,6 +21,7 @@ CATEGORY = "Bonecam: Stock and Levels"
 
 def generate_stock(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """`generate_stock` and `generate_stock_capsule`."""
+    from bonecam.levels.stock import stock_figures
     from bonecam.pipeline import Part, place
 
     job = replace(layers.job(), stock=stage_of(StockJob(), values), holding=stage_of(HoldingJob(), values, prefix="post_"))
@@ -32,7 +33,7 @@ def generate_stock(layers: Layers, values: Mapping[str, Any], progress: Progress
     kept = {"stock": stock, "job": job}
     layers.add(stock.mesh(values["chord_tolerance"]), "stock", keep=kept)
     layers.add(part.mesh, "part on post", keep=kept)
-    return {"kind": stock.kind, "diameter_mm": stock.diameter, "length_mm": stock.length, "transform": np.asarray(part.transform)}
+    return {**stock_figures(stock), "transform": np.asarray(part.transform)}
 
 
 def morph_levels(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from numpy import ndarray
 
 from bonecam.arrays import frozen
 from bonecam.errors import StockError
-from bonecam.levels.stock import Stock
+from bonecam.levels.stock import Stock, sides
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 
@@ -41,6 +41,11 @@ class Box(Stock):
     def length(self) -> float:
         """Extent along Z, mm."""
         return float(self.high[2] - self.low[2])
+
+    @property
+    def sizes(self) -> dict[str, float]:
+        """Its sides along X, Y and Z, mm."""
+        return sides(self.bounds)
 
     @property
     def middle(self) -> Float[ndarray, "3"]:

@@ -8,7 +8,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import StockError, place_name
-from bonecam.levels.stock import Stock
+from bonecam.levels.stock import Stock, sides
 from bonecam.mesh.distance import exact_closest
 from bonecam.mesh.hull import convex_hull
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -26,6 +26,7 @@ class ConvexStock(Stock):
 
     surface: TriangleMesh
     kind: str = "mesh"
+    file: str = ""
     proven: InitVar[bool] = False
 
     def __post_init__(self, proven: bool) -> None:
@@ -47,6 +48,11 @@ class ConvexStock(Stock):
     def length(self) -> float:
         """Extent along Z, mm."""
         return float(self.bounds[1, 2] - self.bounds[0, 2])
+
+    @property
+    def sizes(self) -> dict[str, float]:
+        """Its extents along X, Y and Z, mm."""
+        return sides(self.bounds)
 
     @property
     def middle(self) -> Float[ndarray, "3"]:

@@ -117,7 +117,7 @@ def _mesh(points: ndarray, job: StockJob, schedule: Schedule, middle: float) -> 
     if not job.mesh:
         raise StockError("a stock of kind 'mesh' needs a file: give stock.mesh = \"block.stl\" (mm, Z upright)")
     try:
-        given = ConvexStock(read_mesh(job.mesh))
+        given = ConvexStock(read_mesh(job.mesh), file=job.mesh)
     except StockError as error:
         raise StockError(f"{job.mesh}: {error}", file=job.mesh, **error.evidence) from error
     stock = given.moved(np.array([0.0, 0.0, middle]) - given.middle)

@@ -16,7 +16,7 @@ from bonecam.errors import StockError, place_name
 from bonecam.levels.box import Box
 from bonecam.levels.convex import ConvexStock
 from bonecam.levels.cylinder import Cylinder
-from bonecam.levels.stock import Capsule, Stock
+from bonecam.levels.stock import Capsule, Stock, stock_figures, stock_text
 from bonecam.mesh.hull import convex_hull
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
@@ -149,7 +149,7 @@ def require_roundable(stock: Stock, points: Float[ndarray, "n 3"], margin: float
     if inner is None:
         worst = points[np.argmax(rounded(stock, 0.1 * inradius(stock)).signed_distance(points))]
         raise StockError(
-            f"the part comes too near to the edges of the {stock.kind} at {place_name(worst)} "
+            f"the part comes too near to the edges of the stock ({stock_text(stock_figures(stock))}) at {place_name(worst)} "
             "to round them: give a larger stock or a capsule",
             distance=float(stock.signed_distance(worst[None])[0]),
             place=worst,

@@ -4,9 +4,10 @@ A capsule (a cylinder with half-balls at its ends) is every point within `radius
 distance is exact everywhere: `|x - nearest axis point| - radius`. Other stocks are new small files with the same interface.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -36,6 +37,16 @@ class Stock(Protocol):
     @property
     def length(self) -> float:
         """Extent along the axis, mm."""
+
+    @property
+    def sizes(self) -> dict[str, float]:
+        """What it is ordered by, under the names of [stock], mm."""
+        return {"diameter": self.diameter, "length": self.length}
+
+    @property
+    def file(self) -> str:
+        """The file it was read from, if any."""
+        return ""
 
     @property
     def middle(self) -> Float[ndarray, "3"]:
@@ -166,6 +177,23 @@ def _ring_faces(rings: int, around: int) -> ndarray:
     return faces.astype(np.int32)
 
 
+def sides(bounds: Float[ndarray, "2 3"]) -> dict[str, float]:
+    """The sizes of what is as wide, deep and long as its bounds, mm."""
+    return dict(zip(("width", "depth", "length"), (bounds[1] - bounds[0]).tolist(), strict=True))
+
+
+def stock_figures(stock: Stock) -> dict[str, Any]:
+    """`stock` of the report and of the filters: its kind, its own sizes, and its file where it has one."""
+    sizes = {f"{name}_mm": float(size) for name, size in stock.sizes.items()}
+    return {"kind": stock.kind, **sizes, **({"file": stock.file} if stock.file else {})}
+
+
+def stock_text(figures: Mapping[str, Any]) -> str:
+    """The stock in a few words, from its figures: its sizes are told in the order of X, Y and Z."""
+    sizes = " x ".join(f"{value:.2f}" for name, value in figures.items() if name.endswith("_mm"))
+    return f"{figures['kind']} {sizes} mm{' of ' + figures['file'] if 'file' in figures else ''}"
+
+
 def require_inside(stock: Stock, points: Float[ndarray, "n 3"], margin: float) -> None:
     """Raise StockError where a point has less than `margin` mm of the stock's material outside it."""
     depth = stock.signed_distance(points)
@@ -174,7 +202,7 @@ def require_inside(stock: Stock, points: Float[ndarray, "n 3"], margin: float) -
         place = points[worst]
         trouble = f"leaves it by {depth[worst]:.3f} mm" if depth[worst] > 0 else f"comes within {-depth[worst]:.3f} mm of its wall"
         raise StockError(
-            f"the stock ({stock.kind} {stock.diameter:.2f} x {stock.length:.2f} mm) does not hold the part, which {trouble} "
+            f"the stock ({stock_text(stock_figures(stock))}) does not hold the part, which {trouble} "
             f"at {place_name(place)}: give a stock at least {depth[worst] + margin:.2f} mm larger there",
             distance=float(depth[worst]),
             place=place,

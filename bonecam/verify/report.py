@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from bonecam.levels.level import Level
+from bonecam.levels.stock import stock_text
 from bonecam.nc.program import Program
 from bonecam.surface.fit import Fit
 from bonecam.toolpath.path import Kind, ToolPath
@@ -111,7 +112,7 @@ def summary_of(report: Mapping[str, Any]) -> str:
         f"mesh      {report['input']['faces']} faces, {report['input']['units']}; {len(report['input']['repairs'])} repairs",
         f"surface   {surface['control_points']} control points, "
         f"deviation max {surface['deviation_max_mm']:.3f} rms {surface['deviation_rms_mm']:.3f} mm",
-        f"stock     {report['stock']['kind']} {report['stock']['diameter_mm']:.2f} x {report['stock']['length_mm']:.2f} mm",
+        f"stock     {stock_text(report['stock'])}",
         f"levels    {len(levels) - 1} cuts, no schedule needs fewer than {report['levels_lower_bound']}; "
         f"depth max {max(row[way] for row in levels for way in ('depth_max_mm', 'depth_back_max_mm')):.4f} mm",
         f"certified {certified_text(levels)}",

@@ -72,6 +72,17 @@ def test_a_percentage_leads_to_the_same_levels_as_its_millimetres(phalanx: Path)
     assert found[0]["length_mm"] == found[1]["length_mm"]
 
 
+def test_a_box_is_told_by_its_sides(phalanx: Path) -> None:
+    meshes = MeshSet()
+    meshes.load_new_mesh(str(phalanx))
+    meshes.apply_upright_pose()
+    found = meshes.generate_stock(kind="box", width=20.0, depth=14.0, length=38.0)
+    assert set(found) == {"kind", "width_mm", "depth_mm", "length_mm", "transform"}
+    assert [found[f"{name}_mm"] for name in ("width", "depth", "length")] == pytest.approx([20.0, 14.0, 38.0])
+    with pytest.raises(BonecamError, match=r"stock \(box 11\.00 x 5\.00 x 38\.00 mm\) does not hold the part"):
+        meshes.generate_stock(kind="box", width=11.0, depth=5.0, length=38.0)
+
+
 FITTING = r'0\.03\d\d mm from corner to corner .*apply apply_units_in_mm with units="m" \(3\d\.\d mm\)'
 
 

@@ -7,7 +7,7 @@ from bonecam.errors import StockError
 from bonecam.levels.box import Box
 from bonecam.levels.convex import ConvexStock
 from bonecam.levels.cylinder import Cylinder
-from bonecam.levels.stock import Capsule, Stock
+from bonecam.levels.stock import Capsule, Stock, stock_figures, stock_text
 from bonecam.mesh.distance import exact_closest
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
@@ -69,6 +69,20 @@ def test_a_moved_body_is_the_same_elsewhere(body: Stock) -> None:
     moved = body.moved(shift)
     assert np.allclose(moved.signed_distance(points + shift), body.signed_distance(points), atol=1e-9)
     assert (moved.kind, moved.diameter, moved.length) == pytest.approx((body.kind, body.diameter, body.length))
+
+
+SIZES = {
+    "capsule": {"diameter": 15.0, "length": 37.0},
+    "cylinder": {"diameter": 15.0, "length": 37.0},
+    "box": {"width": 12.0, "depth": 15.0, "length": 37.0},
+    "mesh": {"width": 12.0, "depth": 15.0, "length": 37.0},
+}
+
+
+@pytest.mark.parametrize("kind", SIZES)
+def test_a_stock_is_described_by_its_own_sizes(kind: str) -> None:
+    assert stock_figures(BODIES[kind]) == {"kind": kind, **{f"{name}_mm": size for name, size in SIZES[kind].items()}}
+    assert stock_text(stock_figures(BODIES[kind])) == f"{kind} {' x '.join(f'{size:.2f}' for size in SIZES[kind].values())} mm"
 
 
 def test_a_mesh_that_is_not_convex_is_refused_with_distance_and_place() -> None:

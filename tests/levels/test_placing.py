@@ -13,7 +13,7 @@ from bonecam.levels.convex import ConvexStock
 from bonecam.levels.cylinder import Cylinder
 from bonecam.levels.placing import stock_for
 from bonecam.levels.schedule import Schedule
-from bonecam.levels.stock import MARGIN, Capsule, Stock, smallest_capsule
+from bonecam.levels.stock import MARGIN, Capsule, Stock, smallest_capsule, stock_figures, stock_text
 from bonecam.mesh.files import write_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
@@ -123,6 +123,7 @@ def test_a_stock_from_a_file_is_taken_as_it_is_or_as_its_smallest_copy(tmp_path:
     assert isinstance(stock, ConvexStock)
     assert np.allclose(stock.middle, [0, 0, 3], atol=0.05)
     assert (stock.diameter, stock.length) == pytest.approx((16.0, 40.0), abs=0.2)
+    assert stock_text(stock_figures(stock)) == f"mesh 15.77 x 15.88 x 40.00 mm of {file}"
     smallest, transform = stock_for(cloud(), StockJob(kind="mesh", mesh=str(file), scale=0.0, allowance=0.4), SCHEDULE)
     assert smallest.signed_distance(lying(cloud(), transform)).max() == pytest.approx(-0.4, abs=1e-6)
     assert smallest.length < stock.length
@@ -154,7 +155,10 @@ IMPOSSIBLE = {
     "touches the wall": (StockJob(kind="cylinder", diameter=8.01, length=30.0), "comes within 0.0.* mm of its wall"),
     "too narrow": (StockJob(diameter=7.0), "mm from the axis at z = .*: give at least"),
     "no diameter": (StockJob(length=30.0), "give the diameter"),
-    "in the edges": (StockJob(kind="box", width=8.2, depth=6.2, length=24.2), r"too near to the edges of the box at \("),
+    "in the edges": (
+        StockJob(kind="box", width=8.2, depth=6.2, length=24.2),
+        r"too near to the edges of the stock \(box 8\.20 x 6\.20 x 24\.20 mm\) at \(",
+    ),
     "no file": (StockJob(kind="mesh"), "needs a file"),
 }
 

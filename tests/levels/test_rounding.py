@@ -127,5 +127,5 @@ def test_a_part_that_leaves_the_bar_is_refused_at_once_with_its_place() -> None:
 
 def test_a_part_in_the_edges_of_a_bar_is_refused_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("bonecam.levels.rounded.roundest", lambda *_: None)
-    with pytest.raises(StockError, match="too near to the edges of the box at"):
+    with pytest.raises(StockError, match=r"too near to the edges of the stock \(box 9\.00 x 8\.00 x 20\.00 mm\) at"):
         levels_in(waisted(), BOX, SCHEDULE)
