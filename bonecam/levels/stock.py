@@ -256,9 +256,13 @@ def given_capsule(
 
     Raises StockError with `distance` and `place` where the part leaves it or has less than `margin` mm of material outside it.
     """
-    if not 0 < diameter <= length:
-        trouble = "the length must reach over both caps" if diameter > 0 else "give the diameter"
-        raise StockError(f"a capsule of diameter {diameter} and length {length} mm: {trouble}", distance=0.0)
+    if diameter <= 0:
+        raise StockError(
+            f"stock.diameter = {diameter:g}: a capsule {length:g} mm long needs one: give the diameter, or no stock.length", distance=0.0
+        )
+    if length < diameter:
+        what = f"stock.length = {length:g}: a capsule of diameter {diameter:g} mm is no shorter than that over both caps"
+        raise StockError(f"{what}: give at least {diameter:g}, or a smaller stock.diameter", distance=diameter - length)
     if middle is None:
         middle = float(points[:, 2].min() + points[:, 2].max()) / 2
     half = (length - diameter) / 2

@@ -77,9 +77,16 @@ def test_a_given_capsule_is_centred_on_the_part() -> None:
     assert (capsule.diameter, capsule.length) == pytest.approx((15.0, 37.0))
 
 
-@pytest.mark.parametrize(("diameter", "length"), [(15.0, 10.0), (0.0, 10.0), (-1.0, 3.0)])
-def test_a_capsule_shorter_than_its_diameter_is_refused(diameter: float, length: float) -> None:
-    with pytest.raises(StockError):
+@pytest.mark.parametrize(
+    ("diameter", "length", "told"),
+    [
+        (15.0, 10.0, r"stock\.length = 10: .* diameter 15 mm .*: give at least 15, or a smaller stock\.diameter"),
+        (0.0, 10.0, r"stock\.diameter = 0: .*: give the diameter"),
+        (-1.0, 3.0, r"stock\.diameter = -1: .*: give the diameter"),
+    ],
+)
+def test_a_capsule_shorter_than_its_diameter_is_refused_with_setting_and_remedy(diameter: float, length: float, told: str) -> None:
+    with pytest.raises(StockError, match=told):
         given_capsule(diameter, length, cloud(5))
 
 
