@@ -187,7 +187,7 @@ def prepare_surface(file: str | Path, job: MeshJob, surface: SurfaceJob) -> Part
 def place(unplaced: Part, job: Job) -> tuple[Part, Stock]:
     """The stock round the part, and both moved up onto the post."""
     check_sizes(job.stock)
-    stock, pose = stock_for(unplaced.mesh.vertices, job.stock, schedule_of(job.levels))
+    stock, pose = stock_for(unplaced.mesh.vertices, job.stock, schedule_of(job.levels), bottom=job.holding.length)
     if job.mesh.upright and is_free(job.stock):
         pose = centred(unplaced.mesh.moved(pose).vertices, stock, MARGIN) @ pose
     lift = np.array([0.0, 0.0, job.holding.length - stock.bounds[0, 2]])

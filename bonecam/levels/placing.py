@@ -17,22 +17,25 @@ from bonecam.levels.convex import ConvexStock
 from bonecam.levels.cylinder import Cylinder
 from bonecam.levels.rounded import require_roundable
 from bonecam.levels.schedule import Schedule
-from bonecam.levels.stock import MARGIN, Capsule, Stock, capsule_of_diameter, capsules_round, given_capsule, require_inside
+from bonecam.levels.stock import MARGIN, Capsule, Stock, capsule_of_diameter, capsule_of_size, capsules_round, require_inside
 from bonecam.mesh.files import read_mesh
 
 TURNS, HALVINGS, LARGEST_SCALE = 90, 50, 1e4
+LYING = ("offset_x", "offset_y", "offset_z", "tilt_x_deg", "tilt_y_deg", "turn_deg")
 CHORD, TRIED = 0.001, 16
 """Chord tolerance, in radii, of the capsules that are measured for cuts, and at most so many of them."""
 
 
-def stock_for(points: Float[ndarray, "n 3"], job: StockJob, schedule: Schedule) -> tuple[Stock, Float[ndarray, "4 4"]]:
+def stock_for(
+    points: Float[ndarray, "n 3"], job: StockJob, schedule: Schedule, bottom: float | None = None
+) -> tuple[Stock, Float[ndarray, "4 4"]]:
     """The stock on the Z axis, and the transform (4, 4) that puts the part's points (n, 3) into it; mm.
 
     Without sizes a capsule (or the bar round it) is the one that takes the fewest cuts by the schedule, of those that are at most
     `job.spare_volume` larger than the smallest.
 
     Raises StockError with `distance` and `place` where the part leaves a given stock, comes within MARGIN mm of its wall or
-    too near to an edge that has to be rounded.
+    too near to an edge that has to be rounded; with `bottom` (mm) it tells places as they are when the stock stands at that height.
     """
     turn = job.turn_deg
     if job.kind == "box" and not (job.width or job.depth or turn):
@@ -43,9 +46,16 @@ def stock_for(points: Float[ndarray, "n 3"], job: StockJob, schedule: Schedule) 
     transform[:3, :3], transform[:3, 3] = rotation, middle - rotation @ middle + [job.offset_x, job.offset_y, job.offset_z]
     lying = points @ rotation.T + transform[:3, 3]
     stock = STOCKS[job.kind](lying, job, schedule, float((lying[:, 2].min() + lying[:, 2].max()) / 2 - job.offset_z))
-    require_inside(stock, lying, MARGIN)
-    require_roundable(stock, lying, MARGIN)
+    lift = np.array([0.0, 0.0, 0.0 if bottom is None else bottom - stock.bounds[0, 2]])
+    require_inside(stock.moved(lift), lying + lift, MARGIN, _otherwise(job))
+    require_roundable(stock.moved(lift), lying + lift, MARGIN, _otherwise(job))
     return stock, transform
+
+
+def _otherwise(job: StockJob) -> str:
+    """The rest of the remedy where the job says how the part lies in its stock."""
+    given = [f"stock.{name}" for name in LYING if getattr(job, name)]
+    return f", or less of {', '.join(given)}" if given else ""
 
 
 def _rotation(x_deg: float, y_deg: float, z_deg: float) -> Float[ndarray, "3 3"]:
@@ -88,8 +98,8 @@ def _capsule(points: ndarray, job: StockJob, schedule: Schedule, middle: float) 
     if not (job.diameter or job.length):
         return easiest_capsule(points, job, schedule)
     if job.diameter and not job.length:
-        return capsule_of_diameter(job.diameter, points, job.allowance)
-    return given_capsule(job.diameter, job.length, points, middle=middle)
+        return capsule_of_diameter(job.diameter, points, job.allowance, _otherwise(job))
+    return capsule_of_size(job.diameter, job.length, middle)
 
 
 def _cylinder(points: ndarray, job: StockJob, schedule: Schedule, middle: float) -> Stock:

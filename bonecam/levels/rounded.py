@@ -12,11 +12,11 @@ from numpy import ndarray
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 
-from bonecam.errors import StockError, place_name
+from bonecam.errors import StockError
 from bonecam.levels.box import Box
 from bonecam.levels.convex import ConvexStock
 from bonecam.levels.cylinder import Cylinder
-from bonecam.levels.stock import Capsule, Stock, stock_figures, stock_text
+from bonecam.levels.stock import Capsule, Stock, place_in, stock_figures, stock_text
 from bonecam.mesh.hull import convex_hull
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
@@ -143,14 +143,17 @@ def roundest(stock: Stock, points: Float[ndarray, "n 3"], margin: float) -> Stoc
     return rounded(stock, low)
 
 
-def require_roundable(stock: Stock, points: Float[ndarray, "n 3"], margin: float) -> Stock:
-    """The roundest body inside the stock; StockError with the place where the part comes too near to an edge for any."""
+def require_roundable(stock: Stock, points: Float[ndarray, "n 3"], margin: float, otherwise: str = "") -> Stock:
+    """The roundest body inside the stock; StockError with the place where the part comes too near to an edge for any.
+
+    `otherwise` ends its remedy.
+    """
     inner = stock if isinstance(stock, Capsule | Rounded) else roundest(stock, points, margin)
     if inner is None:
         worst = points[np.argmax(rounded(stock, 0.1 * inradius(stock)).signed_distance(points))]
         raise StockError(
-            f"the part comes too near to the edges of the stock ({stock_text(stock_figures(stock))}) at {place_name(worst)} "
-            "to round them: give a larger stock or a capsule",
+            f"the part comes too near to the edges of the stock ({stock_text(stock_figures(stock))}) at {place_in(stock, worst)} "
+            f"to round them: give a larger stock or a capsule{otherwise}",
             distance=float(stock.signed_distance(worst[None])[0]),
             place=worst,
         )

@@ -194,8 +194,13 @@ def stock_text(figures: Mapping[str, Any]) -> str:
     return f"{figures['kind']} {sizes} mm{' of ' + figures['file'] if 'file' in figures else ''}"
 
 
-def require_inside(stock: Stock, points: Float[ndarray, "n 3"], margin: float) -> None:
-    """Raise StockError where a point has less than `margin` mm of the stock's material outside it."""
+def place_in(stock: Stock, place: Float[ndarray, "3"]) -> str:
+    """A place (mm) as messages name it, with the stock's heights in the same frame."""
+    return f"{place_name(place)} (the stock reaches from z = {stock.bounds[0, 2]:.2f} to {stock.bounds[1, 2]:.2f})"
+
+
+def require_inside(stock: Stock, points: Float[ndarray, "n 3"], margin: float, otherwise: str = "") -> None:
+    """Raise StockError where a point has less than `margin` mm of the stock's material outside it; `otherwise` ends its remedy."""
     depth = stock.signed_distance(points)
     worst = int(np.argmax(depth))
     if depth[worst] > -margin:
@@ -203,7 +208,7 @@ def require_inside(stock: Stock, points: Float[ndarray, "n 3"], margin: float) -
         trouble = f"leaves it by {depth[worst]:.3f} mm" if depth[worst] > 0 else f"comes within {-depth[worst]:.3f} mm of its wall"
         raise StockError(
             f"the stock ({stock_text(stock_figures(stock))}) does not hold the part, which {trouble} "
-            f"at {place_name(place)}: give a stock at least {depth[worst] + margin:.2f} mm larger there",
+            f"at {place_in(stock, place)}: give a stock at least {depth[worst] + margin:.2f} mm larger there{otherwise}",
             distance=float(depth[worst]),
             place=place,
         )
@@ -232,14 +237,18 @@ def smallest_capsule(points: Float[ndarray, "n 3"], allowance: float) -> Capsule
     return min(capsules_round(points, allowance), key=lambda capsule: capsule.volume)
 
 
-def capsule_of_diameter(diameter: float, points: Float[ndarray, "n 3"], allowance: float) -> Capsule:
-    """The shortest capsule of this diameter on the Z axis that holds the points with `allowance` mm of material around them."""
+def capsule_of_diameter(diameter: float, points: Float[ndarray, "n 3"], allowance: float, otherwise: str = "") -> Capsule:
+    """The shortest capsule of this diameter on the Z axis that holds the points with `allowance` mm of material around them.
+
+    Raises StockError where none does; `otherwise` ends its remedy.
+    """
     reach, inner = np.linalg.norm(points[:, :2], axis=1), diameter / 2 - allowance
     worst = int(np.argmax(reach))
     if reach[worst] >= inner:
         raise StockError(
             f"a capsule of diameter {diameter:g} mm does not hold the part {reach[worst]:.2f} mm from the axis "
-            f"at z = {points[worst, 2]:.2f} and {allowance:g} mm round it: give at least {2 * (reach[worst] + allowance):.2f}",
+            f"and {points[worst, 2] - points[:, 2].min():.2f} mm above its lower end, and {allowance:g} mm round it: "
+            f"give at least {2 * (reach[worst] + allowance):.2f}{otherwise}",
             distance=float(reach[worst] - inner),
             place=points[worst],
         )
@@ -256,6 +265,15 @@ def given_capsule(
 
     Raises StockError with `distance` and `place` where the part leaves it or has less than `margin` mm of material outside it.
     """
+    if middle is None:
+        middle = float(points[:, 2].min() + points[:, 2].max()) / 2
+    capsule = capsule_of_size(diameter, length, middle)
+    require_inside(capsule, points, margin)
+    return capsule
+
+
+def capsule_of_size(diameter: float, length: float, middle: float) -> Capsule:
+    """A capsule of this size on the Z axis about z = `middle`. StockError names the setting where there is none."""
     if diameter <= 0:
         raise StockError(
             f"stock.diameter = {diameter:g}: a capsule {length:g} mm long needs one: give the diameter, or no stock.length", distance=0.0
@@ -263,9 +281,5 @@ def given_capsule(
     if length < diameter:
         what = f"stock.length = {length:g}: a capsule of diameter {diameter:g} mm is no shorter than that over both caps"
         raise StockError(f"{what}: give at least {diameter:g}, or a smaller stock.diameter", distance=diameter - length)
-    if middle is None:
-        middle = float(points[:, 2].min() + points[:, 2].max()) / 2
     half = (length - diameter) / 2
-    capsule = Capsule(np.array([0, 0, middle - half]), np.array([0, 0, middle + half]), diameter / 2)
-    require_inside(capsule, points, margin)
-    return capsule
+    return Capsule(np.array([0, 0, middle - half]), np.array([0, 0, middle + half]), diameter / 2)

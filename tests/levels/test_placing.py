@@ -150,10 +150,16 @@ def test_a_stock_file_that_is_no_convex_body_is_named(tmp_path: Path) -> None:
 
 IMPOSSIBLE = {
     "leaves a capsule": (StockJob(diameter=7.0, length=30.0), "does not hold the part, which leaves it by"),
-    "shifted out of a bar": (StockJob(kind="cylinder", diameter=10.0, length=30.0, offset_x=3.0), r"leaves it by .* at \("),
-    "tilted out of a box": (StockJob(kind="box", width=9.0, depth=9.0, length=26.0, tilt_x_deg=60.0), r"leaves it by .* at \("),
+    "shifted out of a bar": (
+        StockJob(kind="cylinder", diameter=10.0, length=30.0, offset_x=3.0),
+        r"leaves it by .* at \(.*, or less of stock\.offset_x$",
+    ),
+    "tilted out of a box": (
+        StockJob(kind="box", width=9.0, depth=9.0, length=26.0, tilt_x_deg=60.0),
+        r"leaves it by .* at \(.*, or less of stock\.tilt_x_deg$",
+    ),
     "touches the wall": (StockJob(kind="cylinder", diameter=8.01, length=30.0), "comes within 0.0.* mm of its wall"),
-    "too narrow": (StockJob(diameter=7.0), "mm from the axis at z = .*: give at least"),
+    "too narrow": (StockJob(diameter=7.0), "mm from the axis and .* mm above its lower end, .*: give at least"),
     "no diameter": (StockJob(length=30.0), "give the diameter"),
     "in the edges": (
         StockJob(kind="box", width=8.2, depth=6.2, length=24.2),
@@ -171,3 +177,14 @@ def test_an_impossible_stock_is_refused_with_distance_and_place(job: StockJob, t
     if "leaves" in trouble:
         assert caught.value.evidence["distance"] > 0
         assert caught.value.evidence["place"].shape == (3,)
+
+
+def test_a_place_is_told_where_the_stock_will_stand() -> None:
+    job = StockJob(kind="cylinder", diameter=10.0, length=30.0, offset_x=3.0)
+    with pytest.raises(StockError, match=r"the stock reaches from z = -12\.\d\d to 1[78]\.") as lying:
+        stock_for(cloud(), job, SCHEDULE)
+    with pytest.raises(StockError, match=r"the stock reaches from z = 40\.00 to 70\.00\)") as standing:
+        stock_for(cloud(), job, SCHEDULE, bottom=40.0)
+    lifted = standing.value.evidence["place"] - lying.value.evidence["place"]
+    middle = (cloud()[:, 2].min() + cloud()[:, 2].max()) / 2
+    assert lifted == pytest.approx([0.0, 0.0, 40.0 - (middle - 15.0)])
