@@ -36,7 +36,7 @@ def keep(
             write_mesh(level.mesh, work / f"level_{level.index:02d}.ply", quality=depth, largest=deepest)
         write_whole(work / "toolpath.csv", toolpath_csv(paths))
         draw_levels(levels, post, work / "levels.png")
-        draw_coloured(levels, depths, work / "coloured.png")
+        draw_coloured(levels, work / "coloured.png")
         draw_depths(levels, line_depths(levels, stock), work / "depths.png")
         draw_toolpath(paths, levels, work / "toolpath.png")
 

@@ -16,11 +16,14 @@ LINE, POINTS = 0.7, 1000
 
 def step_depths(levels: Sequence[Level]) -> list[Float[ndarray, " n"]]:
     """For each level the distance of its mesh vertices to the level before it (its surface, not its mesh), mm; zero on the part."""
-    found = [np.zeros(len(levels[0].mesh.vertices))]
-    for before, level in pairwise(levels):
-        points, surface = level.mesh.vertices, before.surface if before.within is None else None
-        found.append(surface.project(points).distances if surface else MeshDistance(before.mesh).unsigned(points))
-    return found
+    return [np.zeros(len(levels[0].mesh.vertices)), *(depths_from(before, level.mesh.vertices) for before, level in pairwise(levels))]
+
+
+def depths_from(before: Level, points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
+    """Distances (mm) of points of a level to the level before it."""
+    if before.surface is None or before.within is not None:
+        return MeshDistance(before.mesh).unsigned(points)
+    return before.surface.project(points).distances
 
 
 def line_depths(levels: Sequence[Level], stock: Stock, s: float = LINE, points: int = POINTS) -> Float[ndarray, "k points"]:

@@ -1,5 +1,6 @@
 """One surface of the morph, with what was measured on it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from jaxtyping import Float
@@ -52,3 +53,9 @@ class Level:
         """Control points over the T-mesh that all levels share."""
         assert self.surface is not None
         return self.surface.control_points if self.shared is None else self.shared
+
+
+def rounding_cuts(levels: Sequence[Level]) -> range:
+    """The cuts that round a stock with edges down to the body that the morph ends at; empty where it ends at the stock."""
+    body = next((level.index for level in levels if level.within is not None), len(levels) - 1)
+    return range(body + 1, len(levels))

@@ -11,7 +11,9 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.levels.level import Level
+from bonecam.levels.depths import LINE, depths_from
+from bonecam.levels.level import Level, rounding_cuts
+from bonecam.mesh.remesh import split_edges
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.tmesh_lines import TMeshLines, tmesh_lines
 from bonecam.surface.tspline import TSpline
@@ -21,10 +23,38 @@ CUT_COLOURS = "viridis"
 CUT, LINK, AXIS = "#1f5fa8", "#e07b00", "#b03030"
 CHORD = 0.01
 """Tolerance (mm) of a shaded T-spline."""
-TALL = 9.0
-"""Height of the picture of the sections, inches; its width follows the stock's."""
+SHARP = np.radians(25.0)
+"""Where a face turns by more from the mean normal at a vertex, faces meet sharply and are shaded by their own normals."""
 SHOWN, AXES_SHOWN, AXIS_LENGTH = 5, 60, 3.0
 """Levels in a row, axes a level and their length, mm."""
+SPLIT = 40
+"""Edges of a level that is coloured are at most this part of its diagonal: its flat faces are few and large."""
+TALL, WIDE, LEAST = 7.5, 9.5, (1.7, 3.0)
+"""The most inches that panels side by side are high and wide together, and the least that one is wide and high."""
+LEFT, GAP, RIGHT, ABOVE, BELOW = 0.8, 0.2, 0.2, 0.6, 0.6
+"""Inches left of, between, right of, above and below panels, without legends and colour bars."""
+MARGIN = 0.04
+"""Round what panels show, as a share of it."""
+
+
+def lay_out(figure: Any, plots: Any, right: float = RIGHT, below: float = BELOW) -> None:
+    """Give panels side by side the same limits, round all that was drawn in any, and one scale, in a figure as large as that takes.
+
+    `right` and `below` are the inches that a colour bar or a legend, the axis' label included, needs there.
+    """
+    boxes = np.array([plot.dataLim.get_points() for plot in plots])
+    low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
+    size = (1 + 2 * MARGIN) * (high - low)
+    scale = min((WIDE / len(plots)) / size[0], TALL / size[1])
+    wide, tall = np.maximum(size * scale, LEAST)
+    (x, z), (across, up) = (low + high) / 2, np.array([wide, tall]) / scale / 2
+    for plot in plots:
+        plot.set(xlim=(x - across, x + across), ylim=(z - up, z + up), aspect="equal")
+        plot.locator_params(axis="x", nbins=4)
+    whole = np.array([LEFT + len(plots) * wide + (len(plots) - 1) * GAP + right, ABOVE + tall + below])
+    figure.set_size_inches(*whole)
+    (start, bottom), (end, top) = np.array([LEFT, below]) / whole, 1 - np.array([right, ABOVE]) / whole
+    figure.subplots_adjust(left=start, bottom=bottom, right=end, top=top, wspace=GAP / wide)
 
 
 def section(mesh: TriangleMesh, origin: Float[ndarray, "3"], normal: Float[ndarray, "3"]) -> Float[ndarray, "k 2 3"]:
@@ -45,18 +75,18 @@ def section(mesh: TriangleMesh, origin: Float[ndarray, "3"], normal: Float[ndarr
 
 
 def draw_levels(levels: Sequence[Level], post: tuple[float, float], path: str | Path) -> None:
-    """Two sections through the axis, y = 0 and x = 0, of all levels; `post` is (diameter, top z) in mm."""
+    """Two sections through the axis, y = 0 and x = 0, of all levels, to one scale; `post` is (diameter, top z) in mm."""
     from matplotlib.colors import Normalize
     from matplotlib.figure import Figure
 
-    wide, _, high = np.ptp(levels[-1].mesh.bounds, axis=0)
-    figure = Figure(figsize=(float(np.clip(2 * TALL * wide / high + 1.5, 5, 12)), TALL), dpi=120, layout="compressed")
-    plots = figure.subplots(1, 2, sharey=True)
+    figure = Figure(dpi=120)
+    plots = figure.subplots(1, 2, sharex=True, sharey=True)
     for plot, across in zip(plots, (0, 1)):
         show_levels(plot, levels, post, across)
     plots[0].set_ylabel("z (mm)")
     figure.suptitle(f"Levels 0 (part) to {levels[-1].index} (stock); dashed: the post")
-    figure.colorbar(_scale(Normalize(0, len(levels) - 1)), ax=plots, label="level", location="bottom", aspect=40, ticks=_whole())
+    lay_out(figure, plots, below=1.3)
+    _bar_below(figure, Normalize(0, len(levels) - 1), "level")
     figure.savefig(path, metadata={"Software": None})
 
 
@@ -72,27 +102,29 @@ def show_levels(plot: "Axes", levels: Sequence[Level], post: tuple[float, float]
     diameter, top = post
     low = float(levels[-1].mesh.bounds[0, 2])
     plot.plot([-diameter / 2, -diameter / 2, np.nan, diameter / 2, diameter / 2], [low - 2, top, np.nan, low - 2, top], "k--", lw=0.8)
-    plot.autoscale()
-    plot.set_aspect("equal")
-    plot.locator_params(axis="x", nbins=4)
     plot.set_xlabel(f"{'xy'[across]} (mm)")
 
 
 def draw_depths(levels: Sequence[Level], line: Float[ndarray, "k n"], path: str | Path) -> None:
-    """Above: the depth of each cut along one parameter line (`line`). Below: the share of each level's area by depth."""
+    """Above: the depth of each cut of the morph along the line s = LINE (`line`). Below: the share of each level's area by depth."""
+    from matplotlib import colormaps
     from matplotlib.colors import Normalize
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(10, 9), dpi=120, layout="constrained")
+    figure = Figure(figsize=(10, 9.6), dpi=120, layout="constrained")
     above, below = figure.subplots(2, 1)
-    colour = _colours(len(line) + 1)
+    norm, rounding = Normalize(1, len(levels) - 1), rounding_cuts(levels)
     for k, depths in enumerate(line, start=1):
-        above.plot(np.arange(line.shape[1]), depths, lw=0.9, color=colour(k))
+        above.plot(np.arange(line.shape[1]), depths, lw=0.9, color=colormaps[CUT_COLOURS](norm(k)))
+    for limit in {level.limit for level in levels[1:]}:
+        above.axhline(limit, color="0.5", lw=0.8, ls="--", zorder=0)
     above.set_xlim(0, line.shape[1] - 1)
-    above.set_ylim(0, 1.05 * max(level.limit for level in levels))
+    above.set_ylim(bottom=0)
     above.set_xlabel("point on the line, from the lower to the upper pole")
     above.set_ylabel("distance between levels (mm)")
-    figure.colorbar(_scale(Normalize(1, len(line))), ax=above, label="cut", ticks=_whole())
+    rest = f" ({_cuts(rounding)}, which only round the stock, not shown)" if rounding else ""
+    above.set_title(f"Depth of {_cuts(range(1, len(line) + 1))} along the line s = {LINE:g}{rest}; dashed: the limits", fontsize="medium")
+    figure.colorbar(_scale(norm), ax=above, label="cut", ticks=_whole())
     shares = np.array([level.histogram for level in levels[1:]])
     image = below.imshow(
         100 * shares, aspect="auto", origin="lower", cmap="magma_r", extent=(0, 100, 0.5, len(shares) + 0.5), interpolation="nearest"
@@ -100,19 +132,27 @@ def draw_depths(levels: Sequence[Level], line: Float[ndarray, "k n"], path: str 
     below.set_xlabel("depth, % of the cut's limit")
     below.set_ylabel("cut")
     below.yaxis.set_major_locator(_whole())
+    below.set_title(f"Share of the level's area by depth, {_cuts(range(1, len(levels)))}", fontsize="medium")
     figure.colorbar(image, ax=below, label="% of the level's area")
-    figure.suptitle("Depths of the cuts")
     figure.savefig(path, metadata={"Software": None})
+
+
+def _cuts(cuts: range) -> str:
+    """Cuts as a title names them, like `cuts 1 to 17`."""
+    return f"cuts {cuts[0]} to {cuts[-1]}" if len(cuts) > 1 else f"cut {cuts[0]}"
 
 
 def draw_tmesh(surface: TSpline, path: str | Path, chord_tolerance: float = CHORD) -> None:
     """The T-mesh on the surface, seen from the front (-y) and from behind; `chord_tolerance` (mm) of the shaded surface."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(7, 8), dpi=120, layout="constrained")
-    for plot, across in zip(figure.subplots(1, 2, sharey=True), (1.0, -1.0)):
+    figure = Figure(dpi=120)
+    plots = figure.subplots(1, 2, sharey=True)
+    for plot, across in zip(plots, (1.0, -1.0)):
         show_tmesh(plot, surface, across, chord_tolerance)
+    plots[0].set_ylabel("z (mm)")
     figure.suptitle(f"{len(surface.weights)} control points")
+    lay_out(figure, plots)
     figure.savefig(path, metadata={"Software": None})
 
 
@@ -128,22 +168,29 @@ def show_tmesh(
 
 
 def _draw_shaded(plot: "Axes", mesh: TriangleMesh, across: float, colours: ndarray | None = None) -> None:  # type: ignore[name-defined]
-    """Triangles that face the viewer, the far ones first; grey, or one `colours` row (RGB) a vertex."""
+    """Triangles that face the viewer, the far ones first; grey, or one `colours` row (RGB) a face."""
     from matplotlib.collections import PolyCollection
 
-    normals = np.zeros((len(mesh.vertices), 3))
-    for corner in mesh.faces.T:
-        np.add.at(normals, corner, mesh.face_vectors)
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
-    light = 0.55 + 0.4 * np.clip(normals @ (np.array([across, -2 * across, 1.0]) / np.sqrt(6)), 0, 1)
-    shade = light[:, None] * (np.ones(3) if colours is None else colours)
-    facing = mesh.faces[across * mesh.face_vectors[:, 1] < 0]
-    facing = facing[np.argsort(-across * mesh.vertices[facing][:, :, 1].mean(axis=1), kind="stable")]
-    corners, faces = mesh.vertices[facing][:, :, [0, 2]] * [across, 1], shade[facing].mean(axis=1)
+    facing = np.flatnonzero(across * mesh.face_vectors[:, 1] < 0)
+    facing = facing[np.argsort(-across * mesh.vertices[mesh.faces[facing]][:, :, 1].mean(axis=1), kind="stable")]
+    light = 0.55 + 0.4 * np.clip(corner_normals(mesh)[facing] @ (np.array([across, -2 * across, 1.0]) / np.sqrt(6)), 0, 1)
+    corners = mesh.vertices[mesh.faces[facing]][:, :, [0, 2]] * [across, 1]
+    faces = light.mean(axis=1, keepdims=True) * (np.ones(3) if colours is None else colours[facing])
     plot.add_collection(PolyCollection(corners, facecolors=faces, edgecolors=faces, linewidths=0.8))
-    plot.autoscale()
-    plot.set_aspect("equal")
     plot.set_xlabel("x (mm)" if across > 0 else "-x (mm)")
+
+
+def corner_normals(mesh: TriangleMesh) -> Float[ndarray, "f 3 3"]:
+    """A unit normal at each corner of each face: the mean of the faces round the vertex, or where they meet sharply the face's own."""
+    tiny, area = np.finfo(float).tiny, np.linalg.norm(mesh.face_vectors, axis=1)
+    own, mean = mesh.face_vectors / np.maximum(area, tiny)[:, None], np.zeros((len(mesh.vertices), 3))
+    for corner in mesh.faces.T:
+        np.add.at(mean, corner, mesh.face_vectors)
+    mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), tiny)
+    least = np.ones(len(mesh.vertices))
+    for corner in mesh.faces[area > 0].T:
+        np.minimum.at(least, corner, (mean[corner] * own[area > 0]).sum(axis=1))
+    return np.where((least < np.cos(SHARP))[mesh.faces][:, :, None], own[:, None], mean[mesh.faces])
 
 
 def _draw_lines(plot: "Axes", surface: TSpline, lines: TMeshLines, across: float) -> None:  # type: ignore[name-defined]
@@ -163,22 +210,26 @@ def _draw_lines(plot: "Axes", surface: TSpline, lines: TMeshLines, across: float
     plot.plot(across * seen[:, 0], seen[:, 2], ".", color="#b03020", markersize=2.5)
 
 
-def draw_coloured(levels: Sequence[Level], depths: Sequence[ndarray], path: str | Path) -> None:
-    """Some levels of the morph seen from the front (-y), coloured by the depth (mm) of their cut, `depths` at each level's vertices."""
+def draw_coloured(levels: Sequence[Level], path: str | Path) -> None:
+    """Some levels, the first and the stock among them, seen from the front (-y), coloured by the depth (mm) of their cut."""
     from matplotlib import colormaps
     from matplotlib.colors import Normalize
     from matplotlib.figure import Figure
 
-    last = next((level.index for level in levels if level.within is not None), len(levels) - 1)
+    last = len(levels) - 1
     some = np.unique(np.linspace(1, last, min(last, SHOWN)).round().astype(int))
-    norm = Normalize(0, max(level.limit for level in levels))
-    figure = Figure(figsize=(10, 5), dpi=120, layout="constrained")
+    norm, rounding = Normalize(0, max(level.limit for level in levels)), rounding_cuts(levels)
+    figure = Figure(dpi=120)
     plots = figure.subplots(1, len(some), sharex=True, sharey=True, squeeze=False)[0]
     for plot, k in zip(plots, some):
-        _draw_shaded(plot, levels[k].mesh, 1.0, colormaps[CUT_COLOURS](norm(depths[k]))[:, :3])
-        plot.set_title(f"level {k}")
+        mesh = split_edges(levels[k].mesh, levels[k].mesh.diagonal / SPLIT)
+        depths = depths_from(levels[k - 1], mesh.vertices[mesh.faces].mean(axis=1))
+        _draw_shaded(plot, mesh, 1.0, colormaps[CUT_COLOURS](norm(depths))[:, :3])
+        kind = ", the stock" if k == last else ", rounding" if k in rounding else ""
+        plot.set_title(f"level {k}{kind}", fontsize="medium")
     plots[0].set_ylabel("z (mm)")
-    figure.colorbar(_scale(norm), ax=plots, label="distance to the level before (mm)", shrink=0.8)
+    lay_out(figure, plots, right=1.2)
+    _bar_right(figure, norm, "distance to the level before (mm)")
     figure.savefig(path, metadata={"Software": None})
 
 
@@ -188,14 +239,16 @@ def draw_toolpath(paths: Sequence[ToolPath], levels: Sequence[Level], path: str 
     from matplotlib.lines import Line2D
 
     shown = [paths[k] for k in sorted({0, len(paths) // 2, len(paths) - 1})]
-    figure = Figure(figsize=(10, 7.2), dpi=120, layout="constrained")
+    figure = Figure(dpi=120)
     plots = figure.subplots(1, len(shown), sharex=True, sharey=True, squeeze=False)[0]
     for plot, item in zip(plots, shown):
         show_path(plot, item, levels[item.level].mesh)
-        plot.set_title(f"level {item.level}, ball R {item.cutter.radius:g} mm\n{int((item.kinds == Kind.CUT).sum())} cutting moves")
+        cuts = int((item.kinds == Kind.CUT).sum())
+        plot.set_title(f"level {item.level}, ball R {item.cutter.radius:g} mm\n{cuts} cutting moves", fontsize="medium")
     plots[0].set_ylabel("z (mm)")
     keys = {"cut (contact)": CUT, "link (tip)": LINK, "tool axis": AXIS}
-    figure.legend([Line2D([], [], color=colour) for colour in keys.values()], list(keys), loc="outside lower center", ncols=3)
+    figure.legend([Line2D([], [], color=colour) for colour in keys.values()], list(keys), loc="lower center", ncols=3)
+    lay_out(figure, plots, below=BELOW + 0.4)
     figure.savefig(path, metadata={"Software": None})
 
 
@@ -222,6 +275,20 @@ def _colours(count: int):  # type: ignore[no-untyped-def]
 
     table = colormaps[CUT_COLOURS]
     return lambda index: table(index / max(count - 1, 1))
+
+
+def _bar_below(figure: Any, norm: object, label: str) -> None:
+    """A colour bar under the panels of `lay_out`."""
+    wide, high = figure.get_size_inches()
+    place = figure.add_axes((LEFT / wide, 0.5 / high, 1 - (LEFT + RIGHT) / wide, 0.15 / high))
+    figure.colorbar(_scale(norm), cax=place, label=label, orientation="horizontal", ticks=_whole())
+
+
+def _bar_right(figure: Any, norm: object, label: str) -> None:
+    """A colour bar beside the panels of `lay_out`."""
+    wide, high = figure.get_size_inches()
+    place = figure.add_axes((1 - 1.0 / wide, BELOW / high, 0.2 / wide, 1 - (ABOVE + BELOW) / high))
+    figure.colorbar(_scale(norm), cax=place, label=label)
 
 
 def _whole() -> Any:

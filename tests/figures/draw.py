@@ -6,8 +6,8 @@ from bonecam_meshes import path
 from matplotlib.figure import Figure
 
 import bonecam
-from bonecam.levels.depths import line_depths, step_depths
-from bonecam.verify.pictures import draw_coloured, draw_depths, draw_tmesh, draw_toolpath, show_levels, show_path, show_tmesh
+from bonecam.levels.depths import line_depths
+from bonecam.verify.pictures import draw_coloured, draw_depths, draw_tmesh, draw_toolpath, lay_out, show_levels, show_path, show_tmesh
 
 HERE = Path(__file__).parent
 
@@ -17,7 +17,7 @@ def main() -> None:
     result = bonecam.convert(path("phalanx"))
     levels = result.levels.levels
     draw_chain(result, HERE / "chain.png")
-    draw_coloured(levels, step_depths(levels), HERE / "coloured.png")
+    draw_coloured(levels, HERE / "coloured.png")
     draw_depths(levels, line_depths(levels, result.stock), HERE / "depths.png")
     draw_toolpath(result.paths, levels, HERE / "toolpath.png")
     draw_tmesh(result.surface, HERE / "tmesh.png")
@@ -26,7 +26,7 @@ def main() -> None:
 def draw_chain(result: bonecam.Result, file: Path) -> None:
     """Surface, levels and last level's path side by side, to one scale."""
     levels, paths = result.levels.levels, result.paths
-    figure = Figure(figsize=(8.4, 5.6), dpi=120, layout="constrained")
+    figure = Figure(dpi=120)
     plots = figure.subplots(1, 3, sharex=True, sharey=True)
     show_tmesh(plots[0], result.surface)
     show_levels(plots[1], levels, (bonecam.Job().holding.diameter, float(result.part.mesh.bounds[0, 2])), 0)
@@ -35,6 +35,7 @@ def draw_chain(result: bonecam.Result, file: Path) -> None:
     plots[1].set_title(f"{result.levels.cuts} cuts\nfrom stock to part")
     plots[2].set_title("path and tool axes\nof the last level")
     plots[0].set_ylabel("z (mm)")
+    lay_out(figure, plots)
     figure.savefig(file, metadata={"Software": None})
 
 

@@ -1,0 +1,117 @@
+"""Pictures: what is drawn is all there, to one scale, and nothing covers anything else."""
+
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.transforms import Bbox
+from synthetic_paths import capsule_path
+
+from bonecam.levels.box import Box
+from bonecam.levels.level import Level, rounding_cuts
+from bonecam.levels.stock import Capsule, Stock
+from bonecam.toolpath.path import Kind, ToolPath
+from bonecam.verify.pictures import corner_normals, draw_coloured, draw_depths, draw_levels, draw_toolpath
+
+POST = (4.0, 45.0)
+
+
+def capsule(radius: float) -> Capsule:
+    return Capsule(np.array([0.0, 0.0, 45.0]), np.array([0.0, 0.0, 65.0]), radius)
+
+
+def level(k: int, body: Stock, within: Stock | None = None) -> Level:
+    return Level(k, None, body.mesh(0.05), 0.5, 0.5, 0.4, 0.0, 0, histogram=(0.5, 0.5), within=within)
+
+
+def boxed(wide: float, deep: float, high: float) -> list[Level]:
+    """The part, two levels of the morph, of which the last is rounded to the box by two cuts more."""
+    box = Box(np.array([-wide, -deep, 55.0 - high]), np.array([wide, deep, 55.0 + high]))
+    first = level(0, capsule(5.0))
+    return [first, level(1, capsule(5.4)), level(2, capsule(5.8), box), level(3, capsule(6.0), box), level(4, box)]
+
+
+def path(k: int) -> ToolPath:
+    """A helix with contacts, where the tip is."""
+    made = capsule_path(k)
+    return replace(made, contacts=np.where((made.kinds == Kind.CUT)[:, None], made.tips, np.nan))
+
+
+@pytest.fixture
+def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
+    """The figures that were saved."""
+    figures: list[Figure] = []
+    monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: figures.append(figure))
+    return figures
+
+
+def texts(figure: Figure) -> list[str]:
+    return [plot.get_title() for plot in figure.axes if plot.get_title()]
+
+
+def extents(items: Any) -> list[Bbox]:
+    return [item.get_window_extent() for item in items if item.get_text()]
+
+
+STOCKS = [(8.0, 8.0, 18.0), (40.0, 10.0, 18.0), (9.0, 30.0, 18.0), (7.0, 7.0, 120.0)]
+
+
+@pytest.mark.parametrize("sizes", STOCKS, ids=str)
+def test_panels_have_one_scale_and_nothing_is_clipped_or_covered(sizes: tuple[float, float, float], drawn: list[Figure]) -> None:
+    levels = boxed(*sizes)
+    draw_levels(levels, POST, "")
+    draw_coloured(levels, "")
+    draw_toolpath([path(3), path(1), path(0)], levels, "")
+    for figure in drawn:
+        FigureCanvasAgg(figure).draw()
+        panels = [plot for plot in figure.axes if plot.get_xlabel().endswith(("x (mm)", "y (mm)"))]
+        per_mm = [plot.transData.transform([[0, 0], [1, 1]]) for plot in panels]
+        assert np.ptp([np.diff(pair, axis=0) for pair in per_mm]) < 0.01
+        assert len({plot.get_ylim() for plot in panels}) == 1
+        assert len({round(plot.get_window_extent().y0, 6) for plot in panels}) == 1
+        assert all(plot.dataLim.y1 <= plot.get_ylim()[1] and plot.dataLim.y0 >= plot.get_ylim()[0] for plot in panels)
+        titles, labels = extents(plot.title for plot in panels), extents(plot.xaxis.label for plot in panels)
+        legends = [legend.get_window_extent() for legend in figure.legends]
+        bars = [plot.get_tightbbox() for plot in figure.axes if plot not in panels]
+        whole = figure.bbox
+        for box in [*titles, *labels, *legends, *bars]:
+            assert whole.x0 <= box.x0 < box.x1 <= whole.x1
+            assert whole.y0 <= box.y0 < box.y1 <= whole.y1
+        assert all(left.x1 <= right.x0 for left, right in pairwise(titles))
+        assert not any(label.overlaps(other) for label in labels for other in [*legends, *bars])
+
+
+def test_depths_beyond_the_limit_are_shown_and_titles_say_which_cuts_and_which_line(drawn: list[Figure]) -> None:
+    levels = boxed(8.0, 8.0, 18.0)
+    draw_depths(levels, np.array([[0.4, 0.5, 0.4], [0.4, 0.9, 0.4]]), "")
+    above = drawn[0].axes[0]
+    assert above.get_ylim()[1] > 0.9
+    assert list(rounding_cuts(levels)) == [3, 4]
+    assert "cuts 1 to 2 along the line s = 0.7 (cuts 3 to 4, which only round the stock, not shown)" in above.get_title()
+    assert any("cuts 1 to 4" in title for title in texts(drawn[0])[1:])
+
+
+def test_the_coloured_levels_go_out_to_the_stock(drawn: list[Figure]) -> None:
+    draw_coloured(boxed(8.0, 8.0, 18.0), "")
+    assert texts(drawn[0]) == ["level 1", "level 2", "level 3, rounding", "level 4, the stock"]
+    draw_coloured([level(k, capsule(5.0 + 0.4 * k)) for k in range(3)], "")
+    assert texts(drawn[1]) == ["level 1", "level 2, the stock"]
+
+
+def test_a_box_is_shaded_by_its_faces_and_a_round_body_smoothly() -> None:
+    box = Box(np.zeros(3), np.array([1.0, 2.0, 3.0])).mesh(0.1)
+    own = box.face_vectors / np.linalg.norm(box.face_vectors, axis=1, keepdims=True)
+    assert np.allclose(corner_normals(box), own[:, None])
+    body = capsule(5.0)
+    mesh = body.mesh(0.02)
+    assert (corner_normals(mesh) * body.outward(mesh.vertices)[mesh.faces]).sum(axis=2).min() > 0.99
+
+
+def test_pictures_are_written(tmp_path: Path) -> None:
+    draw_levels(boxed(8.0, 8.0, 18.0), POST, tmp_path / "levels.png")
+    assert (tmp_path / "levels.png").read_bytes().startswith(b"\x89PNG")
