@@ -25,6 +25,11 @@ def place_name(place: Iterable[float]) -> str:
     return "({:.2f}, {:.2f}, {:.2f})".format(*place)
 
 
+def counted(number: int, noun: str) -> str:
+    """So many things as messages name them, like 1 hole, 3 holes, 2 vertices."""
+    return f"{number} {noun if number == 1 else noun.removesuffix('ex') + 'ices' if noun.endswith('vertex') else noun + 's'}"
+
+
 def _restore(kind: type[BonecamError], message: str, evidence: dict[str, Any]) -> BonecamError:
     return kind(message, **evidence)
 

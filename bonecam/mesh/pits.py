@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 from scipy.spatial import cKDTree
 
-from bonecam.errors import place_name
+from bonecam.errors import counted, place_name
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -52,7 +52,8 @@ def fill_pits(mesh: TriangleMesh, radius: float) -> tuple[TriangleMesh, tuple[st
     told = f"pits that a ball of {radius:g} mm cannot enter, up to {moved[worst]:.2f} mm deep at {place_name(mesh.vertices[worst])} mm"
     if len(self_intersections(filled)):
         return mesh, (f"left {told}, open: a membrane over them would cut the part",)
-    return filled, (f"filled {told}{f'; {left.sum()} vertices are still out of its reach' if left.any() else ''}",)
+    rest = f"; {counted(int(left.sum()), 'vertex')} still out of its reach" if left.any() else ""
+    return filled, (f"filled {told}{rest}",)
 
 
 def _reached(mesh: TriangleMesh, free: Bool[ndarray, " v"], radius: float) -> Int[ndarray, " k"]:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy import ndarray
 
 from bonecam.arrays import dots
-from bonecam.errors import MeshError
+from bonecam.errors import MeshError, counted
 from bonecam.mesh.distance import exact_closest
 from bonecam.mesh.faults import Fault, faults_of, holes_of
 from bonecam.mesh.files import from_meshset, meshlab, to_meshset
@@ -44,13 +44,13 @@ _REMEDIES = {
 }
 
 _TIDYING = (
-    ("meshing_remove_null_faces", "faces", "removed {} faces without area"),
-    ("meshing_remove_duplicate_vertices", "vertices", "merged {} duplicate vertices"),
-    ("meshing_remove_duplicate_faces", "faces", "removed {} duplicate faces"),
+    ("meshing_remove_null_faces", "faces", "removed {} without area", "face"),
+    ("meshing_remove_duplicate_vertices", "vertices", "merged {}", "duplicate vertex"),
+    ("meshing_remove_duplicate_faces", "faces", "removed {}", "duplicate face"),
 )
 _CUTTING = (
-    ("meshing_repair_non_manifold_edges", "faces", "removed {} faces at edges with more than two faces"),
-    ("meshing_repair_non_manifold_vertices", "vertices", "split {} vertices where surfaces touch"),
+    ("meshing_repair_non_manifold_edges", "faces", "removed {} at edges with more than two faces", "face"),
+    ("meshing_repair_non_manifold_vertices", "vertices", "split {} where surfaces touch", "vertex"),
 )
 
 
@@ -134,7 +134,7 @@ def _without_strays(state: _State) -> _State:
     strays = len(state.mesh.vertices) - len(np.unique(state.mesh.faces))
     if not strays:
         return state
-    return state.then(_compact(state.mesh, np.ones(len(state.mesh.faces), dtype=bool)), f"removed {strays} vertices of no face")
+    return state.then(_compact(state.mesh, np.ones(len(state.mesh.faces), dtype=bool)), f"removed {counted(strays, 'vertex')} of no face")
 
 
 def _one_part(state: _State) -> _State:
@@ -152,17 +152,17 @@ def _one_part(state: _State) -> _State:
         where = ", ".join(f"{x:.2f}" for x in place)
         what = f"the mesh has {len(areas)} separate parts, the second largest near ({where}) mm"
         raise MeshError(f"{what}: save the one to machine by itself", parts=len(areas), areas=areas, place=place)
-    told = f"dropped {len(others)} loose pieces of at most {others.max() / areas[largest]:.2%} of the part's area"
+    told = f"dropped {counted(len(others), 'loose piece')} of at most {others.max() / areas[largest]:.2%} of the part's area"
     return state.then(_compact(welded, pieces == largest), told)
 
 
-def _state_after(state: _State, name: str, counted: str = "", sentence: str = "") -> _State:
-    """`state` after one MeshLab filter, with its sentence where the counted elements changed."""
+def _state_after(state: _State, name: str, elements: str = "", sentence: str = "", noun: str = "") -> _State:
+    """`state` after one MeshLab filter, with its sentence where the number of its elements changed."""
     meshset = to_meshset(state.mesh)
     getattr(meshset, name)()
     mesh = from_meshset(meshset)
-    changed = abs(len(getattr(mesh, counted)) - len(getattr(state.mesh, counted))) if counted else 0
-    return state.then(mesh, *((sentence.format(changed),) if changed else ()))
+    changed = abs(len(getattr(mesh, elements)) - len(getattr(state.mesh, elements))) if elements else 0
+    return state.then(mesh, *((sentence.format(counted(changed, noun)),) if changed else ()))
 
 
 def _clean(state: _State) -> _State:
@@ -170,9 +170,9 @@ def _clean(state: _State) -> _State:
     return _outward(_closed(_oriented(_one_part(_filtered(state, _CUTTING)))))
 
 
-def _filtered(state: _State, filters: tuple[tuple[str, str, str], ...]) -> _State:
-    for name, counted, sentence in filters:
-        state = _state_after(state, name, counted, sentence)
+def _filtered(state: _State, filters: tuple[tuple[str, str, str, str], ...]) -> _State:
+    for name, elements, sentence, noun in filters:
+        state = _state_after(state, name, elements, sentence, noun)
     return state
 
 
@@ -183,7 +183,9 @@ def _without_fins(state: _State) -> _State:
     names = edges.astype(np.int64) @ [len(state.mesh.vertices), 1]
     found = counts[np.searchsorted(names, sides @ [len(state.mesh.vertices), 1])]
     fins = (found == 1).any(1) & (found > 2).any(1)
-    return state.then(_compact(state.mesh, ~fins), f"removed {fins.sum()} faces that stick out") if fins.any() else state
+    if not (count := int(fins.sum())):
+        return state
+    return state.then(_compact(state.mesh, ~fins), f"removed {counted(count, 'face')} that {'stick' if count > 1 else 'sticks'} out")
 
 
 def _oriented(state: _State) -> _State:
@@ -191,7 +193,7 @@ def _oriented(state: _State) -> _State:
     after = _state_after(state, "meshing_re_orient_faces_coherently").mesh
     turned = int((dots(after.face_vectors, state.mesh.face_vectors) < 0).sum())
     turned = min(turned, len(after.faces) - turned)
-    return state.then(after, *((f"turned {turned} faces round",) if turned else ()))
+    return state.then(after, *((f"turned {counted(turned, 'face')} round",) if turned else ()))
 
 
 def _outward(state: _State) -> _State:
@@ -217,7 +219,9 @@ def _closed(state: _State) -> _State:
     after = from_meshset(meshset)
     closed = len(holes) - len(holes_of(after))
     added = len(after.faces) - len(state.mesh.faces)
-    return state.then(after, f"closed {closed} of {len(holes)} holes with {added} faces, the widest {widths[widest]:.2f} mm across")
+    which = f"{closed} of {counted(len(holes), 'hole')}" if closed < len(holes) else counted(closed, "hole")
+    widest_told = f"{'the widest ' if len(holes) > 1 else ''}{widths[widest]:.2f} mm across"
+    return state.then(after, f"closed {which} with {counted(added, 'face')}, {widest_told}")
 
 
 def _united(state: _State) -> _State:
@@ -233,7 +237,8 @@ def _united(state: _State) -> _State:
         return state
     depth = np.linalg.norm(exact_closest(after, state.mesh.vertices)[0] - state.mesh.vertices, axis=1)
     cut = len(self_intersections(state.mesh))
-    told = f"kept the outside of {cut} faces that cut each other (what lay up to {depth.max():.2f} mm inside is gone)"
+    what = f"the outside of {counted(cut, 'face')} that cut each other" if cut else "the outside only"
+    told = f"kept {what} (what lay up to {depth.max():.2f} mm inside is gone)"
     return _one_part(state.then(after, told))
 
 
