@@ -146,6 +146,7 @@ def convert(
         "stock": stock_figures(stock),
         "levels": levels_report(levels.levels),
         "levels_lower_bound": levels.lower_bound,
+        "levels_method": job.levels.method,
         "toolpath": toolpath_report(paths),
         "nc": {"file": Path(program).name if program else "", **nc_report(posted, proof)},
         "seconds": clock.seconds,

@@ -6,7 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from bonecam.levels.level import Level
+from bonecam.errors import counted
+from bonecam.levels.check import NEST_TOLERANCE
+from bonecam.levels.level import Level, rounding_cuts
+from bonecam.levels.morph import METHODS
 from bonecam.levels.stock import stock_text
 from bonecam.nc.program import Program
 from bonecam.surface.fit import Fit
@@ -24,7 +27,11 @@ WHY = {
 
 
 def levels_report(levels: Sequence[Level]) -> list[dict[str, Any]]:
-    """`levels` of the report: what was measured on each; shares of the area by depth, in even bins from 0 to the limit."""
+    """`levels` of the report: what was measured on each; shares of the area by depth, in even bins from 0 to the limit.
+
+    `rounding` says whether the cut up to this level only rounds a stock with edges, exactly: it has no certificate.
+    """
+    rounding = rounding_cuts(levels)
     return [
         {
             "index": level.index,
@@ -37,7 +44,7 @@ def levels_report(levels: Sequence[Level]) -> list[dict[str, Any]]:
             "depth_full_mean_mm": _mm(level.full_mean),
             "outside_stock_mm": _mm(level.outside),
             "depth_shares": [round(share, 4) for share in level.histogram],
-            "rounding": level.within is not None,
+            "rounding": level.index in rounding,
             **_certified(level),
         }
         for level in levels
@@ -109,13 +116,14 @@ def summary_of(report: Mapping[str, Any]) -> str:
     surface, levels, nc = report["surface"], report["levels"], report["nc"]
     contacts = sum(row["contacts"] for row in report["toolpath"])
     lines = [
-        f"mesh      {report['input']['faces']} faces, {report['input']['units']}; {len(report['input']['repairs'])} repairs",
+        f"mesh      {report['input']['faces']} faces, {report['input']['units']}; {counted(len(report['input']['repairs']), 'repair')}",
+        *(f"repair    {told}" for told in report["input"]["repairs"]),
         f"surface   {surface['control_points']} control points, "
         f"deviation max {surface['deviation_max_mm']:.3f} rms {surface['deviation_rms_mm']:.3f} mm",
         f"stock     {stock_text(report['stock'])}",
-        f"levels    {len(levels) - 1} cuts, no schedule needs fewer than {report['levels_lower_bound']}; "
+        f"levels    {counted(len(levels) - 1, 'cut')}, no schedule needs fewer than {report['levels_lower_bound']}; "
         f"depth max {max(row[way] for row in levels for way in ('depth_max_mm', 'depth_back_max_mm')):.4f} mm",
-        f"certified {certified_text(levels)}",
+        f"certified {certified_text(levels, report['levels_method'])}",
         f"toolpath  {contacts} contacts",
         f"uncut     {uncut_text(report['toolpath'])}",
         f"nc        {nc['file'] or 'not written'}: {nc['blocks']} blocks for {nc['machine']} / {nc['controller']}, "
@@ -127,14 +135,19 @@ def summary_of(report: Mapping[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def certified_text(levels: Sequence[Mapping[str, Any]]) -> str:
-    """What holds between the points measured, in one line; `levels` as in the report. Levels that round the stock are exact anyway."""
+def certified_text(levels: Sequence[Mapping[str, Any]], method: str = "qp") -> str:
+    """What holds between the points measured, in one line; `levels` as in the report, made by `method`."""
     known = [row for row in levels if row["not_certified"] is not None]
+    rounding = sum(row["rounding"] for row in levels)
+    exact = [f"{counted(rounding, 'more cut')} only to round the stock, exact by construction"] if rounding else []
     if not known:
-        return "nothing: the surface is not polynomial"
+        behind, why = METHODS[method][0], "the surface is not polynomial (it has weights other than one)"
+        if behind > NEST_TOLERANCE:
+            why = f"levels by {method} may fall {behind:g} mm behind one another, more than the {NEST_TOLERANCE:g} mm of a certificate"
+        return "; ".join([f"nothing on {counted(len(levels) - 1 - rounding, 'cut')}: {why}", *exact])
     doubts = [f"cut {row['index']} {doubt}" for row in known for doubt in row["not_certified"]]
     kept = sum(not row["not_certified"] for row in known)
-    return "; ".join([f"depth, nesting and stock hold everywhere on {kept} of {len(known)} cuts", *doubts])
+    return "; ".join([f"depth, nesting and stock hold everywhere on {kept} of {counted(len(known), 'cut')}", *exact, *doubts])
 
 
 def uncut_text(toolpath: Sequence[Mapping[str, Any]]) -> str:

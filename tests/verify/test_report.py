@@ -1,11 +1,14 @@
 """What the report says to a person."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from bonecam.levels.certificate import Certificate
 from bonecam.levels.level import Level
+from bonecam.levels.stock import Capsule
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.verify.report import certified_text, levels_report, uncut_text
+from bonecam.verify.report import certified_text, levels_report, summary_of, uncut_text
 
 
 def test_what_was_left_uncut_is_told_by_reason_in_one_line() -> None:
@@ -18,6 +21,27 @@ def test_what_was_left_uncut_is_told_by_reason_in_one_line() -> None:
     assert "collision 2" in text
     assert "\n" not in text
     assert uncut_text([{"level": 0, "uncut_contacts": 0, "uncut_reasons": {}}]) == "nothing"
+
+
+def test_the_summary_tells_each_repair() -> None:
+    level = {"depth_max_mm": 0.5, "not_certified": [], "rounding": False}
+    report = {
+        "input": {"faces": 993, "units": "mm", "repairs": ["closed 1 hole with 33 faces, 9.66 mm across"]},
+        "surface": {"control_points": 190, "deviation_max_mm": 0.07, "deviation_rms_mm": 0.02},
+        "stock": {"kind": "capsule", "diameter_mm": 9.3, "length_mm": 22.3},
+        "levels": [{**level, "depth_max_mm": 0.0, "not_certified": None}, level],
+        "levels_lower_bound": 1,
+        "levels_method": "qp",
+        "toolpath": [{"level": 0, "contacts": 5, "uncut_contacts": 0, "uncut_reasons": {}}],
+        "nc": dict.fromkeys(("blocks", "time_min", "readback_tip_error_mm", "readback_axis_error_deg", "gouge_max_mm"), 1)
+        | {"file": "half.h", "machine": "mill", "controller": "heidenhain"},
+        "seconds": {"mesh": 1.0},
+    }
+    told = summary_of(report).splitlines()
+    assert told[:2] == ["mesh      993 faces, mm; 1 repair", "repair    closed 1 hole with 33 faces, 9.66 mm across"]
+    assert "levels    1 cut, no schedule needs fewer than 1; depth max 0.5000 mm" in told
+    assert "hold everywhere on 1 of 1 cut" in told[5]
+    assert summary_of({**report, "input": {**report["input"], "repairs": []}}).startswith("mesh      993 faces, mm; 0 repairs\nsurface")
 
 
 def test_a_cut_that_is_not_certified_is_told_with_its_place_although_it_measures_well() -> None:
@@ -36,4 +60,19 @@ def test_a_cut_that_is_not_certified_is_told_with_its_place_although_it_measures
         "depth, nesting and stock hold everywhere on 1 of 3 cuts; cut 2 may be 0.5035 mm deep, more than 0.5 mm, at (1.00, 2.00"
     )
     assert "cut 3 may fall behind the level before farther than is known at (1.00" in told
-    assert certified_text(rows[:1]).startswith("nothing")
+
+
+def test_why_cuts_have_no_certificate_is_told_as_it_is() -> None:
+    body = Capsule(np.array([0.0, 0.0, 10.0]), np.array([0.0, 0.0, 20.0]), 5.0)
+    place = np.zeros(3)
+    sure = Certificate(0.5, 0.0, -0.01, place, place, place, np.empty((0, 2)), 9)
+    made = [Level(k, None, body.mesh(0.1), 0.5, 0.5, 0.4, 0.0, 0, within=body if k in (2, 3) else None) for k in range(5)]
+    levels = [made[0], *(replace(level, certificate=sure) for level in made[1:3]), *made[3:]]
+    rows = levels_report(levels)
+    assert [row["rounding"] for row in rows] == [False, False, False, True, True]
+    told = "depth, nesting and stock hold everywhere on 2 of 2 cuts; 2 more cuts only to round the stock, exact by construction"
+    assert certified_text(rows) == told
+    by_cones = certified_text(levels_report(made), "qcqp")
+    assert by_cones.startswith("nothing on 2 cuts: levels by qcqp may fall 0.02 mm behind one another")
+    assert by_cones.endswith("2 more cuts only to round the stock, exact by construction")
+    assert certified_text(levels_report(made[:2])) == "nothing on 1 cut: the surface is not polynomial (it has weights other than one)"
