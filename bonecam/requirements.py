@@ -9,6 +9,7 @@ import numpy as np
 
 from bonecam.errors import MachineError, SurfaceError, place_name
 from bonecam.job import Job, LevelsJob, StockJob, wrong
+from bonecam.levels.qcqp import require_clarabel
 from bonecam.levels.schedule import schedule_of
 from bonecam.levels.stock import Stock
 from bonecam.mesh.distance import MeshDistance
@@ -27,10 +28,12 @@ STOCK_CHORD = 0.1
 
 
 def check_job(job: Job, machine: Machine) -> None:
-    """JobError where fields of the job do not go together, or ask more of the machine than it has."""
+    """JobError where fields of the job do not go together or ask more of the machine than it has, LevelError where a solver is missing."""
     check_sizes(job.stock)
     check_tools(job, machine)
     check_depths(job)
+    if job.levels.method == "qcqp":
+        require_clarabel()
     if abs(job.path.lead_deg) > job.path.max_tilt_deg:
         raise wrong("path", "lead_deg", job.path.lead_deg, f"keep it within path.max_tilt_deg ({job.path.max_tilt_deg:g})")
 

@@ -1,5 +1,6 @@
 """What cannot come to a program is refused at once: the field with its value, the bound and the remedy, in one line, and no file."""
 
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from bonecam_meshes import path as shipped
 import bonecam
 from bonecam import pipeline
 from bonecam.batch import convert_many
-from bonecam.errors import BonecamError, JobError, SurfaceError, ToolPathError
+from bonecam.errors import BonecamError, JobError, LevelError, SurfaceError, ToolPathError
 from bonecam.job import Job
 from bonecam.mesh.files import read_mesh
 from bonecam.nc.machine import machine_names, read_machine
@@ -64,6 +65,13 @@ def test_an_absurd_job_is_refused_before_the_surface_is_fitted(changes: dict, na
         bonecam.convert(shipped("phalanx"), Job().with_values(**changes), program=tmp_path / "bone.h")
     assert "\n" not in str(caught.value)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.usefixtures("no_work")
+def test_a_solver_that_is_not_installed_is_named_before_the_surface_is_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "clarabel", None)
+    with pytest.raises(LevelError, match=r"levels\.method = 'qcqp' needs Clarabel: pip install 'bonecam\[reference\]'"):
+        bonecam.convert(shipped("phalanx"), Job().with_values(levels={"method": "qcqp"}))
 
 
 @pytest.mark.parametrize("name", machine_names())

@@ -15,6 +15,7 @@ control points instead (|x_i| <= eps_k), which holds everywhere by itself. Needs
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from types import ModuleType
 
 import numpy as np
 import scipy.sparse as sp
@@ -83,15 +84,21 @@ def nearest_stock(points: Float[ndarray, "n 3"], stock: Stock) -> Float[ndarray,
 SOURCES: dict[str, Source] = {"sphere": bounding_sphere, "stock": nearest_stock}
 
 
+def require_clarabel() -> ModuleType:
+    """Clarabel; LevelError where the extra that brings it is not installed."""
+    try:
+        import clarabel
+    except ImportError as error:
+        raise LevelError("levels.method = 'qcqp' needs Clarabel: pip install 'bonecam[reference]', or take method 'qp'") from error
+    return clarabel  # type: ignore[no-any-return]
+
+
 def solve_cones(energy: sp.csc_array, gradient: Float[ndarray, "c 3"], cones: tuple[Cones, ...], planes: Planes) -> Float[ndarray, "c 3"]:
     """The moves x (c, 3) that minimise x'Ex / 2 + gradient . x within all cones and planes, to a duality gap of GAP (else LevelError).
 
     `energy` (c, c) is the same for the three coordinates.
     """
-    try:
-        import clarabel
-    except ImportError as error:
-        raise LevelError("method 'qcqp' needs Clarabel: pip install 'bonecam[reference]'") from error
+    clarabel = require_clarabel()
     count = energy.shape[0]
     blocks = [_plane_rows(planes), *(_cone_rows(one) for one in cones), *(_slide_rows(one, count) for one in cones)]
     width = max(block[0].shape[1] for block in blocks)
