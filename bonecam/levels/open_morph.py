@@ -20,7 +20,7 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 from scipy.sparse.linalg import splu
 
-from bonecam.errors import LevelError, StockError, place_name
+from bonecam.errors import JobError, LevelError, StockError, SurfaceError, place_name
 from bonecam.levels.check import BINS, DEPTH_TOLERANCE, NEST_TOLERANCE, patch_of
 from bonecam.levels.level import Level
 from bonecam.levels.morph import Morph
@@ -62,13 +62,13 @@ def morph_open(
 ) -> Morph:
     """All levels from an open surface to its stock: so many mm along its normals (negative: behind it), or a given surface on one side.
 
-    `edges`: `free`, or `fixed` to those of the part. Raises StockError where the stock does not lie on one side of the part, LevelError
-    where a level cannot be made or fails its check, ValueError where the surface is closed.
+    `edges`: `free`, or `fixed` to those of the part. Raises SurfaceError where the surface is closed, JobError where `edges` is neither,
+    StockError where the stock does not lie on one side of the part, LevelError where a level cannot be made or fails its check.
     """
     if edges not in EDGES:
-        raise ValueError(f"edges {edges!r}: choose one of {', '.join(EDGES)}")
+        raise JobError(f"edges = {edges!r}: choose one of {', '.join(EDGES)}", field="edges")
     if all(surface.poles) or all(surface.elements().period):
-        raise ValueError("the surface is closed: morph it into a stock with `levels_in`")
+        raise SurfaceError("the surface is closed: morph it into a stock with bonecam.levels.rounding.levels_in(surface, stock, schedule)")
     fabric = _fabric(surface)
     held = fabric.edge & (edges == "fixed")
     target, side = _target(surface, fabric, stock, held)

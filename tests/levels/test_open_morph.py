@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from test_morph import waisted
 
-from bonecam.errors import LevelError, StockError
+from bonecam.errors import JobError, LevelError, StockError, SurfaceError
 from bonecam.levels.morph import Morph
 from bonecam.levels.open_morph import morph_open
 from bonecam.levels.schedule import Schedule
@@ -102,9 +102,9 @@ def test_an_offset_beyond_the_thickness_is_an_error_with_the_level() -> None:
 
 
 def test_wrong_calls_are_refused() -> None:
-    with pytest.raises(ValueError, match="the surface is closed"):
+    with pytest.raises(SurfaceError, match=r"the surface is closed: .*levels_in\(surface, stock, schedule\)"):
         morph_open(waisted(), 1.0, SCHEDULE)
-    with pytest.raises(ValueError, match="choose one of free, fixed"):
+    with pytest.raises(JobError, match="edges = 'loose': choose one of free, fixed"):
         morph_open(side(), 1.0, SCHEDULE, edges="loose")
     with pytest.raises(StockError, match="no stock"):
         morph_open(side(), 0.0, SCHEDULE)
