@@ -93,7 +93,7 @@ class HoldingJob(Stage):
 
 @dataclass(frozen=True)
 class LevelsJob(Stage):
-    """The morph: depth schedule and energy (Gan et al. 2014, section 4.2)."""
+    """The morph: depth schedule and energy (Gan et al. 2014, section 4.2). `depths` may be given as numbers too."""
 
     finishing_depth: float = parameter(
         0.1, "Finishing depth", "Largest cutting depth of the levels next to the part.", unit="mm", low=0.005, high=5.0
@@ -126,6 +126,9 @@ class LevelsJob(Stage):
     )
 
     def __post_init__(self) -> None:
+        if isinstance(self.depths, list | tuple | int | float):
+            several = self.depths if isinstance(self.depths, list | tuple) else [self.depths]
+            object.__setattr__(self, "depths", " ".join(map(str, several)))
         check(self)
         _ = self.cuts
 

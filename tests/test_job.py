@@ -54,6 +54,21 @@ def test_a_wrong_job_file_is_refused_with_its_name_and_place(tmp_path: Path, tex
     assert "job.toml" in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("given", "cuts"), [([0.1, 0.3], ((0.1,), 0.3)), ((np.float64(0.2), 1), ((0.2,), 1.0)), (0.3, ((), 0.3)), ("0.1, 0.3", ((0.1,), 0.3))]
+)
+def test_depths_are_a_text_or_numbers(given: object, cuts: object) -> None:
+    job = Job().with_values(levels={"depths": given})
+    assert job.levels.cuts == cuts
+    assert isinstance(job.levels.depths, str)
+
+
+def test_depths_that_are_no_numbers_are_refused_with_an_example() -> None:
+    for given in ([0.1, "x"], [[0.1]], True):
+        with pytest.raises(JobError, match=r"\[levels\] depths = .*: give numbers like '0\.1 0\.1 0\.5'"):
+            Job().with_values(levels={"depths": given})
+
+
 def test_numbers_of_numpy_and_paths_are_taken_for_python_s() -> None:
     job = Job().with_values(
         stock={"diameter": np.float64(15), "length": np.int64(37), "mesh": Path("a.stl")}, nc={"coolant": np.bool_(False)}
