@@ -249,7 +249,8 @@ def run_batch(options: argparse.Namespace) -> int:
 
     def told(outcome: Outcome, left: int) -> None:
         if not options.quiet:
-            print(f"{outcome.state:6} {outcome.mesh}  {outcome.message or outcome.program}  ({left} left)", flush=True)
+            what = outcome.message.removeprefix(f"{outcome.mesh}: ") or outcome.program
+            print(f"{outcome.state:6} {outcome.mesh}  {what}  ({left} left)", flush=True)
 
     outcomes = convert_many(options.meshes, options.output, job_of(options), jobs=options.jobs, resume=options.resume, told=told)
     return int(any(outcome.state == "failed" for outcome in outcomes))

@@ -1,8 +1,10 @@
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from bonecam_meshes import path as shipped
 
+from bonecam.batch import Outcome
 from bonecam.cli import _Lines, main
 from bonecam.job import Job, write_job
 
@@ -86,3 +88,14 @@ def test_verbose_tells_each_step_once_as_a_line(capsys: pytest.CaptureFixture[st
     for fraction, message in ((0.0, "level 1"), (0.1, "level 1"), (0.2, "level 2")):
         lines(fraction, message)
     assert [line.split("%  ")[1] for line in capsys.readouterr().err.splitlines()] == ["level 1", "level 2"]
+
+
+def test_a_failed_mesh_of_a_batch_is_named_once(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    def one_fails(meshes: list[str], *_: object, told: Callable[[Outcome, int], None], **__: object) -> list[Outcome]:
+        failed = Outcome(meshes[0], "failed", "", 0, 0.0, 0.1, f"{meshes[0]}: cannot be read: give a mesh")
+        told(failed, 0)
+        return [failed]
+
+    monkeypatch.setattr("bonecam.batch.convert_many", one_fails)
+    assert main(["batch", "none.stl", "-o", "out"]) == 1
+    assert capsys.readouterr().out == "failed none.stl  cannot be read: give a mesh  (0 left)\n"
