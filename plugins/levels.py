@@ -116,11 +116,12 @@ FILTERS = (
         "Generate Morph Levels",
         "Morphs the T-spline into the stock in levels that keep their cutting depth, lie inside the stock and enclose one another; adds "
         "them as layers level_00 (the part) ... level_K (the stock), coloured by depth on one scale. Layer level_00 becomes the "
-        "current one. The quadratic programs are solved on the control points by splitting (ADMM).",
+        "current one. The stock is that of generate_stock or generate_stock_capsule. The quadratic programs are solved on the control "
+        "points by splitting (ADMM).",
         CATEGORY,
         parameters_of(LevelsJob()),
         morph_levels,
-        after=("generate_stock_capsule", "compute_tspline_surface"),
+        after=("generate_stock", "compute_tspline_surface"),
         references=(
             "Gan, Fu, Shen, Lin: A morphing machining strategy for artificial bone. JZUS-A 2014, doi:10.1631/jzus.A1300274, section 4.2",
             "Boyd et al.: Distributed optimization and statistical learning via ADMM. Found. Trends Mach. Learn. 3 (2011).",
@@ -154,6 +155,6 @@ FILTERS = (
             ),
         ),
         level_check,
-        after=("generate_stock_capsule", "compute_tspline_surface", "generate_morph_levels"),
+        after=("generate_stock", "compute_tspline_surface", "generate_morph_levels"),
     ),
 )

@@ -44,6 +44,6 @@ FILTERS = (
             *parameters_of(NcJob(), without=("machine", "part_zero")),
         ),
         save_program,
-        after=("generate_stock_capsule", "compute_tspline_surface", "generate_morph_levels", "generate_toolpath"),
+        after=("generate_stock", "compute_tspline_surface", "generate_morph_levels", "generate_toolpath"),
     ),
 )

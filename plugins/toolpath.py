@@ -71,7 +71,7 @@ FILTERS = (
             *parameters_of(NcJob(), only=("machine",)),
         ),
         plan_toolpath,
-        after=("generate_stock_capsule", "compute_tspline_surface", "generate_morph_levels"),
+        after=("generate_stock", "compute_tspline_surface", "generate_morph_levels"),
         references=(
             "Gan, Fu, Shen, Lin: A morphing machining strategy for artificial bone. JZUS-A 2014, doi:10.1631/jzus.A1300274, section 4.3",
         ),
