@@ -24,21 +24,33 @@ COLUMNS = "level,pass,index,contact_x,contact_y,contact_z,tip_x,tip_y,tip_z,axis
 def keep(
     folder: str | Path, surface: TSpline, levels: Sequence[Level], stock: Stock, paths: Sequence[ToolPath], post: tuple[float, float]
 ) -> None:
-    """Write surface.tspline, level_00.ply ..., toolpath.csv, levels.png, coloured.png, depths.png and toolpath.png; all of them or none.
+    """Write surface.tspline, toolpath.csv, toolpath.png and what `keep_levels` writes; all of them or none.
+
+    `post` is (diameter, top z) in mm.
+    """
+    with whole_folder(folder) as work:
+        write_tsm(surface, work / "surface.tspline")
+        _write_levels(work, levels, stock, post)
+        write_whole(work / "toolpath.csv", toolpath_csv(paths))
+        draw_toolpath(paths, levels, work / "toolpath.png")
+
+
+def keep_levels(folder: str | Path, levels: Sequence[Level], stock: Stock, post: tuple[float, float] | None = None) -> None:
+    """Write level_00.ply (the part) ..., levels.png, coloured.png and depths.png of levels in a stock; all of them or none.
 
     The levels' vertices carry the depth of their cut (mm) as quality and colour (all on one scale). `post` is (diameter, top z) in mm.
     """
     with whole_folder(folder) as work:
-        write_tsm(surface, work / "surface.tspline")
-        deepest = max(level.limit for level in levels)
-        depths = step_depths(levels)
-        for level, depth in zip(levels, depths, strict=True):
-            write_mesh(level.mesh, work / f"level_{level.index:02d}.ply", quality=depth, largest=deepest)
-        write_whole(work / "toolpath.csv", toolpath_csv(paths))
-        draw_levels(levels, post, work / "levels.png")
-        draw_coloured(levels, work / "coloured.png")
-        draw_depths(levels, line_depths(levels, stock), work / "depths.png")
-        draw_toolpath(paths, levels, work / "toolpath.png")
+        _write_levels(work, levels, stock, post)
+
+
+def _write_levels(work: Path, levels: Sequence[Level], stock: Stock, post: tuple[float, float] | None) -> None:
+    deepest = max(level.limit for level in levels)
+    for level, depth in zip(levels, step_depths(levels), strict=True):
+        write_mesh(level.mesh, work / f"level_{level.index:02d}.ply", quality=depth, largest=deepest)
+    draw_levels(levels, post, work / "levels.png")
+    draw_coloured(levels, work / "coloured.png")
+    draw_depths(levels, line_depths(levels, stock), work / "depths.png")
 
 
 @contextmanager

@@ -4,13 +4,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bodies import stock, waist
 from bonecam_meshes import path as shipped
 
 from bonecam import pipeline
 from bonecam.cli import main
 from bonecam.errors import LevelError
-from bonecam.keep import failed_level_kept
+from bonecam.keep import failed_level_kept, keep_levels
 from bonecam.levels.cylinder import Cylinder
+from bonecam.levels.rounding import levels_in
+from bonecam.levels.schedule import Schedule
 from bonecam.mesh.files import meshlab, read_mesh, write_mesh
 
 PATCH = Cylinder(2.0, 0.0, 3.0).mesh(0.1)
@@ -42,6 +45,13 @@ def test_the_command_line_names_the_patch(tmp_path: Path, monkeypatch: pytest.Mo
     assert main(["convert", str(shipped("phalanx")), "-o", str(program), "--keep", str(folder), "-q"]) == 2
     assert "failed_level_07.ply shows it" in capsys.readouterr().err
     assert [item.name for item in tmp_path.iterdir()] == ["keep"]
+
+
+def test_levels_are_kept_with_their_pictures_before_there_is_a_path(tmp_path: Path) -> None:
+    made = levels_in(waist(0.2), stock(), Schedule((), 1.5), chord_tolerance=0.1)
+    keep_levels(tmp_path / "levels", made.levels, stock())
+    levels = {f"level_{level.index:02d}.ply" for level in made.levels}
+    assert {item.name for item in (tmp_path / "levels").iterdir()} == {*levels, "levels.png", "coloured.png", "depths.png"}
 
 
 def test_kept_levels_are_coloured_on_one_scale(tmp_path: Path) -> None:

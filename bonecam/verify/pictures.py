@@ -74,8 +74,8 @@ def section(mesh: TriangleMesh, origin: Float[ndarray, "3"], normal: Float[ndarr
     return stacked[~np.isnan(stacked[:, :, 0])].reshape(-1, 2, 3)
 
 
-def draw_levels(levels: Sequence[Level], post: tuple[float, float], path: str | Path) -> None:
-    """Two sections through the axis, y = 0 and x = 0, of all levels, to one scale; `post` is (diameter, top z) in mm."""
+def draw_levels(levels: Sequence[Level], post: tuple[float, float] | None, path: str | Path) -> None:
+    """Two sections through the axis, y = 0 and x = 0, of all levels, to one scale; `post` is (diameter, top z) in mm, None: not shown."""
     from matplotlib.colors import Normalize
     from matplotlib.figure import Figure
 
@@ -84,13 +84,13 @@ def draw_levels(levels: Sequence[Level], post: tuple[float, float], path: str | 
     for plot, across in zip(plots, (0, 1)):
         show_levels(plot, levels, post, across)
     plots[0].set_ylabel("z (mm)")
-    figure.suptitle(f"Levels 0 (part) to {levels[-1].index} (stock); dashed: the post")
+    figure.suptitle(f"Levels 0 (part) to {levels[-1].index} (stock){'; dashed: the post' if post else ''}")
     lay_out(figure, plots, below=1.3)
     _bar_below(figure, Normalize(0, len(levels) - 1), "level")
     figure.savefig(path, metadata={"Software": None})
 
 
-def show_levels(plot: "Axes", levels: Sequence[Level], post: tuple[float, float], across: int) -> None:  # type: ignore[name-defined]
+def show_levels(plot: "Axes", levels: Sequence[Level], post: tuple[float, float] | None, across: int) -> None:  # type: ignore[name-defined]
     """The section of all levels by the plane of z and x (`across` = 0) or y (1)."""
     from matplotlib.collections import LineCollection
 
@@ -99,9 +99,9 @@ def show_levels(plot: "Axes", levels: Sequence[Level], post: tuple[float, float]
         flat = section(level.mesh, np.zeros(3), np.eye(3)[1 - across])[:, :, [across, 2]]
         width = 1.6 if level.index in (0, levels[-1].index) else 0.8
         plot.add_collection(LineCollection(list(flat), colors=[colour(level.index)], linewidths=width, capstyle="round"))
-    diameter, top = post
-    low = float(levels[-1].mesh.bounds[0, 2])
-    plot.plot([-diameter / 2, -diameter / 2, np.nan, diameter / 2, diameter / 2], [low - 2, top, np.nan, low - 2, top], "k--", lw=0.8)
+    if post:
+        (diameter, top), low = post, float(levels[-1].mesh.bounds[0, 2])
+        plot.plot([-diameter / 2, -diameter / 2, np.nan, diameter / 2, diameter / 2], [low - 2, top, np.nan, low - 2, top], "k--", lw=0.8)
     plot.set_xlabel(f"{'xy'[across]} (mm)")
 
 
