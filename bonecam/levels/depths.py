@@ -30,11 +30,12 @@ def line_depths(levels: Sequence[Level], stock: Stock, s: float = LINE, points: 
     """For each cut of the morph (rounding levels left out) the depth, mm, at points evenly spaced on the line s of its outer level.
 
     Depths are distances to the level before, not to the point of the same parameter, which may have slid along. The last cut's are
-    the distances from the outermost level to the body that the morph ends at: the `stock` itself, or its surface where it was rounded.
+    from the places nearest to the line on the body that the morph ends at: the `stock` itself, or its surface where it was rounded.
     """
     surfaces = [level.surface for level in levels if level.within is None and level.surface is not None]
     low, high = surfaces[0].domain[1]
     t, across = np.linspace(low, high, points), np.full(points, s)
     found = [before.project(level.positions(across, t)).distances for before, level in pairwise(surfaces)]
     last, body = surfaces[-1].positions(across, t), levels[len(surfaces)].surface
-    return np.vstack([*found, np.abs(stock.signed_distance(last)) if body is None else body.project(last).distances])
+    ends = stock.nearest(last) if body is None else body.project(last).feet
+    return np.vstack([*found, surfaces[-1].project(ends).distances])
