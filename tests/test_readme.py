@@ -17,7 +17,7 @@ from bonecam.mesh.files import read_mesh, write_mesh
 
 ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
-LONG = ("bonecam.convert(", "generate_morph_levels")
+LONG = ("bonecam.convert(", "generate_morph_levels", "make_levels(")
 """What takes more than ten seconds."""
 
 
