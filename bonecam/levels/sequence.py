@@ -59,7 +59,10 @@ class Sequences:
     stiffness: float
 
     def all(self, rest: Remaining) -> Iterator[list[ndarray]]:
-        """Sequences to be measured, the shortest known first, of two as short the one with more haste: its cuts are deeper. LevelError where there is none."""
+        """Sequences to be measured, the shortest known first, of two as short the one with more haste, whose cuts are deeper.
+
+        LevelError where there is none.
+        """
         waiting: list[tuple[Manner, list[ndarray]]] = []
         failure: LevelError | None = None
         yielded = False
