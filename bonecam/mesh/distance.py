@@ -4,7 +4,7 @@ open3d works in float32: the scene is shifted to the mesh's centre, so the error
 (measured 5e-6 mm near the origin). `exact_closest` is float64.
 """
 
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,8 @@ LEAF = 4
 """Triangles of a leaf of the tree, at most."""
 CHUNK = 8192
 """Points a thread asks for at a time: the same whatever the number of threads, so that each search begins alike."""
+KEPT_TREES = 8
+"""Of so many meshes that exact closest points were asked for last the tree is kept."""
 
 
 class MeshDistance:
@@ -95,11 +97,18 @@ def lowest_between(near: Float[ndarray, " n"], far: Float[ndarray, " n"], length
 
 def exact_closest(mesh: TriangleMesh, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, "n 3"], Int[ndarray, " n"]]:
     """The closest surface point of each point and its face, in float64 (libigl's AABB tree)."""
+    tree, vertices, faces = _exact_tree(mesh)
+    _, face, places = tree.squared_distance(vertices, faces, np.ascontiguousarray(points, dtype=np.float64))
+    return np.asarray(places).reshape(-1, 3), np.asarray(face, dtype=np.int64).ravel()
+
+
+@lru_cache(maxsize=KEPT_TREES)
+def _exact_tree(mesh: TriangleMesh) -> tuple[Any, ndarray, ndarray]:
+    """libigl's tree, and the vertices and faces that it is asked with; a stock of many faces is asked hundreds of times."""
     import igl
 
     if not len(mesh.faces):
         raise ValueError("the mesh has no faces: there is nothing to measure the distance to")
     tree, vertices, faces = igl.AABB(), np.array(mesh.vertices), mesh.faces.astype(np.int64)
     tree.init(vertices, faces)
-    _, face, places = tree.squared_distance(vertices, faces, np.ascontiguousarray(points, dtype=np.float64))
-    return np.asarray(places).reshape(-1, 3), np.asarray(face, dtype=np.int64).ravel()
+    return tree, vertices, faces

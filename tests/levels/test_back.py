@@ -1,0 +1,31 @@
+"""How far the new level is from the level before, and a level from the stock, seen from the bottoms of hollows."""
+
+import numpy as np
+import pytest
+from test_morph import STOCK, grooved
+
+from bonecam.levels.attraction import ATTRACTIONS
+from bonecam.levels.back import behind
+from bonecam.levels.remaining import remaining, whole
+from bonecam.levels.setting import setting_of
+
+
+def test_what_a_filled_groove_leaves_behind_is_found_at_its_distance() -> None:
+    part, filled = grooved(0.4), grooved(1.0)
+    rng = np.random.default_rng(1)
+    s, t = rng.random(3000), rng.uniform(0.1, 0.9, 3000)
+    x, y = part.positions(s, t), filled.positions(s, t)
+    found = behind(filled, x, y, s, t, np.full(len(s), 0.3), 20)
+    exact = filled.project(x).distances
+    assert np.array_equal(found.which, np.flatnonzero(exact > 0.3))
+    assert found.away == pytest.approx(exact[found.which], abs=1e-6)
+    assert np.allclose(x[found.which] + found.away[:, None] * found.n, filled.positions(found.s, found.t))
+    assert np.abs(np.mod(s[found.which] + 0.5, 1) - 0.5).max() < 0.15
+
+
+def test_of_a_groove_more_is_left_from_its_bottom_than_from_the_stock() -> None:
+    setting = setting_of(grooved(0.4), STOCK, ATTRACTIONS["stock"])
+    rest = remaining(setting, setting.surface.control_points, whole(STOCK))
+    assert rest.farthest < rest.left == rest.depth
+    assert -STOCK.signed_distance(rest.place[None])[0] == pytest.approx(rest.depth)
+    assert np.hypot(*rest.place[:2]) < 2.5
