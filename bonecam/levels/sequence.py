@@ -40,7 +40,7 @@ MENDED = -0.5
 and farther and farther along the level."""
 RESCUES = 3
 """Levels of a sequence that may be made in other manners because they break their limits."""
-EASINGS, EASED = 4, 0.3
+EASINGS, EASED = 6, 0.3
 """How often the pull on a place that folds or breaks its limits is eased, each time to this share."""
 LANDING, CREEP, FARTHEST_LANDING = 0.03, 0.01, 0.15
 """How far inside the stock (mm) the last level stays, how much more each level before it, and how much more the first at most. Where large
