@@ -46,8 +46,8 @@ PRESS = 0.1
 class Program:
     """min sum_l w_l |x_l + R_l D - H_l|^2 + D'(matrix)D + 2 linear . D within `limits`, set up at the targets; `net` is the second half.
 
-    The samples are at parameters (s, t); the moves of all control points are `free` times D; `hollow` are samples that were behind
-    (`back.py`): they may go as far as they could if they moved straight away from where they are.
+    The samples are at parameters (s, t); the moves of all control points are `free` times D. From where `hollow` samples are now the new
+    level has become too far once (`back.py`): they are limited along the way from there to it.
     """
 
     s: Float[ndarray, " k"]

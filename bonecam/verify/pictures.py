@@ -18,6 +18,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.tmesh_lines import TMeshLines, tmesh_lines
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.path import Kind, ToolPath
+from bonecam.verify.panels import BELOW, bar_below, bar_right, lay_out
 
 CUT_COLOURS = "viridis"
 CUT, LINK, AXIS = "#1f5fa8", "#e07b00", "#b03030"
@@ -29,32 +30,6 @@ SHOWN, AXES_SHOWN, AXIS_LENGTH = 5, 60, 3.0
 """Levels in a row, axes a level and their length, mm."""
 SPLIT = 40
 """Edges of a level that is coloured are at most this part of its diagonal: its flat faces are few and large."""
-TALL, WIDE, LEAST = 7.5, 9.5, (1.7, 3.0)
-"""The most inches that panels side by side are high and wide together, and the least that one is wide and high."""
-LEFT, GAP, RIGHT, ABOVE, BELOW = 0.8, 0.2, 0.2, 0.6, 0.6
-"""Inches left of, between, right of, above and below panels, without legends and colour bars."""
-MARGIN = 0.04
-"""Round what panels show, as a share of it."""
-
-
-def lay_out(figure: Any, plots: Any, right: float = RIGHT, below: float = BELOW) -> None:
-    """Give panels side by side the same limits, round all that was drawn in any, and one scale, in a figure as large as that takes.
-
-    `right` and `below` are the inches that a colour bar or a legend, the axis' label included, needs there.
-    """
-    boxes = np.array([plot.dataLim.get_points() for plot in plots])
-    low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
-    size = (1 + 2 * MARGIN) * (high - low)
-    scale = min((WIDE / len(plots)) / size[0], TALL / size[1])
-    wide, tall = np.maximum(size * scale, LEAST)
-    (x, z), (across, up) = (low + high) / 2, np.array([wide, tall]) / scale / 2
-    for plot in plots:
-        plot.set(xlim=(x - across, x + across), ylim=(z - up, z + up), aspect="equal")
-        plot.locator_params(axis="x", nbins=4)
-    whole = np.array([LEFT + len(plots) * wide + (len(plots) - 1) * GAP + right, ABOVE + tall + below])
-    figure.set_size_inches(*whole)
-    (start, bottom), (end, top) = np.array([LEFT, below]) / whole, 1 - np.array([right, ABOVE]) / whole
-    figure.subplots_adjust(left=start, bottom=bottom, right=end, top=top, wspace=GAP / wide)
 
 
 def section(mesh: TriangleMesh, origin: Float[ndarray, "3"], normal: Float[ndarray, "3"]) -> Float[ndarray, "k 2 3"]:
@@ -86,7 +61,8 @@ def draw_levels(levels: Sequence[Level], post: tuple[float, float] | None, path:
     plots[0].set_ylabel("z (mm)")
     figure.suptitle(f"Levels 0 (part) to {levels[-1].index} (stock){'; dashed: the post' if post else ''}")
     lay_out(figure, plots, below=1.3)
-    _bar_below(figure, Normalize(0, len(levels) - 1), "level")
+    bar = {"label": "level", "orientation": "horizontal", "ticks": _whole()}
+    figure.colorbar(_scale(Normalize(0, len(levels) - 1)), cax=bar_below(figure), **bar)
     figure.savefig(path, metadata={"Software": None})
 
 
@@ -229,7 +205,7 @@ def draw_coloured(levels: Sequence[Level], path: str | Path) -> None:
         plot.set_title(f"level {k}{kind}", fontsize="medium")
     plots[0].set_ylabel("z (mm)")
     lay_out(figure, plots, right=1.2)
-    _bar_right(figure, norm, "distance to the level before (mm)")
+    figure.colorbar(_scale(norm), cax=bar_right(figure), label="distance to the level before (mm)")
     figure.savefig(path, metadata={"Software": None})
 
 
@@ -275,20 +251,6 @@ def _colours(count: int):  # type: ignore[no-untyped-def]
 
     table = colormaps[CUT_COLOURS]
     return lambda index: table(index / max(count - 1, 1))
-
-
-def _bar_below(figure: Any, norm: object, label: str) -> None:
-    """A colour bar under the panels of `lay_out`."""
-    wide, high = figure.get_size_inches()
-    place = figure.add_axes((LEFT / wide, 0.5 / high, 1 - (LEFT + RIGHT) / wide, 0.15 / high))
-    figure.colorbar(_scale(norm), cax=place, label=label, orientation="horizontal", ticks=_whole())
-
-
-def _bar_right(figure: Any, norm: object, label: str) -> None:
-    """A colour bar beside the panels of `lay_out`."""
-    wide, high = figure.get_size_inches()
-    place = figure.add_axes((1 - 1.0 / wide, BELOW / high, 0.2 / wide, 1 - (ABOVE + BELOW) / high))
-    figure.colorbar(_scale(norm), cax=place, label=label)
 
 
 def _whole() -> Any:

@@ -7,7 +7,8 @@ from matplotlib.figure import Figure
 
 import bonecam
 from bonecam.levels.depths import line_depths
-from bonecam.verify.pictures import draw_coloured, draw_depths, draw_tmesh, draw_toolpath, lay_out, show_levels, show_path, show_tmesh
+from bonecam.verify.panels import lay_out
+from bonecam.verify.pictures import draw_coloured, draw_depths, draw_tmesh, draw_toolpath, show_levels, show_path, show_tmesh
 
 HERE = Path(__file__).parent
 
