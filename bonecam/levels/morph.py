@@ -18,7 +18,7 @@ from bonecam.levels.attraction import ATTRACTIONS
 from bonecam.levels.check import NEST_TOLERANCE, STOCK_TOLERANCE
 from bonecam.levels.finer import finer
 from bonecam.levels.grid import level_grid
-from bonecam.levels.inspection import Inspection, Rules
+from bonecam.levels.inspection import Cut, Inspection, Rules
 from bonecam.levels.level import Level
 from bonecam.levels.remaining import remaining, whole
 from bonecam.levels.schedule import Schedule
@@ -129,19 +129,25 @@ def morph(
 
 
 def _surer(inspection: Inspection, making: Sequences) -> Inspection:
-    """Levels that measure well with those that only their certificates doubt mended, and one more below the stock where the points measured
-    missed what is left in a slit; as they were where that breaks a measure."""
-    if inspection.failed or not inspection.uncertain:
+    """Levels of which at most the last cut fails with those that only their certificates doubt mended, and one more below the stock where
+    the points that a sequence measures missed what is left in a slit or a pit; as they were where that breaks a measure."""
+    last = inspection.cuts[-1]
+    if any(cut is not last for cut in inspection.failed) or not (inspection.failed or inspection.uncertain):
         return inspection
-    again, slit = inspection.copy(), inspection.cuts[-1].over > ACCEPTED
+    again, missed = inspection.copy(), _too_deep(last)
     try:
         _mend(again, making, doubts=True)
-        if again.cuts[-1].over > ACCEPTED:
+        if _too_deep(again.cuts[-1]):
             longer = making.onward(again.nets, len(again.nets) + 1)
             again.measure(longer, range(len(again.nets), len(longer) + 1))
     except LevelError:
         return inspection
-    return inspection if again.failed or (len(again.cuts) > len(inspection.cuts) and not slit) else again
+    return inspection if again.failed or (len(again.cuts) > len(inspection.cuts) and not missed) else again
+
+
+def _too_deep(last: Cut) -> bool:
+    """Whether the last cut is measured too deep, or may be by more than ACCEPTED."""
+    return last.error is not None or last.over > ACCEPTED
 
 
 def _mend(inspection: Inspection, making: Sequences, *, doubts: bool = False) -> None:

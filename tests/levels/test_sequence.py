@@ -118,6 +118,15 @@ def test_a_slit_that_the_points_measured_missed_takes_one_more_level(making: Seq
     assert not again.failed
 
 
+def test_a_last_cut_that_is_measured_too_deep_takes_one_more_level(making: Sequences, made: list[np.ndarray]) -> None:
+    levels = making.mended(made, {5}, (), unwatched(made))[0][:-1]
+    inspection = Inspection(making.setting.surface, levels, Rules(STOCK, SCHEDULE, 0.01, 0.001, 0.02), silent)
+    assert [cut.level.index for cut in inspection.failed] == [len(levels)]
+    again = _surer(inspection, making)
+    assert len(again.cuts) == len(levels) + 1
+    assert not again.failed
+
+
 def test_runs_are_numbers_that_follow_each_other() -> None:
     assert _runs([]) == []
     assert _runs([4]) == [(4, 4)]
