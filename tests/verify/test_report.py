@@ -24,12 +24,12 @@ def test_what_was_left_uncut_is_told_by_reason_in_one_line() -> None:
 
 
 def test_the_summary_tells_each_repair() -> None:
-    level = {"depth_max_mm": 0.5, "not_certified": [], "rounding": False}
+    level = {"depth_max_mm": 0.5, "depth_back_max_mm": 0.5, "not_certified": [], "rounding": False}
     report = {
         "input": {"faces": 993, "units": "mm", "repairs": ["closed 1 hole with 33 faces, 9.66 mm across"]},
         "surface": {"control_points": 190, "deviation_max_mm": 0.07, "deviation_rms_mm": 0.02},
         "stock": {"kind": "capsule", "diameter_mm": 9.3, "length_mm": 22.3},
-        "levels": [{**level, "depth_max_mm": 0.0, "not_certified": None}, level],
+        "levels": [{**level, "depth_max_mm": 0.0, "depth_back_max_mm": 0.0, "not_certified": None}, level],
         "levels_lower_bound": 1,
         "levels_method": "qp",
         "toolpath": [{"level": 0, "contacts": 5, "uncut_contacts": 0, "uncut_reasons": {}}],
