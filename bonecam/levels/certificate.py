@@ -120,8 +120,9 @@ def certificate_of_last(inner: TSpline, stock: Stock, limit: float) -> Certifica
         depth, place, pieces = _depth_of_stock(on, *_faces(stock, chord_tolerance))
         if depth <= limit + DEPTH_TOLERANCE:
             break
-    outside, outermost = _outside(_nets(inner), stock)
-    depth, place = max((depth, place), _farthest_inside(_nets(inner), stock, limit), key=lambda one: one[0])
+    nets = _nets(inner)
+    outside, outermost = _outside(nets, stock)
+    depth, place = max((depth, place), _farthest_inside(nets, stock, limit), key=lambda one: one[0])
     return Certificate(depth, -outside, 0.0, place, outermost, place, np.empty((0, 2)), pieces)
 
 

@@ -42,7 +42,7 @@ class Cut:
     @property
     def measured(self) -> float:
         """How far the worst place measured breaks depth, nesting or stock, mm (negative where none does)."""
-        return max(max(self.found.depth_max, self.found.depth_max_back) - self.level.limit, -self.found.nesting_min, self.found.outside)
+        return max(self.level.deepest - self.level.limit, -self.found.nesting_min, self.found.outside)
 
     @property
     def over(self) -> float:

@@ -49,7 +49,7 @@ parts take more levels than K_min those creep as well: levels at the wall that h
 
 @dataclass(frozen=True, eq=False)
 class Sequences:
-    """Makes sequences of levels: lists of control points, the part's first."""
+    """Makes sequences of levels: lists of control points, the part's first. `lower_bound`: the fewest cuts with depths kept both ways."""
 
     setting: Setting
     schedule: Schedule
