@@ -49,9 +49,10 @@ def _tips(patches: ndarray, boxes: ndarray, strips: tuple, ends: tuple) -> ndarr
 @njit(cache=True, fastmath=CONTRACT, nogil=True)
 def feet(
     patches: ndarray, boxes: ndarray, strips: tuple, ends: tuple, y: ndarray, steps: int, s: ndarray, t: ndarray, foot: ndarray,
-    normal: ndarray, clear_of: float,
+    normal: ndarray, clear_of: float, enough: ndarray,
 ) -> None:  # fmt: skip
     """s and t become the parameters of the nearest place to y that `steps` steps from them came by, `foot` and `normal` what is there.
+    A place as near as `enough` ends the search.
 
     The steps are damped where S_s vanishes, and neither long nor SHORT. At the ends the normal is the mean one round the pole; farther
     than `clear_of` from the foot the direction from it, or towards it, stands for the normal.
@@ -76,6 +77,8 @@ def feet(
                 best, s[l], t[l] = square, u, v
                 foot[l] = D[0, :3]
                 _normal(D, normal[l])
+            if square <= enough[l] * enough[l]:
+                break
             E += RIDGE * G
             across = E * G - F * F * (1.0 - RIDGE)
             if across > 0.0:

@@ -7,6 +7,8 @@ and behind a third (m . y <= h, the stock's wall). R is in CSR form.
 from numba import njit
 from numpy import ndarray
 
+from bonecam.kernels.bezier import CONTRACT
+
 PARALLEL = 1e-3  # of 1 - cos^2 between slab and wall: below this they are one direction
 
 
@@ -69,7 +71,7 @@ def sweep(
     return unsettled
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=CONTRACT)
 def project(
     indptr: ndarray, indices: ndarray, data: ndarray, x: ndarray, D: ndarray, c: ndarray, n: ndarray, low: ndarray, high: ndarray,
     m: ndarray, h: ndarray, sweeps: int, enough: float,

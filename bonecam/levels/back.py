@@ -38,7 +38,7 @@ def behind(
 ) -> Behind:
     """Those of the places at x, parameters (s, t), that are farther than `far` from the new level, on which they are at y."""
     which = np.flatnonzero(lengths(y - x) > far)
-    s, t, foot, _ = feet(after, x[which], s[which], t[which], steps)
+    s, t, foot, _ = feet(after, x[which], s[which], t[which], steps, far[which])
     across = foot - x[which]
     away = lengths(across)
     kept = away > far[which]

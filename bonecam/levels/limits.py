@@ -124,9 +124,16 @@ def rings(surface: TSpline) -> tuple[float, float]:
 
 
 def feet(
-    before: TSpline, y: Float[ndarray, "k 3"], s: Float[ndarray, " k"], t: Float[ndarray, " k"], steps: int
+    before: TSpline,
+    y: Float[ndarray, "k 3"],
+    s: Float[ndarray, " k"],
+    t: Float[ndarray, " k"],
+    steps: int,
+    enough: Float[ndarray, " k"] | None = None,
 ) -> tuple[ndarray, ndarray, ndarray, ndarray]:
     """Parameters s and t of the feet of y on a surface, by `steps` of Newton from the given ones; the feet and the normals there.
+
+    Where a place no farther than `enough` (mm) is all that is asked for, the first that Newton comes by stands for the foot.
 
     CLEAR_OF mm and more from its foot a point's direction from it stands for the normal: the same at a foot, and where Newton has
     not found one, or at the tip of a pole, the distance is not understated. A foot is the nearest place that Newton came by, so
@@ -134,8 +141,13 @@ def feet(
     """
     elements, s, t = before.elements(), s.copy(), t.copy()
     y, foot, normal = np.ascontiguousarray(y), np.empty((len(y), 3)), np.empty((len(y), 3))
+    enough = np.zeros(len(y)) if enough is None else enough
     surface = before.patches, elements.boxes, elements.strips, rings(before)
-    in_pieces(lambda some: kernel.feet(*surface, y[some], steps, s[some], t[some], foot[some], normal[some], CLEAR_OF), len(y), PIECE)
+
+    def find(some: slice) -> None:
+        kernel.feet(*surface, y[some], steps, s[some], t[some], foot[some], normal[some], CLEAR_OF, enough[some])
+
+    in_pieces(find, len(y), PIECE)
     return s, t, foot, normal
 
 

@@ -72,7 +72,7 @@ def _kept(setting: Setting, P: ndarray, D: ndarray, cut: Cut) -> Step:
     set_up, broken = y, limits.broken(y)
     for turn in range(ROUNDS + 1):
         after = before.with_control_points(P + setting.free @ D)
-        back = behind(after, x, y, watch.s, watch.t, limits.high - NEAR, FOOT_STEPS)
+        back = behind(after, x, y, watch.s, watch.t, limits.high, FOOT_STEPS)
         broken_back = back.away - limits.high[back.which]
         if max(broken.max(), broken_back.max(initial=0)) <= ENOUGH or turn == ROUNDS:
             break
