@@ -93,7 +93,9 @@ def test_the_way_to_a_foot_ends_at_a_place_that_is_near_enough() -> None:
     s, t = rng.random(300), rng.uniform(0.02, 0.98, 300)
     points = surface.evaluate(s, t) + 0.3 * surface.normals(s, t)
     start = points, s + 0.01, np.clip(t + 0.01, 0, 1)
-    away = [np.linalg.norm(points - feet(surface, *start, 8, enough)[2], axis=1) for enough in (None, np.full(300, 0.31), np.full(300, 0.2))]
+    away = [
+        np.linalg.norm(points - feet(surface, *start, 8, enough)[2], axis=1) for enough in (None, np.full(300, 0.31), np.full(300, 0.2))
+    ]
     assert (away[1] <= 0.31).all()
     assert (away[1] > away[0] + 1e-4).sum() > 30
     assert np.array_equal(away[2], away[0])
