@@ -22,8 +22,8 @@ Attraction = Callable[[ndarray, ndarray, Stock], ndarray]
 
 def towards_stock(points: Float[ndarray, "n 3"], normals: Float[ndarray, "n 3"], stock: Stock) -> Float[ndarray, "n 3"]:
     """The level's normals, half way to the shortest way to the stock where they are at it."""
-    near = np.clip(1 + stock.signed_distance(points) / BLEND, 0, 1)[:, None]
-    return unit(normals + near * stock.outward(points))
+    distance, out = stock.way_out(points)
+    return unit(normals + np.clip(1 + distance / BLEND, 0, 1)[:, None] * out)
 
 
 def towards_nearest(points: Float[ndarray, "n 3"], normals: Float[ndarray, "n 3"], stock: Stock) -> Float[ndarray, "n 3"]:

@@ -134,8 +134,8 @@ def _farthest_inside(pieces: Float[ndarray, "e 16 3"], stock: Stock, limit: floa
     worst, place, reached = 0.0, np.zeros(3), 0.0
     for halving in range(HALVINGS):
         middles, corners = pieces.mean(1), pieces[:, [0, 3, 12, 15]]
-        slope = np.einsum("nkx,nx->nk", pieces - middles[:, None], stock.outward(middles)).min(1)
-        most = -stock.signed_distance(middles) - slope
+        distance, out = stock.way_out(middles)
+        most = -distance - np.einsum("nkx,nx->nk", pieces - middles[:, None], out).min(1)
         reached = max(reached, float(-stock.signed_distance(corners.reshape(-1, 3)).min()))
         doubtful = (most > max(limit, reached + ACCURACY)) & (halving < HALVINGS - 1)
         if not doubtful.all() and (bound := float(most[~doubtful].max())) > worst:
@@ -257,8 +257,9 @@ def _faces(stock: Stock, chord_tolerance: float) -> tuple[Float[ndarray, "f 3 3"
     mesh = stock.mesh(chord_tolerance)
     faces = mesh.vertices[mesh.faces]
     middles = faces.mean(1)
-    slope = np.einsum("fcx,fx->fc", faces - middles[:, None], stock.outward(middles)).min(1)
-    return faces, max(0.0, float(-(stock.signed_distance(middles) + slope).min()))
+    distance, out = stock.way_out(middles)
+    slope = np.einsum("fcx,fx->fc", faces - middles[:, None], out).min(1)
+    return faces, max(0.0, float(-(distance + slope).min()))
 
 
 def _raised(faces: Float[ndarray, "f 3 3"]) -> Float[ndarray, "f 16 3"]:

@@ -11,6 +11,7 @@ from bonecam.errors import StockError, place_name
 from bonecam.levels.stock import Stock, sides
 from bonecam.mesh.distance import exact_closest
 from bonecam.mesh.hull import convex_hull
+from bonecam.mesh.remesh import split_edges
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 FLAT = 1e-5
@@ -75,8 +76,8 @@ class ConvexStock(Stock):
         size = np.linalg.norm(self.surface.face_vectors, axis=1, keepdims=True)
         return np.asarray(self.surface.face_vectors / np.where(size > 0, size, 1.0))
 
-    def _answer(self, points: ndarray) -> tuple[ndarray, ndarray]:
-        """Signed distances and outward unit normals.
+    def way_out(self, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, "n"], Float[ndarray, "n 3"]]:
+        """Both from one question.
 
         The way out to the nearest point leads away from all of the body, its middle too; the way in towards it.
         """
@@ -90,41 +91,19 @@ class ConvexStock(Stock):
 
     def signed_distance(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n"]:
         """Distance to the surface, mm, negative inside."""
-        return self._answer(points)[0]
+        return self.way_out(points)[0]
 
     def outward(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
         """Unit outward normals at the nearest points; away from the edge or corner where that is the nearest."""
-        return self._answer(points)[1]
-
-    def nearest(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
-        """The surface point nearest to each point, from one question."""
-        distance, out = self._answer(points)
-        return np.asarray(points - distance[:, None] * out)
+        return self.way_out(points)[1]
 
     def mesh(self, chord_tolerance: float) -> TriangleMesh:
-        """The mesh itself with every face split until its edges are as short as those of a cylinder as wide would be."""
-        step, mesh = np.sqrt(8 * chord_tolerance * self.diameter), self.surface
-        while _longest_edge(mesh) > step and len(mesh.faces) < 100_000:
-            mesh = _quartered(mesh)
-        return mesh
+        """The mesh itself, its edges split until they are as short as those of a cylinder as wide would be."""
+        return split_edges(self.surface, float(np.sqrt(8 * chord_tolerance * self.diameter)))
 
 
 def _edges(mesh: TriangleMesh) -> ndarray:
     return np.vstack([mesh.faces[:, [i, (i + 1) % 3]] for i in range(3)])
-
-
-def _longest_edge(mesh: TriangleMesh) -> float:
-    edges = _edges(mesh)
-    return float(np.linalg.norm(mesh.vertices[edges[:, 0]] - mesh.vertices[edges[:, 1]], axis=1).max())
-
-
-def _quartered(mesh: TriangleMesh) -> TriangleMesh:
-    """Every face split into four at the middles of its edges."""
-    edges, index = np.unique(np.sort(_edges(mesh), axis=1), axis=0, return_inverse=True)
-    middle = len(mesh.vertices) + index.reshape(3, -1)
-    (a, b, c), (ab, bc, ca) = mesh.faces.T, middle
-    faces = np.vstack([np.column_stack(f) for f in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))])
-    return TriangleMesh(np.vstack([mesh.vertices, mesh.vertices[edges].mean(1)]), faces.astype(np.int32))
 
 
 def _require_closed(mesh: TriangleMesh) -> None:

@@ -54,15 +54,16 @@ def targets(
 ) -> Float[ndarray, "k 3"]:
     """Where samples at x should be: so far along `towards` that their distance to the level before is a `share` of what they may go."""
     stock, cut = given.setting.stock, given.cut
-    gap = -stock.signed_distance(x)
+    distance, out = stock.way_out(x)
+    gap = -distance
     height = share * heights(cut, gap)[1]
     cosine = np.maximum(dots(normals, towards), LEAST_COSINE)
     reach = longest = np.minimum(height / cosine, LONGEST * height)
     for _ in range(2):
         y = x + reach[:, None] * towards
         s, t, c, _ = feet(given.before, y, s, t, 1)
-        distance = lengths(y - c)
-        slope = dots(y - c, towards) / np.maximum(distance, np.finfo(float).tiny)
-        reach = np.clip(reach + (height - distance) / np.maximum(slope, LEAST_COSINE), 0, longest)
-    reach = np.minimum(reach, gap / np.maximum(dots(towards, stock.outward(x)), LEAST_COSINE))
+        away = lengths(y - c)
+        slope = dots(y - c, towards) / np.maximum(away, np.finfo(float).tiny)
+        reach = np.clip(reach + (height - away) / np.maximum(slope, LEAST_COSINE), 0, longest)
+    reach = np.minimum(reach, gap / np.maximum(dots(towards, out), LEAST_COSINE))
     return inside(stock, x + reach[:, None] * towards, np.minimum(gap, cut.landing))

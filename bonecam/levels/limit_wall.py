@@ -11,11 +11,11 @@ from bonecam.levels.stock import Stock
 
 def wall(cut: Cut, gap: Float[ndarray, " k"], stock: Stock, y: Float[ndarray, "k 3"]) -> tuple[Float[ndarray, "k 3"], Float[ndarray, " k"]]:
     """Planes m . y <= h at samples that are at y now and `gap` inside the stock at the level before: what is near may stay."""
-    m = stock.outward(y)
-    return m, dots(m, y) - stock.signed_distance(y) - np.minimum(gap, cut.clearance)
+    distance, m = stock.way_out(y)
+    return m, dots(m, y) - distance - np.minimum(gap, cut.clearance)
 
 
 def inside(stock: Stock, points: Float[ndarray, "k 3"], clearance: Float[ndarray, " k"]) -> Float[ndarray, "k 3"]:
     """The points, those less than their clearance inside the stock taken there along the shortest way."""
-    beyond = np.maximum(stock.signed_distance(points) + clearance, 0)
-    return np.asarray(points - beyond[:, None] * stock.outward(points))
+    distance, out = stock.way_out(points)
+    return np.asarray(points - np.maximum(distance + clearance, 0)[:, None] * out)

@@ -92,10 +92,10 @@ def morph(
     if method != "qcqp":
         surface = finer(surface, stock, schedule.beyond)
     setting = setting_of(surface, stock, ATTRACTIONS[attraction])
-    rest = remaining(setting, surface.control_points, whole(stock))
+    rest = remaining(setting, surface.control_points, around := whole(stock))
     lower_bound = schedule.lower_bound(rest.farthest)
     solving, measuring = part(progress, 0.0, 0.7), part(progress, 0.7, 1.0)
-    making = Sequences(setting, schedule, schedule.lower_bound(rest.left), solving, method, stiffness)
+    making = Sequences(setting, around, schedule, schedule.lower_bound(rest.left), solving, method, stiffness)
     rules = Rules(stock, schedule, *METHODS[method], chord_tolerance)
     sequences = making.all(rest) if method != "qcqp" else _by_cones(surface, stock, schedule, stiffness, attraction, solving)
     failure: LevelError | None = None

@@ -78,7 +78,8 @@ def bounding_sphere(points: Float[ndarray, "n 3"], stock: Stock) -> Float[ndarra
 
 def nearest_stock(points: Float[ndarray, "n 3"], stock: Stock) -> Float[ndarray, "n 3"]:
     """The nearest stock points, CLEAR mm inside."""
-    return np.asarray(stock.nearest(points) - CLEAR * stock.outward(points))
+    distance, out = stock.way_out(points)
+    return np.asarray(points - (distance + CLEAR)[:, None] * out)
 
 
 SOURCES: dict[str, Source] = {"sphere": bounding_sphere, "stock": nearest_stock}

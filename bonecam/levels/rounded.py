@@ -21,6 +21,9 @@ from bonecam.mesh.hull import convex_hull
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 THIN, HALVINGS = 0.98, 20
+MERGED, THICK = 0.01, 0.1
+"""Corners of a moved mesh that are as near to each other (mm, and as a share of the radius of what fits in) are one: the slivers between
+them make distances take three times as long."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +66,11 @@ class Rounded(Stock):
         """Unit outward normals at the nearest points."""
         return self.core.outward(points)
 
+    def way_out(self, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, "n"], Float[ndarray, "n 3"]]:
+        """Both, as the core answers them."""
+        distance, out = self.core.way_out(points)
+        return distance - self.radius, out
+
     def mesh(self, chord_tolerance: float) -> TriangleMesh:
         """A closed outward mesh, its vertices on the surface: the stock's own mesh pulled onto it."""
         around = offset(self.core, self.radius).mesh(chord_tolerance)
@@ -95,7 +103,10 @@ def planes_of(mesh: TriangleMesh) -> Float[ndarray, "k 4"]:
 def _offset_planes(stock: ConvexStock, distance: float) -> ConvexStock:
     planes = planes_of(stock.surface)
     moved = np.column_stack([planes[:, :3], planes[:, 3] - distance])
-    return ConvexStock(intersection(moved, _deepest(moved)[0]), proven=True)
+    inside, depth = _deepest(moved)
+    corners = intersection(moved, inside).vertices
+    _, first = np.unique(np.round(corners / min(MERGED, THICK * depth)), axis=0, return_index=True)
+    return ConvexStock(convex_hull(corners[np.sort(first)]), proven=True)
 
 
 def _deepest(planes: ndarray) -> tuple[ndarray, float]:

@@ -8,7 +8,7 @@ from numpy import ndarray
 
 from bonecam.errors import LevelError, place_name
 from bonecam.levels.cut import Cut, Manner
-from bonecam.levels.remaining import Remaining, remaining, whole
+from bonecam.levels.remaining import Remaining, remaining
 from bonecam.levels.schedule import Schedule
 from bonecam.levels.setting import Setting
 from bonecam.levels.step import MENDABLE, Step, kept_level, next_level
@@ -49,9 +49,11 @@ parts take more levels than K_min those creep as well: levels at the wall that h
 
 @dataclass(frozen=True, eq=False)
 class Sequences:
-    """Makes sequences of levels: lists of control points, the part's first. `lower_bound`: the fewest cuts with depths kept both ways."""
+    """Makes sequences of levels: lists of control points, the part's first. `around` is the stock, from which nothing was measured yet;
+    `lower_bound`: the fewest cuts with depths kept both ways."""
 
     setting: Setting
+    around: Remaining
     schedule: Schedule
     lower_bound: int
     progress: Progress
@@ -148,7 +150,7 @@ class Sequences:
 
     def onward(self, made: list[ndarray], least: int = 0) -> list[ndarray]:
         """The same, so many levels at least, and those that are needed above the last where mending took that farther from the stock."""
-        rest = remaining(self.setting, made[-1], whole(self.setting.stock))
+        rest = remaining(self.setting, made[-1], self.around)
         return self._outwards(made, [rest], _manner(self.stiffness, *VARIANTS[0]), least)[0]
 
     def cut(self, k: int, left: float = 0.0) -> Cut:

@@ -15,7 +15,7 @@ from numpy import ndarray
 
 from bonecam.arrays import frozen
 from bonecam.errors import StockError, place_name
-from bonecam.kernels.capsule import way_out
+from bonecam.kernels import capsule
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 MARGIN = 0.05
@@ -68,9 +68,14 @@ class Stock(Protocol):
     def mesh(self, chord_tolerance: float) -> TriangleMesh:
         """A closed outward mesh, its vertices on the surface, its faces within `chord_tolerance` of it."""
 
+    def way_out(self, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, "n"], Float[ndarray, "n 3"]]:
+        """Signed distances and outward normals."""
+        return self.signed_distance(points), self.outward(points)
+
     def nearest(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
         """The surface point nearest to each point."""
-        return np.asarray(points - self.signed_distance(points)[:, None] * self.outward(points))
+        distance, out = self.way_out(points)
+        return np.asarray(points - distance[:, None] * out)
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,19 +122,20 @@ class Capsule(Stock):
         """The same capsule elsewhere."""
         return Capsule(self.start + shift, self.end + shift, self.radius)
 
-    def _way_out(self, points: ndarray) -> tuple[ndarray, ndarray]:
+    def way_out(self, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, "n"], Float[ndarray, "n 3"]]:
+        """Both from one pass."""
         points = np.ascontiguousarray(points, dtype=np.float64)
         distance, out = np.empty(len(points)), np.empty((len(points), 3))
-        way_out(points, self.start, self.end - self.start, float(self.radius), self._frame[0], distance, out)
+        capsule.way_out(points, self.start, self.end - self.start, float(self.radius), self._frame[0], distance, out)
         return distance, out
 
     def signed_distance(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n"]:
         """Distance to the surface, mm, negative inside."""
-        return self._way_out(points)[0]
+        return self.way_out(points)[0]
 
     def outward(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
         """Unit directions away from the axis segment; on the segment itself any one across it."""
-        return self._way_out(points)[1]
+        return self.way_out(points)[1]
 
     @cached_property
     def _frame(self) -> Float[ndarray, "3 3"]:

@@ -46,11 +46,42 @@ def test_walls_move_in_by_the_offset(stock: Stock) -> None:
     assert inradius(inner) == pytest.approx(inradius(stock) - 1, abs=1e-6)
 
 
+def ellipsoid(around: int) -> TriangleMesh:
+    angle = np.linspace(0, np.pi, around // 2 + 2)[-2:0:-1]
+    mesh = revolved(6.9 * np.sin(angle), 15.18 * np.cos(angle), (-15.18, 15.18), around)
+    return TriangleMesh(mesh.vertices.astype(np.float32).astype(np.float64), mesh.faces)
+
+
 def test_a_body_with_the_coordinates_of_an_stl_moves_in_to_a_closed_one() -> None:
-    angle = np.linspace(0, np.pi, 14)[-2:0:-1]
-    round_about = revolved(6.9 * np.sin(angle), 0.69 * 22.0 * np.cos(angle), (-0.69 * 22.0, 0.69 * 22.0), 24)
-    planes = planes_of(TriangleMesh(round_about.vertices.astype(np.float32).astype(np.float64), round_about.faces))
+    planes = planes_of(ellipsoid(24))
     ConvexStock(intersection(planes + np.array([0.0, 0.0, 0.0, 1.72]), np.zeros(3)))
+
+
+def edge_lengths(mesh: TriangleMesh) -> np.ndarray:
+    corners = mesh.vertices[mesh.faces]
+    return np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+
+
+def test_the_core_of_a_mesh_of_many_faces_has_no_slivers_and_loses_little() -> None:
+    stock = ConvexStock(ellipsoid(60))
+    core, planes = offset(stock, -5.0), planes_of(stock.surface) + np.array([0.0, 0.0, 0.0, 5.0])
+    assert isinstance(core, ConvexStock)
+    exact = intersection(planes, np.zeros(3))
+    assert core.signed_distance(exact.vertices).max() < 0.01
+    assert (planes[:, :3] @ core.surface.vertices.T + planes[:, 3:]).max() < 1e-6
+    assert edge_lengths(core.surface).min() > 1e-3 > edge_lengths(exact).min()
+    assert len(core.surface.faces) < len(exact.faces)
+    ConvexStock(core.surface)
+
+
+def test_the_mesh_of_a_mesh_has_edges_as_short_as_asked_and_few_more_faces() -> None:
+    stock = ConvexStock(ellipsoid(24))
+    mesh = stock.mesh(0.01)
+    step = np.sqrt(8 * 0.01 * stock.diameter)
+    assert edge_lengths(mesh).max() <= step < edge_lengths(stock.surface).max()
+    assert len(mesh.faces) < 6 * mesh.area / step**2 + len(stock.surface.faces)
+    assert np.abs(stock.signed_distance(mesh.vertices)).max() < 1e-6
+    ConvexStock(mesh)
 
 
 def test_a_bar_rounded_by_its_radius_is_the_published_capsule() -> None:

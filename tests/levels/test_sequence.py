@@ -27,8 +27,9 @@ MANNER = Manner(STIFFNESS, bending=3e-7, smoothing=1e-4, haste=1.0, late=1.0, be
 @pytest.fixture(scope="module")
 def making() -> Sequences:
     setting = setting_of(waisted(), STOCK, ATTRACTIONS["stock"])
-    rest = remaining(setting, setting.surface.control_points, whole(STOCK))
-    return Sequences(setting, SCHEDULE, SCHEDULE.lower_bound(rest.left), silent, "qp", STIFFNESS)
+    around = whole(STOCK)
+    rest = remaining(setting, setting.surface.control_points, around)
+    return Sequences(setting, around, SCHEDULE, SCHEDULE.lower_bound(rest.left), silent, "qp", STIFFNESS)
 
 
 @pytest.fixture(scope="module")
