@@ -159,8 +159,10 @@ class Inspection:
         if outer is None:
             return Cut(replace(level, certificate=certificate_of_last(inner.surface, stock, limit)), found, error)
         sure = certificate(inner.surface, outer.surface, stock, limit)
-        behind = outer.surface.project(sure.hindmost[None]).parameters[: sure.gap < -NEST_TOLERANCE]
-        found = replace(found, near_limits=np.vstack([found.near_limits, sure.too_deep[:FEW], behind]))
+        doubted = sure.too_deep[:FEW]
+        if sure.gap < -NEST_TOLERANCE:
+            doubted = np.vstack([doubted, outer.surface.project(sure.hindmost[None]).parameters])
+        found = replace(found, near_limits=np.vstack([found.near_limits, doubted]))
         return Cut(replace(level, certificate=sure), found, error)
 
 
