@@ -6,8 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy import ndarray
 
+from bonecam.arrays import lengths
 from bonecam.errors import LevelError, place_name
 from bonecam.levels.cut import Cut, Manner
+from bonecam.levels.limits import rings
 from bonecam.levels.remaining import Remaining, remaining
 from bonecam.levels.schedule import Schedule
 from bonecam.levels.setting import Setting
@@ -42,6 +44,8 @@ RESCUES = 3
 """Levels of a sequence that may be made in other manners because they break their limits."""
 EASINGS, EASED = 6, 0.3
 """How often the pull on a place that folds or breaks its limits is eased, each time to this share."""
+CREASED, AROUND = 0.05, 1.0
+"""Bends of the part with a smaller radius (mm) are edges that its mesh has, if they are so near (mm) to where levels break their limits."""
 LANDING, CREEP, FARTHEST_LANDING = 0.03, 0.01, 0.15
 """How far inside the stock (mm) the last level stays, how much more each level before it, and how much more the first at most. Where large
 parts take more levels than K_min those creep as well: levels at the wall that had no room at all would break their limits."""
@@ -104,7 +108,7 @@ class Sequences:
             step = self._next(made[-1], k, before, softened)
             if step.broken > MENDABLE:
                 if (rescued := rescued + 1) > RESCUES:
-                    raise _broken(k, step)
+                    raise self._broken(k, step)
                 step = self._sound(made[-1], k, before, softened)
             made.append(made[-1] + step.moves)
             rests.append(rest := remaining(self.setting, made[-1], before))
@@ -126,7 +130,7 @@ class Sequences:
                 tried.append(step := self._next(P, k, rest, other))
                 if step.broken <= MENDABLE:
                     return step
-        raise _broken(k, min(tried, key=lambda step: step.broken))
+        raise self._broken(k, min(tried, key=lambda step: step.broken))
 
     def mended(
         self, made: Sequence[ndarray], which: Collection[int], folded: Collection[int], watched: Mapping[int, ndarray]
@@ -160,6 +164,22 @@ class Sequences:
         on_schedule = sum(self.schedule.limit(later) for later in range(k, max(k, self.lower_bound) + 1))
         return Cut(self.schedule.limit(k), max(on_schedule, left), LANDING + creep)
 
+    def _broken(self, k: int, step: Step) -> LevelError:
+        what, radius = f"level {k} breaks its limits by {step.broken:.2f} mm at {place_name(step.place)}", self._sharpest(step.place)
+        remedy = "give more control points or a larger stock"
+        if radius < CREASED:
+            what += f", where the part's surface bends with a radius of {radius:.3f} mm"
+            remedy = "raise surface.tolerance, or smooth the mesh"
+        return LevelError(f"{what}: {remedy}", level=k, place=step.place)
+
+    def _sharpest(self, place: ndarray) -> float:
+        """The least radius of curvature (mm) of the part where it is nearest to a place."""
+        part, watch = self.setting.surface, self.setting.watch
+        away = lengths(watch.R @ part.control_points - place)
+        near = np.flatnonzero(away < away.min() + AROUND)
+        bends = part.curvature(watch.s[near], np.clip(watch.t[near], *rings(part)))
+        return float(1 / max(np.abs(bends.k1).max(), np.abs(bends.k2).max(), np.finfo(float).tiny))
+
     @property
     def _most_extra(self) -> int:
         """How many levels more than K_min a sequence may have."""
@@ -185,8 +205,3 @@ def _softer(manner: Manner) -> Manner:
 
 def _manner(stiffness: float, bending: float, smoothing: float, haste: float, beyond: float, even: float) -> Manner:
     return Manner(stiffness, bending, smoothing, haste, haste, beyond, even)
-
-
-def _broken(k: int, step: Step) -> LevelError:
-    what = f"level {k} breaks its limits by {step.broken:.2f} mm at {place_name(step.place)}"
-    return LevelError(f"{what}: give more control points or a larger stock", level=k, place=step.place)

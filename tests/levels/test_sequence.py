@@ -128,6 +128,17 @@ def test_a_last_cut_that_is_measured_too_deep_takes_one_more_level(making: Seque
     assert not again.failed
 
 
+def test_a_broken_limit_names_the_edge_that_the_part_follows_there(making: Sequences, monkeypatch: pytest.MonkeyPatch) -> None:
+    part = making.setting.surface
+    place = part.positions(np.array([0.3]), np.array([0.5]))[0]
+    step = replace(kept_level(making.setting, part.control_points, part.control_points, making.cut(1)), broken=0.05, place=place)
+    assert str(making._broken(1, step)).endswith("give more control points or a larger stock")
+    monkeypatch.setattr("bonecam.levels.sequence.CREASED", 10.0)
+    found = part.curvature(np.linspace(0.2, 0.4, 30), np.full(30, 0.5))
+    radius = float(str(making._broken(1, step)).partition("a radius of ")[2].partition(" mm")[0])
+    assert 0.3 < radius * np.abs([found.k1, found.k2]).max() <= 1.1
+
+
 def test_runs_are_numbers_that_follow_each_other() -> None:
     assert _runs([]) == []
     assert _runs([4]) == [(4, 4)]
