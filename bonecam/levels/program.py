@@ -16,7 +16,7 @@ import scipy.sparse as sp
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
-from bonecam.arrays import dots
+from bonecam.arrays import dots, lengths
 from bonecam.kernels import splitting
 from bonecam.levels.back import behind
 from bonecam.levels.cut import Cut, Manner
@@ -38,6 +38,9 @@ SETTLED = 5e-4
 RENEWALS, OSQP_TOLERANCE = 3, 1e-5
 TOO_FAR = 0.001
 """A sample is in a hollow once it is so much (mm) farther from the new level than the cut is deep."""
+MOST_BENT = 2.5
+"""Bending alone takes no sample farther than so many depths. It grows with the part: that of a femur would sweep its neck out of all
+limits, the more so the more the pull is eased. (Of small bones it takes none farther than 2, and that fills their hollows.)"""
 PRESS = 0.1
 """How far (mm) outside the stock samples may be pulled: what is pressed against the wall lies there, where levels meet it too."""
 
@@ -111,7 +114,14 @@ def program_of(
     limits = limits_at(before, stock, cut, gap, target, pulled.s, pulled.t, 2)
     H = inside(stock, limits.c + pulled.beyond[:, None] * (target - limits.c), np.minimum(gap, cut.landing) - PRESS)
     hollow = np.zeros(len(x), dtype=bool)
-    return Program(pulled.s, pulled.t, setting.free, hollow, R, x, weights, H, target, limits, gram(R, weights), net)
+    N = gram(R, weights)
+    return Program(pulled.s, pulled.t, setting.free, hollow, R, x, weights, H, target, limits, N, _tamed(net, N, R, MOST_BENT * cut.depth))
+
+
+def _tamed(net: Quadratic, N: sp.csc_array, R: sp.csr_array, most: float) -> Quadratic:
+    """The same, its linear part less where that alone would take a sample farther than `most`, mm."""
+    farthest = float(lengths(R @ factor(sp.csc_array(N + net.matrix)).solve(net.linear)).max())
+    return net if farthest <= most else replace(net, linear=net.linear * (most / farthest))
 
 
 def split(program: Program, iterations: int = ITERATIONS, renew: int = RENEW) -> Float[ndarray, "m 3"]:

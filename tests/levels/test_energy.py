@@ -16,7 +16,7 @@ from bonecam.levels.energy import Given, Pulled, Quadratic
 from bonecam.levels.energy_plate import plate
 from bonecam.levels.energy_pull import targets
 from bonecam.levels.limits import feet
-from bonecam.levels.program import NET, SAMPLED, Program, program_of, split
+from bonecam.levels.program import MOST_BENT, NET, SAMPLED, Program, program_of, split
 from bonecam.levels.remaining import remaining, whole
 
 RNG = np.random.default_rng(4)
@@ -90,6 +90,24 @@ def test_what_is_near_the_wall_is_not_drawn_along_it() -> None:
     way = np.linalg.norm(found - x, axis=1)
     assert (way <= np.sqrt(2) * gap + 1e-9).all()
     assert way[gap > CUT.depth].min() > 0.4 * CUT.depth
+
+
+def test_bending_alone_takes_no_sample_farther_than_some_depths() -> None:
+    one = given()
+
+    def with_bending(bending: float) -> tuple[Program, float]:
+        """And how far bending alone takes samples."""
+        found = program_of(one.setting, one.before.control_points, one.rest, one.cut, replace(one.manner, bending=bending))
+        moves = np.linalg.solve(found.matrix.toarray(), -found.net.linear)
+        return found, float(np.linalg.norm(found.R @ moves, axis=1).max())
+
+    soft, its = with_bending(MANNER.bending)
+    assert np.array_equal(soft.net.linear, plate(one).linear)
+    assert its < MOST_BENT * CUT.depth
+    stiff, its = with_bending(1e-2)
+    assert its == pytest.approx(MOST_BENT * CUT.depth)
+    whole_pull = plate(replace(one, manner=replace(one.manner, bending=1e-2))).linear
+    assert np.allclose(stiff.net.linear, whole_pull * (stiff.net.linear[0, 2] / whole_pull[0, 2]))
 
 
 def test_a_new_energy_is_one_function_more(monkeypatch: pytest.MonkeyPatch) -> None:
