@@ -120,8 +120,8 @@ def program_of(
 
 def _tamed(net: Quadratic, N: sp.csc_array, R: sp.csr_array, most: float) -> Quadratic:
     """The same, its linear part less where that alone would take a sample farther than `most`, mm."""
-    farthest = float(lengths(R @ factor(sp.csc_array(N + net.matrix)).solve(net.linear)).max())
-    return net if farthest <= most else replace(net, linear=net.linear * (most / farthest))
+    far = float(lengths(R @ factor(sp.csc_array(N + net.matrix)).solve(net.linear)).max())
+    return net if far <= most else replace(net, linear=net.linear * (most / far))
 
 
 def split(program: Program, iterations: int = ITERATIONS, renew: int = RENEW) -> Float[ndarray, "m 3"]:

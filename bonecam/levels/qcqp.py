@@ -234,8 +234,8 @@ class ConeLevels:
     def _walls(self, P: ndarray, places: ndarray, which: Int[ndarray, " k"]) -> Planes:
         """Planes that hold the watched samples `which` inside the stock: those that touch it nearest to `places`."""
         R = sp.csr_array(self._watch.R[which])
-        before, out = R @ P, self.stock.outward(places[which])
-        room = ((self.stock.nearest(places[which]) - before) * out).sum(1) - CLEAR
+        distance, out = self.stock.way_out(places[which])
+        room = ((places[which] - R @ P) * out).sum(1) - distance - CLEAR
         return Planes(R, out, np.maximum(room, 0.0))
 
     def _limits(self, P: ndarray, depth: float, active: Int[ndarray, " k"]) -> tuple[tuple[Cones, ...], Planes]:

@@ -20,7 +20,7 @@ from bonecam.levels.stock import Capsule, Stock, place_in, stock_figures, stock_
 from bonecam.mesh.hull import convex_hull
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
-THIN, HALVINGS = 0.98, 20
+THIN, HALVINGS, SAME = 0.98, 20, 1e-7
 MERGED, THICK = 0.01, 0.1
 """Corners of a moved mesh that are as near to each other (mm, and as a share of the radius of what fits in) are one: the slivers between
 them make distances take three times as long."""
@@ -95,18 +95,20 @@ def offset(stock: Stock, distance: float) -> Stock:
 
 def planes_of(mesh: TriangleMesh) -> Float[ndarray, "k 4"]:
     """Unit normals and offsets, n . x + d <= 0 inside, of a convex mesh's faces; coplanar faces once."""
-    equations = np.asarray(ConvexHull(mesh.vertices).equations)
-    _, first = np.unique(np.round(equations, 7), axis=0, return_index=True)
-    return equations[np.sort(first)]
+    return _once(np.asarray(ConvexHull(mesh.vertices).equations), SAME)
 
 
 def _offset_planes(stock: ConvexStock, distance: float) -> ConvexStock:
     planes = planes_of(stock.surface)
     moved = np.column_stack([planes[:, :3], planes[:, 3] - distance])
     inside, depth = _deepest(moved)
-    corners = intersection(moved, inside).vertices
-    _, first = np.unique(np.round(corners / min(MERGED, THICK * depth)), axis=0, return_index=True)
-    return ConvexStock(convex_hull(corners[np.sort(first)]), proven=True)
+    return ConvexStock(convex_hull(_once(_corners(moved, inside), min(MERGED, THICK * depth))), proven=True)
+
+
+def _once(rows: ndarray, cell: float) -> ndarray:
+    """Of rows that lie in one cell of a grid the first."""
+    _, first = np.unique(np.round(rows / cell), axis=0, return_index=True)
+    return np.asarray(rows[np.sort(first)])
 
 
 def _deepest(planes: ndarray) -> tuple[ndarray, float]:
@@ -118,7 +120,11 @@ def _deepest(planes: ndarray) -> tuple[ndarray, float]:
 
 def intersection(planes: Float[ndarray, "k 4"], inside: Float[ndarray, "3"]) -> TriangleMesh:
     """The closed outward mesh of all points with n . x + d <= 0, given one strictly inside."""
-    return convex_hull(np.asarray(HalfspaceIntersection(planes, inside).intersections))
+    return convex_hull(_corners(planes, inside))
+
+
+def _corners(planes: ndarray, inside: ndarray) -> ndarray:
+    return np.asarray(HalfspaceIntersection(planes, inside).intersections)
 
 
 def inradius(stock: Stock) -> float:
