@@ -1,6 +1,9 @@
 """The depth of a cut the other way: no place of the level before may be farther from the new level than the cut is deep.
 
 In a hollow what is above a place is near to the hollow's sides, and so not too deep, when the place itself is too far behind already.
+
+Where the place at (s, t) slid to the foot (s + ds, t + dt), the foot of the one it came from is near (s - ds, t - dt): most are near
+enough there, and only the others' feet are sought.
 """
 
 from dataclasses import dataclass
@@ -33,11 +36,18 @@ def behind(
     y: Float[ndarray, "n 3"],
     s: Float[ndarray, " n"],
     t: Float[ndarray, " n"],
+    foot_s: Float[ndarray, " n"],
+    foot_t: Float[ndarray, " n"],
     far: Float[ndarray, " n"],
     steps: int,
 ) -> Behind:
-    """Those of the places at x, parameters (s, t), that are farther than `far` from the new level, on which they are at y."""
+    """Those of the places at x, parameters (s, t), that are farther than `far` from the new level, on which they are at y.
+
+    (foot_s, foot_t) are the feet of y on the level before.
+    """
     which = np.flatnonzero(lengths(y - x) > far)
+    _, _, foot, _ = feet(after, x[which], (2 * s - foot_s)[which], (2 * t - foot_t)[which], 0)
+    which = which[lengths(foot - x[which]) > far[which]]
     s, t, foot, _ = feet(after, x[which], s[which], t[which], steps, far[which])
     across = foot - x[which]
     away = lengths(across)

@@ -94,7 +94,8 @@ class Program:
         slid = y + dots(self.H - y, limits.n)[:, None] * limits.n
         _, high = heights(limits.cut, limits.gap)
         far = np.where(self.hollow, 0, high + TOO_FAR)
-        back = behind(before.with_control_points(before.control_points + self.free @ moves), self.x, y, self.s, self.t, far, 2)
+        after = before.with_control_points(before.control_points + self.free @ moves)
+        back = behind(after, self.x, y, self.s, self.t, limits.s, limits.t, far, 2)
         hollow = self.hollow.copy()
         hollow[back.which] = True
         limits = limits.straight(back.which, self.x[back.which], back.n, high[back.which] + dots(y[back.which] - back.foot, back.n))

@@ -25,8 +25,9 @@ from bonecam.levels.solve import factor
 MENDABLE = 0.03
 """How far (mm) a level may break a limit as it is made, or as it is mended; the places measured show what that comes to."""
 ROUNDS, SWEEPS, NEAR, ENOUGH, FOOT_STEPS = 4, 20, 0.005, 2e-4, 3
-MOVED = 0.005
-"""A sample that has moved less (mm) since its foot was found keeps the planes there."""
+STILL, MOVED = 1e-5, 0.005
+"""A sample that has moved less (mm) in a turn is not farther from the new level than before, and one that has moved less since its foot was
+found keeps the planes there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,10 +70,10 @@ def _kept(setting: Setting, P: ndarray, D: ndarray, cut: Cut) -> Step:
     before, x = setting.surface.with_control_points(P), watch.R @ P
     gap, y = -stock.signed_distance(x), x + R @ D
     limits = limits_at(before, stock, cut, gap, y, watch.s, watch.t, FOOT_STEPS)
-    set_up, broken = y, limits.broken(y)
+    set_up, broken, far = y, limits.broken(y), limits.high
     for turn in range(ROUNDS + 1):
         after = before.with_control_points(P + setting.free @ D)
-        back = behind(after, x, y, watch.s, watch.t, limits.high, FOOT_STEPS)
+        back = behind(after, x, y, watch.s, watch.t, limits.s, limits.t, far, FOOT_STEPS)
         broken_back = back.away - limits.high[back.which]
         if max(broken.max(), broken_back.max(initial=0)) <= ENOUGH or turn == ROUNDS:
             break
@@ -80,7 +81,8 @@ def _kept(setting: Setting, P: ndarray, D: ndarray, cut: Cut) -> Step:
         some, start = sp.csr_array(sp.vstack([R[near], R_back @ setting.free])), np.vstack([x[near], R_back @ P])
         planes = limits.only(near).planes_with(x[back.which], back.n, limits.high[back.which])
         splitting.project(some.indptr, some.indices, some.data, start, D, *planes, SWEEPS, ENOUGH)
-        y = x + R @ D
+        there, y = y, x + R @ D
+        far = np.where(lengths(y - there) > STILL, limits.high, np.inf)
         moved = np.flatnonzero(lengths(y - set_up) > MOVED)
         limits = limits.again(moved, y, 1)
         set_up[moved] = y[moved]

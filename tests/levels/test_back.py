@@ -15,7 +15,7 @@ def test_what_a_filled_groove_leaves_behind_is_found_at_its_distance() -> None:
     rng = np.random.default_rng(1)
     s, t = rng.random(3000), rng.uniform(0.1, 0.9, 3000)
     x, y = part.positions(s, t), filled.positions(s, t)
-    found = behind(filled, x, y, s, t, np.full(len(s), 0.3), 20)
+    found = behind(filled, x, y, s, t, s, t, np.full(len(s), 0.3), 20)
     exact = filled.project(x).distances
     assert np.array_equal(found.which, np.flatnonzero(exact > 0.3))
     assert found.away == pytest.approx(exact[found.which], abs=1e-6)
