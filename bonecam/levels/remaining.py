@@ -1,8 +1,8 @@
 """How far the stock is from a level: over points of the stock, the distance to the nearest sample's neighbourhood.
 
 No level lies behind the one before, so a point's distance only falls: of the points of the stock only those are measured again
-that were farther from the level before than the farthest is from this one. At the part a point is not farther than a neighbour that is
-measured and the way to it.
+that were farther from the level before than the farthest is from this one, until they are known not to be from this one. At the part a
+point is not farther than a neighbour that is measured and the way to it.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from bonecam.levels.setting import Setting
 from bonecam.levels.stock import Stock
 from bonecam.surface.tspline import TSpline
 
-CHORD, FIRST, EVERY, STEPS = 0.01, 500, 10, 4
+CHORD, FIRST, EVERY, STEPS = 0.01, 200, 10, 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +79,7 @@ def remaining(setting: Setting, P: Float[ndarray, "c 3"], before: Remaining) -> 
         distance, places = distance[first][nearest] + apart, places[first][nearest]
     farthest = distance[first].max()
     others = np.flatnonzero(distance > farthest)
-    distance[others], places[others] = _nearest(level, before.points[others], places[others])
+    distance[others], places[others] = _nearest(level, before.points[others], places[others], farthest)
     measure(others[distance[others] > farthest])
     order = np.argsort(-distance, kind="stable")
     own = setting.watch.R @ P
@@ -88,7 +88,7 @@ def remaining(setting: Setting, P: Float[ndarray, "c 3"], before: Remaining) -> 
     return Remaining(before.points[order], distance[order], places[order], own[deepest], float(depths[deepest]))
 
 
-def _nearest(level: TSpline, points: ndarray, start: ndarray) -> tuple[ndarray, ndarray]:
-    """Distances of the feet found from these parameters, and their own."""
-    s, t, foot, _ = feet(level, points, start[:, 0], start[:, 1], STEPS)
+def _nearest(level: TSpline, points: ndarray, start: ndarray, enough: float = 0.0) -> tuple[ndarray, ndarray]:
+    """Distances of the feet found from these parameters, and their own; of places as near as `enough` where those are."""
+    s, t, foot, _ = feet(level, points, start[:, 0], start[:, 1], STEPS, np.full(len(points), enough))
     return lengths(points - foot), np.column_stack([s, t])
