@@ -6,8 +6,8 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 from numpy import ndarray
-from scipy.sparse.linalg import splu
 
+from bonecam.levels.solve import factor
 from bonecam.levels.stock import Capsule, Stock, smallest_capsule
 from bonecam.surface.tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
@@ -51,6 +51,6 @@ def body_surfaces(bodies: Sequence[Stock]) -> list[TSpline]:
     ss, tt = (v.ravel() for v in np.meshgrid(s, t))
     R = spline.basis(ss, tt)[0]
     weighted = sp.csr_array(R.T @ sp.diags_array(np.where((tt == 0) | (tt == 1), POLE_WEIGHT, 1.0)))
-    factor = splu(sp.csc_matrix(weighted @ R), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+    fit = factor(sp.csc_array(weighted @ R))
     targets = [body.nearest(meridians(capsule, ss, tt)) for body, capsule in zip(bodies, round_about)]
-    return [spline.with_control_points(factor.solve(np.asarray(weighted @ target))) for target in targets]
+    return [spline.with_control_points(fit.solve(np.asarray(weighted @ target))) for target in targets]

@@ -18,14 +18,13 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Bool, Float
 from numpy import ndarray
-from scipy.sparse.linalg import splu
 
 from bonecam.errors import JobError, LevelError, StockError, SurfaceError, place_name
 from bonecam.levels.check import BINS, DEPTH_TOLERANCE, NEST_TOLERANCE, patch_of
 from bonecam.levels.level import Level
 from bonecam.levels.morph import Morph
 from bonecam.levels.schedule import Schedule
-from bonecam.levels.solve import Rows, solve
+from bonecam.levels.solve import Rows, factor, solve
 from bonecam.mesh.distance import MeshDistance, exact_closest
 from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -161,7 +160,7 @@ def _target(surface: TSpline, fabric: _Fabric, stock: Any, held: ndarray) -> tup
     else:
         wanted, _ = exact_closest(stock if isinstance(stock, TriangleMesh) else stock.tessellate(CHORD), points)
         side = float(np.sign(np.median(((wanted - points) * fabric.normals).sum(1)))) or 1.0
-    fit = splu(sp.csc_matrix(fabric.N + FIT_STIFFNESS * fabric.M))
+    fit = factor(fabric.N + FIT_STIFFNESS * fabric.M)
     way = fit.solve(np.asarray(fabric.R.T @ (fabric.weights[:, None] * (wanted - points))))
     Q = surface.control_points + np.where(held[:, None], 0.0, way)
     ahead = side * (((fabric.R @ Q) - points) * fabric.normals).sum(1)

@@ -12,10 +12,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 from jaxtyping import Float
 from numpy import ndarray
-from scipy.sparse.linalg import splu
 
 from bonecam.levels.body_surface import body_surfaces
 from bonecam.levels.check import BINS, probes
@@ -24,6 +22,7 @@ from bonecam.levels.morph import Morph, morph
 from bonecam.levels.rounded import Rounded, intersection, planes_of, require_roundable
 from bonecam.levels.samples import integration_points, samples_of, thin_plate
 from bonecam.levels.schedule import Schedule
+from bonecam.levels.solve import factor
 from bonecam.levels.stock import MARGIN, Capsule, Stock, require_inside
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.intersections import self_intersections
@@ -113,7 +112,7 @@ class _Nets:
     def __init__(self, outermost: TSpline) -> None:
         samples = samples_of(outermost, *integration_points(outermost))
         self._samples, self._points = samples, samples.R @ outermost.control_points
-        self._factor = splu(sp.csc_matrix(samples.N + FIT_STIFFNESS * thin_plate(outermost)))
+        self._factor = factor(samples.N + FIT_STIFFNESS * thin_plate(outermost))
 
     def of(self, body: Stock, stock: Stock) -> Float[ndarray, "c 3"]:
         """Least squares to where the ways straight out of the last level meet `body`, or before that `stock`."""

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 from numpy import ndarray
-from scipy.sparse.linalg import SuperLU, splu
+from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
 
 from bonecam.errors import LevelError
 
@@ -74,6 +74,24 @@ def solve(P: sp.csc_array, q: Float[ndarray, "v"], rows: Rows, tolerance: float,
     return Solution(x, violation, int(answer.info.iter))
 
 
-def factor(matrix: sp.csc_array) -> SuperLU:
-    """Of a symmetric, positive definite matrix over the control points: no pivots, in their order, in which it is a band."""
-    return splu(sp.csc_matrix(matrix), permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+@dataclass(frozen=True, eq=False)
+class Factor:
+    """The Cholesky factor of a band: `lower` diagonals, the main one first."""
+
+    lower: Float[ndarray, "d m"]
+
+    def solve(self, b: Float[ndarray, "m 3"]) -> Float[ndarray, "m 3"]:
+        """The solutions for three right sides."""
+        return np.asarray(cho_solve_banded((self.lower, True), b, check_finite=False))
+
+
+def factor(matrix: sp.csc_array) -> Factor:
+    """Of a symmetric, positive definite matrix over the control points, in whose order it is a band; LevelError where it is not."""
+    entries = matrix.tocoo()
+    below = entries.row - entries.col
+    lower = np.zeros((below.max() + 1, matrix.shape[0]))
+    lower[below[below >= 0], entries.col[below >= 0]] = entries.data[below >= 0]
+    try:
+        return Factor(cholesky_banded(lower, lower=True, check_finite=False))
+    except LinAlgError as error:
+        raise LevelError("some control points hold no part of the level: give fewer of them") from error

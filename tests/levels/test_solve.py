@@ -5,7 +5,7 @@ import pytest
 import scipy.sparse as sp
 
 from bonecam.errors import LevelError
-from bonecam.levels.solve import Rows, solve, stacked
+from bonecam.levels.solve import Rows, factor, solve, stacked
 
 
 def rows(A: np.ndarray, low: list[float], high: list[float]) -> Rows:
@@ -28,3 +28,15 @@ def test_contradicting_rows_are_an_error() -> None:
     box, plane = rows(np.eye(2), [0, 0], [1, 1]), rows(np.array([[1.0, 1.0]]), [5.0], [np.inf])
     with pytest.raises(LevelError, match="contradict"):
         solve(sp.csc_array(sp.eye_array(2)), np.zeros(2), stacked(box, plane), 1e-6)
+
+
+def test_a_factored_band_solves() -> None:
+    rng = np.random.default_rng(1)
+    R = sp.csr_array(sp.diags_array(rng.random((3, 40)), offsets=[0, -2, -5], shape=(46, 40)))
+    matrix, b = sp.csc_array(R.T @ R), rng.random((40, 3))
+    assert np.allclose(matrix @ factor(matrix).solve(b), b)
+
+
+def test_a_band_that_is_not_definite_is_an_error() -> None:
+    with pytest.raises(LevelError, match="control points"):
+        factor(sp.csc_array(np.diag([1.0, 0.0, 1.0])))
