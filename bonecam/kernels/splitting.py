@@ -4,11 +4,13 @@ Both hold samples y_l = x_l + sum_i R_li D_i between two planes (low <= n . (y -
 and behind a third (m . y <= h, the stock's wall). R is in CSR form.
 """
 
+import numpy as np
 from numba import njit
 from numpy import ndarray
 
 from bonecam.kernels.bezier import CONTRACT
 
+ALONE = 15
 PARALLEL = 1e-3  # of 1 - cos^2 between slab and wall: below this they are one direction
 
 
@@ -71,33 +73,54 @@ def sweep(
     return unsettled
 
 
+@njit(inline="always")
+def _onto(
+    indptr: ndarray, indices: ndarray, data: ndarray, x: ndarray, D: ndarray, c: ndarray, n: ndarray, low: ndarray, high: ndarray,
+    m: ndarray, h: ndarray, rows: ndarray, broken: ndarray, least: float,
+) -> tuple[float, int]:  # fmt: skip
+    """Move D onto the limits of some samples, one after the other: how far the worst broke them, and how many by more than `least`,
+    which are listed in `broken` (may be `rows` itself)."""
+    worst, count = 0.0, 0
+    for l in rows:
+        y0, y1, y2, square = x[l, 0], x[l, 1], x[l, 2], 0.0
+        for k in range(indptr[l], indptr[l + 1]):
+            j, r = indices[k], data[k]
+            square += r * r
+            y0 += r * D[j, 0]
+            y1 += r * D[j, 1]
+            y2 += r * D[j, 2]
+        n0, n1, n2, m0, m1, m2 = n[l, 0], n[l, 1], n[l, 2], m[l, 0], m[l, 1], m[l, 2]
+        d = n0 * (y0 - c[l, 0]) + n1 * (y1 - c[l, 1]) + n2 * (y2 - c[l, 2])
+        p, q = correction(d, low[l], high[l], m0 * y0 + m1 * y1 + m2 * y2 - h[l], n0 * m0 + n1 * m1 + n2 * m2)
+        far = abs(p) + abs(q)
+        if far > least:
+            worst = max(worst, far)
+            broken[count] = l
+            count += 1
+            p, q = p / square, q / square
+            for k in range(indptr[l], indptr[l + 1]):
+                j, r = indices[k], data[k]
+                D[j, 0] += r * (p * n0 + q * m0)
+                D[j, 1] += r * (p * n1 + q * m1)
+                D[j, 2] += r * (p * n2 + q * m2)
+    return worst, count
+
+
 @njit(cache=True, fastmath=CONTRACT)
 def project(
     indptr: ndarray, indices: ndarray, data: ndarray, x: ndarray, D: ndarray, c: ndarray, n: ndarray, low: ndarray, high: ndarray,
     m: ndarray, h: ndarray, sweeps: int, enough: float,
 ) -> None:  # fmt: skip
-    """Move D onto the limits of one sample after the other (Kaczmarz), until all hold to `enough` or for `sweeps` rounds."""
+    """Move D onto the limits of one sample after the other (Kaczmarz), until all hold to `enough` or for `sweeps` rounds.
+
+    After each round those that broke theirs, which are few, are gone through alone, until they hold or ALONE times.
+    """
+    every, broken = np.arange(len(x)), np.empty(len(x), np.int64)
     for _ in range(sweeps):
-        worst = 0.0
-        for l in range(len(x)):
-            y0, y1, y2, square = x[l, 0], x[l, 1], x[l, 2], 0.0
-            for k in range(indptr[l], indptr[l + 1]):
-                j, r = indices[k], data[k]
-                square += r * r
-                y0 += r * D[j, 0]
-                y1 += r * D[j, 1]
-                y2 += r * D[j, 2]
-            n0, n1, n2, m0, m1, m2 = n[l, 0], n[l, 1], n[l, 2], m[l, 0], m[l, 1], m[l, 2]
-            d = n0 * (y0 - c[l, 0]) + n1 * (y1 - c[l, 1]) + n2 * (y2 - c[l, 2])
-            p, q = correction(d, low[l], high[l], m0 * y0 + m1 * y1 + m2 * y2 - h[l], n0 * m0 + n1 * m1 + n2 * m2)
-            broken = abs(p) + abs(q)
-            if broken > 0.01 * enough:
-                worst = max(worst, broken)
-                p, q = p / square, q / square
-                for k in range(indptr[l], indptr[l + 1]):
-                    j, r = indices[k], data[k]
-                    D[j, 0] += r * (p * n0 + q * m0)
-                    D[j, 1] += r * (p * n1 + q * m1)
-                    D[j, 2] += r * (p * n2 + q * m2)
+        worst, count = _onto(indptr, indices, data, x, D, c, n, low, high, m, h, every, broken, 0.01 * enough)
         if worst < enough:
             break
+        for _ in range(ALONE):
+            worst, count = _onto(indptr, indices, data, x, D, c, n, low, high, m, h, broken[:count], broken, 0.01 * enough)
+            if worst < enough:
+                break
