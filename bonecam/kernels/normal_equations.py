@@ -1,7 +1,9 @@
-"""Normal equations of sparse rows with a 3 x 3 metric each: H += D_i^T M_i D_i, row by row, into a lower band."""
+"""Normal equations of sparse rows, row by row, into a lower band: H += D_i^T M_i D_i with a 3 x 3 metric each, or H += w_i D_i^T D_i."""
 
 import numpy as np
 from numba import njit
+
+from bonecam.kernels.bezier import CONTRACT
 
 
 @njit(cache=True)
@@ -38,3 +40,25 @@ def add_rows(
                     for a in range(3):
                         for b in range(a, 3):
                             band[3 * j + a, b - a] += product * metric[i, a, b]
+
+
+@njit(cache=True)
+def width(starts: np.ndarray, columns: np.ndarray) -> int:
+    """How many diagonals the lower band of the normal equations of a CSR matrix's rows has."""
+    most = 0
+    for i in range(len(starts) - 1):
+        row = columns[starts[i] : starts[i + 1]]
+        if len(row):
+            most = max(most, row.max() - row.min())
+    return most + 1
+
+
+@njit(cache=True, fastmath=CONTRACT)
+def add_weighed(band: np.ndarray, starts: np.ndarray, columns: np.ndarray, values: np.ndarray, weights: np.ndarray) -> None:
+    """Add w_i v_ij v_ik to the band, for the rows i of a CSR matrix v; band[p, q - p] holds H[q, p] for q >= p."""
+    for i in range(len(starts) - 1):
+        for p in range(starts[i], starts[i + 1]):
+            j, share = columns[p], weights[i] * values[p]
+            for q in range(starts[i], starts[i + 1]):
+                if columns[q] >= j:
+                    band[j, columns[q] - j] += share * values[q]

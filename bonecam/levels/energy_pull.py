@@ -16,7 +16,6 @@ from bonecam.levels.energy import Given, Pulled
 from bonecam.levels.limit_wall import inside
 from bonecam.levels.limits import feet, heights
 from bonecam.levels.narrows import unhindered
-from bonecam.levels.samples import gram
 from bonecam.levels.solve import factor
 
 ALL_OUT = 8
@@ -33,9 +32,8 @@ def pull(given: Given) -> Pulled:
     weights = area * samples.weights
     weights = weights / weights.sum() + given.manner.even / len(x)
     normals = stretched / np.maximum(area, np.finfo(float).tiny)[:, None]
-    N = gram(samples.R, weights)
     field = samples.R.T @ (weights[:, None] * setting.attraction(x, normals, setting.stock))
-    field = unit(samples.R @ factor(N + given.manner.smoothing * setting.M).solve(field))
+    field = unit(samples.R @ factor(given.manner.smoothing * setting.M, samples.R, weights).solve(field))
     gap = -setting.stock.signed_distance(x)
     narrow = NARROW * np.sqrt(area @ samples.weights / len(x))
     share = np.clip(gap / given.cut.left, given.manner.haste, 1) * unhindered(x, normals, narrow)

@@ -63,13 +63,12 @@ class Program:
     H: Float[ndarray, "k 3"]
     start: Float[ndarray, "k 3"]
     limits: Limits
-    N: sp.csc_array
     net: Quadratic
 
     @property
     def matrix(self) -> sp.csc_array:
         """Half the energy's second derivative, for each of x, y and z."""
-        return sp.csc_array(self.N + self.net.matrix)
+        return sp.csc_array(gram(self.R, self.weights) + self.net.matrix)
 
     def energy(self, moves: Float[ndarray, "m 3"]) -> float:
         """What is made least."""
@@ -115,20 +114,21 @@ def program_of(
     limits = limits_at(before, stock, cut, gap, target, pulled.s, pulled.t, 2)
     H = inside(stock, limits.c + pulled.beyond[:, None] * (target - limits.c), np.minimum(gap, cut.landing) - PRESS)
     hollow = np.zeros(len(x), dtype=bool)
-    N = gram(R, weights)
-    return Program(pulled.s, pulled.t, setting.free, hollow, R, x, weights, H, target, limits, N, _tamed(net, N, R, MOST_BENT * cut.depth))
+    return Program(
+        pulled.s, pulled.t, setting.free, hollow, R, x, weights, H, target, limits, _tamed(net, R, weights, MOST_BENT * cut.depth)
+    )
 
 
-def _tamed(net: Quadratic, N: sp.csc_array, R: sp.csr_array, most: float) -> Quadratic:
+def _tamed(net: Quadratic, R: sp.csr_array, weights: ndarray, most: float) -> Quadratic:
     """The same, its linear part less where that alone would take a sample farther than `most`, mm."""
-    far = float(lengths(R @ factor(sp.csc_array(N + net.matrix)).solve(net.linear)).max())
+    far = float(lengths(R @ factor(net.matrix, R, weights).solve(net.linear)).max())
     return net if far <= most else replace(net, linear=net.linear * (most / far))
 
 
 def split(program: Program, iterations: int = ITERATIONS, renew: int = RENEW) -> Float[ndarray, "m 3"]:
     """The free moves by splitting, in so many iterations at most; every `renew` of them the program is set up again where samples are."""
     R, x, linear = program.R, program.x, program.net.linear / RHO
-    fit = factor(program.N + program.net.matrix / RHO)
+    fit = factor(sp.csc_array(program.net.matrix / RHO), R, program.weights)
     z, u, settled = program.start.copy(), np.zeros_like(x), SETTLED**2 * program.weights.sum()
     D = fit.solve(R.T @ (program.weights[:, None] * (z - x)) - linear)
     moments = np.empty_like(D)

@@ -12,6 +12,7 @@ from numpy import ndarray
 from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
 
 from bonecam.errors import LevelError
+from bonecam.kernels import normal_equations as kernel
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,13 +86,17 @@ class Factor:
         return np.asarray(cho_solve_banded((self.lower, True), b, check_finite=False))
 
 
-def factor(matrix: sp.csc_array) -> Factor:
-    """Of a symmetric, positive definite matrix over the control points, in whose order it is a band; LevelError where it is not."""
+def factor(matrix: sp.csc_array, R: sp.csr_array | None = None, weights: Float[ndarray, " k"] | None = None) -> Factor:
+    """Of a matrix over the control points, in whose order it is a band, and R'WR; LevelError where that is not positive definite."""
     entries = matrix.tocoo()
     below = entries.row - entries.col
-    lower = np.zeros((below.max() + 1, matrix.shape[0]))
-    lower[below[below >= 0], entries.col[below >= 0]] = entries.data[below >= 0]
+    half = below >= 0
+    diagonals = int(below.max()) + 1 if R is None else max(int(below.max()) + 1, kernel.width(R.indptr, R.indices))
+    band = np.zeros((matrix.shape[0], diagonals))
+    band[entries.col[half], below[half]] = entries.data[half]
+    if R is not None:
+        kernel.add_weighed(band, R.indptr, R.indices, R.data, weights)
     try:
-        return Factor(cholesky_banded(lower, lower=True, check_finite=False))
+        return Factor(cholesky_banded(band.T, overwrite_ab=True, lower=True, check_finite=False))
     except LinAlgError as error:
         raise LevelError("some control points hold no part of the level: give fewer of them") from error
