@@ -54,13 +54,14 @@ def feet(
     """s and t become the parameters of the nearest place to y that `steps` steps from them came by, `foot` and `normal` what is there.
     A place as near as `enough` ends the search.
 
-    The steps are damped where S_s vanishes, and neither long nor SHORT. At the ends the normal is the mean one round the pole; farther
-    than `clear_of` from the foot the direction from it, or towards it, stands for the normal.
+    The steps are damped where S_s vanishes, halved where they lead away (farther off than the radius of curvature they go too far), and
+    neither long nor SHORT. At the ends the normal is the mean one round the pole; farther than `clear_of` from the foot the direction from
+    it, or towards it, stands for the normal.
     """
     tips, D = _tips(patches, boxes, strips, ends), np.empty((3, 4))
     strip_knots, strip_table, strip_starts, lows, highs, ids, tables = strips
     for l in range(len(y)):
-        u, v, best = s[l] - np.floor(s[l]), min(max(t[l], ends[0]), ends[1]), np.inf
+        u, v, ds, dt, best = s[l] - np.floor(s[l]), min(max(t[l], ends[0]), ends[1]), 0.0, 0.0, np.inf
         for _ in range(steps + 1):
             e = located(strip_knots, strip_table, strip_starts, lows, highs, ids, tables, u, v)
             first_jet(patches[e], boxes[e], u, v, D)
@@ -77,18 +78,22 @@ def feet(
                 best, s[l], t[l] = square, u, v
                 foot[l] = D[0, :3]
                 _normal(D, normal[l])
-            if square <= enough[l] * enough[l]:
-                break
-            E += RIDGE * G
-            across = E * G - F * F * (1.0 - RIDGE)
-            if across > 0.0:
+                if square <= enough[l] * enough[l]:
+                    break
+                E += RIDGE * G
+                across = E * G - F * F * (1.0 - RIDGE)
+                if across <= 0.0:
+                    break
                 ds, dt = (G * a - F * b) / across, (E * b - F * a) / across
                 if E * ds * ds + 2.0 * F * ds * dt + G * dt * dt < SHORT * SHORT:
                     break
                 far = max(1.0, abs(ds) / STEP_S, abs(dt) / STEP_T)
-                u += ds / far
-                u -= np.floor(u)
-                v = min(max(v + dt / far, ends[0]), ends[1])
+                ds, dt = ds / far, dt / far
+            else:
+                ds, dt = 0.5 * ds, 0.5 * dt
+            u = s[l] + ds
+            u -= np.floor(u)
+            v = min(max(t[l] + dt, ends[0]), ends[1])
         if t[l] == ends[0]:
             normal[l] = tips[0]
         elif t[l] == ends[1]:

@@ -9,6 +9,7 @@ import scipy.sparse as sp
 from test_morph import STOCK, waisted
 
 from bonecam.levels.attraction import ATTRACTIONS
+from bonecam.levels.body_surface import body_surfaces
 from bonecam.levels.cut import Cut, Manner
 from bonecam.levels.limits import feet
 from bonecam.levels.program import Program, program_of, split
@@ -16,6 +17,7 @@ from bonecam.levels.remaining import remaining, whole
 from bonecam.levels.setting import Setting, setting_of
 from bonecam.levels.solve import solve
 from bonecam.levels.step import next_level
+from bonecam.levels.stock import Capsule
 
 MANNER, CUT = (
     Manner(stiffness=1e-7, bending=1e-7, smoothing=1e-4, haste=0.7, late=0.7, beyond=2.0, even=0.05),
@@ -53,7 +55,7 @@ def test_the_energy_is_within_one_percent_of_the_reference(levels: int) -> None:
     cones = [clarabel.NonnegativeConeT(int(kept.sum()))]
     answer = clarabel.DefaultSolver(P, one.gradient.T.ravel(), sp.csc_matrix(A[kept]), b[kept], cones, settings).solve()
     exact = np.array(answer.x).reshape(3, -1).T
-    ours = split(one, iterations=400, renew=10**6)
+    ours = split(one, renew=10**6)
     assert one.energy(ours) == pytest.approx(one.energy(exact), rel=0.01)
     assert one.limits.broken(one.x + one.R @ ours).max() < 0.02 * CUT.depth
 
@@ -85,6 +87,15 @@ def test_feet_are_nearest_places() -> None:
     assert np.allclose(surface.evaluate(found_s, found_t), foot, atol=1e-12)
     assert np.abs(np.linalg.norm(points - foot, axis=1) - 0.3).max() < 1e-3
     assert np.einsum("ij,ij->i", points - foot, normals).min() > 0
+
+
+def test_feet_are_found_from_farther_off_than_the_radius_of_curvature() -> None:
+    thin = body_surfaces([Capsule(np.zeros(3), np.array([0.0, 0.0, 20.0]), 1.0)])[0]
+    rng = np.random.default_rng(4)
+    s, t = rng.random(300), rng.uniform(0.3, 0.7, 300)
+    points = thin.evaluate(s, t) + 2.0 * thin.normals(s, t)
+    _, _, foot, _ = feet(thin, points, s + 0.02, t, 3)
+    assert np.abs(np.linalg.norm(points - foot, axis=1) - 2.0).max() < 1e-3
 
 
 def test_the_way_to_a_foot_ends_at_a_place_that_is_near_enough() -> None:
