@@ -2,6 +2,7 @@
 
 import errno
 import os
+import re
 import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
@@ -40,8 +41,11 @@ def write_whole(path: str | Path, text: str) -> None:
 
 
 @contextmanager
-def whole_folder(path: str | Path) -> Iterator[Path]:
-    """A temporary folder whose files move into `path` when the block ends well; nothing is left where it fails."""
+def whole_folder(path: str | Path, own: str = "(?!)") -> Iterator[Path]:
+    """A temporary folder whose files move into `path` when the block ends well; nothing is left where it fails.
+
+    Files there whose whole names match `own` (a regular expression) are of an earlier run: they go where no new one takes their place.
+    """
     target = Path(path)
     made = missing_folders(target.parent)
     try:
@@ -52,8 +56,13 @@ def whole_folder(path: str | Path) -> Iterator[Path]:
     try:
         yield work
         target.mkdir(exist_ok=True)
-        for item in sorted(work.iterdir()):
+        items = sorted(work.iterdir())
+        _require_free(target / item.name for item in items)
+        for item in items:
             os.replace(item, target / item.name)
+        for item in {*target.iterdir()} - {target / item.name for item in items}:
+            if re.fullmatch(own, item.name) and not item.is_dir():
+                item.unlink()
     except FileExistsError as error:
         raise FileError(f"{target}: is a file: name a folder", file=str(target)) from error
     except OSError as error:
@@ -61,6 +70,13 @@ def whole_folder(path: str | Path) -> Iterator[Path]:
     finally:
         shutil.rmtree(work, ignore_errors=True)
         remove_empty(made)
+
+
+def _require_free(places: Iterable[Path]) -> None:
+    """FileError where a folder has the name of a file to be written."""
+    for place in places:
+        if place.is_dir():
+            raise FileError(f"{place}: is a folder, and a file is to be written there: remove it or name another folder", file=str(place))
 
 
 def missing_folders(folder: Path) -> list[Path]:

@@ -19,6 +19,9 @@ from bonecam.toolpath.path import Kind, ToolPath
 from bonecam.verify.pictures import draw_coloured, draw_depths, draw_levels, draw_toolpath
 
 COLUMNS = "level,pass,index,contact_x,contact_y,contact_z,tip_x,tip_y,tip_z,axis_x,axis_y,axis_z,kind,feed".split(",")
+FAILED = r"failed_level_\d{2,}\.ply"
+SERIES = rf"level_\d{{2,}}\.ply|{FAILED}"
+"""Names of the files that an earlier run may have left, of other levels than these."""
 
 
 def keep(
@@ -26,9 +29,9 @@ def keep(
 ) -> None:
     """Write surface.tspline, toolpath.csv, toolpath.png and what `keep_levels` writes; all of them or none.
 
-    `post` is (diameter, top z) in mm.
+    Levels of an earlier run are removed. `post` is (diameter, top z) in mm.
     """
-    with whole_folder(folder) as work:
+    with whole_folder(folder, SERIES) as work:
         write_tsm(surface, work / "surface.tspline")
         _write_levels(work, levels, stock, post)
         write_whole(work / "toolpath.csv", toolpath_csv(paths))
@@ -39,8 +42,9 @@ def keep_levels(folder: str | Path, levels: Sequence[Level], stock: Stock, post:
     """Write level_00.ply (the part) ..., levels.png, coloured.png and depths.png of levels in a stock; all of them or none.
 
     The levels' vertices carry the depth of their cut (mm) as quality and colour (all on one scale). `post` is (diameter, top z) in mm.
+    Levels of an earlier run are removed.
     """
-    with whole_folder(folder) as work:
+    with whole_folder(folder, SERIES) as work:
         _write_levels(work, levels, stock, post)
 
 
@@ -63,7 +67,7 @@ def failed_level_kept(folder: str | Path | None) -> Iterator[None]:
         if folder is None or not isinstance(patch, TriangleMesh):
             raise
         name = f"failed_level_{error.evidence['level']:02d}.ply"
-        with whole_folder(folder) as work:
+        with whole_folder(folder, FAILED) as work:
             write_mesh(patch, work / name)
         file = Path(folder) / name
         raise LevelError(f"{error} ({file} shows it)", **error.evidence, file=str(file)) from error

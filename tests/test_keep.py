@@ -1,10 +1,11 @@
 """What is kept for a person to look at where a level fails its check."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from bodies import stock, waist
+from bodies import level_of, pebble, stock, waist
 from bonecam_meshes import path as shipped
 
 from bonecam import pipeline
@@ -66,3 +67,20 @@ def test_kept_levels_are_coloured_on_one_scale(tmp_path: Path) -> None:
         colours[name] = found.vertex_color_matrix()
     assert np.allclose(colours["shallow"][-1], colours["deep"][0], atol=0.02)
     assert np.abs(colours["shallow"][0] - colours["deep"][-1]).max() > 0.5
+
+
+def test_levels_of_an_earlier_run_do_not_stay_among_those_kept(tmp_path: Path) -> None:
+    folder, levels = tmp_path / "levels", [level_of(pebble(0.5 * k), k, 0.5) for k in range(3)]
+    levels[-1] = replace(levels[-1], surface=None)
+    folder.mkdir()
+    mine = {"level_notes.ply", "level_09.stl", "my_level_09.ply"}
+    for name in (*mine, "level_02.ply", "level_03.ply", "level_104.ply", "failed_level_03.ply"):
+        (folder / name).write_text("old")
+    keep_levels(folder, levels, stock())
+    pictures = {"levels.png", "coloured.png", "depths.png"}
+    assert {item.name for item in folder.iterdir()} == {*mine, *pictures, "level_00.ply", "level_01.ply", "level_02.ply"}
+    (folder / "failed_level_03.ply").write_text("old")
+    with pytest.raises(LevelError, match="failed_level_07"), failed_level_kept(folder):
+        failing()
+    assert [item.name for item in folder.glob("failed_level_*")] == ["failed_level_07.ply"]
+    assert len(list(folder.glob("level_0?.ply"))) == 3

@@ -103,6 +103,18 @@ def test_what_fails_or_is_stopped_in_between_leaves_nothing(folder: Path) -> Non
     assert names(folder) == ["file", "inner"]
 
 
+def test_a_folder_in_the_place_of_a_file_is_told_before_any_file_is_moved(folder: Path) -> None:
+    def two_files() -> None:
+        with whole_folder(folder) as work:
+            (work / "file").write_text("new")
+            (work / "inner").write_text("new")
+
+    with pytest.raises(FileError, match=r"inner: is a folder, .*: remove it"):
+        two_files()
+    assert (folder / "file").read_text() == "old"
+    assert names(folder) == ["file", "inner"]
+
+
 @pytest.mark.parametrize(("controller", "name", "proposed"), [("heidenhain", "a.ngc", "a.h"), ("linuxcnc", "a.H", "a.ngc")])
 def test_a_program_named_for_another_controller_is_refused_with_the_name_that_fits(controller: str, name: str, proposed: str) -> None:
     with pytest.raises(FileError, match=f"name it {proposed}"):
