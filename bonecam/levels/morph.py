@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy import ndarray
 
-from bonecam.errors import LevelError
+from bonecam.errors import LevelError, SurfaceError
 from bonecam.levels.attraction import ATTRACTIONS
 from bonecam.levels.check import NEST_TOLERANCE, STOCK_TOLERANCE
 from bonecam.levels.finer import finer
@@ -81,8 +81,13 @@ def morph(
 
     `stiffness` is c_int / c_ext (parameters in [0, 1]); it falls where progress stalls. `method` is `qp`; `osqp`, the
     same programs solved by OSQP; or `qcqp`, the published program solved exactly (`levels/qcqp.py`): both slow, for reference.
-    Raises StockError where the part is not inside the stock, LevelError where a level cannot be made or fails its check.
+    Raises SurfaceError where the surface is not closed between two poles, StockError where the part is not inside the stock,
+    LevelError where a level cannot be made or fails its check.
     """
+    if not all(surface.poles):
+        raise SurfaceError(
+            "the surface is not closed between two poles: morph an open one with bonecam.levels.open_morph.morph_open, or close its ends"
+        )
     if attraction not in ATTRACTIONS:
         raise ValueError(f"attraction {attraction!r}: choose one of {', '.join(ATTRACTIONS)}")
     if method not in METHODS:

@@ -9,7 +9,9 @@ from test_morph import waisted
 from bonecam.errors import JobError, LevelError, StockError, SurfaceError
 from bonecam.levels.morph import Morph
 from bonecam.levels.open_morph import morph_open
+from bonecam.levels.rounding import levels_in
 from bonecam.levels.schedule import Schedule
+from bonecam.levels.stock import Capsule
 from bonecam.surface.skin import skin
 from bonecam.surface.tspline import TSpline
 
@@ -34,6 +36,12 @@ def tube() -> TSpline:
 
 
 BLADES = {"side": side, "tube": tube}
+
+
+@pytest.mark.parametrize("blade", BLADES)
+def test_the_morph_of_a_closed_part_refuses_an_open_one_at_once(blade: str) -> None:
+    with pytest.raises(SurfaceError, match=r"not closed between two poles: morph an open one with .*morph_open"):
+        levels_in(BLADES[blade](), Capsule(np.array([0.0, 0, -30]), np.array([0.0, 0, 60]), 40.0), SCHEDULE)
 
 
 @pytest.fixture(scope="module", params=[(blade, edges) for blade in BLADES for edges in ("free", "fixed")], ids="-".join)
