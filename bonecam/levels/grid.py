@@ -23,13 +23,17 @@ TURN = 0.5  # of s: corners of a face that are farther apart lie on both sides o
 
 @dataclass(frozen=True, eq=False)
 class LevelGrid:
-    """Parameters (s, t) of the vertices and of the faces' middles, the basis `R`, `R_middles` there, and the faces."""
+    """Parameters (s, t) of the vertices and of the faces' middles, the basis `R`, `R_middles` there, and the faces.
+
+    The tessellations lie within about `chord_tolerance` mm of the levels.
+    """
 
     parameters: Float[ndarray, "v 2"]
     middles: Float[ndarray, "f 2"]
     R: sp.csr_array
     R_middles: sp.csr_array
     faces: Int32[ndarray, "f 3"]
+    chord_tolerance: float
 
     def mesh(self, control_points: Float[ndarray, "c 3"]) -> TriangleMesh:
         """The tessellation of the level with these control points."""
@@ -45,7 +49,7 @@ def level_grid(surface: TSpline, levels: Sequence[Float[ndarray, "c 3"]], chord_
     corner = np.take_along_axis(faces, np.argmax(inner, axis=1)[:, None], axis=1)[:, 0]
     middles = _middles(parameters, faces, parameters[corner, 0], np.where(inner.any(1)[:, None], inner, True))
     R, R_middles = (surface.basis(p[:, 0], p[:, 1])[0] for p in (parameters, middles))
-    return LevelGrid(frozen(parameters), frozen(middles), R, R_middles, frozen(faces, np.int32))
+    return LevelGrid(frozen(parameters), frozen(middles), R, R_middles, frozen(faces, np.int32), chord_tolerance)
 
 
 def _middles(parameters: ndarray, faces: ndarray, first: ndarray, own: ndarray) -> ndarray:

@@ -18,7 +18,8 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.tspline import TSpline
 
-STEPS, CLOSE_STEPS, DOUBTFUL = 3, 20, 0.1
+STEPS, CLOSE_STEPS, DOUBTFUL, CHORDS = 3, 20, 0.1, 2.0
+"""Rays tell the side of points that are more than DOUBTFUL mm and CHORDS chord tolerances off."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,8 +80,8 @@ class Sheet:
         return self._from(points, self.grid.parameters[corners[np.arange(len(points)), np.argmin(away, axis=1)]], steps)
 
     def _sided(self, points: ndarray, distance: ndarray) -> ndarray:
-        """Beyond a crease the nearest place's own side misleads: of what is far off, rays tell the side."""
-        far = np.flatnonzero(np.abs(distance) > DOUBTFUL)
+        """Beyond a crease the nearest place's own side misleads: of what is farther off than the mesh can be, rays tell the side."""
+        far = np.flatnonzero(np.abs(distance) > max(DOUBTFUL, CHORDS * self.grid.chord_tolerance))
         if len(far):
             distance[far] = np.abs(distance[far]) * np.where(self.distance.inside(points[far]), -1.0, 1.0)
         return distance

@@ -185,6 +185,16 @@ def test_distances_are_to_the_surface_not_to_its_tessellation() -> None:
     assert np.abs(sheet.distance.unsigned(places + 0.2 * normals) - 0.2).max() > 1e-3
 
 
+def test_a_coarse_tessellation_does_not_mislead_about_the_side_of_a_point() -> None:
+    surface = waisted()
+    sheet = Sheet(surface, level_grid(surface, [surface.control_points], 0.2))
+    rng = np.random.default_rng(5)
+    s, t = rng.random(500), rng.uniform(0.05, 0.95, 500)
+    points = surface.positions(s, t) - 0.11 * surface.normals(s, t)
+    assert not sheet.distance.inside(points).all()
+    assert np.abs(sheet.signed(points, np.column_stack([s, t])) + 0.11).max() < 1e-4
+
+
 def test_the_energy_matrices_are_the_integrals_of_the_paper() -> None:
     surface = waisted()
     s, t, weights = integration_points(surface)
