@@ -93,7 +93,7 @@ def measure(inner: Sheet, outer: Sheet | TriangleMesh, stock: Stock, limit: floa
         float(ahead.max()),
         float(np.average(np.abs(ahead[count:][full]), weights=areas[full])) if full.any() else limit,
         float(areas[full].sum()),
-        np.histogram(middle, bins=BINS, range=(0, limit), weights=weights / weights.sum())[0],
+        np.histogram(np.minimum(middle, limit), bins=BINS, range=(0, limit), weights=weights / weights.sum())[0],
         float(ahead.min()),
         float(leaves.max()),
         crossing,

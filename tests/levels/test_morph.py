@@ -141,6 +141,7 @@ def test_a_cut_too_deep_is_an_error() -> None:
     found = check.measure(inner, outer, STOCK, 0.1)
     with pytest.raises(LevelError, match="deep, more than"):
         check.require(1, found, 0.1, outer.mesh)
+    assert found.histogram.sum() == pytest.approx(1.0)  # what is deeper counts with the deepest
 
 
 def test_the_bottom_of_a_groove_is_no_deeper_than_the_cut() -> None:
