@@ -14,6 +14,7 @@ import numpy as np
 from numpy import ndarray
 
 from bonecam.errors import LevelError, SurfaceError
+from bonecam.job import LevelsJob
 from bonecam.levels.attraction import ATTRACTIONS
 from bonecam.levels.check import NEST_TOLERANCE, STOCK_TOLERANCE
 from bonecam.levels.finer import finer
@@ -82,7 +83,7 @@ def morph(
     `stiffness` is c_int / c_ext (parameters in [0, 1]); it falls where progress stalls. `method` is `qp`; `osqp`, the
     same programs solved by OSQP; or `qcqp`, the published program solved exactly (`levels/qcqp.py`): both slow, for reference.
     Raises SurfaceError where the surface is not closed between two poles, StockError where the part is not inside the stock,
-    LevelError where a level cannot be made or fails its check.
+    JobError where a number is out of the range it has in a job, LevelError where a level cannot be made or fails its check.
     """
     if not all(surface.poles):
         raise SurfaceError(
@@ -90,6 +91,7 @@ def morph(
         )
     if attraction not in ATTRACTIONS:
         raise ValueError(f"attraction {attraction!r}: choose one of {', '.join(ATTRACTIONS)}")
+    LevelsJob(stiffness=stiffness, chord_tolerance=chord_tolerance)  # raises where they are out of range
     if method not in METHODS:
         raise ValueError(f"method {method!r}: choose one of {', '.join(METHODS)}")
     require_inside(stock, surface.tessellate(COARSE).vertices, MARGIN)

@@ -4,6 +4,7 @@ Cut k removes what lies between level k - 1 and level k. No sequence of cuts can
 `K_min = min{K : sum_{k <= K} eps_k >= d}`, d being the largest distance from the stock's surface to the part.
 """
 
+import math
 from dataclasses import dataclass
 
 from bonecam.errors import LevelError
@@ -21,8 +22,8 @@ class Schedule:
 
     def __post_init__(self) -> None:
         for k, depth in enumerate((*self.first, self.beyond), start=1):
-            if not depth > 0:
-                raise LevelError(f"cut {k} has the depth {depth} mm: give a positive depth", level=k)
+            if not 0 < depth < math.inf:
+                raise LevelError(f"cut {k} has the depth {depth} mm: give a finite, positive depth", level=k)
 
     def limit(self, k: int) -> float:
         """Largest depth of cut k >= 1, mm."""

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bonecam.errors import Cancelled, LevelError, StockError
+from bonecam.errors import Cancelled, JobError, LevelError, StockError
 from bonecam.levels import check, sequence
 from bonecam.levels.grid import level_grid
 from bonecam.levels.limits import feet
@@ -100,6 +100,13 @@ def test_a_part_outside_the_stock_is_refused_at_once() -> None:
 def test_an_unknown_attraction_is_refused() -> None:
     with pytest.raises(ValueError, match="choose one of"):
         morph(waisted(), STOCK, SCHEDULE, attraction="moon")
+
+
+@pytest.mark.parametrize("name", ["stiffness", "chord_tolerance"])
+@pytest.mark.parametrize("value", [-1.0, 1e6, float("nan"), float("inf")])
+def test_a_number_out_of_its_range_is_refused_by_name(name: str, value: float) -> None:
+    with pytest.raises(JobError, match=f"^{name} = {value}: keep it within"):
+        morph(waisted(), STOCK, SCHEDULE, **{name: value})
 
 
 def test_progress_that_answers_false_cancels() -> None:

@@ -23,8 +23,8 @@ def test_the_lower_bound_is_the_first_sum_of_depths_that_reaches(distance: float
     assert bound == 1 or schedule.reach(bound - 1) < distance
 
 
-@pytest.mark.parametrize("depths", [((0.1, 0.0), 0.5), ((), -1.0), ((), float("nan"))])
-def test_a_depth_of_nothing_is_refused(depths: tuple[tuple[float, ...], float]) -> None:
+@pytest.mark.parametrize("depths", [((0.1, 0.0), 0.5), ((), -1.0), ((), float("nan")), ((), float("inf")), ((float("inf"),), 0.5)])
+def test_a_depth_of_nothing_or_without_end_is_refused(depths: tuple[tuple[float, ...], float]) -> None:
     with pytest.raises(LevelError, match="positive depth"):
         Schedule(*depths)
 
