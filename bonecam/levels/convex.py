@@ -15,12 +15,13 @@ from bonecam.mesh.remesh import split_edges
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 FLAT = 1e-5
-"""A point of the mesh may lie this far inside its hull (of the mesh's diagonal): the rounding of a file in float32."""
+"""A point of the mesh may lie this far inside its hull (of the mesh's diagonal): the rounding of a file in float32.
+A mesh whose volume is less than its area times that is flat."""
 
 
 @dataclass(frozen=True, eq=False)
 class ConvexStock(Stock):
-    """The body inside a closed convex outward mesh, mm. StockError names the place where the mesh is not closed or not convex.
+    """The body inside a closed convex outward mesh, mm. StockError names the place where the mesh is not closed or not convex, or flat.
 
     A mesh that is `proven` to be a hull, or a copy of a stock's, is not looked at again.
     """
@@ -114,6 +115,8 @@ def _require_closed(mesh: TriangleMesh) -> None:
     if not len(edges) or len(lonely) or len(np.unique(forward)) < len(forward):
         place = mesh.vertices[edges[lonely[0] if len(lonely) else 0]].mean(0) if len(edges) else np.zeros(3)
         raise StockError(f"the stock's mesh is not closed at {place_name(place)}: close it", distance=0.0, place=place)
+    if abs(mesh.volume) <= FLAT * mesh.diagonal * mesh.area:
+        raise StockError("the stock's mesh is flat and holds nothing: give a solid body", distance=0.0, place=mesh.vertices[0])
     if mesh.volume <= 0:
         raise StockError("the stock's mesh is turned inside out: flip its faces", distance=0.0, place=mesh.vertices[0])
 

@@ -115,6 +115,13 @@ def test_a_mesh_inside_out_is_refused() -> None:
         ConvexStock(TriangleMesh(mesh.vertices, mesh.faces[:, ::-1]))
 
 
+@pytest.mark.parametrize("thickness", [0.0, 1e-6, -1e-6])
+def test_a_flat_mesh_is_refused_as_that(thickness: float) -> None:
+    mesh = BOX.mesh(1.0)
+    with pytest.raises(StockError, match="is flat and holds nothing: give a solid body"):
+        ConvexStock(TriangleMesh(mesh.vertices * [1.0, 1.0, thickness], mesh.faces))
+
+
 @pytest.mark.parametrize(
     "make", [lambda: Cylinder(0.0, 0.0, 1.0), lambda: Cylinder(1.0, 2.0, 1.0), lambda: Box(np.zeros(3), np.array([1.0, 1, 0]))]
 )
