@@ -4,6 +4,7 @@ A capsule (a cylinder with half-balls at its ends) is every point within `radius
 distance is exact everywhere: `|x - nearest axis point| - radius`. Other stocks are new small files with the same interface.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,6 +21,8 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 
 MARGIN = 0.05
 RADII, RADIUS_SPAN = 241, 1.6
+TINY = 100
+"""The mesh of a stock that is so many times smaller than the part may be in metres."""
 
 
 @runtime_checkable
@@ -211,10 +214,13 @@ def require_inside(stock: Stock, points: Float[ndarray, "n 3"], margin: float, o
     worst = int(np.argmax(depth))
     if depth[worst] > -margin:
         place = points[worst]
-        trouble = f"leaves it by {depth[worst]:.3f} mm" if depth[worst] > 0 else f"comes within {-depth[worst]:.3f} mm of its wall"
+        trouble = f"leaves it by {depth[worst]:.3f} mm" if depth[worst] > 0 else f"comes within {abs(depth[worst]):.3f} mm of its wall"
+        larger = max(1, math.ceil(round(100 * (depth[worst] + margin), 6))) / 100
+        tiny = stock.kind == "mesh" and TINY * np.linalg.norm(np.ptp(stock.bounds, axis=0)) < np.linalg.norm(np.ptp(points, axis=0))
         raise StockError(
             f"the stock ({stock_text(stock_figures(stock))}) does not hold the part, which {trouble} "
-            f"at {place_in(stock, place)}: give a stock at least {depth[worst] + margin:.2f} mm larger there{otherwise}",
+            f"at {place_in(stock, place)}: give a stock at least {larger:.2f} mm larger there{otherwise}"
+            f"{', or stock.scale = 1000 where its file is in metres' if tiny else ''}",
             distance=float(depth[worst]),
             place=place,
         )

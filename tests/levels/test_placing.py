@@ -148,6 +148,14 @@ def test_a_stock_file_that_is_no_convex_body_is_named(tmp_path: Path) -> None:
     assert caught.value.evidence["distance"] > 2
 
 
+@pytest.mark.parametrize(("factor", "hint"), [(1e-3, ", or stock.scale = 1000 where its file is in metres"), (0.1, "")])
+def test_a_stock_file_in_metres_is_told_as_that(factor: float, hint: str, tmp_path: Path) -> None:
+    bar = Cylinder(8.0, 0.0, 40.0).mesh(0.5)
+    write_mesh(TriangleMesh(factor * bar.vertices, bar.faces), tmp_path / "bar.stl")
+    with pytest.raises(StockError, match=f"mm larger there{hint}$"):
+        stock_for(cloud(), StockJob(kind="mesh", mesh=str(tmp_path / "bar.stl")), SCHEDULE)
+
+
 IMPOSSIBLE = {
     "leaves a capsule": (StockJob(diameter=7.0, length=30.0), "does not hold the part, which leaves it by"),
     "shifted out of a bar": (

@@ -70,6 +70,15 @@ def test_a_part_that_touches_the_wall_is_refused() -> None:
         require_inside(CAPSULE, np.array([[7.49, 0.0, 18.0]]), 0.05)
 
 
+@pytest.mark.parametrize(
+    ("x", "said", "more"),
+    [(7.451, "within 0.049", "0.01"), (7.5, "within 0.000", "0.05"), (7.52, "leaves it by 0.020", "0.07"), (7.523, "by 0.023", "0.08")],
+)
+def test_what_is_missing_is_told_rounded_up(x: float, said: str, more: str) -> None:
+    with pytest.raises(StockError, match=f"{said} mm .* at least {more} mm larger there$"):
+        require_inside(CAPSULE, np.array([[x, 0.0, 18.0]]), 0.05)
+
+
 def test_a_given_capsule_is_centred_on_the_part() -> None:
     points = cloud(4)
     capsule = given_capsule(15.0, 37.0, points)
