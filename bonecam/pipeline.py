@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
-from threadpoolctl import threadpool_limits
 
 from bonecam.errors import MeshError, SurfaceError, place_name
 from bonecam.job import Job, MeshJob, SurfaceJob
@@ -51,6 +50,7 @@ from bonecam.surface import given
 from bonecam.surface.fit import Fit, fit
 from bonecam.surface.save import TEXTS
 from bonecam.surface.tspline import TSpline
+from bonecam.threads import on_one_blas_thread
 from bonecam.toolpath.cutter import Cutter
 from bonecam.toolpath.material import DEVIATION, Material
 from bonecam.toolpath.path import ToolPath
@@ -204,9 +204,8 @@ def fit_surface(placed: Part, job: Job, progress: Progress = silent) -> Fit:
         return given.placed(placed.given, placed.transform)
     edge = job.mesh.edge_percent / 100 * placed.mesh.diagonal
     rows = harmonic_rows(placed.mesh, job.mesh.rows, job.mesh.row_points, edge, part(progress, 0.0, 0.2))
-    with threadpool_limits(1, user_api="blas"):  # small matrices: threads only wait, and their number would change the last digits
-        tolerance, most = job.surface.tolerance, job.surface.max_control_points
-        found = fit(placed.mesh, tolerance, most, rows=rows, progress=part(progress, 0.2, 1.0), round_poles=True)
+    tolerance, most = job.surface.tolerance, job.surface.max_control_points
+    found = on_one_blas_thread(fit)(placed.mesh, tolerance, most, rows=rows, progress=part(progress, 0.2, 1.0), round_poles=True)
     missed, limit = found.deviation, max(job.surface.tolerance, job.surface.largest_deviation)
     if missed.max > limit:
         what = f"{placed.file}: {found.control_points} control points miss the mesh by {missed.max:.2f} mm near {place_name(missed.place)}"

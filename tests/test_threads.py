@@ -1,9 +1,10 @@
-"""Work in pieces: all of it, in order, and one empty piece of nothing."""
+"""Work in pieces: all of it, in order, and one empty piece of nothing; matrices on one thread."""
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info
 
-from bonecam.threads import cores, in_pieces
+from bonecam.threads import cores, in_pieces, on_one_blas_thread
 
 
 @pytest.mark.parametrize("count", [0, 1, 7, 8, 9, 100])
@@ -23,3 +24,12 @@ def test_what_a_piece_raises_comes_out() -> None:
     with pytest.raises(ValueError, match="the second"):
         in_pieces(work, 24, 8)
     assert cores() >= 1
+
+
+def test_matrices_are_worked_on_by_one_thread() -> None:
+    def threads() -> set[int]:
+        return {library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"}
+
+    before = threads()
+    assert on_one_blas_thread(threads)() == {1}
+    assert threads() == before

@@ -29,6 +29,7 @@ from bonecam.levels.stock import MARGIN, Stock, require_inside
 from bonecam.mesh.distance import MeshDistance
 from bonecam.progress import Progress, part, rising, silent
 from bonecam.surface.tspline import TSpline
+from bonecam.threads import on_one_blas_thread
 
 METHODS = {"qp": (NEST_TOLERANCE, STOCK_TOLERANCE), "qcqp": (0.02, 2 * STOCK_TOLERANCE), "osqp": (NEST_TOLERANCE, STOCK_TOLERANCE)}
 """How far (mm) a level may fall behind the one before and leave the stock: the published program says nothing of the one, and holds
@@ -67,6 +68,7 @@ class Morph:
         return sum(level.full_area * level.full_mean / level.limit for level in cuts) / whole if whole else 1.0
 
 
+@on_one_blas_thread
 def morph(
     surface: TSpline,
     stock: Stock,

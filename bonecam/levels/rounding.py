@@ -28,10 +28,12 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.tspline import TSpline
+from bonecam.threads import on_one_blas_thread
 
 CHORD, FIT_STIFFNESS, HALVINGS = 0.02, 1e-7, 30
 
 
+@on_one_blas_thread
 def levels_in(surface: TSpline, stock: Stock, schedule: Schedule, **options: Any) -> Morph:
     """The morph from the part to any stock, with the levels that round a stock with edges; `options` as in `morph`.
 
