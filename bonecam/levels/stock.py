@@ -21,6 +21,12 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 
 MARGIN = 0.05
 RADII, RADIUS_SPAN = 241, 1.6
+SIZED = ("capsule", "cylinder", "box")
+"""The stocks whose sizes a job gives."""
+ACROSS = {"diameter": [0, 1], "width": [0], "depth": [1], "length": [2]}
+"""The coordinates along which a size reaches."""
+UPRIGHT = 1e-9
+"""A wall whose normal leans by less stands upright."""
 TINY = 100
 """The mesh of a stock that is so many times smaller than the part may be in metres."""
 
@@ -215,15 +221,28 @@ def require_inside(stock: Stock, points: Float[ndarray, "n 3"], margin: float, o
     if depth[worst] > -margin:
         place = points[worst]
         trouble = f"leaves it by {depth[worst]:.3f} mm" if depth[worst] > 0 else f"comes within {abs(depth[worst]):.3f} mm of its wall"
-        larger = max(1, math.ceil(round(100 * (depth[worst] + margin), 6))) / 100
         tiny = stock.kind == "mesh" and TINY * np.linalg.norm(np.ptp(stock.bounds, axis=0)) < np.linalg.norm(np.ptp(points, axis=0))
         raise StockError(
             f"the stock ({stock_text(stock_figures(stock))}) does not hold the part, which {trouble} "
-            f"at {place_in(stock, place)}: give a stock at least {larger:.2f} mm larger there{otherwise}"
+            f"at {place_in(stock, place)}: {_larger(stock, points[depth > -margin], float(depth[worst]) + margin)}{otherwise}"
             f"{', or stock.scale = 1000 where its file is in metres' if tiny else ''}",
             distance=float(depth[worst]),
             place=place,
         )
+
+
+def _larger(stock: Stock, points: Float[ndarray, "n 3"], lack: float) -> str:
+    """The remedy where these points want up to `lack` mm more of the stock: the sizes across their nearest walls, rounded up."""
+    if stock.kind not in SIZED:
+        return f"give a stock at least {_up(lack)} mm larger there to each side"
+    needed = (np.abs(stock.outward(points)) > UPRIGHT).any(axis=0)
+    sizes = [f"stock.{name} at least {_up(size + 2 * lack)}" for name, size in stock.sizes.items() if needed[ACROSS[name]].any()]
+    return f"give {' and '.join(sizes)}"
+
+
+def _up(size: float) -> str:
+    """Hundredths of a mm, rounded up."""
+    return f"{math.ceil(round(100 * size, 6)) / 100:.2f}"
 
 
 def capsules_round(points: Float[ndarray, "n 3"], allowance: float) -> list[Capsule]:

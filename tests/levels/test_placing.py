@@ -1,5 +1,6 @@
 """The stock a job asks for, and where the part lies in it."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -152,8 +153,27 @@ def test_a_stock_file_that_is_no_convex_body_is_named(tmp_path: Path) -> None:
 def test_a_stock_file_in_metres_is_told_as_that(factor: float, hint: str, tmp_path: Path) -> None:
     bar = Cylinder(8.0, 0.0, 40.0).mesh(0.5)
     write_mesh(TriangleMesh(factor * bar.vertices, bar.faces), tmp_path / "bar.stl")
-    with pytest.raises(StockError, match=f"mm larger there{hint}$"):
+    with pytest.raises(StockError, match=f"mm larger there to each side{hint}$"):
         stock_for(cloud(), StockJob(kind="mesh", mesh=str(tmp_path / "bar.stl")), SCHEDULE)
+
+
+@pytest.mark.parametrize(
+    "sizes",
+    [
+        {"kind": "capsule", "diameter": 7.0, "length": 40.0},
+        {"kind": "capsule", "diameter": 12.0, "length": 14.0},
+        {"kind": "cylinder", "diameter": 7.0, "length": 40.0},
+        {"kind": "cylinder", "diameter": 12.0, "length": 12.0},
+        {"kind": "box", "width": 7.0, "depth": 20.0, "length": 40.0, "turn_deg": 5.0},
+        {"kind": "box", "width": 7.0, "depth": 4.0, "length": 10.0},
+    ],
+)
+def test_the_sizes_that_are_told_hold_the_part(sizes: dict[str, object]) -> None:
+    with pytest.raises(StockError, match="give stock") as caught:
+        stock_for(cloud(), StockJob(**sizes), SCHEDULE)
+    told = re.findall(r"stock\.(\w+) at least ([\d.]+)", str(caught.value))
+    larger = StockJob(**{**sizes, **{name: float(size) for name, size in told}})
+    stock_for(cloud(), larger, SCHEDULE)
 
 
 IMPOSSIBLE = {

@@ -72,10 +72,15 @@ def test_a_part_that_touches_the_wall_is_refused() -> None:
 
 @pytest.mark.parametrize(
     ("x", "said", "more"),
-    [(7.451, "within 0.049", "0.01"), (7.5, "within 0.000", "0.05"), (7.52, "leaves it by 0.020", "0.07"), (7.523, "by 0.023", "0.08")],
+    [
+        (7.451, "within 0.049", "15.01"),
+        (7.5, "within 0.000", "15.10"),
+        (7.52, "leaves it by 0.020", "15.14"),
+        (7.523, "by 0.023", "15.15"),
+    ],
 )
 def test_what_is_missing_is_told_rounded_up(x: float, said: str, more: str) -> None:
-    with pytest.raises(StockError, match=f"{said} mm .* at least {more} mm larger there$"):
+    with pytest.raises(StockError, match=f"{said} mm .* give stock.diameter at least {more}$"):
         require_inside(CAPSULE, np.array([[x, 0.0, 18.0]]), 0.05)
 
 
