@@ -45,7 +45,7 @@ from bonecam.orientation.orient import orient
 from bonecam.orientation.scene import Scene
 from bonecam.outputs import File, Outputs
 from bonecam.progress import Progress, part, report, silent
-from bonecam.requirements import check_cuts, check_job, check_post, check_room, check_sizes, check_surface, check_tools
+from bonecam.requirements import check_cuts, check_job, check_method, check_post, check_room, check_sizes, check_surface, check_tools
 from bonecam.surface import given
 from bonecam.surface.fit import Fit, fit
 from bonecam.surface.save import TEXTS
@@ -188,13 +188,16 @@ def prepare_surface(file: str | Path, job: MeshJob, surface: SurfaceJob) -> Part
 def place(unplaced: Part, job: Job) -> tuple[Part, Stock]:
     """The stock round the part, and both moved up onto the post."""
     check_sizes(job.stock)
+    check_method(job.levels)
     stock, pose = stock_for(unplaced.mesh.vertices, job.stock, schedule_of(job.levels), bottom=job.holding.length)
+    lying = job.stock.offset_x, job.stock.offset_y
     if job.mesh.upright and is_free(job.stock):
-        pose = centred(unplaced.mesh.moved(pose).vertices, stock, MARGIN) @ pose
+        shift = centred(unplaced.mesh.moved(pose).vertices, stock, MARGIN)
+        pose, lying = shift @ pose, (float(shift[0, 3]), float(shift[1, 3]))
     lift = np.array([0.0, 0.0, job.holding.length - stock.bounds[0, 2]])
     pose[:3, 3] += lift
     placed, standing = replace(unplaced, mesh=unplaced.mesh.moved(pose), transform=pose @ unplaced.transform), stock.moved(lift)
-    check_post(placed.mesh, standing, job)
+    check_post(placed.mesh, standing, job, lying)
     return placed, standing
 
 

@@ -28,14 +28,19 @@ STOCK_CHORD = 0.1
 
 
 def check_job(job: Job, machine: Machine) -> None:
-    """JobError where fields of the job do not go together or ask more of the machine than it has, LevelError where a solver is missing."""
+    """JobError where fields of the job do not go together, ask more of the machine than it has, or of a solver that is not installed."""
     check_sizes(job.stock)
     check_tools(job, machine)
     check_depths(job)
-    if job.levels.method == "qcqp":
-        require_clarabel()
+    check_method(job.levels)
     if abs(job.path.lead_deg) > job.path.max_tilt_deg:
         raise wrong("path", "lead_deg", job.path.lead_deg, f"keep it within path.max_tilt_deg ({job.path.max_tilt_deg:g})")
+
+
+def check_method(levels: LevelsJob) -> None:
+    """JobError where the solver of the levels is not installed."""
+    if levels.method == "qcqp":
+        require_clarabel()
 
 
 def check_sizes(stock: StockJob) -> None:
@@ -92,13 +97,13 @@ def check_room(stock: Stock, job: Job, machine: Machine) -> None:
             )
 
 
-def check_post(part: TriangleMesh, stock: Stock, job: Job) -> None:
-    """JobError where the post is as wide as the stock, ToolPathError where it misses the part."""
+def check_post(part: TriangleMesh, stock: Stock, job: Job, lying: tuple[float, float]) -> None:
+    """JobError where the post is as wide as the stock, ToolPathError where it misses the part, which lies off the axis by `lying`."""
     width = float(np.ptp(stock.bounds[:, :2], axis=0).min())
     if job.holding.diameter >= width:
         bound = f"the stock is {width:.2f} mm wide"
         raise wrong("holding", "diameter", job.holding.diameter, f"{bound}: give a post that is thinner than the part's lower end")
-    post_below(part, job.holding)
+    post_below(part, job.holding, lying)
 
 
 def check_cuts(part: TriangleMesh, stock: Stock, job: LevelsJob) -> None:

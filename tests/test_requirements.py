@@ -12,7 +12,7 @@ from bonecam_meshes import path as shipped
 import bonecam
 from bonecam import pipeline
 from bonecam.batch import convert_many
-from bonecam.errors import BonecamError, JobError, LevelError, SurfaceError, ToolPathError
+from bonecam.errors import BonecamError, JobError, SurfaceError, ToolPathError
 from bonecam.job import Job
 from bonecam.mesh.files import read_mesh
 from bonecam.nc.machine import machine_names, read_machine
@@ -70,8 +70,12 @@ def test_an_absurd_job_is_refused_before_the_surface_is_fitted(changes: dict, na
 @pytest.mark.usefixtures("no_work")
 def test_a_solver_that_is_not_installed_is_named_before_the_surface_is_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "clarabel", None)
-    with pytest.raises(LevelError, match=r"levels\.method = 'qcqp' needs Clarabel: pip install 'bonecam\[reference\]'"):
-        bonecam.convert(shipped("phalanx"), Job().with_values(levels={"method": "qcqp"}))
+    job = Job().with_values(levels={"method": "qcqp"})
+    missing = r"\[levels\] method = 'qcqp': needs Clarabel: pip install 'bonecam\[reference\]'"
+    with pytest.raises(JobError, match=missing):
+        bonecam.convert(shipped("phalanx"), job)
+    with pytest.raises(JobError, match=missing):
+        pipeline.place(pipeline.prepare(shipped("phalanx"), job.mesh), job)
 
 
 @pytest.mark.parametrize("name", machine_names())
@@ -94,6 +98,15 @@ def test_the_filters_refuse_a_post_beside_the_part() -> None:
     with pytest.raises(ToolPathError, match="misses the part"):
         meshes.apply_filter("generate_stock", offset_x=40.0)
     assert meshes.mesh_number() == 1
+
+
+@pytest.mark.parametrize("stock", [{"offset_x": 40.0, "tilt_x_deg": 20.0}, {"diameter": 90.0, "length": 90.0, "offset_y": -30.0}])
+def test_the_offset_that_is_told_brings_the_part_over_its_post(stock: dict[str, Any]) -> None:
+    part = pipeline.prepare(shipped("phalanx"), Job().mesh)
+    with pytest.raises(ToolPathError, match=r"with stock\.offset_x = -?\d+\.\d\d and stock\.offset_y = ") as caught:
+        pipeline.place(part, Job().with_values(stock=stock))
+    x, y = caught.value.evidence["offset"]
+    pipeline.place(part, Job().with_values(stock={**stock, "offset_x": x, "offset_y": y}))
 
 
 def test_a_surface_that_cuts_itself_is_refused_with_the_place() -> None:

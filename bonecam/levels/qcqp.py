@@ -23,6 +23,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from bonecam.errors import LevelError, place_name
+from bonecam.job import wrong
 from bonecam.levels.samples import Samples, creases, integration_points, joined, ring_pattern, samples_of, thin_plate
 from bonecam.levels.schedule import Schedule
 from bonecam.levels.stock import Capsule, Stock
@@ -86,11 +87,11 @@ SOURCES: dict[str, Source] = {"sphere": bounding_sphere, "stock": nearest_stock}
 
 
 def require_clarabel() -> ModuleType:
-    """Clarabel; LevelError where the extra that brings it is not installed."""
+    """Clarabel; JobError where the extra that brings it is not installed."""
     try:
         import clarabel
     except ImportError as error:
-        raise LevelError("levels.method = 'qcqp' needs Clarabel: pip install 'bonecam[reference]', or take method 'qp'") from error
+        raise wrong("levels", "method", "qcqp", "needs Clarabel: pip install 'bonecam[reference]', or take method 'qp'") from error
     return clarabel  # type: ignore[no-any-return]
 
 

@@ -10,6 +10,9 @@ from bonecam.errors import ToolPathError
 from bonecam.job import HoldingJob
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
+FLAT = 0.1
+"""Faces whose unit normals rise or fall by less are walls: the post does not end there."""
+
 
 @dataclass(frozen=True)
 class Post:
@@ -25,10 +28,10 @@ class Post:
         return np.minimum(np.maximum(out, up), 0.0) + np.hypot(np.maximum(out, 0.0), np.maximum(up, 0.0))
 
 
-def post_below(part: TriangleMesh, holding: HoldingJob) -> Post:
+def post_below(part: TriangleMesh, holding: HoldingJob, lying: tuple[float, float] = (0.0, 0.0)) -> Post:
     """The post that ends where all of its top has met the part's underside, at most one diameter into it.
 
-    Raises ToolPathError where no line of the post meets the part.
+    Raises ToolPathError where no line of the post meets the part, with the offset that would do; `lying` is the one it has.
     """
     radius = holding.diameter / 2
     angle = np.arange(24) * (2 * np.pi / 24)
@@ -36,12 +39,22 @@ def post_below(part: TriangleMesh, holding: HoldingJob) -> Post:
     heights = _undersides(part, np.vstack(rings))
     met = heights[np.isfinite(heights)]
     if not len(met):
+        x, y = np.array(lying) - _lower_end(part, holding.diameter)
         raise ToolPathError(
-            f"the post of diameter {holding.diameter:g} mm on the Z axis misses the part: bring the part's lower end over it "
-            "(stock.offset_x, offset_y, mesh.upright), or give a larger holding.diameter",
+            f"the post of diameter {holding.diameter:g} mm on the Z axis misses the part: bring the part's lower end over it with "
+            f"stock.offset_x = {x:.2f} and stock.offset_y = {y:.2f} (or mesh.upright), or give a larger holding.diameter",
             diameter=holding.diameter,
+            offset=(x, y),
         )
     return Post(radius, float(min(met.max(), met.min() + holding.diameter)))
+
+
+def _lower_end(part: TriangleMesh, height: float) -> Float[ndarray, "2"]:
+    """The (x, y) of the face that lies most in the middle of what is within `height` mm of the part's lowest one, walls left out."""
+    middles, normals = part.vertices[part.faces].mean(axis=1), part.face_vectors
+    flat = np.abs(normals[:, 2]) > FLAT * np.linalg.norm(normals, axis=1)
+    low = middles[flat & (middles[:, 2] <= middles[flat, 2].min() + height)][:, :2]
+    return np.asarray(low[np.argmin(np.linalg.norm(low - low.mean(axis=0), axis=1))])
 
 
 def _undersides(part: TriangleMesh, places: ndarray) -> ndarray:
