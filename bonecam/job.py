@@ -130,6 +130,8 @@ class LevelsJob(Stage):
             several = self.depths if isinstance(self.depths, list | tuple) else [self.depths]
             object.__setattr__(self, "depths", " ".join(map(str, several)))
         check(self)
+        if self.depths.strip() and self.schedule == "fewest":
+            raise JobError(f"depths = {self.depths!r}: they give every cut, schedule = 'fewest' too: leave one of them out", field="depths")
         _ = self.cuts
 
     @property

@@ -46,6 +46,11 @@ def test_the_fewest_levels_are_all_at_the_roughing_depth() -> None:
     assert schedule_of(job).lower_bound(distance) == 13 < schedule_of(LevelsJob()).lower_bound(distance)
 
 
+def test_a_list_of_depths_and_the_fewest_cuts_are_not_both_taken() -> None:
+    with pytest.raises(JobError, match=r"^depths = '0\.1 0\.5': .*schedule = 'fewest'.* leave one of them out$"):
+        LevelsJob(depths="0.1 0.5", schedule="fewest")
+
+
 @pytest.mark.parametrize("depths", ["deep", "0.1;0.2", "0.1 0 0.5", "0.1 -1", "nan", "0.1 inf"])
 def test_a_list_that_is_none_is_refused(depths: str) -> None:
     with pytest.raises(JobError, match=r"^depths = "):
