@@ -116,8 +116,8 @@ FILTERS = (
         "Generate Morph Levels",
         "Morphs the T-spline into the stock in levels that keep their cutting depth, lie inside the stock and enclose one another; adds "
         "them as layers level_00 (the part) ... level_K (the stock), coloured by depth on one scale. Layer level_00 becomes the "
-        "current one. The stock is that of generate_stock or generate_stock_capsule. The quadratic programs are solved on the control "
-        "points by splitting (ADMM).",
+        "current one. The stock is that of generate_stock or generate_stock_capsule. By default their quadratic programs "
+        "are solved by splitting (ADMM).",
         CATEGORY,
         parameters_of(LevelsJob()),
         morph_levels,

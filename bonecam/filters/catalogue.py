@@ -29,7 +29,7 @@ def overview(filters: Iterable[Filter]) -> str:
 
 def page(item: Filter) -> str:
     """One filter: documentation, what it changes, parameters."""
-    change = "Changes the current layer." if item.changes_layer else "Leaves the current layer as it is."
+    change = "Changes the current layer." if item.changes_layer else "The current layer's mesh is not changed."
     needs = f" Apply {', then '.join(f'`{name}`' for name in item.after)} first." if item.after else ""
     lines = [f"# {item.name}", "", f"{item.display_name} · {item.category}", "", item.documentation.strip(), "", change + needs, ""]
     if item.parameters:

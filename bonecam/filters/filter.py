@@ -32,7 +32,7 @@ class Filter:
     """A filter: what Python calls it, what MeshLab would show, and what it does.
 
     `act` takes the layers, the resolved value of every parameter by name, and the progress; it gives the results by name.
-    It leaves the current layer as it is and adds what it makes as new layers, unless `changes_layer`.
+    It leaves the current layer's mesh as it is and adds what it makes as new layers, unless `changes_layer`.
     `after` names the filters whose kept values it needs, in their order; `references` the literature behind it.
     Raises ValueError where the name is of no verb family or the documentation is missing.
     """

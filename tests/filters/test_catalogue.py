@@ -19,7 +19,7 @@ def test_page_states_every_parameter(registry: Registry) -> None:
     assert "| `distance` | length | `1.0` | mm or % | 0 .. 20 | **Distance.** How far. |" in lines
     assert "| `how` | enum | `up` | - | `up`, `down` | **How.** Which way. |" in lines
     assert "| `size` | float | from the mesh | mm | - | **Size.** Of the mesh. |" in lines
-    assert "Leaves the current layer as it is." in lines
+    assert "The current layer's mesh is not changed." in lines
     assert "Changes the current layer." in catalogue("apply_turn", registry).splitlines()
 
 
