@@ -10,7 +10,7 @@ SMALLEST, LARGEST = 5.0, 1000.0
 """The bounding-box diagonals in mm between which a part is plausible: an ear ossicle's neighbour to twice a femur."""
 
 
-FLAG = "give --units {}"
+FLAG = 'give --units {0} or in a job mesh.units = "{0}"'
 
 
 def to_mm(mesh: TriangleMesh, units: str, file: str = "the mesh", flag: str = FLAG) -> TriangleMesh:
@@ -18,7 +18,7 @@ def to_mm(mesh: TriangleMesh, units: str, file: str = "the mesh", flag: str = FL
     if units not in MM_OF:
         raise ValueError(f"units {units!r}: use one of {', '.join(MM_OF)}")
     if units != "mm" and file.lower().endswith(STATES_UNIT):
-        raise UnitsError(f"{file}: states its unit itself and was read in mm: leave out --units {units}", units=units)
+        raise UnitsError(f"{file}: states its unit itself and was read in mm: leave out --units {units} (mesh.units)", units=units)
     size = mesh.diagonal * MM_OF[units]
     if not SMALLEST <= size <= LARGEST:
         raise UnitsError(

@@ -34,7 +34,7 @@ def read_surface(path: str | Path, scale: float, tolerance: float, max_control_p
     """
     if Path(path).suffix.lower() in TEXTS:
         if scale != 1:
-            raise UnitsError(f"{path}: states its unit itself and was read in mm: leave out --units", file=str(path))
+            raise UnitsError(f"{path}: states its unit itself and was read in mm: leave out --units (mesh.units)", file=str(path))
         surface, points = read_tsm(path), np.empty((0, 3))
     else:
         rows = read_rows(path).scaled(scale)
