@@ -9,8 +9,9 @@ Gan et al. 2014, section 4.2, with sampled points S_l = R_l P and their moves R_
 
 a convex quadratic program with second-order cones. A stock that is no capsule is held by planes at its nearest points. The
 paper samples and stops there; here every point of a denser pattern that breaks a limit joins the samples and the program is
-solved again (to TOLERANCE mm), so that the answer is the optimum over the whole surface. `hull` states the depth on the
-control points instead (|x_i| <= eps_k), which holds everywhere by itself. Needs the extra `reference`. Slow: seconds a level.
+solved again (to TOLERANCE mm; after ROUNDS what verification allows is taken), so that the answer is the optimum over the whole
+surface. `hull` states the depth on the control points instead (|x_i| <= eps_k), which holds everywhere by itself. Needs the extra
+`reference`. Slow: seconds a level.
 """
 
 from collections.abc import Callable
@@ -24,6 +25,7 @@ from numpy import ndarray
 
 from bonecam.errors import LevelError, place_name
 from bonecam.job import wrong
+from bonecam.levels.check import DEPTH_TOLERANCE
 from bonecam.levels.samples import Samples, creases, integration_points, joined, ring_pattern, samples_of, thin_plate
 from bonecam.levels.schedule import Schedule
 from bonecam.levels.stock import Capsule, Stock
@@ -117,7 +119,9 @@ def solve_cones(energy: sp.csc_array, gradient: Float[ndarray, "c 3"], cones: tu
     answer = clarabel.DefaultSolver(sp.csc_matrix(sp.triu(P, format="csc")), q, A, b, kinds, settings).solve()
     gap = abs(answer.obj_val - answer.obj_val_dual) / max(1.0, abs(answer.obj_val))
     if str(answer.status) not in ("Solved", "AlmostSolved") or not gap <= GAP:
-        raise LevelError(f"the published program of this level ends as {answer.status}: give a higher stiffness or more control points")
+        raise LevelError(
+            f"the published program of this level ends as {answer.status}: raise levels.stiffness or surface.max_control_points"
+        )
     return np.array(answer.x)[: 3 * count].reshape(3, count).T
 
 
@@ -173,13 +177,18 @@ def cone_sequence(
     while rest > schedule.limit(len(made)):
         k, before = len(made), rest
         report(progress, 1 - rest / whole, f"level {k} by cones")
-        moves = program.next_moves(made[-1], schedule.limit(k), stiffness)
+        try:
+            moves = program.next_moves(made[-1], schedule.limit(k), stiffness)
+        except LevelError as error:
+            raise LevelError(f"level {k}: {error}", level=k, **error.evidence) from error
         made.append(made[-1] + moves)
         rest, place = left(made[-1])
         stiffness = max(SOFTEST, stiffness * SOFTEN) if rest > before - STALL * schedule.limit(k) else stiffness
         if k >= most or np.linalg.norm(moves, axis=1).max() < STILL * schedule.limit(k):
             raise LevelError(
-                f"level {k} gets no nearer to the stock than {rest:.3f} mm at {place_name(place)}: give more control points", level=k
+                f"level {k} gets no nearer to the stock than {rest:.3f} mm at {place_name(place)}: raise surface.max_control_points",
+                level=k,
+                place=place,
             )
     return made
 
@@ -214,20 +223,23 @@ class ConeLevels:
         return float(stiffness * np.einsum("ij,ij->", after, self.M @ after) + pull)
 
     def next_moves(self, P: Float[ndarray, "c 3"], depth: float, stiffness: float) -> Float[ndarray, "c 3"]:
-        """The exact moves (c, 3) to the next level; raises LevelError where the limits cannot be held to TOLERANCE mm."""
+        """The exact moves (c, 3) to the next level; raises LevelError where the limits cannot be held to DEPTH_TOLERANCE mm."""
         E, gradient = self.terms(P, stiffness)
-        active, worst = self._first, np.inf
+        active = self._first
         walls = self._walls(P, self._watch.R @ P, np.flatnonzero(self._gap(P) < depth))
         for _ in range(ROUNDS):
             cones, planes = self._limits(P, depth, active)
             moves = solve_cones(E, gradient, cones, planes if isinstance(self.stock, Capsule) else planes.and_these(walls))
             broken, outside = self._broken(P, moves, depth)
-            worst = float(broken.max())
-            if worst <= TOLERANCE or self._printed:
+            if broken.max() <= TOLERANCE or self._printed:
                 return moves
             active = np.union1d(active, self._worst(broken))
             walls = walls.and_these(self._walls(P, self._watch.R @ (P + moves), self._worst(outside)))
-        raise LevelError(f"the published program leaves its limits by {worst:.4f} mm after {ROUNDS} rounds: give more control points")
+        if broken.max() <= DEPTH_TOLERANCE:
+            return moves
+        place = (self._watch.R @ (P + moves))[np.argmax(broken)]
+        what = f"the published program leaves its limits by {broken.max():.4f} mm at {place_name(place)} after {ROUNDS} rounds"
+        raise LevelError(f"{what}: raise surface.max_control_points", place=place)
 
     def _gap(self, P: ndarray) -> Float[ndarray, " w"]:
         return -self.stock.signed_distance(self._watch.R @ P)

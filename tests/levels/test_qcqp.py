@@ -95,6 +95,25 @@ def test_the_method_has_the_default_ones_interface() -> None:
     assert all(level.depth_max <= level.limit + 0.002 for level in made.levels[1:])
 
 
+def test_a_level_that_leaves_its_limits_is_told_with_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bonecam.levels.qcqp.ROUNDS", 1)
+    with pytest.raises(
+        LevelError, match=r"^level 3: .* limits by 0\.\d+ mm at \(.*\) after 1 rounds: raise surface\.max_control_points$"
+    ) as caught:
+        morph(waisted(), STOCK, SCHEDULE, method="qcqp", attraction="sphere", chord_tolerance=0.05)
+    assert caught.value.evidence["level"] == 3
+    assert waisted().project(caught.value.evidence["place"][None]).distances[0] <= SCHEDULE.reach(3) + 0.01
+
+
+def test_a_level_within_what_is_measured_as_sound_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A level of a bone that is drawn to its bounding sphere was left at 0.0014 mm after all rounds."""
+    program, P = ConeLevels(waisted(), STOCK, "sphere"), np.array(waisted().control_points)
+    monkeypatch.setattr("bonecam.levels.qcqp.TOLERANCE", 1e-7)
+    monkeypatch.setattr("bonecam.levels.qcqp.ROUNDS", 4)
+    broken, _ = program._broken(P, program.next_moves(P, 0.5, STIFFNESS), 0.5)
+    assert 1e-7 < broken.max() <= 0.002
+
+
 def test_an_unknown_method_is_refused() -> None:
     with pytest.raises(ValueError, match="choose one of qp, qcqp"):
         morph(waisted(), STOCK, SCHEDULE, method="magic")
