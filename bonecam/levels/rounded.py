@@ -7,7 +7,7 @@ the largest. A cylinder bar rounded by its radius is the published capsule (Gan 
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from numpy import ndarray
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, HalfspaceIntersection
@@ -16,11 +16,14 @@ from bonecam.errors import StockError
 from bonecam.levels.box import Box
 from bonecam.levels.convex import ConvexStock
 from bonecam.levels.cylinder import Cylinder
-from bonecam.levels.stock import Capsule, Stock, place_in, stock_figures, stock_text
+from bonecam.levels.stock import Capsule, Stock, place_in, smallest_capsule, stock_figures, stock_text
 from bonecam.mesh.hull import convex_hull
+from bonecam.mesh.remesh import bisected
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 THIN, HALVINGS, SAME = 0.98, 20, 1e-7
+UPRIGHT = 0.5
+"""Cosine of the most a face may be turned from the surface at its corners."""
 MERGED, THICK = 0.01, 0.1
 """Corners of a moved mesh that are as near to each other (mm, and as a share of the radius of what fits in) are one: the slivers between
 them make distances take three times as long."""
@@ -72,9 +75,32 @@ class Rounded(Stock):
         return distance - self.radius, out
 
     def mesh(self, chord_tolerance: float) -> TriangleMesh:
-        """A closed outward mesh, its vertices on the surface: the stock's own mesh pulled onto it."""
-        around = offset(self.core, self.radius).mesh(chord_tolerance)
-        return TriangleMesh(self.nearest(around.vertices), around.faces)
+        """A closed outward mesh that does not cut itself, its vertices on the surface, its faces within `chord_tolerance` of it.
+
+        The nearest points on a convex body to a mesh round it lie in the same order, no farther apart. Faces are cut until they are true.
+        """
+        axis = np.array([*self.middle[:2], 0.0])
+        around = smallest_capsule(self.core.mesh(chord_tolerance).vertices - axis, self.radius + chord_tolerance).moved(axis)
+        mesh = self._pulled(around.mesh(chord_tolerance))
+        while (untrue := self._untrue(mesh, chord_tolerance)).any():
+            mesh = self._pulled(bisected(mesh, untrue))
+        return mesh
+
+    def _pulled(self, mesh: TriangleMesh) -> TriangleMesh:
+        return TriangleMesh(self.nearest(mesh.vertices), mesh.faces)
+
+    def _untrue(self, mesh: TriangleMesh, chord_tolerance: float) -> Bool[ndarray, " f"]:
+        """Which faces may lie too deep, or are tilted.
+
+        The body lies below the plane that touches it over the middle of a face: that plane's height over the corners bounds the depth. A
+        closed mesh of which no face is turned over covers the convex body once.
+        """
+        corners = mesh.vertices[mesh.faces]
+        middles = corners.mean(1)
+        distance, out = self.way_out(middles)
+        height = -distance - np.einsum("fcx,fx->fc", corners - middles[:, None], out).min(1)
+        upright = np.einsum("fcx,fx->fc", self.outward(mesh.vertices)[mesh.faces], mesh.face_vectors).min(1)
+        return np.asarray((height > chord_tolerance) | (upright < UPRIGHT * np.linalg.norm(mesh.face_vectors, axis=1)))
 
 
 def offset(stock: Stock, distance: float) -> Stock:

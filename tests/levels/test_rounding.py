@@ -14,6 +14,9 @@ from bonecam.levels.rounded import Rounded, inradius, intersection, offset, plan
 from bonecam.levels.rounding import levels_in
 from bonecam.levels.schedule import Schedule
 from bonecam.levels.stock import Capsule, Stock, revolved
+from bonecam.mesh.distance import exact_closest
+from bonecam.mesh.hull import convex_hull
+from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 BAR, BOX = Cylinder(4.5, 0.0, 20.0), Box(np.array([-4.5, -4.0, 0.0]), np.array([4.5, 4.0, 20.0]))
@@ -37,6 +40,35 @@ def test_a_rounded_stock_lies_inside_and_its_distances_are_exact(stock: Stock) -
     assert np.abs(body.signed_distance(nearest)).max() < 1e-9
     assert np.allclose(np.linalg.norm(points - nearest, axis=1), np.abs(distance), atol=1e-9)
     assert np.allclose(mesh.bounds, body.bounds, atol=0.02)
+
+
+def ball_of_slivers() -> ConvexStock:
+    points = np.random.default_rng(5).normal(size=(600, 3))
+    return ConvexStock(convex_hull(points / np.linalg.norm(points, axis=1)[:, None] * [8.0, 6.0, 13.0]))
+
+
+ROUNDED = {
+    "slivers": rounded(ball_of_slivers(), 5.0),
+    "tight box": rounded(Box(np.array([-5.0, -4.0, -10.0]), np.array([5.0, 4.0, 10.0])), 1.4),
+    "box": rounded(Box(np.array([-7.0, -6.0, -11.0]), np.array([7.0, 6.0, 11.0])), 5.9),
+    "flat disc": rounded(Cylinder(9.0, 0.0, 2.0), 0.7),
+}
+
+
+@pytest.mark.parametrize("chord", [0.01, 0.1])
+@pytest.mark.parametrize("body", ROUNDED.values(), ids=ROUNDED)
+def test_the_mesh_of_a_rounded_body_keeps_its_tolerance_and_does_not_cut_itself(body: Stock, chord: float) -> None:
+    mesh, rng = body.mesh(chord), np.random.default_rng(3)
+    corners = mesh.vertices[mesh.faces]
+    inside = body.signed_distance(np.einsum("kc,fcx->fkx", rng.dirichlet(np.ones(3), 10), corners).reshape(-1, 3))
+    assert -chord <= inside.min() <= inside.max() < 1e-9
+    surface = body.nearest(body.middle + 100 * rng.normal(size=(5000, 3)))
+    assert np.linalg.norm(surface - exact_closest(mesh, surface)[0], axis=1).max() < chord
+    edges = np.sort(mesh.faces[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
+    assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
+    assert (mesh.face_vectors * body.outward(corners.mean(1))).sum(1).min() > 0
+    assert not len(self_intersections(mesh))
+    assert len(mesh.faces) < 60 * mesh.area / (chord * body.diameter)
 
 
 @pytest.mark.parametrize("stock", STOCKS.values(), ids=STOCKS)

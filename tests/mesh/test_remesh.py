@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from bonecam.mesh.remesh import split_edges
+from bonecam.levels.box import Box
+from bonecam.mesh.intersections import self_intersections
+from bonecam.mesh.remesh import bisected, split_edges
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 
@@ -22,3 +24,27 @@ def _cube() -> tuple[np.ndarray, np.ndarray]:
     corners = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     return corners, np.array([f for a, b, c, d in quads for f in ((a, b, c), (a, c, d))], dtype=np.int32)
+
+
+def test_the_longest_edges_of_chosen_faces_are_halved_and_the_mesh_stays_closed() -> None:
+    mesh, rng = Box(np.zeros(3), np.array([1.0, 2.0, 3.0])).mesh(0.05), np.random.default_rng(1)
+    for _ in range(4):
+        chosen = rng.random(len(mesh.faces)) < 0.2
+        before, mesh = mesh, bisected(mesh, chosen)
+        edges = np.sort(mesh.faces[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
+        assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
+        assert np.array_equal(mesh.vertices[: len(before.vertices)], before.vertices)
+        assert not set(map(tuple, before.faces[chosen])) & set(map(tuple, mesh.faces))
+        assert (mesh.volume, mesh.area) == pytest.approx((6.0, 22.0))
+    assert not len(self_intersections(mesh))
+    corners = mesh.vertices[mesh.faces]
+    sides, nexts = corners - np.roll(corners, 1, axis=1), np.roll(corners, -1, axis=1) - corners
+    lengths = np.linalg.norm(sides, axis=2) * np.linalg.norm(nexts, axis=2)
+    assert np.degrees(np.arccos(-(sides * nexts).sum(2) / lengths)).min() > 15
+
+
+def test_nothing_chosen_changes_nothing() -> None:
+    mesh = Box(np.zeros(3), np.ones(3)).mesh(0.05)
+    same = bisected(mesh, np.zeros(len(mesh.faces), dtype=bool))
+    assert np.array_equal(same.faces, mesh.faces)
+    assert np.array_equal(same.vertices, mesh.vertices)
