@@ -65,12 +65,14 @@ def measure(inner: Sheet, outer: Sheet | TriangleMesh, stock: Stock, limit: floa
     """The cut from `outer` (level k, or the mesh of the stock, the last) down to `inner` (level k - 1)."""
     inside, count = inner.points, len(inner.mesh.vertices)
     gap = ahead = -stock.signed_distance(inside)
-    near_limits, crossing = np.empty((0, 2)), np.empty(0, dtype=np.int64)
+    near_limits = np.empty((0, 2))
+    mesh = outer if isinstance(outer, TriangleMesh) else outer.mesh
+    crossing = self_intersections(mesh)
     if isinstance(outer, TriangleMesh):
-        mesh, outside = outer, probes(outer)
+        outside = probes(outer)
         leaves, depth = stock.signed_distance(outside), np.abs(inner.closely(outside)[0])
     else:
-        mesh, outside = outer.mesh, outer.points
+        outside = outer.points
         leaves, depth = stock.signed_distance(outside), inner.apart(outside, outer.parameters)
         deep = np.flatnonzero(depth > limit)
         depth[deep] = np.abs(inner.closely(outside[deep], outer.parameters[deep])[0])
@@ -82,7 +84,6 @@ def measure(inner: Sheet, outer: Sheet | TriangleMesh, stock: Stock, limit: floa
         ahead[deep] = -outer.closely(inside[deep], inner.parameters[deep])[0]
         too_far_back = ahead > limit + DEPTH_TOLERANCE / 2
         too_far = (depth > limit + DEPTH_TOLERANCE / 2) | (leaves > STOCK_TOLERANCE / 2)
-        crossing = self_intersections(mesh)
         crossed = outer.grid.parameters[np.unique(mesh.faces[crossing])]
         near_limits = np.vstack([outer.parameters[too_far], inner.parameters[too_far_back], feet_at[nesting > NEST_TOLERANCE / 2], crossed])
     middle, weights, areas = depth[len(mesh.vertices) :], _areas(mesh), _areas(inner.mesh)

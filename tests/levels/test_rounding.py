@@ -4,15 +4,18 @@ import numpy as np
 import pytest
 from test_morph import waisted
 
-from bonecam.errors import StockError
+from bonecam.errors import LevelError, StockError
 from bonecam.levels.body_surface import body_surfaces, enclosing
 from bonecam.levels.box import Box
+from bonecam.levels.check import measure, require
 from bonecam.levels.convex import ConvexStock
 from bonecam.levels.cylinder import Cylinder
+from bonecam.levels.grid import level_grid
 from bonecam.levels.morph import Morph
 from bonecam.levels.rounded import Rounded, inradius, intersection, offset, planes_of, rounded, roundest
 from bonecam.levels.rounding import levels_in
 from bonecam.levels.schedule import Schedule
+from bonecam.levels.sheet import Sheet
 from bonecam.levels.stock import Capsule, Stock, revolved
 from bonecam.mesh.distance import exact_closest
 from bonecam.mesh.hull import convex_hull
@@ -173,6 +176,20 @@ def test_rounding_levels_keep_depth_nesting_and_stock(made: Morph) -> None:
     assert np.ptp(depths) < 0.02
     volumes = [level.mesh.volume for level in made.levels]
     assert (np.diff(volumes) > 0).all()
+
+
+def test_a_mesh_of_the_stock_that_cuts_itself_is_found_and_refused() -> None:
+    part, stock = waisted(), Capsule(np.array([0.0, 0.0, 4.5]), np.array([0.0, 0.0, 15.5]), 4.5)
+    inner, mesh = Sheet(part, level_grid(part, [part.control_points], 0.05)), stock.mesh(0.05)
+    assert measure(inner, mesh, stock, 9.0).self_intersections == 0
+    vertices = mesh.vertices.copy()
+    vertices[np.argmax(vertices[:, 0])] -= [12.0, 0.0, 0.0]
+    crossed = TriangleMesh(vertices, mesh.faces)
+    found = measure(inner, crossed, stock, 9.0)
+    assert np.array_equal(found.crossing, self_intersections(crossed))
+    with pytest.raises(LevelError, match="level 3 cuts itself in") as caught:
+        require(3, found, 9.0, crossed, behind=9.0, outside=9.0)
+    assert caught.value.evidence["level"] == 3
 
 
 def test_every_level_can_be_followed_on_the_parts_tmesh(made: Morph) -> None:
