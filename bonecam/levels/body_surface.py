@@ -1,20 +1,33 @@
-"""The T-spline of a smooth convex body: least squares to the points that the meridians of a capsule round it map onto it."""
+"""The T-spline of a smooth convex body: least squares to the points that the meridians of a capsule round it map onto it.
 
-from collections.abc import Sequence
+Where even knots do not bring it near enough, they stand where the points bend.
+"""
+
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 from numpy import ndarray
+from scipy.ndimage import gaussian_filter1d
 
+from bonecam.errors import LevelError, place_name
 from bonecam.levels.solve import factor
 from bonecam.levels.stock import Capsule, Stock, smallest_capsule
 from bonecam.surface.tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 CHORD, ROUND_ABOUT = 0.02, 0.03
+TOLERANCE = 0.002
+"""How far (mm) a surface may be off its body, measured between the points it is fitted to."""
 ROW_STEP, LEAST_ROWS, MOST_ROWS = 0.4, 40, 160
-AROUND_ROUND, AROUND_OTHER, SAMPLES = 32, 96, 3
+AROUND_ROUND, AROUND_OTHER, SAMPLES, CHECKS = 32, 96, 3, 2
+FINER, TRIES = 1.3, 4
+"""So many times as many control points each way are tried next where a surface is off; so often."""
+FEW = 0.3
+"""Knots are at least so dense as a share of their mean density."""
+SMOOTH = SAMPLES / 2
+"""Standard deviation, in points, of the smoothing of the steps between them."""
 POLE_WEIGHT = 100.0
 
 
@@ -39,18 +52,95 @@ def meridians(capsule: Capsule, s: Float[ndarray, " n"], t: Float[ndarray, " n"]
 
 
 def body_surfaces(bodies: Sequence[Stock]) -> list[TSpline]:
-    """The surfaces of smooth convex bodies, lower pole first, within about 0.002 mm for the sizes of bones; all on one T-mesh."""
+    """The surfaces of smooth convex bodies, lower pole first, all on one T-mesh, within TOLERANCE as measured.
+
+    LevelError with the distance and the place where they are farther off with the most control points.
+    """
     around = AROUND_ROUND if all(isinstance(body, Capsule) for body in bodies) else AROUND_OTHER
-    round_about = [enclosing(body) for body in bodies]
-    arc = max(np.pi * capsule.radius + capsule.length for capsule in round_about)
+    capsules = [enclosing(body) for body in bodies]
+    arc = max(np.pi * capsule.radius + capsule.length for capsule in capsules)
     rows = int(np.clip(np.ceil(arc / ROW_STEP), LEAST_ROWS, MOST_ROWS))
-    knots = np.concatenate([np.zeros(4), np.linspace(0, 1, rows - 2)[1:-1], np.ones(4)])
-    tmesh = RowTMesh.from_rows(knots, [np.zeros(1), *[np.arange(around) / around] * (rows - 2), np.zeros(1)])
+    distance, place = np.inf, np.zeros(3)
+    for s_knots, t_knots, smooth in _tries(bodies, capsules, around, rows):
+        made = _fitted(bodies, capsules, s_knots, t_knots, smooth)
+        distance, place = max((_off(body, surface) for body, surface in zip(bodies, made)), key=lambda one: one[0])
+        if distance <= TOLERANCE:
+            return made
+    raise LevelError(
+        f"the surface of the rounded stock is {distance:.4f} mm off it at {place_name(place)}, more than {TOLERANCE} mm: give a larger "
+        "stock, whose edges can be rounder, or a capsule",
+        distance=distance,
+        place=place,
+    )
+
+
+def _tries(bodies: Sequence[Stock], capsules: Sequence[Capsule], around: int, rows: int) -> Iterator[tuple[ndarray, ndarray, bool]]:
+    """Knots round and along the bodies, and whether steps are smoothed: first even ones, then where the bodies bend, more and more."""
+    yield np.arange(around) / around, np.linspace(0, 1, rows - 2), False
+    s, t = np.arange(SAMPLES * around) / (SAMPLES * around), np.linspace(0, 1, SAMPLES * rows)
+    grids = [_grid(body, capsule, s, t) for body, capsule in zip(bodies, capsules)]
+    along_s = np.max([_bends(grid.swapaxes(0, 1)) for grid in grids], axis=0)
+    along_t = np.max([_bends(grid) for grid in grids], axis=0)
+    for finer in FINER ** np.arange(TRIES):
+        yield _knots(np.append(along_s, along_s[0]), int(finer * around))[:-1], _knots(along_t, int(finer * rows) - 3), True
+
+
+def _grid(body: Stock, capsule: Capsule, s: Float[ndarray, " a"], t: Float[ndarray, " b"]) -> Float[ndarray, "b a 3"]:
+    """The points that the capsule's map onto the body."""
+    ss, tt = (v.ravel() for v in np.meshgrid(s, t))
+    return body.nearest(meridians(capsule, ss, tt)).reshape(len(t), len(s), 3)
+
+
+def _even(body: Stock, grid: Float[ndarray, "b a 3"]) -> Float[ndarray, "b a 3"]:
+    """The points without the jumps of their steps at the ends of flats, after which a spline swings so far that it may turn over."""
+    wide = int(4 * SMOOTH)
+    over_poles = np.pad(grid, ((wide, wide), (0, 0), (0, 0)), mode="reflect", reflect_type="odd")
+    smooth = gaussian_filter1d(gaussian_filter1d(over_poles, SMOOTH, axis=0), SMOOTH, axis=1, mode="wrap")[wide:-wide]
+    return body.nearest(smooth.reshape(-1, 3)).reshape(grid.shape)
+
+
+def _bends(grid: Float[ndarray, "b a 3"]) -> Float[ndarray, " b"]:
+    """The density of knots along the first index that makes the error even: the root of the largest second difference there."""
+    second = np.linalg.norm(np.diff(grid, 2, axis=0), axis=2).max(1)
+    density = np.sqrt(np.concatenate([second[:1], second, second[-1:]]))
+    return np.maximum(density, FEW * density.mean())
+
+
+def _knots(density: Float[ndarray, " b"], count: int) -> Float[ndarray, " k"]:
+    """The ends of so many intervals of [0, 1], each with the same share of the density."""
+    share = np.concatenate([[0.0], np.cumsum(density[1:] + density[:-1])])
+    return np.interp(np.linspace(0, share[-1], count + 1), share, np.linspace(0, 1, len(density)))
+
+
+def _between(knots: Float[ndarray, " k"], count: int) -> Float[ndarray, " n"]:
+    """So many places from each knot on, evenly, and the last knot."""
+    return np.interp(np.arange(count * (len(knots) - 1) + 1) / count, np.arange(len(knots)), knots)
+
+
+def _fitted(
+    bodies: Sequence[Stock], capsules: Sequence[Capsule], s_knots: Float[ndarray, " a"], t_knots: Float[ndarray, " b"], smooth: bool
+) -> list[TSpline]:
+    """Least squares on the T-mesh with these knots."""
+    rows = len(t_knots) + 2
+    clamped = np.concatenate([np.zeros(3), t_knots, np.ones(3)])
+    tmesh = RowTMesh.from_rows(clamped, [np.zeros(1), *[s_knots] * (rows - 2), np.zeros(1)])
     spline = TSpline(tmesh, np.zeros((tmesh.size, 3)), np.ones(tmesh.size))
-    t, s = np.linspace(0, 1, SAMPLES * rows), np.arange(SAMPLES * around) / (SAMPLES * around)
+    s, t = _between(np.append(s_knots, 1.0), SAMPLES)[:-1], _between(t_knots, SAMPLES)
     ss, tt = (v.ravel() for v in np.meshgrid(s, t))
     R = spline.basis(ss, tt)[0]
     weighted = sp.csr_array(R.T @ sp.diags_array(np.where((tt == 0) | (tt == 1), POLE_WEIGHT, 1.0)))
     fit = factor(sp.csc_array(weighted @ R))
-    targets = [body.nearest(meridians(capsule, ss, tt)) for body, capsule in zip(bodies, round_about)]
+    grids = [_grid(body, capsule, s, t) for body, capsule in zip(bodies, capsules)]
+    targets = [(_even(body, grid) if smooth else grid).reshape(-1, 3) for body, grid in zip(bodies, grids)]
     return [spline.with_control_points(fit.solve(np.asarray(weighted @ target))) for target in targets]
+
+
+def _off(body: Stock, surface: TSpline) -> tuple[float, Float[ndarray, "3"]]:
+    """How far the surface is off the body at most, at places of every patch and at the poles, and where."""
+    assert isinstance(surface.tmesh, RowTMesh)
+    s, t = _between(np.append(surface.tmesh.s_knots[1], 1.0), 2 * CHECKS), _between(surface.tmesh.t_knots[3:-3], 2 * CHECKS)
+    ss, tt = np.meshgrid(s[1::2], np.concatenate([t[:1], t[1::2], t[-1:]]))
+    points = surface.positions(ss.ravel(), tt.ravel())
+    distance = np.abs(body.signed_distance(points))
+    worst = int(np.argmax(distance))
+    return float(distance[worst]), points[worst]

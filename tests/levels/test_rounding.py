@@ -5,7 +5,7 @@ import pytest
 from test_morph import waisted
 
 from bonecam.errors import LevelError, StockError
-from bonecam.levels.body_surface import body_surfaces, enclosing
+from bonecam.levels.body_surface import TOLERANCE, body_surfaces, enclosing
 from bonecam.levels.box import Box
 from bonecam.levels.check import measure, require
 from bonecam.levels.convex import ConvexStock
@@ -141,6 +141,25 @@ def test_the_spline_of_a_body_lies_on_it(body: Stock) -> None:
     assert isinstance(points, np.ndarray)
     assert np.abs(body.signed_distance(points)).max() < 0.002
     assert (surface.normals(s, t) * body.outward(points)).sum(1).min() > 0.999
+
+
+@pytest.mark.parametrize(("half", "radius"), [((13.3, 10.35, 32.4), 2.9), ((10.0, 10.0, 20.0), 1.0)], ids=["metatarsal", "sharp"])
+def test_the_spline_of_a_large_box_with_sharp_edges_lies_on_it_and_turns_nowhere_over(half: tuple[float, ...], radius: float) -> None:
+    body = rounded(Box(-np.array(half), np.array(half)), radius)
+    surface = body_surfaces([body])[0]
+    s, t = np.random.default_rng(4).random((2, 100_000))
+    points = surface.positions(s, t)
+    assert np.abs(body.signed_distance(points)).max() < TOLERANCE * 1.1
+    assert (surface.normals(s, t) * body.outward(points)).sum(1).min() > 0.99
+
+
+def test_a_spline_that_cannot_follow_its_body_is_refused_with_distance_and_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bonecam.levels.body_surface.TRIES", 1)
+    body = Rounded(Box(np.full(3, -18.0), np.full(3, 18.0)), 0.3)
+    with pytest.raises(LevelError, match=r"mm off it at \(.*\), more than 0\.002 mm: give a larger stock") as caught:
+        body_surfaces([body])
+    assert caught.value.evidence["distance"] > TOLERANCE
+    assert abs(body.signed_distance(caught.value.evidence["place"][None])[0]) == pytest.approx(caught.value.evidence["distance"])
 
 
 @pytest.mark.parametrize("stock", STOCKS.values(), ids=STOCKS)
