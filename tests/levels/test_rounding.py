@@ -217,6 +217,12 @@ def test_every_level_can_be_followed_on_the_parts_tmesh(made: Morph) -> None:
     assert np.abs(rounding.mesh.bounds - waisted().with_control_points(rounding.net).tessellate(0.02).bounds).max() < 0.3
 
 
+def test_a_mesh_that_cannot_be_made_true_is_refused_with_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bonecam.levels.rounded.BISECTIONS", 1)
+    with pytest.raises(StockError, match="no mesh of the rounded stock"):
+        rounded(Box(np.full(3, -5.0), np.full(3, 5.0)), 2.0).mesh(0.001)
+
+
 def test_a_part_that_leaves_the_bar_is_refused_at_once_with_its_place() -> None:
     with pytest.raises(StockError, match=r"cylinder 4\.00 x 20\.00 mm\) does not hold the part") as caught:
         levels_in(waisted(), Cylinder(2.0, 0.0, 20.0), SCHEDULE)
