@@ -7,11 +7,13 @@ import pytest
 from test_morph import waisted
 
 from bonecam.errors import JobError, LevelError, StockError, SurfaceError
+from bonecam.levels.level import Level
 from bonecam.levels.morph import Morph
 from bonecam.levels.open_morph import morph_open
 from bonecam.levels.rounding import levels_in
 from bonecam.levels.schedule import Schedule
 from bonecam.levels.stock import Capsule
+from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.skin import skin
 from bonecam.surface.tspline import TSpline
 
@@ -116,3 +118,102 @@ def test_wrong_calls_are_refused() -> None:
         morph_open(side(), 1.0, SCHEDULE, edges="loose")
     with pytest.raises(StockError, match="no stock"):
         morph_open(side(), 0.0, SCHEDULE)
+    for stiffness in (np.nan, np.inf, -1e-9):
+        with pytest.raises(JobError, match=r"stiffness = .*: give a finite number of zero or more"):
+            morph_open(side(), 1.0, SCHEDULE, stiffness=stiffness)
+    with pytest.raises(StockError, match="a Capsule is no stock of an open surface"):
+        morph_open(side(), Capsule(np.zeros(3), np.ones(3), 50.0), SCHEDULE)
+    with pytest.raises(StockError, match="a mesh without faces is no stock"):
+        morph_open(side(), TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32)), SCHEDULE)
+
+
+def blade() -> TSpline:
+    """A wave of 50 x 60 mm, with radii of curvature from 45 mm."""
+    x = np.linspace(0, 50, 30)
+    return skin([np.column_stack([x, np.full(30, y), 5 * np.sin(x / 15)]) for y in range(0, 70, 10)], 0.01, closed=False)
+
+
+def above(height: float, bump: float) -> TriangleMesh:
+    """A mesh so far above the blade, with a bump of 1 mm radius in the middle."""
+    x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(-5, 55, 121), np.linspace(-5, 65, 141), indexing="ij"))
+    z = 5 * np.sin(x / 15) + height + bump * np.exp(-((x - 25) ** 2 + (y - 30) ** 2) / 2)
+    a, b, c, d = (i.ravel() for i in (lambda n: (n[:-1, :-1], n[1:, :-1], n[1:, 1:], n[:-1, 1:]))(np.arange(len(x)).reshape(121, 141)))
+    return TriangleMesh(np.column_stack([x, y, z]), np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])]).astype(np.int32))
+
+
+def test_a_stock_with_a_dent_through_the_part_is_refused_where_it_is() -> None:
+    with pytest.raises(StockError, match=r"3.990 mm behind the part at") as caught:
+        morph_open(blade(), above(2.0, -6.0), SCHEDULE)
+    assert caught.value.evidence["distance"] == pytest.approx(3.99, abs=0.01)
+    assert caught.value.evidence["place"] == pytest.approx([25, 30, 0.98], abs=0.1)
+
+
+def test_a_stock_that_touches_the_part_is_refused() -> None:
+    with pytest.raises(StockError, match=r"the stock (touches|lies .* behind) the part"):
+        morph_open(blade(), blade(), SCHEDULE)
+
+
+def test_a_ridge_that_the_control_points_miss_is_refused_with_how_far_and_where() -> None:
+    with pytest.raises(StockError, match=r"5.98. mm off the one given at .*: give a smoother stock or more control points") as caught:
+        morph_open(blade(), above(2.0, 6.0), SCHEDULE)
+    assert caught.value.evidence["place"] == pytest.approx([25, 30, 12.98], abs=0.1)
+
+
+def test_a_small_bump_counts_in_the_distance_and_is_reported() -> None:
+    morph = morph_open(blade(), above(2.0, 0.2), SCHEDULE)
+    assert morph.distance == pytest.approx(2.2, abs=0.05)
+    assert morph.levels[-1].outside == pytest.approx(0.2, abs=0.03)
+    assert morph.lower_bound == SCHEDULE.lower_bound(morph.distance) <= morph.cuts
+
+
+def test_offsets_that_turn_over_are_refused_and_others_are_exact() -> None:
+    for offset in (-48.0, -60.0):
+        with pytest.raises(StockError, match=r"turns over and cuts itself at .*: give one nearer to the part than its radii of curvature"):
+            morph_open(blade(), offset, Schedule((), 5.0))
+    morph = morph_open(blade(), np.float32(-30), Schedule((), 5.0))
+    assert morph.distance == pytest.approx(30.0, abs=1e-6)
+    assert morph.levels[-1].outside < 0.05
+
+
+def test_numbers_of_any_kind_are_offsets() -> None:
+    assert morph_open(side(), np.int64(1), SCHEDULE).distance == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("edges", ["free", "fixed"])
+def test_the_last_cut_keeps_its_depth_from_the_bottom_of_a_groove(edges: str) -> None:
+    x = np.linspace(0, 20, 200)
+    groove = skin([np.column_stack([x, np.full(200, y), -2 * np.exp(-((x - 10) ** 2))]) for y in range(0, 20, 4)], 0.02, closed=False)
+    flat = TriangleMesh(np.array([[-5.0, -5, 1], [25, -5, 1], [25, 25, 1], [-5, 25, 1]]), np.array([[0, 1, 2], [0, 2, 3]], np.int32))
+    morph = morph_open(groove, flat, Schedule((), 0.5), edges=edges)
+    assert max(level.deepest for level in morph.levels[1:]) <= 0.502
+    rest = morph.levels[-2].mesh.vertices[:, 2]
+    assert edges == "fixed" or 1 - rest.min() <= 0.51
+
+
+def test_a_stock_may_meet_fixed_edges_but_not_cross_them() -> None:
+    u, v = np.linspace(-1, 1, 21), np.linspace(-1, 1, 9)
+    flat, bulge = (
+        skin([np.column_stack([10 * u, 0 * u + 15 * w, h * (1 - u**2) * (1 - w**2)]) for w in v], 1e-3, closed=False) for h in (0, 2)
+    )
+    bulge_mesh = bulge.tessellate(1e-3)
+    assert morph_open(flat, bulge_mesh, Schedule((), 1.0), edges="fixed").distance == pytest.approx(2.0, abs=0.03)
+    with pytest.raises(StockError, match="touches the part"):
+        morph_open(flat, bulge_mesh, Schedule((), 1.0))
+    lower = TriangleMesh(bulge_mesh.vertices - [0, 0, 0.1], bulge_mesh.faces)
+    with pytest.raises(StockError, match=r"0.100 mm behind the part"):
+        morph_open(flat, lower, Schedule((), 1.0), edges="fixed")
+
+
+def test_open_levels_are_measured_on_their_surfaces_and_tell_the_depth_used(made: tuple[TSpline, str, Morph]) -> None:
+    cuts = made[2].levels[1:]
+    area = made[0].area
+    assert all(level.deepest <= level.limit + 0.002 for level in cuts)
+    assert all(0 < level.full_mean <= level.limit + 1e-9 for level in cuts)
+    assert cuts[0].full_area <= area * 1.001
+    assert 0.5 < made[2].depth_used < 1.0
+    assert made[1] == "fixed" or cuts[0].full_area == pytest.approx(area, rel=0.01)
+
+
+def test_the_depth_back_of_a_finishing_cut_is_exact() -> None:
+    cuts: tuple[Level, ...] = morph_open(blade(), -3.0, Schedule((0.1, 0.1), 0.5)).levels[1:]
+    assert cuts[0].depth_back_max == pytest.approx(0.1, abs=5e-4)
