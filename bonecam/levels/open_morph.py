@@ -24,7 +24,7 @@ from bonecam.levels.check import BINS, DEPTH_TOLERANCE, NEST_TOLERANCE, REMAINS,
 from bonecam.levels.fabric import Fabric, fabric_of
 from bonecam.levels.level import Level
 from bonecam.levels.morph import Morph
-from bonecam.levels.open_stock import OpenStock, open_stock
+from bonecam.levels.open_stock import OpenStock, distances, open_stock
 from bonecam.levels.schedule import Schedule
 from bonecam.levels.solve import Rows, solve
 from bonecam.mesh.distance import exact_closest
@@ -51,7 +51,7 @@ def morph_open(
 ) -> Morph:
     """All levels from an open surface to its stock: so many mm along its normals (negative: behind it), or a given surface on one side.
 
-    `stock`: a number, a TriangleMesh or a TSpline; `outside` of the last level is how far its fit lies off it, at most half a cut.
+    `stock`: a number, a TriangleMesh or a TSpline; `outside` of the last level is how far its fit lies off it, at most one cut.
     `edges`: `free`, or `fixed` to those of the part. Raises SurfaceError where the surface is closed, JobError where a parameter is wrong,
     StockError where the stock is not on one side of the part or its fit too far off, LevelError where a level cannot be made or fails.
     """
@@ -64,16 +64,15 @@ def morph_open(
     fabric = fabric_of(surface)
     held = fabric.edge & (edges == "fixed")
     found = open_stock(surface, fabric, stock, edges == "fixed")
-    target, distance = found.surface, float(_depths(surface, found.points).max(initial=0.0))
+    target, distance = found.surface, float(distances(surface, found.points, found.parameters).max(initial=0.0))
     lower_bound = schedule.lower_bound(distance)
-    _require_near(found, schedule.limit(lower_bound) / 2)
+    _require_near(found, schedule.limit(lower_bound))
     grid = _grid(surface, target, chord_tolerance)
-    stock_points = np.vstack([found.points, grid.points(target)])
+    points, at = np.vstack([found.points, grid.points(target)]), np.vstack([found.parameters, grid.all])
     shapes = [surface]
-    while _beyond(target, grid.points(shapes[-1]), schedule.limit(k := len(shapes))) or _beyond(
-        shapes[-1], stock_points, schedule.limit(k)
+    while _beyond(target, grid.points(shapes[-1]), grid.all, limit := schedule.limit(k := len(shapes))) or _beyond(
+        shapes[-1], points, at, limit
     ):
-        limit = schedule.limit(k)
         report(progress, min(1.0, k / lower_bound), f"level {k}")
         moves = _moves(fabric, shapes[-1].control_points, target.control_points, limit, stiffness, held)
         if np.linalg.norm(moves, axis=1).max() < limit / 100:
@@ -86,14 +85,9 @@ def morph_open(
     return Morph(tuple(levels), lower_bound, distance, 0.0, 0.0)
 
 
-def _depths(surface: TSpline, points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
-    """How far points lie from a level, mm."""
-    return surface.project(points).distances
-
-
-def _beyond(surface: TSpline, points: Float[ndarray, "n 3"], limit: float) -> bool:
+def _beyond(surface: TSpline, points: Float[ndarray, "n 3"], at: Float[ndarray, "n 2"], limit: float) -> bool:
     """Whether one of the points lies farther than `limit` mm from a level; a few are asked first."""
-    return any(bool((_depths(surface, some) > limit).any()) for some in (points[::FEW], points))
+    return any(bool((distances(surface, points[some], at[some]) > limit).any()) for some in (slice(None, None, FEW), slice(None)))
 
 
 def _require_near(stock: OpenStock, limit: float) -> None:
@@ -101,7 +95,7 @@ def _require_near(stock: OpenStock, limit: float) -> None:
     if stock.deviation > limit:
         raise StockError(
             f"the stock over the part's control points lies {stock.deviation:.3f} mm off the one given at {place_name(stock.place)}, "
-            f"more than half a cut ({limit:.3f} mm): give a smoother stock or more control points",
+            f"more than one cut ({limit:.3f} mm): give a smoother stock or more control points",
             distance=stock.deviation,
             place=stock.place,
         )
@@ -121,7 +115,12 @@ class _Grid:
 
     def points(self, surface: TSpline) -> Float[ndarray, "n 3"]:
         """Points of a level: at the vertices, then at the middles."""
-        return surface.positions(*np.vstack([self.parameters, self.middles]).T)
+        return surface.positions(*self.all.T)
+
+    @property
+    def all(self) -> Float[ndarray, "n 2"]:
+        """(s, t) of the vertices, then of the middles."""
+        return np.vstack([self.parameters, self.middles])
 
 
 def _grid(surface: TSpline, target: TSpline, chord: float) -> _Grid:
@@ -155,7 +154,7 @@ def _moves(fabric: Fabric, P: ndarray, Q: ndarray, depth: float, stiffness: floa
 def _level(k: int, before: TSpline, surface: TSpline, grid: _Grid, limit: float, stock: OpenStock) -> Level:
     """One cut measured on the surfaces: depth both ways, nesting along the outer level's normals, self-intersections."""
     inner, outer, inside, outside = grid.mesh(before), grid.mesh(surface), grid.points(before), grid.points(surface)
-    depth, back, gap = _depths(before, outside), _depths(surface, inside), _depths(stock.surface, inside)
+    depth, back, gap = (distances(*each, grid.all) for each in ((before, outside), (surface, inside), (stock.surface, inside)))
     closest, face = exact_closest(outer, inside)
     normals = outer.face_vectors[face] / lengths(outer.face_vectors[face])[:, None]
     ahead = -stock.side * dots(inside - closest, normals)

@@ -23,17 +23,19 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.project import Projection
 from bonecam.surface.tspline import TSpline
 
-FIT_STIFFNESS, CHORD, ABOVE = 1e-8, 0.01, 1 - 1e-6
+FIT_STIFFNESS, CHORD, ABOVE = 1e-16, 0.01, 1 - 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class OpenStock:
     """The stock over the part's T-mesh (`surface`), on which `side` of the part it lies (1: where the normals point), `points` of it as
-    given (bent to the edges where they are fixed), and how far the two lie apart: `deviation`, largest at `place`."""
+    given (bent to the edges where they are fixed) with the parameters of their feet, and how far the two lie apart: `deviation`, largest at
+    `place`."""
 
     surface: TSpline
     side: float
     points: Float[ndarray, "n 3"]
+    parameters: Float[ndarray, "n 2"]
     deviation: float
     place: Float[ndarray, "3"]
 
@@ -46,7 +48,7 @@ def open_stock(surface: TSpline, fabric: Fabric, stock: object, fixed: bool) -> 
     wanted = _wanted(given, points, normals)
     side = float(np.sign(np.median(dots(wanted - points, normals)))) or 1.0
     if isinstance(given, float):
-        known = wanted[surface.project(wanted).distances >= abs(given) - NEST_TOLERANCE]
+        known = wanted[distances(surface, wanted, at) >= abs(given) - NEST_TOLERANCE]
     else:
         vertices, feet = _above(surface, given.vertices)
         known, places = np.vstack([wanted, vertices]), np.vstack([points, vertices])
@@ -57,11 +59,17 @@ def open_stock(surface: TSpline, fabric: Fabric, stock: object, fixed: bool) -> 
     _require_upright(bent, at, normals)
     _require_ahead(side * dots(reached - points, normals), points, -NEST_TOLERANCE)
     known, feet = _above(free, known)
-    off = surface.project(fitted).distances - abs(given) if isinstance(given, float) else lengths(fitted - exact_closest(given, fitted)[0])
+    off = distances(surface, fitted, at) - abs(given) if isinstance(given, float) else lengths(fitted - exact_closest(given, fitted)[0])
     off, places = np.append(np.abs(off), feet.distances), np.vstack([fitted, known])
     moved, moved_feet = (free.basis(*which.T)[0] @ (fabric.edge & fixed) > 0 for which in (at, feet.parameters))
     worst = int(np.argmax(off))
-    return OpenStock(bent, side, np.vstack([known[~moved_feet], reached[moved]]), float(off[worst]), places[worst])
+    as_given, its = np.vstack([known[~moved_feet], reached[moved]]), np.vstack([feet.parameters[~moved_feet], at[moved]])
+    return OpenStock(bent, side, as_given, its, float(off[worst]), places[worst])
+
+
+def distances(surface: TSpline, points: Float[ndarray, "n 3"], at: Float[ndarray, "n 2"]) -> Float[ndarray, " n"]:
+    """How far points lie from a surface, mm: from their feet, or from its points `at` known parameters where a foot found is farther."""
+    return np.minimum(surface.project(points).distances, lengths(points - surface.positions(*at.T)))
 
 
 def _given(stock: object) -> float | TriangleMesh:
