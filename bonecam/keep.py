@@ -8,7 +8,7 @@ from pathlib import Path
 
 from bonecam.errors import LevelError
 from bonecam.files import whole_folder, write_whole
-from bonecam.levels.depths import line_depths, step_depths
+from bonecam.levels.depths import LINE, line_depths, step_depths
 from bonecam.levels.level import Level
 from bonecam.levels.stock import Stock
 from bonecam.mesh.files import write_mesh
@@ -33,28 +33,34 @@ def keep(
     """
     with whole_folder(folder, SERIES) as work:
         write_tsm(surface, work / "surface.tspline")
-        _write_levels(work, levels, stock, post)
+        _write_levels(work, levels, stock, post, LINE)
         write_whole(work / "toolpath.csv", toolpath_csv(paths))
         draw_toolpath(paths, levels, work / "toolpath.png")
 
 
-def keep_levels(folder: str | Path, levels: Sequence[Level], stock: Stock, post: tuple[float, float] | None = None) -> None:
-    """Write level_00.ply (the part) ..., levels.png, coloured.png and depths.png of levels in a stock; all of them or none.
+def keep_levels(
+    folder: str | Path,
+    levels: Sequence[Level],
+    stock: Stock | None = None,
+    post: tuple[float, float] | None = None,
+    line: float = LINE,
+) -> None:
+    """Write level_00.ply (the part) ..., levels.png, coloured.png and depths.png of levels in a stock (open ones: None); all or none.
 
-    The levels' vertices carry the depth of their cut (mm) as quality and colour (all on one scale). `post` is (diameter, top z) in mm.
-    Levels of an earlier run are removed.
+    The levels' vertices carry the depth of their cut (mm) as quality and colour (all on one scale). `post` is (diameter, top z) in mm,
+    `line` the parameter s of the line that depths.png shows. Levels of an earlier run are removed.
     """
     with whole_folder(folder, SERIES) as work:
-        _write_levels(work, levels, stock, post)
+        _write_levels(work, levels, stock, post, line)
 
 
-def _write_levels(work: Path, levels: Sequence[Level], stock: Stock, post: tuple[float, float] | None) -> None:
+def _write_levels(work: Path, levels: Sequence[Level], stock: Stock | None, post: tuple[float, float] | None, line: float) -> None:
     deepest = max(level.limit for level in levels)
     for level, depth in zip(levels, step_depths(levels), strict=True):
         write_mesh(level.mesh, work / f"level_{level.index:02d}.ply", quality=depth, largest=deepest)
     draw_levels(levels, post, work / "levels.png")
     draw_coloured(levels, work / "coloured.png")
-    draw_depths(levels, line_depths(levels, stock), work / "depths.png")
+    draw_depths(levels, line_depths(levels, stock, line), work / "depths.png", line)
 
 
 @contextmanager

@@ -13,9 +13,12 @@ from bonecam.cli import main
 from bonecam.errors import LevelError
 from bonecam.keep import failed_level_kept, keep_levels
 from bonecam.levels.cylinder import Cylinder
+from bonecam.levels.depths import line_depths
+from bonecam.levels.open_morph import morph_open
 from bonecam.levels.rounding import levels_in
 from bonecam.levels.schedule import Schedule
 from bonecam.mesh.files import meshlab, read_mesh, write_mesh
+from bonecam.surface.skin import skin
 
 PATCH = Cylinder(2.0, 0.0, 3.0).mesh(0.1)
 
@@ -53,6 +56,28 @@ def test_levels_are_kept_with_their_pictures_before_there_is_a_path(tmp_path: Pa
     keep_levels(tmp_path / "levels", made.levels, stock())
     levels = {f"level_{level.index:02d}.ply" for level in made.levels}
     assert {item.name for item in (tmp_path / "levels").iterdir()} == {*levels, "levels.png", "coloured.png", "depths.png"}
+
+
+@pytest.mark.parametrize("closed", [False, True], ids=["sheet", "tube"])
+def test_open_levels_are_kept_with_their_pictures_without_a_stock(tmp_path: Path, closed: bool) -> None:
+    turn = np.linspace(0, 2 * np.pi, 16, endpoint=False)
+    across = (6 * np.cos(turn), 2 * np.sin(turn)) if closed else (np.linspace(0, 20, 16), np.sin(np.linspace(0, 2, 16)))
+    rows = [np.column_stack([across[0], np.full(16, y), across[1]]) for y in range(20, 0, -4)]
+    made = morph_open(skin(rows, 0.01, closed=closed), 1.0, Schedule((0.1,), 0.5), chord_tolerance=0.05)
+    keep_levels(tmp_path / "blade", made.levels, line=0.4)
+    levels = {f"level_{level.index:02d}.ply" for level in made.levels}
+    assert {item.name for item in (tmp_path / "blade").iterdir()} == {*levels, "levels.png", "coloured.png", "depths.png"}
+    depths = line_depths(made.levels, None, 0.4)
+    assert depths.shape[0] == made.cuts
+    assert (depths.max(axis=1) <= [level.limit + 0.05 for level in made.levels[1:]]).all()
+    assert depths[0].mean() > 0.05
+
+
+def test_a_line_that_the_surface_has_not_is_refused_and_nothing_written(tmp_path: Path) -> None:
+    levels = [level_of(pebble(0.5 * k), k, 0.5) for k in range(3)]
+    with pytest.raises(ValueError, match=r"line = 1\.5: give a parameter from 0 to 1"):
+        keep_levels(tmp_path / "levels", levels, stock(), line=1.5)
+    assert not list(tmp_path.glob("levels/*"))
 
 
 def test_kept_levels_are_coloured_on_one_scale(tmp_path: Path) -> None:

@@ -9,7 +9,8 @@ from numpy import ndarray
 
 from bonecam.levels.level import Level
 from bonecam.levels.stock import Stock
-from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.distance import MeshDistance, exact_closest
+from bonecam.surface.tspline import TSpline
 
 LINE, POINTS = 0.7, 1000
 
@@ -26,16 +27,33 @@ def depths_from(before: Level, points: Float[ndarray, "n 3"]) -> Float[ndarray, 
     return before.surface.project(points).distances
 
 
-def line_depths(levels: Sequence[Level], stock: Stock, s: float = LINE, points: int = POINTS) -> Float[ndarray, "k points"]:
+def line_depths(levels: Sequence[Level], stock: Stock | None, s: float = LINE, points: int = POINTS) -> Float[ndarray, "k points"]:
     """For each cut of the morph (rounding levels left out) the depth, mm, at points evenly spaced on the line s of its outer level.
 
     Depths are distances to the level before, not to the point of the same parameter, which may have slid along. The last cut's are
     from the places nearest to the line on the body that the morph ends at: the `stock` itself, or its surface where it was rounded.
+    Open levels have no `stock` (None): theirs are from the mesh of the last level.
     """
     surfaces = [level.surface for level in levels if level.within is None and level.surface is not None]
-    low, high = surfaces[0].domain[1]
-    t, across = np.linspace(low, high, points), np.full(points, s)
+    across, t = _on_line(surfaces[0], s, points)
     found = [before.project(level.positions(across, t)).distances for before, level in pairwise(surfaces)]
     last, body = surfaces[-1].positions(across, t), levels[len(surfaces)].surface
-    ends = stock.nearest(last) if body is None else body.project(last).feet
+    if body is not None:
+        ends = body.project(last).feet
+    else:
+        ends = stock.nearest(last) if stock else exact_closest(levels[-1].mesh, last)[0]
     return np.vstack([*found, surfaces[-1].project(ends).distances])
+
+
+def line_lengths(surface: TSpline, s: float = LINE, points: int = POINTS) -> Float[ndarray, " points"]:
+    """How far along the line s of a surface, mm, the points lie where `line_depths` takes its depths."""
+    steps = np.diff(surface.positions(*_on_line(surface, s, points)), axis=0)
+    return np.r_[0.0, np.linalg.norm(steps, axis=1).cumsum()]
+
+
+def _on_line(surface: TSpline, s: float, points: int) -> tuple[ndarray, ndarray]:
+    """Parameters of points evenly spaced on the line s."""
+    (first, last), (low, high) = surface.domain
+    if not first <= s <= last:
+        raise ValueError(f"line = {s}: give a parameter from {first:g} to {last:g}")
+    return np.full(points, float(s)), np.linspace(low, high, points)

@@ -11,68 +11,65 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.levels.depths import LINE, depths_from
+from bonecam.levels.depths import LINE, depths_from, line_lengths
 from bonecam.levels.level import Level, rounding_cuts
 from bonecam.mesh.remesh import split_edges
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.tmesh_lines import TMeshLines, tmesh_lines
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.path import Kind, ToolPath
-from bonecam.verify.panels import BELOW, bar_below, bar_right, lay_out
+from bonecam.verify.panels import BELOW, bar_below, lay_out
+from bonecam.verify.views import corner_normals, section, view
 
 CUT_COLOURS = "viridis"
 CUT, LINK, AXIS = "#1f5fa8", "#e07b00", "#b03030"
 CHORD = 0.01
 """Tolerance (mm) of a shaded T-spline."""
-SHARP = np.radians(25.0)
-"""Where a face turns by more from the mean normal at a vertex, faces meet sharply and are shaded by their own normals."""
 SHOWN, AXES_SHOWN, AXIS_LENGTH = 5, 60, 3.0
 """Levels in a row, axes a level and their length, mm."""
+LABELS = 10
+"""The most lines that carry their cut's number."""
+BAR_BELOW = 1.3
+"""Inches below panels for their labels and a colour bar."""
 SPLIT = 40
 """Edges of a level that is coloured are at most this part of its diagonal: its flat faces are few and large."""
 
 
-def section(mesh: TriangleMesh, origin: Float[ndarray, "3"], normal: Float[ndarray, "3"]) -> Float[ndarray, "k 2 3"]:
-    """The segments in which the plane through `origin` cuts the triangles, mm."""
-    height = (mesh.vertices - origin) @ normal
-    height = np.where(height == 0, np.finfo(float).eps, height)
-    sides = height[mesh.faces] > 0
-    crossed = np.flatnonzero(sides.any(1) & ~sides.all(1))
-    ends = []
-    for a, b in ((0, 1), (1, 2), (2, 0)):
-        first, second = mesh.faces[crossed, a], mesh.faces[crossed, b]
-        with np.errstate(all="ignore"):
-            ratio = height[first] / (height[first] - height[second])
-            point = mesh.vertices[first] + ratio[:, None] * (mesh.vertices[second] - mesh.vertices[first])
-        ends.append(np.where((sides[crossed, a] != sides[crossed, b])[:, None], point, np.nan))
-    stacked = np.stack(ends, axis=1)
-    return stacked[~np.isnan(stacked[:, :, 0])].reshape(-1, 2, 3)
-
-
 def draw_levels(levels: Sequence[Level], post: tuple[float, float] | None, path: str | Path) -> None:
-    """Two sections through the axis, y = 0 and x = 0, of all levels, to one scale; `post` is (diameter, top z) in mm, None: not shown."""
+    """Two sections of all levels across y and x, to one scale, through the axis of the `post` (diameter, top z), mm.
+
+    Without a post they go through the middle of the last level.
+    """
     from matplotlib.colors import Normalize
     from matplotlib.figure import Figure
 
     figure = Figure(dpi=120)
     plots = figure.subplots(1, 2, sharex=True, sharey=True)
+    middle = np.zeros(3) if post else levels[-1].mesh.bounds.mean(axis=0).round(2) + 0.0
     for plot, across in zip(plots, (0, 1)):
-        show_levels(plot, levels, post, across)
+        show_levels(plot, levels, post, across, middle[1 - across])
+        plot.set_title(f"section {'yx'[across]} = {middle[1 - across]:g}", fontsize="medium")
     plots[0].set_ylabel("z (mm)")
     figure.suptitle(f"Levels 0 (part) to {levels[-1].index} (stock){'; dashed: the post' if post else ''}")
-    lay_out(figure, plots, below=1.3)
+    lay_out(figure, plots, below=BAR_BELOW, above=0.8)
     bar = {"label": "level", "orientation": "horizontal", "ticks": _whole()}
     figure.colorbar(_scale(Normalize(0, len(levels) - 1)), cax=bar_below(figure), **bar)
     figure.savefig(path, metadata={"Software": None})
 
 
-def show_levels(plot: "Axes", levels: Sequence[Level], post: tuple[float, float] | None, across: int) -> None:  # type: ignore[name-defined]
-    """The section of all levels by the plane of z and x (`across` = 0) or y (1)."""
+def show_levels(
+    plot: "Axes",  # type: ignore[name-defined]
+    levels: Sequence[Level],
+    post: tuple[float, float] | None,
+    across: int,
+    at: float = 0.0,
+) -> None:
+    """The section of all levels by the plane of z and x (`across` = 0) or y (1), which lies `at` so many mm along the third axis."""
     from matplotlib.collections import LineCollection
 
     colour = _colours(len(levels))
     for level in levels:
-        flat = section(level.mesh, np.zeros(3), np.eye(3)[1 - across])[:, :, [across, 2]]
+        flat = section(level.mesh, at * np.eye(3)[1 - across], np.eye(3)[1 - across])[:, :, [across, 2]]
         width = 1.6 if level.index in (0, levels[-1].index) else 0.8
         plot.add_collection(LineCollection(list(flat), colors=[colour(level.index)], linewidths=width, capstyle="round"))
     if post:
@@ -81,29 +78,47 @@ def show_levels(plot: "Axes", levels: Sequence[Level], post: tuple[float, float]
     plot.set_xlabel(f"{'xy'[across]} (mm)")
 
 
-def draw_depths(levels: Sequence[Level], line: Float[ndarray, "k n"], path: str | Path) -> None:
-    """Above: the depth of each cut of the morph along the line s = LINE (`line`). Below: the share of each level's area by depth."""
+def draw_depths(
+    levels: Sequence[Level],
+    line: Float[ndarray, "k n"],
+    path: str | Path,
+    s: float = LINE,
+) -> None:
+    """Above: the depth of each cut of the morph along the line s (`line`). Below: the share of each level's area by depth."""
+    part = levels[0].surface
+    assert part is not None
     from matplotlib import colormaps
     from matplotlib.colors import Normalize
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(10, 9.6), dpi=120, layout="constrained")
     above, below = figure.subplots(2, 1)
-    norm, rounding = Normalize(1, len(levels) - 1), rounding_cuts(levels)
+    norm, rounding = Normalize(1, len(line)), rounding_cuts(levels)
+    along = line_lengths(part, s, line.shape[1])
     for k, depths in enumerate(line, start=1):
-        above.plot(np.arange(line.shape[1]), depths, lw=0.9, color=colormaps[CUT_COLOURS](norm(k)))
+        above.plot(along, depths, lw=0.9, color=colormaps[CUT_COLOURS](norm(k)))
+    for k, place in labelled(line):
+        box = {"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none"}
+        above.text(along[place], line[k - 1, place], str(k), fontsize="small", ha="center", va="center", bbox=box)
     for limit in {level.limit for level in levels[1:]}:
         above.axhline(limit, color="0.5", lw=0.8, ls="--", zorder=0)
-    above.set_xlim(0, line.shape[1] - 1)
+    above.set_xlim(0, along[-1])
     above.set_ylim(bottom=0)
-    above.set_xlabel("point on the line, from the lower to the upper pole")
+    above.set_xlabel("way on the line, along the part (mm)")
     above.set_ylabel("distance between levels (mm)")
     rest = f" ({_cuts(rounding)}, which only round the stock, not shown)" if rounding else ""
-    above.set_title(f"Depth of {_cuts(range(1, len(line) + 1))} along the line s = {LINE:g}{rest}; dashed: the limits", fontsize="medium")
+    above.set_title(f"Depth of {_cuts(range(1, len(line) + 1))} along the line s = {s:g}{rest}; dashed: the limits", fontsize="medium")
     figure.colorbar(_scale(norm), ax=above, label="cut", ticks=_whole())
     shares = np.array([level.histogram for level in levels[1:]])
     image = below.imshow(
-        100 * shares, aspect="auto", origin="lower", cmap="magma_r", extent=(0, 100, 0.5, len(shares) + 0.5), interpolation="nearest"
+        100 * shares,
+        aspect="auto",
+        origin="lower",
+        cmap="magma_r",
+        vmin=0,
+        vmax=100,
+        extent=(0, 100, 0.5, len(shares) + 0.5),
+        interpolation="nearest",
     )
     below.set_xlabel("depth, % of the cut's limit")
     below.set_ylabel("cut")
@@ -111,6 +126,17 @@ def draw_depths(levels: Sequence[Level], line: Float[ndarray, "k n"], path: str 
     below.set_title(f"Share of the level's area by depth, {_cuts(range(1, len(levels)))}", fontsize="medium")
     figure.colorbar(image, ax=below, label="% of the level's area")
     figure.savefig(path, metadata={"Software": None})
+
+
+def labelled(line: Float[ndarray, "k n"]) -> list[tuple[int, int]]:
+    """Some cuts, evenly chosen, and for each the place of its label: in a stretch of its own, where its line is farthest from others."""
+    cuts = range(0, len(line), -(-len(line) // LABELS))
+    found = []
+    for i, k in enumerate(cuts):
+        low, high = (int(line.shape[1] * (i + share) / len(cuts)) for share in (0.2, 0.8))
+        stretch = np.delete(line, k, axis=0)[:, low : high + 1] - line[k, low : high + 1]
+        found.append((k + 1, low + int(np.abs(stretch).min(axis=0, initial=np.inf).argmax())))
+    return found
 
 
 def _cuts(cuts: range) -> str:
@@ -156,19 +182,6 @@ def _draw_shaded(plot: "Axes", mesh: TriangleMesh, across: float, colours: ndarr
     plot.set_xlabel("x (mm)" if across > 0 else "-x (mm)")
 
 
-def corner_normals(mesh: TriangleMesh) -> Float[ndarray, "f 3 3"]:
-    """A unit normal at each corner of each face: the mean of the faces round the vertex, or where they meet sharply the face's own."""
-    tiny, area = np.finfo(float).tiny, np.linalg.norm(mesh.face_vectors, axis=1)
-    own, mean = mesh.face_vectors / np.maximum(area, tiny)[:, None], np.zeros((len(mesh.vertices), 3))
-    for corner in mesh.faces.T:
-        np.add.at(mean, corner, mesh.face_vectors)
-    mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), tiny)
-    least = np.ones(len(mesh.vertices))
-    for corner in mesh.faces[area > 0].T:
-        np.minimum.at(least, corner, (mean[corner] * own[area > 0]).sum(axis=1))
-    return np.where((least < np.cos(SHARP))[mesh.faces][:, :, None], own[:, None], mean[mesh.faces])
-
-
 def _draw_lines(plot: "Axes", surface: TSpline, lines: TMeshLines, across: float) -> None:  # type: ignore[name-defined]
     """Edges and vertices on the side that faces the viewer."""
     from matplotlib.collections import LineCollection
@@ -187,25 +200,32 @@ def _draw_lines(plot: "Axes", surface: TSpline, lines: TMeshLines, across: float
 
 
 def draw_coloured(levels: Sequence[Level], path: str | Path) -> None:
-    """Some levels, the first and the stock among them, seen from the front (-y), coloured by the depth (mm) of their cut."""
+    """Some levels, the first and the stock among them, coloured by the depth of their cut in % of its limit.
+
+    Closed ones are seen from the front (-y), open ones along the axis from which most of the part is seen.
+    """
     from matplotlib import colormaps
     from matplotlib.colors import Normalize
     from matplotlib.figure import Figure
 
     last = len(levels) - 1
     some = np.unique(np.linspace(1, last, min(last, SHOWN)).round().astype(int))
-    norm, rounding = Normalize(0, max(level.limit for level in levels)), rounding_cuts(levels)
+    norm, rounding = Normalize(0, 100), rounding_cuts(levels)
     figure = Figure(dpi=120)
     plots = figure.subplots(1, len(some), sharex=True, sharey=True, squeeze=False)[0]
+    frame = view(levels[0].mesh)
+    names = [f"{'-' if row.sum() < 0 else ''}{'xyz'[np.abs(row).argmax()]} (mm)" for row in frame[[0, 2]]]
     for plot, k in zip(plots, some):
         mesh = split_edges(levels[k].mesh, levels[k].mesh.diagonal / SPLIT)
         depths = depths_from(levels[k - 1], mesh.vertices[mesh.faces].mean(axis=1))
-        _draw_shaded(plot, mesh, 1.0, colormaps[CUT_COLOURS](norm(depths))[:, :3])
+        seen = TriangleMesh(mesh.vertices @ frame.T, mesh.faces)
+        _draw_shaded(plot, seen, 1.0, colormaps[CUT_COLOURS](norm(100 * depths / levels[k].limit))[:, :3])
+        plot.set_xlabel(names[0])
         kind = ", the stock" if k == last else ", rounding" if k in rounding else ""
         plot.set_title(f"level {k}{kind}", fontsize="medium")
-    plots[0].set_ylabel("z (mm)")
-    lay_out(figure, plots, right=1.2)
-    figure.colorbar(_scale(norm), cax=bar_right(figure), label="distance to the level before (mm)")
+    plots[0].set_ylabel(names[1])
+    lay_out(figure, plots, below=BAR_BELOW)
+    figure.colorbar(_scale(norm), cax=bar_below(figure), label="depth, % of the cut's limit", orientation="horizontal")
     figure.savefig(path, metadata={"Software": None})
 
 

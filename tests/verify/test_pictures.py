@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bodies import pebble
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
@@ -15,8 +16,10 @@ from synthetic_paths import capsule_path
 from bonecam.levels.box import Box
 from bonecam.levels.level import Level, rounding_cuts
 from bonecam.levels.stock import Capsule, Stock
+from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.toolpath.path import Kind, ToolPath
-from bonecam.verify.pictures import corner_normals, draw_coloured, draw_depths, draw_levels, draw_toolpath
+from bonecam.verify.pictures import draw_coloured, draw_depths, draw_levels, draw_toolpath, labelled
+from bonecam.verify.views import corner_normals, view
 
 POST = (4.0, 45.0)
 
@@ -29,10 +32,22 @@ def level(k: int, body: Stock, within: Stock | None = None) -> Level:
     return Level(k, None, body.mesh(0.05), 0.5, 0.5, 0.4, 0.0, 0, histogram=(0.5, 0.5), within=within)
 
 
+def sheet(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> TriangleMesh:
+    """A bent square of 10 mm away from the axis, facing where the sizes grow that are given."""
+    up = np.array([x, y, z])
+    right = np.roll(up, 1)
+    forth = np.cross(up, right)
+    u, v = (k.ravel() for k in np.meshgrid(np.linspace(0, 10, 6), np.linspace(0, 10, 6)))
+    points = 20 + np.outer(u, right) + np.outer(v, forth) + np.outer(u * (10 - u) / 50, up)
+    a = np.add.outer(6 * np.arange(5), np.arange(5)).ravel()
+    faces = np.vstack([np.column_stack([a, a + 1, a + 7]), np.column_stack([a, a + 7, a + 6])])
+    return TriangleMesh(points, faces.astype(np.int32))
+
+
 def boxed(wide: float, deep: float, high: float) -> list[Level]:
     """The part, two levels of the morph, of which the last is rounded to the box by two cuts more."""
     box = Box(np.array([-wide, -deep, 55.0 - high]), np.array([wide, deep, 55.0 + high]))
-    first = level(0, capsule(5.0))
+    first = replace(level(0, capsule(5.0)), surface=pebble())
     return [first, level(1, capsule(5.4)), level(2, capsule(5.8), box), level(3, capsule(6.0), box), level(4, box)]
 
 
@@ -76,13 +91,18 @@ def test_panels_have_one_scale_and_nothing_is_clipped_or_covered(sizes: tuple[fl
         assert len({round(plot.get_window_extent().y0, 6) for plot in panels}) == 1
         assert all(plot.dataLim.y1 <= plot.get_ylim()[1] and plot.dataLim.y0 >= plot.get_ylim()[0] for plot in panels)
         titles, labels = extents(plot.title for plot in panels), extents(plot.xaxis.label for plot in panels)
+        ticks = [box for plot in panels for box in extents(plot.get_xticklabels())]
+        assert len(ticks) >= len(panels)
+        assert all(left.x1 < right.x0 for left, right in pairwise(ticks))
+        heading = extents(figure.texts)
         legends = [legend.get_window_extent() for legend in figure.legends]
         bars = [plot.get_tightbbox() for plot in figure.axes if plot not in panels]
         whole = figure.bbox
-        for box in [*titles, *labels, *legends, *bars]:
+        for box in [*titles, *labels, *legends, *bars, *heading]:
             assert whole.x0 <= box.x0 < box.x1 <= whole.x1
             assert whole.y0 <= box.y0 < box.y1 <= whole.y1
         assert all(left.x1 <= right.x0 for left, right in pairwise(titles))
+        assert not any(title.overlaps(other) for title in titles for other in heading)
         assert not any(label.overlaps(other) for label in labels for other in [*legends, *bars])
 
 
@@ -94,6 +114,57 @@ def test_depths_beyond_the_limit_are_shown_and_titles_say_which_cuts_and_which_l
     assert list(rounding_cuts(levels)) == [3, 4]
     assert "cuts 1 to 2 along the line s = 0.7 (cuts 3 to 4, which only round the stock, not shown)" in above.get_title()
     assert any("cuts 1 to 4" in title for title in texts(drawn[0])[1:])
+
+
+def test_depths_are_drawn_over_the_way_along_the_part_in_the_colours_of_the_cuts_drawn(drawn: list[Figure]) -> None:
+    levels = boxed(8.0, 8.0, 18.0)
+    part = levels[0].surface
+    assert part is not None
+    draw_depths(levels, np.full((2, 1000), [[0.2], [0.4]]), "", 0.25)
+    above, below, bar, shares = drawn[0].axes
+    assert "along the line s = 0.25" in above.get_title()
+    points = part.positions(np.full(1000, 0.25), np.linspace(0, 1, 1000))
+    assert np.isclose(above.get_xlim()[1], np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+    assert {text.get_text() for text in above.texts} == {"1", "2"}
+    first, second = (line.get_color() for line in above.lines[:2])
+    assert np.abs(np.array(first) - second).max() > 0.5
+    assert below.images[0].get_clim() == (0, 100)
+    assert (bar.get_ylim(), shares.get_ylim()) == ((1, 2), (0, 100))
+
+
+@pytest.mark.parametrize("cuts", [1, 2, 9, 10, 11, 37])
+def test_some_lines_are_labelled_apart_from_each_other_each_on_its_own(cuts: int) -> None:
+    line = np.random.default_rng(cuts).random((cuts, 1000))
+    found = labelled(line)
+    assert len(found) <= 10
+    assert min(cuts, 6) <= len(found)
+    assert len({b[0] - a[0] for a, b in pairwise(found)}) <= 1
+    assert all(b[1] - a[1] > 30 for a, b in pairwise(found))
+    assert all(0 <= place < 1000 and 1 <= k <= cuts for k, place in found)
+
+
+@pytest.mark.parametrize("towards", ["x", "y", "z"])
+def test_an_open_mesh_is_seen_from_where_it_faces_and_cut_through_its_middle(towards: str, drawn: list[Figure]) -> None:
+    mesh = sheet(**{towards: 1.0})
+    assert np.allclose(view(mesh)[1], [-1.0 * (axis == towards) for axis in "xyz"])
+    assert np.isclose(np.linalg.det(view(mesh)[[0, 1, 2]]), 1.0)
+    levels = [
+        replace(level(k, capsule(5.0)), mesh=TriangleMesh(mesh.vertices + 0.4 * k * np.eye(3)["xyz".index(towards)], mesh.faces))
+        for k in range(3)
+    ]
+    draw_levels(levels, None, "")
+    middle = levels[-1].mesh.bounds.mean(axis=0).round(2)
+    assert texts(drawn[0]) == [f"section y = {middle[1]:g}", f"section x = {middle[0]:g}"]
+
+
+def test_a_closed_mesh_is_seen_from_the_front() -> None:
+    assert np.allclose(view(Box(np.zeros(3), np.array([9.0, 1.0, 1.0])).mesh(0.1)), np.eye(3))
+    assert np.allclose(view(Box(np.zeros(3), np.array([1.0, 9.0, 1.0])).mesh(0.1)), np.eye(3))
+
+
+def test_the_sections_are_named(drawn: list[Figure]) -> None:
+    draw_levels(boxed(8.0, 8.0, 18.0), POST, "")
+    assert texts(drawn[0]) == ["section y = 0", "section x = 0"]
 
 
 def test_the_coloured_levels_go_out_to_the_stock(drawn: list[Figure]) -> None:
