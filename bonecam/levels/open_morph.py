@@ -32,6 +32,7 @@ from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.progress import Progress, report, silent
 from bonecam.surface.tspline import TSpline
+from bonecam.threads import on_one_blas_thread
 
 EDGES = ("free", "fixed")
 STIFFNESS, SOLVER_TOLERANCE = 1e-9, 2e-6
@@ -39,6 +40,7 @@ FEW = 50
 """Of so many points of the stock one is asked first whether it is still too far from a level."""
 
 
+@on_one_blas_thread
 def morph_open(
     surface: TSpline,
     stock: object,

@@ -83,11 +83,11 @@ class Rounded(Stock):
         """
         axis = np.array([*self.middle[:2], 0.0])
         around = smallest_capsule(self.core.mesh(chord_tolerance).vertices - axis, self.radius + chord_tolerance).moved(axis)
-        mesh = self._pulled(around.mesh(chord_tolerance))
+        mesh = self._pulled(around.mesh(chord_tolerance), 0)
         for _ in range(BISECTIONS):
             if not (untrue := self._untrue(mesh, chord_tolerance)).any():
                 return mesh
-            mesh = self._pulled(bisected(mesh, untrue))
+            mesh = self._pulled(bisected(mesh, untrue), len(mesh.vertices))
         place = mesh.vertices[mesh.faces[np.argmax(untrue), 0]]
         raise StockError(
             f"no mesh of the rounded stock is within {chord_tolerance:g} mm of it at {place_name(place)}: give a stock with rounder "
@@ -96,8 +96,9 @@ class Rounded(Stock):
             place=place,
         )
 
-    def _pulled(self, mesh: TriangleMesh) -> TriangleMesh:
-        return TriangleMesh(self.nearest(mesh.vertices), mesh.faces)
+    def _pulled(self, mesh: TriangleMesh, first: int) -> TriangleMesh:
+        """The vertices from the `first` on taken to the surface, where those before them are."""
+        return TriangleMesh(np.vstack([mesh.vertices[:first], self.nearest(mesh.vertices[first:])]), mesh.faces)
 
     def _untrue(self, mesh: TriangleMesh, chord_tolerance: float) -> Bool[ndarray, " f"]:
         """Which faces may lie too deep, or are tilted.

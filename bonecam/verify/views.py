@@ -4,6 +4,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from bonecam.mesh.topology import edges_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 SHARP = np.radians(25.0)
@@ -31,8 +32,7 @@ def view(mesh: TriangleMesh) -> Float[ndarray, "3 3"]:
     """Axes (rows: to the right, away from the viewer, up) to look along: y at a closed mesh, at an open one what shows most area."""
     looks = np.vstack([np.eye(3)[1], -np.eye(3), np.eye(3)])
     shown = np.maximum(-mesh.face_vectors @ looks.T, 0).sum(axis=0)
-    edges = np.sort(mesh.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    is_open = (np.unique(edges, axis=0, return_counts=True)[1] == 1).any()
+    is_open = (edges_of(mesh)[1] == 1).any()
     look = looks[shown.argmax() if is_open else 0]
     up = np.eye(3)[1 if look[2] else 2]
     return np.array([np.cross(look, up), look, up])
