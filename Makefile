@@ -14,7 +14,7 @@ demo: $(VENV)/installed
 	$(BIN)/bonecam demo -o out/phalanx.h --keep out/keep --report out/phalanx.json
 
 test: $(VENV)/developing cnc
-	$(BIN)/python -m pytest
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile
 
 lint: $(VENV)/developing
 	$(BIN)/ruff format --check .
