@@ -11,42 +11,44 @@ import numpy as np
 from numpy import ndarray
 
 from bonecam.arrays import lengths
-from bonecam.levels.stock import Stock
+from bonecam.levels.stock import Capsule, Stock
 from bonecam.surface.row_refinement import with_row_knots
 from bonecam.surface.tspline import TSpline
 
-DEPTHS, COARSER, MOST = 14.0, 1.25, 800
-"""So many depths long may spans be; so much longer, and again, where that would take more than so many control points."""
+IN_CAPSULES, WITH_FLATS, COARSER = (9.0, 800), (6.5, 1000), 1.25
+"""So many depths long may spans be, of so many control points at most, in a capsule and in a stock with flats: those a level reaches long
+before the edges between them. So much longer, and again, where that would take more control points."""
 STRETCHED = 4.0
 """Neighbours on both sides of the stock's axis have their nearest points on the stock far apart, however near they are."""
 AROUND, ALONG = 64, 4
 
 
 def finer(surface: TSpline, stock: Stock, depth: float) -> TSpline:
-    """The surface with spans halved until they are short enough for cuts so deep (mm); one of MOST control points and more as it is."""
-    longest = DEPTHS * depth
-    while surface.tmesh.size < MOST:
-        found = _across(_along(surface, stock, longest), stock, longest)
-        if found.tmesh.size <= MOST:
+    """The surface with spans halved until they are short enough for cuts so deep (mm); one that has the most control points as it is."""
+    depths, most = IN_CAPSULES if isinstance(stock, Capsule) else WITH_FLATS
+    longest = depths * depth
+    while surface.tmesh.size < most:
+        found = _across(_along(surface, stock, longest, most), stock, longest, most)
+        if found.tmesh.size <= most:
             return found
         longest *= COARSER
     return surface
 
 
-def _along(surface: TSpline, stock: Stock, longest: float) -> TSpline:
+def _along(surface: TSpline, stock: Stock, longest: float, most: int) -> TSpline:
     """Rows between rows that are farther apart, in the mean, than `longest` mm."""
     s = np.repeat(np.arange(AROUND) / AROUND, ALONG + 1)
     while True:
         knots = np.unique(surface.tmesh.t_knots)
         lines = (np.tile(np.linspace(low, high, ALONG + 1), AROUND) for low, high in pairwise(knots))
         long = np.array([_length(surface, stock, s, t).mean() for t in lines]) > longest
-        if surface.tmesh.size > MOST or not long.any():
+        if surface.tmesh.size > most or not long.any():
             return surface
         t = ((knots[:-1] + knots[1:]) / 2)[long]
         surface = surface.refine(np.zeros(len(t)), t, "t")
 
 
-def _across(surface: TSpline, stock: Stock, longest: float) -> TSpline:
+def _across(surface: TSpline, stock: Stock, longest: float, most: int) -> TSpline:
     """Knots in the intervals of rows that are longer than `longest` mm."""
     (low, high), t_knots = surface.domain[1], surface.tmesh.t_knots
     while True:
@@ -57,7 +59,7 @@ def _across(surface: TSpline, stock: Stock, longest: float) -> TSpline:
             t = np.full(len(s), np.clip(t_knots[j + 1 : j + 4].mean(), low, high))
             long = (_length(surface, stock, s, t) > longest) & (len(knots) > 1)
             fresh.append(np.mod(knots + step / 2, 1.0)[long])
-        if surface.tmesh.size > MOST or not any(len(knots) for knots in fresh):
+        if surface.tmesh.size > most or not any(len(knots) for knots in fresh):
             return surface
         surface = with_row_knots(surface, fresh)
 

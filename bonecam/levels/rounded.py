@@ -26,6 +26,8 @@ UPRIGHT = 0.5
 """Cosine of the most a face may be turned from the surface at its corners."""
 BISECTIONS = 60
 """More than twice as often as halves every edge of a bone's stock down to a micron."""
+ROOM = 0.25
+"""Levels that pass between the part and the stock's wall need some: in less, waves of one break the next, and mending grows."""
 MERGED, THICK = 0.01, 0.1
 """Corners of a moved mesh that are as near to each other (mm, and as a share of the radius of what fits in) are one: the slivers between
 them make distances take three times as long."""
@@ -180,17 +182,23 @@ def rounded(stock: Stock, radius: float) -> Stock:
 
 
 def roundest(stock: Stock, points: Float[ndarray, "n 3"], margin: float) -> Stock | None:
-    """The stock rounded by the largest radius that leaves `margin` mm over every point; None where a tenth of its inradius does not."""
+    """The stock rounded by the largest radius that leaves `margin` mm over every point; None where a tenth of its inradius does not.
+
+    ROOM mm, or half of what the stock itself has over a point, is left where some radius does that.
+    """
     most = inradius(stock)
+    room = np.clip(-stock.signed_distance(points) / 2, margin, max(margin, ROOM))
 
     def holds(radius: float) -> bool:
-        return bool(rounded(stock, radius).signed_distance(points).max() <= -margin)
+        return bool((rounded(stock, radius).signed_distance(points) + room).max() <= 0)
 
     low, high = 0.1 * most, THIN * most
     if holds(high):
         return rounded(stock, high)
     if not holds(low):
-        return None
+        room[:] = margin
+        if not holds(low):
+            return None
     for _ in range(HALVINGS):
         middle = (low + high) / 2
         low, high = (middle, high) if holds(middle) else (low, middle)

@@ -6,7 +6,9 @@ from test_morph import STOCK
 from test_step import setting
 
 from bonecam.levels import finer as module
+from bonecam.levels.box import Box
 from bonecam.levels.finer import finer
+from bonecam.levels.rounded import rounded
 
 RNG = np.random.default_rng(7)
 
@@ -14,7 +16,7 @@ RNG = np.random.default_rng(7)
 def test_the_surface_is_the_same_with_more_control_points() -> None:
     part = setting().surface
     found = finer(part, STOCK, 0.1)
-    assert part.tmesh.size < found.tmesh.size <= module.MOST
+    assert part.tmesh.size < found.tmesh.size <= module.IN_CAPSULES[1]
     s, t = RNG.random((2, 500))
     assert np.abs(found.positions(s, t) - part.positions(s, t)).max() < 1e-12
     assert found.poles == part.poles
@@ -27,12 +29,17 @@ def test_a_surface_that_is_fine_enough_stays_as_it_is() -> None:
 
 def test_no_more_control_points_than_allowed(monkeypatch: pytest.MonkeyPatch) -> None:
     part = setting().surface
-    monkeypatch.setattr(module, "MOST", part.tmesh.size + 20)
-    assert finer(part, STOCK, 0.05).tmesh.size <= module.MOST
+    monkeypatch.setattr(module, "IN_CAPSULES", (9.0, part.tmesh.size + 20))
+    assert finer(part, STOCK, 0.05).tmesh.size <= part.tmesh.size + 20
+
+
+def test_spans_are_shorter_in_a_stock_with_flats() -> None:
+    part, (low, high) = setting().surface, np.array([[-4.5, -4.5, 0.0], [4.5, 4.5, 20.0]])
+    assert finer(part, rounded(Box(low, high), 3.0), 0.3).tmesh.size > 1.3 * finer(part, STOCK, 0.3).tmesh.size
 
 
 def test_spans_across_the_stocks_axis_are_not_halved_for_ever() -> None:
     """The nearest points of a short line across the axis lie a stock's diameter apart: that alone would double the control points."""
     part = setting().surface
     aside = STOCK.moved(np.array([np.ptp(part.control_points[:, 0]) / 2, 0.0, 0.0]))
-    assert finer(part, aside, 0.2).tmesh.size < 1.5 * part.tmesh.size
+    assert finer(part, aside, 0.32).tmesh.size < 1.5 * part.tmesh.size

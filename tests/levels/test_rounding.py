@@ -127,10 +127,22 @@ def test_a_bar_rounded_by_its_radius_is_the_published_capsule() -> None:
 
 def test_the_roundest_body_leaves_the_margin_over_the_part() -> None:
     points = np.array([[3.9, 3.4, 10.0], [0.0, 0.0, 19.5]])
-    body = roundest(BOX, points, 0.2)
+    body = roundest(BOX, points, 0.3)
     assert isinstance(body, Rounded)
-    assert body.signed_distance(points).max() == pytest.approx(-0.2, abs=0.01)
+    assert body.signed_distance(points).max() == pytest.approx(-0.3, abs=0.01)
     assert roundest(BOX, np.array([[4.4, 3.9, 10.0]]), 0.09) is None
+
+
+def test_the_roundest_body_leaves_room_for_levels_where_the_stock_has_it() -> None:
+    """The stock has 0.5 mm over a place beside an edge, then 0.3 mm, of which half is left; in a corner hardly the margin."""
+    for near, room in ((0.5, 0.25), (0.3, 0.15)):
+        points = np.array([[4.5 - near, 2.6, 10.0], [0.0, 0.0, 19.5]])
+        body = roundest(BOX, points, 0.05)
+        assert isinstance(body, Rounded)
+        assert body.signed_distance(points[:1]) == pytest.approx(-room, abs=0.001)
+    tight = roundest(BOX, np.array([[4.34, 3.84, 10.0]]), 0.05)
+    assert isinstance(tight, Rounded)
+    assert tight.radius == pytest.approx(0.426, abs=0.001)
 
 
 @pytest.mark.parametrize("body", [rounded(BAR, 4.5), rounded(BAR, 2.0), rounded(BOX, 3.0)], ids=["capsule", "bar", "box"])
