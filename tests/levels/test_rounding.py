@@ -1,10 +1,13 @@
 """Stocks with edges: rounded as far as the part allows, then cut down to that in levels of a known depth."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from test_morph import waisted
 
 from bonecam.errors import LevelError, StockError
+from bonecam.job import Job, MeshJob, StockJob
 from bonecam.levels.body_surface import TOLERANCE, body_surfaces, enclosing
 from bonecam.levels.box import Box
 from bonecam.levels.check import measure, require
@@ -21,6 +24,7 @@ from bonecam.mesh.distance import exact_closest
 from bonecam.mesh.hull import convex_hull
 from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.pipeline import fit_surface, make_levels, place, prepare
 
 BAR, BOX = Cylinder(4.5, 0.0, 20.0), Box(np.array([-4.5, -4.0, 0.0]), np.array([4.5, 4.0, 20.0]))
 SCHEDULE = Schedule((0.1,), 0.9)
@@ -246,3 +250,12 @@ def test_a_part_in_the_edges_of_a_bar_is_refused_at_once(monkeypatch: pytest.Mon
     monkeypatch.setattr("bonecam.levels.rounded.roundest", lambda *_: None)
     with pytest.raises(StockError, match=r"too near to the edges of the stock \(box 9\.00 x 8\.00 x 20\.00 mm\) at"):
         levels_in(waisted(), BOX, SCHEDULE)
+
+
+def test_a_shared_bone_uses_the_depth_in_a_box_too(shared: Path) -> None:
+    job = Job(mesh=MeshJob(units="m"), stock=StockJob(kind="box"))
+    placed, stock = place(prepare(shared / "meshes" / "bones" / "3distph_m.stl", job.mesh), job)
+    made = make_levels(fit_surface(placed, job).surface, stock, job)
+    assert made.cuts <= made.lower_bound + 1
+    assert made.depth_used > 0.95
+    assert all(level.certificate is None or not level.certificate.shortfalls(level.limit) for level in made.levels[1:])
