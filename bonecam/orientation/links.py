@@ -11,11 +11,13 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
+from bonecam.job import PathJob
 from bonecam.orientation.limits import AxisLimits, angles_between, polar, with_polar
 from bonecam.orientation.moves import Checker, interpolated
 from bonecam.orientation.pole import AT_POLE, nearest_to_pole, round_pole
 from bonecam.orientation.scene import Scene
 from bonecam.orientation.travel import Route, travel
+from bonecam.toolpath.gouge import stays_out
 from bonecam.toolpath.path import Kind
 
 HOP_LIFT, HOP_STEPS = 0.2, 6
@@ -76,12 +78,12 @@ class Moves:
 class Linker:
     """Finds the ways between poses (ball centre, axis) of one level."""
 
-    def __init__(self, checker: Checker, limits: AxisLimits, clearance: float, feeds: Feeds) -> None:
+    def __init__(self, checker: Checker, limits: AxisLimits, job: PathJob, feeds: Feeds) -> None:
         self._checker, self._limits, self.feeds = checker, limits, feeds
         self._scene: Scene = checker.scene
         self._radius = checker.cutter.radius
-        self._clearance = clearance
-        self._route = Route(self._scene.stock, clearance + self._radius)
+        self._clearance, self._tolerance = job.clearance, job.gouge_tolerance
+        self._route = Route(self._scene.stock, job.clearance + self._radius)
         self._outs: dict[bytes, Moves | None] = {}
         self._rounds: dict[bytes, Moves | None] = {}
 
@@ -109,6 +111,7 @@ class Linker:
             places, axes = c[which].reshape(-1, 3), v[which].reshape(-1, 3)
             joined = np.tile(np.r_[np.ones(HOP_STEPS + 2, dtype=bool), False], len(which))
             free = self._checker.free_moves(places - self._radius * axes, axes, joined, cutting=True)
+            free[joined] &= self._ball_free(places[:-1][joined[:-1]], places[1:][joined[:-1]])
             good[which] = (free | ~joined).reshape(len(which), -1).all(axis=1)
         return good, hops
 
@@ -210,8 +213,15 @@ class Linker:
         places, turns = interpolated(first, last, np.vstack([a[:-1] for _, a in ways]), np.vstack([a[1:] for _, a in ways]), VERIFY_STEPS)
         joined = np.tile(np.r_[np.ones(VERIFY_STEPS, dtype=bool), False], len(first))
         free = (self._checker.free_moves(places, turns, joined, cutting=cutting) | ~joined).reshape(len(first), -1).all(axis=1)
+        if cutting:
+            balls = [centres for centres, _ in ways]
+            free[free] &= self._ball_free(np.vstack([c[:-1] for c in balls])[free], np.vstack([c[1:] for c in balls])[free])
         blocked = np.bincount(np.repeat(np.arange(len(ways)), [len(t) - 1 for t in tips]), ~free, len(ways))
         return np.asarray(blocked == 0)
+
+    def _ball_free(self, starts: Float[ndarray, "m 3"], ends: Float[ndarray, "m 3"]) -> Bool[ndarray, " m"]:
+        """Whether the ball keeps the gouge tolerance on straight moves of its centre: the proofs shrink it by more than that leaves."""
+        return stays_out(starts, ends, self._radius, self._tolerance, self._scene.level_distance)
 
 
 def _ways_out(axis: ndarray) -> list[tuple[float, ndarray]]:

@@ -40,7 +40,7 @@ def orient(path: ContactPath, scene: Scene, limits: AxisLimits, job: PathJob, nc
     joined = _joined(path, index, axes, checker, steady)
     runs = np.split(np.arange(len(index)), np.flatnonzero(~joined[:-1]) + 1)
     feeds = Feeds(nc.link_feed, nc.plunge_feed, nc.rapid_feed)
-    linker = Linker(checker, limits, job.clearance, feeds)
+    linker = Linker(checker, limits, job, feeds)
     builder = _Builder(path, axes, index, linker, runs)
     return builder.build([*zip(path.contacts[~kept], [r for r in reasons if r])])
 

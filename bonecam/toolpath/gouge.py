@@ -54,6 +54,28 @@ def lift_free(
     return lifts
 
 
+def stays_out(
+    starts: Float[ndarray, "m 3"], ends: Float[ndarray, "m 3"], radius: float, tolerance: float, obstacle: MeshDistance
+) -> Bool[ndarray, " m"]:
+    """Whether the ball, moved straight from start to end, enters the obstacle by no more than tolerance allows a move, anywhere."""
+    wanted, between = radius - MOVE_SHARE * tolerance, radius - (MOVE_SHARE + CONTACT_SHARE) * tolerance
+    answer, owner = np.ones(len(starts), dtype=bool), np.arange(len(starts))
+    near, far = (obstacle.signed(places, radius + np.linalg.norm(ends - starts, axis=1)) for places in (starts, ends))
+    for _ in range(ROUNDS):
+        answer[owner[np.minimum(near, far) < wanted]] = False
+        lengths = np.linalg.norm(ends - starts, axis=1)
+        open_ = answer[owner] & (lowest_between(np.maximum(near, 0.0), np.maximum(far, 0.0), lengths) < between)
+        if not open_.any():
+            return answer
+        owner, starts, ends, near, far = owner[open_], starts[open_], ends[open_], near[open_], far[open_]
+        middle = (starts + ends) / 2
+        halfway = obstacle.signed(middle, radius + lengths[open_])
+        starts, ends = np.vstack([starts, middle]), np.vstack([middle, ends])
+        owner, near, far = np.r_[owner, owner], np.r_[near, halfway], np.r_[halfway, far]
+    answer[owner] = False
+    return answer
+
+
 def _lacking(obstacle: MeshDistance, centres: ndarray, moves: Int[ndarray, " m"], clear: float, wanted: float) -> Float[ndarray, " m"]:
     """What the distance lacks at most along each move from centre i to i + 1: at its middle, and where that does not rule a lack
     out between it and the ends, at least `clear`, at the quarters too.

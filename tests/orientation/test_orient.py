@@ -170,7 +170,7 @@ def test_a_hop_between_opposite_axes_is_refused() -> None:
     """There is no turn between them to be proven free."""
     level, material = bodies.mesh_of(bodies.waist(0.8)), bodies.mesh_of(bodies.waist(0.8, 0.4))
     scene = Scene(level, material, bodies.stock(), post_below(level, bodies.HOLDING))
-    linker = links.Linker(Checker(scene, bodies.ROUGH), MIKRON, PathJob().clearance, links.Feeds(500.0, 200.0, 5000.0))
+    linker = links.Linker(Checker(scene, bodies.ROUGH), MIKRON, PathJob(), links.Feeds(500.0, 200.0, 5000.0))
     place, x = np.array([[0.0, 0.0, 60.0]]), np.array([[1.0, 0.0, 0.0]])
     good, hops = linker.hops((place, x, x), (place + 0.1, x, -x), near=1.0)
     assert not good.any()
