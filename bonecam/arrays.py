@@ -1,4 +1,4 @@
-"""Frozen arrays (what a value that exists holds, nobody changes), and sums row by row."""
+"""Frozen arrays (what a value that exists holds, nobody changes), sums row by row, and how exact lengths are."""
 
 from typing import Any
 
@@ -6,6 +6,9 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 from numpy.typing import DTypeLike
+
+ROUNDING = 1e-6
+"""Sums of lengths are this exact, mm: 2 mm are 4 cuts of 0.5 mm."""
 
 
 def frozen(values: Any, dtype: DTypeLike = np.float64) -> Any:

@@ -30,6 +30,12 @@ def counted(number: int, noun: str) -> str:
     return f"{number} {noun if number == 1 else noun.removesuffix('ex') + 'ices' if noun.endswith('vertex') else noun + 's'}"
 
 
+def require_type(value: object, kind: type, name: str, wanted: str) -> None:
+    """TypeError where a call's argument `name` is of another kind; `wanted` says what to give."""
+    if not isinstance(value, kind):
+        raise TypeError(f"{name} is a {type(value).__name__}: give a {wanted}")
+
+
 def _restore(kind: type[BonecamError], message: str, evidence: dict[str, Any]) -> BonecamError:
     return kind(message, **evidence)
 

@@ -7,16 +7,14 @@ import math
 
 import numpy as np
 
-from bonecam.errors import MachineError, SurfaceError, place_name
+from bonecam.errors import MachineError, place_name
 from bonecam.job import Job, LevelsJob, StockJob, wrong
 from bonecam.levels.qcqp import require_clarabel
 from bonecam.levels.schedule import schedule_of
 from bonecam.levels.stock import Stock
 from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.machine import Machine
-from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.cutter import Cutter
 from bonecam.toolpath.post import post_below
 from bonecam.toolpath.zigzag import DEEPEST_RADII
@@ -115,14 +113,3 @@ def check_cuts(part: TriangleMesh, stock: Stock, job: LevelsJob) -> None:
     if cuts > job.most_cuts:
         what = f"the stock at {place_name(place)} is {farthest:.1f} mm from the part, which takes {cuts} cuts or more"
         raise wrong("levels", "most_cuts", job.most_cuts, f"{what}: give a smaller stock or a greater roughing_depth, or allow more")
-
-
-def check_surface(surface: TSpline, chord_tolerance: float, file: str) -> None:
-    """SurfaceError where the fitted surface cuts itself: every level round it would."""
-    mesh = surface.tessellate(chord_tolerance)
-    cut = self_intersections(mesh)
-    if len(cut):
-        place = mesh.vertices[mesh.faces[cut]].mean(axis=1)[0]
-        what = f"{file}: the surface of {surface.tmesh.size} control points cuts itself in {len(cut)} faces, first near {place_name(place)}"
-        remedy = "raise surface.max_control_points, or smooth the mesh or fill the cleft there"
-        raise SurfaceError(f"{what}: {remedy}", faces=cut, place=place)

@@ -4,20 +4,17 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
-from bodies import mesh_of, pebble
 from bonecam_meshes import path as shipped
 
 import bonecam
 from bonecam import pipeline
 from bonecam.batch import convert_many
-from bonecam.errors import BonecamError, JobError, SurfaceError, ToolPathError
+from bonecam.errors import BonecamError, JobError, ToolPathError
 from bonecam.job import Job
 from bonecam.mesh.files import read_mesh
 from bonecam.nc.machine import machine_names, read_machine
-from bonecam.requirements import check_job, check_surface
-from bonecam.surface.tspline import TSpline
+from bonecam.requirements import check_job
 
 
 @pytest.fixture
@@ -107,18 +104,3 @@ def test_the_offset_that_is_told_brings_the_part_over_its_post(stock: dict[str, 
         pipeline.place(part, Job().with_values(stock=stock))
     x, y = caught.value.evidence["offset"]
     pipeline.place(part, Job().with_values(stock={**stock, "offset_x": x, "offset_y": y}))
-
-
-def test_a_surface_that_cuts_itself_is_refused_with_the_place() -> None:
-    sound = pebble()
-    check_surface(sound, 0.05, "bone.stl")
-    points = np.array(sound.control_points)
-    waist = slice(1 + 12 * 4, 1 + 12 * 7)
-    points[waist, :2] *= -0.3  # turned through the axis: the wall passes through itself
-    crossed = TSpline(sound.tmesh, points, sound.weights)
-    with pytest.raises(
-        SurfaceError, match=r"bone\.stl: the surface of \d+ control points cuts itself in \d+ faces, first near \(.*\): raise"
-    ) as caught:
-        check_surface(crossed, 0.05, "bone.stl")
-    low, high = mesh_of(crossed).bounds
-    assert ((caught.value.evidence["place"] >= low - 0.1) & (caught.value.evidence["place"] <= high + 0.1)).all()

@@ -7,13 +7,13 @@ stock's surface lies within one depth of the last one; the stock itself is the l
 import time
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy import ndarray
 
-from bonecam.errors import LevelError, SurfaceError
+from bonecam.errors import LevelError, SurfaceError, require_type
 from bonecam.job import LevelsJob
 from bonecam.levels.attraction import ATTRACTIONS
 from bonecam.levels.check import NEST_TOLERANCE, STOCK_TOLERANCE
@@ -28,6 +28,7 @@ from bonecam.levels.setting import setting_of
 from bonecam.levels.stock import MARGIN, Stock, require_inside
 from bonecam.mesh.distance import MeshDistance
 from bonecam.progress import Progress, part, rising, silent
+from bonecam.surface.sound import require_sound
 from bonecam.surface.tspline import TSpline
 from bonecam.threads import on_one_blas_thread
 
@@ -46,7 +47,8 @@ FAR = 0.1
 class Morph:
     """Levels 0 (the part) to K (the stock), and the fewest cuts K_min any schedule of these depths needs.
 
-    `distance` is the largest distance from the stock to the part, mm. The seconds are for benchmarks and reports.
+    `distance` is the largest distance from the stock to the part, mm. The seconds are for benchmarks and reports. `breaks` is by how much
+    (mm, ACCEPTED at most) a level breaks the tolerance of depth, nesting or stock, where no sequence was found that keeps them all.
     """
 
     levels: tuple[Level, ...]
@@ -54,6 +56,7 @@ class Morph:
     distance: float
     solve_seconds: float
     check_seconds: float
+    breaks: float = 0.0
 
     @cached_property
     def cuts(self) -> int:
@@ -84,9 +87,10 @@ def morph(
 
     `stiffness` is c_int / c_ext (parameters in [0, 1]); it falls where progress stalls. `method` is `qp`; `osqp`, the
     same programs solved by OSQP; or `qcqp`, the published program solved exactly (`levels/qcqp.py`): both slow, for reference.
-    Raises SurfaceError where the surface is not closed between two poles, StockError where the part is not inside the stock,
+    Raises SurfaceError where the surface is not closed between two poles or no body's, StockError where the part is not inside the stock,
     JobError where a number is out of the range it has in a job, LevelError where a level cannot be made or fails its check.
     """
+    require_types(surface, stock, schedule)
     if not all(surface.poles):
         raise SurfaceError(
             "the surface is not closed between two poles: morph an open one with bonecam.levels.open_morph.morph_open, or close its ends"
@@ -96,7 +100,7 @@ def morph(
     LevelsJob(stiffness=stiffness, chord_tolerance=chord_tolerance)  # raises where they are out of range
     if method not in METHODS:
         raise ValueError(f"method {method!r}: choose one of {', '.join(METHODS)}")
-    require_inside(stock, surface.tessellate(COARSE).vertices, MARGIN)
+    require_inside(stock, require_sound(surface, COARSE, "the part").vertices, MARGIN)
     start, checking, progress = time.perf_counter(), 0.0, rising(progress)
     if method != "qcqp":
         surface = finer(surface, stock, schedule.beyond)
@@ -126,7 +130,7 @@ def morph(
         if inspection.failed:
             failure = failure or inspection.failed[0].error
             if nearly is None and not inspection.crosses and max(cut.over for cut in inspection.failed) <= ACCEPTED:
-                nearly = found
+                nearly = replace(found, breaks=max(cut.over for cut in inspection.failed))
         elif found.cuts == len(made):
             return found
         else:
@@ -135,6 +139,13 @@ def morph(
         return second_best
     assert failure is not None
     raise failure
+
+
+def require_types(surface: object, stock: object, schedule: object) -> None:
+    """TypeError where an argument is no surface, stock or schedule."""
+    require_type(surface, TSpline, "surface", "TSpline, such as fit(mesh).surface")
+    require_type(stock, Stock, "stock", "Capsule, Cylinder, Box or ConvexStock, such as stock_for finds")
+    require_type(schedule, Schedule, "schedule", "Schedule, such as Schedule((0.1, 0.1), 0.5)")
 
 
 def _surer(inspection: Inspection, making: Sequences) -> Inspection:

@@ -18,8 +18,9 @@ import scipy.sparse as sp
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.arrays import dots, lengths
-from bonecam.errors import JobError, LevelError, StockError, SurfaceError, place_name
+from bonecam.arrays import ROUNDING, dots, lengths
+from bonecam.errors import JobError, LevelError, StockError, SurfaceError, place_name, require_type
+from bonecam.job import LevelsJob
 from bonecam.levels.check import BINS, DEPTH_TOLERANCE, NEST_TOLERANCE, REMAINS, patch_of
 from bonecam.levels.fabric import Fabric, fabric_of
 from bonecam.levels.level import Level
@@ -57,6 +58,9 @@ def morph_open(
     `edges`: `free`, or `fixed` to those of the part. Raises SurfaceError where the surface is closed, JobError where a parameter is wrong,
     StockError where the stock is not on one side of the part or its fit too far off, LevelError where a level cannot be made or fails.
     """
+    require_type(surface, TSpline, "surface", "TSpline, such as skin(rows)")
+    require_type(schedule, Schedule, "schedule", "Schedule, such as Schedule((0.1, 0.1), 0.5)")
+    LevelsJob(chord_tolerance=chord_tolerance)  # raises where it is out of range
     if edges not in EDGES:
         raise JobError(f"edges = {edges!r}: choose one of {', '.join(EDGES)}", field="edges")
     if not 0 <= stiffness < np.inf:
@@ -89,7 +93,9 @@ def morph_open(
 
 def _beyond(surface: TSpline, points: Float[ndarray, "n 3"], at: Float[ndarray, "n 2"], limit: float) -> bool:
     """Whether one of the points lies farther than `limit` mm from a level; a few are asked first."""
-    return any(bool((distances(surface, points[some], at[some]) > limit).any()) for some in (slice(None, None, FEW), slice(None)))
+    return any(
+        bool((distances(surface, points[some], at[some]) > limit + ROUNDING).any()) for some in (slice(None, None, FEW), slice(None))
+    )
 
 
 def _require_near(stock: OpenStock, limit: float) -> None:

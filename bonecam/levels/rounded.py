@@ -12,11 +12,12 @@ from numpy import ndarray
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 
+from bonecam.arrays import ROUNDING
 from bonecam.errors import StockError, place_name
 from bonecam.levels.box import Box
 from bonecam.levels.convex import ConvexStock
 from bonecam.levels.cylinder import Cylinder
-from bonecam.levels.stock import Capsule, Stock, place_in, smallest_capsule, stock_figures, stock_text
+from bonecam.levels.stock import Capsule, Stock, place_in, smallest_capsule
 from bonecam.mesh.hull import convex_hull
 from bonecam.mesh.remesh import bisected
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -190,7 +191,7 @@ def roundest(stock: Stock, points: Float[ndarray, "n 3"], margin: float) -> Stoc
     room = np.clip(-stock.signed_distance(points) / 2, margin, max(margin, ROOM))
 
     def holds(radius: float) -> bool:
-        return bool((rounded(stock, radius).signed_distance(points) + room).max() <= 0)
+        return bool((rounded(stock, radius).signed_distance(points) + room).max() <= ROUNDING)
 
     low, high = 0.1 * most, THIN * most
     if holds(high):
@@ -214,7 +215,7 @@ def require_roundable(stock: Stock, points: Float[ndarray, "n 3"], margin: float
     if inner is None:
         worst = points[np.argmax(rounded(stock, 0.1 * inradius(stock)).signed_distance(points))]
         raise StockError(
-            f"the part comes too near to the edges of the stock ({stock_text(stock_figures(stock))}) at {place_in(stock, worst)} "
+            f"the part comes too near to the edges of the stock ({stock}) at {place_in(stock, worst)} "
             f"to round them: give a larger stock or a capsule{otherwise}",
             distance=float(stock.signed_distance(worst[None])[0]),
             place=worst,

@@ -18,7 +18,7 @@ from numpy import ndarray
 from bonecam.levels.body_surface import body_surfaces
 from bonecam.levels.check import BINS, probes
 from bonecam.levels.level import Level
-from bonecam.levels.morph import Morph, morph
+from bonecam.levels.morph import Morph, morph, require_types
 from bonecam.levels.rounded import Rounded, intersection, planes_of, require_roundable
 from bonecam.levels.samples import integration_points, samples_of, thin_plate
 from bonecam.levels.schedule import Schedule
@@ -39,14 +39,21 @@ def levels_in(surface: TSpline, stock: Stock, schedule: Schedule, **options: Any
 
     Raises StockError where the part leaves the stock or comes so near to its edges that they cannot be rounded over it.
     """
+    require_types(surface, stock, schedule)
     if isinstance(stock, Capsule | Rounded):
         return morph(surface, stock, schedule, **options)
     part_mesh = surface.tessellate(CHORD)
     require_inside(stock, part_mesh.vertices, MARGIN)
-    inner = require_roundable(stock, part_mesh.vertices, MARGIN + CHORD)
+    inner = require_roundable(stock, part_mesh.vertices, MARGIN)
     made = morph(surface, inner, schedule, **options)
-    distance = float(MeshDistance(part_mesh).unsigned(stock.mesh(CHORD).vertices).max())
+    distance = _farthest(stock.mesh(CHORD).vertices, surface, part_mesh)
     return replace(made, levels=rounding(made, inner, stock, schedule), lower_bound=schedule.lower_bound(distance), distance=distance)
+
+
+def _farthest(points: Float[ndarray, "n 3"], surface: TSpline, mesh: TriangleMesh) -> float:
+    """The largest distance of the points from the surface, mm; its mesh within CHORD tells which may have it."""
+    distances = MeshDistance(mesh).unsigned(points)
+    return float(surface.project(points[distances >= distances.max() - 2 * CHORD]).distances.max())
 
 
 def rounding(made: Morph, inner: Stock, stock: Stock, schedule: Schedule) -> tuple[Level, ...]:

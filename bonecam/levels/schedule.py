@@ -7,10 +7,12 @@ Cut k removes what lies between level k - 1 and level k. No sequence of cuts can
 import math
 from dataclasses import dataclass
 
+from bonecam.arrays import ROUNDING
 from bonecam.errors import LevelError
 from bonecam.job import LevelsJob
 
 MOST_LEVELS = 2000
+LEAST = 1e-4
 
 
 @dataclass(frozen=True)
@@ -21,9 +23,11 @@ class Schedule:
     beyond: float
 
     def __post_init__(self) -> None:
+        if not (isinstance(self.first, tuple) and all(isinstance(depth, int | float) for depth in (*self.first, self.beyond))):
+            raise TypeError(f"Schedule({self.first!r}, {self.beyond!r}): give depths in mm like Schedule((0.1, 0.1), 0.5)")
         for k, depth in enumerate((*self.first, self.beyond), start=1):
-            if not 0 < depth < math.inf:
-                raise LevelError(f"cut {k} has the depth {depth} mm: give a finite, positive depth", level=k)
+            if not LEAST <= depth < math.inf:
+                raise LevelError(f"cut {k} has the depth {depth} mm: give a finite depth of at least {LEAST} mm", level=k)
 
     def limit(self, k: int) -> float:
         """Largest depth of cut k >= 1, mm."""
@@ -36,7 +40,7 @@ class Schedule:
     def lower_bound(self, distance: float) -> int:
         """K_min: the fewest cuts that can remove `distance` mm."""
         for k in range(1, MOST_LEVELS + 1):
-            if self.reach(k) >= distance:
+            if self.reach(k) >= distance - ROUNDING:
                 return k
         raise LevelError(
             f"{distance:.1f} mm of material need more than {MOST_LEVELS} cuts of {self.beyond} mm: give deeper cuts or a smaller stock",

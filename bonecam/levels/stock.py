@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.arrays import frozen
+from bonecam.arrays import ROUNDING, frozen
 from bonecam.errors import StockError, place_name
 from bonecam.kernels import capsule
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -34,6 +34,10 @@ TINY = 100
 @runtime_checkable
 class Stock(Protocol):
     """A closed convex body in the part frame, mm."""
+
+    def __str__(self) -> str:
+        """Kind and sizes."""
+        return stock_text(stock_figures(self))
 
     @property
     def kind(self) -> str:
@@ -218,12 +222,12 @@ def require_inside(stock: Stock, points: Float[ndarray, "n 3"], margin: float, o
     """Raise StockError where a point has less than `margin` mm of the stock's material outside it; `otherwise` ends its remedy."""
     depth = stock.signed_distance(points)
     worst = int(np.argmax(depth))
-    if depth[worst] > -margin:
+    if depth[worst] > -margin + ROUNDING:
         place = points[worst]
         trouble = f"leaves it by {depth[worst]:.3f} mm" if depth[worst] > 0 else f"comes within {abs(depth[worst]):.3f} mm of its wall"
         tiny = stock.kind == "mesh" and TINY * np.linalg.norm(np.ptp(stock.bounds, axis=0)) < np.linalg.norm(np.ptp(points, axis=0))
         raise StockError(
-            f"the stock ({stock_text(stock_figures(stock))}) does not hold the part, which {trouble} "
+            f"the stock ({stock}) does not hold the part, which {trouble} "
             f"at {place_in(stock, place)}: {_larger(stock, points[depth > -margin], float(depth[worst]) + margin)}{otherwise}"
             f"{', or stock.scale = 1000 where its file is in metres' if tiny else ''}",
             distance=float(depth[worst]),

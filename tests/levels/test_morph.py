@@ -1,17 +1,24 @@
 """The morph of a small bone-like part: few levels, no deeper than allowed, nested, inside the stock, never through itself."""
 
+import re
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from bonecam.errors import Cancelled, JobError, LevelError, StockError
+from bonecam.errors import Cancelled, JobError, LevelError, StockError, SurfaceError
 from bonecam.levels import check, sequence
+from bonecam.levels.cylinder import Cylinder
 from bonecam.levels.grid import level_grid
 from bonecam.levels.limits import feet
 from bonecam.levels.morph import Morph, morph
+from bonecam.levels.rounding import levels_in
 from bonecam.levels.samples import integration_points, samples_of, thin_plate
 from bonecam.levels.schedule import Schedule
 from bonecam.levels.sheet import Sheet
-from bonecam.levels.stock import Capsule
+from bonecam.levels.stock import Capsule, Stock
 from bonecam.mesh.distance import MeshDistance
 from bonecam.surface.tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
@@ -41,6 +48,52 @@ def grooved(share: float) -> TSpline:
     P = np.array(part.control_points)
     P[(np.abs(np.arctan2(P[:, 1], P[:, 0])) < 0.1) & (np.abs(P[:, 2] - 10) < 7), :2] *= share
     return part.with_control_points(P)
+
+
+@pytest.mark.parametrize("stock", [STOCK, Cylinder(4.5, 0.0, 20.0)])
+def test_a_surface_that_bounds_no_body_is_refused_at_once(stock: Stock) -> None:
+    part = waisted()
+    with pytest.raises(SurfaceError, match=r"^the part: .* is turned inside out, its normals point inwards: "):
+        levels_in(part.with_control_points(part.control_points * [-1, 1, 1]), stock, SCHEDULE)
+    P = np.array(part.control_points)
+    P[np.abs(P[:, 2] - 10) < 3, :2] *= -0.3  # turned through the axis
+    with pytest.raises(SurfaceError, match=r"^the part: .* cuts itself in \d+ faces, first near \(.*\): "):
+        levels_in(part.with_control_points(P), stock, SCHEDULE)
+
+
+CALLS = """
+from bonecam.levels.morph import morph
+from bonecam.levels.open_morph import morph_open
+from bonecam.levels.rounding import levels_in
+from bonecam.levels.schedule import Schedule
+from test_morph import SCHEDULE, STOCK, waisted
+part = waisted()
+for call in (
+    lambda: levels_in(STOCK, part, SCHEDULE),
+    lambda: morph(part, SCHEDULE, STOCK),
+    lambda: levels_in(part, STOCK, 0.5),
+    lambda: morph_open(part, 1.0, 0.5),
+    lambda: Schedule(0.1, 0.5),
+    lambda: Schedule([0.1], 0.5),
+    lambda: Schedule((0.1,), None),
+):
+    try:
+        call()
+    except TypeError as error:
+        print(error)
+"""
+
+
+def test_arguments_of_another_kind_are_refused_with_what_to_give() -> None:
+    """In a process of its own, without these tests' own check of types."""
+    ran = subprocess.run([sys.executable, "-c", CALLS], cwd=Path(__file__).parent, capture_output=True, text=True, check=True)
+    assert re.sub(", such as.*", "", ran.stdout).splitlines() == [
+        "surface is a Capsule: give a TSpline",
+        "stock is a Schedule: give a Capsule, Cylinder, Box or ConvexStock",
+        *["schedule is a float: give a Schedule"] * 2,
+        *[f"{told}: give depths in mm like Schedule((0.1, 0.1), 0.5)" for told in ("Schedule(0.1, 0.5)", "Schedule([0.1], 0.5)")],
+        "Schedule((0.1,), None): give depths in mm like Schedule((0.1, 0.1), 0.5)",
+    ]
 
 
 @pytest.fixture(scope="module")

@@ -175,6 +175,20 @@ def test_offsets_that_turn_over_are_refused_and_others_are_exact() -> None:
     assert morph.levels[-1].outside < 0.05
 
 
+@pytest.mark.parametrize("offset", [2.0, -2.0, 3.0])
+def test_an_offset_of_whole_depths_takes_no_cut_that_removes_nothing(offset: float) -> None:
+    """On a plane: 0.5 mm at a time, four cuts for 2 mm."""
+    plate = skin([np.column_stack([np.linspace(0, 30, 8), np.full(8, y), np.zeros(8)]) for y in range(0, 31, 5)], 0.01, closed=False)
+    morph = morph_open(plate, offset, Schedule((), 0.5))
+    assert morph.cuts == morph.lower_bound == abs(offset) / 0.5
+    assert min(level.depth_max for level in morph.levels[1:]) > 0.49
+
+
+def test_a_chord_tolerance_out_of_range_is_refused() -> None:
+    with pytest.raises(JobError, match=r"chord_tolerance = 20.*keep it within"):
+        morph_open(side(), 1.0, SCHEDULE, chord_tolerance=20.0)
+
+
 def test_numbers_of_any_kind_are_offsets() -> None:
     assert morph_open(side(), np.int64(1), SCHEDULE).distance == pytest.approx(1.0)
 

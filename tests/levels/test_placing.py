@@ -44,6 +44,14 @@ def test_the_smallest_stock_leaves_the_allowance_over_the_part(kind: str) -> Non
         assert (stock.diameter, stock.length) == pytest.approx((capsule.diameter, capsule.length))
 
 
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("spare", [0.0, 0.03])
+def test_the_least_allowance_there_is_finds_a_stock(kind: str, spare: float) -> None:
+    points = cloud()
+    stock, transform = stock_for(points, StockJob(kind=kind, allowance=MARGIN, spare_volume=spare), SCHEDULE)
+    assert stock.signed_distance(lying(points, transform)).max() <= -MARGIN + 1e-6
+
+
 def test_a_little_larger_capsule_that_takes_fewer_cuts_is_taken() -> None:
     angle, height = np.meshgrid(2 * np.pi * np.arange(60) / 60, np.linspace(-15.0, 15.0, 80))
     reach = 6.0 - 0.2 * (height + 15.0)  # a cone: in the smallest capsule its thin end lies far from the cap's rim
