@@ -45,10 +45,11 @@ from bonecam.orientation.orient import orient
 from bonecam.orientation.scene import Scene
 from bonecam.outputs import File, Outputs
 from bonecam.progress import Progress, part, report, silent
-from bonecam.requirements import check_cuts, check_job, check_method, check_post, check_room, check_sizes, check_surface, check_tools
+from bonecam.requirements import check_cuts, check_job, check_method, check_post, check_room, check_sizes, check_tools
 from bonecam.surface import given
 from bonecam.surface.fit import Fit, fit
 from bonecam.surface.save import TEXTS
+from bonecam.surface.sound import require_sound
 from bonecam.surface.tspline import TSpline
 from bonecam.threads import on_one_blas_thread
 from bonecam.toolpath.cutter import Cutter
@@ -146,15 +147,22 @@ def convert(
         "stock": stock_figures(stock),
         "levels": levels_report(levels.levels),
         "levels_lower_bound": levels.lower_bound,
+        "levels_break_mm": round(levels.breaks, 6),
         "levels_method": job.levels.method,
         "toolpath": toolpath_report(paths),
         "nc": {"file": Path(program).name if program else "", **nc_report(posted, proof)},
         "seconds": clock.seconds,
     }
     result = Result(placed, fitted.surface, stock, levels, paths, posted, figures)
-    holder = (job.holding.diameter, float(placed.mesh.bounds[0, 2]))
-    outputs.write(posted.text, figures, fitted.surface, levels.levels, stock, paths, holder)
+    with clock.stage("files"):
+        _write(outputs, result, job, part(progress, 0.97, 1.0))
     return result
+
+
+def _write(outputs: Outputs, result: Result, job: Job, progress: Progress) -> None:
+    report(progress, 0.0, "writing the files")
+    post = job.holding.diameter, float(result.part.mesh.bounds[0, 2])
+    outputs.write(result.program.text, result.report, result.surface, result.levels.levels, result.stock, result.paths, post)
 
 
 def prepare(mesh: str | Path | TriangleMesh, job: MeshJob, progress: Progress = silent, surface: SurfaceJob | None = None) -> Part:
@@ -213,7 +221,7 @@ def fit_surface(placed: Part, job: Job, progress: Progress = silent) -> Fit:
     if missed.max > limit:
         what = f"{placed.file}: {found.control_points} control points miss the mesh by {missed.max:.2f} mm near {place_name(missed.place)}"
         raise SurfaceError(f"{what}: {found.shortfall}, or raise surface.largest_deviation ({limit:g} mm)", deviation=missed)
-    check_surface(found.surface, job.levels.chord_tolerance, placed.file)
+    require_sound(found.surface, job.levels.chord_tolerance, placed.file)
     return found
 
 

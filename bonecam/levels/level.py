@@ -49,6 +49,11 @@ class Level:
         return max(self.depth_max, self.depth_back_max)
 
     @property
+    def certified(self) -> bool | None:
+        """Whether depth, nesting and stock are proven everywhere on the cut; None where nothing is known, or nothing has to be proven."""
+        return None if self.certificate is None else not self.certificate.shortfalls(self.limit)
+
+    @property
     def net(self) -> Float[ndarray, "c 3"]:
         """Control points over the T-mesh that all levels share."""
         assert self.surface is not None

@@ -122,7 +122,8 @@ def summary_of(report: Mapping[str, Any]) -> str:
         f"deviation max {surface['deviation_max_mm']:.3f} rms {surface['deviation_rms_mm']:.3f} mm",
         f"stock     {stock_text(report['stock'])}",
         f"levels    {counted(len(levels) - 1, 'cut')}, no schedule needs fewer than {report['levels_lower_bound']}; "
-        f"depth max {max(row[way] for row in levels for way in ('depth_max_mm', 'depth_back_max_mm')):.4f} mm",
+        f"depth max {max(row[way] for row in levels for way in ('depth_max_mm', 'depth_back_max_mm')):.4f} mm"
+        + (f"; a tolerance is broken by {report['levels_break_mm']:.4f} mm" if report["levels_break_mm"] else ""),
         f"certified {certified_text(levels, report['levels_method'])}",
         f"toolpath  {contacts} contacts",
         f"uncut     {uncut_text(report['toolpath'])}",
@@ -152,11 +153,13 @@ def certified_text(levels: Sequence[Mapping[str, Any]], method: str = "qp") -> s
 
 def uncut_text(toolpath: Sequence[Mapping[str, Any]]) -> str:
     """Which contacts were left uncut and why, in one line; `toolpath` as in the report."""
-    reasons: Counter[str] = sum((Counter(row["uncut_reasons"]) for row in toolpath), Counter())
-    if not reasons:
-        return "nothing"
-    told = ", ".join(f"{reason} {count} ({WHY[reason]})" for reason, count in reasons.most_common())
-    return f"{reasons.total()} contacts, {sum(row['uncut_contacts'] for row in toolpath if not row['level'])} of them on the part: {told}"
+    told = []
+    for where, outer in (("on the part", False), ("on levels round it", True)):
+        reasons: Counter[str] = sum((Counter(row["uncut_reasons"]) for row in toolpath if bool(row["level"]) == outer), Counter())
+        if reasons:
+            each = ", ".join(f"{reason} {count} ({WHY[reason]})" for reason, count in reasons.most_common())
+            told.append(f"{counted(reasons.total(), 'contact')} {where}: {each}")
+    return "; ".join(told) or "nothing"
 
 
 def _mm(value: float) -> float:

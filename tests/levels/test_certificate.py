@@ -211,7 +211,7 @@ def test_the_levels_of_a_bar_are_certified_up_to_the_body_they_round_it_from() -
     levels = levels_in(waisted(), Cylinder(4.5, 0.0, 20.0), Schedule((0.1, 0.1), 0.5), chord_tolerance=0.02).levels
     body = next(level.index for level in levels if level.within is not None)
     assert [level.certificate is None for level in levels] == [not 0 < level.index <= body for level in levels]
-    assert all(level.certificate.shortfalls(level.limit) == () for level in levels if level.certificate)
+    assert all(level.certified for level in levels if level.certificate)
 
 
 def test_a_surface_with_other_weights_is_morphed_without_certificates() -> None:

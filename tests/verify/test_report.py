@@ -17,8 +17,11 @@ def test_what_was_left_uncut_is_told_by_reason_in_one_line() -> None:
         {"level": 0, "uncut_contacts": 3, "uncut_reasons": {"post": 1, "collision": 2}},
     ]
     text = uncut_text(rows)
-    assert text.startswith("10 contacts, 3 of them on the part: gouge 5 (ball too large for the hollow), post 3 (at the post)")
-    assert "collision 2" in text
+    assert text == (
+        "3 contacts on the part: collision 2 (no free way for the tool), post 1 (at the post); "
+        "7 contacts on levels round it: gouge 5 (ball too large for the hollow), post 2 (at the post)"
+    )
+    assert uncut_text(rows[:1]).startswith("7 contacts on levels round it: ")
     assert "\n" not in text
     assert uncut_text([{"level": 0, "uncut_contacts": 0, "uncut_reasons": {}}]) == "nothing"
 
@@ -32,6 +35,7 @@ def test_the_summary_tells_each_repair() -> None:
         "levels": [{**level, "depth_max_mm": 0.0, "depth_back_max_mm": 0.0, "not_certified": None}, level],
         "levels_lower_bound": 1,
         "levels_method": "qp",
+        "levels_break_mm": 0.0,
         "toolpath": [{"level": 0, "contacts": 5, "uncut_contacts": 0, "uncut_reasons": {}}],
         "nc": dict.fromkeys(("blocks", "time_min", "readback_tip_error_mm", "readback_axis_error_deg", "gouge_max_mm"), 1)
         | {"file": "half.h", "machine": "mill", "controller": "heidenhain"},
@@ -41,6 +45,8 @@ def test_the_summary_tells_each_repair() -> None:
     assert told[:2] == ["mesh      993 faces, mm; 1 repair", "repair    closed 1 hole with 33 faces, 9.66 mm across"]
     assert "levels    1 cut, no schedule needs fewer than 1; depth max 0.5000 mm" in told
     assert "hold everywhere on 1 of 1 cut" in told[5]
+    broken = summary_of({**report, "levels_break_mm": 0.0042})
+    assert "levels    1 cut, no schedule needs fewer than 1; depth max 0.5000 mm; a tolerance is broken by 0.0042 mm" in broken
     assert summary_of({**report, "input": {**report["input"], "repairs": []}}).startswith("mesh      993 faces, mm; 0 repairs\nsurface")
 
 
