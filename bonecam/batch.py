@@ -30,7 +30,7 @@ from bonecam.requirements import check_job
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of one mesh: state `done`, `kept` (from an earlier run) or `failed` with its message."""
+    """What came of one mesh: state `done`, `kept` (from an earlier run, as its seconds are) or `failed` with its message."""
 
     mesh: str
     state: str
@@ -182,7 +182,8 @@ def _kept(mesh: Path, folder: Path, job: Job) -> Outcome | None:
             return None
     except (OSError, ValueError, KeyError, TypeError):
         return None
-    return Outcome(str(mesh), "kept", report["nc"]["file"], len(report["levels"]) - 1, report["nc"]["time_min"], 0.0, "")
+    seconds = round(sum(report["seconds"].values()), 2)
+    return Outcome(str(mesh), "kept", report["nc"]["file"], len(report["levels"]) - 1, report["nc"]["time_min"], seconds, "")
 
 
 def _table(outcomes: Sequence[Outcome]) -> str:

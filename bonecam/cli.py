@@ -41,7 +41,9 @@ EXAMPLES = {
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
-    options = _parser().parse_args(arguments)
+    options, unknown = _parser().parse_known_args(arguments)
+    if unknown:
+        options.refuse(f"unrecognized arguments: {' '.join(unknown)}")
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # a polite kill cleans up like Ctrl-C
     try:
         code = int(options.run(options))
@@ -84,7 +86,7 @@ def _command(commands: Any, name: str, text: str, run: Any) -> argparse.Argument
     command: argparse.ArgumentParser = commands.add_parser(
         name, help=text, description=text, epilog=f"examples:{EXAMPLES[name]}", formatter_class=layout
     )
-    command.set_defaults(run=run, stopped="nothing was written", quiet=False, verbose=False)
+    command.set_defaults(run=run, refuse=command.error, stopped="nothing was written", quiet=False, verbose=False)
     return command
 
 

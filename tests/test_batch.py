@@ -31,7 +31,7 @@ def work(mesh: Path, folder: Path, job: Job) -> Outcome:
     if "sleep" in orders:
         (folder / f"{mesh.stem}.began").touch()
         time.sleep(60)
-    report = {"levels": [{}, {}, {}], "nc": {"time_min": 1.5, "file": ""}}
+    report = {"levels": [{}, {}, {}], "nc": {"time_min": 1.5, "file": ""}, "seconds": {"mesh": 1.5, "levels": 2.25}}
     made = SimpleNamespace(program=SimpleNamespace(extension=".h", text=f"BEGIN {os.getpid()}\n"), report=report)
     bonecam.convert = lambda mesh, job: made  # type: ignore[attr-defined]
     return convert_one(mesh, folder, job)
@@ -91,6 +91,7 @@ def test_resuming_does_only_what_is_missing_or_was_done_from_something_else(tmp_
     assert states() == ["kept", "done", "done", "done"]
     assert (out / "same.h").read_bytes() == before
     assert [row["state"] for row in table(out)] == ["kept", "done", "done", "done"]
+    assert table(out)[0]["seconds"] == "3.75"
     machine.write_text(machine.read_text() + "# another\n", encoding="utf-8")
     assert states() == ["done"] * 4
 

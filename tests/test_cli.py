@@ -83,6 +83,13 @@ def test_an_unknown_command_exits_2(capsys: pytest.CaptureFixture[str]) -> None:
     assert "melt" in capsys.readouterr().err
 
 
+def test_an_unknown_option_points_to_the_help_of_its_command(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        main(["batch", "bone.stl", "-o", "programs", "-v"])
+    assert caught.value.code == 2
+    assert capsys.readouterr().err == "bonecam batch: unrecognized arguments: -v: see bonecam batch --help\n"
+
+
 def test_verbose_tells_each_step_once_as_a_line(capsys: pytest.CaptureFixture[str]) -> None:
     lines = _Lines()
     for fraction, message in ((0.0, "level 1"), (0.1, "level 1"), (0.2, "level 2")):
