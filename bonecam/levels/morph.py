@@ -35,12 +35,12 @@ from bonecam.threads import on_one_blas_thread
 METHODS = {"qp": (NEST_TOLERANCE, STOCK_TOLERANCE), "qcqp": (0.02, 2 * STOCK_TOLERANCE), "osqp": (NEST_TOLERANCE, STOCK_TOLERANCE)}
 """How far (mm) a level may fall behind the one before and leave the stock: the published program says nothing of the one, and holds
 the other at samples only."""
-STIFFNESS, COARSE, MENDS = 5e-7, 0.02, 3
+STIFFNESS, COARSE, MENDS = 5e-7, 0.02, 5
 ACCEPTED = 0.01
 """Where no sequence keeps every tolerance, one that breaks depth, nesting or stock by no more (mm, the size of the
 gouge tolerance) is taken. The report tells it."""
-FAR = 0.1
-"""Levels that break a limit by more (mm) are not mended, and none where more than half of the levels fail."""
+FAR, ALL_FAR = 0.1, 0.02
+"""Levels that break a limit by more (mm) are not mended; nor is any where more than half of the levels fail and one by more than that."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,7 +177,7 @@ def _mend(inspection: Inspection, making: Sequences, *, doubts: bool = False) ->
     while True:
         made, failed = inspection.nets, {cut.level.index: cut for cut in inspection.failed + inspection.uncertain * doubts}
         which = {k for k in failed if k < len(made) and inspection.trouble([k], doubts)[1] <= FAR and mended[k] < MENDS}
-        if not which or len(failed) > len(made) / 2:
+        if not which or (len(failed) > len(made) / 2 and inspection.trouble(failed, doubts)[1] > ALL_FAR):
             return
         mended.update(which)
         for k, cut in enumerate(inspection.cuts, start=1):

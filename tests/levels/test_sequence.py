@@ -86,6 +86,19 @@ def test_what_is_mended_is_measured_again(making: Sequences, spoilt: tuple[list[
     assert {3, 4}.isdisjoint(cut.level.index for cut in inspection.failed)
 
 
+@pytest.mark.parametrize(("out", "mended"), [(0.006, True), (0.03, False)])
+def test_most_levels_are_mended_only_where_all_break_little(making: Sequences, made: list[np.ndarray], out: float, mended: bool) -> None:
+    """Of three levels two go `out` mm farther than they may."""
+    moves = np.diff(made, axis=0)
+    moves *= out / np.linalg.norm(moves, axis=2).max(axis=1)[:, None, None]
+    levels = [made[0], *(level + k % 3 * move for k, (level, move) in enumerate(zip(made[1:], moves), start=1))]
+    inspection = Inspection(making.setting.surface, levels, Rules(STOCK, SCHEDULE, 0.001, 0.001, 0.02), silent)
+    failed = len(inspection.failed)
+    assert failed > len(levels) / 2
+    _mend(inspection, making)
+    assert len(inspection.failed) <= failed / 4 if mended else len(inspection.failed) == failed
+
+
 def test_what_is_no_better_mended_stays_as_it_was(
     making: Sequences, spoilt: tuple[list[np.ndarray], Inspection], monkeypatch: pytest.MonkeyPatch
 ) -> None:
