@@ -35,7 +35,7 @@ from bonecam.threads import on_one_blas_thread
 METHODS = {"qp": (NEST_TOLERANCE, STOCK_TOLERANCE), "qcqp": (0.02, 2 * STOCK_TOLERANCE), "osqp": (NEST_TOLERANCE, STOCK_TOLERANCE)}
 """How far (mm) a level may fall behind the one before and leave the stock: the published program says nothing of the one, and holds
 the other at samples only."""
-STIFFNESS, COARSE, MENDS = 5e-7, 0.02, 5
+STIFFNESS, COARSE, MENDS, SURER = 5e-7, 0.02, 5, 3
 ACCEPTED = 0.01
 """Where no sequence keeps every tolerance, one that breaks depth, nesting or stock by no more (mm, the size of the
 gouge tolerance) is taken. The report tells it."""
@@ -172,11 +172,13 @@ def _too_deep(last: Cut) -> bool:
 
 def _mend(inspection: Inspection, making: Sequences, *, doubts: bool = False) -> None:
     """Move the levels that failed (and those their certificates `doubts`) as little as keeps their limits, with the places watched that
-    are near them, each MENDS times at most. Levels next to each other that are no better for it stay as they were."""
+    are near them, each MENDS times (with doubts SURER) at most. Levels next to each other that are no better for it stay as they were."""
     mended, watched = Counter[int](), defaultdict[int, list[ndarray]](list)
     while True:
         made, failed = inspection.nets, {cut.level.index: cut for cut in inspection.failed + inspection.uncertain * doubts}
-        which = {k for k in failed if k < len(made) and inspection.trouble([k], doubts)[1] <= FAR and mended[k] < MENDS}
+        which = {
+            k for k in failed if k < len(made) and inspection.trouble([k], doubts)[1] <= FAR and mended[k] < (SURER if doubts else MENDS)
+        }
         if not which or (len(failed) > len(made) / 2 and inspection.trouble(failed, doubts)[1] > ALL_FAR):
             return
         mended.update(which)
