@@ -48,7 +48,7 @@ class Morph:
     """Levels 0 (the part) to K (the stock), and the fewest cuts K_min any schedule of these depths needs.
 
     `distance` is the largest distance from the stock to the part, mm. The seconds are for benchmarks and reports. `breaks` is by how much
-    (mm, ACCEPTED at most) a level breaks the tolerance of depth, nesting or stock, where no sequence was found that keeps them all.
+    (mm, ACCEPTED at most) a level exceeds its depth, falls behind or leaves the stock where no sequence keeps every tolerance; else 0.
     """
 
     levels: tuple[Level, ...]

@@ -123,7 +123,7 @@ def summary_of(report: Mapping[str, Any]) -> str:
         f"stock     {stock_text(report['stock'])}",
         f"levels    {counted(len(levels) - 1, 'cut')}, no schedule needs fewer than {report['levels_lower_bound']}; "
         f"depth max {max(row[way] for row in levels for way in ('depth_max_mm', 'depth_back_max_mm')):.4f} mm"
-        + (f"; a tolerance is broken by {report['levels_break_mm']:.4f} mm" if report["levels_break_mm"] else ""),
+        + (f"; a limit is broken by {report['levels_break_mm']:.4f} mm" if report["levels_break_mm"] else ""),
         f"certified {certified_text(levels, report['levels_method'])}",
         f"toolpath  {contacts} contacts",
         f"uncut     {uncut_text(report['toolpath'])}",

@@ -46,7 +46,7 @@ def test_the_summary_tells_each_repair() -> None:
     assert "levels    1 cut, no schedule needs fewer than 1; depth max 0.5000 mm" in told
     assert "hold everywhere on 1 of 1 cut" in told[5]
     broken = summary_of({**report, "levels_break_mm": 0.0042})
-    assert "levels    1 cut, no schedule needs fewer than 1; depth max 0.5000 mm; a tolerance is broken by 0.0042 mm" in broken
+    assert "levels    1 cut, no schedule needs fewer than 1; depth max 0.5000 mm; a limit is broken by 0.0042 mm" in broken
     assert summary_of({**report, "input": {**report["input"], "repairs": []}}).startswith("mesh      993 faces, mm; 0 repairs\nsurface")
 
 
