@@ -152,14 +152,14 @@ def certified_text(levels: Sequence[Mapping[str, Any]], method: str = "qp") -> s
 
 
 def uncut_text(toolpath: Sequence[Mapping[str, Any]]) -> str:
-    """Which contacts were left uncut and why, in one line; `toolpath` as in the report."""
+    """Which contacts were left uncut and why, a line for the part and one for the levels round it; `toolpath` as in the report."""
     told = []
     for where, outer in (("on the part", False), ("on levels round it", True)):
         reasons: Counter[str] = sum((Counter(row["uncut_reasons"]) for row in toolpath if bool(row["level"]) == outer), Counter())
         if reasons:
             each = ", ".join(f"{reason} {count} ({WHY[reason]})" for reason, count in reasons.most_common())
             told.append(f"{counted(reasons.total(), 'contact')} {where}: {each}")
-    return "; ".join(told) or "nothing"
+    return f"\n{' ' * 10}".join(told) or "nothing"
 
 
 def _mm(value: float) -> float:

@@ -11,18 +11,17 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.verify.report import certified_text, levels_report, summary_of, uncut_text
 
 
-def test_what_was_left_uncut_is_told_by_reason_in_one_line() -> None:
+def test_what_was_left_uncut_is_told_by_reason_apart_for_the_part() -> None:
     rows = [
         {"level": 1, "uncut_contacts": 7, "uncut_reasons": {"gouge": 5, "post": 2}},
         {"level": 0, "uncut_contacts": 3, "uncut_reasons": {"post": 1, "collision": 2}},
     ]
     text = uncut_text(rows)
     assert text == (
-        "3 contacts on the part: collision 2 (no free way for the tool), post 1 (at the post); "
-        "7 contacts on levels round it: gouge 5 (ball too large for the hollow), post 2 (at the post)"
+        "3 contacts on the part: collision 2 (no free way for the tool), post 1 (at the post)\n"
+        "          7 contacts on levels round it: gouge 5 (ball too large for the hollow), post 2 (at the post)"
     )
     assert uncut_text(rows[:1]).startswith("7 contacts on levels round it: ")
-    assert "\n" not in text
     assert uncut_text([{"level": 0, "uncut_contacts": 0, "uncut_reasons": {}}]) == "nothing"
 
 
