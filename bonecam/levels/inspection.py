@@ -53,7 +53,7 @@ class Cut:
     @property
     def uncertain(self) -> bool:
         """Whether it may break a limit between the points measured."""
-        return self.level.certificate is not None and bool(self.level.certificate.shortfalls(self.level.limit))
+        return self.level.certified is False
 
 
 @dataclass(frozen=True, eq=False)

@@ -90,7 +90,7 @@ def morph(
     Raises SurfaceError where the surface is not closed between two poles or no body's, StockError where the part is not inside the stock,
     JobError where a number is out of the range it has in a job, LevelError where a level cannot be made or fails its check.
     """
-    require_types(surface, stock, schedule)
+    require_types(surface, schedule, stock)
     if not all(surface.poles):
         raise SurfaceError(
             "the surface is not closed between two poles: morph an open one with bonecam.levels.open_morph.morph_open, or close its ends"
@@ -129,8 +129,9 @@ def morph(
         found = Morph(inspection.levels, lower_bound, rest.farthest, time.perf_counter() - start - checking, checking)
         if inspection.failed:
             failure = failure or inspection.failed[0].error
-            if nearly is None and not inspection.crosses and max(cut.over for cut in inspection.failed) <= ACCEPTED:
-                nearly = replace(found, breaks=max(cut.over for cut in inspection.failed))
+            breaks = max(cut.over for cut in inspection.failed)
+            if nearly is None and not inspection.crosses and breaks <= ACCEPTED:
+                nearly = replace(found, breaks=breaks)
         elif found.cuts == len(made):
             return found
         else:
@@ -141,10 +142,11 @@ def morph(
     raise failure
 
 
-def require_types(surface: object, stock: object, schedule: object) -> None:
-    """TypeError where an argument is no surface, stock or schedule."""
-    require_type(surface, TSpline, "surface", "TSpline, such as fit(mesh).surface")
-    require_type(stock, Stock, "stock", "Capsule, Cylinder, Box or ConvexStock, such as stock_for finds")
+def require_types(surface: object, schedule: object, *stocks: object) -> None:
+    """TypeError where an argument is no surface, schedule or stock of a closed part."""
+    require_type(surface, TSpline, "surface", "TSpline, such as fit(mesh).surface or skin(rows)")
+    for stock in stocks:
+        require_type(stock, Stock, "stock", "Capsule, Cylinder, Box or ConvexStock, such as stock_for finds")
     require_type(schedule, Schedule, "schedule", "Schedule, such as Schedule((0.1, 0.1), 0.5)")
 
 
@@ -173,12 +175,10 @@ def _too_deep(last: Cut) -> bool:
 def _mend(inspection: Inspection, making: Sequences, *, doubts: bool = False) -> None:
     """Move the levels that failed (and those their certificates `doubts`) as little as keeps their limits, with the places watched that
     are near them, each MENDS times (with doubts SURER) at most. Levels next to each other that are no better for it stay as they were."""
-    mended, watched = Counter[int](), defaultdict[int, list[ndarray]](list)
+    mended, watched, most = Counter[int](), defaultdict[int, list[ndarray]](list), SURER if doubts else MENDS
     while True:
         made, failed = inspection.nets, {cut.level.index: cut for cut in inspection.failed + inspection.uncertain * doubts}
-        which = {
-            k for k in failed if k < len(made) and inspection.trouble([k], doubts)[1] <= FAR and mended[k] < (SURER if doubts else MENDS)
-        }
+        which = {k for k in failed if k < len(made) and inspection.trouble([k], doubts)[1] <= FAR and mended[k] < most}
         if not which or (len(failed) > len(made) / 2 and inspection.trouble(failed, doubts)[1] > ALL_FAR):
             return
         mended.update(which)

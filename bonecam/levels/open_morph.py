@@ -19,12 +19,12 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.arrays import ROUNDING, dots, lengths
-from bonecam.errors import JobError, LevelError, StockError, SurfaceError, place_name, require_type
+from bonecam.errors import JobError, LevelError, StockError, SurfaceError, place_name
 from bonecam.job import LevelsJob
 from bonecam.levels.check import BINS, DEPTH_TOLERANCE, NEST_TOLERANCE, REMAINS, patch_of
 from bonecam.levels.fabric import Fabric, fabric_of
 from bonecam.levels.level import Level
-from bonecam.levels.morph import Morph
+from bonecam.levels.morph import Morph, require_types
 from bonecam.levels.open_stock import OpenStock, distances, open_stock
 from bonecam.levels.schedule import Schedule
 from bonecam.levels.solve import Rows, solve
@@ -58,8 +58,7 @@ def morph_open(
     `edges`: `free`, or `fixed` to those of the part. Raises SurfaceError where the surface is closed, JobError where a parameter is wrong,
     StockError where the stock is not on one side of the part or its fit too far off, LevelError where a level cannot be made or fails.
     """
-    require_type(surface, TSpline, "surface", "TSpline, such as skin(rows)")
-    require_type(schedule, Schedule, "schedule", "Schedule, such as Schedule((0.1, 0.1), 0.5)")
+    require_types(surface, schedule)
     LevelsJob(chord_tolerance=chord_tolerance)  # raises where it is out of range
     if edges not in EDGES:
         raise JobError(f"edges = {edges!r}: choose one of {', '.join(EDGES)}", field="edges")

@@ -39,7 +39,7 @@ def levels_in(surface: TSpline, stock: Stock, schedule: Schedule, **options: Any
 
     Raises StockError where the part leaves the stock or comes so near to its edges that they cannot be rounded over it.
     """
-    require_types(surface, stock, schedule)
+    require_types(surface, schedule, stock)
     if isinstance(stock, Capsule | Rounded):
         return morph(surface, stock, schedule, **options)
     part_mesh = surface.tessellate(CHORD)

@@ -6,6 +6,7 @@ Cut k removes what lies between level k - 1 and level k. No sequence of cuts can
 
 import math
 from dataclasses import dataclass
+from numbers import Real
 
 from bonecam.arrays import ROUNDING
 from bonecam.errors import LevelError
@@ -23,7 +24,7 @@ class Schedule:
     beyond: float
 
     def __post_init__(self) -> None:
-        if not (isinstance(self.first, tuple) and all(isinstance(depth, int | float) for depth in (*self.first, self.beyond))):
+        if not (isinstance(self.first, tuple) and all(isinstance(depth, Real) for depth in (*self.first, self.beyond))):
             raise TypeError(f"Schedule({self.first!r}, {self.beyond!r}): give depths in mm like Schedule((0.1, 0.1), 0.5)")
         for k, depth in enumerate((*self.first, self.beyond), start=1):
             if not LEAST <= depth < math.inf:

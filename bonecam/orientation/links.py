@@ -208,15 +208,14 @@ class Linker:
         """Whether straight moves through the poses (centres, axes) of each way are proven free; finely subdivided."""
         if not ways:
             return np.zeros(0, dtype=bool)
-        tips = [centres - self._radius * axes for centres, axes in ways]
-        first, last = np.vstack([t[:-1] for t in tips]), np.vstack([t[1:] for t in tips])
-        places, turns = interpolated(first, last, np.vstack([a[:-1] for _, a in ways]), np.vstack([a[1:] for _, a in ways]), VERIFY_STEPS)
+        starts, ends = np.vstack([c[:-1] for c, _ in ways]), np.vstack([c[1:] for c, _ in ways])
+        first, last = np.vstack([a[:-1] for _, a in ways]), np.vstack([a[1:] for _, a in ways])
+        places, turns = interpolated(starts - self._radius * first, ends - self._radius * last, first, last, VERIFY_STEPS)
         joined = np.tile(np.r_[np.ones(VERIFY_STEPS, dtype=bool), False], len(first))
         free = (self._checker.free_moves(places, turns, joined, cutting=cutting) | ~joined).reshape(len(first), -1).all(axis=1)
         if cutting:
-            balls = [centres for centres, _ in ways]
-            free[free] &= self._ball_free(np.vstack([c[:-1] for c in balls])[free], np.vstack([c[1:] for c in balls])[free])
-        blocked = np.bincount(np.repeat(np.arange(len(ways)), [len(t) - 1 for t in tips]), ~free, len(ways))
+            free[free] = self._ball_free(starts[free], ends[free])
+        blocked = np.bincount(np.repeat(np.arange(len(ways)), [len(c) - 1 for c, _ in ways]), ~free, len(ways))
         return np.asarray(blocked == 0)
 
     def _ball_free(self, starts: Float[ndarray, "m 3"], ends: Float[ndarray, "m 3"]) -> Bool[ndarray, " m"]:

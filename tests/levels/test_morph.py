@@ -62,6 +62,7 @@ def test_a_surface_that_bounds_no_body_is_refused_at_once(stock: Stock) -> None:
 
 
 CALLS = """
+import numpy as np
 from bonecam.levels.morph import morph
 from bonecam.levels.open_morph import morph_open
 from bonecam.levels.rounding import levels_in
@@ -76,6 +77,7 @@ for call in (
     lambda: Schedule(0.1, 0.5),
     lambda: Schedule([0.1], 0.5),
     lambda: Schedule((0.1,), None),
+    lambda: print(Schedule((np.float32(0.5),), np.int64(1)).reach(2), "mm: numbers of any kind are depths"),
 ):
     try:
         call()
@@ -93,6 +95,7 @@ def test_arguments_of_another_kind_are_refused_with_what_to_give() -> None:
         *["schedule is a float: give a Schedule"] * 2,
         *[f"{told}: give depths in mm like Schedule((0.1, 0.1), 0.5)" for told in ("Schedule(0.1, 0.5)", "Schedule([0.1], 0.5)")],
         "Schedule((0.1,), None): give depths in mm like Schedule((0.1, 0.1), 0.5)",
+        "1.5 mm: numbers of any kind are depths",
     ]
 
 
