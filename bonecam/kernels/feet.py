@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.bezier import CONTRACT, first_jet, locate_one, located
+from bonecam.kernels.bezier import CONTRACT, Three, first_jet, locate_one
 
 STEP_S, STEP_T, RIDGE = 0.05, 0.03, 1e-6
 SHORT = 2e-4
@@ -16,37 +16,43 @@ TIP = 32
 
 
 @njit(inline="always")
-def _normal(D: ndarray, n: ndarray) -> None:
-    """S_s x S_t."""
-    n[0] = D[1, 1] * D[2, 2] - D[1, 2] * D[2, 1]
-    n[1] = D[1, 2] * D[2, 0] - D[1, 0] * D[2, 2]
-    n[2] = D[1, 0] * D[2, 1] - D[1, 1] * D[2, 0]
+def _dot(a: Three, b: Three) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @njit(inline="always")
-def _unit(n: ndarray) -> None:
-    size = np.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
-    if size > 0.0:
-        for i in range(3):
-            n[i] /= size
+def _cross(a: Three, b: Three) -> Three:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@njit(inline="always")
+def _times(factor: float, a: Three) -> Three:
+    return factor * a[0], factor * a[1], factor * a[2]
+
+
+@njit(inline="always")
+def _minus(a: Three, b: Three) -> Three:
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@njit(inline="always")
+def _unit(a: Three) -> Three:
+    size = np.sqrt(_dot(a, a))
+    return _times(1.0 / size, a) if size > 0.0 else a
 
 
 @njit(cache=True, fastmath=CONTRACT)
-def _tips(patches: ndarray, boxes: ndarray, strips: tuple, ends: tuple) -> ndarray:
-    """The mean normals round the two poles, which may be tips of cones."""
-    D, n, tips = np.empty((3, 4)), np.empty(3), np.zeros((2, 3))
-    for end in range(2):
-        for k in range(TIP):
-            s = k / TIP
-            e = locate_one(*strips, s, ends[end])
-            first_jet(patches[e], boxes[e], s, ends[end], D)
-            _normal(D, n)
-            tips[end] += n
-        _unit(tips[end])
-    return tips
+def _tip(patches: ndarray, boxes: ndarray, strips: tuple, end: float) -> Three:
+    """The mean normal round a pole, which may be the tip of a cone."""
+    n = 0.0, 0.0, 0.0
+    for k in range(TIP):
+        e = locate_one(*strips, k / TIP, end)
+        _, S_s, S_t = first_jet(patches[e], boxes[e], k / TIP, end)
+        n = _minus(n, _cross(S_t, S_s))
+    return _unit(n)
 
 
-@njit(cache=True, fastmath=CONTRACT, nogil=True)
+@njit(cache=True, fastmath=CONTRACT)
 def feet(
     patches: ndarray, boxes: ndarray, strips: tuple, ends: tuple, y: ndarray, steps: int, s: ndarray, t: ndarray, foot: ndarray,
     normal: ndarray, clear_of: float, enough: ndarray,
@@ -57,53 +63,46 @@ def feet(
     The steps are damped where S_s vanishes, halved where they lead away (farther off than the radius of curvature they go too far), and
     neither long nor SHORT. At the ends the normal is the mean one round the pole; farther than `clear_of` from the foot the direction from
     it, or towards it, stands for the normal.
+
+    Most places are in the element of the one before, which is looked at first.
     """
-    tips, D = _tips(patches, boxes, strips, ends), np.empty((3, 4))
-    strip_knots, strip_table, strip_starts, lows, highs, ids, tables = strips
+    first, last = _tip(patches, boxes, strips, ends[0]), _tip(patches, boxes, strips, ends[1])
+    e = 0
     for l in range(len(y)):
+        p = y[l, 0], y[l, 1], y[l, 2]
         u, v, ds, dt, best = s[l] - np.floor(s[l]), min(max(t[l], ends[0]), ends[1]), 0.0, 0.0, np.inf
+        nearest_u, nearest_v, nearest, n = u, v, p, p
         for _ in range(steps + 1):
-            e = located(strip_knots, strip_table, strip_starts, lows, highs, ids, tables, u, v)
-            first_jet(patches[e], boxes[e], u, v, D)
-            E = F = G = a = b = square = 0.0
-            for i in range(3):
-                r = y[l, i] - D[0, i]
-                square += r * r
-                E += D[1, i] * D[1, i]
-                F += D[1, i] * D[2, i]
-                G += D[2, i] * D[2, i]
-                a += r * D[1, i]
-                b += r * D[2, i]
+            if not (boxes[e, 0] <= u < boxes[e, 1] and boxes[e, 2] <= v < boxes[e, 3]):
+                e = locate_one(*strips, u, v)
+            x, S_s, S_t = first_jet(patches[e], boxes[e], u, v)
+            r = _minus(p, x)
+            square = _dot(r, r)
             if square < best:
-                best, s[l], t[l] = square, u, v
-                foot[l] = D[0, :3]
-                _normal(D, normal[l])
+                best, nearest_u, nearest_v, nearest, n = square, u, v, x, _cross(S_s, S_t)
                 if square <= enough[l] * enough[l]:
                     break
-                E += RIDGE * G
+                F, G, a, b = _dot(S_s, S_t), _dot(S_t, S_t), _dot(r, S_s), _dot(r, S_t)
+                E = _dot(S_s, S_s) + RIDGE * G
                 across = E * G - F * F * (1.0 - RIDGE)
                 if across <= 0.0:
                     break
-                ds, dt = (G * a - F * b) / across, (E * b - F * a) / across
+                across = 1.0 / across
+                ds, dt = (G * a - F * b) * across, (E * b - F * a) * across
                 if E * ds * ds + 2.0 * F * ds * dt + G * dt * dt < SHORT * SHORT:
                     break
-                far = max(1.0, abs(ds) / STEP_S, abs(dt) / STEP_T)
-                ds, dt = ds / far, dt / far
+                far = max(abs(ds) / STEP_S, abs(dt) / STEP_T)
+                if far > 1.0:
+                    ds, dt = ds / far, dt / far
             else:
                 ds, dt = 0.5 * ds, 0.5 * dt
-            u = s[l] + ds
+            u = nearest_u + ds
             u -= np.floor(u)
-            v = min(max(t[l] + dt, ends[0]), ends[1])
-        if t[l] == ends[0]:
-            normal[l] = tips[0]
-        elif t[l] == ends[1]:
-            normal[l] = tips[1]
-        else:
-            _unit(normal[l])
+            v = min(max(nearest_v + dt, ends[0]), ends[1])
+        n = first if nearest_v == ends[0] else last if nearest_v == ends[1] else _unit(n)
         if best > clear_of * clear_of:
-            height = 0.0
-            for i in range(3):
-                height += (y[l, i] - foot[l, i]) * normal[l, i]
-            size = np.copysign(np.sqrt(best), height)
-            for i in range(3):
-                normal[l, i] = (y[l, i] - foot[l, i]) / size
+            r = _minus(p, nearest)
+            n = _times(1.0 / np.copysign(np.sqrt(best), _dot(r, n)), r)
+        s[l], t[l] = nearest_u, nearest_v
+        for i in range(3):
+            foot[l, i], normal[l, i] = nearest[i], n[i]

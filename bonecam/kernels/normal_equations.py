@@ -59,6 +59,6 @@ def add_weighed(band: np.ndarray, starts: np.ndarray, columns: np.ndarray, value
     for i in range(len(starts) - 1):
         for p in range(starts[i], starts[i + 1]):
             j, share = columns[p], weights[i] * values[p]
-            for q in range(starts[i], starts[i + 1]):
-                if columns[q] >= j:
-                    band[j, columns[q] - j] += share * values[q]
+            for q in range(starts[i], p + 1):
+                k = columns[q]
+                band[min(j, k), abs(j - k)] += share * values[q]

@@ -1,6 +1,6 @@
 """The loops of one morph level's program, compiled: a sweep of the splitting, a sweep of projections.
 
-Both hold samples y_l = x_l + sum_i R_li D_i between two planes (low <= n . (y - c) <= high, from the foot c on the level before)
+Both hold samples x_l + sum_i R_li D_i between two planes (low <= n . (y - c) <= high, from the foot c on the level before)
 and behind a third (m . y <= h, the stock's wall). R is in CSR form.
 """
 
@@ -33,28 +33,22 @@ def correction(d: float, low: float, high: float, e: float, g: float) -> tuple[f
     return 0.5 * (t - e), 0.0
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=CONTRACT)
 def sweep(
-    indptr: ndarray, indices: ndarray, data: ndarray, x: ndarray, D: ndarray, H: ndarray, c: ndarray, n: ndarray, low: ndarray,
-    high: ndarray, m: ndarray, h: ndarray, weights: ndarray, rho: float, relaxation: float, z: ndarray, u: ndarray, moments: ndarray,
+    x: ndarray, y: ndarray, H: ndarray, c: ndarray, n: ndarray, low: ndarray, high: ndarray, m: ndarray, h: ndarray, weights: ndarray,
+    rho: float, relaxation: float, z: ndarray, u: ndarray,
 ) -> float:  # fmt: skip
-    """One iteration: z = the point of the limits nearest to (H + rho (y + u)) / (1 + rho), u += y - z, moments = R'W (z - u - x).
+    """One iteration for samples that y has moved: z = the point of the limits nearest to (H + rho (x + y + u)) / (1 + rho),
+    u += x + y - z, and y = W (z - u - x), whose moments the control points are fitted to.
 
-    Answers what is unsettled: the weighed sum of squares of how far z went and how far it is from y.
+    Answers what is unsettled: the weighed sum of squares of how far z went and how far it is from x + y.
     """
-    moments[:] = 0.0
     keep, share, unsettled = 1.0 - relaxation, 1.0 / (1.0 + rho), 0.0
     for l in range(len(x)):
-        y0, y1, y2 = x[l, 0], x[l, 1], x[l, 2]
-        for k in range(indptr[l], indptr[l + 1]):
-            j, r = indices[k], data[k]
-            y0 += r * D[j, 0]
-            y1 += r * D[j, 1]
-            y2 += r * D[j, 2]
-        e0, e1, e2, w = y0, y1, y2, weights[l]
-        y0 = relaxation * y0 + keep * z[l, 0] + u[l, 0]
-        y1 = relaxation * y1 + keep * z[l, 1] + u[l, 1]
-        y2 = relaxation * y2 + keep * z[l, 2] + u[l, 2]
+        e0, e1, e2, w = x[l, 0] + y[l, 0], x[l, 1] + y[l, 1], x[l, 2] + y[l, 2], weights[l]
+        y0 = relaxation * e0 + keep * z[l, 0] + u[l, 0]
+        y1 = relaxation * e1 + keep * z[l, 1] + u[l, 1]
+        y2 = relaxation * e2 + keep * z[l, 2] + u[l, 2]
         a0, a1, a2 = share * (H[l, 0] + rho * y0), share * (H[l, 1] + rho * y1), share * (H[l, 2] + rho * y2)
         n0, n1, n2, m0, m1, m2 = n[l, 0], n[l, 1], n[l, 2], m[l, 0], m[l, 1], m[l, 2]
         d = n0 * (a0 - c[l, 0]) + n1 * (a1 - c[l, 1]) + n2 * (a2 - c[l, 2])
@@ -64,12 +58,7 @@ def sweep(
         unsettled += w * ((z[l, 0] - a0) ** 2 + (z[l, 1] - a1) ** 2 + (z[l, 2] - a2) ** 2)
         y0, y1, y2 = y0 - a0, y1 - a1, y2 - a2
         z[l, 0], z[l, 1], z[l, 2], u[l, 0], u[l, 1], u[l, 2] = a0, a1, a2, y0, y1, y2
-        a0, a1, a2 = w * (a0 - y0 - x[l, 0]), w * (a1 - y1 - x[l, 1]), w * (a2 - y2 - x[l, 2])
-        for k in range(indptr[l], indptr[l + 1]):
-            j, r = indices[k], data[k]
-            moments[j, 0] += r * a0
-            moments[j, 1] += r * a1
-            moments[j, 2] += r * a2
+        y[l, 0], y[l, 1], y[l, 2] = w * (a0 - y0 - x[l, 0]), w * (a1 - y1 - x[l, 1]), w * (a2 - y2 - x[l, 2])
     return unsettled
 
 

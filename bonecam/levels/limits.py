@@ -26,9 +26,8 @@ from bonecam.levels.limit_wall import wall
 from bonecam.levels.solve import Rows
 from bonecam.levels.stock import Stock
 from bonecam.surface.tspline import TSpline
-from bonecam.threads import in_pieces
 
-EDGE, CLEAR_OF, PIECE = 1e-4, 0.02, 2048
+EDGE, CLEAR_OF = 1e-4, 0.02
 SLABS, WALLS = (depth, nesting), (wall,)
 
 
@@ -140,14 +139,10 @@ def feet(
     |y - foot| never understates the distance to the whole surface.
     """
     elements, s, t = before.elements(), s.copy(), t.copy()
-    y, foot, normal = np.ascontiguousarray(y), np.empty((len(y), 3)), np.empty((len(y), 3))
+    foot, normal = np.empty((len(y), 3)), np.empty((len(y), 3))
     enough = np.zeros(len(y)) if enough is None else enough
     surface = before.patches, elements.boxes, elements.strips, rings(before)
-
-    def find(some: slice) -> None:
-        kernel.feet(*surface, y[some], steps, s[some], t[some], foot[some], normal[some], CLEAR_OF, enough[some])
-
-    in_pieces(find, len(y), PIECE)
+    kernel.feet(*surface, np.ascontiguousarray(y), steps, s, t, foot, normal, CLEAR_OF, enough)
     return s, t, foot, normal
 
 

@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from bonecam.arrays import dots, lengths
-from bonecam.kernels import splitting
+from bonecam.kernels import rows, splitting
 from bonecam.levels.back import behind
 from bonecam.levels.cut import Cut, Manner
 from bonecam.levels.energy import Given, Quadratic, stacked, summed
@@ -128,15 +128,17 @@ def _tamed(net: Quadratic, R: sp.csr_array, weights: ndarray, most: float) -> Qu
 def split(program: Program, iterations: int = ITERATIONS, renew: int = RENEW) -> Float[ndarray, "m 3"]:
     """The free moves by splitting, in so many iterations at most; every `renew` of them the program is set up again where samples are."""
     R, x, linear = program.R, program.x, program.net.linear / RHO
+    csr = R.indptr, R.indices, R.data
     fit = factor(sp.csc_array(program.net.matrix / RHO), R, program.weights)
     z, u, settled = program.start.copy(), np.zeros_like(x), SETTLED**2 * program.weights.sum()
+    y, moments = np.empty_like(x), np.empty_like(linear)
     D = fit.solve(R.T @ (program.weights[:, None] * (z - x)) - linear)
-    moments = np.empty_like(D)
     for k in range(1, iterations + 1):
         if k % renew == 0:
             program = program.at(D)
-        H, planes = program.H, program.limits.planes
-        unsettled = splitting.sweep(R.indptr, R.indices, R.data, x, D, H, *planes, program.weights, RHO, RELAXATION, z, u, moments)
+        rows.times(*csr, D, y)
+        unsettled = splitting.sweep(x, y, program.H, *program.limits.planes, program.weights, RHO, RELAXATION, z, u)
+        rows.transposed_times(*csr, y, moments)
         D = fit.solve(moments - linear)
         if k > renew and unsettled < settled:
             break
@@ -148,7 +150,7 @@ def by_osqp(program: Program) -> Float[ndarray, "m 3"]:
     count = program.matrix.shape[0]
     energy, D = sp.csc_array(sp.block_diag([program.matrix] * 3)), np.zeros((count, 3))
     for _ in range(RENEWALS):
-        rows = program.limits.rows(program.R, program.x)
-        D = solve(energy, program.gradient.T.ravel(), rows, OSQP_TOLERANCE, D.T.ravel()).x.reshape(3, -1).T
+        limits = program.limits.rows(program.R, program.x)
+        D = solve(energy, program.gradient.T.ravel(), limits, OSQP_TOLERANCE, D.T.ravel()).x.reshape(3, -1).T
         program = program.at(D)
     return D

@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 
 from bonecam.arrays import lengths
 from bonecam.levels.limits import feet
+from bonecam.levels.samples import combined
 from bonecam.levels.setting import Setting
 from bonecam.levels.stock import Stock
 from bonecam.surface.tspline import TSpline
@@ -60,7 +61,7 @@ def remaining(setting: Setting, P: Float[ndarray, "c 3"], before: Remaining) -> 
     """What is left above the level with control points P, which encloses the one `before` was measured from."""
     known = np.isfinite(before.farthest)
     level, samples = setting.surface.with_control_points(P), setting.samples if known else setting.watch
-    tree, distance, places = cKDTree(samples.R @ P), before.at_most.copy(), before.feet.copy()
+    tree, distance, places = cKDTree(combined(samples.R, P)), before.at_most.copy(), before.feet.copy()
 
     def measure(which: ndarray) -> None:
         points = before.points[which]
@@ -82,7 +83,7 @@ def remaining(setting: Setting, P: Float[ndarray, "c 3"], before: Remaining) -> 
     distance[others], places[others] = _nearest(level, before.points[others], places[others], farthest)
     measure(others[distance[others] > farthest])
     order = np.argsort(-distance, kind="stable")
-    own = setting.watch.R @ P
+    own = combined(setting.watch.R, P)
     depths = -setting.stock.signed_distance(own)
     deepest = int(np.argmax(depths))
     return Remaining(before.points[order], distance[order], places[order], own[deepest], float(depths[deepest]))

