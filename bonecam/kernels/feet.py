@@ -52,7 +52,7 @@ def _tip(patches: ndarray, boxes: ndarray, strips: tuple, end: float) -> Three:
     return _unit(n)
 
 
-@njit(cache=True, fastmath=CONTRACT)
+@njit(cache=True, fastmath=CONTRACT, nogil=True)
 def feet(
     patches: ndarray, boxes: ndarray, strips: tuple, ends: tuple, y: ndarray, steps: int, s: ndarray, t: ndarray, foot: ndarray,
     normal: ndarray, clear_of: float, enough: ndarray,
