@@ -6,9 +6,8 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.arrays import frozen
 from bonecam.errors import StockError
-from bonecam.levels.stock import Stock, sides
+from bonecam.levels.stock import Stock, numbers, sides
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 
@@ -21,9 +20,9 @@ class Box(Stock):
     kind: str = "box"
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "low", frozen(self.low))
-        object.__setattr__(self, "high", frozen(self.high))
-        if not (np.isfinite([self.low, self.high]).all() and (self.low < self.high).all()):
+        object.__setattr__(self, "low", numbers("a box's low corner", self.low, 3))
+        object.__setattr__(self, "high", numbers("a box's high corner", self.high, 3))
+        if not (self.low < self.high).all():
             width, depth, length = self.high - self.low
             raise StockError(f"a box of {width:g} x {depth:g} x {length:g} mm: give all three positive")
 

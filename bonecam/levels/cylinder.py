@@ -7,7 +7,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import StockError
-from bonecam.levels.stock import Stock, revolved
+from bonecam.levels.stock import Stock, numbers, revolved
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 
@@ -22,7 +22,9 @@ class Cylinder(Stock):
     kind: str = "cylinder"
 
     def __post_init__(self) -> None:
-        if not (self.radius > 0 and self.bottom < self.top and np.isfinite([self.radius, self.bottom, self.top]).all()):
+        numbers("a cylinder's centre", self.centre, 2)
+        radius, bottom, top = numbers("a cylinder's radius, bottom and top", [self.radius, self.bottom, self.top], 3)
+        if not (radius > 0 and bottom < top):
             raise StockError(f"a bar of diameter {2 * self.radius:g} and length {self.top - self.bottom:g} mm: give both positive")
 
     @property

@@ -91,9 +91,20 @@ class Stock(Protocol):
         return np.asarray(points - distance[:, None] * out)
 
 
+def numbers(what: str, values: Any, count: int) -> Float[ndarray, " n"]:
+    """A read-only copy. StockError that tells what they are where they are not so many finite numbers."""
+    try:
+        found = frozen(values)
+    except (TypeError, ValueError):
+        found = frozen([])
+    if found.shape != (count,) or not np.isfinite(found).all():
+        raise StockError(f"{what} is {values}: give {'a finite number' if count == 1 else f'{count} finite numbers'} (mm)")
+    return np.asarray(found)
+
+
 @dataclass(frozen=True, eq=False)
 class Capsule(Stock):
-    """All points within `radius` of the segment from `start` to `end`, mm."""
+    """All points within `radius` of the segment from `start` to `end`, mm. Raises StockError where there are none."""
 
     start: Float[ndarray, "3"]
     end: Float[ndarray, "3"]
@@ -101,10 +112,10 @@ class Capsule(Stock):
     kind: str = "capsule"
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "start", frozen(self.start))
-        object.__setattr__(self, "end", frozen(self.end))
-        if not (np.isfinite(self.radius) and self.radius > 0 and np.isfinite([self.start, self.end]).all()):
-            raise ValueError(f"a capsule needs a positive radius and finite ends, not {self.radius} from {self.start} to {self.end}")
+        object.__setattr__(self, "start", numbers("a capsule's start", self.start, 3))
+        object.__setattr__(self, "end", numbers("a capsule's end", self.end, 3))
+        if not numbers("a capsule's radius", [self.radius], 1)[0] > 0:
+            raise StockError(f"a capsule of radius {self.radius:g} mm: give a positive one")
 
     @property
     def diameter(self) -> float:

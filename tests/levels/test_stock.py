@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bonecam.errors import StockError
-from bonecam.levels.stock import Capsule, given_capsule, require_inside, smallest_capsule
+from bonecam.levels.stock import Capsule, given_capsule, numbers, require_inside, smallest_capsule
 from bonecam.mesh.distance import exact_closest
 
 CAPSULE = Capsule(np.array([0.0, 0.0, 7.5]), np.array([0.0, 0.0, 29.5]), 7.5)
@@ -107,3 +107,15 @@ def test_a_capsule_shorter_than_its_diameter_is_refused_with_setting_and_remedy(
 def test_an_allowance_of_nothing_is_refused() -> None:
     with pytest.raises(StockError):
         smallest_capsule(cloud(6), 0.0)
+
+
+@pytest.mark.parametrize("values", [[0.0, 1.0], [0.0, 1.0, np.nan], [0.0, 1.0, np.inf], [0.0, 1.0, "up"], None, [[0.0, 1.0, 2.0]]])
+def test_ends_of_a_stock_are_three_finite_numbers(values: object) -> None:
+    with pytest.raises(StockError, match=r"^a capsule's end is .*: give 3 finite numbers \(mm\)$"):
+        numbers("a capsule's end", values, 3)
+
+
+@pytest.mark.parametrize("radius", [0.0, -1.0, np.nan, np.inf])
+def test_a_capsule_of_no_radius_is_refused(radius: float) -> None:
+    with pytest.raises(StockError, match=r"^a capsule"):
+        Capsule(CAPSULE.start, CAPSULE.end, radius)
