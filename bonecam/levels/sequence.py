@@ -19,6 +19,7 @@ from bonecam.progress import Progress, report
 VARIANTS = (
     (3e-7, 1e-4, 1.0, 2.0, 3.0),
     (1e-6, 1e-4, 1.0, 2.0, 0.05),
+    (3e-7, 1e-4, 0.7, 2.0, 0.05),
     (3e-7, 1e-4, 0.3, 2.0, 0.05),
     (3e-7, 1e-4, 1.0, 2.0, 0.05),
     (3e-6, 1e-4, 0.7, 2.0, 0.05),
@@ -27,12 +28,12 @@ VARIANTS = (
     (1e-6, 1e-3, 1.0, 2.0, 0.05),
 )
 """Bending, smoothing of the field of directions, haste, how far beyond is pulled and how evenly (`Manner`); tried in turn. The first
-gets the deepest cuts; what keeps creases sharp enough for that may break limits, where the others do not. The third has little
-haste: places come to the stock together, hollows stay wide, and broad parts get levels where those of the others fold."""
+gets the deepest cuts; what keeps creases sharp enough for that may break limits, where the others do not. The third has less haste
+and the fourth little: places come to the stock together, hollows stay wide, and broad parts get levels where those of the others fold."""
 LAST, LATE = 3, 0.5
 """Where there are more cuts than K_min, the last so many levels below the stock are made again with this haste at most: what is left is
 wider and shallower then, and the last levels can follow it."""
-SPARE = (0, 0, 0.2, 0.2, np.inf, np.inf, np.inf, np.inf)
+SPARE = (0, 0, 0.2, 0.2, 0.2, np.inf, np.inf, np.inf, np.inf)
 """How many cuts beyond K_min, as a share of it, a sequence may have to be measured once so many were tried; one cut from the second on."""
 STILL = 1e-6
 """Levels stay that would be mended by moves of control points that are less (mm)."""
@@ -71,18 +72,22 @@ class Sequences:
         """
         waiting: list[tuple[Manner, list[ndarray]]] = []
         failure: LevelError | None = None
-        yielded = False
+        yielded, why = False, ""
         for place, (variant, spare) in enumerate(zip(VARIANTS, SPARE, strict=True)):
             manner = _manner(self.stiffness, *variant)
+            if why:
+                report(self.progress, 0.0, f"levels in another manner, because {why}")
             try:
-                waiting.append((manner, self.sequence(manner, rest)))
+                waiting.append((manner, made := self.sequence(manner, rest)))
+                why = f"these are {len(made)} cuts, and {self.lower_bound} may do"
             except LevelError as error:
-                failure = failure or error
+                failure, why = failure or error, str(error).partition(": ")[0]
             waiting.sort(key=lambda one: (len(one[1]), -one[0].haste))
             most = self.lower_bound + max(place > 0, spare * self.lower_bound)
             while waiting and len(waiting[0][1]) <= most:
                 yielded = True
                 yield waiting.pop(0)[1]
+                why = "those do not pass as measured"
         if failure is not None and not yielded:
             raise failure
 
