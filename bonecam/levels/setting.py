@@ -33,19 +33,14 @@ class Setting:
     M: sp.csc_array
     free: sp.csr_array
 
-    def watched(self, level: Float[ndarray, "c 3"], before: Float[ndarray, "c 3"]) -> tuple[Places, sp.csr_array]:
-        """All places on which the limits of a level are watched (given its control points and those before), and R over the free moves."""
-        others = joined(Places, places_at(self.surface, creases(self.watch, level, before)), self.broken)
-        return joined(Places, self.watch, others), sp.csr_array(sp.vstack([self._watch_moves, others.R @ self.free]))
+    def watched(self, level: Float[ndarray, "c 3"], before: Float[ndarray, "c 3"]) -> Places:
+        """All places on which the limits of a level are watched, given its control points and those before."""
+        return joined(Places, self.watch, places_at(self.surface, creases(self.watch, level, before)), self.broken)
 
     @cached_property
     def free_M(self) -> sp.csc_array:
         """M over the free moves."""
         return sp.csc_array(self.free.T @ self.M @ self.free)
-
-    @cached_property
-    def _watch_moves(self) -> sp.csr_array:
-        return sp.csr_array(self.watch.R @ self.free)
 
     def watching(self, parameters: Float[ndarray, "n 2"]) -> "Setting":
         """The same with more samples watched, at these (s, t)."""

@@ -67,22 +67,24 @@ def kept_level(setting: Setting, P: Float[ndarray, "c 3"], level: Float[ndarray,
 
 def _kept(setting: Setting, P: ndarray, D: ndarray, cut: Cut) -> Step:
     """The free moves, projected onto what the watched samples still break."""
-    (watch, R), stock = setting.watched(P + setting.free @ D, P), setting.stock
-    before, x = setting.surface.with_control_points(P), combined(watch.R, P)
-    gap, y = -stock.signed_distance(x), x + combined(R, D)
+    free, stock, level = setting.free, setting.stock, P + setting.free @ D
+    watch, before = setting.watched(level, P), setting.surface.with_control_points(P)
+    x, y = combined(watch.R, P), combined(watch.R, level)
+    gap = -stock.signed_distance(x)
     limits = limits_at(before, stock, cut, gap, y, watch.s, watch.t, FOOT_STEPS)
     set_up, broken, far = y, limits.broken(y), limits.high
     for turn in range(ROUNDS + 1):
-        after = before.with_control_points(P + setting.free @ D)
+        after = before.with_control_points(level)
         back = behind(after, x, y, watch.s, watch.t, limits.s, limits.t, far, FOOT_STEPS)
         broken_back = back.away - limits.high[back.which]
         if max(broken.max(), broken_back.max(initial=0)) <= ENOUGH or turn == ROUNDS:
             break
         near, R_back = np.flatnonzero(broken > -NEAR), after.basis(back.s, back.t)[0]
-        some, start = sp.csr_array(sp.vstack([R[near], R_back @ setting.free])), np.vstack([x[near], R_back @ P])
+        some, start = sp.csr_array(sp.vstack([watch.R[near], R_back]) @ free), np.vstack([x[near], R_back @ P])
         planes = limits.only(near).planes_with(x[back.which], back.n, limits.high[back.which])
         splitting.project(some.indptr, some.indices, some.data, start, D, *planes, SWEEPS, ENOUGH)
-        there, y = y, x + combined(R, D)
+        level = P + free @ D
+        there, y = y, combined(watch.R, level)
         far = np.where(lengths(y - there) > STILL, limits.high, np.inf)
         moved = np.flatnonzero(lengths(y - set_up) > MOVED)
         limits = limits.again(moved, y, 1)
@@ -92,4 +94,4 @@ def _kept(setting: Setting, P: ndarray, D: ndarray, cut: Cut) -> Step:
     worst = int(np.argmax(broken))
     _, along, across = after.derivatives(watch.s, np.clip(watch.t, *rings(before)), 1)
     folded = dots(np.cross(along, across), limits.n) <= 0
-    return Step(np.asarray(setting.free @ D), float(broken[worst]), y[worst], watch.near(folded | (broken > MENDABLE)))
+    return Step(np.asarray(level - P), float(broken[worst]), y[worst], watch.near(folded | (broken > MENDABLE)))

@@ -183,7 +183,8 @@ def optimum(call: Call, program: Program, start: ndarray, watched: bool) -> floa
 
     With `watched` the planes of all watched samples that `start` or the last answer brings within NEAR mm of them hold as well.
     """
-    watch, R = call.setting.watched(call.P + call.setting.free @ start, call.P)
+    watch = call.setting.watched(call.P + call.setting.free @ start, call.P)
+    R = sp.csr_array(watch.R @ call.setting.free)
     settings, D = clarabel.DefaultSettings(), start
     settings.verbose = False
     energy = sp.csc_matrix(sp.triu(sp.block_diag([program.matrix] * 3), format="csc"))

@@ -186,8 +186,8 @@ def test_places_that_bend_more_than_before_or_are_hollow_are_watched(making: Seq
 
     def between(level: np.ndarray, before: np.ndarray) -> int:
         t = creases(pattern, level, before)[:, 1]
-        places, moves = making.setting.watched(level, before)
-        assert len(places.s) == moves.shape[0] == len(pattern.s) + len(t)
+        places = making.setting.watched(level, before)
+        assert len(places.s) == places.R.shape[0] == len(pattern.s) + len(t)
         return int(((low < t) & (t < high)).sum())
 
     flat = surface.control_points
