@@ -5,6 +5,8 @@ import pytest
 import scipy.sparse as sp
 
 from bonecam.errors import LevelError
+from bonecam.kernels.rows import transposed_times
+from bonecam.levels.samples import combined
 from bonecam.levels.solve import Rows, factor, solve, stacked
 
 
@@ -52,3 +54,13 @@ def test_rows_that_are_weighed_are_added_to_the_band() -> None:
     matrix = sp.csc_array(sp.eye_array(40))
     found = factor(matrix, R, weights).solve(b)
     assert np.allclose(R.T @ (weights[:, None] * (R @ found)) + found, b)
+
+
+def test_rows_times_points_and_back_are_scipys() -> None:
+    rng = np.random.default_rng(2)
+    R = sp.random_array((300, 40), density=0.2, format="csr", rng=rng)
+    points, y, D = rng.random((40, 3)), rng.random((300, 3)), np.full((40, 3), np.nan)
+    assert np.allclose(combined(R, points), R @ points, atol=1e-14)
+    assert np.array_equal(combined(R, np.asfortranarray(points)), combined(R, points))
+    transposed_times(R.indptr, R.indices, R.data, y, D)
+    assert np.allclose(D, R.T @ y, atol=1e-13)

@@ -87,6 +87,9 @@ def test_feet_are_nearest_places() -> None:
     assert np.allclose(surface.evaluate(found_s, found_t), foot, atol=1e-12)
     assert np.abs(np.linalg.norm(points - foot, axis=1) - 0.3).max() < 1e-3
     assert np.einsum("ij,ij->i", points - foot, normals).min() > 0
+    others = rng.permutation(300)  # each is sought first in the element of the one before
+    again = feet(surface, points[others], s[others] + 0.01, np.clip(t[others] + 0.01, 0, 1), 8)
+    assert all(np.array_equal(a, b[others]) for a, b in zip(again, (found_s, found_t, foot, normals)))
 
 
 def test_feet_are_found_from_farther_off_than_the_radius_of_curvature() -> None:
