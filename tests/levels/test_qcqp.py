@@ -10,9 +10,10 @@ from test_morph import SCHEDULE, STOCK, waisted
 from bonecam.errors import LevelError
 from bonecam.levels.cylinder import Cylinder
 from bonecam.levels.morph import morph
-from bonecam.levels.qcqp import ConeLevels, Cones, Planes, solve_cones
+from bonecam.levels.qcqp import ConeLevels, Cones, Planes, cone_sequence, solve_cones
 from bonecam.levels.rounded import rounded
 from bonecam.levels.schedule import Schedule
+from bonecam.progress import silent
 
 STIFFNESS = 1e-7
 pytest.importorskip("clarabel", reason="the extra `reference` is not installed")
@@ -112,6 +113,15 @@ def test_a_level_within_what_is_measured_as_sound_is_taken(monkeypatch: pytest.M
     monkeypatch.setattr("bonecam.levels.qcqp.ROUNDS", 4)
     broken, _ = program._broken(P, program.next_moves(P, 0.5, STIFFNESS), 0.5)
     assert 1e-7 < broken.max() <= 0.002
+
+
+def test_levels_that_get_no_nearer_end_soon_and_tell_another_attraction(monkeypatch: pytest.MonkeyPatch) -> None:
+    def outwards(self: ConeLevels, P: np.ndarray, depth: float, stiffness: float) -> np.ndarray:
+        return depth * P / np.linalg.norm(P, axis=1, keepdims=True)
+
+    monkeypatch.setattr(ConeLevels, "next_moves", outwards)
+    with pytest.raises(LevelError, match=r"^level 11 gets no nearer to the stock than 3\.000 mm at .*, or take levels\.attraction stock$"):
+        cone_sequence(waisted(), STOCK, SCHEDULE, STIFFNESS, "sphere", lambda P: (3.0, P[0]), silent)
 
 
 def test_an_unknown_method_is_refused() -> None:
