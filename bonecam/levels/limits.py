@@ -136,7 +136,7 @@ def feet(
 
     CLEAR_OF mm and more from its foot a point's direction from it stands for the normal: the same at a foot, and where Newton has
     not found one, or at the tip of a pole, the distance is not understated. A foot is the nearest place that Newton came by, so
-    |y - foot| never understates the distance to the whole surface.
+    |y - foot| never understates the distance to the whole surface. One thread: among two the levels of a phalanx took a fifth longer.
     """
     elements, s, t = before.elements(), s.copy(), t.copy()
     foot, normal = np.empty((len(y), 3)), np.empty((len(y), 3))
