@@ -14,13 +14,15 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "convert": "bonecam.pipeline",
+    "morph_levels": "bonecam.pipeline",
+    "Morphed": "bonecam.pipeline",
     "Result": "bonecam.pipeline",
     "Job": "bonecam.job",
     "read_job": "bonecam.job",
     "BonecamError": "bonecam.errors",
     "MeshSet": "bonecam.filters.meshset",
 }
-__all__ = ["BonecamError", "Job", "MeshSet", "Result", "convert", "read_job"]
+__all__ = ["BonecamError", "Job", "MeshSet", "Morphed", "Result", "convert", "morph_levels", "read_job"]
 
 
 def __getattr__(name: str) -> Any:

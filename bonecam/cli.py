@@ -1,4 +1,4 @@
-"""The command line: `bonecam convert | demo | batch | script | filters | job`.
+"""The command line: `bonecam convert | demo | levels | batch | script | filters | job`.
 
 Exit codes: 0 done, 1 some mesh of a batch failed, 2 the input, the job or the call is wrong (one line on stderr).
 """
@@ -8,10 +8,10 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import bonecam
 from bonecam.errors import BonecamError, JobError
@@ -20,7 +20,11 @@ from bonecam.job import Job, read_job, write_job
 from bonecam.parameters import KINDS
 from bonecam.progress import Progress, silent
 
+if TYPE_CHECKING:
+    from bonecam.pipeline import Morphed
+
 EXIT_CODES = "Exit codes: 0 done; 1 some mesh of a batch failed; 2 wrong input, job or call (one line on stderr); 130 stopped."
+PART = "STL, PLY, OBJ or OFF mesh; STEP, IGES, SAT or DXF part; point cloud; rows of points; saved .tspline"
 EXAMPLES = {
     "convert": """
   bonecam convert bone.stl --units m -o bone.h
@@ -28,6 +32,8 @@ EXAMPLES = {
   bonecam convert bone.stl -o bone.ngc --machine linuxcnc-xyzbc --controller linuxcnc""",
     "demo": """
   bonecam demo -o phalanx.h --keep look""",
+    "levels": """
+  bonecam levels bone.stl --units m -o look --set stock.kind=cylinder --set levels.roughing_depth=1""",
     "batch": """
   bonecam batch scans/*.stl -o programs --job job.toml --jobs 4 --resume""",
     "script": """
@@ -72,6 +78,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"bonecam {bonecam.__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=_Parser)
     _add_convert(commands)
+    _add_levels(commands)
     _add_batch(commands)
     _add_script(commands)
     filters = _command(commands, "filters", "List bonecam's filters, or one with its parameters, units and ranges.", run_filters)
@@ -86,7 +93,9 @@ def _command(commands: Any, name: str, text: str, run: Any) -> argparse.Argument
     command: argparse.ArgumentParser = commands.add_parser(
         name, help=text, description=text, epilog=f"examples:{EXAMPLES[name]}", formatter_class=layout
     )
-    command.set_defaults(run=run, refuse=command.error, stopped="nothing was written", quiet=False, verbose=False)
+    command.set_defaults(
+        run=run, refuse=command.error, stopped="nothing was written", quiet=False, verbose=False, machine=None, controller=None
+    )
     return command
 
 
@@ -97,17 +106,26 @@ def _add_talk(command: argparse.ArgumentParser) -> None:
 
 def _add_convert(commands: Any) -> None:
     convert = _command(commands, "convert", "Mesh in, verified NC program out.", run_convert)
-    convert.add_argument(
-        "mesh", metavar="PART", help="STL, PLY, OBJ or OFF mesh; STEP, IGES, SAT or DXF part; point cloud; rows of points; saved .tspline"
-    )
+    convert.add_argument("mesh", metavar="PART", help=PART)
     demo = _command(commands, "demo", "The whole chain on the phalanx that ships with bonecam.", run_demo)
     for command, default in ((convert, ""), (demo, " (phalanx.h, or as the controller's programs end)")):
         command.add_argument("-o", "--output", metavar="PROGRAM", required=not default, help=f"the NC program to write{default}")
         command.add_argument("--keep", metavar="DIR", help="write surface, levels, tool path and pictures there")
-        command.add_argument("--report", metavar="FILE.json", help="write every figure that was measured there")
-        command.add_argument("--surface", metavar="FILE", help="write the T-spline there: .tspline, .iga, .step or .iges")
-        _add_job_options(command)
-        _add_talk(command)
+        _add_figures(command)
+
+
+def _add_levels(commands: Any) -> None:
+    levels = _command(commands, "levels", "Mesh in, measured morph levels and their pictures out: no paths, no program.", run_levels)
+    levels.add_argument("mesh", metavar="PART", help=PART)
+    levels.add_argument("-o", "--output", metavar="DIR", required=True, help="folder for surface, levels and pictures")
+    _add_figures(levels, posted=False)
+
+
+def _add_figures(command: argparse.ArgumentParser, *, posted: bool = True) -> None:
+    command.add_argument("--report", metavar="FILE.json", help="write every figure that was measured there")
+    command.add_argument("--surface", metavar="FILE", help="write the T-spline there: .tspline, .iga, .step or .iges")
+    _add_job_options(command, posted=posted)
+    _add_talk(command)
 
 
 def _add_batch(commands: Any) -> None:
@@ -129,11 +147,12 @@ def _add_script(commands: Any) -> None:
     _add_talk(script)
 
 
-def _add_job_options(command: argparse.ArgumentParser) -> None:
+def _add_job_options(command: argparse.ArgumentParser, *, posted: bool = True) -> None:
     command.add_argument("--job", metavar="JOB.toml", help="job file; what it leaves out keeps its default")
     command.add_argument("--units", choices=("mm", "m", "inch"), help="unit of the file's coordinates (mm)")
-    command.add_argument("--machine", metavar="NAME", help="mikron-ucp600 (default), linuxcnc-xyzbc, or a TOML file of your own")
-    command.add_argument("--controller", metavar="NAME", help="heidenhain (default), linuxcnc, or a TOML file of your own")
+    if posted:
+        command.add_argument("--machine", metavar="NAME", help="mikron-ucp600 (default), linuxcnc-xyzbc, or a TOML file of your own")
+        command.add_argument("--controller", metavar="NAME", help="heidenhain (default), linuxcnc, or a TOML file of your own")
     command.add_argument(
         "--set",
         action="append",
@@ -229,19 +248,29 @@ def run_demo(options: argparse.Namespace) -> int:
     return _convert(path("phalanx"), options)
 
 
+def run_levels(options: argparse.Namespace) -> int:
+    """`bonecam levels`."""
+    return _made(bonecam.morph_levels, options.mesh, options, keep=options.output)
+
+
 def _convert(mesh: str | Path, options: argparse.Namespace) -> int:
-    job = job_of(options)
-    outputs = {"program": options.output, "report": options.report, "surface": options.surface}
-    check_files(filter(None, outputs.values()), filter(None, (options.job, options.machine, options.controller)))
+    return _made(bonecam.convert, mesh, options, program=options.output, keep=options.keep)
+
+
+def _made(make: Callable[..., "Morphed"], mesh: str | Path, options: argparse.Namespace, **outputs: str | None) -> int:
+    """Make it of the mesh, write report, surface and the other outputs, and print the summary."""
+    job, outputs = job_of(options), {**outputs, "report": options.report, "surface": options.surface}
+    files = (file for name, file in outputs.items() if file is not None and name != "keep")
+    check_files(files, filter(None, (options.job, options.machine, options.controller)))
     terminal = _progress(options)
     progress: Progress = terminal or silent
     try:
-        result = bonecam.convert(mesh, job, **outputs, keep=options.keep, progress=progress)
+        made = make(mesh, job, **outputs, progress=progress)
     finally:
         if terminal:
             terminal.close()
     if not options.quiet:
-        print(result.summary)
+        print(made.summary)
     return 0
 
 

@@ -20,22 +20,23 @@ from bonecam.verify.pictures import draw_coloured, draw_depths, draw_levels, dra
 
 COLUMNS = "level,pass,index,contact_x,contact_y,contact_z,tip_x,tip_y,tip_z,axis_x,axis_y,axis_z,kind,feed".split(",")
 FAILED = r"failed_level_\d{2,}\.ply"
-SERIES = rf"level_\d{{2,}}\.ply|{FAILED}"
-"""Names of the files that an earlier run may have left, of other levels than these."""
+SERIES = rf"level_\d{{2,}}\.ply|toolpath\.(csv|png)|{FAILED}"
+"""Names of the files that an earlier run may have left, of other levels than these and paths on them."""
 
 
 def keep(
     folder: str | Path, surface: TSpline, levels: Sequence[Level], stock: Stock, paths: Sequence[ToolPath], post: tuple[float, float]
 ) -> None:
-    """Write surface.tspline, toolpath.csv, toolpath.png and what `keep_levels` writes; all of them or none.
+    """Write surface.tspline, what `keep_levels` writes, and where there are paths toolpath.csv and toolpath.png; all of them or none.
 
-    Levels of an earlier run are removed. `post` is (diameter, top z) in mm.
+    Levels and paths of an earlier run are removed. `post` is (diameter, top z) in mm.
     """
     with whole_folder(folder, SERIES) as work:
         write_tsm(surface, work / "surface.tspline")
         _write_levels(work, levels, stock, post, LINE)
-        write_whole(work / "toolpath.csv", toolpath_csv(paths))
-        draw_toolpath(paths, levels, work / "toolpath.png")
+        if paths:
+            write_whole(work / "toolpath.csv", toolpath_csv(paths))
+            draw_toolpath(paths, levels, work / "toolpath.png")
 
 
 def keep_levels(
@@ -48,7 +49,7 @@ def keep_levels(
     """Write level_00.ply (the part) ..., levels.png, coloured.png and depths.png of levels in a stock (open ones: None); all or none.
 
     The levels' vertices carry the depth of their cut (mm) as quality and colour (all on one scale). `post` is (diameter, top z) in mm,
-    `line` the parameter s of the line that depths.png shows. Levels of an earlier run are removed.
+    `line` the parameter s of the line that depths.png shows. Levels and paths of an earlier run are removed.
     """
     with whole_folder(folder, SERIES) as work:
         _write_levels(work, levels, stock, post, line)

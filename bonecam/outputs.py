@@ -29,10 +29,13 @@ class Outputs:
     report: File = None
     surface: File = None
 
-    def check(self, dialect: Dialect, *inputs: str | Path) -> None:
-        """A BonecamError where a name is none for what it would hold, is one of the inputs', or cannot be written."""
+    def check(self, inputs: Sequence[str | Path], dialect: Dialect | None = None) -> None:
+        """A BonecamError where a name is none for what it would hold, is one of the inputs', or cannot be written.
+
+        `dialect` is the program's, where one is wanted.
+        """
         check_files([file for file in (self.program, self.report, self.surface) if file is not None], inputs)
-        if self.program is not None:
+        if self.program is not None and dialect is not None:
             check_ending(Path(self.program), dialect)
         if self.surface is not None:
             check_target(self.surface)
@@ -49,7 +52,7 @@ class Outputs:
         paths: Sequence[ToolPath],
         post: tuple[float, float],
     ) -> None:
-        """Write what is wanted; the program comes to its place last. `post` is (diameter, top z) in mm."""
+        """Write what is wanted; the program comes to its place last. `post` is (diameter, top z) in mm; there may be no `paths` yet."""
         from bonecam.keep import keep
 
         with ExitStack() as files:

@@ -87,21 +87,27 @@ class Part:
 
 
 @dataclass(frozen=True, eq=False)
-class Result:
-    """Everything the chain made. `report` is what --report writes."""
+class Morphed:
+    """What the chain makes up to the levels. `report` is what --report writes."""
 
     part: Part
     surface: TSpline
     stock: Stock
     levels: Morph
-    paths: tuple[ToolPath, ...]
-    program: Program
     report: dict[str, Any]
 
     @property
     def summary(self) -> str:
         """What came of it, in a few lines."""
         return summary_of(self.report)
+
+
+@dataclass(frozen=True, eq=False)
+class Result(Morphed):
+    """Everything the chain makes."""
+
+    paths: tuple[ToolPath, ...]
+    program: Program
 
 
 def convert(
@@ -120,27 +126,71 @@ def convert(
     its kind) are written last, each whole; where anything fails nothing is written, but for the patch of a level that failed its check,
     in `keep`. Raises a BonecamError that names the trouble.
     """
-    if not isinstance(job, Job | None):
-        raise TypeError(f"job {job!r}: give a bonecam.Job, such as bonecam.read_job(file)")
-    job, clock = job or Job(), _Clock()
+    job, clock = _job(job), _Clock()
     machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)  # what is wrong is refused before the work
     check_job(job, machine)
     outputs = Outputs(program, keep, report, surface)
-    outputs.check(dialect, *([] if isinstance(mesh, TriangleMesh) else [mesh]))
+    outputs.check(_files(mesh), dialect)
+    made = _morphed(mesh, job, clock, keep, part(progress, 0.0, 0.3), machine)
+    with clock.stage("toolpath"):
+        paths = plan_paths(made.levels, made.stock, job, machine, part(progress, 0.3, 0.85))
+    with clock.stage("nc"):
+        posted = post(paths, made.stock, job, part(progress, 0.85, 0.9))
+    with clock.stage("verify"):
+        proof = verify(posted, paths, made.levels, job, part(progress, 0.9, 0.97))
+    figures = {
+        **made.report,
+        "toolpath": toolpath_report(paths),
+        "nc": {"file": Path(program).name if program else "", **nc_report(posted, proof)},
+    }
+    result = Result(made.part, made.surface, made.stock, made.levels, figures, paths, posted)
+    with clock.stage("files"):
+        _write(outputs, result, job, part(progress, 0.97, 1.0), paths, posted.text)
+    return result
+
+
+def morph_levels(
+    mesh: str | Path | TriangleMesh,
+    job: Job | None = None,
+    *,
+    keep: File = None,
+    report: File = None,
+    surface: File = None,
+    progress: Progress = silent,
+) -> Morphed:
+    """Mesh in, measured levels out: `convert` up to the levels, for any machine."""
+    job, clock = _job(job), _Clock()
+    outputs = Outputs(keep=keep, report=report, surface=surface)
+    outputs.check(_files(mesh))
+    made = _morphed(mesh, job, clock, keep, part(progress, 0.0, 0.95))
+    with clock.stage("files"):
+        _write(outputs, made, job, part(progress, 0.95, 1.0))
+    return made
+
+
+def _job(job: Job | None) -> Job:
+    if not isinstance(job, Job | None):
+        raise TypeError(f"job {job!r}: give a bonecam.Job, such as bonecam.read_job(file)")
+    return job or Job()
+
+
+def _files(mesh: str | Path | TriangleMesh) -> list[str | Path]:
+    return [] if isinstance(mesh, TriangleMesh) else [mesh]
+
+
+def _morphed(
+    mesh: str | Path | TriangleMesh, job: Job, clock: "_Clock", keep: File, progress: Progress, machine: Machine | None = None
+) -> Morphed:
+    """The chain up to the levels, in a stock that the machine has room for."""
     with clock.stage("mesh"):
-        placed, stock = place(prepare(mesh, job.mesh, part(progress, 0.0, 0.03), job.surface), job)
-        check_room(stock, job, machine)
+        placed, stock = place(prepare(mesh, job.mesh, part(progress, 0.0, 0.1), job.surface), job)
+        if machine is not None:
+            check_room(stock, job, machine)
         check_cuts(placed.mesh, stock, job.levels)
     with clock.stage("surface"):
-        fitted = fit_surface(placed, job, part(progress, 0.03, 0.15))
+        fitted = fit_surface(placed, job, part(progress, 0.1, 0.5))
     with clock.stage("levels"), failed_level_kept(keep):
-        levels = make_levels(fitted.surface, stock, job, part(progress, 0.15, 0.3))
-    with clock.stage("toolpath"):
-        paths = plan_paths(levels, stock, job, machine, part(progress, 0.3, 0.85))
-    with clock.stage("nc"):
-        posted = post(paths, stock, job, part(progress, 0.85, 0.9))
-    with clock.stage("verify"):
-        proof = verify(posted, paths, levels, job, part(progress, 0.9, 0.97))
+        levels = make_levels(fitted.surface, stock, job, part(progress, 0.5, 1.0))
     figures = {
         "input": {"file": placed.file, "faces": placed.faces, "units": placed.units, "repairs": list(placed.repairs)},
         "surface": surface_report(fitted),
@@ -149,20 +199,15 @@ def convert(
         "levels_lower_bound": levels.lower_bound,
         "levels_break_mm": round(levels.breaks, 6),
         "levels_method": job.levels.method,
-        "toolpath": toolpath_report(paths),
-        "nc": {"file": Path(program).name if program else "", **nc_report(posted, proof)},
         "seconds": clock.seconds,
     }
-    result = Result(placed, fitted.surface, stock, levels, paths, posted, figures)
-    with clock.stage("files"):
-        _write(outputs, result, job, part(progress, 0.97, 1.0))
-    return result
+    return Morphed(placed, fitted.surface, stock, levels, figures)
 
 
-def _write(outputs: Outputs, result: Result, job: Job, progress: Progress) -> None:
+def _write(outputs: Outputs, made: Morphed, job: Job, progress: Progress, paths: Sequence[ToolPath] = (), program: str = "") -> None:
     report(progress, 0.0, "writing the files")
-    post = job.holding.diameter, float(result.part.mesh.bounds[0, 2])
-    outputs.write(result.program.text, result.report, result.surface, result.levels.levels, result.stock, result.paths, post)
+    post = job.holding.diameter, float(made.part.mesh.bounds[0, 2])
+    outputs.write(program, made.report, made.surface, made.levels.levels, made.stock, paths, post)
 
 
 def prepare(mesh: str | Path | TriangleMesh, job: MeshJob, progress: Progress = silent, surface: SurfaceJob | None = None) -> Part:

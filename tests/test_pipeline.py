@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -11,8 +12,9 @@ from bonecam_meshes import path as shipped
 
 import bonecam
 from bonecam import pipeline
+from bonecam.cli import main
 from bonecam.errors import BonecamError, Cancelled, FileError, MachineError, MeshError, StockError, SurfaceError, UnitsError
-from bonecam.job import Job
+from bonecam.job import Job, write_job
 from bonecam.mesh.files import read_mesh, write_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import read_dialect
@@ -97,6 +99,31 @@ def test_keep_writes_levels_path_surface_and_pictures(chain: tuple[bonecam.Resul
     assert all((folder / "keep" / name).read_bytes()[:4] == b"\x89PNG" for name in pictures)
     part = read_mesh(folder / "keep" / "level_00.ply")
     assert abs(part.volume / result.part.mesh.volume - 1) < 0.02
+
+
+def test_levels_alone_are_the_chain_s_and_take_the_place_of_its_levels_and_paths(
+    chain: tuple[bonecam.Result, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    result, folder = chain
+    keep, job = tmp_path / "keep", tmp_path / "job.toml"
+    shutil.copytree(folder / "keep", keep)
+    job.write_text(write_job(COARSE), encoding="utf-8")
+    assert main(["levels", str(shipped("phalanx")), "-o", str(keep), "--report", str(tmp_path / "levels.json"), "--job", str(job)]) == 0
+    told = json.loads((tmp_path / "levels.json").read_text(encoding="utf-8"))
+    assert told["levels"] == json.loads(json.dumps(result.report["levels"]))
+    assert set(result.report) - set(told) == {"toolpath", "nc"}
+    lines = [line.partition(" ")[0] for line in capsys.readouterr().out.splitlines()]
+    assert lines == ["mesh", "surface", "stock", "levels", "certified", "time"]
+    assert {item.name for item in keep.iterdir()} == {item.name for item in (folder / "keep").iterdir()} - {"toolpath.csv", "toolpath.png"}
+
+
+def test_levels_alone_need_no_room_in_a_machine(monkeypatch: pytest.MonkeyPatch) -> None:
+    def reached(*_: object) -> None:
+        raise Cancelled("at the levels")
+
+    monkeypatch.setattr(pipeline, "make_levels", reached)
+    with pytest.raises(Cancelled, match="at the levels"):
+        bonecam.morph_levels(shipped("phalanx"), COARSE.with_values(holding={"length": 480.0}))
 
 
 def test_the_transform_leads_from_the_file_to_the_part(chain: tuple[bonecam.Result, Path]) -> None:

@@ -1,7 +1,7 @@
 """The report: figures of every stage under names that stay (`--report FILE.json`)."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -112,9 +112,8 @@ def nc_report(program: Program, proof: Verification) -> dict[str, Any]:
 
 
 def summary_of(report: Mapping[str, Any]) -> str:
-    """The report in a few lines for a person."""
-    surface, levels, nc = report["surface"], report["levels"], report["nc"]
-    contacts = sum(row["contacts"] for row in report["toolpath"])
+    """The report in a few lines for a person; it may end at the levels."""
+    surface, levels = report["surface"], report["levels"]
     lines = [
         f"mesh      {report['input']['faces']} faces, {report['input']['units']}; {counted(len(report['input']['repairs']), 'repair')}",
         *(f"repair    {told}" for told in report["input"]["repairs"]),
@@ -125,15 +124,24 @@ def summary_of(report: Mapping[str, Any]) -> str:
         f"depth max {max(row[way] for row in levels for way in ('depth_max_mm', 'depth_back_max_mm')):.4f} mm"
         + (f"; a limit is broken by {report['levels_break_mm']:.4f} mm" if report["levels_break_mm"] else ""),
         f"certified {certified_text(levels, report['levels_method'])}",
-        f"toolpath  {contacts} contacts",
-        f"uncut     {uncut_text(report['toolpath'])}",
-        f"nc        {nc['file'] or 'not written'}: {nc['blocks']} blocks for {nc['machine']} / {nc['controller']}, "
-        f"about {nc['time_min']:.0f} min",
-        f"proof     tip {nc['readback_tip_error_mm'] * 1000:.2f} um, axis {nc['readback_axis_error_deg']:.4f} deg, "
-        f"gouge {nc['gouge_max_mm'] * 1000:.2f} um",
+        *(_machined(report["toolpath"], report["nc"]) if "nc" in report else ()),
         f"time      {sum(report['seconds'].values()):.1f} s",
     ]
     return "\n".join(lines)
+
+
+def _machined(toolpath: Sequence[Mapping[str, Any]], nc: Mapping[str, Any]) -> Iterator[str]:
+    """The summary's lines of paths and program."""
+    yield f"toolpath  {sum(row['contacts'] for row in toolpath)} contacts"
+    yield f"uncut     {uncut_text(toolpath)}"
+    yield (
+        f"nc        {nc['file'] or 'not written'}: {nc['blocks']} blocks for {nc['machine']} / {nc['controller']}, "
+        f"about {nc['time_min']:.0f} min"
+    )
+    yield (
+        f"proof     tip {nc['readback_tip_error_mm'] * 1000:.2f} um, axis {nc['readback_axis_error_deg']:.4f} deg, "
+        f"gouge {nc['gouge_max_mm'] * 1000:.2f} um"
+    )
 
 
 def certified_text(levels: Sequence[Mapping[str, Any]], method: str = "qp") -> str:
