@@ -7,6 +7,7 @@ Degrees appear only in names that end in `_deg`; all other angles are radians, l
 import dataclasses
 import math
 import tomllib
+from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -126,8 +127,10 @@ class LevelsJob(Stage):
     )
 
     def __post_init__(self) -> None:
-        if isinstance(self.depths, list | tuple | int | float):
-            several = self.depths if isinstance(self.depths, list | tuple) else [self.depths]
+        if not isinstance(self.depths, str):
+            several = list(self.depths) if isinstance(self.depths, Iterable) else [self.depths]
+            if not several:
+                raise JobError(f"depths = {self.depths!r}: give one at least, or leave them out", field="depths")
             object.__setattr__(self, "depths", " ".join(map(str, several)))
         check(self)
         if self.depths.strip() and self.schedule == "fewest":
@@ -143,7 +146,7 @@ class LevelsJob(Stage):
             except ValueError as error:
                 raise JobError(f"depths = {self.depths!r}: give numbers like '0.1 0.1 0.5'", field="depths") from error
             if not all(0 < depth < math.inf for depth in (*first, beyond)):
-                raise JobError(f"depths = {self.depths!r}: every depth must be positive", field="depths")
+                raise JobError(f"depths = {self.depths!r}: give positive depths (mm), like '0.1 0.1 0.5'", field="depths")
             return tuple(first), beyond
         count = self.finishing_levels if self.schedule == "numbers" else 0
         return (self.finishing_depth,) * count, self.roughing_depth

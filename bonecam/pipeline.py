@@ -3,6 +3,7 @@
 All stages work in one frame, mm: the part's long axis is +Z, the table is z = 0 and is the program's zero, the post stands on it.
 """
 
+import re
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -135,7 +136,8 @@ def convert(
     with clock.stage("toolpath"):
         paths = plan_paths(made.levels, made.stock, job, machine, part(progress, 0.3, 0.85))
     with clock.stage("nc"):
-        posted = post(paths, made.stock, job, part(progress, 0.85, 0.9))
+        source = next(iter(_files(mesh)), "")
+        posted = post(paths, made.stock, job, part(progress, 0.85, 0.9), name=program_name(program or source), source=source)
     with clock.stage("verify"):
         proof = verify(posted, paths, made.levels, job, part(progress, 0.9, 0.97))
     figures = {
@@ -333,10 +335,18 @@ def verify(posted: Program, paths: Sequence[ToolPath], levels: Morph, job: Job, 
     return verify_program(posted.text, paths, machine, dialect, MeshDistance(surface.tessellate(PROOF_CHORD)), tolerances)
 
 
-def post(paths: Sequence[ToolPath], stock: Stock, job: Job, progress: Progress = silent) -> Program:
-    """The program of the paths for the job's machine and controller."""
+def post(
+    paths: Sequence[ToolPath], stock: Stock, job: Job, progress: Progress = silent, *, name: str = "BONE", source: str | Path = ""
+) -> Program:
+    """The program of the paths for the job's machine and controller; its header names the part's file, `source`, where there is one."""
     machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)
-    return write_program(paths, machine, dialect, job, stock_bounds=stock.bounds, progress=progress)
+    comments = [f"part: {Path(source).name}"] if source else []
+    return write_program(paths, machine, dialect, job, name=name, comments=comments, stock_bounds=stock.bounds, progress=progress)
+
+
+def program_name(file: str | Path) -> str:
+    """The name of a program in this file, or of a part in it: capitals, digits and _ are what every control takes."""
+    return re.sub(r"[^A-Z0-9_]", "_", Path(file).stem.upper()) or "BONE"
 
 
 class _Clock:

@@ -79,6 +79,8 @@ def test_the_program_moves_the_tool_where_the_path_says(chain: tuple[bonecam.Res
     result, folder = chain
     text = (folder / "bone.h").read_text(encoding="utf-8")
     assert text == result.program.text
+    assert text.startswith("0 BEGIN PGM BONE MM\n")
+    assert "; PART PHALANX" in text.upper().replace(":", "")
     motions = read_program(text, read_machine("mikron-ucp600"), read_dialect("heidenhain"))
     tips = np.vstack([path.tips for path in result.paths])
     from scipy.spatial import KDTree
@@ -134,7 +136,14 @@ def test_the_transform_leads_from_the_file_to_the_part(chain: tuple[bonecam.Resu
 
 
 def test_a_second_run_writes_the_same_bytes(chain: tuple[bonecam.Result, Path]) -> None:
-    assert bonecam.convert(shipped("phalanx"), COARSE).program.text == chain[0].program.text
+    again = bonecam.convert(shipped("phalanx"), COARSE).program
+    assert again.name == "PHALANX"
+    assert again.text.replace("PGM PHALANX", "PGM BONE") == chain[0].program.text
+
+
+@pytest.mark.parametrize(("file", "name"), [("out/left hand-3.h", "LEFT_HAND_3"), ("", "BONE"), ("kn\u00f6chel.h", "KN_CHEL")])
+def test_a_program_is_named_as_its_file(file: str, name: str) -> None:
+    assert pipeline.program_name(file) == name
 
 
 def test_progress_rises_to_its_end_and_false_cancels() -> None:

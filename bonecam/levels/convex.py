@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.errors import StockError, place_name
+from bonecam.errors import StockError, place_name, require_type
 from bonecam.levels.stock import Stock, sides
 from bonecam.mesh.distance import exact_closest
 from bonecam.mesh.hull import convex_hull
@@ -33,6 +33,9 @@ class ConvexStock(Stock):
 
     def __post_init__(self, proven: bool) -> None:
         if not proven:
+            require_type(self.surface, TriangleMesh, "surface", "TriangleMesh, such as read_mesh(file)")
+            used, faces = np.unique(self.surface.faces, return_inverse=True)
+            object.__setattr__(self, "surface", TriangleMesh(self.surface.vertices[used], faces.reshape(-1, 3).astype(np.int32)))
             _require_closed(self.surface)
             _require_convex(self.surface)
 
@@ -127,9 +130,12 @@ def _require_convex(mesh: TriangleMesh) -> None:
     probes = np.vstack([mesh.vertices, mesh.vertices[edges].mean(1), mesh.vertices[mesh.faces].mean(1)])
     inside = np.linalg.norm(probes - exact_closest(hull, probes)[0], axis=1)
     worst = int(np.argmax(inside))
-    if inside[worst] > FLAT * mesh.diagonal or abs(mesh.volume - hull.volume) > FLAT * mesh.diagonal * mesh.area:
+    if inside[worst] > FLAT * mesh.diagonal:
         raise StockError(
             f"the stock is not convex: it lies {inside[worst]:.3f} mm inside its convex hull at {place_name(probes[worst])}: give the hull",
             distance=float(inside[worst]),
             place=probes[worst],
         )
+    if abs(mesh.volume - hull.volume) > FLAT * mesh.diagonal * mesh.area:
+        told = f"the stock is no single convex body: its faces hold {mesh.volume:.1f} mm3, their convex hull {hull.volume:.1f}"
+        raise StockError(f"{told}: give the hull", distance=0.0, place=probes[worst])

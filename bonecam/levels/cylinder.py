@@ -22,9 +22,11 @@ class Cylinder(Stock):
     kind: str = "cylinder"
 
     def __post_init__(self) -> None:
-        numbers("a cylinder's centre", self.centre, 2)
-        radius, bottom, top = numbers("a cylinder's radius, bottom and top", [self.radius, self.bottom, self.top], 3)
-        if not (radius > 0 and bottom < top):
+        object.__setattr__(self, "centre", tuple(numbers("a cylinder's centre", self.centre, 2).tolist()))
+        sizes = numbers("a cylinder's radius, bottom and top", [self.radius, self.bottom, self.top], 3)
+        for name, size in zip(("radius", "bottom", "top"), sizes.tolist(), strict=True):
+            object.__setattr__(self, name, size)
+        if not (self.radius > 0 and self.bottom < self.top):
             raise StockError(f"a bar of diameter {2 * self.radius:g} and length {self.top - self.bottom:g} mm: give both positive")
 
     @property

@@ -95,12 +95,14 @@ def morph(
         raise SurfaceError(
             "the surface is not closed between two poles: morph an open one with bonecam.levels.open_morph.morph_open, or close its ends"
         )
-    if attraction not in ATTRACTIONS:
+    if attraction not in tuple(ATTRACTIONS):
         raise ValueError(f"attraction {attraction!r}: choose one of {', '.join(ATTRACTIONS)}")
     LevelsJob(stiffness=stiffness, chord_tolerance=chord_tolerance)  # raises where they are out of range
-    if method not in METHODS:
+    if method not in tuple(METHODS):
         raise ValueError(f"method {method!r}: choose one of {', '.join(METHODS)}")
-    require_inside(stock, require_sound(surface, COARSE, "the part").vertices, MARGIN)
+    require_inside(stock, (mesh := require_sound(surface, COARSE, "the part")).vertices, MARGIN)
+    farthest = MeshDistance(mesh).unsigned(stock.mesh(COARSE * stock.diameter).vertices).max()
+    schedule.lower_bound(float(farthest) - COARSE)  # raises at once where they are too many
     start, checking, progress = time.perf_counter(), 0.0, rising(progress)
     if method != "qcqp":
         surface = finer(surface, stock, schedule.beyond)

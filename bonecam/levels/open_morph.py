@@ -69,7 +69,8 @@ def morph_open(
     fabric = fabric_of(surface)
     held = fabric.edge & (edges == "fixed")
     found = open_stock(surface, fabric, stock, edges == "fixed")
-    target, distance = found.surface, float(distances(surface, found.points, found.parameters).max(initial=0.0))
+    target, distances_to_it = found.surface, distances(surface, found.points, found.parameters)
+    distance = min(float(distances_to_it.max(initial=0.0)), found.farthest)  # where it bends down to fixed edges its fit may bulge farther
     lower_bound = schedule.lower_bound(distance)
     _require_near(found, schedule.limit(lower_bound))
     grid = _grid(surface, target, chord_tolerance)

@@ -29,13 +29,14 @@ FIT_STIFFNESS, CHORD, ABOVE = 1e-16, 0.01, 1 - 1e-6
 @dataclass(frozen=True, eq=False)
 class OpenStock:
     """The stock over the part's T-mesh (`surface`), on which `side` of the part it lies (1: where the normals point), `points` of it as
-    given (bent to the edges where they are fixed) with the parameters of their feet, and how far the two lie apart: `deviation`, largest at
-    `place`."""
+    given (bent to the edges where they are fixed) with the parameters of their feet, the largest distance of the stock as given from the
+    part, and how far the two stocks lie apart: `deviation`, largest at `place`."""
 
     surface: TSpline
     side: float
     points: Float[ndarray, "n 3"]
     parameters: Float[ndarray, "n 2"]
+    farthest: float
     deviation: float
     place: Float[ndarray, "3"]
 
@@ -62,9 +63,9 @@ def open_stock(surface: TSpline, fabric: Fabric, stock: object, fixed: bool) -> 
     off = distances(surface, fitted, at) - abs(given) if isinstance(given, float) else lengths(fitted - exact_closest(given, fitted)[0])
     off, places = np.append(np.abs(off), feet.distances), np.vstack([fitted, known])
     moved, moved_feet = (free.basis(*which.T)[0] @ (fabric.edge & fixed) > 0 for which in (at, feet.parameters))
-    worst = int(np.argmax(off))
+    worst, farthest = int(np.argmax(off)), float(distances(surface, known, feet.parameters).max(initial=0.0))
     as_given, its = np.vstack([known[~moved_feet], reached[moved]]), np.vstack([feet.parameters[~moved_feet], at[moved]])
-    return OpenStock(bent, side, as_given, its, float(off[worst]), places[worst])
+    return OpenStock(bent, side, as_given, its, farthest, float(off[worst]), places[worst])
 
 
 def distances(surface: TSpline, points: Float[ndarray, "n 3"], at: Float[ndarray, "n 2"]) -> Float[ndarray, " n"]:

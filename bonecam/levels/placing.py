@@ -55,7 +55,8 @@ def stock_for(
 def _otherwise(job: StockJob) -> str:
     """The rest of the remedy where the job says how the part lies in its stock."""
     given = [f"stock.{name}" for name in LYING if getattr(job, name)]
-    return f", or less of {', '.join(given)}" if given else ""
+    larger = ", or a larger stock.scale (0 finds the smallest copy that holds it)" if job.kind == "mesh" and job.scale else ""
+    return larger + (f", or less of {', '.join(given)}" if given else "")
 
 
 def _rotation(x_deg: float, y_deg: float, z_deg: float) -> Float[ndarray, "3 3"]:

@@ -26,6 +26,8 @@ class Schedule:
     def __post_init__(self) -> None:
         if not (isinstance(self.first, tuple) and all(isinstance(depth, Real) for depth in (*self.first, self.beyond))):
             raise TypeError(f"Schedule({self.first!r}, {self.beyond!r}): give depths in mm like Schedule((0.1, 0.1), 0.5)")
+        object.__setattr__(self, "first", tuple(map(float, self.first)))  # sums of numpy's small integers would overflow
+        object.__setattr__(self, "beyond", float(self.beyond))
         for k, depth in enumerate((*self.first, self.beyond), start=1):
             if not LEAST <= depth < math.inf:
                 raise LevelError(f"cut {k} has the depth {depth} mm: give a finite depth of at least {LEAST} mm", level=k)
@@ -39,13 +41,17 @@ class Schedule:
         return sum(self.first[:k]) + max(0, k - len(self.first)) * self.beyond
 
     def lower_bound(self, distance: float) -> int:
-        """K_min: the fewest cuts that can remove `distance` mm."""
+        """K_min: the fewest cuts that can remove `distance` mm. LevelError where they are more than MOST_LEVELS."""
+        if math.isnan(distance):
+            raise LevelError("a distance of nan mm has no number of cuts: give a number")
         for k in range(1, MOST_LEVELS + 1):
             if self.reach(k) >= distance - ROUNDING:
                 return k
         raise LevelError(
-            f"{distance:.1f} mm of material need more than {MOST_LEVELS} cuts of {self.beyond} mm: give deeper cuts or a smaller stock",
+            f"{distance:.1f} mm of material need more than {MOST_LEVELS} cuts, which take {self.reach(MOST_LEVELS):.1f} mm: "
+            "give deeper cuts or a smaller stock",
             level=MOST_LEVELS,
+            distance=distance,
         )
 
 

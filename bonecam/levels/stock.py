@@ -27,6 +27,8 @@ ACROSS = {"diameter": [0, 1], "width": [0], "depth": [1], "length": [2]}
 """The coordinates along which a size reaches."""
 UPRIGHT = 1e-9
 """A wall whose normal leans by less stands upright."""
+LARGEST = 1e6
+"""Lengths and coordinates beyond this, mm, are no stock's."""
 TINY = 100
 """The mesh of a stock that is so many times smaller than the part may be in metres."""
 
@@ -92,14 +94,15 @@ class Stock(Protocol):
 
 
 def numbers(what: str, values: Any, count: int) -> Float[ndarray, " n"]:
-    """A read-only copy. StockError that tells what they are where they are not so many finite numbers."""
+    """A read-only copy. StockError that tells what they are where they are not so many finite numbers, LARGEST at most."""
     try:
-        found = frozen(values)
-    except (TypeError, ValueError):
-        found = frozen([])
-    if found.shape != (count,) or not np.isfinite(found).all():
-        raise StockError(f"{what} is {values}: give {'a finite number' if count == 1 else f'{count} finite numbers'} (mm)")
-    return np.asarray(found)
+        found = np.asarray(values)
+    except ValueError:
+        found = np.array([])
+    if found.dtype.kind not in "fiu" or found.shape != (count,) or not (np.abs(found.astype(float)) <= LARGEST).all():
+        told = "a finite number" if count == 1 else f"{count} finite numbers"
+        raise StockError(f"{what} is {values}: give {told} (mm, {LARGEST:g} at most)")
+    return np.asarray(frozen(found))
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +117,8 @@ class Capsule(Stock):
     def __post_init__(self) -> None:
         object.__setattr__(self, "start", numbers("a capsule's start", self.start, 3))
         object.__setattr__(self, "end", numbers("a capsule's end", self.end, 3))
-        if not numbers("a capsule's radius", [self.radius], 1)[0] > 0:
+        object.__setattr__(self, "radius", float(numbers("a capsule's radius", [self.radius], 1)[0]))
+        if self.radius <= 0:
             raise StockError(f"a capsule of radius {self.radius:g} mm: give a positive one")
 
     @property

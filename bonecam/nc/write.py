@@ -120,9 +120,8 @@ class _Writer:
         return self.dialect.lines("header", name=self.name, comments=marked, tolerance=tolerance, **corners)
 
     def _level(self, posted: Posted) -> list[str]:
-        finishing = posted.path.level < max(self.job.levels.finishing_levels, 1)
         tolerance = self.length.text(TOLERANCE_FACTOR * self.job.path.chord_tolerance)
-        return self.dialect.lines("level", tolerance=tolerance, hsc_mode=0 if finishing else 1)
+        return self.dialect.lines("level", tolerance=tolerance, hsc_mode=int(not self.job.is_finishing(posted.path.level)))
 
     def _moving(self, template: str, **fields: object) -> list[str]:
         lines = self.dialect.lines(template, **fields)

@@ -103,6 +103,19 @@ def test_two_bodies_are_not_one_convex_body() -> None:
         ConvexStock(two)
 
 
+def test_a_body_twice_in_one_mesh_is_told_by_its_volume() -> None:
+    mesh = Box(np.zeros(3), np.ones(3)).mesh(1.0)
+    twice = TriangleMesh(np.vstack([mesh.vertices, mesh.vertices]), np.vstack([mesh.faces, mesh.faces + len(mesh.vertices)]))
+    with pytest.raises(StockError, match=r"no single convex body: its faces hold 2\.0 mm3, their convex hull 1\.0: give the hull$"):
+        ConvexStock(twice)
+
+
+def test_vertices_without_faces_are_no_part_of_a_body() -> None:
+    mesh = BOX.mesh(1.0)
+    stock = ConvexStock(TriangleMesh(np.vstack([BOX.middle, [99.0, 0, 0], mesh.vertices]), mesh.faces + 2))
+    assert np.array_equal(stock.bounds, BOX.bounds)
+
+
 def test_an_open_mesh_is_refused() -> None:
     mesh = BOX.mesh(1.0)
     with pytest.raises(StockError, match="not closed at"):

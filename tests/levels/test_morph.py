@@ -62,11 +62,17 @@ def test_a_surface_that_bounds_no_body_is_refused_at_once(stock: Stock) -> None:
 
 
 CALLS = """
+from fractions import Fraction
+
 import numpy as np
+from bonecam.errors import StockError
+from bonecam.levels.convex import ConvexStock
+from bonecam.levels.cylinder import Cylinder
 from bonecam.levels.morph import morph
 from bonecam.levels.open_morph import morph_open
 from bonecam.levels.rounding import levels_in
 from bonecam.levels.schedule import Schedule
+from bonecam.levels.stock import Capsule
 from test_morph import SCHEDULE, STOCK, waisted
 part = waisted()
 for call in (
@@ -77,11 +83,17 @@ for call in (
     lambda: Schedule(0.1, 0.5),
     lambda: Schedule([0.1], 0.5),
     lambda: Schedule((0.1,), None),
-    lambda: print(Schedule((np.float32(0.5),), np.int64(1)).reach(2), "mm: numbers of any kind are depths"),
+    lambda: print(Schedule((Fraction(1, 2),), np.int8(100)).reach(3), Capsule(np.zeros(3), [0, 0, 1], np.uint8(200)).length),
+    lambda: print(Cylinder(np.int8(100), np.int8(-100), np.int8(100)).length, Cylinder(1, 2, 3, (np.int8(4), 5)).centre),
+    lambda: ConvexStock(np.zeros((4, 3))),
+    lambda: morph(part, STOCK, SCHEDULE, attraction=["stock"]),
+    lambda: morph(part, STOCK, SCHEDULE, method=["qp"]),
+    lambda: Capsule(np.zeros(3), np.ones(3), "6"),
+    lambda: Cylinder("3", 0, 1),
 ):
     try:
         call()
-    except TypeError as error:
+    except (TypeError, ValueError, StockError) as error:
         print(error)
 """
 
@@ -95,7 +107,13 @@ def test_arguments_of_another_kind_are_refused_with_what_to_give() -> None:
         *["schedule is a float: give a Schedule"] * 2,
         *[f"{told}: give depths in mm like Schedule((0.1, 0.1), 0.5)" for told in ("Schedule(0.1, 0.5)", "Schedule([0.1], 0.5)")],
         "Schedule((0.1,), None): give depths in mm like Schedule((0.1, 0.1), 0.5)",
-        "1.5 mm: numbers of any kind are depths",
+        "200.5 401.0",
+        "200.0 (4.0, 5.0)",
+        "surface is a ndarray: give a TriangleMesh",
+        "attraction ['stock']: choose one of stock, sphere, nearest",
+        "method ['qp']: choose one of qp, qcqp, osqp",
+        "a capsule's radius is ['6']: give a finite number (mm, 1e+06 at most)",
+        "a cylinder's radius, bottom and top is ['3', 0, 1]: give 3 finite numbers (mm, 1e+06 at most)",
     ]
 
 
@@ -151,6 +169,12 @@ def test_two_runs_give_the_same_control_points(made: Morph) -> None:
 def test_a_part_outside_the_stock_is_refused_at_once() -> None:
     with pytest.raises(StockError, match="does not hold the part"):
         morph(waisted(), Capsule(STOCK.start, STOCK.end, 2.5), SCHEDULE)
+
+
+def test_more_cuts_than_anybody_wants_are_refused_before_the_stock_is_looked_at_closely() -> None:
+    """Within the chord tolerance of what is left the mesh of this stock has a million faces."""
+    with pytest.raises(LevelError, match="more than 2000 cuts"):
+        morph(waisted(), Capsule(np.zeros(3), np.array([0.0, 0, 1]), 2000.0), Schedule((), 0.5))
 
 
 def test_an_unknown_attraction_is_refused() -> None:

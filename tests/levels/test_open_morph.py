@@ -231,3 +231,12 @@ def test_open_levels_are_measured_on_their_surfaces_and_tell_the_depth_used(made
 def test_the_depth_back_of_a_finishing_cut_is_exact() -> None:
     cuts: tuple[Level, ...] = morph_open(blade(), -3.0, Schedule((0.1, 0.1), 0.5)).levels[1:]
     assert cuts[0].depth_back_max == pytest.approx(0.1, abs=5e-4)
+
+
+def test_the_fewest_cuts_of_an_offset_are_no_more_where_its_edges_bend() -> None:
+    """With fixed edges the fit of this offset bulges 0.002 mm beyond it."""
+    x = np.linspace(0, 50, 30)
+    blade = skin([np.column_stack([x, np.full(30, y), 5 * np.sin(x / 15)]) for y in range(0, 70, 10)], 0.01, closed=False)
+    made = morph_open(blade, 3.0, Schedule((0.1, 0.1), 2.8), edges="fixed", chord_tolerance=0.02)
+    assert made.distance == pytest.approx(3.0, abs=1e-9)
+    assert made.lower_bound == 3 <= made.cuts

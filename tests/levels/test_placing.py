@@ -161,7 +161,8 @@ def test_a_stock_file_that_is_no_convex_body_is_named(tmp_path: Path) -> None:
 def test_a_stock_file_in_metres_is_told_as_that(factor: float, hint: str, tmp_path: Path) -> None:
     bar = Cylinder(8.0, 0.0, 40.0).mesh(0.5)
     write_mesh(TriangleMesh(factor * bar.vertices, bar.faces), tmp_path / "bar.stl")
-    with pytest.raises(StockError, match=f"mm larger there to each side{hint}$"):
+    larger = r"to each side, or a larger stock\.scale \(0 finds the smallest copy that holds it\)"
+    with pytest.raises(StockError, match=f"{larger}{hint}$"):
         stock_for(cloud(), StockJob(kind="mesh", mesh=str(tmp_path / "bar.stl")), SCHEDULE)
 
 

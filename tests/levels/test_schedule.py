@@ -1,5 +1,6 @@
 """The depths of the cuts and the fewest cuts there can be."""
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -39,8 +40,11 @@ def test_a_depth_of_nothing_or_without_end_is_refused(depths: tuple[tuple[float,
 
 
 def test_more_cuts_than_anybody_wants_are_refused() -> None:
-    with pytest.raises(LevelError, match="deeper cuts"):
+    with pytest.raises(LevelError, match=r"^100\.0 mm .* more than 2000 cuts, which take 2\.0 mm: give deeper cuts") as caught:
         Schedule((), 0.001).lower_bound(100.0)
+    assert caught.value.evidence["distance"] == 100.0
+    with pytest.raises(LevelError, match="nan"):
+        Schedule((), 0.5).lower_bound(float("nan"))
 
 
 def test_a_list_of_depths_rules_and_its_last_holds_for_all_others() -> None:
@@ -53,6 +57,12 @@ def test_the_fewest_levels_are_all_at_the_roughing_depth() -> None:
     job, distance = LevelsJob(schedule="fewest"), 6.34
     assert schedule_of(job) == Schedule((), 0.5)
     assert schedule_of(job).lower_bound(distance) == 13 < schedule_of(LevelsJob()).lower_bound(distance)
+
+
+def test_a_list_may_be_an_array_but_not_empty() -> None:
+    assert LevelsJob(depths=np.array([0.1, 0.3])).cuts == ((0.1,), 0.3)  # type: ignore[arg-type]
+    with pytest.raises(JobError, match=r"^depths = \[\]: give one at least"):
+        LevelsJob(depths=[])  # type: ignore[arg-type]
 
 
 def test_a_list_of_depths_and_the_fewest_cuts_are_not_both_taken() -> None:

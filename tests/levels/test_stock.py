@@ -29,6 +29,20 @@ def test_points_on_the_axis_have_a_nearest_point_too() -> None:
     assert np.abs(CAPSULE.signed_distance(nearest)).max() < 1e-12
 
 
+@pytest.mark.parametrize(
+    "capsule",
+    [
+        Capsule(np.array([1.0, 2, -3]), np.array([1.5, 4, 20]), 7.5),
+        Capsule(np.zeros(3), np.array([10.0, 1, 3]), 0.01),
+        Capsule(np.array([3e3, 7e2, 0]), np.array([3e3, 7e2, 1000]), 0.1),
+    ],
+)
+def test_points_on_a_leaning_axis_lead_across_it(capsule: Capsule) -> None:
+    points = capsule.start + np.linspace(0, 1, 1001)[:, None] * (capsule.end - capsule.start)
+    assert np.abs(capsule.outward(points) @ (capsule.end - capsule.start)).max() < 1e-4 * np.linalg.norm(capsule.end - capsule.start)
+    assert np.abs(capsule.signed_distance(capsule.nearest(points))).max() < 1e-9
+
+
 @pytest.mark.parametrize("straight", [0.0, 0.3, 22.0])
 def test_the_mesh_is_closed_outward_and_within_the_chord_tolerance(straight: float) -> None:
     capsule = Capsule(np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, 1.0 + straight]), 7.5)
@@ -109,13 +123,16 @@ def test_an_allowance_of_nothing_is_refused() -> None:
         smallest_capsule(cloud(6), 0.0)
 
 
-@pytest.mark.parametrize("values", [[0.0, 1.0], [0.0, 1.0, np.nan], [0.0, 1.0, np.inf], [0.0, 1.0, "up"], None, [[0.0, 1.0, 2.0]]])
+@pytest.mark.parametrize(
+    "values",
+    [[0.0, 1.0], [0.0, 1.0, np.nan], [0.0, 1.0, np.inf], [0.0, 1.0, "up"], ["0", "1", "2"], None, [[0.0, 1.0, 2.0]], [0.0, 1.0, 1e7]],
+)
 def test_ends_of_a_stock_are_three_finite_numbers(values: object) -> None:
-    with pytest.raises(StockError, match=r"^a capsule's end is .*: give 3 finite numbers \(mm\)$"):
+    with pytest.raises(StockError, match=r"^a capsule's end is .*: give 3 finite numbers \(mm, 1e\+06 at most\)$"):
         numbers("a capsule's end", values, 3)
 
 
-@pytest.mark.parametrize("radius", [0.0, -1.0, np.nan, np.inf])
+@pytest.mark.parametrize("radius", [0.0, -1.0, np.nan, np.inf, 1e7])
 def test_a_capsule_of_no_radius_is_refused(radius: float) -> None:
     with pytest.raises(StockError, match=r"^a capsule"):
         Capsule(CAPSULE.start, CAPSULE.end, radius)
