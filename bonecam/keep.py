@@ -36,7 +36,7 @@ def keep(
         _write_levels(work, levels, stock, post, LINE)
         if paths:
             write_whole(work / "toolpath.csv", toolpath_csv(paths))
-            draw_toolpath(paths, levels, work / "toolpath.png")
+            draw_toolpath(paths, levels, work / "toolpath.png", post)
 
 
 def keep_levels(

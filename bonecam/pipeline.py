@@ -208,7 +208,7 @@ def _morphed(
 
 def _write(outputs: Outputs, made: Morphed, job: Job, progress: Progress, paths: Sequence[ToolPath] = (), program: str = "") -> None:
     report(progress, 0.0, "writing the files")
-    post = job.holding.diameter, float(made.part.mesh.bounds[0, 2])
+    post = job.holding.diameter, post_below(made.part.mesh, job.holding).top
     outputs.write(program, made.report, made.surface, made.levels.levels, made.stock, paths, post)
 
 

@@ -26,11 +26,14 @@ from bonecam.levels.solve import factor
 from bonecam.levels.stock import MARGIN, Capsule, Stock, require_inside
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.intersections import self_intersections
+from bonecam.mesh.remesh import split_edges
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.tspline import TSpline
 from bonecam.threads import on_one_blas_thread
 
 CHORD, FIT_STIFFNESS, HALVINGS = 0.02, 1e-7, 30
+SHARES = 100
+"""Shares of a level's area are taken over edges that are this part of its diagonal at most: its flat faces are few and large."""
 
 
 @on_one_blas_thread
@@ -92,8 +95,8 @@ def _grown(body: Stock, distance: float) -> Stock:
 
 def _level(k: int, mesh: TriangleMesh, inner: TriangleMesh, before: Stock, stock: Stock, limit: float, surfaces: dict[str, Any]) -> Level:
     """A rounding level: the depth at x is exactly its distance from the body before."""
-    depth = np.maximum(before.signed_distance(probes(mesh)), 0.0)
-    middles, area = depth[len(mesh.vertices) :], np.linalg.norm(mesh.face_vectors, axis=1)
+    depth, fine = np.maximum(before.signed_distance(probes(mesh)), 0.0), split_edges(mesh, mesh.diagonal / SHARES)
+    middles, area = np.maximum(before.signed_distance(fine.vertices[fine.faces].mean(1)), 0.0), np.linalg.norm(fine.face_vectors, axis=1)
     cut = middles > limit / 1000
     histogram = np.histogram(middles, bins=BINS, range=(0, limit), weights=area / area.sum())[0]
     nesting = -float(np.minimum(MeshDistance(mesh).signed(probes(inner)), stock.signed_distance(probes(inner))).max())

@@ -27,6 +27,8 @@ CHORD = 0.01
 """Tolerance (mm) of a shaded T-spline."""
 SHOWN, AXES_SHOWN, AXIS_LENGTH = 5, 60, 3.0
 """Levels in a row, axes a level and their length, mm."""
+POST_SHOWN = 2.0
+"""How much of the post is drawn below the stock, mm; it goes on down to the table."""
 LABELS = 10
 """The most lines that carry their cut's number."""
 BAR_BELOW = 1.3
@@ -71,11 +73,17 @@ def show_levels(
     for level in levels:
         flat = section(level.mesh, at * np.eye(3)[1 - across], np.eye(3)[1 - across])[:, :, [across, 2]]
         width = 1.6 if level.index in (0, levels[-1].index) else 0.8
-        plot.add_collection(LineCollection(list(flat), colors=[colour(level.index)], linewidths=width, capstyle="round"))
+        plot.add_collection(LineCollection(list(flat), colors=[colour(level.index)], linewidths=width, capstyle="butt", snap=False))
     if post:
-        (diameter, top), low = post, float(levels[-1].mesh.bounds[0, 2])
-        plot.plot([-diameter / 2, -diameter / 2, np.nan, diameter / 2, diameter / 2], [low - 2, top, np.nan, low - 2, top], "k--", lw=0.8)
+        _draw_post(plot, post, levels)
     plot.set_xlabel(f"{'xy'[across]} (mm)")
+
+
+def _draw_post(plot: "Axes", post: tuple[float, float], levels: Sequence[Level]) -> None:  # type: ignore[name-defined]
+    """The sides of the post (diameter, top z), mm, from a little below the levels."""
+    (diameter, top), low = post, float(levels[-1].mesh.bounds[0, 2])
+    sides = np.array([-1, -1, np.nan, 1, 1]) * diameter / 2
+    plot.plot(sides, [low - POST_SHOWN, top, np.nan, low - POST_SHOWN, top], "k--", lw=0.8)
 
 
 def draw_depths(
@@ -229,8 +237,8 @@ def draw_coloured(levels: Sequence[Level], path: str | Path) -> None:
     figure.savefig(path, metadata={"Software": None})
 
 
-def draw_toolpath(paths: Sequence[ToolPath], levels: Sequence[Level], path: str | Path) -> None:
-    """The outermost, a middle and the innermost level from the front (-y): contacts, some tool axes, links by their tips."""
+def draw_toolpath(paths: Sequence[ToolPath], levels: Sequence[Level], path: str | Path, post: tuple[float, float] | None = None) -> None:
+    """The outermost, a middle and the innermost level from the front (-y): contacts, some tool axes, links by their tips; the `post`."""
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
@@ -239,11 +247,15 @@ def draw_toolpath(paths: Sequence[ToolPath], levels: Sequence[Level], path: str 
     plots = figure.subplots(1, len(shown), sharex=True, sharey=True, squeeze=False)[0]
     for plot, item in zip(plots, shown):
         show_path(plot, item, levels[item.level].mesh)
+        if post:
+            _draw_post(plot, post, levels)
         cuts = int((item.kinds == Kind.CUT).sum())
         plot.set_title(f"level {item.level}, ball R {item.cutter.radius:g} mm\n{cuts} cutting moves", fontsize="medium")
     plots[0].set_ylabel("z (mm)")
     keys = {"cut (contact)": CUT, "link (tip)": LINK, "tool axis": AXIS}
-    figure.legend([Line2D([], [], color=colour) for colour in keys.values()], list(keys), loc="lower center", ncols=3)
+    lines = [Line2D([], [], color=colour, label=name) for name, colour in keys.items()]
+    lines += [Line2D([], [], color="k", ls="--", lw=0.8, label="post")] if post else []
+    figure.legend(handles=lines, loc="lower center", ncols=len(lines))
     lay_out(figure, plots, below=BELOW + 0.4)
     figure.savefig(path, metadata={"Software": None})
 

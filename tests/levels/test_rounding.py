@@ -10,7 +10,7 @@ from bonecam.errors import LevelError, StockError
 from bonecam.job import Job, MeshJob, StockJob
 from bonecam.levels.body_surface import TOLERANCE, body_surfaces, enclosing
 from bonecam.levels.box import Box
-from bonecam.levels.check import measure, require
+from bonecam.levels.check import BINS, measure, require
 from bonecam.levels.convex import ConvexStock
 from bonecam.levels.cylinder import Cylinder
 from bonecam.levels.grid import level_grid
@@ -212,6 +212,7 @@ def test_rounding_levels_keep_depth_nesting_and_stock(made: Morph) -> None:
         assert level.outside <= 0.001
         assert level.self_intersections == 0
         assert sum(level.histogram) == pytest.approx(1.0, abs=0.03)
+        assert np.flatnonzero(level.histogram)[-1] >= BINS * (level.depth_max / level.limit - 0.15)  # the deepest places have a share
     depths = [level.depth_max for level in made.levels[-3:]]
     assert np.ptp(depths) < 0.02
     volumes = [level.mesh.volume for level in made.levels]
