@@ -17,7 +17,7 @@ from bonecam.mesh.files import read_mesh, write_mesh
 
 ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
-LONG = ("bonecam.convert(", "generate_morph_levels", "make_levels(")
+LONG = ("bonecam.convert(", "generate_morph_levels", "bonecam.morph_levels(")
 """What takes more than ten seconds."""
 
 
@@ -64,7 +64,7 @@ def test_long_python_snippets_and_all_commands_run(folder: Path) -> None:
     for _, code in blocks("bash"):
         kept = [line for line in code.splitlines() if not line.startswith("rs274") or shutil.which("rs274")]
         subprocess.run(["bash", "-e", "-c", "\n".join(kept)], env=there, check=True, stdout=subprocess.DEVNULL)
-    made = {"phalanx.h", "levels.mlx", "bone.h", "bone.json", "bone.ngc", "job.toml", "programs/batch.csv", "layers/level_00.ply"}
+    made = {"phalanx.h", "levels.mlx", "bone.h", "bone.json", "bone.ngc", "job.toml", "programs/batch.csv", "layers/level_00.ply", "levels/coloured.png"}
     assert all((folder / name).exists() for name in made)
 
 
@@ -73,7 +73,7 @@ def test_every_command_parses(words: list[str]) -> None:
     assert callable(_parser().parse_args(words[1:]).run)
 
 
-@pytest.mark.parametrize("name", ["convert", "demo", "batch"])
+@pytest.mark.parametrize("name", ["convert", "demo", "levels", "batch"])
 def test_every_option_is_told(name: str) -> None:
     command = next(action for action in _parser()._actions if isinstance(action, argparse._SubParsersAction)).choices[name]
     names = {words[-1] for action in command._actions if (words := action.option_strings)} - {"--help", "--quiet", "--verbose", "--output"}
