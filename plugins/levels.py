@@ -55,7 +55,8 @@ def morph_levels(layers: Layers, values: Mapping[str, Any], progress: Progress) 
         key = layers.add(level.mesh, f"level_{level.index:02d}", quality=depth, keep={**kept, **own}, largest=deepest)
         part = key if level.index == 0 else part
     layers.select(part)
-    return {"cuts": len(morph.levels) - 1, "levels_lower_bound": morph.lower_bound, **figures(morph.levels)}
+    whole = {"cuts": morph.cuts, "levels_lower_bound": morph.lower_bound, "depth_used": morph.depth_used, "levels_break_mm": morph.breaks}
+    return {**whole, **figures(morph.levels)}
 
 
 def level_check(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
@@ -76,10 +77,12 @@ def level_check(layers: Layers, values: Mapping[str, Any], progress: Progress) -
 
 
 def figures(levels: Sequence[Level]) -> dict[str, Any]:
-    """What was measured, one number a level."""
-    names = ("limit", "depth_max", "depth_mean", "nesting_min")
-    found: dict[str, Any] = {f"{name}_mm": np.array([getattr(level, name) for level in levels], dtype=np.float64) for name in names}
-    return {**found, "self_intersections": np.array([level.self_intersections for level in levels])}
+    """What was measured and certified, as in the report: an array over the levels each, NaN where nothing is known."""
+    from bonecam.verify.report import levels_report
+
+    rows = levels_report(levels)
+    columns = {name: [row[name] for row in rows] for name in rows[0] if name not in ("index", "depth_shares", "not_certified")}
+    return {name: np.array(values, dtype=np.float64 if None in values else None) for name, values in columns.items()}
 
 
 FILTERS = (

@@ -64,7 +64,17 @@ def test_long_python_snippets_and_all_commands_run(folder: Path) -> None:
     for _, code in blocks("bash"):
         kept = [line for line in code.splitlines() if not line.startswith("rs274") or shutil.which("rs274")]
         subprocess.run(["bash", "-e", "-c", "\n".join(kept)], env=there, check=True, stdout=subprocess.DEVNULL)
-    made = {"phalanx.h", "levels.mlx", "bone.h", "bone.json", "bone.ngc", "job.toml", "programs/batch.csv", "layers/level_00.ply", "levels/coloured.png"}
+    made = {
+        "phalanx.h",
+        "levels.mlx",
+        "bone.h",
+        "bone.json",
+        "bone.ngc",
+        "job.toml",
+        "programs/batch.csv",
+        "layers/level_00.ply",
+        "levels/coloured.png",
+    }
     assert all((folder / name).exists() for name in made)
 
 
