@@ -138,16 +138,23 @@ class Sequences:
         raise self._broken(k, min(tried, key=lambda step: step.broken))
 
     def mended(
-        self, made: Sequence[ndarray], which: Collection[int], folded: Collection[int], watched: Mapping[int, ndarray]
+        self,
+        made: Sequence[ndarray],
+        which: Collection[int],
+        folded: Collection[int],
+        watched: Mapping[int, ndarray],
+        *,
+        follow: bool = True,
     ) -> tuple[list[ndarray], list[int]]:
-        """The same with some levels moved as little as keeps their limits, and those above them that then break theirs; and which moved.
+        """The same with some levels moved as little as keeps their limits, and which moved.
 
+        Where levels `follow`, those above them that then break theirs do too.
         The `folded` ones start midway between those below and above. `watched` are parameters (s, t) of more places of each level on which
         its limits are watched.
         """
         made, moved = list(made), list[int]()
         for k in range(1, len(made)):
-            if k in which or k - 1 in moved:
+            if k in which or (follow and k - 1 in moved):
                 report(self.progress, min(1.0, k / self.lower_bound), f"level {k} again")
                 setting, cut = self.setting.watching(watched[k]), replace(self.cut(k), margin=MENDED)
                 step = kept_level(setting, made[k - 1], (made[k - 1] + made[k + 1]) / 2 if k in folded else made[k], cut)

@@ -99,13 +99,22 @@ def test_most_levels_are_mended_only_where_all_break_little(making: Sequences, m
     assert len(inspection.failed) <= failed / 4 if mended else len(inspection.failed) == failed
 
 
+def test_levels_above_a_mended_one_follow_or_stay(making: Sequences, spoilt: tuple[list[np.ndarray], Inspection]) -> None:
+    levels, inspection = spoilt
+    which = {cut.level.index for cut in inspection.failed}
+    alone, followed = (making.mended(levels, {min(which)}, (), unwatched(levels), follow=follow)[1] for follow in (False, True))
+    assert alone == [min(which)]
+    assert followed[0] == min(which)
+    assert len(followed) > 1
+
+
 def test_what_is_no_better_mended_stays_as_it_was(
     making: Sequences, spoilt: tuple[list[np.ndarray], Inspection], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     levels, inspection = spoilt
     before = inspection.trouble(range(1, len(levels) + 1), doubts=False)
 
-    def worse(self: Sequences, made: list[np.ndarray], *_: Any) -> tuple[list[np.ndarray], list[int]]:
+    def worse(self: Sequences, made: list[np.ndarray], *_: Any, **__: Any) -> tuple[list[np.ndarray], list[int]]:
         return [*made[:3], made[2] + 1.1 * (made[3] - made[2]), *made[4:-1], 0.9 * made[-1] + 0.1 * made[-2]], [3, len(made) - 1]
 
     monkeypatch.setattr(Sequences, "mended", worse)
