@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 
 import bonecam
 from bonecam.levels.depths import line_depths
+from bonecam.toolpath.post import post_below
 from bonecam.verify.panels import lay_out
 from bonecam.verify.pictures import draw_coloured, draw_depths, draw_tmesh, draw_toolpath, show_levels, show_path, show_tmesh
 
@@ -16,21 +17,22 @@ HERE = Path(__file__).parent
 def main() -> None:
     """Write chain.png, coloured.png, depths.png, toolpath.png and tmesh.png beside this file."""
     result = bonecam.convert(path("phalanx"))
-    levels = result.levels.levels
-    draw_chain(result, HERE / "chain.png")
+    levels, holding = result.levels.levels, bonecam.Job().holding
+    post = holding.diameter, post_below(result.part.mesh, holding).top
+    draw_chain(result, post, HERE / "chain.png")
     draw_coloured(levels, HERE / "coloured.png")
     draw_depths(levels, line_depths(levels, result.stock), HERE / "depths.png")
-    draw_toolpath(result.paths, levels, HERE / "toolpath.png")
+    draw_toolpath(result.paths, levels, HERE / "toolpath.png", post)
     draw_tmesh(result.surface, HERE / "tmesh.png")
 
 
-def draw_chain(result: bonecam.Result, file: Path) -> None:
-    """Surface, levels and last level's path side by side, to one scale."""
+def draw_chain(result: bonecam.Result, post: tuple[float, float], file: Path) -> None:
+    """Surface, levels round the `post` (diameter, top z, mm) and the last level's path side by side, to one scale."""
     levels, paths = result.levels.levels, result.paths
     figure = Figure(dpi=120)
     plots = figure.subplots(1, 3, sharex=True, sharey=True)
     show_tmesh(plots[0], result.surface)
-    show_levels(plots[1], levels, (bonecam.Job().holding.diameter, float(result.part.mesh.bounds[0, 2])), 0)
+    show_levels(plots[1], levels, post, 0)
     show_path(plots[2], paths[-1], levels[0].mesh)
     plots[0].set_title(f"one T-spline,\n{len(result.surface.weights)} control points")
     plots[1].set_title(f"{result.levels.cuts} cuts\nfrom stock to part")
