@@ -15,22 +15,23 @@ from bonecam.levels.stock import Capsule, Stock
 from bonecam.surface.row_refinement import with_row_knots
 from bonecam.surface.tspline import TSpline
 
-IN_CAPSULES, WITH_FLATS, COARSER = (14.0, 3000), (6.5, 1000), 1.25
-"""So many depths long may spans be, of so many control points at most, in a capsule and in a stock with flats: those a level reaches long
-before the edges between them. So much longer, and again, where that would take more control points. (With 9 depths in capsules mean depths
-rise by 0.01, a forked bone's by 0.04; but levels take 20 to 40 % longer to make and follow hollows that no cutter enters: on the forked
-bone 37,000 contacts stay uncut instead of 10,000. Where spans are too long for what is left, levels stall: those of a whole femur came no
-nearer to the stock than 0.5 mm with 940 control points and with 1,500, and reach it with 2,566.)"""
+IN_CAPSULES, WITH_FLATS, COARSER = (14.0, 800, 3000), (6.5, 1000, 1000), 1.25
+"""So many depths long may spans be, of surfaces of fewer than so many control points, of so many at most: in a capsule, and in a stock with
+flats, which a level reaches long before the edges between them. So much longer, and again, where that would take more control points. (With
+9 depths in capsules mean depths rise by 0.01, a forked bone's by 0.04; but levels take 20 to 40 % longer to make and follow hollows that no
+cutter enters: on the forked bone 37,000 contacts stay uncut instead of 10,000. Where spans are too long for what is left, levels stall:
+those of a whole femur came no nearer to the stock than 0.5 mm with 940 control points and with 1,500, and reach it with 2,566. But a
+femur's end of 1,500 took 95 cuts with 2,925 instead of 96, twice the time, and 5 of them were not certified.)"""
 STRETCHED = 4.0
 """Neighbours on both sides of the stock's axis have their nearest points on the stock far apart, however near they are."""
 AROUND, ALONG = 64, 4
 
 
 def finer(surface: TSpline, stock: Stock, depth: float) -> TSpline:
-    """The surface with spans halved until they are short enough for cuts so deep (mm); one that has the most control points as it is."""
-    depths, most = IN_CAPSULES if isinstance(stock, Capsule) else WITH_FLATS
+    """The surface with spans halved until they are short enough for cuts so deep (mm); one that has many control points as it is."""
+    depths, few, most = IN_CAPSULES if isinstance(stock, Capsule) else WITH_FLATS
     longest = depths * depth
-    while surface.tmesh.size < most:
+    while surface.tmesh.size < few:
         found = _across(_along(surface, stock, longest, most), stock, longest, most)
         if found.tmesh.size <= most:
             return found

@@ -16,7 +16,7 @@ RNG = np.random.default_rng(7)
 def test_the_surface_is_the_same_with_more_control_points() -> None:
     part = setting().surface
     found = finer(part, STOCK, 0.1)
-    assert part.tmesh.size < found.tmesh.size <= module.IN_CAPSULES[1]
+    assert part.tmesh.size < found.tmesh.size <= module.IN_CAPSULES[2]
     s, t = RNG.random((2, 500))
     assert np.abs(found.positions(s, t) - part.positions(s, t)).max() < 1e-12
     assert found.poles == part.poles
@@ -29,8 +29,15 @@ def test_a_surface_that_is_fine_enough_stays_as_it_is() -> None:
 
 def test_no_more_control_points_than_allowed(monkeypatch: pytest.MonkeyPatch) -> None:
     part = setting().surface
-    monkeypatch.setattr(module, "IN_CAPSULES", (14.0, part.tmesh.size + 20))
-    assert finer(part, STOCK, 0.05).tmesh.size <= part.tmesh.size + 20
+    most = part.tmesh.size + 20
+    monkeypatch.setattr(module, "IN_CAPSULES", (14.0, most, most))
+    assert finer(part, STOCK, 0.05).tmesh.size <= most
+
+
+def test_a_surface_of_many_control_points_stays_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    part = setting().surface
+    monkeypatch.setattr(module, "IN_CAPSULES", (14.0, part.tmesh.size, 3000))
+    assert finer(part, STOCK, 0.05) is part
 
 
 def test_spans_are_shorter_in_a_stock_with_flats() -> None:
