@@ -1,6 +1,6 @@
 """Feet of points on a level near which they are known to lie: a few steps of Gauss-Newton from given parameters, compiled.
 
-s is periodic over [0, 1); t is held between two rings `ends` next to the poles.
+s is periodic over [0, 1); t is held between two rings `ends` next to the poles, within which the surface is as good as straight.
 """
 
 import numpy as np
@@ -54,15 +54,15 @@ def _tip(patches: ndarray, boxes: ndarray, strips: tuple, end: float) -> Three:
 
 @njit(cache=True, fastmath=CONTRACT, nogil=True)
 def feet(
-    patches: ndarray, boxes: ndarray, strips: tuple, ends: tuple, y: ndarray, steps: int, s: ndarray, t: ndarray, foot: ndarray,
-    normal: ndarray, clear_of: float, enough: ndarray,
+    patches: ndarray, boxes: ndarray, strips: tuple, domain: tuple, ends: tuple, y: ndarray, steps: int, s: ndarray, t: ndarray,
+    foot: ndarray, normal: ndarray, clear_of: float, enough: ndarray,
 ) -> None:  # fmt: skip
     """s and t become the parameters of the nearest place to y that `steps` steps from them came by, `foot` and `normal` what is there.
     A place as near as `enough` ends the search.
 
     The steps are damped where S_s vanishes, halved where they lead away (farther off than the radius of curvature they go too far), and
-    neither long nor SHORT. At the ends the normal is the mean one round the pole; farther than `clear_of` from the foot the direction from
-    it, or towards it, stands for the normal.
+    neither long nor SHORT. From the ends the foot goes straight on towards the pole (the ring of a whole femur is 0.06 mm off), and the
+    normal is the mean one round it. Farther than `clear_of` from the foot the direction from it, or towards it, stands for the normal.
 
     Most places are in the element of the one before, which is looked at first.
     """
@@ -100,6 +100,15 @@ def feet(
             u -= np.floor(u)
             v = min(max(nearest_v + dt, ends[0]), ends[1])
         n = first if nearest_v == ends[0] else last if nearest_v == ends[1] else _unit(n)
+        end = domain[0] if nearest_v == ends[0] else domain[1] if nearest_v == ends[1] else nearest_v
+        if end != nearest_v:
+            e = locate_one(*strips, nearest_u, end)
+            tip = first_jet(patches[e], boxes[e], nearest_u, end)[0]
+            along = _minus(nearest, tip)
+            share = min(max(_dot(_minus(p, tip), along) / _dot(along, along), 0.0), 1.0)
+            nearest_v, nearest = end + share * (nearest_v - end), _minus(tip, _times(-share, along))
+            r = _minus(p, nearest)
+            best = _dot(r, r)
         if best > clear_of * clear_of:
             r = _minus(p, nearest)
             n = _times(1.0 / np.copysign(np.sqrt(best), _dot(r, n)), r)

@@ -141,7 +141,7 @@ def feet(
     elements, s, t = before.elements(), s.copy(), t.copy()
     foot, normal = np.empty((len(y), 3)), np.empty((len(y), 3))
     enough = np.zeros(len(y)) if enough is None else enough
-    surface = before.patches, elements.boxes, elements.strips, rings(before)
+    surface = before.patches, elements.boxes, elements.strips, before.domain[1], rings(before)
     kernel.feet(*surface, np.ascontiguousarray(y), steps, s, t, foot, normal, CLEAR_OF, enough)
     return s, t, foot, normal
 

@@ -12,7 +12,7 @@ from bonecam.levels.certificate import certificate_of_last
 from bonecam.levels.check import DEPTH_TOLERANCE
 from bonecam.levels.cut import Manner
 from bonecam.levels.inspection import Inspection, Rules
-from bonecam.levels.morph import _mend, _runs, _surer
+from bonecam.levels.mending import _runs, divided, mend, surer
 from bonecam.levels.remaining import remaining, whole
 from bonecam.levels.samples import creases
 from bonecam.levels.sequence import FARTHEST_LANDING, LANDING, MENDED, Sequences
@@ -81,7 +81,7 @@ def spoilt(making: Sequences, made: list[np.ndarray]) -> tuple[list[np.ndarray],
 def test_what_is_mended_is_measured_again(making: Sequences, spoilt: tuple[list[np.ndarray], Inspection]) -> None:
     _, inspection = spoilt
     assert inspection.trouble([3, 4], doubts=False) > (0, 0.005)
-    _mend(inspection, making)
+    mend(inspection, making)
     assert inspection.trouble([3, 4], doubts=False) < (0, DEPTH_TOLERANCE)
     assert {3, 4}.isdisjoint(cut.level.index for cut in inspection.failed)
 
@@ -95,7 +95,7 @@ def test_most_levels_are_mended_only_where_all_break_little(making: Sequences, m
     inspection = Inspection(making.setting.surface, levels, Rules(STOCK, SCHEDULE, 0.001, 0.001, 0.02), silent)
     failed = len(inspection.failed)
     assert failed > len(levels) / 2
-    _mend(inspection, making)
+    mend(inspection, making)
     assert len(inspection.failed) <= failed / 4 if mended else len(inspection.failed) == failed
 
 
@@ -115,15 +115,35 @@ def test_what_is_no_better_mended_stays_as_it_was(
     before = inspection.trouble(range(1, len(levels) + 1), doubts=False)
 
     def worse(self: Sequences, made: list[np.ndarray], *_: Any, **__: Any) -> tuple[list[np.ndarray], list[int]]:
-        return [*made[:3], made[2] + 1.1 * (made[3] - made[2]), *made[4:-1], 0.9 * made[-1] + 0.1 * made[-2]], [3, len(made) - 1]
+        return [*made[:3], made[2] + 1.1 * (made[3] - made[2]), *made[4:-1], 1.5 * made[-1] - 0.5 * made[-2]], [3, len(made) - 1]
 
     monkeypatch.setattr(Sequences, "mended", worse)
-    _mend(inspection, making)
+    mend(inspection, making)
     assert inspection.trouble(range(1, len(levels) + 1), doubts=False) == before
     for level, net in zip(inspection.levels, levels):
         assert level.surface is not None
         assert np.array_equal(level.surface.control_points, net)
     assert len(inspection.levels) == len(levels) + 1
+
+
+def test_cuts_that_cannot_be_mended_are_divided(making: Sequences, made: list[np.ndarray]) -> None:
+    """Level 4 falls 0.0015 mm behind level 3, where 0.001 are allowed, and level 5 is twice as far from it as a cut is deep."""
+    rules = Rules(STOCK, SCHEDULE, 0.001, 0.001, 0.02)
+    levels, _ = making.mended(made, {5}, (), unwatched(made))
+    levels[4] = levels[3] - 0.003 * (levels[3] - levels[2])
+    inspection = Inspection(making.setting.surface, levels, rules, silent)
+    assert [cut.level.index for cut in inspection.failed] == [4, 5]
+    again = divided(inspection, making)
+    assert not again.failed
+    assert len(again.nets) == len(levels) + 2
+    assert all(np.array_equal(again.nets[place], levels[k]) for k, place in enumerate((0, 1, 2, 3, 5, 7)))
+    assert np.allclose(again.nets[6], (levels[4] + levels[5]) / 2)
+    assert again.seconds > inspection.seconds
+    assert divided(again, making) is again
+    levels[4] = levels[3] - 0.02 * (levels[3] - levels[2])
+    behind = inspection.of(levels)
+    assert divided(behind, making) is behind  # too many parts
+    assert divided(inspection, replace(making, lower_bound=len(levels) - 4)) is inspection  # more cuts than a sequence may have
 
 
 def test_a_slit_that_the_points_measured_missed_takes_one_more_level(making: Sequences, made: list[np.ndarray]) -> None:
@@ -135,7 +155,7 @@ def test_a_slit_that_the_points_measured_missed_takes_one_more_level(making: Seq
     sure = certificate_of_last(inspection.levels[-2].surface, STOCK, last.level.limit)
     deep = replace(last.level, certificate=replace(sure, depth=last.level.limit + 0.05))
     inspection._cuts[deep.index] = replace(last, level=deep)
-    again = _surer(inspection, making)
+    again = surer(inspection, making)
     assert len(again.cuts) == len(made) + 1
     assert again.cuts[-1].over < 0.01
     assert not again.failed
@@ -145,7 +165,7 @@ def test_a_last_cut_that_is_measured_too_deep_takes_one_more_level(making: Seque
     levels = making.mended(made, {5}, (), unwatched(made))[0][:-1]
     inspection = Inspection(making.setting.surface, levels, Rules(STOCK, SCHEDULE, 0.01, 0.001, 0.02), silent)
     assert [cut.level.index for cut in inspection.failed] == [len(levels)]
-    again = _surer(inspection, making)
+    again = surer(inspection, making)
     assert len(again.cuts) == len(levels) + 1
     assert not again.failed
 
