@@ -3,7 +3,6 @@
 When some levels are mended only the cuts below and above them are measured again, on the same grid: such levels move by microns.
 """
 
-import math
 import time
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -51,10 +50,6 @@ class Cut:
         sure = self.level.certificate
         return self.measured if sure is None else max(self.measured, sure.depth - self.level.limit, -sure.gap, sure.outside)
 
-    def parts(self, behind: float) -> int:
-        """How many cuts, evenly between its two levels, would keep the depth and not fall more than `behind` mm behind."""
-        return math.ceil(max(self.level.deepest / self.level.limit, -self.found.nesting_min / behind))
-
     @property
     def uncertain(self) -> bool:
         """Whether it may break a limit between the points measured."""
@@ -83,7 +78,7 @@ class Inspection:
             raise LevelError(f"a level is creased: {error}") from error
         part = Sheet(surface, self._grid)
         self._part = Level(0, surface, part.mesh, 0.0, 0.0, 0.0, 0.0, len(self_intersections(part.mesh)))
-        self.rules, self._surface, self._progress = rules, surface, progress
+        self._surface, self._rules, self._progress = surface, rules, progress
         self._cuts: dict[int, Cut] = {}
         self.seconds = time.perf_counter() - began
         self.measure(made, range(1, len(made) + 1))
@@ -100,12 +95,6 @@ class Inspection:
                 measured = pool.map(lambda k, at=sheets: self._cut(k, at[k - 1], at.get(k)), some)
                 self._cuts.update(zip(some, measured))
         self.seconds += time.perf_counter() - began
-
-    def of(self, made: Sequence[Float[ndarray, "c 3"]]) -> "Inspection":
-        """Other levels over the same T-mesh, measured against the same."""
-        other = Inspection(self._surface, made, self.rules, self._progress)
-        other.seconds += self.seconds
-        return other
 
     def copy(self) -> "Inspection":
         """The same measures, to be taken again on other levels."""
@@ -157,15 +146,15 @@ class Inspection:
         return tuple(cut for cut in self.cuts if cut.error is None and cut.uncertain)
 
     def _cut(self, k: int, inner: Sheet, outer: Sheet | None) -> Cut:
-        stock, limit = self.rules.stock, self.rules.schedule.limit(k)
-        mesh = stock.mesh(self.rules.chord_tolerance) if outer is None else outer.mesh
+        stock, limit = self._rules.stock, self._rules.schedule.limit(k)
+        mesh = stock.mesh(self._rules.chord_tolerance) if outer is None else outer.mesh
         found, error = measure(inner, outer or mesh, stock, limit), None
         try:
-            require(k, found, limit, mesh, self.rules.behind, self.rules.outside)
+            require(k, found, limit, mesh, self._rules.behind, self._rules.outside)
         except LevelError as failure:
             error = failure
         level = _level(k, None if outer is None else outer.surface, mesh, limit, found)
-        if not certifiable(inner.surface) or self.rules.behind > NEST_TOLERANCE:
+        if not certifiable(inner.surface) or self._rules.behind > NEST_TOLERANCE:
             return Cut(level, found, error)
         if outer is None:
             return Cut(replace(level, certificate=certificate_of_last(inner.surface, stock, limit)), found, error)

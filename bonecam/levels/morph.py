@@ -20,7 +20,7 @@ from bonecam.levels.finer import finer
 from bonecam.levels.grid import level_grid
 from bonecam.levels.inspection import Inspection, Rules
 from bonecam.levels.level import Level
-from bonecam.levels.mending import ACCEPTED, divided, mend, surer
+from bonecam.levels.mending import ACCEPTED, mend, surer
 from bonecam.levels.remaining import remaining, whole
 from bonecam.levels.schedule import Schedule
 from bonecam.levels.sequence import Sequences
@@ -118,7 +118,7 @@ def morph(
             inspection = Inspection(surface, made, rules, measuring)
             if method != "qcqp":
                 mend(inspection, making)
-                inspection = surer(divided(inspection, making), making)
+                inspection = surer(inspection, making)
         except LevelError as error:
             failure = failure or error
             continue
@@ -131,7 +131,7 @@ def morph(
                 nearly = replace(found, breaks=breaks)
         elif found.cuts == len(made):
             return found
-        elif longer is None or found.cuts < longer.cuts:
+        else:
             longer = found  # mending added cuts: perhaps another sequence needs fewer
     if (second_best := longer or nearly) is not None:
         return second_best

@@ -48,7 +48,7 @@ EASINGS, EASED = 6, 0.3
 """How often the pull on a place that folds or breaks its limits is eased, each time to this share."""
 CREASED, AROUND = 0.05, 1.0
 """Bends of the part with a smaller radius (mm) are edges that its mesh has, if they are so near (mm) to where levels break their limits."""
-LANDING, IN_CAPSULES, WITH_FLATS = 0.03, (0.004, 0.45), (0.01, 0.15)
+LANDING, IN_CAPSULES, WITH_FLATS = 0.03, (0.004, 0.49), (0.01, 0.15)
 """How far inside the stock (mm) the last level stays; how much more each level before it, and how much more the first at most, in capsules
 and in stocks with flats, where levels lie long before they reach the edges. Where large parts take more levels than K_min those creep as
 well. Levels at the wall that had no room would break their limits: with 0.001 mm a level 13 of 127 levels of a whole femur fell up to
@@ -123,7 +123,7 @@ class Sequences:
             rests.append(rest := remaining(self.setting, made[-1], before))
             stalled = rest.left > before.left - STALL * limit(k)
             stalls, softened = (stalls + 1, _softer(softened)) if stalled else (0, softened)
-            if stalls > PATIENCE or k >= self.lower_bound + self.most_extra:
+            if stalls > PATIENCE or k >= self.lower_bound + self._most_extra:
                 raise LevelError(
                     f"level {k} gets no nearer to the stock than {rest.left:.3f} mm at {place_name(rest.place)}: give more control points",
                     level=k,
@@ -175,7 +175,7 @@ class Sequences:
 
     def cut(self, k: int, left: float = 0.0) -> Cut:
         """Cut k as the program of level k sees it, where so much is `left` to the stock at most, mm."""
-        longest = self.lower_bound - 1 + self.most_extra - MOST_EXTRA
+        longest = self.lower_bound - 1 + self._most_extra - MOST_EXTRA
         each, most = IN_CAPSULES if isinstance(self.setting.stock, Capsule) else WITH_FLATS
         creep = min(each, most / max(longest, 1)) * max(0, longest - k)
         on_schedule = sum(self.schedule.limit(later) for later in range(k, max(k, self.lower_bound) + 1))
@@ -198,7 +198,7 @@ class Sequences:
         return float(1 / max(np.abs(bends.k1).max(), np.abs(bends.k2).max(), np.finfo(float).tiny))
 
     @property
-    def most_extra(self) -> int:
+    def _most_extra(self) -> int:
         """How many levels more than K_min a sequence may have."""
         return max(MOST_EXTRA, self.lower_bound // 3)
 

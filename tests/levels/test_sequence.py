@@ -12,7 +12,7 @@ from bonecam.levels.certificate import certificate_of_last
 from bonecam.levels.check import DEPTH_TOLERANCE
 from bonecam.levels.cut import Manner
 from bonecam.levels.inspection import Inspection, Rules
-from bonecam.levels.mending import _runs, divided, mend, surer
+from bonecam.levels.mending import _runs, mend, surer
 from bonecam.levels.remaining import remaining, whole
 from bonecam.levels.samples import creases
 from bonecam.levels.sequence import IN_CAPSULES, LANDING, MENDED, Sequences
@@ -124,26 +124,6 @@ def test_what_is_no_better_mended_stays_as_it_was(
         assert level.surface is not None
         assert np.array_equal(level.surface.control_points, net)
     assert len(inspection.levels) == len(levels) + 1
-
-
-def test_cuts_that_cannot_be_mended_are_divided(making: Sequences, made: list[np.ndarray]) -> None:
-    """Level 4 falls 0.0015 mm behind level 3, where 0.001 are allowed, and level 5 is twice as far from it as a cut is deep."""
-    rules = Rules(STOCK, SCHEDULE, 0.001, 0.001, 0.02)
-    levels, _ = making.mended(made, {5}, (), unwatched(made))
-    levels[4] = levels[3] - 0.003 * (levels[3] - levels[2])
-    inspection = Inspection(making.setting.surface, levels, rules, silent)
-    assert [cut.level.index for cut in inspection.failed] == [4, 5]
-    again = divided(inspection, making)
-    assert not again.failed
-    assert len(again.nets) == len(levels) + 2
-    assert all(np.array_equal(again.nets[place], levels[k]) for k, place in enumerate((0, 1, 2, 3, 5, 7)))
-    assert np.allclose(again.nets[6], (levels[4] + levels[5]) / 2)
-    assert again.seconds > inspection.seconds
-    assert divided(again, making) is again
-    levels[4] = levels[3] - 0.02 * (levels[3] - levels[2])
-    behind = inspection.of(levels)
-    assert divided(behind, making) is behind  # too many parts
-    assert divided(inspection, replace(making, lower_bound=len(levels) - 4)) is inspection  # more cuts than a sequence may have
 
 
 def test_a_slit_that_the_points_measured_missed_takes_one_more_level(making: Sequences, made: list[np.ndarray]) -> None:
