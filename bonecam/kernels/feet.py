@@ -13,6 +13,7 @@ STEP_S, STEP_T, RIDGE = 0.05, 0.03, 1e-6
 SHORT = 2e-4
 """A step (mm) that is not worth going: what is left of the distance is its square over twice the distance."""
 TIP = 32
+TINY = np.finfo(np.float64).tiny
 
 
 @njit(inline="always")
@@ -105,7 +106,7 @@ def feet(
             e = locate_one(*strips, nearest_u, end)
             tip = first_jet(patches[e], boxes[e], nearest_u, end)[0]
             along = _minus(nearest, tip)
-            share = min(max(_dot(_minus(p, tip), along) / _dot(along, along), 0.0), 1.0)
+            share = min(max(_dot(_minus(p, tip), along) / max(_dot(along, along), TINY), 0.0), 1.0)
             nearest_v, nearest = end + share * (nearest_v - end), _minus(tip, _times(-share, along))
             r = _minus(p, nearest)
             best = _dot(r, r)

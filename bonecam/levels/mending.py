@@ -1,7 +1,8 @@
 """Levels that do not pass as measured: moved as little as keeps their limits.
 
 (Levels midway between the two of a cut that falls behind were no better: where levels slide along the surface, what lies midway dips
-between them, by 0.007 mm on a femur.)"""
+between them, by 0.007 mm on a femur.)
+"""
 
 from collections import Counter, defaultdict
 from collections.abc import Sequence
