@@ -245,14 +245,14 @@ def place(unplaced: Part, job: Job) -> tuple[Part, Stock]:
     check_sizes(job.stock)
     check_method(job.levels)
     stock, pose = stock_for(unplaced.mesh.vertices, job.stock, schedule_of(job.levels), bottom=job.holding.length)
-    lying = job.stock.offset_x, job.stock.offset_y
     if job.mesh.upright and is_free(job.stock):
-        shift = centred(unplaced.mesh.moved(pose).vertices, stock, MARGIN)
-        pose, lying = shift @ pose, (float(shift[0, 3]), float(shift[1, 3]))
+        pose = centred(unplaced.mesh.moved(pose).vertices, stock, MARGIN) @ pose
+    middle = unplaced.mesh.vertices.min(0) / 2 + unplaced.mesh.vertices.max(0) / 2
+    off = pose[:2, :3] @ middle + pose[:2, 3] - middle[:2]
     lift = np.array([0.0, 0.0, job.holding.length - stock.bounds[0, 2]])
     pose[:3, 3] += lift
     placed, standing = replace(unplaced, mesh=unplaced.mesh.moved(pose), transform=pose @ unplaced.transform), stock.moved(lift)
-    check_post(placed.mesh, standing, job, lying)
+    check_post(placed.mesh, standing, job, (float(off[0]), float(off[1])))
     return placed, standing
 
 

@@ -156,8 +156,12 @@ def limits_at(
     t: Float[ndarray, " k"],
     steps: int,
 ) -> Limits:
-    """The limits of samples at y that were `gap` inside the stock at the level before; `steps` of Newton from (s, t) find their feet."""
+    """The limits of samples at y that were `gap` inside the stock at the level before; `steps` of Newton from (s, t) find their feet.
+
+    A sample that has slid to where the level before is nearer to the stock than it was itself may be as near: else no place there would do.
+    """
     s, t, c, n = feet(before, y, s, t, steps)
-    low, high = heights(cut, gap)
-    m, h = tightest(y, [one(cut, gap, stock, y) for one in WALLS])
+    room = np.minimum(gap, -stock.signed_distance(c))
+    low, high = heights(cut, room)
+    m, h = tightest(y, [one(cut, room, stock, y) for one in WALLS])
     return Limits(before, stock, cut, gap, s, t, c, n, low, high, m, h)

@@ -7,7 +7,7 @@ shifted in it as the job says; without that it lies in the middle of the stock's
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
-from scipy.spatial import cKDTree
+from scipy.spatial import ConvexHull, cKDTree
 
 from bonecam.errors import StockError
 from bonecam.job import StockJob
@@ -20,7 +20,7 @@ from bonecam.levels.schedule import Schedule
 from bonecam.levels.stock import MARGIN, Capsule, Stock, capsule_of_diameter, capsule_of_size, capsules_round, require_inside
 from bonecam.mesh.files import read_mesh
 
-TURNS, HALVINGS, LARGEST_SCALE = 90, 50, 1e4
+HALVINGS, LARGEST_SCALE = 50, 1e4
 LYING = ("offset_x", "offset_y", "offset_z", "tilt_x_deg", "tilt_y_deg", "turn_deg")
 CHORD, TRIED = 0.001, 16
 """Chord tolerance, in radii, of the capsules that are measured for cuts, and at most so many of them."""
@@ -31,19 +31,22 @@ def stock_for(
 ) -> tuple[Stock, Float[ndarray, "4 4"]]:
     """The stock on the Z axis, and the transform (4, 4) that puts the part's points (n, 3) into it; mm.
 
+    In a box of which neither width nor depth is given the part is turned to the smallest base, and without offsets it lies in its middle.
     Without sizes a capsule (or the bar round it) is the one that takes the fewest cuts by the schedule, of those that are at most
     `job.spare_volume` larger than the smallest.
 
     Raises StockError with `distance` and `place` where the part leaves a given stock, comes within MARGIN mm of its wall or
     too near to an edge that has to be rounded; with `bottom` (mm) it tells places as they are when the stock stands at that height.
     """
-    turn = job.turn_deg
-    if job.kind == "box" and not (job.width or job.depth or turn):
-        turn = _narrowest_turn(points)
-    rotation = _rotation(job.tilt_x_deg, job.tilt_y_deg, turn)
-    middle = (points.min(0) + points.max(0)) / 2
+    middle, offset = (points.min(0) + points.max(0)) / 2, np.array([job.offset_x, job.offset_y, job.offset_z])
+    rotation = _rotation(job.tilt_x_deg, job.tilt_y_deg, job.turn_deg)
+    if job.kind == "box" and not (job.width or job.depth or job.turn_deg):
+        turn, base = _smallest_base(((points - middle) @ rotation.T)[:, :2], job.allowance)
+        rotation = _rotation(0.0, 0.0, turn) @ rotation
+        if not offset[:2].any():
+            offset[:2] = -middle[:2] - base
     transform = np.eye(4)
-    transform[:3, :3], transform[:3, 3] = rotation, middle - rotation @ middle + [job.offset_x, job.offset_y, job.offset_z]
+    transform[:3, :3], transform[:3, 3] = rotation, middle - rotation @ middle + offset
     lying = points @ rotation.T + transform[:3, 3]
     stock = STOCKS[job.kind](lying, job, schedule, float((lying[:, 2].min() + lying[:, 2].max()) / 2 - job.offset_z))
     lift = np.array([0.0, 0.0, 0.0 if bottom is None else bottom - stock.bounds[0, 2]])
@@ -69,13 +72,17 @@ def _rotation(x_deg: float, y_deg: float, z_deg: float) -> Float[ndarray, "3 3"]
     return found
 
 
-def _narrowest_turn(points: ndarray) -> float:
-    """The turn about Z (degrees) after which a box on the axis round the points has the smallest base."""
-    areas = []
-    for angle in range(TURNS):
-        reach = np.abs(points @ _rotation(0.0, 0.0, float(angle)).T)[:, :2].max(0)
-        areas.append(float(np.prod(reach)))
-    return float(np.argmin(areas))
+def _smallest_base(points: Float[ndarray, "n 2"], allowance: float) -> tuple[float, Float[ndarray, "2"]]:
+    """The turn (degrees) after which the rectangle so far round points has the least area, and its middle then.
+
+    A side of it lies along one of the hull's edges (Freeman & Shapira 1975).
+    """
+    hull = points[ConvexHull(points).vertices]
+    edges = np.roll(hull, -1, axis=0) - hull
+    turns = np.mod(-np.degrees(np.arctan2(edges[:, 1], edges[:, 0])), 90.0)
+    bases = [hull @ _rotation(0.0, 0.0, float(turn))[:2, :2].T for turn in turns]
+    least = int(np.argmin([np.prod(np.ptp(base, axis=0) + 2 * allowance) for base in bases]))
+    return float(turns[least]), (bases[least].min(0) + bases[least].max(0)) / 2
 
 
 def easiest_capsule(points: Float[ndarray, "n 3"], job: StockJob, schedule: Schedule) -> Capsule:

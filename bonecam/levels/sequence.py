@@ -14,7 +14,6 @@ from bonecam.levels.remaining import Remaining, remaining
 from bonecam.levels.schedule import Schedule
 from bonecam.levels.setting import Setting
 from bonecam.levels.step import MENDABLE, Step, kept_level, next_level
-from bonecam.levels.stock import Capsule
 from bonecam.progress import Progress, report
 
 VARIANTS = (
@@ -48,12 +47,10 @@ EASINGS, EASED = 6, 0.3
 """How often the pull on a place that folds or breaks its limits is eased, each time to this share."""
 CREASED, AROUND = 0.05, 1.0
 """Bends of the part with a smaller radius (mm) are edges that its mesh has, if they are so near (mm) to where levels break their limits."""
-LANDING, IN_CAPSULES, WITH_FLATS = 0.03, (0.004, 0.49), (0.01, 0.15)
-"""How far inside the stock (mm) the last level stays; how much more each level before it, and how much more the first at most, in capsules
-and in stocks with flats, where levels lie long before they reach the edges. Where large parts take more levels than K_min those creep as
-well. Levels at the wall that had no room would break their limits: with 0.001 mm a level 13 of 127 levels of a whole femur fell up to
-0.003 mm behind there, and with 0.004 two of seven bones in boxes got their levels in a later manner only. (Levels that creep more stay
-farther from the wall and use less of their depth: with 0.01 mm in capsules 0.001 to 0.002 less.)"""
+LANDING, CREEP, MOST_CREEP = 0.03, 0.004, 0.49
+"""How far inside the stock (mm) the last level stays; how much more each level before it, and how much more the first at most. Where large
+parts take more levels than K_min those creep as well. Levels at the wall that had no room would break their limits; levels that creep more
+stay farther from the wall and use less of their depth: with 0.01 mm in capsules 0.001 to 0.002 less."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,8 +173,7 @@ class Sequences:
     def cut(self, k: int, left: float = 0.0) -> Cut:
         """Cut k as the program of level k sees it, where so much is `left` to the stock at most, mm."""
         longest = self.lower_bound - 1 + self._most_extra - MOST_EXTRA
-        each, most = IN_CAPSULES if isinstance(self.setting.stock, Capsule) else WITH_FLATS
-        creep = min(each, most / max(longest, 1)) * max(0, longest - k)
+        creep = min(CREEP, MOST_CREEP / max(longest, 1)) * max(0, longest - k)
         on_schedule = sum(self.schedule.limit(later) for later in range(k, max(k, self.lower_bound) + 1))
         return Cut(self.schedule.limit(k), max(on_schedule, left), LANDING + creep)
 

@@ -40,6 +40,18 @@ def test_a_wall_holds_what_it_may_and_its_plane_is_its_slope(wall) -> None:  # t
         assert np.allclose(((moved * (y + step)).sum(1) - at - outside) / 1e-5, m @ step / 1e-5, atol=1e-4)
 
 
+def test_a_sample_may_slide_to_where_the_level_before_is_nearer_to_the_wall() -> None:
+    program = first_program()
+    before, y = program.limits.before, program.x
+    there = -STOCK.signed_distance(y)
+    cut = Cut(depth=0.5, left=4.0, landing=float(np.median(there)))
+    near = there < cut.clearance
+    found = limits.limits_at(before, STOCK, cut, there + 1.0, y, program.s, program.t, 3)
+    assert 0.4 < near.mean() < 0.6
+    assert found.broken(y)[near].max() < 1e-6
+    assert found.broken(y + 0.01 * found.m)[near].min() > 0.009
+
+
 def test_a_new_slab_is_one_function_more(monkeypatch: pytest.MonkeyPatch) -> None:
     def half(cut: Cut, gap: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return np.full(len(gap), -np.inf), np.full(len(gap), cut.depth / 2)

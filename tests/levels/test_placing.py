@@ -117,12 +117,31 @@ def test_the_part_is_tilted_about_its_middle() -> None:
     assert np.allclose(transform[:3, :3], about_z @ about_y @ about_x)
 
 
-def test_a_box_without_sides_turns_the_part_to_its_narrowest() -> None:
-    turn = np.radians(30)
-    points = cloud() @ np.array([[np.cos(turn), np.sin(turn), 0], [-np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
-    stock, _ = stock_for(points, StockJob(kind="box", allowance=0.5), SCHEDULE)
+def test_a_box_without_sizes_is_the_smallest() -> None:
+    """Found by turning a half of an ellipsoid, off the axis, in steps of a tenth of a degree."""
+    points = cloud()
+    points = points[points[:, 0] > 0] @ np.diag([1.0, 2.0, 1.0]) + [3.0, -2.0, 0.0]
+    stock, transform = stock_for(points, StockJob(kind="box", allowance=0.5), SCHEDULE)
     assert isinstance(stock, Box)
-    assert np.sort((stock.high - stock.low)[:2]) == pytest.approx([7.0, 9.0], abs=0.3)
+
+    def area(degrees: float) -> float:
+        turn = np.radians(degrees)
+        lying = points[:, :2] @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+        return float(np.prod(np.ptp(lying, axis=0) + 1.0))
+
+    least = min(area(degrees) for degrees in np.arange(0.0, 90.0, 0.1))
+    assert least > float(np.prod((stock.high - stock.low)[:2])) > 0.99 * least
+    room = stock.high - stock.low - np.ptp(lying(points, transform), axis=0)
+    assert room == pytest.approx([1.0, 1.0, 1.0])
+    assert stock.middle[:2] == pytest.approx([0.0, 0.0])
+
+
+def test_a_part_that_is_shifted_stays_so_in_a_box_that_is_found() -> None:
+    points = cloud()
+    placed, shifted = (stock_for(points, StockJob(kind="box", offset_x=x), SCHEDULE)[1] for x in (0.0, 1.0))
+    middle = (points.min(0) + points.max(0)) / 2
+    assert shifted[:3, :3] == pytest.approx(placed[:3, :3])
+    assert lying(middle[None], shifted)[0] == pytest.approx(middle + [1.0, 0.0, 0.0])
 
 
 def test_a_stock_from_a_file_is_taken_as_it_is_or_as_its_smallest_copy(tmp_path: Path) -> None:
