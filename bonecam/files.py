@@ -107,7 +107,10 @@ def check_folder(path: str | Path) -> None:
     """FileError, before any work is done for it, where a folder cannot be made or written to."""
     if not str(path).strip():
         raise FileError("'': is an empty name: name a folder", file=str(path))
-    place = next(place for place in (Path(path), *Path(path).absolute().parents) if place.exists())
+    try:
+        place = next(place for place in (Path(path), *Path(path).absolute().parents) if place.exists())
+    except OSError as error:
+        raise FileError(f"{path}: {error.strerror}: name another folder", file=str(path)) from error
     if not place.is_dir():
         raise FileError(f"{path}: {'' if place == Path(path) else f'{place} '}is a file: name a folder", file=str(path))
     _probe(path, place)

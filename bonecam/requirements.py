@@ -21,8 +21,8 @@ from bonecam.toolpath.zigzag import DEEPEST_RADII
 
 SIZES = {"capsule": "diameter length", "cylinder": "diameter length", "box": "width depth length", "mesh": "mesh scale"}
 """What gives the size of each kind of stock."""
-STOCK_CHORD = 0.1
-"""Chord tolerance (mm) of the stock's mesh that the number of cuts is counted on."""
+STOCK_CHORD, COARSE = 0.1, 0.002
+"""Chord tolerance (mm, and of its diameter where that is more) of the stock's mesh that the number of cuts is counted on."""
 
 
 def check_job(job: Job, machine: Machine) -> None:
@@ -106,7 +106,7 @@ def check_post(part: TriangleMesh, stock: Stock, job: Job, lying: tuple[float, f
 
 def check_cuts(part: TriangleMesh, stock: Stock, job: LevelsJob) -> None:
     """JobError where the stock is so far from the part that more than `most_cuts` cuts are needed."""
-    mesh = stock.mesh(STOCK_CHORD)
+    mesh = stock.mesh(max(STOCK_CHORD, COARSE * stock.diameter))
     distances = MeshDistance(part).unsigned(mesh.vertices)
     place, farthest = mesh.vertices[np.argmax(distances)], float(distances.max())
     cuts = schedule_of(job).lower_bound(farthest)

@@ -62,7 +62,7 @@ def test_a_file_that_cannot_be_written_is_refused_before_the_work(
     assert names(folder) == ["file", "inner"]
 
 
-@pytest.mark.parametrize("name", ["file", "file/kept", "file/a/b", "/proc/kept"])
+@pytest.mark.parametrize("name", ["file", "file/kept", "file/a/b", "/proc/kept", "x" * 300])
 def test_a_folder_that_cannot_be_made_is_refused_before_the_work(name: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder)
     with pytest.raises(FileError, match=name):

@@ -70,8 +70,8 @@ class Certificate:
         if self.depth > limit + DEPTH_TOLERANCE:
             found.append(f"may be {self.depth:.4f} mm deep, more than {limit:g} mm, at {place_name(self.deepest)}")
         if self.gap < -NEST_TOLERANCE:
-            behind = f"by {-self.gap:.4f} mm" if np.isfinite(self.gap) else "farther than is known"
-            found.append(f"may fall behind the level before {behind} at {place_name(self.hindmost)}")
+            behind = f"may fall behind the level before by {-self.gap:.4f} mm"
+            found.append(f"{behind if np.isfinite(self.gap) else 'is not proven to hold the level before'} at {place_name(self.hindmost)}")
         if self.outside > STOCK_TOLERANCE:
             found.append(f"may leave the stock by {self.outside:.4f} mm at {place_name(self.outermost)}")
         return tuple(found)

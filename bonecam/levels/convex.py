@@ -8,7 +8,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import StockError, place_name, require_type
-from bonecam.levels.stock import Stock, sides
+from bonecam.levels.stock import LARGEST, Stock, sides
 from bonecam.mesh.distance import exact_closest
 from bonecam.mesh.hull import convex_hull
 from bonecam.mesh.remesh import split_edges
@@ -21,7 +21,8 @@ A mesh whose volume is less than its area times that is flat."""
 
 @dataclass(frozen=True, eq=False)
 class ConvexStock(Stock):
-    """The body inside a closed convex outward mesh, mm. StockError names the place where the mesh is not closed or not convex, or flat.
+    """The body inside a closed convex outward mesh, mm. StockError names the place where the mesh is not closed or not convex, or flat,
+    or farther from the origin than LARGEST.
 
     A mesh that is `proven` to be a hull, or a copy of a stock's, is not looked at again.
     """
@@ -32,8 +33,10 @@ class ConvexStock(Stock):
     proven: InitVar[bool] = False
 
     def __post_init__(self, proven: bool) -> None:
+        require_type(self.surface, TriangleMesh, "surface", "TriangleMesh, such as read_mesh(file)")
+        if (reach := np.abs(self.surface.vertices).max(initial=0.0)) > LARGEST:
+            raise StockError(f"the stock reaches {reach:g} mm from the origin: give one in mm, {LARGEST:g} at most", distance=float(reach))
         if not proven:
-            require_type(self.surface, TriangleMesh, "surface", "TriangleMesh, such as read_mesh(file)")
             used, faces = np.unique(self.surface.faces, return_inverse=True)
             object.__setattr__(self, "surface", TriangleMesh(self.surface.vertices[used], faces.reshape(-1, 3).astype(np.int32)))
             _require_closed(self.surface)

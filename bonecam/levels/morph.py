@@ -95,6 +95,7 @@ def morph(
     LevelsJob(stiffness=stiffness, chord_tolerance=chord_tolerance)  # raises where they are out of range
     if method not in tuple(METHODS):
         raise ValueError(f"method {method!r}: choose one of {', '.join(METHODS)}")
+    require_inside(stock, surface.positions(*surface.seeds.parameters.T), MARGIN)  # at once, where it is far too large to tessellate
     require_inside(stock, (mesh := require_sound(surface, COARSE, "the part")).vertices, MARGIN)
     farthest = MeshDistance(mesh).unsigned(stock.mesh(COARSE * stock.diameter).vertices).max()
     schedule.lower_bound(float(farthest) - COARSE)  # raises at once where they are too many

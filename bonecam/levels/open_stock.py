@@ -105,7 +105,8 @@ def _require_upright(fit: TSpline, at: Float[ndarray, "n 2"], normals: Float[nda
     upright = dots(np.cross(S_s, S_t), normals)
     if upright.min() <= 0:
         place = fit.positions(*at[[np.argmin(upright)]].T)[0]
-        told = f"the stock turns over and cuts itself at {place_name(place)}: give one nearer to the part than its radii of curvature"
+        remedy = "give one that reaches over all of the part, nearer to it than its radii of curvature"
+        told = f"the stock turns over at {place_name(place)}: {remedy}"
         raise StockError(told, place=place)
 
 

@@ -45,6 +45,7 @@ def levels_in(surface: TSpline, stock: Stock, schedule: Schedule, **options: Any
     require_types(surface, schedule, stock)
     if isinstance(stock, Capsule | Rounded):
         return morph(surface, stock, schedule, **options)
+    require_inside(stock, surface.positions(*surface.seeds.parameters.T), MARGIN)  # at once, where it is far too large to tessellate
     part_mesh = surface.tessellate(CHORD)
     require_inside(stock, part_mesh.vertices, MARGIN)
     inner = require_roundable(stock, part_mesh.vertices, MARGIN)

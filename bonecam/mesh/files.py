@@ -155,7 +155,7 @@ def _welded(mesh: TriangleMesh) -> TriangleMesh:
 def _bytes_of(file: Path, also: tuple[str, ...]) -> bytes:
     if not file.name:
         raise _refusal(file, "is no name of a file", "give the path of a mesh file")
-    if file.is_dir():
+    if os.path.isdir(file):  # that of a path raises where the name is too long
         raise _refusal(file, "is a folder", "give a file in it, or all of them to `bonecam batch`")
     if file.suffix.lower() not in READABLE:
         ending = f"has the unknown ending {file.suffix!r}" if file.suffix else "has no ending that tells its kind"

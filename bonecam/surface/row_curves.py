@@ -19,6 +19,8 @@ STEPS = 8, 256
 """Fewest and most grid steps in a typical distance of two parameters; coarse grids move the parameters, fine ones make many knots."""
 FINEST = 2048
 """Grid steps of all beyond the fewest."""
+SAME = 1e-9
+"""Knots of different rows that are no farther apart differ by rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,11 +47,18 @@ class RowCurves:
     @property
     def union(self) -> Float[ndarray, " k"]:
         """All distinct knots of all rows, increasing."""
-        return np.unique(np.concatenate(self.knots))
+        return distinct(np.concatenate(self.knots), SAME)
 
     def at(self, s: Float[ndarray, " n"]) -> Float[ndarray, "m n 3"]:
         """All curves at the same parameters."""
         return np.array([collocation(k, s, self.closed) @ c for k, c in zip(self.knots, self.control_points)])
+
+
+def distinct(knots: Float[ndarray, " n"], apart: float) -> Float[ndarray, " k"]:
+    """Knots in [0, 1), increasing, of those that are no farther apart, across the seam too, only one."""
+    knots = np.unique(knots)
+    knots = knots[np.diff(knots, prepend=-1.0) > apart]
+    return knots[:-1] if knots[0] + 1 - knots[-1] <= apart else knots
 
 
 def _check(number: int, row: ndarray, closed: bool) -> None:

@@ -26,7 +26,7 @@ from bonecam.errors import SurfaceError
 from bonecam.surface.knots import span_functions
 from bonecam.surface.open_rows import OpenRowTMesh
 from bonecam.surface.reduction import Reduction
-from bonecam.surface.row_curves import RowCurves
+from bonecam.surface.row_curves import RowCurves, distinct
 from bonecam.surface.spline_space import clamped, interpolate, sites
 from bonecam.surface.tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
@@ -143,8 +143,7 @@ def control_curves(curves: RowCurves, poles: Float[ndarray, "2 3"] | None = None
 
 def _with_opposite(knots: ndarray) -> ndarray:
     """With the knots half a turn on, which the part odd and even round a pole needs; without those that differ by rounding only."""
-    both = np.unique(np.concatenate([knots, np.mod(knots + 0.5, 1.0)]))
-    return both[np.concatenate([[True], np.diff(both) > 1e-3 / len(knots)])]
+    return distinct(np.concatenate([knots, np.mod(knots + 0.5, 1.0)]), 1e-3 / len(knots))
 
 
 def _halved(knots: ndarray, closed: bool) -> ndarray:

@@ -29,6 +29,7 @@ WHY = {
 def levels_report(levels: Sequence[Level]) -> list[dict[str, Any]]:
     """`levels` of the report: what was measured on each; shares of the area by depth, in even bins from 0 to the limit.
 
+    `depth_full_mean_mm` is null where less than a full depth was left everywhere.
     `rounding` says whether the cut up to this level only rounds a stock with edges, exactly: it has no certificate.
     """
     rounding = rounding_cuts(levels)
@@ -41,7 +42,7 @@ def levels_report(levels: Sequence[Level]) -> list[dict[str, Any]]:
             "depth_mean_mm": _mm(level.depth_mean),
             "nesting_min_mm": _mm(level.nesting_min),
             "self_intersections": int(level.self_intersections),
-            "depth_full_mean_mm": _mm(level.full_mean),
+            "depth_full_mean_mm": _mm(level.full_mean) if level.full_area else None,
             "outside_stock_mm": _mm(level.outside),
             "depth_shares": [round(share, 4) for share in level.histogram],
             "rounding": level.index in rounding,

@@ -96,6 +96,13 @@ def test_a_mesh_that_is_not_convex_is_refused_with_distance_and_place() -> None:
     assert caught.value.evidence["place"][2] == pytest.approx(9.0)
 
 
+def test_a_mesh_in_absurd_units_is_refused() -> None:
+    mesh = Box(np.zeros(3), np.full(3, 10.0)).mesh(2.0)
+    for made in (lambda: ConvexStock(TriangleMesh(1e6 * mesh.vertices, mesh.faces)), lambda: ConvexStock(mesh).scaled(2e6)):
+        with pytest.raises(StockError, match=r"reaches 1e\+07 mm from the origin: give one in mm"):
+            made()
+
+
 def test_two_bodies_are_not_one_convex_body() -> None:
     mesh = Box(np.zeros(3), np.ones(3)).mesh(1.0)
     two = TriangleMesh(np.vstack([mesh.vertices, mesh.vertices + 3]), np.vstack([mesh.faces, mesh.faces + len(mesh.vertices)]))

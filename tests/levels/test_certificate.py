@@ -203,7 +203,7 @@ def test_what_is_not_certain_is_named_with_its_place() -> None:
     assert deep.startswith(f"may be {found.depth:.4f} mm deep, more than 0.5 mm, at (")
     assert leaves.startswith(f"may leave the stock by {found.outside:.4f} mm at (")
     (behind,) = certificate.certificate(grown(surface, 0.05), surface, STOCK, 0.5).shortfalls(0.5)
-    assert behind.startswith("may fall behind the level before farther than is known at (")
+    assert behind.startswith("is not proven to hold the level before at (")
     assert certificate.certificate(surface, grown(surface, 0.05), STOCK, 0.5).shortfalls(0.5) == ()
 
 

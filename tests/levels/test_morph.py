@@ -171,6 +171,14 @@ def test_a_part_outside_the_stock_is_refused_at_once() -> None:
         morph(waisted(), Capsule(STOCK.start, STOCK.end, 2.5), SCHEDULE)
 
 
+@pytest.mark.parametrize("stock", [STOCK, Cylinder(4.0, 0.0, 20.0)], ids=str)
+def test_a_part_of_metres_in_a_stock_of_millimetres_is_not_tessellated_first(stock: Stock, monkeypatch: pytest.MonkeyPatch) -> None:
+    huge = waisted().with_control_points(1000 * waisted().control_points)
+    monkeypatch.setattr(TSpline, "tessellate", None)
+    with pytest.raises(StockError, match="does not hold the part"):
+        levels_in(huge, stock, SCHEDULE)
+
+
 def test_more_cuts_than_anybody_wants_are_refused_before_the_stock_is_looked_at_closely() -> None:
     """Within the chord tolerance of what is left the mesh of this stock has a million faces."""
     with pytest.raises(LevelError, match="more than 2000 cuts"):

@@ -141,7 +141,7 @@ def test_a_part_that_is_shifted_stays_so_in_a_box_that_is_found() -> None:
     placed, shifted = (stock_for(points, StockJob(kind="box", offset_x=x), SCHEDULE)[1] for x in (0.0, 1.0))
     middle = (points.min(0) + points.max(0)) / 2
     assert shifted[:3, :3] == pytest.approx(placed[:3, :3])
-    assert lying(middle[None], shifted)[0] == pytest.approx(middle + [1.0, 0.0, 0.0])
+    assert lying(middle[None], shifted)[0] == pytest.approx(np.add(middle, [1.0, 0.0, 0.0]))
 
 
 def test_a_stock_from_a_file_is_taken_as_it_is_or_as_its_smallest_copy(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from bonecam.levels.inspection import Inspection, Rules
 from bonecam.levels.mending import _runs, mend, surer
 from bonecam.levels.remaining import remaining, whole
 from bonecam.levels.samples import creases
-from bonecam.levels.sequence import IN_CAPSULES, LANDING, MENDED, Sequences
+from bonecam.levels.sequence import LANDING, MENDED, MOST_CREEP, Sequences
 from bonecam.levels.setting import setting_of
 from bonecam.levels.step import kept_level
 from bonecam.progress import silent
@@ -172,7 +172,7 @@ def test_the_landing_creeps_outwards_and_not_from_far(making: Sequences) -> None
         some = replace(making, lower_bound=lower_bound)
         landings = np.array([some.cut(k).landing for k in range(1, lower_bound + 1)])
         assert (np.diff(landings[:-1]) < 0).all()
-        assert landings.max() <= LANDING + IN_CAPSULES[1]
+        assert landings.max() <= LANDING + MOST_CREEP
         assert landings.min() >= LANDING
 
 

@@ -113,6 +113,8 @@ def test_a_binary_ply_with_vertices_that_are_no_numbers_is_refused(tmp_path: Pat
 
 
 def test_a_missing_file_and_a_missing_folder_are_named(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match=r"xxx\.stl: cannot be read \(File name too long\)"):
+        read_mesh("x" * 300 + ".stl")
     with pytest.raises(FileError, match=r"nowhere\.stl: cannot be read"):
         read_mesh(tmp_path / "nowhere.stl")
     with pytest.raises(FileError, match="cannot be written"):

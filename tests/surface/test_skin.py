@@ -34,6 +34,16 @@ def worst_miss(surface: TSpline, curves: RowCurves, t: np.ndarray) -> float:
     return float(np.linalg.norm(points - curves.at(s).reshape(-1, 3), axis=1).max())
 
 
+@pytest.mark.parametrize("count", [39, 40, 64])
+def test_knots_of_rows_that_differ_by_rounding_are_one(count: int) -> None:
+    """Half a turn on from points evenly round a circle are others, but for rounding."""
+    s, z = 2 * np.pi * np.arange(count) / count, np.linspace(0, 1, 9)[1:-1, None]
+    circles = np.stack([np.sin(np.pi * z) * np.cos(s), np.sin(np.pi * z) * np.sin(s), -3 * np.cos(np.pi * z) + 0 * s], axis=2)
+    for tolerance in (0.005, 0.02, 0.05):
+        surface = skin(circles, tolerance, poles=POLES)
+        assert surface.project(circles.reshape(-1, 3)).distances.max() < 1.01 * tolerance
+
+
 def test_the_surface_begins_and_ends_in_the_poles() -> None:
     surface = skin(ellipsoid_rows(), 0.01, poles=POLES)
     s = np.linspace(0, 0.99, 12)

@@ -58,13 +58,14 @@ def test_a_cut_that_is_not_certified_is_told_with_its_place_although_it_measures
     levels = [Level(k, None, mesh, 0.5, 0.5, 0.4, 0.0, 0, certificate=found) for k, found in enumerate((None, good, deep, unknown))]
     rows = levels_report(levels)
     assert [row["not_certified"] for row in rows[:2]] == [None, []]
+    assert {row["depth_full_mean_mm"] for row in rows} == {None}
     assert rows[2]["depth_certified_mm"] == 0.5035
     assert rows[3]["nesting_certified_mm"] is None
     told = certified_text(rows)
     assert told.startswith(
         "depth, nesting and stock hold everywhere on 1 of 3 cuts; cut 2 may be 0.5035 mm deep, more than 0.5 mm, at (1.00, 2.00"
     )
-    assert "cut 3 may fall behind the level before farther than is known at (1.00" in told
+    assert "cut 3 is not proven to hold the level before at (1.00" in told
 
 
 def test_why_cuts_have_no_certificate_is_told_as_it_is() -> None:
