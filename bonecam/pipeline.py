@@ -247,7 +247,7 @@ def place(unplaced: Part, job: Job) -> tuple[Part, Stock]:
     stock, pose = stock_for(unplaced.mesh.vertices, job.stock, schedule_of(job.levels), bottom=job.holding.length)
     if job.mesh.upright and is_free(job.stock):
         pose = centred(unplaced.mesh.moved(pose).vertices, stock, MARGIN) @ pose
-    middle = unplaced.mesh.vertices.min(0) / 2 + unplaced.mesh.vertices.max(0) / 2
+    middle = unplaced.mesh.bounds.mean(axis=0)
     off = pose[:2, :3] @ middle + pose[:2, 3] - middle[:2]
     lift = np.array([0.0, 0.0, job.holding.length - stock.bounds[0, 2]])
     pose[:3, 3] += lift

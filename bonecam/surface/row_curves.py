@@ -58,7 +58,7 @@ def distinct(knots: Float[ndarray, " n"], apart: float) -> Float[ndarray, " k"]:
     """Knots in [0, 1), increasing, of those that are no farther apart, across the seam too, only one."""
     knots = np.unique(knots)
     knots = knots[np.diff(knots, prepend=-1.0) > apart]
-    return knots[:-1] if knots[0] + 1 - knots[-1] <= apart else knots
+    return knots[knots - knots.min(initial=1.0) < 1 - apart]
 
 
 def _check(number: int, row: ndarray, closed: bool) -> None:

@@ -34,6 +34,13 @@ def worst_miss(surface: TSpline, curves: RowCurves, t: np.ndarray) -> float:
     return float(np.linalg.norm(points - curves.at(s).reshape(-1, 3), axis=1).max())
 
 
+def test_open_rows_of_four_points_have_no_knots_between() -> None:
+    rows = [np.column_stack([[0.0, 1.0, 2.5, 3.0], np.full(4, y), [0.0, 0.5, 0.5, 0.0]]) for y in (0.0, 1.0, 2.0, 4.0)]
+    surface = skin(rows, 0.01, closed=False)
+    assert surface.tmesh.size == 16
+    assert surface.project(np.vstack(rows)).distances.max() < 0.01
+
+
 @pytest.mark.parametrize("count", [39, 40, 64])
 def test_knots_of_rows_that_differ_by_rounding_are_one(count: int) -> None:
     """Half a turn on from points evenly round a circle are others, but for rounding."""
