@@ -7,7 +7,7 @@ import pytest
 
 ORDER = [
     *"errors progress arrays threads files parameters job kernels mesh surface levels toolpath orientation nc verify".split(),
-    *"requirements keep outputs pipeline filters batch cli".split(),
+    *"requirements keep outputs pipeline filters batch cli __main__".split(),
 ]
 ROOT = Path(__file__).parents[1] / "bonecam"
 MODULES = sorted(path for path in ROOT.rglob("*.py") if path != ROOT / "__init__.py")
