@@ -95,7 +95,7 @@ def morph(
     LevelsJob(stiffness=stiffness, chord_tolerance=chord_tolerance)  # raises where they are out of range
     if method not in tuple(METHODS):
         raise ValueError(f"method {method!r}: choose one of {', '.join(METHODS)}")
-    require_inside(stock, surface.positions(*surface.seeds.parameters.T), MARGIN)  # at once, where it is far too large to tessellate
+    require_seeds_inside(stock, surface)
     require_inside(stock, (mesh := require_sound(surface, COARSE, "the part")).vertices, MARGIN)
     farthest = MeshDistance(mesh).unsigned(stock.mesh(COARSE * stock.diameter).vertices).max()
     schedule.lower_bound(float(farthest) - COARSE)  # raises at once where they are too many
@@ -146,6 +146,11 @@ def require_types(surface: object, schedule: object, *stocks: object) -> None:
     for stock in stocks:
         require_type(stock, Stock, "stock", "Capsule, Cylinder, Box or ConvexStock, such as stock_for finds")
     require_type(schedule, Schedule, "schedule", "Schedule, such as Schedule((0.1, 0.1), 0.5)")
+
+
+def require_seeds_inside(stock: Stock, surface: TSpline) -> None:
+    """StockError at once where the part leaves the stock in few of its points: one far too large would be tessellated for minutes first."""
+    require_inside(stock, surface.positions(*surface.seeds.parameters.T), MARGIN)
 
 
 def _by_cones(

@@ -18,7 +18,7 @@ from numpy import ndarray
 from bonecam.levels.body_surface import body_surfaces
 from bonecam.levels.check import BINS, probes
 from bonecam.levels.level import Level
-from bonecam.levels.morph import Morph, morph, require_types
+from bonecam.levels.morph import Morph, morph, require_seeds_inside, require_types
 from bonecam.levels.rounded import Rounded, intersection, planes_of, require_roundable
 from bonecam.levels.samples import integration_points, samples_of, thin_plate
 from bonecam.levels.schedule import Schedule
@@ -45,7 +45,7 @@ def levels_in(surface: TSpline, stock: Stock, schedule: Schedule, **options: Any
     require_types(surface, schedule, stock)
     if isinstance(stock, Capsule | Rounded):
         return morph(surface, stock, schedule, **options)
-    require_inside(stock, surface.positions(*surface.seeds.parameters.T), MARGIN)  # at once, where it is far too large to tessellate
+    require_seeds_inside(stock, surface)
     part_mesh = surface.tessellate(CHORD)
     require_inside(stock, part_mesh.vertices, MARGIN)
     inner = require_roundable(stock, part_mesh.vertices, MARGIN)

@@ -168,7 +168,8 @@ def test_a_small_bump_counts_in_the_distance_and_is_reported() -> None:
 
 def test_offsets_that_turn_over_are_refused_and_others_are_exact() -> None:
     for offset in (-48.0, -60.0):
-        with pytest.raises(StockError, match=r"turns over at .*: give one that reaches over all of the part, nearer to it"):
+        remedy = "give one that reaches over all of the part, nearer to it than its radii of curvature"
+        with pytest.raises(StockError, match=rf"turns over at .*: {remedy}"):
             morph_open(blade(), offset, Schedule((), 5.0))
     morph = morph_open(blade(), np.float32(-30), Schedule((), 5.0))
     assert morph.distance == pytest.approx(30.0, abs=1e-6)
