@@ -8,12 +8,12 @@ from pathlib import Path
 
 from bonecam.errors import LevelError
 from bonecam.files import whole_folder, write_whole
-from bonecam.levels.depths import LINE, line_depths, step_depths
-from bonecam.levels.level import Level
-from bonecam.levels.stock import Stock
-from bonecam.mesh.files import write_mesh
+from bonecam.levels.measure.level import Level
+from bonecam.levels.measure.line_depths import LINE, line_depths, step_depths
+from bonecam.mesh.files.mesh_files import write_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.surface.files import write_tsm
+from bonecam.setup.stock import Stock
+from bonecam.surface.files.tspline_text import write_tsm
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.path import Kind, ToolPath
 from bonecam.verify.pictures import draw_coloured, draw_depths, draw_levels, draw_toolpath

@@ -9,11 +9,11 @@ from typing import Any
 
 from bonecam.errors import FileError
 from bonecam.files import check_files, check_folder, whole_file
-from bonecam.levels.level import Level
-from bonecam.levels.stock import Stock
-from bonecam.mesh.files import CAD, MESHES
+from bonecam.levels.measure.level import Level
+from bonecam.mesh.files.mesh_files import CAD, MESHES
 from bonecam.nc.dialect import Dialect, dialect_names, read_dialect
-from bonecam.surface.save import TEXTS, check_target, save_surface
+from bonecam.setup.stock import Stock
+from bonecam.surface.files.save import TEXTS, check_target, save_surface
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.path import ToolPath
 

@@ -20,43 +20,43 @@ from bonecam.errors import MeshError, SurfaceError, place_name
 from bonecam.job import Job, MeshJob, SurfaceJob
 from bonecam.keep import failed_level_kept
 from bonecam.levels.body_surface import enclosing
-from bonecam.levels.centring import centred, is_free
-from bonecam.levels.evening import even_levels
-from bonecam.levels.level import Level
-from bonecam.levels.morph import Morph
-from bonecam.levels.placing import stock_for
-from bonecam.levels.rounding import levels_in
-from bonecam.levels.schedule import schedule_of
-from bonecam.levels.stock import MARGIN, Stock, stock_figures
+from bonecam.levels.closed_morph import Morph
+from bonecam.levels.edge_rounding import levels_in
+from bonecam.levels.equal_depths import even_levels
+from bonecam.levels.measure.level import Level
 from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.files import read_mesh
-from bonecam.mesh.pits import fill_pits
+from bonecam.mesh.files.mesh_files import read_mesh
+from bonecam.mesh.healing.pits import fill_pits
+from bonecam.mesh.healing.repair import repair
 from bonecam.mesh.pose import upright
-from bonecam.mesh.repair import repair
-from bonecam.mesh.sections import harmonic_rows
+from bonecam.mesh.sections.rows import harmonic_rows
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.mesh.units import MM_OF, to_mm
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.kinematics import tilt_limit
 from bonecam.nc.machine import Machine, read_machine
+from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import Program
-from bonecam.nc.write import write_program
 from bonecam.orientation.limits import AxisLimits
 from bonecam.orientation.orient import orient
 from bonecam.orientation.scene import Scene
 from bonecam.outputs import File, Outputs
 from bonecam.progress import Progress, part, report, silent
 from bonecam.requirements import check_cuts, check_job, check_method, check_post, check_room, check_sizes, check_tools
-from bonecam.surface import given
-from bonecam.surface.fit import Fit, fit
-from bonecam.surface.save import TEXTS
-from bonecam.surface.sound import require_sound
+from bonecam.setup.centring import centred, is_free
+from bonecam.setup.holding import post_below
+from bonecam.setup.placement import stock_for
+from bonecam.setup.schedule import schedule_of
+from bonecam.setup.stock import MARGIN, Stock, stock_figures
+from bonecam.surface.files import surface_input as given
+from bonecam.surface.files.save import TEXTS
+from bonecam.surface.fitting.fit import Fit, fit
+from bonecam.surface.query.validity import require_sound
 from bonecam.surface.tspline import TSpline
 from bonecam.threads import on_one_blas_thread
 from bonecam.toolpath.cutter import Cutter
 from bonecam.toolpath.material import DEVIATION, Material
 from bonecam.toolpath.path import ToolPath
-from bonecam.toolpath.post import post_below
 from bonecam.toolpath.zigzag import Candidates, candidates, cover_level
 from bonecam.verify.readback import Tolerances, Verification, verify_program
 from bonecam.verify.report import levels_report, nc_report, summary_of, surface_report, toolpath_report

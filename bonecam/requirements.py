@@ -9,14 +9,14 @@ import numpy as np
 
 from bonecam.errors import MachineError, place_name
 from bonecam.job import Job, LevelsJob, StockJob, wrong
-from bonecam.levels.qcqp import require_clarabel
-from bonecam.levels.schedule import schedule_of
-from bonecam.levels.stock import Stock
+from bonecam.levels.solvers.clarabel import require_clarabel
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.machine import Machine
+from bonecam.setup.holding import post_below
+from bonecam.setup.schedule import schedule_of
+from bonecam.setup.stock import Stock
 from bonecam.toolpath.cutter import Cutter
-from bonecam.toolpath.post import post_below
 from bonecam.toolpath.zigzag import DEEPEST_RADII
 
 SIZES = {"capsule": "diameter length", "cylinder": "diameter length", "box": "width depth length", "mesh": "mesh scale"}

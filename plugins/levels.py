@@ -11,8 +11,8 @@ from bonecam.filters.filter import Filter
 from bonecam.filters.layers import Layers
 from bonecam.filters.parameter import FilterParameter, Kind, parameters_of, stage_of
 from bonecam.job import HoldingJob, LevelsJob, StockJob
-from bonecam.levels.check import DEPTH_TOLERANCE, NEST_TOLERANCE
-from bonecam.levels.level import Level
+from bonecam.levels.measure.check import DEPTH_TOLERANCE, NEST_TOLERANCE
+from bonecam.levels.measure.level import Level
 from bonecam.progress import Progress
 from bonecam.surface.tspline import TSpline
 
@@ -21,8 +21,8 @@ CATEGORY = "Bonecam: Stock and Levels"
 
 def generate_stock(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """`generate_stock` and `generate_stock_capsule`."""
-    from bonecam.levels.stock import stock_figures
     from bonecam.pipeline import Part, place
+    from bonecam.setup.stock import stock_figures
 
     job = replace(layers.job(), stock=stage_of(StockJob(), values), holding=stage_of(HoldingJob(), values, prefix="post_"))
     mesh = layers.bone()
@@ -38,9 +38,9 @@ def generate_stock(layers: Layers, values: Mapping[str, Any], progress: Progress
 
 def morph_levels(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """`generate_morph_levels`."""
-    from bonecam.levels.depths import step_depths
-    from bonecam.levels.stock import Stock
+    from bonecam.levels.measure.line_depths import step_depths
     from bonecam.pipeline import make_levels
+    from bonecam.setup.stock import Stock
 
     surface = layers.kept("surface", TSpline, "compute_tspline_surface")
     stock = layers.kept("stock", Stock, "generate_stock")  # type: ignore[type-abstract]
@@ -61,7 +61,7 @@ def morph_levels(layers: Layers, values: Mapping[str, Any], progress: Progress) 
 
 def level_check(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """`compute_level_check`."""
-    from bonecam.levels.morph import Morph
+    from bonecam.levels.closed_morph import Morph
 
     levels = layers.kept("morph", Morph, "generate_morph_levels").levels
     for level in levels[1:]:

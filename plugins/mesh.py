@@ -26,7 +26,7 @@ def scale_to_mm(layers: Layers, values: Mapping[str, Any], progress: Progress) -
 
 def repair_bone(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """`meshing_repair_bone`."""
-    from bonecam.mesh.repair import repair
+    from bonecam.mesh.healing.repair import repair
 
     mesh, changes = repair(layers.bone(), progress=progress)
     layers.add(mesh, "repaired")
@@ -35,7 +35,7 @@ def repair_bone(layers: Layers, values: Mapping[str, Any], progress: Progress) -
 
 def fill_pits_layer(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """`meshing_fill_pits`."""
-    from bonecam.mesh.pits import fill_pits
+    from bonecam.mesh.healing.pits import fill_pits
 
     mesh, told = fill_pits(layers.bone(), values["pit_radius"])
     layers.add(mesh, "filled")
@@ -53,7 +53,7 @@ def stand_upright(layers: Layers, values: Mapping[str, Any], progress: Progress)
 
 def harmonic_rows_layer(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """`compute_harmonic_rows`."""
-    from bonecam.mesh.sections import harmonic_rows
+    from bonecam.mesh.sections.rows import harmonic_rows
 
     job = stage_of(MeshJob(), values)
     mesh = layers.bone()

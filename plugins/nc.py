@@ -16,9 +16,9 @@ CATEGORY = "Bonecam: NC"
 
 def save_program(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """`save_nc_program`."""
-    from bonecam.levels.morph import Morph
-    from bonecam.levels.stock import Stock
+    from bonecam.levels.closed_morph import Morph
     from bonecam.pipeline import post, verify
+    from bonecam.setup.stock import Stock
     from bonecam.verify.report import nc_report
 
     paths = layers.kept("toolpath", tuple, "generate_toolpath")

@@ -32,7 +32,7 @@ def fit_tspline(layers: Layers, values: Mapping[str, Any], progress: Progress) -
 
 def save_tspline(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """`save_tspline_surface`."""
-    from bonecam.surface.save import save_surface
+    from bonecam.surface.files.save import save_surface
 
     surface = layers.kept("surface", TSpline, "compute_tspline_surface")
     target = layers.target(values["file"])

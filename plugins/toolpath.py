@@ -19,10 +19,10 @@ CATEGORY = "Bonecam: Tool Paths"
 
 def plan_toolpath(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """`generate_toolpath`."""
-    from bonecam.levels.morph import Morph
-    from bonecam.levels.stock import Stock
+    from bonecam.levels.closed_morph import Morph
     from bonecam.nc.machine import read_machine
     from bonecam.pipeline import plan_paths
+    from bonecam.setup.stock import Stock
 
     morph = layers.kept("morph", Morph, "generate_morph_levels")
     stock = layers.kept("stock", Stock, "generate_stock")  # type: ignore[type-abstract]

@@ -6,10 +6,10 @@ import numpy as np
 from numpy import ndarray
 
 from bonecam.job import FINISHING, ROUGHING, HoldingJob
-from bonecam.levels.level import Level
-from bonecam.levels.stock import Capsule
+from bonecam.levels.measure.level import Level
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.surface.tmesh import RowTMesh
+from bonecam.setup.stock import Capsule
+from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.cutter import Cutter
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from jaxtyping import install_import_hook
 
-STAGES = ("mesh", "surface", "levels", "toolpath", "orientation", "nc", "verify")
+STAGES = ("mesh", "setup", "surface", "levels", "toolpath", "orientation", "nc", "verify")
 install_import_hook([f"bonecam.{stage}" for stage in STAGES], "beartype.beartype")
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"

@@ -70,7 +70,7 @@ def test_a_wrong_call_is_one_line_exit_2_and_no_file(
 
 
 def test_a_missing_unit_is_refused_with_the_flag_that_fits(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from bonecam.mesh.files import read_mesh, write_mesh
+    from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
     from bonecam.mesh.triangle_mesh import TriangleMesh
 
     mesh = read_mesh(shipped("phalanx"))

@@ -6,21 +6,21 @@ from pathlib import Path
 import pytest
 
 ORDER = [
-    *"errors progress arrays threads files parameters job kernels mesh surface levels toolpath orientation nc verify".split(),
+    *"errors progress arrays threads files parameters job kernels mesh setup surface levels toolpath orientation nc verify".split(),
     *"requirements keep outputs pipeline filters batch cli __main__".split(),
 ]
 ROOT = Path(__file__).parents[1] / "bonecam"
 MODULES = sorted(path for path in ROOT.rglob("*.py") if path != ROOT / "__init__.py")
 
 DOORS = {
-    "osqp": {"levels/solve.py"},
-    "clarabel": {"levels/qcqp.py"},
+    "osqp": {"levels/solvers/osqp.py"},
+    "clarabel": {"levels/solvers/clarabel.py"},
     "fcl": {"orientation/collision.py"},
     "matplotlib": {"verify/pictures.py"},
     "numba": {"kernels"},
     "open3d": {"mesh/distance.py"},
-    "OCP": {"mesh/opencascade.py"},
-    "ezdxf": {"mesh/polyhedra.py"},
+    "OCP": {"mesh/files/opencascade.py"},
+    "ezdxf": {"mesh/files/polyhedra.py"},
 }
 
 

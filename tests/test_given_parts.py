@@ -10,7 +10,7 @@ from bonecam.errors import FileError, MeshError, SurfaceError
 from bonecam.filters.meshset import MeshSet
 from bonecam.job import Job
 from bonecam.pipeline import fit_surface, place, prepare
-from bonecam.surface.save import save_surface
+from bonecam.surface.files.save import save_surface
 from bonecam.surface.tspline import TSpline
 
 JOB = Job()

@@ -12,13 +12,13 @@ from bonecam import pipeline
 from bonecam.cli import main
 from bonecam.errors import LevelError
 from bonecam.keep import failed_level_kept, keep_levels
-from bonecam.levels.cylinder import Cylinder
-from bonecam.levels.depths import line_depths
+from bonecam.levels.edge_rounding import levels_in
+from bonecam.levels.measure.line_depths import line_depths
 from bonecam.levels.open_morph import morph_open
-from bonecam.levels.rounding import levels_in
-from bonecam.levels.schedule import Schedule
-from bonecam.mesh.files import meshlab, read_mesh, write_mesh
-from bonecam.surface.skin import skin
+from bonecam.mesh.files.mesh_files import meshlab, read_mesh, write_mesh
+from bonecam.setup.cylinder import Cylinder
+from bonecam.setup.schedule import Schedule
+from bonecam.surface.skinning.skin import skin
 
 PATCH = Cylinder(2.0, 0.0, 3.0).mesh(0.1)
 

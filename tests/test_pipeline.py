@@ -15,12 +15,12 @@ from bonecam import pipeline
 from bonecam.cli import main
 from bonecam.errors import BonecamError, Cancelled, FileError, MachineError, MeshError, StockError, SurfaceError, UnitsError
 from bonecam.job import Job, write_job
-from bonecam.mesh.files import read_mesh, write_mesh
+from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.machine import read_machine
-from bonecam.nc.read import read_program
-from bonecam.surface.deviation import Deviation
+from bonecam.nc.reading.read import read_program
+from bonecam.surface.fitting.deviation import Deviation
 
 COARSE = Job().with_values(
     surface={"tolerance": 0.2},

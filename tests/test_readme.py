@@ -13,7 +13,7 @@ import pytest
 from bonecam_meshes import path as shipped
 
 from bonecam.cli import _parser
-from bonecam.mesh.files import read_mesh, write_mesh
+from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
 
 ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -48,7 +48,7 @@ def run_python(line: int, code: str) -> None:
 
 def test_quick_python_snippets_run_in_order(folder: Path) -> None:
     for line, code in blocks("python"):
-        if "bonecam.surface.cad" in code:
+        if "bonecam.surface.files.cad" in code:
             pytest.importorskip("OCP", reason="the extra `cad` is not installed")
         if not any(word in code for word in LONG):
             run_python(line, code)

@@ -12,7 +12,7 @@ from bonecam import pipeline
 from bonecam.batch import convert_many
 from bonecam.errors import BonecamError, JobError, ToolPathError
 from bonecam.job import Job
-from bonecam.mesh.files import read_mesh
+from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.nc.machine import machine_names, read_machine
 from bonecam.requirements import check_job
 
@@ -89,7 +89,7 @@ def test_a_batch_refuses_an_absurd_job_before_its_first_mesh(tmp_path: Path) -> 
 def test_the_filters_refuse_a_post_beside_the_part() -> None:
     mesh = read_mesh(shipped("phalanx"))
     meshes = bonecam.MeshSet()
-    from bonecam.mesh.files import meshlab
+    from bonecam.mesh.files.mesh_files import meshlab
 
     meshes.add_mesh(meshlab().Mesh(mesh.vertices, mesh.faces))
     with pytest.raises(ToolPathError, match="misses the part"):

@@ -8,8 +8,8 @@ from bonecam_meshes import path as shipped
 import bonecam
 from bonecam.errors import StockError
 from bonecam.job import Job
-from bonecam.levels.cylinder import Cylinder
-from bonecam.mesh.files import write_mesh
+from bonecam.mesh.files.mesh_files import write_mesh
+from bonecam.setup.cylinder import Cylinder
 
 COARSE = Job().with_values(
     surface={"tolerance": 0.2},

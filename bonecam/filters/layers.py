@@ -17,7 +17,7 @@ from numpy import ndarray
 
 from bonecam.errors import FilterError
 from bonecam.job import Job
-from bonecam.mesh.files import colours_to, meshlab
+from bonecam.mesh.files.mesh_files import colours_to, meshlab
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.mesh.units import to_mm
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from bonecam.errors import FilterError
 from bonecam.filters.mlx import ScriptParameter
-from bonecam.mesh.files import meshlab
+from bonecam.mesh.files.mesh_files import meshlab
 
 Attributes = Mapping[str, str]
 

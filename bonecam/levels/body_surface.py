@@ -12,9 +12,9 @@ from numpy import ndarray
 from scipy.ndimage import gaussian_filter1d
 
 from bonecam.errors import LevelError, place_name
-from bonecam.levels.solve import factor
-from bonecam.levels.stock import Capsule, Stock, smallest_capsule
-from bonecam.surface.tmesh import RowTMesh
+from bonecam.levels.solvers.osqp import factor
+from bonecam.setup.stock import Capsule, Stock, smallest_capsule
+from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 CHORD, ROUND_ABOUT = 0.02, 0.03

@@ -21,17 +21,17 @@ from numpy import ndarray
 from bonecam.arrays import ROUNDING, dots, lengths
 from bonecam.errors import JobError, LevelError, StockError, SurfaceError, place_name
 from bonecam.job import LevelsJob
-from bonecam.levels.check import BINS, DEPTH_TOLERANCE, NEST_TOLERANCE, REMAINS, patch_of
-from bonecam.levels.fabric import Fabric, fabric_of
-from bonecam.levels.level import Level
-from bonecam.levels.morph import Morph, require_types
+from bonecam.levels.closed_morph import Morph, require_types
+from bonecam.levels.measure.check import BINS, DEPTH_TOLERANCE, NEST_TOLERANCE, REMAINS, patch_of
+from bonecam.levels.measure.level import Level
 from bonecam.levels.open_stock import OpenStock, distances, open_stock
-from bonecam.levels.schedule import Schedule
-from bonecam.levels.solve import Rows, solve
+from bonecam.levels.problem.element_matrices import Fabric, fabric_of
+from bonecam.levels.solvers.osqp import Rows, solve
 from bonecam.mesh.distance import exact_closest
 from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.progress import Progress, report, silent
+from bonecam.setup.schedule import Schedule
 from bonecam.surface.tspline import TSpline
 from bonecam.threads import on_one_blas_thread
 
@@ -65,7 +65,9 @@ def morph_open(
     if not 0 <= stiffness < np.inf:
         raise JobError(f"stiffness = {stiffness!r}: give a finite number of zero or more", field="stiffness")
     if all(surface.poles) or all(surface.elements().period):
-        raise SurfaceError("the surface is closed: morph it into a stock with bonecam.levels.rounding.levels_in(surface, stock, schedule)")
+        raise SurfaceError(
+            "the surface is closed: morph it into a stock with bonecam.levels.edge_rounding.levels_in(surface, stock, schedule)"
+        )
     fabric = fabric_of(surface)
     held = fabric.edge & (edges == "fixed")
     found = open_stock(surface, fabric, stock, edges == "fixed")

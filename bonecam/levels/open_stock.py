@@ -15,12 +15,12 @@ from numpy import ndarray
 
 from bonecam.arrays import dots, lengths
 from bonecam.errors import StockError, place_name
-from bonecam.levels.check import NEST_TOLERANCE
-from bonecam.levels.fabric import Fabric
-from bonecam.levels.solve import factor
+from bonecam.levels.measure.check import NEST_TOLERANCE
+from bonecam.levels.problem.element_matrices import Fabric
+from bonecam.levels.solvers.osqp import factor
 from bonecam.mesh.distance import exact_closest
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.surface.project import Projection
+from bonecam.surface.query.project import Projection
 from bonecam.surface.tspline import TSpline
 
 FIT_STIFFNESS, CHORD, ABOVE = 1e-16, 0.01, 1 - 1e-6

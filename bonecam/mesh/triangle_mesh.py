@@ -57,3 +57,8 @@ class TriangleMesh:
     def moved(self, transform: Float[ndarray, "4 4"]) -> "TriangleMesh":
         """The same mesh under a rigid transform (4, 4)."""
         return TriangleMesh(self.vertices @ transform[:3, :3].T + transform[:3, 3], self.faces)
+
+
+def probes(mesh: TriangleMesh) -> Float[ndarray, "n 3"]:
+    """The mesh's vertices and the middles of its faces."""
+    return np.vstack([mesh.vertices, mesh.vertices[mesh.faces].mean(1)])

@@ -1,7 +1,7 @@
 """Units: from the file's coordinates to mm, refused where the size is no bone's."""
 
 from bonecam.errors import UnitsError
-from bonecam.mesh.opencascade import IGES, STEP
+from bonecam.mesh.files.opencascade import IGES, STEP
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 MM_OF = {"mm": 1.0, "m": 1000.0, "inch": 25.4}

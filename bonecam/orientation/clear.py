@@ -14,8 +14,8 @@ from numpy import ndarray
 
 from bonecam.orientation.limits import angles_between
 from bonecam.orientation.scene import TABLE_CLEARANCE, Scene
+from bonecam.setup.holding import Post
 from bonecam.toolpath.cutter import Cutter
-from bonecam.toolpath.post import Post
 
 SLACK = 0.01
 """The cutter is shrunk by this much, mm: a tangent contact is no collision."""

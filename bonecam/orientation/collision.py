@@ -13,8 +13,8 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.orientation.clear import SLACK
 from bonecam.orientation.scene import Scene
+from bonecam.setup.holding import Post
 from bonecam.toolpath.cutter import Cutter
-from bonecam.toolpath.post import Post
 
 SIDES = 48
 TABLE_HALF_WIDTH = 2000.0

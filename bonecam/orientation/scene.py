@@ -11,10 +11,10 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.levels.stock import Capsule
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.toolpath.post import Post
+from bonecam.setup.holding import Post
+from bonecam.setup.stock import Capsule
 
 TABLE_CLEARANCE = 0.5
 FAR = 1.0

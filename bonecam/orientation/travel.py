@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.levels.stock import Capsule
 from bonecam.orientation.limits import AxisLimits, angles_between, polar, unit, with_polar
+from bonecam.setup.stock import Capsule
 
 ROW_STEP, ROW_TURN = 3.0, np.radians(5.0)
 ROUNDS, PARTS = 8, 64

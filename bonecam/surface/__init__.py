@@ -1,25 +1,25 @@
 """Stage 2: the T-spline surface: kernel, fit, tessellation, files.
 
 Functions that share their name with the module they live in (fit, skin, refine, diagnose, project, tessellate, deviation) are the
-functions here: write `from bonecam.surface.fit import ...` for what else the module holds.
+functions here: write `from bonecam.surface.fitting.fit import ...` for what else the module holds.
 """
 
-from bonecam.surface.as_general import as_general
-from bonecam.surface.curvature import Curvature
-from bonecam.surface.deviation import Deviation, deviation
-from bonecam.surface.diagnose import Diagnosis, diagnose
-from bonecam.surface.elements import Elements
-from bonecam.surface.extracted import ExtractedTMesh
-from bonecam.surface.files import read_tsm, write_tsm
-from bonecam.surface.fit import Fit, fit
-from bonecam.surface.general_tmesh import TMesh
-from bonecam.surface.iga import read_iga, write_iga
-from bonecam.surface.open_rows import OpenRowTMesh
-from bonecam.surface.project import Projection, project
-from bonecam.surface.refine import refine
-from bonecam.surface.skin import skin
-from bonecam.surface.tessellate import Tessellation, tessellate
-from bonecam.surface.tmesh import RowTMesh
+from bonecam.surface.basis.elements import Elements
+from bonecam.surface.files.iga import read_iga, write_iga
+from bonecam.surface.files.tspline_text import read_tsm, write_tsm
+from bonecam.surface.fitting.deviation import Deviation, deviation
+from bonecam.surface.fitting.fit import Fit, fit
+from bonecam.surface.query.curvature import Curvature
+from bonecam.surface.query.diagnose import Diagnosis, diagnose
+from bonecam.surface.query.project import Projection, project
+from bonecam.surface.refinement.as_general import as_general
+from bonecam.surface.refinement.refine import refine
+from bonecam.surface.skinning.skin import skin
+from bonecam.surface.tessellation.tessellate import Tessellation, tessellate
+from bonecam.surface.tmesh.extracted import ExtractedTMesh
+from bonecam.surface.tmesh.general import TMesh
+from bonecam.surface.tmesh.open_rows import OpenRowTMesh
+from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 __all__ = [

@@ -13,17 +13,17 @@ from bonecam.arrays import frozen
 from bonecam.errors import SurfaceError
 from bonecam.kernels import bezier
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.surface import measures
-from bonecam.surface.curvature import Curvature, pole_curvature, pole_normal, surface_curvature, unit
-from bonecam.surface.diagnose import Diagnosis, diagnose
-from bonecam.surface.elements import Elements
-from bonecam.surface.extracted import ExtractedTMesh
-from bonecam.surface.general_tmesh import TMesh
-from bonecam.surface.open_rows import OpenRowTMesh
-from bonecam.surface.project import Projection, Seeds, project
-from bonecam.surface.refine import refine
-from bonecam.surface.tessellate import Tessellation, tessellate
-from bonecam.surface.tmesh import RowTMesh
+from bonecam.surface.basis.elements import Elements
+from bonecam.surface.query import measures
+from bonecam.surface.query.curvature import Curvature, pole_curvature, pole_normal, surface_curvature, unit
+from bonecam.surface.query.diagnose import Diagnosis, diagnose
+from bonecam.surface.query.project import Projection, Seeds, project
+from bonecam.surface.refinement.refine import refine
+from bonecam.surface.tessellation.tessellate import Tessellation, tessellate
+from bonecam.surface.tmesh.extracted import ExtractedTMesh
+from bonecam.surface.tmesh.general import TMesh
+from bonecam.surface.tmesh.open_rows import OpenRowTMesh
+from bonecam.surface.tmesh.rows import RowTMesh
 
 POLE = 1e-9  # of the t-range: nearer to a pole than this its limits are taken
 POLE_DIRECTIONS = 256

@@ -11,10 +11,10 @@ from jaxtyping import Float
 from numpy import ndarray
 from scipy.spatial import KDTree
 
-from bonecam.levels.grid import level_grid
-from bonecam.levels.level import Level
-from bonecam.levels.stock import Stock
+from bonecam.levels.measure.grid import level_grid
+from bonecam.levels.measure.level import Level
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.setup.stock import Stock
 from bonecam.toolpath.path import Kind, ToolPath
 
 CHORD = 0.05

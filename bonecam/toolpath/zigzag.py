@@ -14,13 +14,13 @@ from numpy import ndarray
 
 from bonecam.errors import ToolPathError
 from bonecam.job import PathJob
-from bonecam.levels.level import Level
+from bonecam.levels.measure.level import Level
 from bonecam.mesh.distance import MeshDistance
+from bonecam.setup.holding import Post
 from bonecam.toolpath.cutter import Cutter
 from bonecam.toolpath.gouge import lift_free
 from bonecam.toolpath.material import Material
 from bonecam.toolpath.path import ContactPath
-from bonecam.toolpath.post import Post
 from bonecam.toolpath.sampling import frame, sample_lines
 from bonecam.toolpath.spacing import line_positions
 

@@ -20,7 +20,7 @@ from numpy import ndarray
 from bonecam.errors import VerifyError
 from bonecam.mesh.distance import lowest_between
 from bonecam.nc.control import Control
-from bonecam.nc.motions import Motions
+from bonecam.nc.reading.motions import Motions
 
 SLACK = 0.001
 MOST_ROUNDS = 60

@@ -11,11 +11,11 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.levels.depths import LINE, depths_from, line_lengths
-from bonecam.levels.level import Level, rounding_cuts
-from bonecam.mesh.remesh import split_edges
+from bonecam.levels.measure.level import Level, rounding_cuts
+from bonecam.levels.measure.line_depths import LINE, depths_from, line_lengths
+from bonecam.mesh.remeshing import split_edges
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.surface.tmesh_lines import TMeshLines, tmesh_lines
+from bonecam.surface.tmesh.lines import TMeshLines, tmesh_lines
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.path import Kind, ToolPath
 from bonecam.verify.panels import BELOW, bar_below, lay_out

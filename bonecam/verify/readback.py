@@ -16,8 +16,8 @@ from bonecam.errors import VerifyError
 from bonecam.kernels.align import align
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.machine import Machine
-from bonecam.nc.motions import Motions
-from bonecam.nc.read import read_program
+from bonecam.nc.reading.motions import Motions
+from bonecam.nc.reading.read import read_program
 from bonecam.toolpath.path import Kind, ToolPath
 from bonecam.verify.gouge import Distances, Gouge, measure_gouge
 

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from bonecam.errors import counted
-from bonecam.levels.check import NEST_TOLERANCE
-from bonecam.levels.level import Level, rounding_cuts
-from bonecam.levels.morph import METHODS
-from bonecam.levels.stock import stock_text
+from bonecam.levels.closed_morph import METHODS
+from bonecam.levels.measure.check import NEST_TOLERANCE
+from bonecam.levels.measure.level import Level, rounding_cuts
 from bonecam.nc.program import Program
-from bonecam.surface.fit import Fit
+from bonecam.setup.stock import stock_text
+from bonecam.surface.fitting.fit import Fit
 from bonecam.toolpath.path import Kind, ToolPath
 from bonecam.verify.readback import Verification
 

@@ -24,11 +24,11 @@ from numpy import ndarray
 from threadpoolctl import threadpool_limits
 
 from bonecam.job import Job, MeshJob
-from bonecam.levels.certificate import certify
-from bonecam.levels.morph import morph
-from bonecam.levels.schedule import schedule_of
-from bonecam.levels.stock import Stock
+from bonecam.levels.closed_morph import morph
+from bonecam.levels.measure.certificate import certify
 from bonecam.pipeline import fit_surface, place, prepare
+from bonecam.setup.schedule import schedule_of
+from bonecam.setup.stock import Stock
 from bonecam.surface.tspline import TSpline
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "meshes" / "bones"

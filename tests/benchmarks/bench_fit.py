@@ -17,15 +17,15 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from bonecam.job import MeshJob
-from bonecam.mesh.sections import harmonic_rows
+from bonecam.mesh.sections.rows import harmonic_rows
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.pipeline import prepare
-from bonecam.surface.adapt import HASTE, LOWEST, SHARE, Votes, refine
-from bonecam.surface.fit import Fit, fit
-from bonecam.surface.growth import Prune, Refine
-from bonecam.surface.prune import prune, spare_knots
-from bonecam.surface.target import Target
-from bonecam.surface.tmesh import RowTMesh
+from bonecam.surface.fitting.adapt import HASTE, LOWEST, SHARE, Votes, refine
+from bonecam.surface.fitting.fit import Fit, fit
+from bonecam.surface.fitting.growth import Prune, Refine
+from bonecam.surface.fitting.prune import prune, spare_knots
+from bonecam.surface.fitting.target import Target
+from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 

@@ -32,20 +32,20 @@ from scipy.sparse.linalg import spsolve
 from threadpoolctl import threadpool_limits
 
 from bonecam.job import Job, LevelsJob
-from bonecam.levels.cut import Cut, Manner
-from bonecam.levels.grid import level_grid
-from bonecam.levels.limits import limits_at
-from bonecam.levels.morph import Morph, morph
-from bonecam.levels.program import Program, program_of, split
-from bonecam.levels.qcqp import ConeLevels
-from bonecam.levels.remaining import Remaining
-from bonecam.levels.schedule import Schedule
-from bonecam.levels.setting import Setting
-from bonecam.levels.solve import stacked
-from bonecam.levels.step import Step, next_level
-from bonecam.levels.stock import Capsule
+from bonecam.levels.closed_morph import Morph, morph
+from bonecam.levels.measure.grid import level_grid
+from bonecam.levels.problem.cut import Cut, Manner
+from bonecam.levels.problem.discretisation import Setting
+from bonecam.levels.problem.limits.planes import limits_at
+from bonecam.levels.problem.program import Program, program_of, split
+from bonecam.levels.problem.remaining import Remaining
+from bonecam.levels.solvers.clarabel import ConeLevels
+from bonecam.levels.solvers.exchange import Step, next_level
+from bonecam.levels.solvers.osqp import stacked
 from bonecam.mesh.distance import MeshDistance
 from bonecam.pipeline import fit_surface, place, prepare
+from bonecam.setup.schedule import Schedule
+from bonecam.setup.stock import Capsule
 from bonecam.surface.tspline import TSpline
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "meshes" / "bones" / "3midph_m.stl"

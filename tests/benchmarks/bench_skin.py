@@ -15,9 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
-from bonecam.surface.reduction import Reduction
-from bonecam.surface.row_curves import RowCurves
-from bonecam.surface.skin import control_curves, row_parameters, skin
+from bonecam.surface.skinning.reduction import Reduction
+from bonecam.surface.skinning.row_curves import RowCurves
+from bonecam.surface.skinning.skin import control_curves, row_parameters, skin
 
 EXACT = 1e-6  # of the tolerance: the skin that is taken as exact
 CASES = (
@@ -47,7 +47,7 @@ def b_splines(rows: list[np.ndarray], tolerance: float) -> tuple[int, int]:
 
 
 def _on_fine(curves: RowCurves, fine: np.ndarray) -> np.ndarray:
-    from bonecam.surface.spline_space import interpolate, sites
+    from bonecam.surface.basis.spline_space import interpolate, sites
 
     at = sites(fine, False)
     return np.array([interpolate(fine, at, section, False) for section in curves.at(at)])

@@ -18,7 +18,8 @@ from scipy.interpolate import NdBSpline
 sys.path.insert(0, str(Path(__file__).parents[1] / "surface"))
 from rowed import bone_like
 
-from bonecam.surface import RowTMesh, TSpline, as_general
+from bonecam.surface import RowTMesh, TSpline
+from bonecam.surface.refinement import as_general
 
 ROWS, AROUND, SAMPLES, POINTS = 19, 15, 100_000, 5_000
 AIM = {"evaluate": 10e6, "splinepy": 20.0, "csr": 0.2, "project": 50_000.0}

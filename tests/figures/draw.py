@@ -6,8 +6,8 @@ from bonecam_meshes import path
 from matplotlib.figure import Figure
 
 import bonecam
-from bonecam.levels.depths import line_depths
-from bonecam.toolpath.post import post_below
+from bonecam.levels.measure.line_depths import line_depths
+from bonecam.setup.holding import post_below
 from bonecam.verify.panels import lay_out
 from bonecam.verify.pictures import draw_coloured, draw_depths, draw_tmesh, draw_toolpath, show_levels, show_path, show_tmesh
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from test_morph import STOCK, grooved
 
-from bonecam.levels.attraction import ATTRACTIONS
-from bonecam.levels.back import behind
-from bonecam.levels.remaining import remaining, whole
-from bonecam.levels.setting import setting_of
+from bonecam.levels.problem.discretisation import setting_of
+from bonecam.levels.problem.energies.attraction import ATTRACTIONS
+from bonecam.levels.problem.limits.reverse_depth import behind
+from bonecam.levels.problem.remaining import remaining, whole
 
 
 def test_what_a_filled_groove_leaves_behind_is_found_at_its_distance() -> None:

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from bonecam.errors import StockError
-from bonecam.levels.box import Box
-from bonecam.levels.convex import ConvexStock
-from bonecam.levels.cylinder import Cylinder
-from bonecam.levels.stock import Capsule, Stock, stock_figures, stock_text
 from bonecam.mesh.distance import exact_closest
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.setup.box import Box
+from bonecam.setup.convex import ConvexStock
+from bonecam.setup.cylinder import Cylinder
+from bonecam.setup.stock import Capsule, Stock, stock_figures, stock_text
 
 BOX = Box(np.array([-6.0, -7.5, 3.0]), np.array([6.0, 7.5, 40.0]))
 CYLINDER = Cylinder(7.5, 3.0, 40.0)

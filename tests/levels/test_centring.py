@@ -4,8 +4,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from bonecam.job import StockJob
-from bonecam.levels.centring import centred, is_free
-from bonecam.levels.stock import Capsule
+from bonecam.setup.centring import centred, is_free
+from bonecam.setup.stock import Capsule
 
 STOCK = Capsule(np.array([0.0, 0.0, 7.5]), np.array([0.0, 0.0, 29.5]), 7.5)
 

@@ -10,21 +10,21 @@ from test_morph import grooved
 
 from bonecam.job import Job, MeshJob
 from bonecam.kernels import hull_depth, hulls
-from bonecam.levels import certificate, check
 from bonecam.levels.body_surface import body_surfaces
-from bonecam.levels.box import Box
-from bonecam.levels.certificate import Certificate, certify
-from bonecam.levels.cylinder import Cylinder
-from bonecam.levels.grid import level_grid
-from bonecam.levels.inspection import Inspection, Rules
-from bonecam.levels.morph import Morph, morph
-from bonecam.levels.rounding import levels_in
-from bonecam.levels.schedule import Schedule
-from bonecam.levels.sheet import Sheet
-from bonecam.levels.stock import Capsule, Stock
+from bonecam.levels.closed_morph import Morph, morph
+from bonecam.levels.edge_rounding import levels_in
+from bonecam.levels.measure import certificate, check
+from bonecam.levels.measure.certificate import Certificate, certify
+from bonecam.levels.measure.grid import level_grid
+from bonecam.levels.measure.inspection import Inspection, Rules
+from bonecam.levels.measure.measured_surface import Sheet
 from bonecam.pipeline import fit_surface, make_levels, place, prepare
 from bonecam.progress import silent
-from bonecam.surface.tmesh import RowTMesh
+from bonecam.setup.box import Box
+from bonecam.setup.cylinder import Cylinder
+from bonecam.setup.schedule import Schedule
+from bonecam.setup.stock import Capsule, Stock
+from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 STOCK = Capsule(np.array([0.0, 0.0, 4.5]), np.array([0.0, 0.0, 15.5]), 4.5)

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from test_morph import waisted
 
-from bonecam.levels.cylinder import Cylinder
-from bonecam.levels.depths import POINTS, line_depths, step_depths
-from bonecam.levels.morph import Morph
-from bonecam.levels.rounding import levels_in
-from bonecam.levels.schedule import Schedule
-from bonecam.levels.stock import Capsule
+from bonecam.levels.closed_morph import Morph
+from bonecam.levels.edge_rounding import levels_in
+from bonecam.levels.measure.line_depths import POINTS, line_depths, step_depths
+from bonecam.setup.cylinder import Cylinder
+from bonecam.setup.schedule import Schedule
+from bonecam.setup.stock import Capsule
 from bonecam.verify.pictures import draw_depths
 
 BAR = Cylinder(4.5, 0.0, 20.0)

@@ -9,15 +9,15 @@ import scipy.sparse as sp
 from test_morph import STOCK
 from test_step import CUT, MANNER, setting
 
-from bonecam.levels import program
-from bonecam.levels.attraction import unit
-from bonecam.levels.cut import ROUGH
-from bonecam.levels.energy import Given, Pulled, Quadratic
-from bonecam.levels.energy_plate import plate
-from bonecam.levels.energy_pull import targets
-from bonecam.levels.limits import feet
-from bonecam.levels.program import MOST_BENT, NET, SAMPLED, Program, program_of, split
-from bonecam.levels.remaining import remaining, whole
+from bonecam.levels.problem import program
+from bonecam.levels.problem.cut import ROUGH
+from bonecam.levels.problem.energies.attraction import unit
+from bonecam.levels.problem.energies.energy import Given, Pulled, Quadratic
+from bonecam.levels.problem.energies.pull import targets
+from bonecam.levels.problem.energies.thin_plate import plate
+from bonecam.levels.problem.limits.planes import feet
+from bonecam.levels.problem.program import MOST_BENT, NET, SAMPLED, Program, program_of, split
+from bonecam.levels.problem.remaining import remaining, whole
 
 RNG = np.random.default_rng(4)
 

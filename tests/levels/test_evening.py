@@ -3,10 +3,10 @@
 import numpy as np
 from test_morph import STOCK, waisted
 
-from bonecam.levels.cylinder import Cylinder
-from bonecam.levels.evening import even_levels
-from bonecam.levels.rounding import levels_in
-from bonecam.levels.schedule import Schedule
+from bonecam.levels.edge_rounding import levels_in
+from bonecam.levels.equal_depths import even_levels
+from bonecam.setup.cylinder import Cylinder
+from bonecam.setup.schedule import Schedule
 
 SCHEDULE = Schedule((0.2,), 1.0)
 

@@ -5,10 +5,10 @@ import pytest
 from test_morph import STOCK
 from test_step import setting
 
-from bonecam.levels import finer as module
-from bonecam.levels.box import Box
-from bonecam.levels.finer import finer
-from bonecam.levels.rounded import rounded
+from bonecam.levels import refine_for_depth as module
+from bonecam.levels.refine_for_depth import finer
+from bonecam.setup.box import Box
+from bonecam.setup.rounded import rounded
 
 RNG = np.random.default_rng(7)
 

@@ -6,10 +6,10 @@ from test_energy import first_program
 from test_morph import STOCK
 from test_step import CUT
 
-from bonecam.levels import limits
-from bonecam.levels.cut import Cut
-from bonecam.levels.limits import SLABS, WALLS, heights
-from bonecam.levels.program import split
+from bonecam.levels.problem.cut import Cut
+from bonecam.levels.problem.limits import planes as limits
+from bonecam.levels.problem.limits.planes import SLABS, WALLS, heights
+from bonecam.levels.problem.program import split
 
 GAP = np.linspace(0, 6, 200)
 RNG = np.random.default_rng(5)

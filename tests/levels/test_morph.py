@@ -9,18 +9,19 @@ import numpy as np
 import pytest
 
 from bonecam.errors import Cancelled, JobError, LevelError, StockError, SurfaceError
-from bonecam.levels import check, sequence
-from bonecam.levels.cylinder import Cylinder
-from bonecam.levels.grid import level_grid
-from bonecam.levels.limits import feet
-from bonecam.levels.morph import Morph, morph
-from bonecam.levels.rounding import levels_in
-from bonecam.levels.samples import integration_points, samples_of, thin_plate
-from bonecam.levels.schedule import Schedule
-from bonecam.levels.sheet import Sheet
-from bonecam.levels.stock import Capsule, Stock
+from bonecam.levels import sequence
+from bonecam.levels.closed_morph import Morph, morph
+from bonecam.levels.edge_rounding import levels_in
+from bonecam.levels.measure import check
+from bonecam.levels.measure.grid import level_grid
+from bonecam.levels.measure.measured_surface import Sheet
+from bonecam.levels.problem.limits.planes import feet
+from bonecam.levels.problem.samples import integration_points, samples_of, thin_plate
 from bonecam.mesh.distance import MeshDistance
-from bonecam.surface.tmesh import RowTMesh
+from bonecam.setup.cylinder import Cylinder
+from bonecam.setup.schedule import Schedule
+from bonecam.setup.stock import Capsule, Stock
+from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 SCHEDULE = Schedule((0.1, 0.1), 0.5)
@@ -66,13 +67,13 @@ from fractions import Fraction
 
 import numpy as np
 from bonecam.errors import StockError
-from bonecam.levels.convex import ConvexStock
-from bonecam.levels.cylinder import Cylinder
-from bonecam.levels.morph import morph
+from bonecam.setup.convex import ConvexStock
+from bonecam.setup.cylinder import Cylinder
+from bonecam.levels.closed_morph import morph
 from bonecam.levels.open_morph import morph_open
-from bonecam.levels.rounding import levels_in
-from bonecam.levels.schedule import Schedule
-from bonecam.levels.stock import Capsule
+from bonecam.levels.edge_rounding import levels_in
+from bonecam.setup.schedule import Schedule
+from bonecam.setup.stock import Capsule
 from test_morph import SCHEDULE, STOCK, waisted
 part = waisted()
 for call in (

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from bonecam.levels.narrows import LEAST, unhindered
+from bonecam.levels.problem.energies.medial_ball import LEAST, unhindered
 
 NARROW = 2.0
 

@@ -7,14 +7,14 @@ import pytest
 from test_morph import waisted
 
 from bonecam.errors import JobError, LevelError, StockError, SurfaceError
-from bonecam.levels.level import Level
-from bonecam.levels.morph import Morph
+from bonecam.levels.closed_morph import Morph
+from bonecam.levels.edge_rounding import levels_in
+from bonecam.levels.measure.level import Level
 from bonecam.levels.open_morph import morph_open
-from bonecam.levels.rounding import levels_in
-from bonecam.levels.schedule import Schedule
-from bonecam.levels.stock import Capsule
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.surface.skin import skin
+from bonecam.setup.schedule import Schedule
+from bonecam.setup.stock import Capsule
+from bonecam.surface.skinning.skin import skin
 from bonecam.surface.tspline import TSpline
 
 SCHEDULE = Schedule((0.1,), 0.5)

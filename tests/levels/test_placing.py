@@ -9,14 +9,14 @@ from scipy.spatial import cKDTree
 
 from bonecam.errors import StockError
 from bonecam.job import StockJob
-from bonecam.levels.box import Box
-from bonecam.levels.convex import ConvexStock
-from bonecam.levels.cylinder import Cylinder
-from bonecam.levels.placing import stock_for
-from bonecam.levels.schedule import Schedule
-from bonecam.levels.stock import MARGIN, Capsule, Stock, smallest_capsule, stock_figures, stock_text
-from bonecam.mesh.files import write_mesh
+from bonecam.mesh.files.mesh_files import write_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.setup.box import Box
+from bonecam.setup.convex import ConvexStock
+from bonecam.setup.cylinder import Cylinder
+from bonecam.setup.placement import stock_for
+from bonecam.setup.schedule import Schedule
+from bonecam.setup.stock import MARGIN, Capsule, Stock, smallest_capsule, stock_figures, stock_text
 
 KINDS = ("capsule", "cylinder", "box")
 SCHEDULE = Schedule((0.1,) * 4, 0.5)
@@ -168,7 +168,7 @@ def test_a_stock_from_a_file_is_taken_as_it_is_or_as_its_smallest_copy(tmp_path:
 def test_the_body_of_a_file_is_proven_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_mesh(Cylinder(8.0, 0.0, 40.0).mesh(0.5), tmp_path / "block.ply")
     proofs: list[TriangleMesh] = []
-    monkeypatch.setattr("bonecam.levels.convex._require_convex", proofs.append)
+    monkeypatch.setattr("bonecam.setup.convex._require_convex", proofs.append)
     stock, _ = stock_for(cloud(), StockJob(kind="mesh", mesh=str(tmp_path / "block.ply"), scale=0.0), SCHEDULE)
     assert len(proofs) == 1
     ConvexStock(stock.mesh(10.0))

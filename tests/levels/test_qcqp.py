@@ -8,12 +8,12 @@ import scipy.sparse as sp
 from test_morph import SCHEDULE, STOCK, waisted
 
 from bonecam.errors import LevelError
-from bonecam.levels.cylinder import Cylinder
-from bonecam.levels.morph import morph
-from bonecam.levels.qcqp import ConeLevels, Cones, Planes, cone_sequence, solve_cones
-from bonecam.levels.rounded import rounded
-from bonecam.levels.schedule import Schedule
+from bonecam.levels.closed_morph import morph
+from bonecam.levels.solvers.clarabel import ConeLevels, Cones, Planes, cone_sequence, solve_cones
 from bonecam.progress import silent
+from bonecam.setup.cylinder import Cylinder
+from bonecam.setup.rounded import rounded
+from bonecam.setup.schedule import Schedule
 
 STIFFNESS = 1e-7
 pytest.importorskip("clarabel", reason="the extra `reference` is not installed")
@@ -71,7 +71,7 @@ def test_the_exact_level_keeps_the_published_limits(attraction: str) -> None:
 @pytest.mark.parametrize("attraction", ["stock", "sphere"])
 def test_the_default_method_comes_within_one_percent_of_the_exact_energy(attraction: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of the published energy, for the depth held on the control points and solved exactly, from each of the first levels to the next."""
-    monkeypatch.setattr("bonecam.levels.inspection.require", lambda *_: None)  # what is measured later on does not matter here
+    monkeypatch.setattr("bonecam.levels.measure.inspection.require", lambda *_: None)  # what is measured later on does not matter here
     made = morph(waisted(), STOCK, SCHEDULE, attraction=attraction, chord_tolerance=0.05)
     nets = [level.surface.control_points for level in made.levels if level.surface is not None]
     program = ConeLevels(waisted(), STOCK, attraction, hull=True)
@@ -97,7 +97,7 @@ def test_the_method_has_the_default_ones_interface() -> None:
 
 
 def test_a_level_that_leaves_its_limits_is_told_with_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("bonecam.levels.qcqp.ROUNDS", 1)
+    monkeypatch.setattr("bonecam.levels.solvers.clarabel.ROUNDS", 1)
     with pytest.raises(
         LevelError, match=r"^level 3: .* limits by 0\.\d+ mm at \(.*\) after 1 rounds: raise surface\.max_control_points$"
     ) as caught:
@@ -109,8 +109,8 @@ def test_a_level_that_leaves_its_limits_is_told_with_its_place(monkeypatch: pyte
 def test_a_level_within_what_is_measured_as_sound_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     """A level of a bone that is drawn to its bounding sphere was left at 0.0014 mm after all rounds."""
     program, P = ConeLevels(waisted(), STOCK, "sphere"), np.array(waisted().control_points)
-    monkeypatch.setattr("bonecam.levels.qcqp.TOLERANCE", 1e-7)
-    monkeypatch.setattr("bonecam.levels.qcqp.ROUNDS", 4)
+    monkeypatch.setattr("bonecam.levels.solvers.clarabel.TOLERANCE", 1e-7)
+    monkeypatch.setattr("bonecam.levels.solvers.clarabel.ROUNDS", 4)
     broken, _ = program._broken(P, program.next_moves(P, 0.5, STIFFNESS), 0.5)
     assert 1e-7 < broken.max() <= 0.002
 

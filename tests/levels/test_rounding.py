@@ -9,22 +9,22 @@ from test_morph import waisted
 from bonecam.errors import LevelError, StockError
 from bonecam.job import Job, MeshJob, StockJob
 from bonecam.levels.body_surface import TOLERANCE, body_surfaces, enclosing
-from bonecam.levels.box import Box
-from bonecam.levels.check import BINS, measure, require
-from bonecam.levels.convex import ConvexStock
-from bonecam.levels.cylinder import Cylinder
-from bonecam.levels.grid import level_grid
-from bonecam.levels.morph import Morph
-from bonecam.levels.rounded import Rounded, inradius, intersection, offset, planes_of, rounded, roundest
-from bonecam.levels.rounding import levels_in
-from bonecam.levels.schedule import Schedule
-from bonecam.levels.sheet import Sheet
-from bonecam.levels.stock import Capsule, Stock, revolved
+from bonecam.levels.closed_morph import Morph
+from bonecam.levels.edge_rounding import levels_in
+from bonecam.levels.measure.check import BINS, measure, require
+from bonecam.levels.measure.grid import level_grid
+from bonecam.levels.measure.measured_surface import Sheet
 from bonecam.mesh.distance import exact_closest
 from bonecam.mesh.hull import convex_hull
 from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.pipeline import fit_surface, make_levels, place, prepare
+from bonecam.setup.box import Box
+from bonecam.setup.convex import ConvexStock
+from bonecam.setup.cylinder import Cylinder
+from bonecam.setup.rounded import Rounded, inradius, intersection, offset, planes_of, rounded, roundest
+from bonecam.setup.schedule import Schedule
+from bonecam.setup.stock import Capsule, Stock, revolved
 
 BAR, BOX = Cylinder(4.5, 0.0, 20.0), Box(np.array([-4.5, -4.0, 0.0]), np.array([4.5, 4.0, 20.0]))
 SCHEDULE = Schedule((0.1,), 0.9)
@@ -240,7 +240,7 @@ def test_every_level_can_be_followed_on_the_parts_tmesh(made: Morph) -> None:
 
 
 def test_a_mesh_that_cannot_be_made_true_is_refused_with_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("bonecam.levels.rounded.BISECTIONS", 1)
+    monkeypatch.setattr("bonecam.setup.rounded.BISECTIONS", 1)
     with pytest.raises(StockError, match="no mesh of the rounded stock"):
         rounded(Box(np.full(3, -5.0), np.full(3, 5.0)), 2.0).mesh(0.001)
 
@@ -253,7 +253,7 @@ def test_a_part_that_leaves_the_bar_is_refused_at_once_with_its_place() -> None:
 
 
 def test_a_part_in_the_edges_of_a_bar_is_refused_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("bonecam.levels.rounded.roundest", lambda *_: None)
+    monkeypatch.setattr("bonecam.setup.rounded.roundest", lambda *_: None)
     with pytest.raises(StockError, match=r"too near to the edges of the stock \(box 9\.00 x 8\.00 x 20\.00 mm\) at"):
         levels_in(waisted(), BOX, SCHEDULE)
 

@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 from test_morph import SCHEDULE, STOCK, waisted
 
-from bonecam.levels.attraction import ATTRACTIONS
-from bonecam.levels.certificate import certificate_of_last
-from bonecam.levels.check import DEPTH_TOLERANCE
-from bonecam.levels.cut import Manner
-from bonecam.levels.inspection import Inspection, Rules
-from bonecam.levels.mending import _runs, mend, surer
-from bonecam.levels.remaining import remaining, whole
-from bonecam.levels.samples import creases
+from bonecam.levels.measure.certificate import certificate_of_last
+from bonecam.levels.measure.check import DEPTH_TOLERANCE
+from bonecam.levels.measure.inspection import Inspection, Rules
+from bonecam.levels.problem.cut import Manner
+from bonecam.levels.problem.discretisation import setting_of
+from bonecam.levels.problem.energies.attraction import ATTRACTIONS
+from bonecam.levels.problem.remaining import remaining, whole
+from bonecam.levels.problem.samples import creases
+from bonecam.levels.restore_feasibility import _runs, mend, surer
 from bonecam.levels.sequence import LANDING, MENDED, MOST_CREEP, Sequences
-from bonecam.levels.setting import setting_of
-from bonecam.levels.step import kept_level
+from bonecam.levels.solvers.exchange import kept_level
 from bonecam.progress import silent
 
 STIFFNESS = 5e-7

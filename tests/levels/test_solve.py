@@ -6,8 +6,8 @@ import scipy.sparse as sp
 
 from bonecam.errors import LevelError
 from bonecam.kernels.rows import transposed_times
-from bonecam.levels.samples import combined
-from bonecam.levels.solve import Rows, factor, solve, stacked
+from bonecam.levels.problem.samples import combined
+from bonecam.levels.solvers.osqp import Rows, factor, solve, stacked
 
 
 def rows(A: np.ndarray, low: list[float], high: list[float]) -> Rows:

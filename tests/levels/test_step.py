@@ -8,16 +8,16 @@ import pytest
 import scipy.sparse as sp
 from test_morph import STOCK, waisted
 
-from bonecam.levels.attraction import ATTRACTIONS
 from bonecam.levels.body_surface import body_surfaces
-from bonecam.levels.cut import Cut, Manner
-from bonecam.levels.limits import feet
-from bonecam.levels.program import Program, program_of, split
-from bonecam.levels.remaining import remaining, whole
-from bonecam.levels.setting import Setting, setting_of
-from bonecam.levels.solve import solve
-from bonecam.levels.step import next_level
-from bonecam.levels.stock import Capsule
+from bonecam.levels.problem.cut import Cut, Manner
+from bonecam.levels.problem.discretisation import Setting, setting_of
+from bonecam.levels.problem.energies.attraction import ATTRACTIONS
+from bonecam.levels.problem.limits.planes import feet
+from bonecam.levels.problem.program import Program, program_of, split
+from bonecam.levels.problem.remaining import remaining, whole
+from bonecam.levels.solvers.exchange import next_level
+from bonecam.levels.solvers.osqp import solve
+from bonecam.setup.stock import Capsule
 
 MANNER, CUT = (
     Manner(stiffness=1e-7, bending=1e-7, smoothing=1e-4, haste=0.7, late=0.7, beyond=2.0, even=0.05),

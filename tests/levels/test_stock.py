@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bonecam.errors import StockError
-from bonecam.levels.stock import Capsule, given_capsule, numbers, require_inside, smallest_capsule
 from bonecam.mesh.distance import exact_closest
+from bonecam.setup.stock import Capsule, given_capsule, numbers, require_inside, smallest_capsule
 
 CAPSULE = Capsule(np.array([0.0, 0.0, 7.5]), np.array([0.0, 0.0, 29.5]), 7.5)
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from bonecam.errors import FileError
-from bonecam.mesh.files import read_mesh
+from bonecam.mesh.files.mesh_files import read_mesh
 
 
 def check_refused(file: Path, content: bytes | str, reason: str) -> None:

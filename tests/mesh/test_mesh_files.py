@@ -7,7 +7,7 @@ from bad_files import check_refused
 from solids import ellipsoid, solid
 
 from bonecam.errors import FileError
-from bonecam.mesh.files import read_mesh, write_mesh
+from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
 
 TETRAHEDRON = "0 0 0\n1 0 0\n0 1 0\n0 0 1\n"
 PLY = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"

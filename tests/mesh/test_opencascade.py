@@ -9,9 +9,9 @@ import pytest
 from bad_files import check_refused
 
 from bonecam.errors import FileError, UnitsError
-from bonecam.mesh import cad_files, opencascade
-from bonecam.mesh.files import read_mesh
-from bonecam.mesh.opencascade import mesh_in, occ, tessellated
+from bonecam.mesh.files import cad_files, opencascade
+from bonecam.mesh.files.mesh_files import read_mesh
+from bonecam.mesh.files.opencascade import mesh_in, occ, tessellated
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.mesh.units import to_mm
 

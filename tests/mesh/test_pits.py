@@ -3,8 +3,8 @@ import pytest
 from solids import ellipsoid, solid
 
 from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.healing.pits import REACH, _membrane, _reached, fill_pits, intrusion
 from bonecam.mesh.intersections import self_intersections
-from bonecam.mesh.pits import REACH, _membrane, _reached, fill_pits, intrusion
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 BONE = ellipsoid(5, 4, 14, rings=120, columns=160)

@@ -8,9 +8,9 @@ from bad_files import check_refused
 from solids import ellipsoid
 
 from bonecam.errors import MeshError
-from bonecam.mesh.files import read_mesh
-from bonecam.mesh.point_cloud import reconstruct
-from bonecam.mesh.point_files import read_blocks
+from bonecam.mesh.files.mesh_files import read_mesh
+from bonecam.mesh.files.point_cloud import reconstruct
+from bonecam.mesh.files.point_files import read_blocks
 
 SAME = {
     "a.xyz": "1 2 3\n4 5 6.5\n\n\n7 8 9\n",

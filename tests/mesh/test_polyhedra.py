@@ -9,7 +9,7 @@ import pytest
 from bad_files import check_refused
 
 from bonecam.errors import FileError
-from bonecam.mesh.files import read_mesh
+from bonecam.mesh.files.mesh_files import read_mesh
 
 ezdxf = pytest.importorskip("ezdxf", reason="ezdxf is not installed: pip install 'bonecam[cad]'")
 from ezdxf.acis import api  # noqa: E402

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from bonecam.levels.box import Box
 from bonecam.mesh.intersections import self_intersections
-from bonecam.mesh.remesh import bisected, split_edges
+from bonecam.mesh.remeshing import bisected, split_edges
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.setup.box import Box
 
 
 def test_edges_are_split_and_the_surface_stays() -> None:

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from solids import ellipsoid, grid_faces, moved, solid, together, torus
 
-import bonecam.mesh.repair as repair_module
+import bonecam.mesh.healing.repair as repair_module
 from bonecam.errors import MeshError
 from bonecam.mesh.distance import exact_closest
-from bonecam.mesh.faults import faults_of
-from bonecam.mesh.files import read_mesh
-from bonecam.mesh.repair import repair
+from bonecam.mesh.files.mesh_files import read_mesh
+from bonecam.mesh.healing.faults import faults_of
+from bonecam.mesh.healing.repair import repair
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.mesh.units import to_mm
 

@@ -8,9 +8,9 @@ from synthetic_paths import capsule_path
 from bonecam.job import read_job
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.machine import read_machine
+from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import Program
-from bonecam.nc.read import read_program
-from bonecam.nc.write import write_program
+from bonecam.nc.reading.read import read_program
 from bonecam.verify.readback import Tolerances, compare
 
 GOLDEN = Path(__file__).parents[1] / "golden"

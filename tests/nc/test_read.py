@@ -7,9 +7,9 @@ from bonecam.errors import ProgramError
 from bonecam.job import Job
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.machine import read_machine
-from bonecam.nc.motions import Tool
-from bonecam.nc.read import read_program
-from bonecam.nc.write import write_program
+from bonecam.nc.posting.write import write_program
+from bonecam.nc.reading.motions import Tool
+from bonecam.nc.reading.read import read_program
 
 PAIRS = {
     name: (read_machine(machine), read_dialect(name)) for name, machine in (("heidenhain", "mikron-ucp600"), ("linuxcnc", "linuxcnc-xyzbc"))

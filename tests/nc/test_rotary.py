@@ -5,7 +5,7 @@ from machines import CHAINS, axis, machine_text, write
 from bonecam.errors import MachineError
 from bonecam.nc.kinematics import tool_axes
 from bonecam.nc.machine import read_machine
-from bonecam.nc.rotary import choose_angles
+from bonecam.nc.posting.rotary import choose_angles
 from bonecam.toolpath.path import Kind
 
 MIKRON = read_machine("mikron-ucp600")

@@ -11,8 +11,8 @@ from synthetic_paths import capsule_path
 from bonecam.job import Job
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.machine import read_machine
-from bonecam.nc.read import read_program
-from bonecam.nc.write import write_program
+from bonecam.nc.posting.write import write_program
+from bonecam.nc.reading.read import read_program
 
 MOVE = re.compile(r"(STRAIGHT_TRAVERSE|STRAIGHT_FEED)\(([^)]*)\)")
 

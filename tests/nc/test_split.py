@@ -4,7 +4,7 @@ from synthetic_paths import capsule_path, made_path
 
 from bonecam.nc.control import Control
 from bonecam.nc.machine import read_machine
-from bonecam.nc.split import POLE_PASS, between, split_moves
+from bonecam.nc.posting.split import POLE_PASS, between, split_moves
 from bonecam.toolpath.path import ToolPath
 
 TOLERANCE, HOLD = 0.002, np.radians(0.0005)

@@ -9,8 +9,8 @@ from bonecam.errors import MachineError, ProgramError
 from bonecam.job import Job
 from bonecam.nc.dialect import dialect_names, read_dialect
 from bonecam.nc.machine import read_machine
-from bonecam.nc.read import read_program
-from bonecam.nc.write import write_program
+from bonecam.nc.posting.write import write_program
+from bonecam.nc.reading.read import read_program
 from bonecam.verify.readback import Tolerances, compare
 
 MACHINE_OF = {"heidenhain": "mikron-ucp600", "linuxcnc": "linuxcnc-xyzbc"}

@@ -11,7 +11,7 @@ from bonecam.orientation.clear import FREE, Poses, judge_by_distance
 from bonecam.orientation.collision import Judge, revolved, tool_meshes
 from bonecam.orientation.limits import unit
 from bonecam.orientation.scene import Scene
-from bonecam.toolpath.post import Post
+from bonecam.setup.holding import Post
 
 UP = np.array([0.0, 0.0, 1.0])
 

@@ -17,9 +17,9 @@ from bonecam.orientation.moves import Checker
 from bonecam.orientation.orient import MAX_TURN, orient
 from bonecam.orientation.pole import AT_POLE, CONE, nearest_to_pole, round_pole
 from bonecam.orientation.scene import Scene
+from bonecam.setup.holding import post_below
 from bonecam.toolpath.cutter import Cutter
 from bonecam.toolpath.path import ContactPath, Kind, ToolPath
-from bonecam.toolpath.post import post_below
 from bonecam.toolpath.zigzag import candidates, cover_level
 
 MIKRON = AxisLimits(np.radians(115.0))

@@ -5,9 +5,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from bonecam.levels.stock import Capsule
 from bonecam.orientation.limits import AxisLimits, angles_between, unit
 from bonecam.orientation.travel import ROW_TURN, Route, travel
+from bonecam.setup.stock import Capsule
 
 STOCK = Capsule(np.array([1.0, -2.0, 45.0]), np.array([1.0, -2.0, 60.0]), 6.0)
 ROUTE = Route(STOCK, 4.0)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bonecam.surface.general_tmesh import TMesh
+from bonecam.surface.tmesh.general import TMesh
 from bonecam.surface.tspline import TSpline
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from bonecam.surface.tmesh import RowTMesh
+from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 

@@ -10,11 +10,11 @@ import pytest
 from rowed import bone_like, samples
 
 from bonecam.errors import FileError
-from bonecam.mesh.files import read_mesh
-from bonecam.mesh.opencascade import faces_of, occ, read_shape, tessellated
-from bonecam.surface import cad
-from bonecam.surface.cad import bsplines_in, read_bsplines, shape_of, write_iges, write_step
-from bonecam.surface.files import read_tsm
+from bonecam.mesh.files.mesh_files import read_mesh
+from bonecam.mesh.files.opencascade import faces_of, occ, read_shape, tessellated
+from bonecam.surface.files import cad
+from bonecam.surface.files.cad import bsplines_in, read_bsplines, shape_of, write_iges, write_step
+from bonecam.surface.files.tspline_text import read_tsm
 from bonecam.surface.tspline import TSpline
 
 pytest.importorskip("OCP", reason="OpenCASCADE's wheel is not installed: pip install 'bonecam[cad]'")

@@ -5,7 +5,7 @@ import pytest
 from rowed import bone_like, samples
 
 from bonecam.errors import SurfaceError
-from bonecam.surface.tmesh import RowTMesh
+from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 

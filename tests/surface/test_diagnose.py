@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from rowed import bone_like
 
-from bonecam.surface.files import read_tsm
+from bonecam.surface.files.tspline_text import read_tsm
 
 TABLE = {  # kind, faces on which the sum is one, faces, T-junctions, crossing, touching
     "simple": ("standard", 3, 3, 1, 0, 0),

@@ -10,7 +10,7 @@ from rowed import bone_like
 from bonecam.errors import SurfaceError
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface import ExtractedTMesh, TSpline, read_iga, write_iga
-from bonecam.surface.save import save_surface
+from bonecam.surface.files.save import save_surface
 
 AREAS = {"arch_nurbs": 3 * np.pi / 4, "arch_tsplines": 3 * np.pi / 4, "plate_with_hole": 16 - np.pi / 4}
 AREAS |= {"square_structured": 1.0, "square_unstructured": 1.0}

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rowed import bone_like, samples
 
-from bonecam.surface.tmesh import RowTMesh
+from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 seeds = st.integers(0, 10_000)

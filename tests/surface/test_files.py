@@ -7,8 +7,8 @@ import pytest
 from rowed import bone_like
 
 from bonecam.errors import FileError
-from bonecam.surface.files import read_tsm, write_tsm
-from bonecam.surface.rows_file import rows_text
+from bonecam.surface.files.rows_file import rows_text
+from bonecam.surface.files.tspline_text import read_tsm, write_tsm
 
 
 def test_a_round_trip_is_bit_equal(tmp_path: Path) -> None:

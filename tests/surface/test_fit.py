@@ -7,14 +7,14 @@ from scipy.spatial.transform import Rotation
 
 from bonecam.errors import MeshError
 from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.sections import Rows, harmonic_rows
+from bonecam.mesh.sections.rows import Rows, harmonic_rows
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.surface.adapt import LOWEST, Votes, refine, with_t_knots
-from bonecam.surface.deviation import deviation
-from bonecam.surface.fit import Fit, fit
-from bonecam.surface.growth import first_tmesh
-from bonecam.surface.skin import skin
-from bonecam.surface.steps import OFF, pole_rings
+from bonecam.surface.fitting.adapt import LOWEST, Votes, refine, with_t_knots
+from bonecam.surface.fitting.deviation import deviation
+from bonecam.surface.fitting.fit import Fit, fit
+from bonecam.surface.fitting.growth import first_tmesh
+from bonecam.surface.fitting.steps import OFF, pole_rings
+from bonecam.surface.skinning.skin import skin
 from bonecam.surface.tspline import TSpline
 
 

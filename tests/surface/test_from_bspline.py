@@ -7,11 +7,11 @@ import pytest
 from rowed import bone_like, samples
 
 from bonecam.errors import SurfaceError
-from bonecam.surface.cad import bsplines_in, write_iges, write_step
-from bonecam.surface.from_bspline import from_bspline
-from bonecam.surface.nurbs import BSplineSurface, Knots, to_bspline
-from bonecam.surface.open_rows import OpenRowTMesh
-from bonecam.surface.tmesh import RowTMesh
+from bonecam.surface.files.cad import bsplines_in, write_iges, write_step
+from bonecam.surface.files.from_bspline import from_bspline
+from bonecam.surface.files.nurbs import BSplineSurface, Knots, to_bspline
+from bonecam.surface.tmesh.open_rows import OpenRowTMesh
+from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 CLAMPED = np.repeat([0.0, 1.0], 4)

@@ -8,11 +8,11 @@ from rowed import bone_like, samples
 from test_point_rows import POLES, sections, write
 
 from bonecam.errors import FileError, SurfaceError, UnitsError
-from bonecam.surface.deviation import Deviation
-from bonecam.surface.files import read_tsm, write_tsm
-from bonecam.surface.fit import Fit
-from bonecam.surface.given import holds_surface, placed, read_surface, turned
-from bonecam.surface.save import check_target, save_surface
+from bonecam.surface.files.save import check_target, save_surface
+from bonecam.surface.files.surface_input import holds_surface, placed, read_surface, turned
+from bonecam.surface.files.tspline_text import read_tsm, write_tsm
+from bonecam.surface.fitting.deviation import Deviation
+from bonecam.surface.fitting.fit import Fit
 
 
 def test_turning_a_surface_reverses_both_parameters_and_nothing_else() -> None:

@@ -7,7 +7,7 @@ import pytest
 from general import damaged, random_tspline, samples
 
 from bonecam.errors import FileError, SurfaceError
-from bonecam.surface.iga import raised, read_iga, write_iga
+from bonecam.surface.files.iga import raised, read_iga, write_iga
 
 AREAS = {
     "arch_nurbs": 3 * np.pi / 4, "arch_tsplines": 3 * np.pi / 4, "plate_with_hole": 16 - np.pi / 4,

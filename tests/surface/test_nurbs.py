@@ -8,9 +8,9 @@ from rowed import bone_like, samples
 from scipy.interpolate import NdBSpline
 
 from bonecam.errors import SurfaceError
-from bonecam.surface.files import read_tsm
-from bonecam.surface.nurbs import BSplineSurface, Knots, bezier_grid, to_bspline
-from bonecam.surface.tmesh import RowTMesh
+from bonecam.surface.files.nurbs import BSplineSurface, Knots, bezier_grid, to_bspline
+from bonecam.surface.files.tspline_text import read_tsm
+from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 

@@ -12,8 +12,8 @@ from test_tessellate import assert_closed_sphere
 from test_tsm import torus_text
 
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.surface.as_general import as_general
-from bonecam.surface.files import read_tsm
+from bonecam.surface.files.tspline_text import read_tsm
+from bonecam.surface.refinement.as_general import as_general
 from bonecam.surface.tspline import TSpline
 
 igl = pytest.importorskip("igl")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from bonecam.errors import FileError
-from bonecam.surface.point_rows import holds_rows, read_rows
+from bonecam.surface.skinning.point_rows import holds_rows, read_rows
 
 POLES = np.array([[0.0, 0.0, -9.0], [0.0, 0.0, 9.0]])
 

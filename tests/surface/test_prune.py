@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from bonecam.mesh.sections import Rows, harmonic_rows
+from bonecam.mesh.sections.rows import Rows, harmonic_rows
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.surface.growth import Aim, first_tmesh, moved, settle, through_loops
-from bonecam.surface.prune import prune
-from bonecam.surface.skin import skin
-from bonecam.surface.target import Target, harmonic_parameters
-from bonecam.surface.tmesh import RowTMesh
+from bonecam.surface.fitting.growth import Aim, first_tmesh, moved, settle, through_loops
+from bonecam.surface.fitting.prune import prune
+from bonecam.surface.fitting.target import Target, harmonic_parameters
+from bonecam.surface.skinning.skin import skin
+from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 POLES = np.array([[0.0, 0.0, -3.0], [0.0, 0.0, 3.0]])

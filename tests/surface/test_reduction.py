@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from bonecam.surface.reduction import Reduction
-from bonecam.surface.spline_space import collocation, sites
+from bonecam.surface.basis.spline_space import collocation, sites
+from bonecam.surface.skinning.reduction import Reduction
 
 
 def wandering(count: int, closed: bool, seed: int = 3) -> np.ndarray:

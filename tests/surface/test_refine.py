@@ -11,13 +11,13 @@ from rowed import bone_like
 from test_tsm import torus_text
 
 from bonecam.errors import SurfaceError
-from bonecam.surface.as_general import as_general
-from bonecam.surface.files import read_tsm, write_tsm
-from bonecam.surface.fit import fit
-from bonecam.surface.general_tmesh import TMesh
-from bonecam.surface.iga import read_iga, write_iga
-from bonecam.surface.open_rows import OpenRowTMesh
-from bonecam.surface.skin import skin
+from bonecam.surface.files.iga import read_iga, write_iga
+from bonecam.surface.files.tspline_text import read_tsm, write_tsm
+from bonecam.surface.fitting.fit import fit
+from bonecam.surface.refinement.as_general import as_general
+from bonecam.surface.skinning.skin import skin
+from bonecam.surface.tmesh.general import TMesh
+from bonecam.surface.tmesh.open_rows import OpenRowTMesh
 from bonecam.surface.tspline import TSpline
 
 seeds = st.integers(0, 10_000)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from bonecam.errors import SurfaceError
-from bonecam.surface.periodic import collocation
-from bonecam.surface.row_curves import RowCurves
-from bonecam.surface.skin import control_curves, row_parameters, skin
+from bonecam.surface.basis.periodic import collocation
+from bonecam.surface.skinning.row_curves import RowCurves
+from bonecam.surface.skinning.skin import control_curves, row_parameters, skin
 from bonecam.surface.tspline import TSpline
 
 POLES = np.array([[0.0, 0.0, -3.0], [0.0, 0.0, 3.0]])

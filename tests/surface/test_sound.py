@@ -5,7 +5,7 @@ import pytest
 from bodies import mesh_of, pebble
 
 from bonecam.errors import SurfaceError
-from bonecam.surface.sound import require_sound
+from bonecam.surface.query.validity import require_sound
 from bonecam.surface.tspline import TSpline
 
 

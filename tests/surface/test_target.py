@@ -3,7 +3,7 @@
 import numpy as np
 from rowed import bone_like, samples
 
-from bonecam.surface.target import Samples
+from bonecam.surface.fitting.target import Samples
 
 
 def test_a_sample_that_followed_a_wrong_foot_is_met_where_the_surface_is() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 from general import random_tspline
 from rowed import bone_like
 
-from bonecam.surface.tmesh_lines import tmesh_lines
+from bonecam.surface.tmesh.lines import tmesh_lines
 from bonecam.verify.pictures import draw_tmesh
 
 

@@ -13,10 +13,10 @@ from general import damaged, grid
 from scipy.spatial import KDTree
 
 from bonecam.errors import FileError, SurfaceError
-from bonecam.surface.files import read_tsm, write_tsm
-from bonecam.surface.general_tmesh import TMesh
-from bonecam.surface.tsm_borders import with_mirrored_borders
-from bonecam.surface.tsm_write import tsm_text
+from bonecam.surface.files.tsm_borders import with_mirrored_borders
+from bonecam.surface.files.tsm_write import tsm_text
+from bonecam.surface.files.tspline_text import read_tsm, write_tsm
+from bonecam.surface.tmesh.general import TMesh
 from bonecam.surface.tspline import TSpline
 
 MODELS = ("simple", "fan", "Bike", "mouse", "face", "gearbox2-9")

@@ -9,16 +9,16 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.job import NcJob, PathJob
-from bonecam.levels.level import Level
-from bonecam.levels.stock import Capsule
+from bonecam.levels.measure.level import Level
 from bonecam.mesh.distance import MeshDistance
 from bonecam.orientation.limits import AxisLimits
 from bonecam.orientation.orient import orient
 from bonecam.orientation.scene import Scene
+from bonecam.setup.holding import post_below
+from bonecam.setup.stock import Capsule
 from bonecam.toolpath.cutter import Cutter
 from bonecam.toolpath.material import DEVIATION, Material
 from bonecam.toolpath.path import ToolPath
-from bonecam.toolpath.post import post_below
 from bonecam.toolpath.zigzag import candidates, cover_level
 
 POST = post_below(bodies.mesh_of(bodies.pebble()), bodies.HOLDING)

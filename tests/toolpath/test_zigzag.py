@@ -10,9 +10,9 @@ from scipy.spatial import KDTree
 from bonecam.errors import ToolPathError
 from bonecam.job import HoldingJob, PathJob
 from bonecam.mesh.distance import MeshDistance
+from bonecam.setup.holding import post_below
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.path import ContactPath
-from bonecam.toolpath.post import post_below
 from bonecam.toolpath.zigzag import POST_CLEARANCE, candidates, cover_level
 
 DIRECTIONS = ("around", "along")

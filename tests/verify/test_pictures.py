@@ -13,10 +13,10 @@ from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 from synthetic_paths import capsule_path
 
-from bonecam.levels.box import Box
-from bonecam.levels.level import Level, rounding_cuts
-from bonecam.levels.stock import Capsule, Stock
+from bonecam.levels.measure.level import Level, rounding_cuts
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.setup.box import Box
+from bonecam.setup.stock import Capsule, Stock
 from bonecam.toolpath.path import Kind, ToolPath
 from bonecam.verify.pictures import draw_coloured, draw_depths, draw_levels, draw_toolpath, labelled
 from bonecam.verify.views import corner_normals, view

@@ -11,8 +11,8 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.machine import read_machine
-from bonecam.nc.read import read_program
-from bonecam.nc.write import write_program
+from bonecam.nc.posting.write import write_program
+from bonecam.nc.reading.read import read_program
 from bonecam.verify.readback import Tolerances, compare, verify_program
 
 PAIRS = {

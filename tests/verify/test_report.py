@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from bonecam.levels.certificate import Certificate
-from bonecam.levels.level import Level
-from bonecam.levels.stock import Capsule
+from bonecam.levels.measure.certificate import Certificate
+from bonecam.levels.measure.level import Level
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.setup.stock import Capsule
 from bonecam.verify.report import certified_text, levels_report, summary_of, uncut_text
 
 

@@ -1,0 +1,168 @@
+"""The morph: from the part to the stock in as few levels as the depths allow (Gan et al. 2014, section 4.2).
+
+Every level has the T-mesh and weights of the part; only control points change. Levels are made until every point of the
+stock's surface lies within one depth of the last one; the stock itself is the level after that.
+"""
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy import ndarray
+
+from bonecam.errors import LevelError, SurfaceError, require_type
+from bonecam.job import LevelsJob
+from bonecam.levels.measure.check import NEST_TOLERANCE, STOCK_TOLERANCE
+from bonecam.levels.measure.grid import level_grid
+from bonecam.levels.measure.inspection import Inspection, Rules
+from bonecam.levels.measure.level import Level
+from bonecam.levels.problem.discretisation import setting_of
+from bonecam.levels.problem.energies.attraction import ATTRACTIONS
+from bonecam.levels.problem.remaining import remaining, whole
+from bonecam.levels.refine_for_depth import finer
+from bonecam.levels.restore_feasibility import ACCEPTED, mend, surer
+from bonecam.levels.sequence import Sequences
+from bonecam.mesh.distance import MeshDistance
+from bonecam.progress import Progress, part, rising, silent
+from bonecam.setup.schedule import Schedule
+from bonecam.setup.stock import MARGIN, Stock, require_inside
+from bonecam.surface.query.validity import require_sound
+from bonecam.surface.tspline import TSpline
+from bonecam.threads import on_one_blas_thread
+
+METHODS = {"qp": (NEST_TOLERANCE, STOCK_TOLERANCE), "qcqp": (0.02, 2 * STOCK_TOLERANCE), "osqp": (NEST_TOLERANCE, STOCK_TOLERANCE)}
+"""How far (mm) a level may fall behind the one before and leave the stock: the published program says nothing of the one, and holds
+the other at samples only."""
+STIFFNESS, COARSE = 5e-7, 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Morph:
+    """Levels 0 (the part) to K (the stock), and the fewest cuts K_min any schedule of these depths needs.
+
+    `distance` is the largest distance from the stock to the part, mm. The seconds are for benchmarks and reports. `breaks` is by how much
+    (mm, ACCEPTED at most) a level exceeds its depth, falls behind or leaves the stock where no sequence keeps every tolerance; else 0.
+    """
+
+    levels: tuple[Level, ...]
+    lower_bound: int
+    distance: float
+    solve_seconds: float
+    check_seconds: float
+    breaks: float = 0.0
+
+    @cached_property
+    def cuts(self) -> int:
+        """K, the number of cuts."""
+        return len(self.levels) - 1
+
+    @cached_property
+    def depth_used(self) -> float:
+        """Mean share of the limit that the levels move where at least a full depth of material is left, over all their area."""
+        cuts = self.levels[1:]
+        whole = sum(level.full_area for level in cuts)
+        return sum(level.full_area * level.full_mean / level.limit for level in cuts) / whole if whole else 1.0
+
+
+@on_one_blas_thread
+def morph(
+    surface: TSpline,
+    stock: Stock,
+    schedule: Schedule,
+    *,
+    stiffness: float = STIFFNESS,
+    attraction: str = "stock",
+    method: str = "qp",
+    chord_tolerance: float = 0.01,
+    progress: Progress = silent,
+) -> Morph:
+    """All levels, measured on tessellations within `chord_tolerance` mm.
+
+    `stiffness` is c_int / c_ext (parameters in [0, 1]); it falls where progress stalls. `method` is `qp`; `osqp`, the
+    same programs solved by OSQP; or `qcqp`, the published program solved exactly (`levels/solvers/clarabel.py`): both slow, for reference.
+    Raises SurfaceError where the surface is not closed between two poles or no body's, StockError where the part is not inside the stock,
+    JobError where a number is out of the range it has in a job, LevelError where a level cannot be made or fails its check.
+    """
+    require_types(surface, schedule, stock)
+    if not all(surface.poles):
+        raise SurfaceError(
+            "the surface is not closed between two poles: morph an open one with bonecam.levels.open_morph.morph_open, or close its ends"
+        )
+    if attraction not in tuple(ATTRACTIONS):
+        raise ValueError(f"attraction {attraction!r}: choose one of {', '.join(ATTRACTIONS)}")
+    LevelsJob(stiffness=stiffness, chord_tolerance=chord_tolerance)  # raises where they are out of range
+    if method not in tuple(METHODS):
+        raise ValueError(f"method {method!r}: choose one of {', '.join(METHODS)}")
+    require_seeds_inside(stock, surface)
+    require_inside(stock, (mesh := require_sound(surface, COARSE, "the part")).vertices, MARGIN)
+    farthest = MeshDistance(mesh).unsigned(stock.mesh(COARSE * stock.diameter).vertices).max()
+    schedule.lower_bound(float(farthest) - COARSE)  # raises at once where they are too many
+    start, checking, progress = time.perf_counter(), 0.0, rising(progress)
+    if method != "qcqp":
+        surface = finer(surface, stock, schedule.beyond)
+    setting = setting_of(surface, stock, ATTRACTIONS[attraction])
+    rest = remaining(setting, surface.control_points, around := whole(stock))
+    lower_bound = schedule.lower_bound(rest.farthest)
+    solving, measuring = part(progress, 0.0, 0.7), part(progress, 0.7, 1.0)
+    making = Sequences(setting, around, schedule, schedule.lower_bound(rest.left), solving, method, stiffness)
+    rules = Rules(stock, schedule, *METHODS[method], chord_tolerance)
+    sequences = making.all(rest) if method != "qcqp" else _by_cones(surface, stock, schedule, stiffness, attraction, solving)
+    failure: LevelError | None = None
+    longer: Morph | None = None
+    nearly: Morph | None = None
+    for made in sequences:
+        if longer is not None and len(made) >= longer.cuts:
+            break
+        try:
+            inspection = Inspection(surface, made, rules, measuring)
+            if method != "qcqp":
+                mend(inspection, making)
+                inspection = surer(inspection, making)
+        except LevelError as error:
+            failure = failure or error
+            continue
+        checking += inspection.seconds
+        found = Morph(inspection.levels, lower_bound, rest.farthest, time.perf_counter() - start - checking, checking)
+        if inspection.failed:
+            failure = failure or inspection.failed[0].error
+            breaks = max(cut.over for cut in inspection.failed)
+            if nearly is None and not inspection.crosses and breaks <= ACCEPTED:
+                nearly = replace(found, breaks=breaks)
+        elif found.cuts == len(made):
+            return found
+        else:
+            longer = found  # mending added cuts: perhaps another sequence needs fewer
+    if (second_best := longer or nearly) is not None:
+        return second_best
+    assert failure is not None
+    raise failure
+
+
+def require_types(surface: object, schedule: object, *stocks: object) -> None:
+    """TypeError where an argument is no surface, schedule or stock of a closed part."""
+    require_type(surface, TSpline, "surface", "TSpline, such as fit(mesh).surface or skin(rows)")
+    for stock in stocks:
+        require_type(stock, Stock, "stock", "Capsule, Cylinder, Box or ConvexStock, such as stock_for finds")
+    require_type(schedule, Schedule, "schedule", "Schedule, such as Schedule((0.1, 0.1), 0.5)")
+
+
+def require_seeds_inside(stock: Stock, surface: TSpline) -> None:
+    """StockError at once where the part leaves the stock in few of its points: one far too large would be tessellated for minutes first."""
+    require_inside(stock, surface.positions(*surface.seeds.parameters.T), MARGIN)
+
+
+def _by_cones(
+    surface: TSpline, stock: Stock, schedule: Schedule, stiffness: float, attraction: str, progress: Progress
+) -> Iterator[list[ndarray]]:
+    """The one sequence of the published program."""
+    from bonecam.levels.solvers.clarabel import cone_sequence
+
+    grid, targets = level_grid(surface, [surface.control_points], COARSE), stock.mesh(COARSE).vertices
+
+    def left(P: ndarray) -> tuple[float, ndarray]:
+        distance = MeshDistance(grid.mesh(P)).unsigned(targets)
+        return float(distance.max()), targets[np.argmax(distance)]
+
+    yield cone_sequence(surface, stock, schedule, stiffness, attraction, left, progress)

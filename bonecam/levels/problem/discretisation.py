@@ -1,0 +1,54 @@
+"""What all levels of one morph share: the samples of the energy, the denser ones on which limits are watched, the matrices."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.levels.problem.energies.attraction import Attraction
+from bonecam.levels.problem.poles import free_moves
+from bonecam.levels.problem.samples import Places, Samples, creases, joined, places_at, ring_pattern, thin_plate
+from bonecam.setup.stock import Stock
+from bonecam.surface.tspline import TSpline
+
+ALONG, AROUND = 3, 3
+WATCH_ALONG, WATCH_AROUND = 5, 5
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """The part and its stock; `samples` (about ten a control point) carry the energy, `watch` only limits: an even pattern, to which
+    each level has its creases added, and the places where levels broke limits when they were measured. M as in `samples`, `free` as in
+    `poles`."""
+
+    surface: TSpline
+    stock: Stock
+    attraction: Attraction
+    samples: Samples
+    watch: Samples
+    broken: Places
+    M: sp.csc_array
+    free: sp.csr_array
+
+    def watched(self, level: Float[ndarray, "c 3"], before: Float[ndarray, "c 3"]) -> Places:
+        """All places on which the limits of a level are watched, given its control points and those before."""
+        return joined(Places, self.watch, places_at(self.surface, creases(self.watch, level, before)), self.broken)
+
+    @cached_property
+    def free_M(self) -> sp.csc_array:
+        """M over the free moves."""
+        return sp.csc_array(self.free.T @ self.M @ self.free)
+
+    def watching(self, parameters: Float[ndarray, "n 2"]) -> "Setting":
+        """The same with more samples watched, at these (s, t)."""
+        return replace(self, broken=joined(Places, self.broken, places_at(self.surface, parameters)))
+
+
+def setting_of(surface: TSpline, stock: Stock, attraction: Attraction) -> Setting:
+    """The samples and matrices of one morph."""
+    samples, watch = ring_pattern(surface, ALONG, AROUND), ring_pattern(surface, WATCH_ALONG, WATCH_AROUND)
+    none = places_at(surface, np.empty((0, 2)))
+    return Setting(surface, stock, attraction, samples, watch, none, thin_plate(surface), free_moves(surface))

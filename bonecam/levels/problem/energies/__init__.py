@@ -1,0 +1,1 @@
+"""Energies of one level's program, a file each."""

@@ -1,0 +1,29 @@
+"""The pull at the feet of the farthest points of the stock, towards those points and all out: what is left there decides K."""
+
+import numpy as np
+
+from bonecam.levels.problem.energies.attraction import unit
+from bonecam.levels.problem.energies.energy import Given, Pulled
+from bonecam.levels.problem.energies.pull import targets
+from bonecam.levels.problem.limits.planes import feet
+
+FARTHEST, MOST, WEIGHT = 1.0, 600, 0.3
+"""Points of the stock less than so many depths nearer than the farthest pull at their feet; so many of them; with so much of the weight."""
+
+
+def farthest(given: Given) -> Pulled:
+    """The feet are samples of their own, the farther the point the heavier."""
+    before, rest = given.before, given.rest
+    least = rest.farthest - FARTHEST * given.cut.depth
+    candidates = np.flatnonzero(rest.at_most > least)
+    candidates = candidates[:: 1 + len(candidates) // MOST]
+    start = rest.feet[candidates]
+    s, t, x, _ = feet(before, rest.points[candidates], start[:, 0], start[:, 1], 3)
+    across = rest.points[candidates] - x
+    distance = np.linalg.norm(across, axis=1)
+    weights = np.clip((distance - least) / (rest.farthest - least), 0, 1)
+    kept = weights > 0
+    weights = WEIGHT * weights[kept] / weights.sum()
+    s, t, x, towards = s[kept], t[kept], x[kept], unit(across[kept])
+    target = targets(given, x, s, t, towards, towards, np.ones(len(s)))
+    return Pulled(s, t, before.basis(s, t)[0], x, weights, target, np.full(len(s), given.manner.beyond))

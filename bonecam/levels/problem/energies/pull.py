@@ -1,0 +1,67 @@
+"""The pull on the level itself: its samples along a smoothed field of directions (`attraction.py`), as far as they should go.
+
+A sample should go as far as it may, and is pulled beyond, where the way to the stock needs all the depth the cuts to come have; a place
+with less to go takes at least `haste` of the depth, so that all come to the stock together: where some come early, levels crowd into
+what is left between them and fold. In narrow hollows walls go less, for the same reason (`narrows.py`). Nothing is pulled farther than
+the stock's wall: what lies at it already would be drawn along it, and waves of one level would no longer fit into those of the next.
+"""
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.arrays import dots, lengths
+from bonecam.levels.problem.energies.attraction import unit
+from bonecam.levels.problem.energies.energy import Given, Pulled
+from bonecam.levels.problem.energies.medial_ball import unhindered
+from bonecam.levels.problem.limits.planes import feet, heights
+from bonecam.levels.problem.limits.wall import inside
+from bonecam.levels.solvers.osqp import factor
+
+ALL_OUT = 8
+"""How sharply the pull beyond the depth sets in."""
+LONGEST, LEAST_COSINE = 2.0, 0.3
+NARROW = 5.0
+"""Hollows are narrow where a ball of so many spacings between samples does not fit in."""
+
+
+def pull(given: Given) -> Pulled:
+    """The samples of the setting, weighed by area and evenly."""
+    setting, samples, P = given.setting, given.setting.samples, given.before.control_points
+    x, area = samples.R @ P, np.linalg.norm(stretched := samples.stretched(P), axis=1)
+    weights = area * samples.weights
+    weights = weights / weights.sum() + given.manner.even / len(x)
+    normals = stretched / np.maximum(area, np.finfo(float).tiny)[:, None]
+    field = samples.R.T @ (weights[:, None] * setting.attraction(x, normals, setting.stock))
+    field = unit(samples.R @ factor(given.manner.smoothing * setting.M, samples.R, weights).solve(field))
+    gap = -setting.stock.signed_distance(x)
+    narrow = NARROW * np.sqrt(area @ samples.weights / len(x))
+    share = np.clip(gap / given.cut.left, given.manner.haste, 1) * unhindered(x, normals, narrow)
+    target = targets(given, x, samples.s, samples.t, normals, field, share)
+    return Pulled(samples.s, samples.t, samples.R, x, weights, target, 1 + (given.manner.beyond - 1) * share**ALL_OUT)
+
+
+def targets(
+    given: Given,
+    x: Float[ndarray, "k 3"],
+    s: Float[ndarray, " k"],
+    t: Float[ndarray, " k"],
+    normals: Float[ndarray, "k 3"],
+    towards: Float[ndarray, "k 3"],
+    share: Float[ndarray, " k"],
+) -> Float[ndarray, "k 3"]:
+    """Where samples at x should be: so far along `towards` that their distance to the level before is a `share` of what they may go."""
+    stock, cut = given.setting.stock, given.cut
+    distance, out = stock.way_out(x)
+    gap = -distance
+    height = share * heights(cut, gap)[1]
+    cosine = np.maximum(dots(normals, towards), LEAST_COSINE)
+    reach = longest = np.minimum(height / cosine, LONGEST * height)
+    for _ in range(2):
+        y = x + reach[:, None] * towards
+        s, t, c, _ = feet(given.before, y, s, t, 1)
+        away = lengths(y - c)
+        slope = dots(y - c, towards) / np.maximum(away, np.finfo(float).tiny)
+        reach = np.clip(reach + (height - away) / np.maximum(slope, LEAST_COSINE), 0, longest)
+    reach = np.minimum(reach, gap / np.maximum(dots(towards, out), LEAST_COSINE))
+    return inside(stock, x + reach[:, None] * towards, np.minimum(gap, cut.landing))

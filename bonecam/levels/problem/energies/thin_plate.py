@@ -1,0 +1,18 @@
+"""The thin plate, twice: stiffness of the moves, D'MD, and bending of the new level, (P + D)'M(P + D), as published.
+
+Stiffness keeps the net from crumpling; bending fills hollows as the level goes and keeps walls from standing up. The weight of bending
+falls with the depth squared.
+"""
+
+import numpy as np
+
+from bonecam.levels.problem.cut import ROUGH
+from bonecam.levels.problem.energies.energy import Given, Quadratic
+
+
+def plate(given: Given) -> Quadratic:
+    """Both, on the free moves, less their value at D = 0."""
+    M, free = given.setting.M, given.setting.free
+    bending = given.manner.bending * (given.cut.depth / ROUGH) ** 2
+    matrix = (given.manner.stiffness + bending) * given.setting.free_M
+    return Quadratic(matrix, np.asarray(bending * (free.T @ (M @ given.before.control_points))))

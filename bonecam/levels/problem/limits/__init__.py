@@ -1,0 +1,1 @@
+"""Limits of one level's program, a file each."""

@@ -1,0 +1,14 @@
+"""Nesting: no sample falls behind the level before (the published program leaves this out)."""
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.levels.problem.cut import Cut
+
+MARGIN, SHARE = 0.001, 0.05
+
+
+def nesting(cut: Cut, gap: Float[ndarray, " k"]) -> tuple[Float[ndarray, " k"], Float[ndarray, " k"]]:
+    """Least and largest height, mm, of samples that are `gap` inside the stock at the level before: above zero where there is room."""
+    return cut.margin * np.clip(SHARE * (gap - cut.clearance), 0, MARGIN), np.full(len(gap), np.inf)

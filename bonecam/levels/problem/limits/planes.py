@@ -1,0 +1,167 @@
+"""The limits of one level's program, as planes at each sample; each holds where the sample's foot and nearest stock point say.
+
+A sample y = S_new(l) has the foot c on the level before, with the outward normal n there, and y - c is along n. So
+
+    slabs    low <= n . (y - c) <= high     heights over the level before, not over where the sample came from: it may slide
+    walls    m . y <= h                     planes that are found anew as the sample moves
+
+and of several of a kind the tightest holds. A new one is a new file `limit_*.py` with one function, and its name in SLABS or WALLS.
+The planes are exact at y itself; `Limits.at` sets them up again when y has moved on.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.arrays import dots
+from bonecam.kernels import feet as kernel
+from bonecam.levels.problem.cut import Cut
+from bonecam.levels.problem.limits.depth import depth
+from bonecam.levels.problem.limits.nesting import nesting
+from bonecam.levels.problem.limits.wall import wall
+from bonecam.levels.solvers.osqp import Rows
+from bonecam.setup.stock import Stock
+from bonecam.surface.tspline import TSpline
+
+EDGE, CLEAR_OF = 1e-4, 0.02
+SLABS, WALLS = (depth, nesting), (wall,)
+
+
+def heights(cut: Cut, gap: Float[ndarray, " k"]) -> tuple[Float[ndarray, " k"], Float[ndarray, " k"]]:
+    """Lowest and largest height over the level before of samples that are `gap` inside the stock there, by all slabs, mm."""
+    low, high = zip(*(slab(cut, gap) for slab in SLABS))
+    return np.maximum.reduce(low), np.minimum.reduce(high)
+
+
+def tightest(
+    y: Float[ndarray, "k 3"], planes: Sequence[tuple[Float[ndarray, "k 3"], Float[ndarray, " k"]]]
+) -> tuple[Float[ndarray, "k 3"], Float[ndarray, " k"]]:
+    """Of the planes m . y <= h at each sample the one that y breaks most."""
+    m, h = planes[0]
+    for other, its in planes[1:]:
+        worse = dots(other, y) - its > dots(m, y) - h
+        m, h = np.where(worse[:, None], other, m), np.where(worse, its, h)
+    return m, h
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """low <= n . (y - c) <= high and m . y <= h, one a sample, mm; the parameters (s, t) of the feet c; and what they are set up from:
+    `gap` is how far inside the stock a sample is at the level before."""
+
+    before: TSpline
+    stock: Stock
+    cut: Cut
+    gap: Float[ndarray, " k"]
+    s: Float[ndarray, " k"]
+    t: Float[ndarray, " k"]
+    c: Float[ndarray, "k 3"]
+    n: Float[ndarray, "k 3"]
+    low: Float[ndarray, " k"]
+    high: Float[ndarray, " k"]
+    m: Float[ndarray, "k 3"]
+    h: Float[ndarray, " k"]
+
+    @property
+    def planes(self) -> tuple[ndarray, ndarray, ndarray, ndarray, ndarray, ndarray]:
+        """As `kernels/splitting.py` takes them."""
+        return self.c, self.n, self.low, self.high, self.m, self.h
+
+    def planes_with(self, c: Float[ndarray, "n 3"], n: Float[ndarray, "n 3"], high: Float[ndarray, " n"]) -> tuple[ndarray, ...]:
+        """The same with others that have only n . (y - c) <= high."""
+        slabs = c, n, np.full(len(c), -np.inf), high, np.zeros((len(c), 3)), np.full(len(c), np.inf)
+        return tuple(np.concatenate([mine, its]) for mine, its in zip(self.planes, slabs))
+
+    def heights(self, y: Float[ndarray, "k 3"]) -> Float[ndarray, " k"]:
+        """Distance of each sample from the level before, mm, negative behind it."""
+        return dots(y - self.c, self.n)
+
+    def broken(self, y: Float[ndarray, "k 3"]) -> Float[ndarray, " k"]:
+        """How far each sample breaks its worst limit, mm; negative: the room it has."""
+        height = self.heights(y)
+        return np.maximum.reduce([height - self.high, self.low - height, dots(self.m, y) - self.h])
+
+    def at(self, y: Float[ndarray, "k 3"], steps: int) -> "Limits":
+        """Set up again where the samples are now."""
+        return limits_at(self.before, self.stock, self.cut, self.gap, y, self.s, self.t, steps)
+
+    def only(self, which: ndarray) -> "Limits":
+        """Those of some samples."""
+        values = (self.gap, self.s, self.t, *self.planes)
+        return Limits(self.before, self.stock, self.cut, *(value[which] for value in values))
+
+    def again(self, which: ndarray, y: Float[ndarray, "k 3"], steps: int) -> "Limits":
+        """Some set up again where their samples are now."""
+        renewed = self.only(which).at(y[which], steps)
+        values = [getattr(self, name).copy() for name in ("s", "t", "c", "n", "low", "high", "m", "h")]
+        for value, new in zip(values, (renewed.s, renewed.t, *renewed.planes)):
+            value[which] = new
+        return Limits(self.before, self.stock, self.cut, self.gap, *values)
+
+    def straight(self, which: ndarray, c: Float[ndarray, "n 3"], n: Float[ndarray, "n 3"], high: Float[ndarray, " n"]) -> "Limits":
+        """Some with n . (y - c) <= high instead of their slabs."""
+        changed = replace(self, c=self.c.copy(), n=self.n.copy(), low=self.low.copy(), high=self.high.copy())
+        changed.c[which], changed.n[which], changed.low[which], changed.high[which] = c, n, -np.inf, high
+        return changed
+
+    def rows(self, R: sp.csr_array, x: Float[ndarray, "k 3"]) -> Rows:
+        """The same over the control points' moves D (x, y, z stacked): y = x + R D."""
+        along, wall = (sp.hstack([sp.diags_array(v[:, j]) @ R for j in range(3)]) for v in (self.n, self.m))
+        start = self.heights(x)
+        low = np.concatenate([self.low - start, np.full(len(x), -np.inf)])
+        return Rows(sp.csr_array(sp.vstack([along, wall])), low, np.concatenate([self.high - start, self.h - dots(self.m, x)]))
+
+
+def rings(surface: TSpline) -> tuple[float, float]:
+    """Between which t a surface is looked at: at a pole it has no normal."""
+    low, high = (float(end) for end in surface.domain[1])
+    return low + EDGE * (high - low), high - EDGE * (high - low)
+
+
+def feet(
+    before: TSpline,
+    y: Float[ndarray, "k 3"],
+    s: Float[ndarray, " k"],
+    t: Float[ndarray, " k"],
+    steps: int,
+    enough: Float[ndarray, " k"] | None = None,
+) -> tuple[ndarray, ndarray, ndarray, ndarray]:
+    """Parameters s and t of the feet of y on a surface, by `steps` of Newton from the given ones; the feet and the normals there.
+
+    Where a place no farther than `enough` (mm) is all that is asked for, the first that Newton comes by stands for the foot.
+
+    CLEAR_OF mm and more from its foot a point's direction from it stands for the normal: the same at a foot, and where Newton has
+    not found one, or at the tip of a pole, the distance is not understated. A foot is the nearest place that Newton came by, so
+    |y - foot| never understates the distance to the whole surface. One thread: among two the levels of a phalanx took a fifth longer.
+    """
+    elements, s, t = before.elements(), s.copy(), t.copy()
+    foot, normal = np.empty((len(y), 3)), np.empty((len(y), 3))
+    enough = np.zeros(len(y)) if enough is None else enough
+    surface = before.patches, elements.boxes, elements.strips, before.domain[1], rings(before)
+    kernel.feet(*surface, np.ascontiguousarray(y), steps, s, t, foot, normal, CLEAR_OF, enough)
+    return s, t, foot, normal
+
+
+def limits_at(
+    before: TSpline,
+    stock: Stock,
+    cut: Cut,
+    gap: Float[ndarray, " k"],
+    y: Float[ndarray, "k 3"],
+    s: Float[ndarray, " k"],
+    t: Float[ndarray, " k"],
+    steps: int,
+) -> Limits:
+    """The limits of samples at y that were `gap` inside the stock at the level before; `steps` of Newton from (s, t) find their feet.
+
+    A sample that has slid to where the level before is nearer to the stock than it was itself may be as near: else no place there would do.
+    """
+    s, t, c, n = feet(before, y, s, t, steps)
+    room = np.minimum(gap, -stock.signed_distance(c))
+    low, high = heights(cut, room)
+    m, h = tightest(y, [one(cut, room, stock, y) for one in WALLS])
+    return Limits(before, stock, cut, gap, s, t, c, n, low, high, m, h)

@@ -1,0 +1,1 @@
+"""Solvers of one level's program, a file each."""

@@ -1,0 +1,78 @@
+"""STEP and IGES files, read in a process of its own.
+
+OpenCASCADE ends its process on some damaged files (measured: about one in ten that were damaged at random). So that a bad file is one
+line and not a crash, it works in a child, which hands back arrays.
+"""
+
+import os
+import subprocess
+import sys
+import tempfile
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+from numpy import ndarray
+
+from bonecam.errors import FileError
+from bonecam.mesh.files.opencascade import kind_of, missing, refuse_foreign
+from bonecam.mesh.triangle_mesh import TriangleMesh
+
+REFUSED = 2
+CHILD = "from bonecam.mesh.files.cad_files import serve; serve()"
+
+
+def read_cad_mesh(path: str | Path, chord_tolerance: float | None = None) -> TriangleMesh:
+    """The part in a STEP or IGES file as triangles in mm, within `chord_tolerance` (mm; default 5e-4 of its diagonal) of its faces.
+
+    FileError names the file and what is wrong: not installed, no such file, no STEP or IGES, cut short, damaged, no surfaces in it.
+    """
+    found = in_child(f"{__name__}:mesh_arrays", Path(path), str(chord_tolerance or 0.0))
+    return TriangleMesh(found["vertices"], found["faces"])
+
+
+def mesh_arrays(file: Path, chord_tolerance: str) -> dict[str, ndarray]:
+    """What the child makes of a file for `read_cad_mesh`."""
+    from bonecam.mesh.files.opencascade import mesh_in
+
+    mesh = mesh_in(file, float(chord_tolerance) or None)
+    return {"vertices": mesh.vertices, "faces": mesh.faces}
+
+
+def in_child(work: str, file: Path, *words: str) -> dict[str, ndarray]:
+    """The arrays that `work`, a "module:function" of (file, *words), makes of a STEP or IGES file in a process of its own.
+
+    FileError where it raised one, or the process ended.
+    """
+    refuse_foreign(file)
+    if find_spec("OCP") is None:
+        raise missing(f"{file}: reading {kind_of(file)}")
+    with tempfile.TemporaryDirectory(prefix="bonecam.") as folder:
+        target = Path(folder) / "arrays.npz"
+        paths = os.pathsep.join(path for path in sys.path if path)
+        done = subprocess.run(
+            [sys.executable, "-c", CHILD, work, str(target), str(file), *words],
+            env={**os.environ, "PYTHONPATH": paths},
+            capture_output=True,
+            text=True,
+        )
+        if done.returncode == REFUSED:
+            raise FileError(done.stderr.strip().splitlines()[-1], file=str(file))
+        if done.returncode or not target.is_file():
+            what = f"OpenCASCADE broke down on it (exit {done.returncode})"
+            raise FileError(f"{file}: {what}: it is damaged: export the part as {kind_of(file)} again", file=str(file))
+        with np.load(target) as found:
+            return dict(found)
+
+
+def serve() -> None:
+    """The child: the arrays of argv[1], called with the file and words behind argv[2], into argv[2]; a FileError to stderr."""
+    _, work, target, file, *words = sys.argv
+    module, _, function = work.partition(":")
+    try:
+        arrays = getattr(import_module(module), function)(Path(file), *words)
+    except FileError as error:
+        sys.stderr.write(f"{error}\n")
+        sys.exit(REFUSED)
+    np.savez(target, **arrays)

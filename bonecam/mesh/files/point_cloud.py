@@ -1,0 +1,39 @@
+"""A closed surface round a point cloud: normals from neighbours, then screened Poisson reconstruction (Kazhdan, Hoppe 2013).
+
+The cloud must cover the part all round, densely: what comes out is measured against the points, and refused where it misses them.
+"""
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.errors import MeshError
+from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.files.mesh_files import from_meshset, meshlab
+from bonecam.mesh.triangle_mesh import TriangleMesh
+
+FEWEST = 200  # points
+NEIGHBOURS = 12  # that a normal is fitted to
+DEPTH = 8  # of the octree
+MISSED = 0.02  # of the diagonal: further from a point than this, the surface is refused
+
+
+def reconstruct(points: Float[ndarray, "n 3"]) -> TriangleMesh:
+    """The closed, outward surface through a dense cloud, in the cloud's unit. MeshError where the points are too few or missed."""
+    if len(points) < FEWEST:
+        raise MeshError(f"{len(points)} points are too few for a surface: give {FEWEST} or more, or rows of points", points=len(points))
+    size = float(np.linalg.norm(np.ptp(points, axis=0)))
+    middle = points.mean(axis=0)
+    meshset = meshlab().MeshSet()
+    meshset.add_mesh(meshlab().Mesh((points - middle) / size))
+    meshset.compute_normal_for_point_clouds(k=NEIGHBOURS)
+    meshset.generate_surface_reconstruction_screened_poisson(depth=DEPTH, preclean=True, threads=1)
+    found = from_meshset(meshset)
+    faces = found.faces if found.volume >= 0 else found.faces[:, ::-1]
+    mesh = TriangleMesh(found.vertices * size + middle, faces)
+    distances = MeshDistance(mesh).unsigned(points) if len(mesh.faces) else np.full(1, np.inf)
+    if not distances.max() <= MISSED * size:
+        place = points[np.argmax(distances)] if len(mesh.faces) else middle
+        what = f"the surface round the points misses one by {distances.max():.3g} at {np.round(place, 3).tolist()}"
+        raise MeshError(f"{what}: give a denser cloud that covers the whole part, or a mesh", place=place)
+    return mesh

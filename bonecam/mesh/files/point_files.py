@@ -1,0 +1,77 @@
+"""Points from text files: XYZ, CSV, ASC, PTS, TXT, DAT.
+
+One point a line, x y z first (normals, colours and what else follows are left out), separated by blanks, tabs, commas or semicolons;
+where semicolons separate, a comma is a decimal comma. Blocks of points are separated by empty lines or comments (# or //), or headed by
+a line with their number (and `3`). One line of column names may stand before them; they must begin with x, y, z.
+
+One block is a point cloud; several blocks are the rows of a surface (`bonecam.surface.skinning.point_rows`).
+"""
+
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.errors import FileError
+
+POINTS = (".xyz", ".csv", ".asc", ".pts", ".txt", ".dat")
+
+
+def read_blocks(path: str | Path) -> tuple[Float[ndarray, "_ 3"], ...]:
+    """The blocks of points of a text file, in the file's unit. FileError names the file, the line and what is wrong with it."""
+    file = Path(path)
+    try:
+        lines = file.read_text(encoding="utf-8-sig").splitlines()
+    except OSError as error:
+        raise FileError(f"{file}: cannot be read ({error.strerror}): give the path of a readable file", file=str(file)) from error
+    except UnicodeDecodeError as error:
+        raise FileError(f"{file}: is no text: give points as text, or name the file by its true kind", file=str(file)) from error
+    blocks: list[list[list[float]]] = [[]]
+    names = False
+    for number, line in enumerate(lines, 1):
+        words = _words(line)
+        if not words:
+            blocks.append([])
+            continue
+        try:
+            values = [float(word) for word in words]
+        except ValueError as error:
+            if not names and not any(blocks) and _names_axes(words):
+                names = True
+                continue
+            raise _refusal(file, number, f"{line.strip()[:40]!r} is no point", "write x y z in columns of that order") from error
+        if len(values) < 3:
+            if not _is_head(values):
+                raise _refusal(file, number, f"{len(values)} numbers are no point", "write x y z")
+            blocks.append([])
+        elif not np.isfinite(values[:3]).all():
+            raise _refusal(file, number, f"{line.strip()[:40]!r} is not finite", "export the points again")
+        else:
+            blocks[-1].append(values[:3])
+    found = tuple(np.array(block) for block in blocks if block)
+    if not found:
+        raise FileError(f"{file}: holds no points: write x y z, one point a line", file=str(file))
+    return found
+
+
+def _words(line: str) -> list[str]:
+    text = line.strip()
+    if text.startswith(("#", "//")):
+        return []
+    return text.replace(",", ".").replace(";", " ").split() if ";" in text else text.replace(",", " ").split()
+
+
+def _names_axes(words: list[str]) -> bool:
+    """Whether column names, units between them left out, begin with x, y, z."""
+    names = [name for word in words if (name := word.strip("\"'").lower())[:1].isalpha()]
+    return [name[0] for name in names[:3]] == ["x", "y", "z"]
+
+
+def _is_head(values: list[float]) -> bool:
+    """A line with the number of points that follow, alone or before the dimension 3."""
+    return values[0] == int(values[0]) and values[0] > 0 and values[1:] in ([], [3.0])
+
+
+def _refusal(file: Path, line: int, what: str, remedy: str) -> FileError:
+    return FileError(f"{file} line {line}: {what}: {remedy}", file=str(file), line=line)

@@ -1,0 +1,64 @@
+"""Remeshing by MeshLab: even triangles of one edge length (Hoppe et al.'s split, collapse, flip, smooth, reproject), or shorter edges.
+
+And by Rivara's bisection, where only chosen faces are too large.
+"""
+
+import numpy as np
+from jaxtyping import Bool
+from numpy import ndarray
+
+from bonecam.mesh.files.mesh_files import from_meshset, meshlab, to_meshset
+from bonecam.mesh.triangle_mesh import TriangleMesh
+
+
+def remesh(mesh: TriangleMesh, edge: float, *, iterations: int = 8) -> TriangleMesh:
+    """A mesh of the same surface with edges near `edge` (mm); its vertices lie on the old surface. ValueError: edge <= 0."""
+    if not edge > 0:
+        raise ValueError(f"edge {edge} mm: give a positive length")
+    meshset = to_meshset(mesh)
+    pure = meshlab().PureValue
+    meshset.meshing_isotropic_explicit_remeshing(
+        iterations=iterations, targetlen=pure(edge), checksurfdist=True, maxsurfdist=pure(edge / 4), featuredeg=60.0
+    )
+    return from_meshset(meshset)
+
+
+def split_edges(mesh: TriangleMesh, edge: float) -> TriangleMesh:
+    """The same surface with every edge that is longer than `edge` (mm) split in the middle until none is. ValueError: edge <= 0."""
+    if not edge > 0:
+        raise ValueError(f"edge {edge} mm: give a positive length")
+    corners = mesh.vertices[mesh.faces]
+    longest = float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max())
+    if longest <= edge:
+        return mesh
+    meshset = to_meshset(mesh)
+    halvings = 2 * int(np.ceil(np.log2(longest / edge)))
+    meshset.meshing_surface_subdivision_midpoint(iterations=halvings, threshold=meshlab().PureValue(edge))
+    return from_meshset(meshset)
+
+
+def bisected(mesh: TriangleMesh, chosen: Bool[ndarray, " f"]) -> TriangleMesh:
+    """The same surface, the longest edge of every chosen face cut in the middle, and that of every face an edge of which is.
+
+    Angles stay at least half as wide (Rivara 1984). New vertices come last.
+    """
+    ends = np.sort(mesh.faces[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
+    edges, index = np.unique(ends, axis=0, return_inverse=True)
+    edge_of = index.reshape(-1, 3)
+    length = np.linalg.norm(mesh.vertices[edges[:, 0]] - mesh.vertices[edges[:, 1]], axis=1)
+    first = np.argmax(length[edge_of], axis=1)
+    longest = edge_of[np.arange(len(edge_of)), first]
+    cut, hit = np.zeros(len(edges), dtype=bool), chosen
+    while not cut[longest[hit]].all():
+        cut[longest[hit]] = True
+        hit = np.any(cut[edge_of], axis=1)
+    middle = len(mesh.vertices) - 1 + np.cumsum(cut)
+    turn = (first[:, None] + np.arange(3)) % 3
+    (a, b, c), (ab, bc, ca) = (np.take_along_axis(v, turn, axis=1)[hit].T for v in (mesh.faces, edge_of))
+    faces = [mesh.faces[~hit]]
+    for start, end, side in ((b, c, bc), (c, a, ca)):
+        halved, m, q = cut[side], middle[ab], middle[side]
+        faces.append(np.column_stack([start, end, m])[~halved])
+        faces.extend(np.column_stack(three)[halved] for three in ((start, q, m), (q, end, m)))
+    vertices = np.vstack([mesh.vertices, mesh.vertices[edges[cut]].mean(axis=1)])
+    return TriangleMesh(vertices, np.vstack(faces).astype(np.int32))

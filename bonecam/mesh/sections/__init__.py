@@ -1,0 +1,1 @@
+"""Rows of points round a bone: isolines of a harmonic field."""

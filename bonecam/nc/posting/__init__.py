@@ -1,0 +1,1 @@
+"""From tool paths to the text of a program."""

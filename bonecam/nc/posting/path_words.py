@@ -1,0 +1,134 @@
+"""One tool path in the words of one control: split, rounded, timed, and checked against the travels."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.arrays import dots
+from bonecam.errors import MachineError
+from bonecam.job import Job
+from bonecam.nc.control import Control
+from bonecam.nc.dialect import Dialect
+from bonecam.nc.kinematics import inverse_linear
+from bonecam.nc.machine import Machine
+from bonecam.nc.posting.split import Moves, split_moves
+from bonecam.toolpath.cutter import Cutter
+from bonecam.toolpath.path import Kind, ToolPath
+
+APPROACH_HEIGHT = 10.0
+
+
+@dataclass(frozen=True, eq=False)
+class Posted:
+    """A tool path ready to be written. `words` (n, 5) are mm and degrees rounded as written; runs are row ranges between retracts.
+
+    `approaches` (r, 5) are the words from which each run is approached along the tool axis, above everything machined.
+    `minutes` (n,) is the time of the move that arrives at each row (where a run begins: of turning the rotary axes there).
+    """
+
+    path: ToolPath
+    control: Control
+    moves: Moves
+    words: Float[ndarray, "n 5"]
+    runs: tuple[tuple[int, int], ...]
+    approaches: Float[ndarray, "r 5"]
+    minutes: Float[ndarray, "n"]
+
+
+def control_of(machine: Machine, dialect: Dialect, cutter: Cutter) -> Control:
+    """The control with a cutter in the spindle; the tool is as long as overhang and holder together."""
+    return Control(machine, dialect.tool_centre, cutter.radius, cutter.overhang + cutter.holder_length)
+
+
+def post_path(
+    path: ToolPath, machine: Machine, dialect: Dialect, job: Job, around: Float[ndarray, "m 3"], before: Float[ndarray, "2"] | None = None
+) -> Posted:
+    """The posted form of one path; `around` are the tips of the whole program, which approaches stay above; `before` the joints
+    (rad) the machine comes from.
+
+    MachineError names level, pass, axis, value and limit.
+    """
+    control = control_of(machine, dialect, path.cutter)
+    # within half the last decimal of its word the tilt is zero, and the other angle says nothing
+    hold_cone = np.radians(dialect.numbers["angle"].step) / 2
+    try:
+        moves = split_moves(path, control, job.path.chord_tolerance / 2, hold_cone, before)
+    except MachineError as error:
+        row = min(error.evidence.get("row", 0), len(path.tips) - 1)
+        raise MachineError(f"level {path.level}, pass {int(path.pass_index[row])}, {error}", level=path.level, **error.evidence) from error
+    starts = np.r_[0, np.flatnonzero(moves.rewinds)]
+    runs = tuple((int(a), int(b)) for a, b in zip(starts, np.r_[starts[1:], len(moves.tips)], strict=True))
+    words = round_words(dialect, control, moves.tips, moves.angles)
+    angles = np.radians(words[:, 3:])
+    lift = (around @ moves.axes[starts].T).max(0) - dots(moves.tips[starts], moves.axes[starts]) + APPROACH_HEIGHT
+    above = moves.tips[starts] + np.maximum(lift, APPROACH_HEIGHT)[:, None] * control.poses(np.radians(words[starts]))[1]
+    approaches = round_words(dialect, control, above, angles[starts])
+    return Posted(path, control, moves, words, runs, approaches, _minutes(control, moves, words, starts, job))
+
+
+def round_words(dialect: Dialect, control: Control, tips: Float[ndarray, "n 3"], angles: Float[ndarray, "n 2"]) -> Float[ndarray, "n 5"]:
+    """Words (mm, deg) as written: the angles are rounded first, so that the linear words make up for them."""
+    turned = dialect.numbers["angle"].rounded(np.degrees(angles))
+    linear = dialect.numbers["length"].rounded(control.words(tips, np.radians(turned))[:, :3])
+    return np.column_stack([linear, turned])
+
+
+def joints_of(posted: Posted, words: Float[ndarray, "n 5"]) -> Float[ndarray, "n 5"]:
+    """The joints (mm, rad) of the machine at words (mm, deg)."""
+    radians = np.column_stack([words[:, :3], np.radians(words[:, 3:])])
+    if not posted.control.tool_centre:
+        return radians
+    tips, _ = posted.control.poses(radians)
+    return inverse_linear(posted.control.machine, tips, radians[:, 3:], posted.control.tool_length)
+
+
+def _minutes(control: Control, moves: Moves, words: ndarray, starts: ndarray, job: Job) -> Float[ndarray, "n"]:
+    machine = control.machine
+    joints = inverse_linear(machine, moves.tips, np.radians(words[:, 3:]), control.tool_length)
+    speeds = np.array([axis.speed for axis in machine.linear] + [axis.speed for axis in machine.rotary])
+    slowest = (np.abs(np.diff(joints, axis=0)) / speeds).max(1, initial=0.0)
+    length = np.linalg.norm(np.diff(moves.tips, axis=0), axis=1)
+    feed = np.where(moves.kinds[1:] == Kind.RAPID, job.nc.rapid_feed, moves.feed_rates[1:])
+    minutes = np.r_[0.0, np.maximum(slowest, length / feed)]
+    turns = np.abs(np.diff(words[:, 3:], axis=0, prepend=words[:1, 3:])) / np.degrees(speeds[3:])
+    minutes[starts] = turns[starts].max(1)
+    return minutes
+
+
+def check_travel(machine: Machine, paths: Sequence[Posted]) -> None:
+    """MachineError with axis, value, limit and level where the spindle nose leaves its limits or the program its travel."""
+    for column, axis in enumerate(machine.linear):
+        low, high = np.inf, -np.inf
+        for posted in paths:
+            words = np.vstack([posted.words, posted.approaches])
+            nose = joints_of(posted, words)[:, column] + (posted.control.tool_length if axis.letter == "Z" else 0.0)
+            _check_limits(axis.letter, axis.limits, nose, posted, machine)
+            low, high = min(low, float(nose.min())), max(high, float(nose.max()))
+            if high - low > axis.travel:
+                raise MachineError(
+                    f"level {posted.path.level}: {axis.letter} runs over {high - low:.1f} mm, travel {axis.travel:.1f} mm "
+                    f"of {machine.title}: take a machine with more travel, a shorter post or part",
+                    axis=axis.letter,
+                    value=high - low,
+                    limit=axis.travel,
+                    level=posted.path.level,
+                )
+
+
+def _check_limits(letter: str, limits: tuple[float, float], nose: ndarray, posted: Posted, machine: Machine) -> None:
+    for value, limit, off in ((nose.min(), limits[0], nose.min() < limits[0]), (nose.max(), limits[1], nose.max() > limits[1])):
+        if not off:
+            continue
+        row = int(np.argmin(np.abs(nose - value)))
+        source = int(posted.moves.rows[row]) if row < len(posted.words) else 0
+        raise MachineError(
+            f"level {posted.path.level}, pass {int(posted.path.pass_index[source])}: {letter} {value:.1f} mm leaves the limit "
+            f"{limit:.1f} mm of {machine.title}: take a machine with more travel, or move part_zero",
+            axis=letter,
+            value=float(value),
+            limit=float(limit),
+            level=posted.path.level,
+        )

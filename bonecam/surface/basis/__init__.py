@@ -1,0 +1,1 @@
+"""Knots, B-spline bases and Bezier extraction."""

@@ -1,0 +1,1 @@
+"""T-splines in files: .tspline, .tsm, .iga, STEP, IGES."""

@@ -1,0 +1,93 @@
+"""Parts that come as a surface and need no fit: rows of points that are skinned, or a T-spline that was saved before."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.errors import MeshError, SurfaceError, UnitsError
+from bonecam.mesh.intersections import self_intersections
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.mesh.units import to_mm
+from bonecam.surface.files.save import TEXTS
+from bonecam.surface.files.tspline_text import read_tsm
+from bonecam.surface.fitting.deviation import Deviation
+from bonecam.surface.fitting.fit import Fit
+from bonecam.surface.skinning.point_rows import holds_rows, read_rows
+from bonecam.surface.tmesh.rows import RowTMesh
+from bonecam.surface.tspline import TSpline
+
+CHORD = 0.01  # chord tolerance of the mesh that stands for the surface, mm
+
+
+def holds_surface(path: str | Path) -> bool:
+    """Whether a file gives the surface itself: .tspline, .tsm, or two or more rows of points."""
+    return Path(path).suffix.lower() in TEXTS or holds_rows(path)
+
+
+def read_surface(path: str | Path, scale: float, tolerance: float, max_control_points: int) -> Fit:
+    """The closed surface in a file; rows are scaled by `scale` (mm a unit of the file) and skinned within `tolerance` mm.
+
+    The deviation is that of the given points. Raises FileError, or SurfaceError where the surface does not enclose a part.
+    """
+    if Path(path).suffix.lower() in TEXTS:
+        if scale != 1:
+            raise UnitsError(f"{path}: states its unit itself and was read in mm: leave out --units (mesh.units)", file=str(path))
+        surface, points = read_tsm(path), np.empty((0, 3))
+    else:
+        rows = read_rows(path).scaled(scale)
+        surface, points = rows.skin(tolerance), np.vstack([*rows.rows, *([] if rows.poles is None else [rows.poles])])
+    if not (isinstance(surface.tmesh, RowTMesh) and all(surface.tmesh.poles)):
+        remedy = "give a pole (one point) as the first and the last block" if len(points) else "only closed rows between two poles do"
+        raise SurfaceError(f"{path}: encloses no part: {remedy}", file=str(path))
+    if not surface.volume > 0:
+        raise SurfaceError(f"{path}: its normals S_s x S_t point inward: reverse every row", file=str(path), volume=surface.volume)
+    if surface.tmesh.size > max_control_points:
+        what = f"{surface.tmesh.size} control points keep the rows within {tolerance} mm, {max_control_points} are allowed"
+        raise SurfaceError(f"{path}: {what}: raise surface.tolerance or surface.max_control_points", file=str(path))
+    found = _deviation(surface, points)
+    return Fit(surface, found, tolerance, found.max <= tolerance)
+
+
+def _deviation(surface: TSpline, points: Float[ndarray, "n 3"]) -> Deviation:
+    """Of the points from the surface."""
+    if not len(points):
+        return Deviation(0.0, 0.0, 0.0, 0.0, surface.control_points[0])
+    distances = surface.project(points).distances
+    worst = float(distances.max())
+    return Deviation(worst, float(np.sqrt(np.mean(distances**2))), 0.0, worst, points[np.argmax(distances)])
+
+
+def sound_mesh(surface: TSpline, file: str) -> TriangleMesh:
+    """The surface as a closed mesh. UnitsError where its size is no part's, MeshError where it cuts itself."""
+    mesh = to_mm(surface.tessellate(CHORD), "mm", file)
+    if len(faces := self_intersections(mesh)):
+        place = mesh.vertices[mesh.faces[faces[0]]].mean(axis=0)
+        at = f"near {np.round(place, 2).tolist()}"
+        raise MeshError(f"{file}: its surface cuts itself {at}: mend the rows there, or give a mesh", file=file, faces=faces, place=place)
+    return mesh
+
+
+def placed(given: Fit, transform: Float[ndarray, "4 4"]) -> Fit:
+    """The same surface under a rigid transform, with t from the lower to the upper pole again."""
+    rotation, shift = transform[:3, :3], transform[:3, 3]
+    surface = given.surface.with_control_points(given.surface.control_points @ rotation.T + shift)
+    if surface.control_points[0, 2] > surface.control_points[-1, 2]:
+        surface = turned(surface)
+    found = replace(given.deviation, place=rotation @ given.deviation.place + shift)
+    return replace(given, surface=surface, deviation=found)
+
+
+def turned(surface: TSpline) -> TSpline:
+    """The same row-structured surface with both parameters reversed: S(-s, low + high - t); its normals stay outward."""
+    tmesh = surface.tmesh
+    if not isinstance(tmesh, RowTMesh):
+        raise ValueError("only row-structured surfaces can be turned")
+    starts = tmesh.row_starts
+    orders = [np.argsort(np.mod(-row, 1.0)) for row in tmesh.s_knots]
+    rows = [np.mod(-row, 1.0)[order] for row, order in zip(tmesh.s_knots, orders)]
+    index = np.concatenate([starts[j] + orders[j] for j in range(len(rows))[::-1]])
+    t_knots = (tmesh.t_knots[0] + tmesh.t_knots[-1] - tmesh.t_knots)[::-1]
+    return TSpline(RowTMesh.from_rows(t_knots, rows[::-1]), surface.control_points[index], surface.weights[index])

@@ -1,0 +1,112 @@
+"""T-splines as text files. One reader and one writer, `read_tsm` and `write_tsm`, for two forms, told apart by the first line:
+
+- `#TS0200`: half edges and control points, as Rhino's T-Splines and Fusion write them: general T-meshes (surface.tsm);
+- `#bonecam-tspline 1`: row-structured T-splines, which half edges cannot hold (surface.rows_file).
+
+Both come back bit for bit. Any other first line is a FileError.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from bonecam.errors import FileError, SurfaceError
+from bonecam.files import write_whole
+from bonecam.surface.files import rows_file
+from bonecam.surface.files.tsm_borders import MIRRORED, with_mirrored_borders
+from bonecam.surface.files.tsm_layout import tmesh_of
+from bonecam.surface.files.tsm_records import TSM_HEADER, Records, parse_tsm
+from bonecam.surface.files.tsm_write import tsm_text
+from bonecam.surface.tmesh.general import TMesh
+from bonecam.surface.tmesh.open_rows import OpenRowTMesh
+from bonecam.surface.tmesh.rows import RowTMesh
+from bonecam.surface.tspline import TSpline
+
+MILLIMETRES = {"millimeters": 1.0, "centimeters": 10.0, "meters": 1000.0, "inches": 25.4, "feet": 304.8}
+
+
+def read_tsm(path: str | Path, *, homogeneous: bool = False, to_mm: bool = False) -> TSpline:
+    """The T-spline of a file of either form.
+
+    A .tsm file does not say whether its control points are (x, y, z) or homogeneous (w x, w y, w z): they are taken as they stand,
+    S = sum w P B / sum w B, unless `homogeneous`, which divides them by their weight first. `to_mm` converts them from the
+    file's `units` (only the unit's name counts; the number before it is a tolerance). An open border without clamped control points
+    needs `end-conditions SUBD_CREASES` (surface.tsm_borders). Raises FileError naming line and record.
+    """
+    path = Path(path)
+    try:
+        text = path.read_bytes().decode("utf-8", errors="replace")
+    except OSError as error:
+        raise FileError(f"{path} cannot be read as text: {error}", file=str(path)) from error
+    first = text.split("\n", 1)[0].strip()
+    if first == rows_file.HEADER:
+        return rows_file.read_rows(text, path)
+    if first.split()[:1] != [TSM_HEADER]:
+        raise FileError(
+            f"{path}: the first line must be '{TSM_HEADER}' or '{rows_file.HEADER}', not '{first[:40]}'", file=str(path), line=1
+        )
+    records = parse_tsm(text, path)
+    tmesh, numbers = _laid_out(records, path)
+    mirrored = not records.owners and records.header.get("end-conditions") == [MIRRORED] and not all(tmesh.period)
+    given = [records.grips[k] for k in numbers]
+    for k, point in zip(numbers, given):
+        if point is None or not point[3] > 0:
+            raise records.error("0g", k, "a control point in use is deleted" if point is None else f"weight {point[3]} is not positive")
+    values = np.array(given)
+    points = values[:, :3] / values[:, 3:] if homogeneous else values[:, :3]
+    points = points * (_scale(records.header, path) if to_mm else 1.0)
+    try:
+        if mirrored:
+            tmesh, found = with_mirrored_borders(tmesh, np.column_stack([points * values[:, 3:], values[:, 3]]))
+            points, values = np.vstack([points, found[len(points) :, :3] / found[len(points) :, 3:]]), found
+        assert len(tmesh.elements.boxes)
+        return TSpline(tmesh, points, values[:, 3])
+    except SurfaceError as error:
+        raise FileError(f"{path}: {error}", file=str(path), **error.evidence) from error
+    except ValueError as error:
+        raise FileError(f"{path}: {error}", file=str(path)) from error
+
+
+def write_tsm(surface: TSpline, path: str | Path, *, homogeneous: bool = False) -> None:
+    """Write the surface, row-structured ones as `#bonecam-tspline 1`, others as `#TS0200`; `read_tsm` gives every number back bit for bit.
+
+    `homogeneous` as in `read_tsm`. Raises SurfaceError for a T-mesh that half edges cannot hold: some that were refined beside a
+    corner of the domain that turns inwards. `write_iga` holds every surface.
+    """
+    if isinstance(surface.tmesh, OpenRowTMesh):
+        raise SurfaceError("rows that are open have no text form: write_tsm takes closed rows and general T-meshes")
+    if isinstance(surface.tmesh, RowTMesh):
+        if homogeneous:
+            raise ValueError("row-structured files hold points that are not homogeneous")
+        write_whole(path, rows_file.rows_text(surface))
+    else:
+        text = tsm_text(surface, homogeneous)
+        _prove(text, surface, Path(path))
+        write_whole(path, text)
+
+
+def _prove(text: str, surface: TSpline[TMesh], path: Path) -> None:
+    """Read the text back: every vertex must see what it saw, else the file would hold another surface."""
+    try:
+        tmesh, numbers = tmesh_of(parse_tsm(text, path))
+        same = numbers == list(range(surface.tmesh.size)) and all(
+            np.array_equal(a, b) for a, b in zip(tmesh.local_knots, surface.tmesh.local_knots)
+        )
+    except (FileError, SurfaceError):
+        same = False
+    if not same:
+        raise SurfaceError("half edges cannot hold this T-mesh, whose lines with one knot part at a corner: write_iga can", file=str(path))
+
+
+def _laid_out(records: Records, path: Path) -> tuple[TMesh, list[int]]:
+    try:
+        return tmesh_of(records)
+    except SurfaceError as error:
+        raise FileError(f"{path}: {error}", file=str(path), **error.evidence) from error
+
+
+def _scale(header: dict[str, list[str]], path: Path) -> float:
+    unit = header.get("units", ["", "?"])[-1]
+    if unit not in MILLIMETRES:
+        raise FileError(f"{path}: unit '{unit}' is none of {', '.join(MILLIMETRES)}", file=str(path))
+    return MILLIMETRES[unit]

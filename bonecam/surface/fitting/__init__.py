@@ -1,0 +1,1 @@
+"""Fitting a T-spline to a mesh."""

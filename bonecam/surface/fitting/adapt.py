@@ -1,0 +1,134 @@
+"""Where a row-structured T-mesh gets knots: only where the mesh is missed.
+
+Each sample of the mesh that is missed votes with (its area) x (its distance)^4 for the longer side of the cell it lies in: for an s-knot in
+the middle of the interval in each row that acts there, or for a t-knot in the middle of the span. Votes are divided by the control
+points the knot costs (an s-knot one, a t-knot a whole row), and the best are taken. Low cells are not cut: a cubic with even knots follows
+a rim of a right angle within a tenth of their distance, and rows of lower cells only fold.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy import ndarray
+
+from bonecam.surface.basis.knots import span_functions
+from bonecam.surface.basis.periodic import FEWEST
+from bonecam.surface.tmesh.rows import RowTMesh
+from bonecam.surface.tspline import TSpline
+
+LEAST = 1.0  # of the goal: nearer samples do not vote
+POWER = 4  # of the distance in a vote
+SHARE, HASTE = 0.04, 0.3  # of the present control points are added in one round, and that times the share of the area that is missed
+ASPECT = 1.0  # a cell is cut along t when its t-side is longer than this times its s-side
+NARROWEST = 1 / 256  # no s-interval below this
+LOWEST = 4.0  # goals: no lower cell is cut along t
+
+
+@dataclass(frozen=True, eq=False)
+class Votes:
+    """Samples at (s, t), each with the weight of its miss, and |S_s| and |S_t| there, mm; their share of the area; the goal, mm."""
+
+    s: Float[ndarray, " n"]
+    t: Float[ndarray, " n"]
+    weight: Float[ndarray, " n"]
+    around: Float[ndarray, " n"]
+    along: Float[ndarray, " n"]
+    missed: float
+    goal: float
+
+
+@dataclass(frozen=True)
+class Cut:
+    """One possible knot: in row `row` (-1: a t-knot) at `place`, with its votes for each control point it costs."""
+
+    row: int
+    place: float
+    cost: int
+    worth: float
+
+
+def miss_votes(
+    surface: TSpline,
+    s: Float[ndarray, " n"],
+    t: Float[ndarray, " n"],
+    distances: Float[ndarray, " n"],
+    areas: Float[ndarray, " n"],
+    goal: float,
+) -> Votes:
+    """The votes of the samples that are farther than `goal` from the surface."""
+    missed = distances > LEAST * goal
+    _, Ss, St = surface.evaluate(s[missed], t[missed], 1)
+    around, along = np.linalg.norm(Ss, axis=1), np.linalg.norm(St, axis=1)
+    weight = areas[missed] * (distances[missed] / goal) ** POWER
+    return Votes(s[missed], t[missed], weight, around, along, float(areas[missed].sum() / areas.sum()), goal)
+
+
+def refine(tmesh: RowTMesh, votes: Votes, room: int) -> RowTMesh:
+    """The T-mesh with the best cuts made, at most `room` control points more; the same T-mesh where none is left."""
+    cuts = sorted(_cuts(tmesh, votes), key=lambda cut: (-cut.worth, cut.row, cut.place))
+    wanted = min(room, max(6, round((SHARE + HASTE * votes.missed) * tmesh.size)))
+    refined, rows = tmesh, [list(row) for row in tmesh.s_knots]
+    t_cuts: list[float] = []
+    for cut in cuts:
+        if refined.size - tmesh.size >= wanted or cut.worth < 0.02 * cuts[0].worth:
+            break
+        tried = [[*row, cut.place] if j == cut.row else row for j, row in enumerate(rows)]
+        tried_t = [*t_cuts, cut.place] if cut.row < 0 else t_cuts
+        finer = with_t_knots(tmesh.t_knots, [np.sort(np.array(row)) for row in tried], np.array(tried_t))
+        if finer.size - tmesh.size <= (room if refined is tmesh else min(room, 2 * wanted)):
+            refined, rows, t_cuts = finer, tried, tried_t
+    return refined
+
+
+def with_t_knots(t_knots: Float[ndarray, " k"], rows: list[ndarray], new: Float[ndarray, " c"]) -> RowTMesh:
+    """With t-knots inserted; each new row takes the s-knots of the old row nearest to it in t (by Greville point)."""
+    refined = np.sort(np.concatenate([t_knots, new]))
+    old, fresh = (np.array([k[j + 1 : j + 4].mean() for j in range(len(k) - 4)]) for k in (t_knots, refined))
+    nearest = np.abs(fresh[:, None] - old[None, 1:-1]).argmin(axis=1) + 1
+    chosen = [rows[j] for j in nearest]
+    chosen[0], chosen[-1] = rows[0], rows[-1]
+    chosen[1], chosen[-2] = rows[1], rows[-2]
+    return RowTMesh.from_rows(refined, chosen)
+
+
+def _cuts(tmesh: RowTMesh, votes: Votes) -> list[Cut]:
+    """All cuts that got votes."""
+    span = np.clip(np.searchsorted(tmesh.t_knots, votes.t, side="right") - 1, 3, len(tmesh.t_knots) - 5)
+    functions = span_functions(tmesh.t_knots[span[:, None] + np.arange(-3, 5)], votes.t, 0)[0]
+    acting = span[:, None] + np.arange(-3, 1)
+    widths = np.stack([_interval(tmesh.s_knots[j], votes.s)[1] for j in range(len(tmesh.s_knots))], axis=1)
+    side = (functions * np.take_along_axis(widths, acting, axis=1)).sum(axis=1) * votes.around
+    height = (tmesh.t_knots[span + 1] - tmesh.t_knots[span]) * votes.along
+    tall = height > ASPECT * side
+    return [*_row_cuts(tmesh, votes, ~tall, acting, functions), *_span_cuts(tmesh, votes, tall & (height > LOWEST * votes.goal), span)]
+
+
+def _row_cuts(tmesh: RowTMesh, votes: Votes, voting: Bool[ndarray, " n"], acting: ndarray, functions: ndarray) -> list[Cut]:
+    cuts = []
+    for j, knots in enumerate(tmesh.s_knots):
+        if len(knots) < FEWEST:
+            continue
+        share = np.where(acting == j, functions, 0).sum(axis=1) * votes.weight * voting
+        here = share > 0
+        index = _interval(knots, votes.s[here])[0]
+        worth = np.bincount(index, share[here], minlength=len(knots))
+        gaps = np.diff(np.append(knots, knots[0] + 1))
+        for k in np.flatnonzero((worth > 0) & (gaps > NARROWEST)):
+            cuts.append(Cut(j, float(np.mod(knots[k] + gaps[k] / 2, 1.0)), 1, float(worth[k])))
+    return cuts
+
+
+def _span_cuts(tmesh: RowTMesh, votes: Votes, voting: Bool[ndarray, " n"], span: ndarray) -> list[Cut]:
+    worth = np.bincount(span[voting], votes.weight[voting], minlength=len(tmesh.t_knots))
+    cuts = []
+    for k in np.flatnonzero(worth):
+        cost = max(len(tmesh.s_knots[j]) for j in (k - 2, k - 1))
+        cuts.append(Cut(-1, float(tmesh.t_knots[k : k + 2].mean()), cost, float(worth[k]) / cost))
+    return cuts
+
+
+def _interval(knots: ndarray, s: ndarray) -> tuple[ndarray, ndarray]:
+    """Which interval of the row holds s, and its width; a pole row has one of width 1."""
+    index = np.mod(np.searchsorted(knots, s, side="right") - 1, len(knots))
+    return index, np.diff(np.append(knots, knots[0] + 1))[index]

@@ -1,0 +1,166 @@
+"""What is fitted: samples of a mesh with their areas, and where their feet on the surface are now.
+
+The first feet come from the mesh itself, the harmonic height and the share round the row (`Rows.vertex_parameters`): they are right in a
+groove too, where the nearest point of a smooth surface lies on the wrong side. Later feet are followed from where they were; beside a rim
+such a foot may stay on the wrong side, so the last samples that seem missed are also looked for where others have their feet.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
+
+from bonecam.arrays import dots
+from bonecam.mesh.distance import MeshDistance, exact_closest
+from bonecam.mesh.intersections import self_intersections
+from bonecam.mesh.sections.rows import Rows
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.surface.fitting.fairness import gauss_points
+from bonecam.surface.fitting.mesh_samples import sample_mesh
+from bonecam.surface.query.grid_feet import follow, nearest_on_grid
+from bonecam.surface.tspline import TSpline
+
+FOLD_CHORD = 3e-4  # of the diagonal: chord tolerance of the tessellation that is checked against itself
+OUTWARD = 2  # Gauss points each way an element that are measured to the mesh
+PULLED, WATCHED = 2.0, 0.5  # tolerances: surface points (places that were missed before) farther than this from the mesh are drawn to it
+DOUBTFUL = 100  # one in so many samples, at most, is looked for elsewhere on the surface
+EACH = 8  # samples of the mesh, at least, for each control point
+
+
+class Shape:
+    """The mesh, asked for the normal nearest to a point."""
+
+    def __init__(self, mesh: TriangleMesh) -> None:
+        self.mesh, self.distance = mesh, MeshDistance(mesh)
+        self._normals = mesh.face_vectors / np.maximum(np.linalg.norm(mesh.face_vectors, axis=1, keepdims=True), np.finfo(float).tiny)
+
+    def normals(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+        """The normal of the face nearest to each point."""
+        return np.asarray(self._normals[self.distance.closest(points)[1]])
+
+    def facing(self, surface: TSpline, s: Float[ndarray, " n"], t: Float[ndarray, " n"]) -> Float[ndarray, " n"]:
+        """Cosines between the surface normals and those of the mesh's nearest faces."""
+        return dots(surface.normals(s, t), self.normals(surface.positions(s, t)))
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Points of the mesh, each with its place (s, t) on the surface, its distance from there and the area it stands for."""
+
+    points: Float[ndarray, "n 3"]
+    areas: Float[ndarray, " n"]
+    s: Float[ndarray, " n"]
+    t: Float[ndarray, " n"]
+    distances: Float[ndarray, " n"]
+
+    def __add__(self, other: "Samples") -> "Samples":
+        mine, others = ((x.points, x.areas, x.s, x.t, x.distances) for x in (self, other))
+        return Samples(*(np.concatenate(pair) for pair in zip(mine, others)))
+
+    def on(self, surface: TSpline, tolerance: float) -> "Samples":
+        """With the feet followed from where they were; few that end far away also from the nearest foot of another sample."""
+        s, t, distances = follow(surface, self.points, self.s, self.t, rounds=3)
+        far = np.flatnonzero(distances > tolerance)
+        if 0 < len(far) < len(s) / DOUBTFUL:
+            nearest = cdist(self.points[far], surface.positions(s, t)).argmin(axis=1)
+            found = follow(surface, self.points[far], s[nearest], t[nearest], rounds=6)
+            met = found[2] < np.minimum(tolerance, distances[far])
+            for now, new in zip((s, t, distances), found):
+                now[far[met]] = new[met]
+        return Samples(self.points, self.areas, s, t, distances)
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """Samples of the mesh with their feet on the surface, and samples of the surface that miss the mesh with the nearest points there.
+
+    The latter are looked for in every element and, more strictly, at `places` (s, t).
+    """
+
+    shape: Shape
+    inward: Samples
+    outward: Samples
+    places: Float[ndarray, "k 2"]
+
+    @classmethod
+    def of(cls, mesh: TriangleMesh, rows: Rows, samples: int) -> "Target":
+        """With the parameters of the rows' harmonic field as feet; no distances yet."""
+        points, areas = sample_mesh(mesh, samples)
+        s, t = harmonic_parameters(rows, points)
+        none = np.empty(0)
+        inward = Samples(points, areas, s, t, np.full(len(points), np.inf))
+        return cls(Shape(mesh), inward, Samples(np.empty((0, 3)), none, none, none, none), np.empty((0, 2)))
+
+    @property
+    def all(self) -> Samples:
+        """Both."""
+        return self.inward + self.outward
+
+    @property
+    def worst(self) -> float:
+        """The largest distance, mm."""
+        return float(max(self.inward.distances.max(), self.outward.distances.max(initial=0.0)))
+
+    def folded(self, surface: TSpline) -> bool:
+        """Whether the surface meets itself: looked at only where some normal on a fine grid points into the mesh, as at sharp rims too."""
+        s, t = np.meshgrid(np.arange(96) / 96, (1 - np.cos(np.linspace(0.03, np.pi - 0.03, 160))) / 2)
+        if self.shape.facing(surface, s.ravel(), t.ravel()).min() >= 0:
+            return False
+        return len(self_intersections(surface.tessellate(FOLD_CHORD * self.shape.mesh.diagonal))) > 0
+
+    def with_points(self, points: Float[ndarray, "k 3"], places: Float[ndarray, "p 2"], surface: TSpline) -> "Target":
+        """With more samples, each standing for a typical area, whose feet are found on the surface; and with more places on it."""
+        areas = np.full(len(points), np.median(self.inward.areas))
+        added = Samples(points, areas, *follow(surface, points, *nearest_on_grid(surface, points)))
+        return replace(self, inward=self.inward + added, places=np.vstack([self.places, places]))
+
+    def denser(self, surface: TSpline) -> "Target":
+        """With more samples once the control points are too many for them; each starts at the foot of the nearest one so far."""
+        count = len(self.inward.points)
+        if surface.tmesh.size * EACH <= count:
+            return self
+        points, areas = sample_mesh(self.shape.mesh, 2 * surface.tmesh.size * EACH)
+        size = np.sqrt(self.inward.areas.mean())
+        old, new = (np.hstack([p, size * self.shape.normals(p)]) for p in (self.inward.points, points))
+        near = cKDTree(old).query(new)[1]
+        feet = follow(surface, points, self.inward.s[near], self.inward.t[near], rounds=3)
+        return replace(self, inward=Samples(points, areas, *feet))
+
+    def on(self, surface: TSpline, tolerance: float) -> "Target":
+        """With the feet on `surface`, and its own points that are farther than a part of the tolerance from the mesh."""
+        s, t, share = gauss_points(surface, OUTWARD)
+        limits = np.append(np.full(len(s), PULLED * tolerance), np.full(len(self.places), WATCHED * tolerance))
+        s, t = np.append(s, self.places[:, 0]), np.append(t, self.places[:, 1])
+        share = np.append(share, np.full(len(self.places), np.median(share)))
+        S, Ss, St = surface.evaluate(s, t, 1)
+        nearest = self.shape.distance.closest(S)[0]
+        away = np.linalg.norm(S - nearest, axis=1)
+        areas = share * np.linalg.norm(np.cross(Ss, St), axis=1)
+        far = away > limits
+        outward = Samples(nearest[far], areas[far], s[far], t[far], away[far])
+        return replace(self, inward=self.inward.on(surface, tolerance), outward=outward)
+
+
+def harmonic_parameters(rows: Rows, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
+    """(s, t) of points near the mesh: those of its vertices, linear in the face, s unwrapped from the corner farthest from the poles."""
+    closest, faces = exact_closest(rows.mesh, points)
+    corners = rows.mesh.faces[faces]
+    weights = barycentric(rows.mesh.vertices[corners], closest)
+    s, t = (rows.vertex_parameters[corners, k] for k in (0, 1))
+    base = np.take_along_axis(s, np.abs(t - 0.5).argmin(axis=1)[:, None], axis=1)
+    turned = np.mod(s - base + 0.5, 1.0) - 0.5
+    turned[(t <= 0) | (t >= 1)] = 0.0
+    return np.mod(base[:, 0] + (weights * turned).sum(axis=1), 1.0), np.clip((weights * t).sum(axis=1), 0.0, 1.0)
+
+
+def barycentric(corners: Float[ndarray, "n 3 3"], points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+    """Weights of the corners of each triangle at a point in it, clipped to it."""
+    a, b, c = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], points - corners[:, 0]
+    aa, ab, bb, ac, bc = (dots(x, y) for x, y in ((a, a), (a, b), (b, b), (a, c), (b, c)))
+    scale = 1 / np.maximum(aa * bb - ab * ab, np.finfo(float).tiny)
+    v, w = (bb * ac - ab * bc) * scale, (aa * bc - ab * ac) * scale
+    weights = np.clip(np.column_stack([1 - v - w, v, w]), 0, 1)
+    return np.asarray(weights / weights.sum(axis=1, keepdims=True))

@@ -1,0 +1,1 @@
+"""Questions to a surface: closest points, curvature, measures, validity."""

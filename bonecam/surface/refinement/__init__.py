@@ -1,0 +1,1 @@
+"""Exact refinement: more control points, the same surface."""

@@ -1,0 +1,146 @@
+"""Exact knot insertion in row-structured surfaces (Boehm 1980): knots in single rows, and new rows.
+
+In t a new row is a combination of two old ones, S = sum_j N_j(t) Q_j(s); both are first brought to the knots of either. All points are
+homogeneous, so weights take part like coordinates. Rows are closed (periodic knots, one a point) or open (clamped, four more than points).
+"""
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.surface.basis.knots import aligned
+from bonecam.surface.tmesh.open_rows import OpenRowTMesh
+from bonecam.surface.tmesh.rows import NEAREST, RowTMesh
+
+if TYPE_CHECKING:
+    from bonecam.surface.tspline import TSpline
+
+Row = tuple[ndarray, ndarray]  # knots and homogeneous control points (r, 4); one of each: a pole
+T = TypeVar("T")
+
+
+def refined_rows(
+    surface: "TSpline[RowTMesh] | TSpline[OpenRowTMesh]", s: Float[ndarray, " n"], t: Float[ndarray, " n"], directions: str
+) -> "TSpline":
+    """A knot in the middle of the interval that holds s in each of the rows that act at t ("s"), and of the t-span ("t")."""
+    tmesh: Any = surface.tmesh
+    rows = _rows(surface)
+    span = np.clip(np.searchsorted(tmesh.t_knots, t, side="right") - 1, 3, len(tmesh.t_knots) - 5)
+    if "s" in directions:
+        for j in range(len(rows)):
+            acting = (span - 3 <= j) & (j <= span)
+            if len(rows[j][0]) > 1 and acting.any():
+                rows[j] = with_knots(rows[j], _middles(rows[j], s[acting], np.concatenate([row[0] for row in rows])))
+    t_knots = tmesh.t_knots
+    if "t" in directions:
+        for x in np.unique((tmesh.t_knots[span] + tmesh.t_knots[span + 1]) / 2):
+            t_knots, rows = _inserted(t_knots, rows, float(x), _mixed)
+    return _surface_of(surface, t_knots, rows)
+
+
+def with_row_knots(surface: "TSpline[RowTMesh]", new: Sequence[Float[ndarray, " _"]]) -> "TSpline[RowTMesh]":
+    """The same surface with more knots in its rows: for each row those in [0, 1) that it gets and has not, none for a pole."""
+    rows = [with_knots(row, knots) if len(knots) else row for row, knots in zip(_rows(surface), new, strict=True)]
+    return _surface_of(surface, surface.tmesh.t_knots, rows)
+
+
+def _surface_of(surface: "TSpline", t_knots: ndarray, rows: Sequence[Row]) -> "TSpline":
+    points = np.vstack([row[1] for row in rows])
+    tmesh = type(surface.tmesh).from_rows(t_knots, [row[0] for row in rows])
+    return type(surface)(tmesh, points[:, :3] / points[:, 3:], points[:, 3])
+
+
+def _rows(surface: "TSpline[RowTMesh] | TSpline[OpenRowTMesh]") -> list[Row]:
+    """The rows with homogeneous points; knots of different rows that differ by rounding only are made equal."""
+    starts, weights = surface.tmesh.row_starts, surface.weights[:, None]
+    points = np.split(np.hstack([surface.control_points * weights, weights]), starts[1:-1])
+    if isinstance(surface.tmesh, OpenRowTMesh):
+        return list(zip(aligned(surface.tmesh.s_knots), points))
+    rows = [(knots, np.argsort(knots), part) for knots, part in zip(aligned(surface.tmesh.s_knots, 1.0), points)]
+    return [(knots[order], part[order]) for knots, order, part in rows]
+
+
+def _is_open(row: Row) -> bool:
+    return len(row[0]) > len(row[1])
+
+
+def _middles(row: Row, s: ndarray, known: ndarray) -> ndarray:
+    """The middles of the intervals that hold s; one that is a known knot but for rounding is that knot."""
+    knots = row[0]
+    if _is_open(row):
+        k = np.unique(np.clip(np.searchsorted(knots, s, side="right") - 1, 3, len(knots) - 5))
+        middles, period = (knots[k] + knots[k + 1]) / 2, 2.0
+    else:
+        k = np.unique((np.searchsorted(knots, np.mod(s, 1.0), side="right") - 1) % len(knots))
+        middles, period = np.mod((knots[k] + np.append(knots, knots[0] + 1)[k + 1]) / 2, 1.0), 1.0
+    apart = np.abs(np.mod(middles[:, None] - known + period / 2, period) - period / 2)
+    nearest = apart.argmin(axis=1)
+    return np.asarray(np.where(apart.min(axis=1) < NEAREST, known[nearest], middles))
+
+
+def with_knots(row: Row, new: Float[ndarray, " k"]) -> Row:
+    """The same curve with more knots; a closed one has none of them yet. A pole gets its point at every one of them."""
+    knots, points = row
+    if len(knots) == 1:
+        every = np.sort(new)
+        return every, np.repeat(points, len(every), axis=0)
+    for x in new:
+        if _is_open((knots, points)):
+            knots, legs = _inserted(knots, list(points), float(x), _divided)
+            points = np.array(legs)
+        else:
+            knots, points = _with_knot(knots, points, float(x))
+    return knots, points
+
+
+def _divided(first: ndarray, second: ndarray, ratio: float) -> ndarray:
+    return np.asarray(first * (1 - ratio) + second * ratio)
+
+
+def _with_knot(knots: ndarray, points: ndarray, x: float) -> Row:
+    """One more knot. Control point i is centred on knot i; between its new neighbours a point divides an old leg."""
+    count, k = len(knots), int(np.searchsorted(knots, x, side="right")) - 1
+
+    def old(i: int) -> float:
+        return float(knots[i % count] + i // count)
+
+    at = x if k >= 0 else x + 1  # k = -1: the last interval, before the first knot
+    k %= count
+    fresh = []
+    for i in (k - 1, k, k + 1):  # legs from control point i to i + 1, knots i - 1 .. i + 2
+        ratio = (at - old(i - 1)) / (old(i + 2) - old(i - 1))
+        fresh.append(points[i % count] * (1 - ratio) + points[(i + 1) % count] * ratio)
+    # new centres: knot k gets leg k - 1, the new knot leg k, knot k + 1 leg k + 1
+    place = k + 1 if x > knots[0] else 0
+    result = np.insert(points, place, fresh[1], axis=0)
+    result[(place - 1) % (count + 1)] = fresh[0]
+    result[(place + 1) % (count + 1)] = fresh[2]
+    return np.insert(knots, place, x), result
+
+
+def _inserted(knots: ndarray, items: Sequence[T], x: float, mixed: Callable[[T, T, float], T]) -> tuple[ndarray, list[T]]:
+    """Clamped knots with x, and the control points or rows: three lie between two old ones each."""
+    k = int(np.searchsorted(knots, x, side="right")) - 1
+    found = list(items[: k - 2])
+    for i in (k - 2, k - 1, k):
+        found.append(mixed(items[i - 1], items[i], (x - knots[i]) / (knots[i + 3] - knots[i])))
+    return np.insert(knots, k + 1, x), [*found, *items[k:]]
+
+
+def _mixed(first: Row, second: Row, ratio: float) -> Row:
+    """(1 - ratio) first + ratio second, on the knots of both."""
+    if len(first[0]) == 1 and len(second[0]) == 1:
+        return first[0], first[1] * (1 - ratio) + second[1] * ratio
+    a, b = with_knots(first, _lacking(first, second)), with_knots(second, _lacking(second, first))
+    return a[0], a[1] * (1 - ratio) + b[1] * ratio
+
+
+def _lacking(row: Row, other: Row) -> ndarray:
+    """The knots of `other` that `row` has not, or not as often; a pole has none of its own."""
+    knots, others = (x[0] if len(x[0]) > 1 else np.zeros(0) for x in (row, other))
+    every, times = np.unique(others, return_counts=True)
+    own = np.searchsorted(knots, every, side="right") - np.searchsorted(knots, every, side="left")
+    return np.repeat(every, np.maximum(times - own, 0))

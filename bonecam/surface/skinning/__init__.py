@@ -1,0 +1,1 @@
+"""Skinning: one T-spline through rows of points."""

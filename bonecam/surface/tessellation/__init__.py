@@ -1,0 +1,1 @@
+"""Triangles within a chord tolerance of a surface."""

@@ -1,0 +1,1 @@
+"""T-meshes: which control points there are and which knots each sees."""
