@@ -1,4 +1,5 @@
-"""Frozen arrays (what a value that exists holds, nobody changes), sums row by row, and how exact lengths are."""
+"""Frozen arrays (what a value that exists holds, nobody changes), sums row by row, and how exact lengths
+are."""
 
 from typing import Any
 

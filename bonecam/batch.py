@@ -1,7 +1,7 @@
 """Many meshes: each in a process of its own (spawn), so that one bad mesh, or a crash, stops no other.
 
-Each mesh NAME writes NAME.<ending> and, last, NAME.json with the report and a fingerprint of mesh, job and version.
-A run that was killed resumes: a mesh whose NAME.json carries today's fingerprint is not done again.
+Each mesh NAME writes NAME.<ending> and, last, NAME.json with the report and a fingerprint of mesh, job and
+version. A run that was killed resumes: a mesh whose NAME.json carries today's fingerprint is not done again.
 """
 
 import csv
@@ -30,7 +30,8 @@ from bonecam.requirements import check_job
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of one mesh: state `done`, `kept` (from an earlier run, as its seconds are) or `failed` with its message."""
+    """What came of one mesh: state `done`, `kept` (from an earlier run, as its seconds are) or `failed` with
+    its message."""
 
     mesh: str
     state: str
@@ -56,8 +57,9 @@ def convert_many(
 ) -> list[Outcome]:
     """Convert every mesh into `folder`, `jobs` at a time; also writes `batch.csv` there after each mesh.
 
-    `work` (default `convert_one`) is what each new process does. A process ends with this one, however that ends.
-    Raises JobError where two meshes have one name (their programs would overwrite each other) or there is none.
+    `work` (default `convert_one`) is what each new process does. A process ends with this one, however that
+    ends. Raises JobError where two meshes have one name (their programs would overwrite each other) or there
+    is none.
     """
     job, target = job or Job(), Path(folder)
     files = [Path(mesh) for mesh in meshes]
@@ -74,8 +76,11 @@ def convert_many(
     return [outcomes[i] for i in sorted(outcomes)]
 
 
-def _outcomes(files: Sequence[Path], folder: Path, job: Job, jobs: int, resume: bool, work: Work) -> Iterator[tuple[int, Outcome]]:
-    """The outcome of each file, by its index, as they come; no process is left where the loop is left early."""
+def _outcomes(
+    files: Sequence[Path], folder: Path, job: Job, jobs: int, resume: bool, work: Work
+) -> Iterator[tuple[int, Outcome]]:
+    """The outcome of each file, by its index, as they come; no process is left where the loop is left
+    early."""
     waiting = deque(enumerate(files))
     running: dict[Connection, _Running] = {}
     try:
@@ -119,7 +124,9 @@ class _Running:
         if isinstance(found, Outcome):
             return found
         died = f"its process died (exit {self.process.exitcode}; out of memory?): try it alone with bonecam convert -v"
-        return Outcome(str(self.mesh), "failed", "", 0, 0.0, round(time.perf_counter() - self.began, 2), found or died)
+        return Outcome(
+            str(self.mesh), "failed", "", 0, 0.0, round(time.perf_counter() - self.began, 2), found or died
+        )
 
 
 def _answer(answer: Connection, work: Work, mesh: Path, folder: Path, job: Job) -> None:
@@ -131,7 +138,9 @@ def _answer(answer: Connection, work: Work, mesh: Path, folder: Path, job: Job) 
     except BonecamError as error:
         answer.send(" ".join(str(error).splitlines()))
     except Exception as error:
-        answer.send(f"internal error {type(error).__name__}: {' '.join(str(error).split())}: please report it with the mesh")
+        answer.send(
+            f"internal error {type(error).__name__}: {' '.join(str(error).split())}: please report it with the mesh"
+        )
 
 
 def _end_with_parent() -> None:
@@ -150,12 +159,16 @@ def _check_names(files: Sequence[Path], jobs: int) -> None:
     seen: dict[str, Path] = {}
     for file in files:
         if file.stem in seen:
-            raise JobError(f"{seen[file.stem]} and {file} would both write {file.stem}: rename one or use two folders", file=str(file))
+            raise JobError(
+                f"{seen[file.stem]} and {file} would both write {file.stem}: rename one or use two folders",
+                file=str(file),
+            )
         seen[file.stem] = file
 
 
 def fingerprint(mesh: Path, job: Job) -> str:
-    """A hash of all that decides the outcome: the version, the job, the bytes of the mesh and of the files that the job names."""
+    """A hash of all that decides the outcome: the version, the job, the bytes of the mesh and of the files
+    that the job names."""
     digest = hashlib.sha256(bonecam.__version__.encode() + b"\0" + write_job(job).encode() + b"\0")
     for file in (mesh, *map(Path, (job.stock.mesh, job.nc.machine, job.nc.controller))):
         digest.update(hashlib.sha256(file.read_bytes() if file.is_file() else b"").digest())
@@ -171,7 +184,9 @@ def convert_one(mesh: Path, folder: Path, job: Job) -> Outcome:
     report = {**result.report, "nc": {**result.report["nc"], "file": program.name}, "fingerprint": mark}
     write_whole(folder / f"{mesh.stem}.json", json.dumps(report, indent=2) + "\n")
     seconds = round(time.perf_counter() - began, 2)
-    return Outcome(str(mesh), "done", program.name, len(report["levels"]) - 1, report["nc"]["time_min"], seconds, "")
+    return Outcome(
+        str(mesh), "done", program.name, len(report["levels"]) - 1, report["nc"]["time_min"], seconds, ""
+    )
 
 
 def _kept(mesh: Path, folder: Path, job: Job) -> Outcome | None:
@@ -183,7 +198,15 @@ def _kept(mesh: Path, folder: Path, job: Job) -> Outcome | None:
     except (OSError, ValueError, KeyError, TypeError):
         return None
     seconds = round(sum(report["seconds"].values()), 2)
-    return Outcome(str(mesh), "kept", report["nc"]["file"], len(report["levels"]) - 1, report["nc"]["time_min"], seconds, "")
+    return Outcome(
+        str(mesh),
+        "kept",
+        report["nc"]["file"],
+        len(report["levels"]) - 1,
+        report["nc"]["time_min"],
+        seconds,
+        "",
+    )
 
 
 def _table(outcomes: Sequence[Outcome]) -> str:

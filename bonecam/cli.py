@@ -1,6 +1,7 @@
 """The command line: `bonecam convert | demo | levels | batch | script | filters | job`.
 
-Exit codes: 0 done, 1 some mesh of a batch failed, 2 the input, the job or the call is wrong (one line on stderr).
+Exit codes: 0 done, 1 some mesh of a batch failed, 2 the input, the job or the call is wrong (one line on
+stderr).
 """
 
 import argparse
@@ -74,14 +75,21 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(prog="bonecam", description="From a bone mesh to a verified five-axis NC program.", epilog=EXIT_CODES)
+    parser = _Parser(
+        prog="bonecam", description="From a bone mesh to a verified five-axis NC program.", epilog=EXIT_CODES
+    )
     parser.add_argument("--version", action="version", version=f"bonecam {bonecam.__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=_Parser)
     _add_convert(commands)
     _add_levels(commands)
     _add_batch(commands)
     _add_script(commands)
-    filters = _command(commands, "filters", "List bonecam's filters, or one with its parameters, units and ranges.", run_filters)
+    filters = _command(
+        commands,
+        "filters",
+        "List bonecam's filters, or one with its parameters, units and ranges.",
+        run_filters,
+    )
     filters.add_argument("name", metavar="NAME", nargs="?", help="one filter's name")
     job = _command(commands, "job", "Print a job file: every parameter with its value and meaning.", run_job)
     _add_job_options(job)
@@ -94,14 +102,22 @@ def _command(commands: Any, name: str, text: str, run: Any) -> argparse.Argument
         name, help=text, description=text, epilog=f"examples:{EXAMPLES[name]}", formatter_class=layout
     )
     command.set_defaults(
-        run=run, refuse=command.error, stopped="nothing was written", quiet=False, verbose=False, machine=None, controller=None
+        run=run,
+        refuse=command.error,
+        stopped="nothing was written",
+        quiet=False,
+        verbose=False,
+        machine=None,
+        controller=None,
     )
     return command
 
 
 def _add_talk(command: argparse.ArgumentParser) -> None:
     command.add_argument("-q", "--quiet", action="store_true", help="no progress, no summary")
-    command.add_argument("-v", "--verbose", action="store_true", help="progress as lines with their time, on a terminal or not")
+    command.add_argument(
+        "-v", "--verbose", action="store_true", help="progress as lines with their time, on a terminal or not"
+    )
 
 
 def _add_convert(commands: Any) -> None:
@@ -109,21 +125,38 @@ def _add_convert(commands: Any) -> None:
     convert.add_argument("mesh", metavar="PART", help=PART)
     demo = _command(commands, "demo", "The whole chain on the phalanx that ships with bonecam.", run_demo)
     for command, default in ((convert, ""), (demo, " (phalanx.h, or as the controller's programs end)")):
-        command.add_argument("-o", "--output", metavar="PROGRAM", required=not default, help=f"the NC program to write{default}")
-        command.add_argument("--keep", metavar="DIR", help="write surface, levels, tool path and pictures there")
+        command.add_argument(
+            "-o",
+            "--output",
+            metavar="PROGRAM",
+            required=not default,
+            help=f"the NC program to write{default}",
+        )
+        command.add_argument(
+            "--keep", metavar="DIR", help="write surface, levels, tool path and pictures there"
+        )
         _add_figures(command)
 
 
 def _add_levels(commands: Any) -> None:
-    levels = _command(commands, "levels", "Mesh in, measured morph levels and their pictures out: no paths, no program.", run_levels)
+    levels = _command(
+        commands,
+        "levels",
+        "Mesh in, measured morph levels and their pictures out: no paths, no program.",
+        run_levels,
+    )
     levels.add_argument("mesh", metavar="PART", help=PART)
-    levels.add_argument("-o", "--output", metavar="DIR", required=True, help="folder for surface, levels and pictures")
+    levels.add_argument(
+        "-o", "--output", metavar="DIR", required=True, help="folder for surface, levels and pictures"
+    )
     _add_figures(levels, posted=False)
 
 
 def _add_figures(command: argparse.ArgumentParser, *, posted: bool = True) -> None:
     command.add_argument("--report", metavar="FILE.json", help="write every figure that was measured there")
-    command.add_argument("--surface", metavar="FILE", help="write the T-spline there: .tspline, .iga, .step or .iges")
+    command.add_argument(
+        "--surface", metavar="FILE", help="write the T-spline there: .tspline, .iga, .step or .iges"
+    )
     _add_job_options(command, posted=posted)
     _add_talk(command)
 
@@ -131,19 +164,40 @@ def _add_figures(command: argparse.ArgumentParser, *, posted: bool = True) -> No
 def _add_batch(commands: Any) -> None:
     batch = _command(commands, "batch", "Many meshes, each in a process of its own.", run_batch)
     batch.set_defaults(stopped="what is finished is kept, --resume goes on from there")
-    batch.add_argument("meshes", metavar="PART", nargs="+", help="files as `convert` reads them, all with the same job")
-    batch.add_argument("-o", "--output", metavar="DIR", required=True, help="folder for programs, reports and batch.csv")
+    batch.add_argument(
+        "meshes", metavar="PART", nargs="+", help="files as `convert` reads them, all with the same job"
+    )
+    batch.add_argument(
+        "-o", "--output", metavar="DIR", required=True, help="folder for programs, reports and batch.csv"
+    )
     batch.add_argument("--jobs", metavar="N", type=int, default=2, help="parts at a time (2)")
-    batch.add_argument("--resume", action="store_true", help="skip what an earlier run finished with the same mesh, job and version")
+    batch.add_argument(
+        "--resume",
+        action="store_true",
+        help="skip what an earlier run finished with the same mesh, job and version",
+    )
     _add_job_options(batch)
     batch.add_argument("-q", "--quiet", action="store_true", help="no line for each part")
 
 
 def _add_script(commands: Any) -> None:
-    script = _command(commands, "script", "Run a MeshLab filter script (.mlx) with MeshLab's filters and ours.", run_script)
-    script.add_argument("script", metavar="SCRIPT.mlx", help="the script; all of it is checked before anything runs")
-    script.add_argument("-i", "--input", action="append", required=True, metavar="MESH", help="a mesh to load as a layer (repeat for more)")
-    script.add_argument("-o", "--output", metavar="DIR", required=True, help="folder for the resulting layers")
+    script = _command(
+        commands, "script", "Run a MeshLab filter script (.mlx) with MeshLab's filters and ours.", run_script
+    )
+    script.add_argument(
+        "script", metavar="SCRIPT.mlx", help="the script; all of it is checked before anything runs"
+    )
+    script.add_argument(
+        "-i",
+        "--input",
+        action="append",
+        required=True,
+        metavar="MESH",
+        help="a mesh to load as a layer (repeat for more)",
+    )
+    script.add_argument(
+        "-o", "--output", metavar="DIR", required=True, help="folder for the resulting layers"
+    )
     _add_talk(script)
 
 
@@ -151,8 +205,14 @@ def _add_job_options(command: argparse.ArgumentParser, *, posted: bool = True) -
     command.add_argument("--job", metavar="JOB.toml", help="job file; what it leaves out keeps its default")
     command.add_argument("--units", choices=("mm", "m", "inch"), help="unit of the file's coordinates (mm)")
     if posted:
-        command.add_argument("--machine", metavar="NAME", help="mikron-ucp600 (default), linuxcnc-xyzbc, or a TOML file of your own")
-        command.add_argument("--controller", metavar="NAME", help="heidenhain (default), linuxcnc, or a TOML file of your own")
+        command.add_argument(
+            "--machine",
+            metavar="NAME",
+            help="mikron-ucp600 (default), linuxcnc-xyzbc, or a TOML file of your own",
+        )
+        command.add_argument(
+            "--controller", metavar="NAME", help="heidenhain (default), linuxcnc, or a TOML file of your own"
+        )
     command.add_argument(
         "--set",
         action="append",
@@ -186,7 +246,9 @@ def _setting(text: str, job: Job) -> tuple[str, str, Any]:
     if not (equals and dot):
         raise JobError(f"--set {text}: write SECTION.NAME=VALUE, like stock.diameter=15")
     sections = {item.name: getattr(job, item.name) for item in fields(job)}
-    kinds: dict[str, Any] = {item.name: type(item.default) for item in fields(sections[section])} if section in sections else {}
+    kinds: dict[str, Any] = (
+        {item.name: type(item.default) for item in fields(sections[section])} if section in sections else {}
+    )
     kind = kinds.get(name, str)
     try:
         if kind is bool:
@@ -219,7 +281,11 @@ class _Lines:
 
     def __call__(self, fraction: float, message: str) -> None:
         if message != self.message:
-            print(f"{time.perf_counter() - self.began:7.1f} s {fraction:4.0%}  {message}", file=sys.stderr, flush=True)
+            print(
+                f"{time.perf_counter() - self.began:7.1f} s {fraction:4.0%}  {message}",
+                file=sys.stderr,
+                flush=True,
+            )
         self.message = message
 
     def close(self) -> None:
@@ -257,7 +323,9 @@ def _convert(mesh: str | Path, options: argparse.Namespace) -> int:
     return _made(bonecam.convert, mesh, options, program=options.output, keep=options.keep)
 
 
-def _made(make: Callable[..., "Morphed"], mesh: str | Path, options: argparse.Namespace, **outputs: str | None) -> int:
+def _made(
+    make: Callable[..., "Morphed"], mesh: str | Path, options: argparse.Namespace, **outputs: str | None
+) -> int:
     """Make it of the mesh, write report, surface and the other outputs, and print the summary."""
     job, outputs = job_of(options), {**outputs, "report": options.report, "surface": options.surface}
     files = (file for name, file in outputs.items() if file is not None and name != "keep")
@@ -283,7 +351,9 @@ def run_batch(options: argparse.Namespace) -> int:
             what = outcome.message.removeprefix(f"{outcome.mesh}: ") or outcome.program
             print(f"{outcome.state:6} {outcome.mesh}  {what}  ({left} left)", flush=True)
 
-    outcomes = convert_many(options.meshes, options.output, job_of(options), jobs=options.jobs, resume=options.resume, told=told)
+    outcomes = convert_many(
+        options.meshes, options.output, job_of(options), jobs=options.jobs, resume=options.resume, told=told
+    )
     return int(any(outcome.state == "failed" for outcome in outcomes))
 
 

@@ -42,9 +42,11 @@ def write_whole(path: str | Path, text: str) -> None:
 
 @contextmanager
 def whole_folder(path: str | Path, own: str = "(?!)") -> Iterator[Path]:
-    """A temporary folder whose files move into `path` when the block ends well; nothing is left where it fails.
+    """A temporary folder whose files move into `path` when the block ends well; nothing is left where it
+    fails.
 
-    Files there whose whole names match `own` (a regular expression) are of an earlier run: they go where no new one takes their place.
+    Files there whose whole names match `own` (a regular expression) are of an earlier run: they go where no
+    new one takes their place.
     """
     target = Path(path)
     made = missing_folders(target.parent)
@@ -76,7 +78,10 @@ def _require_free(places: Iterable[Path]) -> None:
     """FileError where a folder has the name of a file to be written."""
     for place in places:
         if place.is_dir():
-            raise FileError(f"{place}: is a folder, and a file is to be written there: remove it or name another folder", file=str(place))
+            raise FileError(
+                f"{place}: is a folder, and a file is to be written there: remove it or name another folder",
+                file=str(place),
+            )
 
 
 def missing_folders(folder: Path) -> list[Path]:
@@ -92,8 +97,12 @@ def remove_empty(folders: Iterable[Path]) -> None:
 
 
 def check_files(outputs: Iterable[str | Path], inputs: Iterable[str | Path] = ()) -> None:
-    """FileError, before any work is done for them, where a file cannot be written, is named twice, or would overwrite an input."""
-    named = {os.path.realpath(path): "is read as well, and would be overwritten: choose another name" for path in inputs}
+    """FileError, before any work is done for them, where a file cannot be written, is named twice, or would
+    overwrite an input."""
+    named = {
+        os.path.realpath(path): "is read as well, and would be overwritten: choose another name"
+        for path in inputs
+    }
     for path in outputs:
         place = os.path.realpath(path)
         trouble = named.get(place) or _trouble_of(path, Path(place))
@@ -112,7 +121,9 @@ def check_folder(path: str | Path) -> None:
     except OSError as error:
         raise FileError(f"{path}: {error.strerror}: name another folder", file=str(path)) from error
     if not place.is_dir():
-        raise FileError(f"{path}: {'' if place == Path(path) else f'{place} '}is a file: name a folder", file=str(path))
+        raise FileError(
+            f"{path}: {'' if place == Path(path) else f'{place} '}is a file: name a folder", file=str(path)
+        )
     _probe(path, place)
 
 
@@ -143,5 +154,9 @@ def _probe(path: str | Path, folder: Path) -> None:
 
 
 def _unwritable(path: str | Path, error: OSError) -> FileError:
-    remedy = "make room there or choose another folder" if error.errno in FULL else "choose a folder that exists and may be written"
+    remedy = (
+        "make room there or choose another folder"
+        if error.errno in FULL
+        else "choose a folder that exists and may be written"
+    )
     return FileError(f"{path}: {error.strerror or error}: {remedy}", file=str(path))

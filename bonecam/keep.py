@@ -18,16 +18,26 @@ from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.path import Kind, ToolPath
 from bonecam.verify.pictures import draw_coloured, draw_depths, draw_levels, draw_toolpath
 
-COLUMNS = "level,pass,index,contact_x,contact_y,contact_z,tip_x,tip_y,tip_z,axis_x,axis_y,axis_z,kind,feed".split(",")
+COLUMNS = (
+    "level,pass,index,contact_x,contact_y,contact_z,tip_x,tip_y,tip_z,axis_x,axis_y,axis_z,kind,feed".split(
+        ","
+    )
+)
 FAILED = r"failed_level_\d{2,}\.ply"
 SERIES = rf"level_\d{{2,}}\.ply|toolpath\.(csv|png)|{FAILED}"
 """Names of the files that an earlier run may have left, of other levels than these and paths on them."""
 
 
 def keep(
-    folder: str | Path, surface: TSpline, levels: Sequence[Level], stock: Stock, paths: Sequence[ToolPath], post: tuple[float, float]
+    folder: str | Path,
+    surface: TSpline,
+    levels: Sequence[Level],
+    stock: Stock,
+    paths: Sequence[ToolPath],
+    post: tuple[float, float],
 ) -> None:
-    """Write surface.tspline, what `keep_levels` writes, and where there are paths toolpath.csv and toolpath.png; all of them or none.
+    """Write surface.tspline, what `keep_levels` writes, and where there are paths toolpath.csv and
+    toolpath.png; all of them or none.
 
     Levels and paths of an earlier run are removed. `post` is (diameter, top z) in mm.
     """
@@ -46,16 +56,20 @@ def keep_levels(
     post: tuple[float, float] | None = None,
     line: float = LINE,
 ) -> None:
-    """Write level_00.ply (the part) ..., levels.png, coloured.png and depths.png of levels in a stock (open ones: None); all or none.
+    """Write level_00.ply (the part) ..., levels.png, coloured.png and depths.png of levels in a stock (open
+    ones: None); all or none.
 
-    The levels' vertices carry the depth of their cut (mm) as quality and colour (all on one scale). `post` is (diameter, top z) in mm,
-    `line` the parameter s of the line that depths.png shows. Levels and paths of an earlier run are removed.
+    The levels' vertices carry the depth of their cut (mm) as quality and colour (all on one scale). `post` is
+    (diameter, top z) in mm, `line` the parameter s of the line that depths.png shows. Levels and paths of an
+    earlier run are removed.
     """
     with whole_folder(folder, SERIES) as work:
         _write_levels(work, levels, stock, post, line)
 
 
-def _write_levels(work: Path, levels: Sequence[Level], stock: Stock | None, post: tuple[float, float] | None, line: float) -> None:
+def _write_levels(
+    work: Path, levels: Sequence[Level], stock: Stock | None, post: tuple[float, float] | None, line: float
+) -> None:
     deepest = max(level.limit for level in levels)
     for level, depth in zip(levels, step_depths(levels), strict=True):
         write_mesh(level.mesh, work / f"level_{level.index:02d}.ply", quality=depth, largest=deepest)
@@ -66,7 +80,8 @@ def _write_levels(work: Path, levels: Sequence[Level], stock: Stock | None, post
 
 @contextmanager
 def failed_level_kept(folder: str | Path | None) -> Iterator[None]:
-    """Where a level fails its check inside the block, write the patch it failed on as failed_level_NN.ply; the error names the file."""
+    """Where a level fails its check inside the block, write the patch it failed on as failed_level_NN.ply;
+    the error names the file."""
     try:
         yield
     except LevelError as error:
@@ -89,7 +104,12 @@ def toolpath_csv(paths: Sequence[ToolPath]) -> str:
         for i in range(len(path.tips)):
             cut = path.kinds[i] == Kind.CUT
             contact = [f"{value:.6f}" for value in path.contacts[i]] if cut else ["", "", ""]
-            tip, axis = ([f"{value:.{digits}f}" for value in row] for row, digits in ((path.tips[i], 6), (path.axes[i], 9)))
+            tip, axis = (
+                [f"{value:.{digits}f}" for value in row]
+                for row, digits in ((path.tips[i], 6), (path.axes[i], 9))
+            )
             kind = Kind(path.kinds[i]).name.lower()
-            writer.writerow([path.level, path.pass_index[i], i, *contact, *tip, *axis, kind, f"{path.feed_rates[i]:.1f}"])
+            writer.writerow(
+                [path.level, path.pass_index[i], i, *contact, *tip, *axis, kind, f"{path.feed_rates[i]:.1f}"]
+            )
     return text.getvalue()

@@ -1,4 +1,5 @@
-"""The files that the chain writes: their names are checked before any work, and all of them are written or none."""
+"""The files that the chain writes: their names are checked before any work, and all of them are written or
+none."""
 
 import json
 from collections.abc import Sequence
@@ -22,7 +23,8 @@ File = str | Path | None
 
 @dataclass(frozen=True)
 class Outputs:
-    """Where the program, its report and its surface go, and the folder of what is kept; None where it is not wanted."""
+    """Where the program, its report and its surface go, and the folder of what is kept; None where it is not
+    wanted."""
 
     program: File = None
     keep: File = None
@@ -30,7 +32,8 @@ class Outputs:
     surface: File = None
 
     def check(self, inputs: Sequence[str | Path], dialect: Dialect | None = None) -> None:
-        """A BonecamError where a name is none for what it would hold, is one of the inputs', or cannot be written.
+        """A BonecamError where a name is none for what it would hold, is one of the inputs', or cannot be
+        written.
 
         `dialect` is the program's, where one is wanted.
         """
@@ -52,14 +55,19 @@ class Outputs:
         paths: Sequence[ToolPath],
         post: tuple[float, float],
     ) -> None:
-        """Write what is wanted; the program comes to its place last. `post` is (diameter, top z) in mm; there may be no `paths` yet."""
+        """Write what is wanted; the program comes to its place last. `post` is (diameter, top z) in mm; there
+        may be no `paths` yet."""
         from bonecam.keep import keep
 
         with ExitStack() as files:
             if self.program is not None:
-                files.enter_context(whole_file(self.program)).write_text(program, encoding="utf-8", newline="")
+                files.enter_context(whole_file(self.program)).write_text(
+                    program, encoding="utf-8", newline=""
+                )
             if self.report is not None:
-                files.enter_context(whole_file(self.report)).write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
+                files.enter_context(whole_file(self.report)).write_text(
+                    json.dumps(report, indent=2) + "\n", encoding="utf-8"
+                )
             if self.surface is not None:
                 save_surface(surface, files.enter_context(whole_file(self.surface)))
             if self.keep is not None:
@@ -67,11 +75,19 @@ class Outputs:
 
 
 def check_ending(program: Path, dialect: Dialect) -> None:
-    """FileError where a program's name has no ending, or ends as another controller's programs or as a part's file."""
+    """FileError where a program's name has no ending, or ends as another controller's programs or as a part's
+    file."""
     name = program.with_name(f"{program.stem.strip('.') or 'program'}{dialect.extension}").name
     if len(program.suffix) < 2:
-        raise FileError(f"{program}: has no ending, {dialect.name} programs end in {dialect.extension}: name it {name}", file=str(program))
-    foreign = {*MESHES, *CAD, *TEXTS, *(read_dialect(name).extension for name in dialect_names())} - {dialect.extension}
+        raise FileError(
+            f"{program}: has no ending, {dialect.name} programs end in {dialect.extension}: name it {name}",
+            file=str(program),
+        )
+    foreign = {*MESHES, *CAD, *TEXTS, *(read_dialect(name).extension for name in dialect_names())} - {
+        dialect.extension
+    }
     if program.suffix.lower() in foreign:
         remedy = f"name it {name}, or choose another --controller"
-        raise FileError(f"{program}: {dialect.name} programs do not end in {program.suffix}: {remedy}", file=str(program))
+        raise FileError(
+            f"{program}: {dialect.name} programs do not end in {program.suffix}: {remedy}", file=str(program)
+        )

@@ -1,4 +1,5 @@
-"""Parameters of a stage: each is declared once, on its dataclass field, with default, unit, range, label and tooltip."""
+"""Parameters of a stage: each is declared once, on its dataclass field, with default, unit, range, label and
+tooltip."""
 
 import dataclasses
 import math
@@ -46,11 +47,18 @@ def check(stage: Any) -> None:
         if value is not given:
             object.__setattr__(stage, item.name, value)
         if type(value) is not type(item.default):
-            raise JobError(f"{item.name} = {str(value)[:40]!r}: give {KINDS[type(item.default)]}", field=item.name)
+            raise JobError(
+                f"{item.name} = {str(value)[:40]!r}: give {KINDS[type(item.default)]}", field=item.name
+            )
         if known.choices and value not in known.choices:
-            raise JobError(f"{item.name} = {value!r}: choose one of {', '.join(known.choices)}", field=item.name)
+            raise JobError(
+                f"{item.name} = {value!r}: choose one of {', '.join(known.choices)}", field=item.name
+            )
         if isinstance(value, int | float) and not (known.low <= value <= known.high):
-            raise JobError(f"{item.name} = {value}: keep it within {known.low:g} .. {known.high:g} {known.unit}".rstrip(), field=item.name)
+            raise JobError(
+                f"{item.name} = {value}: keep it within {known.low:g} .. {known.high:g} {known.unit}".rstrip(),
+                field=item.name,
+            )
 
 
 def _plain(value: Any, kind: type) -> Any:

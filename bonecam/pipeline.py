@@ -1,6 +1,7 @@
 """The flow: mesh -> surface -> levels -> toolpath -> orientation -> nc -> verify, one function a stage.
 
-All stages work in one frame, mm: the part's long axis is +Z, the table is z = 0 and is the program's zero, the post stands on it.
+All stages work in one frame, mm: the part's long axis is +Z, the table is z = 0 and is the program's zero,
+the post stands on it.
 """
 
 import re
@@ -42,7 +43,15 @@ from bonecam.orientation.orient import orient
 from bonecam.orientation.scene import Scene
 from bonecam.outputs import File, Outputs
 from bonecam.progress import Progress, part, report, silent
-from bonecam.requirements import check_cuts, check_job, check_method, check_post, check_room, check_sizes, check_tools
+from bonecam.requirements import (
+    check_cuts,
+    check_job,
+    check_method,
+    check_post,
+    check_room,
+    check_sizes,
+    check_tools,
+)
 from bonecam.setup.centring import centred, is_free
 from bonecam.setup.holding import post_below
 from bonecam.setup.placement import stock_for
@@ -62,9 +71,11 @@ from bonecam.verify.readback import Tolerances, Verification, verify_program
 from bonecam.verify.report import levels_report, nc_report, summary_of, surface_report, toolpath_report
 
 AXIS_MARGIN = np.radians(1.0)
-"""Kept from the machine's tilt limit: a turn of up to 30 degrees between two axes at the limit bulges past it by less."""
+"""Kept from the machine's tilt limit: a turn of up to 30 degrees between two axes at the limit bulges past it
+by less."""
 PATH_CHORD, LEVEL_CHORD = 0.002, 0.01
-"""Chord tolerances of the tessellations of the part and of the other levels that balls are kept out of while paths are planned, mm."""
+"""Chord tolerances of the tessellations of the part and of the other levels that balls are kept out of while
+paths are planned, mm."""
 PROOF_CHORD = 0.001
 """Chord tolerance of the part's tessellation that the posted program is checked against, mm."""
 Reached = tuple[Level, MeshDistance, Candidates]
@@ -75,7 +86,8 @@ Reached = tuple[Level, MeshDistance, Candidates]
 class Part:
     """The repaired bone in mm, and where it came from. `transform` (4, 4) leads from the file's mm to `mesh`.
 
-    `given` is the surface itself, in the file's mm, where that came instead of a mesh: rows of points or a saved T-spline.
+    `given` is the surface itself, in the file's mm, where that came instead of a mesh: rows of points or a
+    saved T-spline.
     """
 
     mesh: TriangleMesh
@@ -123,12 +135,16 @@ def convert(
 ) -> Result:
     """Mesh in, verified NC program out: the whole chain.
 
-    `mesh` is a file or a TriangleMesh in the job's units. Files named by `program`, `keep`, `report` and `surface` (its ending says
-    its kind) are written last, each whole; where anything fails nothing is written, but for the patch of a level that failed its check,
-    in `keep`. Raises a BonecamError that names the trouble.
+    `mesh` is a file or a TriangleMesh in the job's units. Files named by `program`, `keep`, `report` and
+    `surface` (its ending says its kind) are written last, each whole; where anything fails nothing is
+    written, but for the patch of a level that failed its check, in `keep`. Raises a BonecamError that names
+    the trouble.
     """
     job, clock = _job(job), _Clock()
-    machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)  # what is wrong is refused before the work
+    machine, dialect = (
+        read_machine(job.nc.machine),
+        read_dialect(job.nc.controller),
+    )  # what is wrong is refused before the work
     check_job(job, machine)
     outputs = Outputs(program, keep, report, surface)
     outputs.check(_files(mesh), dialect)
@@ -137,7 +153,14 @@ def convert(
         paths = plan_paths(made.levels, made.stock, job, machine, part(progress, 0.3, 0.85))
     with clock.stage("nc"):
         source = next(iter(_files(mesh)), "")
-        posted = post(paths, made.stock, job, part(progress, 0.85, 0.9), name=program_name(program or source), source=source)
+        posted = post(
+            paths,
+            made.stock,
+            job,
+            part(progress, 0.85, 0.9),
+            name=program_name(program or source),
+            source=source,
+        )
     with clock.stage("verify"):
         proof = verify(posted, paths, made.levels, job, part(progress, 0.9, 0.97))
     figures = {
@@ -181,7 +204,12 @@ def _files(mesh: str | Path | TriangleMesh) -> list[str | Path]:
 
 
 def _morphed(
-    mesh: str | Path | TriangleMesh, job: Job, clock: "_Clock", keep: File, progress: Progress, machine: Machine | None = None
+    mesh: str | Path | TriangleMesh,
+    job: Job,
+    clock: "_Clock",
+    keep: File,
+    progress: Progress,
+    machine: Machine | None = None,
 ) -> Morphed:
     """The chain up to the levels, in a stock that the machine has room for."""
     with clock.stage("mesh"):
@@ -194,7 +222,12 @@ def _morphed(
     with clock.stage("levels"), failed_level_kept(keep):
         levels = make_levels(fitted.surface, stock, job, part(progress, 0.5, 1.0))
     figures = {
-        "input": {"file": placed.file, "faces": placed.faces, "units": placed.units, "repairs": list(placed.repairs)},
+        "input": {
+            "file": placed.file,
+            "faces": placed.faces,
+            "units": placed.units,
+            "repairs": list(placed.repairs),
+        },
         "surface": surface_report(fitted),
         "stock": stock_figures(stock),
         "levels": levels_report(levels.levels),
@@ -206,14 +239,27 @@ def _morphed(
     return Morphed(placed, fitted.surface, stock, levels, figures)
 
 
-def _write(outputs: Outputs, made: Morphed, job: Job, progress: Progress, paths: Sequence[ToolPath] = (), program: str = "") -> None:
+def _write(
+    outputs: Outputs,
+    made: Morphed,
+    job: Job,
+    progress: Progress,
+    paths: Sequence[ToolPath] = (),
+    program: str = "",
+) -> None:
     report(progress, 0.0, "writing the files")
     post = job.holding.diameter, post_below(made.part.mesh, job.holding).top
     outputs.write(program, made.report, made.surface, made.levels.levels, made.stock, paths, post)
 
 
-def prepare(mesh: str | Path | TriangleMesh, job: MeshJob, progress: Progress = silent, surface: SurfaceJob | None = None) -> Part:
-    """Read, scale to mm, repair, fill pits and turn upright. A file that gives the surface itself is skinned as `surface` says."""
+def prepare(
+    mesh: str | Path | TriangleMesh,
+    job: MeshJob,
+    progress: Progress = silent,
+    surface: SurfaceJob | None = None,
+) -> Part:
+    """Read, scale to mm, repair, fill pits and turn upright. A file that gives the surface itself is skinned
+    as `surface` says."""
     report(progress, 0.0, "reading the mesh")
     if not isinstance(mesh, TriangleMesh) and given.holds_surface(mesh):
         return prepare_surface(mesh, job, surface or SurfaceJob())
@@ -244,30 +290,40 @@ def place(unplaced: Part, job: Job) -> tuple[Part, Stock]:
     """The stock round the part, and both moved up onto the post."""
     check_sizes(job.stock)
     check_method(job.levels)
-    stock, pose = stock_for(unplaced.mesh.vertices, job.stock, schedule_of(job.levels), bottom=job.holding.length)
+    stock, pose = stock_for(
+        unplaced.mesh.vertices, job.stock, schedule_of(job.levels), bottom=job.holding.length
+    )
     if job.mesh.upright and is_free(job.stock):
         pose = centred(unplaced.mesh.moved(pose).vertices, stock, MARGIN) @ pose
     middle = unplaced.mesh.bounds.mean(axis=0)
     off = pose[:2, :3] @ middle + pose[:2, 3] - middle[:2]
     lift = np.array([0.0, 0.0, job.holding.length - stock.bounds[0, 2]])
     pose[:3, 3] += lift
-    placed, standing = replace(unplaced, mesh=unplaced.mesh.moved(pose), transform=pose @ unplaced.transform), stock.moved(lift)
+    placed, standing = (
+        replace(unplaced, mesh=unplaced.mesh.moved(pose), transform=pose @ unplaced.transform),
+        stock.moved(lift),
+    )
     check_post(placed.mesh, standing, job, (float(off[0]), float(off[1])))
     return placed, standing
 
 
 def fit_surface(placed: Part, job: Job, progress: Progress = silent) -> Fit:
-    """Harmonic rows, then the T-spline within the tolerance; a given surface itself. SurfaceError where it misses the mesh."""
+    """Harmonic rows, then the T-spline within the tolerance; a given surface itself. SurfaceError where it
+    misses the mesh."""
     if placed.given is not None:
         return given.placed(placed.given, placed.transform)
     edge = job.mesh.edge_percent / 100 * placed.mesh.diagonal
     rows = harmonic_rows(placed.mesh, job.mesh.rows, job.mesh.row_points, edge, part(progress, 0.0, 0.2))
     tolerance, most = job.surface.tolerance, job.surface.max_control_points
-    found = on_one_blas_thread(fit)(placed.mesh, tolerance, most, rows=rows, progress=part(progress, 0.2, 1.0), round_poles=True)
+    found = on_one_blas_thread(fit)(
+        placed.mesh, tolerance, most, rows=rows, progress=part(progress, 0.2, 1.0), round_poles=True
+    )
     missed, limit = found.deviation, max(job.surface.tolerance, job.surface.largest_deviation)
     if missed.max > limit:
         what = f"{placed.file}: {found.control_points} control points miss the mesh by {missed.max:.2f} mm near {place_name(missed.place)}"
-        raise SurfaceError(f"{what}: {found.shortfall}, or raise surface.largest_deviation ({limit:g} mm)", deviation=missed)
+        raise SurfaceError(
+            f"{what}: {found.shortfall}, or raise surface.largest_deviation ({limit:g} mm)", deviation=missed
+        )
     require_sound(found.surface, job.levels.chord_tolerance, placed.file)
     return found
 
@@ -286,7 +342,9 @@ def make_levels(surface: TSpline, stock: Stock, job: Job, progress: Progress = s
     )
 
 
-def plan_paths(levels: Morph, stock: Stock, job: Job, machine: Machine, progress: Progress = silent) -> tuple[ToolPath, ...]:
+def plan_paths(
+    levels: Morph, stock: Stock, job: Job, machine: Machine, progress: Progress = silent
+) -> tuple[ToolPath, ...]:
     """The path of every level in machining order, from the one next to the stock down to the part."""
     check_tools(job, machine)
     design = levels.levels[0].surface
@@ -297,14 +355,19 @@ def plan_paths(levels: Morph, stock: Stock, job: Job, machine: Machine, progress
     below = post_below(part_mesh, job.holding)
     limits = AxisLimits(tilt_limit(machine) - AXIS_MARGIN)
     cutters = [
-        Cutter.from_job(number, name, tool) for number, name, tool in ((1, "roughing", job.roughing), (2, "finishing", job.finishing))
+        Cutter.from_job(number, name, tool)
+        for number, name, tool in ((1, "roughing", job.roughing), (2, "finishing", job.finishing))
     ]
 
     def reached(level: Level) -> Reached:
         assert level.surface is not None
         near = MeshDistance(level.surface.tessellate(LEVEL_CHORD)) if level.index else part_distance
         cutter = cutters[job.is_finishing(level.index)]
-        return level, near, candidates(level, [near, part_distance][: 2 if level.index else 1], cutter, below, job.path)
+        return (
+            level,
+            near,
+            candidates(level, [near, part_distance][: 2 if level.index else 1], cutter, below, job.path),
+        )
 
     paths: list[ToolPath] = []
     for level, near, found in _one_ahead(reached, levels.levels[-2::-1]):
@@ -316,7 +379,8 @@ def plan_paths(levels: Morph, stock: Stock, job: Job, machine: Machine, progress
 
 
 def _one_ahead(make: Callable[[Level], Reached], levels: Sequence[Level]) -> Iterator[Reached]:
-    """What is made of each level, the next one in a thread of its own while the caller works with this one."""
+    """What is made of each level, the next one in a thread of its own while the caller works with this
+    one."""
     with ThreadPoolExecutor(1) as thread:
         coming = thread.submit(make, levels[0])
         for level in levels[1:]:
@@ -325,27 +389,48 @@ def _one_ahead(make: Callable[[Level], Reached], levels: Sequence[Level]) -> Ite
         yield coming.result()
 
 
-def verify(posted: Program, paths: Sequence[ToolPath], levels: Morph, job: Job, progress: Progress = silent) -> Verification:
+def verify(
+    posted: Program, paths: Sequence[ToolPath], levels: Morph, job: Job, progress: Progress = silent
+) -> Verification:
     """Read the posted text back and prove it against the paths and the design surface."""
     report(progress, 0.0, "reading the program back")
     surface = levels.levels[0].surface
     assert surface is not None
     tolerances = Tolerances(gouge=job.path.gouge_tolerance)
     machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)
-    return verify_program(posted.text, paths, machine, dialect, MeshDistance(surface.tessellate(PROOF_CHORD)), tolerances)
+    return verify_program(
+        posted.text, paths, machine, dialect, MeshDistance(surface.tessellate(PROOF_CHORD)), tolerances
+    )
 
 
 def post(
-    paths: Sequence[ToolPath], stock: Stock, job: Job, progress: Progress = silent, *, name: str = "BONE", source: str | Path = ""
+    paths: Sequence[ToolPath],
+    stock: Stock,
+    job: Job,
+    progress: Progress = silent,
+    *,
+    name: str = "BONE",
+    source: str | Path = "",
 ) -> Program:
-    """The program of the paths for the job's machine and controller; its header names the part's file, `source`, where there is one."""
+    """The program of the paths for the job's machine and controller; its header names the part's file,
+    `source`, where there is one."""
     machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)
     comments = [f"part: {Path(source).name}"] if source else []
-    return write_program(paths, machine, dialect, job, name=name, comments=comments, stock_bounds=stock.bounds, progress=progress)
+    return write_program(
+        paths,
+        machine,
+        dialect,
+        job,
+        name=name,
+        comments=comments,
+        stock_bounds=stock.bounds,
+        progress=progress,
+    )
 
 
 def program_name(file: str | Path) -> str:
-    """The name of a program in this file, or of a part in it: capitals, digits and _ are what every control takes."""
+    """The name of a program in this file, or of a part in it: capitals, digits and _ are what every control
+    takes."""
     return re.sub(r"[^A-Z0-9_]", "_", Path(file).stem.upper()) or "BONE"
 
 

@@ -23,7 +23,8 @@ def part(progress: Progress, start: float, end: float) -> Progress:
 
 
 def rising(progress: Progress) -> Progress:
-    """The same progress, told the largest fraction so far: of work whose rounds cannot be counted beforehand."""
+    """The same progress, told the largest fraction so far: of work whose rounds cannot be counted
+    beforehand."""
     highest = 0.0
 
     def told(fraction: float, message: str) -> bool | None:

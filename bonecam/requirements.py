@@ -1,4 +1,5 @@
-"""What a job has to meet before any work is done for it: sizes, cutters and machine that go together, a post that meets the part.
+"""What a job has to meet before any work is done for it: sizes, cutters and machine that go together, a post
+that meets the part.
 
 Every refusal names the field with its value, the bound and the remedy.
 """
@@ -19,20 +20,32 @@ from bonecam.setup.stock import Stock
 from bonecam.toolpath.cutter import Cutter
 from bonecam.toolpath.zigzag import DEEPEST_RADII
 
-SIZES = {"capsule": "diameter length", "cylinder": "diameter length", "box": "width depth length", "mesh": "mesh scale"}
+SIZES = {
+    "capsule": "diameter length",
+    "cylinder": "diameter length",
+    "box": "width depth length",
+    "mesh": "mesh scale",
+}
 """What gives the size of each kind of stock."""
 STOCK_CHORD, COARSE = 0.1, 0.002
-"""Chord tolerance (mm, and of its diameter where that is more) of the stock's mesh that the number of cuts is counted on."""
+"""Chord tolerance (mm, and of its diameter where that is more) of the stock's mesh that the number of cuts is
+counted on."""
 
 
 def check_job(job: Job, machine: Machine) -> None:
-    """JobError where fields of the job do not go together, ask more of the machine than it has, or of a solver that is not installed."""
+    """JobError where fields of the job do not go together, ask more of the machine than it has, or of a
+    solver that is not installed."""
     check_sizes(job.stock)
     check_tools(job, machine)
     check_depths(job)
     check_method(job.levels)
     if abs(job.path.lead_deg) > job.path.max_tilt_deg:
-        raise wrong("path", "lead_deg", job.path.lead_deg, f"keep it within path.max_tilt_deg ({job.path.max_tilt_deg:g})")
+        raise wrong(
+            "path",
+            "lead_deg",
+            job.path.lead_deg,
+            f"keep it within path.max_tilt_deg ({job.path.max_tilt_deg:g})",
+        )
 
 
 def check_method(levels: LevelsJob) -> None:
@@ -48,23 +61,41 @@ def check_sizes(stock: StockJob) -> None:
         value, default = getattr(stock, name), getattr(StockJob, name)
         if name not in own and value != default:
             kinds = " or ".join(kind for kind, sizes in SIZES.items() if name in sizes.split())
-            raise wrong("stock", name, value, f"a {stock.kind} has none: give {' and '.join(own)}, or kind = {kinds}")
+            raise wrong(
+                "stock", name, value, f"a {stock.kind} has none: give {' and '.join(own)}, or kind = {kinds}"
+            )
 
 
 def check_tools(job: Job, machine: Machine) -> None:
-    """JobError where a cutter cannot be, is driven faster than the machine can, or would sink into a flat part at the lead angle."""
+    """JobError where a cutter cannot be, is driven faster than the machine can, or would sink into a flat
+    part at the lead angle."""
     slowest = min(axis.speed for axis in machine.linear)
     lead = math.radians(abs(job.path.lead_deg))
     for section, tool in (("roughing", job.roughing), ("finishing", job.finishing)):
         cutter = Cutter.from_job(0, section, tool)
         if tool.spindle > machine.spindle_speed:
-            raise wrong(section, "spindle", tool.spindle, f"{machine.name} turns at {machine.spindle_speed:g} 1/min at most: give less")
+            raise wrong(
+                section,
+                "spindle",
+                tool.spindle,
+                f"{machine.name} turns at {machine.spindle_speed:g} 1/min at most: give less",
+            )
         if tool.feed > slowest:
-            raise wrong(section, "feed", tool.feed, f"an axis of {machine.name} makes {slowest:g} mm/min at most: give less")
+            raise wrong(
+                section,
+                "feed",
+                tool.feed,
+                f"an axis of {machine.name} makes {slowest:g} mm/min at most: give less",
+            )
         for name, start, _, radius in cutter.sections[1:]:
             if tool.radius + (start - tool.radius) * math.cos(lead) <= radius * math.sin(lead):
                 remedy = f"at the lead of {job.path.lead_deg:g} degrees the {name} would cut into a flat part: give a slimmer {name}"
-                raise wrong(section, f"{name}_diameter", 2 * radius, f"{remedy}, less path.lead_deg, or a longer overhang or flute_length")
+                raise wrong(
+                    section,
+                    f"{name}_diameter",
+                    2 * radius,
+                    f"{remedy}, less path.lead_deg, or a longer overhang or flute_length",
+                )
 
 
 def check_depths(job: Job) -> None:
@@ -77,7 +108,9 @@ def check_depths(job: Job) -> None:
         if depth > DEEPEST_RADII * radius:
             name = "depths" if listed else "finishing_depth" if level < len(first) else "roughing_depth"
             bound = f"a ball of {section}.radius = {radius:g} mm sinks {DEEPEST_RADII * radius:g} mm at most ({DEEPEST_RADII:g} of it)"
-            raise wrong("levels", name, getattr(job.levels, name), f"{bound}: give shallower cuts or a larger ball")
+            raise wrong(
+                "levels", name, getattr(job.levels, name), f"{bound}: give shallower cuts or a larger ball"
+            )
 
 
 def check_room(stock: Stock, job: Job, machine: Machine) -> None:
@@ -96,11 +129,17 @@ def check_room(stock: Stock, job: Job, machine: Machine) -> None:
 
 
 def check_post(part: TriangleMesh, stock: Stock, job: Job, lying: tuple[float, float]) -> None:
-    """JobError where the post is as wide as the stock, ToolPathError where it misses the part, which lies off the axis by `lying`."""
+    """JobError where the post is as wide as the stock, ToolPathError where it misses the part, which lies off
+    the axis by `lying`."""
     width = float(np.ptp(stock.bounds[:, :2], axis=0).min())
     if job.holding.diameter >= width:
         bound = f"the stock is {width:.2f} mm wide"
-        raise wrong("holding", "diameter", job.holding.diameter, f"{bound}: give a post that is thinner than the part's lower end")
+        raise wrong(
+            "holding",
+            "diameter",
+            job.holding.diameter,
+            f"{bound}: give a post that is thinner than the part's lower end",
+        )
     post_below(part, job.holding, lying)
 
 
@@ -112,4 +151,9 @@ def check_cuts(part: TriangleMesh, stock: Stock, job: LevelsJob) -> None:
     cuts = schedule_of(job).lower_bound(farthest)
     if cuts > job.most_cuts:
         what = f"the stock at {place_name(place)} is {farthest:.1f} mm from the part, which takes {cuts} cuts or more"
-        raise wrong("levels", "most_cuts", job.most_cuts, f"{what}: give a smaller stock or a greater roughing_depth, or allow more")
+        raise wrong(
+            "levels",
+            "most_cuts",
+            job.most_cuts,
+            f"{what}: give a smaller stock or a greater roughing_depth, or allow more",
+        )

@@ -23,7 +23,8 @@ def _pool() -> ThreadPoolExecutor:
 
 
 def in_pieces(work: Callable[[slice], A], count: int, size: int) -> list[A]:
-    """What `work` answers of each `size` of `count` items, in their order. It must leave the interpreter's lock, and not come here again.
+    """What `work` answers of each `size` of `count` items, in their order. It must leave the interpreter's
+    lock, and not come here again.
 
     The pieces are the same whatever the number of cores; of no items there is one, which is empty.
     """
@@ -32,8 +33,8 @@ def in_pieces(work: Callable[[slice], A], count: int, size: int) -> list[A]:
 
 
 def on_one_blas_thread(work: Callable[P, A]) -> Callable[P, A]:
-    """The same work on small matrices: threads would only wait for each other (a factor of 0.2 ms took 240), and their number would change
-    the last digits."""
+    """The same work on small matrices: threads would only wait for each other (a factor of 0.2 ms took 240),
+    and their number would change the last digits."""
 
     @wraps(work)
     def alone(*args: P.args, **keywords: P.kwargs) -> A:

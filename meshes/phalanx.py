@@ -1,8 +1,10 @@
-"""The recipe of `phalanx.ply`: a part shaped like a middle phalanx, made by formula, so that it ships under bonecam's licence.
+"""The recipe of `phalanx.ply`: a part shaped like a middle phalanx, made by formula, so that it ships under
+bonecam's licence.
 
-It is no copy of a bone: a bent shaft, two condyles and a broad base with a concave facet are distance functions
-(lengths in mm) joined by the polynomial smooth minimum `min(a, b) - max(k - |a - b|, 0)^2 / (4 k)`. The zero set is
-taken by marching cubes, remeshed to an even edge and put back on the zero set, so the same recipe gives the same mesh.
+It is no copy of a bone: a bent shaft, two condyles and a broad base with a concave facet are distance
+functions (lengths in mm) joined by the polynomial smooth minimum `min(a, b) - max(k - |a - b|, 0)^2 / (4 k)`.
+The zero set is taken by marching cubes, remeshed to an even edge and put back on the zero set, so the same
+recipe gives the same mesh.
 
     file      meshes/phalanx.ply, binary PLY, float32, millimetres
     counts    2,348 vertices, 4,692 faces, one closed piece of genus 0 without self-intersections
@@ -30,7 +32,8 @@ FACET = ((0.0, 0.4, -2.6), (4.6, 3.6, 3.9))
 
 
 def distance(points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
-    """Signed distance of (n, 3) points to the part, mm, negative inside; exact only near the surface of one primitive."""
+    """Signed distance of (n, 3) points to the part, mm, negative inside; exact only near the surface of one
+    primitive."""
     body = smooth_minimum(shaft(points), ellipsoid(points, *BASE), 2.5)
     head = smooth_minimum(ellipsoid(points, *CONDYLES[0]), ellipsoid(points, *CONDYLES[1]), 0.9)
     solid = smooth_minimum(body, head, 2.0)
@@ -38,7 +41,8 @@ def distance(points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
 
 
 def shaft(points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
-    """About the distance to a tube along z = 2 .. 23 with round ends, elliptic, waisted at z = 16 and bowed towards +y by 0.7 mm."""
+    """About the distance to a tube along z = 2 .. 23 with round ends, elliptic, waisted at z = 16 and bowed
+    towards +y by 0.7 mm."""
     x, y, z = points.T
     height = np.clip(z, 2.0, 23.0)
     wide = 2.95 + 0.0085 * (height - 16.0) ** 2
@@ -48,7 +52,9 @@ def shaft(points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
     return (radius - 1.0) * deep
 
 
-def ellipsoid(points: Float[ndarray, "n 3"], centre: tuple[float, ...], axes: tuple[float, ...]) -> Float[ndarray, " n"]:
+def ellipsoid(
+    points: Float[ndarray, "n 3"], centre: tuple[float, ...], axes: tuple[float, ...]
+) -> Float[ndarray, " n"]:
     """First-order distance to an ellipsoid: r (r - 1) / |gradient|."""
     inside = (points - centre) / axes
     radius = np.linalg.norm(inside, axis=1)
@@ -56,7 +62,9 @@ def ellipsoid(points: Float[ndarray, "n 3"], centre: tuple[float, ...], axes: tu
     return radius * (radius - 1.0) / np.maximum(slope, np.finfo(float).tiny)
 
 
-def smooth_minimum(first: Float[ndarray, " n"], second: Float[ndarray, " n"], width: float) -> Float[ndarray, " n"]:
+def smooth_minimum(
+    first: Float[ndarray, " n"], second: Float[ndarray, " n"], width: float
+) -> Float[ndarray, " n"]:
     """The smaller of two distances with the crease filled over `width` mm."""
     overlap = np.maximum(width - np.abs(first - second), 0.0)
     return np.minimum(first, second) - overlap**2 / (4.0 * width)
@@ -103,7 +111,10 @@ def relax(vertices: Float[ndarray, "n 3"], faces: ndarray, rounds: int = 10) -> 
     valence = np.bincount(ends[:, 0], minlength=len(vertices))[:, None]
     points = vertices
     for _ in range(rounds):
-        means = np.column_stack([np.bincount(ends[:, 0], points[ends[:, 1], k], len(points)) for k in range(3)]) / valence
+        means = (
+            np.column_stack([np.bincount(ends[:, 0], points[ends[:, 1], k], len(points)) for k in range(3)])
+            / valence
+        )
         points = on_surface((points + means) / 2)
     return points
 
@@ -112,7 +123,9 @@ def on_surface(points: Float[ndarray, "n 3"], steps: int = 4) -> Float[ndarray, 
     """Newton steps along the gradient of `distance` (central differences of 1 um) to its zero set."""
     for _ in range(steps):
         nudges = 0.001 * np.eye(3)
-        gradient = np.column_stack([(distance(points + nudge) - distance(points - nudge)) / 0.002 for nudge in nudges])
+        gradient = np.column_stack(
+            [(distance(points + nudge) - distance(points - nudge)) / 0.002 for nudge in nudges]
+        )
         points = points - (distance(points) / (gradient**2).sum(1))[:, None] * gradient
     return points
 

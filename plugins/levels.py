@@ -24,12 +24,18 @@ def generate_stock(layers: Layers, values: Mapping[str, Any], progress: Progress
     from bonecam.pipeline import Part, place
     from bonecam.setup.stock import stock_figures
 
-    job = replace(layers.job(), stock=stage_of(StockJob(), values), holding=stage_of(HoldingJob(), values, prefix="post_"))
+    job = replace(
+        layers.job(),
+        stock=stage_of(StockJob(), values),
+        holding=stage_of(HoldingJob(), values, prefix="post_"),
+    )
     mesh = layers.bone()
     try:
         part, stock = place(Part(mesh, layers.name, len(mesh.faces), "mm", (), np.eye(4)), job)
     except (StockError, ToolPathError) as error:
-        raise type(error)(f"{error} (stock and post stand on the Z axis: was apply_upright_pose applied?)", **error.evidence) from error
+        raise type(error)(
+            f"{error} (stock and post stand on the Z axis: was apply_upright_pose applied?)", **error.evidence
+        ) from error
     kept = {"stock": stock, "job": job}
     layers.add(stock.mesh(values["chord_tolerance"]), "stock", keep=kept)
     layers.add(part.mesh, "part on post", keep=kept)
@@ -52,10 +58,17 @@ def morph_levels(layers: Layers, values: Mapping[str, Any], progress: Progress) 
     for level, depth in zip(morph.levels, step_depths(morph.levels), strict=True):
         layers.select(source)
         own = {"level": level} if level.surface is None else {"level": level, "surface": level.surface}
-        key = layers.add(level.mesh, f"level_{level.index:02d}", quality=depth, keep={**kept, **own}, largest=deepest)
+        key = layers.add(
+            level.mesh, f"level_{level.index:02d}", quality=depth, keep={**kept, **own}, largest=deepest
+        )
         part = key if level.index == 0 else part
     layers.select(part)
-    whole = {"cuts": morph.cuts, "levels_lower_bound": morph.lower_bound, "depth_used": morph.depth_used, "levels_break_mm": morph.breaks}
+    whole = {
+        "cuts": morph.cuts,
+        "levels_lower_bound": morph.lower_bound,
+        "depth_used": morph.depth_used,
+        "levels_break_mm": morph.breaks,
+    }
     return {**whole, **figures(morph.levels)}
 
 
@@ -77,12 +90,20 @@ def level_check(layers: Layers, values: Mapping[str, Any], progress: Progress) -
 
 
 def figures(levels: Sequence[Level]) -> dict[str, Any]:
-    """What was measured and certified, as in the report: an array over the levels each, NaN where nothing is known."""
+    """What was measured and certified, as in the report: an array over the levels each, NaN where nothing is
+    known."""
     from bonecam.verify.report import levels_report
 
     rows = levels_report(levels)
-    columns = {name: [row[name] for row in rows] for name in rows[0] if name not in ("index", "depth_shares", "not_certified")}
-    return {name: np.array(values, dtype=np.float64 if None in values else None) for name, values in columns.items()}
+    columns = {
+        name: [row[name] for row in rows]
+        for name in rows[0]
+        if name not in ("index", "depth_shares", "not_certified")
+    }
+    return {
+        name: np.array(values, dtype=np.float64 if None in values else None)
+        for name, values in columns.items()
+    }
 
 
 FILTERS = (

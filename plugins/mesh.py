@@ -57,11 +57,19 @@ def harmonic_rows_layer(layers: Layers, values: Mapping[str, Any], progress: Pro
 
     job = stage_of(MeshJob(), values)
     mesh = layers.bone()
-    rows = harmonic_rows(mesh, rows=job.rows, points=job.row_points, edge=mesh.diagonal * job.edge_percent / 100, progress=progress)
+    rows = harmonic_rows(
+        mesh,
+        rows=job.rows,
+        points=job.row_points,
+        edge=mesh.diagonal * job.edge_percent / 100,
+        progress=progress,
+    )
     count, points = rows.points.shape[:2]
     index = np.arange(count * points).reshape(count, points)
     edges = np.stack([index, np.roll(index, -1, axis=1)], axis=-1).reshape(-1, 2)
-    layers.add_polyline(rows.points.reshape(-1, 3), edges, "rows", np.repeat(np.arange(count, dtype=np.float64), points))
+    layers.add_polyline(
+        rows.points.reshape(-1, 3), edges, "rows", np.repeat(np.arange(count, dtype=np.float64), points)
+    )
     layers.keep(rows=rows, job=replace(layers.job(), mesh=job))
     return {"rows": count, "row_points": points, "poles": np.asarray(rows.poles)}
 
@@ -112,6 +120,8 @@ FILTERS = (
         CATEGORY,
         parameters_of(MeshJob(), only=("rows", "row_points", "edge_percent")),
         harmonic_rows_layer,
-        references=("Dong, Kircher, Garland: Harmonic functions for quadrilateral remeshing of arbitrary manifolds. CAGD 22 (2005).",),
+        references=(
+            "Dong, Kircher, Garland: Harmonic functions for quadrilateral remeshing of arbitrary manifolds. CAGD 22 (2005).",
+        ),
     ),
 )

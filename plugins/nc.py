@@ -1,4 +1,5 @@
-"""Filters of the nc and verify stages: the posted and verified program. Stages are imported when a filter runs."""
+"""Filters of the nc and verify stages: the posted and verified program. Stages are imported when a filter
+runs."""
 
 from collections.abc import Mapping
 from dataclasses import replace

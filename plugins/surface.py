@@ -26,7 +26,11 @@ def fit_tspline(layers: Layers, values: Mapping[str, Any], progress: Progress) -
     mesh = layers.bone()
     part = Part(mesh, layers.name, len(mesh.faces), "mm", (), np.eye(4))
     fit = fit_surface(part, job, progress)
-    layers.add(fit.surface.tessellate(values["chord_tolerance"]), "surface", keep={"surface": fit.surface, "job": job})
+    layers.add(
+        fit.surface.tessellate(values["chord_tolerance"]),
+        "surface",
+        keep={"surface": fit.surface, "job": job},
+    )
     return surface_report(fit)
 
 

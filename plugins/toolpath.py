@@ -1,4 +1,5 @@
-"""Filters of the toolpath and orientation stages: five-axis paths on the levels. Stages are imported when a filter runs."""
+"""Filters of the toolpath and orientation stages: five-axis paths on the levels. Stages are imported when a
+filter runs."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -51,7 +52,9 @@ def add_path(layers: Layers, path: ToolPath) -> None:
     """The way of the cutter's tip on one level as a polyline layer; quality 0 cut, 1 link, 2 rapid."""
     count = len(path.tips)
     edges = np.column_stack([np.arange(count - 1), np.arange(1, count)])
-    layers.add_polyline(np.asarray(path.tips), edges, f"toolpath_{path.level:02d}", np.asarray(path.kinds, dtype=np.float64))
+    layers.add_polyline(
+        np.asarray(path.tips), edges, f"toolpath_{path.level:02d}", np.asarray(path.kinds, dtype=np.float64)
+    )
 
 
 MOVES = ", ".join(f"{kind.value} {kind.name.lower()}" for kind in MoveKind)

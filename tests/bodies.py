@@ -17,8 +17,15 @@ ROUGH, FINE = Cutter.from_job(1, "roughing", ROUGHING), Cutter.from_job(2, "fini
 HOLDING = HoldingJob(diameter=2.0, length=30.0)
 
 
-def body(radius: Callable[[ndarray, ndarray], ndarray], low: float = 31.0, high: float = 43.0, rows: int = 12, around: int = 12) -> TSpline:
-    """Control points at `radius`(height share 0..1, azimuth), heights from `low` to `high`; the first and last row are poles."""
+def body(
+    radius: Callable[[ndarray, ndarray], ndarray],
+    low: float = 31.0,
+    high: float = 43.0,
+    rows: int = 12,
+    around: int = 12,
+) -> TSpline:
+    """Control points at `radius`(height share 0..1, azimuth), heights from `low` to `high`; the first and
+    last row are poles."""
     t = np.r_[[0.0] * 4, np.linspace(0, 1, rows - 2)[1:-1], [1.0] * 4]
     share = np.array([t[j + 1 : j + 4].mean() for j in range(rows)])
     knots = [np.zeros(1)] + [np.arange(around) / around] * (rows - 2) + [np.zeros(1)]
@@ -27,7 +34,11 @@ def body(radius: Callable[[ndarray, ndarray], ndarray], low: float = 31.0, high:
         azimuth = 2 * np.pi * row
         r = radius(np.full(len(row), share[j]), azimuth)
         r = r * 0 if len(row) == 1 else r
-        points.append(np.column_stack([r * np.cos(azimuth), r * np.sin(azimuth), np.full(len(row), low + share[j] * (high - low))]))
+        points.append(
+            np.column_stack(
+                [r * np.cos(azimuth), r * np.sin(azimuth), np.full(len(row), low + share[j] * (high - low))]
+            )
+        )
     points[1][:, 2], points[-2][:, 2] = low, high
     return TSpline(RowTMesh.from_rows(t, knots), np.vstack(points), np.ones(sum(map(len, knots))))
 
@@ -35,7 +46,10 @@ def body(radius: Callable[[ndarray, ndarray], ndarray], low: float = 31.0, high:
 def pebble(extra: float = 0.0) -> TSpline:
     """A smooth convex lump about 8 mm wide and 12 mm high, grown by about `extra`."""
     return body(
-        lambda share, azimuth: (3.6 * np.sqrt(np.maximum(1 - (2 * share - 1) ** 2, 0)) + 0.8 + extra) * (1 + 0.1 * np.cos(2 * azimuth)),
+        lambda share, azimuth: (
+            (3.6 * np.sqrt(np.maximum(1 - (2 * share - 1) ** 2, 0)) + 0.8 + extra)
+            * (1 + 0.1 * np.cos(2 * azimuth))
+        ),
         31.0 - extra,
         43.0 + extra,
     )

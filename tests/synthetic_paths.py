@@ -26,9 +26,16 @@ def capsule_points(turns: float, count: int, offset: float = 0.0) -> tuple[np.nd
 
 
 def capsule_path(
-    level: int = 0, radius: float = 1.0, number: int = 1, offset: float = 0.0, turns: float = 6.0, count: int = 900, lift_deg: float = 30.0
+    level: int = 0,
+    radius: float = 1.0,
+    number: int = 1,
+    offset: float = 0.0,
+    turns: float = 6.0,
+    count: int = 900,
+    lift_deg: float = 30.0,
 ) -> ToolPath:
-    """A helix in three passes joined by a link and a rapid; the axis is the normal turned upwards by `lift_deg` at most."""
+    """A helix in three passes joined by a link and a rapid; the axis is the normal turned upwards by
+    `lift_deg` at most."""
     contacts, normals = capsule_points(turns, count, offset)
     centres = contacts + radius * normals
     up = np.array([0.0, 0.0, 1.0])

@@ -1,4 +1,5 @@
-"""Many meshes: none stops the others, whatever happens to its process; a run that was killed goes on where it stopped."""
+"""Many meshes: none stops the others, whatever happens to its process; a run that was killed goes on where it
+stopped."""
 
 import csv
 import os
@@ -31,8 +32,14 @@ def work(mesh: Path, folder: Path, job: Job) -> Outcome:
     if "sleep" in orders:
         (folder / f"{mesh.stem}.began").touch()
         time.sleep(60)
-    report = {"levels": [{}, {}, {}], "nc": {"time_min": 1.5, "file": ""}, "seconds": {"mesh": 1.5, "levels": 2.25}}
-    made = SimpleNamespace(program=SimpleNamespace(extension=".h", text=f"BEGIN {os.getpid()}\n"), report=report)
+    report = {
+        "levels": [{}, {}, {}],
+        "nc": {"time_min": 1.5, "file": ""},
+        "seconds": {"mesh": 1.5, "levels": 2.25},
+    }
+    made = SimpleNamespace(
+        program=SimpleNamespace(extension=".h", text=f"BEGIN {os.getpid()}\n"), report=report
+    )
     bonecam.convert = lambda mesh, job: made  # type: ignore[attr-defined]
     return convert_one(mesh, folder, job)
 
@@ -53,11 +60,15 @@ def test_each_mesh_has_its_line_whatever_happens_to_its_process(tmp_path: Path) 
     files = meshes(tmp_path, a="good", b="die", c="refuse", d="break", e="good")
     told: list[tuple[str, int]] = []
     out = tmp_path / "out"
-    outcomes = convert_many(files, out, jobs=2, told=lambda outcome, left: told.append((outcome.mesh, left)), work=work)
+    outcomes = convert_many(
+        files, out, jobs=2, told=lambda outcome, left: told.append((outcome.mesh, left)), work=work
+    )
     assert [outcome.state for outcome in outcomes] == ["done", "failed", "failed", "failed", "done"]
     rows = table(out)
     assert [list(row) for row in rows] == [ROWS] * 5
-    assert [(row["mesh"], row["state"], row["message"]) for row in rows] == [(o.mesh, o.state, o.message) for o in outcomes]
+    assert [(row["mesh"], row["state"], row["message"]) for row in rows] == [
+        (o.mesh, o.state, o.message) for o in outcomes
+    ]
     assert [row["program"] for row in rows] == ["a.h", "", "", "", "e.h"]
     assert (rows[0]["levels"], rows[0]["time_min"]) == ("2", "1.5")
     assert "process died (exit -9" in rows[1]["message"]
@@ -77,7 +88,9 @@ def test_the_real_chain_refuses_what_is_no_mesh(tmp_path: Path) -> None:
 def test_resuming_does_only_what_is_missing_or_was_done_from_something_else(tmp_path: Path) -> None:
     files = meshes(tmp_path, same="good", changed="good", lost="good", broken="good")
     machine = tmp_path / "mill.toml"
-    machine.write_bytes((Path(bonecam.__file__).parent / "nc" / "machines" / "mikron-ucp600.toml").read_bytes())
+    machine.write_bytes(
+        (Path(bonecam.__file__).parent / "nc" / "machines" / "mikron-ucp600.toml").read_bytes()
+    )
     out, job = tmp_path / "out", Job().with_values(nc={"machine": str(machine)})
 
     def states() -> list[str]:
@@ -111,12 +124,16 @@ if __name__ == "__main__":
 
 
 @pytest.mark.parametrize(("kind", "code"), [(signal.SIGKILL, -9), (signal.SIGINT, 130)])
-def test_a_run_that_is_killed_leaves_no_process_and_goes_on_where_it_stopped(kind: signal.Signals, code: int, tmp_path: Path) -> None:
+def test_a_run_that_is_killed_leaves_no_process_and_goes_on_where_it_stopped(
+    kind: signal.Signals, code: int, tmp_path: Path
+) -> None:
     files = meshes(tmp_path, a="good", b="sleep", c="sleep", d="good")
     out = tmp_path / "out"
     (tmp_path / "run.py").write_text(SCRIPT, encoding="utf-8")
     paths = os.pathsep.join([str(Path(__file__).parent), *filter(None, sys.path)])
-    with subprocess.Popen([sys.executable, tmp_path / "run.py", out, *files], env={**os.environ, "PYTHONPATH": paths}) as run:
+    with subprocess.Popen(
+        [sys.executable, tmp_path / "run.py", out, *files], env={**os.environ, "PYTHONPATH": paths}
+    ) as run:
         until(lambda: (out / "b.began").exists() and (out / "c.began").exists())
         workers = children(run.pid)
         run.send_signal(kind)
@@ -126,7 +143,12 @@ def test_a_run_that_is_killed_leaves_no_process_and_goes_on_where_it_stopped(kin
     assert [row["state"] for row in table(out)] == ["done"]
     for file in files[1:3]:
         file.write_text("good", encoding="utf-8")
-    assert [outcome.state for outcome in convert_many(files, out, resume=True, work=work)] == ["kept", "done", "done", "done"]
+    assert [outcome.state for outcome in convert_many(files, out, resume=True, work=work)] == [
+        "kept",
+        "done",
+        "done",
+        "done",
+    ]
 
 
 def until(answer: object, seconds: float = 30.0) -> None:
@@ -156,7 +178,9 @@ def test_two_meshes_of_one_name_are_refused_before_anything_runs(tmp_path: Path)
 
 
 @pytest.mark.parametrize("values", [{"machine": "lathe"}, {"controller": "klartext"}])
-def test_a_machine_that_is_not_known_is_refused_before_anything_runs(values: dict[str, str], tmp_path: Path) -> None:
+def test_a_machine_that_is_not_known_is_refused_before_anything_runs(
+    values: dict[str, str], tmp_path: Path
+) -> None:
     with pytest.raises(BonecamError, match="is unknown"):
         convert_many([tmp_path / "bone.stl"], tmp_path / "out", Job().with_values(nc=values))
     assert not (tmp_path / "out").exists()
@@ -171,4 +195,7 @@ def test_no_process_at_all_is_refused(tmp_path: Path, jobs: int) -> None:
 def test_a_batch_that_is_done_already_ends_at_once(tmp_path: Path) -> None:
     files = meshes(tmp_path, a="good", b="good")
     convert_many(files, tmp_path / "out", jobs=2, work=work)
-    assert [outcome.state for outcome in convert_many(files, tmp_path / "out", resume=True, work=work)] == ["kept", "kept"]
+    assert [outcome.state for outcome in convert_many(files, tmp_path / "out", resume=True, work=work)] == [
+        "kept",
+        "kept",
+    ]

@@ -1,4 +1,5 @@
-"""Benchmarks and drawings, which no other test runs, keep up with the code: each imports (`mypy` checks its calls)."""
+"""Benchmarks and drawings, which no other test runs, keep up with the code: each imports (`mypy` checks its
+calls)."""
 
 import runpy
 from pathlib import Path
@@ -10,7 +11,9 @@ EXTRAS = {"clarabel", "cvxpy", "splinepy"}
 """What the extra `bench` brings."""
 
 
-@pytest.mark.parametrize("path", sorted([*HERE.glob("benchmarks/*.py"), *HERE.glob("figures/*.py")]), ids=lambda path: path.name)
+@pytest.mark.parametrize(
+    "path", sorted([*HERE.glob("benchmarks/*.py"), *HERE.glob("figures/*.py")]), ids=lambda path: path.name
+)
 def test_it_imports(path: Path) -> None:
     try:
         runpy.run_path(str(path))

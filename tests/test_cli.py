@@ -17,8 +17,25 @@ def test_job_prints_every_default(capsys: pytest.CaptureFixture[str]) -> None:
 def test_options_override_the_job_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "job.toml"
     file.write_text('[stock]\ndiameter = 20.0\n[mesh]\nunits = "inch"\n', encoding="utf-8")
-    assert main(["job", "--job", str(file), "--units", "m", "--set", "stock.length=50", "--set", "nc.coolant=false"]) == 0
-    wanted = Job().with_values(stock={"diameter": 20.0, "length": 50.0}, mesh={"units": "m"}, nc={"coolant": False})
+    assert (
+        main(
+            [
+                "job",
+                "--job",
+                str(file),
+                "--units",
+                "m",
+                "--set",
+                "stock.length=50",
+                "--set",
+                "nc.coolant=false",
+            ]
+        )
+        == 0
+    )
+    wanted = Job().with_values(
+        stock={"diameter": 20.0, "length": 50.0}, mesh={"units": "m"}, nc={"coolant": False}
+    )
     assert capsys.readouterr().out == write_job(wanted)
 
 
@@ -57,7 +74,11 @@ def test_options_override_the_job_file(tmp_path: Path, capsys: pytest.CaptureFix
     ],
 )
 def test_a_wrong_call_is_one_line_exit_2_and_no_file(
-    arguments: list[str], named: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    arguments: list[str],
+    named: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "text.stl").write_text("this is no mesh", encoding="utf-8")
@@ -69,7 +90,9 @@ def test_a_wrong_call_is_one_line_exit_2_and_no_file(
     assert [item.name for item in tmp_path.iterdir()] == ["text.stl"]
 
 
-def test_a_missing_unit_is_refused_with_the_flag_that_fits(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_missing_unit_is_refused_with_the_flag_that_fits(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
     from bonecam.mesh.triangle_mesh import TriangleMesh
 
@@ -101,8 +124,12 @@ def test_verbose_tells_each_step_once_as_a_line(capsys: pytest.CaptureFixture[st
     assert [line.split("%  ")[1] for line in capsys.readouterr().err.splitlines()] == ["level 1", "level 2"]
 
 
-def test_a_failed_mesh_of_a_batch_is_named_once(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    def one_fails(meshes: list[str], *_: object, told: Callable[[Outcome, int], None], **__: object) -> list[Outcome]:
+def test_a_failed_mesh_of_a_batch_is_named_once(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def one_fails(
+        meshes: list[str], *_: object, told: Callable[[Outcome, int], None], **__: object
+    ) -> list[Outcome]:
         failed = Outcome(meshes[0], "failed", "", 0, 0.0, 0.1, f"{meshes[0]}: cannot be read: give a mesh")
         told(failed, 0)
         return [failed]

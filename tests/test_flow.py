@@ -35,7 +35,9 @@ def imports_of(path: Path) -> list[str]:
             names += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{path}: relative import"
-            names += [node.module or ""] + [f"{node.module}.{alias.name}" for alias in node.names if node.module == "bonecam"]
+            names += [node.module or ""] + [
+                f"{node.module}.{alias.name}" for alias in node.names if node.module == "bonecam"
+            ]
     return names
 
 

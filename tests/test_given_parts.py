@@ -20,18 +20,25 @@ def rows_of(surface: TSpline, turn: np.ndarray, path: Path) -> Path:
     """Sections of a body as a rows file, turned."""
     angle = np.arange(20) / 20
     blocks = [
-        surface.evaluate(angle[: 1 if t in (0, 1) else None], np.full(1 if t in (0, 1) else 20, t)) @ turn.T for t in np.linspace(0, 1, 10)
+        surface.evaluate(angle[: 1 if t in (0, 1) else None], np.full(1 if t in (0, 1) else 20, t)) @ turn.T
+        for t in np.linspace(0, 1, 10)
     ]
-    path.write_text("\n\n".join("\n".join(" ".join(map(repr, point)) for point in block.tolist()) for block in blocks))
+    path.write_text(
+        "\n\n".join("\n".join(" ".join(map(repr, point)) for point in block.tolist()) for block in blocks)
+    )
     return path
 
 
 @pytest.mark.parametrize(
-    "turn", [np.eye(3), np.diag([1.0, -1.0, -1.0]), np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])], ids=["as is", "upside down", "lying"]
+    "turn",
+    [np.eye(3), np.diag([1.0, -1.0, -1.0]), np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])],
+    ids=["as is", "upside down", "lying"],
 )
 def test_rows_are_skinned_and_stand_where_their_mesh_stands(turn: np.ndarray, tmp_path: Path) -> None:
     body = pebble()
-    part, stock = place(prepare(rows_of(body, turn, tmp_path / "rows.xyz"), JOB.mesh, surface=JOB.surface), JOB)
+    part, stock = place(
+        prepare(rows_of(body, turn, tmp_path / "rows.xyz"), JOB.mesh, surface=JOB.surface), JOB
+    )
     fitted = fit_surface(part, JOB)
     assert fitted.surface.volume == pytest.approx(body.volume, rel=0.02)
     assert fitted.surface.project(part.mesh.vertices).distances.max() < 0.02

@@ -55,7 +55,13 @@ def test_a_wrong_job_file_is_refused_with_its_name_and_place(tmp_path: Path, tex
 
 
 @pytest.mark.parametrize(
-    ("given", "cuts"), [([0.1, 0.3], ((0.1,), 0.3)), ((np.float64(0.2), 1), ((0.2,), 1.0)), (0.3, ((), 0.3)), ("0.1, 0.3", ((0.1,), 0.3))]
+    ("given", "cuts"),
+    [
+        ([0.1, 0.3], ((0.1,), 0.3)),
+        ((np.float64(0.2), 1), ((0.2,), 1.0)),
+        (0.3, ((), 0.3)),
+        ("0.1, 0.3", ((0.1,), 0.3)),
+    ],
 )
 def test_depths_are_a_text_or_numbers(given: object, cuts: object) -> None:
     job = Job().with_values(levels={"depths": given})
@@ -71,9 +77,12 @@ def test_depths_that_are_no_numbers_are_refused_with_an_example() -> None:
 
 def test_numbers_of_numpy_and_paths_are_taken_for_python_s() -> None:
     job = Job().with_values(
-        stock={"diameter": np.float64(15), "length": np.int64(37), "mesh": Path("a.stl")}, nc={"coolant": np.bool_(False)}
+        stock={"diameter": np.float64(15), "length": np.int64(37), "mesh": Path("a.stl")},
+        nc={"coolant": np.bool_(False)},
     )
-    assert job == Job().with_values(stock={"diameter": 15.0, "length": 37.0, "mesh": "a.stl"}, nc={"coolant": False})
+    assert job == Job().with_values(
+        stock={"diameter": 15.0, "length": 37.0, "mesh": "a.stl"}, nc={"coolant": False}
+    )
     assert type(job.stock.diameter) is float
     assert write_job(job).count("diameter = 15.0") == 1
 

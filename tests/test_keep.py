@@ -24,11 +24,19 @@ PATCH = Cylinder(2.0, 0.0, 3.0).mesh(0.1)
 
 
 def failing(*_: object, **__: object) -> None:
-    raise LevelError("level 7 falls 0.0500 mm behind at (1.00, 2.00, 3.00): give more", level=7, place=np.array([1.0, 2, 3]), patch=PATCH)
+    raise LevelError(
+        "level 7 falls 0.0500 mm behind at (1.00, 2.00, 3.00): give more",
+        level=7,
+        place=np.array([1.0, 2, 3]),
+        patch=PATCH,
+    )
 
 
 def test_the_patch_of_a_failed_level_is_written_and_named(tmp_path: Path) -> None:
-    with pytest.raises(LevelError, match=r"give more \(.*failed_level_07\.ply shows it\)$") as caught, failed_level_kept(tmp_path / "keep"):
+    with (
+        pytest.raises(LevelError, match=r"give more \(.*failed_level_07\.ply shows it\)$") as caught,
+        failed_level_kept(tmp_path / "keep"),
+    ):
         failing()
     assert caught.value.evidence["level"] == 7
     assert [item.name for item in (tmp_path / "keep").iterdir()] == ["failed_level_07.ply"]
@@ -43,7 +51,9 @@ def test_nothing_is_written_where_nothing_is_kept_or_there_is_no_patch(tmp_path:
     assert not list(tmp_path.iterdir())
 
 
-def test_the_command_line_names_the_patch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_line_names_the_patch(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.setattr(pipeline, "make_levels", failing)
     folder, program = tmp_path / "keep", tmp_path / "bone.h"
     assert main(["convert", str(shipped("phalanx")), "-o", str(program), "--keep", str(folder), "-q"]) == 2
@@ -55,18 +65,32 @@ def test_levels_are_kept_with_their_pictures_before_there_is_a_path(tmp_path: Pa
     made = levels_in(waist(0.2), stock(), Schedule((), 1.5), chord_tolerance=0.1)
     keep_levels(tmp_path / "levels", made.levels, stock())
     levels = {f"level_{level.index:02d}.ply" for level in made.levels}
-    assert {item.name for item in (tmp_path / "levels").iterdir()} == {*levels, "levels.png", "coloured.png", "depths.png"}
+    assert {item.name for item in (tmp_path / "levels").iterdir()} == {
+        *levels,
+        "levels.png",
+        "coloured.png",
+        "depths.png",
+    }
 
 
 @pytest.mark.parametrize("closed", [False, True], ids=["sheet", "tube"])
 def test_open_levels_are_kept_with_their_pictures_without_a_stock(tmp_path: Path, closed: bool) -> None:
     turn = np.linspace(0, 2 * np.pi, 16, endpoint=False)
-    across = (6 * np.cos(turn), 2 * np.sin(turn)) if closed else (np.linspace(0, 20, 16), np.sin(np.linspace(0, 2, 16)))
+    across = (
+        (6 * np.cos(turn), 2 * np.sin(turn))
+        if closed
+        else (np.linspace(0, 20, 16), np.sin(np.linspace(0, 2, 16)))
+    )
     rows = [np.column_stack([across[0], np.full(16, y), across[1]]) for y in range(20, 0, -4)]
     made = morph_open(skin(rows, 0.01, closed=closed), 1.0, Schedule((0.1,), 0.5), chord_tolerance=0.05)
     keep_levels(tmp_path / "blade", made.levels, line=0.4)
     levels = {f"level_{level.index:02d}.ply" for level in made.levels}
-    assert {item.name for item in (tmp_path / "blade").iterdir()} == {*levels, "levels.png", "coloured.png", "depths.png"}
+    assert {item.name for item in (tmp_path / "blade").iterdir()} == {
+        *levels,
+        "levels.png",
+        "coloured.png",
+        "depths.png",
+    }
     depths = line_depths(made.levels, None, 0.4)
     assert depths.shape[0] == made.cuts
     assert (depths.max(axis=1) <= [level.limit + 0.05 for level in made.levels[1:]]).all()
@@ -103,7 +127,13 @@ def test_levels_of_an_earlier_run_do_not_stay_among_those_kept(tmp_path: Path) -
         (folder / name).write_text("old")
     keep_levels(folder, levels, stock())
     pictures = {"levels.png", "coloured.png", "depths.png"}
-    assert {item.name for item in folder.iterdir()} == {*mine, *pictures, "level_00.ply", "level_01.ply", "level_02.ply"}
+    assert {item.name for item in folder.iterdir()} == {
+        *mine,
+        *pictures,
+        "level_00.ply",
+        "level_01.ply",
+        "level_02.ply",
+    }
     (folder / "failed_level_03.ply").write_text("old")
     with pytest.raises(LevelError, match="failed_level_07"), failed_level_kept(folder):
         failing()

@@ -25,7 +25,8 @@ def folder(tmp_path: Path) -> Path:
 
 @contextmanager
 def full_disk() -> Iterator[None]:
-    """No file may grow beyond 100 bytes; not a fixture, since pytest writes its own log before fixtures end."""
+    """No file may grow beyond 100 bytes; not a fixture, since pytest writes its own log before fixtures
+    end."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (100, before[1]))
     try:
@@ -63,7 +64,9 @@ def test_a_file_that_cannot_be_written_is_refused_before_the_work(
 
 
 @pytest.mark.parametrize("name", ["file", "file/kept", "file/a/b", "/proc/kept", "x" * 300])
-def test_a_folder_that_cannot_be_made_is_refused_before_the_work(name: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_that_cannot_be_made_is_refused_before_the_work(
+    name: str, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(folder)
     with pytest.raises(FileError, match=name):
         check_folder(name)
@@ -115,8 +118,12 @@ def test_a_folder_in_the_place_of_a_file_is_told_before_any_file_is_moved(folder
     assert names(folder) == ["file", "inner"]
 
 
-@pytest.mark.parametrize(("controller", "name", "proposed"), [("heidenhain", "a.ngc", "a.h"), ("linuxcnc", "a.H", "a.ngc")])
-def test_a_program_named_for_another_controller_is_refused_with_the_name_that_fits(controller: str, name: str, proposed: str) -> None:
+@pytest.mark.parametrize(
+    ("controller", "name", "proposed"), [("heidenhain", "a.ngc", "a.h"), ("linuxcnc", "a.H", "a.ngc")]
+)
+def test_a_program_named_for_another_controller_is_refused_with_the_name_that_fits(
+    controller: str, name: str, proposed: str
+) -> None:
     with pytest.raises(FileError, match=f"name it {proposed}"):
         check_ending(Path(name), read_dialect(controller))
 
@@ -132,6 +139,10 @@ def test_a_program_is_never_named_as_a_part() -> None:
 
 
 @pytest.mark.parametrize(("name", "proposed"), [("p", "p.h"), ("out/p.", "p.h"), (".h", "h.h"), ("-", "-.h")])
-def test_a_program_without_an_ending_is_refused_with_the_one_that_the_control_lists(name: str, proposed: str) -> None:
-    with pytest.raises(FileError, match=rf"has no ending, heidenhain programs end in \.h: name it {proposed}$"):
+def test_a_program_without_an_ending_is_refused_with_the_one_that_the_control_lists(
+    name: str, proposed: str
+) -> None:
+    with pytest.raises(
+        FileError, match=rf"has no ending, heidenhain programs end in \.h: name it {proposed}$"
+    ):
         check_ending(Path(name), read_dialect("heidenhain"))

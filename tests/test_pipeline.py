@@ -1,4 +1,5 @@
-"""The whole chain on the shipped phalanx, coarse so that it is quick; the same job serves all tests of this file."""
+"""The whole chain on the shipped phalanx, coarse so that it is quick; the same job serves all tests of this
+file."""
 
 import csv
 import json
@@ -13,7 +14,16 @@ from bonecam_meshes import path as shipped
 import bonecam
 from bonecam import pipeline
 from bonecam.cli import main
-from bonecam.errors import BonecamError, Cancelled, FileError, MachineError, MeshError, StockError, SurfaceError, UnitsError
+from bonecam.errors import (
+    BonecamError,
+    Cancelled,
+    FileError,
+    MachineError,
+    MeshError,
+    StockError,
+    SurfaceError,
+    UnitsError,
+)
 from bonecam.job import Job, write_job
 from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -33,16 +43,31 @@ COARSE = Job().with_values(
 @pytest.fixture(scope="module")
 def chain(tmp_path_factory: pytest.TempPathFactory) -> tuple[bonecam.Result, Path]:
     folder = tmp_path_factory.mktemp("chain")
-    result = bonecam.convert(shipped("phalanx"), COARSE, program=folder / "bone.h", keep=folder / "keep", report=folder / "report.json")
+    result = bonecam.convert(
+        shipped("phalanx"),
+        COARSE,
+        program=folder / "bone.h",
+        keep=folder / "keep",
+        report=folder / "report.json",
+    )
     return result, folder
 
 
-def test_a_surface_that_misses_the_mesh_is_refused_before_the_levels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_surface_that_misses_the_mesh_is_refused_before_the_levels(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     missed = Deviation(0.6, 0.1, 0.6, 0.5, np.array([1.0, 2.0, 3.0]))
     monkeypatch.setattr(
-        pipeline, "fit", lambda *given, **named: SimpleNamespace(control_points=40, deviation=missed, shortfall="raise surface.max")
+        pipeline,
+        "fit",
+        lambda *given, **named: SimpleNamespace(
+            control_points=40, deviation=missed, shortfall="raise surface.max"
+        ),
     )
-    with pytest.raises(SurfaceError, match=r"40 control points miss the mesh by 0\.60 mm near \(1\.00, 2\.00, 3\.00\): raise surface\.max"):
+    with pytest.raises(
+        SurfaceError,
+        match=r"40 control points miss the mesh by 0\.60 mm near \(1\.00, 2\.00, 3\.00\): raise surface\.max",
+    ):
         bonecam.convert(shipped("phalanx"), COARSE, program=tmp_path / "bone.h")
     assert not list(tmp_path.iterdir())
 
@@ -93,7 +118,9 @@ def test_keep_writes_levels_path_surface_and_pictures(chain: tuple[bonecam.Resul
     count = len(result.levels.levels)
     names = {item.name for item in (folder / "keep").iterdir()}
     pictures = {"levels.png", "coloured.png", "depths.png", "toolpath.png"}
-    assert names == {f"level_{k:02d}.ply" for k in range(count)} | {"surface.tspline", "toolpath.csv"} | pictures
+    assert (
+        names == {f"level_{k:02d}.ply" for k in range(count)} | {"surface.tspline", "toolpath.csv"} | pictures
+    )
     with open(folder / "keep" / "toolpath.csv", encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == sum(len(path.tips) for path in result.paths)
@@ -110,13 +137,30 @@ def test_levels_alone_are_the_chain_s_and_take_the_place_of_its_levels_and_paths
     keep, job = tmp_path / "keep", tmp_path / "job.toml"
     shutil.copytree(folder / "keep", keep)
     job.write_text(write_job(COARSE), encoding="utf-8")
-    assert main(["levels", str(shipped("phalanx")), "-o", str(keep), "--report", str(tmp_path / "levels.json"), "--job", str(job)]) == 0
+    assert (
+        main(
+            [
+                "levels",
+                str(shipped("phalanx")),
+                "-o",
+                str(keep),
+                "--report",
+                str(tmp_path / "levels.json"),
+                "--job",
+                str(job),
+            ]
+        )
+        == 0
+    )
     told = json.loads((tmp_path / "levels.json").read_text(encoding="utf-8"))
     assert told["levels"] == json.loads(json.dumps(result.report["levels"]))
     assert set(result.report) - set(told) == {"toolpath", "nc"}
     lines = [line.partition(" ")[0] for line in capsys.readouterr().out.splitlines()]
     assert lines == ["mesh", "surface", "stock", "levels", "certified", "time"]
-    assert {item.name for item in keep.iterdir()} == {item.name for item in (folder / "keep").iterdir()} - {"toolpath.csv", "toolpath.png"}
+    assert {item.name for item in keep.iterdir()} == {item.name for item in (folder / "keep").iterdir()} - {
+        "toolpath.csv",
+        "toolpath.png",
+    }
 
 
 def test_levels_alone_need_no_room_in_a_machine(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -141,7 +185,9 @@ def test_a_second_run_writes_the_same_bytes(chain: tuple[bonecam.Result, Path]) 
     assert again.text.replace("PGM PHALANX", "PGM BONE") == chain[0].program.text
 
 
-@pytest.mark.parametrize(("file", "name"), [("out/left hand-3.h", "LEFT_HAND_3"), ("", "BONE"), ("kn\u00f6chel.h", "KN_CHEL")])
+@pytest.mark.parametrize(
+    ("file", "name"), [("out/left hand-3.h", "LEFT_HAND_3"), ("", "BONE"), ("kn\u00f6chel.h", "KN_CHEL")]
+)
 def test_a_program_is_named_as_its_file(file: str, name: str) -> None:
     assert pipeline.program_name(file) == name
 
@@ -165,7 +211,9 @@ def test_progress_rises_to_its_end_and_false_cancels() -> None:
         ({"mesh": {"units": "m"}}, UnitsError, "--units"),
     ],
 )
-def test_an_impossible_job_fails_at_once_and_leaves_no_file(tmp_path: Path, changes: dict, kind: type[BonecamError], named: str) -> None:
+def test_an_impossible_job_fails_at_once_and_leaves_no_file(
+    tmp_path: Path, changes: dict, kind: type[BonecamError], named: str
+) -> None:
     outputs = {"program": tmp_path / "out.h", "keep": tmp_path / "keep", "report": tmp_path / "report.json"}
     with pytest.raises(kind, match=named) as caught:
         bonecam.convert(shipped("phalanx"), COARSE.with_values(**changes), **outputs)
@@ -174,7 +222,10 @@ def test_an_impossible_job_fails_at_once_and_leaves_no_file(tmp_path: Path, chan
 
 
 def test_repair_troubles_name_the_file(tmp_path: Path) -> None:
-    flat = TriangleMesh(np.array([[0.0, 0, 0], [20, 0, 0], [20, 30, 0], [0, 30, 0]]), np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32))
+    flat = TriangleMesh(
+        np.array([[0.0, 0, 0], [20, 0, 0], [20, 30, 0], [0, 30, 0]]),
+        np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32),
+    )
     write_mesh(flat, tmp_path / "flat.ply")
     with pytest.raises(MeshError, match=r"flat\.ply"):
         bonecam.convert(tmp_path / "flat.ply")

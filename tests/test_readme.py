@@ -1,4 +1,5 @@
-"""The README: its snippets run as they stand, its commands parse, its options are all there, its pictures exist."""
+"""The README: its snippets run as they stand, its commands parse, its options are all there, its pictures
+exist."""
 
 import argparse
 import os
@@ -63,7 +64,9 @@ def test_long_python_snippets_and_all_commands_run(folder: Path) -> None:
     there = {**os.environ, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
     for _, code in blocks("bash"):
         kept = [line for line in code.splitlines() if not line.startswith("rs274") or shutil.which("rs274")]
-        subprocess.run(["bash", "-e", "-c", "\n".join(kept)], env=there, check=True, stdout=subprocess.DEVNULL)
+        subprocess.run(
+            ["bash", "-e", "-c", "\n".join(kept)], env=there, check=True, stdout=subprocess.DEVNULL
+        )
     made = {
         "phalanx.h",
         "levels.mlx",
@@ -85,16 +88,29 @@ def test_every_command_parses(words: list[str]) -> None:
 
 @pytest.mark.parametrize("name", ["convert", "demo", "levels", "batch"])
 def test_every_option_is_told(name: str) -> None:
-    command = next(action for action in _parser()._actions if isinstance(action, argparse._SubParsersAction)).choices[name]
-    names = {words[-1] for action in command._actions if (words := action.option_strings)} - {"--help", "--quiet", "--verbose", "--output"}
+    command = next(
+        action for action in _parser()._actions if isinstance(action, argparse._SubParsersAction)
+    ).choices[name]
+    names = {words[-1] for action in command._actions if (words := action.option_strings)} - {
+        "--help",
+        "--quiet",
+        "--verbose",
+        "--output",
+    }
     assert sorted(option for option in names if f"`{option}" not in TEXT) == []
 
 
 def test_pictures_and_files_exist() -> None:
-    named = re.findall(r"\((tests/[\w/.]+)\)|src=\"([^\"]+)\"|`(tests/[\w/]+\.py|bonecam/[\w/]+(?:\.py|/)|meshes/\w+\.py)`", TEXT)
+    named = re.findall(
+        r"\((tests/[\w/.]+)\)|src=\"([^\"]+)\"|`(tests/[\w/]+\.py|bonecam/[\w/]+(?:\.py|/)|meshes/\w+\.py)`",
+        TEXT,
+    )
     assert [name for names in named for name in names if name and not (ROOT / name).exists()] == []
 
 
 def test_sections_that_are_linked_exist() -> None:
-    titles = {re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-") for title in re.findall(r"^#+ (.*)$", TEXT, re.MULTILINE)}
+    titles = {
+        re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-")
+        for title in re.findall(r"^#+ (.*)$", TEXT, re.MULTILINE)
+    }
     assert [anchor for anchor in re.findall(r"\]\(#([^)]+)\)", TEXT) if anchor not in titles] == []

@@ -1,4 +1,5 @@
-"""What cannot come to a program is refused at once: the field with its value, the bound and the remedy, in one line, and no file."""
+"""What cannot come to a program is refused at once: the field with its value, the bound and the remedy, in
+one line, and no file."""
 
 import sys
 from pathlib import Path
@@ -29,35 +30,70 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("changes", "named"),
     [
-        ({"holding": {"diameter": 100.0}}, r"\[holding\] diameter = 100: the stock is 1\d\.\d\d mm wide: give"),
+        (
+            {"holding": {"diameter": 100.0}},
+            r"\[holding\] diameter = 100: the stock is 1\d\.\d\d mm wide: give",
+        ),
         (
             {"stock": {"diameter": 300.0, "length": 320.0}},
             r"\[levels\] most_cuts = 250: the stock at .* takes 2\d\d cuts or more: give a smaller",
         ),
-        ({"stock": {"width": 20.0}}, r"\[stock\] width = 20: a capsule has none: give diameter and length, or kind = box"),
+        (
+            {"stock": {"width": 20.0}},
+            r"\[stock\] width = 20: a capsule has none: give diameter and length, or kind = box",
+        ),
         ({"stock": {"mesh": "block.stl"}}, r"\[stock\] mesh = 'block\.stl': a capsule has none"),
         ({"stock": {"kind": "box", "diameter": 15.0}}, r"\[stock\] diameter = 15: a box has none"),
-        ({"finishing": {"scallop": 1.5}}, r"\[finishing\] scallop = 1\.5: give less than the ball's radius \(1 mm\)"),
-        ({"roughing": {"flute_length": 1.5}}, r"\[roughing\] flute_length = 1\.5: give at least the ball's radius"),
+        (
+            {"finishing": {"scallop": 1.5}},
+            r"\[finishing\] scallop = 1\.5: give less than the ball's radius \(1 mm\)",
+        ),
+        (
+            {"roughing": {"flute_length": 1.5}},
+            r"\[roughing\] flute_length = 1\.5: give at least the ball's radius",
+        ),
         ({"roughing": {"overhang": 6.0}}, r"\[roughing\] overhang = 6: give more than flute_length \(8 mm\)"),
-        ({"finishing": {"shank_diameter": 25.0}}, r"\[finishing\] shank_diameter = 25: give at most holder_diameter \(20 mm\)"),
+        (
+            {"finishing": {"shank_diameter": 25.0}},
+            r"\[finishing\] shank_diameter = 25: give at most holder_diameter \(20 mm\)",
+        ),
         (
             {"finishing": {"shank_diameter": 50.0, "holder_diameter": 60.0}},
             r"\[finishing\] shank_diameter = 50: at the lead of 10 degrees the shank would cut into a flat part",
         ),
-        ({"roughing": {"spindle": 60000.0}}, r"\[roughing\] spindle = 60000: mikron-ucp600 turns at 20000 1/min at most"),
-        ({"finishing": {"feed": 25000.0}}, r"\[finishing\] feed = 25000: an axis of mikron-ucp600 makes 22000 mm/min at most"),
-        ({"levels": {"roughing_depth": 5.0}}, r"\[levels\] roughing_depth = 5: a ball of roughing\.radius = 2 mm sinks 1\.5 mm at most"),
-        ({"levels": {"finishing_depth": 0.8}}, r"\[levels\] finishing_depth = 0\.8: a ball of finishing\.radius = 1 mm"),
+        (
+            {"roughing": {"spindle": 60000.0}},
+            r"\[roughing\] spindle = 60000: mikron-ucp600 turns at 20000 1/min at most",
+        ),
+        (
+            {"finishing": {"feed": 25000.0}},
+            r"\[finishing\] feed = 25000: an axis of mikron-ucp600 makes 22000 mm/min at most",
+        ),
+        (
+            {"levels": {"roughing_depth": 5.0}},
+            r"\[levels\] roughing_depth = 5: a ball of roughing\.radius = 2 mm sinks 1\.5 mm at most",
+        ),
+        (
+            {"levels": {"finishing_depth": 0.8}},
+            r"\[levels\] finishing_depth = 0\.8: a ball of finishing\.radius = 1 mm",
+        ),
         ({"levels": {"depths": "0.1 2.5"}}, r"\[levels\] depths = '0\.1 2\.5': a ball"),
-        ({"path": {"lead_deg": 60.0, "max_tilt_deg": 30.0}}, r"\[path\] lead_deg = 60: keep it within path\.max_tilt_deg \(30\)"),
+        (
+            {"path": {"lead_deg": 60.0, "max_tilt_deg": 30.0}},
+            r"\[path\] lead_deg = 60: keep it within path\.max_tilt_deg \(30\)",
+        ),
         ({"holding": {"length": 0.0}}, r"\[holding\] length = 0\.0: keep it within"),
         ({"roughing": {"feed": -900.0}}, r"\[roughing\] feed = -900\.0: keep it within"),
         ({"roughing": {"overhang": 400.0}}, "mm are needed along Z, its travel is 450 mm"),
-        ({"stock": {"offset_x": 40.0}}, r"the post of diameter 4 mm on the Z axis misses the part: .*stock\.offset_x"),
+        (
+            {"stock": {"offset_x": 40.0}},
+            r"the post of diameter 4 mm on the Z axis misses the part: .*stock\.offset_x",
+        ),
     ],
 )
-def test_an_absurd_job_is_refused_before_the_surface_is_fitted(changes: dict, named: str, tmp_path: Path) -> None:
+def test_an_absurd_job_is_refused_before_the_surface_is_fitted(
+    changes: dict, named: str, tmp_path: Path
+) -> None:
     with pytest.raises(BonecamError, match=named) as caught:
         bonecam.convert(shipped("phalanx"), Job().with_values(**changes), program=tmp_path / "bone.h")
     assert "\n" not in str(caught.value)
@@ -65,7 +101,9 @@ def test_an_absurd_job_is_refused_before_the_surface_is_fitted(changes: dict, na
 
 
 @pytest.mark.usefixtures("no_work")
-def test_a_solver_that_is_not_installed_is_named_before_the_surface_is_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_solver_that_is_not_installed_is_named_before_the_surface_is_fitted(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setitem(sys.modules, "clarabel", None)
     job = Job().with_values(levels={"method": "qcqp"})
     missing = r"\[levels\] method = 'qcqp': needs Clarabel: pip install 'bonecam\[reference\]'"
@@ -97,10 +135,14 @@ def test_the_filters_refuse_a_post_beside_the_part() -> None:
     assert meshes.mesh_number() == 1
 
 
-@pytest.mark.parametrize("stock", [{"offset_x": 40.0, "tilt_x_deg": 20.0}, {"diameter": 90.0, "length": 90.0, "offset_y": -30.0}])
+@pytest.mark.parametrize(
+    "stock", [{"offset_x": 40.0, "tilt_x_deg": 20.0}, {"diameter": 90.0, "length": 90.0, "offset_y": -30.0}]
+)
 def test_the_offset_that_is_told_brings_the_part_over_its_post(stock: dict[str, Any]) -> None:
     part = pipeline.prepare(shipped("phalanx"), Job().mesh)
-    with pytest.raises(ToolPathError, match=r"with stock\.offset_x = -?\d+\.\d\d and stock\.offset_y = ") as caught:
+    with pytest.raises(
+        ToolPathError, match=r"with stock\.offset_x = -?\d+\.\d\d and stock\.offset_y = "
+    ) as caught:
         pipeline.place(part, Job().with_values(stock=stock))
     x, y = caught.value.evidence["offset"]
     pipeline.place(part, Job().with_values(stock={**stock, "offset_x": x, "offset_y": y}))

@@ -19,7 +19,14 @@ COARSE = Job().with_values(
 )
 STOCKS = {
     "cylinder": {"kind": "cylinder", "diameter": 15.0, "length": 37.0},
-    "cylinder, aside": {"kind": "cylinder", "diameter": 18.0, "length": 40.0, "offset_x": 1.0, "offset_z": -1.0, "tilt_x_deg": 5.0},
+    "cylinder, aside": {
+        "kind": "cylinder",
+        "diameter": 18.0,
+        "length": 40.0,
+        "offset_x": 1.0,
+        "offset_z": -1.0,
+        "tilt_x_deg": 5.0,
+    },
     "smallest box": {"kind": "box"},
     "prism": {"kind": "mesh", "mesh": "bar.stl", "scale": 0.0},
 }
@@ -27,7 +34,9 @@ STOCKS = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("stock", STOCKS.values(), ids=STOCKS)
-def test_every_stock_leads_to_a_program_without_gouges(stock: dict[str, object], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_stock_leads_to_a_program_without_gouges(
+    stock: dict[str, object], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     write_mesh(Cylinder(9.0, 0.0, 40.0).mesh(10.0), "bar.stl")  # a prism of twelve sides
     result = bonecam.convert(shipped("phalanx"), COARSE.with_values(stock=stock), program="bone.h")

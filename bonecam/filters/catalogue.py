@@ -9,7 +9,8 @@ from bonecam.filters.parameter import FilterParameter, Kind
 
 
 def catalogue(name: str | None = None, registry: Registry | None = None) -> str:
-    """Every filter by category, or the filter `name` with its parameters. FilterError where there is none of that name."""
+    """Every filter by category, or the filter `name` with its parameters. FilterError where there is none of
+    that name."""
     known = installed() if registry is None else registry
     return overview(known) if name is None else page(known[name])
 
@@ -21,7 +22,9 @@ def overview(filters: Iterable[Filter]) -> str:
     for category in sorted({item.category for item in items}):
         lines += [f"## {category}", ""]
         lines += [
-            f"- `{item.name}` ({item.display_name}): {first_sentence(item.documentation)}" for item in items if item.category == category
+            f"- `{item.name}` ({item.display_name}): {first_sentence(item.documentation)}"
+            for item in items
+            if item.category == category
         ]
         lines.append("")
     return "\n".join(lines).rstrip()
@@ -29,9 +32,20 @@ def overview(filters: Iterable[Filter]) -> str:
 
 def page(item: Filter) -> str:
     """One filter: documentation, what it changes, parameters."""
-    change = "Changes the current layer." if item.changes_layer else "The current layer's mesh is not changed."
+    change = (
+        "Changes the current layer." if item.changes_layer else "The current layer's mesh is not changed."
+    )
     needs = f" Apply {', then '.join(f'`{name}`' for name in item.after)} first." if item.after else ""
-    lines = [f"# {item.name}", "", f"{item.display_name} · {item.category}", "", item.documentation.strip(), "", change + needs, ""]
+    lines = [
+        f"# {item.name}",
+        "",
+        f"{item.display_name} · {item.category}",
+        "",
+        item.documentation.strip(),
+        "",
+        change + needs,
+        "",
+    ]
     if item.parameters:
         lines += ["| parameter | kind | default | unit | range | meaning |", "|---|---|---|---|---|---|"]
         lines += [row(parameter) for parameter in item.parameters]
@@ -60,7 +74,10 @@ def limits(item: FilterParameter) -> str:
 def parameter_list(item: Filter) -> str:
     """The parameters in the form that pymeshlab prints them."""
     lines = [f"{item.name} filter - list of parameter names:"]
-    lines += [f"\t{p.name} : {p.kind.name.lower()} = {p.written(p.default)}{f' {p.unit}' if p.unit else ''}" for p in item.parameters]
+    lines += [
+        f"\t{p.name} : {p.kind.name.lower()} = {p.written(p.default)}{f' {p.unit}' if p.unit else ''}"
+        for p in item.parameters
+    ]
     return "\n".join([*lines, ""])
 
 

@@ -1,7 +1,8 @@
 """The Filter record and the Registry of what is installed.
 
-A filter is a function `act(layers, values, progress) -> dict` with everything a person needs to know of it. A third party
-adds filters by an entry point of the group `bonecam.filters` that names an iterable of Filter records:
+A filter is a function `act(layers, values, progress) -> dict` with everything a person needs to know of it. A
+third party adds filters by an entry point of the group `bonecam.filters` that names an iterable of Filter
+records:
 
     [project.entry-points."bonecam.filters"]
     my_family = "my_package.my_module:FILTERS"
@@ -31,10 +32,11 @@ Act = Callable[[Layers, Mapping[str, Any], Progress], dict[str, Any]]
 class Filter:
     """A filter: what Python calls it, what MeshLab would show, and what it does.
 
-    `act` takes the layers, the resolved value of every parameter by name, and the progress; it gives the results by name.
-    It leaves the current layer's mesh as it is and adds what it makes as new layers, unless `changes_layer`.
-    `after` names the filters whose kept values it needs, in their order; `references` the literature behind it.
-    Raises ValueError where the name is of no verb family or the documentation is missing.
+    `act` takes the layers, the resolved value of every parameter by name, and the progress; it gives the
+    results by name. It leaves the current layer's mesh as it is and adds what it makes as new layers, unless
+    `changes_layer`. `after` names the filters whose kept values it needs, in their order; `references` the
+    literature behind it. Raises ValueError where the name is of no verb family or the documentation is
+    missing.
     """
 
     name: str
@@ -50,12 +52,16 @@ class Filter:
 
     def __post_init__(self) -> None:
         if not re.fullmatch(rf"({'|'.join(VERBS)})(_[a-z0-9]+)+", self.name):
-            raise ValueError(f"filter {self.name!r}: begin its name with one of {', '.join(verb + '_' for verb in VERBS)}")
+            raise ValueError(
+                f"filter {self.name!r}: begin its name with one of {', '.join(verb + '_' for verb in VERBS)}"
+            )
         if not (self.display_name.strip() and self.documentation.strip() and self.category.strip()):
             raise ValueError(f"filter {self.name}: state its display name, documentation and category")
         names = [item.name for item in self.parameters]
         if len(set(names)) != len(names):
-            raise ValueError(f"filter {self.name}: {next(n for n in names if names.count(n) > 1)!r} is there twice")
+            raise ValueError(
+                f"filter {self.name}: {next(n for n in names if names.count(n) > 1)!r} is there twice"
+            )
 
     def parameter(self, name: str) -> FilterParameter:
         """The parameter of that name (in any case, as scripts write it). FilterError names the known ones."""
@@ -63,14 +69,19 @@ class Filter:
             if item.name == name.lower():
                 return item
         known = ", ".join(item.name for item in self.parameters) or "none"
-        raise FilterError(f"{self.name} knows no parameter {name!r}: use one of {known}", filter=self.name, parameter=name)
+        raise FilterError(
+            f"{self.name} knows no parameter {name!r}: use one of {known}", filter=self.name, parameter=name
+        )
 
     def values(self, given: Mapping[str, Any], mesh: TriangleMesh | None) -> dict[str, Any]:
-        """The resolved value of every parameter: what is given, else the default on `mesh`. FilterError names what is wrong."""
+        """The resolved value of every parameter: what is given, else the default on `mesh`. FilterError names
+        what is wrong."""
         found = {self.parameter(name).name: value for name, value in given.items()}
         try:
             return {
-                item.name: item.resolved(found[item.name], mesh) if item.name in found else item.default_on(mesh)
+                item.name: item.resolved(found[item.name], mesh)
+                if item.name in found
+                else item.default_on(mesh)
                 for item in self.parameters
             }
         except FilterError as error:
@@ -87,7 +98,10 @@ class Registry:
         for item in filters:
             for name in (item.name, item.display_name):
                 if name in reserved or name in self._filters or name in self._display:
-                    raise FilterError(f"two filters are called {name!r}: rename the one or uninstall its plugin", filter=name)
+                    raise FilterError(
+                        f"two filters are called {name!r}: rename the one or uninstall its plugin",
+                        filter=name,
+                    )
             self._filters[item.name] = item
             self._display[item.display_name] = item
 
@@ -115,10 +129,15 @@ def filters_of(plugin: EntryPoint) -> tuple[Filter, ...]:
     try:
         found = tuple(plugin.load())
     except Exception as error:  # whatever a stranger's module raises while it is imported
-        raise FilterError(f"{place} cannot be loaded: {type(error).__name__}: {error}: mend or uninstall it", plugin=plugin.name) from error
+        raise FilterError(
+            f"{place} cannot be loaded: {type(error).__name__}: {error}: mend or uninstall it",
+            plugin=plugin.name,
+        ) from error
     strange = [item for item in found if not isinstance(item, Filter)]
     if strange:
-        raise FilterError(f"{place} holds {strange[0]!r}, which is no Filter: mend or uninstall it", plugin=plugin.name)
+        raise FilterError(
+            f"{place} holds {strange[0]!r}, which is no Filter: mend or uninstall it", plugin=plugin.name
+        )
     return found
 
 
@@ -126,4 +145,6 @@ def filters_of(plugin: EntryPoint) -> tuple[Filter, ...]:
 def installed() -> Registry:
     """Every filter of the entry points, ours and third parties'; loaded once."""
     plugins = sorted(entry_points(group=GROUP), key=lambda plugin: (plugin.name, plugin.value))
-    return Registry([item for plugin in plugins for item in filters_of(plugin)], taken=meshlab_names.all_names())
+    return Registry(
+        [item for plugin in plugins for item in filters_of(plugin)], taken=meshlab_names.all_names()
+    )

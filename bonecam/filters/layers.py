@@ -1,8 +1,10 @@
-"""What a filter sees: MeshLab's layers as bonecam's values, and the values that travel between filters beside them.
+"""What a filter sees: MeshLab's layers as bonecam's values, and the values that travel between filters beside
+them.
 
-A layer of MeshLab holds triangles only. The T-spline, stock, level or tool path that a filter computed is kept in a record
-beside the layer; a new layer inherits the record of the layer it came from. A record speaks of a layer's geometry: where
-another filter has changed that since, asking for it is an error instead of an answer about a mesh that is gone.
+A layer of MeshLab holds triangles only. The T-spline, stock, level or tool path that a filter computed is
+kept in a record beside the layer; a new layer inherits the record of the layer it came from. A record speaks
+of a layer's geometry: where another filter has changed that since, asking for it is an error instead of an
+answer about a mesh that is gone.
 """
 
 import hashlib
@@ -33,7 +35,8 @@ class _Record:
 
 
 class Layers:
-    """The layers of one pymeshlab MeshSet. Filters read the current one, add new ones and keep values beside them.
+    """The layers of one pymeshlab MeshSet. Filters read the current one, add new ones and keep values beside
+    them.
 
     `folder` is where the relative names of files to write lead.
     """
@@ -54,7 +57,8 @@ class Layers:
         return f"layer {self.meshset.current_mesh_id()} {self.meshset.current_mesh().label()!r}"
 
     def mesh(self) -> TriangleMesh:
-        """The current layer in its own coordinates, its matrix applied. FilterError where there is none, or no triangles."""
+        """The current layer in its own coordinates, its matrix applied. FilterError where there is none, or
+        no triangles."""
         if not self.count:
             raise FilterError("there is no layer: load a mesh first")
         layer = self.meshset.current_mesh()
@@ -63,20 +67,26 @@ class Layers:
         return TriangleMesh(layer.transformed_vertex_matrix(), layer.face_matrix().astype(np.int32))
 
     def bone(self) -> TriangleMesh:
-        """The current layer where its size is a bone's in mm; UnitsError names the unit that it seems to be in."""
+        """The current layer where its size is a bone's in mm; UnitsError names the unit that it seems to be
+        in."""
         return to_mm(self.mesh(), "mm", self.name, 'apply apply_units_in_mm with units="{}"')
 
     def keep(self, **values: Any) -> None:
         """Keep values beside the current layer; what was kept of an earlier shape of it is dropped."""
-        self._records[self.meshset.current_mesh_id()] = _Record(self._fingerprint(), {**self._valid(), **values})
+        self._records[self.meshset.current_mesh_id()] = _Record(
+            self._fingerprint(), {**self._valid(), **values}
+        )
 
     def kept(self, name: str, kind: type[Value], made_by: str) -> Value:
-        """The value `name` beside the current layer. FilterError says which filter makes it, or that the layer has changed."""
+        """The value `name` beside the current layer. FilterError says which filter makes it, or that the
+        layer has changed."""
         found = self._records.get(self.meshset.current_mesh_id())
         if found is None or not isinstance(found.values.get(name), kind):
             raise FilterError(f"{self.name} has no {name}: apply {made_by} first", value=name)
         if found.fingerprint != self._fingerprint():
-            raise FilterError(f"{self.name} was changed after its {name} was made: apply {made_by} again", value=name)
+            raise FilterError(
+                f"{self.name} was changed after its {name} was made: apply {made_by} again", value=name
+            )
         value: Value = found.values[name]
         return value
 
@@ -95,18 +105,25 @@ class Layers:
     ) -> int:
         """A new current layer with the kept values of the layer before and `keep`.
 
-        `quality` is a number a vertex, shown as colour: from 0 to `largest`, or without that over its own range.
+        `quality` is a number a vertex, shown as colour: from 0 to `largest`, or without that over its own
+        range.
         """
         extra = {} if quality is None else {"v_scalar_array": np.asarray(quality, dtype=np.float64)}
         key = self._new(meshlab().Mesh(mesh.vertices, mesh.faces, **extra), name, keep or {})
         if quality is not None:
-            self.native("compute_color_from_scalar_per_vertex", **(colours_to(largest) if largest > 0 else {}))
+            self.native(
+                "compute_color_from_scalar_per_vertex", **(colours_to(largest) if largest > 0 else {})
+            )
         return key
 
-    def add_polyline(self, points: Float[ndarray, "n 3"], edges: ndarray, name: str, quality: Float[ndarray, " n"]) -> int:
+    def add_polyline(
+        self, points: Float[ndarray, "n 3"], edges: ndarray, name: str, quality: Float[ndarray, " n"]
+    ) -> int:
         """A new current layer of points (n, 3) joined by edges (m, 2), with a number a point."""
         layer = meshlab().Mesh(
-            points, edge_matrix=edges.astype(np.int32).reshape(-1, 2), v_scalar_array=np.asarray(quality, dtype=np.float64)
+            points,
+            edge_matrix=edges.astype(np.int32).reshape(-1, 2),
+            v_scalar_array=np.asarray(quality, dtype=np.float64),
         )
         key = self._new(layer, name, {})
         self.native("compute_color_from_scalar_per_vertex")
@@ -118,17 +135,23 @@ class Layers:
 
     def transform(self, matrix: Float[ndarray, "4 4"]) -> None:
         """Move the current layer itself."""
-        self.native("set_matrix", transformmatrix=np.asarray(matrix, dtype=np.float64), compose=True, freeze=True)
+        self.native(
+            "set_matrix", transformmatrix=np.asarray(matrix, dtype=np.float64), compose=True, freeze=True
+        )
 
     def native(self, name: str, **values: Any) -> Any:
         """Apply one of MeshLab's own filters as part of the running one."""
         return self.meshset.apply_native(name, **values)
 
     def target(self, name: str) -> Path:
-        """Where a file to be written goes: relative names lead into `folder`. FilterError where one leads out of it again."""
+        """Where a file to be written goes: relative names lead into `folder`. FilterError where one leads out
+        of it again."""
         place = self.folder / name
         if not Path(name).is_absolute() and self.folder.resolve() not in place.resolve().parents:
-            raise FilterError(f"file {name!r} is no file in the folder of outputs: give a name in it, or an absolute path", file=name)
+            raise FilterError(
+                f"file {name!r} is no file in the folder of outputs: give a name in it, or an absolute path",
+                file=name,
+            )
         return place
 
     def keys(self) -> frozenset[int]:

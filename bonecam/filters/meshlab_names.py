@@ -1,7 +1,8 @@
-"""MeshLab's filters have two names: the one its dialogs and scripts show, and pymeshlab's. `meshlab_names.tsv` pairs them.
+"""MeshLab's filters have two names: the one its dialogs and scripts show, and pymeshlab's.
+`meshlab_names.tsv` pairs them.
 
-The pairs were read off scripts that pymeshlab 2025.7 saved after running each filter, and for the filters that need
-a raster, a texture or a GPU off the texts of its plugins.
+The pairs were read off scripts that pymeshlab 2025.7 saved after running each filter, and for the filters
+that need a raster, a texture or a GPU off the texts of its plugins.
 """
 
 from functools import cache

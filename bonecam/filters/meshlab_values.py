@@ -1,4 +1,5 @@
-"""Values of MeshLab's own filters: from a script's <Param> to what pymeshlab takes, checked on a scratch mesh before a run."""
+"""Values of MeshLab's own filters: from a script's <Param> to what pymeshlab takes, checked on a scratch mesh
+before a run."""
 
 from collections.abc import Callable, Mapping
 from functools import cache
@@ -14,12 +15,15 @@ Attributes = Mapping[str, str]
 
 
 def checked_value(filter_name: str, item: ScriptParameter) -> tuple[str, Any]:
-    """pymeshlab's parameter name and value. FilterError names an unknown parameter or a value that MeshLab refuses."""
+    """pymeshlab's parameter name and value. FilterError names an unknown parameter or a value that MeshLab
+    refuses."""
     known = parameters(filter_name)
     name = known.get(_plain(item.name))
     if name is None:
         hint = ", ".join(sorted(known.values())) or "none"
-        raise FilterError(f"{filter_name} knows no parameter {item.name!r}: use one of {hint}", parameter=item.name)
+        raise FilterError(
+            f"{filter_name} knows no parameter {item.name!r}: use one of {hint}", parameter=item.name
+        )
     value = converted(item)
     try:
         _scratch().filter_parameter_values(filter_name, **{name: value})
@@ -37,15 +41,18 @@ def parameters(filter_name: str) -> dict[str, str]:
 
 
 def _plain(name: str) -> str:
-    """Letters and digits only: scripts write `TargetLen` and `lambda` where pymeshlab has `targetlen` and `lambda_`."""
+    """Letters and digits only: scripts write `TargetLen` and `lambda` where pymeshlab has `targetlen` and
+    `lambda_`."""
     return "".join(letter for letter in name.lower() if letter.isalnum())
 
 
 def converted(item: ScriptParameter) -> Any:
-    """The value of a <Param> by its type. FilterError names a type that is unknown here and a value that is malformed."""
+    """The value of a <Param> by its type. FilterError names a type that is unknown here and a value that is
+    malformed."""
     if item.type not in _READERS:
         raise FilterError(
-            f"parameter {item.name}: type {item.type!r} is unknown: use one of {', '.join(sorted(_READERS))}", parameter=item.name
+            f"parameter {item.name}: type {item.type!r} is unknown: use one of {', '.join(sorted(_READERS))}",
+            parameter=item.name,
         )
     try:
         return _READERS[item.type](item.attributes)
@@ -118,7 +125,11 @@ def _matrix(text: Attributes) -> Any:
 
 
 def _shown(item: ScriptParameter) -> str:
-    return repr(item.attributes["value"]) if "value" in item.attributes else repr(dict(sorted(item.attributes.items())))
+    return (
+        repr(item.attributes["value"])
+        if "value" in item.attributes
+        else repr(dict(sorted(item.attributes.items())))
+    )
 
 
 _READERS: dict[str, Callable[[Attributes], Any]] = {

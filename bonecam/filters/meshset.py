@@ -6,8 +6,9 @@
     meshes.compute_tspline_surface(tolerance=0.1)          # ours; lengths as mm, PureValue or PercentageValue
     meshes.apply_filter("generate_morph_levels", roughing_depth=pymeshlab.PercentageValue(1.5))
 
-pymeshlab's methods and `apply_filter` call our `apply_filter`, which knows both sorts. What ours compute beyond triangles is
-kept beside the layers (`layers`). A filter of ours that fails or is cancelled leaves the layers as they were.
+pymeshlab's methods and `apply_filter` call our `apply_filter`, which knows both sorts. What ours compute
+beyond triangles is kept beside the layers (`layers`). A filter of ours that fails or is cancelled leaves the
+layers as they were.
 """
 
 import sys
@@ -27,10 +28,15 @@ from bonecam.progress import Progress, silent
 
 
 class MeshSet(meshlab().MeshSet):  # type: ignore[misc]
-    """pymeshlab.MeshSet plus the filters of `registry`. `folder`: where relative names of files that filters write lead."""
+    """pymeshlab.MeshSet plus the filters of `registry`. `folder`: where relative names of files that filters
+    write lead."""
 
     def __init__(
-        self, verbose: bool = False, progress: Progress = silent, registry: Registry | None = None, folder: str | Path = "."
+        self,
+        verbose: bool = False,
+        progress: Progress = silent,
+        registry: Registry | None = None,
+        folder: str | Path = ".",
     ) -> None:
         super().__init__(verbose)
         self.registry = installed() if registry is None else registry
@@ -61,7 +67,9 @@ class MeshSet(meshlab().MeshSet):  # type: ignore[misc]
         if filter_name in self.registry.names:
             return self._apply_ours(self.registry[filter_name], values)
         if filter_name not in known_to_meshlab():
-            raise FilterError(f"there is no filter {filter_name!r}: `bonecam filters` lists them", filter=filter_name)
+            raise FilterError(
+                f"there is no filter {filter_name!r}: `bonecam filters` lists them", filter=filter_name
+            )
         result = self.apply_native(filter_name, **values)
         self._history.append(self._native_calls - 1)
         return result
@@ -116,7 +124,9 @@ class MeshSet(meshlab().MeshSet):  # type: ignore[misc]
             native = str(Path(folder) / "native.mlx")
             super().save_filter_script(native)
             calls = read_calls(native)
-        write_script([calls[item] if isinstance(item, int) else item for item in self._history], filter_script_name)
+        write_script(
+            [calls[item] if isinstance(item, int) else item for item in self._history], filter_script_name
+        )
 
     def load_filter_script(self, filter_script_name: str) -> None:
         """Not offered: a script is run whole, checked before anything runs. Raises TypeError."""

@@ -23,7 +23,8 @@ SHOWN_ONLY = ("tooltip", "description", "label")
 
 @dataclass(frozen=True)
 class ScriptParameter:
-    """One <Param>: its name, MeshLab's type and the attributes that hold the value; `line` 0 where it was not read."""
+    """One <Param>: its name, MeshLab's type and the attributes that hold the value; `line` 0 where it was not
+    read."""
 
     name: str
     type: str
@@ -41,7 +42,8 @@ class FilterCall:
 
 
 def read_calls(path: str | Path) -> list[FilterCall]:
-    """The filters of a script. FileError names a missing or malformed file, FilterError an element that is none of a script's, by line."""
+    """The filters of a script. FileError names a missing or malformed file, FilterError an element that is
+    none of a script's, by line."""
     try:
         data = Path(path).read_bytes()
     except OSError as error:
@@ -69,7 +71,9 @@ class _Reader:
         except expat.ExpatError as error:
             reason = expat.errors.messages[error.code]
             raise FileError(
-                f"{self._path}, line {error.lineno}: {reason}: mend the XML there", file=self._path, line=error.lineno
+                f"{self._path}, line {error.lineno}: {reason}: mend the XML there",
+                file=self._path,
+                line=error.lineno,
             ) from error
         return self._calls
 
@@ -79,21 +83,35 @@ class _Reader:
         depth = len(self._open)
         if depth >= len(wanted) or tag != wanted[depth]:
             place = f"inside <{self._open[-1]}>" if self._open else "at the top"
-            raise FilterError(f"{self._path}, line {line}: <{tag}> {place}: {self._expected(depth)}", line=line, file=self._path)
+            raise FilterError(
+                f"{self._path}, line {line}: <{tag}> {place}: {self._expected(depth)}",
+                line=line,
+                file=self._path,
+            )
         self._open.append(tag)
         if depth == 0:
             return
         if not attributes.get("name") or (tag == "Param" and not attributes.get("type")):
-            raise FilterError(f"{self._path}, line {line}: <{tag}> without its name or type: add it", line=line, file=self._path)
+            raise FilterError(
+                f"{self._path}, line {line}: <{tag}> without its name or type: add it",
+                line=line,
+                file=self._path,
+            )
         if tag == "filter":
             self._start, self._parameters = (attributes["name"], line), []
         else:
-            kept = {key: value for key, value in attributes.items() if key not in ("name", "type", *SHOWN_ONLY)}
+            kept = {
+                key: value for key, value in attributes.items() if key not in ("name", "type", *SHOWN_ONLY)
+            }
             self._parameters.append(ScriptParameter(attributes["name"], attributes["type"], kept, line))
 
     @staticmethod
     def _expected(depth: int) -> str:
-        known = ("a script begins with <FilterScript>", "a script holds <filter> elements", "a filter holds <Param> elements")
+        known = (
+            "a script begins with <FilterScript>",
+            "a script holds <filter> elements",
+            "a filter holds <Param> elements",
+        )
         return known[depth] if depth < len(known) else "a <Param> holds nothing"
 
     def _end(self, tag: str) -> None:
@@ -103,11 +121,14 @@ class _Reader:
 
     def _refuse_entity(self, name: str, *_: object) -> None:
         line = self._parser.CurrentLineNumber
-        raise FileError(f"{self._path}, line {line}: entity {name!r}: write the text itself", file=self._path, line=line)
+        raise FileError(
+            f"{self._path}, line {line}: entity {name!r}: write the text itself", file=self._path, line=line
+        )
 
 
 def write_script(calls: Sequence[FilterCall], path: str | Path) -> None:
-    """Write filters as a script: `read_calls` gives equal calls back. FileError where it cannot be written."""
+    """Write filters as a script: `read_calls` gives equal calls back. FileError where it cannot be
+    written."""
     write_whole(path, script_text(calls))
 
 

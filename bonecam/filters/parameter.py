@@ -1,7 +1,8 @@
-"""Typed filter parameters, MeshLab's way: a length is a number of mm or a percentage of the bounding box's diagonal.
+"""Typed filter parameters, MeshLab's way: a length is a number of mm or a percentage of the bounding box's
+diagonal.
 
-Parameters of a stage are derived from its job record (`parameters_of`), so that default, unit, range, label and
-tooltip stay stated once, in `bonecam.job`. Text in scripts is read and written here too, one form a kind.
+Parameters of a stage are derived from its job record (`parameters_of`), so that default, unit, range, label
+and tooltip stay stated once, in `bonecam.job`. Text in scripts is read and written here too, one form a kind.
 """
 
 import math
@@ -45,16 +46,19 @@ TYPE_NAMES = {
 
 @dataclass(frozen=True)
 class Percentage:
-    """A length as a percentage of the bounding box's diagonal (or of the parameter's own range where it says so)."""
+    """A length as a percentage of the bounding box's diagonal (or of the parameter's own range where it says
+    so)."""
 
     value: float
 
 
 @dataclass(frozen=True)
 class FilterParameter:
-    """One parameter of a filter. `computed` gives the default where it depends on the mesh; `default` is then shown as example.
+    """One parameter of a filter. `computed` gives the default where it depends on the mesh; `default` is then
+    shown as example.
 
-    Raises ValueError where the record contradicts itself: a default of the wrong kind or out of range, an empty label or tooltip.
+    Raises ValueError where the record contradicts itself: a default of the wrong kind or out of range, an
+    empty label or tooltip.
     """
 
     name: str
@@ -82,7 +86,8 @@ class FilterParameter:
             raise ValueError(f"the default of {error}") from error
 
     def checked(self, value: Any) -> Any:
-        """`value` as the kind's own type; lengths stay Percentage until `resolved`. FilterError names parameter, value and range."""
+        """`value` as the kind's own type; lengths stay Percentage until `resolved`. FilterError names
+        parameter, value and range."""
         value = _plain(value)
         if self.kind is Kind.ENUM:
             return self._choice(value)
@@ -111,12 +116,15 @@ class FilterParameter:
         return self.resolved(value, mesh)
 
     def read(self, text: str) -> Any:
-        """The value of a script's text; numbers of a length are mm, `3%` a percentage. FilterError where it is malformed."""
+        """The value of a script's text; numbers of a length are mm, `3%` a percentage. FilterError where it
+        is malformed."""
         text = text.strip() if self.kind not in (Kind.STRING, Kind.OPEN_FILE, Kind.SAVE_FILE) else text
         try:
             if self.kind is Kind.BOOL:
                 return {"true": True, "false": False, "1": True, "0": False}[text.lower()]
-            if self.kind is Kind.INT or (self.kind is Kind.ENUM and text not in self.choices and text.lstrip("-").isdigit()):
+            if self.kind is Kind.INT or (
+                self.kind is Kind.ENUM and text not in self.choices and text.lstrip("-").isdigit()
+            ):
                 return self.checked(int(text))
             if self.kind is Kind.LENGTH and text.endswith("%"):
                 return self.checked(Percentage(float(text[:-1])))
@@ -131,7 +139,13 @@ class FilterParameter:
         value = self.checked(value)
         if isinstance(value, Percentage):
             return f"{value.value!r}%"
-        return str(value).lower() if isinstance(value, bool) else str(value) if isinstance(value, str) else repr(value)
+        return (
+            str(value).lower()
+            if isinstance(value, bool)
+            else str(value)
+            if isinstance(value, str)
+            else repr(value)
+        )
 
     def _choice(self, value: Any) -> str:
         """MeshLab gives enumerations by number or by name."""
@@ -153,7 +167,9 @@ class FilterParameter:
 
     def _in_range(self, value: Any) -> Any:
         if type(value) in (int, float) and not self.low <= value <= self.high:
-            raise self._refusal(f"{value:g}", f"keep it within {self.low:g} .. {self.high:g} {self.unit}".rstrip())
+            raise self._refusal(
+                f"{value:g}", f"keep it within {self.low:g} .. {self.high:g} {self.unit}".rstrip()
+            )
         return value
 
     def _refusal(self, value: str, remedy: str) -> FilterError:
@@ -168,7 +184,9 @@ def _plain(value: Any) -> Any:
     return value.item() if hasattr(value, "item") and getattr(value, "ndim", 1) == 0 else value
 
 
-def parameters_of(stage: Any, prefix: str = "", only: Collection[str] = (), without: Collection[str] = ()) -> tuple[FilterParameter, ...]:
+def parameters_of(
+    stage: Any, prefix: str = "", only: Collection[str] = (), without: Collection[str] = ()
+) -> tuple[FilterParameter, ...]:
     """The parameters of a job record (an instance: its values are the defaults), names with `prefix`.
 
     Lengths in mm take percentages of the bounding box's diagonal as well.
@@ -178,16 +196,32 @@ def parameters_of(stage: Any, prefix: str = "", only: Collection[str] = (), with
         if (only and item.name not in only) or item.name in without:
             continue
         value, known = getattr(stage, item.name), record(item)
-        kinds = {bool: Kind.BOOL, int: Kind.INT, float: Kind.FLOAT, str: Kind.ENUM if known.choices else Kind.STRING}
+        kinds = {
+            bool: Kind.BOOL,
+            int: Kind.INT,
+            float: Kind.FLOAT,
+            str: Kind.ENUM if known.choices else Kind.STRING,
+        }
         kind = Kind.LENGTH if type(value) is float and known.unit == "mm" else kinds[type(value)]
         found.append(
-            FilterParameter(prefix + item.name, kind, value, known.label, known.tooltip, known.unit, known.low, known.high, known.choices)
+            FilterParameter(
+                prefix + item.name,
+                kind,
+                value,
+                known.label,
+                known.tooltip,
+                known.unit,
+                known.low,
+                known.high,
+                known.choices,
+            )
         )
     return tuple(found)
 
 
 def stage_of(stage: Stage, values: Mapping[str, Any], prefix: str = "") -> Stage:
-    """The job record `stage` with the filter's `values` of the same (prefixed) names: the way back from `parameters_of`."""
+    """The job record `stage` with the filter's `values` of the same (prefixed) names: the way back from
+    `parameters_of`."""
     known = {item.name for item in fields(stage)}  # type: ignore[arg-type]
     changes = {name.removeprefix(prefix): value for name, value in values.items() if name.startswith(prefix)}
     return replace(stage, **{name: value for name, value in changes.items() if name in known})  # type: ignore[type-var]

@@ -1,9 +1,10 @@
 """Filter scripts (.mlx) in which MeshLab's filters and ours stand side by side.
 
-A script is checked whole before anything runs: every filter and parameter must be known and every value well formed, or the
-error names the line. Names are MeshLab's shown ones, our display names, or Python's. MeshLab's own filters are then applied one at
-a time through pymeshlab with values converted by their type; where a script leaves a parameter out its default holds.
-Lengths are numbers of mm (MeshLab saves percentages that way), or a percentage written `3%`.
+A script is checked whole before anything runs: every filter and parameter must be known and every value well
+formed, or the error names the line. Names are MeshLab's shown ones, our display names, or Python's. MeshLab's
+own filters are then applied one at a time through pymeshlab with values converted by their type; where a
+script leaves a parameter out its default holds. Lengths are numbers of mm (MeshLab saves percentages that
+way), or a percentage written `3%`.
 """
 
 import re
@@ -39,10 +40,12 @@ def run_script(
     progress: Progress = silent,
     registry: Registry | None = None,
 ) -> list[Path]:
-    """Load `inputs` as layers, run `script`, write every layer into `output_dir`; the files written, in the order of the layers.
+    """Load `inputs` as layers, run `script`, write every layer into `output_dir`; the files written, in the
+    order of the layers.
 
-    Layers go to PLY, lines without faces to OBJ; files that filters write by a relative name go there too. All of them are
-    written or none. Raises FileError (a file), FilterError (the script, with its line) or what a stage raises, with the line.
+    Layers go to PLY, lines without faces to OBJ; files that filters write by a relative name go there too.
+    All of them are written or none. Raises FileError (a file), FilterError (the script, with its line) or
+    what a stage raises, with the line.
     """
     known = installed() if registry is None else registry
     steps = read_script(script, known)
@@ -58,7 +61,8 @@ def run_script(
 
 
 def apply_script(meshes: MeshSet, script: str | Path, progress: Progress = silent) -> None:
-    """Run a script on the layers of `meshes`; FilterError with the line, before anything ran, where it is wrong."""
+    """Run a script on the layers of `meshes`; FilterError with the line, before anything ran, where it is
+    wrong."""
     apply_steps(meshes, read_script(script, meshes.registry), str(script), progress)
 
 
@@ -76,14 +80,19 @@ def apply_steps(meshes: MeshSet, steps: Sequence[Step], script: str, progress: P
             meshes.progress = part(progress, index / len(steps), (index + 1) / len(steps))
             meshes.apply_filter(step.name, **step.values)
     except BonecamError as error:
-        evidence = {**error.evidence, "script_line": step.line} if "line" in error.evidence else {**error.evidence, "line": step.line}
+        evidence = (
+            {**error.evidence, "script_line": step.line}
+            if "line" in error.evidence
+            else {**error.evidence, "line": step.line}
+        )
         raise type(error)(f"{script}, line {step.line}: {error}", **evidence) from error
     finally:
         meshes.progress = before
 
 
 def load(meshes: MeshSet, file: str | Path) -> None:
-    """Load a mesh file as a layer, as it stands in the file; a CAD part as its triangles, in mm. FileError names what is wrong with it."""
+    """Load a mesh file as a layer, as it stands in the file; a CAD part as its triangles, in mm. FileError
+    names what is wrong with it."""
     ending = Path(file).suffix.lower()
     if ending in CAD:
         mesh = read_mesh(file)
@@ -94,7 +103,9 @@ def load(meshes: MeshSet, file: str | Path) -> None:
     try:
         meshes.load_new_mesh(str(file))
     except meshlab().PyMeshLabException as error:
-        raise FileError(f"{file}: {' '.join(str(error).split()).rstrip(':')}: give a readable mesh file", file=str(file)) from error
+        raise FileError(
+            f"{file}: {' '.join(str(error).split()).rstrip(':')}: give a readable mesh file", file=str(file)
+        ) from error
 
 
 def save_layers(meshes: MeshSet, folder: Path) -> None:
@@ -129,9 +140,15 @@ def _step(call: FilterCall, script: str, registry: Registry) -> Step:
             key, value = _ours(item, name, registry) if name in registry else checked_value(name, item)
         except FilterError as error:
             evidence = {**error.evidence, "line": item.line, "file": script}
-            raise FilterError(f"{script}, line {item.line}: {_with_name(name, str(error))}", **evidence) from error
+            raise FilterError(
+                f"{script}, line {item.line}: {_with_name(name, str(error))}", **evidence
+            ) from error
         if key in values:
-            raise FilterError(f"{script}, line {item.line}: {name}: {key} is there twice: leave one", line=item.line, file=script)
+            raise FilterError(
+                f"{script}, line {item.line}: {name}: {key} is there twice: leave one",
+                line=item.line,
+                file=script,
+            )
         values[key] = value
     return Step(name, values, call.line)
 

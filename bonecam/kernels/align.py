@@ -1,10 +1,12 @@
-"""Laying a sequence of moves along the rows of tool paths: which move reaches which row, which lie between two rows."""
+"""Laying a sequence of moves along the rows of tool paths: which move reaches which row, which lie between
+two rows."""
 
 import numpy as np
 from numba import njit
 
-# how far a move has come between two rows is told by its axis where that turns by more than a radian in this many mm, else by
-# its ball centre: with words of 0.001 mm and 0.001 deg both then tell it to within those roundings
+# how far a move has come between two rows is told by its axis where that turns by more than a radian in this
+# many mm, else by its ball centre: with words of 0.001 mm and 0.001 deg both then tell it to within those
+# roundings
 AXIS_WEIGHT = 80.0
 
 
@@ -24,8 +26,11 @@ def _angle(a: np.ndarray, b: np.ndarray) -> float:
 
 
 @njit(cache=True)
-def _between(tip: np.ndarray, axis: np.ndarray, tips: np.ndarray, axes: np.ndarray, radius: float) -> tuple[float, float, float]:
-    """Fraction, tip error and axis error of a move against the straight way of the ball centre between two rows."""
+def _between(
+    tip: np.ndarray, axis: np.ndarray, tips: np.ndarray, axes: np.ndarray, radius: float
+) -> tuple[float, float, float]:
+    """Fraction, tip error and axis error of a move against the straight way of the ball centre between two
+    rows."""
     start, end = tips[0] + radius * axes[0], tips[1] + radius * axes[1]
     whole = _angle(axes[0], axes[1])
     way = end - start
@@ -52,7 +57,8 @@ def align(
     tip_tolerance: float,
     axis_tolerance: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, int, int]:
-    """Row reached (>= 0), or -1 for a loose move before a fresh row, or -2 - row for a move on the way to `row`; errors; stop.
+    """Row reached (>= 0), or -1 for a loose move before a fresh row, or -2 - row for a move on the way to
+    `row`; errors; stop.
 
     `loose` moves may come before a row that is `fresh` (reached from anywhere) and after the last.
     Stops at the first move that fits nowhere: the last two answers are that move and the row
@@ -71,7 +77,11 @@ def align(
                 continue
             if row > 0:
                 part, distance, lean = _between(
-                    tips[move], axes[move], path_tips[row - 1 : row + 1], path_axes[row - 1 : row + 1], radius[row]
+                    tips[move],
+                    axes[move],
+                    path_tips[row - 1 : row + 1],
+                    path_axes[row - 1 : row + 1],
+                    radius[row],
                 )
                 if distance <= tip_tolerance and lean <= axis_tolerance and part >= before - 1e-3:
                     source[move], tip_error[move], axis_error[move] = -2 - row, distance, lean

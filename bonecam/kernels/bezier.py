@@ -17,9 +17,12 @@ Four: TypeAlias = tuple[float, float, float, float]
 
 @njit(inline="always")
 def _strip(strip_knots: ndarray, strip_table: ndarray, t: float) -> int:
-    """The last strip that starts at or below t; the table tells for even slices of the t-range where the search may start."""
+    """The last strip that starts at or below t; the table tells for even slices of the t-range where the
+    search may start."""
     count, slices = len(strip_knots) - 1, len(strip_table)
-    k = strip_table[min(slices - 1, max(0, int((t - strip_knots[0]) * (slices / (strip_knots[count] - strip_knots[0])))))]
+    k = strip_table[
+        min(slices - 1, max(0, int((t - strip_knots[0]) * (slices / (strip_knots[count] - strip_knots[0])))))
+    ]
     while k + 1 < count and strip_knots[k + 1] <= t:
         k += 1
     return k
@@ -75,8 +78,11 @@ def locate(
 
 
 @njit(cache=True, fastmath=CONTRACT)
-def homogeneous_patches(starts: ndarray, functions: ndarray, coefficients: ndarray, weighted: ndarray) -> ndarray:
-    """Sum of coefficient x weighted control point over the functions of each element: (e, 16, 4) for bicubic ones."""
+def homogeneous_patches(
+    starts: ndarray, functions: ndarray, coefficients: ndarray, weighted: ndarray
+) -> ndarray:
+    """Sum of coefficient x weighted control point over the functions of each element: (e, 16, 4) for bicubic
+    ones."""
     count = coefficients.shape[1]
     result = np.zeros((len(starts) - 1, count, 4))
     for e in range(len(starts) - 1):
@@ -121,7 +127,9 @@ def positions(patches: ndarray, boxes: ndarray, element: ndarray, s: ndarray, t:
         A = np.zeros(4)
         for j in range(4):
             for d in range(4):
-                A[d] += b[j] * (a0 * p[4 * j, d] + a1 * p[4 * j + 1, d] + a2 * p[4 * j + 2, d] + a3 * p[4 * j + 3, d])
+                A[d] += b[j] * (
+                    a0 * p[4 * j, d] + a1 * p[4 * j + 1, d] + a2 * p[4 * j + 2, d] + a3 * p[4 * j + 3, d]
+                )
         for d in range(3):
             S[n, d] = A[d] / A[3]
 
@@ -167,7 +175,14 @@ def first_jet(p: ndarray, box: ndarray, s: float, t: float) -> tuple[Three, Thre
 
 @njit(cache=True, fastmath=CONTRACT)
 def first_derivatives(
-    patches: ndarray, boxes: ndarray, element: ndarray, s: ndarray, t: ndarray, S: ndarray, S_s: ndarray, S_t: ndarray
+    patches: ndarray,
+    boxes: ndarray,
+    element: ndarray,
+    s: ndarray,
+    t: ndarray,
+    S: ndarray,
+    S_s: ndarray,
+    S_t: ndarray,
 ) -> None:
     """S, S_s and S_t at each sample."""
     for n in range(len(s)):
@@ -213,7 +228,9 @@ def jet(p: ndarray, box: ndarray, s: float, t: float, D: ndarray) -> None:
 
 
 @njit(cache=True, fastmath=CONTRACT)
-def second_derivatives(patches: ndarray, boxes: ndarray, element: ndarray, s: ndarray, t: ndarray, D: ndarray) -> None:
+def second_derivatives(
+    patches: ndarray, boxes: ndarray, element: ndarray, s: ndarray, t: ndarray, D: ndarray
+) -> None:
     """All derivatives to the second order at each sample: D (6, n, 3)."""
     one = np.empty((6, 3))
     for n in range(len(s)):

@@ -1,4 +1,5 @@
-"""Rational Bezier patches of any one degree, compiled: as kernels.bezier, slower, for elements that are not bicubic.
+"""Rational Bezier patches of any one degree, compiled: as kernels.bezier, slower, for elements that are not
+bicubic.
 
 A patch is (d + 1)^2 homogeneous control points, s fastest.
 """
@@ -23,7 +24,8 @@ def _of_degree(x: float, degree: int, B: ndarray) -> None:
 
 @njit(cache=True, fastmath=CONTRACT)
 def _bernstein(x: float, h: float, degree: int, B: ndarray) -> None:
-    """The Bernstein polynomials at x and their first two derivatives into the rows of B (3, degree + 1); h: 1 / width."""
+    """The Bernstein polynomials at x and their first two derivatives into the rows of B (3, degree + 1); h: 1
+    / width."""
     lower = np.empty(degree + 1)
     _of_degree(x, degree, B[0])
     B[1:] = 0.0
@@ -41,7 +43,9 @@ def _bernstein(x: float, h: float, degree: int, B: ndarray) -> None:
 
 
 @njit(cache=True, fastmath=CONTRACT)
-def derivatives(patches: ndarray, boxes: ndarray, element: ndarray, s: ndarray, t: ndarray, degree: int, D: ndarray) -> None:
+def derivatives(
+    patches: ndarray, boxes: ndarray, element: ndarray, s: ndarray, t: ndarray, degree: int, D: ndarray
+) -> None:
     """S, S_s, S_t, S_ss, S_st, S_tt at each sample, as many as D (1, 3 or 6, n, 3) holds."""
     a, b = np.empty((3, degree + 1)), np.empty((3, degree + 1))
     A, orders = np.empty((6, 4)), ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
@@ -65,5 +69,7 @@ def derivatives(patches: ndarray, boxes: ndarray, element: ndarray, s: ndarray, 
                 D[2, n, d] = (A[2, d] - A[2, 3] * D[0, n, d]) * w
             if len(D) > 3:
                 D[3, n, d] = (A[3, d] - 2.0 * A[1, 3] * D[1, n, d] - A[3, 3] * D[0, n, d]) * w
-                D[4, n, d] = (A[4, d] - A[1, 3] * D[2, n, d] - A[2, 3] * D[1, n, d] - A[4, 3] * D[0, n, d]) * w
+                D[4, n, d] = (
+                    A[4, d] - A[1, 3] * D[2, n, d] - A[2, 3] * D[1, n, d] - A[4, 3] * D[0, n, d]
+                ) * w
                 D[5, n, d] = (A[5, d] - 2.0 * A[2, 3] * D[2, n, d] - A[5, 3] * D[0, n, d]) * w

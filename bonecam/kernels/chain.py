@@ -8,7 +8,8 @@ from numba import njit
 def cheapest_chain(start: np.ndarray, steps: np.ndarray) -> np.ndarray:
     """States (n,) of the cheapest chain: start (k,) costs, steps (n - 1, k, k) costs from state to state.
 
-    Ties go to the lowest state. A chain of infinite cost answers -1 from the first row that cannot be reached.
+    Ties go to the lowest state. A chain of infinite cost answers -1 from the first row that cannot be
+    reached.
     """
     n, k = steps.shape[0] + 1, len(start)
     came = np.zeros((n, k), dtype=np.int16)

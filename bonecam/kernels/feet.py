@@ -1,6 +1,8 @@
-"""Feet of points on a level near which they are known to lie: a few steps of Gauss-Newton from given parameters, compiled.
+"""Feet of points on a level near which they are known to lie: a few steps of Gauss-Newton from given
+parameters, compiled.
 
-s is periodic over [0, 1); t is held between two rings `ends` next to the poles, within which the surface is as good as straight.
+s is periodic over [0, 1); t is held between two rings `ends` next to the poles, within which the surface is
+as good as straight.
 """
 
 import numpy as np
@@ -58,12 +60,13 @@ def feet(
     patches: ndarray, boxes: ndarray, strips: tuple, domain: tuple, ends: tuple, y: ndarray, steps: int, s: ndarray, t: ndarray,
     foot: ndarray, normal: ndarray, clear_of: float, enough: ndarray,
 ) -> None:  # fmt: skip
-    """s and t become the parameters of the nearest place to y that `steps` steps from them came by, `foot` and `normal` what is there.
-    A place as near as `enough` ends the search.
+    """s and t become the parameters of the nearest place to y that `steps` steps from them came by, `foot`
+    and `normal` what is there. A place as near as `enough` ends the search.
 
-    The steps are damped where S_s vanishes, halved where they lead away (farther off than the radius of curvature they go too far), and
-    neither long nor SHORT. From the ends the foot goes straight on towards the pole (the ring of a whole femur is 0.06 mm off), and the
-    normal is the mean one round it. Farther than `clear_of` from the foot the direction from it, or towards it, stands for the normal.
+    The steps are damped where S_s vanishes, halved where they lead away (farther off than the radius of
+    curvature they go too far), and neither long nor SHORT. From the ends the foot goes straight on towards
+    the pole (the ring of a whole femur is 0.06 mm off), and the normal is the mean one round it. Farther than
+    `clear_of` from the foot the direction from it, or towards it, stands for the normal.
 
     Most places are in the element of the one before, which is looked at first.
     """

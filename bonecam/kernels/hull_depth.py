@@ -1,9 +1,10 @@
-"""How far patches are at most from a surface: bounds that hold between the points, compiled (see kernels.hulls).
+"""How far patches are at most from a surface: bounds that hold between the points, compiled (see
+kernels.hulls).
 
-A patch is compared with the surface along a bilinear map of its parameters, which takes its corners to their feet: the difference is a
-polynomial of degree six in both, no larger than the largest of its control points. Where the map leaves one element of the surface that
-element's polynomial goes on, and what it is off there, again a hull's bound, is added. Every such bound is true whatever the feet;
-good feet make it tight.
+A patch is compared with the surface along a bilinear map of its parameters, which takes its corners to their
+feet: the difference is a polynomial of degree six in both, no larger than the largest of its control points.
+Where the map leaves one element of the surface that element's polynomial goes on, and what it is off there,
+again a hull's bound, is added. Every such bound is true whatever the feet; good feet make it tight.
 """
 
 import math
@@ -29,9 +30,10 @@ UNIT = np.array([0.0, 1.0, 0.0, 1.0])
 
 
 class Target(NamedTuple):
-    """The surface that depths are measured to, as kernels.projection takes it: patches (e, 16, 4) whose weights are all one, over
-    `boxes` in `strips`, s closed with the period 1. `seeds` (e, k, 5) are s, t, x, y, z of points on each element, `hulls` (e, 6)
-    boxes round the elements as `kernels.hulls.box_of` makes them."""
+    """The surface that depths are measured to, as kernels.projection takes it: patches (e, 16, 4) whose
+    weights are all one, over `boxes` in `strips`, s closed with the period 1. `seeds` (e, k, 5) are s, t, x,
+    y, z of points on each element, `hulls` (e, 6) boxes round the elements as `kernels.hulls.box_of` makes
+    them."""
 
     patches: ndarray
     boxes: ndarray
@@ -47,7 +49,11 @@ class Target(NamedTuple):
 def _from_values(degree: int) -> ndarray:
     """Control points from the values at even places, both ends included."""
     x = np.arange(degree + 1) / degree
-    return np.linalg.inv(np.array([[math.comb(degree, j) * a**j * (1 - a) ** (degree - j) for j in range(degree + 1)] for a in x]))
+    return np.linalg.inv(
+        np.array(
+            [[math.comb(degree, j) * a**j * (1 - a) ** (degree - j) for j in range(degree + 1)] for a in x]
+        )
+    )
 
 
 FROM_FOUR, FROM_SEVEN = _from_values(3), _from_values(6)
@@ -70,7 +76,8 @@ def _value(p: ndarray, box: ndarray, s: float, t: float) -> tuple[float, float, 
 
 @njit(cache=True, fastmath=CONTRACT)
 def _largest(values: ndarray, T: ndarray) -> float:
-    """The largest norm of the control points of the polynomial with these values (k, k, 3) at even places; they replace the values."""
+    """The largest norm of the control points of the polynomial with these values (k, k, 3) at even places;
+    they replace the values."""
     k = len(T)
     half = np.zeros((k, k, 3))
     for j in range(k):
@@ -92,21 +99,28 @@ def _largest(values: ndarray, T: ndarray) -> float:
 
 
 @njit(cache=True, fastmath=CONTRACT)
-def _bend(on: Target, m: int, m_turn: float, n: int, n_turn: float, a: float, b: float, c: float, d: float) -> float:
-    """How far the polynomials of elements m and n, so many turns on in s, are apart on [a, b] x [c, d] at most."""
+def _bend(
+    on: Target, m: int, m_turn: float, n: int, n_turn: float, a: float, b: float, c: float, d: float
+) -> float:
+    """How far the polynomials of elements m and n, so many turns on in s, are apart on [a, b] x [c, d] at
+    most."""
     values = np.empty((4, 4, 3))
     for j in range(4):
         t = c + (d - c) * j / 3.0
         for i in range(4):
             s = a + (b - a) * i / 3.0
-            x, y = _value(on.patches[m], on.boxes[m], s - m_turn, t), _value(on.patches[n], on.boxes[n], s - n_turn, t)
+            x, y = (
+                _value(on.patches[m], on.boxes[m], s - m_turn, t),
+                _value(on.patches[n], on.boxes[n], s - n_turn, t),
+            )
             values[j, i, 0], values[j, i, 1], values[j, i, 2] = x[0] - y[0], x[1] - y[1], x[2] - y[2]
     return _largest(values, FROM_FOUR)
 
 
 @njit(cache=True)
 def _overhang(on: Target, m: int, turn: int, a: float, b: float, c: float, d: float) -> float:
-    """How far the polynomial of element m, `turn` turns on in s, is from the surface on [a, b] x [c, d] at most."""
+    """How far the polynomial of element m, `turn` turns on in s, is from the surface on [a, b] x [c, d] at
+    most."""
     lines, _, starts, lows, highs, ids, _ = on.strips
     worst, boxes = 0.0, on.boxes
     if a >= boxes[m, 0] + turn and b <= boxes[m, 1] + turn and c >= boxes[m, 2] and d <= boxes[m, 3]:
@@ -122,19 +136,25 @@ def _overhang(on: Target, m: int, turn: int, a: float, b: float, c: float, d: fl
             for i in range(starts[k], starts[k + 1]):
                 low, high, n = max(a, lows[i] + other), min(b, highs[i] + other), ids[i]
                 if low < high and not (n == m and other == turn):
-                    worst = max(worst, _bend(on, m, turn, n, other, low, high, max(c, boxes[n, 2]), min(d, boxes[n, 3])))
+                    worst = max(
+                        worst,
+                        _bend(on, m, turn, n, other, low, high, max(c, boxes[n, 2]), min(d, boxes[n, 3])),
+                    )
     return worst
 
 
 @njit(inline="always")
 def _middle(feet: ndarray) -> tuple[float, float]:
-    return 0.25 * (feet[0, 0] + feet[1, 0] + feet[2, 0] + feet[3, 0]), 0.25 * (feet[0, 1] + feet[1, 1] + feet[2, 1] + feet[3, 1])
+    return 0.25 * (feet[0, 0] + feet[1, 0] + feet[2, 0] + feet[3, 0]), 0.25 * (
+        feet[0, 1] + feet[1, 1] + feet[2, 1] + feet[3, 1]
+    )
 
 
 @njit(cache=True, fastmath=CONTRACT)
 def apart(net: ndarray, feet: ndarray, on: Target) -> tuple[float, float, int]:
-    """How far the points of a net's patch are at most from those of the surface where the bilinear map of the corners' `feet` (4, 2)
-    leads; how far the farthest corner is; and the axis along which the difference bends more, -1 where the map goes far astray."""
+    """How far the points of a net's patch are at most from those of the surface where the bilinear map of the
+    corners' `feet` (4, 2) leads; how far the farthest corner is; and the axis along which the difference
+    bends more, -1 where the map goes far astray."""
     a = b = feet[0, 0]
     c = d = feet[0, 1]
     for k in range(1, 4):
@@ -176,10 +196,13 @@ def apart(net: ndarray, feet: ndarray, on: Target) -> tuple[float, float, int]:
 
 @njit(cache=True)
 def foot(point: ndarray, s: float, t: float, on: Target, D: ndarray) -> tuple[float, float, float]:
-    """Parameters of a foot of a point near (s, t), as many turns on, and its distance. A start at a pole stays: its s is a direction."""
+    """Parameters of a foot of a point near (s, t), as many turns on, and its distance. A start at a pole
+    stays: its s is a direction."""
     if (on.poles[0] and t <= on.domain[1, 0]) or (on.poles[1] and t >= on.domain[1, 1]):
         return s, t, np.inf
-    a, b, half = descend(on.patches, on.boxes, on.strips, on.domain, on.period, on.poles, on.limit, point, s, t, D)
+    a, b, half = descend(
+        on.patches, on.boxes, on.strips, on.domain, on.period, on.poles, on.limit, point, s, t, D
+    )
     return a + math.floor(s - a + 0.5), b, math.sqrt(2.0 * half)
 
 
@@ -203,8 +226,8 @@ def nearest_foot(point: ndarray, s: float, t: float, on: Target, D: ndarray) -> 
 
 @njit(cache=True)
 def _look_again(net: ndarray, feet: ndarray, bound: float, on: Target, D: ndarray) -> tuple[float, float]:
-    """A bound that may be less, from the nearest foot of a net's middle: its distance from all the net, or feet of the corners near it,
-    which replace `feet`. And how far the middle is."""
+    """A bound that may be less, from the nearest foot of a net's middle: its distance from all the net, or
+    feet of the corners near it, which replace `feet`. And how far the middle is."""
     middle, other = np.empty(3), np.empty((4, 2))
     middle[0], middle[1], middle[2] = _value(net, UNIT, 0.5, 0.5)
     s, t = _middle(feet)
@@ -245,11 +268,13 @@ def _divide(nets: ndarray, feet: ndarray, parts: ndarray, k: int, axis: int, on:
 def depth_bound(
     nets: ndarray, starts: ndarray, on: Target, goal: float, alarm: float, accuracy: float, smallest: float
 ) -> tuple[float, ndarray, ndarray, int]:  # fmt: skip
-    """How far points of nets (n, 16, 3) are at most from a surface; the piece where that is; pieces (k, 3) with a bound over `alarm`;
-    and how many pieces it took. A piece is told by its net and the parameters of its middle there.
+    """How far points of nets (n, 16, 3) are at most from a surface; the piece where that is; pieces (k, 3)
+    with a bound over `alarm`; and how many pieces it took. A piece is told by its net and the parameters of
+    its middle there.
 
-    `starts` (n, 4, 2) are parameters of the surface near the feet of the nets' corners. A bound is good enough up to `goal` mm, or
-    `accuracy` (and PART) more than a distance that there is, or where a piece is `smallest`; and where another is worse.
+    `starts` (n, 4, 2) are parameters of the surface near the feet of the nets' corners. A bound is good
+    enough up to `goal` mm, or `accuracy` (and PART) more than a distance that there is, or where a piece is
+    `smallest`; and where another is worse.
     """
     stack, feet, parts = np.empty((DEEPEST, 16, 3)), np.empty((DEEPEST, 4, 2)), np.empty((DEEPEST, 4))
     D, place, over = np.empty((6, 3)), np.zeros(3), np.empty((LISTED, 3))
@@ -272,7 +297,11 @@ def depth_bound(
                     axis = 0 if s >= t else 1
                 if corner > enough or max(s, t) < NEAR or bound <= corner + accuracy or last:
                     bound, distance = _look_again(net, feet[height], bound, on, D)
-                    last = last or bound <= distance + accuracy + PART * max(0.0, distance - alarm) or max(s, t) <= smallest
+                    last = (
+                        last
+                        or bound <= distance + accuracy + PART * max(0.0, distance - alarm)
+                        or max(s, t) <= smallest
+                    )
             if bound > enough and not last:
                 _divide(stack, feet, parts, height, axis, on, D)
                 height += 2

@@ -1,7 +1,8 @@
-"""Bounds that hold between the points: what is so of the Bezier control points is so of the whole patch, which lies in their hull.
+"""Bounds that hold between the points: what is so of the Bezier control points is so of the whole patch,
+which lies in their hull.
 
-A net is the 16 control points (16, 3) of a bicubic patch, s fastest. Nets are halved (de Casteljau) until their bounds are good
-enough.
+A net is the 16 control points (16, 3) of a bicubic patch, s fastest. Nets are halved (de Casteljau) until
+their bounds are good enough.
 """
 
 import math
@@ -22,7 +23,11 @@ def halve(net: ndarray, axis: int, low: ndarray, high: ndarray) -> None:
         a = k * other
         b, c, d = a + step, a + 2 * step, a + 3 * step
         for x in range(3):
-            pq, qr, rs = 0.5 * (net[a, x] + net[b, x]), 0.5 * (net[b, x] + net[c, x]), 0.5 * (net[c, x] + net[d, x])
+            pq, qr, rs = (
+                0.5 * (net[a, x] + net[b, x]),
+                0.5 * (net[b, x] + net[c, x]),
+                0.5 * (net[c, x] + net[d, x]),
+            )
             pqr, qrs = 0.5 * (pq + qr), 0.5 * (qr + rs)
             middle, first, last = 0.5 * (pqr + qrs), net[a, x], net[d, x]
             low[a, x], low[b, x], low[c, x], low[d, x] = first, pq, pqr, middle
@@ -39,7 +44,9 @@ def copy(source: ndarray, target: ndarray) -> None:
 
 @njit(inline="always")
 def _way(net: ndarray, a: int, b: int) -> float:
-    return math.sqrt((net[b, 0] - net[a, 0]) ** 2 + (net[b, 1] - net[a, 1]) ** 2 + (net[b, 2] - net[a, 2]) ** 2)
+    return math.sqrt(
+        (net[b, 0] - net[a, 0]) ** 2 + (net[b, 1] - net[a, 1]) ** 2 + (net[b, 2] - net[a, 2]) ** 2
+    )
 
 
 @njit(cache=True)
@@ -47,7 +54,9 @@ def extents(net: ndarray) -> tuple[float, float]:
     """How long a net is along s and along t."""
     s = t = 0.0
     for k in range(4):
-        s = max(s, _way(net, 4 * k, 4 * k + 1) + _way(net, 4 * k + 1, 4 * k + 2) + _way(net, 4 * k + 2, 4 * k + 3))
+        s = max(
+            s, _way(net, 4 * k, 4 * k + 1) + _way(net, 4 * k + 1, 4 * k + 2) + _way(net, 4 * k + 2, 4 * k + 3)
+        )
         t = max(t, _way(net, k, 4 + k) + _way(net, 4 + k, 8 + k) + _way(net, 8 + k, 12 + k))
     return s, t
 
@@ -80,7 +89,8 @@ def box_distance(box: ndarray, point: ndarray) -> float:
 
 @njit(inline="always")
 def _slab(a: ndarray, b: ndarray, x: float, y: float, z: float) -> float:
-    """How far two nets are apart along a direction, on whichever side of each other they are; negative where they overlap."""
+    """How far two nets are apart along a direction, on whichever side of each other they are; negative where
+    they overlap."""
     size = math.sqrt(x * x + y * y + z * z)
     if size == 0.0:
         return -np.inf
@@ -102,7 +112,8 @@ def _normal(net: ndarray) -> tuple[float, float, float]:
 
 @njit(cache=True, fastmath=FINITE)
 def _between_nets(a: ndarray, b: ndarray, enough: float) -> float:
-    """A distance that the hulls of two nets have at least; the search for a plane between them ends where it is enough."""
+    """A distance that the hulls of two nets have at least; the search for a plane between them ends where it
+    is enough."""
     x, y, z = _normal(a)
     gap = _slab(a, b, x, y, z)
     if gap >= enough:
@@ -126,10 +137,12 @@ def _between_nets(a: ndarray, b: ndarray, enough: float) -> float:
 def separation(
     inner: ndarray, outer: ndarray, goal: float, enough: float, small: float, smallest: float, most: int
 ) -> tuple[float, ndarray, int]:  # fmt: skip
-    """A distance between two sets of patches (n, 16, 3) that they have at least, up to `goal`; where they are nearest; pairs looked at.
+    """A distance between two sets of patches (n, 16, 3) that they have at least, up to `goal`; where they are
+    nearest; pairs looked at.
 
-    Pieces are halved until their hulls are `goal` apart, or `small` and more than `enough`, or `smallest`; where these still overlap, or
-    `most` pairs have been looked at, the surfaces may meet: then the distance is negative.
+    Pieces are halved until their hulls are `goal` apart, or `small` and more than `enough`, or `smallest`;
+    where these still overlap, or `most` pairs have been looked at, the surfaces may meet: then the distance
+    is negative.
     """
     a_boxes, b_boxes = np.empty((len(inner), 6)), np.empty((len(outer), 6))
     for i in range(len(inner)):
@@ -160,7 +173,12 @@ def separation(
                 a_s, a_t = extents(a)
                 b_s, b_t = extents(b)
                 size = max(max(a_s, a_t), max(b_s, b_t))
-                if (gap > enough and size <= small) or size <= smallest or height + 2 > DEEPEST or count >= most:
+                if (
+                    (gap > enough and size <= small)
+                    or size <= smallest
+                    or height + 2 > DEEPEST
+                    or count >= most
+                ):
                     least = gap
                     for x in range(3):
                         place[x] = 0.25 * (a[0, x] + a[3, x] + a[12, x] + a[15, x])

@@ -1,7 +1,9 @@
-"""The distance to the nearest of many triangles, as far as a limit: a tree of boxes, halved along the longest side.
+"""The distance to the nearest of many triangles, as far as a limit: a tree of boxes, halved along the longest
+side.
 
-The tree is complete: node n has the children 2n + 1 and 2n + 2, its last row are the leaves, which share the triangles evenly. Each
-search begins with the triangle that was nearest to the point before, so points in the order of a path find their way quickly.
+The tree is complete: node n has the children 2n + 1 and 2n + 2, its last row are the leaves, which share the
+triangles evenly. Each search begins with the triangle that was nearest to the point before, so points in the
+order of a path find their way quickly.
 """
 
 import numpy as np
@@ -13,13 +15,18 @@ DEEPEST = 64
 
 @njit(cache=True)
 def tree_order(middles: ndarray, leaves: int) -> ndarray:
-    """The order of triangles (by their middles (n, 3)) in which `leaves`, a power of two, share them: halved along the longest side."""
+    """The order of triangles (by their middles (n, 3)) in which `leaves`, a power of two, share them: halved
+    along the longest side."""
     n = len(middles)
     order = np.arange(n)
     parts = leaves
     while parts > 1:
         for first in range(0, leaves, parts):
-            low, middle, high = first * n // leaves, (first + parts // 2) * n // leaves, (first + parts) * n // leaves
+            low, middle, high = (
+                first * n // leaves,
+                (first + parts // 2) * n // leaves,
+                (first + parts) * n // leaves,
+            )
             if not low < middle < high:
                 continue
             here = order[low:high]
@@ -40,7 +47,8 @@ def tree_order(middles: ndarray, leaves: int) -> ndarray:
 
 @njit(cache=True)
 def boxes_of(triangles: ndarray, leaves: int) -> ndarray:
-    """Boxes (2 leaves - 1, 6) of the tree over ordered triangles (n, 9): lowest x, y, z, highest x, y, z; empty ones are nowhere."""
+    """Boxes (2 leaves - 1, 6) of the tree over ordered triangles (n, 9): lowest x, y, z, highest x, y, z;
+    empty ones are nowhere."""
     n = len(triangles)
     boxes = np.empty((2 * leaves - 1, 6))
     boxes[:, :3], boxes[:, 3:] = np.inf, -np.inf

@@ -1,4 +1,5 @@
-"""Normal equations of sparse rows, row by row, into a lower band: H += D_i^T M_i D_i with a 3 x 3 metric each, or H += w_i D_i^T D_i."""
+"""Normal equations of sparse rows, row by row, into a lower band: H += D_i^T M_i D_i with a 3 x 3 metric
+each, or H += w_i D_i^T D_i."""
 
 import numpy as np
 from numba import njit
@@ -16,14 +17,20 @@ def add_rows(
     metric: np.ndarray,
     targets: np.ndarray,
 ) -> None:
-    """Add v_ij v_ik M_i to the band and v_ij M_i X_i to the gradient (n, 3), for the rows i of a CSR matrix v.
+    """Add v_ij v_ik M_i to the band and v_ij M_i X_i to the gradient (n, 3), for the rows i of a CSR matrix
+    v.
 
-    Unknown 3 j + a is axis a of control point j; band[p, q - p] holds H[q, p] for q >= p. metric (m, 3, 3) symmetric, targets (m, 3).
+    Unknown 3 j + a is axis a of control point j; band[p, q - p] holds H[q, p] for q >= p. metric (m, 3, 3)
+    symmetric, targets (m, 3).
     """
     pull = np.zeros(3)
     for i in range(len(starts) - 1):
         for a in range(3):
-            pull[a] = metric[i, a, 0] * targets[i, 0] + metric[i, a, 1] * targets[i, 1] + metric[i, a, 2] * targets[i, 2]
+            pull[a] = (
+                metric[i, a, 0] * targets[i, 0]
+                + metric[i, a, 1] * targets[i, 1]
+                + metric[i, a, 2] * targets[i, 2]
+            )
         for p in range(starts[i], starts[i + 1]):
             j = columns[p]
             for a in range(3):
@@ -54,8 +61,11 @@ def width(starts: np.ndarray, columns: np.ndarray) -> int:
 
 
 @njit(cache=True, fastmath=CONTRACT)
-def add_weighed(band: np.ndarray, starts: np.ndarray, columns: np.ndarray, values: np.ndarray, weights: np.ndarray) -> None:
-    """Add w_i v_ij v_ik to the band, for the rows i of a CSR matrix v; band[p, q - p] holds H[q, p] for q >= p."""
+def add_weighed(
+    band: np.ndarray, starts: np.ndarray, columns: np.ndarray, values: np.ndarray, weights: np.ndarray
+) -> None:
+    """Add w_i v_ij v_ik to the band, for the rows i of a CSR matrix v; band[p, q - p] holds H[q, p] for q >=
+    p."""
     for i in range(len(starts) - 1):
         for p in range(starts[i], starts[i + 1]):
             j, share = columns[p], weights[i] * values[p]

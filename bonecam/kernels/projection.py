@@ -18,7 +18,8 @@ def _half_square(D: ndarray, p: ndarray) -> float:
 
 @njit(cache=True)
 def _inside(s: float, t: float, domain: ndarray, period: ndarray, poles: ndarray) -> tuple[float, float]:
-    """(s, t) brought back into the domain: round a closed direction, over a pole to the other side, else to the border."""
+    """(s, t) brought back into the domain: round a closed direction, over a pole to the other side, else to
+    the border."""
     if t < domain[1, 0]:
         if poles[0]:
             s, t = s + 0.5 * period[0], min(2.0 * domain[1, 0] - t, domain[1, 1])
@@ -41,7 +42,8 @@ def _inside(s: float, t: float, domain: ndarray, period: ndarray, poles: ndarray
 
 @njit(cache=True, fastmath=CONTRACT)
 def _step(D: ndarray, p: ndarray) -> tuple[float, float, float, bool]:
-    """Newton's step on |S - p|^2 / 2, Gauss-Newton's where the Hessian is not positive; its slope; whether it is Newton's."""
+    """Newton's step on |S - p|^2 / 2, Gauss-Newton's where the Hessian is not positive; its slope; whether it
+    is Newton's."""
     g0 = g1 = E = F = G = a = b = c = 0.0
     for d in range(3):
         r = D[0, d] - p[d]
@@ -68,7 +70,8 @@ def _step(D: ndarray, p: ndarray) -> tuple[float, float, float, bool]:
 
 @njit(cache=True, fastmath=CONTRACT)
 def _step_along(D: ndarray, p: ndarray, axis: int) -> tuple[float, float]:
-    """The step in one parameter alone and its slope: Newton's, Gauss-Newton's where the second derivative is not positive."""
+    """The step in one parameter alone and its slope: Newton's, Gauss-Newton's where the second derivative is
+    not positive."""
     g = G = c = 0.0
     for d in range(3):
         r = D[0, d] - p[d]
@@ -154,7 +157,8 @@ def feet(
     patches: ndarray, boxes: ndarray, strips: tuple, domain: ndarray, period: ndarray, poles: ndarray, limit: ndarray, points: ndarray,
     seeds: ndarray, s: ndarray, t: ndarray, squared: ndarray,
 ) -> None:  # fmt: skip
-    """The nearest foot over the seeds (n, k, 2) of each point; a seed near one that was tried is left out. limit (2,): longest step."""
+    """The nearest foot over the seeds (n, k, 2) of each point; a seed near one that was tried is left out.
+    limit (2,): longest step."""
     D = np.empty((6, 3))
     for n in range(len(points)):
         best = np.inf

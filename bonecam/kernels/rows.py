@@ -1,4 +1,5 @@
-"""Products of sparse rows (CSR) and points, three columns at a time: a third of the time of scipy's, which take any number of them.
+"""Products of sparse rows (CSR) and points, three columns at a time: a third of the time of scipy's, which
+take any number of them.
 
 Indices are read as unsigned: of signed ones each would be looked at whether it counts from the end.
 """

@@ -1,7 +1,7 @@
 """The loops of one morph level's program, compiled: a sweep of the splitting, a sweep of projections.
 
-Both hold samples x_l + sum_i R_li D_i between two planes (low <= n . (y - c) <= high, from the foot c on the level before)
-and behind a third (m . y <= h, the stock's wall). R is in CSR form.
+Both hold samples x_l + sum_i R_li D_i between two planes (low <= n . (y - c) <= high, from the foot c on the
+level before) and behind a third (m . y <= h, the stock's wall). R is in CSR form.
 """
 
 import numpy as np
@@ -38,8 +38,8 @@ def sweep(
     x: ndarray, y: ndarray, H: ndarray, c: ndarray, n: ndarray, low: ndarray, high: ndarray, m: ndarray, h: ndarray, weights: ndarray,
     rho: float, relaxation: float, z: ndarray, u: ndarray,
 ) -> float:  # fmt: skip
-    """One iteration for samples that y has moved: z = the point of the limits nearest to (H + rho (x + y + u)) / (1 + rho),
-    u += x + y - z, and y = W (z - u - x), whose moments the control points are fitted to.
+    """One iteration for samples that y has moved: z = the point of the limits nearest to (H + rho (x + y +
+    u)) / (1 + rho), u += x + y - z, and y = W (z - u - x), whose moments the control points are fitted to.
 
     Answers what is unsettled: the weighed sum of squares of how far z went and how far it is from x + y.
     """
@@ -67,8 +67,8 @@ def _onto(
     indptr: ndarray, indices: ndarray, data: ndarray, x: ndarray, D: ndarray, c: ndarray, n: ndarray, low: ndarray, high: ndarray,
     m: ndarray, h: ndarray, rows: ndarray, broken: ndarray, least: float,
 ) -> tuple[float, int]:  # fmt: skip
-    """Move D onto the limits of some samples, one after the other: how far the worst broke them, and how many by more than `least`,
-    which are listed in `broken` (may be `rows` itself)."""
+    """Move D onto the limits of some samples, one after the other: how far the worst broke them, and how many
+    by more than `least`, which are listed in `broken` (may be `rows` itself)."""
     worst, count = 0.0, 0
     for l in rows:
         y0, y1, y2, square = x[l, 0], x[l, 1], x[l, 2], 0.0
@@ -100,9 +100,11 @@ def project(
     indptr: ndarray, indices: ndarray, data: ndarray, x: ndarray, D: ndarray, c: ndarray, n: ndarray, low: ndarray, high: ndarray,
     m: ndarray, h: ndarray, sweeps: int, enough: float,
 ) -> None:  # fmt: skip
-    """Move D onto the limits of one sample after the other (Kaczmarz), until all hold to `enough` or for `sweeps` rounds.
+    """Move D onto the limits of one sample after the other (Kaczmarz), until all hold to `enough` or for
+    `sweeps` rounds.
 
-    After each round those that broke theirs, which are few, are gone through alone, until they hold or ALONE times.
+    After each round those that broke theirs, which are few, are gone through alone, until they hold or ALONE
+    times.
     """
     every, broken = np.arange(len(x)), np.empty(len(x), np.int64)
     for _ in range(sweeps):
@@ -110,6 +112,8 @@ def project(
         if worst < enough:
             break
         for _ in range(ALONE):
-            worst, count = _onto(indptr, indices, data, x, D, c, n, low, high, m, h, broken[:count], broken, 0.01 * enough)
+            worst, count = _onto(
+                indptr, indices, data, x, D, c, n, low, high, m, h, broken[:count], broken, 0.01 * enough
+            )
             if worst < enough:
                 break

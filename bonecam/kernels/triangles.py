@@ -8,7 +8,11 @@ from numpy import ndarray
 @njit(inline="always")
 def _segment(px: float, py: float, pz: float, vertices: ndarray, a: int, b: int) -> float:
     """Squared distance of a point from the segment a b."""
-    ux, uy, uz = vertices[b, 0] - vertices[a, 0], vertices[b, 1] - vertices[a, 1], vertices[b, 2] - vertices[a, 2]
+    ux, uy, uz = (
+        vertices[b, 0] - vertices[a, 0],
+        vertices[b, 1] - vertices[a, 1],
+        vertices[b, 2] - vertices[a, 2],
+    )
     wx, wy, wz = px - vertices[a, 0], py - vertices[a, 1], pz - vertices[a, 2]
     length = ux * ux + uy * uy + uz * uz
     x = min(1.0, max(0.0, (wx * ux + wy * uy + wz * uz) / length)) if length > 0.0 else 0.0
@@ -30,7 +34,8 @@ def segment_distances(points: ndarray, vertices: ndarray, edges: ndarray) -> nda
 
 @njit(cache=True)
 def triangle_distances(points: ndarray, vertices: ndarray, faces: ndarray) -> ndarray:
-    """Distance of points[n] from the triangle faces[n]: to its plane where the foot lies inside, else to its nearest edge."""
+    """Distance of points[n] from the triangle faces[n]: to its plane where the foot lies inside, else to its
+    nearest edge."""
     result = np.zeros(len(faces))
     for n in range(len(faces)):
         a, b, c = faces[n, 0], faces[n, 1], faces[n, 2]
@@ -52,9 +57,15 @@ def triangle_distances(points: ndarray, vertices: ndarray, faces: ndarray) -> nd
 
 @njit(cache=True)
 def between(
-    parameters: ndarray, poles: ndarray, corners: ndarray, shares: ndarray, origin: tuple[float, float], period: tuple[float, float]
+    parameters: ndarray,
+    poles: ndarray,
+    corners: ndarray,
+    shares: ndarray,
+    origin: tuple[float, float],
+    period: tuple[float, float],
 ) -> tuple[ndarray, ndarray]:
-    """s and t between the corners (n, c) at each of the barycentric shares (k, c): (n k,); a pole has no s of its own.
+    """s and t between the corners (n, c) at each of the barycentric shares (k, c): (n k,); a pole has no s of
+    its own.
 
     A direction with a period closes: [origin, origin + period).
     """

@@ -1,4 +1,5 @@
-"""The T-spline of a smooth convex body: least squares to the points that the meridians of a capsule round it map onto it.
+"""The T-spline of a smooth convex body: least squares to the points that the meridians of a capsule round it
+map onto it.
 
 Where even knots do not bring it near enough, they stand where the points bend.
 """
@@ -41,18 +42,24 @@ def enclosing(stock: Stock) -> Capsule:
 
 
 def meridians(capsule: Capsule, s: Float[ndarray, " n"], t: Float[ndarray, " n"]) -> Float[ndarray, "n 3"]:
-    """Points of an upright capsule: s turns round the axis, t is the share of the arc from the lower to the upper pole."""
+    """Points of an upright capsule: s turns round the axis, t is the share of the arc from the lower to the
+    upper pole."""
     quarter, straight = capsule.radius * np.pi / 2, capsule.length - 2 * capsule.radius
     arc = t * (2 * quarter + straight) - quarter
     rise = np.clip(arc, 0, straight)
     angle = (arc - rise) / capsule.radius
     across = capsule.radius * np.cos(angle)
-    local = [across * np.cos(2 * np.pi * s), across * np.sin(2 * np.pi * s), rise + capsule.radius * np.sin(angle)]
+    local = [
+        across * np.cos(2 * np.pi * s),
+        across * np.sin(2 * np.pi * s),
+        rise + capsule.radius * np.sin(angle),
+    ]
     return np.asarray(capsule.start + np.column_stack(local))
 
 
 def body_surfaces(bodies: Sequence[Stock]) -> list[TSpline]:
-    """The surfaces of smooth convex bodies, lower pole first, all on one T-mesh, within TOLERANCE as measured.
+    """The surfaces of smooth convex bodies, lower pole first, all on one T-mesh, within TOLERANCE as
+    measured.
 
     LevelError with the distance and the place where they are farther off with the most control points.
     """
@@ -63,7 +70,9 @@ def body_surfaces(bodies: Sequence[Stock]) -> list[TSpline]:
     distance, place = np.inf, np.zeros(3)
     for s_knots, t_knots, smooth in _tries(bodies, capsules, around, rows):
         made = _fitted(bodies, capsules, s_knots, t_knots, smooth)
-        distance, place = max((_off(body, surface) for body, surface in zip(bodies, made)), key=lambda one: one[0])
+        distance, place = max(
+            (_off(body, surface) for body, surface in zip(bodies, made)), key=lambda one: one[0]
+        )
         if distance <= TOLERANCE:
             return made
     raise LevelError(
@@ -74,33 +83,46 @@ def body_surfaces(bodies: Sequence[Stock]) -> list[TSpline]:
     )
 
 
-def _tries(bodies: Sequence[Stock], capsules: Sequence[Capsule], around: int, rows: int) -> Iterator[tuple[ndarray, ndarray, bool]]:
-    """Knots round and along the bodies, and whether steps are smoothed: first even ones, then where the bodies bend, more and more."""
+def _tries(
+    bodies: Sequence[Stock], capsules: Sequence[Capsule], around: int, rows: int
+) -> Iterator[tuple[ndarray, ndarray, bool]]:
+    """Knots round and along the bodies, and whether steps are smoothed: first even ones, then where the
+    bodies bend, more and more."""
     yield np.arange(around) / around, np.linspace(0, 1, rows - 2), False
     s, t = np.arange(SAMPLES * around) / (SAMPLES * around), np.linspace(0, 1, SAMPLES * rows)
     grids = [_grid(body, capsule, s, t) for body, capsule in zip(bodies, capsules)]
     along_s = np.max([_bends(grid.swapaxes(0, 1)) for grid in grids], axis=0)
     along_t = np.max([_bends(grid) for grid in grids], axis=0)
     for finer in FINER ** np.arange(TRIES):
-        yield _knots(np.append(along_s, along_s[0]), int(finer * around))[:-1], _knots(along_t, int(finer * rows) - 3), True
+        yield (
+            _knots(np.append(along_s, along_s[0]), int(finer * around))[:-1],
+            _knots(along_t, int(finer * rows) - 3),
+            True,
+        )
 
 
-def _grid(body: Stock, capsule: Capsule, s: Float[ndarray, " a"], t: Float[ndarray, " b"]) -> Float[ndarray, "b a 3"]:
+def _grid(
+    body: Stock, capsule: Capsule, s: Float[ndarray, " a"], t: Float[ndarray, " b"]
+) -> Float[ndarray, "b a 3"]:
     """The points that the capsule's map onto the body."""
     ss, tt = (v.ravel() for v in np.meshgrid(s, t))
     return body.nearest(meridians(capsule, ss, tt)).reshape(len(t), len(s), 3)
 
 
 def _even(body: Stock, grid: Float[ndarray, "b a 3"]) -> Float[ndarray, "b a 3"]:
-    """The points without the jumps of their steps at the ends of flats, after which a spline swings so far that it may turn over."""
+    """The points without the jumps of their steps at the ends of flats, after which a spline swings so far
+    that it may turn over."""
     wide = int(4 * SMOOTH)
     over_poles = np.pad(grid, ((wide, wide), (0, 0), (0, 0)), mode="reflect", reflect_type="odd")
-    smooth = gaussian_filter1d(gaussian_filter1d(over_poles, SMOOTH, axis=0), SMOOTH, axis=1, mode="wrap")[wide:-wide]
+    smooth = gaussian_filter1d(gaussian_filter1d(over_poles, SMOOTH, axis=0), SMOOTH, axis=1, mode="wrap")[
+        wide:-wide
+    ]
     return body.nearest(smooth.reshape(-1, 3)).reshape(grid.shape)
 
 
 def _bends(grid: Float[ndarray, "b a 3"]) -> Float[ndarray, " b"]:
-    """The density of knots along the first index that makes the error even: the root of the largest second difference there."""
+    """The density of knots along the first index that makes the error even: the root of the largest second
+    difference there."""
     second = np.linalg.norm(np.diff(grid, 2, axis=0), axis=2).max(1)
     density = np.sqrt(np.concatenate([second[:1], second, second[-1:]]))
     return np.maximum(density, FEW * density.mean())
@@ -118,7 +140,11 @@ def _between(knots: Float[ndarray, " k"], count: int) -> Float[ndarray, " n"]:
 
 
 def _fitted(
-    bodies: Sequence[Stock], capsules: Sequence[Capsule], s_knots: Float[ndarray, " a"], t_knots: Float[ndarray, " b"], smooth: bool
+    bodies: Sequence[Stock],
+    capsules: Sequence[Capsule],
+    s_knots: Float[ndarray, " a"],
+    t_knots: Float[ndarray, " b"],
+    smooth: bool,
 ) -> list[TSpline]:
     """Least squares on the T-mesh with these knots."""
     rows = len(t_knots) + 2
@@ -138,7 +164,10 @@ def _fitted(
 def _off(body: Stock, surface: TSpline) -> tuple[float, Float[ndarray, "3"]]:
     """How far the surface is off the body at most, at places of every patch and at the poles, and where."""
     assert isinstance(surface.tmesh, RowTMesh)
-    s, t = _between(np.append(surface.tmesh.s_knots[1], 1.0), 2 * CHECKS), _between(surface.tmesh.t_knots[3:-3], 2 * CHECKS)
+    s, t = (
+        _between(np.append(surface.tmesh.s_knots[1], 1.0), 2 * CHECKS),
+        _between(surface.tmesh.t_knots[3:-3], 2 * CHECKS),
+    )
     ss, tt = np.meshgrid(s[1::2], np.concatenate([t[:1], t[1::2], t[-1:]]))
     points = surface.positions(ss.ravel(), tt.ravel())
     distance = np.abs(body.signed_distance(points))

@@ -1,7 +1,7 @@
 """The morph: from the part to the stock in as few levels as the depths allow (Gan et al. 2014, section 4.2).
 
-Every level has the T-mesh and weights of the part; only control points change. Levels are made until every point of the
-stock's surface lies within one depth of the last one; the stock itself is the level after that.
+Every level has the T-mesh and weights of the part; only control points change. Levels are made until every
+point of the stock's surface lies within one depth of the last one; the stock itself is the level after that.
 """
 
 import time
@@ -32,9 +32,13 @@ from bonecam.surface.query.validity import require_sound
 from bonecam.surface.tspline import TSpline
 from bonecam.threads import on_one_blas_thread
 
-METHODS = {"qp": (NEST_TOLERANCE, STOCK_TOLERANCE), "qcqp": (0.02, 2 * STOCK_TOLERANCE), "osqp": (NEST_TOLERANCE, STOCK_TOLERANCE)}
-"""How far (mm) a level may fall behind the one before and leave the stock: the published program says nothing of the one, and holds
-the other at samples only."""
+METHODS = {
+    "qp": (NEST_TOLERANCE, STOCK_TOLERANCE),
+    "qcqp": (0.02, 2 * STOCK_TOLERANCE),
+    "osqp": (NEST_TOLERANCE, STOCK_TOLERANCE),
+}
+"""How far (mm) a level may fall behind the one before and leave the stock: the published program says nothing
+of the one, and holds the other at samples only."""
 STIFFNESS, COARSE = 5e-7, 0.02
 
 
@@ -42,8 +46,9 @@ STIFFNESS, COARSE = 5e-7, 0.02
 class Morph:
     """Levels 0 (the part) to K (the stock), and the fewest cuts K_min any schedule of these depths needs.
 
-    `distance` is the largest distance from the stock to the part, mm. The seconds are for benchmarks and reports. `breaks` is by how much
-    (mm, ACCEPTED at most) a level exceeds its depth, falls behind or leaves the stock where no sequence keeps every tolerance; else 0.
+    `distance` is the largest distance from the stock to the part, mm. The seconds are for benchmarks and
+    reports. `breaks` is by how much (mm, ACCEPTED at most) a level exceeds its depth, falls behind or leaves
+    the stock where no sequence keeps every tolerance; else 0.
     """
 
     levels: tuple[Level, ...]
@@ -60,10 +65,13 @@ class Morph:
 
     @cached_property
     def depth_used(self) -> float:
-        """Mean share of the limit that the levels move where at least a full depth of material is left, over all their area."""
+        """Mean share of the limit that the levels move where at least a full depth of material is left, over
+        all their area."""
         cuts = self.levels[1:]
         whole = sum(level.full_area for level in cuts)
-        return sum(level.full_area * level.full_mean / level.limit for level in cuts) / whole if whole else 1.0
+        return (
+            sum(level.full_area * level.full_mean / level.limit for level in cuts) / whole if whole else 1.0
+        )
 
 
 @on_one_blas_thread
@@ -80,10 +88,11 @@ def morph(
 ) -> Morph:
     """All levels, measured on tessellations within `chord_tolerance` mm.
 
-    `stiffness` is c_int / c_ext (parameters in [0, 1]); it falls where progress stalls. `method` is `qp`; `osqp`, the
-    same programs solved by OSQP; or `qcqp`, the published program solved exactly (`levels/solvers/clarabel.py`): both slow, for reference.
-    Raises SurfaceError where the surface is not closed between two poles or no body's, StockError where the part is not inside the stock,
-    JobError where a number is out of the range it has in a job, LevelError where a level cannot be made or fails its check.
+    `stiffness` is c_int / c_ext (parameters in [0, 1]); it falls where progress stalls. `method` is `qp`;
+    `osqp`, the same programs solved by OSQP; or `qcqp`, the published program solved exactly
+    (`levels/solvers/clarabel.py`): both slow, for reference. Raises SurfaceError where the surface is not
+    closed between two poles or no body's, StockError where the part is not inside the stock, JobError where a
+    number is out of the range it has in a job, LevelError where a level cannot be made or fails its check.
     """
     require_types(surface, schedule, stock)
     if not all(surface.poles):
@@ -108,7 +117,11 @@ def morph(
     solving, measuring = part(progress, 0.0, 0.7), part(progress, 0.7, 1.0)
     making = Sequences(setting, around, schedule, schedule.lower_bound(rest.left), solving, method, stiffness)
     rules = Rules(stock, schedule, *METHODS[method], chord_tolerance)
-    sequences = making.all(rest) if method != "qcqp" else _by_cones(surface, stock, schedule, stiffness, attraction, solving)
+    sequences = (
+        making.all(rest)
+        if method != "qcqp"
+        else _by_cones(surface, stock, schedule, stiffness, attraction, solving)
+    )
     failure: LevelError | None = None
     longer: Morph | None = None
     nearly: Morph | None = None
@@ -124,7 +137,9 @@ def morph(
             failure = failure or error
             continue
         checking += inspection.seconds
-        found = Morph(inspection.levels, lower_bound, rest.farthest, time.perf_counter() - start - checking, checking)
+        found = Morph(
+            inspection.levels, lower_bound, rest.farthest, time.perf_counter() - start - checking, checking
+        )
         if inspection.failed:
             failure = failure or inspection.failed[0].error
             breaks = max(cut.over for cut in inspection.failed)
@@ -149,7 +164,8 @@ def require_types(surface: object, schedule: object, *stocks: object) -> None:
 
 
 def require_seeds_inside(stock: Stock, surface: TSpline) -> None:
-    """StockError at once where the part leaves the stock in few of its points: one far too large would be tessellated for minutes first."""
+    """StockError at once where the part leaves the stock in few of its points: one far too large would be
+    tessellated for minutes first."""
     require_inside(stock, surface.positions(*surface.seeds.parameters.T), MARGIN)
 
 

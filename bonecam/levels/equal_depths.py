@@ -14,9 +14,11 @@ TRIES, SPARE, ENOUGH = 3, 1.004, 0.9
 
 
 def even_levels(surface: TSpline, stock: Stock, schedule: Schedule, **options: Any) -> Morph:
-    """`levels_in`, then again with roughing cuts so shallow that the morph's outermost cut is as deep as they are.
+    """`levels_in`, then again with roughing cuts so shallow that the morph's outermost cut is as deep as they
+    are.
 
-    The number of cuts stays; where shallower cuts need one more, the depth is raised again half way, at last to what was given.
+    The number of cuts stays; where shallower cuts need one more, the depth is raised again half way, at last
+    to what was given.
     """
     made = levels_in(surface, stock, schedule, **options)
     cuts, rest = _outermost(made)

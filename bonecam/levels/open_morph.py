@@ -1,13 +1,17 @@
-"""The morph of an open surface (a blade): level 0 is the surface, the last level its stock, an offset of it or a given surface.
+"""The morph of an open surface (a blade): level 0 is the surface, the last level its stock, an offset of it
+or a given surface.
 
-An open surface has no inside, so the stock is a surface too, fitted over the same T-mesh: control points Q for the part's P. A level
-solves the published energy (Gan et al. 2014, section 4.2) with the stock's own points as source of attraction,
+An open surface has no inside, so the stock is a surface too, fitted over the same T-mesh: control points Q
+for the part's P. A level solves the published energy (Gan et al. 2014, section 4.2) with the stock's own
+points as source of attraction,
 
-    min  c_int (P + x - Q)' M (P + x - Q) + c_ext int |R (P + x - Q)|^2      s.t. 0 <= x_i <= eps_k on the way from P_i to Q_i,
+    min  c_int (P + x - Q)' M (P + x - Q) + c_ext int |R (P + x - Q)|^2      s.t. 0 <= x_i <= eps_k on the way
+    from P_i to Q_i,
 
-every control point on its straight way: the blending functions are non-negative and sum to one, so that no point of the surface
-moves further than eps_k, and none falls behind where the ways lie on the outer side. A given stock is met at its nearest points.
-Fixed edges keep their control points: all levels hang on the part's edges, and the stock bends down to them.
+every control point on its straight way: the blending functions are non-negative and sum to one, so that no
+point of the surface moves further than eps_k, and none falls behind where the ways lie on the outer side. A
+given stock is met at its nearest points. Fixed edges keep their control points: all levels hang on the part's
+edges, and the stock bends down to them.
 """
 
 from dataclasses import dataclass, replace
@@ -52,11 +56,13 @@ def morph_open(
     chord_tolerance: float = 0.01,
     progress: Progress = silent,
 ) -> Morph:
-    """All levels from an open surface to its stock: so many mm along its normals (negative: behind it), or a given surface on one side.
+    """All levels from an open surface to its stock: so many mm along its normals (negative: behind it), or a
+    given surface on one side.
 
-    `stock`: a number, a TriangleMesh or a TSpline; `outside` of the last level is how far its fit lies off it, at most one cut.
-    `edges`: `free`, or `fixed` to those of the part. Raises SurfaceError where the surface is closed, JobError where a parameter is wrong,
-    StockError where the stock is not on one side of the part or its fit too far off, LevelError where a level cannot be made or fails.
+    `stock`: a number, a TriangleMesh or a TSpline; `outside` of the last level is how far its fit lies off
+    it, at most one cut. `edges`: `free`, or `fixed` to those of the part. Raises SurfaceError where the
+    surface is closed, JobError where a parameter is wrong, StockError where the stock is not on one side of
+    the part or its fit too far off, LevelError where a level cannot be made or fails.
     """
     require_types(surface, schedule)
     LevelsJob(chord_tolerance=chord_tolerance)  # raises where it is out of range
@@ -72,21 +78,25 @@ def morph_open(
     held = fabric.edge & (edges == "fixed")
     found = open_stock(surface, fabric, stock, edges == "fixed")
     target, distances_to_it = found.surface, distances(surface, found.points, found.parameters)
-    distance = min(float(distances_to_it.max(initial=0.0)), found.farthest)  # where it bends down to fixed edges its fit may bulge farther
+    distance = min(
+        float(distances_to_it.max(initial=0.0)), found.farthest
+    )  # where it bends down to fixed edges its fit may bulge farther
     lower_bound = schedule.lower_bound(distance)
     _require_near(found, schedule.limit(lower_bound))
     grid = _grid(surface, target, chord_tolerance)
     points, at = np.vstack([found.points, grid.points(target)]), np.vstack([found.parameters, grid.all])
     shapes = [surface]
-    while _beyond(target, grid.points(shapes[-1]), grid.all, limit := schedule.limit(k := len(shapes))) or _beyond(
-        shapes[-1], points, at, limit
-    ):
+    while _beyond(
+        target, grid.points(shapes[-1]), grid.all, limit := schedule.limit(k := len(shapes))
+    ) or _beyond(shapes[-1], points, at, limit):
         report(progress, min(1.0, k / lower_bound), f"level {k}")
         moves = _moves(fabric, shapes[-1].control_points, target.control_points, limit, stiffness, held)
         if np.linalg.norm(moves, axis=1).max() < limit / 100:
             raise LevelError(f"level {k} gets no nearer to the stock: give a lower stiffness", level=k)
         shapes.append(surface.with_control_points(shapes[-1].control_points + moves))
-    levels = [Level(0, surface, mesh := grid.mesh(surface), 0.0, 0.0, 0.0, 0.0, len(self_intersections(mesh)))]
+    levels = [
+        Level(0, surface, mesh := grid.mesh(surface), 0.0, 0.0, 0.0, 0.0, len(self_intersections(mesh)))
+    ]
     for k, (inner, outer) in enumerate(pairwise([*shapes, target]), start=1):
         levels.append(_level(k, inner, outer, grid, schedule.limit(k), found))
     levels[-1] = replace(levels[-1], surface=None, outside=found.deviation)
@@ -96,7 +106,8 @@ def morph_open(
 def _beyond(surface: TSpline, points: Float[ndarray, "n 3"], at: Float[ndarray, "n 2"], limit: float) -> bool:
     """Whether one of the points lies farther than `limit` mm from a level; a few are asked first."""
     return any(
-        bool((distances(surface, points[some], at[some]) > limit + ROUNDING).any()) for some in (slice(None, None, FEW), slice(None))
+        bool((distances(surface, points[some], at[some]) > limit + ROUNDING).any())
+        for some in (slice(None, None, FEW), slice(None))
     )
 
 
@@ -135,8 +146,15 @@ class _Grid:
 
 def _grid(surface: TSpline, target: TSpline, chord: float) -> _Grid:
     """The parameter mesh of the part or of the stock, whichever needs more faces."""
-    finer = max((each.tessellate_with_parameters(chord) for each in (surface, target)), key=lambda found: len(found.mesh.faces))
-    return _Grid(finer.parameters, _middles(finer.parameters, finer.mesh.faces, surface.elements().period), finer.mesh.faces)
+    finer = max(
+        (each.tessellate_with_parameters(chord) for each in (surface, target)),
+        key=lambda found: len(found.mesh.faces),
+    )
+    return _Grid(
+        finer.parameters,
+        _middles(finer.parameters, finer.mesh.faces, surface.elements().period),
+        finer.mesh.faces,
+    )
 
 
 def _middles(parameters: ndarray, faces: ndarray, period: tuple[float, float]) -> Float[ndarray, "f 2"]:
@@ -162,9 +180,17 @@ def _moves(fabric: Fabric, P: ndarray, Q: ndarray, depth: float, stiffness: floa
 
 
 def _level(k: int, before: TSpline, surface: TSpline, grid: _Grid, limit: float, stock: OpenStock) -> Level:
-    """One cut measured on the surfaces: depth both ways, nesting along the outer level's normals, self-intersections."""
-    inner, outer, inside, outside = grid.mesh(before), grid.mesh(surface), grid.points(before), grid.points(surface)
-    depth, back, gap = (distances(*each, grid.all) for each in ((before, outside), (surface, inside), (stock.surface, inside)))
+    """One cut measured on the surfaces: depth both ways, nesting along the outer level's normals,
+    self-intersections."""
+    inner, outer, inside, outside = (
+        grid.mesh(before),
+        grid.mesh(surface),
+        grid.points(before),
+        grid.points(surface),
+    )
+    depth, back, gap = (
+        distances(*each, grid.all) for each in ((before, outside), (surface, inside), (stock.surface, inside))
+    )
     closest, face = exact_closest(outer, inside)
     normals = outer.face_vectors[face] / lengths(outer.face_vectors[face])[:, None]
     ahead = -stock.side * dots(inside - closest, normals)
@@ -173,15 +199,35 @@ def _level(k: int, before: TSpline, surface: TSpline, grid: _Grid, limit: float,
     ahead[behind] = -stock.side * dots(inside[behind] - feet.feet, surface.normals(*feet.parameters.T))
     cuts = self_intersections(outer)
     for worst, trouble, place in (
-        (float(depth.max()) - limit - DEPTH_TOLERANCE, f"is {depth.max():.4f} mm deep, more than {limit} mm,", outside[np.argmax(depth)]),
-        (float(back.max()) - limit - DEPTH_TOLERANCE, f"is {back.max():.4f} mm deep, more than {limit} mm,", inside[np.argmax(back)]),
-        (float(-ahead.min()) - NEST_TOLERANCE, f"falls {-ahead.min():.4f} mm behind the level before", inside[np.argmin(ahead)]),
-        (float(len(cuts)), f"cuts itself in {len(cuts)} faces", outer.vertices[outer.faces[cuts[0] if len(cuts) else 0]].mean(0)),
+        (
+            float(depth.max()) - limit - DEPTH_TOLERANCE,
+            f"is {depth.max():.4f} mm deep, more than {limit} mm,",
+            outside[np.argmax(depth)],
+        ),
+        (
+            float(back.max()) - limit - DEPTH_TOLERANCE,
+            f"is {back.max():.4f} mm deep, more than {limit} mm,",
+            inside[np.argmax(back)],
+        ),
+        (
+            float(-ahead.min()) - NEST_TOLERANCE,
+            f"falls {-ahead.min():.4f} mm behind the level before",
+            inside[np.argmin(ahead)],
+        ),
+        (
+            float(len(cuts)),
+            f"cuts itself in {len(cuts)} faces",
+            outer.vertices[outer.faces[cuts[0] if len(cuts) else 0]].mean(0),
+        ),
     ):
         if worst > 0:
             told = f"level {k} {trouble} at {place_name(place)}: give a higher stiffness or other edges"
             raise LevelError(told, level=k, place=place, patch=patch_of(outer, place))
-    count, area, inner_area = len(outer.vertices), lengths(outer.face_vectors) / 2, lengths(inner.face_vectors) / 2
+    count, area, inner_area = (
+        len(outer.vertices),
+        lengths(outer.face_vectors) / 2,
+        lengths(inner.face_vectors) / 2,
+    )
     full = gap[count:] >= REMAINS * limit
     return Level(
         k,
@@ -194,6 +240,9 @@ def _level(k: int, before: TSpline, surface: TSpline, grid: _Grid, limit: float,
         len(cuts),
         depth_back_max=float(back.max()),
         full_mean=float(np.average(back[count:][full], weights=inner_area[full])) if full.any() else limit,
-        histogram=tuple(float(v) for v in np.histogram(depth[count:], bins=BINS, range=(0, limit), weights=area / area.sum())[0]),
+        histogram=tuple(
+            float(v)
+            for v in np.histogram(depth[count:], bins=BINS, range=(0, limit), weights=area / area.sum())[0]
+        ),
         full_area=float(inner_area[full].sum()),
     )

@@ -1,9 +1,11 @@
-"""The stock of an open surface: as given, an offset or a mesh on one side of the part, and fitted over the part's T-mesh.
+"""The stock of an open surface: as given, an offset or a mesh on one side of the part, and fitted over the
+part's T-mesh.
 
-The fit is by least squares, each Gauss point of the part going to its place on the stock as given: so far along its normal, or the nearest.
-Both are looked at over many points of the part and, of a mesh, at the vertices that stand above the part within its edges. A mesh must
-lie on one side (where the edges are fixed it may touch the part), and the fit must not turn over. An offset is all that lies just so far
-from the part: its places nearer to another part of it do not belong to it. What lies between these points is not seen.
+The fit is by least squares, each Gauss point of the part going to its place on the stock as given: so far
+along its normal, or the nearest. Both are looked at over many points of the part and, of a mesh, at the
+vertices that stand above the part within its edges. A mesh must lie on one side (where the edges are fixed it
+may touch the part), and the fit must not turn over. An offset is all that lies just so far from the part: its
+places nearer to another part of it do not belong to it. What lies between these points is not seen.
 """
 
 from dataclasses import dataclass
@@ -28,9 +30,10 @@ FIT_STIFFNESS, CHORD, ABOVE = 1e-16, 0.01, 1 - 1e-6
 
 @dataclass(frozen=True, eq=False)
 class OpenStock:
-    """The stock over the part's T-mesh (`surface`), on which `side` of the part it lies (1: where the normals point), `points` of it as
-    given (bent to the edges where they are fixed) with the parameters of their feet, the largest distance of the stock as given from the
-    part, and how far the two stocks lie apart: `deviation`, largest at `place`."""
+    """The stock over the part's T-mesh (`surface`), on which `side` of the part it lies (1: where the normals
+    point), `points` of it as given (bent to the edges where they are fixed) with the parameters of their
+    feet, the largest distance of the stock as given from the part, and how far the two stocks lie apart:
+    `deviation`, largest at `place`."""
 
     surface: TSpline
     side: float
@@ -42,7 +45,8 @@ class OpenStock:
 
 
 def open_stock(surface: TSpline, fabric: Fabric, stock: object, fixed: bool) -> OpenStock:
-    """The stock fitted, with the part's edges `fixed` or not; StockError where it is none or not on one side of the part."""
+    """The stock fitted, with the part's edges `fixed` or not; StockError where it is none or not on one side
+    of the part."""
     given = _given(stock)
     at = np.vstack([surface.seeds.parameters, surface.tessellate_with_parameters(CHORD).parameters])
     points, normals = surface.positions(*at.T), surface.normals(*at.T)
@@ -53,23 +57,37 @@ def open_stock(surface: TSpline, fabric: Fabric, stock: object, fixed: bool) -> 
     else:
         vertices, feet = _above(surface, given.vertices)
         known, places = np.vstack([wanted, vertices]), np.vstack([points, vertices])
-        ahead = dots(known - np.vstack([points, feet.feet]), np.vstack([normals, surface.normals(*feet.parameters.T)]))
+        ahead = dots(
+            known - np.vstack([points, feet.feet]), np.vstack([normals, surface.normals(*feet.parameters.T)])
+        )
         _require_ahead(side * ahead, places, -NEST_TOLERANCE if fixed else NEST_TOLERANCE)
     free, bent = _fits(surface, fabric, given, fixed)
     fitted, reached = free.positions(*at.T), bent.positions(*at.T)
     _require_upright(bent, at, normals)
     _require_ahead(side * dots(reached - points, normals), points, -NEST_TOLERANCE)
     known, feet = _above(free, known)
-    off = distances(surface, fitted, at) - abs(given) if isinstance(given, float) else lengths(fitted - exact_closest(given, fitted)[0])
+    off = (
+        distances(surface, fitted, at) - abs(given)
+        if isinstance(given, float)
+        else lengths(fitted - exact_closest(given, fitted)[0])
+    )
     off, places = np.append(np.abs(off), feet.distances), np.vstack([fitted, known])
-    moved, moved_feet = (free.basis(*which.T)[0] @ (fabric.edge & fixed) > 0 for which in (at, feet.parameters))
+    moved, moved_feet = (
+        free.basis(*which.T)[0] @ (fabric.edge & fixed) > 0 for which in (at, feet.parameters)
+    )
     worst, farthest = int(np.argmax(off)), float(distances(surface, known, feet.parameters).max(initial=0.0))
-    as_given, its = np.vstack([known[~moved_feet], reached[moved]]), np.vstack([feet.parameters[~moved_feet], at[moved]])
+    as_given, its = (
+        np.vstack([known[~moved_feet], reached[moved]]),
+        np.vstack([feet.parameters[~moved_feet], at[moved]]),
+    )
     return OpenStock(bent, side, as_given, its, farthest, float(off[worst]), places[worst])
 
 
-def distances(surface: TSpline, points: Float[ndarray, "n 3"], at: Float[ndarray, "n 2"]) -> Float[ndarray, " n"]:
-    """How far points lie from a surface, mm: from their feet, or from its points `at` known parameters where a foot found is farther."""
+def distances(
+    surface: TSpline, points: Float[ndarray, "n 3"], at: Float[ndarray, "n 2"]
+) -> Float[ndarray, " n"]:
+    """How far points lie from a surface, mm: from their feet, or from its points `at` known parameters where
+    a foot found is farther."""
     return np.minimum(surface.project(points).distances, lengths(points - surface.positions(*at.T)))
 
 
@@ -77,22 +95,30 @@ def _given(stock: object) -> float | TriangleMesh:
     """An offset in mm, or a mesh."""
     if isinstance(stock, Real):
         if not (np.isfinite(float(stock)) and stock != 0):
-            raise StockError(f"an offset of {stock} mm is no stock: give a distance above or below zero", distance=float(stock))
+            raise StockError(
+                f"an offset of {stock} mm is no stock: give a distance above or below zero",
+                distance=float(stock),
+            )
         return float(stock)
     mesh = stock.tessellate(CHORD) if isinstance(stock, TSpline) else stock
     if not isinstance(mesh, TriangleMesh) or not len(mesh.faces):
         told = "a mesh without faces" if isinstance(mesh, TriangleMesh) else f"a {type(stock).__name__}"
-        raise StockError(f"{told} is no stock of an open surface: give an offset in mm, a TriangleMesh or a TSpline")
+        raise StockError(
+            f"{told} is no stock of an open surface: give an offset in mm, a TriangleMesh or a TSpline"
+        )
     return mesh
 
 
 def _wanted(given: float | TriangleMesh, points: ndarray, normals: ndarray) -> Float[ndarray, "n 3"]:
     """Where points of the part go on the stock as given."""
-    return np.asarray(points + given * normals) if isinstance(given, float) else exact_closest(given, points)[0]
+    return (
+        np.asarray(points + given * normals) if isinstance(given, float) else exact_closest(given, points)[0]
+    )
 
 
 def _above(surface: TSpline, points: ndarray) -> tuple[Float[ndarray, "n 3"], Projection]:
-    """Those of the points that stand straight above or below the surface, and their feet: beyond its edges none does."""
+    """Those of the points that stand straight above or below the surface, and their feet: beyond its edges
+    none does."""
     found = surface.project(points)
     heights = np.abs(dots(points - found.feet, surface.normals(*found.parameters.T)))
     kept = heights >= ABOVE * found.distances
@@ -119,11 +145,15 @@ def _require_ahead(ahead: ndarray, points: ndarray, least: float) -> None:
         raise StockError(told, distance=float(-ahead[worst]), place=points[worst])
 
 
-def _fits(surface: TSpline, fabric: Fabric, given: float | TriangleMesh, fixed: bool) -> tuple[TSpline, TSpline]:
+def _fits(
+    surface: TSpline, fabric: Fabric, given: float | TriangleMesh, fixed: bool
+) -> tuple[TSpline, TSpline]:
     """The stock over the part's T-mesh with free edges, and with those asked for."""
     points = fabric.R @ surface.control_points
     ways = fabric.weights[:, None] * (_wanted(given, points, fabric.normals) - points)
     way = factor(fabric.N + FIT_STIFFNESS * fabric.M).solve(np.asarray(fabric.R.T @ ways))
     held = (fabric.edge & fixed)[:, None]
-    free, bent = (surface.with_control_points(surface.control_points + each) for each in (way, np.where(held, 0.0, way)))
+    free, bent = (
+        surface.with_control_points(surface.control_points + each) for each in (way, np.where(held, 0.0, way))
+    )
     return free, bent

@@ -1,8 +1,10 @@
-"""The part's T-spline with more control points, for its levels: the same surface on a finer T-mesh (exact knot insertion, Boehm 1980).
+"""The part's T-spline with more control points, for its levels: the same surface on a finer T-mesh (exact
+knot insertion, Boehm 1980).
 
-Where part of a level lies at the stock's wall already and the rest still moves there is a rim between, which wanders over all of the
-surface from level to level. Within about a span of it a T-spline rounds it off, and depth is lost; so no span may be much longer than
-a cut is deep. Spans are measured on the stock, at the nearest points, where levels end.
+Where part of a level lies at the stock's wall already and the rest still moves there is a rim between, which
+wanders over all of the surface from level to level. Within about a span of it a T-spline rounds it off, and
+depth is lost; so no span may be much longer than a cut is deep. Spans are measured on the stock, at the
+nearest points, where levels end.
 """
 
 from itertools import pairwise
@@ -16,19 +18,23 @@ from bonecam.surface.refinement.rows import with_row_knots
 from bonecam.surface.tspline import TSpline
 
 IN_CAPSULES, WITH_FLATS, COARSER = (14.0, 800, 3000), (6.5, 1000, 1000), 1.25
-"""So many depths long may spans be, of surfaces of fewer than so many control points, of so many at most: in a capsule, and in a stock with
-flats, which a level reaches long before the edges between them. So much longer, and again, where that would take more control points. (With
-9 depths in capsules mean depths rise by 0.01, a forked bone's by 0.04; but levels take 20 to 40 % longer to make and follow hollows that no
-cutter enters: on the forked bone 37,000 contacts stay uncut instead of 10,000. Where spans are too long for what is left, levels stall:
-those of a whole femur came no nearer to the stock than 0.5 mm with 940 control points and with 1,500, and reach it with 2,566. But a
-femur's end of 1,500 took 95 cuts with 2,925 instead of 97, twice the time, and 5 of them were not certified.)"""
+"""So many depths long may spans be, of surfaces of fewer than so many control points, of so many at most: in
+a capsule, and in a stock with flats, which a level reaches long before the edges between them. So much
+longer, and again, where that would take more control points. (With 9 depths in capsules mean depths rise by
+0.01, a forked bone's by 0.04; but levels take 20 to 40 % longer to make and follow hollows that no cutter
+enters: on the forked bone 37,000 contacts stay uncut instead of 10,000. Where spans are too long for what is
+left, levels stall: those of a whole femur came no nearer to the stock than 0.5 mm with 940 control points and
+with 1,500, and reach it with 2,566. But a femur's end of 1,500 took 95 cuts with 2,925 instead of 97, twice
+the time, and 5 of them were not certified.)"""
 STRETCHED = 4.0
-"""Neighbours on both sides of the stock's axis have their nearest points on the stock far apart, however near they are."""
+"""Neighbours on both sides of the stock's axis have their nearest points on the stock far apart, however near
+they are."""
 AROUND, ALONG = 64, 4
 
 
 def finer(surface: TSpline, stock: Stock, depth: float) -> TSpline:
-    """The surface with spans halved until they are short enough for cuts so deep (mm); one that has many control points as it is."""
+    """The surface with spans halved until they are short enough for cuts so deep (mm); one that has many
+    control points as it is."""
     depths, few, most = IN_CAPSULES if isinstance(stock, Capsule) else WITH_FLATS
     longest = depths * depth
     while surface.tmesh.size < few:
@@ -69,8 +75,11 @@ def _across(surface: TSpline, stock: Stock, longest: float, most: int) -> TSplin
 
 
 def _length(surface: TSpline, stock: Stock, s: ndarray, t: ndarray) -> ndarray:
-    """Lengths, mm, of lines on the surface as they lie on the stock, but STRETCHED times their own at most: each of ALONG pieces, with
-    its ends among s and t."""
+    """Lengths, mm, of lines on the surface as they lie on the stock, but STRETCHED times their own at most:
+    each of ALONG pieces, with its ends among s and t."""
     points = surface.positions(np.mod(s, 1.0), t)
-    there, here = (lengths(np.diff(p.reshape(-1, ALONG + 1, 3), axis=1).reshape(-1, 3)) for p in (stock.nearest(points), points))
+    there, here = (
+        lengths(np.diff(p.reshape(-1, ALONG + 1, 3), axis=1).reshape(-1, 3))
+        for p in (stock.nearest(points), points)
+    )
     return np.asarray(np.minimum(there, STRETCHED * here).reshape(-1, ALONG).sum(axis=1))

@@ -1,4 +1,5 @@
-"""Sequences of levels, each from the one before, up to the last below the stock; none is measured here (`inspection.py`)."""
+"""Sequences of levels, each from the one before, up to the last below the stock; none is measured here
+(`inspection.py`)."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -27,36 +28,40 @@ VARIANTS = (
     (1e-7, 1e-4, 0.5, 2.0, 0.05),
     (1e-6, 1e-3, 1.0, 2.0, 0.05),
 )
-"""Bending, smoothing of the field of directions, haste, how far beyond is pulled and how evenly (`Manner`); tried in turn. The first
-gets the deepest cuts; what keeps creases sharp enough for that may break limits, where the others do not. The third has less haste
-and the fourth little: places come to the stock together, hollows stay wide, and broad parts get levels where those of the others fold."""
+"""Bending, smoothing of the field of directions, haste, how far beyond is pulled and how evenly (`Manner`);
+tried in turn. The first gets the deepest cuts; what keeps creases sharp enough for that may break limits,
+where the others do not. The third has less haste and the fourth little: places come to the stock together,
+hollows stay wide, and broad parts get levels where those of the others fold."""
 LAST, LATE = 3, 0.5
-"""Where there are more cuts than K_min, the last so many levels below the stock are made again with this haste at most: what is left is
-wider and shallower then, and the last levels can follow it."""
+"""Where there are more cuts than K_min, the last so many levels below the stock are made again with this
+haste at most: what is left is wider and shallower then, and the last levels can follow it."""
 SPARE = (0, 0, 0.2, 0.2, 0.2, np.inf, np.inf, np.inf, np.inf)
-"""How many cuts beyond K_min, as a share of it, a sequence may have to be measured once so many were tried; one cut from the second on."""
+"""How many cuts beyond K_min, as a share of it, a sequence may have to be measured once so many were tried;
+one cut from the second on."""
 STILL = 1e-6
 """Levels stay that would be mended by moves of control points that are less (mm)."""
 STALL, SOFTEN, PATIENCE, MOST_EXTRA = 0.25, 0.1, 4, 5
 MENDED = -0.5
-"""Share of the limits' margins that mended levels keep: those above follow less and less, where with all of it they follow all the way,
-and farther and farther along the level."""
+"""Share of the limits' margins that mended levels keep: those above follow less and less, where with all of
+it they follow all the way, and farther and farther along the level."""
 RESCUES = 3
 """Levels of a sequence that may be made in other manners because they break their limits."""
 EASINGS, EASED = 6, 0.3
 """How often the pull on a place that folds or breaks its limits is eased, each time to this share."""
 CREASED, AROUND = 0.05, 1.0
-"""Bends of the part with a smaller radius (mm) are edges that its mesh has, if they are so near (mm) to where levels break their limits."""
+"""Bends of the part with a smaller radius (mm) are edges that its mesh has, if they are so near (mm) to where
+levels break their limits."""
 LANDING, CREEP, MOST_CREEP = 0.03, 0.004, 0.49
-"""How far inside the stock (mm) the last level stays; how much more each level before it, and how much more the first at most. Where large
-parts take more levels than K_min those creep as well. Levels at the wall that had no room would break their limits; levels that creep more
-stay farther from the wall and use less of their depth: with 0.01 mm in capsules 0.001 to 0.002 less."""
+"""How far inside the stock (mm) the last level stays; how much more each level before it, and how much more
+the first at most. Where large parts take more levels than K_min those creep as well. Levels at the wall that
+had no room would break their limits; levels that creep more stay farther from the wall and use less of their
+depth: with 0.01 mm in capsules 0.001 to 0.002 less."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sequences:
-    """Makes sequences of levels: lists of control points, the part's first. `around` is the stock, from which nothing was measured yet;
-    `lower_bound`: the fewest cuts with depths kept both ways."""
+    """Makes sequences of levels: lists of control points, the part's first. `around` is the stock, from which
+    nothing was measured yet; `lower_bound`: the fewest cuts with depths kept both ways."""
 
     setting: Setting
     around: Remaining
@@ -67,7 +72,8 @@ class Sequences:
     stiffness: float
 
     def all(self, rest: Remaining) -> Iterator[list[ndarray]]:
-        """Sequences to be measured, the shortest known first, of two as short the one with more haste, whose cuts are deeper.
+        """Sequences to be measured, the shortest known first, of two as short the one with more haste, whose
+        cuts are deeper.
 
         LevelError where there is none.
         """
@@ -106,7 +112,8 @@ class Sequences:
     def _outwards(
         self, made: list[ndarray], rests: list[Remaining], manner: Manner, least: int = 0
     ) -> tuple[list[ndarray], list[Remaining]]:
-        """The levels made already and those above them, so many at least, and what is left to the stock from each."""
+        """The levels made already and those above them, so many at least, and what is left to the stock from
+        each."""
         made, rests, stalls, rescued, limit, softened = [*made], [*rests], 0, 0, self.schedule.limit, manner
         while len(made) < least or rests[-1].left > limit(len(made)):
             k, before = len(made), rests[-1]
@@ -129,7 +136,8 @@ class Sequences:
         return made, rests
 
     def _sound(self, P: ndarray, k: int, rest: Remaining, manner: Manner) -> Step:
-        """The step from P to level k in the first of the other manners in which it keeps its limits. LevelError where there is none."""
+        """The step from P to level k in the first of the other manners in which it keeps its limits.
+        LevelError where there is none."""
         tried: list[Step] = []
         for other in (_manner(manner.stiffness, *variant) for variant in VARIANTS):
             if other != manner:
@@ -150,15 +158,17 @@ class Sequences:
         """The same with some levels moved as little as keeps their limits, and which moved.
 
         Where levels `follow`, those above them that then break theirs do too.
-        The `folded` ones start midway between those below and above. `watched` are parameters (s, t) of more places of each level on which
-        its limits are watched.
+        The `folded` ones start midway between those below and above. `watched` are parameters (s, t) of more
+        places of each level on which its limits are watched.
         """
         made, moved = list(made), list[int]()
         for k in range(1, len(made)):
             if k in which or (follow and k - 1 in moved):
                 report(self.progress, min(1.0, k / self.lower_bound), f"level {k} again")
                 setting, cut = self.setting.watching(watched[k]), replace(self.cut(k), margin=MENDED)
-                step = kept_level(setting, made[k - 1], (made[k - 1] + made[k + 1]) / 2 if k in folded else made[k], cut)
+                step = kept_level(
+                    setting, made[k - 1], (made[k - 1] + made[k + 1]) / 2 if k in folded else made[k], cut
+                )
                 level = made[k - 1] + step.moves
                 if step.broken <= MENDABLE and np.abs(level - made[k]).max() > STILL:
                     made[k] = level
@@ -166,7 +176,8 @@ class Sequences:
         return made, moved
 
     def onward(self, made: list[ndarray], least: int = 0) -> list[ndarray]:
-        """The same, so many levels at least, and those that are needed above the last where mending took that farther from the stock."""
+        """The same, so many levels at least, and those that are needed above the last where mending took that
+        farther from the stock."""
         rest = remaining(self.setting, made[-1], self.around)
         return self._outwards(made, [rest], _manner(self.stiffness, *VARIANTS[0]), least)[0]
 
@@ -178,7 +189,10 @@ class Sequences:
         return Cut(self.schedule.limit(k), max(on_schedule, left), LANDING + creep)
 
     def _broken(self, k: int, step: Step) -> LevelError:
-        what, radius = f"level {k} breaks its limits by {step.broken:.2f} mm at {place_name(step.place)}", self._sharpest(step.place)
+        what, radius = (
+            f"level {k} breaks its limits by {step.broken:.2f} mm at {place_name(step.place)}",
+            self._sharpest(step.place),
+        )
         remedy = "give more control points or a larger stock"
         if radius < CREASED:
             what += f", where the part's surface bends with a radius of {radius:.3f} mm"
@@ -199,7 +213,8 @@ class Sequences:
         return max(MOST_EXTRA, self.lower_bound // 3)
 
     def _next(self, P: ndarray, k: int, rest: Remaining, manner: Manner) -> Step:
-        """The step from P to level k; where it folds or breaks its limits the pull is eased (if it still does, the check decides)."""
+        """The step from P to level k; where it folds or breaks its limits the pull is eased (if it still
+        does, the check decides)."""
         cut = self.cut(k, rest.left)
         if k >= self.lower_bound - LAST:
             manner = replace(manner, haste=manner.late)
@@ -216,5 +231,7 @@ def _softer(manner: Manner) -> Manner:
     return replace(manner, stiffness=SOFTEN * manner.stiffness, bending=SOFTEN * manner.bending)
 
 
-def _manner(stiffness: float, bending: float, smoothing: float, haste: float, beyond: float, even: float) -> Manner:
+def _manner(
+    stiffness: float, bending: float, smoothing: float, haste: float, beyond: float, even: float
+) -> Manner:
     return Manner(stiffness, bending, smoothing, haste, haste, beyond, even)

@@ -1,4 +1,5 @@
-"""Stage 1: triangle meshes: files, units, repair, harmonic rows, distances. Public names load when first used."""
+"""Stage 1: triangle meshes: files, units, repair, harmonic rows, distances. Public names load when first
+used."""
 
 from importlib import import_module
 from typing import Any

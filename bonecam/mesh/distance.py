@@ -1,7 +1,8 @@
-"""Distances to a mesh in bulk: our own tree (float64, as far as asked), open3d's ray casting for what is inside, libigl's closest points.
+"""Distances to a mesh in bulk: our own tree (float64, as far as asked), open3d's ray casting for what is
+inside, libigl's closest points.
 
-open3d works in float32: the scene is shifted to the mesh's centre, so the error of `closest` is near 6e-8 of the part's size
-(measured 5e-6 mm near the origin). `exact_closest` is float64.
+open3d works in float32: the scene is shifted to the mesh's centre, so the error of `closest` is near 6e-8 of
+the part's size (measured 5e-6 mm near the origin). `exact_closest` is float64.
 """
 
 from functools import cached_property, lru_cache
@@ -18,7 +19,8 @@ from bonecam.threads import in_pieces
 LEAF = 4
 """Triangles of a leaf of the tree, at most."""
 CHUNK = 8192
-"""Points a thread asks for at a time: the same whatever the number of threads, so that each search begins alike."""
+"""Points a thread asks for at a time: the same whatever the number of threads, so that each search begins
+alike."""
 KEPT_TREES = 8
 """Of so many meshes that exact closest points were asked for last the tree is kept."""
 
@@ -56,14 +58,22 @@ class MeshDistance:
         """Distance to the surface, or the limit where that is less."""
         points = np.ascontiguousarray(points, dtype=np.float64)
         tree = self._tree
-        return np.concatenate(in_pieces(lambda some: distances_within(points[some], limits[some], *tree), len(points), CHUNK))
+        return np.concatenate(
+            in_pieces(lambda some: distances_within(points[some], limits[some], *tree), len(points), CHUNK)
+        )
 
-    def unsigned(self, points: Float[ndarray, "n 3"], wanted: float | Float[ndarray, " n"] = np.inf) -> Float[ndarray, " n"]:
-        """Distance of each point to the surface, mm; where it exceeds `wanted`, that: it is the cheaper bound."""
+    def unsigned(
+        self, points: Float[ndarray, "n 3"], wanted: float | Float[ndarray, " n"] = np.inf
+    ) -> Float[ndarray, " n"]:
+        """Distance of each point to the surface, mm; where it exceeds `wanted`, that: it is the cheaper
+        bound."""
         return self._within(points, _limits(wanted, len(points)))
 
-    def signed(self, points: Float[ndarray, "n 3"], wanted: float | Float[ndarray, " n"] = np.inf) -> Float[ndarray, " n"]:
-        """Distance of each point to the closed surface, mm, negative inside; where it exceeds `wanted`, that: it is the cheaper bound."""
+    def signed(
+        self, points: Float[ndarray, "n 3"], wanted: float | Float[ndarray, " n"] = np.inf
+    ) -> Float[ndarray, " n"]:
+        """Distance of each point to the closed surface, mm, negative inside; where it exceeds `wanted`, that:
+        it is the cheaper bound."""
         limits = _limits(wanted, len(points))
         distance, inside = self._within(points, limits), self.inside(points)
         deep = np.flatnonzero(inside & (distance >= limits) & np.isfinite(limits))
@@ -84,10 +94,14 @@ def _limits(wanted: float | ndarray, count: int) -> Float[ndarray, " n"]:
     return np.maximum(np.broadcast_to(np.asarray(wanted, dtype=np.float64), count), 0.0)
 
 
-def lowest_between(near: Float[ndarray, " n"], far: Float[ndarray, " n"], length: Float[ndarray, " n"]) -> Float[ndarray, " n"]:
-    """No point of a straight way of `length` is nearer to a body than this, with at least `near` and `far` (>= 0) at its ends.
+def lowest_between(
+    near: Float[ndarray, " n"], far: Float[ndarray, " n"], length: Float[ndarray, " n"]
+) -> Float[ndarray, " n"]:
+    """No point of a straight way of `length` is nearer to a body than this, with at least `near` and `far`
+    (>= 0) at its ends.
 
-    For every point q of the body, Stewart's theorem gives |c(u) - q|^2 = (1-u) |c0-q|^2 + u |c1-q|^2 - u (1-u) length^2.
+    For every point q of the body, Stewart's theorem gives |c(u) - q|^2 = (1-u) |c0-q|^2 + u |c1-q|^2 - u
+    (1-u) length^2.
     """
     a, b, s2 = near**2, far**2, length**2
     ahead = np.clip(a - b, -s2, s2)  # beyond, the lowest is at an end
@@ -95,7 +109,9 @@ def lowest_between(near: Float[ndarray, " n"], far: Float[ndarray, " n"], length
     return np.asarray(np.sqrt(np.maximum((1 - u) * a + u * b - u * (1 - u) * s2, 0)))
 
 
-def exact_closest(mesh: TriangleMesh, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, "n 3"], Int[ndarray, " n"]]:
+def exact_closest(
+    mesh: TriangleMesh, points: Float[ndarray, "n 3"]
+) -> tuple[Float[ndarray, "n 3"], Int[ndarray, " n"]]:
     """The closest surface point of each point and its face, in float64 (libigl's AABB tree)."""
     tree, vertices, faces = _exact_tree(mesh)
     _, face, places = tree.squared_distance(vertices, faces, np.ascontiguousarray(points, dtype=np.float64))
@@ -104,7 +120,8 @@ def exact_closest(mesh: TriangleMesh, points: Float[ndarray, "n 3"]) -> tuple[Fl
 
 @lru_cache(maxsize=KEPT_TREES)
 def _exact_tree(mesh: TriangleMesh) -> tuple[Any, ndarray, ndarray]:
-    """libigl's tree, and the vertices and faces that it is asked with; a stock of many faces is asked hundreds of times."""
+    """libigl's tree, and the vertices and faces that it is asked with; a stock of many faces is asked
+    hundreds of times."""
     import igl
 
     if not len(mesh.faces):

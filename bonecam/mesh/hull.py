@@ -1,4 +1,5 @@
-"""The convex hull, closed in every case: CGAL's through libigl, whose predicates are exact. (Qhull's merged facets may leave cracks.)"""
+"""The convex hull, closed in every case: CGAL's through libigl, whose predicates are exact. (Qhull's merged
+facets may leave cracks.)"""
 
 import numpy as np
 from jaxtyping import Float
@@ -8,7 +9,8 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 
 
 def convex_hull(points: Float[ndarray, "n 3"]) -> TriangleMesh:
-    """The closed outward mesh of the hull of points that lie in no common plane; points within the hull are left out."""
+    """The closed outward mesh of the hull of points that lie in no common plane; points within the hull are
+    left out."""
     import igl.copyleft.cgal as cgal
 
     corners, index = np.unique(cgal.convex_hull(np.array(points, dtype=np.float64)), return_inverse=True)

@@ -8,10 +8,13 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 
 
 def self_intersections(mesh: TriangleMesh) -> Int[ndarray, " k"]:
-    """The faces that cut another face of the same mesh (touching along shared edges and corners is none), in rising order."""
+    """The faces that cut another face of the same mesh (touching along shared edges and corners is none), in
+    rising order."""
     import igl.copyleft.cgal as cgal
 
     if not len(mesh.faces):
         return np.empty(0, dtype=np.int64)
-    found = cgal.remesh_self_intersections(np.array(mesh.vertices), mesh.faces.astype(np.int64), detect_only=True)
+    found = cgal.remesh_self_intersections(
+        np.array(mesh.vertices), mesh.faces.astype(np.int64), detect_only=True
+    )
     return np.unique(np.asarray(found[2], dtype=np.int64).ravel())

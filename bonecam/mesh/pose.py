@@ -1,7 +1,8 @@
 """Pose: the long principal axis to +Z, the part centred on the axis.
 
-The axes are those of the solid's own inertia (uniform density, exact for the polyhedron: the second moments of the
-tetrahedra that each face spans with the origin). The thicker end points down, so that the post holds it.
+The axes are those of the solid's own inertia (uniform density, exact for the polyhedron: the second moments
+of the tetrahedra that each face spans with the origin). The thicker end points down, so that the post holds
+it.
 """
 
 import numpy as np
@@ -15,8 +16,9 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 def upright(mesh: TriangleMesh) -> tuple[TriangleMesh, Float[ndarray, "4 4"]]:
     """The closed `mesh` with its long axis along +Z, and the rigid motion (4, 4) that turned it.
 
-    The end with more of the volume points down; the lowest point lies on z = 0; the smallest circle round the part seen
-    along Z is centred on the axis (which makes the smallest coaxial bar thin). MeshError where the mesh holds no volume.
+    The end with more of the volume points down; the lowest point lies on z = 0; the smallest circle round the
+    part seen along Z is centred on the axis (which makes the smallest coaxial bar thin). MeshError where the
+    mesh holds no volume.
     """
     centroid, covariance = solid_moments(mesh)
     _, axes = np.linalg.eigh(covariance)
@@ -40,17 +42,24 @@ def solid_moments(mesh: TriangleMesh) -> tuple[Float[ndarray, "3"], Float[ndarra
     volumes = np.linalg.det(corners) / 6
     volume = float(volumes.sum())
     if not volume > 0:
-        raise MeshError(f"the mesh encloses {volume:.3g} mm^3: give a closed mesh whose faces point outwards", volume=volume)
+        raise MeshError(
+            f"the mesh encloses {volume:.3g} mm^3: give a closed mesh whose faces point outwards",
+            volume=volume,
+        )
     sums = corners.sum(1)
     centroid = (volumes @ sums) / (4 * volume)
-    second = np.einsum("f,fi,fj->ij", volumes, sums, sums) + np.einsum("f,fki,fkj->ij", volumes, corners, corners)
+    second = np.einsum("f,fi,fj->ij", volumes, sums, sums) + np.einsum(
+        "f,fki,fkj->ij", volumes, corners, corners
+    )
     return centroid + middle, second / (20 * volume) - np.outer(centroid, centroid)
 
 
 def enclosing_circle(points: Float[ndarray, "n 2"]) -> tuple[Float[ndarray, "2"], float]:
-    """Centre and radius of the smallest circle round `points` (Badoiu & Clarkson 2003, then the exact active set).
+    """Centre and radius of the smallest circle round `points` (Badoiu & Clarkson 2003, then the exact active
+    set).
 
-    Walks to the smallest circle of the hull's points by adding the farthest point to the set that defines the circle.
+    Walks to the smallest circle of the hull's points by adding the farthest point to the set that defines the
+    circle.
     """
     active = [int(np.argmax(np.linalg.norm(points - points[0], axis=1)))]
     centre, radius = points[active[0]], 0.0
@@ -62,7 +71,9 @@ def enclosing_circle(points: Float[ndarray, "n 2"]) -> tuple[Float[ndarray, "2"]
         active, centre, radius = _smallest_through(points, [*active, far])
 
 
-def _smallest_through(points: Float[ndarray, "n 2"], candidates: list[int]) -> tuple[list[int], Float[ndarray, "2"], float]:
+def _smallest_through(
+    points: Float[ndarray, "n 2"], candidates: list[int]
+) -> tuple[list[int], Float[ndarray, "2"], float]:
     """The smallest circle round at most four candidate points: through two or three of them."""
     chosen = points[candidates]
     best: tuple[float, list[int], ndarray] = (np.inf, [], chosen[0])

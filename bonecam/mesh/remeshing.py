@@ -1,4 +1,5 @@
-"""Remeshing by MeshLab: even triangles of one edge length (Hoppe et al.'s split, collapse, flip, smooth, reproject), or shorter edges.
+"""Remeshing by MeshLab: even triangles of one edge length (Hoppe et al.'s split, collapse, flip, smooth,
+reproject), or shorter edges.
 
 And by Rivara's bisection, where only chosen faces are too large.
 """
@@ -12,19 +13,25 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 
 
 def remesh(mesh: TriangleMesh, edge: float, *, iterations: int = 8) -> TriangleMesh:
-    """A mesh of the same surface with edges near `edge` (mm); its vertices lie on the old surface. ValueError: edge <= 0."""
+    """A mesh of the same surface with edges near `edge` (mm); its vertices lie on the old surface.
+    ValueError: edge <= 0."""
     if not edge > 0:
         raise ValueError(f"edge {edge} mm: give a positive length")
     meshset = to_meshset(mesh)
     pure = meshlab().PureValue
     meshset.meshing_isotropic_explicit_remeshing(
-        iterations=iterations, targetlen=pure(edge), checksurfdist=True, maxsurfdist=pure(edge / 4), featuredeg=60.0
+        iterations=iterations,
+        targetlen=pure(edge),
+        checksurfdist=True,
+        maxsurfdist=pure(edge / 4),
+        featuredeg=60.0,
     )
     return from_meshset(meshset)
 
 
 def split_edges(mesh: TriangleMesh, edge: float) -> TriangleMesh:
-    """The same surface with every edge that is longer than `edge` (mm) split in the middle until none is. ValueError: edge <= 0."""
+    """The same surface with every edge that is longer than `edge` (mm) split in the middle until none is.
+    ValueError: edge <= 0."""
     if not edge > 0:
         raise ValueError(f"edge {edge} mm: give a positive length")
     corners = mesh.vertices[mesh.faces]
@@ -38,7 +45,8 @@ def split_edges(mesh: TriangleMesh, edge: float) -> TriangleMesh:
 
 
 def bisected(mesh: TriangleMesh, chosen: Bool[ndarray, " f"]) -> TriangleMesh:
-    """The same surface, the longest edge of every chosen face cut in the middle, and that of every face an edge of which is.
+    """The same surface, the longest edge of every chosen face cut in the middle, and that of every face an
+    edge of which is.
 
     Angles stay at least half as wide (Rivara 1984). New vertices come last.
     """

@@ -7,29 +7,37 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 MM_OF = {"mm": 1.0, "m": 1000.0, "inch": 25.4}
 STATES_UNIT = (*STEP, *IGES)
 SMALLEST, LARGEST = 5.0, 1000.0
-"""The bounding-box diagonals in mm between which a part is plausible: an ear ossicle's neighbour to twice a femur."""
+"""The bounding-box diagonals in mm between which a part is plausible: an ear ossicle's neighbour to twice a
+femur."""
 
 
 FLAG = 'give --units {0} or in a job mesh.units = "{0}"'
 
 
 def to_mm(mesh: TriangleMesh, units: str, file: str = "the mesh", flag: str = FLAG) -> TriangleMesh:
-    """`mesh` scaled to mm; UnitsError names the size that results and the unit that would fit, put into `flag`."""
+    """`mesh` scaled to mm; UnitsError names the size that results and the unit that would fit, put into
+    `flag`."""
     if units not in MM_OF:
         raise ValueError(f"units {units!r}: use one of {', '.join(MM_OF)}")
     if units != "mm" and file.lower().endswith(STATES_UNIT):
-        raise UnitsError(f"{file}: states its unit itself and was read in mm: leave out --units {units} (mesh.units)", units=units)
+        raise UnitsError(
+            f"{file}: states its unit itself and was read in mm: leave out --units {units} (mesh.units)",
+            units=units,
+        )
     size = mesh.diagonal * MM_OF[units]
     if not SMALLEST <= size <= LARGEST:
         raise UnitsError(
-            f"{file}: {size:.3g} mm from corner to corner if its unit is {units}: {_remedy(mesh.diagonal, flag)}", size_mm=size
+            f"{file}: {size:.3g} mm from corner to corner if its unit is {units}: {_remedy(mesh.diagonal, flag)}",
+            size_mm=size,
         )
     return TriangleMesh(mesh.vertices * MM_OF[units], mesh.faces)
 
 
 def _remedy(diagonal: float, flag: str) -> str:
     """The flag that makes the diagonal plausible: the unit of the sizes nearest to a hand's bone first."""
-    fitting = [(unit, diagonal * scale) for unit, scale in MM_OF.items() if SMALLEST <= diagonal * scale <= LARGEST]
+    fitting = [
+        (unit, diagonal * scale) for unit, scale in MM_OF.items() if SMALLEST <= diagonal * scale <= LARGEST
+    ]
     if not fitting:
         return f"no known unit makes it a part of {SMALLEST:g} to {LARGEST:g} mm; scale the mesh first"
     return " or ".join(f"{flag.format(unit)} ({size:.3g} mm)" for unit, size in fitting)

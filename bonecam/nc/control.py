@@ -1,7 +1,8 @@
 """What the control does between two blocks: every programmed word runs linearly, all at once.
 
-With tool-centre control the programmed point (tip or ball centre, part frame) runs straight while the rotary angles run
-linearly. Without it the five joints run linearly and the tip follows through the forward kinematics.
+With tool-centre control the programmed point (tip or ball centre, part frame) runs straight while the rotary
+angles run linearly. Without it the five joints run linearly and the tip follows through the forward
+kinematics.
 """
 
 from dataclasses import dataclass
@@ -16,7 +17,8 @@ from bonecam.nc.machine import Machine
 
 @dataclass(frozen=True)
 class Control:
-    """A machine under one dialect's interpolation; `tool_centre` true: programmed point and angles run linearly.
+    """A machine under one dialect's interpolation; `tool_centre` true: programmed point and angles run
+    linearly.
 
     `radius` of the ball and `tool_length` (tip to spindle nose) in mm.
     """

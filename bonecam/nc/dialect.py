@@ -1,15 +1,19 @@
 """A dialect is data: number formats, block templates and the reader's grammar, read from a TOML file.
 
 How to add a dialect: copy a file of `bonecam/nc/dialects/` (name it, or give its path) and fill in
-- `grammar`: "klartext" (statements by pattern, moves as `L` blocks) or "iso" (letter and number words); `interpolation`:
-  "tool-centre" (the control keeps the tip: X Y Z in the part) or "joints" (machine coordinates by our inverse kinematics);
-  `feed_mode`: "per-minute" or "inverse-time"; `endless_words`: "wrapped" (-180..180, the control takes the short way) or "wound";
+- `grammar`: "klartext" (statements by pattern, moves as `L` blocks) or "iso" (letter and number words);
+  `interpolation`: "tool-centre" (the control keeps the tip: X Y Z in the part) or "joints" (machine
+  coordinates by our inverse kinematics); `feed_mode`: "per-minute" or "inverse-time"; `endless_words`:
+  "wrapped" (-180..180, the control takes the short way) or "wound";
 - [numbers]: decimals, sign and range of lengths (mm), angles (deg), feeds and spindle speeds;
-- [templates]: header, tool, level, position, approach, rapid, feed, coolant_on, coolant_off, retract, tool_end, footer. One line
-  is one block; an empty template writes nothing. Fields: {name} {comments} {low_x}..{high_z} {tool} {spindle} {tolerance} (a
-  length) {hsc_mode} {rotary} {linear} {plane} (X and Y) {words} (all five) {feed} {retract} (height above everything);
-- [tool_centre_control]: on and off blocks by name, the machine file picks one; [numbering]: `format`, `first`, `continuation`;
-- the reader's grammar: [[statements]] (klartext: `pattern`, `effect`) or [codes] (iso: what each G and M code does).
+- [templates]: header, tool, level, position, approach, rapid, feed, coolant_on, coolant_off, retract,
+  tool_end, footer. One line is one block; an empty template writes nothing. Fields: {name} {comments}
+  {low_x}..{high_z} {tool} {spindle} {tolerance} (a length) {hsc_mode} {rotary} {linear} {plane} (X and Y)
+  {words} (all five) {feed} {retract} (height above everything);
+- [tool_centre_control]: on and off blocks by name, the machine file picks one; [numbering]: `format`,
+  `first`, `continuation`;
+- the reader's grammar: [[statements]] (klartext: `pattern`, `effect`) or [codes] (iso: what each G and M code
+  does).
 Say in the file which words are proved and which were only read.
 """
 
@@ -63,12 +67,22 @@ _CHOICES = {
     "feed_mode": ("per-minute", "inverse-time"),
     "endless_words": ("wrapped", "wound"),
 }
-_KEYS = {"title", "extension", "comment", "comment_characters", "numbers", "numbering", "tool_centre_control", "templates"}
+_KEYS = {
+    "title",
+    "extension",
+    "comment",
+    "comment_characters",
+    "numbers",
+    "numbering",
+    "tool_centre_control",
+    "templates",
+}
 
 
 @dataclass(frozen=True, eq=False)
 class Dialect:
-    """One control's language. See the module's text for the fields; `codes` maps a G or M code to what it does."""
+    """One control's language. See the module's text for the fields; `codes` maps a G or M code to what it
+    does."""
 
     name: str
     title: str
@@ -102,7 +116,8 @@ class Dialect:
         return [line for line in text.split("\n") if line]
 
     def tool_centre_blocks(self, machine: Machine) -> tuple[list[str], list[str]]:
-        """The blocks that switch tool-centre control on and off; MachineError where the machine names none of ours."""
+        """The blocks that switch tool-centre control on and off; MachineError where the machine names none of
+        ours."""
         if not self.tool_centre:
             return [], []
         if machine.tool_centre_control not in self.tool_centre_control:
@@ -164,11 +179,19 @@ def _numbers(path: Path, values: Any) -> dict[str, NumberFormat]:
     formats = {}
     for key in ("length", "angle", "feed", "spindle"):
         entry = values.get(key) if isinstance(values, dict) else None
-        if not isinstance(entry, dict) or not isinstance(entry.get("decimals"), int) or not isinstance(entry.get("sign"), bool):
+        if (
+            not isinstance(entry, dict)
+            or not isinstance(entry.get("decimals"), int)
+            or not isinstance(entry.get("sign"), bool)
+        ):
             raise _wrong(path, f"numbers.{key}", "give decimals and sign")
         unknown = set(entry) - {"decimals", "sign", "lowest", "highest"}
         if unknown:
-            raise _wrong(path, f"numbers.{key}.{sorted(unknown)[0]}", "unknown key: use decimals, sign, lowest, highest")
+            raise _wrong(
+                path,
+                f"numbers.{key}.{sorted(unknown)[0]}",
+                "unknown key: use decimals, sign, lowest, highest",
+            )
         limits = {name: float(entry[name]) for name in ("lowest", "highest") if name in entry}
         formats[key] = NumberFormat(entry["decimals"], entry["sign"], **limits)
     return formats
@@ -177,7 +200,9 @@ def _numbers(path: Path, values: Any) -> dict[str, NumberFormat]:
 def _switches(path: Path, values: dict[str, Any]) -> dict[str, dict[str, str]]:
     switches: dict[str, dict[str, str]] = values.get("tool_centre_control", {})
     if values["interpolation"] == "tool-centre" and not switches:
-        raise _wrong(path, "tool_centre_control", "a tool-centre dialect needs at least one table with on and off")
+        raise _wrong(
+            path, "tool_centre_control", "a tool-centre dialect needs at least one table with on and off"
+        )
     for name, entry in switches.items():
         if set(entry) != {"on", "off"}:
             raise _wrong(path, f"tool_centre_control.{name}", "give on and off")
@@ -188,9 +213,15 @@ def _templates(path: Path, values: Any) -> dict[str, str]:
     for key in TEMPLATES:
         if not isinstance(values, dict) or not isinstance(values.get(key), str):
             raise _wrong(path, f"templates.{key}", "missing: give a text, empty where nothing is written")
-        unknown = {field for _, field, _, _ in string.Formatter().parse(values[key]) if field is not None} - FIELDS
+        unknown = {
+            field for _, field, _, _ in string.Formatter().parse(values[key]) if field is not None
+        } - FIELDS
         if unknown:
-            raise _wrong(path, f"templates.{key}", f"field {sorted(unknown)[0]!r} is unknown: use one of {', '.join(sorted(FIELDS))}")
+            raise _wrong(
+                path,
+                f"templates.{key}",
+                f"field {sorted(unknown)[0]!r} is unknown: use one of {', '.join(sorted(FIELDS))}",
+            )
     return dict(values)
 
 
@@ -198,7 +229,11 @@ def _statements(path: Path, values: dict[str, Any]) -> tuple[tuple[str, str], ..
     found = []
     for number, entry in enumerate(values.get("statements", [])):
         if entry.get("effect") not in EFFECTS:
-            raise _wrong(path, f"statements[{number}].effect", f"{entry.get('effect')!r}: choose one of {', '.join(EFFECTS)}")
+            raise _wrong(
+                path,
+                f"statements[{number}].effect",
+                f"{entry.get('effect')!r}: choose one of {', '.join(EFFECTS)}",
+            )
         try:
             re.compile(entry.get("pattern", ""))
         except re.error as error:

@@ -1,13 +1,16 @@
-"""Forward and inverse kinematics of any chain of two rotary axes and X, Y, Z: composed, no formula per machine.
+"""Forward and inverse kinematics of any chain of two rotary axes and X, Y, Z: composed, no formula per
+machine.
 
-With turns T (x -> pivot + Rot(direction, angle) (x - pivot)) of the axes that carry the part, from the part outward, and
-turns H of those that carry the tool, a part point p and the tool tip meet in the machine's frame where
+With turns T (x -> pivot + Rot(direction, angle) (x - pivot)) of the axes that carry the part, from the part
+outward, and turns H of those that carry the tool, a part point p and the tool tip meet in the machine's frame
+where
 
     T_2(T_1(p + part_zero)) = j + H_1(H_2(-L z)) + L z,        R_T2 R_T1 a = R_H1 R_H2 z.
 
-j = (X, Y, Z) is where the tip stands while the head axes are at zero (tool length compensation on); j + L z is the spindle
-nose. The second equation always has the form Rot(d1, q1) Rot(d2, q2) v = w, the second Paden-Kahan subproblem (Murray, Li
-and Sastry 1994, section 3.3): with c = Rot(d2, q2) v, its parts along d1 and d2 are known, and |c| = |v| leaves two solutions.
+j = (X, Y, Z) is where the tip stands while the head axes are at zero (tool length compensation on); j + L z
+is the spindle nose. The second equation always has the form Rot(d1, q1) Rot(d2, q2) v = w, the second
+Paden-Kahan subproblem (Murray, Li and Sastry 1994, section 3.3): with c = Rot(d2, q2) v, its parts along d1
+and d2 are known, and |c| = |v| leaves two solutions.
 """
 
 import numpy as np
@@ -22,12 +25,16 @@ UP = np.array([0.0, 0.0, 1.0])
 LIMIT_GUARD = 1e-8
 
 
-def turn(vectors: Float[ndarray, "n 3"], direction: Float[ndarray, "3"], angles: Float[ndarray, "n"]) -> Float[ndarray, "n 3"]:
+def turn(
+    vectors: Float[ndarray, "n 3"], direction: Float[ndarray, "3"], angles: Float[ndarray, "n"]
+) -> Float[ndarray, "n 3"]:
     """Rodrigues: each vector turned by its angle (rad), right-handed about the unit direction."""
     cosine, sine = np.cos(angles)[:, None], np.sin(angles)[:, None]
     x, y, z = direction
     along = (vectors @ direction)[:, None] * direction
-    return along + (vectors - along) * cosine + (vectors @ np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]])) * sine
+    return (
+        along + (vectors - along) * cosine + (vectors @ np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]])) * sine
+    )
 
 
 def _carried(points: ndarray, axis: RotaryAxis, angles: ndarray) -> ndarray:
@@ -46,7 +53,8 @@ def tool_axes(machine: Machine, rotary: Float[ndarray, "n 2"]) -> Float[ndarray,
 
 
 def _head_offset(machine: Machine, rotary: ndarray, tool_length: float) -> ndarray:
-    """From j to the tip: zero while the head axes are at zero. Pivots of head axes are measured from the spindle nose."""
+    """From j to the tip: zero while the head axes are at zero. Pivots of head axes are measured from the
+    spindle nose."""
     tip = np.tile(-tool_length * UP, (len(rotary), 1))
     for axis in reversed(machine.tool_axes):
         tip = _carried(tip, axis, rotary[:, machine.column(axis) - 3])
@@ -93,9 +101,11 @@ def _angle_about(direction: ndarray, start: ndarray, end: ndarray) -> ndarray:
 def inverse_rotary(
     machine: Machine, axes: Float[ndarray, "n 3"], hold_cone: float = 0.0
 ) -> tuple[Float[ndarray, "n 2 2"], Bool[ndarray, "n 2"]]:
-    """Both solutions (row, solution, rotary joint in rad within [-pi, pi]; NaN out of reach) and which joints are free.
+    """Both solutions (row, solution, rotary joint in rad within [-pi, pi]; NaN out of reach) and which joints
+    are free.
 
-    A joint is free where the tool axis lies within `hold_cone` (rad) of its direction: any angle does; it is returned as 0.
+    A joint is free where the tool axis lies within `hold_cone` (rad) of its direction: any angle does; it is
+    returned as 0.
     """
     one, two, sign, v, w = _subproblem(machine, axes)
     d1, d2 = np.array(one.direction), np.array(two.direction)
@@ -138,6 +148,8 @@ def within_limits(machine: Machine, found: Float[ndarray, "n 2 2"]) -> Bool[ndar
     for column, axis in enumerate(machine.rotary):
         low, high = axis.limits
         if np.isfinite(low):
-            first = found[:, :, column] + 2 * np.pi * np.ceil((low - guard - found[:, :, column]) / (2 * np.pi))
+            first = found[:, :, column] + 2 * np.pi * np.ceil(
+                (low - guard - found[:, :, column]) / (2 * np.pi)
+            )
             inside &= first <= high + guard
     return inside

@@ -1,15 +1,19 @@
 """A machine is data: a chain of axes, read from a TOML file.
 
-How to add a machine: copy a file of `bonecam/nc/machines/` (name it, or give its path instead of a name) and fill in
+How to add a machine: copy a file of `bonecam/nc/machines/` (name it, or give its path instead of a name) and
+fill in
 - `title`, `chain`: from the part outward to the tool, rotary letters and "XYZ" for the linear axes together:
-  ["C", "B", "XYZ"] table/table (C carries the part, B carries C), ["C", "XYZ", "B"] head/table, ["XYZ", "C", "B"] head/head;
-- `part_zero` (mm): the program's zero in the machine's frame, all axes at zero; `programmed_point`: "tip" or "centre";
-  `tool_centre_control`: the dialect's name of it where the dialect has several; `spindle_speed` (1/min, optional): the highest;
-- [X] [Y] [Z]: `speed` mm/min and either `limits` (lowest and highest mm of the spindle nose) or, where the place of the
-  part on the machine is not known, `travel` (mm): then only the span of the program is checked;
-- one table a rotary letter: `direction` (unit vector) and `pivot` (mm, any point on the axis; of a head axis: measured from
-  the spindle nose), both with all axes at zero; `sign` (+1: a positive word turns what the axis carries by the right hand
-  about `direction`, -1: the other way round, as most tilting tables do); `limits_deg`; `endless` (may wind); `speed_deg_s`.
+  ["C", "B", "XYZ"] table/table (C carries the part, B carries C), ["C", "XYZ", "B"] head/table, ["XYZ", "C",
+  "B"] head/head;
+- `part_zero` (mm): the program's zero in the machine's frame, all axes at zero; `programmed_point`: "tip" or
+  "centre"; `tool_centre_control`: the dialect's name of it where the dialect has several; `spindle_speed`
+  (1/min, optional): the highest;
+- [X] [Y] [Z]: `speed` mm/min and either `limits` (lowest and highest mm of the spindle nose) or, where the
+  place of the part on the machine is not known, `travel` (mm): then only the span of the program is checked;
+- one table a rotary letter: `direction` (unit vector) and `pivot` (mm, any point on the axis; of a head axis:
+  measured from the spindle nose), both with all axes at zero; `sign` (+1: a positive word turns what the axis
+  carries by the right hand about `direction`, -1: the other way round, as most tilting tables do);
+  `limits_deg`; `endless` (may wind); `speed_deg_s`.
 No formula belongs to a machine: `kinematics.py` composes the chain.
 """
 
@@ -24,7 +28,17 @@ from bonecam.nc.tables import names_in, read_table
 
 FOLDER = Path(__file__).parent / "machines"
 LINEAR = "XYZ"
-_KEYS = {"title", "chain", "part_zero", "programmed_point", "tool_centre_control", "spindle_speed", "X", "Y", "Z"}
+_KEYS = {
+    "title",
+    "chain",
+    "part_zero",
+    "programmed_point",
+    "tool_centre_control",
+    "spindle_speed",
+    "X",
+    "Y",
+    "Z",
+}
 _LINEAR_KEYS = {"speed", "limits", "travel"}
 _ROTARY_KEYS = {"direction", "pivot", "sign", "limits_deg", "endless", "speed_deg_s"}
 Vector = tuple[float, float, float]
@@ -32,7 +46,8 @@ Vector = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class LinearAxis:
-    """One of X, Y, Z: limits of the spindle nose in mm (infinite where unknown), travel in mm, speed in mm/min."""
+    """One of X, Y, Z: limits of the spindle nose in mm (infinite where unknown), travel in mm, speed in
+    mm/min."""
 
     letter: str
     limits: tuple[float, float]
@@ -42,7 +57,8 @@ class LinearAxis:
 
 @dataclass(frozen=True)
 class RotaryAxis:
-    """A rotary axis; `direction` already carries the sign: a positive angle turns what it carries right-handed about it.
+    """A rotary axis; `direction` already carries the sign: a positive angle turns what it carries
+    right-handed about it.
 
     Limits in radians, speed in rad/min. `endless`: the axis may wind; its limits, if any, bound the winding.
     """
@@ -57,7 +73,8 @@ class RotaryAxis:
 
 @dataclass(frozen=True)
 class Machine:
-    """A five-axis machine. Joint arrays are (n, 5): X, Y, Z in mm, then the rotary axes in alphabetical order in radians.
+    """A five-axis machine. Joint arrays are (n, 5): X, Y, Z in mm, then the rotary axes in alphabetical order
+    in radians.
 
     `part_axes` carry the part, from the part outward; `tool_axes` carry the tool, from the base outward.
     """
@@ -115,7 +132,10 @@ class _Reader:
         if point not in ("tip", "centre"):
             raise self.wrong("programmed_point", f"{point!r}: choose tip or centre")
         x, y, z = (self.linear(letter, self.table(values, letter)) for letter in LINEAR)
-        part_axes, tool_axes = (tuple(self.rotary(letter, self.table(values, letter)) for letter in side) for side in (before, after))
+        part_axes, tool_axes = (
+            tuple(self.rotary(letter, self.table(values, letter)) for letter in side)
+            for side in (before, after)
+        )
         first, second = (axis.direction for axis in part_axes + tool_axes)
         if abs(sum(a * b for a, b in zip(first, second, strict=True))) > 1 - 1e-9:
             raise self.wrong("chain", "the two rotary axes are parallel: give different directions")
@@ -128,12 +148,19 @@ class _Reader:
             part_zero=self.vector("part_zero", values.get("part_zero", [0.0, 0.0, 0.0])),
             programmed_point=point,
             tool_centre_control=values.get("tool_centre_control", ""),
-            spindle_speed=self.number("spindle_speed", values["spindle_speed"], 0.0) if "spindle_speed" in values else math.inf,
+            spindle_speed=self.number("spindle_speed", values["spindle_speed"], 0.0)
+            if "spindle_speed" in values
+            else math.inf,
         )
 
     def chain(self, values: dict[str, Any]) -> tuple[list[str], list[str]]:
         chain = values.get("chain")
-        if not isinstance(chain, list) or len(chain) != 3 or chain.count(LINEAR) != 1 or not set(chain) - {LINEAR} <= set("ABC"):
+        if (
+            not isinstance(chain, list)
+            or len(chain) != 3
+            or chain.count(LINEAR) != 1
+            or not set(chain) - {LINEAR} <= set("ABC")
+        ):
             raise self.wrong("chain", 'give three items from the part to the tool, such as ["C", "B", "XYZ"]')
         if len(set(chain)) != 3:
             raise self.wrong("chain", "an axis stands there twice: name two different rotary axes")
@@ -157,8 +184,15 @@ class _Reader:
         return str(values[key])
 
     def number(self, key: str, value: Any, low: float = -math.inf) -> float:
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value) or value <= low:
-            raise self.wrong(key, f"{value!r}: give a number" + (f" above {low:g}" if math.isfinite(low) else ""))
+        if (
+            isinstance(value, bool)
+            or not isinstance(value, int | float)
+            or not math.isfinite(value)
+            or value <= low
+        ):
+            raise self.wrong(
+                key, f"{value!r}: give a number" + (f" above {low:g}" if math.isfinite(low) else "")
+            )
         return float(value)
 
     def vector(self, key: str, value: Any) -> Vector:
@@ -181,7 +215,9 @@ class _Reader:
         if "limits" in values:
             low, high = self.limits(f"{letter}.limits", values["limits"])
             return LinearAxis(letter, (low, high), high - low, speed)
-        return LinearAxis(letter, (-math.inf, math.inf), self.number(f"{letter}.travel", values.get("travel"), 0.0), speed)
+        return LinearAxis(
+            letter, (-math.inf, math.inf), self.number(f"{letter}.travel", values.get("travel"), 0.0), speed
+        )
 
     def rotary(self, letter: str, values: dict[str, Any]) -> RotaryAxis:
         self.known(f"{letter}.", values, _ROTARY_KEYS)
@@ -196,7 +232,11 @@ class _Reader:
             raise self.wrong(f"{letter}.endless", "give true or false")
         if not endless and "limits_deg" not in values:
             raise self.wrong(f"{letter}.limits_deg", "missing: give limits, or endless = true")
-        low, high = self.limits(f"{letter}.limits_deg", values["limits_deg"]) if "limits_deg" in values else (-math.inf, math.inf)
+        low, high = (
+            self.limits(f"{letter}.limits_deg", values["limits_deg"])
+            if "limits_deg" in values
+            else (-math.inf, math.inf)
+        )
         return RotaryAxis(
             letter=letter,
             direction=(sign * x / length, sign * y / length, sign * z / length),

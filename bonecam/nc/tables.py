@@ -13,14 +13,20 @@ def names_in(folder: Path) -> tuple[str, ...]:
 
 
 def read_table(kind: str, name: str | Path, folder: Path) -> tuple[Path, dict[str, Any]]:
-    """The file of a name in `folder`, or of a path that ends in .toml, and its values; MachineError where there is none."""
+    """The file of a name in `folder`, or of a path that ends in .toml, and its values; MachineError where
+    there is none."""
     path = Path(name) if str(name).endswith(".toml") else folder / f"{name}.toml"
     try:
         return path, tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
         known = ", ".join(names_in(folder))
         if path == Path(name):
-            raise MachineError(f"{path}: no such file: give a {kind}'s .toml file, or one of {known}", file=str(path)) from error
-        raise MachineError(f"{kind} {str(name)!r} is unknown: use one of {known}, or the path of a .toml file", name=str(name)) from error
+            raise MachineError(
+                f"{path}: no such file: give a {kind}'s .toml file, or one of {known}", file=str(path)
+            ) from error
+        raise MachineError(
+            f"{kind} {str(name)!r} is unknown: use one of {known}, or the path of a .toml file",
+            name=str(name),
+        ) from error
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise MachineError(f"{path}: {error}: mend the file", file=str(path)) from error

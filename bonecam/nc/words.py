@@ -11,7 +11,8 @@ from bonecam.errors import ProgramError
 
 @dataclass(frozen=True)
 class NumberFormat:
-    """How one kind of number is written: decimals, whether a plus is written, and the range the control takes."""
+    """How one kind of number is written: decimals, whether a plus is written, and the range the control
+    takes."""
 
     decimals: int
     sign: bool
@@ -31,7 +32,9 @@ class NumberFormat:
     def steps(self, values: Float[ndarray, "*n"]) -> Int[ndarray, "*n"]:
         """Values in whole last decimals; ProgramError where one is not finite."""
         if not np.isfinite(values).all():
-            raise ProgramError(f"word {int(np.argmin(np.isfinite(values)))} is not a finite number: the path before it is wrong")
+            raise ProgramError(
+                f"word {int(np.argmin(np.isfinite(values)))} is not a finite number: the path before it is wrong"
+            )
         return np.rint(np.asarray(values) * 10.0**self.decimals).astype(np.int64)
 
     def rounded(self, values: Float[ndarray, "*n"]) -> Float[ndarray, "*n"]:
@@ -41,7 +44,10 @@ class NumberFormat:
     def text(self, value: float) -> str:
         """One number; ProgramError outside the control's range."""
         if not self.lowest <= value <= self.highest:
-            raise ProgramError(f"{value:g} leaves the control's range {self.lowest:g} .. {self.highest:g}: change the job", value=value)
+            raise ProgramError(
+                f"{value:g} leaves the control's range {self.lowest:g} .. {self.highest:g}: change the job",
+                value=value,
+            )
         # whole steps divided have no negative zero
         return self.spec % float(self.rounded(np.array([value], dtype=np.float64))[0])
 

@@ -1,9 +1,10 @@
 """Proving tools clear by distances alone: spheres about points of the tool's axis, one after the other.
 
-A sphere of radius d (the distance of its centre u to the nearest obstacle) holds the tool's disc of radius r at every height
-within sqrt(d^2 - r^2) of u; the next sphere starts there. The first lies outside every obstacle (signed distance), so containment
-cannot go unseen. A margin that grows along the axis, half of what the neighbouring moves displace the tool at that height,
-proves those half moves too: every pose on a move lies within half of it from one of its ends.
+A sphere of radius d (the distance of its centre u to the nearest obstacle) holds the tool's disc of radius r
+at every height within sqrt(d^2 - r^2) of u; the next sphere starts there. The first lies outside every
+obstacle (signed distance), so containment cannot go unseen. A margin that grows along the axis, half of what
+the neighbouring moves displace the tool at that height, proves those half moves too: every pose on a move
+lies within half of it from one of its ends.
 """
 
 from dataclasses import dataclass
@@ -21,13 +22,15 @@ SLACK = 0.01
 """The cutter is shrunk by this much, mm: a tangent contact is no collision."""
 ROUNDS, SHORTEST = 40, 0.02
 NEAR_SLOPE = 0.25
-"""Near the ball the margin grows no faster than this with the height above its centre: moves there run along the surface."""
+"""Near the ball the margin grows no faster than this with the height above its centre: moves there run along
+the surface."""
 FREE, UNSURE, HIT = 0, 1, 2
 
 
 @dataclass(frozen=True, eq=False)
 class Poses:
-    """Tool positions; `shift` (mm) and `turn` (radians) are half of the largest neighbouring move: the margin at u is shift + turn u."""
+    """Tool positions; `shift` (mm) and `turn` (radians) are half of the largest neighbouring move: the margin
+    at u is shift + turn u."""
 
     tips: Float[ndarray, "n 3"]
     axes: Float[ndarray, "n 3"]
@@ -40,11 +43,20 @@ class Poses:
         return cls(tips, axes, np.full(len(tips), margin), np.zeros(len(tips)))
 
     @classmethod
-    def moving(cls, tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], joined: Bool[ndarray, " n"], margin: float = 0.0) -> "Poses":
+    def moving(
+        cls,
+        tips: Float[ndarray, "n 3"],
+        axes: Float[ndarray, "n 3"],
+        joined: Bool[ndarray, " n"],
+        margin: float = 0.0,
+    ) -> "Poses":
         """Poses of moves: `joined[i]` where the tool moves from i to i + 1."""
         shift, turn = np.full(len(tips), margin), np.zeros(len(tips))
         i = np.flatnonzero(joined)
-        for values, half in ((shift, np.linalg.norm(tips[i + 1] - tips[i], axis=1) / 2), (turn, angles_between(axes[i + 1], axes[i]) / 2)):
+        for values, half in (
+            (shift, np.linalg.norm(tips[i + 1] - tips[i], axis=1) / 2),
+            (turn, angles_between(axes[i + 1], axes[i]) / 2),
+        ):
             base = values.copy()
             np.maximum.at(values, i, base[i] + half)
             np.maximum.at(values, i + 1, base[i + 1] + half)
@@ -55,10 +67,13 @@ class Poses:
         return Poses(self.tips[which], self.axes[which], self.shift[which], self.turn[which])
 
 
-def judge_by_distance(scene: Scene, cutter: Cutter, poses: Poses, *, cutting: bool = True) -> Int[ndarray, " n"]:
+def judge_by_distance(
+    scene: Scene, cutter: Cutter, poses: Poses, *, cutting: bool = True
+) -> Int[ndarray, " n"]:
     """FREE (proven, moves included), UNSURE or HIT for every pose.
 
-    `cutting`: the cutter is held against the level, slightly shrunk; else against the material like shank and holder.
+    `cutting`: the cutter is held against the level, slightly shrunk; else against the material like shank and
+    holder.
     """
     state = _table_state(cutter, poses)
     for name, start, end, radius in cutter.sections:
@@ -73,7 +88,8 @@ def judge_by_distance(scene: Scene, cutter: Cutter, poses: Poses, *, cutting: bo
 def _table_state(cutter: Cutter, poses: Poses) -> ndarray:
     """FREE where the lowest rims of shank and holder stay above the table, else HIT.
 
-    On a straight move a rim sinks below its ends by no more than (u + r) turn^2, turn being half of the move's angle.
+    On a straight move a rim sinks below its ends by no more than (u + r) turn^2, turn being half of the
+    move's angle.
     """
     lowest = np.full(len(poses.tips), np.inf)
     across = np.hypot(poses.axes[:, 0], poses.axes[:, 1])
@@ -85,7 +101,14 @@ def _table_state(cutter: Cutter, poses: Poses) -> ndarray:
 
 
 def _march(
-    scene: Scene, poses: Poses, start: float, end: float, radius: float, touching: bool, post: Post, ball: float
+    scene: Scene,
+    poses: Poses,
+    start: float,
+    end: float,
+    radius: float,
+    touching: bool,
+    post: Post,
+    ball: float,
 ) -> Int[ndarray, " n"]:
     """Spheres from `start` to `end` along every axis at once."""
     state = np.full(len(poses.tips), UNSURE)
@@ -102,7 +125,9 @@ def _march(
             margin, slope = np.minimum(margin, near), np.where(near < margin, NEAR_SLOPE, turn)
         points = poses.tips[active] + u[:, None] * poses.axes[active]
         # every sphere but the first begins inside the one before, which holds nothing
-        distance = scene.room(points, core + margin, "level" if touching else "material", post, outside=sphere > 0)
+        distance = scene.room(
+            points, core + margin, "level" if touching else "material", post, outside=sphere > 0
+        )
         reach = _reach(distance, core + margin, slope)
         u = u + reach
         state[active[u >= end]] = FREE
@@ -114,6 +139,7 @@ def _march(
 
 
 def _reach(distance: ndarray, needed: ndarray, slope: ndarray) -> ndarray:
-    """The height w at which a disc that grows by `slope` still fits: w^2 + (needed + slope w)^2 = distance^2; 0 where none does."""
+    """The height w at which a disc that grows by `slope` still fits: w^2 + (needed + slope w)^2 = distance^2;
+    0 where none does."""
     spare = np.maximum(distance**2 - needed**2, 0.0)
     return 0.999 * (np.sqrt((needed * slope) ** 2 + (1 + slope**2) * spare) - needed * slope) / (1 + slope**2)

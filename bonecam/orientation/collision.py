@@ -1,7 +1,8 @@
-"""The judge: FCL collision of the tessellated tool with level, material, post and table. The only importer of fcl.
+"""The judge: FCL collision of the tessellated tool with level, material, post and table. The only importer of
+fcl.
 
-FCL reports intersecting surfaces, never containment, so points of the tool are tested for being inside the meshes, and a
-point of each obstacle for being inside the tool.
+FCL reports intersecting surfaces, never containment, so points of the tool are tested for being inside the
+meshes, and a point of each obstacle for being inside the tool.
 """
 
 import fcl
@@ -25,7 +26,10 @@ class Judge:
 
     def __init__(self, scene: Scene, cutter: Cutter, margin: float = 0.0) -> None:
         self._scene, self._cutter = scene, cutter
-        self._tools = {name: _object(mesh) for name, mesh in tool_meshes(cutter, margin + scene.material_deviation).items()}
+        self._tools = {
+            name: _object(mesh)
+            for name, mesh in tool_meshes(cutter, margin + scene.material_deviation).items()
+        }
         slim, thick = scene.post, scene.thick_post(cutter.radius)
         table = _object(_table())
         level, material = _object(scene.level), _object(scene.material)
@@ -38,7 +42,8 @@ class Judge:
         self._request = fcl.CollisionRequest(num_max_contacts=1, enable_contact=False)
 
     def hits(self, tip: Float[ndarray, "3"], axis: Float[ndarray, "3"], *, cutting: bool = True) -> str:
-        """The name of the first part of the tool that collides (cutter, shank, holder), or an empty string."""
+        """The name of the first part of the tool that collides (cutter, shank, holder), or an empty
+        string."""
         transform = fcl.Transform(_rotation(axis), tip)
         for name, tool in self._tools.items():
             tool.setTransform(transform)
@@ -82,15 +87,23 @@ def tool_meshes(cutter: Cutter, margin: float = 0.0) -> dict[str, TriangleMesh]:
 
 
 def revolved(rings: list[tuple[float, float]], bottom: float) -> TriangleMesh:
-    """The closed solid of circles (height, radius), with points at `bottom` and on the last circle's plane, about +Z."""
+    """The closed solid of circles (height, radius), with points at `bottom` and on the last circle's plane,
+    about +Z."""
     angle = np.arange(SIDES) * (2 * np.pi / SIDES)
     circle = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(SIDES)])
-    vertices = [np.array([[0.0, 0.0, bottom]])] + [r * circle + [0.0, 0.0, z] for z, r in rings] + [np.array([[0.0, 0.0, rings[-1][0]]])]
+    vertices = (
+        [np.array([[0.0, 0.0, bottom]])]
+        + [r * circle + [0.0, 0.0, z] for z, r in rings]
+        + [np.array([[0.0, 0.0, rings[-1][0]]])]
+    )
     here, there = np.arange(SIDES), np.roll(np.arange(SIDES), -1)
     faces = [np.column_stack([np.zeros(SIDES, int), 1 + there, 1 + here])]
     for k in range(len(rings) - 1):
         a, b = 1 + k * SIDES, 1 + (k + 1) * SIDES
-        faces += [np.column_stack([a + here, a + there, b + there]), np.column_stack([a + here, b + there, b + here])]
+        faces += [
+            np.column_stack([a + here, a + there, b + there]),
+            np.column_stack([a + here, b + there, b + here]),
+        ]
     last = 1 + (len(rings) - 1) * SIDES
     faces.append(np.column_stack([last + here, last + there, np.full(SIDES, last + SIDES)]))
     return TriangleMesh(np.vstack(vertices), np.vstack(faces).astype(np.int32))
@@ -106,7 +119,9 @@ def _table() -> TriangleMesh:
     w = TABLE_HALF_WIDTH
     corners = np.array([[x, y, z] for z in (-w, 0.0) for x, y in ((-w, -w), (w, -w), (w, w), (-w, w))])
     quads = [(3, 2, 1, 0), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)]
-    return TriangleMesh(corners, np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))], dtype=np.int32))
+    return TriangleMesh(
+        corners, np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))], dtype=np.int32)
+    )
 
 
 def _object(mesh: TriangleMesh) -> fcl.CollisionObject:

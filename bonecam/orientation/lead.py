@@ -1,5 +1,6 @@
-"""The wished-for axis: the normal leaning forward along the feed (Gan et al. 2014, section 5.2: 10 degrees keep the ball's
-tip, which does not cut, off the surface), turned up where the machine's limits or the table forbid it."""
+"""The wished-for axis: the normal leaning forward along the feed (Gan et al. 2014, section 5.2: 10 degrees
+keep the ball's tip, which does not cut, off the surface), turned up where the machine's limits or the table
+forbid it."""
 
 import numpy as np
 from jaxtyping import Float
@@ -12,17 +13,24 @@ from bonecam.toolpath.cutter import Cutter
 OUTWARD = 0.3
 
 
-def lead_axes(normals: Float[ndarray, "n 3"], feeds: Float[ndarray, "n 3"], lead: float) -> Float[ndarray, "n 3"]:
+def lead_axes(
+    normals: Float[ndarray, "n 3"], feeds: Float[ndarray, "n 3"], lead: float
+) -> Float[ndarray, "n 3"]:
     """cos(lead) n + sin(lead) f, unit; `lead` in radians, positive leans forward."""
     return unit(np.cos(lead) * normals + np.sin(lead) * feeds)
 
 
-def turned_up(axes: Float[ndarray, "n 3"], centres: Float[ndarray, "n 3"], cutter: Cutter, limits: AxisLimits) -> Float[ndarray, "n 3"]:
+def turned_up(
+    axes: Float[ndarray, "n 3"], centres: Float[ndarray, "n 3"], cutter: Cutter, limits: AxisLimits
+) -> Float[ndarray, "n 3"]:
     """The axes with polar angles brought within the limits and above the table.
 
-    An axis that points almost straight down takes its azimuth from where its ball stands about the Z axis: outward.
+    An axis that points almost straight down takes its azimuth from where its ball stands about the Z axis:
+    outward.
     """
-    away = centres[:, :2] / np.maximum(np.linalg.norm(centres[:, :2], axis=1, keepdims=True), np.finfo(float).tiny)
+    away = centres[:, :2] / np.maximum(
+        np.linalg.norm(centres[:, :2], axis=1, keepdims=True), np.finfo(float).tiny
+    )
     level = np.linalg.norm(axes[:, :2], axis=1, keepdims=True)
     down = axes[:, 2:] < 0
     leaning = np.where(down, axes[:, :2] + OUTWARD * (1 - level) * away, axes[:, :2])
@@ -34,9 +42,11 @@ def turned_up(axes: Float[ndarray, "n 3"], centres: Float[ndarray, "n 3"], cutte
 
 
 def table_limit(centres: Float[ndarray, "n 3"], cutter: Cutter) -> Float[ndarray, " n"]:
-    """Largest polar angle at which the holder's and shank's rims stay above the table, at least a right angle; radians.
+    """Largest polar angle at which the holder's and shank's rims stay above the table, at least a right
+    angle; radians.
 
-    A rim at height c above the ball's centre with radius r stands at z + c cos(a) - r sin(a) = z + h cos(a + f).
+    A rim at height c above the ball's centre with radius r stands at z + c cos(a) - r sin(a) = z + h cos(a +
+    f).
     """
     largest = np.full(len(centres), np.pi)
     for _, start, end, radius in cutter.sections:

@@ -11,7 +11,8 @@ from bonecam.errors import MachineError
 
 @dataclass(frozen=True)
 class AxisLimits:
-    """Smallest and largest angle of the axis from +Z, radians (B -115..30 with an endless C: 0 .. 115 degrees)."""
+    """Smallest and largest angle of the axis from +Z, radians (B -115..30 with an endless C: 0 .. 115
+    degrees)."""
 
     largest: float
     smallest: float = 0.0

@@ -1,7 +1,8 @@
-"""Moves between passes: a short hop just above the surface where it is proven free, else out, round the stock and in again.
+"""Moves between passes: a short hop just above the surface where it is proven free, else out, round the stock
+and in again.
 
-Out and in run along the tool's own axis; the last of the way in is at the plunge feed. Everything is verified with the whole
-tool against level, material in process, post and table.
+Out and in run along the tool's own axis; the last of the way in is at the plunge feed. Everything is verified
+with the whole tool against level, material in process, post and table.
 """
 
 from collections.abc import Sequence
@@ -26,7 +27,31 @@ STANDOFF = 1.0
 """Rapid moves end, and begin, where the ball is this far from the material in process, mm."""
 LEVEL_OUT = np.radians([90.0, 70.0, 45.0])
 BEND = 1.5
-REACH = np.array([0.0, 0.1, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 13.0, 16.0, 20.0, 26.0, 34.0, 45.0, 60.0, 80.0])
+REACH = np.array(
+    [
+        0.0,
+        0.1,
+        0.25,
+        0.5,
+        1.0,
+        1.5,
+        2.0,
+        3.0,
+        4.0,
+        5.0,
+        6.0,
+        8.0,
+        10.0,
+        13.0,
+        16.0,
+        20.0,
+        26.0,
+        34.0,
+        45.0,
+        60.0,
+        80.0,
+    ]
+)
 TRIES = (
     {"rise": 0.0},
     {"rise": 0.0, "way_round": True},
@@ -61,7 +86,9 @@ class Moves:
     feeds: Float[ndarray, " n"]
 
     @classmethod
-    def along(cls, kind: Kind, centres: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], feed: float) -> "Moves":
+    def along(
+        cls, kind: Kind, centres: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], feed: float
+    ) -> "Moves":
         """Moves of one kind at one feed."""
         return cls(np.full(len(centres), int(kind)), centres, axes, np.full(len(centres), feed))
 
@@ -96,14 +123,26 @@ class Linker:
     def hops(
         self, ends: tuple[ndarray, ndarray, ndarray], starts: tuple[ndarray, ndarray, ndarray], near: float
     ) -> tuple[Bool[ndarray, " k"], list[Moves]]:
-        """Short links from ends to starts (each: centres, normals, axes (k, 3)), and which of them are proven free."""
+        """Short links from ends to starts (each: centres, normals, axes (k, 3)), and which of them are proven
+        free."""
         (a, na, va), (b, nb, vb) = ends, starts
         turned = angles_between(va, vb) > HOP_TURN  # refused, and opposite axes have no turn between them
-        between, turning = interpolated(a + HOP_LIFT * na, b + HOP_LIFT * nb, va, np.where(turned[:, None], va, vb), HOP_STEPS)
+        between, turning = interpolated(
+            a + HOP_LIFT * na, b + HOP_LIFT * nb, va, np.where(turned[:, None], va, vb), HOP_STEPS
+        )
         turning = round_pole(turning, between, np.repeat(np.arange(len(a)), HOP_STEPS + 1))
-        between, turning = between.reshape(len(a), HOP_STEPS + 1, 3), turning.reshape(len(a), HOP_STEPS + 1, 3)
-        hops = [Moves.along(Kind.LINK, *way, min(self.feeds.link, self._checker.cutter.feed)) for way in zip(between, turning, strict=True)]
-        c, v = (np.concatenate([x[:, None], y, z[:, None]], axis=1) for x, y, z in ((a, between, b), (va, turning, vb)))
+        between, turning = (
+            between.reshape(len(a), HOP_STEPS + 1, 3),
+            turning.reshape(len(a), HOP_STEPS + 1, 3),
+        )
+        hops = [
+            Moves.along(Kind.LINK, *way, min(self.feeds.link, self._checker.cutter.feed))
+            for way in zip(between, turning, strict=True)
+        ]
+        c, v = (
+            np.concatenate([x[:, None], y, z[:, None]], axis=1)
+            for x, y, z in ((a, between, b), (va, turning, vb))
+        )
         good = (np.linalg.norm(b - a, axis=1) <= near) & ~turned
         good &= np.array([nearest_to_pole(way).min() > AT_POLE for way in v], dtype=bool)
         which = np.flatnonzero(good)
@@ -116,13 +155,17 @@ class Linker:
         return good, hops
 
     def foresee(self, pairs: Sequence[tuple[Pose | None, Pose | None]]) -> None:
-        """Find what `far` needs for all these pairs at once, which is much quicker than one after the other."""
+        """Find what `far` needs for all these pairs at once, which is much quicker than one after the
+        other."""
         self._find_outs([pose for pair in pairs for pose in pair if pose is not None])
         outs = [(self._out(first), self._out(last)) for first, last in pairs]
-        self._find_rounds([(_end(out), _end(enter)) for out, enter in outs if out is not None and enter is not None])
+        self._find_rounds(
+            [(_end(out), _end(enter)) for out, enter in outs if out is not None and enter is not None]
+        )
 
     def far(self, first: Pose | None, last: Pose | None) -> Moves | None:
-        """The way from one (centre, axis) to another, the end itself left out; None stands for the safe point. None: there is no way."""
+        """The way from one (centre, axis) to another, the end itself left out; None stands for the safe
+        point. None: there is no way."""
         out, enter = self._out(first), self._out(last)
         if out is None or enter is None:
             return None
@@ -142,7 +185,8 @@ class Linker:
         return Moves(kinds, out.centres[-2::-1], out.axes[-2::-1], feeds)
 
     def _out(self, pose: Pose | None) -> Moves | None:
-        """From a contact straight to the standoff (link), on to the clearance surface (rapid); verified. None: blocked."""
+        """From a contact straight to the standoff (link), on to the clearance surface (rapid); verified.
+        None: blocked."""
         if pose is None:
             centre, axis = self.safe
             return Moves.along(Kind.RAPID, centre[None], axis[None], self.feeds.rapid)
@@ -156,33 +200,59 @@ class Linker:
         for k in range(1 + 2 * len(LEVEL_OUT)):
             left = [key for key in fresh if self._outs.get(key) is None and k < len(ways[key])]
             if left:
-                self._outs.update(zip(left, self._proven_out([fresh[key] for key in left], [ways[key][k] for key in left])))
+                self._outs.update(
+                    zip(left, self._proven_out([fresh[key] for key in left], [ways[key][k] for key in left]))
+                )
 
-    def _proven_out(self, poses: Sequence[Pose], chosen: Sequence[tuple[float, ndarray]]) -> list[Moves | None]:
-        """The way out of each pose: so far along its axis, then in a direction; None where it is not proven free."""
+    def _proven_out(
+        self, poses: Sequence[Pose], chosen: Sequence[tuple[float, ndarray]]
+    ) -> list[Moves | None]:
+        """The way out of each pose: so far along its axis, then in a direction; None where it is not proven
+        free."""
         bends, corners = (
             np.array([bend for bend, _ in chosen]),
             np.array([c + bend * a for (c, a), (bend, _) in zip(poses, chosen, strict=True)]),
         )
-        lengths = np.maximum(bends + self._route.exits(corners, np.array([direction for _, direction in chosen])), REACH[4])
+        lengths = np.maximum(
+            bends + self._route.exits(corners, np.array([direction for _, direction in chosen])), REACH[4]
+        )
         reaches = [np.r_[REACH[length - 0.05 > REACH], length] for length in lengths]
         ways = [
-            (c + np.outer(np.minimum(r, bend), a) + np.outer(np.maximum(r - bend, 0), d), np.repeat(a[None], len(r), axis=0))
+            (
+                c + np.outer(np.minimum(r, bend), a) + np.outer(np.maximum(r - bend, 0), d),
+                np.repeat(a[None], len(r), axis=0),
+            )
             for (c, a), (bend, d), r in zip(poses, chosen, reaches, strict=True)
         ]
         places = np.vstack([way[0] for way in ways])
-        air = self._scene.room(places, np.full(len(places), self._radius + STANDOFF), "material", self._scene.post) - self._radius
+        air = (
+            self._scene.room(
+                places, np.full(len(places), self._radius + STANDOFF), "material", self._scene.post
+            )
+            - self._radius
+        )
         starts = np.cumsum([len(reach) for reach in reaches])[:-1]
         blocked = [np.flatnonzero(part < STANDOFF) for part in np.split(air, starts)]
-        turns = [min(int(b[-1]) + 1 if len(b) else 1, len(reach) - 1) for b, reach in zip(blocked, reaches, strict=True)]
-        good = self._verified([(c[: k + 1], a[: k + 1]) for (c, a), k in zip(ways, turns, strict=True)], cutting=True)
+        turns = [
+            min(int(b[-1]) + 1 if len(b) else 1, len(reach) - 1)
+            for b, reach in zip(blocked, reaches, strict=True)
+        ]
+        good = self._verified(
+            [(c[: k + 1], a[: k + 1]) for (c, a), k in zip(ways, turns, strict=True)], cutting=True
+        )
         open_ = [i for i in np.flatnonzero(good) if turns[i] + 1 < len(reaches[i])]
-        good[open_] = self._verified([(ways[i][0][turns[i] :], ways[i][1][turns[i] :]) for i in open_], cutting=False)
+        good[open_] = self._verified(
+            [(ways[i][0][turns[i] :], ways[i][1][turns[i] :]) for i in open_], cutting=False
+        )
         bent = [np.flatnonzero((r == bend) & (r > 0)) for r, bend in zip(reaches, bends, strict=True)]
-        return [self._way_out(*way, k, b) if free else None for way, k, b, free in zip(ways, turns, bent, good, strict=True)]
+        return [
+            self._way_out(*way, k, b) if free else None
+            for way, k, b, free in zip(ways, turns, bent, good, strict=True)
+        ]
 
     def _way_out(self, places: ndarray, axes: ndarray, turn: int, bent: ndarray) -> Moves:
-        """Link to the pose `turn`, and rapid from there to the last, each straight but for where it is `bent`."""
+        """Link to the pose `turn`, and rapid from there to the last, each straight but for where it is
+        `bent`."""
         stops = np.unique(np.r_[bent, turn, len(places) - 1])
         link = stops <= turn
         feeds = np.where(link, self.feeds.link, self.feeds.rapid)
@@ -202,30 +272,43 @@ class Linker:
             allowed = np.array([self._limits.allow(axes).all() for _, axes in routes], dtype=bool)
             allowed[allowed] = self._verified([routes[i] for i in np.flatnonzero(allowed)], cutting=False)
             for key, (centres, axes), free in zip(left, routes, allowed, strict=True):
-                self._rounds[key] = Moves.along(Kind.RAPID, centres[1:], axes[1:], self.feeds.rapid) if free else None
+                self._rounds[key] = (
+                    Moves.along(Kind.RAPID, centres[1:], axes[1:], self.feeds.rapid) if free else None
+                )
 
     def _verified(self, ways: Sequence[tuple[ndarray, ndarray]], *, cutting: bool) -> Bool[ndarray, " k"]:
-        """Whether straight moves through the poses (centres, axes) of each way are proven free; finely subdivided."""
+        """Whether straight moves through the poses (centres, axes) of each way are proven free; finely
+        subdivided."""
         if not ways:
             return np.zeros(0, dtype=bool)
         starts, ends = np.vstack([c[:-1] for c, _ in ways]), np.vstack([c[1:] for c, _ in ways])
         first, last = np.vstack([a[:-1] for _, a in ways]), np.vstack([a[1:] for _, a in ways])
-        places, turns = interpolated(starts - self._radius * first, ends - self._radius * last, first, last, VERIFY_STEPS)
+        places, turns = interpolated(
+            starts - self._radius * first, ends - self._radius * last, first, last, VERIFY_STEPS
+        )
         joined = np.tile(np.r_[np.ones(VERIFY_STEPS, dtype=bool), False], len(first))
-        free = (self._checker.free_moves(places, turns, joined, cutting=cutting) | ~joined).reshape(len(first), -1).all(axis=1)
+        free = (
+            (self._checker.free_moves(places, turns, joined, cutting=cutting) | ~joined)
+            .reshape(len(first), -1)
+            .all(axis=1)
+        )
         if cutting:
             free[free] = self._ball_free(starts[free], ends[free])
-        blocked = np.bincount(np.repeat(np.arange(len(ways)), [len(c) - 1 for c, _ in ways]), ~free, len(ways))
+        blocked = np.bincount(
+            np.repeat(np.arange(len(ways)), [len(c) - 1 for c, _ in ways]), ~free, len(ways)
+        )
         return np.asarray(blocked == 0)
 
     def _ball_free(self, starts: Float[ndarray, "m 3"], ends: Float[ndarray, "m 3"]) -> Bool[ndarray, " m"]:
-        """Whether the ball keeps the gouge tolerance on straight moves of its centre: the proofs shrink it by more than that leaves."""
+        """Whether the ball keeps the gouge tolerance on straight moves of its centre: the proofs shrink it by
+        more than that leaves."""
         return stays_out(starts, ends, self._radius, self._tolerance, self._scene.level_distance)
 
 
 def _ways_out(axis: ndarray) -> list[tuple[float, ndarray]]:
-    """Ways out to try: how far along the axis, and the direction then: along the axis on, or the same way but level or rising, so
-    that a drooping holder does not sink to the table; at once or behind a BEND, where the ball leaves a hollow first.
+    """Ways out to try: how far along the axis, and the direction then: along the axis on, or the same way but
+    level or rising, so that a drooping holder does not sink to the table; at once or behind a BEND, where the
+    ball leaves a hollow first.
     """
     angle = float(polar(axis[None])[0])
     level = [with_polar(axis[None], np.array([limit]))[0] for limit in LEVEL_OUT if angle > limit]

@@ -12,7 +12,8 @@ from bonecam.toolpath.cutter import Cutter
 
 AIR, LEAST_STEPS = 0.1, 3
 SWEEP_MARGIN = 0.2
-"""Shank and holder are thickened by this much while moves are judged by FCL; no tool point moves further between poses judged."""
+"""Shank and holder are thickened by this much while moves are judged by FCL; no tool point moves further
+between poses judged."""
 
 
 class Checker:
@@ -30,20 +31,25 @@ class Checker:
         return self._judge
 
     def free(self, centres: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
-        """Whether still poses with these ball centres are proven free by distance alone, with AIR to spare for the moves between."""
+        """Whether still poses with these ball centres are proven free by distance alone, with AIR to spare
+        for the moves between."""
         poses = Poses.still(centres - self.cutter.radius * axes, axes, AIR)
         return judge_by_distance(self.scene, self.cutter, poses) == FREE
 
     def clear(self, centres: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
-        """Whether still poses are free, by distance or, where that proves nothing, by FCL: in hollows hardly wider than the ball."""
+        """Whether still poses are free, by distance or, where that proves nothing, by FCL: in hollows hardly
+        wider than the ball."""
         tips = centres - self.cutter.radius * axes
         state = judge_by_distance(self.scene, self.cutter, Poses.still(tips, axes, AIR))
         for i in np.flatnonzero(state == UNSURE):
             state[i] = HIT if self.judge.hits(tips[i], axes[i]) else FREE
         return np.asarray(state == FREE)
 
-    def steady(self, tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], joined: Bool[ndarray, " n"]) -> Bool[ndarray, " n"]:
-        """Whether each pose and its half of the moves to its neighbours is proven free by distance; `joined` as in `free_moves`."""
+    def steady(
+        self, tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], joined: Bool[ndarray, " n"]
+    ) -> Bool[ndarray, " n"]:
+        """Whether each pose and its half of the moves to its neighbours is proven free by distance; `joined`
+        as in `free_moves`."""
         return judge_by_distance(self.scene, self.cutter, Poses.moving(tips, axes, joined)) == FREE
 
     def free_moves(
@@ -55,7 +61,8 @@ class Checker:
         *,
         cutting: bool = True,
     ) -> Bool[ndarray, " n"]:
-        """Whether the move from i to i + 1 is free, where `joined[i]`; False elsewhere. `known` poses were found steady before."""
+        """Whether the move from i to i + 1 is free, where `joined[i]`; False elsewhere. `known` poses were
+        found steady before."""
         state = np.full(len(tips), FREE)
         asked = np.arange(len(tips)) if known is None else np.flatnonzero(~known)
         poses = Poses.moving(tips, axes, joined).take(asked)
@@ -66,16 +73,22 @@ class Checker:
             proven[doubtful] = self._judged(tips, axes, doubtful, cutting)
         return proven
 
-    def _judged(self, tips: ndarray, axes: ndarray, moves: Int[ndarray, " m"], cutting: bool) -> Bool[ndarray, " m"]:
+    def _judged(
+        self, tips: ndarray, axes: ndarray, moves: Int[ndarray, " m"], cutting: bool
+    ) -> Bool[ndarray, " m"]:
         """Each move in steps: proven by distance, or else judged by FCL at each of them."""
         turn = angles_between(axes[moves], axes[moves + 1])
-        reach = np.linalg.norm(tips[moves + 1] - tips[moves], axis=1) + turn * np.hypot(self.cutter.length, self.cutter.holder_diameter / 2)
+        reach = np.linalg.norm(tips[moves + 1] - tips[moves], axis=1) + turn * np.hypot(
+            self.cutter.length, self.cutter.holder_diameter / 2
+        )
         steps = np.maximum(LEAST_STEPS, np.ceil(reach / SWEEP_MARGIN)).astype(int)
         places, turns = interpolated(tips[moves], tips[moves + 1], axes[moves], axes[moves + 1], steps)
         starts = np.r_[0, np.cumsum(steps + 1)]
         inside = np.ones(len(places), dtype=bool)
         inside[starts[1:] - 1] = False
-        state = judge_by_distance(self.scene, self.cutter, Poses.moving(places, turns, inside), cutting=cutting)
+        state = judge_by_distance(
+            self.scene, self.cutter, Poses.moving(places, turns, inside), cutting=cutting
+        )
         worst = np.maximum.reduceat(state, starts[:-1])
         for k in np.flatnonzero(worst == UNSURE):
             unsure = starts[k] + np.flatnonzero(state[starts[k] : starts[k + 1]] == UNSURE)
@@ -91,7 +104,8 @@ def interpolated(
     last_axes: Float[ndarray, "m 3"],
     steps: int | Int[ndarray, " m"],
 ) -> tuple[Float[ndarray, "k 3"], Float[ndarray, "k 3"]]:
-    """steps + 1 poses of each move, one move behind the other: tips on the straight line, axes on the great circle at even angles."""
+    """steps + 1 poses of each move, one move behind the other: tips on the straight line, axes on the great
+    circle at even angles."""
     counts = np.broadcast_to(np.asarray(steps) + 1, len(first))
     move = np.repeat(np.arange(len(first)), counts)
     f = ((np.arange(len(move)) - np.repeat(np.cumsum(counts) - counts, counts)) / (counts[move] - 1))[:, None]

@@ -1,4 +1,5 @@
-"""From contacts to a tool path: an axis for every contact, proven free, and the moves that join the passes."""
+"""From contacts to a tool path: an axis for every contact, proven free, and the moves that join the
+passes."""
 
 from collections.abc import Callable
 from itertools import pairwise
@@ -25,8 +26,8 @@ NEAR_RADII = 2.5
 def orient(path: ContactPath, scene: Scene, limits: AxisLimits, job: PathJob, nc: NcJob) -> ToolPath:
     """Tool axes for the contacts of one level, and safe moves before, between and behind its passes.
 
-    Contacts without an allowed, collision-free axis, and passes without a way to them, are left out and listed in `uncut`
-    (`limits`, `collision`). Raises OrientationError where nothing can be reached.
+    Contacts without an allowed, collision-free axis, and passes without a way to them, are left out and
+    listed in `uncut` (`limits`, `collision`). Raises OrientationError where nothing can be reached.
     """
     checker = Checker(scene, path.cutter)
     axes, reasons, steady = choose_axes(path, checker, limits, job)
@@ -48,12 +49,16 @@ def orient(path: ContactPath, scene: Scene, limits: AxisLimits, job: PathJob, nc
 def choose_axes(
     path: ContactPath, checker: Checker, limits: AxisLimits, job: PathJob
 ) -> tuple[Float[ndarray, "n 3"], list[str], Bool[ndarray, " n"]]:
-    """A free axis for every contact; for each an empty string or why there is none; and whether it was found steady as it is.
+    """A free axis for every contact; for each an empty string or why there is none; and whether it was found
+    steady as it is.
 
-    A contact is steady where its pose and its halves of the moves to its neighbours on the pass are proven free.
+    A contact is steady where its pose and its halves of the moves to its neighbours on the pass are proven
+    free.
     """
     cutter, max_tilt = path.cutter, np.radians(job.max_tilt_deg)
-    axes = turned_up(lead_axes(path.normals, path.feeds, np.radians(job.lead_deg)), path.centres, cutter, limits)
+    axes = turned_up(
+        lead_axes(path.normals, path.feeds, np.radians(job.lead_deg)), path.centres, cutter, limits
+    )
     axes = round_pole(axes, path.centres, path.pass_index)
     good = allowed(axes, path.normals, limits, max_tilt)
     wished, centres = axes.copy(), path.centres
@@ -68,9 +73,15 @@ def choose_axes(
 
 
 def _freed(
-    path: ContactPath, axes: ndarray, good: Bool[ndarray, " n"], checker: Checker, limits: AxisLimits, max_tilt: float
+    path: ContactPath,
+    axes: ndarray,
+    good: Bool[ndarray, " n"],
+    checker: Checker,
+    limits: AxisLimits,
+    max_tilt: float,
 ) -> tuple[Float[ndarray, "n 3"], list[str]]:
-    """The axes, those that are not good replaced by the nearest free ones and smoothed; for each an empty string or why there is none.
+    """The axes, those that are not good replaced by the nearest free ones and smoothed; for each an empty
+    string or why there is none.
 
     FCL is asked only where no axis is proven free by distance: it takes a hundred times as long.
     """
@@ -80,9 +91,15 @@ def _freed(
     for proof in (checker.free, checker.clear):
         which = np.flatnonzero(reasons == "collision")
         free = _of_contacts(proof, centres)
-        axes[which], reasons[which] = nearest_free(which, axes[which], path.normals[which], limits, max_tilt, free)
+        axes[which], reasons[which] = nearest_free(
+            which, axes[which], path.normals[which], limits, max_tilt, free
+        )
     reached = np.flatnonzero(reasons == "")
-    free, normals, passes = _of_contacts(checker.free, centres[reached]), path.normals[reached], path.pass_index[reached]
+    free, normals, passes = (
+        _of_contacts(checker.free, centres[reached]),
+        path.normals[reached],
+        path.pass_index[reached],
+    )
     found = smoothed(axes[reached], normals, passes, ~good[reached], limits, max_tilt, free)
 
     def may(i: Int[ndarray, " k"], tried: Float[ndarray, "k 3"]) -> Bool[ndarray, " k"]:
@@ -97,11 +114,16 @@ def _of_contacts(proof: Callable[[ndarray, ndarray], ndarray], centres: Float[nd
     return lambda i, tried: proof(centres[i], tried)
 
 
-def _joined(path: ContactPath, index: ndarray, axes: ndarray, checker: Checker, steady: ndarray) -> Bool[ndarray, " n"]:
-    """Whether the tool cuts from each kept contact straight to the next: same pass, neighbours, small turn off the pole, proven free."""
+def _joined(
+    path: ContactPath, index: ndarray, axes: ndarray, checker: Checker, steady: ndarray
+) -> Bool[ndarray, " n"]:
+    """Whether the tool cuts from each kept contact straight to the next: same pass, neighbours, small turn
+    off the pole, proven free."""
     passes, kept_axes = path.pass_index[index], axes[index]
     joined = np.r_[(passes[1:] == passes[:-1]) & (np.diff(index) == 1), False]
-    joined[:-1] &= (angles_between(kept_axes[1:], kept_axes[:-1]) <= MAX_TURN) & (nearest_to_pole(kept_axes) > AT_POLE)
+    joined[:-1] &= (angles_between(kept_axes[1:], kept_axes[:-1]) <= MAX_TURN) & (
+        nearest_to_pole(kept_axes) > AT_POLE
+    )
     tips = path.centres[index] - path.cutter.radius * kept_axes
     return checker.free_moves(tips, kept_axes, joined, steady[index])
 
@@ -109,7 +131,9 @@ def _joined(path: ContactPath, index: ndarray, axes: ndarray, checker: Checker, 
 class _Builder:
     """Lays the runs behind one another with the links between them."""
 
-    def __init__(self, path: ContactPath, axes: ndarray, index: ndarray, linker: Linker, runs: list[ndarray]) -> None:
+    def __init__(
+        self, path: ContactPath, axes: ndarray, index: ndarray, linker: Linker, runs: list[ndarray]
+    ) -> None:
         self._path, self._axes, self._linker = path, axes, linker
         self._runs = [index[run] for run in runs]
 
@@ -136,7 +160,10 @@ class _Builder:
             passes += [np.full(len(link.kinds), -1), np.full(len(run), count)]
             here, before, count = self._pose(run[-1]), k, count + 1
         if here is None:
-            raise OrientationError(f"level {self._path.level}: no pass can be reached safely: give more clearance", level=self._path.level)
+            raise OrientationError(
+                f"level {self._path.level}: no pass can be reached safely: give more clearance",
+                level=self._path.level,
+            )
         home = self._linker.far(here, None)
         assert home is not None
         way.append(home)
@@ -145,9 +172,16 @@ class _Builder:
         return self._path_of(way, np.concatenate(rows), np.concatenate(passes), uncut)
 
     def _leavable(self, hop_free: ndarray) -> list[bool]:
-        """Whether the tool gets away from the end of each run: by a hop to one it gets away from, or out to the safe point."""
+        """Whether the tool gets away from the end of each run: by a hop to one it gets away from, or out to
+        the safe point."""
         answer = [False] * len(self._runs)
-        self._linker.foresee([(self._pose(run[-1]), None) for run, hop in zip(self._runs, [*hop_free, False], strict=True) if not hop])
+        self._linker.foresee(
+            [
+                (self._pose(run[-1]), None)
+                for run, hop in zip(self._runs, [*hop_free, False], strict=True)
+                if not hop
+            ]
+        )
         for k in range(len(self._runs) - 1, -1, -1):
             hop = k + 1 < len(self._runs) and bool(hop_free[k]) and answer[k + 1]
             answer[k] = hop or self._linker.far(self._pose(self._runs[k][-1]), None) is not None
@@ -157,7 +191,9 @@ class _Builder:
         """The long ways that are needed if every run that can be left is reached."""
         reached = np.flatnonzero(leavable).tolist()
         pairs = [(a, b) for a, b in pairwise(reached) if b > a + 1 or not hop_free[a]]
-        first: list[tuple[Pose | None, Pose | None]] = [(None, self._pose(self._runs[k][0])) for k in reached[:1]]
+        first: list[tuple[Pose | None, Pose | None]] = [
+            (None, self._pose(self._runs[k][0])) for k in reached[:1]
+        ]
         return first + [(self._pose(self._runs[a][-1]), self._pose(self._runs[b][0])) for a, b in pairs]
 
     def _pose(self, contact: int | np.integer) -> Pose:
@@ -178,7 +214,9 @@ class _Builder:
         moves.feeds[0] = min(self._linker.feeds.plunge, self._path.cutter.feed)
         return moves
 
-    def _path_of(self, way: list[Moves], rows: ndarray, passes: ndarray, uncut: list[tuple[ndarray, str]]) -> ToolPath:
+    def _path_of(
+        self, way: list[Moves], rows: ndarray, passes: ndarray, uncut: list[tuple[ndarray, str]]
+    ) -> ToolPath:
         p = self._path
         axes, centres = np.vstack([m.axes for m in way]), np.vstack([m.centres for m in way])
         cut = (rows >= 0)[:, None]

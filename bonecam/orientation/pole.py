@@ -1,6 +1,6 @@
-"""Steering the axis round the pole: near +Z, where the tables' and heads' two angles say the same, a small turn of the tool is a
-large one of the machine. An axis that would come within CONE of the pole runs round it on the cone instead, at an even pace; so do
-axes between which a move would come within PASS of it.
+"""Steering the axis round the pole: near +Z, where the tables' and heads' two angles say the same, a small
+turn of the tool is a large one of the machine. An axis that would come within CONE of the pole runs round it
+on the cone instead, at an even pace; so do axes between which a move would come within PASS of it.
 """
 
 from collections.abc import Callable
@@ -15,18 +15,23 @@ from bonecam.orientation.limits import polar, with_polar
 
 CONE = np.radians(3.0)
 PASS = np.radians(1.0)
-"""No move comes nearer to the pole: an axis that passes it at 1 degree turns the table by 10 degrees in 0.17 degrees of its own."""
+"""No move comes nearer to the pole: an axis that passes it at 1 degree turns the table by 10 degrees in 0.17
+degrees of its own."""
 AT_POLE = np.radians(0.1)
-"""A cut that comes this near to the pole, because collisions forbid all else, is broken there: the tool leaves and comes back."""
+"""A cut that comes this near to the pole, because collisions forbid all else, is broken there: the tool
+leaves and comes back."""
 ROUNDS = 8
 
 
-def round_pole(axes: Float[ndarray, "n 3"], centres: Float[ndarray, "n 3"], passes: Int[ndarray, " n"]) -> Float[ndarray, "n 3"]:
+def round_pole(
+    axes: Float[ndarray, "n 3"], centres: Float[ndarray, "n 3"], passes: Int[ndarray, " n"]
+) -> Float[ndarray, "n 3"]:
     """The axes with every stretch of a pass that lies within CONE of +Z laid on the cone.
 
-    Its azimuth turns evenly with the way of the ball's centre from that before the stretch to that behind it, the short way round;
-    where one of them is missing (the pass begins or ends there) it stays, where both are, it stays that of the first axis. Ends of
-    moves past the pole are stretches too, which keep their angle from it, and grow until no move comes within PASS of it.
+    Its azimuth turns evenly with the way of the ball's centre from that before the stretch to that behind it,
+    the short way round; where one of them is missing (the pass begins or ends there) it stays, where both
+    are, it stays that of the first axis. Ends of moves past the pole are stretches too, which keep their
+    angle from it, and grow until no move comes within PASS of it.
     """
     near, steered = polar(axes) < CONE * (1 - 1e-9), axes
     for _ in range(ROUNDS):
@@ -48,7 +53,8 @@ def round_pole_where_free(
     passes: Int[ndarray, " n"],
     may: Callable[[Int[ndarray, " k"], Float[ndarray, "k 3"]], Bool[ndarray, " k"]],
 ) -> Float[ndarray, "n 3"]:
-    """The same where `may` (of indices and axes) allows every new axis of a stretch; elsewhere the axes stay."""
+    """The same where `may` (of indices and axes) allows every new axis of a stretch; elsewhere the axes
+    stay."""
     steered = round_pole(axes, centres, passes)
     moved = np.flatnonzero((steered != axes).any(axis=1))
     stretch = np.cumsum(np.diff(moved, prepend=-2) > 1)
@@ -62,7 +68,9 @@ def _laid_round(axes: ndarray, near: Bool[ndarray, " n"], centres: ndarray, pass
     azimuth = np.arctan2(axes[:, 1], axes[:, 0])
     steered = axes.copy()
     for first, last in _stretches(near, passes):
-        before, behind = (i if 0 <= i < len(axes) and passes[i] == passes[first] else None for i in (first - 1, last))
+        before, behind = (
+            i if 0 <= i < len(axes) and passes[i] == passes[first] else None for i in (first - 1, last)
+        )
         start = azimuth[first if before is None and behind is None else behind if before is None else before]
         end = start if behind is None else azimuth[behind]
         turn = float(np.mod(end - start + np.pi, 2 * np.pi) - np.pi)

@@ -1,4 +1,5 @@
-"""A box bar upright on Z as stock: exact distances; nearest points of its edges and corners have no single normal."""
+"""A box bar upright on Z as stock: exact distances; nearest points of its edges and corners have no single
+normal."""
 
 from dataclasses import dataclass
 
@@ -66,7 +67,8 @@ class Box(Stock):
         return np.asarray(np.minimum(past.max(1), 0) + np.linalg.norm(np.maximum(past, 0), axis=1))
 
     def outward(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
-        """Unit outward normals at the nearest points; away from the edge or corner where that is the nearest."""
+        """Unit outward normals at the nearest points; away from the edge or corner where that is the
+        nearest."""
         past, side = self._past(points)
         outside = np.maximum(past, 0)
         nearest_face = np.eye(3)[np.argmax(past, axis=1)]

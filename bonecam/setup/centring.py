@@ -1,7 +1,9 @@
-"""Where a part lies best in a stock of given size: so that the largest distance from the stock to the part, and with it K_min, is least.
+"""Where a part lies best in a stock of given size: so that the largest distance from the stock to the part,
+and with it K_min, is least.
 
-Shifts across the axis are searched (Nelder & Mead 1965, fixed start and steps: the same answer every time). Turns and shifts along
-the axis would lower K_min further, but measured they leave more to be cut at the ends, where control points are few.
+Shifts across the axis are searched (Nelder & Mead 1965, fixed start and steps: the same answer every time).
+Turns and shifts along the axis would lower K_min further, but measured they leave more to be cut at the ends,
+where control points are few.
 """
 
 import numpy as np
@@ -24,7 +26,8 @@ def is_free(job: StockJob) -> bool:
 
 
 def centred(points: Float[ndarray, "n 3"], stock: Stock, margin: float) -> Float[ndarray, "4 4"]:
-    """The shift (4, 4) of the part's points across the Z axis after which the farthest point of the stock is nearest to them.
+    """The shift (4, 4) of the part's points across the Z axis after which the farthest point of the stock is
+    nearest to them.
 
     At least `margin` mm of material stay round the part (as much as there is where that is less).
     """
@@ -37,7 +40,9 @@ def centred(points: Float[ndarray, "n 3"], stock: Stock, margin: float) -> Float
         return float(np.max(tree.query(surface - shift)[0])) + PENALTY * short
 
     start = SHIFT * np.vstack([np.zeros(2), np.eye(2)])
-    found = minimize(largest, np.zeros(2), method="Nelder-Mead", options={"maxfev": TRIALS, "initial_simplex": start})
+    found = minimize(
+        largest, np.zeros(2), method="Nelder-Mead", options={"maxfev": TRIALS, "initial_simplex": start}
+    )
     transform = np.eye(4)
     if found.fun < largest(np.zeros(2)):
         transform[:2, 3] = found.x

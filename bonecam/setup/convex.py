@@ -1,4 +1,5 @@
-"""Any closed convex mesh as stock. Inside, the nearest wall is a face's plane; outside, the nearest point is libigl's (exact)."""
+"""Any closed convex mesh as stock. Inside, the nearest wall is a face's plane; outside, the nearest point is
+libigl's (exact)."""
 
 from dataclasses import InitVar, dataclass, replace
 from functools import cached_property
@@ -15,14 +16,14 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.stock import LARGEST, Stock, sides
 
 FLAT = 1e-5
-"""A point of the mesh may lie this far inside its hull (of the mesh's diagonal): the rounding of a file in float32.
-A mesh whose volume is less than its area times that is flat."""
+"""A point of the mesh may lie this far inside its hull (of the mesh's diagonal): the rounding of a file in
+float32. A mesh whose volume is less than its area times that is flat."""
 
 
 @dataclass(frozen=True, eq=False)
 class ConvexStock(Stock):
-    """The body inside a closed convex outward mesh, mm. StockError names the place where the mesh is not closed or not convex, or flat,
-    or farther from the origin than LARGEST.
+    """The body inside a closed convex outward mesh, mm. StockError names the place where the mesh is not
+    closed or not convex, or flat, or farther from the origin than LARGEST.
 
     A mesh that is `proven` to be a hull, or a copy of a stock's, is not looked at again.
     """
@@ -35,10 +36,17 @@ class ConvexStock(Stock):
     def __post_init__(self, proven: bool) -> None:
         require_type(self.surface, TriangleMesh, "surface", "TriangleMesh, such as read_mesh(file)")
         if (reach := np.abs(self.surface.vertices).max(initial=0.0)) > LARGEST:
-            raise StockError(f"the stock reaches {reach:g} mm from the origin: give one in mm, {LARGEST:g} at most", distance=float(reach))
+            raise StockError(
+                f"the stock reaches {reach:g} mm from the origin: give one in mm, {LARGEST:g} at most",
+                distance=float(reach),
+            )
         if not proven:
             used, faces = np.unique(self.surface.faces, return_inverse=True)
-            object.__setattr__(self, "surface", TriangleMesh(self.surface.vertices[used], faces.reshape(-1, 3).astype(np.int32)))
+            object.__setattr__(
+                self,
+                "surface",
+                TriangleMesh(self.surface.vertices[used], faces.reshape(-1, 3).astype(np.int32)),
+            )
             _require_closed(self.surface)
             _require_convex(self.surface)
 
@@ -86,14 +94,17 @@ class ConvexStock(Stock):
     def way_out(self, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, "n"], Float[ndarray, "n 3"]]:
         """Both from one question.
 
-        The way out to the nearest point leads away from all of the body, its middle too; the way in towards it.
+        The way out to the nearest point leads away from all of the body, its middle too; the way in towards
+        it.
         """
         closest, face = exact_closest(self.surface, points)
         away = points - closest
         distance = np.linalg.norm(away, axis=1)
         touching = distance <= np.finfo(float).eps * 16 * self.surface.diagonal
         side = np.where((away * (closest - self.surface.vertices.mean(0))).sum(1) < 0, -1.0, 1.0)
-        out = np.where(touching[:, None], self._normals[face], away * (side / np.where(touching, 1.0, distance))[:, None])
+        out = np.where(
+            touching[:, None], self._normals[face], away * (side / np.where(touching, 1.0, distance))[:, None]
+        )
         return side * distance, out
 
     def signed_distance(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n"]:
@@ -101,11 +112,13 @@ class ConvexStock(Stock):
         return self.way_out(points)[0]
 
     def outward(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
-        """Unit outward normals at the nearest points; away from the edge or corner where that is the nearest."""
+        """Unit outward normals at the nearest points; away from the edge or corner where that is the
+        nearest."""
         return self.way_out(points)[1]
 
     def mesh(self, chord_tolerance: float) -> TriangleMesh:
-        """The mesh itself, its edges split until they are as short as those of a cylinder as wide would be."""
+        """The mesh itself, its edges split until they are as short as those of a cylinder as wide would
+        be."""
         return split_edges(self.surface, float(np.sqrt(8 * chord_tolerance * self.diameter)))
 
 
@@ -120,11 +133,19 @@ def _require_closed(mesh: TriangleMesh) -> None:
     lonely = np.flatnonzero(~np.isin(forward, backward))
     if not len(edges) or len(lonely) or len(np.unique(forward)) < len(forward):
         place = mesh.vertices[edges[lonely[0] if len(lonely) else 0]].mean(0) if len(edges) else np.zeros(3)
-        raise StockError(f"the stock's mesh is not closed at {place_name(place)}: close it", distance=0.0, place=place)
+        raise StockError(
+            f"the stock's mesh is not closed at {place_name(place)}: close it", distance=0.0, place=place
+        )
     if abs(mesh.volume) <= FLAT * mesh.diagonal * mesh.area:
-        raise StockError("the stock's mesh is flat and holds nothing: give a solid body", distance=0.0, place=mesh.vertices[0])
+        raise StockError(
+            "the stock's mesh is flat and holds nothing: give a solid body",
+            distance=0.0,
+            place=mesh.vertices[0],
+        )
     if mesh.volume <= 0:
-        raise StockError("the stock's mesh is turned inside out: flip its faces", distance=0.0, place=mesh.vertices[0])
+        raise StockError(
+            "the stock's mesh is turned inside out: flip its faces", distance=0.0, place=mesh.vertices[0]
+        )
 
 
 def _require_convex(mesh: TriangleMesh) -> None:

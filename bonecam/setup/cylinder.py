@@ -1,4 +1,5 @@
-"""A cylinder bar about the Z axis as stock: exact distances; its edges have no single normal, where any between is given."""
+"""A cylinder bar about the Z axis as stock: exact distances; its edges have no single normal, where any
+between is given."""
 
 from dataclasses import dataclass
 
@@ -13,7 +14,8 @@ from bonecam.setup.stock import Stock, numbers, revolved
 
 @dataclass(frozen=True, eq=False)
 class Cylinder(Stock):
-    """All points within `radius` of the Z axis with bottom <= z <= top, mm. Raises StockError where there are none."""
+    """All points within `radius` of the Z axis with bottom <= z <= top, mm. Raises StockError where there are
+    none."""
 
     radius: float
     bottom: float
@@ -27,7 +29,9 @@ class Cylinder(Stock):
         for name, size in zip(("radius", "bottom", "top"), sizes.tolist(), strict=True):
             object.__setattr__(self, name, size)
         if not (self.radius > 0 and self.bottom < self.top):
-            raise StockError(f"a bar of diameter {2 * self.radius:g} and length {self.top - self.bottom:g} mm: give both positive")
+            raise StockError(
+                f"a bar of diameter {2 * self.radius:g} and length {self.top - self.bottom:g} mm: give both positive"
+            )
 
     @property
     def diameter(self) -> float:
@@ -56,7 +60,8 @@ class Cylinder(Stock):
         return Cylinder(self.radius, self.bottom + float(shift[2]), self.top + float(shift[2]), centre)
 
     def _local(self, points: ndarray) -> tuple[ndarray, ndarray, ndarray, ndarray]:
-        """For each point: across (unit, (n, 2)), distance past the wall, past the nearer end, and the end's side."""
+        """For each point: across (unit, (n, 2)), distance past the wall, past the nearer end, and the end's
+        side."""
         flat = points[:, :2] - np.array(self.centre)
         reach = np.linalg.norm(flat, axis=1)
         on_axis = reach <= np.finfo(float).eps * self.radius
@@ -67,10 +72,13 @@ class Cylinder(Stock):
     def signed_distance(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n"]:
         """Distance to the surface, mm, negative inside."""
         _, wall, end, _ = self._local(points)
-        return np.asarray(np.minimum(np.maximum(wall, end), 0) + np.hypot(np.maximum(wall, 0), np.maximum(end, 0)))
+        return np.asarray(
+            np.minimum(np.maximum(wall, end), 0) + np.hypot(np.maximum(wall, 0), np.maximum(end, 0))
+        )
 
     def outward(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
-        """Unit outward normals at the nearest points; away from the edge for points whose nearest is on the edge."""
+        """Unit outward normals at the nearest points; away from the edge for points whose nearest is on the
+        edge."""
         across, wall, end, side = self._local(points)
         inside = (wall <= 0) & (end <= 0)
         a = np.where(inside, wall >= end, np.maximum(wall, 0))
@@ -79,7 +87,8 @@ class Cylinder(Stock):
         return np.column_stack([across * (a / size)[:, None], side * b / size])
 
     def mesh(self, chord_tolerance: float) -> TriangleMesh:
-        """A closed outward mesh, its vertices on the surface, its faces within `chord_tolerance` of it and nearly even."""
+        """A closed outward mesh, its vertices on the surface, its faces within `chord_tolerance` of it and
+        nearly even."""
         turn = np.arccos(max(1 - chord_tolerance / (2 * self.radius), 0.0))
         around = max(12, int(np.ceil(np.pi / turn)))
         step = 2 * np.pi * self.radius / around

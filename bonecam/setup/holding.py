@@ -31,11 +31,14 @@ class Post:
 def post_below(part: TriangleMesh, holding: HoldingJob, lying: tuple[float, float] = (0.0, 0.0)) -> Post:
     """The post that ends where all of its top has met the part's underside, at most one diameter into it.
 
-    Raises ToolPathError where no line of the post meets the part, with the offset that would do; `lying` is the one it has.
+    Raises ToolPathError where no line of the post meets the part, with the offset that would do; `lying` is
+    the one it has.
     """
     radius = holding.diameter / 2
     angle = np.arange(24) * (2 * np.pi / 24)
-    rings = [np.zeros((1, 2))] + [radius * f * np.column_stack([np.cos(angle), np.sin(angle)]) for f in (1 / 3, 2 / 3, 1.0)]
+    rings = [np.zeros((1, 2))] + [
+        radius * f * np.column_stack([np.cos(angle), np.sin(angle)]) for f in (1 / 3, 2 / 3, 1.0)
+    ]
     heights = _undersides(part, np.vstack(rings))
     met = heights[np.isfinite(heights)]
     if not len(met):
@@ -50,7 +53,8 @@ def post_below(part: TriangleMesh, holding: HoldingJob, lying: tuple[float, floa
 
 
 def _lower_end(part: TriangleMesh, height: float) -> Float[ndarray, "2"]:
-    """The (x, y) of the face that lies most in the middle of what is within `height` mm of the part's lowest one, walls left out."""
+    """The (x, y) of the face that lies most in the middle of what is within `height` mm of the part's lowest
+    one, walls left out."""
     middles, normals = part.vertices[part.faces].mean(axis=1), part.face_vectors
     flat = np.abs(normals[:, 2]) > FLAT * np.linalg.norm(normals, axis=1)
     low = middles[flat & (middles[:, 2] <= middles[flat, 2].min() + height)][:, :2]

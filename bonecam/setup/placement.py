@@ -1,7 +1,7 @@
 """The stock a job asks for, given or found round the part, and how the part lies in it.
 
-The stock stands upright on the Z axis. The part is turned (first about X, then Y, then Z, about the middle of its box) and
-shifted in it as the job says; without that it lies in the middle of the stock's height.
+The stock stands upright on the Z axis. The part is turned (first about X, then Y, then Z, about the middle of
+its box) and shifted in it as the job says; without that it lies in the middle of the stock's height.
 """
 
 import numpy as np
@@ -18,7 +18,15 @@ from bonecam.setup.convex import ConvexStock
 from bonecam.setup.cylinder import Cylinder
 from bonecam.setup.rounded import require_roundable
 from bonecam.setup.schedule import Schedule
-from bonecam.setup.stock import MARGIN, Capsule, Stock, capsule_of_diameter, capsule_of_size, capsules_round, require_inside
+from bonecam.setup.stock import (
+    MARGIN,
+    Capsule,
+    Stock,
+    capsule_of_diameter,
+    capsule_of_size,
+    capsules_round,
+    require_inside,
+)
 
 HALVINGS, LARGEST_SCALE = 50, 1e4
 LYING = ("offset_x", "offset_y", "offset_z", "tilt_x_deg", "tilt_y_deg", "turn_deg")
@@ -31,12 +39,13 @@ def stock_for(
 ) -> tuple[Stock, Float[ndarray, "4 4"]]:
     """The stock on the Z axis, and the transform (4, 4) that puts the part's points (n, 3) into it; mm.
 
-    In a box of which neither width nor depth is given the part is turned to the smallest base, and without offsets it lies in its middle.
-    Without sizes a capsule (or the bar round it) is the one that takes the fewest cuts by the schedule, of those that are at most
-    `job.spare_volume` larger than the smallest.
+    In a box of which neither width nor depth is given the part is turned to the smallest base, and without
+    offsets it lies in its middle. Without sizes a capsule (or the bar round it) is the one that takes the
+    fewest cuts by the schedule, of those that are at most `job.spare_volume` larger than the smallest.
 
-    Raises StockError with `distance` and `place` where the part leaves a given stock, comes within MARGIN mm of its wall or
-    too near to an edge that has to be rounded; with `bottom` (mm) it tells places as they are when the stock stands at that height.
+    Raises StockError with `distance` and `place` where the part leaves a given stock, comes within MARGIN mm
+    of its wall or too near to an edge that has to be rounded; with `bottom` (mm) it tells places as they are
+    when the stock stands at that height.
     """
     middle, offset = (points.min(0) + points.max(0)) / 2, np.array([job.offset_x, job.offset_y, job.offset_z])
     rotation = _rotation(job.tilt_x_deg, job.tilt_y_deg, job.turn_deg)
@@ -48,7 +57,9 @@ def stock_for(
     transform = np.eye(4)
     transform[:3, :3], transform[:3, 3] = rotation, middle - rotation @ middle + offset
     lying = points @ rotation.T + transform[:3, 3]
-    stock = STOCKS[job.kind](lying, job, schedule, float((lying[:, 2].min() + lying[:, 2].max()) / 2 - job.offset_z))
+    stock = STOCKS[job.kind](
+        lying, job, schedule, float((lying[:, 2].min() + lying[:, 2].max()) / 2 - job.offset_z)
+    )
     lift = np.array([0.0, 0.0, 0.0 if bottom is None else bottom - stock.bounds[0, 2]])
     require_inside(stock.moved(lift), lying + lift, MARGIN, _otherwise(job))
     require_roundable(stock.moved(lift), lying + lift, MARGIN, _otherwise(job))
@@ -58,7 +69,11 @@ def stock_for(
 def _otherwise(job: StockJob) -> str:
     """The rest of the remedy where the job says how the part lies in its stock."""
     given = [f"stock.{name}" for name in LYING if getattr(job, name)]
-    larger = ", or a larger stock.scale (0 finds the smallest copy that holds it)" if job.kind == "mesh" and job.scale else ""
+    larger = (
+        ", or a larger stock.scale (0 finds the smallest copy that holds it)"
+        if job.kind == "mesh" and job.scale
+        else ""
+    )
     return larger + (f", or less of {', '.join(given)}" if given else "")
 
 
@@ -67,13 +82,19 @@ def _rotation(x_deg: float, y_deg: float, z_deg: float) -> Float[ndarray, "3 3"]
     for axis, angle in enumerate(np.radians([x_deg, y_deg, z_deg])):
         u, v = (axis + 1) % 3, (axis + 2) % 3
         turn = np.eye(3)
-        turn[u, u], turn[u, v], turn[v, u], turn[v, v] = np.cos(angle), -np.sin(angle), np.sin(angle), np.cos(angle)
+        turn[u, u], turn[u, v], turn[v, u], turn[v, v] = (
+            np.cos(angle),
+            -np.sin(angle),
+            np.sin(angle),
+            np.cos(angle),
+        )
         found = turn @ found
     return found
 
 
 def _smallest_base(points: Float[ndarray, "n 2"], allowance: float) -> tuple[float, Float[ndarray, "2"]]:
-    """The turn (degrees) after which the rectangle so far round points has the least area, and its middle then.
+    """The turn (degrees) after which the rectangle so far round points has the least area, and its middle
+    then.
 
     A side of it lies along one of the hull's edges (Freeman & Shapira 1975).
     """
@@ -86,10 +107,11 @@ def _smallest_base(points: Float[ndarray, "n 2"], allowance: float) -> tuple[flo
 
 
 def easiest_capsule(points: Float[ndarray, "n 3"], job: StockJob, schedule: Schedule) -> Capsule:
-    """Of the capsules at most `job.spare_volume` larger than the smallest the one with the fewest cuts, and of these that whose farthest
-    place is nearest to the part.
+    """Of the capsules at most `job.spare_volume` larger than the smallest the one with the fewest cuts, and
+    of these that whose farthest place is nearest to the part.
 
-    A level gains a little less than its depth: only what leaves half a roughing depth to spare counts as that many cuts.
+    A level gains a little less than its depth: only what leaves half a roughing depth to spare counts as that
+    many cuts.
     """
     capsules, tree = capsules_round(points, job.allowance), cKDTree(points)
     smallest = min(capsules, key=lambda capsule: capsule.volume)
@@ -131,9 +153,12 @@ def _half(extent: ndarray, job: StockJob) -> float:
 
 
 def _mesh(points: ndarray, job: StockJob, schedule: Schedule, middle: float) -> Stock:
-    """The file's body with the middle of its box on the axis; scale 0: the smallest copy that leaves the allowance."""
+    """The file's body with the middle of its box on the axis; scale 0: the smallest copy that leaves the
+    allowance."""
     if not job.mesh:
-        raise StockError("a stock of kind 'mesh' needs a file: give stock.mesh = \"block.stl\" (mm, Z upright)")
+        raise StockError(
+            "a stock of kind 'mesh' needs a file: give stock.mesh = \"block.stl\" (mm, Z upright)"
+        )
     try:
         given = ConvexStock(read_mesh(job.mesh), file=job.mesh)
     except StockError as error:
@@ -149,7 +174,9 @@ def _mesh(points: ndarray, job: StockJob, schedule: Schedule, middle: float) -> 
     while not holds(high):
         low, high = high, 2 * high
         if high > LARGEST_SCALE:
-            raise StockError(f"{job.mesh}: no copy of this body on the Z axis holds the part: move the part with stock.offset_x, offset_y")
+            raise StockError(
+                f"{job.mesh}: no copy of this body on the Z axis holds the part: move the part with stock.offset_x, offset_y"
+            )
     for _ in range(HALVINGS):
         between = (low + high) / 2
         low, high = (low, between) if holds(between) else (between, high)

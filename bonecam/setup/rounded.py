@@ -1,7 +1,9 @@
-"""A convex body with all its edges rounded: a core and everything within `radius` of it. A morph can follow it, an edge it cannot.
+"""A convex body with all its edges rounded: a core and everything within `radius` of it. A morph can follow
+it, an edge it cannot.
 
-Rounding a stock S by rho takes S eroded by rho as core: of all bodies inside S that a ball of radius rho can roll round, this is
-the largest. A cylinder bar rounded by its radius is the published capsule (Gan et al. 2014, section 4.2).
+Rounding a stock S by rho takes S eroded by rho as core: of all bodies inside S that a ball of radius rho can
+roll round, this is the largest. A cylinder bar rounded by its radius is the published capsule (Gan et al.
+2014, section 4.2).
 """
 
 from dataclasses import dataclass
@@ -28,10 +30,11 @@ UPRIGHT = 0.5
 BISECTIONS = 60
 """More than twice as often as halves every edge of a bone's stock down to a micron."""
 ROOM = 0.25
-"""Levels that pass between the part and the stock's wall need some: in less, waves of one break the next, and mending grows."""
+"""Levels that pass between the part and the stock's wall need some: in less, waves of one break the next, and
+mending grows."""
 MERGED, THICK = 0.01, 0.1
-"""Corners of a moved mesh that are as near to each other (mm, and as a share of the radius of what fits in) are one: the slivers between
-them make distances take three times as long."""
+"""Corners of a moved mesh that are as near to each other (mm, and as a share of the radius of what fits in)
+are one: the slivers between them make distances take three times as long."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,12 +83,16 @@ class Rounded(Stock):
         return distance - self.radius, out
 
     def mesh(self, chord_tolerance: float) -> TriangleMesh:
-        """A closed outward mesh that does not cut itself, its vertices on the surface, its faces within `chord_tolerance` of it.
+        """A closed outward mesh that does not cut itself, its vertices on the surface, its faces within
+        `chord_tolerance` of it.
 
-        The nearest points on a convex body to a mesh round it lie in the same order, no farther apart. Faces are cut until they are true.
+        The nearest points on a convex body to a mesh round it lie in the same order, no farther apart. Faces
+        are cut until they are true.
         """
         axis = np.array([*self.middle[:2], 0.0])
-        around = smallest_capsule(self.core.mesh(chord_tolerance).vertices - axis, self.radius + chord_tolerance).moved(axis)
+        around = smallest_capsule(
+            self.core.mesh(chord_tolerance).vertices - axis, self.radius + chord_tolerance
+        ).moved(axis)
         mesh = self._pulled(around.mesh(chord_tolerance), 0)
         for _ in range(BISECTIONS):
             if not (untrue := self._untrue(mesh, chord_tolerance)).any():
@@ -101,24 +108,29 @@ class Rounded(Stock):
 
     def _pulled(self, mesh: TriangleMesh, first: int) -> TriangleMesh:
         """The vertices from the `first` on taken to the surface, where those before them are."""
-        return TriangleMesh(np.vstack([mesh.vertices[:first], self.nearest(mesh.vertices[first:])]), mesh.faces)
+        return TriangleMesh(
+            np.vstack([mesh.vertices[:first], self.nearest(mesh.vertices[first:])]), mesh.faces
+        )
 
     def _untrue(self, mesh: TriangleMesh, chord_tolerance: float) -> Bool[ndarray, " f"]:
         """Which faces may lie too deep, or are tilted.
 
-        The body lies below the plane that touches it over the middle of a face: that plane's height over the corners bounds the depth. A
-        closed mesh of which no face is turned over covers the convex body once.
+        The body lies below the plane that touches it over the middle of a face: that plane's height over the
+        corners bounds the depth. A closed mesh of which no face is turned over covers the convex body once.
         """
         corners = mesh.vertices[mesh.faces]
         middles = corners.mean(1)
         distance, out = self.way_out(middles)
         height = -distance - np.einsum("fcx,fx->fc", corners - middles[:, None], out).min(1)
         upright = np.einsum("fcx,fx->fc", self.outward(mesh.vertices)[mesh.faces], mesh.face_vectors).min(1)
-        return np.asarray((height > chord_tolerance) | (upright < UPRIGHT * np.linalg.norm(mesh.face_vectors, axis=1)))
+        return np.asarray(
+            (height > chord_tolerance) | (upright < UPRIGHT * np.linalg.norm(mesh.face_vectors, axis=1))
+        )
 
 
 def offset(stock: Stock, distance: float) -> Stock:
-    """The body bounded by the stock's flat and round walls moved by `distance` mm (negative: inwards); edges stay edges.
+    """The body bounded by the stock's flat and round walls moved by `distance` mm (negative: inwards); edges
+    stay edges.
 
     Raises StockError (or ValueError for a capsule) where nothing is left.
     """
@@ -154,7 +166,9 @@ def _once(rows: ndarray, cell: float) -> ndarray:
 def _deepest(planes: ndarray) -> tuple[ndarray, float]:
     """The point farthest inside n . x + d <= 0, and how far."""
     A = np.column_stack([planes[:, :3], np.ones(len(planes))])
-    found = np.asarray(linprog([0, 0, 0, -1], A_ub=A, b_ub=-planes[:, 3], bounds=[(None, None)] * 4).x, dtype=np.float64)
+    found = np.asarray(
+        linprog([0, 0, 0, -1], A_ub=A, b_ub=-planes[:, 3], bounds=[(None, None)] * 4).x, dtype=np.float64
+    )
     return found[:3], float(found[3])
 
 
@@ -183,7 +197,8 @@ def rounded(stock: Stock, radius: float) -> Stock:
 
 
 def roundest(stock: Stock, points: Float[ndarray, "n 3"], margin: float) -> Stock | None:
-    """The stock rounded by the largest radius that leaves `margin` mm over every point; None where a tenth of its inradius does not.
+    """The stock rounded by the largest radius that leaves `margin` mm over every point; None where a tenth of
+    its inradius does not.
 
     ROOM mm, or half of what the stock itself has over a point, is left where some radius does that.
     """
@@ -206,8 +221,11 @@ def roundest(stock: Stock, points: Float[ndarray, "n 3"], margin: float) -> Stoc
     return rounded(stock, low)
 
 
-def require_roundable(stock: Stock, points: Float[ndarray, "n 3"], margin: float, otherwise: str = "") -> Stock:
-    """The roundest body inside the stock; StockError with the place where the part comes too near to an edge for any.
+def require_roundable(
+    stock: Stock, points: Float[ndarray, "n 3"], margin: float, otherwise: str = ""
+) -> Stock:
+    """The roundest body inside the stock; StockError with the place where the part comes too near to an edge
+    for any.
 
     `otherwise` ends its remedy.
     """

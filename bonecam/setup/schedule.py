@@ -1,4 +1,5 @@
-"""Which depth each cut may have: finishing depths next to the part, the roughing depth beyond (Gan et al. 2014, section 4.2).
+"""Which depth each cut may have: finishing depths next to the part, the roughing depth beyond (Gan et al.
+2014, section 4.2).
 
 Cut k removes what lies between level k - 1 and level k. No sequence of cuts can beat
 `K_min = min{K : sum_{k <= K} eps_k >= d}`, d being the largest distance from the stock's surface to the part.
@@ -24,13 +25,22 @@ class Schedule:
     beyond: float
 
     def __post_init__(self) -> None:
-        if not (isinstance(self.first, tuple) and all(isinstance(depth, Real) for depth in (*self.first, self.beyond))):
-            raise TypeError(f"Schedule({self.first!r}, {self.beyond!r}): give depths in mm like Schedule((0.1, 0.1), 0.5)")
-        object.__setattr__(self, "first", tuple(map(float, self.first)))  # sums of numpy's small integers would overflow
+        if not (
+            isinstance(self.first, tuple)
+            and all(isinstance(depth, Real) for depth in (*self.first, self.beyond))
+        ):
+            raise TypeError(
+                f"Schedule({self.first!r}, {self.beyond!r}): give depths in mm like Schedule((0.1, 0.1), 0.5)"
+            )
+        object.__setattr__(
+            self, "first", tuple(map(float, self.first))
+        )  # sums of numpy's small integers would overflow
         object.__setattr__(self, "beyond", float(self.beyond))
         for k, depth in enumerate((*self.first, self.beyond), start=1):
             if not LEAST <= depth < math.inf:
-                raise LevelError(f"cut {k} has the depth {depth} mm: give a finite depth of at least {LEAST} mm", level=k)
+                raise LevelError(
+                    f"cut {k} has the depth {depth} mm: give a finite depth of at least {LEAST} mm", level=k
+                )
 
     def limit(self, k: int) -> float:
         """Largest depth of cut k >= 1, mm."""
@@ -41,7 +51,8 @@ class Schedule:
         return sum(self.first[:k]) + max(0, k - len(self.first)) * self.beyond
 
     def lower_bound(self, distance: float) -> int:
-        """K_min: the fewest cuts that can remove `distance` mm. LevelError where they are more than MOST_LEVELS."""
+        """K_min: the fewest cuts that can remove `distance` mm. LevelError where they are more than
+        MOST_LEVELS."""
         if math.isnan(distance):
             raise LevelError("a distance of nan mm has no number of cuts: give a number")
         for k in range(1, MOST_LEVELS + 1):
@@ -56,19 +67,23 @@ class Schedule:
 
 
 def schedule_of(job: LevelsJob) -> Schedule:
-    """The schedule of a job: its list of depths, its numbers of finishing and roughing depths, or the roughing depth throughout."""
+    """The schedule of a job: its list of depths, its numbers of finishing and roughing depths, or the
+    roughing depth throughout."""
     return Schedule(*job.cuts)
 
 
 def evened(schedule: Schedule, distance: float, cuts: int, rest: float) -> Schedule:
     """The same schedule with shallower roughing cuts, so that the last of `cuts` takes as much as the others.
 
-    `distance` (mm) is the largest from the stock to the part, `rest` what the last cut had to take at most. A level gains a share
-    of its depth, the same for all: (distance - first - rest) / ((cuts - 1) * beyond) over the roughing cuts but the last.
+    `distance` (mm) is the largest from the stock to the part, `rest` what the last cut had to take at most. A
+    level gains a share of its depth, the same for all: (distance - first - rest) / ((cuts - 1) * beyond) over
+    the roughing cuts but the last.
     """
     before = cuts - 1 - len(schedule.first)
     if before < 1:
         return schedule
     gained = (distance - sum(schedule.first) - rest) / before
     share = gained / schedule.beyond
-    return Schedule(schedule.first, min(schedule.beyond, (distance - sum(schedule.first)) / (before * share + 1)))
+    return Schedule(
+        schedule.first, min(schedule.beyond, (distance - sum(schedule.first)) / (before * share + 1))
+    )

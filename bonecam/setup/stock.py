@@ -1,7 +1,9 @@
-"""The stock a part is cut from: any closed convex body that answers four questions (signed distance, outward normals, mesh, size).
+"""The stock a part is cut from: any closed convex body that answers four questions (signed distance, outward
+normals, mesh, size).
 
-A capsule (a cylinder with half-balls at its ends) is every point within `radius` of an axis segment, so that its signed
-distance is exact everywhere: `|x - nearest axis point| - radius`. Other stocks are new small files with the same interface.
+A capsule (a cylinder with half-balls at its ends) is every point within `radius` of an axis segment, so that
+its signed distance is exact everywhere: `|x - nearest axis point| - radius`. Other stocks are new small files
+with the same interface.
 """
 
 import math
@@ -94,12 +96,17 @@ class Stock(Protocol):
 
 
 def numbers(what: str, values: Any, count: int) -> Float[ndarray, " n"]:
-    """A read-only copy. StockError that tells what they are where they are not so many finite numbers, LARGEST at most."""
+    """A read-only copy. StockError that tells what they are where they are not so many finite numbers,
+    LARGEST at most."""
     try:
         found = np.asarray(values)
     except ValueError:
         found = np.array([])
-    if found.dtype.kind not in "fiu" or found.shape != (count,) or not (np.abs(found.astype(float)) <= LARGEST).all():
+    if (
+        found.dtype.kind not in "fiu"
+        or found.shape != (count,)
+        or not (np.abs(found.astype(float)) <= LARGEST).all()
+    ):
         told = "a finite number" if count == 1 else f"{count} finite numbers"
         raise StockError(f"{what} is {values}: give {told} (mm, {LARGEST:g} at most)")
     return np.asarray(frozen(found))
@@ -107,7 +114,8 @@ def numbers(what: str, values: Any, count: int) -> Float[ndarray, " n"]:
 
 @dataclass(frozen=True, eq=False)
 class Capsule(Stock):
-    """All points within `radius` of the segment from `start` to `end`, mm. Raises StockError where there are none."""
+    """All points within `radius` of the segment from `start` to `end`, mm. Raises StockError where there are
+    none."""
 
     start: Float[ndarray, "3"]
     end: Float[ndarray, "3"]
@@ -144,7 +152,9 @@ class Capsule(Stock):
     @property
     def bounds(self) -> Float[ndarray, "2 3"]:
         """Lowest and highest corner, mm."""
-        return np.array([np.minimum(self.start, self.end) - self.radius, np.maximum(self.start, self.end) + self.radius])
+        return np.array(
+            [np.minimum(self.start, self.end) - self.radius, np.maximum(self.start, self.end) + self.radius]
+        )
 
     def moved(self, shift: Float[ndarray, "3"]) -> "Capsule":
         """The same capsule elsewhere."""
@@ -154,7 +164,9 @@ class Capsule(Stock):
         """Both from one pass."""
         points = np.ascontiguousarray(points, dtype=np.float64)
         distance, out = np.empty(len(points)), np.empty((len(points), 3))
-        capsule.way_out(points, self.start, self.end - self.start, float(self.radius), self._frame[0], distance, out)
+        capsule.way_out(
+            points, self.start, self.end - self.start, float(self.radius), self._frame[0], distance, out
+        )
         return distance, out
 
     def signed_distance(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n"]:
@@ -176,7 +188,8 @@ class Capsule(Stock):
         return np.array([across, np.cross(along, across), along])
 
     def mesh(self, chord_tolerance: float) -> TriangleMesh:
-        """A closed outward mesh, its vertices on the surface, its faces within `chord_tolerance` of it and nearly even."""
+        """A closed outward mesh, its vertices on the surface, its faces within `chord_tolerance` of it and
+        nearly even."""
         turn = np.arccos(max(1 - chord_tolerance / (2 * self.radius), 0.0))
         around = max(12, int(np.ceil(np.pi / turn)))
         quarter = max(4, int(np.ceil(np.pi / 4 / turn)))
@@ -184,14 +197,19 @@ class Capsule(Stock):
         straight = self.length - 2 * self.radius
         rises = np.linspace(0, straight, int(np.ceil(straight / (2 * np.pi * self.radius / around))) + 1)
         height = self.radius * np.concatenate([-np.cos(latitude[1:-1]), 0 * rises, np.cos(latitude[-2:0:-1])])
-        reach = self.radius * np.concatenate([np.sin(latitude[1:-1]), 0 * rises + 1, np.sin(latitude[-2:0:-1])])
+        reach = self.radius * np.concatenate(
+            [np.sin(latitude[1:-1]), 0 * rises + 1, np.sin(latitude[-2:0:-1])]
+        )
         lift = np.concatenate([np.zeros(quarter - 1), rises, np.full(quarter - 1, straight)])
         upright = revolved(reach, height + lift, (-self.radius, self.length - self.radius), around)
         return TriangleMesh(upright.vertices @ self._frame + self.start, upright.faces)
 
 
-def revolved(reach: Float[ndarray, " r"], height: Float[ndarray, " r"], ends: tuple[float, float], around: int) -> TriangleMesh:
-    """The closed outward mesh of rings of `around` points about the Z axis, their heights rising, and of the axis' points at `ends`."""
+def revolved(
+    reach: Float[ndarray, " r"], height: Float[ndarray, " r"], ends: tuple[float, float], around: int
+) -> TriangleMesh:
+    """The closed outward mesh of rings of `around` points about the Z axis, their heights rising, and of the
+    axis' points at `ends`."""
     angle = 2 * np.pi * np.arange(around) / around
     ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(around)])
     points = reach[:, None, None] * ring + height[:, None, None] * np.array([0.0, 0.0, 1.0])
@@ -234,13 +252,20 @@ def place_in(stock: Stock, place: Float[ndarray, "3"]) -> str:
 
 
 def require_inside(stock: Stock, points: Float[ndarray, "n 3"], margin: float, otherwise: str = "") -> None:
-    """Raise StockError where a point has less than `margin` mm of the stock's material outside it; `otherwise` ends its remedy."""
+    """Raise StockError where a point has less than `margin` mm of the stock's material outside it;
+    `otherwise` ends its remedy."""
     depth = stock.signed_distance(points)
     worst = int(np.argmax(depth))
     if depth[worst] > -margin + ROUNDING:
         place = points[worst]
-        trouble = f"leaves it by {depth[worst]:.3f} mm" if depth[worst] > 0 else f"comes within {abs(depth[worst]):.3f} mm of its wall"
-        tiny = stock.kind == "mesh" and TINY * np.linalg.norm(np.ptp(stock.bounds, axis=0)) < np.linalg.norm(np.ptp(points, axis=0))
+        trouble = (
+            f"leaves it by {depth[worst]:.3f} mm"
+            if depth[worst] > 0
+            else f"comes within {abs(depth[worst]):.3f} mm of its wall"
+        )
+        tiny = stock.kind == "mesh" and TINY * np.linalg.norm(np.ptp(stock.bounds, axis=0)) < np.linalg.norm(
+            np.ptp(points, axis=0)
+        )
         raise StockError(
             f"the stock ({stock}) does not hold the part, which {trouble} "
             f"at {place_in(stock, place)}: {_larger(stock, points[depth > -margin], float(depth[worst]) + margin)}{otherwise}"
@@ -251,11 +276,16 @@ def require_inside(stock: Stock, points: Float[ndarray, "n 3"], margin: float, o
 
 
 def _larger(stock: Stock, points: Float[ndarray, "n 3"], lack: float) -> str:
-    """The remedy where these points want up to `lack` mm more of the stock: the sizes across their nearest walls, rounded up."""
+    """The remedy where these points want up to `lack` mm more of the stock: the sizes across their nearest
+    walls, rounded up."""
     if stock.kind not in SIZED:
         return f"give a stock at least {_up(lack)} mm larger there to each side"
     needed = (np.abs(stock.outward(points)) > UPRIGHT).any(axis=0)
-    sizes = [f"stock.{name} at least {_up(size + 2 * lack)}" for name, size in stock.sizes.items() if needed[ACROSS[name]].any()]
+    sizes = [
+        f"stock.{name} at least {_up(size + 2 * lack)}"
+        for name, size in stock.sizes.items()
+        if needed[ACROSS[name]].any()
+    ]
     return f"give {' and '.join(sizes)}"
 
 
@@ -265,12 +295,17 @@ def _up(size: float) -> str:
 
 
 def capsules_round(points: Float[ndarray, "n 3"], allowance: float) -> list[Capsule]:
-    """Capsules on the Z axis that hold the points with `allowance` mm of material around them, from the thinnest to 1.6 times as thick.
+    """Capsules on the Z axis that hold the points with `allowance` mm of material around them, from the
+    thinnest to 1.6 times as thick.
 
-    For a radius the caps move in until a point is `allowance` below their surface; the scan is fixed, so the answer is too.
+    For a radius the caps move in until a point is `allowance` below their surface; the scan is fixed, so the
+    answer is too.
     """
     if allowance <= 0:
-        raise StockError(f"an allowance of {allowance} mm leaves no material round the part: give a positive one", distance=allowance)
+        raise StockError(
+            f"an allowance of {allowance} mm leaves no material round the part: give a positive one",
+            distance=allowance,
+        )
     reach = np.linalg.norm(points[:, :2], axis=1)
     found: list[Capsule] = []
     for inner in reach.max() * np.linspace(1 + 1e-9, RADIUS_SPAN, RADII):
@@ -287,8 +322,11 @@ def smallest_capsule(points: Float[ndarray, "n 3"], allowance: float) -> Capsule
     return min(capsules_round(points, allowance), key=lambda capsule: capsule.volume)
 
 
-def capsule_of_diameter(diameter: float, points: Float[ndarray, "n 3"], allowance: float, otherwise: str = "") -> Capsule:
-    """The shortest capsule of this diameter on the Z axis that holds the points with `allowance` mm of material around them.
+def capsule_of_diameter(
+    diameter: float, points: Float[ndarray, "n 3"], allowance: float, otherwise: str = ""
+) -> Capsule:
+    """The shortest capsule of this diameter on the Z axis that holds the points with `allowance` mm of
+    material around them.
 
     Raises StockError where none does; `otherwise` ends its remedy.
     """
@@ -309,11 +347,16 @@ def capsule_of_diameter(diameter: float, points: Float[ndarray, "n 3"], allowanc
 
 
 def given_capsule(
-    diameter: float, length: float, points: Float[ndarray, "n 3"], margin: float = MARGIN, middle: float | None = None
+    diameter: float,
+    length: float,
+    points: Float[ndarray, "n 3"],
+    margin: float = MARGIN,
+    middle: float | None = None,
 ) -> Capsule:
     """A capsule of this size on the Z axis, centred on the part's height or at z = `middle`.
 
-    Raises StockError with `distance` and `place` where the part leaves it or has less than `margin` mm of material outside it.
+    Raises StockError with `distance` and `place` where the part leaves it or has less than `margin` mm of
+    material outside it.
     """
     if middle is None:
         middle = float(points[:, 2].min() + points[:, 2].max()) / 2
@@ -323,13 +366,17 @@ def given_capsule(
 
 
 def capsule_of_size(diameter: float, length: float, middle: float) -> Capsule:
-    """A capsule of this size on the Z axis about z = `middle`. StockError names the setting where there is none."""
+    """A capsule of this size on the Z axis about z = `middle`. StockError names the setting where there is
+    none."""
     if diameter <= 0:
         raise StockError(
-            f"stock.diameter = {diameter:g}: a capsule {length:g} mm long needs one: give the diameter, or no stock.length", distance=0.0
+            f"stock.diameter = {diameter:g}: a capsule {length:g} mm long needs one: give the diameter, or no stock.length",
+            distance=0.0,
         )
     if length < diameter:
         what = f"stock.length = {length:g}: a capsule of diameter {diameter:g} mm is no shorter than that over both caps"
-        raise StockError(f"{what}: give at least {diameter:g}, or a smaller stock.diameter", distance=diameter - length)
+        raise StockError(
+            f"{what}: give at least {diameter:g}, or a smaller stock.diameter", distance=diameter - length
+        )
     half = (length - diameter) / 2
     return Capsule(np.array([0, 0, middle - half]), np.array([0, 0, middle + half]), diameter / 2)

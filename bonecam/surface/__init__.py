@@ -1,7 +1,8 @@
 """Stage 2: the T-spline surface: kernel, fit, tessellation, files.
 
-Functions that share their name with the module they live in (fit, skin, refine, diagnose, project, tessellate, deviation) are the
-functions here: write `from bonecam.surface.fitting.fit import ...` for what else the module holds.
+Functions that share their name with the module they live in (fit, skin, refine, diagnose, project,
+tessellate, deviation) are the functions here: write `from bonecam.surface.fitting.fit import ...` for what
+else the module holds.
 """
 
 from bonecam.surface.basis.elements import Elements

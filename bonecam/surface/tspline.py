@@ -51,13 +51,19 @@ class TSpline(Generic[M]):
         object.__setattr__(self, "weights", frozen(self.weights))
         if self.control_points.shape != (self.tmesh.size, 3) or self.weights.shape != (self.tmesh.size,):
             shapes = f"control_points {self.control_points.shape} and weights {self.weights.shape}"
-            raise ValueError(f"{shapes}: the T-mesh has {self.tmesh.size} vertices, give as many control points and weights")
+            raise ValueError(
+                f"{shapes}: the T-mesh has {self.tmesh.size} vertices, give as many control points and weights"
+            )
         places = (np.abs(self.control_points) < LARGEST).all(axis=1)
         if not places.all():
-            raise ValueError(f"control point {int(np.argmin(places))} is not finite or not below {LARGEST:g} mm")
+            raise ValueError(
+                f"control point {int(np.argmin(places))} is not finite or not below {LARGEST:g} mm"
+            )
         weights = (self.weights > 1 / LARGEST) & (self.weights < LARGEST)
         if not weights.all():
-            raise ValueError(f"weight {int(np.argmin(weights))} is not positive and finite, or so small or large that nothing else counts")
+            raise ValueError(
+                f"weight {int(np.argmin(weights))} is not positive and finite, or so small or large that nothing else counts"
+            )
 
     @cached_property
     def domain(self) -> Float[ndarray, "2 2"]:
@@ -88,25 +94,34 @@ class TSpline(Generic[M]):
         """Homogeneous Bezier control points (w x, w y, w z, w) of every element, s fastest."""
         return self.tmesh.elements.patches(self.control_points, self.weights)
 
-    def basis(self, s: Float[ndarray, " n"], t: Float[ndarray, " n"], order: int = 0) -> tuple[sp.csr_array, ...]:
+    def basis(
+        self, s: Float[ndarray, " n"], t: Float[ndarray, " n"], order: int = 0
+    ) -> tuple[sp.csr_array, ...]:
         """R, then R_s, R_t (order 1), then R_ss, R_st, R_tt (order 2): sparse (n, control points)."""
         elements = self.tmesh.elements
         place, s, t = elements.place(s, t)
         count = np.diff(elements.starts)[place]
-        indptr = np.concatenate([[0], np.cumsum(count)]).astype(np.int64 if count.sum() > 2**31 - 1 else np.int32)
+        indptr = np.concatenate([[0], np.cumsum(count)]).astype(
+            np.int64 if count.sum() > 2**31 - 1 else np.int32
+        )
         indices = np.empty(indptr[-1], dtype=indptr.dtype)
         values = np.empty((_matrices(order), indptr[-1]))
         if elements.degree != 3:
-            raise SurfaceError(f"the elements have degree {elements.degree}: the basis is assembled for cubic ones")
+            raise SurfaceError(
+                f"the elements have degree {elements.degree}: the basis is assembled for cubic ones"
+            )
         parts = (elements.starts, elements.functions, elements.coefficients, self.weights, elements.boxes)
         bezier.basis_values(*parts, place, s, t, order, indptr, indices, values)
         shape = (len(s), self.tmesh.size)
         return tuple(sp.csr_array((v, indices.copy(), indptr.copy()), shape=shape) for v in values)
 
-    def evaluate(self, s: Float[ndarray, " n"], t: Float[ndarray, " n"], order: int = 0) -> Float[ndarray, "n 3"] | tuple[ndarray, ...]:
+    def evaluate(
+        self, s: Float[ndarray, " n"], t: Float[ndarray, " n"], order: int = 0
+    ) -> Float[ndarray, "n 3"] | tuple[ndarray, ...]:
         """S (n, 3) for order 0; the tuple S, S_s, S_t for order 1; S, S_s, S_t, S_ss, S_st, S_tt for order 2.
 
-        Raises ValueError for parameters that are not finite or lie outside the domain (a closed direction wraps).
+        Raises ValueError for parameters that are not finite or lie outside the domain (a closed direction
+        wraps).
         """
         return self.positions(s, t) if order == 0 else self.derivatives(s, t, order)
 
@@ -116,14 +131,17 @@ class TSpline(Generic[M]):
         found: ndarray = elements.derivatives(self.patches, *elements.place(s, t), 0)[0]
         return found
 
-    def derivatives(self, s: Float[ndarray, " n"], t: Float[ndarray, " n"], order: int) -> tuple[Float[ndarray, "n 3"], ...]:
+    def derivatives(
+        self, s: Float[ndarray, " n"], t: Float[ndarray, " n"], order: int
+    ) -> tuple[Float[ndarray, "n 3"], ...]:
         """S, S_s, S_t (order 1) and S_ss, S_st, S_tt (order 2)."""
         elements = self.tmesh.elements
         _matrices(order)
         return tuple(elements.derivatives(self.patches, *elements.place(s, t), order))
 
     def normals(self, s: Float[ndarray, " n"], t: Float[ndarray, " n"]) -> Float[ndarray, "n 3"]:
-        """Outward unit normals; at a pole the limit (see surface.curvature). Raises SurfaceError where there is none."""
+        """Outward unit normals; at a pole the limit (see surface.curvature). Raises SurfaceError where there
+        is none."""
         _, S_s, S_t = self.evaluate(s, t, 1)
         normals = np.cross(S_s, S_t)
         for end, here in self._at_poles(t):
@@ -134,11 +152,20 @@ class TSpline(Generic[M]):
         """Principal curvatures, > 0 where the part bulges outward, and directions; at a pole the limit."""
         derivatives = self.evaluate(s, t, 2)
         poles = self._at_poles(t)
-        regular = np.setdiff1d(np.arange(len(s)), np.concatenate([here for _, here in poles])) if poles else np.arange(len(s))
+        regular = (
+            np.setdiff1d(np.arange(len(s)), np.concatenate([here for _, here in poles]))
+            if poles
+            else np.arange(len(s))
+        )
         normals = unit(np.cross(derivatives[1][regular], derivatives[2][regular]))
         found = surface_curvature(tuple(d[regular] for d in derivatives), normals)
-        whole = [np.empty((len(s), *part.shape[1:])) for part in (found.k1, found.k2, found.direction1, found.direction2)]
-        for where, one in [(regular, found)] + [(here, pole_curvature(*self._pole(end)[1:], self._pole(end)[0])) for end, here in poles]:
+        whole = [
+            np.empty((len(s), *part.shape[1:]))
+            for part in (found.k1, found.k2, found.direction1, found.direction2)
+        ]
+        for where, one in [(regular, found)] + [
+            (here, pole_curvature(*self._pole(end)[1:], self._pole(end)[0])) for end, here in poles
+        ]:
             for target, part in zip(whole, (one.k1, one.k2, one.direction1, one.direction2)):
                 target[where] = part
         return Curvature(*whole)
@@ -147,7 +174,9 @@ class TSpline(Generic[M]):
         """Which samples lie on the lower (0) and the upper (1) pole, where there is one."""
         low, high = self.domain[1]
         distance = (np.asarray(t) - low, high - np.asarray(t))
-        found = [(end, np.flatnonzero(distance[end] <= POLE * (high - low))) for end in (0, 1) if self.poles[end]]
+        found = [
+            (end, np.flatnonzero(distance[end] <= POLE * (high - low))) for end in (0, 1) if self.poles[end]
+        ]
         return [(end, here) for end, here in found if len(here)]
 
     def _pole(self, end: int) -> tuple[ndarray, ndarray, ndarray]:
@@ -161,7 +190,9 @@ class TSpline(Generic[M]):
         """A watertight, outward mesh within the measured `chord_tolerance` (mm): see surface.tessellate."""
         return self.tessellate_with_parameters(chord_tolerance, angle_tolerance).mesh
 
-    def tessellate_with_parameters(self, chord_tolerance: float, angle_tolerance: float | None = None) -> Tessellation:
+    def tessellate_with_parameters(
+        self, chord_tolerance: float, angle_tolerance: float | None = None
+    ) -> Tessellation:
         """The mesh, the (s, t) of every vertex and the chord error that was measured."""
         return tessellate(self, chord_tolerance, angle_tolerance)
 
@@ -170,10 +201,13 @@ class TSpline(Generic[M]):
         return project(self, points)
 
     def diagnose(self) -> Diagnosis:
-        """Standard, semi-standard or non-standard, nullity, and how T-junction extensions meet: see surface.diagnose."""
+        """Standard, semi-standard or non-standard, nullity, and how T-junction extensions meet: see
+        surface.diagnose."""
         return diagnose(self)
 
-    def refine(self, s: Float[ndarray, " n"], t: Float[ndarray, " n"], directions: str = "st") -> "TSpline[M]":
+    def refine(
+        self, s: Float[ndarray, " n"], t: Float[ndarray, " n"], directions: str = "st"
+    ) -> "TSpline[M]":
         """The same surface, the faces that hold the samples cut in their middle: see surface.refine."""
         return refine(self, s, t, directions)
 

@@ -9,8 +9,9 @@ from bonecam.job import ToolJob, wrong
 class Cutter:
     """A ball-end cutter; mm. Positions are measured from the tip towards the spindle.
 
-    `name` is the section of the job. Raises JobError where the shapes cannot follow each other from the tip up, or the shank does not
-    fit into the holder: radius <= flute_length < overhang, shank_diameter <= holder_diameter.
+    `name` is the section of the job. Raises JobError where the shapes cannot follow each other from the tip
+    up, or the shank does not fit into the holder: radius <= flute_length < overhang, shank_diameter <=
+    holder_diameter.
     """
 
     number: int
@@ -27,13 +28,33 @@ class Cutter:
 
     def __post_init__(self) -> None:
         if not self.flute_length >= self.radius:
-            raise wrong(self.name, "flute_length", self.flute_length, f"give at least the ball's radius ({self.radius:g} mm)")
+            raise wrong(
+                self.name,
+                "flute_length",
+                self.flute_length,
+                f"give at least the ball's radius ({self.radius:g} mm)",
+            )
         if not self.overhang > self.flute_length:
-            raise wrong(self.name, "overhang", self.overhang, f"give more than flute_length ({self.flute_length:g} mm)")
+            raise wrong(
+                self.name,
+                "overhang",
+                self.overhang,
+                f"give more than flute_length ({self.flute_length:g} mm)",
+            )
         if not 0 < self.scallop < self.radius:
-            raise wrong(self.name, "scallop", self.scallop, f"give less than the ball's radius ({self.radius:g} mm), and more than 0")
+            raise wrong(
+                self.name,
+                "scallop",
+                self.scallop,
+                f"give less than the ball's radius ({self.radius:g} mm), and more than 0",
+            )
         if not self.shank_diameter <= self.holder_diameter:
-            raise wrong(self.name, "shank_diameter", self.shank_diameter, f"give at most holder_diameter ({self.holder_diameter:g} mm)")
+            raise wrong(
+                self.name,
+                "shank_diameter",
+                self.shank_diameter,
+                f"give at most holder_diameter ({self.holder_diameter:g} mm)",
+            )
 
     @classmethod
     def from_job(cls, number: int, name: str, job: ToolJob) -> "Cutter":
@@ -59,7 +80,8 @@ class Cutter:
 
     @property
     def sections(self) -> tuple[tuple[str, float, float, float], ...]:
-        """(name, start, end, radius) of the cylinders above the ball's centre: cutter, shank, holder; mm from the tip."""
+        """(name, start, end, radius) of the cylinders above the ball's centre: cutter, shank, holder; mm from
+        the tip."""
         return (
             ("cutter", self.radius, self.flute_length, self.radius),
             ("shank", self.flute_length, self.overhang, self.shank_diameter / 2),

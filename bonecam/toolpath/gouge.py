@@ -1,7 +1,7 @@
 """The ball must not enter what is to stay: centres are lifted along the contact normal until it is free.
 
-Where the ball does not fit (a groove sharper than the ball, a neighbouring condyle) the true contact cannot be reached:
-`distance(centre, mesh) >= R - tolerance` is bought with a lift, and the lift is told.
+Where the ball does not fit (a groove sharper than the ball, a neighbouring condyle) the true contact cannot
+be reached: `distance(centre, mesh) >= R - tolerance` is bought with a lift, and the lift is told.
 """
 
 from collections.abc import Sequence
@@ -27,7 +27,8 @@ def lift_free(
     joined: Bool[ndarray, " n"],
     limit: float,
 ) -> Float[ndarray, " n"]:
-    """Lift of every centre (mm, 0 where the ball fits) that frees it and the moves between; NaN where `limit` does not suffice.
+    """Lift of every centre (mm, 0 where the ball fits) that frees it and the moves between; NaN where `limit`
+    does not suffice.
 
     `joined[i]` says that the tool moves straight from contact i to contact i + 1 (the last entry is False).
     """
@@ -55,16 +56,25 @@ def lift_free(
 
 
 def stays_out(
-    starts: Float[ndarray, "m 3"], ends: Float[ndarray, "m 3"], radius: float, tolerance: float, obstacle: MeshDistance
+    starts: Float[ndarray, "m 3"],
+    ends: Float[ndarray, "m 3"],
+    radius: float,
+    tolerance: float,
+    obstacle: MeshDistance,
 ) -> Bool[ndarray, " m"]:
-    """Whether the ball, moved straight from start to end, enters the obstacle by no more than tolerance allows a move, anywhere."""
+    """Whether the ball, moved straight from start to end, enters the obstacle by no more than tolerance
+    allows a move, anywhere."""
     wanted, between = radius - MOVE_SHARE * tolerance, radius - (MOVE_SHARE + CONTACT_SHARE) * tolerance
     answer, owner = np.ones(len(starts), dtype=bool), np.arange(len(starts))
-    near, far = (obstacle.signed(places, radius + np.linalg.norm(ends - starts, axis=1)) for places in (starts, ends))
+    near, far = (
+        obstacle.signed(places, radius + np.linalg.norm(ends - starts, axis=1)) for places in (starts, ends)
+    )
     for _ in range(ROUNDS):
         answer[owner[np.minimum(near, far) < wanted]] = False
         lengths = np.linalg.norm(ends - starts, axis=1)
-        open_ = answer[owner] & (lowest_between(np.maximum(near, 0.0), np.maximum(far, 0.0), lengths) < between)
+        open_ = answer[owner] & (
+            lowest_between(np.maximum(near, 0.0), np.maximum(far, 0.0), lengths) < between
+        )
         if not open_.any():
             return answer
         owner, starts, ends, near, far = owner[open_], starts[open_], ends[open_], near[open_], far[open_]
@@ -76,9 +86,11 @@ def stays_out(
     return answer
 
 
-def _lacking(obstacle: MeshDistance, centres: ndarray, moves: Int[ndarray, " m"], clear: float, wanted: float) -> Float[ndarray, " m"]:
-    """What the distance lacks at most along each move from centre i to i + 1: at its middle, and where that does not rule a lack
-    out between it and the ends, at least `clear`, at the quarters too.
+def _lacking(
+    obstacle: MeshDistance, centres: ndarray, moves: Int[ndarray, " m"], clear: float, wanted: float
+) -> Float[ndarray, " m"]:
+    """What the distance lacks at most along each move from centre i to i + 1: at its middle, and where that
+    does not rule a lack out between it and the ends, at least `clear`, at the quarters too.
     """
     starts, ends = centres[moves], centres[moves + 1]
     half = np.linalg.norm(ends - starts, axis=1) / 2
@@ -86,7 +98,9 @@ def _lacking(obstacle: MeshDistance, centres: ndarray, moves: Int[ndarray, " m"]
     distance = obstacle.unsigned if (half < clear).all() else obstacle.signed
     middle = distance((starts + ends) / 2, clear)
     need = np.maximum(wanted - middle, 0.0)
-    ask = np.flatnonzero(lowest_between(np.full(len(moves), clear), np.clip(middle, 0.0, clear), half) < wanted)
+    ask = np.flatnonzero(
+        lowest_between(np.full(len(moves), clear), np.clip(middle, 0.0, clear), half) < wanted
+    )
     for fraction in QUARTERS:
         places = (1 - fraction) * starts[ask] + fraction * ends[ask]
         need[ask] = np.maximum(need[ask], wanted - distance(places, wanted))
@@ -94,7 +108,13 @@ def _lacking(obstacle: MeshDistance, centres: ndarray, moves: Int[ndarray, " m"]
 
 
 def _lifted(
-    contacts: ndarray, normals: ndarray, lifts: ndarray, radius: float, wanted: float, obstacles: Sequence[MeshDistance], limit: float
+    contacts: ndarray,
+    normals: ndarray,
+    lifts: ndarray,
+    radius: float,
+    wanted: float,
+    obstacles: Sequence[MeshDistance],
+    limit: float,
 ) -> Float[ndarray, " n"]:
     """Raise each ball by what it lacks, again and again: the distance never grows faster than the lift."""
     lifts = lifts.copy()

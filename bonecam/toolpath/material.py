@@ -1,7 +1,9 @@
-"""The material in process: what is left while the levels are machined one after the other, from the stock inwards.
+"""The material in process: what is left while the levels are machined one after the other, from the stock
+inwards.
 
-All levels share one parametrisation, so a place of the grid stays where the last path that cut it left it, and where a contact
-was left out it stays whatever was there before: an obstacle to shank and holder, and too much for a ball further in.
+All levels share one parametrisation, so a place of the grid stays where the last path that cut it left it,
+and where a contact was left out it stays whatever was there before: an obstacle to shank and holder, and too
+much for a ball further in.
 """
 
 from collections.abc import Sequence
@@ -23,8 +25,8 @@ DEVIATION = 2.5 * CHORD
 
 
 class Material:
-    """Begins as the stock; `cut` takes away what a path machines. Its mesh stays the whole stock while that is rounded: the grid
-    cannot follow an edge.
+    """Begins as the stock; `cut` takes away what a path machines. Its mesh stays the whole stock while that
+    is rounded: the grid cannot follow an edge.
     """
 
     def __init__(self, levels: Sequence[Level], stock: Stock) -> None:
@@ -42,7 +44,8 @@ class Material:
         return np.asarray(thickness[KDTree(floor).query(contacts)[1]])
 
     def cut(self, level: Level, path: ToolPath) -> None:
-        """Take away what `path` machines of the material on `level`: down to the level, or to the lifted ball."""
+        """Take away what `path` machines of the material on `level`: down to the level, or to the lifted
+        ball."""
         assert level.surface is not None
         floor = self._grid.R @ level.net
         rows = np.flatnonzero(path.kinds == Kind.CUT)

@@ -19,11 +19,12 @@ class Kind(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class ContactPath:
-    """Cutter contacts of one level before tool axes are chosen; consecutive points of a pass are cutting moves.
+    """Cutter contacts of one level before tool axes are chosen; consecutive points of a pass are cutting
+    moves.
 
     `parameters` are (s, t) on the level's surface, `normals` outward, `feeds` unit feed directions,
-    `centres` of the ball: contact + radius * normal, or lifted where the ball would gouge (then `lifts` > 0, mm).
-    `uncut` are contacts left out, `reasons` one word for each (post, gouge, ...).
+    `centres` of the ball: contact + radius * normal, or lifted where the ball would gouge (then `lifts` > 0,
+    mm). `uncut` are contacts left out, `reasons` one word for each (post, gouge, ...).
     """
 
     level: int

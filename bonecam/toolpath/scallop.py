@@ -1,13 +1,14 @@
 """Side step of a ball on a circular section, exact.
 
-A section of curvature kappa (1/mm, > 0 where the part bulges towards the cutter) is a circle of radius 1/kappa; ball centres
-lie on the circle 1/kappa + R, the cusp on 1/kappa + h. The triangle centre - cutter - cusp gives, with theta the angle between
-neighbouring contacts,
+A section of curvature kappa (1/mm, > 0 where the part bulges towards the cutter) is a circle of radius
+1/kappa; ball centres lie on the circle 1/kappa + R, the cusp on 1/kappa + h. The triangle centre - cutter -
+cusp gives, with theta the angle between neighbouring contacts,
 
-    sin(theta/4) = (kappa/2) sqrt( h (2R - h) / ((1 + kappa R)(1 + kappa h)) ),      side step L = theta / kappa
+    sin(theta/4) = (kappa/2) sqrt( h (2R - h) / ((1 + kappa R)(1 + kappa h)) ),      side step L = theta /
+    kappa
 
-and L = 2 sqrt(h (2R - h)) on a plane. Suresh & Yang (1994) as used by Gan et al. (2014), section 4.3; the textbook
-sqrt(8 h R / (1 + kappa R)) exceeds h.
+and L = 2 sqrt(h (2R - h)) on a plane. Suresh & Yang (1994) as used by Gan et al. (2014), section 4.3; the
+textbook sqrt(8 h R / (1 + kappa R)) exceeds h.
 """
 
 import numpy as np
@@ -23,13 +24,15 @@ FLAT = 1e-6
 def side_step(radius: float, scallop: float, curvature: Float[ndarray, " n"]) -> Float[ndarray, " n"]:
     """Distance along the section between contacts (mm) that leaves cusps of exactly `scallop`.
 
-    A section so sharp that one pass leaves less anywhere answers its whole circumference. Raises ToolPathError where
-    kappa <= -1/R: the ball cannot touch there; ValueError unless 0 < scallop < radius.
+    A section so sharp that one pass leaves less anywhere answers its whole circumference. Raises
+    ToolPathError where kappa <= -1/R: the ball cannot touch there; ValueError unless 0 < scallop < radius.
     """
     _refuse(radius, curvature)
     if not 0 < scallop < radius:
         raise ValueError(f"scallop {scallop} must lie between 0 and the radius {radius}")
-    half = np.sqrt(scallop * (2 * radius - scallop) / ((1 + curvature * radius) * (1 + curvature * scallop))) / 2
+    half = (
+        np.sqrt(scallop * (2 * radius - scallop) / ((1 + curvature * radius) * (1 + curvature * scallop))) / 2
+    )
     sine = np.clip(curvature * half, -1, 1)
     flat = np.abs(sine) < FLAT
     return np.where(flat, 4 * half, 4 * np.arcsin(sine) / np.where(flat, 1, curvature))

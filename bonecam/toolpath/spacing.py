@@ -1,8 +1,9 @@
 """Where the iso-parametric lines of a zig-zag lie: the next line at the smallest step found on this one.
 
-With the feed along one parameter, the distance to a neighbouring line across the feed grows by sqrt(EG - F^2) / sqrt(E) per
-unit of t (feed along s), which is Eqs. 13-14 of Gan et al. (2014) solved for the distance; divided by the exact side step of
-the section across the feed and integrated, it counts passes. No place of a line is more than one pass from the next line.
+With the feed along one parameter, the distance to a neighbouring line across the feed grows by sqrt(EG - F^2)
+/ sqrt(E) per unit of t (feed along s), which is Eqs. 13-14 of Gan et al. (2014) solved for the distance;
+divided by the exact side step of the section across the feed and integrated, it counts passes. No place of a
+line is more than one pass from the next line.
 """
 
 from collections.abc import Callable
@@ -20,7 +21,8 @@ FEED_SAMPLES, ACROSS_SAMPLES = 96, 600
 FULLNESS = 0.97
 """Part of the exact side step that is used: covers the integration on the sample grid."""
 TURN = np.pi
-"""A cell of the grid turns by no more: at a crease the curvature of one point is not that of its whole cell."""
+"""A cell of the grid turns by no more: at a crease the curvature of one point is not that of its whole
+cell."""
 MOST_LINES = 20000
 CELLS = 16
 """Cells of the grid that are looked at for the next line at first."""
@@ -48,7 +50,9 @@ def _pass_counts(surface: TSpline, direction: str, radius: float, scallop: float
     s, t = np.linspace(0, 1, s_count), np.linspace(low + edge, high - edge, t_count)
     grid_s, grid_t = (v.ravel() for v in np.meshgrid(s, t, indexing="ij"))
     height, curvature = across_feed(surface, direction, grid_s, grid_t)
-    cell = np.maximum(height, np.finfo(float).eps) * ((high - low) / t_count if direction == "around" else 1 / s_count)
+    cell = np.maximum(height, np.finfo(float).eps) * (
+        (high - low) / t_count if direction == "around" else 1 / s_count
+    )
     reach = np.where(1 + curvature * radius > 0.05, np.minimum(curvature, TURN / cell), 0.0)
     rate = (height / side_step(radius, scallop, reach)).reshape(s_count, t_count)
     if direction == "along":
@@ -62,7 +66,8 @@ def _pass_counts(surface: TSpline, direction: str, radius: float, scallop: float
 def across_feed(
     surface: TSpline, direction: str, s: Float[ndarray, " n"], t: Float[ndarray, " n"]
 ) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
-    """Distance across the feed per unit of the other parameter (mm), and the normal curvature there (1/mm, > 0: convex)."""
+    """Distance across the feed per unit of the other parameter (mm), and the normal curvature there (1/mm, >
+    0: convex)."""
     _, Ss, St, Sss, Sst, Stt = surface.evaluate(s, t, 2)
     if direction == "along":
         Ss, St, Sss, Stt = St, Ss, Stt, Sss
@@ -103,11 +108,17 @@ def _meridians(across: ndarray, counts: ndarray, full: float) -> ndarray:
 
 def _require_progress(lines: list[float]) -> None:
     if len(lines) > MOST_LINES or (len(lines) > 1 and not lines[-1] > lines[-2]):
-        raise ToolPathError(f"passes crowd without end at parameter {lines[-1]:.6f}: smooth the level there", parameter=lines[-1])
+        raise ToolPathError(
+            f"passes crowd without end at parameter {lines[-1]:.6f}: smooth the level there",
+            parameter=lines[-1],
+        )
 
 
-def _next(across: ndarray, counts: ndarray, start: int, here: ndarray, step: float) -> tuple[int, float, ndarray]:
-    """The cell, from `start` on, and the parameter where the fullest place has moved on by `step`, and the counts there."""
+def _next(
+    across: ndarray, counts: ndarray, start: int, here: ndarray, step: float
+) -> tuple[int, float, ndarray]:
+    """The cell, from `start` on, and the parameter where the fullest place has moved on by `step`, and the
+    counts there."""
     last, window = len(across) - 1, CELLS
     while start + window < last and (counts[:, start + window] - here).max() < step:
         window *= 2

@@ -1,4 +1,5 @@
-"""Zig-zag on a level: iso-parametric lines cut to and fro (Gan et al. 2014, section 4.3), as contacts with ball centres.
+"""Zig-zag on a level: iso-parametric lines cut to and fro (Gan et al. 2014, section 4.3), as contacts with
+ball centres.
 
 `around`: rings t = const from the free end down to the post; spacing stays nearly even on a closed bone.
 `along`: lines s = const from pole to pole, as published; they crowd at the poles.
@@ -34,9 +35,11 @@ LIFT_LIMIT_RADII = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """The contacts of all lines of a level in machining order, ends of lines included, before any is left out.
+    """The contacts of all lines of a level in machining order, ends of lines included, before any is left
+    out.
 
-    `lifts` as `lift_free` has them, NaN where the ball does not fit; `at_post`: too near the post; `air`: there is nothing to cut.
+    `lifts` as `lift_free` has them, NaN where the ball does not fit; `at_post`: too near the post; `air`:
+    there is nothing to cut.
     """
 
     level: Level
@@ -54,11 +57,19 @@ class Candidates:
 
 
 def candidates(
-    level: Level, obstacles: Sequence[MeshDistance], cutter: Cutter, post: Post, job: PathJob, *, post_clearance: float = POST_CLEARANCE
+    level: Level,
+    obstacles: Sequence[MeshDistance],
+    cutter: Cutter,
+    post: Post,
+    job: PathJob,
+    *,
+    post_clearance: float = POST_CLEARANCE,
 ) -> Candidates:
-    """The contacts of a level: cusps <= cutter.scallop, chords <= job.chord_tolerance, no gouge beyond tolerance.
+    """The contacts of a level: cusps <= cutter.scallop, chords <= job.chord_tolerance, no gouge beyond
+    tolerance.
 
-    `obstacles` are what the ball must not enter: the level and the part. Nothing here depends on the levels cut before.
+    `obstacles` are what the ball must not enter: the level and the part. Nothing here depends on the levels
+    cut before.
     """
     surface = level.surface
     assert surface is not None
@@ -70,19 +81,30 @@ def candidates(
     contacts, normals, feeds = frame(surface, job.direction, parameters)
     feeds = np.where((line % 2 == 1)[:, None], -feeds, feeds)
     joined = np.r_[line[1:] == line[:-1], False]
-    lifts = lift_free(contacts, normals, cutter.radius, job.gouge_tolerance, obstacles, joined, LIFT_LIMIT_RADII * cutter.radius)
+    lifts = lift_free(
+        contacts,
+        normals,
+        cutter.radius,
+        job.gouge_tolerance,
+        obstacles,
+        joined,
+        LIFT_LIMIT_RADII * cutter.radius,
+    )
     centres = contacts + (cutter.radius + np.nan_to_num(lifts))[:, None] * normals
     at_post, closed = post.distance(centres) < cutter.radius + post_clearance, job.direction == "around"
     air = _in_air(level, contacts)
-    return Candidates(level, cutter, closed, line, parameters, contacts, normals, feeds, lifts, centres, at_post, air)
+    return Candidates(
+        level, cutter, closed, line, parameters, contacts, normals, feeds, lifts, centres, at_post, air
+    )
 
 
 def cover_level(found: Candidates, material: Material | None = None) -> ContactPath:
     """The contacts that machine a level.
 
-    Those too near the post are left uncut (`post`), and those under more `material` than DEEPEST_RADII (`covered`: an outer level was
-    left uncut there). Those lifted by more than the scallop are listed as uncut (`gouge`) though the lifted ball still passes over
-    them. Of a level that rounds the stock only what lies inside the stock is covered. Raises ToolPathError where nothing is left.
+    Those too near the post are left uncut (`post`), and those under more `material` than DEEPEST_RADII
+    (`covered`: an outer level was left uncut there). Those lifted by more than the scallop are listed as
+    uncut (`gouge`) though the lifted ball still passes over them. Of a level that rounds the stock only what
+    lies inside the stock is covered. Raises ToolPathError where nothing is left.
     """
     level, cutter, lifts = found.level, found.cutter, found.lifts
     blocked = np.isnan(lifts)
@@ -93,7 +115,10 @@ def cover_level(found: Candidates, material: Material | None = None) -> ContactP
     left_out = found.at_post | blocked | covered | found.air
     kept, passes = _runs(found.line, ~left_out, found.closed)
     if not len(kept):
-        raise ToolPathError(f"level {level.index}: nothing can be cut: take a smaller cutter or a thinner post", level=level.index)
+        raise ToolPathError(
+            f"level {level.index}: nothing can be cut: take a smaller cutter or a thinner post",
+            level=level.index,
+        )
     missed = ~found.air & (left_out | (lifts > cutter.scallop))
     return ContactPath(
         level.index,
@@ -112,7 +137,8 @@ def cover_level(found: Candidates, material: Material | None = None) -> ContactP
 
 
 def _in_air(level: Level, contacts: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
-    """Where a level that rounds the stock lies outside it, or has less than THINNEST mm of it to remove: there is nothing to cut."""
+    """Where a level that rounds the stock lies outside it, or has less than THINNEST mm of it to remove:
+    there is nothing to cut."""
     if level.within is None:
         return np.zeros(len(contacts), dtype=bool)
     return np.asarray(level.within.signed_distance(contacts) > -THINNEST)
@@ -121,11 +147,16 @@ def _in_air(level: Level, contacts: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"
 def _to_and_fro(line: Int[ndarray, " n"]) -> Int[ndarray, " n"]:
     """The order that runs through every other line backwards."""
     starts = np.searchsorted(line, np.arange(line[-1] + 2))
-    return np.concatenate([np.arange(a, b)[:: -1 if k % 2 else 1] for k, (a, b) in enumerate(pairwise(starts))])
+    return np.concatenate(
+        [np.arange(a, b)[:: -1 if k % 2 else 1] for k, (a, b) in enumerate(pairwise(starts))]
+    )
 
 
-def _runs(line: Int[ndarray, " n"], kept: Bool[ndarray, " n"], closed: bool) -> tuple[Int[ndarray, " m"], Int[ndarray, " m"]]:
-    """Contacts that stay, and the pass each belongs to: a line breaks where contacts are left out, a ring opens there."""
+def _runs(
+    line: Int[ndarray, " n"], kept: Bool[ndarray, " n"], closed: bool
+) -> tuple[Int[ndarray, " m"], Int[ndarray, " m"]]:
+    """Contacts that stay, and the pass each belongs to: a line breaks where contacts are left out, a ring
+    opens there."""
     starts = np.searchsorted(line, np.arange(line[-1] + 2))
     order: list[ndarray] = []
     passes: list[ndarray] = []

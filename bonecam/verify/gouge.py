@@ -1,12 +1,14 @@
 """Whether the ball enters the design surface anywhere along the moves of a program, between their ends too.
 
-Each move is run as the control runs it (`nc/control.py`) and the distance d from the ball centre to the part is taken at
-samples. Between two samples a chord s apart nothing is left to chance: for every point q of the part, Stewart's theorem gives
+Each move is run as the control runs it (`nc/control.py`) and the distance d from the ball centre to the part
+is taken at samples. Between two samples a chord s apart nothing is left to chance: for every point q of the
+part, Stewart's theorem gives
 
     |c(u) - q|^2 = (1-u) |c0-q|^2 + u |c1-q|^2 - u (1-u) s^2 >= (1-u) d0^2 + u d1^2 - u (1-u) s^2
 
-on the chord, and the true way bows from the chord by at most sup|c''| / 8. Samples are added until this bound shows that no
-point in between goes deeper than the samples by more than `slack`, or that the ball stays clear of the part there.
+on the chord, and the true way bows from the chord by at most sup|c''| / 8. Samples are added until this bound
+shows that no point in between goes deeper than the samples by more than `slack`, or that the ball stays clear
+of the part there.
 """
 
 from dataclasses import dataclass
@@ -31,16 +33,21 @@ MOST_PIECES = 64
 class Distances(Protocol):
     """Distances from the part: `bonecam.mesh.distance.MeshDistance`, or a shape that knows them."""
 
-    def signed(self, points: Float[ndarray, "n 3"], wanted: float | Float[ndarray, " n"]) -> Float[ndarray, " n"]:
-        """A lower bound of the signed distance (negative inside) of each point, mm; exact where it is below `wanted`."""
+    def signed(
+        self, points: Float[ndarray, "n 3"], wanted: float | Float[ndarray, " n"]
+    ) -> Float[ndarray, " n"]:
+        """A lower bound of the signed distance (negative inside) of each point, mm; exact where it is below
+        `wanted`."""
         ...
 
 
 @dataclass(frozen=True)
 class Gouge:
-    """The deepest the ball enters the part: radius - distance at the samples (negative: it never touches), mm.
+    """The deepest the ball enters the part: radius - distance at the samples (negative: it never touches),
+    mm.
 
-    `bound` is what it can be between the samples at most; `line` of the text, `place` of the ball centre there.
+    `bound` is what it can be between the samples at most; `line` of the text, `place` of the ball centre
+    there.
     """
 
     depth: float
@@ -63,11 +70,14 @@ class _Spans:
     far: Float[ndarray, "k"]
 
     def taken(self, keep: Bool[ndarray, "k"]) -> "_Spans":
-        return _Spans(*(getattr(self, name)[keep] for name in ("move", "start", "end", "first", "last", "near", "far")))
+        return _Spans(
+            *(getattr(self, name)[keep] for name in ("move", "start", "end", "first", "last", "near", "far"))
+        )
 
 
 def measure_gouge(motions: Motions, part: Distances, slack: float = SLACK) -> Gouge:
-    """The deepest gouge of all moves, rapids included; `slack` (mm) is how much deeper it may go between samples.
+    """The deepest gouge of all moves, rapids included; `slack` (mm) is how much deeper it may go between
+    samples.
 
     A move whose start is unknown (after a retract or tool change) is checked at its end only.
     """
@@ -80,7 +90,13 @@ def measure_gouge(motions: Motions, part: Distances, slack: float = SLACK) -> Go
     distance = part.signed(centres, radius + np.maximum(steps[:-1], steps[1:]) / 2)
     depth = radius - distance
     worst = int(np.argmax(depth))
-    best = Gouge(float(depth[worst]), float(depth[worst]), int(motions.lines[worst]), _place(centres[worst]), len(centres))
+    best = Gouge(
+        float(depth[worst]),
+        float(depth[worst]),
+        int(motions.lines[worst]),
+        _place(centres[worst]),
+        len(centres),
+    )
     for number in sorted(motions.controls):
         moves = np.flatnonzero((motions.tools == number) & motions.known_start)
         if len(moves):
@@ -94,14 +110,30 @@ def _place(point: ndarray) -> tuple[float, float, float]:
 
 
 def _refine(
-    motions: Motions, control: Control, moves: ndarray, centres: ndarray, distance: ndarray, part: Distances, slack: float, best: Gouge
+    motions: Motions,
+    control: Control,
+    moves: ndarray,
+    centres: ndarray,
+    distance: ndarray,
+    part: Distances,
+    slack: float,
+    best: Gouge,
 ) -> Gouge:
     bows = _bows(control, motions.words[moves - 1], motions.words[moves])
     zero, one = np.zeros(len(moves)), np.ones(len(moves))
-    spans = _Spans(np.arange(len(moves)), zero, one, centres[moves - 1], centres[moves], distance[moves - 1], distance[moves])
+    spans = _Spans(
+        np.arange(len(moves)),
+        zero,
+        one,
+        centres[moves - 1],
+        centres[moves],
+        distance[moves - 1],
+        distance[moves],
+    )
     for _ in range(MOST_ROUNDS):
         bound = _lowest(spans, bows)
-        # enough: the ball is clear of the part, or goes no deeper than at the ends, or no deeper than known elsewhere
+        # enough: the ball is clear of the part, or goes no deeper than at the ends, or no deeper than known
+        # elsewhere
         reach = np.minimum(np.minimum(spans.near, spans.far), control.radius - max(best.depth, 0.0))
         proved = bound >= reach - slack
         if proved.any():
@@ -113,10 +145,19 @@ def _refine(
         worst = int(np.argmax(depth))
         if depth[worst] > best.depth:
             line = int(motions.lines[moves[spans.move[worst]]])
-            best = Gouge(float(depth[worst]), max(best.bound, float(depth[worst])), line, _place(place[worst]), best.samples)
+            best = Gouge(
+                float(depth[worst]),
+                max(best.bound, float(depth[worst])),
+                line,
+                _place(place[worst]),
+                best.samples,
+            )
         best = Gouge(best.depth, best.bound, best.line, best.place, best.samples + len(depth))
     line = int(motions.lines[moves[spans.move[0]]])
-    raise VerifyError(f"line {line}: the way between its ends cannot be bounded: the move turns too far in one block", line=line)
+    raise VerifyError(
+        f"line {line}: the way between its ends cannot be bounded: the move turns too far in one block",
+        line=line,
+    )
 
 
 def _lowest(spans: _Spans, bows: ndarray) -> Float[ndarray, "k"]:
@@ -125,13 +166,22 @@ def _lowest(spans: _Spans, bows: ndarray) -> Float[ndarray, "k"]:
     # inside the part distances are negative: the bound holds for what is outside, so the worst is taken
     value = lowest_between(np.maximum(spans.near, 0), np.maximum(spans.far, 0), length)
     lowest = value - bows[spans.move] * (spans.end - spans.start) ** 2 / 8
-    return np.minimum(lowest, np.where(np.minimum(spans.near, spans.far) < 0, np.minimum(spans.near, spans.far), np.inf))
+    return np.minimum(
+        lowest, np.where(np.minimum(spans.near, spans.far) < 0, np.minimum(spans.near, spans.far), np.inf)
+    )
 
 
 def _divided(
-    spans: _Spans, motions: Motions, control: Control, moves: ndarray, bows: ndarray, part: Distances, slack: float
+    spans: _Spans,
+    motions: Motions,
+    control: Control,
+    moves: ndarray,
+    bows: ndarray,
+    part: Distances,
+    slack: float,
 ) -> tuple[_Spans, ndarray, ndarray]:
-    """The spans cut into as many pieces as the bound is expected to need; depth and centre at each piece's end."""
+    """The spans cut into as many pieces as the bound is expected to need; depth and centre at each piece's
+    end."""
     length = np.linalg.norm(spans.last - spans.first, axis=1)
     bow = bows[spans.move] * (spans.end - spans.start) ** 2 / 8
     needed = np.maximum(length / np.sqrt(4 * control.radius * slack), np.sqrt(2 * bow / slack))

@@ -5,19 +5,23 @@ from typing import Any
 import numpy as np
 
 TALL, WIDE, LEAST = 7.5, 12.0, (1.7, 1.5)
-"""The most inches that panels side by side are high and wide together, and the least that one is wide and high."""
+"""The most inches that panels side by side are high and wide together, and the least that one is wide and
+high."""
 LEFT, GAP, RIGHT, ABOVE, BELOW = 0.8, 0.2, 0.2, 0.6, 0.6
 """Inches left of, between, right of, above and below panels, without legends and colour bars."""
 TICK, EDGE = 0.45, 0.2
-"""Inches that a tick's label takes, and that ticks keep off a panel's sides, so that labels of neighbours do not meet."""
+"""Inches that a tick's label takes, and that ticks keep off a panel's sides, so that labels of neighbours do
+not meet."""
 MARGIN = 0.04
 """Round what panels show, as a share of it."""
 
 
 def lay_out(figure: Any, plots: Any, below: float = BELOW, above: float = ABOVE) -> None:
-    """Give panels side by side the same limits, round all that was drawn in any, and one scale, in a figure as large as that takes.
+    """Give panels side by side the same limits, round all that was drawn in any, and one scale, in a figure
+    as large as that takes.
 
-    `below` and `above` are the inches that a colour bar or a legend, the axis' label included, or titles need there.
+    `below` and `above` are the inches that a colour bar or a legend, the axis' label included, or titles need
+    there.
     """
     boxes = np.array([plot.dataLim.get_points() for plot in plots])
     low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)

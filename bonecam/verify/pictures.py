@@ -1,4 +1,5 @@
-"""Pictures of what was made: section through all levels (Gan et al. 2014, Fig. 10), depths (Fig. 11), the tool path (Fig. 12).
+"""Pictures of what was made: section through all levels (Gan et al. 2014, Fig. 10), depths (Fig. 11), the
+tool path (Fig. 12).
 
 The only door to matplotlib; it loads when a picture is drawn and needs no display.
 """
@@ -34,11 +35,13 @@ LABELS = 10
 BAR_BELOW = 1.3
 """Inches below panels for their labels and a colour bar."""
 SPLIT = 40
-"""Edges of a level that is coloured are at most this part of its diagonal: its flat faces are few and large."""
+"""Edges of a level that is coloured are at most this part of its diagonal: its flat faces are few and
+large."""
 
 
 def draw_levels(levels: Sequence[Level], post: tuple[float, float] | None, path: str | Path) -> None:
-    """Two sections of all levels across y and x, to one scale, through the axis of the `post` (diameter, top z), mm.
+    """Two sections of all levels across y and x, to one scale, through the axis of the `post` (diameter, top
+    z), mm.
 
     Without a post they go through the middle of the last level.
     """
@@ -66,14 +69,19 @@ def show_levels(
     across: int,
     at: float = 0.0,
 ) -> None:
-    """The section of all levels by the plane of z and x (`across` = 0) or y (1), which lies `at` so many mm along the third axis."""
+    """The section of all levels by the plane of z and x (`across` = 0) or y (1), which lies `at` so many mm
+    along the third axis."""
     from matplotlib.collections import LineCollection
 
     colour = _colours(len(levels))
     for level in levels:
         flat = section(level.mesh, at * np.eye(3)[1 - across], np.eye(3)[1 - across])[:, :, [across, 2]]
         width = 1.6 if level.index in (0, levels[-1].index) else 0.8
-        plot.add_collection(LineCollection(list(flat), colors=[colour(level.index)], linewidths=width, capstyle="butt", snap=False))
+        plot.add_collection(
+            LineCollection(
+                list(flat), colors=[colour(level.index)], linewidths=width, capstyle="butt", snap=False
+            )
+        )
     if post:
         _draw_post(plot, post, levels)
     plot.set_xlabel(f"{'xy'[across]} (mm)")
@@ -92,7 +100,8 @@ def draw_depths(
     path: str | Path,
     s: float = LINE,
 ) -> None:
-    """Above: the depth of each cut of the morph along the line s (`line`). Below: the share of each level's area by depth."""
+    """Above: the depth of each cut of the morph along the line s (`line`). Below: the share of each level's
+    area by depth."""
     part = levels[0].surface
     assert part is not None
     from matplotlib import colormaps
@@ -107,7 +116,9 @@ def draw_depths(
         above.plot(along, depths, lw=0.9, color=colormaps[CUT_COLOURS](norm(k)))
     for k, place in labelled(line):
         box = {"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none"}
-        above.text(along[place], line[k - 1, place], str(k), fontsize="small", ha="center", va="center", bbox=box)
+        above.text(
+            along[place], line[k - 1, place], str(k), fontsize="small", ha="center", va="center", bbox=box
+        )
     for limit in {level.limit for level in levels[1:]}:
         above.axhline(limit, color="0.5", lw=0.8, ls="--", zorder=0)
     above.set_xlim(0, along[-1])
@@ -115,7 +126,10 @@ def draw_depths(
     above.set_xlabel("way on the line, along the part (mm)")
     above.set_ylabel("distance between levels (mm)")
     rest = f" ({_cuts(rounding)}, which only round the stock, not shown)" if rounding else ""
-    above.set_title(f"Depth of {_cuts(range(1, len(line) + 1))} along the line s = {s:g}{rest}; dashed: the limits", fontsize="medium")
+    above.set_title(
+        f"Depth of {_cuts(range(1, len(line) + 1))} along the line s = {s:g}{rest}; dashed: the limits",
+        fontsize="medium",
+    )
     figure.colorbar(_scale(norm), ax=above, label="cut", ticks=_whole())
     shares = np.array([level.histogram for level in levels[1:]])
     image = below.imshow(
@@ -137,7 +151,8 @@ def draw_depths(
 
 
 def labelled(line: Float[ndarray, "k n"]) -> list[tuple[int, int]]:
-    """Some cuts, evenly chosen, and for each the place of its label: in a stretch of its own, where its line is farthest from others."""
+    """Some cuts, evenly chosen, and for each the place of its label: in a stretch of its own, where its line
+    is farthest from others."""
     cuts = range(0, len(line), -(-len(line) // LABELS))
     found = []
     for i, k in enumerate(cuts):
@@ -153,7 +168,8 @@ def _cuts(cuts: range) -> str:
 
 
 def draw_tmesh(surface: TSpline, path: str | Path, chord_tolerance: float = CHORD) -> None:
-    """The T-mesh on the surface, seen from the front (-y) and from behind; `chord_tolerance` (mm) of the shaded surface."""
+    """The T-mesh on the surface, seen from the front (-y) and from behind; `chord_tolerance` (mm) of the
+    shaded surface."""
     from matplotlib.figure import Figure
 
     figure = Figure(dpi=120)
@@ -182,8 +198,12 @@ def _draw_shaded(plot: "Axes", mesh: TriangleMesh, across: float, colours: ndarr
     from matplotlib.collections import PolyCollection
 
     facing = np.flatnonzero(across * mesh.face_vectors[:, 1] < 0)
-    facing = facing[np.argsort(-across * mesh.vertices[mesh.faces[facing]][:, :, 1].mean(axis=1), kind="stable")]
-    light = 0.55 + 0.4 * np.clip(corner_normals(mesh)[facing] @ (np.array([across, -2 * across, 1.0]) / np.sqrt(6)), 0, 1)
+    facing = facing[
+        np.argsort(-across * mesh.vertices[mesh.faces[facing]][:, :, 1].mean(axis=1), kind="stable")
+    ]
+    light = 0.55 + 0.4 * np.clip(
+        corner_normals(mesh)[facing] @ (np.array([across, -2 * across, 1.0]) / np.sqrt(6)), 0, 1
+    )
     corners = mesh.vertices[mesh.faces[facing]][:, :, [0, 2]] * [across, 1]
     faces = light.mean(axis=1, keepdims=True) * (np.ones(3) if colours is None else colours[facing])
     plot.add_collection(PolyCollection(corners, facecolors=faces, edgecolors=faces, linewidths=0.8))
@@ -199,7 +219,9 @@ def _draw_lines(plot: "Axes", surface: TSpline, lines: TMeshLines, across: float
     low, high = surface.domain.T
     s, t = np.clip(places[..., 0].ravel(), low[0], None), np.clip(places[..., 1].ravel(), low[1], high[1])
     points, normals = surface.positions(s, t), surface.normals(s, t)
-    flat = np.where((across * normals[:, 1] < 0)[:, None], points[:, [0, 2]] * [across, 1], np.nan).reshape(-1, 9, 2)
+    flat = np.where((across * normals[:, 1] < 0)[:, None], points[:, [0, 2]] * [across, 1], np.nan).reshape(
+        -1, 9, 2
+    )
     plot.add_collection(LineCollection(list(flat), colors="#1f4e8c", linewidths=0.8))
     s, t = lines.vertices.T
     points, normals = surface.positions(s, t), surface.normals(s, t)
@@ -233,12 +255,20 @@ def draw_coloured(levels: Sequence[Level], path: str | Path) -> None:
         plot.set_title(f"level {k}{kind}", fontsize="medium")
     plots[0].set_ylabel(names[1])
     lay_out(figure, plots, below=BAR_BELOW)
-    figure.colorbar(_scale(norm), cax=bar_below(figure), label="depth, % of the cut's limit", orientation="horizontal")
+    figure.colorbar(
+        _scale(norm), cax=bar_below(figure), label="depth, % of the cut's limit", orientation="horizontal"
+    )
     figure.savefig(path, metadata={"Software": None})
 
 
-def draw_toolpath(paths: Sequence[ToolPath], levels: Sequence[Level], path: str | Path, post: tuple[float, float] | None = None) -> None:
-    """The outermost, a middle and the innermost level from the front (-y): contacts, some tool axes, links by their tips; the `post`."""
+def draw_toolpath(
+    paths: Sequence[ToolPath],
+    levels: Sequence[Level],
+    path: str | Path,
+    post: tuple[float, float] | None = None,
+) -> None:
+    """The outermost, a middle and the innermost level from the front (-y): contacts, some tool axes, links by
+    their tips; the `post`."""
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
@@ -250,7 +280,9 @@ def draw_toolpath(paths: Sequence[ToolPath], levels: Sequence[Level], path: str 
         if post:
             _draw_post(plot, post, levels)
         cuts = int((item.kinds == Kind.CUT).sum())
-        plot.set_title(f"level {item.level}, ball R {item.cutter.radius:g} mm\n{cuts} cutting moves", fontsize="medium")
+        plot.set_title(
+            f"level {item.level}, ball R {item.cutter.radius:g} mm\n{cuts} cutting moves", fontsize="medium"
+        )
     plots[0].set_ylabel("z (mm)")
     keys = {"cut (contact)": CUT, "link (tip)": LINK, "tool axis": AXIS}
     lines = [Line2D([], [], color=colour, label=name) for name, colour in keys.items()]
@@ -261,7 +293,8 @@ def draw_toolpath(paths: Sequence[ToolPath], levels: Sequence[Level], path: str 
 
 
 def show_path(plot: "Axes", item: ToolPath, level: TriangleMesh) -> None:  # type: ignore[name-defined]
-    """The moves on the side of a level that faces the viewer, by the surface's normal at the contact, else by the tool axis."""
+    """The moves on the side of a level that faces the viewer, by the surface's normal at the contact, else by
+    the tool axis."""
     from matplotlib.collections import LineCollection
 
     _draw_shaded(plot, level, 1.0)
@@ -269,7 +302,10 @@ def show_path(plot: "Axes", item: ToolPath, level: TriangleMesh) -> None:  # typ
     outward = np.where(cut[:, None], item.tips + item.cutter.radius * item.axes - item.contacts, item.axes)
     front = outward[:, 1] < 0
     for kind, points, colour in ((Kind.CUT, item.contacts, CUT), (Kind.LINK, item.tips, LINK)):
-        arrives = np.flatnonzero((item.kinds[1:] == kind) & front[1:] & front[:-1] & np.isfinite(points[:-1, 0])) + 1
+        arrives = (
+            np.flatnonzero((item.kinds[1:] == kind) & front[1:] & front[:-1] & np.isfinite(points[:-1, 0]))
+            + 1
+        )
         ends = np.stack([points[arrives - 1], points[arrives]], axis=1)
         plot.add_collection(LineCollection(list(ends[:, :, [0, 2]]), colors=colour, linewidths=0.35))
     some = np.flatnonzero(cut & front)

@@ -1,8 +1,8 @@
 """The proof of a posted text: read back, laid along the tool paths, and checked against the part.
 
-Every row of the paths must be reached, once and in order, by a move whose tip and axis agree; moves in between must lie on the
-straight way of the ball centre between two rows; rapids and feeds must be what the paths say. Then every move is checked for
-gouges between its ends (`gouge.py`).
+Every row of the paths must be reached, once and in order, by a move whose tip and axis agree; moves in
+between must lie on the straight way of the ball centre between two rows; rapids and feeds must be what the
+paths say. Then every move is checked for gouges between its ends (`gouge.py`).
 """
 
 from collections.abc import Sequence
@@ -89,8 +89,11 @@ def verify_program(
     )
 
 
-def compare(motions: Motions, paths: Sequence[ToolPath], dialect: Dialect, tolerances: Tolerances) -> Readback:
-    """The moves laid along the paths; VerifyError at the first move that belongs nowhere, is missing, or has the wrong feed."""
+def compare(
+    motions: Motions, paths: Sequence[ToolPath], dialect: Dialect, tolerances: Tolerances
+) -> Readback:
+    """The moves laid along the paths; VerifyError at the first move that belongs nowhere, is missing, or has
+    the wrong feed."""
     tips, axes = np.vstack([p.tips for p in paths]), np.vstack([p.axes for p in paths])
     kinds, feeds = (np.concatenate([getattr(p, name) for p in paths]) for name in ("kinds", "feed_rates"))
     sizes = [len(p.tips) for p in paths]
@@ -116,14 +119,21 @@ def compare(motions: Motions, paths: Sequence[ToolPath], dialect: Dialect, toler
     rows = np.where(source >= 0, source, -2 - source)
     posted = source != -1
     _check_tools(motions, posted, tools[rows])
-    _check_feeds(motions, posted, kinds[rows], feeds[rows], first[rows] | (fresh[rows] & ~motions.known_start), dialect)
+    _check_feeds(
+        motions, posted, kinds[rows], feeds[rows], first[rows] | (fresh[rows] & ~motions.known_start), dialect
+    )
     return Readback(len(tips), source, tip_error, axis_error)
 
 
 def _raise_stray(motions: Motions, move: int, row: int, tips: ndarray, axes: ndarray) -> None:
     line = int(motions.lines[move])
     if row >= len(tips):
-        raise VerifyError(f"line {line}: a move more than the paths have: write it again", line=line, place=None, error=np.inf)
+        raise VerifyError(
+            f"line {line}: a move more than the paths have: write it again",
+            line=line,
+            place=None,
+            error=np.inf,
+        )
     off = float(np.linalg.norm(motions.tips[move] - tips[row]))
     lean = float(np.degrees(np.arccos(np.clip(motions.axes[move] @ axes[row], -1, 1))))
     raise VerifyError(
@@ -155,16 +165,22 @@ def _check_feeds(
     begins: Bool[ndarray, "n"],
     dialect: Dialect,
 ) -> None:
-    """Rapids are rapids, feeds are feeds, within the rounding of their words; a run's first move may be a rapid."""
+    """Rapids are rapids, feeds are feeds, within the rounding of their words; a run's first move may be a
+    rapid."""
     rapid = kinds == Kind.RAPID
     length = np.r_[0.0, np.linalg.norm(np.diff(motions.tips, axis=0), axis=1)]
     written = np.where(motions.inverse_time, motions.feed_rates * length, motions.feed_rates)
     feed = dialect.numbers["feed"]
-    # a move of a few roundings of length says nothing about feed / length; nor does a feed at the control's limit
-    told = ~motions.inverse_time | ((length > 20 * dialect.numbers["length"].step) & (motions.feed_rates < feed.highest - feed.step))
+    # a move of a few roundings of length says nothing about feed / length; nor does a feed at the control's
+    # limit
+    told = ~motions.inverse_time | (
+        (length > 20 * dialect.numbers["length"].step) & (motions.feed_rates < feed.highest - feed.step)
+    )
     allowed = np.where(motions.inverse_time, FEED_TOLERANCE * feeds + feed.step * length, feed.step)
     wrong = posted & np.where(
-        rapid, ~motions.rapid, (motions.rapid & ~begins) | (~motions.rapid & told & (np.abs(written - feeds) > allowed))
+        rapid,
+        ~motions.rapid,
+        (motions.rapid & ~begins) | (~motions.rapid & told & (np.abs(written - feeds) > allowed)),
     )
     if wrong.any():
         move = int(np.argmax(wrong))

@@ -27,10 +27,12 @@ WHY = {
 
 
 def levels_report(levels: Sequence[Level]) -> list[dict[str, Any]]:
-    """`levels` of the report: what was measured on each; shares of the area by depth, in even bins from 0 to the limit.
+    """`levels` of the report: what was measured on each; shares of the area by depth, in even bins from 0 to
+    the limit.
 
     `depth_full_mean_mm` is null where less than a full depth was left everywhere.
-    `rounding` says whether the cut up to this level only rounds a stock with edges, exactly: it has no certificate.
+    `rounding` says whether the cut up to this level only rounds a stock with edges, exactly: it has no
+    certificate.
     """
     rounding = rounding_cuts(levels)
     return [
@@ -53,11 +55,14 @@ def levels_report(levels: Sequence[Level]) -> list[dict[str, Any]]:
 
 
 def _certified(level: Level) -> dict[str, Any]:
-    """What holds everywhere on a level, also between the points measured; null where nothing is known, or nothing has to be."""
+    """What holds everywhere on a level, also between the points measured; null where nothing is known, or
+    nothing has to be."""
     found, names = level.certificate, ("depth_certified_mm", "nesting_certified_mm", "outside_certified_mm")
     if found is None:
         return {**dict.fromkeys(names), "not_certified": None}
-    values = (_mm(value) + 0.0 if np.isfinite(value) else None for value in (found.depth, found.gap, found.outside))
+    values = (
+        _mm(value) + 0.0 if np.isfinite(value) else None for value in (found.depth, found.gap, found.outside)
+    )
     return {**dict(zip(names, values)), "not_certified": list(found.shortfalls(level.limit))}
 
 
@@ -149,7 +154,11 @@ def certified_text(levels: Sequence[Mapping[str, Any]], method: str = "qp") -> s
     """What holds between the points measured, in one line; `levels` as in the report, made by `method`."""
     known = [row for row in levels if row["not_certified"] is not None]
     rounding = sum(row["rounding"] for row in levels)
-    exact = [f"{counted(rounding, 'more cut')} only to round the stock, exact by construction"] if rounding else []
+    exact = (
+        [f"{counted(rounding, 'more cut')} only to round the stock, exact by construction"]
+        if rounding
+        else []
+    )
     if not known:
         behind, why = METHODS[method][0], "the surface is not polynomial (it has weights other than one)"
         if behind > NEST_TOLERANCE:
@@ -157,14 +166,23 @@ def certified_text(levels: Sequence[Mapping[str, Any]], method: str = "qp") -> s
         return "; ".join([f"nothing on {counted(len(levels) - 1 - rounding, 'cut')}: {why}", *exact])
     doubts = [f"cut {row['index']} {doubt}" for row in known for doubt in row["not_certified"]]
     kept = sum(not row["not_certified"] for row in known)
-    return "; ".join([f"depth, nesting and stock hold everywhere on {kept} of {counted(len(known), 'cut')}", *exact, *doubts])
+    return "; ".join(
+        [
+            f"depth, nesting and stock hold everywhere on {kept} of {counted(len(known), 'cut')}",
+            *exact,
+            *doubts,
+        ]
+    )
 
 
 def uncut_text(toolpath: Sequence[Mapping[str, Any]]) -> str:
-    """Which contacts were left uncut and why, a line for the part and one for the levels round it; `toolpath` as in the report."""
+    """Which contacts were left uncut and why, a line for the part and one for the levels round it; `toolpath`
+    as in the report."""
     told = []
     for where, outer in (("on the part", False), ("on levels round it", True)):
-        reasons: Counter[str] = sum((Counter(row["uncut_reasons"]) for row in toolpath if bool(row["level"]) == outer), Counter())
+        reasons: Counter[str] = sum(
+            (Counter(row["uncut_reasons"]) for row in toolpath if bool(row["level"]) == outer), Counter()
+        )
         if reasons:
             each = ", ".join(f"{reason} {count} ({WHY[reason]})" for reason, count in reasons.most_common())
             told.append(f"{counted(reasons.total(), 'contact')} {where}: {each}")

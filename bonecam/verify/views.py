@@ -1,4 +1,5 @@
-"""What a picture shows of a mesh: where a plane cuts it, from where it is seen, and the normals that shade it."""
+"""What a picture shows of a mesh: where a plane cuts it, from where it is seen, and the normals that shade
+it."""
 
 import numpy as np
 from jaxtyping import Float
@@ -8,10 +9,13 @@ from bonecam.mesh.healing.topology import edges_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 SHARP = np.radians(25.0)
-"""Where a face turns by more from the mean normal at a vertex, faces meet sharply and are shaded by their own normals."""
+"""Where a face turns by more from the mean normal at a vertex, faces meet sharply and are shaded by their own
+normals."""
 
 
-def section(mesh: TriangleMesh, origin: Float[ndarray, "3"], normal: Float[ndarray, "3"]) -> Float[ndarray, "k 2 3"]:
+def section(
+    mesh: TriangleMesh, origin: Float[ndarray, "3"], normal: Float[ndarray, "3"]
+) -> Float[ndarray, "k 2 3"]:
     """The segments in which the plane through `origin` cuts the triangles, mm."""
     height = (mesh.vertices - origin) @ normal
     height = np.where(height == 0, np.finfo(float).eps, height)
@@ -29,7 +33,8 @@ def section(mesh: TriangleMesh, origin: Float[ndarray, "3"], normal: Float[ndarr
 
 
 def view(mesh: TriangleMesh) -> Float[ndarray, "3 3"]:
-    """Axes (rows: to the right, away from the viewer, up) to look along: y at a closed mesh, at an open one what shows most area."""
+    """Axes (rows: to the right, away from the viewer, up) to look along: y at a closed mesh, at an open one
+    what shows most area."""
     looks = np.vstack([np.eye(3)[1], -np.eye(3), np.eye(3)])
     shown = np.maximum(-mesh.face_vectors @ looks.T, 0).sum(axis=0)
     is_open = (edges_of(mesh)[1] == 1).any()
@@ -39,7 +44,8 @@ def view(mesh: TriangleMesh) -> Float[ndarray, "3 3"]:
 
 
 def corner_normals(mesh: TriangleMesh) -> Float[ndarray, "f 3 3"]:
-    """A unit normal at each corner of each face: the mean of the faces round the vertex, or where they meet sharply the face's own."""
+    """A unit normal at each corner of each face: the mean of the faces round the vertex, or where they meet
+    sharply the face's own."""
     tiny, area = np.finfo(float).tiny, np.linalg.norm(mesh.face_vectors, axis=1)
     own, mean = mesh.face_vectors / np.maximum(area, tiny)[:, None], np.zeros((len(mesh.vertices), 3))
     for corner in mesh.faces.T:

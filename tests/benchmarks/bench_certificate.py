@@ -1,17 +1,19 @@
-"""Certificates of the levels' depth, nesting and stock beside what the check measures and beside dense samples, on the same levels.
+"""Certificates of the levels' depth, nesting and stock beside what the check measures and beside dense
+samples, on the same levels.
 
     python tests/benchmarks/bench_certificate.py [MESH:UNITS]... [--samples N]
 
-Without meshes the shared bones in BONES. One row a bone: control points, cuts; the worst of all cuts, in microns, of
+Without meshes the shared bones in BONES. One row a bone: control points, cuts; the worst of all cuts, in
+microns, of
 
     depth over the limit   measured at the check's points | of N samples of each level | certified
     outside the next level measured                       | of N samples               | certified
     out of the stock       measured                       | of N samples               | certified
     last cut, over limit   measured                       | of a fine mesh of the stock | certified
 
-and seconds on one thread: of the check (wall), of the certificates (CPU), of one of them. Samples' feet are the nearest of those found
-from many starts (`surface.project`): a sample may seem farther than it is, never nearer. "not certified" counts cuts with a bound beyond
-a tolerance.
+and seconds on one thread: of the check (wall), of the certificates (CPU), of one of them. Samples' feet are
+the nearest of those found from many starts (`surface.project`): a sample may seem farther than it is, never
+nearer. "not certified" counts cuts with a bound beyond a tolerance.
 """
 
 import argparse
@@ -37,8 +39,11 @@ FINE = 0.002
 BONES = ("3midph_m.stl", "3distph_m.stl", "scaphoid_m.stl", "1mc_m.stl", "capitate_m.stl")
 
 
-def sampled(surfaces: list[TSpline], stock: Stock, limits: list[float], count: int) -> tuple[float, float, float]:
-    """The largest depth over its limit, the farthest outside the next level and out of the stock, of samples of the levels."""
+def sampled(
+    surfaces: list[TSpline], stock: Stock, limits: list[float], count: int
+) -> tuple[float, float, float]:
+    """The largest depth over its limit, the farthest outside the next level and out of the stock, of samples
+    of the levels."""
     rng = np.random.default_rng(1)
     s, t = rng.random(count), rng.random(count)
     deep = behind = outside = -np.inf
@@ -68,13 +73,26 @@ def row(mesh: Path, units: str, count: int) -> str:
     found = certify(surfaces, stock, limits)
     seconds = time.process_time() - began
     inner = cuts[:-1]
-    measured = max(x.depth_max - x.limit for x in inner), -min(x.nesting_min for x in inner), max(x.outside for x in inner)
+    measured = (
+        max(x.depth_max - x.limit for x in inner),
+        -min(x.nesting_min for x in inner),
+        max(x.outside for x in inner),
+    )
     known = found[:-1]
-    certified = max(x.depth - limit for x, limit in zip(known, limits)), -min(x.gap for x in known), max(x.outside for x in known)
+    certified = (
+        max(x.depth - limit for x, limit in zip(known, limits)),
+        -min(x.gap for x in known),
+        max(x.outside for x in known),
+    )
     around = stock.mesh(FINE).vertices
-    last = (x - limits[-1] for x in (cuts[-1].depth_max, surfaces[-1].project(around).distances.max(), found[-1].depth))
+    last = (
+        x - limits[-1]
+        for x in (cuts[-1].depth_max, surfaces[-1].project(around).distances.max(), found[-1].depth)
+    )
     columns = [*zip(measured, sampled(surfaces, stock, limits, count), certified), last]
-    figures = " | ".join("{:7.2f} {:7.2f} {:7.2f}".format(*(1000 * value for value in three)) for three in columns)
+    figures = " | ".join(
+        "{:7.2f} {:7.2f} {:7.2f}".format(*(1000 * value for value in three)) for three in columns
+    )
     doubtful = sum(bool(one.shortfalls(limit)) for one, limit in zip(found, limits))
     name = f"{mesh.name:22} {surfaces[0].tmesh.size:5} {len(cuts):4}"
     return f"{name} | {figures} | {made.check_seconds:6.2f} {seconds:6.2f} {seconds / len(cuts):6.3f} | {doubtful}"
@@ -86,9 +104,13 @@ def main() -> None:
     parser.add_argument("meshes", nargs="*", default=[f"{SHARED / bone}:m" for bone in BONES])
     parser.add_argument("--samples", type=int, default=20_000)
     given = parser.parse_args()
-    print(f"{'':33} | depth over the limit, um | outside the next level   | out of the stock         | last cut, over the limit | seconds")
+    print(
+        f"{'':33} | depth over the limit, um | outside the next level   | out of the stock         | last cut, over the limit | seconds"
+    )
     three = "measured sampled certif."
-    print(f"{'bone':22} {'c.p.':>5} {'cuts':>4} | {three} | {three} | {three} | {three} |  check  certify  a cut | not certified")
+    print(
+        f"{'bone':22} {'c.p.':>5} {'cuts':>4} | {three} | {three} | {three} | {three} |  check  certify  a cut | not certified"
+    )
     with threadpool_limits(1):
         for mesh in given.meshes:
             file, _, units = mesh.rpartition(":")

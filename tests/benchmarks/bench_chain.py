@@ -1,4 +1,5 @@
-"""The whole chain on real bones, each in a process of its own, beside the limits it is held to: 120 s, 2 GB, K_min + 2 cuts, 0.01 mm.
+"""The whole chain on real bones, each in a process of its own, beside the limits it is held to: 120 s, 2 GB,
+K_min + 2 cuts, 0.01 mm.
 
     python tests/benchmarks/bench_chain.py [MESH:UNITS[:DIAMETER:LENGTH] ...]
 
@@ -14,7 +15,21 @@ from pathlib import Path
 BONES = Path(__file__).resolve().parents[3] / "shared" / "meshes" / "bones"
 NAMES = ("3midph", "2midph", "3distph", "3proxph", "1mc", "3mc", "scaphoid", "capitate", "metatarsal1_rv")
 SIZES = {"3midph": ":15:37"}
-COLUMNS = "mesh", "points", "max", "rms", "K", "K_min", "contacts", "uncut", "gouge um", "tip um", "seconds", "CPU s", "MB"
+COLUMNS = (
+    "mesh",
+    "points",
+    "max",
+    "rms",
+    "K",
+    "K_min",
+    "contacts",
+    "uncut",
+    "gouge um",
+    "tip um",
+    "seconds",
+    "CPU s",
+    "MB",
+)
 ONE = """
 import json, resource, sys, time
 import bonecam
@@ -45,7 +60,12 @@ def cases() -> list[str]:
 def row(case: str) -> list[str]:
     """One line of the table."""
     mesh, units, *size = case.split(":")
-    run = subprocess.run([sys.executable, "-c", ONE, mesh, units, *(size or ["0", "0"])], stdout=subprocess.PIPE, text=True, check=True)
+    run = subprocess.run(
+        [sys.executable, "-c", ONE, mesh, units, *(size or ["0", "0"])],
+        stdout=subprocess.PIPE,
+        text=True,
+        check=True,
+    )
     found = json.loads(run.stdout)
     name, cost = Path(mesh).stem, [f"{found[key]:.0f}" for key in ("seconds", "cpu", "MB")]
     if "error" in found:

@@ -1,12 +1,14 @@
-"""Fitting bones: control points of the adaptive T-spline beside a tensor-product B-spline fitted within the same deviation.
+"""Fitting bones: control points of the adaptive T-spline beside a tensor-product B-spline fitted within the
+same deviation.
 
     python tests/benchmarks/bench_fit.py TOLERANCE_MM MOST BONE.stl[:m] ...
 
-":m" means a file in metres. The B-spline is fitted by the same steps from the same start and refined where it misses the mesh, but every
-knot runs through all rows, and goes from all rows (its poles stay single points). It is asked for the same tolerance, or for what the
-T-spline reached where that missed it with MOST control points, and may have twice as many as the T-spline took. Where it comes no nearer
-than printed it would need more, and the share is below the one printed ("<").
-Deviations are two-sided, mm; seconds are CPU seconds, rows included. Where the tolerance is missed, the spot is printed.
+":m" means a file in metres. The B-spline is fitted by the same steps from the same start and refined where it
+misses the mesh, but every knot runs through all rows, and goes from all rows (its poles stay single points).
+It is asked for the same tolerance, or for what the T-spline reached where that missed it with MOST control
+points, and may have twice as many as the T-spline took. Where it comes no nearer than printed it would need
+more, and the share is below the one printed ("<"). Deviations are two-sided, mm; seconds are CPU seconds,
+rows included. Where the tolerance is missed, the spot is printed.
 """
 
 import sys
@@ -40,8 +42,14 @@ def tensor_refine(tmesh: RowTMesh, votes: Votes, room: int) -> RowTMesh:
     cut = tall & (height > LOWEST * votes.goal)
     along = np.bincount(span[cut], votes.weight[cut], minlength=len(tmesh.t_knots)) / len(knots)
     around = np.bincount(index[~tall], votes.weight[~tall], minlength=len(knots)) / rows
-    cuts = [(-w, 0, k) for k, w in enumerate(along) if w > 0] + [(-w, 1, k) for k, w in enumerate(around) if w > 0 and gaps[k] > 1 / 256]
-    wanted, s_new, found = min(room, max(6, round((SHARE + HASTE * votes.missed) * tmesh.size))), list(knots), tmesh
+    cuts = [(-w, 0, k) for k, w in enumerate(along) if w > 0] + [
+        (-w, 1, k) for k, w in enumerate(around) if w > 0 and gaps[k] > 1 / 256
+    ]
+    wanted, s_new, found = (
+        min(room, max(6, round((SHARE + HASTE * votes.missed) * tmesh.size))),
+        list(knots),
+        tmesh,
+    )
     t_new: list[float] = []
     for _, kind, k in sorted(cuts):
         if found.size - tmesh.size >= wanted:
@@ -67,10 +75,17 @@ def tensor_prune(surface: TSpline, target: Target, limit: float, most: int) -> R
     gone: set[int] = set()
     for k in np.argsort(np.abs(now + moves).max(axis=1), kind="stable").tolist():
         near = {(k + d) % count for d in (-2, -1, 0, 1, 2)} & gone
-        if (len(gone) + 1) * rows <= most and count - len(gone) > 4 and not near and np.abs(now + moves[k]).max() < limit:
+        if (
+            (len(gone) + 1) * rows <= most
+            and count - len(gone) > 4
+            and not near
+            and np.abs(now + moves[k]).max() < limit
+        ):
             gone.add(k)
             now = now + moves[k]
-    return RowTMesh.from_rows(tmesh.t_knots, every_row(tmesh, np.delete(tmesh.s_knots[2], sorted(gone)), rows))
+    return RowTMesh.from_rows(
+        tmesh.t_knots, every_row(tmesh, np.delete(tmesh.s_knots[2], sorted(gone)), rows)
+    )
 
 
 def every_row(tmesh: RowTMesh, knots: np.ndarray, rows: int) -> list[np.ndarray]:
@@ -112,7 +127,10 @@ def main(tolerance: float, most: int, names: list[str]) -> None:
                 f"{found.control_points:6d} {found.deviation.max:6.3f} {found.deviation.rms:6.4f} {seconds:6.1f} {found.reached!s:>7}"
             )
         share = f"{' ' if fits[1].reached else '<'}{fits[0].control_points / fits[1].control_points:.0%}"
-        print(f"{Path(path).stem:26s}{cells[0]} | {cells[1]} | {share}{''.join(spot(found) for found in fits)}", flush=True)
+        print(
+            f"{Path(path).stem:26s}{cells[0]} | {cells[1]} | {share}{''.join(spot(found) for found in fits)}",
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

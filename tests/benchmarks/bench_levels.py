@@ -1,25 +1,29 @@
-"""The morph levels of one bone: time against the number of control points, beside the paper's program in Clarabel and in CVXPY.
+"""The morph levels of one bone: time against the number of control points, beside the paper's program in
+Clarabel and in CVXPY.
 
     python tests/benchmarks/bench_levels.py [MESH:UNITS[:DIAMETER:LENGTH]] [--quick]
 
-Without a mesh the shared middle phalanx in the paper's capsule 15 x 37, or else the shipped one. CPU seconds, one thread.
+Without a mesh the shared middle phalanx in the paper's capsule 15 x 37, or else the shipped one. CPU seconds,
+one thread.
 
-Growth: the same bone fitted with more and more control points; its levels may have more. "solve" is everything that makes the sequence
-(sequences that were dropped and levels made again included), "check" the measuring; "a level" one level's program and its projection;
-"cones" one level of the paper's sampled program by Clarabel (`method = "qcqp"`), up to LARGEST_CONES points; "hull" the same with the depth
-on the control points.
-Energy: of every third level's moves beside Clarabel's optimum of the same program (same energy, its targets slid to where our samples are,
-and planes, set up again where its own are): what the splitting finds, for its samples; and the finished level, after what denser samples
-still broke is projected away, for the planes of these as well.
-CVXPY: the paper's formulation (thin plate, pull to the nearest stock point, depth and capsule cones at 17 x 100 samples) with its default
-solver, from each of our levels to the next. Cuts: of the program as the paper prints it, by what attracts.
---quick leaves out CVXPY and what is above 600 control points.
+Growth: the same bone fitted with more and more control points; its levels may have more. "solve" is
+everything that makes the sequence (sequences that were dropped and levels made again included), "check" the
+measuring; "a level" one level's program and its projection; "cones" one level of the paper's sampled program
+by Clarabel (`method = "qcqp"`), up to LARGEST_CONES points; "hull" the same with the depth on the control
+points. Energy: of every third level's moves beside Clarabel's optimum of the same program (same energy, its
+targets slid to where our samples are, and planes, set up again where its own are): what the splitting finds,
+for its samples; and the finished level, after what denser samples still broke is projected away, for the
+planes of these as well. CVXPY: the paper's formulation (thin plate, pull to the nearest stock point, depth
+and capsule cones at 17 x 100 samples) with its default solver, from each of our levels to the next. Cuts: of
+the program as the paper prints it, by what attracts. --quick leaves out CVXPY and what is above 600 control
+points.
 """
 
 import argparse
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -86,8 +90,8 @@ class Call:
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """One fit of so many control points and what became of it: the same `surface` with those of the levels; `calls` made its levels
-    below the stock, but for those that were mended."""
+    """One fit of so many control points and what became of it: the same `surface` with those of the levels;
+    `calls` made its levels below the stock, but for those that were mended."""
 
     fitted: int
     surface: TSpline
@@ -119,7 +123,10 @@ def cases(mesh: str, largest: int) -> list[Case]:
     found: list[Case] = []
     for tolerance, most in FITS:
         if most <= largest:
-            surface = fit_surface(placed, replace(job, surface=replace(job.surface, tolerance=tolerance, max_control_points=most))).surface
+            surface = fit_surface(
+                placed,
+                replace(job, surface=replace(job.surface, tolerance=tolerance, max_control_points=most)),
+            ).surface
             if not found:
                 morph(surface, stock, Schedule((), 2.0))  # compiles and loads what the first call does
             found.append(recorded(surface, stock))
@@ -130,14 +137,23 @@ def recorded(surface: TSpline, stock: Capsule) -> Case:
     """The morph, with the calls that made the levels it answers."""
     calls: list[Call] = []
 
-    def noted(setting: Setting, P: ndarray, rest: Remaining, cut: Cut, manner: Manner, ease: ndarray, method: str) -> Step:
-        calls.append(Call(setting, P, rest, cut, manner, next_level(setting, P, rest, cut, manner, ease, method)))
+    def noted(
+        setting: Setting, P: ndarray, rest: Remaining, cut: Cut, manner: Manner, ease: ndarray, method: str
+    ) -> Step:
+        calls.append(
+            Call(setting, P, rest, cut, manner, next_level(setting, P, rest, cut, manner, ease, method))
+        )
         return calls[-1].step
 
     with patch("time.perf_counter", time.process_time), patch("bonecam.levels.sequence.next_level", noted):
         made = morph(surface, stock, SCHEDULE)
     nets = [level.surface.control_points for level in made.levels if level.surface is not None]
-    made_by = {k: call for k, net in enumerate(nets) for call in calls if np.array_equal(call.P + call.step.moves, net)}
+    made_by = {
+        k: call
+        for k, net in enumerate(nets)
+        for call in calls
+        if np.array_equal(call.P + call.step.moves, net)
+    }
     return Case(surface.tmesh.size, made.levels[0].surface, stock, made, made_by)  # type: ignore[arg-type]
 
 
@@ -157,7 +173,8 @@ def growth(found: list[Case]) -> None:
         for place_, hull in enumerate((False, True)):
             if size <= LARGEST_CONES:
                 program = ConeLevels(case.surface, case.stock, "stock", hull=hull)
-                work = lambda p=program, k=middle, P=case.nets[middle - 1]: p.next_moves(P, SCHEDULE.limit(k), STIFFNESS)  # noqa: E731
+                start = case.nets[middle - 1]
+                work = partial(program.next_moves, start, SCHEDULE.limit(middle), STIFFNESS)
                 cones[place_] = seconds(work)[0]
         rows.append((case.fitted, made.solve_seconds, made.check_seconds, float(np.mean(steps)), *cones))
         one = rows[-1]
@@ -168,7 +185,9 @@ def growth(found: list[Case]) -> None:
         )
     exponents = [exponent(np.array(rows)[:, 0], np.array(rows)[:, k]) for k in range(1, 6)]
     print(
-        "growth n^     |                 | {:7.2f} {:7.2f} | {:9.2f} | {:7.2f} {:7.2f}    (aim: solve at most n^1.7)\n".format(*exponents)
+        "growth n^     |                 | {:7.2f} {:7.2f} | {:9.2f} | {:7.2f} {:7.2f}    (aim: solve at most n^1.7)\n".format(
+            *exponents
+        )
     )
 
 
@@ -179,9 +198,11 @@ def exponent(sizes: ndarray, times: ndarray) -> float:
 
 
 def optimum(call: Call, program: Program, start: ndarray, watched: bool) -> float:
-    """Least energy of a level's program by Clarabel, the planes set up again RENEWALS times where its samples are.
+    """Least energy of a level's program by Clarabel, the planes set up again RENEWALS times where its samples
+    are.
 
-    With `watched` the planes of all watched samples that `start` or the last answer brings within NEAR mm of them hold as well.
+    With `watched` the planes of all watched samples that `start` or the last answer brings within NEAR mm of
+    them hold as well.
     """
     watch = call.setting.watched(call.P + call.setting.free @ start, call.P)
     R = sp.csr_array(watch.R @ call.setting.free)
@@ -203,7 +224,9 @@ def optimum(call: Call, program: Program, start: ndarray, watched: bool) -> floa
         kept = np.isfinite(b)
         A = sp.csc_matrix(sp.csr_array(sp.vstack([rows.A, -rows.A]))[kept])
         cones = [clarabel.NonnegativeConeT(int(kept.sum()))]
-        answer = clarabel.DefaultSolver(energy, program.gradient.T.ravel(), A, b[kept], cones, settings).solve()
+        answer = clarabel.DefaultSolver(
+            energy, program.gradient.T.ravel(), A, b[kept], cones, settings
+        ).solve()
         if str(answer.status) != "Solved":
             raise RuntimeError(f"Clarabel ends as {answer.status}")
         D = np.array(answer.x).reshape(3, -1).T
@@ -212,30 +235,49 @@ def optimum(call: Call, program: Program, start: ndarray, watched: bool) -> floa
 
 def energies(case: Case) -> None:
     """Each level's energy beside the optimum of the same program."""
-    print(f"Energy / Clarabel's optimum of the same program, {len(case.surface.control_points)} control points (aim: within 1 %)")
-    print("level | splitting, its samples' planes  (broken by mm) | level, the watched samples' planes too  (broken by mm)")
+    print(
+        f"Energy / Clarabel's optimum of the same program, {len(case.surface.control_points)} control points (aim: within 1 %)"
+    )
+    print(
+        "level | splitting, its samples' planes  (broken by mm) | level, the watched samples' planes too  (broken by mm)"
+    )
     ratios, last = [], max(case.calls)
     for k in sorted({*range(1, last + 1, EVERY), last} & set(case.calls)):
         call, program = case.calls[k], case.calls[k].program
         moves = split(program)
         wide = program.at(moves).limits.broken(program.x + program.R @ moves).max()
         pairs = ((moves, False), (call.free_moves, True))
-        ratios.append([(there := program.at(D)).energy(D) / optimum(call, there, D, watched) for D, watched in pairs])
-        print(f"{k:5d} | {ratios[-1][0]:30.4f}  {wide:14.4f} | {ratios[-1][1]:36.4f}  {call.step.broken:14.4f}", flush=True)
+        ratios.append(
+            [(there := program.at(D)).energy(D) / optimum(call, there, D, watched) for D, watched in pairs]
+        )
+        print(
+            f"{k:5d} | {ratios[-1][0]:30.4f}  {wide:14.4f} | {ratios[-1][1]:36.4f}  {call.step.broken:14.4f}",
+            flush=True,
+        )
     worst = 100 * np.abs(np.array(ratios) - 1).max(0)
     print(f"farthest from 1: {worst[0]:.2f} % by splitting, {worst[1]:.2f} % of the finished levels\n")
 
 
-def paper(program: ConeLevels, stock: Capsule, samples: sp.csr_array, P: ndarray, depth: float) -> tuple[float, str]:
-    """One level of the paper's formulation by CVXPY: CPU seconds with the problem's compilation, and its solver."""
+def paper(
+    program: ConeLevels, stock: Capsule, samples: sp.csr_array, P: ndarray, depth: float
+) -> tuple[float, str]:
+    """One level of the paper's formulation by CVXPY: CPU seconds with the problem's compilation, and its
+    solver."""
     import cvxpy
 
     E, gradient = program.terms(P, STIFFNESS)
     x, tau = cvxpy.Variable(P.shape), cvxpy.Variable((samples.shape[0], 1))
     move = samples @ x
-    energy = sum(cvxpy.quad_form(x[:, j], cvxpy.psd_wrap(sp.csc_matrix(E))) for j in range(3)) + 2 * cvxpy.sum(cvxpy.multiply(gradient, x))
+    energy = sum(
+        cvxpy.quad_form(x[:, j], cvxpy.psd_wrap(sp.csc_matrix(E))) for j in range(3)
+    ) + 2 * cvxpy.sum(cvxpy.multiply(gradient, x))
     from_axis = samples @ P - stock.start + move - tau @ (stock.end - stock.start)[None]
-    limits = [cvxpy.norm(move, axis=1) <= depth, cvxpy.norm(from_axis, axis=1) <= stock.radius, tau >= 0, tau <= 1]
+    limits = [
+        cvxpy.norm(move, axis=1) <= depth,
+        cvxpy.norm(from_axis, axis=1) <= stock.radius,
+        tau >= 0,
+        tau <= 1,
+    ]
     problem = cvxpy.Problem(cvxpy.Minimize(energy), limits)
     spent, _ = seconds(problem.solve)
     if problem.status != "optimal":
@@ -244,8 +286,11 @@ def paper(program: ConeLevels, stock: Capsule, samples: sp.csr_array, P: ndarray
 
 
 def published(case: Case) -> None:
-    """How many cuts the program takes as the paper prints it, by what attracts: the bounding sphere or the nearest stock point."""
-    print("Cuts of the program as printed (depth as displacement, at samples; no nesting; stiffness 1e-6 throughout), Clarabel")
+    """How many cuts the program takes as the paper prints it, by what attracts: the bounding sphere or the
+    nearest stock point."""
+    print(
+        "Cuts of the program as printed (depth as displacement, at samples; no nesting; stiffness 1e-6 throughout), Clarabel"
+    )
     first, targets = case.made.levels[0], case.stock.mesh(0.02).vertices
     grid = level_grid(case.surface, [first.surface.control_points], 0.02)  # type: ignore[union-attr]
     for attraction in ("sphere", "stock"):
@@ -260,9 +305,16 @@ def beside_cvxpy(case: Case) -> None:
     """Our sequence beside the paper's formulation level by level."""
     program = ConeLevels(case.surface, case.stock, "stock")
     low, high = case.surface.domain[1]
-    s, t = (v.ravel() for v in np.meshgrid(np.arange(ROW_POINTS) / ROW_POINTS, low + (high - low) * (np.arange(ROWS) + 0.5) / ROWS))
+    s, t = (
+        v.ravel()
+        for v in np.meshgrid(
+            np.arange(ROW_POINTS) / ROW_POINTS, low + (high - low) * (np.arange(ROWS) + 0.5) / ROWS
+        )
+    )
     samples, times = case.surface.basis(s, t)[0], level_seconds(case)
-    print(f"CVXPY, the paper's formulation, {len(case.surface.control_points)} control points, {len(s)} samples (aim: 20 x)")
+    print(
+        f"CVXPY, the paper's formulation, {len(case.surface.control_points)} control points, {len(s)} samples (aim: 20 x)"
+    )
     print("level | ours s | CVXPY s | times")
     rows = []
     for k, P in enumerate(case.nets[:-1], start=1):
@@ -273,7 +325,9 @@ def beside_cvxpy(case: Case) -> None:
     ours, spent = np.array(rows).sum(0)
     print(f"  all | {ours:6.3f} | {spent:7.2f} | {spent / ours:5.0f}  ({name})")
     whole = case.made.solve_seconds
-    print(f"our whole sequence with all that is solved beside the levels: {whole:.2f} s: {spent / whole:.0f} times as fast\n")
+    print(
+        f"our whole sequence with all that is solved beside the levels: {whole:.2f} s: {spent / whole:.0f} times as fast\n"
+    )
 
 
 def main() -> None:

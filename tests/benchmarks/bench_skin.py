@@ -1,12 +1,15 @@
-"""Skinning: control points of the T-spline beside B-splines through the same sections within the same verified tolerance.
+"""Skinning: control points of the T-spline beside B-splines through the same sections within the same
+verified tolerance.
 
 Run with a folder of sections, files name1.txt, name2.txt, ... whose first line is "npoints dim":
     python tests/benchmarks/bench_skin.py FOLDER
 
-Columns: the T-spline of `skin`; the tensor-product B-spline whose knots are the union of those the sections keep when each is reduced
-alone (classical skinning); the B-spline whose knots are chosen for all sections together (the best a tensor product can do by the same
-reduction); both with as many rows as sections. Verified: the largest distance of a data point from the T-spline at its parameters
-and of the T-spline from the skin within 1e-6 of the tolerance on a dense grid, each in parts of the tolerance. Seconds are CPU seconds.
+Columns: the T-spline of `skin`; the tensor-product B-spline whose knots are the union of those the sections
+keep when each is reduced alone (classical skinning); the B-spline whose knots are chosen for all sections
+together (the best a tensor product can do by the same reduction); both with as many rows as sections.
+Verified: the largest distance of a data point from the T-spline at its parameters and of the T-spline from
+the skin within 1e-6 of the tolerance on a dense grid, each in parts of the tolerance. Seconds are CPU
+seconds.
 """
 
 import sys
@@ -55,7 +58,9 @@ def _on_fine(curves: RowCurves, fine: np.ndarray) -> np.ndarray:
 
 def main(folder: Path) -> None:
     """Print the table and check it."""
-    print("body        tolerance    mm      T-spline  B union  B together  published T / B   points/tol  skin/tol  T CPU s")
+    print(
+        "body        tolerance    mm      T-spline  B union  B together  published T / B   points/tol  skin/tol  T CPU s"
+    )
     for name, share, published, published_b in CASES:
         rows = sections(folder, name)
         tolerance = share * float(np.linalg.norm(np.ptp(np.vstack(rows), axis=0)))
@@ -65,7 +70,8 @@ def main(folder: Path) -> None:
         curves = RowCurves.through(rows, closed=False)
         t = row_parameters(curves)
         miss = max(
-            np.linalg.norm(surface.positions(s, np.full(len(s), x)) - p, axis=1).max() for p, s, x in zip(rows, curves.parameters, t)
+            np.linalg.norm(surface.positions(s, np.full(len(s), x)) - p, axis=1).max()
+            for p, s, x in zip(rows, curves.parameters, t)
         )
         s, t = (v.ravel() for v in np.meshgrid(np.linspace(0, 1, 301), np.linspace(0, 1, 301)))
         exact = skin(rows, EXACT * tolerance, closed=False)

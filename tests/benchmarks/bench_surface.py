@@ -1,9 +1,11 @@
-"""Speed of the T-spline kernel beside splinepy's NURBS and scipy's NdBSpline: `python tests/benchmarks/bench_surface.py`.
+"""Speed of the T-spline kernel beside splinepy's NURBS and scipy's NdBSpline: `python
+tests/benchmarks/bench_surface.py`.
 
-The surface is a closed rational tube with two poles, 19 rows of 15 control points; evaluated are S, S_s and S_t at 100,000 random
-parameters, all in float64. The libraries get the surface as one rational tensor-product B-spline of as many rows, unrolled over its
-seam (they have no periodic or per-row knots), and are first compared with it. Times are CPU seconds, best of five (splinepy: of two).
-Needs the extra `bench`. One core: CPU seconds count every thread, and splinepy is asked for one.
+The surface is a closed rational tube with two poles, 19 rows of 15 control points; evaluated are S, S_s and
+S_t at 100,000 random parameters, all in float64. The libraries get the surface as one rational tensor-product
+B-spline of as many rows, unrolled over its seam (they have no periodic or per-row knots), and are first
+compared with it. Times are CPU seconds, best of five (splinepy: of two). Needs the extra `bench`. One core:
+CPU seconds count every thread, and splinepy is asked for one.
 """
 
 import sys
@@ -18,8 +20,7 @@ from scipy.interpolate import NdBSpline
 sys.path.insert(0, str(Path(__file__).parents[1] / "surface"))
 from rowed import bone_like
 
-from bonecam.surface import RowTMesh, TSpline
-from bonecam.surface.refinement import as_general
+from bonecam.surface import RowTMesh, TSpline, as_general
 
 ROWS, AROUND, SAMPLES, POINTS = 19, 15, 100_000, 5_000
 AIM = {"evaluate": 10e6, "splinepy": 20.0, "csr": 0.2, "project": 50_000.0}
@@ -44,10 +45,14 @@ def tube() -> TSpline[RowTMesh]:
 
 
 def as_tensor(surface: TSpline[RowTMesh]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Homogeneous points (rows, around + 3, 4) and both flat knot vectors; s unrolled: S at [0, 1] needs three points more."""
+    """Homogeneous points (rows, around + 3, 4) and both flat knot vectors; s unrolled: S at [0, 1] needs
+    three points more."""
     starts = surface.tmesh.row_starts
     homogeneous = np.column_stack([surface.control_points * surface.weights[:, None], surface.weights])
-    rows = [homogeneous[a:b] if b - a > 1 else np.repeat(homogeneous[a:b], AROUND, axis=0) for a, b in pairwise(starts)]
+    rows = [
+        homogeneous[a:b] if b - a > 1 else np.repeat(homogeneous[a:b], AROUND, axis=0)
+        for a, b in pairwise(starts)
+    ]
     unrolled = np.array([row[np.arange(-1, AROUND + 2) % AROUND] for row in rows])
     return unrolled, np.arange(-3, AROUND + 4) / AROUND, surface.tmesh.t_knots
 
@@ -59,7 +64,9 @@ def splinepy_rate(surface: TSpline[RowTMesh], s: np.ndarray, t: np.ndarray) -> t
     points, s_knots, t_knots = as_tensor(surface)
     weights = points[:, :, 3].reshape(-1, 1)
     control = (points[:, :, :3] / points[:, :, 3:]).reshape(-1, 3)
-    nurbs = splinepy.NURBS(degrees=[3, 3], knot_vectors=[s_knots, t_knots], control_points=control, weights=weights)
+    nurbs = splinepy.NURBS(
+        degrees=[3, 3], knot_vectors=[s_knots, t_knots], control_points=control, weights=weights
+    )
     at = np.column_stack([s, t])
 
     def run() -> np.ndarray:
@@ -87,7 +94,8 @@ def scipy_rate(surface: TSpline[RowTMesh], s: np.ndarray, t: np.ndarray) -> tupl
 
 
 def projection(surface: TSpline[RowTMesh]) -> tuple[float, int]:
-    """Points per CPU second for points +-1 mm off the tube, and how many have a nearer point on a dense grid than their foot."""
+    """Points per CPU second for points +-1 mm off the tube, and how many have a nearer point on a dense grid
+    than their foot."""
     rng = np.random.default_rng(7)
     s, t = rng.random((2, POINTS))
     points = surface.evaluate(s, t) + surface.normals(s, t) * rng.uniform(-1, 1, (POINTS, 1))
@@ -118,10 +126,16 @@ def main() -> None:
         f"  bonecam, one knot vector              {own / 1e6:8.2f} M points/s   {own / nurbs:6.1f} x splinepy   {own / scipy:6.1f} x scipy"
     )
     print(f"  bonecam, as a general T-mesh          {general / 1e6:8.2f} M points/s")
-    print(f"  splinepy NURBS                        {nurbs / 1e6:8.3f} M points/s   differs by {nurbs_error:.1e} mm")
-    print(f"  scipy NdBSpline                       {scipy / 1e6:8.3f} M points/s   differs by {scipy_error:.1e} mm")
+    print(
+        f"  splinepy NURBS                        {nurbs / 1e6:8.3f} M points/s   differs by {nurbs_error:.1e} mm"
+    )
+    print(
+        f"  scipy NdBSpline                       {scipy / 1e6:8.3f} M points/s   differs by {scipy_error:.1e} mm"
+    )
     print(f"six CSR matrices R ... R_tt, {SAMPLES} samples: {csr:.3f} s")
-    print(f"projection of {POINTS} points +-1 mm off the tube: {rate:.0f} points/s, {failures} not at their nearest foot")
+    print(
+        f"projection of {POINTS} points +-1 mm off the tube: {rate:.0f} points/s, {failures} not at their nearest foot"
+    )
     assert min(own, uneven) >= AIM["evaluate"]
     assert own >= AIM["splinepy"] * nurbs
     assert csr <= AIM["csr"]

@@ -1,4 +1,5 @@
-"""Draws the README's pictures: `python tests/figures/draw.py` runs the chain on the shipped phalanx with the default job."""
+"""Draws the README's pictures: `python tests/figures/draw.py` runs the chain on the shipped phalanx with the
+default job."""
 
 from pathlib import Path
 
@@ -9,7 +10,15 @@ import bonecam
 from bonecam.levels.measure.line_depths import line_depths
 from bonecam.setup.holding import post_below
 from bonecam.verify.panels import lay_out
-from bonecam.verify.pictures import draw_coloured, draw_depths, draw_tmesh, draw_toolpath, show_levels, show_path, show_tmesh
+from bonecam.verify.pictures import (
+    draw_coloured,
+    draw_depths,
+    draw_tmesh,
+    draw_toolpath,
+    show_levels,
+    show_path,
+    show_tmesh,
+)
 
 HERE = Path(__file__).parent
 
@@ -27,7 +36,8 @@ def main() -> None:
 
 
 def draw_chain(result: bonecam.Result, post: tuple[float, float], file: Path) -> None:
-    """Surface, levels round the `post` (diameter, top z, mm) and the last level's path side by side, to one scale."""
+    """Surface, levels round the `post` (diameter, top z, mm) and the last level's path side by side, to one
+    scale."""
     levels, paths = result.levels.levels, result.paths
     figure = Figure(dpi=120)
     plots = figure.subplots(1, 3, sharex=True, sharey=True)

@@ -28,6 +28,8 @@ def test_unknown_filter_is_an_error() -> None:
         catalogue("nope")
 
 
-@pytest.mark.parametrize(("text", "first"), [("One. Two.", "One."), ("0.1 mm deep", "0.1 mm deep."), ("a ... b. C", "a ... b.")])
+@pytest.mark.parametrize(
+    ("text", "first"), [("One. Two.", "One."), ("0.1 mm deep", "0.1 mm deep."), ("a ... b. C", "a ... b.")]
+)
 def test_first_sentence(text: str, first: str) -> None:
     assert first_sentence(text) == first

@@ -41,7 +41,15 @@ def layers(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.slow
 def test_the_layers_of_a_script_are_written(layers: Path) -> None:
     names = {path.name for path in layers.iterdir()}
-    assert {"phalanx.ply", "repaired.ply", "stock.ply", "part_on_post.ply", "surface.ply", "surface.tspline", "level_00.ply"} <= names
+    assert {
+        "phalanx.ply",
+        "repaired.ply",
+        "stock.ply",
+        "part_on_post.ply",
+        "surface.ply",
+        "surface.tspline",
+        "level_00.ply",
+    } <= names
 
 
 @pytest.mark.slow
@@ -79,7 +87,9 @@ def test_a_box_is_told_by_its_sides(phalanx: Path) -> None:
     found = meshes.generate_stock(kind="box", width=20.0, depth=14.0, length=38.0)
     assert set(found) == {"kind", "width_mm", "depth_mm", "length_mm", "transform"}
     assert [found[f"{name}_mm"] for name in ("width", "depth", "length")] == pytest.approx([20.0, 14.0, 38.0])
-    with pytest.raises(BonecamError, match=r"stock \(box 11\.00 x 5\.00 x 38\.00 mm\) does not hold the part"):
+    with pytest.raises(
+        BonecamError, match=r"stock \(box 11\.00 x 5\.00 x 38\.00 mm\) does not hold the part"
+    ):
         meshes.generate_stock(kind="box", width=11.0, depth=5.0, length=38.0)
 
 
@@ -87,7 +97,14 @@ FITTING = r'0\.03\d\d mm from corner to corner .*apply apply_units_in_mm with un
 
 
 @pytest.mark.parametrize(
-    "name", ["meshing_repair_bone", "meshing_fill_pits", "compute_harmonic_rows", "compute_tspline_surface", "generate_stock"]
+    "name",
+    [
+        "meshing_repair_bone",
+        "meshing_fill_pits",
+        "compute_harmonic_rows",
+        "compute_tspline_surface",
+        "generate_stock",
+    ],
 )
 def test_a_bone_in_metres_is_refused_by_every_filter_that_works_in_mm(name: str, metres: MeshSet) -> None:
     with pytest.raises(UnitsError, match=FITTING):

@@ -28,7 +28,8 @@ QUICK: dict[str, dict[str, Any]] = {
 
 
 class Chain:
-    """An egg of 10 x 8 x 14 mm, and what the filters that others need first have made of it, each applied once."""
+    """An egg of 10 x 8 x 14 mm, and what the filters that others need first have made of it, each applied
+    once."""
 
     def __init__(self, folder: Path) -> None:
         self.meshes = MeshSet(folder=folder)
@@ -62,9 +63,13 @@ def prepared(chain: Chain, item: Filter) -> Iterator[MeshSet]:
 
 
 def keeps_its_word(item: Filter, prepared: MeshSet, values: dict[str, Any]) -> None:
-    """Results are plain values, and the input layer is as it was unless the filter says that it changes it."""
+    """Results are plain values, and the input layer is as it was unless the filter says that it changes
+    it."""
     source = prepared.current_mesh_id()
-    vertices, faces = prepared.current_mesh().vertex_matrix().copy(), prepared.current_mesh().face_matrix().copy()
+    vertices, faces = (
+        prepared.current_mesh().vertex_matrix().copy(),
+        prepared.current_mesh().face_matrix().copy(),
+    )
     result = prepared.apply_filter(item.name, **values)
     assert isinstance(result, dict)
     assert all(isinstance(value, int | float | str | list | np.ndarray) for value in result.values())
@@ -103,14 +108,21 @@ def test_is_documented(item: Filter) -> None:
         assert parameter.label[0].isupper()
         assert parameter.tooltip.strip().endswith(".")
         assert parameter.kind is not Kind.LENGTH or parameter.unit == "mm"
-        assert parameter.kind not in (Kind.FLOAT, Kind.INT) or np.isfinite([parameter.low, parameter.high]).all()
+        assert (
+            parameter.kind not in (Kind.FLOAT, Kind.INT) or np.isfinite([parameter.low, parameter.high]).all()
+        )
     assert set(item.after) <= set(installed().names)
 
 
 @EVERY
 def test_round_trips_through_a_script(item: Filter, tmp_path: Path) -> None:
-    parameters = tuple(ScriptParameter(p.name, p.kind.value, {"value": p.written(p.default)}) for p in item.parameters)
-    write_script([FilterCall(item.display_name, parameters), FilterCall(item.name, parameters)], tmp_path / "script.mlx")
+    parameters = tuple(
+        ScriptParameter(p.name, p.kind.value, {"value": p.written(p.default)}) for p in item.parameters
+    )
+    write_script(
+        [FilterCall(item.display_name, parameters), FilterCall(item.name, parameters)],
+        tmp_path / "script.mlx",
+    )
     for step in read_script(tmp_path / "script.mlx", installed()):
         assert step.name == item.name
         assert step.values == {p.name: p.checked(p.default) for p in item.parameters}
@@ -137,7 +149,11 @@ def wrong_values(parameter: FilterParameter) -> list[object]:
         bad += [pymeshlab.PercentageValue(3), Percentage(3.0)]
     if parameter.kind in (Kind.LENGTH, Kind.FLOAT, Kind.INT):
         step = 1 if parameter.kind is Kind.INT else 0.5
-        bad += [bound + sign * step for bound, sign in ((parameter.low, -1), (parameter.high, 1)) if np.isfinite(bound)]
+        bad += [
+            bound + sign * step
+            for bound, sign in ((parameter.low, -1), (parameter.high, 1))
+            if np.isfinite(bound)
+        ]
         bad += [float("nan"), "one", True]
     if parameter.kind in (Kind.BOOL, Kind.ENUM):
         bad += ["no such choice", 99]

@@ -1,4 +1,5 @@
-"""The registry: names are unique, filters are of a verb family, third parties come in by entry points, a broken one is named."""
+"""The registry: names are unique, filters are of a verb family, third parties come in by entry points, a
+broken one is named."""
 
 import sys
 from collections.abc import Iterator
@@ -79,7 +80,14 @@ def test_a_name_of_meshlab_s_is_taken(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"name": "make_offset"}, {"name": "generate"}, {"name": "generate_Offset"}, {"documentation": " "}, {"category": ""}]
+    "wrong",
+    [
+        {"name": "make_offset"},
+        {"name": "generate"},
+        {"name": "generate_Offset"},
+        {"documentation": " "},
+        {"category": ""},
+    ],
 )
 def test_records_without_verb_family_or_words_are_refused(wrong: dict[str, str]) -> None:
     with pytest.raises(ValueError, match="filter"):
@@ -94,14 +102,23 @@ def test_parameter_stated_twice_is_refused() -> None:
 def test_unknown_filters_and_parameters_are_errors_with_the_known_ones() -> None:
     with pytest.raises(FilterError, match="there is no filter 'nope'"):
         Registry([OFFSET])["nope"]
-    with pytest.raises(FilterError, match=r"generate_offset knows no parameter 'nope': use one of distance, how"):
+    with pytest.raises(
+        FilterError, match=r"generate_offset knows no parameter 'nope': use one of distance, how"
+    ):
         OFFSET.values({"nope": 1}, None)
     with pytest.raises(FilterError, match=r"compute_recall knows no parameter 'nope': use one of none"):
         RECALL.values({"nope": 1}, None)
 
 
 def test_every_filter_of_meshlab_has_a_shown_name_that_leads_to_it() -> None:
-    led_to = {meshlab_names.python_name(name) for name in meshlab_names.all_names() if meshlab_names.python_name(name) != name}
+    led_to = {
+        meshlab_names.python_name(name)
+        for name in meshlab_names.all_names()
+        if meshlab_names.python_name(name) != name
+    }
     assert set(pymeshlab.filter_list()) <= led_to
-    assert meshlab_names.python_name("Remeshing: Isotropic Explicit Remeshing") == "meshing_isotropic_explicit_remeshing"
+    assert (
+        meshlab_names.python_name("Remeshing: Isotropic Explicit Remeshing")
+        == "meshing_isotropic_explicit_remeshing"
+    )
     assert meshlab_names.python_name("Box/Cube") == "create_cube"

@@ -1,4 +1,5 @@
-"""MeshSet is pymeshlab's plus ours: by name, as methods; values travel beside the layers; a failure leaves nothing."""
+"""MeshSet is pymeshlab's plus ours: by name, as methods; values travel beside the layers; a failure leaves
+nothing."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -24,7 +25,9 @@ def test_both_sorts_apply_by_name_and_as_methods(meshes: MeshSet) -> None:
     result = meshes.apply_filter("generate_offset", distance=2.0, how="down")
     assert result == {"distance": 2.0, "how": "down"}
     assert meshes.generate_offset(distance=pymeshlab.PureValue(3.0))["distance"] == 3.0
-    assert meshes.apply_filter("get_geometric_measures")["mesh_volume"] == pytest.approx(meshes.get_geometric_measures()["mesh_volume"])
+    assert meshes.apply_filter("get_geometric_measures")["mesh_volume"] == pytest.approx(
+        meshes.get_geometric_measures()["mesh_volume"]
+    )
     assert meshes.mesh_number() == 3
     assert np.allclose(meshes.current_mesh().vertex_matrix(), before + np.array([0, 0, 5.0]))
     assert meshes.current_mesh().label() == "moved(1)"
@@ -34,7 +37,9 @@ def test_both_sorts_apply_by_name_and_as_methods(meshes: MeshSet) -> None:
 
 def test_percentages_are_of_the_diagonal_of_the_current_layer(meshes: MeshSet) -> None:
     diagonal = meshes.current_mesh().bounding_box().diagonal()
-    assert meshes.generate_offset(distance=pymeshlab.PercentageValue(10))["distance"] == pytest.approx(diagonal / 10)
+    assert meshes.generate_offset(distance=pymeshlab.PercentageValue(10))["distance"] == pytest.approx(
+        diagonal / 10
+    )
 
 
 def test_lists_and_parameters_hold_both_sorts(meshes: MeshSet, capfd: pytest.CaptureFixture[str]) -> None:
@@ -63,7 +68,9 @@ def test_lists_and_parameters_hold_both_sorts(meshes: MeshSet, capfd: pytest.Cap
         ("create_cube", {"size": "x"}, "create_cube"),
     ],
 )
-def test_wrong_calls_are_filter_errors(meshes: MeshSet, name: str, values: dict[str, object], reason: str) -> None:
+def test_wrong_calls_are_filter_errors(
+    meshes: MeshSet, name: str, values: dict[str, object], reason: str
+) -> None:
     with pytest.raises(FilterError, match=reason):
         meshes.apply_filter(name, **values)
     assert meshes.mesh_number() == 1
@@ -102,7 +109,9 @@ def test_a_cancelled_filter_leaves_the_layers_as_they_were(phalanx: Path) -> Non
 
 def test_kept_values_travel_with_new_layers_and_stay_off_others(meshes: MeshSet) -> None:
     first = meshes.current_mesh_id()
-    with pytest.raises(FilterError, match=r"layer 0 'phalanx\.ply' has no distance: apply generate_offset first"):
+    with pytest.raises(
+        FilterError, match=r"layer 0 'phalanx\.ply' has no distance: apply generate_offset first"
+    ):
         meshes.compute_recall()
     meshes.generate_offset(distance=2.0)
     assert meshes.compute_recall() == {"distance": 2.0}
@@ -114,11 +123,15 @@ def test_kept_values_travel_with_new_layers_and_stay_off_others(meshes: MeshSet)
 def test_kept_values_of_a_layer_that_was_changed_are_refused(meshes: MeshSet) -> None:
     meshes.generate_offset(distance=2.0)
     meshes.apply_coord_taubin_smoothing()
-    with pytest.raises(FilterError, match="was changed after its distance was made: apply generate_offset again"):
+    with pytest.raises(
+        FilterError, match="was changed after its distance was made: apply generate_offset again"
+    ):
         meshes.compute_recall()
 
 
-def test_the_saved_script_gives_the_same_layers_again(meshes: MeshSet, phalanx: Path, registry: Registry, tmp_path: Path) -> None:
+def test_the_saved_script_gives_the_same_layers_again(
+    meshes: MeshSet, phalanx: Path, registry: Registry, tmp_path: Path
+) -> None:
     meshes.meshing_isotropic_explicit_remeshing(targetlen=pymeshlab.PercentageValue(4), iterations=2)
     meshes.generate_offset(distance=pymeshlab.PercentageValue(10), how="down")
     meshes.apply_turn()
@@ -137,7 +150,11 @@ def test_the_saved_script_gives_the_same_layers_again(meshes: MeshSet, phalanx: 
     assert again.mesh_number() == meshes.mesh_number()
     assert np.allclose(again.current_mesh().vertex_matrix(), meshes.current_mesh().vertex_matrix(), atol=1e-6)
     again.save_filter_script(str(tmp_path / "again.mlx"))
-    assert (tmp_path / "again.mlx").read_text().count("<filter") == (tmp_path / "all.mlx").read_text().count("<filter") == 4
+    assert (
+        (tmp_path / "again.mlx").read_text().count("<filter")
+        == (tmp_path / "all.mlx").read_text().count("<filter")
+        == 4
+    )
     meshes.clear_filter_script()
     meshes.save_filter_script(str(tmp_path / "none.mlx"))
     assert "<filter" not in (tmp_path / "none.mlx").read_text()

@@ -1,4 +1,5 @@
-"""Script text: lines are known, a round trip gives equal calls, what is no script is refused with its line."""
+"""Script text: lines are known, a round trip gives equal calls, what is no script is refused with its
+line."""
 
 from pathlib import Path
 
@@ -20,7 +21,12 @@ TEXT = """<!DOCTYPE FilterScript>
 
 CHARACTERS = st.characters(blacklist_categories=["Cs", "Cc"], whitelist_characters="\n\t<>&\"'")
 WORDS = st.text(CHARACTERS, min_size=1)
-PARAMETERS = st.builds(ScriptParameter, WORDS, WORDS, st.dictionaries(st.sampled_from(["value", "r", "g", "val0"]), st.text(CHARACTERS)))
+PARAMETERS = st.builds(
+    ScriptParameter,
+    WORDS,
+    WORDS,
+    st.dictionaries(st.sampled_from(["value", "r", "g", "val0"]), st.text(CHARACTERS)),
+)
 CALLS = st.lists(st.builds(FilterCall, WORDS, st.lists(PARAMETERS, max_size=3).map(tuple)), max_size=4)
 
 
@@ -31,13 +37,21 @@ def write(folder: Path, text: str) -> Path:
 
 def test_filters_and_parameters_come_with_their_lines(tmp_path: Path) -> None:
     cube, delete = read_calls(write(tmp_path, TEXT))
-    assert (cube.name, cube.line, delete.name, delete.line, delete.parameters) == ("Box/Cube", 3, "Delete Current Mesh", 6, ())
+    assert (cube.name, cube.line, delete.name, delete.line, delete.parameters) == (
+        "Box/Cube",
+        3,
+        "Delete Current Mesh",
+        6,
+        (),
+    )
     assert cube.parameters == (ScriptParameter("size", "RichFloat", {"value": "1"}),)
     assert cube.parameters[0].line == 4
 
 
 @given(CALLS)
-def test_round_trip_gives_equal_calls(tmp_path_factory: pytest.TempPathFactory, calls: list[FilterCall]) -> None:
+def test_round_trip_gives_equal_calls(
+    tmp_path_factory: pytest.TempPathFactory, calls: list[FilterCall]
+) -> None:
     path = tmp_path_factory.mktemp("mlx") / "script.mlx"
     write_script(calls, path)
     assert read_calls(path) == calls
@@ -52,14 +66,24 @@ def test_round_trip_gives_equal_calls(tmp_path_factory: pytest.TempPathFactory, 
         (TEXT.replace(" </filter>\n", ""), FilterError, r"line 5: <filter> inside <filter>"),
         (TEXT.replace("</filter>", "</Filter>"), FileError, r"line 5: mismatched tag"),
         (TEXT.replace("</FilterScript>", ""), FileError, r"line 8: no element found"),
-        (TEXT.replace("FilterScript>", "Script>"), FilterError, r"line 2: <Script> at the top: a script begins with <FilterScript>"),
-        (TEXT.replace("Param", "xmlparam"), FilterError, r"line 4: <xmlparam> inside <filter>: a filter holds <Param>"),
+        (
+            TEXT.replace("FilterScript>", "Script>"),
+            FilterError,
+            r"line 2: <Script> at the top: a script begins with <FilterScript>",
+        ),
+        (
+            TEXT.replace("Param", "xmlparam"),
+            FilterError,
+            r"line 4: <xmlparam> inside <filter>: a filter holds <Param>",
+        ),
         (TEXT.replace(' name="Box/Cube"', ""), FilterError, r"line 3: <filter> without its name"),
         (TEXT.replace(' type="RichFloat"', ""), FilterError, r"line 4: <Param> without its name or type"),
         ('<!DOCTYPE F [<!ENTITY a "b">]><FilterScript/>', FileError, r"line 1: entity 'a'"),
     ],
 )
-def test_what_is_no_script_is_refused_with_its_line(tmp_path: Path, text: str, kind: type[BonecamError], reason: str) -> None:
+def test_what_is_no_script_is_refused_with_its_line(
+    tmp_path: Path, text: str, kind: type[BonecamError], reason: str
+) -> None:
     with pytest.raises(kind, match=reason) as caught:
         read_calls(write(tmp_path, text))
     assert isinstance(caught.value.evidence["line"], int)

@@ -14,7 +14,9 @@ from bonecam.parameters import record
 
 BOX = TriangleMesh(np.array([[0.0, 0, 0], [30, 0, 0], [0, 40, 0]]), np.array([[0, 1, 2]], dtype=np.int32))
 LENGTH = FilterParameter("depth", Kind.LENGTH, 0.5, "Depth", "How deep.", "mm", 0.01, 20.0)
-SHARE = FilterParameter("share", Kind.LENGTH, 5.0, "Share", "Of the range.", "mm", 2.0, 12.0, percentage_of_range=True)
+SHARE = FilterParameter(
+    "share", Kind.LENGTH, 5.0, "Share", "Of the range.", "mm", 2.0, 12.0, percentage_of_range=True
+)
 COUNT = FilterParameter("count", Kind.INT, 3, "Count", "How many.", low=1, high=9)
 CHOICE = FilterParameter("how", Kind.ENUM, "up", "How", "Which way.", choices=("up", "down"))
 
@@ -50,7 +52,9 @@ def test_pure_values_numbers_and_numpy_scalars_are_mm() -> None:
         (CHOICE, 2, r"how = 2: choose one of up, down"),
     ],
 )
-def test_bad_values_are_refused_with_name_value_and_remedy(parameter: FilterParameter, value: object, reason: str) -> None:
+def test_bad_values_are_refused_with_name_value_and_remedy(
+    parameter: FilterParameter, value: object, reason: str
+) -> None:
     with pytest.raises(FilterError, match=reason):
         parameter.resolved(value, BOX)
 
@@ -77,7 +81,15 @@ def test_enumerations_take_names_and_numbers() -> None:
     ],
 )
 def test_records_that_contradict_themselves_are_refused(wrong: dict[str, object]) -> None:
-    right = {"name": "depth", "kind": Kind.LENGTH, "default": 0.5, "label": "Depth", "tooltip": "How deep.", "low": 0.0, "high": 20.0}
+    right = {
+        "name": "depth",
+        "kind": Kind.LENGTH,
+        "default": 0.5,
+        "label": "Depth",
+        "tooltip": "How deep.",
+        "low": 0.0,
+        "high": 20.0,
+    }
     FilterParameter(**right)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match=r"parameter|default"):
         FilterParameter(**{**right, **wrong})  # type: ignore[arg-type]
@@ -101,11 +113,19 @@ def test_stage_parameters_are_the_job_fields(stage: object) -> None:
     assert list(found) == [item.name for item in fields(job)]
     for item in fields(job):
         known, parameter = record(item), found[item.name]
-        assert (parameter.label, parameter.tooltip, parameter.unit) == (known.label, known.tooltip, known.unit)
+        assert (parameter.label, parameter.tooltip, parameter.unit) == (
+            known.label,
+            known.tooltip,
+            known.unit,
+        )
         assert parameter.default == getattr(job, item.name)
-        assert (parameter.kind is Kind.LENGTH) == (known.unit == "mm" and isinstance(parameter.default, float))
+        assert (parameter.kind is Kind.LENGTH) == (
+            known.unit == "mm" and isinstance(parameter.default, float)
+        )
 
 
 def test_values_lead_back_to_the_stage() -> None:
     assert stage_of(LevelsJob(), {"roughing_depth": 0.7, "other": 1}) == LevelsJob(roughing_depth=0.7)
-    assert stage_of(StockJob(), {"stock_diameter": 15.0, "diameter": 4.0}, prefix="stock_") == StockJob(diameter=15.0)
+    assert stage_of(StockJob(), {"stock_diameter": 15.0, "diameter": 4.0}, prefix="stock_") == StockJob(
+        diameter=15.0
+    )

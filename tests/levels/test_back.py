@@ -1,4 +1,5 @@
-"""How far the new level is from the level before, and a level from the stock, seen from the bottoms of hollows."""
+"""How far the new level is from the level before, and a level from the stock, seen from the bottoms of
+hollows."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,5 @@
-"""Every stock answers the same questions: exact distances, nearest points, a closed even mesh, and refuses what is no body."""
+"""Every stock answers the same questions: exact distances, nearest points, a closed even mesh, and refuses
+what is no body."""
 
 import numpy as np
 import pytest
@@ -43,7 +44,9 @@ def test_nearest_points_lie_on_the_surface_at_the_signed_distance(body: Stock) -
 def test_distances_agree_with_the_mesh(body: Stock) -> None:
     points = cloud()
     closest, _ = exact_closest(body.mesh(0.002), points)
-    assert np.allclose(np.linalg.norm(points - closest, axis=1), np.abs(body.signed_distance(points)), atol=0.004)
+    assert np.allclose(
+        np.linalg.norm(points - closest, axis=1), np.abs(body.signed_distance(points)), atol=0.004
+    )
 
 
 def test_no_planes_of_nearest_points_cut_the_body(body: Stock) -> None:
@@ -68,7 +71,9 @@ def test_a_moved_body_is_the_same_elsewhere(body: Stock) -> None:
     shift, points = np.array([1.0, -2.0, 3.0]), cloud(50)
     moved = body.moved(shift)
     assert np.allclose(moved.signed_distance(points + shift), body.signed_distance(points), atol=1e-9)
-    assert (moved.kind, moved.diameter, moved.length) == pytest.approx((body.kind, body.diameter, body.length))
+    assert (moved.kind, moved.diameter, moved.length) == pytest.approx(
+        (body.kind, body.diameter, body.length)
+    )
 
 
 SIZES = {
@@ -81,8 +86,14 @@ SIZES = {
 
 @pytest.mark.parametrize("kind", SIZES)
 def test_a_stock_is_described_by_its_own_sizes(kind: str) -> None:
-    assert stock_figures(BODIES[kind]) == {"kind": kind, **{f"{name}_mm": size for name, size in SIZES[kind].items()}}
-    assert stock_text(stock_figures(BODIES[kind])) == f"{kind} {' x '.join(f'{size:.2f}' for size in SIZES[kind].values())} mm"
+    assert stock_figures(BODIES[kind]) == {
+        "kind": kind,
+        **{f"{name}_mm": size for name, size in SIZES[kind].items()},
+    }
+    assert (
+        stock_text(stock_figures(BODIES[kind]))
+        == f"{kind} {' x '.join(f'{size:.2f}' for size in SIZES[kind].values())} mm"
+    )
 
 
 def test_a_mesh_that_is_not_convex_is_refused_with_distance_and_place() -> None:
@@ -98,22 +109,33 @@ def test_a_mesh_that_is_not_convex_is_refused_with_distance_and_place() -> None:
 
 def test_a_mesh_in_absurd_units_is_refused() -> None:
     mesh = Box(np.zeros(3), np.full(3, 10.0)).mesh(2.0)
-    for made in (lambda: ConvexStock(TriangleMesh(1e6 * mesh.vertices, mesh.faces)), lambda: ConvexStock(mesh).scaled(2e6)):
+    for made in (
+        lambda: ConvexStock(TriangleMesh(1e6 * mesh.vertices, mesh.faces)),
+        lambda: ConvexStock(mesh).scaled(2e6),
+    ):
         with pytest.raises(StockError, match=r"reaches 1e\+07 mm from the origin: give one in mm"):
             made()
 
 
 def test_two_bodies_are_not_one_convex_body() -> None:
     mesh = Box(np.zeros(3), np.ones(3)).mesh(1.0)
-    two = TriangleMesh(np.vstack([mesh.vertices, mesh.vertices + 3]), np.vstack([mesh.faces, mesh.faces + len(mesh.vertices)]))
+    two = TriangleMesh(
+        np.vstack([mesh.vertices, mesh.vertices + 3]),
+        np.vstack([mesh.faces, mesh.faces + len(mesh.vertices)]),
+    )
     with pytest.raises(StockError, match="not convex"):
         ConvexStock(two)
 
 
 def test_a_body_twice_in_one_mesh_is_told_by_its_volume() -> None:
     mesh = Box(np.zeros(3), np.ones(3)).mesh(1.0)
-    twice = TriangleMesh(np.vstack([mesh.vertices, mesh.vertices]), np.vstack([mesh.faces, mesh.faces + len(mesh.vertices)]))
-    with pytest.raises(StockError, match=r"no single convex body: its faces hold 2\.0 mm3, their convex hull 1\.0: give the hull$"):
+    twice = TriangleMesh(
+        np.vstack([mesh.vertices, mesh.vertices]), np.vstack([mesh.faces, mesh.faces + len(mesh.vertices)])
+    )
+    with pytest.raises(
+        StockError,
+        match=r"no single convex body: its faces hold 2\.0 mm3, their convex hull 1\.0: give the hull$",
+    ):
         ConvexStock(twice)
 
 
@@ -143,7 +165,12 @@ def test_a_flat_mesh_is_refused_as_that(thickness: float) -> None:
 
 
 @pytest.mark.parametrize(
-    "make", [lambda: Cylinder(0.0, 0.0, 1.0), lambda: Cylinder(1.0, 2.0, 1.0), lambda: Box(np.zeros(3), np.array([1.0, 1, 0]))]
+    "make",
+    [
+        lambda: Cylinder(0.0, 0.0, 1.0),
+        lambda: Cylinder(1.0, 2.0, 1.0),
+        lambda: Box(np.zeros(3), np.array([1.0, 1, 0])),
+    ],
 )
 def test_a_bar_without_extent_is_refused(make: object) -> None:
     with pytest.raises(StockError, match="positive"):

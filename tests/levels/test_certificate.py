@@ -1,4 +1,5 @@
-"""Certificates hold between the samples: what is known exactly is bounded tightly, nothing that is found exceeds a bound."""
+"""Certificates hold between the samples: what is known exactly is bounded tightly, nothing that is found
+exceeds a bound."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -42,9 +43,17 @@ def waisted(waist: float = 0.35) -> TSpline:
     s = [np.arange(n) / n for n in [1, *(10 + j % 2 for j in range(1, len(t) - 5)), 1]]
     points = []
     for share, row in zip(heights, s):
-        reach = 3.2 * np.sqrt(max(0.0, 1 - (2 * share - 1) ** 4)) * (1 - waist * np.exp(-(((share - 0.5) / 0.2) ** 2)))
+        reach = (
+            3.2
+            * np.sqrt(max(0.0, 1 - (2 * share - 1) ** 4))
+            * (1 - waist * np.exp(-(((share - 0.5) / 0.2) ** 2)))
+        )
         angle = 2 * np.pi * row
-        points.append(np.column_stack([reach * np.cos(angle), 0.8 * reach * np.sin(angle), np.full(len(row), 1 + 18 * share)]))
+        points.append(
+            np.column_stack(
+                [reach * np.cos(angle), 0.8 * reach * np.sin(angle), np.full(len(row), 1 + 18 * share)]
+            )
+        )
     tmesh = RowTMesh.from_rows(t, s)
     return TSpline(tmesh, np.vstack(points), np.ones(tmesh.size))
 
@@ -56,7 +65,9 @@ def grown(surface: TSpline, share: float) -> TSpline:
 
 def dense(seed: int, count: int = 4000) -> tuple[ndarray, ndarray]:
     rng = np.random.default_rng(seed)
-    return rng.random(count), np.concatenate([rng.random(count - 400), rng.uniform(0, 0.01, 200), rng.uniform(0.99, 1, 200)])
+    return rng.random(count), np.concatenate(
+        [rng.random(count - 400), rng.uniform(0, 0.01, 200), rng.uniform(0.99, 1, 200)]
+    )
 
 
 def distances(points: ndarray, surface: TSpline) -> ndarray:
@@ -73,7 +84,11 @@ def made() -> Morph:
 
 @pytest.fixture(scope="module")
 def certified(made: Morph) -> tuple[Certificate, ...]:
-    return certify([level.surface for level in made.levels if level.surface], STOCK, [level.limit for level in made.levels[1:]])
+    return certify(
+        [level.surface for level in made.levels if level.surface],
+        STOCK,
+        [level.limit for level in made.levels[1:]],
+    )
 
 
 def test_the_bounds_of_concentric_capsules_are_their_distance() -> None:
@@ -94,7 +109,10 @@ def test_a_level_moved_along_the_axis_is_bounded_by_the_move_and_does_not_enclos
     found = certificate.certificate(surface, moved, STOCK, 0.3)
     assert 0.3 <= found.depth <= 0.3 + certificate.CLOSE + 2 * certificate.ROUNDING
     assert found.gap == -np.inf
-    assert certificate.certificate(surface, surface, STOCK, 0.3).depth <= 0.3 + certificate.CLOSE + certificate.ROUNDING
+    assert (
+        certificate.certificate(surface, surface, STOCK, 0.3).depth
+        <= 0.3 + certificate.CLOSE + certificate.ROUNDING
+    )
 
 
 def test_a_level_on_the_one_before_falls_no_farther_behind_than_the_tolerance() -> None:
@@ -106,7 +124,9 @@ def test_a_level_on_the_one_before_falls_no_farther_behind_than_the_tolerance() 
 
 def test_levels_that_swap_places_are_not_nested() -> None:
     surface = waisted()
-    assert certificate.certificate(surface, grown(surface, 0.05), STOCK, 0.5).gap == pytest.approx(0.0, abs=1e-7)
+    assert certificate.certificate(surface, grown(surface, 0.05), STOCK, 0.5).gap == pytest.approx(
+        0.0, abs=1e-7
+    )
     assert certificate.certificate(grown(surface, 0.05), surface, STOCK, 0.5).gap == -np.inf
 
 
@@ -153,11 +173,17 @@ def test_a_sequence_keeps_its_limits_everywhere(made: Morph, certified: tuple[Ce
 
 def test_a_bump_with_its_peak_between_the_samples_passes_the_check_but_not_the_certificate() -> None:
     part = waisted(waist=-0.2)
-    levels = [part.with_control_points(MIDDLE + [1 + k, 1 + k, 1 + k / 4] * (part.control_points - MIDDLE)) for k in (0.0, 0.05, 0.1)]
+    levels = [
+        part.with_control_points(MIDDLE + [1 + k, 1 + k, 1 + k / 4] * (part.control_points - MIDDLE))
+        for k in (0.0, 0.05, 0.1)
+    ]
     bumped = levels[1].control_points.copy()
     bumped[BUMP, :2] *= 1 + 0.3 / np.linalg.norm(bumped[BUMP, :2])
     bump = part.with_control_points(bumped)
-    inner, outer = (Sheet(level, level_grid(part, [level.control_points for level in levels], 0.02)) for level in (part, bump))
+    inner, outer = (
+        Sheet(level, level_grid(part, [level.control_points for level in levels], 0.02))
+        for level in (part, bump)
+    )
     limit = check.measure(inner, outer, STOCK, 0.5).depth_max - 0.001
     measured = check.measure(inner, outer, STOCK, limit)
     check.require(1, measured, limit, outer.mesh)
@@ -171,7 +197,9 @@ def test_a_bump_with_its_peak_between_the_samples_passes_the_check_but_not_the_c
 def test_depths_are_bounded_both_ways() -> None:
     inner, outer = grooved(0.4), grooved(1.0)
     found, s, t = certificate.certificate(inner, outer, STOCK, 0.1), *dense(5, 40_000)
-    there, back = (to.project(of.positions(s, t)).distances.max() for of, to in ((outer, inner), (inner, outer)))
+    there, back = (
+        to.project(of.positions(s, t)).distances.max() for of, to in ((outer, inner), (inner, outer))
+    )
     assert there < back <= found.depth <= back + 0.05
     assert np.linalg.norm(inner.positions(s, t) - found.deepest, axis=1).min() < 0.1
 
@@ -208,16 +236,23 @@ def test_what_is_not_certain_is_named_with_its_place() -> None:
 
 
 def test_the_levels_of_a_bar_are_certified_up_to_the_body_they_round_it_from() -> None:
-    levels = levels_in(waisted(), Cylinder(4.5, 0.0, 20.0), Schedule((0.1, 0.1), 0.5), chord_tolerance=0.02).levels
+    levels = levels_in(
+        waisted(), Cylinder(4.5, 0.0, 20.0), Schedule((0.1, 0.1), 0.5), chord_tolerance=0.02
+    ).levels
     body = next(level.index for level in levels if level.within is not None)
-    assert [level.certificate is None for level in levels] == [not 0 < level.index <= body for level in levels]
+    assert [level.certificate is None for level in levels] == [
+        not 0 < level.index <= body for level in levels
+    ]
     assert all(level.certified for level in levels if level.certificate)
 
 
 def test_a_surface_with_other_weights_is_morphed_without_certificates() -> None:
     surface = waisted()
     heavy = TSpline(surface.tmesh, surface.control_points, np.full(surface.tmesh.size, 2.0))
-    assert all(level.certificate is None for level in morph(heavy, STOCK, Schedule((), 0.5), chord_tolerance=0.02).levels)
+    assert all(
+        level.certificate is None
+        for level in morph(heavy, STOCK, Schedule((), 0.5), chord_tolerance=0.02).levels
+    )
 
 
 def test_a_cut_that_only_its_certificate_doubts_is_made_again(made: Morph) -> None:
@@ -226,7 +261,9 @@ def test_a_cut_that_only_its_certificate_doubts_is_made_again(made: Morph) -> No
     inspection = Inspection(surfaces[0], [surface.control_points for surface in surfaces], rules, silent)
     assert not inspection.failed + inspection.uncertain
     cut = inspection.cuts[2]
-    doubted = replace(cut, level=replace(cut.level, limit=cut.level.certificate.depth - 2 * check.DEPTH_TOLERANCE))
+    doubted = replace(
+        cut, level=replace(cut.level, limit=cut.level.certificate.depth - 2 * check.DEPTH_TOLERANCE)
+    )
     assert doubted.uncertain
     assert doubted.over == pytest.approx(2 * check.DEPTH_TOLERANCE)
 
@@ -241,7 +278,9 @@ def test_surfaces_that_are_not_polynomial_are_refused() -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_no_point_is_farther_from_its_image_than_the_bound_where_maps_cross_elements_seam_and_poles(seed: int) -> None:
+def test_no_point_is_farther_from_its_image_than_the_bound_where_maps_cross_elements_seam_and_poles(
+    seed: int,
+) -> None:
     rng = np.random.default_rng(seed)
     surface = waisted()
     rough = surface.control_points + rng.normal(scale=0.5, size=surface.control_points.shape)
@@ -252,17 +291,27 @@ def test_no_point_is_farther_from_its_image_than_the_bound_where_maps_cross_elem
     B = [np.column_stack([(1 - x) ** 3, 3 * x * (1 - x) ** 2, 3 * x**2 * (1 - x), x**3]) for x in (u, v)]
     points = np.einsum("ni,nj,jix->nx", *B, net.reshape(4, 4, 3))
     for _ in range(50):
-        feet = np.column_stack([rng.uniform(-0.15, 0.15, 4) + rng.choice([s, 0.0, 1.0]), rng.uniform(-0.1, 0.1, 4) + rng.choice([t, 0, 1])])
+        feet = np.column_stack(
+            [
+                rng.uniform(-0.15, 0.15, 4) + rng.choice([s, 0.0, 1.0]),
+                rng.uniform(-0.1, 0.1, 4) + rng.choice([t, 0, 1]),
+            ]
+        )
         feet[:, 1] = np.clip(feet[:, 1], 0, 1)
         low, high = (feet[i] + u[:, None] * (feet[i + 1] - feet[i]) for i in (0, 2))
         at = low + v[:, None] * (high - low)
-        assert np.linalg.norm(points - surface.positions(*at.T), axis=1).max() <= hull_depth.apart(net, feet, on)[0]
+        assert (
+            np.linalg.norm(points - surface.positions(*at.T), axis=1).max()
+            <= hull_depth.apart(net, feet, on)[0]
+        )
 
 
 def test_the_stock_between_the_vertices_of_its_mesh_is_bounded() -> None:
     (inner,) = body_surfaces([Capsule(STOCK.start, STOCK.end, 3.0)])
     for angle in np.linspace(0, 1, 5):
-        moved = inner.with_control_points(inner.control_points + np.array([np.cos(angle), np.sin(angle), 0.0]))
+        moved = inner.with_control_points(
+            inner.control_points + np.array([np.cos(angle), np.sin(angle), 0.0])
+        )
         coarse = certificate._depth_of_stock(certificate._target(moved), *certificate._faces(STOCK, 0.4))[0]
         assert 2.5 - FITTED <= coarse <= 2.5 + 0.5
 
@@ -280,7 +329,9 @@ def test_halves_of_a_net_are_the_patch() -> None:
     low, high = np.empty((16, 3)), np.empty((16, 3))
     for axis in (0, 1):
         hulls.halve(net, axis, low, high)
-        quarters = np.einsum("aik,bjl,klx->abijx", certificate.HALVES, certificate.HALVES, net.reshape(4, 4, 3))
+        quarters = np.einsum(
+            "aik,bjl,klx->abijx", certificate.HALVES, certificate.HALVES, net.reshape(4, 4, 3)
+        )
         assert np.allclose(low[0], net[0])
         assert np.allclose(high[15], net[15])
         assert np.allclose(quarters[0, 0, 0, 0], low[0])

@@ -62,10 +62,14 @@ def test_the_gradient_is_the_slope_of_the_energy_written_out() -> None:
 
     def energy(length: float) -> float:
         moves = length * D
-        net = np.einsum("ij,ij->", moves, one.net.matrix @ moves) + 2 * np.einsum("ij,ij->", one.net.linear, moves)
+        net = np.einsum("ij,ij->", moves, one.net.matrix @ moves) + 2 * np.einsum(
+            "ij,ij->", one.net.linear, moves
+        )
         return float(one.weights @ ((one.x + one.R @ moves - one.H) ** 2).sum(1) + net)
 
-    assert np.einsum("ij,ij->", one.gradient, D) == pytest.approx((energy(step) - energy(-step)) / (4 * step), rel=1e-6)
+    assert np.einsum("ij,ij->", one.gradient, D) == pytest.approx(
+        (energy(step) - energy(-step)) / (4 * step), rel=1e-6
+    )
     assert one.energy(D) == pytest.approx(energy(1.0))
 
 
@@ -97,7 +101,9 @@ def test_bending_alone_takes_no_sample_farther_than_some_depths() -> None:
 
     def with_bending(bending: float) -> tuple[Program, float]:
         """And how far bending alone takes samples."""
-        found = program_of(one.setting, one.before.control_points, one.rest, one.cut, replace(one.manner, bending=bending))
+        found = program_of(
+            one.setting, one.before.control_points, one.rest, one.cut, replace(one.manner, bending=bending)
+        )
         moves = np.linalg.solve(found.matrix.toarray(), -found.net.linear)
         return found, float(np.linalg.norm(found.R @ moves, axis=1).max())
 

@@ -12,7 +12,9 @@ SCHEDULE = Schedule((0.2,), 1.0)
 
 
 def test_the_outermost_cut_is_as_deep_as_the_others_and_there_are_as_many() -> None:
-    plain, even = (make(waisted(), STOCK, SCHEDULE, chord_tolerance=0.05) for make in (levels_in, even_levels))
+    plain, even = (
+        make(waisted(), STOCK, SCHEDULE, chord_tolerance=0.05) for make in (levels_in, even_levels)
+    )
     assert plain.levels[-1].depth_max < 0.75
     assert even.cuts == plain.cuts
     assert even.lower_bound == plain.lower_bound

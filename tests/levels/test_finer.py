@@ -42,11 +42,14 @@ def test_a_surface_of_many_control_points_stays_as_it_is(monkeypatch: pytest.Mon
 
 def test_spans_are_shorter_in_a_stock_with_flats() -> None:
     part, (low, high) = setting().surface, np.array([[-4.5, -4.5, 0.0], [4.5, 4.5, 20.0]])
-    assert finer(part, rounded(Box(low, high), 3.0), 0.3).tmesh.size > 1.3 * finer(part, STOCK, 0.3).tmesh.size
+    assert (
+        finer(part, rounded(Box(low, high), 3.0), 0.3).tmesh.size > 1.3 * finer(part, STOCK, 0.3).tmesh.size
+    )
 
 
 def test_spans_across_the_stocks_axis_are_not_halved_for_ever() -> None:
-    """The nearest points of a short line across the axis lie a stock's diameter apart: that alone would double the control points."""
+    """The nearest points of a short line across the axis lie a stock's diameter apart: that alone would
+    double the control points."""
     part = setting().surface
     aside = STOCK.moved(np.array([np.ptp(part.control_points[:, 0]) / 2, 0.0, 0.0]))
     assert finer(part, aside, 0.2).tmesh.size < 1.5 * part.tmesh.size

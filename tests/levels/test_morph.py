@@ -1,4 +1,5 @@
-"""The morph of a small bone-like part: few levels, no deeper than allowed, nested, inside the stock, never through itself."""
+"""The morph of a small bone-like part: few levels, no deeper than allowed, nested, inside the stock, never
+through itself."""
 
 import re
 import subprocess
@@ -37,14 +38,17 @@ def waisted(waist: float = 0.35, rows: int = 12, around: int = 10) -> TSpline:
     for j, n in enumerate(counts):
         t = knots[j + 1 : j + 4].mean()
         z = 1.0 + 18.0 * t
-        reach = 3.2 * np.sqrt(max(0.0, 1 - (2 * t - 1) ** 4)) * (1 - waist * np.exp(-(((t - 0.5) / 0.2) ** 2)))
+        reach = (
+            3.2 * np.sqrt(max(0.0, 1 - (2 * t - 1) ** 4)) * (1 - waist * np.exp(-(((t - 0.5) / 0.2) ** 2)))
+        )
         angle = 2 * np.pi * np.arange(n) / n
         points.append(np.column_stack([reach * np.cos(angle), 0.8 * reach * np.sin(angle), np.full(n, z)]))
     return TSpline(tmesh, np.vstack(points), np.ones(tmesh.size))
 
 
 def grooved(share: float) -> TSpline:
-    """A bone with a groove along it, where some of its control points keep only this share of their distance from the axis."""
+    """A bone with a groove along it, where some of its control points keep only this share of their distance
+    from the axis."""
     part = waisted(0.0, around=16)
     P = np.array(part.control_points)
     P[(np.abs(np.arctan2(P[:, 1], P[:, 0])) < 0.1) & (np.abs(P[:, 2] - 10) < 7), :2] *= share
@@ -54,7 +58,9 @@ def grooved(share: float) -> TSpline:
 @pytest.mark.parametrize("stock", [STOCK, Cylinder(4.5, 0.0, 20.0)])
 def test_a_surface_that_bounds_no_body_is_refused_at_once(stock: Stock) -> None:
     part = waisted()
-    with pytest.raises(SurfaceError, match=r"^the part: .* is turned inside out, its normals point inwards: "):
+    with pytest.raises(
+        SurfaceError, match=r"^the part: .* is turned inside out, its normals point inwards: "
+    ):
         levels_in(part.with_control_points(part.control_points * [-1, 1, 1]), stock, SCHEDULE)
     P = np.array(part.control_points)
     P[np.abs(P[:, 2] - 10) < 3, :2] *= -0.3  # turned through the axis
@@ -101,12 +107,17 @@ for call in (
 
 def test_arguments_of_another_kind_are_refused_with_what_to_give() -> None:
     """In a process of its own, without these tests' own check of types."""
-    ran = subprocess.run([sys.executable, "-c", CALLS], cwd=Path(__file__).parent, capture_output=True, text=True, check=True)
+    ran = subprocess.run(
+        [sys.executable, "-c", CALLS], cwd=Path(__file__).parent, capture_output=True, text=True, check=True
+    )
     assert re.sub(", such as.*", "", ran.stdout).splitlines() == [
         "surface is a Capsule: give a TSpline",
         "stock is a Schedule: give a Capsule, Cylinder, Box or ConvexStock",
         *["schedule is a float: give a Schedule"] * 2,
-        *[f"{told}: give depths in mm like Schedule((0.1, 0.1), 0.5)" for told in ("Schedule(0.1, 0.5)", "Schedule([0.1], 0.5)")],
+        *[
+            f"{told}: give depths in mm like Schedule((0.1, 0.1), 0.5)"
+            for told in ("Schedule(0.1, 0.5)", "Schedule([0.1], 0.5)")
+        ],
         "Schedule((0.1,), None): give depths in mm like Schedule((0.1, 0.1), 0.5)",
         "200.5 401.0",
         "200.0 (4.0, 5.0)",
@@ -131,7 +142,11 @@ def test_levels_keep_the_tmesh_and_end_at_the_stock(made: Morph) -> None:
     first, *between, last = made.levels
     assert first.index == 0
     assert last.surface is None
-    assert all(level.surface is not None and level.surface.tmesh is first.surface.tmesh for level in between if first.surface)
+    assert all(
+        level.surface is not None and level.surface.tmesh is first.surface.tmesh
+        for level in between
+        if first.surface
+    )
     assert [level.limit for level in made.levels[1:4]] == [0.1, 0.1, 0.5]
 
 
@@ -173,7 +188,9 @@ def test_a_part_outside_the_stock_is_refused_at_once() -> None:
 
 
 @pytest.mark.parametrize("stock", [STOCK, Cylinder(4.0, 0.0, 20.0)], ids=str)
-def test_a_part_of_metres_in_a_stock_of_millimetres_is_not_tessellated_first(stock: Stock, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_part_of_metres_in_a_stock_of_millimetres_is_not_tessellated_first(
+    stock: Stock, monkeypatch: pytest.MonkeyPatch
+) -> None:
     huge = waisted().with_control_points(1000 * waisted().control_points)
     monkeypatch.setattr(TSpline, "tessellate", None)
     with pytest.raises(StockError, match="does not hold the part"):
@@ -223,8 +240,12 @@ def test_a_level_that_falls_behind_is_an_error_with_its_place_and_patch(made: Mo
     assert 0 < len(patch.faces) < len(b.mesh.faces)
 
 
-def test_a_level_that_cannot_keep_its_limits_ends_its_sequence_with_the_place(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sequence, "MENDABLE", -1.0)  # a level's worst place is never a millimetre inside its limits
+def test_a_level_that_cannot_keep_its_limits_ends_its_sequence_with_the_place(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(
+        sequence, "MENDABLE", -1.0
+    )  # a level's worst place is never a millimetre inside its limits
     with pytest.raises(LevelError, match=r"level 1 breaks its limits by .* mm at \(") as caught:
         morph(waisted(), STOCK, SCHEDULE, chord_tolerance=0.02)
     assert caught.value.evidence["level"] == 1
@@ -233,7 +254,9 @@ def test_a_level_that_cannot_keep_its_limits_ends_its_sequence_with_the_place(mo
 
 def test_a_cut_too_deep_is_an_error() -> None:
     surface = waisted()
-    inner, outer = sheets(*(surface.with_control_points(surface.control_points * [k, k, 1.0]) for k in (1.0, 1.2)))
+    inner, outer = sheets(
+        *(surface.with_control_points(surface.control_points * [k, k, 1.0]) for k in (1.0, 1.2))
+    )
     found = check.measure(inner, outer, STOCK, 0.1)
     with pytest.raises(LevelError, match="deep, more than"):
         check.require(1, found, 0.1, outer.mesh)
@@ -251,7 +274,10 @@ def test_the_bottom_of_a_groove_is_no_deeper_than_the_cut() -> None:
 
 def test_a_groove_left_too_far_behind_is_an_error_at_its_bottom() -> None:
     part, filled = grooved(0.4), grooved(1.0)
-    inner, outer = (Sheet(surface, level_grid(part, [part.control_points, filled.control_points], 0.02)) for surface in (part, filled))
+    inner, outer = (
+        Sheet(surface, level_grid(part, [part.control_points, filled.control_points], 0.02))
+        for surface in (part, filled)
+    )
     found = check.measure(inner, outer, STOCK, 0.5)
     assert found.depth_max < found.depth_max_back
     limit = (found.depth_max + found.depth_max_back) / 2
@@ -303,5 +329,9 @@ def test_the_energy_matrices_are_the_integrals_of_the_paper() -> None:
     assert np.einsum("ij,ij->", P, thin_plate(surface) @ P) == pytest.approx(plate)
     assert np.einsum("ij,ij->", P, samples.N @ P) == pytest.approx((weights[:, None] * points**2).sum())
     H = points + 1.0
-    pull = np.einsum("ij,ij->", P, samples.N @ P) - 2 * np.einsum("ij,ij->", P, samples.moments(H)) + (weights[:, None] * H**2).sum()
+    pull = (
+        np.einsum("ij,ij->", P, samples.N @ P)
+        - 2 * np.einsum("ij,ij->", P, samples.moments(H))
+        + (weights[:, None] * H**2).sum()
+    )
     assert pull == pytest.approx(3.0)

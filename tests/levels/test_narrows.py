@@ -7,7 +7,9 @@ from bonecam.levels.problem.energies.medial_ball import LEAST, unhindered
 NARROW = 2.0
 
 
-def plane(origin: tuple[float, float, float], along: tuple[float, float, float], normal: tuple[float, float, float]) -> tuple:
+def plane(
+    origin: tuple[float, float, float], along: tuple[float, float, float], normal: tuple[float, float, float]
+) -> tuple:
     """Points 0.1 mm apart on a square of 6 mm whose sides are `along` and Y, and their normals."""
     u, v = (k.ravel() for k in np.meshgrid(np.arange(0, 6, 0.1), np.arange(0, 6, 0.1), indexing="ij"))
     points = np.array(origin) + u[:, None] * np.array(along) + v[:, None] * np.array([0.0, 1.0, 0.0])
@@ -29,14 +31,17 @@ def test_a_plane_and_a_ball_are_unhindered() -> None:
 def test_walls_wait_the_more_the_narrower_their_slot_is() -> None:
     found = []
     for gap in (5.0, 3.0, 1.5):
-        found.append(shares(plane((0, 0, 0), (1, 0, 0), (0, 0, 1)), plane((0, 0, gap), (1, 0, 0), (0, 0, -1))))
+        found.append(
+            shares(plane((0, 0, 0), (1, 0, 0), (0, 0, 1)), plane((0, 0, gap), (1, 0, 0), (0, 0, -1)))
+        )
     assert np.array_equal(found[0], np.ones(7200))
     np.testing.assert_allclose(found[1], LEAST**0.5, rtol=0.02)
     np.testing.assert_allclose(found[2], LEAST, rtol=0.02)
 
 
 def test_the_sides_of_a_groove_go_as_its_bottom_does() -> None:
-    """A depth along the groove's middle is its cosine along the sides' own normals; far up they go all the way."""
+    """A depth along the groove's middle is its cosine along the sides' own normals; far up they go all the
+    way."""
     c = np.sqrt(0.5)
     x, n = zip(plane((0, 0, 0), (c, 0, c), (-c, 0, c)), plane((0, 0, 0), (-c, 0, c), (c, 0, c)))
     x, n = np.vstack(x), np.vstack(n)

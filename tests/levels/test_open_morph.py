@@ -33,7 +33,11 @@ def tube() -> TSpline:
     rows = []
     for v in np.linspace(0, 1, 8):
         x, y, turn = 6 * np.cos(angle), 2 * np.sin(angle), np.radians(20) * v
-        rows.append(np.column_stack([x * np.cos(turn) - y * np.sin(turn), x * np.sin(turn) + y * np.cos(turn), 25 * v + 0 * x]))
+        rows.append(
+            np.column_stack(
+                [x * np.cos(turn) - y * np.sin(turn), x * np.sin(turn) + y * np.cos(turn), 25 * v + 0 * x]
+            )
+        )
     return skin(rows, 0.02, closed=True)
 
 
@@ -42,11 +46,15 @@ BLADES = {"side": side, "tube": tube}
 
 @pytest.mark.parametrize("blade", BLADES)
 def test_the_morph_of_a_closed_part_refuses_an_open_one_at_once(blade: str) -> None:
-    with pytest.raises(SurfaceError, match=r"not closed between two poles: morph an open one with .*morph_open"):
+    with pytest.raises(
+        SurfaceError, match=r"not closed between two poles: morph an open one with .*morph_open"
+    ):
         levels_in(BLADES[blade](), Capsule(np.array([0.0, 0, -30]), np.array([0.0, 0, 60]), 40.0), SCHEDULE)
 
 
-@pytest.fixture(scope="module", params=[(blade, edges) for blade in BLADES for edges in ("free", "fixed")], ids="-".join)
+@pytest.fixture(
+    scope="module", params=[(blade, edges) for blade in BLADES for edges in ("free", "fixed")], ids="-".join
+)
 def made(request: pytest.FixtureRequest) -> tuple[TSpline, str, Morph]:
     blade, edges = request.param
     surface = BLADES[blade]()
@@ -90,7 +98,11 @@ def test_the_last_level_is_the_offset() -> None:
 
 def test_a_given_surface_is_met() -> None:
     u = np.linspace(-1.3, 1.3, 25)
-    plane = skin([np.column_stack([10 * u, 0 * u + 8.0 + 0.5 * v, 17 * v + 0 * u]) for v in np.linspace(-1, 1, 6)], 0.01, closed=False)
+    plane = skin(
+        [np.column_stack([10 * u, 0 * u + 8.0 + 0.5 * v, 17 * v + 0 * u]) for v in np.linspace(-1, 1, 6)],
+        0.01,
+        closed=False,
+    )
     for stock in (plane, plane.tessellate(0.01)):
         morph = morph_open(side(), stock, SCHEDULE, chord_tolerance=0.05)
         assert np.abs(plane.project(morph.levels[-1].mesh.vertices).distances).max() < 0.05
@@ -99,7 +111,12 @@ def test_a_given_surface_is_met() -> None:
 
 def test_a_stock_through_the_part_is_refused_with_its_place() -> None:
     flat = skin(
-        [np.column_stack([np.linspace(-12, 12, 9), np.full(9, 1.0), np.full(9, z)]) for z in np.linspace(-18, 18, 5)], 0.01, closed=False
+        [
+            np.column_stack([np.linspace(-12, 12, 9), np.full(9, 1.0), np.full(9, z)])
+            for z in np.linspace(-18, 18, 5)
+        ],
+        0.01,
+        closed=False,
     )
     with pytest.raises(StockError, match="behind the part at") as caught:
         morph_open(side(), flat, SCHEDULE)
@@ -130,15 +147,30 @@ def test_wrong_calls_are_refused() -> None:
 def blade() -> TSpline:
     """A wave of 50 x 60 mm, with radii of curvature from 45 mm."""
     x = np.linspace(0, 50, 30)
-    return skin([np.column_stack([x, np.full(30, y), 5 * np.sin(x / 15)]) for y in range(0, 70, 10)], 0.01, closed=False)
+    return skin(
+        [np.column_stack([x, np.full(30, y), 5 * np.sin(x / 15)]) for y in range(0, 70, 10)],
+        0.01,
+        closed=False,
+    )
 
 
 def above(height: float, bump: float) -> TriangleMesh:
     """A mesh so far above the blade, with a bump of 1 mm radius in the middle."""
-    x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(-5, 55, 121), np.linspace(-5, 65, 141), indexing="ij"))
+    x, y = (
+        axis.ravel()
+        for axis in np.meshgrid(np.linspace(-5, 55, 121), np.linspace(-5, 65, 141), indexing="ij")
+    )
     z = 5 * np.sin(x / 15) + height + bump * np.exp(-((x - 25) ** 2 + (y - 30) ** 2) / 2)
-    a, b, c, d = (i.ravel() for i in (lambda n: (n[:-1, :-1], n[1:, :-1], n[1:, 1:], n[:-1, 1:]))(np.arange(len(x)).reshape(121, 141)))
-    return TriangleMesh(np.column_stack([x, y, z]), np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])]).astype(np.int32))
+    a, b, c, d = (
+        i.ravel()
+        for i in (lambda n: (n[:-1, :-1], n[1:, :-1], n[1:, 1:], n[:-1, 1:]))(
+            np.arange(len(x)).reshape(121, 141)
+        )
+    )
+    return TriangleMesh(
+        np.column_stack([x, y, z]),
+        np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])]).astype(np.int32),
+    )
 
 
 def test_a_stock_with_a_dent_through_the_part_is_refused_where_it_is() -> None:
@@ -154,7 +186,9 @@ def test_a_stock_that_touches_the_part_is_refused() -> None:
 
 
 def test_a_ridge_that_the_control_points_miss_is_refused_with_how_far_and_where() -> None:
-    with pytest.raises(StockError, match=r"5.98. mm off the one given at .*: give a smoother stock or more control points") as caught:
+    with pytest.raises(
+        StockError, match=r"5.98. mm off the one given at .*: give a smoother stock or more control points"
+    ) as caught:
         morph_open(blade(), above(2.0, 6.0), SCHEDULE)
     assert caught.value.evidence["place"] == pytest.approx([25, 30, 12.98], abs=0.1)
 
@@ -179,7 +213,11 @@ def test_offsets_that_turn_over_are_refused_and_others_are_exact() -> None:
 @pytest.mark.parametrize("offset", [2.0, -2.0, 3.0])
 def test_an_offset_of_whole_depths_takes_no_cut_that_removes_nothing(offset: float) -> None:
     """On a plane: 0.5 mm at a time, four cuts for 2 mm."""
-    plate = skin([np.column_stack([np.linspace(0, 30, 8), np.full(8, y), np.zeros(8)]) for y in range(0, 31, 5)], 0.01, closed=False)
+    plate = skin(
+        [np.column_stack([np.linspace(0, 30, 8), np.full(8, y), np.zeros(8)]) for y in range(0, 31, 5)],
+        0.01,
+        closed=False,
+    )
     morph = morph_open(plate, offset, Schedule((), 0.5))
     assert morph.cuts == morph.lower_bound == abs(offset) / 0.5
     assert min(level.depth_max for level in morph.levels[1:]) > 0.49
@@ -197,8 +235,15 @@ def test_numbers_of_any_kind_are_offsets() -> None:
 @pytest.mark.parametrize("edges", ["free", "fixed"])
 def test_the_last_cut_keeps_its_depth_from_the_bottom_of_a_groove(edges: str) -> None:
     x = np.linspace(0, 20, 200)
-    groove = skin([np.column_stack([x, np.full(200, y), -2 * np.exp(-((x - 10) ** 2))]) for y in range(0, 20, 4)], 0.02, closed=False)
-    flat = TriangleMesh(np.array([[-5.0, -5, 1], [25, -5, 1], [25, 25, 1], [-5, 25, 1]]), np.array([[0, 1, 2], [0, 2, 3]], np.int32))
+    groove = skin(
+        [np.column_stack([x, np.full(200, y), -2 * np.exp(-((x - 10) ** 2))]) for y in range(0, 20, 4)],
+        0.02,
+        closed=False,
+    )
+    flat = TriangleMesh(
+        np.array([[-5.0, -5, 1], [25, -5, 1], [25, 25, 1], [-5, 25, 1]]),
+        np.array([[0, 1, 2], [0, 2, 3]], np.int32),
+    )
     morph = morph_open(groove, flat, Schedule((), 0.5), edges=edges)
     assert max(level.deepest for level in morph.levels[1:]) <= 0.502
     rest = morph.levels[-2].mesh.vertices[:, 2]
@@ -208,10 +253,17 @@ def test_the_last_cut_keeps_its_depth_from_the_bottom_of_a_groove(edges: str) ->
 def test_a_stock_may_meet_fixed_edges_but_not_cross_them() -> None:
     u, v = np.linspace(-1, 1, 21), np.linspace(-1, 1, 9)
     flat, bulge = (
-        skin([np.column_stack([10 * u, 0 * u + 15 * w, h * (1 - u**2) * (1 - w**2)]) for w in v], 1e-3, closed=False) for h in (0, 2)
+        skin(
+            [np.column_stack([10 * u, 0 * u + 15 * w, h * (1 - u**2) * (1 - w**2)]) for w in v],
+            1e-3,
+            closed=False,
+        )
+        for h in (0, 2)
     )
     bulge_mesh = bulge.tessellate(1e-3)
-    assert morph_open(flat, bulge_mesh, Schedule((), 1.0), edges="fixed").distance == pytest.approx(2.0, abs=0.03)
+    assert morph_open(flat, bulge_mesh, Schedule((), 1.0), edges="fixed").distance == pytest.approx(
+        2.0, abs=0.03
+    )
     with pytest.raises(StockError, match="touches the part"):
         morph_open(flat, bulge_mesh, Schedule((), 1.0))
     lower = TriangleMesh(bulge_mesh.vertices - [0, 0, 0.1], bulge_mesh.faces)
@@ -219,7 +271,9 @@ def test_a_stock_may_meet_fixed_edges_but_not_cross_them() -> None:
         morph_open(flat, lower, Schedule((), 1.0), edges="fixed")
 
 
-def test_open_levels_are_measured_on_their_surfaces_and_tell_the_depth_used(made: tuple[TSpline, str, Morph]) -> None:
+def test_open_levels_are_measured_on_their_surfaces_and_tell_the_depth_used(
+    made: tuple[TSpline, str, Morph],
+) -> None:
     cuts = made[2].levels[1:]
     area = made[0].area
     assert all(level.deepest <= level.limit + 0.002 for level in cuts)
@@ -237,7 +291,11 @@ def test_the_depth_back_of_a_finishing_cut_is_exact() -> None:
 def test_the_fewest_cuts_of_an_offset_are_no_more_where_its_edges_bend() -> None:
     """With fixed edges the fit of this offset bulges 0.002 mm beyond it."""
     x = np.linspace(0, 50, 30)
-    blade = skin([np.column_stack([x, np.full(30, y), 5 * np.sin(x / 15)]) for y in range(0, 70, 10)], 0.01, closed=False)
+    blade = skin(
+        [np.column_stack([x, np.full(30, y), 5 * np.sin(x / 15)]) for y in range(0, 70, 10)],
+        0.01,
+        closed=False,
+    )
     made = morph_open(blade, 3.0, Schedule((0.1, 0.1), 2.8), edges="fixed", chord_tolerance=0.02)
     assert made.distance == pytest.approx(3.0, abs=1e-9)
     assert made.lower_bound == 3 <= made.cuts

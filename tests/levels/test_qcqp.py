@@ -65,13 +65,22 @@ def test_the_exact_level_keeps_the_published_limits(attraction: str) -> None:
     assert STOCK.signed_distance(R @ (P + moves)).max() <= 0.001
     hull = ConeLevels(waisted(), STOCK, attraction, hull=True).next_moves(P, 0.5, STIFFNESS)
     assert np.linalg.norm(hull, axis=1).max() <= 0.5 + 1e-5
-    assert program.energy(P, moves, STIFFNESS) <= program.energy(P, hull, STIFFNESS) < program.energy(P, 0 * moves, STIFFNESS)
+    assert (
+        program.energy(P, moves, STIFFNESS)
+        <= program.energy(P, hull, STIFFNESS)
+        < program.energy(P, 0 * moves, STIFFNESS)
+    )
 
 
 @pytest.mark.parametrize("attraction", ["stock", "sphere"])
-def test_the_default_method_comes_within_one_percent_of_the_exact_energy(attraction: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of the published energy, for the depth held on the control points and solved exactly, from each of the first levels to the next."""
-    monkeypatch.setattr("bonecam.levels.measure.inspection.require", lambda *_: None)  # what is measured later on does not matter here
+def test_the_default_method_comes_within_one_percent_of_the_exact_energy(
+    attraction: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of the published energy, for the depth held on the control points and solved exactly, from each of the
+    first levels to the next."""
+    monkeypatch.setattr(
+        "bonecam.levels.measure.inspection.require", lambda *_: None
+    )  # what is measured later on does not matter here
     made = morph(waisted(), STOCK, SCHEDULE, attraction=attraction, chord_tolerance=0.05)
     nets = [level.surface.control_points for level in made.levels if level.surface is not None]
     program = ConeLevels(waisted(), STOCK, attraction, hull=True)
@@ -99,7 +108,8 @@ def test_the_method_has_the_default_ones_interface() -> None:
 def test_a_level_that_leaves_its_limits_is_told_with_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("bonecam.levels.solvers.clarabel.ROUNDS", 1)
     with pytest.raises(
-        LevelError, match=r"^level 3: .* limits by 0\.\d+ mm at \(.*\) after 1 rounds: raise surface\.max_control_points$"
+        LevelError,
+        match=r"^level 3: .* limits by 0\.\d+ mm at \(.*\) after 1 rounds: raise surface\.max_control_points$",
     ) as caught:
         morph(waisted(), STOCK, SCHEDULE, method="qcqp", attraction="sphere", chord_tolerance=0.05)
     assert caught.value.evidence["level"] == 3
@@ -115,12 +125,17 @@ def test_a_level_within_what_is_measured_as_sound_is_taken(monkeypatch: pytest.M
     assert 1e-7 < broken.max() <= 0.002
 
 
-def test_levels_that_get_no_nearer_end_soon_and_tell_another_attraction(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_levels_that_get_no_nearer_end_soon_and_tell_another_attraction(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     def outwards(self: ConeLevels, P: np.ndarray, depth: float, stiffness: float) -> np.ndarray:
         return depth * P / np.linalg.norm(P, axis=1, keepdims=True)
 
     monkeypatch.setattr(ConeLevels, "next_moves", outwards)
-    with pytest.raises(LevelError, match=r"^level 11 gets no nearer to the stock than 3\.000 mm at .*, or take levels\.attraction stock$"):
+    with pytest.raises(
+        LevelError,
+        match=r"^level 11 gets no nearer to the stock than 3\.000 mm at .*, or take levels\.attraction stock$",
+    ):
         cone_sequence(waisted(), STOCK, SCHEDULE, STIFFNESS, "sphere", lambda P: (3.0, P[0]), silent)
 
 

@@ -33,7 +33,11 @@ STOCKS: dict[str, Stock] = {"cylinder": BAR, "box": BOX, "mesh": ConvexStock(BOX
 
 def cloud(low: float, high: float) -> np.ndarray:
     points = np.random.default_rng(11).normal(size=(300, 3))
-    return points / np.linalg.norm(points, axis=1)[:, None] * [2.5, 2.5, (high - low) / 2] + [0, 0, (low + high) / 2]
+    return points / np.linalg.norm(points, axis=1)[:, None] * [2.5, 2.5, (high - low) / 2] + [
+        0,
+        0,
+        (low + high) / 2,
+    ]
 
 
 @pytest.mark.parametrize("stock", STOCKS.values(), ids=STOCKS)
@@ -64,10 +68,14 @@ ROUNDED = {
 
 @pytest.mark.parametrize("chord", [0.01, 0.1])
 @pytest.mark.parametrize("body", ROUNDED.values(), ids=ROUNDED)
-def test_the_mesh_of_a_rounded_body_keeps_its_tolerance_and_does_not_cut_itself(body: Stock, chord: float) -> None:
+def test_the_mesh_of_a_rounded_body_keeps_its_tolerance_and_does_not_cut_itself(
+    body: Stock, chord: float
+) -> None:
     mesh, rng = body.mesh(chord), np.random.default_rng(3)
     corners = mesh.vertices[mesh.faces]
-    inside = body.signed_distance(np.einsum("kc,fcx->fkx", rng.dirichlet(np.ones(3), 10), corners).reshape(-1, 3))
+    inside = body.signed_distance(
+        np.einsum("kc,fcx->fkx", rng.dirichlet(np.ones(3), 10), corners).reshape(-1, 3)
+    )
     assert -chord <= inside.min() <= inside.max() < 1e-9
     surface = body.nearest(body.middle + 100 * rng.normal(size=(5000, 3)))
     assert np.linalg.norm(surface - exact_closest(mesh, surface)[0], axis=1).max() < chord
@@ -138,7 +146,8 @@ def test_the_roundest_body_leaves_the_margin_over_the_part() -> None:
 
 
 def test_the_roundest_body_leaves_room_for_levels_where_the_stock_has_it() -> None:
-    """The stock has 0.5 mm over a place beside an edge, then 0.3 mm, of which half is left; in a corner hardly the margin."""
+    """The stock has 0.5 mm over a place beside an edge, then 0.3 mm, of which half is left; in a corner
+    hardly the margin."""
     for near, room in ((0.5, 0.25), (0.3, 0.15)):
         points = np.array([[4.5 - near, 2.6, 10.0], [0.0, 0.0, 19.5]])
         body = roundest(BOX, points, 0.05)
@@ -149,7 +158,9 @@ def test_the_roundest_body_leaves_room_for_levels_where_the_stock_has_it() -> No
     assert tight.radius == pytest.approx(0.426, abs=0.001)
 
 
-@pytest.mark.parametrize("body", [rounded(BAR, 4.5), rounded(BAR, 2.0), rounded(BOX, 3.0)], ids=["capsule", "bar", "box"])
+@pytest.mark.parametrize(
+    "body", [rounded(BAR, 4.5), rounded(BAR, 2.0), rounded(BOX, 3.0)], ids=["capsule", "bar", "box"]
+)
 def test_the_spline_of_a_body_lies_on_it(body: Stock) -> None:
     surface = body_surfaces([body])[0]
     s, t = np.random.default_rng(4).random((2, 3000))
@@ -159,8 +170,12 @@ def test_the_spline_of_a_body_lies_on_it(body: Stock) -> None:
     assert (surface.normals(s, t) * body.outward(points)).sum(1).min() > 0.999
 
 
-@pytest.mark.parametrize(("half", "radius"), [((13.3, 10.35, 32.4), 2.9), ((10.0, 10.0, 20.0), 1.0)], ids=["metatarsal", "sharp"])
-def test_the_spline_of_a_large_box_with_sharp_edges_lies_on_it_and_turns_nowhere_over(half: tuple[float, ...], radius: float) -> None:
+@pytest.mark.parametrize(
+    ("half", "radius"), [((13.3, 10.35, 32.4), 2.9), ((10.0, 10.0, 20.0), 1.0)], ids=["metatarsal", "sharp"]
+)
+def test_the_spline_of_a_large_box_with_sharp_edges_lies_on_it_and_turns_nowhere_over(
+    half: tuple[float, ...], radius: float
+) -> None:
     body = rounded(Box(-np.array(half), np.array(half)), radius)
     surface = body_surfaces([body])[0]
     s, t = np.random.default_rng(4).random((2, 100_000))
@@ -169,13 +184,19 @@ def test_the_spline_of_a_large_box_with_sharp_edges_lies_on_it_and_turns_nowhere
     assert (surface.normals(s, t) * body.outward(points)).sum(1).min() > 0.99
 
 
-def test_a_spline_that_cannot_follow_its_body_is_refused_with_distance_and_place(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_spline_that_cannot_follow_its_body_is_refused_with_distance_and_place(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr("bonecam.levels.body_surface.TRIES", 1)
     body = Rounded(Box(np.full(3, -18.0), np.full(3, 18.0)), 0.3)
-    with pytest.raises(LevelError, match=r"mm off it at \(.*\), more than 0\.002 mm: give a larger stock") as caught:
+    with pytest.raises(
+        LevelError, match=r"mm off it at \(.*\), more than 0\.002 mm: give a larger stock"
+    ) as caught:
         body_surfaces([body])
     assert caught.value.evidence["distance"] > TOLERANCE
-    assert abs(body.signed_distance(caught.value.evidence["place"][None])[0]) == pytest.approx(caught.value.evidence["distance"])
+    assert abs(body.signed_distance(caught.value.evidence["place"][None])[0]) == pytest.approx(
+        caught.value.evidence["distance"]
+    )
 
 
 @pytest.mark.parametrize("stock", STOCKS.values(), ids=STOCKS)
@@ -212,7 +233,9 @@ def test_rounding_levels_keep_depth_nesting_and_stock(made: Morph) -> None:
         assert level.outside <= 0.001
         assert level.self_intersections == 0
         assert sum(level.histogram) == pytest.approx(1.0, abs=0.03)
-        assert np.flatnonzero(level.histogram)[-1] >= BINS * (level.depth_max / level.limit - 0.15)  # the deepest places have a share
+        assert np.flatnonzero(level.histogram)[-1] >= BINS * (
+            level.depth_max / level.limit - 0.15
+        )  # the deepest places have a share
     depths = [level.depth_max for level in made.levels[-3:]]
     assert np.ptp(depths) < 0.02
     volumes = [level.mesh.volume for level in made.levels]
@@ -236,7 +259,12 @@ def test_a_mesh_of_the_stock_that_cuts_itself_is_found_and_refused() -> None:
 def test_every_level_can_be_followed_on_the_parts_tmesh(made: Morph) -> None:
     assert {len(level.net) for level in made.levels[:-1]} == {waisted().tmesh.size}
     rounding = next(level for level in made.levels if level.within is not None)
-    assert np.abs(rounding.mesh.bounds - waisted().with_control_points(rounding.net).tessellate(0.02).bounds).max() < 0.3
+    assert (
+        np.abs(
+            rounding.mesh.bounds - waisted().with_control_points(rounding.net).tessellate(0.02).bounds
+        ).max()
+        < 0.3
+    )
 
 
 def test_a_mesh_that_cannot_be_made_true_is_refused_with_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -254,7 +282,9 @@ def test_a_part_that_leaves_the_bar_is_refused_at_once_with_its_place() -> None:
 
 def test_a_part_in_the_edges_of_a_bar_is_refused_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("bonecam.setup.rounded.roundest", lambda *_: None)
-    with pytest.raises(StockError, match=r"too near to the edges of the stock \(box 9\.00 x 8\.00 x 20\.00 mm\) at"):
+    with pytest.raises(
+        StockError, match=r"too near to the edges of the stock \(box 9\.00 x 8\.00 x 20\.00 mm\) at"
+    ):
         levels_in(waisted(), BOX, SCHEDULE)
 
 

@@ -18,7 +18,9 @@ def test_the_papers_schedule_needs_sixteen_cuts_for_its_finger_bone() -> None:
 
 
 @given(st.floats(0.01, 60.0), st.lists(st.floats(0.05, 1.0), max_size=6), st.floats(0.1, 2.0))
-def test_the_lower_bound_is_the_first_sum_of_depths_that_reaches(distance: float, first: list[float], beyond: float) -> None:
+def test_the_lower_bound_is_the_first_sum_of_depths_that_reaches(
+    distance: float, first: list[float], beyond: float
+) -> None:
     schedule = Schedule(tuple(first), beyond)
     bound = schedule.lower_bound(distance)
     assert schedule.reach(bound) >= distance - ROUNDING
@@ -32,7 +34,15 @@ def test_a_sum_of_depths_that_rounding_leaves_short_reaches() -> None:
 
 
 @pytest.mark.parametrize(
-    "depths", [((0.1, 0.0), 0.5), ((), -1.0), ((), float("nan")), ((), 1e-300), ((), float("inf")), ((float("inf"),), 0.5)]
+    "depths",
+    [
+        ((0.1, 0.0), 0.5),
+        ((), -1.0),
+        ((), float("nan")),
+        ((), 1e-300),
+        ((), float("inf")),
+        ((float("inf"),), 0.5),
+    ],
 )
 def test_a_depth_of_nothing_or_without_end_is_refused(depths: tuple[tuple[float, ...], float]) -> None:
     with pytest.raises(LevelError, match="finite depth of at least"):
@@ -40,7 +50,9 @@ def test_a_depth_of_nothing_or_without_end_is_refused(depths: tuple[tuple[float,
 
 
 def test_more_cuts_than_anybody_wants_are_refused() -> None:
-    with pytest.raises(LevelError, match=r"^100\.0 mm .* more than 2000 cuts, which take 2\.0 mm: give deeper cuts") as caught:
+    with pytest.raises(
+        LevelError, match=r"^100\.0 mm .* more than 2000 cuts, which take 2\.0 mm: give deeper cuts"
+    ) as caught:
         Schedule((), 0.001).lower_bound(100.0)
     assert caught.value.evidence["distance"] == 100.0
     with pytest.raises(LevelError, match="nan"):
@@ -66,7 +78,9 @@ def test_a_list_may_be_an_array_but_not_empty() -> None:
 
 
 def test_a_list_of_depths_and_the_fewest_cuts_are_not_both_taken() -> None:
-    with pytest.raises(JobError, match=r"^depths = '0\.1 0\.5': .*schedule = 'fewest'.* leave one of them out$"):
+    with pytest.raises(
+        JobError, match=r"^depths = '0\.1 0\.5': .*schedule = 'fewest'.* leave one of them out$"
+    ):
         LevelsJob(depths="0.1 0.5", schedule="fewest")
 
 
@@ -78,9 +92,17 @@ def test_a_list_that_is_none_is_refused(depths: str) -> None:
 
 @pytest.mark.parametrize(
     ("levels", "finishing"),
-    [({}, 4), ({"finishing_levels": 0}, 1), ({"schedule": "fewest"}, 1), ({"depths": "0.1 0.05 0.2 0.5"}, 2), ({"depths": "0.3 0.1"}, 20)],
+    [
+        ({}, 4),
+        ({"finishing_levels": 0}, 1),
+        ({"schedule": "fewest"}, 1),
+        ({"depths": "0.1 0.05 0.2 0.5"}, 2),
+        ({"depths": "0.3 0.1"}, 20),
+    ],
 )
-def test_the_finishing_cutter_machines_what_is_cut_no_deeper_than_finishing(levels: dict[str, object], finishing: int) -> None:
+def test_the_finishing_cutter_machines_what_is_cut_no_deeper_than_finishing(
+    levels: dict[str, object], finishing: int
+) -> None:
     job = Job().with_values(levels=levels)
     kinds = [job.is_finishing(level) for level in range(20)]
     assert kinds[0]
@@ -88,7 +110,9 @@ def test_the_finishing_cutter_machines_what_is_cut_no_deeper_than_finishing(leve
 
 
 @given(st.floats(0.2, 1.0), st.floats(0.8, 1.0), st.integers(2, 30), st.floats(0.02, 0.98))
-def test_evened_cuts_share_what_the_last_had_left(beyond: float, share: float, count: int, left: float) -> None:
+def test_evened_cuts_share_what_the_last_had_left(
+    beyond: float, share: float, count: int, left: float
+) -> None:
     """`count` cuts that each gain `share` of their depth and a last one of `left` of its depth."""
     first = (0.1, 0.1)
     rest = left * beyond

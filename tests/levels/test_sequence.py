@@ -1,4 +1,5 @@
-"""Levels that are mended move as little as keeps their limits, and go on to the stock where that took them away from it."""
+"""Levels that are mended move as little as keeps their limits, and go on to the stock where that took them
+away from it."""
 
 from dataclasses import replace
 from typing import Any
@@ -49,7 +50,10 @@ def test_mended_levels_keep_their_limits_and_move_little(making: Sequences, made
     assert 3 in moved
     assert all(np.array_equal(mended[k], spoilt[k]) for k in range(len(made)) if k not in moved)
     assert max(np.linalg.norm(setting.watch.R @ (mended[k] - spoilt[k]), axis=1).max() for k in moved) < 0.1
-    assert all(kept_level(setting, mended[k - 1], mended[k], replace(making.cut(k), margin=MENDED)).broken < 0.001 for k in moved)
+    assert all(
+        kept_level(setting, mended[k - 1], mended[k], replace(making.cut(k), margin=MENDED)).broken < 0.001
+        for k in moved
+    )
 
 
 def test_levels_above_a_mended_one_follow_less_and_less(making: Sequences, made: list[np.ndarray]) -> None:
@@ -75,10 +79,14 @@ def spoilt(making: Sequences, made: list[np.ndarray]) -> tuple[list[np.ndarray],
     """Level 3 is too deep, and measured."""
     levels = [*made]
     levels[3] = made[2] + 1.02 * (made[3] - made[2])
-    return levels, Inspection(making.setting.surface, levels, Rules(STOCK, SCHEDULE, 0.001, 0.001, 0.02), silent)
+    return levels, Inspection(
+        making.setting.surface, levels, Rules(STOCK, SCHEDULE, 0.001, 0.001, 0.02), silent
+    )
 
 
-def test_what_is_mended_is_measured_again(making: Sequences, spoilt: tuple[list[np.ndarray], Inspection]) -> None:
+def test_what_is_mended_is_measured_again(
+    making: Sequences, spoilt: tuple[list[np.ndarray], Inspection]
+) -> None:
     _, inspection = spoilt
     assert inspection.trouble([3, 4], doubts=False) > (0, 0.005)
     mend(inspection, making)
@@ -87,22 +95,34 @@ def test_what_is_mended_is_measured_again(making: Sequences, spoilt: tuple[list[
 
 
 @pytest.mark.parametrize(("out", "mended"), [(0.006, True), (0.03, False)])
-def test_most_levels_are_mended_only_where_all_break_little(making: Sequences, made: list[np.ndarray], out: float, mended: bool) -> None:
+def test_most_levels_are_mended_only_where_all_break_little(
+    making: Sequences, made: list[np.ndarray], out: float, mended: bool
+) -> None:
     """Of three levels two go `out` mm farther than they may."""
     moves = np.diff(made, axis=0)
     moves *= out / np.linalg.norm(moves, axis=2).max(axis=1)[:, None, None]
-    levels = [made[0], *(level + k % 3 * move for k, (level, move) in enumerate(zip(made[1:], moves), start=1))]
-    inspection = Inspection(making.setting.surface, levels, Rules(STOCK, SCHEDULE, 0.001, 0.001, 0.02), silent)
+    levels = [
+        made[0],
+        *(level + k % 3 * move for k, (level, move) in enumerate(zip(made[1:], moves), start=1)),
+    ]
+    inspection = Inspection(
+        making.setting.surface, levels, Rules(STOCK, SCHEDULE, 0.001, 0.001, 0.02), silent
+    )
     failed = len(inspection.failed)
     assert failed > len(levels) / 2
     mend(inspection, making)
     assert len(inspection.failed) <= failed / 4 if mended else len(inspection.failed) == failed
 
 
-def test_levels_above_a_mended_one_follow_or_stay(making: Sequences, spoilt: tuple[list[np.ndarray], Inspection]) -> None:
+def test_levels_above_a_mended_one_follow_or_stay(
+    making: Sequences, spoilt: tuple[list[np.ndarray], Inspection]
+) -> None:
     levels, inspection = spoilt
     which = {cut.level.index for cut in inspection.failed}
-    alone, followed = (making.mended(levels, {min(which)}, (), unwatched(levels), follow=follow)[1] for follow in (False, True))
+    alone, followed = (
+        making.mended(levels, {min(which)}, (), unwatched(levels), follow=follow)[1]
+        for follow in (False, True)
+    )
     assert alone == [min(which)]
     assert followed[0] == min(which)
     assert len(followed) > 1
@@ -114,8 +134,15 @@ def test_what_is_no_better_mended_stays_as_it_was(
     levels, inspection = spoilt
     before = inspection.trouble(range(1, len(levels) + 1), doubts=False)
 
-    def worse(self: Sequences, made: list[np.ndarray], *_: Any, **__: Any) -> tuple[list[np.ndarray], list[int]]:
-        return [*made[:3], made[2] + 1.1 * (made[3] - made[2]), *made[4:-1], 1.5 * made[-1] - 0.5 * made[-2]], [3, len(made) - 1]
+    def worse(
+        self: Sequences, made: list[np.ndarray], *_: Any, **__: Any
+    ) -> tuple[list[np.ndarray], list[int]]:
+        return [
+            *made[:3],
+            made[2] + 1.1 * (made[3] - made[2]),
+            *made[4:-1],
+            1.5 * made[-1] - 0.5 * made[-2],
+        ], [3, len(made) - 1]
 
     monkeypatch.setattr(Sequences, "mended", worse)
     mend(inspection, making)
@@ -126,9 +153,14 @@ def test_what_is_no_better_mended_stays_as_it_was(
     assert len(inspection.levels) == len(levels) + 1
 
 
-def test_a_slit_that_the_points_measured_missed_takes_one_more_level(making: Sequences, made: list[np.ndarray]) -> None:
+def test_a_slit_that_the_points_measured_missed_takes_one_more_level(
+    making: Sequences, made: list[np.ndarray]
+) -> None:
     inspection = Inspection(
-        making.setting.surface, making.mended(made, {5}, (), unwatched(made))[0], Rules(STOCK, SCHEDULE, 0.01, 0.001, 0.02), silent
+        making.setting.surface,
+        making.mended(made, {5}, (), unwatched(made))[0],
+        Rules(STOCK, SCHEDULE, 0.01, 0.001, 0.02),
+        silent,
     )
     assert not inspection.failed
     last = inspection.cuts[-1]
@@ -141,7 +173,9 @@ def test_a_slit_that_the_points_measured_missed_takes_one_more_level(making: Seq
     assert not again.failed
 
 
-def test_a_last_cut_that_is_measured_too_deep_takes_one_more_level(making: Sequences, made: list[np.ndarray]) -> None:
+def test_a_last_cut_that_is_measured_too_deep_takes_one_more_level(
+    making: Sequences, made: list[np.ndarray]
+) -> None:
     levels = making.mended(made, {5}, (), unwatched(made))[0][:-1]
     inspection = Inspection(making.setting.surface, levels, Rules(STOCK, SCHEDULE, 0.01, 0.001, 0.02), silent)
     assert [cut.level.index for cut in inspection.failed] == [len(levels)]
@@ -150,10 +184,16 @@ def test_a_last_cut_that_is_measured_too_deep_takes_one_more_level(making: Seque
     assert not again.failed
 
 
-def test_a_broken_limit_names_the_edge_that_the_part_follows_there(making: Sequences, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_broken_limit_names_the_edge_that_the_part_follows_there(
+    making: Sequences, monkeypatch: pytest.MonkeyPatch
+) -> None:
     part = making.setting.surface
     place = part.positions(np.array([0.3]), np.array([0.5]))[0]
-    step = replace(kept_level(making.setting, part.control_points, part.control_points, making.cut(1)), broken=0.05, place=place)
+    step = replace(
+        kept_level(making.setting, part.control_points, part.control_points, making.cut(1)),
+        broken=0.05,
+        place=place,
+    )
     assert str(making._broken(1, step)).endswith("give more control points or a larger stock")
     monkeypatch.setattr("bonecam.levels.sequence.CREASED", 10.0)
     found = part.curvature(np.linspace(0.2, 0.4, 30), np.full(30, 0.5))
@@ -186,7 +226,8 @@ def test_levels_that_end_too_early_go_on_to_the_stock(making: Sequences, made: l
 
 
 def test_places_that_bend_more_than_before_or_are_hollow_are_watched(making: Sequences) -> None:
-    """What moves as it is needs few places between those of the even pattern; a groove needs many, on the level before as well."""
+    """What moves as it is needs few places between those of the even pattern; a groove needs many, on the
+    level before as well."""
     surface, pattern = making.setting.surface, making.setting.watch
     starts, row = surface.tmesh.row_starts, len(surface.tmesh.row_starts) // 2
     grooved = np.array(surface.control_points)

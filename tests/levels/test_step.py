@@ -1,4 +1,5 @@
-"""One level's program: what is solved by splitting is what OSQP and a cone solver find, and its limits are distances."""
+"""One level's program: what is solved by splitting is what OSQP and a cone solver find, and its limits are
+distances."""
 
 from dataclasses import replace
 from functools import cache
@@ -68,14 +69,20 @@ def exact(one: Program) -> np.ndarray:
     settings.verbose = False
     P = sp.csc_matrix(sp.triu(sp.block_diag([one.matrix] * 3), format="csc"))
     cones = [clarabel.NonnegativeConeT(int(kept.sum()))]
-    answer = clarabel.DefaultSolver(P, one.gradient.T.ravel(), sp.csc_matrix(A[kept]), b[kept], cones, settings).solve()
+    answer = clarabel.DefaultSolver(
+        P, one.gradient.T.ravel(), sp.csc_matrix(A[kept]), b[kept], cones, settings
+    ).solve()
     return np.array(answer.x).reshape(3, -1).T
 
 
 def test_osqp_finds_the_same_optimum() -> None:
     one = program(1)
     rows = one.limits.rows(one.R, one.x)
-    found = solve(sp.csc_array(sp.block_diag([one.matrix] * 3)), one.gradient.T.ravel(), rows, 1e-5).x.reshape(3, -1).T
+    found = (
+        solve(sp.csc_array(sp.block_diag([one.matrix] * 3)), one.gradient.T.ravel(), rows, 1e-5)
+        .x.reshape(3, -1)
+        .T
+    )
     assert one.energy(found) == pytest.approx(one.energy(split(one, renew=10**6)), rel=0.01)
 
 
@@ -134,7 +141,8 @@ def test_the_way_to_a_foot_ends_at_a_place_that_is_near_enough() -> None:
     points = surface.evaluate(s, t) + 0.3 * surface.normals(s, t)
     start = points, s + 0.01, np.clip(t + 0.01, 0, 1)
     away = [
-        np.linalg.norm(points - feet(surface, *start, 8, enough)[2], axis=1) for enough in (None, np.full(300, 0.31), np.full(300, 0.2))
+        np.linalg.norm(points - feet(surface, *start, 8, enough)[2], axis=1)
+        for enough in (None, np.full(300, 0.31), np.full(300, 0.2))
     ]
     assert (away[1] <= 0.31).all()
     assert (away[1] > away[0] + 1e-4).sum() > 30

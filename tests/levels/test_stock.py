@@ -1,4 +1,5 @@
-"""The capsule: exact distances, a closed mesh on its surface, and refusals that name the distance and the place."""
+"""The capsule: exact distances, a closed mesh on its surface, and refusals that name the distance and the
+place."""
 
 import numpy as np
 import pytest
@@ -39,7 +40,9 @@ def test_points_on_the_axis_have_a_nearest_point_too() -> None:
 )
 def test_points_on_a_leaning_axis_lead_across_it(capsule: Capsule) -> None:
     points = capsule.start + np.linspace(0, 1, 1001)[:, None] * (capsule.end - capsule.start)
-    assert np.abs(capsule.outward(points) @ (capsule.end - capsule.start)).max() < 1e-4 * np.linalg.norm(capsule.end - capsule.start)
+    assert np.abs(capsule.outward(points) @ (capsule.end - capsule.start)).max() < 1e-4 * np.linalg.norm(
+        capsule.end - capsule.start
+    )
     assert np.abs(capsule.signed_distance(capsule.nearest(points))).max() < 1e-9
 
 
@@ -108,12 +111,18 @@ def test_a_given_capsule_is_centred_on_the_part() -> None:
 @pytest.mark.parametrize(
     ("diameter", "length", "told"),
     [
-        (15.0, 10.0, r"stock\.length = 10: .* diameter 15 mm .*: give at least 15, or a smaller stock\.diameter"),
+        (
+            15.0,
+            10.0,
+            r"stock\.length = 10: .* diameter 15 mm .*: give at least 15, or a smaller stock\.diameter",
+        ),
         (0.0, 10.0, r"stock\.diameter = 0: .*: give the diameter"),
         (-1.0, 3.0, r"stock\.diameter = -1: .*: give the diameter"),
     ],
 )
-def test_a_capsule_shorter_than_its_diameter_is_refused_with_setting_and_remedy(diameter: float, length: float, told: str) -> None:
+def test_a_capsule_shorter_than_its_diameter_is_refused_with_setting_and_remedy(
+    diameter: float, length: float, told: str
+) -> None:
     with pytest.raises(StockError, match=told):
         given_capsule(diameter, length, cloud(5))
 
@@ -125,10 +134,21 @@ def test_an_allowance_of_nothing_is_refused() -> None:
 
 @pytest.mark.parametrize(
     "values",
-    [[0.0, 1.0], [0.0, 1.0, np.nan], [0.0, 1.0, np.inf], [0.0, 1.0, "up"], ["0", "1", "2"], None, [[0.0, 1.0, 2.0]], [0.0, 1.0, 1e7]],
+    [
+        [0.0, 1.0],
+        [0.0, 1.0, np.nan],
+        [0.0, 1.0, np.inf],
+        [0.0, 1.0, "up"],
+        ["0", "1", "2"],
+        None,
+        [[0.0, 1.0, 2.0]],
+        [0.0, 1.0, 1e7],
+    ],
 )
 def test_ends_of_a_stock_are_three_finite_numbers(values: object) -> None:
-    with pytest.raises(StockError, match=r"^a capsule's end is .*: give 3 finite numbers \(mm, 1e\+06 at most\)$"):
+    with pytest.raises(
+        StockError, match=r"^a capsule's end is .*: give 3 finite numbers \(mm, 1e\+06 at most\)$"
+    ):
         numbers("a capsule's end", values, 3)
 
 

@@ -6,7 +6,10 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 
 
 def solid(vertices: np.ndarray, faces: np.ndarray) -> TriangleMesh:
-    return TriangleMesh(np.asarray(vertices, dtype=np.float64).reshape(-1, 3), np.asarray(faces, dtype=np.int32).reshape(-1, 3))
+    return TriangleMesh(
+        np.asarray(vertices, dtype=np.float64).reshape(-1, 3),
+        np.asarray(faces, dtype=np.int32).reshape(-1, 3),
+    )
 
 
 def grid_faces(rows: int, columns: int, closed_rows: bool) -> np.ndarray:
@@ -20,7 +23,9 @@ def grid_faces(rows: int, columns: int, closed_rows: bool) -> np.ndarray:
     return np.array(faces)
 
 
-def ellipsoid(a: float, b: float, c: float, rings: int = 24, columns: int = 32, thick_end: float = 0.0) -> TriangleMesh:
+def ellipsoid(
+    a: float, b: float, c: float, rings: int = 24, columns: int = 32, thick_end: float = 0.0
+) -> TriangleMesh:
     """Semi-axes a, b, c; `thick_end` > 0 swells the lower half."""
     angle = np.pi * np.arange(1, rings + 1) / (rings + 1)
     turn = 2 * np.pi * np.arange(columns) / columns
@@ -31,15 +36,23 @@ def ellipsoid(a: float, b: float, c: float, rings: int = 24, columns: int = 32, 
     j = np.arange(columns)
     k = (j + 1) % columns
     last = (rings - 1) * columns
-    caps = [np.stack([np.full(columns, low), k, j], 1), np.stack([np.full(columns, high), last + j, last + k], 1)]
+    caps = [
+        np.stack([np.full(columns, low), k, j], 1),
+        np.stack([np.full(columns, high), last + j, last + k], 1),
+    ]
     faces = np.concatenate([grid_faces(rings, columns, False), *caps])
     return solid(np.concatenate([tube, [[0, 0, -c], [0, 0, c]]]), faces)
 
 
 def torus(radius: float = 10.0, tube: float = 3.0) -> TriangleMesh:
-    u, v = (x.ravel() for x in np.meshgrid(2 * np.pi * np.arange(40) / 40, 2 * np.pi * np.arange(16) / 16, indexing="ij"))
+    u, v = (
+        x.ravel()
+        for x in np.meshgrid(2 * np.pi * np.arange(40) / 40, 2 * np.pi * np.arange(16) / 16, indexing="ij")
+    )
     ring = radius + tube * np.cos(v)
-    mesh = solid(np.stack([ring * np.cos(u), ring * np.sin(u), tube * np.sin(v)], 1), grid_faces(40, 16, True))
+    mesh = solid(
+        np.stack([ring * np.cos(u), ring * np.sin(u), tube * np.sin(v)], 1), grid_faces(40, 16, True)
+    )
     return mesh if mesh.volume > 0 else solid(mesh.vertices, mesh.faces[:, ::-1])
 
 
@@ -51,5 +64,6 @@ def together(*meshes: TriangleMesh) -> TriangleMesh:
     """All of them in one mesh, not joined."""
     starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes[:-1]])
     return solid(
-        np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts)])
+        np.concatenate([mesh.vertices for mesh in meshes]),
+        np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts)]),
     )

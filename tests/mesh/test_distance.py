@@ -56,7 +56,12 @@ def test_a_distance_is_exact_below_what_is_wanted_and_that_elsewhere() -> None:
 
 
 @pytest.mark.parametrize(
-    "mesh", [BALL, ellipsoid(9, 3, 1, 7, 9), solid(np.array(ellipsoid(5, 5, 5, 5, 6).vertices), ellipsoid(5, 5, 5, 5, 6).faces[:3])]
+    "mesh",
+    [
+        BALL,
+        ellipsoid(9, 3, 1, 7, 9),
+        solid(np.array(ellipsoid(5, 5, 5, 5, 6).vertices), ellipsoid(5, 5, 5, 5, 6).faces[:3]),
+    ],
 )
 def test_the_tree_finds_the_distances_of_the_exact_search(mesh: TriangleMesh) -> None:
     points = np.random.default_rng(2).normal(size=(2000, 3)) * 6 + mesh.bounds.mean(0)
@@ -65,10 +70,16 @@ def test_the_tree_finds_the_distances_of_the_exact_search(mesh: TriangleMesh) ->
 
 
 def test_a_triangle_without_area_is_as_far_as_its_edges() -> None:
-    flat = solid(np.array([[0.0, 0, 0], [4, 0, 0], [2, 0, 0], [2, 0, 0]]), np.array([[0, 1, 2], [1, 2, 3], [3, 3, 2]]))
+    flat = solid(
+        np.array([[0.0, 0, 0], [4, 0, 0], [2, 0, 0], [2, 0, 0]]), np.array([[0, 1, 2], [1, 2, 3], [3, 3, 2]])
+    )
     points = np.random.default_rng(3).normal(size=(500, 3)) * 3
     x = np.clip(points[:, 0], 0, 4)
-    assert np.allclose(MeshDistance(flat).unsigned(points), np.hypot(points[:, 0] - x, np.hypot(points[:, 1], points[:, 2])), atol=1e-9)
+    assert np.allclose(
+        MeshDistance(flat).unsigned(points),
+        np.hypot(points[:, 0] - x, np.hypot(points[:, 1], points[:, 2])),
+        atol=1e-9,
+    )
 
 
 def test_the_number_of_threads_changes_no_bit(monkeypatch: pytest.MonkeyPatch) -> None:

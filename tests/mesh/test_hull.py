@@ -21,7 +21,9 @@ def test_points_within_the_hull_are_left_out() -> None:
 
 
 def test_the_hull_of_points_nearly_in_planes_is_closed() -> None:
-    points = np.random.default_rng(3).integers(0, 9, (3000, 3)) + np.random.default_rng(4).uniform(-1e-15, 1e-15, (3000, 3))
+    points = np.random.default_rng(3).integers(0, 9, (3000, 3)) + np.random.default_rng(4).uniform(
+        -1e-15, 1e-15, (3000, 3)
+    )
     hull = convex_hull(points)
     assert is_closed(hull)
     middles = hull.vertices[hull.faces].mean(1)

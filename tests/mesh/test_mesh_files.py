@@ -19,11 +19,23 @@ OBJ = "".join(f"v {line}\n" for line in TETRAHEDRON.splitlines()) + "f 1 3 2\nf 
 
 def ascii_stl() -> str:
     points = TETRAHEDRON.splitlines()
-    loops = ["outer loop\n" + "".join(f"vertex {points[int(k)]}\n" for k in face.split()) + "endloop" for face in FACES]
-    return "solid nan\n" + "".join(f"facet normal 0 0 0\n{loop}\nendfacet\n" for loop in loops) + "endsolid nan\n"
+    loops = [
+        "outer loop\n" + "".join(f"vertex {points[int(k)]}\n" for k in face.split()) + "endloop"
+        for face in FACES
+    ]
+    return (
+        "solid nan\n"
+        + "".join(f"facet normal 0 0 0\n{loop}\nendfacet\n" for loop in loops)
+        + "endsolid nan\n"
+    )
 
 
-GOOD = {"a.off": OFF, "a.obj": OBJ, "a.ply": PLY + TETRAHEDRON + "".join(f"3 {f}\n" for f in FACES), "a.stl": ascii_stl()}
+GOOD = {
+    "a.off": OFF,
+    "a.obj": OBJ,
+    "a.ply": PLY + TETRAHEDRON + "".join(f"3 {f}\n" for f in FACES),
+    "a.stl": ascii_stl(),
+}
 
 
 @pytest.mark.parametrize("name", GOOD)
@@ -67,10 +79,16 @@ BAD = {
     "empty.stl": (b"", "is empty"),
     "text.stl": (b"hello, this is a letter and no mesh", "is text but no STL"),
     "short.stl": (binary_stl(4, TRIANGLES), "header tells of 4 triangles, 2 are there"),
-    "nan.stl": (binary_stl(2, np.where(TRIANGLES > 50, np.nan, TRIANGLES)), "not numbers in 1 of 2 triangles"),
+    "nan.stl": (
+        binary_stl(2, np.where(TRIANGLES > 50, np.nan, TRIANGLES)),
+        "not numbers in 1 of 2 triangles",
+    ),
     "nan.off": (OFF.replace("1 0 0", "1 nan 0").encode(), "line 4: 'nan' is not a number"),
     "inf.obj": (OBJ.replace("v 1 0 0", "v -inf 0 0").encode(), "line 2: '-inf' is not a number"),
-    "nan.ply": ((PLY + TETRAHEDRON.replace("1 0 0", "1 0 NaN") + "3 0 2 1\n").encode(), "'NaN' is not a number"),
+    "nan.ply": (
+        (PLY + TETRAHEDRON.replace("1 0 0", "1 0 NaN") + "3 0 2 1\n").encode(),
+        "'NaN' is not a number",
+    ),
     "far.off": (OFF.replace("1 2 3", "1 2 9").encode(), "line 9: a face names a vertex outside 0..3"),
     "far.obj": (OBJ.replace("f 2 3 4", "f 2 3 99999").encode(), "line 7: a face names vertex 99999 of 4"),
     "zero.obj": (OBJ.replace("f 2 3 4", "f 0 3 4").encode(), "before the first"),
@@ -80,17 +98,32 @@ BAD = {
     "word.obj": (OBJ.replace("v 1 0 0", "v one 0 0").encode(), "line 2: 'one' is not a number"),
     "huge.obj": (OBJ.replace("v 1 0 0", "v 1e300 0 0").encode(), "a coordinate of 1e+300"),
     "endless.obj": (OBJ.replace("v 1 0 0", "v 1e999 0 0").encode(), "line 2: '1e999' is not a number"),
-    "twice.obj": (OBJ.replace("f 2 3 4", "f 2 3 4 4 4 4").encode(), "line 7: a face of 6 corners, 3 of them different"),
+    "twice.obj": (
+        OBJ.replace("f 2 3 4", "f 2 3 4 4 4 4").encode(),
+        "line 7: a face of 6 corners, 3 of them different",
+    ),
     "two.obj": (OBJ.replace("f 2 3 4", "f 2 3").encode(), "line 7: a face of 2 corners"),
     "normal.obj": (OBJ.replace("f 2 3 4", "f 2//9 3//9 4//9").encode(), "line 7: a face names normal 9 of 0"),
     "strange.obj": ((OBJ + "n").encode(), "line 9: 'n' is nothing of an OBJ"),
     "word.stl": (ascii_stl().replace("1 0 0", "1 zero 0", 1).encode(), "'zero' is not a number"),
-    "none.stl": (binary_stl(2, TRIANGLES)[:80] + bytes(4) + bytes(100), "header tells of 0 triangles, 2 are there"),
+    "none.stl": (
+        binary_stl(2, TRIANGLES)[:80] + bytes(4) + bytes(100),
+        "header tells of 0 triangles, 2 are there",
+    ),
     "all.stl": (binary_stl(2**32 - 1, TRIANGLES), "header tells of 4294967295 triangles, 2 are there"),
     "noend.ply": (PLY[:-30].encode(), "its header has no end"),
-    "nameless.ply": ((PLY.replace("element face 4", "element 4") + TETRAHEDRON).encode(), "line 7: an element without its name or number"),
-    "wrong.ply": ((PLY.replace("property float y", "propertyfloat y") + TETRAHEDRON).encode(), "line 5: 'propertyfloat' is no word"),
-    "many.ply": ((PLY.replace("face 4", "face 4000000000") + TETRAHEDRON).encode(), "line 7 tells of more elements"),
+    "nameless.ply": (
+        (PLY.replace("element face 4", "element 4") + TETRAHEDRON).encode(),
+        "line 7: an element without its name or number",
+    ),
+    "wrong.ply": (
+        (PLY.replace("property float y", "propertyfloat y") + TETRAHEDRON).encode(),
+        "line 5: 'propertyfloat' is no word",
+    ),
+    "many.ply": (
+        (PLY.replace("face 4", "face 4000000000") + TETRAHEDRON).encode(),
+        "line 7 tells of more elements",
+    ),
     "short.ply": ((PLY + TETRAHEDRON).encode(), "is no readable PLY file"),
     "word.off": (OFF.replace("3 1 2 3", "3 one 2 3").encode(), "has a word where a number should stand"),
     "points.obj": (b"v 0 0 0\nv 1 0 0\nv 0 1 0\n", "holds no triangles"),
@@ -107,7 +140,9 @@ def test_a_bad_file_is_refused_in_one_line_that_names_it(name: str, tmp_path: Pa
 def test_a_binary_ply_with_vertices_that_are_no_numbers_is_refused(tmp_path: Path) -> None:
     vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, np.nan]], "<f4")
     faces = b"".join(struct.pack("<Biii", 3, *map(int, face.split())) for face in FACES)
-    (tmp_path / "nan.ply").write_bytes(PLY.replace("ascii", "binary_little_endian").encode() + vertices.tobytes() + faces)
+    (tmp_path / "nan.ply").write_bytes(
+        PLY.replace("ascii", "binary_little_endian").encode() + vertices.tobytes() + faces
+    )
     with pytest.raises(FileError, match="not numbers"):
         read_mesh(tmp_path / "nan.ply")
 

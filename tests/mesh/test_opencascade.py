@@ -105,14 +105,18 @@ def test_parts_of_an_assembly_stand_in_their_places_and_face_outward(mirrored: b
     np.testing.assert_allclose(mesh.bounds[:, 0], [-5, 105], atol=0.05)
 
 
-def test_a_face_that_cannot_be_tessellated_is_an_error_and_not_a_hole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_face_that_cannot_be_tessellated_is_an_error_and_not_a_hole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     file = write(cylinder(), tmp_path / "a.step")
     monkeypatch.setattr(opencascade, "ASKED", 1e3)
     with pytest.raises(FileError, match=r"a\.step: a face of the part cannot be tessellated"):
         mesh_in(file)
 
 
-@pytest.mark.parametrize(("unit", "name"), [("M", "a.step"), ("INCH", "a.step"), ("M", "a.iges"), ("INCH", "a.iges")])
+@pytest.mark.parametrize(
+    ("unit", "name"), [("M", "a.step"), ("INCH", "a.step"), ("M", "a.iges"), ("INCH", "a.iges")]
+)
 def test_a_part_stated_in_another_unit_comes_in_mm(unit: str, name: str, tmp_path: Path) -> None:
     mesh = mesh_in(write(cylinder(), tmp_path / name, unit))
     assert np.ptp(mesh.vertices[:, 2]) == pytest.approx(20.0, rel=1e-6)
@@ -165,7 +169,9 @@ def test_opencascade_says_nothing_on_the_terminal(tmp_path: Path, capfd: pytest.
 def test_a_file_that_ends_opencascade_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write(cylinder(), tmp_path / "a.step")
     monkeypatch.setattr(cad_files, "CHILD", "import os; os.abort()")
-    with pytest.raises(FileError, match=r"a\.step: OpenCASCADE broke down on it[^\n]*: export the part as STEP again$"):
+    with pytest.raises(
+        FileError, match=r"a\.step: OpenCASCADE broke down on it[^\n]*: export the part as STEP again$"
+    ):
         read_mesh(tmp_path / "a.step")
 
 

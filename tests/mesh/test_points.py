@@ -71,8 +71,14 @@ def test_the_surface_round_a_cloud_is_closed_outward_near_and_twice_the_same(tmp
 
 def test_a_ply_without_faces_is_a_cloud(tmp_path: Path) -> None:
     points = cloud(1000)
-    head = f"ply\nformat ascii 1.0\nelement vertex {len(points)}\n" + "".join(f"property double {x}\n" for x in "xyz") + "end_header\n"
-    (tmp_path / "cloud.ply").write_text(head + "\n".join(" ".join(map(repr, point)) for point in points.tolist()) + "\n")
+    head = (
+        f"ply\nformat ascii 1.0\nelement vertex {len(points)}\n"
+        + "".join(f"property double {x}\n" for x in "xyz")
+        + "end_header\n"
+    )
+    (tmp_path / "cloud.ply").write_text(
+        head + "\n".join(" ".join(map(repr, point)) for point in points.tolist()) + "\n"
+    )
     assert read_mesh(tmp_path / "cloud.ply").volume == pytest.approx(ellipsoid(3, 4, 9).volume, rel=0.02)
 
 

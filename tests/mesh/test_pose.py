@@ -42,7 +42,9 @@ def test_the_circle_touches_and_holds_all_points() -> None:
     assert distances.max() == pytest.approx(radius)
     touching = points[distances > radius * (1 - 1e-9)] - centre
     angles = np.sort(np.arctan2(touching[:, 1], touching[:, 0]))
-    assert np.diff(np.append(angles, angles[0] + 2 * np.pi)).max() <= np.pi + 1e-6, "no smaller circle holds them"
+    assert np.diff(np.append(angles, angles[0] + 2 * np.pi)).max() <= np.pi + 1e-6, (
+        "no smaller circle holds them"
+    )
 
 
 def test_an_inside_out_mesh_has_no_pose() -> None:

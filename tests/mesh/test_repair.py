@@ -89,7 +89,10 @@ def test_a_surface_that_bounds_no_volume_gets_a_new_skin(monkeypatch: pytest.Mon
     assert any("new skin" in sentence for sentence in done)
 
 
-FLAT = solid(np.array([[0, 0, 0], [10, 0, 0], [10, 20, 0], [0, 20, 0]]), np.array([[0, 1, 2], [0, 2, 3], [2, 1, 0], [3, 2, 0]]))
+FLAT = solid(
+    np.array([[0, 0, 0], [10, 0, 0], [10, 20, 0], [0, 20, 0]]),
+    np.array([[0, 1, 2], [0, 2, 3], [2, 1, 0], [3, 2, 0]]),
+)
 TUBE = solid(ellipsoid(5, 4, 14).vertices[:-2], grid_faces(24, 32, False))
 SHEET = solid(BONE.vertices, BONE.faces[(BONE.vertices[BONE.faces].mean(1)[:, 0] > 0)])
 
@@ -120,7 +123,10 @@ def test_a_tube_is_closed_at_its_ends() -> None:
 def test_the_new_skin_is_sound_and_close() -> None:
     wrapped = repair_module._wrapped(repair_module._State(BONE)).mesh
     assert faults_of(wrapped) == ()
-    assert np.linalg.norm(exact_closest(BONE, wrapped.vertices)[0] - wrapped.vertices, axis=1).max() < 0.002 * BONE.diagonal
+    assert (
+        np.linalg.norm(exact_closest(BONE, wrapped.vertices)[0] - wrapped.vertices, axis=1).max()
+        < 0.002 * BONE.diagonal
+    )
 
 
 def test_the_same_mesh_is_mended_to_the_same_bytes() -> None:
@@ -154,7 +160,9 @@ def test_real_defective_bones_are_mended(shared: Path, name: str) -> None:
     mesh, done = repair(to_mm(read_mesh(shared / "meshes" / "bad" / name), "m"))
     assert faults_of(mesh) == ()
     assert OUTCOMES[name] in "; ".join(done)
-    assert not any(told.startswith("moved no part") for told in done)  # what is no more than 0.000 mm is not told
+    assert not any(
+        told.startswith("moved no part") for told in done
+    )  # what is no more than 0.000 mm is not told
 
 
 @pytest.mark.parametrize("name", REFUSALS)

@@ -33,7 +33,9 @@ def assert_rows(rows: Rows, mesh: TriangleMesh) -> None:
     middle = rows.points.mean(1, keepdims=True)
     turning = np.cross(rows.points - middle, np.roll(rows.points, -1, axis=1) - middle)[..., 2].sum(1)
     assert (turning > 0).all(), "counter-clockwise from above"
-    gaps = np.linalg.norm(np.diff(np.concatenate([rows.poles[:1], rows.points[:, 0], rows.poles[1:]]), axis=0), axis=1)
+    gaps = np.linalg.norm(
+        np.diff(np.concatenate([rows.poles[:1], rows.points[:, 0], rows.poles[1:]]), axis=0), axis=1
+    )
     assert gaps.max() < 4 * np.median(gaps), "the seam does not jump"
 
 
@@ -83,7 +85,9 @@ def test_vertex_parameters_say_where_a_vertex_lies_among_the_rows() -> None:
     k = place.astype(int) % 40
     u, v = (row - low)[:, None], (place - np.floor(place))[:, None]
     q = ROWS.points
-    near = (1 - u) * ((1 - v) * q[low, k] + v * q[low, (k + 1) % 40]) + u * ((1 - v) * q[low + 1, k] + v * q[low + 1, (k + 1) % 40])
+    near = (1 - u) * ((1 - v) * q[low, k] + v * q[low, (k + 1) % 40]) + u * (
+        (1 - v) * q[low + 1, k] + v * q[low + 1, (k + 1) % 40]
+    )
     between = (t > ROWS.heights[0]) & (t < ROWS.heights[-1])
     assert np.linalg.norm(near - ROWS.mesh.vertices, axis=1)[between].max() < 0.8
 
@@ -99,7 +103,9 @@ def test_the_field_has_no_extremum_but_the_poles() -> None:
     isolines = Isolines.of(ROWS.mesh, u)
     for value in np.quantile(u, np.linspace(0.01, 0.99, 100)):
         loop = isolines.loop(float(value))
-        assert np.linalg.norm(np.roll(loop, -1, axis=0) - loop, axis=1).sum() == pytest.approx(isolines.length(float(value)))
+        assert np.linalg.norm(np.roll(loop, -1, axis=0) - loop, axis=1).sum() == pytest.approx(
+            isolines.length(float(value))
+        )
 
 
 def test_a_handle_is_found_as_a_broken_isoline() -> None:

@@ -13,7 +13,10 @@ def test_every_unit_gives_the_same_bone_in_mm(units: str, scale: float) -> None:
 
 
 def test_metres_taken_for_mm_are_refused_with_the_flag_that_fits() -> None:
-    with pytest.raises(UnitsError, match=r"bone\.stl: 0\.0314 mm .* give --units m or in a job mesh\.units = \"m\" \(31\.4 mm\)"):
+    with pytest.raises(
+        UnitsError,
+        match=r"bone\.stl: 0\.0314 mm .* give --units m or in a job mesh\.units = \"m\" \(31\.4 mm\)",
+    ):
         to_mm(moved(BONE, (0, 0, 0), 0.001), "mm", "bone.stl")
 
 

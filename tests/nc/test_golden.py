@@ -23,7 +23,9 @@ PATHS = (
 
 def posted(case: str) -> Program:
     job = read_job(GOLDEN / case / "job.toml")
-    return write_program(PATHS, read_machine(job.nc.machine), read_dialect(job.nc.controller), job, name="GOLDEN")
+    return write_program(
+        PATHS, read_machine(job.nc.machine), read_dialect(job.nc.controller), job, name="GOLDEN"
+    )
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -67,7 +67,9 @@ def test_an_upright_axis_leaves_the_table_free():
 
 def test_an_axis_beyond_a_nutating_head_is_out_of_reach(tmp_path):
     machine = read_machine(write(tmp_path, CHAINS["nutating"]))
-    found, _ = inverse_rotary(machine, np.array([[0.0, 0.0, -1.0], [0.0, 1.0, -0.1]]) / [[1.0], [np.hypot(1, 0.1)]])
+    found, _ = inverse_rotary(
+        machine, np.array([[0.0, 0.0, -1.0], [0.0, 1.0, -0.1]]) / [[1.0], [np.hypot(1, 0.1)]]
+    )
     assert np.isnan(found).all()
 
 

@@ -67,5 +67,8 @@ def test_a_wrong_machine_file_is_refused_with_file_and_key(text, key, tmp_path):
 def test_an_unknown_machine_is_refused_with_the_known_ones():
     with pytest.raises(MachineError, match=r"'nosuch' is unknown: use one of linuxcnc-xyzbc, mikron-ucp600"):
         read_machine("nosuch")
-    with pytest.raises(MachineError, match=r"^none/mill\.toml: no such file: give a machine's \.toml file, or one of linuxcnc"):
+    with pytest.raises(
+        MachineError,
+        match=r"^none/mill\.toml: no such file: give a machine's \.toml file, or one of linuxcnc",
+    ):
         read_machine("none/mill.toml")

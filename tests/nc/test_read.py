@@ -12,9 +12,13 @@ from bonecam.nc.reading.motions import Tool
 from bonecam.nc.reading.read import read_program
 
 PAIRS = {
-    name: (read_machine(machine), read_dialect(name)) for name, machine in (("heidenhain", "mikron-ucp600"), ("linuxcnc", "linuxcnc-xyzbc"))
+    name: (read_machine(machine), read_dialect(name))
+    for name, machine in (("heidenhain", "mikron-ucp600"), ("linuxcnc", "linuxcnc-xyzbc"))
 }
-TEXTS = {name: write_program([capsule_path(count=24, turns=1.0)], *pair, Job()).text for name, pair in PAIRS.items()}
+TEXTS = {
+    name: write_program([capsule_path(count=24, turns=1.0)], *pair, Job()).text
+    for name, pair in PAIRS.items()
+}
 
 
 def line_of(text: str, pattern: str) -> int:
@@ -90,8 +94,15 @@ def test_given_tools_replace_those_of_the_comments():
 def test_an_endless_axis_is_unwound_by_the_short_way():
     head = TEXTS["heidenhain"].splitlines()
     start = line_of(TEXTS["heidenhain"], "L B")
-    blocks = ["L B-30.000 C+170.000 R0 FMAX", "FUNCTION TCPM F TCP AXIS POS PATHCTRL AXIS", "L X+0.000 Y+0.000 Z+60.000 R0 FMAX"]
-    blocks += [f"L X+{i}.000 Y+0.000 Z+60.000 B-30.000 C{c} R0 F100" for i, c in enumerate(["-150.000", "-90.000", "+20.000"])]
+    blocks = [
+        "L B-30.000 C+170.000 R0 FMAX",
+        "FUNCTION TCPM F TCP AXIS POS PATHCTRL AXIS",
+        "L X+0.000 Y+0.000 Z+60.000 R0 FMAX",
+    ]
+    blocks += [
+        f"L X+{i}.000 Y+0.000 Z+60.000 B-30.000 C{c} R0 F100"
+        for i, c in enumerate(["-150.000", "-90.000", "+20.000"])
+    ]
     blocks += ["FUNCTION RESET TCPM", "M30", "END PGM BONE MM"]
     lines = head[: start - 1] + [f"{start - 2 + i} {block}" for i, block in enumerate(blocks)]
     motions = read_program("\n".join(lines) + "\n", *PAIRS["heidenhain"])

@@ -13,7 +13,9 @@ HOLD = np.radians(0.0005)
 
 
 def pointing(tilt_deg, azimuth_deg) -> np.ndarray:
-    tilt, azimuth = np.radians(np.broadcast_arrays(np.asarray(tilt_deg, float), np.asarray(azimuth_deg, float)))
+    tilt, azimuth = np.radians(
+        np.broadcast_arrays(np.asarray(tilt_deg, float), np.asarray(azimuth_deg, float))
+    )
     return np.column_stack([np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt)])
 
 
@@ -25,7 +27,9 @@ def cuts(count: int, *rapids: int) -> np.ndarray:
 
 def test_the_chosen_angles_point_the_axis_and_stay_within_limits():
     rng = np.random.default_rng(3)
-    axes = pointing(60 + 40 * np.sin(np.linspace(0, 9, 800)), np.linspace(0, 2000, 800) + rng.normal(0, 0.1, 800))
+    axes = pointing(
+        60 + 40 * np.sin(np.linspace(0, 9, 800)), np.linspace(0, 2000, 800) + rng.normal(0, 0.1, 800)
+    )
     choice = choose_angles(MIKRON, axes, cuts(800), HOLD)
     assert np.abs(tool_axes(MIKRON, choice.angles) - axes).max() < 1e-9
     assert choice.angles[:, 0].min() >= np.radians(-115)
@@ -48,7 +52,13 @@ def test_through_the_singular_axis_the_tilt_changes_sign_and_the_table_rests():
 
 
 def test_the_table_is_held_where_the_axis_is_upright():
-    axes = np.vstack([pointing(np.linspace(10, 1, 10), 50.0), np.tile([0, 0, 1.0], (20, 1)), pointing(np.linspace(1, 10, 10), 50.0)])
+    axes = np.vstack(
+        [
+            pointing(np.linspace(10, 1, 10), 50.0),
+            np.tile([0, 0, 1.0], (20, 1)),
+            pointing(np.linspace(1, 10, 10), 50.0),
+        ]
+    )
     choice = choose_angles(MIKRON, axes, cuts(40), HOLD)
     assert np.degrees(np.ptp(choice.angles[:, 1])) < 1e-6
     everywhere = choose_angles(MIKRON, np.tile([0, 0, 1.0], (5, 1)), cuts(5), HOLD)
@@ -61,11 +71,15 @@ def test_noise_within_the_hold_cone_does_not_turn_the_table():
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
     choice = choose_angles(MIKRON, axes, cuts(200), HOLD)
     assert np.ptp(choice.angles[:, 1]) == 0
-    assert np.degrees(np.arccos(np.clip((tool_axes(MIKRON, choice.angles) * axes).sum(1), -1, 1))).max() < 0.0006
+    assert (
+        np.degrees(np.arccos(np.clip((tool_axes(MIKRON, choice.angles) * axes).sum(1), -1, 1))).max() < 0.0006
+    )
 
 
 def test_beyond_the_tilt_limit_the_error_names_axis_value_and_limit():
-    with pytest.raises(MachineError, match=r"point 3: B -?1[12]\d\.\d+ deg leaves the limit -115.000 deg") as caught:
+    with pytest.raises(
+        MachineError, match=r"point 3: B -?1[12]\d\.\d+ deg leaves the limit -115.000 deg"
+    ) as caught:
         choose_angles(MIKRON, pointing([50.0, 90.0, 114.0, 120.0], 10.0), cuts(4), HOLD)
     assert caught.value.evidence["row"] == 3
     assert caught.value.evidence["limit_deg"] == pytest.approx(-115)
@@ -95,7 +109,10 @@ def test_a_limited_table_is_never_rewound_in_the_cut(limited):
 
 
 def test_a_winding_limit_is_met_by_unwinding_at_a_rapid(tmp_path):
-    rotary = {"C": {**axis([0, 0, 1], [0, 0, 0], -1, -1000, 1000), "endless": True}, "B": axis([0, 1, 0], [0, 0, 0], -1, -100, 0)}
+    rotary = {
+        "C": {**axis([0, 0, 1], [0, 0, 0], -1, -1000, 1000), "endless": True},
+        "B": axis([0, 1, 0], [0, 0, 0], -1, -100, 0),
+    }
     machine = read_machine(write(tmp_path, machine_text(["C", "B", "XYZ"], rotary)))
     axes = pointing(60.0, np.linspace(0, 1800, 361))
     choice = choose_angles(machine, axes, cuts(361, 150), HOLD)

@@ -14,7 +14,10 @@ from bonecam.nc.reading.read import read_program
 from bonecam.verify.readback import Tolerances, compare
 
 MACHINE_OF = {"heidenhain": "mikron-ucp600", "linuxcnc": "linuxcnc-xyzbc"}
-PATHS = (capsule_path(level=5, radius=2.0, offset=1.5, number=1, count=150), capsule_path(level=0, radius=1.0, number=2, count=150))
+PATHS = (
+    capsule_path(level=5, radius=2.0, offset=1.5, number=1, count=150),
+    capsule_path(level=0, radius=1.0, number=2, count=150),
+)
 
 
 @pytest.fixture(params=dialect_names())
@@ -113,7 +116,9 @@ def test_every_chain_is_written_and_read_back(chain, dialect_name, tmp_path):
 def test_a_part_longer_than_the_travel_is_refused_with_axis_value_and_limit():
     machine, dialect = read_machine("mikron-ucp600"), read_dialect("heidenhain")
     tips = np.column_stack([np.zeros((50, 2)), np.linspace(50, 550, 50)])
-    with pytest.raises(MachineError, match=r"level 0: Z runs over \d+\.\d mm, travel 450.0 mm of Mikron UCP 600 Vario") as caught:
+    with pytest.raises(
+        MachineError, match=r"level 0: Z runs over \d+\.\d mm, travel 450.0 mm of Mikron UCP 600 Vario"
+    ) as caught:
         write_program([made_path(tips, np.tile([0, 0, 1.0], (50, 1)))], machine, dialect, Job())
     assert caught.value.evidence["axis"] == "Z"
 
@@ -127,8 +132,12 @@ def test_a_known_limit_of_the_spindle_nose_is_kept(tmp_path):
 def test_a_tilt_beyond_the_machine_names_level_and_pass():
     axes = np.tile([np.sin(np.radians(120)), 0, np.cos(np.radians(120))], (5, 1))
     tips = np.column_stack([np.linspace(0, 1, 5), np.zeros(5), np.full(5, 60.0)])
-    with pytest.raises(MachineError, match=r"level 0, pass -1, point 0: B -120.000 deg leaves the limit -115.000 deg"):
-        write_program([made_path(tips, axes)], read_machine("mikron-ucp600"), read_dialect("heidenhain"), Job())
+    with pytest.raises(
+        MachineError, match=r"level 0, pass -1, point 0: B -120.000 deg leaves the limit -115.000 deg"
+    ):
+        write_program(
+            [made_path(tips, axes)], read_machine("mikron-ucp600"), read_dialect("heidenhain"), Job()
+        )
 
 
 def test_a_rewind_leaves_the_part_before_it_turns(tmp_path):

@@ -1,4 +1,5 @@
-"""The judge and the proof by distance: what enters material, a thin post or the table is caught, complete containment too."""
+"""The judge and the proof by distance: what enters material, a thin post or the table is caught, complete
+containment too."""
 
 from dataclasses import replace
 

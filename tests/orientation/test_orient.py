@@ -31,7 +31,9 @@ def made(
     surface = bodies.waist(waist)
     level, material = bodies.mesh_of(surface), bodies.mesh_of(bodies.waist(waist, 0.4))
     post, settings = post_below(level, bodies.HOLDING), PathJob(**job)  # type: ignore[arg-type]
-    contacts = cover_level(candidates(bodies.level_of(surface), [MeshDistance(level)], cutter, post, settings))
+    contacts = cover_level(
+        candidates(bodies.level_of(surface), [MeshDistance(level)], cutter, post, settings)
+    )
     scene = Scene(level, material, bodies.stock(), post)
     return contacts, scene, orient(contacts, scene, limits, settings, NcJob())
 
@@ -46,13 +48,20 @@ def between(path: ToolPath, parts: int = 4) -> tuple[np.ndarray, np.ndarray, np.
     f = np.repeat(np.arange(1, parts + 1) / parts, len(path.tips) - 1)[:, None]
     tile = lambda rows: np.tile(rows, (parts, 1))  # noqa: E731
     tips = (1 - f) * tile(path.tips[:-1]) + f * tile(path.tips[1:])
-    return tips, unit((1 - f) * tile(path.axes[:-1]) + f * tile(path.axes[1:])), np.tile(path.kinds[1:], parts)
+    return (
+        tips,
+        unit((1 - f) * tile(path.axes[:-1]) + f * tile(path.axes[1:])),
+        np.tile(path.kinds[1:], parts),
+    )
 
 
 def tool_points(cutter: Cutter) -> dict[str, np.ndarray]:
     angle = np.arange(12) * (np.pi / 6)
     rim = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
-    return {name: np.vstack([radius * rim + [0, 0, h] for h in np.linspace(start, end, 9)]) for name, start, end, radius in cutter.sections}
+    return {
+        name: np.vstack([radius * rim + [0, 0, h] for h in np.linspace(start, end, 9)])
+        for name, start, end, radius in cutter.sections
+    }
 
 
 def test_the_tool_never_enters_anything(case: tuple[ContactPath, Scene, ToolPath]) -> None:
@@ -81,7 +90,11 @@ def test_bent_ways_out_and_in_stay_clear_and_slow_near_the_part(monkeypatch: pyt
     monkeypatch.setattr(links, "_ways_out", bent)
     contacts, scene, path = made(direction="along")
     test_the_tool_never_enters_anything((contacts, scene, path))
-    last_in = np.flatnonzero((path.kinds[1:] == Kind.CUT) & (path.kinds[:-1] == Kind.LINK) & (path.feed_rates[:-1] == NcJob().plunge_feed))
+    last_in = np.flatnonzero(
+        (path.kinds[1:] == Kind.CUT)
+        & (path.kinds[:-1] == Kind.LINK)
+        & (path.feed_rates[:-1] == NcJob().plunge_feed)
+    )
     assert len(last_in), "no pass was entered round a bend"
     tips, axes, kinds = between(path)
     air = MeshDistance(scene.material).signed(tips + path.cutter.radius * axes) - path.cutter.radius

@@ -10,9 +10,9 @@ from bonecam.orientation.pole import CONE, PASS, round_pole, round_pole_where_fr
 def over_the_top(miss: float, count: int = 101) -> tuple[np.ndarray, np.ndarray]:
     """Axes that lean from -20 to 20 degrees past the pole at `miss` (rad), and centres an even way apart."""
     lean = np.linspace(-np.radians(20), np.radians(20), count)
-    return unit(np.column_stack([np.tan(lean), np.full(count, np.tan(miss)), np.ones(count)])), np.column_stack(
-        [np.linspace(0, 4, count), np.zeros((count, 2))]
-    )
+    return unit(
+        np.column_stack([np.tan(lean), np.full(count, np.tan(miss)), np.ones(count)])
+    ), np.column_stack([np.linspace(0, 4, count), np.zeros((count, 2))])
 
 
 @pytest.mark.parametrize("miss_deg", [0.0, 1e-6, 0.04, 1.0, 2.5])
@@ -67,6 +67,8 @@ def test_a_stretch_with_one_forbidden_axis_stays_as_it_was() -> None:
     axes, centres = over_the_top(np.radians(0.5))
     twice, passes = np.vstack([axes, axes]), np.repeat([0, 1], len(axes))
     forbidden = len(axes) // 2
-    steered = round_pole_where_free(twice, np.vstack([centres, centres]), passes, lambda i, tried: i != forbidden)
+    steered = round_pole_where_free(
+        twice, np.vstack([centres, centres]), passes, lambda i, tried: i != forbidden
+    )
     assert (steered[passes == 0] == axes).all()
     assert (steered[passes == 1] == round_pole(axes, centres, passes[: len(axes)])).all()

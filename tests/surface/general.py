@@ -1,4 +1,5 @@
-"""General T-splines for tests: a tensor grid, faces of it cut at random, control points and weights at random; damaged files."""
+"""General T-splines for tests: a tensor grid, faces of it cut at random, control points and weights at
+random; damaged files."""
 
 from pathlib import Path
 
@@ -9,7 +10,8 @@ from bonecam.surface.tspline import TSpline
 
 
 def grid(s_lines: np.ndarray, t_lines: np.ndarray, period: tuple[float, float] = (0.0, 0.0)) -> TMesh:
-    """The full grid: a vertex at every crossing. The end knots of a clamped direction come twice, of a closed one once and no end."""
+    """The full grid: a vertex at every crossing. The end knots of a clamped direction come twice, of a closed
+    one once and no end."""
     a, b = len(s_lines), len(t_lines)
     p, q = a - (not period[0]), b - (not period[1])
     along_s, along_t, inside = (np.ones(shape, dtype=bool) for shape in ((p, b), (a, q), (p, q)))
@@ -30,8 +32,12 @@ def tensor(seed: int, s_count: int = 4, t_count: int = 3, closed: bool = False) 
         mesh = grid(np.concatenate([[0.0, 0.0], s, [s[-1] + 0.5] * 2]), t)
     x, y = mesh.s_lines[mesh.vertices[:, 0]], mesh.t_lines[mesh.vertices[:, 1]]
     angle = 2 * np.pi * x / mesh.period[0] if closed else x
-    points = np.column_stack([3 * np.cos(angle), 3 * np.sin(angle), y] if closed else [x, y, np.zeros(mesh.size)])
-    return TSpline(mesh, points + 0.15 * rng.standard_normal((mesh.size, 3)), rng.uniform(0.7, 1.4, mesh.size))
+    points = np.column_stack(
+        [3 * np.cos(angle), 3 * np.sin(angle), y] if closed else [x, y, np.zeros(mesh.size)]
+    )
+    return TSpline(
+        mesh, points + 0.15 * rng.standard_normal((mesh.size, 3)), rng.uniform(0.7, 1.4, mesh.size)
+    )
 
 
 def samples(surface: TSpline, seed: int, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -48,7 +54,9 @@ def random_tspline(seed: int, closed: bool = False, rounds: int = 3) -> TSpline[
     surface = tensor(seed, int(rng.integers(1, 4)), int(rng.integers(1, 4)), closed)
     for k in range(rounds):
         surface = surface.refine(*samples(surface, seed + k, 1), ("s", "t", "st")[int(rng.integers(3))])
-        surface = surface.with_control_points(surface.control_points + 0.02 * rng.standard_normal(surface.control_points.shape))
+        surface = surface.with_control_points(
+            surface.control_points + 0.02 * rng.standard_normal(surface.control_points.shape)
+        )
     return surface
 
 

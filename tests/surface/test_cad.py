@@ -33,7 +33,9 @@ def is_valid(shape: Any) -> bool:
 
 @pytest.mark.parametrize("name", WRITERS)
 @pytest.mark.parametrize(("spread", "poles"), [(0.0, True), (0.2, True), (0.2, False)])
-def test_a_file_holds_one_b_spline_equal_to_the_t_spline_to_rounding(name: str, spread: float, poles: bool, tmp_path: Path) -> None:
+def test_a_file_holds_one_b_spline_equal_to_the_t_spline_to_rounding(
+    name: str, spread: float, poles: bool, tmp_path: Path
+) -> None:
     surface = bone_like(10, 7, 3, spread=spread, poles=poles)
     assert WRITERS[name](surface, tmp_path / name) == 1
     (spline,) = bsplines_in(tmp_path / name)
@@ -88,7 +90,9 @@ def test_each_pole_is_a_degenerate_edge() -> None:
 
 
 @pytest.mark.parametrize("name", WRITERS)
-def test_a_surface_is_written_as_the_same_bytes_whenever_and_under_any_name(name: str, tmp_path: Path) -> None:
+def test_a_surface_is_written_as_the_same_bytes_whenever_and_under_any_name(
+    name: str, tmp_path: Path
+) -> None:
     surface = bone_like(8, 6, 2)
     for file in (f"one_{name}", f"two_{name}"):
         WRITERS[name](surface, tmp_path / file)
@@ -106,7 +110,9 @@ def test_the_files_state_millimetres(tmp_path: Path) -> None:
     assert ",2,2HMM," in (tmp_path / "a.iges").read_text()
 
 
-def test_what_is_no_rectangle_is_written_as_sewn_bezier_faces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_no_rectangle_is_written_as_sewn_bezier_faces(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def refuse(surface: TSpline) -> None:
         raise cad.SurfaceError("no rectangle")
 
@@ -148,8 +154,10 @@ def test_a_folder_that_is_not_there_is_refused_and_nothing_is_left(tmp_path: Pat
     assert not list(tmp_path.iterdir())
 
 
-def test_without_opencascade_one_line_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from bonecam.mesh import opencascade
+def test_without_opencascade_one_line_names_the_extra(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from bonecam.mesh.files import opencascade
 
     surface = bone_like(6, 5, 2)
     write_step(surface, tmp_path / "a.step")
@@ -162,12 +170,16 @@ def test_without_opencascade_one_line_names_the_extra(tmp_path: Path, monkeypatc
 
 
 @pytest.mark.parametrize(("model", "faces"), [("simple", 1), ("gearbox2-9", 1), ("mouse", 18), ("Bike", 85)])
-def test_general_t_meshes_come_back_with_the_same_area(model: str, faces: int, shared: Path, tmp_path: Path) -> None:
+def test_general_t_meshes_come_back_with_the_same_area(
+    model: str, faces: int, shared: Path, tmp_path: Path
+) -> None:
     surface = read_tsm(shared / "tspline" / "tsm" / f"{model}.tsm")
     assert write_step(surface, tmp_path / "a.step") == faces
     shape = read_shape(tmp_path / "a.step")
     found = occ().GProp.GProp_GProps()
     occ().BRepGProp.BRepGProp.SurfaceProperties_s(shape, found, 1e-6)
-    assert found.Mass() == pytest.approx(surface.area, rel=2e-5)  # folded models: both integrate |S_s x S_t| near its zeros
+    assert found.Mass() == pytest.approx(
+        surface.area, rel=2e-5
+    )  # folded models: both integrate |S_s x S_t| near its zeros
     assert is_valid(shape)
     assert tessellated(shape).area == pytest.approx(surface.area, rel=2e-3)

@@ -18,7 +18,9 @@ def ball(radius: float, rows: int = 24, around: int = 32) -> TSpline:
     s = np.concatenate([[0.0], np.tile(np.arange(around) / around, rows - 2), [0.0]])
     t = np.concatenate([[0.0], np.repeat(greville[1:-1], around), [1.0]])
     polar = np.pi * t
-    points = radius * np.column_stack([np.sin(polar) * np.cos(2 * np.pi * s), np.sin(polar) * np.sin(2 * np.pi * s), -np.cos(polar)])
+    points = radius * np.column_stack(
+        [np.sin(polar) * np.cos(2 * np.pi * s), np.sin(polar) * np.sin(2 * np.pi * s), -np.cos(polar)]
+    )
     return flat.with_control_points(np.linalg.solve(flat.basis(s, t)[0].toarray(), points))
 
 
@@ -50,8 +52,15 @@ def test_directions_are_principal() -> None:
     h = 1e-5
     for k, d in ((found.k1, found.direction1), (found.k2, found.direction2)):
         _, S_s, S_t = surface.evaluate(s, t, 1)
-        step = np.array([np.linalg.lstsq(np.column_stack([a, b]), v, rcond=None)[0] for a, b, v in zip(S_s, S_t, d)]) * h
-        change = (surface.normals(s + step[:, 0], t + step[:, 1]) - surface.normals(s - step[:, 0], t - step[:, 1])) / (2 * h)
+        step = (
+            np.array(
+                [np.linalg.lstsq(np.column_stack([a, b]), v, rcond=None)[0] for a, b, v in zip(S_s, S_t, d)]
+            )
+            * h
+        )
+        change = (
+            surface.normals(s + step[:, 0], t + step[:, 1]) - surface.normals(s - step[:, 0], t - step[:, 1])
+        ) / (2 * h)
         np.testing.assert_allclose(change, k[:, None] * d, atol=2e-3 * np.abs(found.k1).max())
     np.testing.assert_allclose(np.cross(found.direction1, found.direction2), normals * np.sign(
         np.einsum("ni,ni->n", np.cross(found.direction1, found.direction2), normals))[:, None], atol=1e-9)  # fmt: skip

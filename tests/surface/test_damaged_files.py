@@ -1,4 +1,5 @@
-"""Damaged surface files: whatever bytes change, the reader raises a typed error or gives a surface that can be evaluated."""
+"""Damaged surface files: whatever bytes change, the reader raises a typed error or gives a surface that can
+be evaluated."""
 
 import random
 from pathlib import Path
@@ -11,7 +12,21 @@ from rowed import bone_like
 from bonecam.errors import FileError
 from bonecam.surface import TSpline, read_iga, read_tsm, write_iga, write_tsm
 
-WORDS = (b"nan", b"inf", b"-1", b"1e308", b"-1e308", b"1e-320", b"0", b"99999999999999999999", b"", b"-5", b"7", b"0x10", b"\xff")
+WORDS = (
+    b"nan",
+    b"inf",
+    b"-1",
+    b"1e308",
+    b"-1e308",
+    b"1e-320",
+    b"0",
+    b"99999999999999999999",
+    b"",
+    b"-5",
+    b"7",
+    b"0x10",
+    b"\xff",
+)
 SIGNS = b"0123456789-. e\n"
 
 
@@ -43,7 +58,9 @@ def outcome(data: bytes, path: Path, seed: int) -> bool:
     boxes = surface.elements().boxes
     rng = np.random.default_rng(seed)
     box, u = boxes[rng.integers(0, len(boxes), 20)], rng.random((2, 20))
-    found = surface.evaluate(box[:, 0] + (box[:, 1] - box[:, 0]) * u[0], box[:, 2] + (box[:, 3] - box[:, 2]) * u[1], 2)
+    found = surface.evaluate(
+        box[:, 0] + (box[:, 1] - box[:, 0]) * u[0], box[:, 2] + (box[:, 3] - box[:, 2]) * u[1], 2
+    )
     assert all(np.isfinite(one).all() for one in found), f"seed {seed}"
     return True
 
@@ -53,7 +70,9 @@ def survive(originals: list[Path], folder: Path, seeds: range) -> float:
     read = 0
     for seed in seeds:
         original = originals[seed % len(originals)]
-        read += outcome(damaged(original.read_bytes(), random.Random(seed)), folder / f"damaged{original.suffix}", seed)
+        read += outcome(
+            damaged(original.read_bytes(), random.Random(seed)), folder / f"damaged{original.suffix}", seed
+        )
     return read / len(seeds)
 
 
@@ -67,8 +86,12 @@ def test_of_a_thousand_damaged_files_none_gives_more_than_an_error_or_a_surface(
 
 
 @pytest.mark.slow
-def test_of_a_thousand_damaged_models_none_gives_more_than_an_error_or_a_surface(shared: Path, tmp_path: Path) -> None:
-    models = sorted(file for file in (shared / "tspline").glob("[ti]*/*.[ti]*") if file.suffix in (".tsm", ".iga"))
+def test_of_a_thousand_damaged_models_none_gives_more_than_an_error_or_a_surface(
+    shared: Path, tmp_path: Path
+) -> None:
+    models = sorted(
+        file for file in (shared / "tspline").glob("[ti]*/*.[ti]*") if file.suffix in (".tsm", ".iga")
+    )
     assert len(models) == 11
     assert 0.05 < survive(models, tmp_path, range(1000)) < 0.6
 

@@ -22,7 +22,14 @@ TABLE = {  # kind, faces on which the sum is one, faces, T-junctions, crossing, 
 def test_the_models_are_of_their_kind(shared: Path, name: str) -> None:
     surface = read_tsm(shared / "tspline" / "tsm" / f"{name}.tsm")
     found = surface.diagnose()
-    assert (found.kind, found.sums_to_one, found.faces, found.junctions, len(found.crossing), len(found.touching)) == TABLE[name]
+    assert (
+        found.kind,
+        found.sums_to_one,
+        found.faces,
+        found.junctions,
+        len(found.crossing),
+        len(found.touching),
+    ) == TABLE[name]
     assert found.nullity == 0
     assert found.meeting == {"fan": 16, "face": 16, "gearbox2-9": 74}.get(name, 0)
     if found.unit_weights is not None:

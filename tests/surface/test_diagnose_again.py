@@ -1,7 +1,9 @@
-"""The diagnosis by a second method that shares no code with it: exact fractions, junctions from the half edges of the file.
+"""The diagnosis by a second method that shares no code with it: exact fractions, junctions from the half
+edges of the file.
 
-SUMS: the largest |sum B - 1| at the oracle's own samples (two a face), as published (samples unknown), and on a dense set of places, where
-exact fractions at the worst one agree with it. MEETINGS: pairs that cross, and that touch at an end of one; gearbox2-9 has 74 of both.
+SUMS: the largest |sum B - 1| at the oracle's own samples (two a face), as published (samples unknown), and on
+a dense set of places, where exact fractions at the worst one agree with it. MEETINGS: pairs that cross, and
+that touch at an end of one; gearbox2-9 has 74 of both.
 """
 
 import json
@@ -15,18 +17,30 @@ from test_tsm import exact_cubic
 from bonecam.surface import read_tsm
 
 SUMS = {"mouse": (0.068, 0.068, 0.084), "face": (0.196, 0.31, 0.464), "gearbox2-9": (0.429, 0.45, 0.572)}
-MEETINGS = {"simple": (0, 0), "fan": (0, 16), "Bike": (0, 0), "mouse": (0, 0), "face": (16, 0), "gearbox2-9": (50, 24)}
+MEETINGS = {
+    "simple": (0, 0),
+    "fan": (0, 16),
+    "Bike": (0, 0),
+    "mouse": (0, 0),
+    "face": (16, 0),
+    "gearbox2-9": (50, 24),
+}
 
 
 def exact_sum(nodes: list[dict], s: float, t: float) -> float:
     """The sum of all blending functions at a place, from the oracle's local knots."""
-    return float(sum(exact_cubic(node["u"], Fraction(s)) * exact_cubic(node["v"], Fraction(t)) for node in nodes))
+    return float(
+        sum(exact_cubic(node["u"], Fraction(s)) * exact_cubic(node["v"], Fraction(t)) for node in nodes)
+    )
 
 
 @pytest.mark.parametrize("name", SUMS)
 def test_the_sums_go_as_far_off_as_the_diagnosis_says(shared: Path, name: str) -> None:
     folder = shared / "tspline" / "tsm"
-    surface, oracle = read_tsm(folder / f"{name}.tsm"), json.loads((folder / f"{name}.oracle.json").read_text())
+    surface, oracle = (
+        read_tsm(folder / f"{name}.tsm"),
+        json.loads((folder / f"{name}.oracle.json").read_text()),
+    )
     elements = surface.elements()
     x = (np.arange(16) + 0.5) / 16
     u, v = (a.ravel() for a in np.meshgrid(x, x))
@@ -62,11 +76,15 @@ def sum_of(nodes: list[dict], s: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("name", MEETINGS)
 def test_extensions_meet_as_often_as_integer_segments_do(shared: Path, name: str) -> None:
-    """Extensions rebuilt from the diagnosis' junctions and the oracle's knots as integer ranks, met pair by pair in plain Python."""
+    """Extensions rebuilt from the diagnosis' junctions and the oracle's knots as integer ranks, met pair by
+    pair in plain Python."""
     from bonecam.surface.tmesh.junctions import junctions
 
     folder = shared / "tspline" / "tsm"
-    surface, oracle = read_tsm(folder / f"{name}.tsm"), json.loads((folder / f"{name}.oracle.json").read_text())
+    surface, oracle = (
+        read_tsm(folder / f"{name}.tsm"),
+        json.loads((folder / f"{name}.oracle.json").read_text()),
+    )
     if any(surface.tmesh.period):
         pytest.skip("a closed direction has no integer ranks of its own")
     nodes = oracle["nodes"]

@@ -1,4 +1,5 @@
-"""Surfaces of .iga files as meshes: joined where the elements meet, extraordinary points and poles included."""
+"""Surfaces of .iga files as meshes: joined where the elements meet, extraordinary points and poles
+included."""
 
 from pathlib import Path
 
@@ -32,7 +33,9 @@ def borders(mesh: TriangleMesh) -> int:
 
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-3])
 @pytest.mark.parametrize("model", AREAS)
-def test_the_models_become_one_conforming_mesh_within_the_tolerance(shared: Path, model: str, tolerance: float) -> None:
+def test_the_models_become_one_conforming_mesh_within_the_tolerance(
+    shared: Path, model: str, tolerance: float
+) -> None:
     surface = read_iga(shared / "tspline" / "iga" / f"{model}.iga")
     found = surface.tessellate_with_parameters(tolerance)
     assert borders(found.mesh) == 1

@@ -71,7 +71,9 @@ def test_the_seam_is_c2() -> None:
     zero, one = surface.evaluate(np.zeros(50), t, 2), surface.evaluate(np.full(50, np.nextafter(1, 0)), t, 2)
     for a, b in zip(zero, one):
         np.testing.assert_allclose(a, b, atol=1e-11 * abs(a).max())
-    np.testing.assert_array_equal(surface.evaluate(np.full(50, -0.25), t), surface.evaluate(np.full(50, 0.75), t))
+    np.testing.assert_array_equal(
+        surface.evaluate(np.full(50, -0.25), t), surface.evaluate(np.full(50, 0.75), t)
+    )
 
 
 def test_poles_are_one_point_with_the_limit_normal() -> None:
@@ -79,8 +81,12 @@ def test_poles_are_one_point_with_the_limit_normal() -> None:
     s = np.linspace(0, 1, 41)
     for t, index, normal in ((0.0, 0, [0, 0, -1]), (1.0, -1, [0, 0, 1])):
         points = surface.evaluate(s, np.full(41, t))
-        np.testing.assert_allclose(points, np.broadcast_to(surface.control_points[index], (41, 3)), atol=1e-13)
-        np.testing.assert_allclose(surface.normals(s, np.full(41, t)), np.broadcast_to(normal, (41, 3)), atol=1e-9)
+        np.testing.assert_allclose(
+            points, np.broadcast_to(surface.control_points[index], (41, 3)), atol=1e-13
+        )
+        np.testing.assert_allclose(
+            surface.normals(s, np.full(41, t)), np.broadcast_to(normal, (41, 3)), atol=1e-9
+        )
         near = surface.normals(s, np.full(41, abs(t - 1e-6)))
         np.testing.assert_allclose(near, np.broadcast_to(normal, (41, 3)), atol=1e-3)
 
@@ -130,6 +136,12 @@ def test_arrays_of_wrong_lengths_are_refused_where_no_types_are_checked() -> Non
     lines = ["import numpy as np", "from rowed import bone_like", "surface = bone_like(8, 6)"]
     for call in WRONG:
         lines += ["try:", f"    {call}", "except ValueError as e:", "    print(e)"]
-    done = subprocess.run([sys.executable, "-c", "\n".join(lines)], cwd=Path(__file__).parent, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", "\n".join(lines)],
+        cwd=Path(__file__).parent,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     for line, said in zip(done.stdout.splitlines(), WRONG.values(), strict=True):
         assert line.startswith(said)

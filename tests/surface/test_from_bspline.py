@@ -45,7 +45,10 @@ def test_an_open_patch_stays_open_and_its_parameters_come_to_0_1() -> None:
     rng = np.random.default_rng(1)
     knots = Knots(np.array([2.0, 3.0, 5.0]), np.array([4, 1, 4]), False)
     spline = BSplineSurface(
-        knots, Knots(np.array([0.0, 10.0]), np.array([4, 4]), False), rng.normal(size=(5, 4, 3)), rng.uniform(1, 2, (5, 4))
+        knots,
+        Knots(np.array([0.0, 10.0]), np.array([4, 4]), False),
+        rng.normal(size=(5, 4, 3)),
+        rng.uniform(1, 2, (5, 4)),
     )
     surface = from_bspline(spline)
     s, t = samples(1000)
@@ -64,7 +67,10 @@ def test_a_tube_with_a_crease_at_its_seam_stays_open() -> None:
 
 
 def test_what_no_t_mesh_holds_is_refused() -> None:
-    ring, line = Knots(np.arange(5) / 4, np.ones(5, dtype=np.int64), True), Knots(np.array([0.0, 1.0]), np.array([4, 4]), False)
+    ring, line = (
+        Knots(np.arange(5) / 4, np.ones(5, dtype=np.int64), True),
+        Knots(np.array([0.0, 1.0]), np.array([4, 4]), False),
+    )
     with pytest.raises(SurfaceError, match="closed along t"):
         from_bspline(BSplineSurface(line, ring, np.zeros((4, 4, 3)), np.ones((4, 4))))
     twice = Knots(np.arange(3) / 2, np.array([2, 2, 2]), True)

@@ -18,7 +18,9 @@ from bonecam.surface.fitting.fit import Fit
 def test_turning_a_surface_reverses_both_parameters_and_nothing_else() -> None:
     surface = bone_like(9, 7, 4)
     s, t = samples(2000)
-    np.testing.assert_allclose(turned(surface).evaluate(s, t), surface.evaluate(np.mod(-s, 1), 1 - t), rtol=0, atol=1e-13)
+    np.testing.assert_allclose(
+        turned(surface).evaluate(s, t), surface.evaluate(np.mod(-s, 1), 1 - t), rtol=0, atol=1e-13
+    )
     assert turned(surface).volume == pytest.approx(surface.volume, rel=1e-12)
 
 
@@ -70,7 +72,13 @@ def test_what_encloses_no_part_is_refused(tmp_path: Path) -> None:
 def test_the_ending_decides_what_is_written(tmp_path: Path, shared: Path) -> None:
     pytest.importorskip("OCP", reason="OpenCASCADE's wheel is not installed: pip install 'bonecam[cad]'")
     surface = bone_like(7, 5, 1)
-    for name, head in (("a.tspline", b"#bonecam"), ("a.step", b"ISO-10303-21"), ("a.stp", b"ISO"), ("a.igs", b" "), ("a.IGES", b" ")):
+    for name, head in (
+        ("a.tspline", b"#bonecam"),
+        ("a.step", b"ISO-10303-21"),
+        ("a.stp", b"ISO"),
+        ("a.igs", b" "),
+        ("a.IGES", b" "),
+    ):
         save_surface(surface, tmp_path / name)
         assert (tmp_path / name).read_bytes().startswith(head)
     general = read_tsm(shared / "tspline" / "tsm" / "simple.tsm")

@@ -53,7 +53,9 @@ def test_a_repeated_knot_keeps_its_multiplicity() -> None:
 def test_rows_whose_knots_nearly_meet_lose_no_digit() -> None:
     rng = np.random.default_rng(5)
     t = np.concatenate([[0.0] * 4, [0.1, 0.1001, 0.5], [1.0] * 4])
-    rows = [np.sort(np.concatenate([[0.1, 0.4, 0.7, 0.9], 0.5 + 10.0 ** -rng.uniform(3, 7, 2)])) for _ in range(7)]
+    rows = [
+        np.sort(np.concatenate([[0.1, 0.4, 0.7, 0.9], 0.5 + 10.0 ** -rng.uniform(3, 7, 2)])) for _ in range(7)
+    ]
     mesh = RowTMesh.from_rows(t, rows)
     surface = TSpline(mesh, rng.normal(size=(mesh.size, 3)), np.ones(mesh.size))
     assert relative_error(to_bspline(surface), surface) < 1e-14
@@ -64,7 +66,9 @@ def test_an_independent_evaluation_agrees() -> None:
     spline = to_bspline(surface)
     wrapped = np.arange(len(spline.s_knots.flat) - 4 + 3) % spline.s_knots.poles
     flat = np.concatenate([spline.s_knots.flat, spline.s_knots.flat[4:7] + 1.0])
-    homogeneous = np.concatenate([spline.poles * spline.weights[..., None], spline.weights[..., None]], axis=2)[wrapped]
+    homogeneous = np.concatenate(
+        [spline.poles * spline.weights[..., None], spline.weights[..., None]], axis=2
+    )[wrapped]
     s, t = samples(1000)
     found = NdBSpline((flat, spline.t_knots.flat), homogeneous, 3)(np.column_stack([s, t]))
     np.testing.assert_allclose(found[:, :3] / found[:, 3:], surface.evaluate(s, t), rtol=0, atol=1e-13)
@@ -73,7 +77,9 @@ def test_an_independent_evaluation_agrees() -> None:
 def test_a_domain_with_a_missing_corner_is_refused() -> None:
     elements = bone_like(6, 5, 0).elements()
     keep = slice(0, elements.starts[-2])
-    part = type(elements)(elements.boxes[:-1], elements.starts[:-1], elements.functions[keep], elements.coefficients[keep])
+    part = type(elements)(
+        elements.boxes[:-1], elements.starts[:-1], elements.functions[keep], elements.coefficients[keep]
+    )
     with pytest.raises(SurfaceError, match="no rectangle"):
         bezier_grid(part, np.ones((len(part.boxes), 16, 4)))
 

@@ -1,4 +1,5 @@
-"""Tessellation and projection of general T-splines: conforming, within tolerance, nearest feet beside notches and borders."""
+"""Tessellation and projection of general T-splines: conforming, within tolerance, nearest feet beside notches
+and borders."""
 
 from pathlib import Path
 
@@ -47,7 +48,12 @@ def test_models_are_tessellated_without_a_gap(shared: Path, name: str) -> None:
     inside = np.zeros(len(middles), dtype=np.int64)
     for ds, dt in ((-step, -step), (step, -step), (-step, step), (step, step)):
         s, t = (middles + np.array([ds, dt])).T
-        hit = (boxes[:, 0] < s[:, None]) & (s[:, None] < boxes[:, 1]) & (boxes[:, 2] < t[:, None]) & (t[:, None] < boxes[:, 3])
+        hit = (
+            (boxes[:, 0] < s[:, None])
+            & (s[:, None] < boxes[:, 1])
+            & (boxes[:, 2] < t[:, None])
+            & (t[:, None] < boxes[:, 3])
+        )
         inside += hit.any(axis=1)
     assert (inside < 4).all()  # every border edge lies on the border of the domain
 
@@ -72,7 +78,9 @@ def test_a_bone_on_a_general_tmesh_is_one_closed_outward_sphere() -> None:
     assert surface.volume == pytest.approx(rows.volume, rel=1e-12)
     s = np.linspace(0, 1, 7)
     for t in (0.0, 1.0):
-        np.testing.assert_allclose(surface.normals(s, np.full(7, t)), rows.normals(s, np.full(7, t)), atol=1e-9)
+        np.testing.assert_allclose(
+            surface.normals(s, np.full(7, t)), rows.normals(s, np.full(7, t)), atol=1e-9
+        )
 
 
 def test_a_torus_turned_inside_out_is_outward(tmp_path: Path) -> None:

@@ -13,17 +13,23 @@ POLES = np.array([[0.0, 0.0, -9.0], [0.0, 0.0, 9.0]])
 
 
 def sections(count: int = 9, points: int = 24) -> list[np.ndarray]:
-    """Sections of an ellipsoid of half axes 4, 3, 9 from below, counter-clockwise seen from above, each with its own number of points."""
+    """Sections of an ellipsoid of half axes 4, 3, 9 from below, counter-clockwise seen from above, each with
+    its own number of points."""
     found = []
     for j, height in enumerate(np.cos(np.linspace(np.pi, 0, count + 2))[1:-1]):
         angle = 2 * np.pi * np.arange(points + j % 3) / (points + j % 3)
         r = np.sqrt(1 - height**2)
-        found.append(np.column_stack([4 * r * np.cos(angle), 3 * r * np.sin(angle), np.full(len(angle), 9 * height)]))
+        found.append(
+            np.column_stack([4 * r * np.cos(angle), 3 * r * np.sin(angle), np.full(len(angle), 9 * height)])
+        )
     return found
 
 
 def write(blocks: Sequence[np.ndarray], path: Path) -> Path:
-    path.write_text("\n\n".join("\n".join(",".join(map(repr, point)) for point in block.tolist()) for block in blocks) + "\n")
+    path.write_text(
+        "\n\n".join("\n".join(",".join(map(repr, point)) for point in block.tolist()) for block in blocks)
+        + "\n"
+    )
     return path
 
 

@@ -48,7 +48,8 @@ def test_a_surface_moved_to_a_finer_tmesh_that_holds_it_is_the_same(settled: tup
     surface = settled[0]
     assert isinstance(surface.tmesh, RowTMesh)
     finer = RowTMesh.from_rows(
-        surface.tmesh.t_knots, [np.union1d(k, [k[0], 0.013, 0.77])[: None if len(k) > 1 else 1] for k in surface.tmesh.s_knots]
+        surface.tmesh.t_knots,
+        [np.union1d(k, [k[0], 0.013, 0.77])[: None if len(k) > 1 else 1] for k in surface.tmesh.s_knots],
     )
     s, t = np.random.default_rng(1).random((2, 300))
     assert np.abs(moved(surface, finer).positions(s, t) - surface.positions(s, t)).max() < 1e-4

@@ -25,7 +25,9 @@ seeds = st.integers(0, 10_000)
 
 def assert_same(first: TSpline, second: TSpline, seed: int = 0, order: int = 1) -> None:
     s, t = samples(second, seed, 400)
-    for a, b, tolerance in zip(first.evaluate(s, t, 2), second.evaluate(s, t, 2), [1e-13] + [2e-12] * 2 + [1e-10] * 3):
+    for a, b, tolerance in zip(
+        first.evaluate(s, t, 2), second.evaluate(s, t, 2), [1e-13] + [2e-12] * 2 + [1e-10] * 3
+    ):
         np.testing.assert_allclose(a, b, atol=tolerance * max(1.0, abs(a).max()))
 
 
@@ -70,7 +72,13 @@ def test_derivatives_of_random_tsplines_agree_with_finite_differences(seed: int)
     h = 1e-4 * (boxes[:, 1::2] - boxes[:, ::2]).min()
     _, Ss, St, Sss, Sst, Stt = surface.evaluate(s, t, 2)
     right, left, up, down = (surface.evaluate(s + a, t + b, 1) for a, b in ((h, 0), (-h, 0), (0, h), (0, -h)))
-    pairs = ((Ss, right[0], left[0]), (St, up[0], down[0]), (Sss, right[1], left[1]), (Sst, up[1], down[1]), (Stt, up[2], down[2]))
+    pairs = (
+        (Ss, right[0], left[0]),
+        (St, up[0], down[0]),
+        (Sss, right[1], left[1]),
+        (Sst, up[1], down[1]),
+        (Stt, up[2], down[2]),
+    )
     for exact, ahead, back in pairs:
         np.testing.assert_allclose((ahead - back) / (2 * h), exact, atol=1e-5 * max(1.0, abs(exact).max()))
 
@@ -85,7 +93,9 @@ def element_widths(surface: TSpline, s: np.ndarray, t: np.ndarray) -> np.ndarray
 
 @settings(max_examples=8, deadline=None)
 @given(seeds, st.booleans())
-def test_random_tsplines_come_back_from_their_files(tmp_path_factory: pytest.TempPathFactory, seed: int, closed: bool) -> None:
+def test_random_tsplines_come_back_from_their_files(
+    tmp_path_factory: pytest.TempPathFactory, seed: int, closed: bool
+) -> None:
     path = tmp_path_factory.mktemp("tsm") / "a.tsm"
     surface = random_tspline(seed, closed)
     write_tsm(surface, path)
@@ -118,7 +128,9 @@ def test_rows_are_a_general_tmesh(seed: int, poles: bool) -> None:
     rounding = 1e-11 + 4 * np.finfo(float).eps / width**2  # of a second derivative on an element so wide
     for a, b in zip(surface.evaluate(s, t, 2), general.evaluate(s, t, 2)):
         assert (abs(a - b).max(axis=1) <= rounding * abs(a).max()).all()
-    np.testing.assert_allclose(general.refine(s[:1], t[:1], "s").evaluate(s, t), surface.evaluate(s, t), atol=1e-13 * 28)
+    np.testing.assert_allclose(
+        general.refine(s[:1], t[:1], "s").evaluate(s, t), surface.evaluate(s, t), atol=1e-13 * 28
+    )
 
 
 def test_a_torus_is_refined_across_both_seams(tmp_path: Path) -> None:
@@ -153,7 +165,12 @@ def test_open_rows_are_a_general_tmesh_and_can_be_refined_there() -> None:
     s, t = np.random.default_rng(2).random((2, 500))
     boxes = general.elements().boxes
     x = np.where(s < boxes[:, 0].min(), s + 1, s)
-    holds = (boxes[:, 0] <= x[:, None]) & (x[:, None] < boxes[:, 1]) & (boxes[:, 2] <= t[:, None]) & (t[:, None] < boxes[:, 3])
+    holds = (
+        (boxes[:, 0] <= x[:, None])
+        & (x[:, None] < boxes[:, 1])
+        & (boxes[:, 2] <= t[:, None])
+        & (t[:, None] < boxes[:, 3])
+    )
     width = np.diff(boxes[:, :2])[holds.argmax(axis=1), 0]
     rounding = 1e-11 + 4 * np.finfo(float).eps / width**2  # of a second derivative on an element so wide
     for a, b in zip(surface.evaluate(s, t, 2), general.evaluate(s, t, 2)):
@@ -169,7 +186,9 @@ def test_open_rows_stay_what_they_are(seed: int, directions: str) -> None:
     finer = surface.refine(*np.random.default_rng(seed).random((2, 3)), directions)
     assert isinstance(finer.tmesh, OpenRowTMesh)
     assert finer.tmesh.size > surface.tmesh.size
-    s, t = np.concatenate([np.random.default_rng(seed + 1).random((2, 500)), [[0, 1, 0.5], [1, 1, 0]]], axis=1)
+    s, t = np.concatenate(
+        [np.random.default_rng(seed + 1).random((2, 500)), [[0, 1, 0.5], [1, 1, 0]]], axis=1
+    )
     np.testing.assert_allclose(finer.evaluate(s, t), surface.evaluate(s, t), atol=1e-13 * 5)
 
 
@@ -178,7 +197,9 @@ def test_knots_of_rows_that_differ_by_rounding_are_one() -> None:
     rows = [row.copy() for row in surface.tmesh.s_knots]
     rows[3][2], rows[4][2] = rows[5][2] + 1e-16, rows[5][2] - 1e-16
     rows[3][-1], rows[4][0] = 1 - 2e-16, 0.0
-    surface = TSpline(type(surface.tmesh).from_rows(surface.tmesh.t_knots, rows), surface.control_points, surface.weights)
+    surface = TSpline(
+        type(surface.tmesh).from_rows(surface.tmesh.t_knots, rows), surface.control_points, surface.weights
+    )
     s, t = np.random.default_rng(1).random((2, 500))
     for first in (surface, as_general(surface)):
         finer = first.refine(s[:3], t[:3], "t").refine(s[:2], t[:2])
@@ -186,17 +207,22 @@ def test_knots_of_rows_that_differ_by_rounding_are_one() -> None:
 
 
 def own_surfaces() -> dict[str, TSpline]:
-    """What bonecam makes: fitted (levels keep its T-mesh), skinned closed, with and without poles, and open."""
+    """What bonecam makes: fitted (levels keep its T-mesh), skinned closed, with and without poles, and
+    open."""
     fitted = fit(bone_like(8, 8).tessellate(0.3), 0.3).surface
     angle = 2 * np.pi * np.arange(40) / 40
-    rings = [np.column_stack([(2 + z % 3) * np.cos(angle), 3 * np.sin(angle) + z, np.full(40, float(z))]) for z in range(1, 8)]
+    rings = [
+        np.column_stack([(2 + z % 3) * np.cos(angle), 3 * np.sin(angle) + z, np.full(40, float(z))])
+        for z in range(1, 8)
+    ]
     poles = np.array([[0.0, 0, 0], [0, 8, 8]])
     skinned = skin(rings, 0.01, poles=poles), skin(rings, 0.01), skin(rings, 0.01, closed=False)
     return dict(zip(("fitted", "poles", "tube", "sheet"), (fitted, *skinned)))
 
 
 def faces_and_points(surface: TSpline) -> int:
-    """Grows with each refinement: a face that is cut where its rows have a knot already needs no control point."""
+    """Grows with each refinement: a face that is cut where its rows have a knot already needs no control
+    point."""
     return surface.tmesh.size + (len(surface.tmesh.faces) if isinstance(surface.tmesh, TMesh) else 0)
 
 
@@ -208,7 +234,10 @@ def test_every_surface_made_here_is_refined_without_change() -> None:
             for seed, order in enumerate((("st", "s"), ("t", "st"))):
                 finer = first
                 for k, directions in enumerate(order):
-                    coarse, finer = finer, finer.refine(*np.random.default_rng(10 * seed + k).random((2, 1)), directions)
+                    coarse, finer = (
+                        finer,
+                        finer.refine(*np.random.default_rng(10 * seed + k).random((2, 1)), directions),
+                    )
                     assert faces_and_points(finer) > faces_and_points(coarse), name
                 np.testing.assert_allclose(finer.evaluate(s, t), expected, atol=1e-13 * size, err_msg=name)
 

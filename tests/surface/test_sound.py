@@ -17,8 +17,11 @@ def test_a_surface_that_cuts_itself_is_refused_with_the_place() -> None:
     points[waist, :2] *= -0.3  # turned through the axis: the wall passes through itself
     crossed = TSpline(sound.tmesh, points, sound.weights)
     with pytest.raises(
-        SurfaceError, match=r"bone\.stl: the surface of \d+ control points cuts itself in \d+ faces, first near \(.*\): raise"
+        SurfaceError,
+        match=r"bone\.stl: the surface of \d+ control points cuts itself in \d+ faces, first near \(.*\): raise",
     ) as caught:
         require_sound(crossed, 0.05, "bone.stl")
     low, high = mesh_of(crossed).bounds
-    assert ((caught.value.evidence["place"] >= low - 0.1) & (caught.value.evidence["place"] <= high + 0.1)).all()
+    assert (
+        (caught.value.evidence["place"] >= low - 0.1) & (caught.value.evidence["place"] <= high + 0.1)
+    ).all()

@@ -12,7 +12,9 @@ from bonecam.surface.tspline import TSpline
 
 
 def assert_closed_sphere(mesh: TriangleMesh) -> None:
-    directed = np.vstack([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]]).astype(np.int64)
+    directed = np.vstack([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]]).astype(
+        np.int64
+    )
     key = directed[:, 0] * len(mesh.vertices) + directed[:, 1]
     back = directed[:, 1] * len(mesh.vertices) + directed[:, 0]
     assert len(np.unique(key)) == len(key)
@@ -24,7 +26,9 @@ def assert_closed_sphere(mesh: TriangleMesh) -> None:
 
 @settings(max_examples=12, deadline=None)
 @given(st.integers(0, 10_000), st.integers(6, 18), st.integers(5, 16), st.sampled_from([0.3, 0.05, 0.01]))
-def test_a_tessellation_is_one_closed_outward_sphere(seed: int, rows: int, around: int, tolerance: float) -> None:
+def test_a_tessellation_is_one_closed_outward_sphere(
+    seed: int, rows: int, around: int, tolerance: float
+) -> None:
     surface = bone_like(rows, around, seed)
     found = surface.tessellate_with_parameters(tolerance)
     assert_closed_sphere(found.mesh)
@@ -33,12 +37,15 @@ def test_a_tessellation_is_one_closed_outward_sphere(seed: int, rows: int, aroun
     centres = found.mesh.vertices[found.mesh.faces].mean(axis=1)
     foot = surface.project(centres)
     assert foot.distances.max() <= tolerance
-    assert np.mean(np.einsum("ni,ni->n", found.mesh.face_vectors, surface.normals(foot.s, foot.t)) > 0) > 0.999
+    assert (
+        np.mean(np.einsum("ni,ni->n", found.mesh.face_vectors, surface.normals(foot.s, foot.t)) > 0) > 0.999
+    )
     assert abs(found.mesh.volume - surface.volume) <= tolerance * surface.area
 
 
 def test_no_small_face_at_a_pole_turns_over() -> None:
-    """Nearly collinear in (s, t) is not so round a pole: with few vertices on its ring one of these faces lay against the surface."""
+    """Nearly collinear in (s, t) is not so round a pole: with few vertices on its ring one of these faces lay
+    against the surface."""
     surface = bone_like(14, 12, 10)
     mesh = surface.tessellate(0.01)
     foot = surface.project(mesh.vertices[mesh.faces].mean(axis=1))

@@ -22,7 +22,10 @@ def test_edges_of_a_general_tmesh_are_drawn_once() -> None:
 def repeated_border(surface) -> int:  # type: ignore[no-untyped-def]
     """Edges on the second line of the clamped borders lie on those of the first."""
     mesh = surface.tmesh
-    return int(min(mesh.along_s[:, 0].sum(), mesh.along_s[:, 1].sum()) + min(mesh.along_s[:, -1].sum(), mesh.along_s[:, -2].sum()))
+    return int(
+        min(mesh.along_s[:, 0].sum(), mesh.along_s[:, 1].sum())
+        + min(mesh.along_s[:, -1].sum(), mesh.along_s[:, -2].sum())
+    )
 
 
 def test_rows_are_drawn_with_their_knots(tmp_path: Path) -> None:

@@ -41,13 +41,16 @@ def test_every_local_knot_vector_is_the_oracles(shared: Path, name: str) -> None
 
 @pytest.mark.parametrize("name", MODELS)
 def test_the_surface_and_its_derivatives_are_the_oracles(shared: Path, name: str) -> None:
-    """Within 1e-10 of each quantity's largest value; where the oracle is off (Bike: two samples of 162), exact fractions agree with us."""
+    """Within 1e-10 of each quantity's largest value; where the oracle is off (Bike: two samples of 162),
+    exact fractions agree with us."""
     surface, oracle = model(shared, name)
     samples = np.array([sample for face in oracle["faces"] for sample in face["samples"]])
     found = surface.evaluate(samples[:, 0], samples[:, 1], 2)
     expected = np.split(samples[:, 2:20], 6, axis=1)
     scale = [np.abs(one).max() for one in expected]
-    off = np.flatnonzero(np.max([np.abs(f - e).max(axis=1) / x for f, e, x in zip(found, expected, scale)], axis=0) > 1e-10)
+    off = np.flatnonzero(
+        np.max([np.abs(f - e).max(axis=1) / x for f, e, x in zip(found, expected, scale)], axis=0) > 1e-10
+    )
     assert len(off) == (2 if name == "Bike" else 0)
     for n in off:
         for f, exact, x in zip(found, exact_derivatives(oracle["nodes"], *samples[n, :2]), scale):
@@ -60,7 +63,11 @@ def exact_cubic(knots: list[float], x: Fraction) -> Fraction:
     for p in (1, 2, 3):
         values = [
             (values[i] * (x - k[i]) / (k[i + p] - k[i]) if k[i + p] > k[i] else 0)
-            + (values[i + 1] * (k[i + p + 1] - x) / (k[i + p + 1] - k[i + 1]) if k[i + p + 1] > k[i + 1] else 0)
+            + (
+                values[i + 1] * (k[i + p + 1] - x) / (k[i + p + 1] - k[i + 1])
+                if k[i + p + 1] > k[i + 1]
+                else 0
+            )
             for i in range(len(values) - 1)
         ]
     return values[0]
@@ -110,10 +117,20 @@ def torus_text(n: int = 5, m: int = 6, units: str = "1 meters") -> str:
     """A closed torus the way Fusion writes it: no 0m records, one 0g a vertex."""
     v = lambda i, j: (i % n) + n * (j % m)  # noqa: E731
     link = lambda i, j, k: 4 * v(i, j) + k  # noqa: E731  k: side of face (i, j): bottom, right, top, left
-    lines = ["#TS0200", "", "degree 3", "cap-type G1CAPS", f"units {units}", "end-conditions SUBD_CREASES", "star-knot-rule NURCCS"]
+    lines = [
+        "#TS0200",
+        "",
+        "degree 3",
+        "cap-type G1CAPS",
+        f"units {units}",
+        "end-conditions SUBD_CREASES",
+        "star-knot-rule NURCCS",
+    ]
     lines += [f"f {link(i, j, 0)} 0" for j in range(m) for i in range(n)]
     horizontal, vertical = (lambda i, j: v(i, j)), (lambda i, j: n * m + v(i, j))
-    lines += [f"e {link(i, j, 0)} 1" for j in range(m) for i in range(n)] + [f"e {link(i, j, 3)} 1" for j in range(m) for i in range(n)]
+    lines += [f"e {link(i, j, 0)} 1" for j in range(m) for i in range(n)] + [
+        f"e {link(i, j, 3)} 1" for j in range(m) for i in range(n)
+    ]
     lines += [f"v {link(i, j, 0)} EAST" for j in range(m) for i in range(n)]
     for j in range(m):
         for i in range(n):
@@ -122,7 +139,9 @@ def torus_text(n: int = 5, m: int = 6, units: str = "1 meters") -> str:
             opposite = (link(i, j - 1, 2), link(i + 1, j, 3), link(i, j + 1, 0), link(i - 1, j, 1))
             edges = (horizontal(i, j), vertical(i + 1, j), horizontal(i, j + 1), vertical(i, j))
             for k in range(4):
-                lines.append(f"l {4 * f + (k - 1) % 4} {4 * f + (k + 1) % 4} {opposite[k]} {corners[k]} {f} {edges[k]} 0")
+                lines.append(
+                    f"l {4 * f + (k - 1) % 4} {4 * f + (k + 1) % 4} {opposite[k]} {corners[k]} {f} {edges[k]} 0"
+                )
     a, b = 2 * np.pi * np.arange(n) / n, 2 * np.pi * np.arange(m) / m
     for y in b:
         for x in a:
@@ -169,7 +188,9 @@ def test_a_border_without_its_control_points_is_refused(shared: Path, tmp_path: 
 def fusion_patch(points: np.ndarray, ends: str = "SUBD_CREASES") -> str:
     """An open grid of control points (a, b, 3) the way Fusion writes it: no 0m records, one 0g a vertex."""
     a, b = points.shape[:2]
-    text = tsm_text(TSpline(grid(np.arange(float(a)), np.arange(float(b))), points.reshape(-1, 3), np.ones(a * b)))
+    text = tsm_text(
+        TSpline(grid(np.arange(float(a)), np.arange(float(b))), points.reshape(-1, 3), np.ones(a * b))
+    )
     lines = [line for line in text.splitlines() if not line.startswith(("0m", "force-bezier"))]
     return "\n".join([*lines[:2], f"end-conditions {ends}", "star-knot-rule NURCCS", *lines[2:], ""])
 
@@ -189,7 +210,9 @@ def limit(points: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("shape", [(5, 4), (3, 6), (2, 2)])
-def test_an_open_fusion_border_is_that_of_the_subdivision_surface(tmp_path: Path, shape: tuple[int, int]) -> None:
+def test_an_open_fusion_border_is_that_of_the_subdivision_surface(
+    tmp_path: Path, shape: tuple[int, int]
+) -> None:
     points = np.random.default_rng(3).normal(size=(*shape, 3))
     (tmp_path / "open.tsm").write_text(fusion_patch(points))
     surface = read_tsm(tmp_path / "open.tsm")
@@ -256,18 +279,26 @@ def exact_derivatives(nodes: list[dict], s: float, t: float) -> list[np.ndarray]
     for order in orders:
         A[order] = [Fraction(0)] * 4
         for node in nodes:
-            value = Fraction(node["w"]) * exact_derivative(node["u"], s, order[0]) * exact_derivative(node["v"], t, order[1])
+            value = (
+                Fraction(node["w"])
+                * exact_derivative(node["u"], s, order[0])
+                * exact_derivative(node["v"], t, order[1])
+            )
             A[order] = [a + value * x for a, x in zip(A[order], [*map(Fraction, node["p"]), 1])]
     S: dict[tuple[int, int], list[Fraction]] = {}
     for a, b in orders:
         rest = [(i, j) for i in range(a + 1) for j in range(b + 1) if (i, j) != (a, b)]
-        lower = [sum(math.comb(a, i) * math.comb(b, j) * A[a - i, b - j][3] * S[i, j][d] for i, j in rest) for d in range(3)]
+        lower = [
+            sum(math.comb(a, i) * math.comb(b, j) * A[a - i, b - j][3] * S[i, j][d] for i, j in rest)
+            for d in range(3)
+        ]
         S[a, b] = [(A[a, b][d] - lower[d]) / A[0, 0][3] for d in range(3)]
     return [np.array([float(x) for x in S[order]]) for order in orders]
 
 
 def exact_derivative(knots: list[float], x: Fraction, order: int) -> Fraction:
-    """The order-th derivative of the cubic on five knots, from its pieces: exact differences of a polynomial of degree three."""
+    """The order-th derivative of the cubic on five knots, from its pieces: exact differences of a polynomial
+    of degree three."""
     k = [Fraction(value) for value in knots]
     if not k[0] <= x < k[-1]:
         return Fraction(0)
@@ -280,7 +311,8 @@ def exact_derivative(knots: list[float], x: Fraction, order: int) -> Fraction:
         for j, place in enumerate(places):
             if j != i:
                 product = [
-                    (product[m - 1] if m else 0) - (place - x) * (product[m] if m < len(product) else 0) for m in range(len(product) + 1)
+                    (product[m - 1] if m else 0) - (place - x) * (product[m] if m < len(product) else 0)
+                    for m in range(len(product) + 1)
                 ]
                 product = [c / (places[i] - place) for c in product]
         coefficients = [c + value * p for c, p in zip(coefficients, product)]

@@ -42,7 +42,13 @@ def levels_of() -> tuple[Level, Level, Level]:
 
 def path_on(level: Level, material: Material, cutter: Cutter = bodies.ROUGH) -> ToolPath:
     contacts = cover_level(candidates(level, [MeshDistance(level.mesh)], cutter, POST, PathJob()), material)
-    return orient(contacts, Scene(level.mesh, material.mesh, STOCK, POST, DEVIATION), AxisLimits(2.0), PathJob(), NcJob())
+    return orient(
+        contacts,
+        Scene(level.mesh, material.mesh, STOCK, POST, DEVIATION),
+        AxisLimits(2.0),
+        PathJob(),
+        NcJob(),
+    )
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +70,10 @@ def test_no_ball_of_the_path_is_inside_the_material_left(cut: tuple[Material, To
     material, path = cut
     rows = np.flatnonzero(path.kinds == 0)
     centres = path.tips[rows] + path.cutter.radius * path.axes[rows]
-    assert MeshDistance(material.mesh).signed(centres[path.contacts[rows, 2] > POST.top + 4]).min() > path.cutter.radius - DEVIATION
+    assert (
+        MeshDistance(material.mesh).signed(centres[path.contacts[rows, 2] > POST.top + 4]).min()
+        > path.cutter.radius - DEVIATION
+    )
 
 
 def test_contacts_under_uncut_material_stay_uncut() -> None:
@@ -74,7 +83,10 @@ def test_contacts_under_uncut_material_stay_uncut() -> None:
     spared = path.contacts[:, 2] > 39.0
     shortened = replace(
         path,
-        **{name: getattr(path, name)[~spared] for name in ("kinds", "pass_index", "parameters", "contacts", "tips", "axes", "feed_rates")},
+        **{
+            name: getattr(path, name)[~spared]
+            for name in ("kinds", "pass_index", "parameters", "contacts", "tips", "axes", "feed_rates")
+        },
         uncut=np.vstack([path.uncut, path.contacts[spared]]),
         reasons=path.reasons + ("collision",) * int(spared.sum()),
     )

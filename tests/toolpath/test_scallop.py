@@ -7,19 +7,26 @@ from bonecam.errors import ToolPathError
 from bonecam.toolpath.scallop import FLAT, side_step
 
 CASES = [
-    (R, h, k) for R in (0.5, 1.0, 2.0, 3.0) for h in (0.005, 0.01, 0.05, 0.1) for k in (-0.9 / R, -0.2 / R, -1e-9, 0.0, 1e-7, 0.05, 0.4)
+    (R, h, k)
+    for R in (0.5, 1.0, 2.0, 3.0)
+    for h in (0.005, 0.01, 0.05, 0.1)
+    for k in (-0.9 / R, -0.2 / R, -1e-9, 0.0, 1e-7, 0.05, 0.4)
 ]
 
 
 def scallop_of_step(radius: float, step: np.ndarray, curvature: np.ndarray) -> np.ndarray:
     """Height of the cusp (mm) that contacts `step` apart along the section leave.
 
-    The cusp lies on both balls: with a = theta/2 and rho = 1/kappa, rho + h = (rho + R) cos a - sqrt(R^2 - (rho + R)^2 sin^2 a).
-    NaN where neighbouring balls do not meet.
+    The cusp lies on both balls: with a = theta/2 and rho = 1/kappa, rho + h = (rho + R) cos a - sqrt(R^2 -
+    (rho + R)^2 sin^2 a). NaN where neighbouring balls do not meet.
     """
     angle = curvature * step / 2
     across = np.where(np.abs(angle) < FLAT, step / 2, np.sin(angle) / np.where(curvature == 0, 1, curvature))
-    fall = np.where(np.abs(angle) < FLAT, curvature * step**2 / 8, 2 * np.sin(angle / 2) ** 2 / np.where(curvature == 0, 1, curvature))
+    fall = np.where(
+        np.abs(angle) < FLAT,
+        curvature * step**2 / 8,
+        2 * np.sin(angle / 2) ** 2 / np.where(curvature == 0, 1, curvature),
+    )
     with np.errstate(invalid="ignore"):
         depth = radius - np.sqrt(radius**2 - (across * (1 + curvature * radius)) ** 2)
     return depth - fall * (1 + curvature * radius)
@@ -42,8 +49,13 @@ def test_scallop_of_the_step_is_the_scallop(radius: float, scallop: float, curva
     assert scallop_of_step(radius, step, np.array([curvature])) == pytest.approx(scallop, rel=1e-6)
 
 
-@pytest.mark.parametrize(("radius", "scallop", "curvature"), [(1.0, 0.01, 0.0), (1.0, 0.01, 0.25), (2.0, 0.05, -0.3), (3.0, 0.1, 0.1)])
-def test_two_balls_a_side_step_apart_leave_exactly_the_scallop(radius: float, scallop: float, curvature: float) -> None:
+@pytest.mark.parametrize(
+    ("radius", "scallop", "curvature"),
+    [(1.0, 0.01, 0.0), (1.0, 0.01, 0.25), (2.0, 0.05, -0.3), (3.0, 0.1, 0.1)],
+)
+def test_two_balls_a_side_step_apart_leave_exactly_the_scallop(
+    radius: float, scallop: float, curvature: float
+) -> None:
     step = float(side_step(radius, scallop, np.array([curvature]))[0])
     assert cusp_by_geometry(radius, step, curvature) == pytest.approx(scallop, abs=2e-6 * radius)
 

@@ -24,7 +24,9 @@ def test_a_crease_does_not_crowd_lines_without_end(direction: str) -> None:
     points[37:41] = points[25]
     points[49:53] = points[25]
     creased = TSpline(smooth.tmesh, points, smooth.weights)
-    assert len(line_positions(creased, direction, 2.0, 0.05)) < 6 * len(line_positions(smooth, direction, 2.0, 0.05))
+    assert len(line_positions(creased, direction, 2.0, 0.05)) < 6 * len(
+        line_positions(smooth, direction, 2.0, 0.05)
+    )
 
 
 def test_a_smaller_scallop_takes_more_lines_by_its_root() -> None:

@@ -18,7 +18,10 @@ def roof(height: float = 10.0) -> MeshDistance:
     return MeshDistance(TriangleMesh(vertices, np.array([[0, 2, 1], [3, 4, 5], *sides], dtype=np.int32)))
 
 
-@pytest.mark.parametrize(("deep", "free"), [(0.0, True), (0.9 * MOVE_SHARE, True), (MOVE_SHARE + 1.1 * CONTACT_SHARE, False), (5.0, False)])
+@pytest.mark.parametrize(
+    ("deep", "free"),
+    [(0.0, True), (0.9 * MOVE_SHARE, True), (MOVE_SHARE + 1.1 * CONTACT_SHARE, False), (5.0, False)],
+)
 @pytest.mark.parametrize("length", [0.1, 4.0])
 def test_a_ball_that_passes_over_a_ridge_may_not_enter_it(deep: float, free: bool, length: float) -> None:
     """Both its ends may be clear of the ridge; the middle is `deep` tolerances in it."""

@@ -1,4 +1,5 @@
-"""What a covered level promises: no cusp above the scallop, no gouge, no long chord, no contact at the post."""
+"""What a covered level promises: no cusp above the scallop, no gouge, no long chord, no contact at the
+post."""
 
 from dataclasses import replace
 
@@ -21,7 +22,9 @@ DIRECTIONS = ("around", "along")
 def covered(surface: TSpline, direction: str, post_clearance: float = POST_CLEARANCE) -> ContactPath:
     level = bodies.level_of(surface)
     post, job = post_below(level.mesh, bodies.HOLDING), PathJob(direction=direction)
-    return cover_level(candidates(level, [MeshDistance(level.mesh)], bodies.FINE, post, job, post_clearance=post_clearance))
+    return cover_level(
+        candidates(level, [MeshDistance(level.mesh)], bodies.FINE, post, job, post_clearance=post_clearance)
+    )
 
 
 def joined(path: ContactPath) -> np.ndarray:
@@ -30,11 +33,14 @@ def joined(path: ContactPath) -> np.ndarray:
 
 def swept_centres(path: ContactPath, parts: int = 12) -> np.ndarray:
     i = joined(path)
-    return np.vstack([(1 - f) * path.centres[i] + f * path.centres[i + 1] for f in np.linspace(0, 1, parts + 1)])
+    return np.vstack(
+        [(1 - f) * path.centres[i] + f * path.centres[i + 1] for f in np.linspace(0, 1, parts + 1)]
+    )
 
 
 def heights_left(surface: TSpline, path: ContactPath, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Random surface points and how far along the normal material is left above each, by rays into the balls."""
+    """Random surface points and how far along the normal material is left above each, by rays into the
+    balls."""
     rng = np.random.default_rng(7)
     s, t = rng.random(count), 0.001 + 0.998 * rng.random(count)
     points, normals = np.asarray(surface.evaluate(s, t)), surface.normals(s, t)
@@ -73,7 +79,9 @@ def test_straight_moves_follow_the_offset_curve(direction: str) -> None:
     for f in (0.25, 0.5, 0.75):
         m = (1 - f) * p[near] + f * q[near]
         m[:, 1] = np.clip(m[:, 1], 1e-5, 1 - 1e-5)
-        true = np.asarray(surface.evaluate(m[:, 0], m[:, 1])) + path.cutter.radius * surface.normals(m[:, 0], m[:, 1])
+        true = np.asarray(surface.evaluate(m[:, 0], m[:, 1])) + path.cutter.radius * surface.normals(
+            m[:, 0], m[:, 1]
+        )
         a, chord = path.centres[i[near]], path.centres[i[near] + 1] - path.centres[i[near]]
         ratio = np.clip(((true - a) * chord).sum(1) / (chord * chord).sum(1), 0, 1)
         assert np.linalg.norm(true - a - ratio[:, None] * chord, axis=1).max() <= 1.25 * job.chord_tolerance
@@ -84,7 +92,9 @@ def test_the_ball_never_enters_the_level(direction: str) -> None:
     surface = bodies.waist(1.6)
     path = covered(surface, direction)
     fine = MeshDistance(bodies.mesh_of(surface))
-    assert path.lifts.max() > path.scallop_limit, "the groove must be too sharp for the ball, else this proves nothing"
+    assert path.lifts.max() > path.scallop_limit, (
+        "the groove must be too sharp for the ball, else this proves nothing"
+    )
     assert (path.cutter.radius - fine.signed(swept_centres(path, 8))).max() <= PathJob().gouge_tolerance
     assert "gouge" in path.reasons
 
@@ -108,8 +118,12 @@ def test_neighbouring_passes_run_opposite_ways() -> None:
     path = covered(bodies.pebble(), "around")
     i = joined(path)
     round_ = np.cross(path.centres[i], path.centres[i + 1])[:, 2]
-    sense = np.array([np.sign(round_[path.pass_index[i] == k].sum()) for k in range(path.pass_index.max() + 1)])
-    rings = np.array([np.ptp(path.parameters[path.pass_index == k, 0]) > 0.999 for k in range(path.pass_index.max() + 1)])
+    sense = np.array(
+        [np.sign(round_[path.pass_index[i] == k].sum()) for k in range(path.pass_index.max() + 1)]
+    )
+    rings = np.array(
+        [np.ptp(path.parameters[path.pass_index == k, 0]) > 0.999 for k in range(path.pass_index.max() + 1)]
+    )
     both = rings[1:] & rings[:-1]
     assert both.mean() > 0.8
     assert (sense[1:] == -sense[:-1])[both].all()
@@ -133,7 +147,9 @@ def test_a_post_beside_the_part_is_refused() -> None:
 def test_the_post_ends_inside_the_part() -> None:
     mesh = bodies.mesh_of(bodies.pebble())
     post = post_below(mesh, bodies.HOLDING)
-    rim = np.array([[post.radius * np.cos(a), post.radius * np.sin(a), post.top + 0.05] for a in np.linspace(0, 6, 9)])
+    rim = np.array(
+        [[post.radius * np.cos(a), post.radius * np.sin(a), post.top + 0.05] for a in np.linspace(0, 6, 9)]
+    )
     assert MeshDistance(mesh).inside(rim).all()
 
 

@@ -11,7 +11,8 @@ from bonecam.nc.reading.read import read_program
 from bonecam.verify.gouge import SLACK, measure_gouge
 
 PAIRS = {
-    name: (read_machine(machine), read_dialect(name)) for name, machine in (("heidenhain", "mikron-ucp600"), ("linuxcnc", "linuxcnc-xyzbc"))
+    name: (read_machine(machine), read_dialect(name))
+    for name, machine in (("heidenhain", "mikron-ucp600"), ("linuxcnc", "linuxcnc-xyzbc"))
 }
 
 
@@ -39,7 +40,10 @@ def densely(motions, count=400) -> float:
         moves = np.flatnonzero((motions.tools == number) & motions.known_start)
         for fraction in np.linspace(0, 1, count):
             tips, axes = control.between(motions.words[moves - 1], motions.words[moves], fraction)
-            deepest = max(deepest, float((control.radius - ExactCapsule().signed(tips + control.radius * axes, 0.0)).max()))
+            deepest = max(
+                deepest,
+                float((control.radius - ExactCapsule().signed(tips + control.radius * axes, 0.0)).max()),
+            )
     return deepest
 
 
@@ -56,7 +60,14 @@ def test_a_chord_through_a_bulge_is_found_between_its_ends(pair):
     # ends clear by 0.3 mm, the straight way between them cuts 0.2 mm into the capsule
     reach = CAPSULE_RADIUS + 1.0
     half = np.sqrt((reach + 0.3) ** 2 - (reach - 0.2) ** 2)
-    tips = np.array([[reach - 0.2, -half - 5, 55.0], [reach - 0.2, -half, 55.0], [reach - 0.2, half, 55.0], [reach - 0.2, half + 5, 55.0]])
+    tips = np.array(
+        [
+            [reach - 0.2, -half - 5, 55.0],
+            [reach - 0.2, -half, 55.0],
+            [reach - 0.2, half, 55.0],
+            [reach - 0.2, half + 5, 55.0],
+        ]
+    )
     tips[:, 2] -= 1.0
     motions = motions_of([made_path(tips, np.tile([0, 0, 1.0], (4, 1)))], pair)
     found = measure_gouge(motions, ExactCapsule())
@@ -68,10 +79,14 @@ def test_a_turn_on_the_spot_that_swings_the_ball_into_the_part_is_found():
     # the tip rests beside the capsule while the axis leans over: only the ball's centre moves
     tips = np.array([[6.1, 0, 55.0], [6.1, 0, 54.0], [6.1, 0, 54.0], [12.0, 0, 54.0]])
     lean = np.radians(-60)
-    axes = np.array([[0, 0, 1.0], [0, 0, 1.0], [np.sin(lean), 0, np.cos(lean)], [np.sin(lean), 0, np.cos(lean)]])
+    axes = np.array(
+        [[0, 0, 1.0], [0, 0, 1.0], [np.sin(lean), 0, np.cos(lean)], [np.sin(lean), 0, np.cos(lean)]]
+    )
     pair = PAIRS["heidenhain"]
     motions = motions_of([made_path(tips, axes)], pair)
-    assert measure_gouge(motions, ExactCapsule()).depth == pytest.approx(1 - (6.1 - np.sin(np.radians(60)) - 5), abs=0.002)
+    assert measure_gouge(motions, ExactCapsule()).depth == pytest.approx(
+        1 - (6.1 - np.sin(np.radians(60)) - 5), abs=0.002
+    )
 
 
 def test_a_ball_within_the_part_is_a_gouge_of_more_than_its_radius(pair):
@@ -88,7 +103,10 @@ def test_a_program_far_from_the_part_is_clear(pair):
 
 
 def test_lifting_the_path_by_a_hair_lowers_the_gouge_by_it(pair):
-    depths = [measure_gouge(motions_of([capsule_path(count=900, offset=lift)], pair), ExactCapsule()).depth for lift in (0.0, -0.05, -0.2)]
+    depths = [
+        measure_gouge(motions_of([capsule_path(count=900, offset=lift)], pair), ExactCapsule()).depth
+        for lift in (0.0, -0.05, -0.2)
+    ]
     assert np.allclose(np.diff(depths), [0.05, 0.15], atol=0.002)
 
 

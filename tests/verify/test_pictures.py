@@ -48,7 +48,13 @@ def boxed(wide: float, deep: float, high: float) -> list[Level]:
     """The part, two levels of the morph, of which the last is rounded to the box by two cuts more."""
     box = Box(np.array([-wide, -deep, 55.0 - high]), np.array([wide, deep, 55.0 + high]))
     first = replace(level(0, capsule(5.0)), surface=pebble())
-    return [first, level(1, capsule(5.4)), level(2, capsule(5.8), box), level(3, capsule(6.0), box), level(4, box)]
+    return [
+        first,
+        level(1, capsule(5.4)),
+        level(2, capsule(5.8), box),
+        level(3, capsule(6.0), box),
+        level(4, box),
+    ]
 
 
 def path(k: int) -> ToolPath:
@@ -77,7 +83,9 @@ STOCKS = [(8.0, 8.0, 18.0), (40.0, 10.0, 18.0), (9.0, 30.0, 18.0), (7.0, 7.0, 12
 
 
 @pytest.mark.parametrize("sizes", STOCKS, ids=str)
-def test_panels_have_one_scale_and_nothing_is_clipped_or_covered(sizes: tuple[float, float, float], drawn: list[Figure]) -> None:
+def test_panels_have_one_scale_and_nothing_is_clipped_or_covered(
+    sizes: tuple[float, float, float], drawn: list[Figure]
+) -> None:
     levels = boxed(*sizes)
     draw_levels(levels, POST, "")
     draw_coloured(levels, "")
@@ -89,7 +97,9 @@ def test_panels_have_one_scale_and_nothing_is_clipped_or_covered(sizes: tuple[fl
         assert np.ptp([np.diff(pair, axis=0) for pair in per_mm]) < 0.01
         assert len({plot.get_ylim() for plot in panels}) == 1
         assert len({round(plot.get_window_extent().y0, 6) for plot in panels}) == 1
-        assert all(plot.dataLim.y1 <= plot.get_ylim()[1] and plot.dataLim.y0 >= plot.get_ylim()[0] for plot in panels)
+        assert all(
+            plot.dataLim.y1 <= plot.get_ylim()[1] and plot.dataLim.y0 >= plot.get_ylim()[0] for plot in panels
+        )
         titles, labels = extents(plot.title for plot in panels), extents(plot.xaxis.label for plot in panels)
         ticks = [box for plot in panels for box in extents(plot.get_xticklabels())]
         assert len(ticks) >= len(panels)
@@ -106,17 +116,24 @@ def test_panels_have_one_scale_and_nothing_is_clipped_or_covered(sizes: tuple[fl
         assert not any(label.overlaps(other) for label in labels for other in [*legends, *bars])
 
 
-def test_depths_beyond_the_limit_are_shown_and_titles_say_which_cuts_and_which_line(drawn: list[Figure]) -> None:
+def test_depths_beyond_the_limit_are_shown_and_titles_say_which_cuts_and_which_line(
+    drawn: list[Figure],
+) -> None:
     levels = boxed(8.0, 8.0, 18.0)
     draw_depths(levels, np.array([[0.4, 0.5, 0.4], [0.4, 0.9, 0.4]]), "")
     above = drawn[0].axes[0]
     assert above.get_ylim()[1] > 0.9
     assert list(rounding_cuts(levels)) == [3, 4]
-    assert "cuts 1 to 2 along the line s = 0.7 (cuts 3 to 4, which only round the stock, not shown)" in above.get_title()
+    assert (
+        "cuts 1 to 2 along the line s = 0.7 (cuts 3 to 4, which only round the stock, not shown)"
+        in above.get_title()
+    )
     assert any("cuts 1 to 4" in title for title in texts(drawn[0])[1:])
 
 
-def test_depths_are_drawn_over_the_way_along_the_part_in_the_colours_of_the_cuts_drawn(drawn: list[Figure]) -> None:
+def test_depths_are_drawn_over_the_way_along_the_part_in_the_colours_of_the_cuts_drawn(
+    drawn: list[Figure],
+) -> None:
     levels = boxed(8.0, 8.0, 18.0)
     part = levels[0].surface
     assert part is not None
@@ -144,12 +161,17 @@ def test_some_lines_are_labelled_apart_from_each_other_each_on_its_own(cuts: int
 
 
 @pytest.mark.parametrize("towards", ["x", "y", "z"])
-def test_an_open_mesh_is_seen_from_where_it_faces_and_cut_through_its_middle(towards: str, drawn: list[Figure]) -> None:
+def test_an_open_mesh_is_seen_from_where_it_faces_and_cut_through_its_middle(
+    towards: str, drawn: list[Figure]
+) -> None:
     mesh = sheet(**{towards: 1.0})
     assert np.allclose(view(mesh)[1], [-1.0 * (axis == towards) for axis in "xyz"])
     assert np.isclose(np.linalg.det(view(mesh)[[0, 1, 2]]), 1.0)
     levels = [
-        replace(level(k, capsule(5.0)), mesh=TriangleMesh(mesh.vertices + 0.4 * k * np.eye(3)["xyz".index(towards)], mesh.faces))
+        replace(
+            level(k, capsule(5.0)),
+            mesh=TriangleMesh(mesh.vertices + 0.4 * k * np.eye(3)["xyz".index(towards)], mesh.faces),
+        )
         for k in range(3)
     ]
     draw_levels(levels, None, "")

@@ -16,9 +16,13 @@ from bonecam.nc.reading.read import read_program
 from bonecam.verify.readback import Tolerances, compare, verify_program
 
 PAIRS = {
-    name: (read_machine(machine), read_dialect(name)) for name, machine in (("heidenhain", "mikron-ucp600"), ("linuxcnc", "linuxcnc-xyzbc"))
+    name: (read_machine(machine), read_dialect(name))
+    for name, machine in (("heidenhain", "mikron-ucp600"), ("linuxcnc", "linuxcnc-xyzbc"))
 }
-PATHS = (capsule_path(level=4, radius=2.0, offset=1.5, number=1, count=300), capsule_path(level=0, radius=1.0, number=2, count=600))
+PATHS = (
+    capsule_path(level=4, radius=2.0, offset=1.5, number=1, count=300),
+    capsule_path(level=0, radius=1.0, number=2, count=600),
+)
 
 
 def capsule_mesh(chord: float = 0.002) -> TriangleMesh:
@@ -30,7 +34,9 @@ def capsule_mesh(chord: float = 0.002) -> TriangleMesh:
     middle = len(slope) // 2
     z, r = np.insert(z, middle, BOTTOM), np.insert(r, middle, CAPSULE_RADIUS)
     angle = 2 * np.pi * np.arange(around) / around
-    points = np.column_stack([np.outer(r, np.cos(angle)).ravel(), np.outer(r, np.sin(angle)).ravel(), np.repeat(z, around)])
+    points = np.column_stack(
+        [np.outer(r, np.cos(angle)).ravel(), np.outer(r, np.sin(angle)).ravel(), np.repeat(z, around)]
+    )
     index = np.arange(len(points)).reshape(-1, around)
     a, b, c, d = index[:-1], np.roll(index[:-1], -1, 1), np.roll(index[1:], -1, 1), index[1:]
     faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
@@ -101,7 +107,10 @@ def test_an_axis_off_by_a_hundredth_degree_is_found_at_its_line(pair, letter):
 
 def test_a_wrong_feed_is_found_at_its_line(pair):
     text, line = changed(
-        text_of(pair), 200, r"( F)(\d+(?:\.\d+)?)", lambda found: f" F{float(found[2]) * 1.1:.{4 if '.' in found[2] else 0}f}"
+        text_of(pair),
+        200,
+        r"( F)(\d+(?:\.\d+)?)",
+        lambda found: f" F{float(found[2]) * 1.1:.{4 if '.' in found[2] else 0}f}",
     )
     with pytest.raises(VerifyError, match=rf"line {line}: feed is"):
         check(text, pair)
@@ -114,7 +123,9 @@ def without(text: str, start: int, count: int) -> str:
     lines = [line for i, line in enumerate(lines) if i not in places]
     if lines[0].startswith("0 "):
         numbers = iter(range(len(lines)))
-        lines = [line if line.startswith(" ") else f"{next(numbers)} {line.split(' ', 1)[1]}" for line in lines]
+        lines = [
+            line if line.startswith(" ") else f"{next(numbers)} {line.split(' ', 1)[1]}" for line in lines
+        ]
     return "\n".join(lines) + "\n"
 
 
@@ -136,14 +147,18 @@ def test_a_move_too_many_is_found(pair):
 
 
 def test_a_tool_exchanged_is_found(pair):
-    exchanged = tuple(replace(path, cutter=replace(path.cutter, number=3 - path.cutter.number)) for path in PATHS)
+    exchanged = tuple(
+        replace(path, cutter=replace(path.cutter, number=3 - path.cutter.number)) for path in PATHS
+    )
     with pytest.raises(VerifyError, match="tool 1 cuts what tool 2"):
         check(text_of(pair), pair, exchanged)
 
 
 def test_a_path_through_the_part_is_refused_with_line_and_place(pair, mesh):
     deep = (PATHS[0], capsule_path(level=0, number=2, offset=-0.05, count=600))
-    with pytest.raises(VerifyError, match=r"line \d+: the ball enters the part by 0.05\d+ mm at \(") as caught:
+    with pytest.raises(
+        VerifyError, match=r"line \d+: the ball enters the part by 0.05\d+ mm at \("
+    ) as caught:
         verify_program(text_of(pair, deep), deep, *pair, mesh)
     assert caught.value.evidence["error"] == pytest.approx(0.05, abs=0.005)
 

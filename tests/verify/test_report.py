@@ -36,17 +36,27 @@ def test_the_summary_tells_each_repair() -> None:
         "levels_method": "qp",
         "levels_break_mm": 0.0,
         "toolpath": [{"level": 0, "contacts": 5, "uncut_contacts": 0, "uncut_reasons": {}}],
-        "nc": dict.fromkeys(("blocks", "time_min", "readback_tip_error_mm", "readback_axis_error_deg", "gouge_max_mm"), 1)
+        "nc": dict.fromkeys(
+            ("blocks", "time_min", "readback_tip_error_mm", "readback_axis_error_deg", "gouge_max_mm"), 1
+        )
         | {"file": "half.h", "machine": "mill", "controller": "heidenhain"},
         "seconds": {"mesh": 1.0},
     }
     told = summary_of(report).splitlines()
-    assert told[:2] == ["mesh      993 faces, mm; 1 repair", "repair    closed 1 hole with 33 faces, 9.66 mm across"]
+    assert told[:2] == [
+        "mesh      993 faces, mm; 1 repair",
+        "repair    closed 1 hole with 33 faces, 9.66 mm across",
+    ]
     assert "levels    1 cut, no schedule needs fewer than 1; depth max 0.5000 mm" in told
     assert "hold everywhere on 1 of 1 cut" in told[5]
     broken = summary_of({**report, "levels_break_mm": 0.0042})
-    assert "levels    1 cut, no schedule needs fewer than 1; depth max 0.5000 mm; a limit is broken by 0.0042 mm" in broken
-    assert summary_of({**report, "input": {**report["input"], "repairs": []}}).startswith("mesh      993 faces, mm; 0 repairs\nsurface")
+    assert (
+        "levels    1 cut, no schedule needs fewer than 1; depth max 0.5000 mm; a limit is broken by 0.0042 mm"
+        in broken
+    )
+    assert summary_of({**report, "input": {**report["input"], "repairs": []}}).startswith(
+        "mesh      993 faces, mm; 0 repairs\nsurface"
+    )
 
 
 def test_a_cut_that_is_not_certified_is_told_with_its_place_although_it_measures_well() -> None:
@@ -55,7 +65,10 @@ def test_a_cut_that_is_not_certified_is_told_with_its_place_although_it_measures
         Certificate(depth, gap, -0.01, place, place, place, np.empty((0, 2)), 9)
         for depth, gap in ((0.5, 0.0), (0.5035, 0.0), (0.5, -np.inf))
     )
-    levels = [Level(k, None, mesh, 0.5, 0.5, 0.4, 0.0, 0, certificate=found) for k, found in enumerate((None, good, deep, unknown))]
+    levels = [
+        Level(k, None, mesh, 0.5, 0.5, 0.4, 0.0, 0, certificate=found)
+        for k, found in enumerate((None, good, deep, unknown))
+    ]
     rows = levels_report(levels)
     assert [row["not_certified"] for row in rows[:2]] == [None, []]
     assert {row["depth_full_mean_mm"] for row in rows} == {None}
@@ -72,7 +85,10 @@ def test_why_cuts_have_no_certificate_is_told_as_it_is() -> None:
     body = Capsule(np.array([0.0, 0.0, 10.0]), np.array([0.0, 0.0, 20.0]), 5.0)
     place = np.zeros(3)
     sure = Certificate(0.5, 0.0, -0.01, place, place, place, np.empty((0, 2)), 9)
-    made = [Level(k, None, body.mesh(0.1), 0.5, 0.5, 0.4, 0.0, 0, within=body if k in (2, 3) else None) for k in range(5)]
+    made = [
+        Level(k, None, body.mesh(0.1), 0.5, 0.5, 0.4, 0.0, 0, within=body if k in (2, 3) else None)
+        for k in range(5)
+    ]
     levels = [made[0], *(replace(level, certificate=sure) for level in made[1:3]), *made[3:]]
     rows = levels_report(levels)
     assert [row["rounding"] for row in rows] == [False, False, False, True, True]
@@ -81,4 +97,7 @@ def test_why_cuts_have_no_certificate_is_told_as_it_is() -> None:
     by_cones = certified_text(levels_report(made), "qcqp")
     assert by_cones.startswith("nothing on 2 cuts: levels by qcqp may fall 0.02 mm behind one another")
     assert by_cones.endswith("2 more cuts only to round the stock, exact by construction")
-    assert certified_text(levels_report(made[:2])) == "nothing on 1 cut: the surface is not polynomial (it has weights other than one)"
+    assert (
+        certified_text(levels_report(made[:2]))
+        == "nothing on 1 cut: the surface is not polynomial (it has weights other than one)"
+    )

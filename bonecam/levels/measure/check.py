@@ -1,9 +1,11 @@
-"""What is measured between neighbouring levels; a level that fails is an error with the place and the patch around it.
+"""What is measured between neighbouring levels; a level that fails is an error with the place and the patch
+around it.
 
-Depth of cut k: how far points of level k lie from level k - 1 (what the cutter at level k - 1 has to remove), and the other
-way round. Nesting: no point of level k - 1 lies outside level k. Points are the vertices of the tessellations and the surface in
-the middle of every face; nearest places are found on the tessellations, distances taken to the surfaces (`sheet.py`), the stock
-is measured exactly. Self-intersections are those of the tessellation.
+Depth of cut k: how far points of level k lie from level k - 1 (what the cutter at level k - 1 has to remove),
+and the other way round. Nesting: no point of level k - 1 lies outside level k. Points are the vertices of the
+tessellations and the surface in the middle of every face; nearest places are found on the tessellations,
+distances taken to the surfaces (`sheet.py`), the stock is measured exactly. Self-intersections are those of
+the tessellation.
 """
 
 from dataclasses import dataclass
@@ -26,9 +28,9 @@ REMAINS, BINS, PATCH = 1.0, 20, 2.0
 class Measure:
     """One cut measured, mm, and where the worst was found.
 
-    `full_mean` is over the points of the inner level that had at least a full depth of material to move through, `full_area` (mm^2)
-    their share of its surface. `near_limits` are parameters of all points of the outer level that use up half a tolerance or more,
-    or where it cuts itself.
+    `full_mean` is over the points of the inner level that had at least a full depth of material to move
+    through, `full_area` (mm^2) their share of its surface. `near_limits` are parameters of all points of the
+    outer level that use up half a tolerance or more, or where it cuts itself.
     """
 
     depth_max: float
@@ -80,7 +82,14 @@ def measure(inner: Sheet, outer: Sheet | TriangleMesh, stock: Stock, limit: floa
         too_far_back = ahead > limit + DEPTH_TOLERANCE / 2
         too_far = (depth > limit + DEPTH_TOLERANCE / 2) | (leaves > STOCK_TOLERANCE / 2)
         crossed = outer.grid.parameters[np.unique(mesh.faces[crossing])]
-        near_limits = np.vstack([outer.parameters[too_far], inner.parameters[too_far_back], feet_at[nesting > NEST_TOLERANCE / 2], crossed])
+        near_limits = np.vstack(
+            [
+                outer.parameters[too_far],
+                inner.parameters[too_far_back],
+                feet_at[nesting > NEST_TOLERANCE / 2],
+                crossed,
+            ]
+        )
     middle, weights, areas = depth[len(mesh.vertices) :], _areas(mesh), _areas(inner.mesh)
     full = np.zeros(len(areas), dtype=bool) if mesh is outer else gap[count:] >= REMAINS * limit
     return Measure(
@@ -89,7 +98,9 @@ def measure(inner: Sheet, outer: Sheet | TriangleMesh, stock: Stock, limit: floa
         float(ahead.max()),
         float(np.average(np.abs(ahead[count:][full]), weights=areas[full])) if full.any() else limit,
         float(areas[full].sum()),
-        np.histogram(np.minimum(middle, limit), bins=BINS, range=(0, limit), weights=weights / weights.sum())[0],
+        np.histogram(np.minimum(middle, limit), bins=BINS, range=(0, limit), weights=weights / weights.sum())[
+            0
+        ],
         float(ahead.min()),
         float(leaves.max()),
         crossing,
@@ -102,9 +113,15 @@ def measure(inner: Sheet, outer: Sheet | TriangleMesh, stock: Stock, limit: floa
 
 
 def require(
-    cut: int, found: Measure, limit: float, outer: TriangleMesh, behind: float = NEST_TOLERANCE, outside: float = STOCK_TOLERANCE
+    cut: int,
+    found: Measure,
+    limit: float,
+    outer: TriangleMesh,
+    behind: float = NEST_TOLERANCE,
+    outside: float = STOCK_TOLERANCE,
 ) -> None:
-    """Raise LevelError with the level, the place and the patch (a mesh) where a measure of cut `cut` is out of tolerance."""
+    """Raise LevelError with the level, the place and the patch (a mesh) where a measure of cut `cut` is out
+    of tolerance."""
     for depth, place in ((found.depth_max, found.deepest), (found.depth_max_back, found.deepest_back)):
         if depth > limit + DEPTH_TOLERANCE:
             _fail(cut, f"is {depth:.4f} mm deep, more than {limit} mm,", place, outer)
@@ -127,7 +144,8 @@ def _fail(level: int, trouble: str, place: Float[ndarray, "3"], mesh: TriangleMe
 
 
 def patch_of(mesh: TriangleMesh, place: Float[ndarray, "3"]) -> TriangleMesh:
-    """The faces of a mesh within PATCH mm of a place (at least the nearest one), without the other vertices."""
+    """The faces of a mesh within PATCH mm of a place (at least the nearest one), without the other
+    vertices."""
     distance = np.linalg.norm(mesh.vertices[mesh.faces] - place, axis=2).min(1)
     faces = mesh.faces[distance <= max(PATCH, float(distance.min()))]
     kept, faces = np.unique(faces, return_inverse=True)

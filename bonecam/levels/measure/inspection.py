@@ -1,6 +1,7 @@
 """A sequence of levels as measured: every cut a `Level` with its measures, and what failed where.
 
-When some levels are mended only the cuts below and above them are measured again, on the same grid: such levels move by microns.
+When some levels are mended only the cuts below and above them are measured again, on the same grid: such
+levels move by microns.
 """
 
 import time
@@ -48,7 +49,11 @@ class Cut:
     def over(self) -> float:
         """The same between the places measured too."""
         sure = self.level.certificate
-        return self.measured if sure is None else max(self.measured, sure.depth - self.level.limit, -sure.gap, sure.outside)
+        return (
+            self.measured
+            if sure is None
+            else max(self.measured, sure.depth - self.level.limit, -sure.gap, sure.outside)
+        )
 
     @property
     def uncertain(self) -> bool:
@@ -58,7 +63,8 @@ class Cut:
 
 @dataclass(frozen=True, eq=False)
 class Rules:
-    """What levels are measured against: the stock, the depths, how far (mm) they may fall behind and leave the stock."""
+    """What levels are measured against: the stock, the depths, how far (mm) they may fall behind and leave
+    the stock."""
 
     stock: Stock
     schedule: Schedule
@@ -68,9 +74,12 @@ class Rules:
 
 
 class Inspection:
-    """The levels `made` (control points of levels 0 to K - 1) as measured, in `seconds`. LevelError where one is creased."""
+    """The levels `made` (control points of levels 0 to K - 1) as measured, in `seconds`. LevelError where one
+    is creased."""
 
-    def __init__(self, surface: TSpline, made: Sequence[Float[ndarray, "c 3"]], rules: Rules, progress: Progress) -> None:
+    def __init__(
+        self, surface: TSpline, made: Sequence[Float[ndarray, "c 3"]], rules: Rules, progress: Progress
+    ) -> None:
         began = time.perf_counter()
         try:
             self._grid = level_grid(surface, made, rules.chord_tolerance)
@@ -91,7 +100,10 @@ class Inspection:
             for some in (cuts[first : first + threads] for first in range(0, len(cuts), threads)):
                 report(self._progress, some[0] / (len(made) + 1), f"checking level {some[0]}")
                 needed = {j for k in some for j in (k - 1, k) if j < len(made)}
-                sheets = {j: sheets.get(j) or Sheet(self._surface.with_control_points(made[j]), self._grid) for j in needed}
+                sheets = {
+                    j: sheets.get(j) or Sheet(self._surface.with_control_points(made[j]), self._grid)
+                    for j in needed
+                }
                 measured = pool.map(lambda k, at=sheets: self._cut(k, at[k - 1], at.get(k)), some)
                 self._cuts.update(zip(some, measured))
         self.seconds += time.perf_counter() - began
@@ -103,10 +115,12 @@ class Inspection:
         return other
 
     def trouble(self, cuts: Iterable[int], doubts: bool) -> tuple[int, float]:
-        """How many faces of the levels of these cuts cut others, and how far the worst place measured breaks a limit, mm; with `doubts` the
-        worst that the certificates leave open."""
+        """How many faces of the levels of these cuts cut others, and how far the worst place measured breaks
+        a limit, mm; with `doubts` the worst that the certificates leave open."""
         some = [self._cuts[k] for k in cuts]
-        return sum(cut.level.self_intersections for cut in some), max(cut.over if doubts else cut.measured for cut in some)
+        return sum(cut.level.self_intersections for cut in some), max(
+            cut.over if doubts else cut.measured for cut in some
+        )
 
     def restore(self, other: "Inspection", cuts: Iterable[int]) -> None:
         """Take these cuts as the other inspection has them."""
@@ -157,7 +171,9 @@ class Inspection:
         if not certifiable(inner.surface) or self._rules.behind > NEST_TOLERANCE:
             return Cut(level, found, error)
         if outer is None:
-            return Cut(replace(level, certificate=certificate_of_last(inner.surface, stock, limit)), found, error)
+            return Cut(
+                replace(level, certificate=certificate_of_last(inner.surface, stock, limit)), found, error
+            )
         sure = certificate(inner.surface, outer.surface, stock, limit)
         doubted = sure.too_deep[:FEW]
         if sure.gap < -NEST_TOLERANCE:

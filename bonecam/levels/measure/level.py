@@ -18,12 +18,13 @@ class Level:
 
     `mesh` is the tessellation the measures were taken on. `surface` is None for the last level, which is
     the stock itself. The cut that machines level k - 1 removes the material between levels k - 1 and k.
-    `depth_max` and `depth_mean` go from this level to the one before, `depth_back_max` the other way; `full_mean` is the mean
-    depth where at least one full depth of material was left (on `full_area` mm^2 of the level before); `histogram` the shares of
-    this level's area by depth, in even bins from 0 to `limit`; `outside` how far the level leaves the stock (negative: inside).
-    A level that rounds the stock (`levels/edge_rounding.py`) has a T-mesh of its own: only what of its surface lies inside the body
-    `within` is machined, and `shared` are control points over the other levels' T-mesh that follow it roughly.
-    `certificate` is what holds everywhere on the cut, also between the points measured.
+    `depth_max` and `depth_mean` go from this level to the one before, `depth_back_max` the other way;
+    `full_mean` is the mean depth where at least one full depth of material was left (on `full_area` mm^2 of
+    the level before); `histogram` the shares of this level's area by depth, in even bins from 0 to `limit`;
+    `outside` how far the level leaves the stock (negative: inside). A level that rounds the stock
+    (`levels/edge_rounding.py`) has a T-mesh of its own: only what of its surface lies inside the body
+    `within` is machined, and `shared` are control points over the other levels' T-mesh that follow it
+    roughly. `certificate` is what holds everywhere on the cut, also between the points measured.
     """
 
     index: int
@@ -50,7 +51,8 @@ class Level:
 
     @property
     def certified(self) -> bool | None:
-        """Whether depth, nesting and stock are proven everywhere on the cut; None where nothing is known, or nothing has to be proven."""
+        """Whether depth, nesting and stock are proven everywhere on the cut; None where nothing is known, or
+        nothing has to be proven."""
         return None if self.certificate is None else not self.certificate.shortfalls(self.limit)
 
     @property
@@ -61,6 +63,7 @@ class Level:
 
 
 def rounding_cuts(levels: Sequence[Level]) -> range:
-    """The cuts that round a stock with edges down to the body that the morph ends at; empty where it ends at the stock."""
+    """The cuts that round a stock with edges down to the body that the morph ends at; empty where it ends at
+    the stock."""
     body = next((level.index for level in levels if level.within is not None), len(levels) - 1)
     return range(body + 1, len(levels))

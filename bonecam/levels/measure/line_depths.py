@@ -1,4 +1,5 @@
-"""How deep each cut is at single points: on the vertices of every level, and along one parameter line (Gan et al. 2014, Fig. 11)."""
+"""How deep each cut is at single points: on the vertices of every level, and along one parameter line (Gan et
+al. 2014, Fig. 11)."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -16,8 +17,12 @@ LINE, POINTS = 0.7, 1000
 
 
 def step_depths(levels: Sequence[Level]) -> list[Float[ndarray, " n"]]:
-    """For each level the distance of its mesh vertices to the level before it (its surface, not its mesh), mm; zero on the part."""
-    return [np.zeros(len(levels[0].mesh.vertices)), *(depths_from(before, level.mesh.vertices) for before, level in pairwise(levels))]
+    """For each level the distance of its mesh vertices to the level before it (its surface, not its mesh),
+    mm; zero on the part."""
+    return [
+        np.zeros(len(levels[0].mesh.vertices)),
+        *(depths_from(before, level.mesh.vertices) for before, level in pairwise(levels)),
+    ]
 
 
 def depths_from(before: Level, points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
@@ -27,12 +32,16 @@ def depths_from(before: Level, points: Float[ndarray, "n 3"]) -> Float[ndarray, 
     return before.surface.project(points).distances
 
 
-def line_depths(levels: Sequence[Level], stock: Stock | None, s: float = LINE, points: int = POINTS) -> Float[ndarray, "k points"]:
-    """For each cut of the morph (rounding levels left out) the depth, mm, at points evenly spaced on the line s of its outer level.
+def line_depths(
+    levels: Sequence[Level], stock: Stock | None, s: float = LINE, points: int = POINTS
+) -> Float[ndarray, "k points"]:
+    """For each cut of the morph (rounding levels left out) the depth, mm, at points evenly spaced on the line
+    s of its outer level.
 
-    Depths are distances to the level before, not to the point of the same parameter, which may have slid along. The last cut's are
-    from the places nearest to the line on the body that the morph ends at: the `stock` itself, or its surface where it was rounded.
-    Open levels have no `stock` (None): theirs are from the mesh of the last level.
+    Depths are distances to the level before, not to the point of the same parameter, which may have slid
+    along. The last cut's are from the places nearest to the line on the body that the morph ends at: the
+    `stock` itself, or its surface where it was rounded. Open levels have no `stock` (None): theirs are from
+    the mesh of the last level.
     """
     surfaces = [level.surface for level in levels if level.within is None and level.surface is not None]
     across, t = _on_line(surfaces[0], s, points)

@@ -1,7 +1,9 @@
-"""A level as it is measured: its tessellation, for the way to the nearest place, and the surface itself, for the distance.
+"""A level as it is measured: its tessellation, for the way to the nearest place, and the surface itself, for
+the distance.
 
-A tessellation lies up to its chord tolerance off the surface, which is more than levels may be off. So a point's nearest place on
-the mesh is where Newton starts on the surface; what is said of a level is the distance to its surface.
+A tessellation lies up to its chord tolerance off the surface, which is more than levels may be off. So a
+point's nearest place on the mesh is where Newton starts on the surface; what is said of a level is the
+distance to its surface.
 """
 
 from dataclasses import dataclass
@@ -53,12 +55,17 @@ class Sheet:
         """Distance (mm) of points from the foot that Newton finds from these parameters: never too near."""
         return np.abs(self._from(points, parameters, STEPS)[0])
 
-    def signed(self, points: Float[ndarray, "n 3"], parameters: Float[ndarray, "n 2"]) -> Float[ndarray, " n"]:
+    def signed(
+        self, points: Float[ndarray, "n 3"], parameters: Float[ndarray, "n 2"]
+    ) -> Float[ndarray, " n"]:
         """The same, negative inside."""
         return self._sided(points, self._from(points, parameters, STEPS)[0])
 
-    def closely(self, points: Float[ndarray, "n 3"], parameters: Float[ndarray, "n 2"] | None = None) -> tuple[ndarray, ndarray]:
-        """The same with more steps, from the nearest place on the mesh too: the nearer foot. And the parameters (n, 2) of the feet."""
+    def closely(
+        self, points: Float[ndarray, "n 3"], parameters: Float[ndarray, "n 2"] | None = None
+    ) -> tuple[ndarray, ndarray]:
+        """The same with more steps, from the nearest place on the mesh too: the nearer foot. And the
+        parameters (n, 2) of the feet."""
         distance, places = self._from_mesh(points, CLOSE_STEPS)
         if parameters is not None:
             own, own_places = self._from(points, parameters, CLOSE_STEPS)
@@ -77,10 +84,13 @@ class Sheet:
         nearest, face = self.distance.closest(points)
         corners = self.grid.faces[face]
         away = np.linalg.norm(self.mesh.vertices[corners] - nearest[:, None], axis=2)
-        return self._from(points, self.grid.parameters[corners[np.arange(len(points)), np.argmin(away, axis=1)]], steps)
+        return self._from(
+            points, self.grid.parameters[corners[np.arange(len(points)), np.argmin(away, axis=1)]], steps
+        )
 
     def _sided(self, points: ndarray, distance: ndarray) -> ndarray:
-        """Beyond a crease the nearest place's own side misleads: of what is farther off than the mesh can be, rays tell the side."""
+        """Beyond a crease the nearest place's own side misleads: of what is farther off than the mesh can be,
+        rays tell the side."""
         far = np.flatnonzero(np.abs(distance) > max(DOUBTFUL, CHORDS * self.grid.chord_tolerance))
         if len(far):
             distance[far] = np.abs(distance[far]) * np.where(self.distance.inside(points[far]), -1.0, 1.0)

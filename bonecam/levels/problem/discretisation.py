@@ -1,4 +1,5 @@
-"""What all levels of one morph share: the samples of the energy, the denser ones on which limits are watched, the matrices."""
+"""What all levels of one morph share: the samples of the energy, the denser ones on which limits are watched,
+the matrices."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -10,7 +11,15 @@ from numpy import ndarray
 
 from bonecam.levels.problem.energies.attraction import Attraction
 from bonecam.levels.problem.poles import free_moves
-from bonecam.levels.problem.samples import Places, Samples, creases, joined, places_at, ring_pattern, thin_plate
+from bonecam.levels.problem.samples import (
+    Places,
+    Samples,
+    creases,
+    joined,
+    places_at,
+    ring_pattern,
+    thin_plate,
+)
 from bonecam.setup.stock import Stock
 from bonecam.surface.tspline import TSpline
 
@@ -20,9 +29,9 @@ WATCH_ALONG, WATCH_AROUND = 5, 5
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """The part and its stock; `samples` (about ten a control point) carry the energy, `watch` only limits: an even pattern, to which
-    each level has its creases added, and the places where levels broke limits when they were measured. M as in `samples`, `free` as in
-    `poles`."""
+    """The part and its stock; `samples` (about ten a control point) carry the energy, `watch` only limits: an
+    even pattern, to which each level has its creases added, and the places where levels broke limits when
+    they were measured. M as in `samples`, `free` as in `poles`."""
 
     surface: TSpline
     stock: Stock
@@ -34,8 +43,11 @@ class Setting:
     free: sp.csr_array
 
     def watched(self, level: Float[ndarray, "c 3"], before: Float[ndarray, "c 3"]) -> Places:
-        """All places on which the limits of a level are watched, given its control points and those before."""
-        return joined(Places, self.watch, places_at(self.surface, creases(self.watch, level, before)), self.broken)
+        """All places on which the limits of a level are watched, given its control points and those
+        before."""
+        return joined(
+            Places, self.watch, places_at(self.surface, creases(self.watch, level, before)), self.broken
+        )
 
     @cached_property
     def free_M(self) -> sp.csc_array:

@@ -1,4 +1,5 @@
-"""Matrices of an open surface over its own Bezier elements, by Gauss points: the thin plate M, int R'R, and what moves its edges."""
+"""Matrices of an open surface over its own Bezier elements, by Gauss points: the thin plate M, int R'R, and
+what moves its edges."""
 
 from dataclasses import dataclass
 
@@ -14,7 +15,8 @@ GAUSS, BORDER, ON_BORDER = 4, 400, 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Fabric:
-    """Gauss samples R with their weights and normals, the thin plate M, N = int R'R, and the control points that move an edge."""
+    """Gauss samples R with their weights and normals, the thin plate M, N = int R'R, and the control points
+    that move an edge."""
 
     R: sp.csr_array
     weights: Float[ndarray, " n"]

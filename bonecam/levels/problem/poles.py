@@ -1,6 +1,8 @@
-"""A pole that is smooth stays smooth: the ring of control points next to it moves as one affine map of itself.
+"""A pole that is smooth stays smooth: the ring of control points next to it moves as one affine map of
+itself.
 
-Each of the ring's points alone could leave the plane they share with the pole, which then becomes the tip of a cone, and folds.
+Each of the ring's points alone could leave the plane they share with the pole, which then becomes the tip of
+a cone, and folds.
 """
 
 import numpy as np
@@ -13,11 +15,14 @@ FLAT = 1e-6
 
 
 def free_moves(surface: TSpline) -> sp.csr_array:
-    """B of moves = B d: the moves of all control points (c) from those d (m) that are free. Of a ring round a pole with two directions
-    in its plane, two points are: the others are where the affine map of pole and ring that they give takes them."""
+    """B of moves = B d: the moves of all control points (c) from those d (m) that are free. Of a ring round a
+    pole with two directions in its plane, two points are: the others are where the affine map of pole and
+    ring that they give takes them."""
     starts, size = surface.tmesh.row_starts, surface.tmesh.size
     B, bound = sp.lil_array(sp.eye_array(size)), np.zeros(size, dtype=bool)
-    for has_pole, pole, ring in zip(surface.tmesh.poles, (0, size - 1), (range(starts[1], starts[2]), range(starts[-3], starts[-2]))):
+    for has_pole, pole, ring in zip(
+        surface.tmesh.poles, (0, size - 1), (range(starts[1], starts[2]), range(starts[-3], starts[-2]))
+    ):
         points = np.array(ring)
         offsets = surface.control_points[points] - surface.control_points[pole]
         _, sizes, axes = np.linalg.svd(offsets, full_matrices=False)
@@ -36,7 +41,8 @@ def free_moves(surface: TSpline) -> sp.csr_array:
 
 
 def _spread(flat: np.ndarray) -> list[int]:
-    """As many of the points as they have coordinates, the farthest first, each next one as independent of those as can be."""
+    """As many of the points as they have coordinates, the farthest first, each next one as independent of
+    those as can be."""
     chosen: list[int] = []
     rest = flat.copy()
     for _ in range(flat.shape[1]):

@@ -1,12 +1,15 @@
-"""The quadratic program of one level, on the free moves D of the control points (`poles.py`), and its solution.
+"""The quadratic program of one level, on the free moves D of the control points (`poles.py`), and its
+solution.
 
-    min  int |S_new - H|^2 + stiffness D'MD + bending P_new'M P_new        S_new = S + R D, the integrals over the surface
-    s.t. depth, nesting and stock at samples                              (`limits.py`)
+    min  int |S_new - H|^2 + stiffness D'MD + bending P_new'M P_new        S_new = S + R D, the integrals over
+    the surface s.t. depth, nesting and stock at samples                              (`limits.py`)
 
-The energies are those listed in NET (of the control net) and SAMPLED (of samples), each a file of its own (`energy.py`); so are the limits.
+The energies are those listed in NET (of the control net) and SAMPLED (of samples), each a file of its own
+(`energy.py`); so are the limits.
 
-The program is solved by splitting (ADMM, as OSQP does it): samples go to the nearest point of their own limits, control points to the
-least-squares fit of the samples, and the matrix of that fit is the same for x, y and z and for all iterations: one small factor a level.
+The program is solved by splitting (ADMM, as OSQP does it): samples go to the nearest point of their own
+limits, control points to the least-squares fit of the samples, and the matrix of that fit is the same for x,
+y and z and for all iterations: one small factor a level.
 """
 
 from dataclasses import dataclass, replace
@@ -34,25 +37,29 @@ from bonecam.levels.solvers.osqp import factor, solve
 NET, SAMPLED = (plate,), (pull, farthest)
 ITERATIONS, RENEW, RHO, RELAXATION = 240, 20, 32.0, 1.6
 SETTLED = 1e-3
-"""The splitting ends where its samples move and miss their limits by a smaller share of how far they are pulled, root mean square. (By a
-length, 0.0005 mm, it ended as early where much is left to move, and too early on the outermost levels: their energies were 5 % above the
-least on a phalanx, now 2 %.)"""
+"""The splitting ends where its samples move and miss their limits by a smaller share of how far they are
+pulled, root mean square. (By a length, 0.0005 mm, it ended as early where much is left to move, and too early
+on the outermost levels: their energies were 5 % above the least on a phalanx, now 2 %.)"""
 RENEWALS, OSQP_TOLERANCE = 3, 1e-5
 TOO_FAR = 0.001
 """A sample is in a hollow once it is so much (mm) farther from the new level than the cut is deep."""
 MOST_BENT = 2.5
-"""Bending alone takes no sample farther than so many depths. It grows with the part: that of a femur would sweep its neck out of all
-limits, the more so the more the pull is eased. (Of small bones it takes none farther than 2, and that fills their hollows.)"""
+"""Bending alone takes no sample farther than so many depths. It grows with the part: that of a femur would
+sweep its neck out of all limits, the more so the more the pull is eased. (Of small bones it takes none
+farther than 2, and that fills their hollows.)"""
 PRESS = 0.1
-"""How far (mm) outside the stock samples may be pulled: what is pressed against the wall lies there, where levels meet it too."""
+"""How far (mm) outside the stock samples may be pulled: what is pressed against the wall lies there, where
+levels meet it too."""
 
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """min sum_l w_l |x_l + R_l D - H_l|^2 + D'(matrix)D + 2 linear . D within `limits`, set up at the targets; `net` is the second half.
+    """min sum_l w_l |x_l + R_l D - H_l|^2 + D'(matrix)D + 2 linear . D within `limits`, set up at the
+    targets; `net` is the second half.
 
-    The samples are at parameters (s, t); the moves of all control points are `free` times D. From where `hollow` samples are now the new
-    level has become too far once (`back.py`): they are limited along the way from there to it.
+    The samples are at parameters (s, t); the moves of all control points are `free` times D. From where
+    `hollow` samples are now the new level has become too far once (`back.py`): they are limited along the way
+    from there to it.
     """
 
     s: Float[ndarray, " k"]
@@ -83,10 +90,11 @@ class Program:
         return np.asarray(self.R.T @ (self.weights[:, None] * (self.x - self.H)) + self.net.linear)
 
     def at(self, moves: Float[ndarray, "m 3"]) -> "Program":
-        """Limits set up again where the moves take the samples, and H slid beside them: what counts is the way along the normals.
+        """Limits set up again where the moves take the samples, and H slid beside them: what counts is the
+        way along the normals.
 
-        So samples may gather where the level bends, as at the rim of what lies at the wall; in the spans at the poles, where they would
-        fold over the pole, they may not.
+        So samples may gather where the level bends, as at the rim of what lies at the wall; in the spans at
+        the poles, where they would fold over the pole, they may not.
         """
         y = self.x + self.R @ moves
         limits, before = self.limits.at(y, 1), self.limits.before
@@ -99,14 +107,22 @@ class Program:
         back = behind(after, self.x, y, self.s, self.t, limits.s, limits.t, far, 2)
         hollow = self.hollow.copy()
         hollow[back.which] = True
-        limits = limits.straight(back.which, self.x[back.which], back.n, high[back.which] + dots(y[back.which] - back.foot, back.n))
+        limits = limits.straight(
+            back.which, self.x[back.which], back.n, high[back.which] + dots(y[back.which] - back.foot, back.n)
+        )
         return replace(self, limits=limits, H=np.where(sliding[:, None], slid, self.H), hollow=hollow)
 
 
 def program_of(
-    setting: Setting, P: Float[ndarray, "c 3"], rest: Remaining, cut: Cut, manner: Manner, ease: Float[ndarray, " c"] | None = None
+    setting: Setting,
+    P: Float[ndarray, "c 3"],
+    rest: Remaining,
+    cut: Cut,
+    manner: Manner,
+    ease: Float[ndarray, " c"] | None = None,
 ) -> Program:
-    """The program of the level above P, from which `rest` is left to the stock; `ease` is a factor of the pull, a control point each."""
+    """The program of the level above P, from which `rest` is left to the stock; `ease` is a factor of the
+    pull, a control point each."""
     stock, before = setting.stock, setting.surface.with_control_points(P)
     given = Given(setting, before, rest, cut, manner)
     net, pulled = summed([energy(given) for energy in NET]), stacked([energy(given) for energy in SAMPLED])
@@ -114,10 +130,22 @@ def program_of(
     weights = pulled.weights if ease is None else pulled.weights * (pulled.R @ ease)
     R, gap = sp.csr_array(pulled.R @ setting.free), -stock.signed_distance(x)
     limits = limits_at(before, stock, cut, gap, target, pulled.s, pulled.t, 2)
-    H = inside(stock, limits.c + pulled.beyond[:, None] * (target - limits.c), np.minimum(gap, cut.landing) - PRESS)
+    H = inside(
+        stock, limits.c + pulled.beyond[:, None] * (target - limits.c), np.minimum(gap, cut.landing) - PRESS
+    )
     hollow = np.zeros(len(x), dtype=bool)
     return Program(
-        pulled.s, pulled.t, setting.free, hollow, R, x, weights, H, target, limits, _tamed(net, R, weights, MOST_BENT * cut.depth)
+        pulled.s,
+        pulled.t,
+        setting.free,
+        hollow,
+        R,
+        x,
+        weights,
+        H,
+        target,
+        limits,
+        _tamed(net, R, weights, MOST_BENT * cut.depth),
     )
 
 
@@ -128,18 +156,25 @@ def _tamed(net: Quadratic, R: sp.csr_array, weights: ndarray, most: float) -> Qu
 
 
 def split(program: Program, iterations: int = ITERATIONS, renew: int = RENEW) -> Float[ndarray, "m 3"]:
-    """The free moves by splitting, in so many iterations at most; every `renew` of them the program is set up again where samples are."""
+    """The free moves by splitting, in so many iterations at most; every `renew` of them the program is set up
+    again where samples are."""
     R, x, linear = program.R, program.x, program.net.linear / RHO
     csr = R.indptr, R.indices, R.data
     fit = factor(sp.csc_array(program.net.matrix / RHO), R, program.weights)
-    z, u, settled = program.start.copy(), np.zeros_like(x), SETTLED**2 * program.weights @ ((program.H - x) ** 2).sum(1)
+    z, u, settled = (
+        program.start.copy(),
+        np.zeros_like(x),
+        SETTLED**2 * program.weights @ ((program.H - x) ** 2).sum(1),
+    )
     y, moments = np.empty_like(x), np.empty_like(linear)
     D = fit.solve(R.T @ (program.weights[:, None] * (z - x)) - linear)
     for k in range(1, iterations + 1):
         if k % renew == 0:
             program = program.at(D)
         rows.times(*csr, D, y)
-        unsettled = splitting.sweep(x, y, program.H, *program.limits.planes, program.weights, RHO, RELAXATION, z, u)
+        unsettled = splitting.sweep(
+            x, y, program.H, *program.limits.planes, program.weights, RHO, RELAXATION, z, u
+        )
         rows.transposed_times(*csr, y, moments)
         D = fit.solve(moments - linear)
         if k > renew and unsettled < settled:

@@ -1,8 +1,10 @@
-"""How far the stock is from a level: over points of the stock, the distance to the nearest sample's neighbourhood.
+"""How far the stock is from a level: over points of the stock, the distance to the nearest sample's
+neighbourhood.
 
-No level lies behind the one before, so a point's distance only falls: of the points of the stock only those are measured again
-that were farther from the level before than the farthest is from this one, until they are known not to be from this one. At the part a
-point is not farther than a neighbour that is measured and the way to it.
+No level lies behind the one before, so a point's distance only falls: of the points of the stock only those
+are measured again that were farther from the level before than the farthest is from this one, until they are
+known not to be from this one. At the part a point is not farther than a neighbour that is measured and the
+way to it.
 """
 
 from dataclasses import dataclass
@@ -24,9 +26,10 @@ CHORD, FIRST, EVERY, STEPS = 0.01, 200, 10, 4
 
 @dataclass(frozen=True, eq=False)
 class Remaining:
-    """Points of the stock, farthest first, for each a distance (mm) it is not farther than (the first one's is exact), and the
-    parameters (s, t) of the foot at which that was found; and the watched point of the level that is `deepest` inside the stock, and how
-    deep, mm: from the bottom of a hollow it is farther to the stock than from the stock to its sides."""
+    """Points of the stock, farthest first, for each a distance (mm) it is not farther than (the first one's
+    is exact), and the parameters (s, t) of the foot at which that was found; and the watched point of the
+    level that is `deepest` inside the stock, and how deep, mm: from the bottom of a hollow it is farther to
+    the stock than from the stock to its sides."""
 
     points: Float[ndarray, "n 3"]
     at_most: Float[ndarray, " n"]
@@ -58,7 +61,8 @@ def whole(stock: Stock) -> Remaining:
 
 
 def remaining(setting: Setting, P: Float[ndarray, "c 3"], before: Remaining) -> Remaining:
-    """What is left above the level with control points P, which encloses the one `before` was measured from."""
+    """What is left above the level with control points P, which encloses the one `before` was measured
+    from."""
     known = np.isfinite(before.farthest)
     level, samples = setting.surface.with_control_points(P), setting.samples if known else setting.watch
     tree, distance, places = cKDTree(combined(samples.R, P)), before.at_most.copy(), before.feet.copy()
@@ -86,10 +90,13 @@ def remaining(setting: Setting, P: Float[ndarray, "c 3"], before: Remaining) -> 
     own = combined(setting.watch.R, P)
     depths = -setting.stock.signed_distance(own)
     deepest = int(np.argmax(depths))
-    return Remaining(before.points[order], distance[order], places[order], own[deepest], float(depths[deepest]))
+    return Remaining(
+        before.points[order], distance[order], places[order], own[deepest], float(depths[deepest])
+    )
 
 
 def _nearest(level: TSpline, points: ndarray, start: ndarray, enough: float = 0.0) -> tuple[ndarray, ndarray]:
-    """Distances of the feet found from these parameters, and their own; of places as near as `enough` where those are."""
+    """Distances of the feet found from these parameters, and their own; of places as near as `enough` where
+    those are."""
     s, t, foot, _ = feet(level, points, start[:, 0], start[:, 1], STEPS, np.full(len(points), enough))
     return lengths(points - foot), np.column_stack([s, t])

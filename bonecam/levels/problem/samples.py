@@ -1,10 +1,12 @@
-"""Samples of a surface, fixed patterns in its parameters, and the integrals over it as matrices over the control points.
+"""Samples of a surface, fixed patterns in its parameters, and the integrals over it as matrices over the
+control points.
 
     thin plate   int |S_ss|^2 + 2 |S_st|^2 + |S_tt|^2      = P' M P          (Gan et al. 2014, section 4.2)
     pull         int |S - H|^2                             = P' N P - 2 P' L + const
 
-M and N are the same for every level of one surface; L = int R'H changes with the attracting points H. The integrals are
-sums over `Samples`: Gauss points in every t-span, evenly spaced points round s (both parameters run over [0, 1]).
+M and N are the same for every level of one surface; L = int R'H changes with the attracting points H. The
+integrals are sums over `Samples`: Gauss points in every t-span, evenly spaced points round s (both parameters
+run over [0, 1]).
 """
 
 from dataclasses import dataclass, fields
@@ -24,8 +26,8 @@ GAUSS, AROUND, MOST_AROUND, LEAST_AROUND = 3, 3, 400, 12
 NEAR_POLE = 1e-3
 CLOSE_TO_POLE = (0.005, 0.02, 0.05)
 BENT, HOLLOW, MOST_BETWEEN = 0.0005, 0.001, 8
-"""Between neighbours of a ring pattern a level may sag by so much (mm) more than the one before, and by so much in a hollow; there are so
-many more places there at most."""
+"""Between neighbours of a ring pattern a level may sag by so much (mm) more than the one before, and by so
+much in a hollow; there are so many more places there at most."""
 SHAPED = 0.3
 """Share of the surface at a sample that control points together have where they shape it."""
 
@@ -85,7 +87,9 @@ def combined(R: sp.csr_array, points: Float[ndarray, "c 3"]) -> Float[ndarray, "
 
 def gram(R: sp.csr_array, weights: Float[ndarray, "n"]) -> sp.csc_array:
     """R'WR."""
-    weighed = sp.csr_array((R.data * np.repeat(weights, np.diff(R.indptr)), R.indices, R.indptr), shape=R.shape)
+    weighed = sp.csr_array(
+        (R.data * np.repeat(weights, np.diff(R.indptr)), R.indices, R.indptr), shape=R.shape
+    )
     return sp.csc_array(R.T @ weighed)
 
 
@@ -102,8 +106,8 @@ def integration_points(surface: TSpline) -> tuple[ndarray, ndarray, ndarray]:
 
 
 def ring_pattern(surface: TSpline, along: int, around: int) -> Samples:
-    """`along` rings in every t-span, on each `around` points for every knot of its densest control row; both ends of t and
-    rings close to them.
+    """`along` rings in every t-span, on each `around` points for every knot of its densest control row; both
+    ends of t and rings close to them.
 
     The weights are areas of the parameters (sum 1). Normals at the ends are those just inside.
     """
@@ -113,7 +117,9 @@ def ring_pattern(surface: TSpline, along: int, around: int) -> Samples:
     rings = (spans[:-1, None] + np.diff(spans)[:, None] * parts).ravel()
     share = np.repeat(np.diff(spans), along) / along
     near = np.array(CLOSE_TO_POLE)
-    rings = np.concatenate([spans[0] + near * (spans[1] - spans[0]), rings, spans[-1] - near * (spans[-1] - spans[-2])])
+    rings = np.concatenate(
+        [spans[0] + near * (spans[1] - spans[0]), rings, spans[-1] - near * (spans[-1] - spans[-2])]
+    )
     share = np.concatenate([0 * near, share, 0 * near])
     first = np.searchsorted(knots, rings, side="right") - 4
     counts = np.array([max(LEAST_AROUND, around * max(len(row) for row in rows[j : j + 4])) for j in first])
@@ -141,15 +147,20 @@ def places_at(surface: TSpline, parameters: Float[ndarray, "k 2"]) -> Places:
 def joined(kind: type[P], *parts: Places) -> P:
     """All of them as one of that kind."""
     values: list[list[Any]] = [[getattr(part, field.name) for part in parts] for field in fields(kind)]
-    whole: list[Any] = [sp.csr_array(sp.vstack(some)) if sp.issparse(some[0]) else np.concatenate(some) for some in values]
+    whole: list[Any] = [
+        sp.csr_array(sp.vstack(some)) if sp.issparse(some[0]) else np.concatenate(some) for some in values
+    ]
     return kind(*whole)
 
 
-def creases(pattern: Samples, level: Float[ndarray, "c 3"], before: Float[ndarray, "c 3"] | None = None) -> Float[ndarray, "k 2"]:
-    """Parameters (s, t) between neighbours of a ring pattern: more where a level bends more than the one before, if there is one, and
-    where it is hollow.
+def creases(
+    pattern: Samples, level: Float[ndarray, "c 3"], before: Float[ndarray, "c 3"] | None = None
+) -> Float[ndarray, "k 2"]:
+    """Parameters (s, t) between neighbours of a ring pattern: more where a level bends more than the one
+    before, if there is one, and where it is hollow.
 
-    Where both bend alike what is between two samples keeps their distance; but in a hollow the sides meet between them.
+    Where both bend alike what is between two samples keeps their distance; but in a hollow the sides meet
+    between them.
     """
     rings, starts, counts = np.unique(pattern.t[:-2], return_index=True, return_counts=True)
     x, n = combined(pattern.R, level), pattern.normals(level)
@@ -167,7 +178,9 @@ def creases(pattern: Samples, level: Float[ndarray, "c 3"], before: Float[ndarra
         more = np.clip(np.ceil(more) - 1, 0, MOST_BETWEEN).astype(int)
         which = np.repeat(place, more)
         share = (np.arange(len(which)) - np.repeat(np.cumsum(more) - more, more) + 1) / (more[which] + 1)
-        found.append(np.column_stack([(s[which] + share * ds[which]) % 1.0, pattern.t[which] + share * dt[which]]))
+        found.append(
+            np.column_stack([(s[which] + share * ds[which]) % 1.0, pattern.t[which] + share * dt[which]])
+        )
     return np.vstack(found)
 
 

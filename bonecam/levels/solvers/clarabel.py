@@ -1,17 +1,20 @@
-"""The published problem, one level at a time, solved exactly: the reference of the default method. The only door to Clarabel.
+"""The published problem, one level at a time, solved exactly: the reference of the default method. The only
+door to Clarabel.
 
 Gan et al. 2014, section 4.2, with sampled points S_l = R_l P and their moves R_l x:
 
     min  c_int (P+x)' M (P+x) + c_ext int |R (P+x) - H|^2      Eqs. (8), (9)
     s.t. |R_l x| <= eps_k                                  the depth, Eq. (11)
-         |R_l (P + x) - O - tau_l A| <= phi / 2            the capsule about the segment from O to O + A, 0 <= tau_l <= 1, Eq. (12)
-         n_l . R_l x >= 0                                  each level encloses the one before (the paper leaves this out)
+         |R_l (P + x) - O - tau_l A| <= phi / 2            the capsule about the segment from O to O + A, 0 <=
+         tau_l <= 1, Eq. (12) n_l . R_l x >= 0                                  each level encloses the one
+         before (the paper leaves this out)
 
-a convex quadratic program with second-order cones. A stock that is no capsule is held by planes at its nearest points. The
-paper samples and stops there; here every point of a denser pattern that breaks a limit joins the samples and the program is
-solved again (to TOLERANCE mm; after ROUNDS what verification allows is taken), so that the answer is the optimum over the whole
-surface. `hull` states the depth on the control points instead (|x_i| <= eps_k), which holds everywhere by itself. Needs the extra
-`reference`. Slow: seconds a level.
+a convex quadratic program with second-order cones. A stock that is no capsule is held by planes at its
+nearest points. The paper samples and stops there; here every point of a denser pattern that breaks a limit
+joins the samples and the program is solved again (to TOLERANCE mm; after ROUNDS what verification allows is
+taken), so that the answer is the optimum over the whole surface. `hull` states the depth on the control
+points instead (|x_i| <= eps_k), which holds everywhere by itself. Needs the extra `reference`. Slow: seconds
+a level.
 """
 
 from collections.abc import Callable
@@ -26,7 +29,15 @@ from numpy import ndarray
 from bonecam.errors import LevelError, place_name
 from bonecam.job import wrong
 from bonecam.levels.measure.check import DEPTH_TOLERANCE
-from bonecam.levels.problem.samples import Samples, creases, integration_points, joined, ring_pattern, samples_of, thin_plate
+from bonecam.levels.problem.samples import (
+    Samples,
+    creases,
+    integration_points,
+    joined,
+    ring_pattern,
+    samples_of,
+    thin_plate,
+)
 from bonecam.progress import Progress, report
 from bonecam.setup.schedule import Schedule
 from bonecam.setup.stock import Capsule, Stock
@@ -34,20 +45,23 @@ from bonecam.surface.tspline import TSpline
 
 TOLERANCE, ROUNDS, PER_POINT, CLEAR = 1e-3, 12, 3, 6e-3
 ACCURACY, GAP, INTERIOR = 1e-6, 1e-4, 2e-4
-"""A level may fall this far behind the one before, mm: at the wall the limits would leave the solver no inside otherwise."""
+"""A level may fall this far behind the one before, mm: at the wall the limits would leave the solver no
+inside otherwise."""
 STALL, SOFTEN, SOFTEST, STILL, MOST_TIMES = 0.25, 0.5, 1e-9, 0.05, 4
 PATIENCE = 10
-"""So many levels in turn may stall, which is as many as it takes to soften: with nesting kept and every place watched the bounding sphere's
-pull brings 3midph no nearer than 0.57 mm to its capsule, in 20 s a level."""
+"""So many levels in turn may stall, which is as many as it takes to soften: with nesting kept and every place
+watched the bounding sphere's pull brings 3midph no nearer than 0.57 mm to its capsule, in 20 s a level."""
 WATCH_ALONG, WATCH_AROUND, SPARSE_ALONG, SPARSE_AROUND = 8, 6, 4, 5
 Source = Callable[[ndarray, Stock], ndarray]
 
 
 @dataclass(frozen=True, eq=False)
 class Cones:
-    """|R_l x - centre_l - tau_l axis| <= radius_l, 0 <= tau_l <= 1, for moves x (c, 3) of the control points, lengths in mm.
+    """|R_l x - centre_l - tau_l axis| <= radius_l, 0 <= tau_l <= 1, for moves x (c, 3) of the control points,
+    lengths in mm.
 
-    With `axis` None there is no tau: balls. With one: capsules, exactly (their nearest axis point moves along).
+    With `axis` None there is no tau: balls. With one: capsules, exactly (their nearest axis point moves
+    along).
     """
 
     R: sp.csr_array
@@ -76,7 +90,8 @@ class Planes:
 
 
 def bounding_sphere(points: Float[ndarray, "n 3"], stock: Stock) -> Float[ndarray, "n 3"]:
-    """The published source of attraction: the nearest points of the sphere about the stock's middle that holds the stock."""
+    """The published source of attraction: the nearest points of the sphere about the stock's middle that
+    holds the stock."""
     away = points - stock.middle
     size = np.linalg.norm(away, axis=1, keepdims=True)
     return np.asarray(stock.middle + stock.length / 2 * away / np.maximum(size, np.finfo(float).tiny))
@@ -96,18 +111,30 @@ def require_clarabel() -> ModuleType:
     try:
         import clarabel
     except ImportError as error:
-        raise wrong("levels", "method", "qcqp", "needs Clarabel: pip install 'bonecam[reference]', or take method 'qp'") from error
+        raise wrong(
+            "levels",
+            "method",
+            "qcqp",
+            "needs Clarabel: pip install 'bonecam[reference]', or take method 'qp'",
+        ) from error
     return clarabel  # type: ignore[no-any-return]
 
 
-def solve_cones(energy: sp.csc_array, gradient: Float[ndarray, "c 3"], cones: tuple[Cones, ...], planes: Planes) -> Float[ndarray, "c 3"]:
-    """The moves x (c, 3) that minimise x'Ex / 2 + gradient . x within all cones and planes, to a duality gap of GAP (else LevelError).
+def solve_cones(
+    energy: sp.csc_array, gradient: Float[ndarray, "c 3"], cones: tuple[Cones, ...], planes: Planes
+) -> Float[ndarray, "c 3"]:
+    """The moves x (c, 3) that minimise x'Ex / 2 + gradient . x within all cones and planes, to a duality gap
+    of GAP (else LevelError).
 
     `energy` (c, c) is the same for the three coordinates.
     """
     clarabel = require_clarabel()
     count = energy.shape[0]
-    blocks = [_plane_rows(planes), *(_cone_rows(one) for one in cones), *(_slide_rows(one, count) for one in cones)]
+    blocks = [
+        _plane_rows(planes),
+        *(_cone_rows(one) for one in cones),
+        *(_slide_rows(one, count) for one in cones),
+    ]
     width = max(block[0].shape[1] for block in blocks)
     A = sp.csc_matrix(sp.vstack([_widened(block[0], width) for block in blocks]))
     balls, slides = sum(len(one.radii) for one in cones), sum(one.slides for one in cones)
@@ -171,8 +198,8 @@ def cone_sequence(
 ) -> list[ndarray]:
     """Control points of levels 0, 1, 2, ... up to the last below the stock, by the published program.
 
-    `left` gives the largest distance (mm) from the stock to the level with these control points, and where. The stiffness falls
-    where progress stalls. LevelError where progress ends.
+    `left` gives the largest distance (mm) from the stock to the level with these control points, and where.
+    The stiffness falls where progress stalls. LevelError where progress ends.
     """
     program, made = ConeLevels(surface, stock, attraction), [np.array(surface.control_points)]
     rest, place = left(made[0])
@@ -201,22 +228,30 @@ def cone_sequence(
 class ConeLevels:
     """The published program of one part in one stock; `next_moves` solves a level.
 
-    `attraction` is `sphere` (as published) or `stock` (the nearest stock point); `stiffness` is c_int / c_ext. `printed` leaves it at
-    what the paper prints: no nesting, and limits at one sparse set of samples.
+    `attraction` is `sphere` (as published) or `stock` (the nearest stock point); `stiffness` is c_int /
+    c_ext. `printed` leaves it at what the paper prints: no nesting, and limits at one sparse set of samples.
     """
 
-    def __init__(self, surface: TSpline, stock: Stock, attraction: str, *, hull: bool = False, printed: bool = False) -> None:
+    def __init__(
+        self, surface: TSpline, stock: Stock, attraction: str, *, hull: bool = False, printed: bool = False
+    ) -> None:
         if attraction not in SOURCES:
-            raise ValueError(f"attraction {attraction!r} of method 'qcqp': choose one of {', '.join(SOURCES)}")
+            raise ValueError(
+                f"attraction {attraction!r} of method 'qcqp': choose one of {', '.join(SOURCES)}"
+            )
         self.stock, self._source, self._hull, self._printed = stock, SOURCES[attraction], hull, printed
         self.samples, self.M = samples_of(surface, *integration_points(surface)), thin_plate(surface)
         even = ring_pattern(surface, WATCH_ALONG, WATCH_AROUND)
         s, t = creases(even, surface.control_points).T
-        self._watch, self._first = joined(Samples, even, samples_of(surface, s, t, np.zeros(len(s)))), _sparse(even)
+        self._watch, self._first = (
+            joined(Samples, even, samples_of(surface, s, t, np.zeros(len(s)))),
+            _sparse(even),
+        )
         self._main = np.asarray(self._watch.R.argmax(axis=1)).ravel()
 
     def terms(self, P: Float[ndarray, "c 3"], stiffness: float) -> tuple[sp.csc_array, Float[ndarray, "c 3"]]:
-        """Matrix E (c, c) and gradient (c, 3) of the energy over the moves, halved: E(x) = x'Ex + 2 gradient . x + const."""
+        """Matrix E (c, c) and gradient (c, 3) of the energy over the moves, halved: E(x) = x'Ex + 2 gradient
+        . x + const."""
         E = sp.csc_array(stiffness * self.M + self.samples.N)
         return E, E @ P - self.samples.moments(self._source(self.samples.R @ P, self.stock))
 
@@ -228,13 +263,16 @@ class ConeLevels:
         return float(stiffness * np.einsum("ij,ij->", after, self.M @ after) + pull)
 
     def next_moves(self, P: Float[ndarray, "c 3"], depth: float, stiffness: float) -> Float[ndarray, "c 3"]:
-        """The exact moves (c, 3) to the next level; raises LevelError where the limits cannot be held to DEPTH_TOLERANCE mm."""
+        """The exact moves (c, 3) to the next level; raises LevelError where the limits cannot be held to
+        DEPTH_TOLERANCE mm."""
         E, gradient = self.terms(P, stiffness)
         active = self._first
         walls = self._walls(P, self._watch.R @ P, np.flatnonzero(self._gap(P) < depth))
         for _ in range(ROUNDS):
             cones, planes = self._limits(P, depth, active)
-            moves = solve_cones(E, gradient, cones, planes if isinstance(self.stock, Capsule) else planes.and_these(walls))
+            moves = solve_cones(
+                E, gradient, cones, planes if isinstance(self.stock, Capsule) else planes.and_these(walls)
+            )
             broken, outside = self._broken(P, moves, depth)
             if broken.max() <= TOLERANCE or self._printed:
                 return moves
@@ -250,24 +288,36 @@ class ConeLevels:
         return -self.stock.signed_distance(self._watch.R @ P)
 
     def _walls(self, P: ndarray, places: ndarray, which: Int[ndarray, " k"]) -> Planes:
-        """Planes that hold the watched samples `which` inside the stock: those that touch it nearest to `places`."""
+        """Planes that hold the watched samples `which` inside the stock: those that touch it nearest to
+        `places`."""
         R = sp.csr_array(self._watch.R[which])
         distance, out = self.stock.way_out(places[which])
         room = ((places[which] - R @ P) * out).sum(1) - distance - CLEAR
         return Planes(R, out, np.maximum(room, 0.0))
 
-    def _limits(self, P: ndarray, depth: float, active: Int[ndarray, " k"]) -> tuple[tuple[Cones, ...], Planes]:
+    def _limits(
+        self, P: ndarray, depth: float, active: Int[ndarray, " k"]
+    ) -> tuple[tuple[Cones, ...], Planes]:
         """The cones and planes of the samples `active` of the watched pattern."""
         R = sp.csr_array(self._watch.R[active])
         ball = sp.eye_array(len(P), format="csr") if self._hull else R
         cones = [Cones(ball, np.zeros((ball.shape[0], 3)), np.full(ball.shape[0], depth))]
-        ahead = Planes(R, -self._watch.normals(P)[active], np.full(len(active), np.inf if self._printed else INTERIOR))
+        ahead = Planes(
+            R, -self._watch.normals(P)[active], np.full(len(active), np.inf if self._printed else INTERIOR)
+        )
         if isinstance(self.stock, Capsule):
             points = R @ P
             outside = self.stock.signed_distance(points)
             near = np.flatnonzero(outside > -depth - 2 * CLEAR)
             radii = self.stock.radius + np.maximum(outside[near], -CLEAR)
-            cones.append(Cones(sp.csr_array(R[near]), self.stock.start - points[near], radii, self.stock.end - self.stock.start))
+            cones.append(
+                Cones(
+                    sp.csr_array(R[near]),
+                    self.stock.start - points[near],
+                    radii,
+                    self.stock.end - self.stock.start,
+                )
+            )
         return tuple(cones), ahead
 
     def _worst(self, broken: Float[ndarray, " w"]) -> Int[ndarray, " k"]:
@@ -278,7 +328,9 @@ class ConeLevels:
         place = np.arange(len(order)) - np.searchsorted(owner, owner)
         return np.asarray(order[place < PER_POINT])
 
-    def _broken(self, P: ndarray, moves: ndarray, depth: float) -> tuple[Float[ndarray, " w"], Float[ndarray, " w"]]:
+    def _broken(
+        self, P: ndarray, moves: ndarray, depth: float
+    ) -> tuple[Float[ndarray, " w"], Float[ndarray, " w"]]:
         """How far each watched sample breaks its worst limit, and how far it lies outside the stock, mm."""
         move = self._watch.R @ moves
         outside = self.stock.signed_distance(self._watch.R @ P + move)

@@ -1,8 +1,9 @@
-"""One level from the one before: its program solved (`program.py`), and what is still broken on the denser watched samples projected away.
+"""One level from the one before: its program solved (`program.py`), and what is still broken on the denser
+watched samples projected away.
 
-A level's limits are planes at feet on the level before: a place may slide along, what counts is its distance. Near the stock levels do
-not all end in one surface, which no limit could tell apart: they stay `landing` mm away from it, and every level may go a little further
-than the one before.
+A level's limits are planes at feet on the level before: a place may slide along, what counts is its distance.
+Near the stock levels do not all end in one surface, which no limit could tell apart: they stay `landing` mm
+away from it, and every level may go a little further than the one before.
 """
 
 from dataclasses import dataclass
@@ -24,17 +25,18 @@ from bonecam.levels.problem.samples import combined
 from bonecam.levels.solvers.osqp import factor
 
 MENDABLE = 0.03
-"""How far (mm) a level may break a limit as it is made, or as it is mended; the places measured show what that comes to."""
+"""How far (mm) a level may break a limit as it is made, or as it is mended; the places measured show what
+that comes to."""
 ROUNDS, SWEEPS, NEAR, ENOUGH, FOOT_STEPS = 4, 20, 0.005, 2e-4, 3
 STILL, MOVED = 1e-5, 0.005
-"""A sample that has moved less (mm) in a turn is not farther from the new level than before, and one that has moved less since its foot was
-found keeps the planes there."""
+"""A sample that has moved less (mm) in a turn is not farther from the new level than before, and one that has
+moved less since its foot was found keeps the planes there."""
 
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """The control points' moves, how far the watched samples break a limit afterwards, mm, where, and which control points shape the level
-    where it folds or breaks one by more than MENDABLE."""
+    """The control points' moves, how far the watched samples break a limit afterwards, mm, where, and which
+    control points shape the level where it folds or breaks one by more than MENDABLE."""
 
     moves: Float[ndarray, "c 3"]
     broken: float
@@ -51,7 +53,8 @@ def next_level(
     ease: Float[ndarray, " c"] | None = None,
     method: str = "qp",
 ) -> Step:
-    """The moves of the control points to the next level; what is nearer to the stock than `cut.landing` already stays.
+    """The moves of the control points to the next level; what is nearer to the stock than `cut.landing`
+    already stays.
 
     `ease` is a factor of the pull on each control point (1 unless given), less where the level would fold.
     """
@@ -80,7 +83,10 @@ def _kept(setting: Setting, P: ndarray, D: ndarray, cut: Cut) -> Step:
         if max(broken.max(), broken_back.max(initial=0)) <= ENOUGH or turn == ROUNDS:
             break
         near, R_back = np.flatnonzero(broken > -NEAR), after.basis(back.s, back.t)[0]
-        some, start = sp.csr_array(sp.vstack([watch.R[near], R_back]) @ free), np.vstack([x[near], R_back @ P])
+        some, start = (
+            sp.csr_array(sp.vstack([watch.R[near], R_back]) @ free),
+            np.vstack([x[near], R_back @ P]),
+        )
         planes = limits.only(near).planes_with(x[back.which], back.n, limits.high[back.which])
         splitting.project(some.indptr, some.indices, some.data, start, D, *planes, SWEEPS, ENOUGH)
         level = P + free @ D
@@ -94,4 +100,6 @@ def _kept(setting: Setting, P: ndarray, D: ndarray, cut: Cut) -> Step:
     worst = int(np.argmax(broken))
     _, along, across = after.derivatives(watch.s, np.clip(watch.t, *rings(before)), 1)
     folded = dots(np.cross(along, across), limits.n) <= 0
-    return Step(np.asarray(level - P), float(broken[worst]), y[worst], watch.near(folded | (broken > MENDABLE)))
+    return Step(
+        np.asarray(level - P), float(broken[worst]), y[worst], watch.near(folded | (broken > MENDABLE))
+    )

@@ -1,7 +1,7 @@
 """STEP and IGES files, read in a process of its own.
 
-OpenCASCADE ends its process on some damaged files (measured: about one in ten that were damaged at random). So that a bad file is one
-line and not a crash, it works in a child, which hands back arrays.
+OpenCASCADE ends its process on some damaged files (measured: about one in ten that were damaged at random).
+So that a bad file is one line and not a crash, it works in a child, which hands back arrays.
 """
 
 import os
@@ -24,9 +24,11 @@ CHILD = "from bonecam.mesh.files.cad_files import serve; serve()"
 
 
 def read_cad_mesh(path: str | Path, chord_tolerance: float | None = None) -> TriangleMesh:
-    """The part in a STEP or IGES file as triangles in mm, within `chord_tolerance` (mm; default 5e-4 of its diagonal) of its faces.
+    """The part in a STEP or IGES file as triangles in mm, within `chord_tolerance` (mm; default 5e-4 of its
+    diagonal) of its faces.
 
-    FileError names the file and what is wrong: not installed, no such file, no STEP or IGES, cut short, damaged, no surfaces in it.
+    FileError names the file and what is wrong: not installed, no such file, no STEP or IGES, cut short,
+    damaged, no surfaces in it.
     """
     found = in_child(f"{__name__}:mesh_arrays", Path(path), str(chord_tolerance or 0.0))
     return TriangleMesh(found["vertices"], found["faces"])
@@ -41,7 +43,8 @@ def mesh_arrays(file: Path, chord_tolerance: str) -> dict[str, ndarray]:
 
 
 def in_child(work: str, file: Path, *words: str) -> dict[str, ndarray]:
-    """The arrays that `work`, a "module:function" of (file, *words), makes of a STEP or IGES file in a process of its own.
+    """The arrays that `work`, a "module:function" of (file, *words), makes of a STEP or IGES file in a
+    process of its own.
 
     FileError where it raised one, or the process ended.
     """
@@ -61,13 +64,16 @@ def in_child(work: str, file: Path, *words: str) -> dict[str, ndarray]:
             raise FileError(done.stderr.strip().splitlines()[-1], file=str(file))
         if done.returncode or not target.is_file():
             what = f"OpenCASCADE broke down on it (exit {done.returncode})"
-            raise FileError(f"{file}: {what}: it is damaged: export the part as {kind_of(file)} again", file=str(file))
+            raise FileError(
+                f"{file}: {what}: it is damaged: export the part as {kind_of(file)} again", file=str(file)
+            )
         with np.load(target) as found:
             return dict(found)
 
 
 def serve() -> None:
-    """The child: the arrays of argv[1], called with the file and words behind argv[2], into argv[2]; a FileError to stderr."""
+    """The child: the arrays of argv[1], called with the file and words behind argv[2], into argv[2]; a
+    FileError to stderr."""
     _, work, target, file, *words = sys.argv
     module, _, function = work.partition(":")
     try:

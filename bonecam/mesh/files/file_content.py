@@ -1,8 +1,9 @@
 """What the bytes of a mesh file tell before MeshLab reads it.
 
-MeshLab drops vertices that are not numbers without a word, takes a word for the number 0, and a face of an OFF or OBJ file that names a
-vertex that is not there, an OFF face cut short or a damaged PLY header end the whole process (measured with pymeshlab 2025.7).
-So all of them are looked for here. `trouble_in` answers (what is wrong, the remedy), or None.
+MeshLab drops vertices that are not numbers without a word, takes a word for the number 0, and a face of an
+OFF or OBJ file that names a vertex that is not there, an OFF face cut short or a damaged PLY header end the
+whole process (measured with pymeshlab 2025.7). So all of them are looked for here. `trouble_in` answers (what
+is wrong, the remedy), or None.
 """
 
 import math
@@ -23,7 +24,12 @@ _CUT_SHORT, _ANEW = "copy or export it again", "export the mesh again"
 def trouble_in(ending: str, data: bytes) -> Trouble | None:
     """What is wrong with the bytes of a mesh file with this lower-case ending, or None."""
     try:
-        return {".stl": _trouble_in_stl, ".ply": _trouble_in_ply, ".off": _trouble_in_off, ".obj": _trouble_in_obj}[ending](data)
+        return {
+            ".stl": _trouble_in_stl,
+            ".ply": _trouble_in_ply,
+            ".off": _trouble_in_off,
+            ".obj": _trouble_in_obj,
+        }[ending](data)
     except ValueError as error:
         return f"has a word where a number should stand ({error})", _ANEW
 
@@ -43,8 +49,13 @@ def _trouble_in_binary_stl(data: bytes) -> Trouble | None:
         if all(byte in b"\t\n\r" or 32 <= byte < 127 for byte in data[:512]):
             return "is text but no STL", "give an STL, or name the file by its true kind"
         found = max(0, (len(data) - _STL_HEADER) // _STL_FACET)
-        return f"is no whole STL: its header tells of {count} triangles, {found} are there", f"{_CUT_SHORT}, or name it by its true kind"
-    facets = np.frombuffer(data, np.dtype([("normal", "<f4", 3), ("corners", "<f4", 9), ("rest", "<u2")]), count, _STL_HEADER)
+        return (
+            f"is no whole STL: its header tells of {count} triangles, {found} are there",
+            f"{_CUT_SHORT}, or name it by its true kind",
+        )
+    facets = np.frombuffer(
+        data, np.dtype([("normal", "<f4", 3), ("corners", "<f4", 9), ("rest", "<u2")]), count, _STL_HEADER
+    )
     bad = np.flatnonzero(~np.isfinite(facets["corners"]).all(1))
     if len(bad):
         what = f"has coordinates that are not numbers in {len(bad)} of {count} triangles, first in triangle {bad[0]}"
@@ -110,7 +121,10 @@ def _trouble_in_off(data: bytes) -> Trouble | None:
         if what := _no_point(words):
             return f"line {number}: {what}", _ANEW
     if len(body) < vertices + faces:
-        return f"is cut short: {faces} faces are told of, {max(0, len(body) - vertices)} are there", _CUT_SHORT
+        return (
+            f"is cut short: {faces} faces are told of, {max(0, len(body) - vertices)} are there",
+            _CUT_SHORT,
+        )
     for number, words in body[vertices : vertices + faces]:
         count = int(words[0])
         corners = [int(word) for word in words[1 : 1 + count]]
@@ -134,14 +148,22 @@ def _trouble_in_obj(data: bytes) -> Trouble | None:
                 return f"line {number}: {what}", _ANEW
         elif kind == b"f":
             for table, column in zip(found, _columns_of(words[1:])):
-                named = [int(word) + (found[table] + 1 if word.startswith(b"-") else 0) for word in column if word]
+                named = [
+                    int(word) + (found[table] + 1 if word.startswith(b"-") else 0) for word in column if word
+                ]
                 if min(named, default=1) < 1:
                     return f"line {number}: a face names a vertex before the first", _ANEW
                 if table == b"v" and (len(named) < 3 or len(set(named)) < len(named) > 3):
-                    return f"line {number}: a face of {len(named)} corners, {len(set(named))} of them different", _ANEW
+                    return (
+                        f"line {number}: a face of {len(named)} corners, {len(set(named))} of them different",
+                        _ANEW,
+                    )
                 highest[table] = max(highest[table], (max(named, default=0), number))
         elif kind not in _OBJ_WORDS or (len(words) < 2 and kind not in (b"g", b"o", b"s")):
-            return f"line {number}: {b' '.join(words)[:40].decode(errors='replace')!r} is nothing of an OBJ", _ANEW
+            return (
+                f"line {number}: {b' '.join(words)[:40].decode(errors='replace')!r} is nothing of an OBJ",
+                _ANEW,
+            )
     for table, (index, number) in highest.items():
         if index > found[table]:
             return f"line {number}: a face names {_OBJ_NAMES[table]} {index} of {found[table]}", _ANEW

@@ -1,9 +1,9 @@
 """Mesh files through MeshLab: STL (binary, ASCII), PLY, OBJ, OFF in; PLY and STL out. The door for pymeshlab.
 
-`read_mesh` reads every kind of part file: for STEP, IGES, SAT, DXF and point clouds it asks the modules that know them.
-Coordinates are read and written as they stand in the file; `bonecam.mesh.units` gives them their unit. What MeshLab
-mends in silence (vertices that are not numbers are dropped, duplicate STL corners are merged) is looked at first:
-the former is an error here, the latter is wanted.
+`read_mesh` reads every kind of part file: for STEP, IGES, SAT, DXF and point clouds it asks the modules that
+know them. Coordinates are read and written as they stand in the file; `bonecam.mesh.units` gives them their
+unit. What MeshLab mends in silence (vertices that are not numbers are dropped, duplicate STL corners are
+merged) is looked at first: the former is an error here, the latter is wanted.
 """
 
 import os
@@ -38,10 +38,15 @@ def meshlab() -> Any:
     try:
         import pymeshlab
     except ImportError as error:
-        raise FileError(f"pymeshlab cannot be loaded ({error}): install the system packages libgl1 and libopengl0") from error
+        raise FileError(
+            f"pymeshlab cannot be loaded ({error}): install the system packages libgl1 and libopengl0"
+        ) from error
     if "meshing_isotropic_explicit_remeshing" not in pymeshlab.filter_list():
         count = pymeshlab.plugin_number()
-        raise FileError(f"pymeshlab loaded only {count} plugins: install the system packages libgl1 and libopengl0", plugins=count)
+        raise FileError(
+            f"pymeshlab loaded only {count} plugins: install the system packages libgl1 and libopengl0",
+            plugins=count,
+        )
     return pymeshlab
 
 
@@ -61,11 +66,11 @@ def from_meshset(meshset: Any) -> TriangleMesh:
 def read_mesh(path: str | Path, also: tuple[str, ...] = ()) -> TriangleMesh:
     """The triangles of a file, in the file's own unit; equal corners of an STL are merged.
 
-    STEP, IGES, SAT and DXF need the extra `cad`; where they state their unit the triangles are in mm. Curved faces are tessellated.
-    `also` are other endings that the caller reads itself: a refusal names them too.
-    A dense point cloud (PLY without faces, or text of one block) gets a surface round it, see `mesh.point_cloud`.
-    FileError names the file, what is wrong with it and the remedy: it is missing, empty, cut short, of an unknown kind,
-    holds coordinates that are not numbers, or no triangles.
+    STEP, IGES, SAT and DXF need the extra `cad`; where they state their unit the triangles are in mm. Curved
+    faces are tessellated. `also` are other endings that the caller reads itself: a refusal names them too.
+    A dense point cloud (PLY without faces, or text of one block) gets a surface round it, see
+    `mesh.point_cloud`. FileError names the file, what is wrong with it and the remedy: it is missing, empty,
+    cut short, of an unknown kind, holds coordinates that are not numbers, or no triangles.
     """
     file = Path(path)
     data = _bytes_of(file, also)
@@ -83,7 +88,9 @@ def read_mesh(path: str | Path, also: tuple[str, ...] = ()) -> TriangleMesh:
             mesh = from_meshset(meshset)
     except (meshlab().PyMeshLabException, ValueError, MemoryError) as error:
         reason = " ".join(str(error).split()).split("Error details: ")[-1]
-        raise _refusal(file, f"is no readable {_kind(file)} file ({reason})", "write it anew from its source") from error
+        raise _refusal(
+            file, f"is no readable {_kind(file)} file ({reason})", "write it anew from its source"
+        ) from error
     _refuse_lost_elements(file, data, mesh)
     return mesh if len(mesh.faces) else _round_points(file, mesh.vertices)
 
@@ -97,7 +104,11 @@ def _read_other(file: Path) -> TriangleMesh:
         return read_polyhedra(file)
     blocks = read_blocks(file)
     if len(blocks) > 1:
-        raise _refusal(file, f"holds {len(blocks)} rows of points, no mesh", "skin them with bonecam.surface.skinning.point_rows.read_rows")
+        raise _refusal(
+            file,
+            f"holds {len(blocks)} rows of points, no mesh",
+            "skin them with bonecam.surface.skinning.point_rows.read_rows",
+        )
     return _round_points(file, blocks[0])
 
 
@@ -106,24 +117,38 @@ def _round_points(file: Path, points: Float[ndarray, "n 3"]) -> TriangleMesh:
     from bonecam.mesh.files.point_cloud import FEWEST, reconstruct
 
     if len(points) < FEWEST:
-        raise _refusal(file, f"holds no triangles, and {len(points)} points are no cloud", "give a surface mesh, not points or curves")
+        raise _refusal(
+            file,
+            f"holds no triangles, and {len(points)} points are no cloud",
+            "give a surface mesh, not points or curves",
+        )
     try:
         return reconstruct(points)
     except MeshError as error:
         raise MeshError(f"{file}: {error}", file=str(file), **error.evidence) from error
 
 
-def write_mesh(mesh: TriangleMesh, path: str | Path, quality: Float[ndarray, " n"] | None = None, largest: float = 0.0) -> None:
+def write_mesh(
+    mesh: TriangleMesh, path: str | Path, quality: Float[ndarray, " n"] | None = None, largest: float = 0.0
+) -> None:
     """Write `mesh` as binary PLY or STL, whole or not at all.
 
     `quality` is a number a vertex (PLY only), coloured from 0 to `largest` where that is given.
     """
     target = Path(path)
     if target.suffix.lower() not in WRITABLE:
-        raise _refusal(target, f"has the unknown ending {target.suffix!r}", f"end the name in one of {', '.join(WRITABLE)}")
+        raise _refusal(
+            target,
+            f"has the unknown ending {target.suffix!r}",
+            f"end the name in one of {', '.join(WRITABLE)}",
+        )
     if quality is not None and (len(quality) != len(mesh.vertices) or target.suffix.lower() != ".ply"):
-        raise ValueError(f"quality needs a .ply and one number for each of {len(mesh.vertices)} vertices, not {len(quality)}")
-    extra: dict[str, Any] = {} if quality is None else {"v_scalar_array": np.asarray(quality, dtype=np.float64)}
+        raise ValueError(
+            f"quality needs a .ply and one number for each of {len(mesh.vertices)} vertices, not {len(quality)}"
+        )
+    extra: dict[str, Any] = (
+        {} if quality is None else {"v_scalar_array": np.asarray(quality, dtype=np.float64)}
+    )
     meshset = meshlab().MeshSet()
     meshset.add_mesh(meshlab().Mesh(mesh.vertices, mesh.faces, **extra))
     shown = quality is not None and largest > 0
@@ -138,7 +163,9 @@ def write_mesh(mesh: TriangleMesh, path: str | Path, quality: Float[ndarray, " n
             meshset.save_current_mesh(str(work), binary=True, **options)
             os.replace(work, target)
     except OSError as error:
-        raise _refusal(target, f"cannot be written ({error.strerror})", "choose a folder that exists and may be written") from error
+        raise _refusal(
+            target, f"cannot be written ({error.strerror})", "choose a folder that exists and may be written"
+        ) from error
 
 
 def colours_to(largest: float) -> dict[str, Any]:
@@ -158,24 +185,38 @@ def _bytes_of(file: Path, also: tuple[str, ...]) -> bytes:
     if os.path.isdir(file):  # that of a path raises where the name is too long
         raise _refusal(file, "is a folder", "give a file in it, or all of them to `bonecam batch`")
     if file.suffix.lower() not in READABLE:
-        ending = f"has the unknown ending {file.suffix!r}" if file.suffix else "has no ending that tells its kind"
+        ending = (
+            f"has the unknown ending {file.suffix!r}" if file.suffix else "has no ending that tells its kind"
+        )
         raise _refusal(file, ending, f"give a file that ends in one of {', '.join((*READABLE, *also))}")
     try:
         data = file.read_bytes()
     except OSError as error:
-        raise _refusal(file, f"cannot be read ({error.strerror})", "give the path of a readable mesh file") from error
+        raise _refusal(
+            file, f"cannot be read ({error.strerror})", "give the path of a readable mesh file"
+        ) from error
     if not data:
         raise _refusal(file, "is empty", "write it anew from its source")
     return data
 
 
 def _refuse_lost_elements(file: Path, data: bytes, mesh: TriangleMesh) -> None:
-    """FileError where a PLY names more vertices than MeshLab kept: it drops those that are not numbers. Or where a number is absurd."""
+    """FileError where a PLY names more vertices than MeshLab kept: it drops those that are not numbers. Or
+    where a number is absurd."""
     if (largest := np.abs(mesh.vertices).max(initial=0.0)) > LARGEST_COORDINATE:
         raise _refusal(file, f"has a coordinate of {largest:.3g}", "export it again")
-    if file.suffix.lower() == ".ply" and (match := re.search(rb"element vertex (\d+)", data)) and len(mesh.vertices) < int(match[1]):
+    if (
+        file.suffix.lower() == ".ply"
+        and (match := re.search(rb"element vertex (\d+)", data))
+        and len(mesh.vertices) < int(match[1])
+    ):
         lost = int(match[1]) - len(mesh.vertices)
-        raise _refusal(file, f"has {lost} of {int(match[1])} vertices with coordinates that are not numbers", "export it again", lost=lost)
+        raise _refusal(
+            file,
+            f"has {lost} of {int(match[1])} vertices with coordinates that are not numbers",
+            "export it again",
+            lost=lost,
+        )
 
 
 def _kind(file: Path) -> str:

@@ -1,7 +1,9 @@
-"""STEP and IGES parts through OpenCASCADE (the wheel `cadquery-ocp-novtk`, optional extra `cad`): read, sewn and tessellated.
+"""STEP and IGES parts through OpenCASCADE (the wheel `cadquery-ocp-novtk`, optional extra `cad`): read, sewn
+and tessellated.
 
-A STEP or IGES file states its unit, so what comes back is in mm whatever it was. Loose faces (the habit of IGES) are sewn first. The
-triangles of neighbouring faces share the points of their common edge; they are welded there, and what collapses at a pole is dropped.
+A STEP or IGES file states its unit, so what comes back is in mm whatever it was. Loose faces (the habit of
+IGES) are sewn first. The triangles of neighbouring faces share the points of their common edge; they are
+welded there, and what collapses at a pole is dropped.
 """
 
 from functools import cache
@@ -25,7 +27,12 @@ CHORD = 5e-4  # default chord tolerance, of the diagonal
 ASKED = 0.6  # of the tolerance is asked of OpenCASCADE, which overshoots
 TRIES = (1.0, 0.7, 0.4)  # of the deflection, one after the other where a face fails
 LOST = 0.03  # of the area: where the triangles have so much less or more than the faces, OpenCASCADE has lost a part
-MEASURED = np.array([[1, 1, 1], [1, 1, 0], [0, 1, 1], [1, 0, 1]]) / [[3], [2], [2], [2]]  # shares of the corners at the measured points
+MEASURED = np.array([[1, 1, 1], [1, 1, 0], [0, 1, 1], [1, 0, 1]]) / [
+    [3],
+    [2],
+    [2],
+    [2],
+]  # shares of the corners at the measured points
 SPLITS = 3  # closed faces are cut that often
 ANGLE = 0.35  # between neighbouring triangles, radians
 SEWN = 1e-5  # of the diagonal: loose edges nearer than this are one
@@ -33,13 +40,16 @@ WELDED = 1e-7  # of the diagonal: mesh points nearer than this are one
 
 
 def occ(task: str = "this") -> Any:
-    """A name space of OpenCASCADE's packages, `occ().gp.gp_Pnt`; FileError names the extra where `task` cannot be done without it."""
+    """A name space of OpenCASCADE's packages, `occ().gp.gp_Pnt`; FileError names the extra where `task`
+    cannot be done without it."""
     try:
         return _packages()
     except ModuleNotFoundError as error:
         raise missing(task) from error
     except ImportError as error:
-        raise FileError(f"{task} needs OpenCASCADE, which cannot be loaded ({error}): install the system package libgl1") from error
+        raise FileError(
+            f"{task} needs OpenCASCADE, which cannot be loaded ({error}): install the system package libgl1"
+        ) from error
 
 
 def missing(task: str) -> FileError:
@@ -75,7 +85,8 @@ def kind_of(file: Path) -> str:
 
 
 def mesh_in(file: Path, chord_tolerance: float | None = None) -> TriangleMesh:
-    """The part in a STEP or IGES file as triangles in mm: `mesh.cad_files` calls it in a process of its own."""
+    """The part in a STEP or IGES file as triangles in mm: `mesh.cad_files` calls it in a process of its
+    own."""
     shape = read_shape(file)
     if not faces_of(shape):
         raise FileError(f"{file}: holds no surfaces: export the part as a solid or as faces", file=str(file))
@@ -96,10 +107,13 @@ def read_shape(path: str | Path) -> Any:
         found = reader.TransferRoots() if status == lib.IFSelect.IFSelect_ReturnStatus.IFSelect_RetDone else 0
         shape = reader.OneShape() if found else None
     except lib.Standard.Standard_Failure as error:
-        raise FileError(f"{file}: is no readable {kind} file ({error}): export the part as {kind} again", file=str(file)) from error
+        raise FileError(
+            f"{file}: is no readable {kind} file ({error}): export the part as {kind} again", file=str(file)
+        ) from error
     if shape is None or shape.IsNull():
         raise FileError(
-            f"{file}: is no readable {kind} file (cut short, or nothing in it): export the part as {kind} again", file=str(file)
+            f"{file}: is no readable {kind} file (cut short, or nothing in it): export the part as {kind} again",
+            file=str(file),
         )
     return shape
 
@@ -110,7 +124,9 @@ def refuse_foreign(file: Path) -> None:
     try:
         data = file.read_bytes()
     except OSError as error:
-        raise FileError(f"{file}: cannot be read ({error.strerror}): give the path of a readable file", file=str(file)) from error
+        raise FileError(
+            f"{file}: cannot be read ({error.strerror}): give the path of a readable file", file=str(file)
+        ) from error
     if kind == "STEP":
         begins, ends = b"ISO-10303-21" in data[:256], b"END-ISO-10303-21" in data[-256:]
     else:
@@ -149,8 +165,9 @@ def sewn(shape: Any, tolerance: float) -> Any:
 def tessellated(shape: Any, chord_tolerance: float | None = None) -> TriangleMesh:
     """Triangles of all faces (one or more), outward as the faces say, welded along their edges.
 
-    OpenCASCADE sometimes loses parts of a face, of one that closes on itself above all. So what it made is measured (distance of each
-    triangle from the face, area) and tried again: closed faces cut up, as they are, finer. FileError where no try succeeds.
+    OpenCASCADE sometimes loses parts of a face, of one that closes on itself above all. So what it made is
+    measured (distance of each triangle from the face, area) and tried again: closed faces cut up, as they
+    are, finer. FileError where no try succeeds.
     """
     lib = occ()
     diagonal = diagonal_of(shape)
@@ -164,7 +181,9 @@ def tessellated(shape: Any, chord_tolerance: float | None = None) -> TriangleMes
         mesh = _mesh_of(tried, tolerance, WELDED * diagonal)
         if mesh is not None and abs(mesh.area - area) <= LOST * area:
             return mesh
-    raise FileError("a face of the part cannot be tessellated: heal the part in its CAD system and export it again")
+    raise FileError(
+        "a face of the part cannot be tessellated: heal the part in its CAD system and export it again"
+    )
 
 
 def _area(shape: Any) -> float:
@@ -182,17 +201,23 @@ def _without_closed_faces(shape: Any) -> Any:
 
 
 def _mesh_of(shape: Any, tolerance: float, weld: float) -> TriangleMesh | None:
-    """The triangles of a tessellated shape; None where a face has none or is further than `tolerance` from them (mm)."""
+    """The triangles of a tessellated shape; None where a face has none or is further than `tolerance` from
+    them (mm)."""
     faces = faces_of(shape)
     parts = [part for face in faces if (part := _triangles(face, tolerance))]
     if len(parts) < len(faces):
         return None
     starts = np.cumsum([0, *[len(nodes) for nodes, _ in parts]])
-    return _welded(np.concatenate([nodes for nodes, _ in parts]), np.concatenate([c + start for (_, c), start in zip(parts, starts)]), weld)
+    return _welded(
+        np.concatenate([nodes for nodes, _ in parts]),
+        np.concatenate([c + start for (_, c), start in zip(parts, starts)]),
+        weld,
+    )
 
 
 def _triangles(face: Any, tolerance: float) -> tuple[Float[ndarray, "n 3"], Int64[ndarray, "m 3"]] | None:
-    """Nodes and triangles of one face; None where there are none, or the face is further than `tolerance` from one of them (mm)."""
+    """Nodes and triangles of one face; None where there are none, or the face is further than `tolerance`
+    from one of them (mm)."""
     lib = occ()
     place = lib.TopLoc.TopLoc_Location()
     mesh = lib.BRep.BRep_Tool.Triangulation_s(face, place)
@@ -201,14 +226,21 @@ def _triangles(face: Any, tolerance: float) -> tuple[Float[ndarray, "n 3"], Int6
     matrix, count = place.Transformation(), range(1, mesh.NbNodes() + 1)
     nodes = np.array([(p.X(), p.Y(), p.Z()) for p in (mesh.Node(i).Transformed(matrix) for i in count)])
     parameters = np.array([(p.X(), p.Y()) for p in map(mesh.UVNode, count)])
-    corners = np.array([mesh.Triangle(i).Get() for i in range(1, mesh.NbTriangles() + 1)], dtype=np.int64).reshape(-1, 3) - 1
+    corners = (
+        np.array([mesh.Triangle(i).Get() for i in range(1, mesh.NbTriangles() + 1)], dtype=np.int64).reshape(
+            -1, 3
+        )
+        - 1
+    )
     surface = lib.BRepAdaptor.BRepAdaptor_Surface(face)
     for shares in MEASURED:
         at = np.einsum("k,mkp->mp", shares, parameters[corners]).tolist()
         found = np.array([(p.X(), p.Y(), p.Z()) for p in (surface.Value(u, v) for u, v in at)])
         if _heights(nodes[corners], found).max() > tolerance:
             return None
-    return nodes, corners[:, ::-1] if face.Orientation() == lib.TopAbs.TopAbs_Orientation.TopAbs_REVERSED else corners
+    return nodes, corners[
+        :, ::-1
+    ] if face.Orientation() == lib.TopAbs.TopAbs_Orientation.TopAbs_REVERSED else corners
 
 
 def _heights(triangles: Float[ndarray, "m 3 3"], points: Float[ndarray, "m 3"]) -> Float[ndarray, " m"]:

@@ -1,6 +1,8 @@
-"""A closed surface round a point cloud: normals from neighbours, then screened Poisson reconstruction (Kazhdan, Hoppe 2013).
+"""A closed surface round a point cloud: normals from neighbours, then screened Poisson reconstruction
+(Kazhdan, Hoppe 2013).
 
-The cloud must cover the part all round, densely: what comes out is measured against the points, and refused where it misses them.
+The cloud must cover the part all round, densely: what comes out is measured against the points, and refused
+where it misses them.
 """
 
 import numpy as np
@@ -19,9 +21,13 @@ MISSED = 0.02  # of the diagonal: further from a point than this, the surface is
 
 
 def reconstruct(points: Float[ndarray, "n 3"]) -> TriangleMesh:
-    """The closed, outward surface through a dense cloud, in the cloud's unit. MeshError where the points are too few or missed."""
+    """The closed, outward surface through a dense cloud, in the cloud's unit. MeshError where the points are
+    too few or missed."""
     if len(points) < FEWEST:
-        raise MeshError(f"{len(points)} points are too few for a surface: give {FEWEST} or more, or rows of points", points=len(points))
+        raise MeshError(
+            f"{len(points)} points are too few for a surface: give {FEWEST} or more, or rows of points",
+            points=len(points),
+        )
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
     middle = points.mean(axis=0)
     meshset = meshlab().MeshSet()

@@ -1,8 +1,9 @@
 """Points from text files: XYZ, CSV, ASC, PTS, TXT, DAT.
 
-One point a line, x y z first (normals, colours and what else follows are left out), separated by blanks, tabs, commas or semicolons;
-where semicolons separate, a comma is a decimal comma. Blocks of points are separated by empty lines or comments (# or //), or headed by
-a line with their number (and `3`). One line of column names may stand before them; they must begin with x, y, z.
+One point a line, x y z first (normals, colours and what else follows are left out), separated by blanks,
+tabs, commas or semicolons; where semicolons separate, a comma is a decimal comma. Blocks of points are
+separated by empty lines or comments (# or //), or headed by a line with their number (and `3`). One line of
+column names may stand before them; they must begin with x, y, z.
 
 One block is a point cloud; several blocks are the rows of a surface (`bonecam.surface.skinning.point_rows`).
 """
@@ -19,14 +20,19 @@ POINTS = (".xyz", ".csv", ".asc", ".pts", ".txt", ".dat")
 
 
 def read_blocks(path: str | Path) -> tuple[Float[ndarray, "_ 3"], ...]:
-    """The blocks of points of a text file, in the file's unit. FileError names the file, the line and what is wrong with it."""
+    """The blocks of points of a text file, in the file's unit. FileError names the file, the line and what is
+    wrong with it."""
     file = Path(path)
     try:
         lines = file.read_text(encoding="utf-8-sig").splitlines()
     except OSError as error:
-        raise FileError(f"{file}: cannot be read ({error.strerror}): give the path of a readable file", file=str(file)) from error
+        raise FileError(
+            f"{file}: cannot be read ({error.strerror}): give the path of a readable file", file=str(file)
+        ) from error
     except UnicodeDecodeError as error:
-        raise FileError(f"{file}: is no text: give points as text, or name the file by its true kind", file=str(file)) from error
+        raise FileError(
+            f"{file}: is no text: give points as text, or name the file by its true kind", file=str(file)
+        ) from error
     blocks: list[list[list[float]]] = [[]]
     names = False
     for number, line in enumerate(lines, 1):
@@ -40,7 +46,9 @@ def read_blocks(path: str | Path) -> tuple[Float[ndarray, "_ 3"], ...]:
             if not names and not any(blocks) and _names_axes(words):
                 names = True
                 continue
-            raise _refusal(file, number, f"{line.strip()[:40]!r} is no point", "write x y z in columns of that order") from error
+            raise _refusal(
+                file, number, f"{line.strip()[:40]!r} is no point", "write x y z in columns of that order"
+            ) from error
         if len(values) < 3:
             if not _is_head(values):
                 raise _refusal(file, number, f"{len(values)} numbers are no point", "write x y z")

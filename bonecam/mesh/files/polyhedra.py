@@ -1,8 +1,9 @@
 """Polyhedra in SAT, SAB (ACIS) and DXF files through ezdxf (optional extra `cad`).
 
-ezdxf is no ACIS kernel: it knows flat faces with straight edges. A body with curved faces, or with holes in its faces, is refused
-whole rather than read in part. From a DXF come 3DFACE, MESH, POLYLINE meshes, 3DSOLID and BODY, those inside inserted blocks too.
-Where the header states a unit (SAT: mm a unit; DXF: $INSUNITS) the part comes back in mm; else its numbers stand.
+ezdxf is no ACIS kernel: it knows flat faces with straight edges. A body with curved faces, or with holes in
+its faces, is refused whole rather than read in part. From a DXF come 3DFACE, MESH, POLYLINE meshes, 3DSOLID
+and BODY, those inside inserted blocks too. Where the header states a unit (SAT: mm a unit; DXF: $INSUNITS)
+the part comes back in mm; else its numbers stand.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -21,13 +22,16 @@ Polygon = Sequence[Any]
 
 
 def read_polyhedra(path: str | Path) -> TriangleMesh:
-    """The polyhedra of a .sat, .sab or .dxf file as triangles, equal corners merged. FileError names the file and what is wrong with it."""
+    """The polyhedra of a .sat, .sab or .dxf file as triangles, equal corners merged. FileError names the file
+    and what is wrong with it."""
     file = Path(path)
     try:
         import ezdxf
         from ezdxf.acis.api import AcisException
     except ImportError as error:
-        raise _refusal(file, f"reading {file.suffix[1:].upper()} needs ezdxf", "pip install 'bonecam[cad]'") from error
+        raise _refusal(
+            file, f"reading {file.suffix[1:].upper()} needs ezdxf", "pip install 'bonecam[cad]'"
+        ) from error
     troubles = (
         OSError,
         ValueError,
@@ -39,23 +43,32 @@ def read_polyhedra(path: str | Path) -> TriangleMesh:
     )  # what ezdxf raises on broken files
     try:
         polygons, scale = _from_dxf(file) if file.suffix.lower() in DXF else _from_acis(file)
-        corners = np.array([[tuple(corner) for corner in triangle] for triangle in _triangles(polygons)], dtype=np.float64)
+        corners = np.array(
+            [[tuple(corner) for corner in triangle] for triangle in _triangles(polygons)], dtype=np.float64
+        )
     except FileNotFoundError as error:
-        raise _refusal(file, f"cannot be read ({error.strerror})", "give the path of a readable file") from error
+        raise _refusal(
+            file, f"cannot be read ({error.strerror})", "give the path of a readable file"
+        ) from error
     except troubles as error:
         kind, reason = file.suffix[1:].upper(), " ".join(str(error).split()) or type(error).__name__
-        raise _refusal(file, f"is no readable {kind} file ({reason})", "export the part again, or as STEP") from error
+        raise _refusal(
+            file, f"is no readable {kind} file ({reason})", "export the part again, or as STEP"
+        ) from error
     if not len(corners):
         raise _refusal(file, "holds no faces", "give a part with faces, not curves or points")
     vertices, index = np.unique(corners.reshape(-1, 3) * scale + 0.0, axis=0, return_inverse=True)
     try:
         return TriangleMesh(vertices, index.reshape(-1, 3).astype(np.int32))
     except ValueError as error:
-        raise _refusal(file, f"has coordinates that are not numbers ({error})", "export the part again") from error
+        raise _refusal(
+            file, f"has coordinates that are not numbers ({error})", "export the part again"
+        ) from error
 
 
 def _triangles(polygons: Iterable[Polygon]) -> Iterator[Polygon]:
-    """Ears of each polygon, concave ones too. (ezdxf returns turned copies of the corners: the corners themselves are put back.)"""
+    """Ears of each polygon, concave ones too. (ezdxf returns turned copies of the corners: the corners
+    themselves are put back.)"""
     from ezdxf.math.triangulation import mapbox_earcut_3d
 
     for polygon in polygons:
@@ -86,10 +99,19 @@ def _body_polygons(file: Path, bodies: Iterable[Any]) -> Iterator[Polygon]:
     for body in bodies:
         found = [polygon for lump in flat_polygon_faces_from_body(body) for polygon in lump]
         faces = list(_faces(body))
-        curved, holed = len(faces) - len(found), sum(not face.loop.is_none and not face.loop.next_loop.is_none for face in faces)
+        curved, holed = (
+            len(faces) - len(found),
+            sum(not face.loop.is_none and not face.loop.next_loop.is_none for face in faces),
+        )
         if curved or holed:
             what = f"has {curved} curved faces of {len(faces)}" if curved else f"has {holed} faces with holes"
-            raise _refusal(file, what, "only flat faces can be read from ACIS: export the part as STEP", curved=curved, holed=holed)
+            raise _refusal(
+                file,
+                what,
+                "only flat faces can be read from ACIS: export the part as STEP",
+                curved=curved,
+                holed=holed,
+            )
         yield from found
 
 

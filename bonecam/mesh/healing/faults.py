@@ -24,7 +24,8 @@ class Fault:
 
 
 def faults_of(mesh: TriangleMesh) -> tuple[Fault, ...]:
-    """All that is wrong: null, open, nonmanifold, mixed, parts, inward, genus, intersecting; nothing for a part that can be machined.
+    """All that is wrong: null, open, nonmanifold, mixed, parts, inward, genus, intersecting; nothing for a
+    part that can be machined.
 
     Genus and orientation are looked at only where the mesh is closed and manifold: they mean nothing before.
     """
@@ -35,20 +36,33 @@ def faults_of(mesh: TriangleMesh) -> tuple[Fault, ...]:
 
 def _null_faults(mesh: TriangleMesh) -> tuple[Fault, ...]:
     null = np.flatnonzero(~mesh.face_vectors.any(axis=1))
-    return (Fault("null", f"{len(null)} faces without area", _place_of_face(mesh, int(null[0]))),) if len(null) else ()
+    return (
+        (Fault("null", f"{len(null)} faces without area", _place_of_face(mesh, int(null[0]))),)
+        if len(null)
+        else ()
+    )
 
 
 def _edge_faults(mesh: TriangleMesh) -> tuple[Fault, ...]:
     edges, counts = edges_of(mesh)
     found = []
-    for kind, phrase, wrong in (("open", "open edges", counts == 1), ("nonmanifold", "edges with more than two faces", counts > 2)):
+    for kind, phrase, wrong in (
+        ("open", "open edges", counts == 1),
+        ("nonmanifold", "edges with more than two faces", counts > 2),
+    ):
         if wrong.any():
-            found.append(Fault(kind, f"{wrong.sum()} {phrase}", mesh.vertices[edges[np.argmax(wrong)]].mean(0)))
+            found.append(
+                Fault(kind, f"{wrong.sum()} {phrase}", mesh.vertices[edges[np.argmax(wrong)]].mean(0))
+            )
     halves = mesh.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     _, first, same = np.unique(halves, axis=0, return_index=True, return_counts=True)
     if not found and (same > 1).any():
         place = mesh.vertices[halves[first[np.argmax(same)], 0]]
-        found.append(Fault("mixed", f"{(same > 1).sum()} edges between faces that are oriented against each other", place))
+        found.append(
+            Fault(
+                "mixed", f"{(same > 1).sum()} edges between faces that are oriented against each other", place
+            )
+        )
     return tuple(found)
 
 
@@ -59,19 +73,35 @@ def _shape_faults(mesh: TriangleMesh) -> tuple[Fault, ...]:
     whole = igl.is_vertex_manifold(mesh.faces.astype(np.int64))
     pinched = np.setdiff1d(np.flatnonzero(~whole), np.setdiff1d(np.arange(len(whole)), mesh.faces))
     if len(pinched):
-        return (Fault("pinched", f"{len(pinched)} vertices where two surfaces touch", mesh.vertices[pinched[0]]),)
+        return (
+            Fault("pinched", f"{len(pinched)} vertices where two surfaces touch", mesh.vertices[pinched[0]]),
+        )
     if pieces.max() > 0:
-        return (Fault("parts", f"{pieces.max() + 1} separate parts", _place_of_face(mesh, int(np.argmax(pieces)))),)
+        return (
+            Fault(
+                "parts", f"{pieces.max() + 1} separate parts", _place_of_face(mesh, int(np.argmax(pieces)))
+            ),
+        )
     if not mesh.volume > 0:
-        return (Fault("inward", f"an enclosed volume of {mesh.volume:.3g} mm^3", mesh.vertices[mesh.faces[0, 0]]),)
+        return (
+            Fault("inward", f"an enclosed volume of {mesh.volume:.3g} mm^3", mesh.vertices[mesh.faces[0, 0]]),
+        )
     handles = genus(mesh)
     centre = mesh.vertices[np.unique(mesh.faces)].mean(0)
-    return (Fault("genus", f"{handles} handle{'s' if handles > 1 else ''} (genus {handles})", centre),) if handles else ()
+    return (
+        (Fault("genus", f"{handles} handle{'s' if handles > 1 else ''} (genus {handles})", centre),)
+        if handles
+        else ()
+    )
 
 
 def _intersection_faults(mesh: TriangleMesh) -> tuple[Fault, ...]:
     cut = self_intersections(mesh)
-    return (Fault("intersecting", f"{len(cut)} faces that cut others", _place_of_face(mesh, int(cut[0]))),) if len(cut) else ()
+    return (
+        (Fault("intersecting", f"{len(cut)} faces that cut others", _place_of_face(mesh, int(cut[0]))),)
+        if len(cut)
+        else ()
+    )
 
 
 def _place_of_face(mesh: TriangleMesh, face: int) -> Float[ndarray, "3"]:

@@ -1,8 +1,9 @@
 """Pits and clefts that no cutter can enter: found with a ball of its radius, filled with a membrane.
 
-A ball that touches the surface at a vertex from outside must not reach into the part elsewhere. Where it does, its material stays
-whatever the program; a surface that followed the pit would only fold on the levels above it (a metacarpal's pit, 0.7 mm wide and
-1.4 mm deep, made every sequence of levels fail). The vertices found and their neighbours are moved to the membrane over the rest.
+A ball that touches the surface at a vertex from outside must not reach into the part elsewhere. Where it
+does, its material stays whatever the program; a surface that followed the pit would only fold on the levels
+above it (a metacarpal's pit, 0.7 mm wide and 1.4 mm deep, made every sequence of levels fail). The vertices
+found and their neighbours are moved to the membrane over the rest.
 """
 
 import numpy as np
@@ -18,13 +19,17 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 REACH = 0.2
 """How far (as a share of its radius) the ball may reach into the part: facets and fillets are no pits."""
 SHALLOW = 0.02
-"""Where the membrane is nowhere farther (mm) from the mesh there is no pit: the normal of a vertex among slivers misled."""
+"""Where the membrane is nowhere farther (mm) from the mesh there is no pit: the normal of a vertex among
+slivers misled."""
 ROUNDS = 10
 """Most times that what was filled grows by a ring of neighbours."""
 
 
-def intrusion(mesh: TriangleMesh, radius: float, at: Int[ndarray, " k"] | slice = slice(None)) -> Float[ndarray, " k"]:
-    """How far (mm) a ball of `radius` that touches the surface at each vertex (of `at`) from outside reaches into the part elsewhere."""
+def intrusion(
+    mesh: TriangleMesh, radius: float, at: Int[ndarray, " k"] | slice = slice(None)
+) -> Float[ndarray, " k"]:
+    """How far (mm) a ball of `radius` that touches the surface at each vertex (of `at`) from outside reaches
+    into the part elsewhere."""
     import igl
 
     weighting = igl.PER_VERTEX_NORMALS_WEIGHTING_TYPE_ANGLE
@@ -33,7 +38,8 @@ def intrusion(mesh: TriangleMesh, radius: float, at: Int[ndarray, " k"] | slice 
 
 
 def fill_pits(mesh: TriangleMesh, radius: float) -> tuple[TriangleMesh, tuple[str, ...]]:
-    """The closed mesh (mm) with its pits filled, and a sentence that tells how deep, where, and what stayed; none where there are none."""
+    """The closed mesh (mm) with its pits filled, and a sentence that tells how deep, where, and what stayed;
+    none where there are none."""
     found = intrusion(mesh, radius) > REACH * radius
     if not found.any():
         return mesh, ()
@@ -61,7 +67,9 @@ def _reached(mesh: TriangleMesh, free: Bool[ndarray, " v"], radius: float) -> In
     faces = mesh.faces[free[mesh.faces].any(axis=1)]
     corners = mesh.vertices[faces]
     longest = float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max())
-    away, _ = cKDTree(mesh.vertices[np.unique(faces)]).query(mesh.vertices, distance_upper_bound=2 * radius + longest)
+    away, _ = cKDTree(mesh.vertices[np.unique(faces)]).query(
+        mesh.vertices, distance_upper_bound=2 * radius + longest
+    )
     return np.flatnonzero(np.isfinite(away))
 
 
@@ -70,4 +78,6 @@ def _membrane(mesh: TriangleMesh, free: ndarray) -> TriangleMesh:
 
     fixed = np.flatnonzero(~free)
     vertices = np.array(mesh.vertices)
-    return TriangleMesh(igl.harmonic(vertices, mesh.faces.astype(np.int64), fixed, vertices[fixed], 1), mesh.faces)
+    return TriangleMesh(
+        igl.harmonic(vertices, mesh.faces.astype(np.int64), fixed, vertices[fixed], 1), mesh.faces
+    )

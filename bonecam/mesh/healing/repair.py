@@ -1,11 +1,11 @@
 """Repair: make one closed, manifold, outward, genus-0 part of a mesh, and say what was changed.
 
-Three stages, each tried only where the one before left faults: cleaning in the order that worked (duplicates, null
-faces, non-manifold edges, reorient, **then** close holes); the outside of a surface that cuts itself (an exact union,
-Zhou et al. 2016: it keeps every visible face where it is); and last a new skin shrunk round the cleaned part (alpha
-wrap, Portaneri et al. 2022). What comes out is checked and measured against what came in; a surface that moved by more
-than `LARGEST_DEVIATION` of the diagonal is refused. Handles are never cut, parts never chosen or fused: that is for a
-person to decide.
+Three stages, each tried only where the one before left faults: cleaning in the order that worked (duplicates,
+null faces, non-manifold edges, reorient, **then** close holes); the outside of a surface that cuts itself (an
+exact union, Zhou et al. 2016: it keeps every visible face where it is); and last a new skin shrunk round the
+cleaned part (alpha wrap, Portaneri et al. 2022). What comes out is checked and measured against what came in;
+a surface that moved by more than `LARGEST_DEVIATION` of the diagonal is refused. Handles are never cut, parts
+never chosen or fused: that is for a person to decide.
 """
 
 from dataclasses import dataclass
@@ -66,9 +66,11 @@ class _State:
 
 
 def repair(mesh: TriangleMesh, *, progress: Progress = silent) -> tuple[TriangleMesh, tuple[str, ...]]:
-    """One closed, manifold, outward part of genus 0 without self-intersections, and sentences that tell what was changed.
+    """One closed, manifold, outward part of genus 0 without self-intersections, and sentences that tell what
+    was changed.
 
-    MeshError names what is wrong, where (mm), what was tried, and the remedy; its evidence has `place` and `tried`.
+    MeshError names what is wrong, where (mm), what was tried, and the remedy; its evidence has `place` and
+    `tried`.
     """
     report(progress, 0.0, "looking for faults")
     _refuse_flat(mesh)
@@ -85,7 +87,9 @@ def repair(mesh: TriangleMesh, *, progress: Progress = silent) -> tuple[Triangle
         if found := faults_of(state.mesh):
             _refuse_handles(found, state)
             trouble = _refusal(found, state)
-        elif (deviation := _moved(tidied.mesh, cleaned.mesh, state.mesh))[0] <= LARGEST_DEVIATION * kept.mesh.diagonal:
+        elif (deviation := _moved(tidied.mesh, cleaned.mesh, state.mesh))[
+            0
+        ] <= LARGEST_DEVIATION * kept.mesh.diagonal:
             told = f"moved no part of the surface by more than {deviation[0]:.3f} mm"
             return state.mesh, (*state.done, *((told,) if deviation[0] >= TOLD else ()))
         else:
@@ -100,13 +104,19 @@ def _as_cleaned(state: _State) -> _State:
 
 def _refuse_handles(faults: tuple[Fault, ...], state: _State) -> None:
     """MeshError where the mesh is sound but for its handles: no stage mends those."""
-    if any(fault.kind == "genus" for fault in faults) and {fault.kind for fault in faults} <= {"genus", "intersecting"}:
+    if any(fault.kind == "genus" for fault in faults) and {fault.kind for fault in faults} <= {
+        "genus",
+        "intersecting",
+    }:
         raise _refusal(tuple(fault for fault in faults if fault.kind == "genus"), state)
 
 
 def _refusal(faults: tuple[Fault, ...], state: _State) -> MeshError:
     tried = f" after repair ({'; '.join(state.done)})" if state.done else ""
-    remedy = next((_REMEDIES[fault.kind] for fault in faults if fault.kind in _REMEDIES), "mend it there in a mesh editor")
+    remedy = next(
+        (_REMEDIES[fault.kind] for fault in faults if fault.kind in _REMEDIES),
+        "mend it there in a mesh editor",
+    )
     message = f"the mesh has {', '.join(map(str, faults))}{tried}: {remedy}"
     return MeshError(message, faults=faults, place=faults[0].place, tried=state.done)
 
@@ -122,7 +132,9 @@ def _refuse_flat(mesh: TriangleMesh) -> None:
         raise MeshError("the mesh has no faces: give a surface mesh")
     used = mesh.vertices[np.unique(mesh.faces)]
     size = float(np.linalg.norm(np.ptp(used, axis=0)))
-    thickness = np.ptp((used - used.mean(0)) @ np.linalg.svd(used - used.mean(0), full_matrices=False)[2].T, axis=0).min()
+    thickness = np.ptp(
+        (used - used.mean(0)) @ np.linalg.svd(used - used.mean(0), full_matrices=False)[2].T, axis=0
+    ).min()
     if thickness < FLAT * size:
         faces = "one triangle" if len(mesh.faces) == 1 else f"{len(mesh.faces)} triangles"
         what = f"the mesh ({faces}) is flat: {round(float(thickness), 9):.3g} mm thick, {size:.3g} mm from corner to corner"
@@ -134,7 +146,10 @@ def _without_strays(state: _State) -> _State:
     strays = len(state.mesh.vertices) - len(np.unique(state.mesh.faces))
     if not strays:
         return state
-    return state.then(_compact(state.mesh, np.ones(len(state.mesh.faces), dtype=bool)), f"removed {counted(strays, 'vertex')} of no face")
+    return state.then(
+        _compact(state.mesh, np.ones(len(state.mesh.faces), dtype=bool)),
+        f"removed {counted(strays, 'vertex')} of no face",
+    )
 
 
 def _one_part(state: _State) -> _State:
@@ -151,7 +166,9 @@ def _one_part(state: _State) -> _State:
         place = welded.vertices[welded.faces[pieces == second]].mean((0, 1))
         where = ", ".join(f"{x:.2f}" for x in place)
         what = f"the mesh has {len(areas)} separate parts, the second largest near ({where}) mm"
-        raise MeshError(f"{what}: save the one to machine by itself", parts=len(areas), areas=areas, place=place)
+        raise MeshError(
+            f"{what}: save the one to machine by itself", parts=len(areas), areas=areas, place=place
+        )
     told = f"dropped {counted(len(others), 'loose piece')} of at most {others.max() / areas[largest]:.2%} of the part's area"
     return state.then(_compact(welded, pieces == largest), told)
 
@@ -177,7 +194,8 @@ def _filtered(state: _State, filters: tuple[tuple[str, str, str, str], ...]) -> 
 
 
 def _without_fins(state: _State) -> _State:
-    """Faces that stick out from an edge of three faces and end in the open: MeshLab would take away the smallest face instead."""
+    """Faces that stick out from an edge of three faces and end in the open: MeshLab would take away the
+    smallest face instead."""
     edges, counts = edges_of(state.mesh)
     sides = np.sort(state.mesh.faces[:, [[0, 1], [1, 2], [2, 0]]], axis=2).astype(np.int64)
     names = edges.astype(np.int64) @ [len(state.mesh.vertices), 1]
@@ -185,7 +203,10 @@ def _without_fins(state: _State) -> _State:
     fins = (found == 1).any(1) & (found > 2).any(1)
     if not (count := int(fins.sum())):
         return state
-    return state.then(_compact(state.mesh, ~fins), f"removed {counted(count, 'face')} that {'stick' if count > 1 else 'sticks'} out")
+    return state.then(
+        _compact(state.mesh, ~fins),
+        f"removed {counted(count, 'face')} that {'stick' if count > 1 else 'sticks'} out",
+    )
 
 
 def _oriented(state: _State) -> _State:
@@ -199,7 +220,9 @@ def _oriented(state: _State) -> _State:
 def _outward(state: _State) -> _State:
     if state.mesh.volume >= 0:
         return state
-    return state.then(TriangleMesh(state.mesh.vertices, state.mesh.faces[:, ::-1]), "turned the whole surface outward")
+    return state.then(
+        TriangleMesh(state.mesh.vertices, state.mesh.faces[:, ::-1]), "turned the whole surface outward"
+    )
 
 
 def _closed(state: _State) -> _State:
@@ -229,7 +252,9 @@ def _united(state: _State) -> _State:
     import igl.copyleft.cgal as cgal
 
     try:
-        vertices, faces, _ = cgal.mesh_boolean(np.array(state.mesh.vertices), state.mesh.faces.astype(np.int64), type_str="union")
+        vertices, faces, _ = cgal.mesh_boolean(
+            np.array(state.mesh.vertices), state.mesh.faces.astype(np.int64), type_str="union"
+        )
     except RuntimeError:  # it bounds no volume: the next stage is for that
         return state
     after = TriangleMesh(vertices, np.asarray(faces, dtype=np.int32))
@@ -261,7 +286,8 @@ def _compact(mesh: TriangleMesh, keep: ndarray) -> TriangleMesh:
 def _moved(before: TriangleMesh, cleaned: TriangleMesh, after: TriangleMesh) -> tuple[float, ndarray]:
     """Largest distance (mm) from the corners and middles of the old faces to the new surface, and where.
 
-    Old faces with the solid on both sides lie inside another part of the surface: they are no outside and do not count.
+    Old faces with the solid on both sides lie inside another part of the surface: they are no outside and do
+    not count.
     """
     import igl
 

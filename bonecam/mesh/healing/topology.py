@@ -16,7 +16,8 @@ def edges_of(mesh: TriangleMesh) -> tuple[Int[ndarray, "e 2"], Int[ndarray, " e"
 
 
 def neighbours_of(mesh: TriangleMesh) -> Int[ndarray, "m 3"]:
-    """For each face and corner k the face across the edge from corner k to k+1; MeshError where the mesh is not closed and manifold."""
+    """For each face and corner k the face across the edge from corner k to k+1; MeshError where the mesh is
+    not closed and manifold."""
     count = len(mesh.vertices)
     start, end = mesh.faces.astype(np.int64), np.roll(mesh.faces, -1, axis=1).astype(np.int64)
     there, back = (start * count + end).ravel(), (end * count + start).ravel()

@@ -1,8 +1,8 @@
 """The harmonic field from pole to pole: u = 0 at the lower, 1 at the upper, Laplace's equation between.
 
-Cotangent weights (Pinkall & Polthier 1993), raised to a small positive floor where a pair of obtuse triangles makes
-them smaller. With positive weights every vertex but the poles has a lower and a higher neighbour; then, on a closed
-genus-0 mesh, Euler's formula leaves no saddle, so **every isoline is one closed loop**.
+Cotangent weights (Pinkall & Polthier 1993), raised to a small positive floor where a pair of obtuse triangles
+makes them smaller. With positive weights every vertex but the poles has a lower and a higher neighbour; then,
+on a closed genus-0 mesh, Euler's formula leaves no saddle, so **every isoline is one closed loop**.
 """
 
 import numpy as np
@@ -22,8 +22,9 @@ WEIGHT_FLOOR = 0.02
 def end_poles(mesh: TriangleMesh) -> Int[ndarray, "2"]:
     """The vertices in the middle of the lower and of the upper end along Z.
 
-    An end is what lies within CAP mean radii of the lowest or the highest point; its middle is the vertex nearest to where the axis through
-    its centroid leaves the mesh. (A pole at the very lowest point, often a corner at the rim, would crowd the rows on one side.)
+    An end is what lies within CAP mean radii of the lowest or the highest point; its middle is the vertex
+    nearest to where the axis through its centroid leaves the mesh. (A pole at the very lowest point, often a
+    corner at the rim, would crowd the rows on one side.)
     """
     heights, corners = mesh.vertices[:, 2], mesh.vertices[mesh.faces]
     radius = mesh.area / (2 * np.pi * np.ptp(heights))
@@ -60,7 +61,9 @@ def positive_laplacian(mesh: TriangleMesh) -> sp.csr_array:
         cotangents.append(0.5 * (one * two).sum(1) / np.linalg.norm(np.cross(one, two), axis=1))
         starts.append(mesh.faces[:, (k + 1) % 3])
         ends.append(mesh.faces[:, (k + 2) % 3])
-    half = sp.coo_array((np.concatenate(cotangents), (np.concatenate(starts), np.concatenate(ends))), shape=(count, count)).tocsr()
+    half = sp.coo_array(
+        (np.concatenate(cotangents), (np.concatenate(starts), np.concatenate(ends))), shape=(count, count)
+    ).tocsr()
     weights = (half + half.T).tocsr()
     weights.data = np.maximum(weights.data, WEIGHT_FLOOR)
     return (sp.diags_array(weights.sum(1)) - weights).tocsr()

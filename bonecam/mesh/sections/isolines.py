@@ -1,8 +1,8 @@
 """Isolines of a field on a closed mesh, each traced face by face as one loop.
 
-A value that meets a vertex counts the vertex as below, so no isoline passes through a vertex and each crossed face is
-crossed once, from the edge where the field falls to the edge where it rises (in the face's own direction). Walking so
-keeps the higher side on the left seen from outside.
+A value that meets a vertex counts the vertex as below, so no isoline passes through a vertex and each crossed
+face is crossed once, from the edge where the field falls to the edge where it rises (in the face's own
+direction). Walking so keeps the higher side on the left seen from outside.
 """
 
 from dataclasses import dataclass
@@ -31,7 +31,8 @@ class Isolines:
         return cls(mesh, field, neighbours_of(mesh))
 
     def loop(self, value: float) -> Float[ndarray, "k 3"]:
-        """The corners of the one closed isoline at `value`, higher side on the left; MeshError where it is none or several."""
+        """The corners of the one closed isoline at `value`, higher side on the left; MeshError where it is
+        none or several."""
         faces, rising = self._crossed(value)
         if not len(faces):
             raise MeshError(f"no isoline at {value:.6g}: give a value inside the field's range", value=value)
@@ -39,9 +40,7 @@ class Isolines:
         if len(order) != len(faces):
             place = self.mesh.vertices[self.mesh.faces[np.setdiff1d(faces, order)[0], 0]]
             where = ", ".join(f"{x:.2f}" for x in place)
-            message = (
-                f"the isoline at {value:.6g} falls into several loops, one near ({where}): the mesh has a handle or badly shaped faces"
-            )
+            message = f"the isoline at {value:.6g} falls into several loops, one near ({where}): the mesh has a handle or badly shaped faces"
             raise MeshError(f"{message}; repair it or remesh it finer", value=value, place=place)
         return self._crossings(order, rising[np.searchsorted(faces, order)], value)
 
@@ -57,7 +56,9 @@ class Isolines:
         low, middle, high = self._sorted_corners
         cut_low = (value - low) ** 2 / ((middle - low) * (high - low) + np.finfo(float).tiny)
         cut_high = 1 - (high - value) ** 2 / ((high - middle) * (high - low) + np.finfo(float).tiny)
-        share = np.select([value <= low, value < middle, value < high], [np.zeros_like(low), cut_low, cut_high], 1.0)
+        share = np.select(
+            [value <= low, value < middle, value < high], [np.zeros_like(low), cut_low, cut_high], 1.0
+        )
         return float(share @ self._areas)
 
     @cached_property
@@ -69,13 +70,16 @@ class Isolines:
         return np.asarray(np.linalg.norm(self.mesh.face_vectors, axis=1) / 2)
 
     def _crossed(self, value: float) -> tuple[Int[ndarray, " k"], Int[ndarray, " k"]]:
-        """The crossed faces in rising order, and for each the local edge (from its vertex to the next) where the field rises."""
+        """The crossed faces in rising order, and for each the local edge (from its vertex to the next) where
+        the field rises."""
         above = self.field > value
         count = above[self.mesh.faces].sum(1)
         faces = np.flatnonzero((count > 0) & (count < 3))
         return faces, self._edges(above, faces, rises=True)
 
-    def _edges(self, above: Bool[ndarray, " v"], faces: Int[ndarray, " k"], *, rises: bool) -> Int[ndarray, " k"]:
+    def _edges(
+        self, above: Bool[ndarray, " v"], faces: Int[ndarray, " k"], *, rises: bool
+    ) -> Int[ndarray, " k"]:
         corners = above[self.mesh.faces[faces]]
         following = np.roll(corners, -1, axis=1)
         return np.argmax((~corners & following) if rises else (corners & ~following), axis=1)
@@ -89,8 +93,12 @@ class Isolines:
             here = successor[here]
         return faces[order]
 
-    def _crossings(self, faces: Int[ndarray, " k"], edges: Int[ndarray, " k"], value: float) -> Float[ndarray, "k 3"]:
+    def _crossings(
+        self, faces: Int[ndarray, " k"], edges: Int[ndarray, " k"], value: float
+    ) -> Float[ndarray, "k 3"]:
         """Where the isoline crosses one edge of each face."""
         start, end = self.mesh.faces[faces, edges], self.mesh.faces[faces, (edges + 1) % 3]
         share = (value - self.field[start]) / (self.field[end] - self.field[start])
-        return self.mesh.vertices[start] + share[:, None] * (self.mesh.vertices[end] - self.mesh.vertices[start])
+        return self.mesh.vertices[start] + share[:, None] * (
+            self.mesh.vertices[end] - self.mesh.vertices[start]
+        )

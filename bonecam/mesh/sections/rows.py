@@ -1,9 +1,10 @@
 """Rows of points round a bone: isolines of the harmonic field, evenly spread from pole to pole.
 
-Field values crowd at the poles (the field is logarithmic there), so rows are spaced by the mean distance between
-neighbouring loops: an area dA between two loops of length l lies dA / l apart. Points on a row are equally spaced by
-arc length from the seam, the line from pole to pole that crosses the loops squarely. Gan et al. 2014 begin with such
-rows ("17 rows x 100 points arranged along the directrix") without telling where they come from.
+Field values crowd at the poles (the field is logarithmic there), so rows are spaced by the mean distance
+between neighbouring loops: an area dA between two loops of length l lies dA / l apart. Points on a row are
+equally spaced by arc length from the seam, the line from pole to pole that crosses the loops squarely. Gan et
+al. 2014 begin with such rows ("17 rows x 100 points arranged along the directrix") without telling where they
+come from.
 """
 
 from dataclasses import dataclass
@@ -23,7 +24,8 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.progress import Progress, report, silent
 
 POLE_SPACING = 0.5
-"""Distance of the first row from its pole, as a share of the even spacing: the ends of a bone are curved the most."""
+"""Distance of the first row from its pole, as a share of the even spacing: the ends of a bone are curved the
+most."""
 STRIPS = 400
 """Isolines that measure the distance from pole to pole."""
 GUIDES = 8
@@ -34,9 +36,10 @@ GUIDES = 8
 class Rows:
     """m rows of p points from the lower pole to the upper one, on the mesh they were asked of.
 
-    points[i, 0] is on the seam; points run counter-clockwise seen from above (so that S_s x S_t points outward).
-    `mesh` is the even remesh whose isolines the rows are. `heights` (m,) are the mean distances of the rows from the lower
-    pole in shares of the whole way, in (0, 1); `field_heights` (v,) the same of each vertex of `mesh`.
+    points[i, 0] is on the seam; points run counter-clockwise seen from above (so that S_s x S_t points
+    outward). `mesh` is the even remesh whose isolines the rows are. `heights` (m,) are the mean distances of
+    the rows from the lower pole in shares of the whole way, in (0, 1); `field_heights` (v,) the same of each
+    vertex of `mesh`.
     """
 
     points: Float[ndarray, "m p 3"]
@@ -48,14 +51,22 @@ class Rows:
 
     @cached_property
     def vertex_parameters(self) -> Float[ndarray, "v 2"]:
-        """(s, t) of each vertex of `mesh`: t its height in [0, 1], s its share of the arc length round its loop from the seam."""
+        """(s, t) of each vertex of `mesh`: t its height in [0, 1], s its share of the arc length round its
+        loop from the seam."""
         return np.stack([_around(self), self.field_heights], axis=1)
 
 
-def harmonic_rows(mesh: TriangleMesh, rows: int = 24, points: int = 100, edge: float | None = None, progress: Progress = silent) -> Rows:
+def harmonic_rows(
+    mesh: TriangleMesh,
+    rows: int = 24,
+    points: int = 100,
+    edge: float | None = None,
+    progress: Progress = silent,
+) -> Rows:
     """Rows of points on a closed genus-0 mesh that stands upright (see `pose.upright`).
 
-    `edge` is the target edge of the remesh in mm (default: 1.3 % of the diagonal). MeshError where an isoline is not one loop.
+    `edge` is the target edge of the remesh in mm (default: 1.3 % of the diagonal). MeshError where an isoline
+    is not one loop.
     """
     if rows < 2 or points < 3:
         raise ValueError(f"{rows} rows of {points} points: give at least 2 rows of 3 points")
@@ -66,7 +77,9 @@ def harmonic_rows(mesh: TriangleMesh, rows: int = 24, points: int = 100, edge: f
     isolines = Isolines.of(even, harmonic_field(even, poles))
     heights, field_values = measured_heights(isolines)
     wanted = row_heights(rows)
-    guide_heights = np.interp(np.arange(1, (rows + 1) * GUIDES) / GUIDES, np.arange(rows + 2), [0.0, *wanted, 1.0])
+    guide_heights = np.interp(
+        np.arange(1, (rows + 1) * GUIDES) / GUIDES, np.arange(rows + 2), [0.0, *wanted, 1.0]
+    )
     report(progress, 0.6, "tracing the rows")
     values = np.interp(guide_heights, heights, field_values)
     guides = _aligned([isolines.loop(float(value)) for value in values], points)
@@ -83,16 +96,18 @@ def harmonic_rows(mesh: TriangleMesh, rows: int = 24, points: int = 100, edge: f
 
 
 def row_heights(rows: int) -> Float[ndarray, " m"]:
-    """Shares of the way from pole to pole: spacing smoothly falls to POLE_SPACING of the even one at the poles."""
+    """Shares of the way from pole to pole: spacing smoothly falls to POLE_SPACING of the even one at the
+    poles."""
     x = np.arange(1, rows + 1) / (rows + 1)
     return np.asarray(x - (1 - POLE_SPACING) * np.sin(2 * np.pi * x) / (2 * np.pi))
 
 
 def measured_heights(isolines: Isolines) -> tuple[Float[ndarray, " k"], Float[ndarray, " k"]]:
-    """Heights in [0, 1] and the field values there: the mean distance from the lower pole over that of the upper one.
+    """Heights in [0, 1] and the field values there: the mean distance from the lower pole over that of the
+    upper one.
 
-    Between two isolines of mean length l with the area dA between them the distance is dA / l; a cap of area A in a loop
-    of length l is a disc of radius 2 A / l.
+    Between two isolines of mean length l with the area dA between them the distance is dA / l; a cap of area
+    A in a loop of length l is a disc of radius 2 A / l.
     """
     corners = np.zeros(len(isolines.field))
     np.add.at(corners, isolines.mesh.faces, np.linalg.norm(isolines.mesh.face_vectors, axis=1)[:, None] / 6)
@@ -110,7 +125,8 @@ def measured_heights(isolines: Isolines) -> tuple[Float[ndarray, " k"], Float[nd
 def _aligned(loops: list[ndarray], points: int) -> Float[ndarray, "g p 3"]:
     """Each loop as `points` equally spaced points from the seam.
 
-    The seam starts on the middle loop where it lies farthest out along +X and goes to the nearest place of the next loop, up and down.
+    The seam starts on the middle loop where it lies farthest out along +X and goes to the nearest place of
+    the next loop, up and down.
     """
     middle = len(loops) // 2
     starts: list[ndarray] = [np.empty(0)] * len(loops)
@@ -122,7 +138,9 @@ def _aligned(loops: list[ndarray], points: int) -> Float[ndarray, "g p 3"]:
     return np.stack([equally_spaced(loop, start, points) for loop, start in zip(loops, starts)])
 
 
-def nearest_on_loop(loop: Float[ndarray, "k 3"], point: Float[ndarray, "3"]) -> tuple[int, Float[ndarray, "3"]]:
+def nearest_on_loop(
+    loop: Float[ndarray, "k 3"], point: Float[ndarray, "3"]
+) -> tuple[int, Float[ndarray, "3"]]:
     """The side of a closed polygon nearest to `point`, and the nearest place on it."""
     sides = np.roll(loop, -1, axis=0) - loop
     squares = np.maximum((sides**2).sum(1), np.finfo(float).tiny)
@@ -132,7 +150,9 @@ def nearest_on_loop(loop: Float[ndarray, "k 3"], point: Float[ndarray, "3"]) -> 
     return side, places[side]
 
 
-def equally_spaced(loop: Float[ndarray, "k 3"], start: Float[ndarray, "3"], points: int) -> Float[ndarray, "p 3"]:
+def equally_spaced(
+    loop: Float[ndarray, "k 3"], start: Float[ndarray, "3"], points: int
+) -> Float[ndarray, "p 3"]:
     """`points` points on a closed polygon at equal arc lengths from the place nearest to `start`."""
     side, place = nearest_on_loop(loop, start)
     chain = np.concatenate([[place], np.roll(loop, -(side + 1), axis=0), [place]])

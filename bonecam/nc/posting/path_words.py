@@ -23,10 +23,12 @@ APPROACH_HEIGHT = 10.0
 
 @dataclass(frozen=True, eq=False)
 class Posted:
-    """A tool path ready to be written. `words` (n, 5) are mm and degrees rounded as written; runs are row ranges between retracts.
+    """A tool path ready to be written. `words` (n, 5) are mm and degrees rounded as written; runs are row
+    ranges between retracts.
 
-    `approaches` (r, 5) are the words from which each run is approached along the tool axis, above everything machined.
-    `minutes` (n,) is the time of the move that arrives at each row (where a run begins: of turning the rotary axes there).
+    `approaches` (r, 5) are the words from which each run is approached along the tool axis, above everything
+    machined. `minutes` (n,) is the time of the move that arrives at each row (where a run begins: of turning
+    the rotary axes there).
     """
 
     path: ToolPath
@@ -44,10 +46,15 @@ def control_of(machine: Machine, dialect: Dialect, cutter: Cutter) -> Control:
 
 
 def post_path(
-    path: ToolPath, machine: Machine, dialect: Dialect, job: Job, around: Float[ndarray, "m 3"], before: Float[ndarray, "2"] | None = None
+    path: ToolPath,
+    machine: Machine,
+    dialect: Dialect,
+    job: Job,
+    around: Float[ndarray, "m 3"],
+    before: Float[ndarray, "2"] | None = None,
 ) -> Posted:
-    """The posted form of one path; `around` are the tips of the whole program, which approaches stay above; `before` the joints
-    (rad) the machine comes from.
+    """The posted form of one path; `around` are the tips of the whole program, which approaches stay above;
+    `before` the joints (rad) the machine comes from.
 
     MachineError names level, pass, axis, value and limit.
     """
@@ -58,18 +65,31 @@ def post_path(
         moves = split_moves(path, control, job.path.chord_tolerance / 2, hold_cone, before)
     except MachineError as error:
         row = min(error.evidence.get("row", 0), len(path.tips) - 1)
-        raise MachineError(f"level {path.level}, pass {int(path.pass_index[row])}, {error}", level=path.level, **error.evidence) from error
+        raise MachineError(
+            f"level {path.level}, pass {int(path.pass_index[row])}, {error}",
+            level=path.level,
+            **error.evidence,
+        ) from error
     starts = np.r_[0, np.flatnonzero(moves.rewinds)]
     runs = tuple((int(a), int(b)) for a, b in zip(starts, np.r_[starts[1:], len(moves.tips)], strict=True))
     words = round_words(dialect, control, moves.tips, moves.angles)
     angles = np.radians(words[:, 3:])
-    lift = (around @ moves.axes[starts].T).max(0) - dots(moves.tips[starts], moves.axes[starts]) + APPROACH_HEIGHT
-    above = moves.tips[starts] + np.maximum(lift, APPROACH_HEIGHT)[:, None] * control.poses(np.radians(words[starts]))[1]
+    lift = (
+        (around @ moves.axes[starts].T).max(0)
+        - dots(moves.tips[starts], moves.axes[starts])
+        + APPROACH_HEIGHT
+    )
+    above = (
+        moves.tips[starts]
+        + np.maximum(lift, APPROACH_HEIGHT)[:, None] * control.poses(np.radians(words[starts]))[1]
+    )
     approaches = round_words(dialect, control, above, angles[starts])
     return Posted(path, control, moves, words, runs, approaches, _minutes(control, moves, words, starts, job))
 
 
-def round_words(dialect: Dialect, control: Control, tips: Float[ndarray, "n 3"], angles: Float[ndarray, "n 2"]) -> Float[ndarray, "n 5"]:
+def round_words(
+    dialect: Dialect, control: Control, tips: Float[ndarray, "n 3"], angles: Float[ndarray, "n 2"]
+) -> Float[ndarray, "n 5"]:
     """Words (mm, deg) as written: the angles are rounded first, so that the linear words make up for them."""
     turned = dialect.numbers["angle"].rounded(np.degrees(angles))
     linear = dialect.numbers["length"].rounded(control.words(tips, np.radians(turned))[:, :3])
@@ -85,7 +105,9 @@ def joints_of(posted: Posted, words: Float[ndarray, "n 5"]) -> Float[ndarray, "n
     return inverse_linear(posted.control.machine, tips, radians[:, 3:], posted.control.tool_length)
 
 
-def _minutes(control: Control, moves: Moves, words: ndarray, starts: ndarray, job: Job) -> Float[ndarray, "n"]:
+def _minutes(
+    control: Control, moves: Moves, words: ndarray, starts: ndarray, job: Job
+) -> Float[ndarray, "n"]:
     machine = control.machine
     joints = inverse_linear(machine, moves.tips, np.radians(words[:, 3:]), control.tool_length)
     speeds = np.array([axis.speed for axis in machine.linear] + [axis.speed for axis in machine.rotary])
@@ -99,12 +121,15 @@ def _minutes(control: Control, moves: Moves, words: ndarray, starts: ndarray, jo
 
 
 def check_travel(machine: Machine, paths: Sequence[Posted]) -> None:
-    """MachineError with axis, value, limit and level where the spindle nose leaves its limits or the program its travel."""
+    """MachineError with axis, value, limit and level where the spindle nose leaves its limits or the program
+    its travel."""
     for column, axis in enumerate(machine.linear):
         low, high = np.inf, -np.inf
         for posted in paths:
             words = np.vstack([posted.words, posted.approaches])
-            nose = joints_of(posted, words)[:, column] + (posted.control.tool_length if axis.letter == "Z" else 0.0)
+            nose = joints_of(posted, words)[:, column] + (
+                posted.control.tool_length if axis.letter == "Z" else 0.0
+            )
             _check_limits(axis.letter, axis.limits, nose, posted, machine)
             low, high = min(low, float(nose.min())), max(high, float(nose.max()))
             if high - low > axis.travel:
@@ -118,8 +143,13 @@ def check_travel(machine: Machine, paths: Sequence[Posted]) -> None:
                 )
 
 
-def _check_limits(letter: str, limits: tuple[float, float], nose: ndarray, posted: Posted, machine: Machine) -> None:
-    for value, limit, off in ((nose.min(), limits[0], nose.min() < limits[0]), (nose.max(), limits[1], nose.max() > limits[1])):
+def _check_limits(
+    letter: str, limits: tuple[float, float], nose: ndarray, posted: Posted, machine: Machine
+) -> None:
+    for value, limit, off in (
+        (nose.min(), limits[0], nose.min() < limits[0]),
+        (nose.max(), limits[1], nose.max() > limits[1]),
+    ):
         if not off:
             continue
         row = int(np.argmin(np.abs(nose - value)))

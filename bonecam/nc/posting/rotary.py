@@ -1,10 +1,10 @@
 """Which of the two rotary solutions, and which turn, at every point of a path.
 
-Least rotary travel along the whole sequence inside the limits (dynamic programming over solution and turn). A step that is
-not a rapid may only be taken where the axis, with both angles running linearly, stays near the way between its two ends;
-so a path never flips to the other solution in the cut. Where that cannot be, the angles jump at a rapid: a rewind, done off
-the part. Within the hold cone about the singular axis the free angle is held, or runs evenly from the angle before the
-stretch to the angle after it.
+Least rotary travel along the whole sequence inside the limits (dynamic programming over solution and turn). A
+step that is not a rapid may only be taken where the axis, with both angles running linearly, stays near the
+way between its two ends; so a path never flips to the other solution in the cut. Where that cannot be, the
+angles jump at a rapid: a rewind, done off the part. Within the hold cone about the singular axis the free
+angle is held, or runs evenly from the angle before the stretch to the angle after it.
 """
 
 from dataclasses import dataclass
@@ -28,7 +28,8 @@ SMALL_TURN = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """Rotary joints (rad) of every row, continuous between rewinds; `rewinds` marks rows reached by a jump off the part."""
+    """Rotary joints (rad) of every row, continuous between rewinds; `rewinds` marks rows reached by a jump
+    off the part."""
 
     angles: Float[ndarray, "n 2"]
     rewinds: Bool[ndarray, "n"]
@@ -43,8 +44,8 @@ def choose_angles(
 ) -> Choice:
     """The rotary joints for a sequence of unit tool axes; MachineError where no way exists within the limits.
 
-    Row i's kind is the kind of the move that arrives there. `hold_cone` in rad. `before`: the joints the machine comes from; an
-    endless axis starts within half a turn of them.
+    Row i's kind is the kind of the move that arrives there. `hold_cone` in rad. `before`: the joints the
+    machine comes from; an endless axis starts within half a turn of them.
     """
     found, free = inverse_rotary(machine, axes, hold_cone)
     _check_reach(machine, found)
@@ -74,13 +75,17 @@ def _check_reach(machine: Machine, found: ndarray) -> None:
     row = int(np.argmin(reached))
     solutions = found[row][np.isfinite(found[row]).all(1)]
     if not len(solutions):
-        raise MachineError(f"point {row}: no rotary angles of {machine.title} reach this tool axis: tilt it less", row=row)
+        raise MachineError(
+            f"point {row}: no rotary angles of {machine.title} reach this tool axis: tilt it less", row=row
+        )
     bounds = np.array([axis.limits for axis in machine.rotary])
     excess = np.maximum(np.maximum(bounds[:, 0] - solutions, solutions - bounds[:, 1]), 0)
     solution = int(np.argmin(excess.max(1)))
     column = int(np.argmax(excess[solution]))
     letter, value = machine.rotary[column].letter, float(np.degrees(solutions[solution, column]))
-    limit = float(np.degrees(bounds[column, 0] if np.radians(value) < bounds[column, 0] else bounds[column, 1]))
+    limit = float(
+        np.degrees(bounds[column, 0] if np.radians(value) < bounds[column, 0] else bounds[column, 1])
+    )
     raise MachineError(
         f"point {row}: {letter} {value:.3f} deg leaves the limit {limit:.3f} deg of {machine.title}: limit the tilt",
         row=row,
@@ -91,7 +96,8 @@ def _check_reach(machine: Machine, found: ndarray) -> None:
 
 
 def _nearest_zero(machine: Machine, found: ndarray) -> ndarray:
-    """On the singular axis the bound joint has one angle up to rounding: of the solutions within limits, the first."""
+    """On the singular axis the bound joint has one angle up to rounding: of the solutions within limits, the
+    first."""
     first = np.argmax(within_limits(machine, found), axis=1)
     return np.take_along_axis(found, first[:, None, None], axis=1)[:, 0]
 
@@ -111,7 +117,9 @@ def _states(machine: Machine, found: ndarray) -> ndarray:
     for column, axis in enumerate(machine.rotary):
         if len((first, second)[column]) > 1 or not axis.endless:
             low, high = axis.limits
-            states[~((states[:, :, column] >= low - LIMIT_GUARD) & (states[:, :, column] <= high + LIMIT_GUARD))] = np.nan
+            states[
+                ~((states[:, :, column] >= low - LIMIT_GUARD) & (states[:, :, column] <= high + LIMIT_GUARD))
+            ] = np.nan
     return states[:, np.isfinite(states[:, :, 0]).any(0)]
 
 
@@ -124,10 +132,14 @@ def _changes(machine: Machine, start: ndarray, end: ndarray) -> ndarray:
     return change
 
 
-def _follows(machine: Machine, start: ndarray, change: ndarray, before: ndarray, after: ndarray) -> Bool[ndarray, "n"]:
-    """Whether the axis, halfway with linear angles, is near the way from `before` to `after`; False where a state is none.
+def _follows(
+    machine: Machine, start: ndarray, change: ndarray, before: ndarray, after: ndarray
+) -> Bool[ndarray, "n"]:
+    """Whether the axis, halfway with linear angles, is near the way from `before` to `after`; False where a
+    state is none.
 
-    A turn of T in all bends the axis's way by at most T, so that it is within T^2 / 8 of the middle: that settles most of them.
+    A turn of T in all bends the axis's way by at most T, so that it is within T^2 / 8 of the middle: that
+    settles most of them.
     """
     turn, chord = np.abs(change).sum(1), lengths(after - before)
     near = (turn < SMALL_TURN) & (turn**2 / 8 <= 0.7 * chord)
@@ -174,7 +186,8 @@ def _travel(
 
 
 def _unwind(machine: Machine, column: int, angles: ndarray, kinds: ndarray, rewinds: ndarray) -> None:
-    """Turn an axis that winds back by whole turns at the last rapid before it reaches its limits; changes the working arrays."""
+    """Turn an axis that winds back by whole turns at the last rapid before it reaches its limits; changes the
+    working arrays."""
     axis, begin = machine.rotary[column], 0
     low, high = axis.limits
     while True:
@@ -185,7 +198,10 @@ def _unwind(machine: Machine, column: int, angles: ndarray, kinds: ndarray, rewi
         rapids = begin + 1 + np.flatnonzero(kinds[begin + 1 : row + 1] == Kind.RAPID)
         turns = np.round(angles[rapids[-1], column] / FULL) if len(rapids) else 0.0
         if turns == 0:
-            value, limit = np.degrees(angles[row, column]), np.degrees(low if angles[row, column] < low else high)
+            value, limit = (
+                np.degrees(angles[row, column]),
+                np.degrees(low if angles[row, column] < low else high),
+            )
             raise MachineError(
                 f"point {row}: {axis.letter} winds to {value:.3f} deg, limit {limit:.3f} deg of {machine.title}: split the pass by a rapid",
                 row=row,

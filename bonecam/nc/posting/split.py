@@ -1,10 +1,11 @@
-"""The moves a control is given: a tool path with angles chosen, split where the control would leave the way meant.
+"""The moves a control is given: a tool path with angles chosen, split where the control would leave the way
+meant.
 
-Meant between two rows: the ball centre runs straight, the axis turns evenly on the great circle. What the control does
-instead is in `control.py`. A move is split evenly until tip and ball centre stay within the tolerance at 1/4, 1/2 and 3/4
-of it (the deviation is of second order in the move, so its square root tells how often), no joint turns by more than 10
-degrees in a feed move or a right angle in a rapid or at the pole itself, and, without tool-centre control, no feed move is
-longer than 1 mm.
+Meant between two rows: the ball centre runs straight, the axis turns evenly on the great circle. What the
+control does instead is in `control.py`. A move is split evenly until tip and ball centre stay within the
+tolerance at 1/4, 1/2 and 3/4 of it (the deviation is of second order in the move, so its square root tells
+how often), no joint turns by more than 10 degrees in a feed move or a right angle in a rapid or at the pole
+itself, and, without tool-centre control, no feed move is longer than 1 mm.
 """
 
 from dataclasses import dataclass
@@ -24,14 +25,16 @@ LONGEST_MOVE = 1.0
 LARGEST_TURN, LARGEST_RAPID_TURN = np.radians(9.99), np.pi / 2
 """What is left of 10 degrees is more than the rounding of the words."""
 POLE_PASS = np.radians(0.01)
-"""A feed move whose axis turns by less passes the pole itself: its joint may turn as far as in a rapid, no split would help."""
+"""A feed move whose axis turns by less passes the pole itself: its joint may turn as far as in a rapid, no
+split would help."""
 RAPID_SLACK = 20.0
 AXIS_TOLERANCE = np.radians(1.0)
 
 
 @dataclass(frozen=True, eq=False)
 class Moves:
-    """Rows to post: the move that arrives at each; `angles` rad; `rows` of the tool path they belong to; `rewinds` begin anew."""
+    """Rows to post: the move that arrives at each; `angles` rad; `rows` of the tool path they belong to;
+    `rewinds` begin anew."""
 
     kinds: Int[ndarray, "n"]
     tips: Float[ndarray, "n 3"]
@@ -42,8 +45,15 @@ class Moves:
     rewinds: Bool[ndarray, "n"]
 
 
-def split_moves(path: ToolPath, control: Control, tolerance: float, hold_cone: float, before: Float[ndarray, "2"] | None = None) -> Moves:
-    """The moves of one tool path, fine enough for `control` to follow within `tolerance` (mm; rapids 20 times as much).
+def split_moves(
+    path: ToolPath,
+    control: Control,
+    tolerance: float,
+    hold_cone: float,
+    before: Float[ndarray, "2"] | None = None,
+) -> Moves:
+    """The moves of one tool path, fine enough for `control` to follow within `tolerance` (mm; rapids 20 times
+    as much).
 
     `before`: the rotary joints (rad) the machine comes from.
     """
@@ -53,18 +63,28 @@ def split_moves(path: ToolPath, control: Control, tolerance: float, hold_cone: f
         pieces = _pieces(control, kinds, tips, axes, choice.angles, tolerance)
         pieces[choice.rewinds[1:]] = 1
         if (pieces == 1).all():
-            return Moves(kinds, tips, axes, choice.angles, np.asarray(path.feed_rates)[rows], rows, choice.rewinds)
+            return Moves(
+                kinds, tips, axes, choice.angles, np.asarray(path.feed_rates)[rows], rows, choice.rewinds
+            )
         earlier, fractions, after = _spread(pieces)
         tips, axes = between(tips, axes, control.radius, earlier, fractions)
         kinds, rows = kinds[after], rows[after]
     row = int(rows[1 + np.argmax(pieces)])
-    raise MachineError(f"point {row}: the move passes too near the machine's singular axis to be split: tilt it away", row=row)
+    raise MachineError(
+        f"point {row}: the move passes too near the machine's singular axis to be split: tilt it away",
+        row=row,
+    )
 
 
 def between(
-    tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], radius: float, before: Int[ndarray, "m"], fractions: Float[ndarray, "m"]
+    tips: Float[ndarray, "n 3"],
+    axes: Float[ndarray, "n 3"],
+    radius: float,
+    before: Int[ndarray, "m"],
+    fractions: Float[ndarray, "m"],
 ) -> tuple[Float[ndarray, "m 3"], Float[ndarray, "m 3"]]:
-    """Tips and axes meant at a fraction of the way from row `before` to the next; a whole fraction is the row itself."""
+    """Tips and axes meant at a fraction of the way from row `before` to the next; a whole fraction is the row
+    itself."""
     after = np.minimum(before + 1, len(tips) - 1)
     a, b, part = axes[before], axes[after], fractions[:, None]
     angle = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), dots(a, b))[:, None]
@@ -77,7 +97,9 @@ def between(
     centres = (1 - part) * (tips[before] + radius * a) + part * (tips[after] + radius * b)
     whole, start = fractions == 1, fractions == 0
     turned = np.where(whole[:, None], b, np.where(start[:, None], a, turned))
-    meant = np.where(whole[:, None], tips[after], np.where(start[:, None], tips[before], centres - radius * turned))
+    meant = np.where(
+        whole[:, None], tips[after], np.where(start[:, None], tips[before], centres - radius * turned)
+    )
     return meant, turned
 
 
@@ -89,7 +111,9 @@ def _spread(pieces: ndarray) -> tuple[ndarray, ndarray, ndarray]:
     return np.r_[0, move], np.r_[0.0, fractions], np.r_[0, move + 1]
 
 
-def _pieces(control: Control, kinds: ndarray, tips: ndarray, axes: ndarray, angles: ndarray, tolerance: float) -> ndarray:
+def _pieces(
+    control: Control, kinds: ndarray, tips: ndarray, axes: ndarray, angles: ndarray, tolerance: float
+) -> ndarray:
     if len(tips) < 2:
         return np.ones(0, dtype=np.int64)
     words = control.words(tips, angles)
@@ -107,7 +131,9 @@ def _pieces(control: Control, kinds: ndarray, tips: ndarray, axes: ndarray, angl
         worst = np.maximum(worst, np.maximum(off / allowed, lengths(leant) / AXIS_TOLERANCE))
     pieces = np.where(worst > 1, np.ceil(np.sqrt(1.1 * np.minimum(worst, 1e4))), 1)
     at_pole = lengths(np.diff(axes, axis=0)) < POLE_PASS
-    turn = np.abs(np.diff(angles, axis=0)).max(1) / np.where(rapid | at_pole, LARGEST_RAPID_TURN, LARGEST_TURN)
+    turn = np.abs(np.diff(angles, axis=0)).max(1) / np.where(
+        rapid | at_pole, LARGEST_RAPID_TURN, LARGEST_TURN
+    )
     pieces = np.maximum(pieces, np.ceil(turn - 1e-9))
     if not control.tool_centre:
         length = lengths(np.diff(tips, axis=0))

@@ -1,7 +1,8 @@
 """Writing the NC text: the dialect's templates filled with the words of the posted paths.
 
-A program is one section a cutter (tool call), in it one a level, in it one or more runs: retract, turn the rotary axes off the
-part, tool-centre control on where the control has it, approach along the tool axis, the moves, tool-centre control off, retract.
+A program is one section a cutter (tool call), in it one a level, in it one or more runs: retract, turn the
+rotary axes off the part, tool-centre control on where the control has it, approach along the tool axis, the
+moves, tool-centre control off, retract.
 """
 
 from collections.abc import Sequence
@@ -37,8 +38,9 @@ def write_program(
 ) -> Program:
     """The program that machines `paths` in their order.
 
-    `name`: capitals, digits and _ . `stock_bounds` (mm) for the control's picture; without them, the box of the tips.
-    MachineError where an axis leaves its limits or travel, ProgramError where a number cannot be written.
+    `name`: capitals, digits and _ . `stock_bounds` (mm) for the control's picture; without them, the box of
+    the tips. MachineError where an axis leaves its limits or travel, ProgramError where a number cannot be
+    written.
     """
     if not paths:
         raise ValueError("no tool path: give at least one")
@@ -59,7 +61,9 @@ def write_program(
 class _Writer:
     """The blocks of one program; final, used once."""
 
-    def __init__(self, machine: Machine, dialect: Dialect, job: Job, name: str, posted: Sequence[Posted]) -> None:
+    def __init__(
+        self, machine: Machine, dialect: Dialect, job: Job, name: str, posted: Sequence[Posted]
+    ) -> None:
         self.machine, self.dialect, self.job, self.name, self.posted = machine, dialect, job, name, posted
         self.length, self.angle, self.feed = (dialect.numbers[key] for key in ("length", "angle", "feed"))
         self.on, self.off = dialect.tool_centre_blocks(machine)
@@ -74,7 +78,10 @@ class _Writer:
             if cutter.number != tool:
                 lines += self.dialect.lines("tool_end") if tool is not None else []
                 lines += self._moving(
-                    "tool", tool=cutter.number, spindle=self.dialect.numbers["spindle"].text(cutter.spindle), retract=self.retract
+                    "tool",
+                    tool=cutter.number,
+                    spindle=self.dialect.numbers["spindle"].text(cutter.spindle),
+                    retract=self.retract,
                 )
                 tool = cutter.number
             lines += [self._comment(f"level {posted.path.level}"), *self._level(posted)]
@@ -101,17 +108,29 @@ class _Writer:
             rewinds=sum(len(posted.runs) - 1 for posted in self.posted),
             tools=tuple(dict.fromkeys(posted.path.cutter.number for posted in self.posted)),
             time_min=float(sum(posted.minutes.sum() for posted in self.posted)),
-            rotary_max_deg_per_block=max(float(t[f].max(initial=0.0)) for t, f in zip(turns, feeds, strict=True)),
+            rotary_max_deg_per_block=max(
+                float(t[f].max(initial=0.0)) for t, f in zip(turns, feeds, strict=True)
+            ),
         )
 
     def _comment(self, text: str) -> str:
         return self.dialect.comment.format(text=plain_text(text, self.dialect.comment_characters))
 
     def _header(self, bounds: ndarray, comments: Sequence[str]) -> list[str]:
-        corners = dict(zip("low_x low_y low_z high_x high_y high_z".split(), map(self.length.text, bounds.ravel()), strict=True))
+        corners = dict(
+            zip(
+                "low_x low_y low_z high_x high_y high_z".split(),
+                map(self.length.text, bounds.ravel()),
+                strict=True,
+            )
+        )
         point = "BALL CENTRE" if self.posted[0].control.programs_centre else "TOOL TIP"
         where = "IN THE PART" if self.dialect.tool_centre else "IN MACHINE COORDINATES"
-        texts = [f"machine {self.machine.title}", f"control {self.dialect.title}", f"programmed point: {point} {where}"]
+        texts = [
+            f"machine {self.machine.title}",
+            f"control {self.dialect.title}",
+            f"programmed point: {point} {where}",
+        ]
         texts += ["program zero: on the table, on the axis of the part", *comments]
         cutters = {posted.path.cutter.number: posted for posted in self.posted}
         texts += [tool_text(posted.path.cutter, posted.control.tool_length) for posted in cutters.values()]
@@ -121,7 +140,9 @@ class _Writer:
 
     def _level(self, posted: Posted) -> list[str]:
         tolerance = self.length.text(TOLERANCE_FACTOR * self.job.path.chord_tolerance)
-        return self.dialect.lines("level", tolerance=tolerance, hsc_mode=int(not self.job.is_finishing(posted.path.level)))
+        return self.dialect.lines(
+            "level", tolerance=tolerance, hsc_mode=int(not self.job.is_finishing(posted.path.level))
+        )
 
     def _moving(self, template: str, **fields: object) -> list[str]:
         lines = self.dialect.lines(template, **fields)
@@ -131,7 +152,11 @@ class _Writer:
     def _run(self, posted: Posted, run: tuple[int, int], approach: ndarray) -> list[str]:
         words = _words(self.machine.letters, approach, self)
         rotary, linear, plane = " ".join(words[3:]), " ".join(words[:3]), " ".join(words[:2])
-        lines = self._moving("position", rotary=rotary) + self.on + self._moving("approach", linear=linear, plane=plane)
+        lines = (
+            self._moving("position", rotary=rotary)
+            + self.on
+            + self._moving("approach", linear=linear, plane=plane)
+        )
         if self.job.nc.coolant:
             lines += self.dialect.lines("coolant_on")
         lines += self._rows(posted, run)
@@ -142,7 +167,10 @@ class _Writer:
     def _rows(self, posted: Posted, run: tuple[int, int]) -> list[str]:
         rows = slice(*run)
         kinds, words = posted.moves.kinds[rows], self._written(posted.words[rows])
-        form = " ".join(f"{letter}{(self.length if i < 3 else self.angle).spec}" for i, letter in enumerate(self.machine.letters))
+        form = " ".join(
+            f"{letter}{(self.length if i < 3 else self.angle).spec}"
+            for i, letter in enumerate(self.machine.letters)
+        )
         rapid = "\n".join(self.dialect.lines("rapid", words=form))
         feed = "\n".join(self.dialect.lines("feed", words=form, feed=self.feed.spec))
         rates = np.clip(self._rates(posted, rows), self.feed.lowest, self.feed.highest)
@@ -152,7 +180,10 @@ class _Writer:
         fast[0] = True
         self.moves += len(kinds)
         table = np.column_stack([words, rates]).tolist()
-        return [rapid % tuple(row[:5]) if quick else feed % tuple(row) for row, quick in zip(table, fast.tolist(), strict=True)]
+        return [
+            rapid % tuple(row[:5]) if quick else feed % tuple(row)
+            for row, quick in zip(table, fast.tolist(), strict=True)
+        ]
 
     def _rates(self, posted: Posted, rows: slice) -> Float[ndarray, "n"]:
         moves = posted.moves
@@ -180,7 +211,11 @@ class _Writer:
         for posted in self.posted:
             heights.append(joints_of(posted, posted.approaches)[:, 2].max())
             # while the table swings under the tool, the part sweeps at most this ball about the pivot
-            reach.append(np.linalg.norm(joints_of(posted, posted.words)[:, :3] - pivot, axis=1).max() if self.machine.part_axes else 0.0)
+            reach.append(
+                np.linalg.norm(joints_of(posted, posted.words)[:, :3] - pivot, axis=1).max()
+                if self.machine.part_axes
+                else 0.0
+            )
         return float(np.ceil(max(max(heights), pivot[2] + max(reach)) + APPROACH_HEIGHT))
 
 

@@ -1,6 +1,7 @@
 """Reading many plain moves at once: blocks with all five words, one after the other, as arrays.
 
-Only what is beyond doubt is read here; whatever differs in anything is left to the reader of single blocks, which says what is wrong.
+Only what is beyond doubt is read here; whatever differs in anything is left to the reader of single blocks,
+which says what is wrong.
 """
 
 import re
@@ -20,7 +21,8 @@ ISO_NUMBER = r"[+-]?\d+(?:\.\d+)?"
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """`words` (n, 5) in mm and degrees as written; `feeds` NaN where `rapid`; `numbers` of the blocks, -1 where there are none."""
+    """`words` (n, 5) in mm and degrees as written; `feeds` NaN where `rapid`; `numbers` of the blocks, -1
+    where there are none."""
 
     words: Float[ndarray, "n 5"]
     rapid: Bool[ndarray, "n"]
@@ -48,8 +50,11 @@ def full_move(dialect: Dialect, letters: str) -> re.Pattern[str]:
     return re.compile(rf"({codes}){words}(?: F({ISO_NUMBER}))?")
 
 
-def read_full_moves(lines: Sequence[str], start: int, pattern: re.Pattern[str], dialect: Dialect) -> Blocks | None:
-    """The full moves from line `start` on, up to the first line that is none; None where that is the first."""
+def read_full_moves(
+    lines: Sequence[str], start: int, pattern: re.Pattern[str], dialect: Dialect
+) -> Blocks | None:
+    """The full moves from line `start` on, up to the first line that is none; None where that is the
+    first."""
     found: list[str] = []
     for line in islice(lines, start, start + MOST_LINES):
         matched = pattern.fullmatch(line)
@@ -65,11 +70,14 @@ def read_full_moves(lines: Sequence[str], start: int, pattern: re.Pattern[str], 
     else:
         rapid, numbers = np.array([dialect.codes[code] == "rapid" for code in first]), np.full(len(first), -1)
         feeds = np.where(rapid, np.nan, np.array([value or "0" for value in feed], dtype=np.float64))
-    return Blocks(np.column_stack([np.array(column, dtype=np.float64) for column in words]), rapid, feeds, numbers)
+    return Blocks(
+        np.column_stack([np.array(column, dtype=np.float64) for column in words]), rapid, feeds, numbers
+    )
 
 
 def unwound(before: float, words: Float[ndarray, "n"]) -> tuple[Float[ndarray, "n"], Float[ndarray, "n"]]:
-    """Where wrapped words send an endless axis that comes from `before` the short way, and the turn of each; degrees."""
+    """Where wrapped words send an endless axis that comes from `before` the short way, and the turn of each;
+    degrees."""
     turns = (np.diff(words, prepend=before) + 180.0) % 360.0 - 180.0
     # whole turns are added to the words, so that no rounding builds up
     return words + 360.0 * np.round((before + np.cumsum(turns) - words) / 360.0), turns

@@ -10,7 +10,8 @@ from bonecam.nc.control import Control
 
 @dataclass(frozen=True)
 class Tool:
-    """A cutter as the program's own comments describe it: ball radius and length from tip to spindle nose, mm."""
+    """A cutter as the program's own comments describe it: ball radius and length from tip to spindle nose,
+    mm."""
 
     number: int
     radius: float
@@ -21,10 +22,11 @@ class Tool:
 class Motions:
     """Moves to fully known positions, in order; row i is the move that arrives there.
 
-    `words` (n, 5): X Y Z in mm and the rotary words in radians, unwound; `feed_rates` in mm/min, or 1/min where `inverse_time`,
-    NaN for rapids; `lines` of the text (from 1); `known_start`: the position before the move is known too, so that all of it can be
-    simulated; `tips` (mm) and `axes` in the part's frame by forward kinematics. `blocks` counts every moving block, also those
-    that leave the position partly unknown. `controls`: by tool number.
+    `words` (n, 5): X Y Z in mm and the rotary words in radians, unwound; `feed_rates` in mm/min, or 1/min
+    where `inverse_time`, NaN for rapids; `lines` of the text (from 1); `known_start`: the position before the
+    move is known too, so that all of it can be simulated; `tips` (mm) and `axes` in the part's frame by
+    forward kinematics. `blocks` counts every moving block, also those that leave the position partly unknown.
+    `controls`: by tool number.
     """
 
     rapid: Bool[ndarray, "n"]

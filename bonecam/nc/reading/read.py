@@ -1,8 +1,9 @@
 """Reading an NC text back: from the dialect's grammar to moves, strictly.
 
-Nothing of the writer is used: the text, the machine, the dialect's [[statements]] or [codes], and the cutters as the header's
-comments (or the caller) state them. An unknown word, a number in another form, a block out of sequence, a move without tool, feed
-or known state is a ProgramError with its line. Two grammars: Klartext (statements, `L` blocks) and ISO (letter-number words).
+Nothing of the writer is used: the text, the machine, the dialect's [[statements]] or [codes], and the cutters
+as the header's comments (or the caller) state them. An unknown word, a number in another form, a block out of
+sequence, a move without tool, feed or known state is a ProgramError with its line. Two grammars: Klartext
+(statements, `L` blocks) and ISO (letter-number words).
 """
 
 import re
@@ -38,7 +39,13 @@ class _Reader:
         self.given = bool(tools)
         self.tools = {tool.number: tool for tool in tools}
         self.position: list[float | None] = [None] * 5
-        self.tool, self.tool_centre, self.short_way, self.inverse_time, self.ended = 0, False, False, False, False
+        self.tool, self.tool_centre, self.short_way, self.inverse_time, self.ended = (
+            0,
+            False,
+            False,
+            False,
+            False,
+        )
         self.blocks = 0
         self.wraps = dialect.endless_words == "wrapped"
         self.rows: list[tuple[float, ...]] = []
@@ -78,14 +85,22 @@ class _Reader:
         if None not in self.position:
             known = None not in before
             numbers = [float(value or 0.0) for value in self.position]
-            self.rows.append((*numbers, rapid, np.nan if rapid else feed, self.inverse_time, line, self.tool, known))
+            self.rows.append(
+                (*numbers, rapid, np.nan if rapid else feed, self.inverse_time, line, self.tool, known)
+            )
 
     def full_moves(self, lines: Sequence[str], start: int, number: int) -> int:
-        """Run the plain full moves from lines[start] on; how many they are. `number`: of the block there, -1: no numbers.
+        """Run the plain full moves from lines[start] on; how many they are. `number`: of the block there, -1:
+        no numbers.
 
         It stops before the first block that leaves any doubt: `move` says what is wrong with it.
         """
-        if None in self.position or not self.tool or self.ended or self.tool_centre != self.dialect.tool_centre:
+        if (
+            None in self.position
+            or not self.tool
+            or self.ended
+            or self.tool_centre != self.dialect.tool_centre
+        ):
             return 0
         found = read_full_moves(lines, start, self.full_move, self.dialect)
         if found is None:
@@ -96,7 +111,9 @@ class _Reader:
         if self.wraps:
             for column, axis in enumerate(self.machine.rotary, start=3):
                 if axis.endless:
-                    found.words[:, column], turns = unwound(float(self.position[column] or 0.0), found.words[:, column])
+                    found.words[:, column], turns = unwound(
+                        float(self.position[column] or 0.0), found.words[:, column]
+                    )
                     doubtful |= (np.abs(turns) > AMBIGUOUS_TURN_DEG) | (not self.short_way)
         count = int(np.argmax(doubtful)) if doubtful.any() else len(doubtful)
         if count:
@@ -105,7 +122,14 @@ class _Reader:
 
     def _take(self, found: Blocks, line: int) -> None:
         count = len(found.rapid)
-        same = np.column_stack([np.full(count, self.inverse_time), line + np.arange(count), np.full(count, self.tool), np.ones(count)])
+        same = np.column_stack(
+            [
+                np.full(count, self.inverse_time),
+                line + np.arange(count),
+                np.full(count, self.tool),
+                np.ones(count),
+            ]
+        )
         self.tables += [self._table(), np.column_stack([found.words, found.rapid, found.feeds, same])]
         self.rows = []
         self.position = [float(value) for value in found.words[-1]]
@@ -115,7 +139,8 @@ class _Reader:
         return np.array(self.rows, dtype=np.float64).reshape(-1, 11)
 
     def unwound(self, column: int, value: float, line: int) -> float:
-        """Where a rotary word sends its axis, in degrees: the short way on an endless axis of a wrapping control."""
+        """Where a rotary word sends its axis, in degrees: the short way on an endless axis of a wrapping
+        control."""
         before, axis = self.position[column], self.machine.rotary[column - 3]
         if not (axis.endless and self.wraps) or before is None:
             return value
@@ -123,7 +148,9 @@ class _Reader:
             raise self.wrong(line, f"{axis.letter} turns without the short way switched on")
         turn = (value - before + 180.0) % 360.0 - 180.0
         if abs(turn) > AMBIGUOUS_TURN_DEG and self.position[0] is not None:
-            raise self.wrong(line, f"{axis.letter} turns by {turn:.3f} deg in one block: either way is possible")
+            raise self.wrong(
+                line, f"{axis.letter} turns by {turn:.3f} deg in one block: either way is possible"
+            )
         # whole thousandths in, whole thousandths out: no drift over many turns
         return value + 360.0 * round((before + turn - value) / 360.0)
 
@@ -134,7 +161,10 @@ class _Reader:
         words = np.column_stack([table[:, :3], np.radians(table[:, 3:5])])
         numbers = table[:, 9].astype(np.int64)
         tips, axes = np.zeros((len(table), 3)), np.zeros((len(table), 3))
-        controls = {tool.number: Control(self.machine, self.dialect.tool_centre, tool.radius, tool.length) for tool in self.tools.values()}
+        controls = {
+            tool.number: Control(self.machine, self.dialect.tool_centre, tool.radius, tool.length)
+            for tool in self.tools.values()
+        }
         for number, control in controls.items():
             rows = numbers == number
             tips[rows], axes[rows] = control.poses(words[rows])
@@ -171,14 +201,19 @@ class _Reader:
             if self.ended and not block.startswith("END PGM"):
                 raise self.wrong(line, "a block after the program's end")
             if found and any(found.groups()[:5]):
-                values = {letter: float(value) for letter, value in zip(letters, found.groups(), strict=False) if value is not None}
+                values = {
+                    letter: float(value)
+                    for letter, value in zip(letters, found.groups(), strict=False)
+                    if value is not None
+                }
                 feed = found[6]
                 self.move(values, feed == "MAX", 0.0 if feed == "MAX" else float(feed), line)
             else:
                 self._statement(block, line)
 
     def _block(self, lines: Sequence[str], at: int, number: int) -> tuple[str, int]:
-        """The block from lines[at] on without its number, continuation lines joined, and where the next one begins."""
+        """The block from lines[at] on without its number, continuation lines joined, and where the next one
+        begins."""
         found, _, block = lines[at].partition(" ")
         if found != str(number):
             raise self.wrong(at + 1, f"block number {number} expected, found {found!r}")
@@ -227,7 +262,9 @@ class _Reader:
         comment, word = re.compile(r"\(([^()]*)\)"), re.compile(rf"([A-Z])({ISO_NUMBER})")
         lines = _lines(text)
         if lines[0] != "%" or lines[-1] != "%":
-            raise ProgramError("the program is not between two lines of %: the file is cut off", line=len(lines))
+            raise ProgramError(
+                "the program is not between two lines of %: the file is cut off", line=len(lines)
+            )
         lines.pop()
         at = 1
         while at < len(lines):

@@ -21,11 +21,12 @@ SLOTS = 128
 
 @dataclass(frozen=True, eq=False)
 class Elements:
-    """Boxes (s_low, s_high, t_low, t_high) that tile the domain; functions starts[e]:starts[e+1] live on box e.
+    """Boxes (s_low, s_high, t_low, t_high) that tile the domain; functions starts[e]:starts[e+1] live on box
+    e.
 
-    coefficients[k] belongs to functions[k]: 4 x 4 Bernstein coefficients, s fastest ((d + 1) x (d + 1) where elements of another
-    degree d come from a file; kernels.bezier_any evaluates them). `period` is the length of
-    a closed direction (s, t), 0 where it is open. Functions are increasing within an element.
+    coefficients[k] belongs to functions[k]: 4 x 4 Bernstein coefficients, s fastest ((d + 1) x (d + 1) where
+    elements of another degree d come from a file; kernels.bezier_any evaluates them). `period` is the length
+    of a closed direction (s, t), 0 where it is open. Functions are increasing within an element.
     """
 
     boxes: Float[ndarray, "e 4"]
@@ -35,7 +36,12 @@ class Elements:
     period: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
-        for name, dtype in (("boxes", np.float64), ("starts", np.int64), ("functions", np.int64), ("coefficients", np.float64)):
+        for name, dtype in (
+            ("boxes", np.float64),
+            ("starts", np.int64),
+            ("functions", np.int64),
+            ("coefficients", np.float64),
+        ):
             object.__setattr__(self, name, frozen(getattr(self, name), dtype))
 
     @property
@@ -51,19 +57,32 @@ class Elements:
 
     @cached_property
     def strips(self) -> tuple[ndarray, ...]:
-        """The boxes in strips of t, each sorted by s, with tables of where to start searching: see kernels.bezier.locate."""
+        """The boxes in strips of t, each sorted by s, with tables of where to start searching: see
+        kernels.bezier.locate."""
         knots = np.unique(self.boxes[:, 2:])
         order = np.argsort(self.boxes[:, 0], kind="stable")
-        first, last = np.searchsorted(knots, self.boxes[order, 2]), np.searchsorted(knots, self.boxes[order, 3])
+        first, last = (
+            np.searchsorted(knots, self.boxes[order, 2]),
+            np.searchsorted(knots, self.boxes[order, 3]),
+        )
         members = [order[(first <= k) & (k < last)] for k in range(len(knots) - 1)]
         starts = np.concatenate([[0], np.cumsum([len(m) for m in members])]).astype(np.int64)
         ids = np.concatenate(members).astype(np.int32)
         lows, highs = self.boxes[ids, 0].copy(), self.boxes[ids, 1].copy()
-        table = np.searchsorted(knots, np.linspace(knots[0], knots[-1], SLICES, endpoint=False) - 1e-9 * np.ptp(knots), side="right") - 1
+        table = (
+            np.searchsorted(
+                knots,
+                np.linspace(knots[0], knots[-1], SLICES, endpoint=False) - 1e-9 * np.ptp(knots),
+                side="right",
+            )
+            - 1
+        )
         tables = np.empty((len(members), SLOTS), dtype=np.int32)
         for k in range(len(members)):
             a, b = starts[k], starts[k + 1]
-            slots = np.linspace(lows[a], highs[b - 1], SLOTS, endpoint=False) - 1e-9 * (highs[b - 1] - lows[a])
+            slots = np.linspace(lows[a], highs[b - 1], SLOTS, endpoint=False) - 1e-9 * (
+                highs[b - 1] - lows[a]
+            )
             tables[k] = a + np.clip(np.searchsorted(lows[a:b], slots, side="right") - 1, 0, None)
         return knots, np.clip(table, 0, None).astype(np.int32), starts, lows, highs, ids, tables
 
@@ -72,8 +91,8 @@ class Elements:
     ) -> tuple[Int32[ndarray, " n"], Float[ndarray, " n"], Float[ndarray, " n"]]:
         """The element of each sample and its parameters, wrapped into the domain where a direction is closed.
 
-        A direction that is not closed takes parameters up to a rounding outside and clips them. Raises ValueError
-        for parameters that are not finite or lie outside.
+        A direction that is not closed takes parameters up to a rounding outside and clips them. Raises
+        ValueError for parameters that are not finite or lie outside.
         """
         s, t = self._into(s, 0), self._into(t, 1)
         if s.ndim != 1 or s.shape != t.shape:
@@ -90,18 +109,28 @@ class Elements:
         if x.size == 0 or (low <= x.min() and x.max() <= high):
             return x
         if not np.isfinite(x).all():
-            raise ValueError(f"parameter {'st'[direction]} of sample {int(np.argmin(np.isfinite(x)))} is not finite")
+            raise ValueError(
+                f"parameter {'st'[direction]} of sample {int(np.argmin(np.isfinite(x)))} is not finite"
+            )
         if self.period[direction]:
             return low + np.mod(x - low, self.period[direction])
         slack = 64 * np.finfo(float).eps * max(abs(low), abs(high), high - low)
         if x.min() < low - slack or x.max() > high + slack:
-            raise ValueError(f"{'st'[direction]} must be in [{low}, {high}], not {x.min() if x.min() < low else x.max()}")
+            raise ValueError(
+                f"{'st'[direction]} must be in [{low}, {high}], not {x.min() if x.min() < low else x.max()}"
+            )
         return np.clip(x, low, high)
 
     def derivatives(
-        self, patches: Float[ndarray, "e c 4"], element: Int32[ndarray, " n"], s: Float[ndarray, " n"], t: Float[ndarray, " n"], order: int
+        self,
+        patches: Float[ndarray, "e c 4"],
+        element: Int32[ndarray, " n"],
+        s: Float[ndarray, " n"],
+        t: Float[ndarray, " n"],
+        order: int,
     ) -> Float[ndarray, "d n 3"]:
-        """S; S_s, S_t (order 1); S_ss, S_st, S_tt (order 2) of the elements' patches at parameters inside the given elements."""
+        """S; S_s, S_t (order 1); S_ss, S_st, S_tt (order 2) of the elements' patches at parameters inside the
+        given elements."""
         found = np.empty(((1, 3, 6)[order], len(s), 3))
         if self.degree != 3:
             bezier_any.derivatives(patches, self.boxes, element, s, t, self.degree, found)
@@ -113,7 +142,9 @@ class Elements:
             bezier.second_derivatives(patches, self.boxes, element, s, t, found)
         return found
 
-    def patches(self, control_points: Float[ndarray, "n 3"], weights: Float[ndarray, " n"]) -> Float[ndarray, "e c 4"]:
+    def patches(
+        self, control_points: Float[ndarray, "n 3"], weights: Float[ndarray, " n"]
+    ) -> Float[ndarray, "e c 4"]:
         """Homogeneous Bezier control points of every element."""
         weighted = np.column_stack([control_points * weights[:, None], weights])
         return bezier.homogeneous_patches(self.starts, self.functions, self.coefficients, weighted)

@@ -16,7 +16,8 @@ def fault(knots: ndarray) -> str:
 
 
 def _lifted(lower: ndarray, knots: ndarray, x: ndarray, degree: int) -> ndarray:
-    """The functions of `degree` on one span from those of `degree - 1`: A2.2 of The NURBS Book, vectorised."""
+    """The functions of `degree` on one span from those of `degree - 1`: A2.2 of The NURBS Book,
+    vectorised."""
     functions = np.zeros((len(x), degree + 1))
     for i in range(degree):
         left, right = knots[:, 4 - degree + i], knots[:, 4 + i]
@@ -36,8 +37,11 @@ def _differences(lower: ndarray, knots: ndarray, degree: int) -> ndarray:
     return functions
 
 
-def span_functions(knots: Float[ndarray, "n 8"], x: Float[ndarray, " n"], order: int) -> Float[ndarray, "c n 4"]:
-    """The four cubics that live on the span [knots[:, 3], knots[:, 4]] at x, and their derivatives up to `order`.
+def span_functions(
+    knots: Float[ndarray, "n 8"], x: Float[ndarray, " n"], order: int
+) -> Float[ndarray, "c n 4"]:
+    """The four cubics that live on the span [knots[:, 3], knots[:, 4]] at x, and their derivatives up to
+    `order`.
 
     Row d holds the d-th derivatives. The span must not be empty.
     """
@@ -52,11 +56,15 @@ def span_functions(knots: Float[ndarray, "n 8"], x: Float[ndarray, " n"], order:
     return np.array(result)
 
 
-def bernstein_coefficients(knots: Float[ndarray, "n 8"], low: Float[ndarray, " n"], high: Float[ndarray, " n"]) -> Float[ndarray, "n 4 4"]:
-    """Bernstein coefficients on [low, high] of the four cubics that live on the span [knots[:, 3], knots[:, 4]].
+def bernstein_coefficients(
+    knots: Float[ndarray, "n 8"], low: Float[ndarray, " n"], high: Float[ndarray, " n"]
+) -> Float[ndarray, "n 4 4"]:
+    """Bernstein coefficients on [low, high] of the four cubics that live on the span [knots[:, 3], knots[:,
+    4]].
 
-    Result[n, f, i]: coefficient i of function f: the blossom of f at (low, low, low), (low, low, high), (low, high, high),
-    (high, high, high) (Ramshaw 1989), by de Boor's triangle on the four unit coefficient vectors.
+    Result[n, f, i]: coefficient i of function f: the blossom of f at (low, low, low), (low, low, high), (low,
+    high, high), (high, high, high) (Ramshaw 1989), by de Boor's triangle on the four unit coefficient
+    vectors.
     """
     result = np.empty((len(knots), 4, 4))
     for i in range(4):
@@ -71,7 +79,8 @@ def bernstein_coefficients(knots: Float[ndarray, "n 8"], low: Float[ndarray, " n
 
 
 def aligned(rows: Sequence[Float[ndarray, " _"]], period: float = 0.0) -> list[Float[ndarray, " _"]]:
-    """Rows of knots, those that differ by rounding only made equal to the least of them; a knot just below the period comes to lie at 0."""
+    """Rows of knots, those that differ by rounding only made equal to the least of them; a knot just below
+    the period comes to lie at 0."""
     every = np.unique(np.concatenate(rows))
     kept = distinct(every)
     lifted = distinct(np.append(kept, kept[0] + period)) if period else kept

@@ -1,8 +1,9 @@
-"""Bezier extraction of a T-spline from local knot vectors: faces cut at the knots of the functions that live on them.
+"""Bezier extraction of a T-spline from local knot vectors: faces cut at the knots of the functions that live
+on them.
 
-A blending function is B(s, t) = N[s-knots](s) N[t-knots](t), cubic B-splines each on its own five knots (Gan et al. 2014,
-Definition 1). On a face it is a polynomial between its own knots only, so every face is cut into a grid by those knots of
-all functions that reach it. The functions need not sum to one.
+A blending function is B(s, t) = N[s-knots](s) N[t-knots](t), cubic B-splines each on its own five knots (Gan
+et al. 2014, Definition 1). On a face it is a polynomial between its own knots only, so every face is cut into
+a grid by those knots of all functions that reach it. The functions need not sum to one.
 """
 
 import numpy as np
@@ -28,7 +29,9 @@ def extract_local(
     s, t, ids = _images(s_knots, t_knots, period)
     boxes = _cut(faces, s, t)
     s_middle, t_middle = boxes[:, :2].mean(axis=1), boxes[:, 2:].mean(axis=1)
-    function, element = _overlaps(np.column_stack([s_middle, s_middle, t_middle, t_middle]), s, t)  # images are off by a rounding
+    function, element = _overlaps(
+        np.column_stack([s_middle, s_middle, t_middle, t_middle]), s, t
+    )  # images are off by a rounding
     low, high = boxes[element][:, [0, 2]], boxes[element][:, [1, 3]]
     around, along = (_coefficients(k[function], low[:, d], high[:, d]) for d, k in ((0, s), (1, t)))
     values = (along[:, :, None] * around[:, None, :]).reshape(-1, 16)
@@ -62,7 +65,8 @@ def _cut(faces: ndarray, s: ndarray, t: ndarray) -> ndarray:
 
 
 def _lines(sides: ndarray, knots: ndarray) -> ndarray:
-    """All places where a box may end: the sides of faces, and knots that do not differ from them by rounding only."""
+    """All places where a box may end: the sides of faces, and knots that do not differ from them by rounding
+    only."""
     sides = np.unique(sides)
     every = distinct(np.clip(knots.ravel(), sides[0], sides[-1]))
     slack = 4096 * np.finfo(float).eps * max(1.0, float(np.abs(sides).max()))
@@ -98,7 +102,9 @@ def _coefficients(knots: ndarray, low: ndarray, high: ndarray) -> ndarray:
     return bernstein_coefficients(window, low, high)[np.arange(len(knots)), 3 - span]
 
 
-def _gathered(boxes: ndarray, functions: ndarray, element: ndarray, values: ndarray, period: tuple[float, float]) -> Elements:
+def _gathered(
+    boxes: ndarray, functions: ndarray, element: ndarray, values: ndarray, period: tuple[float, float]
+) -> Elements:
     """Elements with the images of one function added up and functions in increasing order."""
     key = element * (functions.max() + 1) + functions
     unique, inverse = np.unique(key, return_inverse=True)

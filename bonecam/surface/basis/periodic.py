@@ -1,7 +1,7 @@
 """Periodic cubic splines in one parameter on [0, 1): collocation.
 
-A curve is given by its distinct knots (r,) and as many control points (r, d); control point i belongs to the function that is centred
-on knot i.
+A curve is given by its distinct knots (r,) and as many control points (r, d); control point i belongs to the
+function that is centred on knot i.
 """
 
 import numpy as np

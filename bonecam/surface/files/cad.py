@@ -1,12 +1,13 @@
-"""T-splines as STEP and IGES for CAD systems, and B-spline surfaces back from them, through OpenCASCADE (optional extra `cad`).
+"""T-splines as STEP and IGES for CAD systems, and B-spline surfaces back from them, through OpenCASCADE
+(optional extra `cad`).
 
-A surface over a rectangle of parameters is written as one face: the exact B-spline of `surface.nurbs`, periodic round the part, each pole
-a degenerate edge; where it encloses a volume, as a solid. What has no rectangular union of knots is written as its Bezier elements,
-each a face, sewn to a shell.
+A surface over a rectangle of parameters is written as one face: the exact B-spline of `surface.nurbs`,
+periodic round the part, each pole a degenerate edge; where it encloses a volume, as a solid. What has no
+rectangular union of knots is written as its Bezier elements, each a face, sewn to a shell.
 
-Files are in mm, with 17 digits (a double comes back as itself), and say nothing of the time, user or place: the same surface
-gives the same bytes. STEP keeps the closed direction periodic; IGES as OpenCASCADE writes it may hold the same surface open, with three
-columns twice.
+Files are in mm, with 17 digits (a double comes back as itself), and say nothing of the time, user or place:
+the same surface gives the same bytes. STEP keeps the closed direction periodic; IGES as OpenCASCADE writes it
+may hold the same surface open, with three columns twice.
 """
 
 import io
@@ -34,9 +35,11 @@ NO_DATE = "1970-01-01T00:00:00"
 
 
 def write_step(surface: TSpline, path: str | Path) -> int:
-    """Write a STEP file (AP214, mm), whole or not at all. Returns the number of faces: 1 is the exact periodic B-spline.
+    """Write a STEP file (AP214, mm), whole or not at all. Returns the number of faces: 1 is the exact
+    periodic B-spline.
 
-    Raises FileError where OpenCASCADE is not installed, cannot build a valid shape, or the file cannot be written.
+    Raises FileError where OpenCASCADE is not installed, cannot build a valid shape, or the file cannot be
+    written.
     """
     return _write(surface, Path(path), "STEP", _step_text)
 
@@ -47,13 +50,17 @@ def write_iges(surface: TSpline, path: str | Path) -> int:
 
 
 def read_bsplines(path: str | Path) -> tuple[BSplineSurface, ...]:
-    """The bicubic (or lower) B-spline surfaces under the faces of a STEP or IGES file, in mm, untrimmed and in the file's order.
+    """The bicubic (or lower) B-spline surfaces under the faces of a STEP or IGES file, in mm, untrimmed and
+    in the file's order.
 
-    Raises FileError as `mesh.cad_files` does, and where a face lies on another kind of surface: read such a part with `read_mesh`.
+    Raises FileError as `mesh.cad_files` does, and where a face lies on another kind of surface: read such a
+    part with `read_mesh`.
     """
     found = in_child(f"{__name__}:bspline_arrays", Path(path))
     return tuple(
-        BSplineSurface(_knots_of(found, f"{n} s"), _knots_of(found, f"{n} t"), found[f"{n} poles"], found[f"{n} weights"])
+        BSplineSurface(
+            _knots_of(found, f"{n} s"), _knots_of(found, f"{n} t"), found[f"{n} poles"], found[f"{n} weights"]
+        )
         for n in range(len(found) // 8)
     )
 
@@ -82,7 +89,8 @@ def bsplines_in(file: Path) -> tuple[BSplineSurface, ...]:
 
 
 def shape_of(surface: TSpline) -> Any:
-    """The surface as a valid OpenCASCADE solid, or as a shell where it encloses no volume. Raises SurfaceError where it is not valid."""
+    """The surface as a valid OpenCASCADE solid, or as a shell where it encloses no volume. Raises
+    SurfaceError where it is not valid."""
     try:
         spline = to_bspline(surface)
     except SurfaceError:
@@ -91,7 +99,9 @@ def shape_of(surface: TSpline) -> Any:
         shell = _joined("Shell", [_face_of(_geometry(spline))])
         shape = _solid_in(shell) if spline.watertight else shell
     if not occ().BRepCheck.BRepCheck_Analyzer(shape).IsValid():
-        raise SurfaceError("OpenCASCADE finds the shape of the surface invalid: look for folds with its self-intersections")
+        raise SurfaceError(
+            "OpenCASCADE finds the shape of the surface invalid: look for folds with its self-intersections"
+        )
     return shape
 
 
@@ -109,7 +119,11 @@ def _step_text(shape: Any) -> str:
     writer.Transfer(shape, lib.STEPControl.STEPControl_StepModelType.STEPControl_AsIs)
     model = writer.Model(False)
     header = lib.APIHeaderSection.APIHeaderSection_MakeHeader(model)
-    for put, word in ((header.SetName, NAME), (header.SetTimeStamp, NO_DATE), (header.SetOriginatingSystem, "bonecam")):
+    for put, word in (
+        (header.SetName, NAME),
+        (header.SetTimeStamp, NO_DATE),
+        (header.SetOriginatingSystem, "bonecam"),
+    ):
         put(_word(word))
     for i in range(1, model.NbEntities() + 1):  # OpenCASCADE numbers the products of a process
         if isinstance(model.Entity(i), lib.StepBasic.StepBasic_Product):
@@ -162,7 +176,9 @@ def _geometry(spline: BSplineSurface) -> Any:
 
 def _points(poles: Float[ndarray, "a b 3"]) -> Any:
     lib = occ()
-    return _grid(lib.collections.Array2_gp_Pnt, [[lib.gp.gp_Pnt(*pole) for pole in row] for row in poles.tolist()])
+    return _grid(
+        lib.collections.Array2_gp_Pnt, [[lib.gp.gp_Pnt(*pole) for pole in row] for row in poles.tolist()]
+    )
 
 
 def _list(kind: Any, values: ndarray) -> Any:
@@ -208,7 +224,9 @@ def _bezier_shell(surface: TSpline) -> Any:
         weights = _grid(lib.collections.Array2_double, patch[..., 3].tolist())
         faces.append(_face_of(lib.Geom.Geom_BezierSurface(_points(patch[..., :3] / patch[..., 3:]), weights)))
     shape = sewn(_joined("Compound", faces), max(EDGE, JOINED * size))
-    if shape.ShapeType() != lib.TopAbs.TopAbs_ShapeEnum.TopAbs_SHELL or not lib.BRep.BRep_Tool.IsClosed_s(shape):
+    if shape.ShapeType() != lib.TopAbs.TopAbs_ShapeEnum.TopAbs_SHELL or not lib.BRep.BRep_Tool.IsClosed_s(
+        shape
+    ):
         return shape
     return _solid_in(lib.TopoDS.TopoDS.Shell(shape))
 
@@ -219,22 +237,31 @@ def _bspline_of(face: Any, file: Path) -> BSplineSurface:
     found = lib.BRep.BRep_Tool.Surface_s(face)
     if not isinstance(found, lib.Geom.Geom_BSplineSurface) or max(found.UDegree(), found.VDegree()) > 3:
         kind = type(found).__name__.removeprefix("Geom_")
-        raise FileError(f"{file}: a face lies on a {kind}, no bicubic B-spline: read the part as a mesh", file=str(file), kind=kind)
+        raise FileError(
+            f"{file}: a face lies on a {kind}, no bicubic B-spline: read the part as a mesh",
+            file=str(file),
+            kind=kind,
+        )
     found.IncreaseDegree(3, 3)
-    loose = (not found.IsUPeriodic() and found.UMultiplicity(1) < 4) or (not found.IsVPeriodic() and found.VMultiplicity(1) < 4)
+    loose = (not found.IsUPeriodic() and found.UMultiplicity(1) < 4) or (
+        not found.IsVPeriodic() and found.VMultiplicity(1) < 4
+    )
     if loose:
         found.Segment(*found.Bounds(), EDGE, EDGE)  # end knots four times, by knot insertion
     size = found.NbUPoles(), found.NbVPoles()
     poles = [[found.Pole(i, j) for j in range(1, size[1] + 1)] for i in range(1, size[0] + 1)]
     weights = [[found.Weight(i, j) for j in range(1, size[1] + 1)] for i in range(1, size[0] + 1)]
     s_knots, t_knots = (_knots_along(found, way) for way in "UV")
-    return BSplineSurface(s_knots, t_knots, np.array([[(p.X(), p.Y(), p.Z()) for p in row] for row in poles]), np.array(weights))
+    return BSplineSurface(
+        s_knots, t_knots, np.array([[(p.X(), p.Y(), p.Z()) for p in row] for row in poles]), np.array(weights)
+    )
 
 
 def _knots_along(spline: Any, way: str) -> Knots:
     """The knots of OpenCASCADE's B-spline along "U" or "V"."""
     count, knot, multiplicity, closed = (
-        getattr(spline, name) for name in (f"Nb{way}Knots", f"{way}Knot", f"{way}Multiplicity", f"Is{way}Periodic")
+        getattr(spline, name)
+        for name in (f"Nb{way}Knots", f"{way}Knot", f"{way}Multiplicity", f"Is{way}Periodic")
     )
     numbers = range(1, count() + 1)
     return Knots(np.array([knot(i) for i in numbers]), np.array([multiplicity(i) for i in numbers]), closed())

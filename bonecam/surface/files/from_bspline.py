@@ -1,7 +1,8 @@
 """A B-spline surface of a CAD system as a T-spline: the same surface, with all of its knots in every row.
 
-CAD systems write a surface that closes on itself with repeated end knots (IGES knows no other way); where its ends meet C2 it becomes
-periodic again. Rows that are one point with one weight become poles. Parameters are moved to [0, 1].
+CAD systems write a surface that closes on itself with repeated end knots (IGES knows no other way); where its
+ends meet C2 it becomes periodic again. Rows that are one point with one weight become poles. Parameters are
+moved to [0, 1].
 """
 
 import numpy as np
@@ -20,21 +21,29 @@ SAME = 1e-12  # of the size: control points and weights that differ by less are 
 def from_bspline(spline: BSplineSurface) -> TSpline:
     """The same surface as a row-structured T-spline, s and t in [0, 1].
 
-    Raises SurfaceError where it is closed in t, or closed in s with repeated knots or fewer than four: no T-mesh here holds these.
+    Raises SurfaceError where it is closed in t, or closed in s with repeated knots or fewer than four: no
+    T-mesh here holds these.
     """
     if spline.t_knots.closed:
         raise SurfaceError("the surface is closed along t: exchange its parameters, or cut it open")
     t_knots = _unit(spline.t_knots, spline.t_knots.flat)
     if not spline.s_knots.closed:
         rows = [_unit(spline.s_knots, spline.s_knots.flat)] * spline.t_knots.poles
-        surface = TSpline(OpenRowTMesh.from_rows(t_knots, rows), _by_rows(spline.poles), spline.weights.T.ravel())
+        surface = TSpline(
+            OpenRowTMesh.from_rows(t_knots, rows), _by_rows(spline.poles), spline.weights.T.ravel()
+        )
         return _reclosed(spline, surface)
     if spline.s_knots.multiplicities.max() > 1 or spline.s_knots.poles < FEWEST:
-        raise SurfaceError("the surface is closed along s with repeated knots, or fewer than four: open it or smooth its knots first")
+        raise SurfaceError(
+            "the surface is closed along s with repeated knots, or fewer than four: open it or smooth its knots first"
+        )
     knots = _unit(spline.s_knots, spline.s_knots.values[:-1])
     points, weights = (np.roll(values, -1, axis=0) for values in (spline.poles, spline.weights))
     last = spline.t_knots.poles - 1
-    single = [j in (0, last) and _near(points[:, j], spline.size) and _near(weights[:, j], weights.max()) for j in range(last + 1)]
+    single = [
+        j in (0, last) and _near(points[:, j], spline.size) and _near(weights[:, j], weights.max())
+        for j in range(last + 1)
+    ]
     tmesh = RowTMesh.from_rows(t_knots, [knots[:1] * 0 if point else knots for point in single])
     kept = [slice(0, 1) if point else slice(None) for point in single]
     return TSpline(
@@ -46,7 +55,9 @@ def from_bspline(spline: BSplineSurface) -> TSpline:
 
 def _reclosed(spline: BSplineSurface, surface: TSpline) -> TSpline:
     """The surface, periodic where its first and last columns meet C2."""
-    if not (_near(spline.poles[[0, -1]], spline.size) and _near(spline.weights[[0, -1]], spline.weights.max())):
+    if not (
+        _near(spline.poles[[0, -1]], spline.size) and _near(spline.weights[[0, -1]], spline.weights.max())
+    ):
         return surface
     closed = joined(surface.elements(), surface.patches, (True, False))
     simple = closed.s_knots.multiplicities.max() == 1 and closed.s_knots.poles >= FEWEST

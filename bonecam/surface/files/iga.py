@@ -1,12 +1,15 @@
-"""Bezier extraction files (.iga): control points, and per element the functions on it with their Bernstein coefficients.
+"""Bezier extraction files (.iga): control points, and per element the functions on it with their Bernstein
+coefficients.
 
     type plane | surface
     nodeN N, elemN E
     node X Y Z W                    control points, not homogeneous, numbered from 0
-    belem N P Q                     an element of degrees P, Q; a line of N function numbers; N lines of (P+1)(Q+1) coefficients, s fastest
-    set ..., domain E B ...         named sides and points, parts for solvers (2 + E lines each): skipped
+    belem N P Q                     an element of degrees P, Q; a line of N function numbers; N lines of
+    (P+1)(Q+1) coefficients, s fastest set ..., domain E B ...         named sides and points, parts for
+    solvers (2 + E lines each): skipped
 
-Elements of lower degree are raised to the highest of the file (at least 3), which is exact. Format: Scott, T-splines plug-in for Rhino.
+Elements of lower degree are raised to the highest of the file (at least 3), which is exact. Format: Scott,
+T-splines plug-in for Rhino.
 """
 
 from collections.abc import Iterable
@@ -25,23 +28,35 @@ LARGEST_DEGREE = 9
 
 
 def read_iga(path: str | Path) -> TSpline[ExtractedTMesh]:
-    """The surface of an .iga file. Raises FileError with the line where the file departs from the form above."""
+    """The surface of an .iga file. Raises FileError with the line where the file departs from the form
+    above."""
     path = Path(path)
     try:
         text = path.read_bytes().decode("utf-8", errors="replace")
     except OSError as error:
         raise FileError(f"{path} cannot be read as text: {error}", file=str(path)) from error
-    lines = [(n, words) for n, line in enumerate(text.splitlines(), 1) if (words := line.split("#", 1)[0].split())]
+    lines = [
+        (n, words) for n, line in enumerate(text.splitlines(), 1) if (words := line.split("#", 1)[0].split())
+    ]
     return _Reader(path, lines).surface()
 
 
 def write_iga(surface: TSpline, path: str | Path) -> None:
-    """Write the Bezier elements of any T-spline; `read_iga` gives points, weights and coefficients back bit for bit."""
+    """Write the Bezier elements of any T-spline; `read_iga` gives points, weights and coefficients back bit
+    for bit."""
     elements = surface.elements()
-    lines = [f"type {'surface' if surface.control_points[:, 2].any() else 'plane'}", f"nodeN {len(surface.weights)}"]
-    lines += [f"elemN {len(elements.boxes)}"] + [f"node {_words((*p, w))}" for p, w in zip(surface.control_points, surface.weights)]
+    lines = [
+        f"type {'surface' if surface.control_points[:, 2].any() else 'plane'}",
+        f"nodeN {len(surface.weights)}",
+    ]
+    lines += [f"elemN {len(elements.boxes)}"] + [
+        f"node {_words((*p, w))}" for p, w in zip(surface.control_points, surface.weights)
+    ]
     for first, last in zip(elements.starts[:-1], elements.starts[1:]):
-        lines += [f"belem {last - first} {elements.degree} {elements.degree}", " ".join(str(f) for f in elements.functions[first:last])]
+        lines += [
+            f"belem {last - first} {elements.degree} {elements.degree}",
+            " ".join(str(f) for f in elements.functions[first:last]),
+        ]
         lines += [_words(row) for row in elements.coefficients[first:last]]
     write_whole(path, "\n".join([*lines, ""]))
 
@@ -51,12 +66,16 @@ def _words(values: Iterable[float]) -> str:
 
 
 def raised(coefficients: Float[ndarray, "k p q"], degree: int) -> Float[ndarray, "k r r"]:
-    """Bernstein coefficients [function, t, s] of the same polynomials at a higher degree in both directions."""
+    """Bernstein coefficients [function, t, s] of the same polynomials at a higher degree in both
+    directions."""
     for axis in (1, 2):
         while (p := coefficients.shape[axis]) <= degree:
             share = np.arange(p + 1).reshape([-1 if a == axis else 1 for a in range(3)]) / p
             end = np.zeros_like(coefficients.take([0], axis=axis))
-            before, after = np.concatenate([end, coefficients], axis=axis), np.concatenate([coefficients, end], axis=axis)
+            before, after = (
+                np.concatenate([end, coefficients], axis=axis),
+                np.concatenate([coefficients, end], axis=axis),
+            )
             coefficients = share * before + (1 - share) * after
     return coefficients
 
@@ -91,7 +110,9 @@ class _Reader:
             elif words[0] not in ("type", "set"):
                 raise self._error(n, f"unknown record '{words[0]}'")
         if not elements or counts.get("nodeN") != len(nodes) or counts.get("elemN") != len(elements):
-            raise self._error(None, f"{len(nodes)} nodes and {len(elements)} elements, but it announces {counts or 'none'}")
+            raise self._error(
+                None, f"{len(nodes)} nodes and {len(elements)} elements, but it announces {counts or 'none'}"
+            )
         return _assembled(self, np.array(nodes), elements)
 
     def _element(self, n: int, words: list[str]) -> tuple[ndarray, ndarray]:
@@ -101,8 +122,14 @@ class _Reader:
             raise self._error(n, f"an element of {count} functions of degrees {p} and {q}")
         line, ids = self._take()
         functions = self._numbers(line, ids, count)
-        if (functions != np.floor(functions)).any() or functions.min() < 0 or len(np.unique(functions)) < count:
-            raise self._error(line, "function numbers must be whole, not negative and different from one another")
+        if (
+            (functions != np.floor(functions)).any()
+            or functions.min() < 0
+            or len(np.unique(functions)) < count
+        ):
+            raise self._error(
+                line, "function numbers must be whole, not negative and different from one another"
+            )
         rows = [self._numbers(*self._take(), (p + 1) * (q + 1)) for _ in range(count)]
         order = np.argsort(functions)
         return functions[order].astype(np.int64), np.array(rows)[order].reshape(count, q + 1, p + 1)
@@ -123,14 +150,20 @@ class _Reader:
         return values
 
     def _error(self, line: int | None, message: str) -> FileError:
-        return FileError(f"{self.path}{f' line {line}' if line else ''}: {message}", file=str(self.path), line=line)
+        return FileError(
+            f"{self.path}{f' line {line}' if line else ''}: {message}", file=str(self.path), line=line
+        )
 
 
-def _assembled(reader: _Reader, nodes: ndarray, elements: list[tuple[ndarray, ndarray]]) -> TSpline[ExtractedTMesh]:
+def _assembled(
+    reader: _Reader, nodes: ndarray, elements: list[tuple[ndarray, ndarray]]
+) -> TSpline[ExtractedTMesh]:
     functions = np.concatenate([ids for ids, _ in elements])
     if functions.max() >= len(nodes):
         element = int(np.argmax([ids.max() >= len(nodes) for ids, _ in elements]))
-        raise reader._error(None, f"element {element} names function {functions.max()}: there are {len(nodes)} nodes")
+        raise reader._error(
+            None, f"element {element} names function {functions.max()}: there are {len(nodes)} nodes"
+        )
     degree = max(3, *(max(c.shape[1:]) - 1 for _, c in elements))
     coefficients = np.concatenate([raised(c, degree).reshape(len(ids), -1) for ids, c in elements])
     starts = np.concatenate([[0], np.cumsum([len(ids) for ids, _ in elements])]).astype(np.int64)

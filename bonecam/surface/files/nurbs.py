@@ -1,13 +1,14 @@
 """A T-spline as one tensor-product B-spline on the union of its knots: exact, rational where weights differ.
 
-Any T-spline over a rectangle of parameters is one: its homogeneous coordinates are bicubic on every cell of the grid that all element
-edges, prolonged, make. So the Bezier elements are cut along that grid (convex combinations), the continuity across each grid line
-gives the knot's multiplicity, and each pole is the blossom of the cell next to it (Ramshaw 1989): for knots a <= b <= c inside its
-support, with the wider of [a, b] and [b, c] as cell, pole = (1 - x) b_1 + x b_2 with |x| <= 2. Nothing is solved and nothing fitted; what
+Any T-spline over a rectangle of parameters is one: its homogeneous coordinates are bicubic on every cell of
+the grid that all element edges, prolonged, make. So the Bezier elements are cut along that grid (convex
+combinations), the continuity across each grid line gives the knot's multiplicity, and each pole is the
+blossom of the cell next to it (Ramshaw 1989): for knots a <= b <= c inside its support, with the wider of [a,
+b] and [b, c] as cell, pole = (1 - x) b_1 + x b_2 with |x| <= 2. Nothing is solved and nothing fitted; what
 comes out is compared with what went in before it is returned.
 
-A closed direction stays periodic (no repeated end knots), and the seam is at its start; a pole of the T-spline becomes a row of
-equal poles. A domain that is no rectangle has no such form: SurfaceError.
+A closed direction stays periodic (no repeated end knots), and the seam is at its start; a pole of the
+T-spline becomes a row of equal poles. A domain that is no rectangle has no such form: SurfaceError.
 """
 
 from dataclasses import dataclass
@@ -29,10 +30,11 @@ EXACT = 1e-12  # of the size: more between T-spline and B-spline is an error
 
 @dataclass(frozen=True, eq=False)
 class Knots:
-    """Cubic knots of one direction: distinct `values` (k,) with `multiplicities` (k,); closed: the last one is the first again.
+    """Cubic knots of one direction: distinct `values` (k,) with `multiplicities` (k,); closed: the last one
+    is the first again.
 
-    Open ends have multiplicity 4. In a closed direction pole 0 belongs to the function whose last support interval but one
-    begins at the first knot (as OpenCASCADE counts them).
+    Open ends have multiplicity 4. In a closed direction pole 0 belongs to the function whose last support
+    interval but one begins at the first knot (as OpenCASCADE counts them).
     """
 
     values: Float[ndarray, " k"]
@@ -50,7 +52,8 @@ class Knots:
 
     @property
     def places(self) -> Int64[ndarray, " f"]:
-        """Which knot each of the poles + 4 flat knots is; beyond the ends of a closed direction they go on counting."""
+        """Which knot each of the poles + 4 flat knots is; beyond the ends of a closed direction they go on
+        counting."""
         if not self.closed:
             return np.repeat(np.arange(len(self.values)), self.multiplicities)
         cells = len(self.values) - 1
@@ -68,12 +71,15 @@ class Knots:
         return self.values[index] + (self.values[-1] - self.values[0]) * turn
 
     def functions(self, x: Float[ndarray, " n"]) -> tuple[Float[ndarray, "n 4"], Int64[ndarray, "n 4"]]:
-        """The four functions that live at each x inside [values[0], values[-1]], and the poles they belong to."""
+        """The four functions that live at each x inside [values[0], values[-1]], and the poles they belong
+        to."""
         low, high = self.values[0], self.values[-1]
         period, flat, count = high - low, self.flat, self.poles
         if self.closed:
             x = low + np.mod(x - low, period)
-            flat = np.concatenate([flat, flat[4:8] + period]) if count >= 4 else _unrolled(flat, count, period)
+            flat = (
+                np.concatenate([flat, flat[4:8] + period]) if count >= 4 else _unrolled(flat, count, period)
+            )
         last = np.searchsorted(flat, high, side="left") - 1
         span = np.clip(np.searchsorted(flat, x, side="right") - 1, 3, last)
         values = span_functions(flat[span[:, None] + np.arange(-3, 5)], x, 0)[0]
@@ -100,7 +106,9 @@ class BSplineSurface:
         object.__setattr__(self, "weights", frozen(self.weights))
         wanted = (self.s_knots.poles, self.t_knots.poles)
         if self.poles.shape != (*wanted, 3) or self.weights.shape != wanted:
-            raise ValueError(f"the knots need {wanted} poles and weights, not {self.poles.shape[:2]} and {self.weights.shape}")
+            raise ValueError(
+                f"the knots need {wanted} poles and weights, not {self.poles.shape[:2]} and {self.weights.shape}"
+            )
 
     @property
     def rational(self) -> bool:
@@ -115,7 +123,9 @@ class BSplineSurface:
     @property
     def collapsed(self) -> tuple[bool, bool]:
         """Whether the first and the last row of poles along t is one point."""
-        return bool(np.ptp(self.poles[:, 0], axis=0).max() == 0), bool(np.ptp(self.poles[:, -1], axis=0).max() == 0)
+        return bool(np.ptp(self.poles[:, 0], axis=0).max() == 0), bool(
+            np.ptp(self.poles[:, -1], axis=0).max() == 0
+        )
 
     @property
     def watertight(self) -> bool:
@@ -127,7 +137,10 @@ class BSplineSurface:
         around, i = self.s_knots.functions(s)
         along, j = self.t_knots.functions(t)
         share = around[:, :, None] * along[:, None, :] * self.weights[i[:, :, None], j[:, None, :]]
-        found: ndarray = np.einsum("nij,nijc->nc", share, self.poles[i[:, :, None], j[:, None, :]]) / share.sum(axis=(1, 2))[:, None]
+        found: ndarray = (
+            np.einsum("nij,nijc->nc", share, self.poles[i[:, :, None], j[:, None, :]])
+            / share.sum(axis=(1, 2))[:, None]
+        )
         return found
 
 
@@ -142,8 +155,11 @@ def to_bspline(surface: TSpline) -> BSplineSurface:
     return result
 
 
-def joined(elements: Elements, patches: Float[ndarray, "e 16 4"], closed: tuple[bool, bool]) -> BSplineSurface:
-    """Bezier elements that fill a rectangle as one B-spline, closed in s, in t; with as few knots as their continuity allows.
+def joined(
+    elements: Elements, patches: Float[ndarray, "e 16 4"], closed: tuple[bool, bool]
+) -> BSplineSurface:
+    """Bezier elements that fill a rectangle as one B-spline, closed in s, in t; with as few knots as their
+    continuity allows.
 
     Raises SurfaceError where they fill none, or are torn along a line (the seam of a closed direction too).
     """
@@ -165,7 +181,8 @@ def joined(elements: Elements, patches: Float[ndarray, "e 16 4"], closed: tuple[
 def bezier_grid(
     elements: Elements, patches: Float[ndarray, "e 16 4"]
 ) -> tuple[Float[ndarray, " s"], Float[ndarray, " t"], Float[ndarray, "a b 4 4 4"]]:
-    """The breaks of both directions and the homogeneous Bezier points [s cell, t cell, s index, t index] of every cell of their grid."""
+    """The breaks of both directions and the homogeneous Bezier points [s cell, t cell, s index, t index] of
+    every cell of their grid."""
     breaks = distinct(elements.boxes[:, :2].ravel()), distinct(elements.boxes[:, 2:].ravel())
     first = [_nearest(b, elements.boxes[:, 2 * k]) for k, b in enumerate(breaks)]
     last = [_nearest(b, elements.boxes[:, 2 * k + 1]) for k, b in enumerate(breaks)]
@@ -176,7 +193,9 @@ def bezier_grid(
     shape = len(breaks[0]) - 1, len(breaks[1]) - 1
     if len(element) != shape[0] * shape[1] or len(np.unique(cell[0] * shape[1] + cell[1])) != len(element):
         covered = len(np.unique(cell[0] * shape[1] + cell[1]))
-        raise SurfaceError(f"the domain is no rectangle ({covered} of {shape[0] * shape[1]} cells): write Bezier faces instead")
+        raise SurfaceError(
+            f"the domain is no rectangle ({covered} of {shape[0] * shape[1]} cells): write Bezier faces instead"
+        )
     cuts = [_cut(breaks[k], cell[k], first[k][element], last[k][element]) for k in (0, 1)]
     grid = np.empty((*shape, 4, 4, 4))
     corners = patches[element].reshape(-1, 4, 4, 4)  # [t, s, coordinate]
@@ -202,22 +221,37 @@ def _scale(grid: Float[ndarray, "a b 4 4 4"]) -> Float[ndarray, "4"]:
     return np.array([*[largest[:3].max()] * 3, largest[3]])
 
 
-def _knots(breaks: ndarray, grid: Float[ndarray, "a b 4 4 4"], closed: bool, scale: Float[ndarray, "4"]) -> Knots:
-    """Multiplicity 1 where the grid is C2 across a line of its first index, 2 where C1, 3 where C0; 4 at open ends."""
+def _knots(
+    breaks: ndarray, grid: Float[ndarray, "a b 4 4 4"], closed: bool, scale: Float[ndarray, "4"]
+) -> Knots:
+    """Multiplicity 1 where the grid is C2 across a line of its first index, 2 where C1, 3 where C0; 4 at open
+    ends."""
     cells, width = len(breaks) - 1, np.diff(breaks)
     lines = range(cells) if closed else range(1, cells)
     inner = [_multiplicity(grid[k - 1], grid[k], width[k - 1], width[k], scale) for k in lines]
     for k, multiplicity in zip(lines, inner):
         if multiplicity > 3:
-            raise SurfaceError(f"the surface is torn along parameter {breaks[k]}: write Bezier faces instead", parameter=float(breaks[k]))
+            raise SurfaceError(
+                f"the surface is torn along parameter {breaks[k]}: write Bezier faces instead",
+                parameter=float(breaks[k]),
+            )
     return Knots(breaks, np.array([*inner, inner[0]] if closed else [4, *inner, 4]), closed)
 
 
 def _multiplicity(
-    left: Float[ndarray, "b 4 4 4"], right: Float[ndarray, "b 4 4 4"], h_left: float, h_right: float, scale: Float[ndarray, "4"]
+    left: Float[ndarray, "b 4 4 4"],
+    right: Float[ndarray, "b 4 4 4"],
+    h_left: float,
+    h_right: float,
+    scale: Float[ndarray, "4"],
 ) -> int:
-    """4 less the number of the narrower cell's Bezier points that continue the wider one's polynomial, at least 1."""
-    wide, narrow, r = (left[:, ::-1], right, h_right / h_left) if h_left >= h_right else (right, left[:, ::-1], h_left / h_right)
+    """4 less the number of the narrower cell's Bezier points that continue the wider one's polynomial, at
+    least 1."""
+    wide, narrow, r = (
+        (left[:, ::-1], right, h_right / h_left)
+        if h_left >= h_right
+        else (right, left[:, ::-1], h_left / h_right)
+    )
     w0, w1, w2 = (wide[:, k] for k in range(3))
     continued = (w0, w0 + r * (w0 - w1), w0 + 2 * r * (w0 - w1) + r * r * (w0 - 2 * w1 + w2))
     for k in range(3):
@@ -246,7 +280,13 @@ def _poles(knots: Knots, grid: ndarray) -> ndarray:
 
 def _prove(result: BSplineSurface, surface: TSpline) -> None:
     """SurfaceError where the two differ in the middle of a cell."""
-    s, t = (a.ravel() for a in np.meshgrid(*[(k.values[1:] + k.values[:-1]) / 2 for k in (result.s_knots, result.t_knots)]))
+    s, t = (
+        a.ravel()
+        for a in np.meshgrid(*[(k.values[1:] + k.values[:-1]) / 2 for k in (result.s_knots, result.t_knots)])
+    )
     error = np.abs(result.evaluate(s, t) - surface.positions(s, t)).max()
     if not error <= EXACT * np.abs(result.poles).max():
-        raise SurfaceError(f"the B-spline departs from the T-spline by {error:.1e} mm: write Bezier faces instead", error=float(error))
+        raise SurfaceError(
+            f"the B-spline departs from the T-spline by {error:.1e} mm: write Bezier faces instead",
+            error=float(error),
+        )

@@ -1,8 +1,8 @@
 """Row-structured T-splines as text, bit for bit.
 
-The half-edge records of a .tsm file cannot hold such a surface: rows that share no knot have no vertical edge to
-bound their faces, and a pole is one control point where .tsm wants a vertex of valence n. So it has its own form,
-one record a line, numbers in the shortest decimal that reads back as the same double:
+The half-edge records of a .tsm file cannot hold such a surface: rows that share no knot have no vertical edge
+to bound their faces, and a pole is one control point where .tsm wants a vertex of valence n. So it has its
+own form, one record a line, numbers in the shortest decimal that reads back as the same double:
 
     #bonecam-tspline 1
     degree 3
@@ -14,9 +14,9 @@ one record a line, numbers in the shortest decimal that reads back as the same d
     ...
     end
 
-S(s, t) = sum_ji w_ji N_j(t) B_ji(s) P_ji / sum_ji w_ji N_j(t) B_ji(s); N_j is the cubic B-spline on t-knots[j : j + 5],
-B_ji the periodic cubic B-spline whose middle knot is knot i of row j, 1 for a pole. Lines that start with # and empty
-lines are comments.
+S(s, t) = sum_ji w_ji N_j(t) B_ji(s) P_ji / sum_ji w_ji N_j(t) B_ji(s); N_j is the cubic B-spline on t-knots[j
+: j + 5], B_ji the periodic cubic B-spline whose middle knot is knot i of row j, 1 for a pole. Lines that
+start with # and empty lines are comments.
 """
 
 from pathlib import Path
@@ -45,7 +45,11 @@ def rows_text(surface: TSpline) -> str:
 
 def read_rows(text: str, path: Path) -> TSpline:
     """The surface of the text form above. Raises FileError with the line where the text departs from it."""
-    records = [(n, line.split()) for n, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")]
+    records = [
+        (n, line.split())
+        for n, line in enumerate(text.splitlines(), 1)
+        if line.strip() and not line.startswith("#")
+    ]
     return _RowsReader(path, records).surface()
 
 
@@ -73,12 +77,19 @@ class _RowsReader:
             rows.append(self._row(*record, len(rows)))
         try:
             mesh = RowTMesh.from_rows(t_knots, [row[:, 0] for row in rows])
-            return TSpline(mesh, np.vstack([row[:, 1:4] for row in rows]), np.concatenate([row[:, 4] for row in rows]))
+            return TSpline(
+                mesh, np.vstack([row[:, 1:4] for row in rows]), np.concatenate([row[:, 4] for row in rows])
+            )
         except ValueError as error:
             raise self._error(self.records[-1][0], str(error)) from error
 
     def _row(self, line: int, words: list[str], expected: int) -> np.ndarray:
-        if len(words) != 3 or words[:2] != ["row", str(expected)] or not words[2].isdigit() or words[2] == "0":
+        if (
+            len(words) != 3
+            or words[:2] != ["row", str(expected)]
+            or not words[2].isdigit()
+            or words[2] == "0"
+        ):
             raise self._error(line, f"expected 'row {expected} COUNT' or 'end'")
         return np.array([self._numbers(*self._take(), 5) for _ in range(int(words[2]))])
 

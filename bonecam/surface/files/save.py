@@ -27,11 +27,14 @@ def check_target(path: str | Path) -> None:
         occ(f"{path}: writing {'STEP' if ending in STEP else 'IGES'}")
     elif ending not in TEXTS:
         endings = ", ".join((*TEXTS, *STEP, *IGES))
-        raise FileError(f"{path}: has the unknown ending {ending!r}: end the name in one of {endings}", file=str(path))
+        raise FileError(
+            f"{path}: has the unknown ending {ending!r}: end the name in one of {endings}", file=str(path)
+        )
 
 
 def save_surface(surface: TSpline, path: str | Path) -> None:
-    """Write the surface, whole or not at all. FileError where the ending is unknown, unfit for the T-mesh, or its writer is missing."""
+    """Write the surface, whole or not at all. FileError where the ending is unknown, unfit for the T-mesh, or
+    its writer is missing."""
     check_target(path)
     ending = Path(path).suffix.lower()
     if ending == ".iga":
@@ -39,8 +42,14 @@ def save_surface(surface: TSpline, path: str | Path) -> None:
     elif ending in TEXTS:
         rows = isinstance(surface.tmesh, RowTMesh)
         if rows != (ending == ".tspline"):
-            what = "rows of control points have no .tsm form" if rows else "a general T-mesh has no .tspline form"
-            raise FileError(f"{path}: {what}: end the name in {'.tspline' if rows else '.tsm'}", file=str(path))
+            what = (
+                "rows of control points have no .tsm form"
+                if rows
+                else "a general T-mesh has no .tspline form"
+            )
+            raise FileError(
+                f"{path}: {what}: end the name in {'.tspline' if rows else '.tsm'}", file=str(path)
+            )
         write_tsm(surface, path)
     else:
         from bonecam.surface.files.cad import write_iges, write_step

@@ -1,4 +1,5 @@
-"""Parts that come as a surface and need no fit: rows of points that are skinned, or a T-spline that was saved before."""
+"""Parts that come as a surface and need no fit: rows of points that are skinned, or a T-spline that was saved
+before."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -28,25 +29,43 @@ def holds_surface(path: str | Path) -> bool:
 
 
 def read_surface(path: str | Path, scale: float, tolerance: float, max_control_points: int) -> Fit:
-    """The closed surface in a file; rows are scaled by `scale` (mm a unit of the file) and skinned within `tolerance` mm.
+    """The closed surface in a file; rows are scaled by `scale` (mm a unit of the file) and skinned within
+    `tolerance` mm.
 
-    The deviation is that of the given points. Raises FileError, or SurfaceError where the surface does not enclose a part.
+    The deviation is that of the given points. Raises FileError, or SurfaceError where the surface does not
+    enclose a part.
     """
     if Path(path).suffix.lower() in TEXTS:
         if scale != 1:
-            raise UnitsError(f"{path}: states its unit itself and was read in mm: leave out --units (mesh.units)", file=str(path))
+            raise UnitsError(
+                f"{path}: states its unit itself and was read in mm: leave out --units (mesh.units)",
+                file=str(path),
+            )
         surface, points = read_tsm(path), np.empty((0, 3))
     else:
         rows = read_rows(path).scaled(scale)
-        surface, points = rows.skin(tolerance), np.vstack([*rows.rows, *([] if rows.poles is None else [rows.poles])])
+        surface, points = (
+            rows.skin(tolerance),
+            np.vstack([*rows.rows, *([] if rows.poles is None else [rows.poles])]),
+        )
     if not (isinstance(surface.tmesh, RowTMesh) and all(surface.tmesh.poles)):
-        remedy = "give a pole (one point) as the first and the last block" if len(points) else "only closed rows between two poles do"
+        remedy = (
+            "give a pole (one point) as the first and the last block"
+            if len(points)
+            else "only closed rows between two poles do"
+        )
         raise SurfaceError(f"{path}: encloses no part: {remedy}", file=str(path))
     if not surface.volume > 0:
-        raise SurfaceError(f"{path}: its normals S_s x S_t point inward: reverse every row", file=str(path), volume=surface.volume)
+        raise SurfaceError(
+            f"{path}: its normals S_s x S_t point inward: reverse every row",
+            file=str(path),
+            volume=surface.volume,
+        )
     if surface.tmesh.size > max_control_points:
         what = f"{surface.tmesh.size} control points keep the rows within {tolerance} mm, {max_control_points} are allowed"
-        raise SurfaceError(f"{path}: {what}: raise surface.tolerance or surface.max_control_points", file=str(path))
+        raise SurfaceError(
+            f"{path}: {what}: raise surface.tolerance or surface.max_control_points", file=str(path)
+        )
     found = _deviation(surface, points)
     return Fit(surface, found, tolerance, found.max <= tolerance)
 
@@ -61,12 +80,18 @@ def _deviation(surface: TSpline, points: Float[ndarray, "n 3"]) -> Deviation:
 
 
 def sound_mesh(surface: TSpline, file: str) -> TriangleMesh:
-    """The surface as a closed mesh. UnitsError where its size is no part's, MeshError where it cuts itself."""
+    """The surface as a closed mesh. UnitsError where its size is no part's, MeshError where it cuts
+    itself."""
     mesh = to_mm(surface.tessellate(CHORD), "mm", file)
     if len(faces := self_intersections(mesh)):
         place = mesh.vertices[mesh.faces[faces[0]]].mean(axis=0)
         at = f"near {np.round(place, 2).tolist()}"
-        raise MeshError(f"{file}: its surface cuts itself {at}: mend the rows there, or give a mesh", file=file, faces=faces, place=place)
+        raise MeshError(
+            f"{file}: its surface cuts itself {at}: mend the rows there, or give a mesh",
+            file=file,
+            faces=faces,
+            place=place,
+        )
     return mesh
 
 
@@ -81,7 +106,8 @@ def placed(given: Fit, transform: Float[ndarray, "4 4"]) -> Fit:
 
 
 def turned(surface: TSpline) -> TSpline:
-    """The same row-structured surface with both parameters reversed: S(-s, low + high - t); its normals stay outward."""
+    """The same row-structured surface with both parameters reversed: S(-s, low + high - t); its normals stay
+    outward."""
     tmesh = surface.tmesh
     if not isinstance(tmesh, RowTMesh):
         raise ValueError("only row-structured surfaces can be turned")
@@ -90,4 +116,6 @@ def turned(surface: TSpline) -> TSpline:
     rows = [np.mod(-row, 1.0)[order] for row, order in zip(tmesh.s_knots, orders)]
     index = np.concatenate([starts[j] + orders[j] for j in range(len(rows))[::-1]])
     t_knots = (tmesh.t_knots[0] + tmesh.t_knots[-1] - tmesh.t_knots)[::-1]
-    return TSpline(RowTMesh.from_rows(t_knots, rows[::-1]), surface.control_points[index], surface.weights[index])
+    return TSpline(
+        RowTMesh.from_rows(t_knots, rows[::-1]), surface.control_points[index], surface.weights[index]
+    )

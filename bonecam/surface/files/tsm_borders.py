@@ -1,9 +1,11 @@
-"""Open borders of files that name `end-conditions SUBD_CREASES` (Fusion): borders as a subdivision surface with creases has them.
+"""Open borders of files that name `end-conditions SUBD_CREASES` (Fusion): borders as a subdivision surface
+with creases has them.
 
-There is no clamped border: knots and control points go on mirrored, P_{-1} = 2 P_0 - P_1, so that the border is the cubic B-spline of the
-control points on it, the corners are met and the second derivative across the border vanishes (Catmull & Clark 1978 with the crease
-rules of Hoppe et al. 1994, on any knots). The mirrored points are vertices outside the domain. Only rectangular T-meshes are treated,
-and the two lines next to a border must run along all of it.
+There is no clamped border: knots and control points go on mirrored, P_{-1} = 2 P_0 - P_1, so that the border
+is the cubic B-spline of the control points on it, the corners are met and the second derivative across the
+border vanishes (Catmull & Clark 1978 with the crease rules of Hoppe et al. 1994, on any knots). The mirrored
+points are vertices outside the domain. Only rectangular T-meshes are treated, and the two lines next to a
+border must run along all of it.
 """
 
 import numpy as np
@@ -17,9 +19,11 @@ MIRRORED = "SUBD_CREASES"
 
 
 def with_mirrored_borders(tmesh: TMesh, points: Float[ndarray, "n 4"]) -> tuple[TMesh, Float[ndarray, "m 4"]]:
-    """The T-mesh and the homogeneous control points with one more, mirrored, beside every one on an open border; the given ones come first.
+    """The T-mesh and the homogeneous control points with one more, mirrored, beside every one on an open
+    border; the given ones come first.
 
-    Raises SurfaceError where the T-mesh is no rectangle, a line ends beside a border, or a mirrored weight is not positive.
+    Raises SurfaceError where the T-mesh is no rectangle, a line ends beside a border, or a mirrored weight is
+    not positive.
     """
     if not tmesh.inside.all():
         raise SurfaceError("its open border is no rectangle: give clamped borders ('0m cg' records)")
@@ -29,7 +33,9 @@ def with_mirrored_borders(tmesh: TMesh, points: Float[ndarray, "n 4"]) -> tuple[
             tmesh = _turned(tmesh, axis)
     wrong = np.flatnonzero(~(points[:, 3] > 0))
     if len(wrong):
-        raise SurfaceError(f"the weights at its open border fall to {points[wrong[0], 3]:.6g} beyond it: make them more even")
+        raise SurfaceError(
+            f"the weights at its open border fall to {points[wrong[0], 3]:.6g} beyond it: make them more even"
+        )
     return tmesh, points
 
 
@@ -49,15 +55,24 @@ def _mirrored(mesh: TMesh, points: ndarray) -> tuple[TMesh, ndarray]:
         near = [border, border + step, border + 2 * step][: last + 1]
         outer, inner = crossings[border], crossings[border + step]
         if not mesh.along_t[near].all() or ((outer >= 0) != (inner >= 0)).any():
-            raise SurfaceError(f"a line ends beside its open border at s- or t-line {border}: let two lines run along all of it")
+            raise SurfaceError(
+                f"a line ends beside its open border at s- or t-line {border}: let two lines run along all of it"
+            )
         rows.append(np.flatnonzero(outer >= 0))
         new.append(2 * points[outer[rows[-1]]] - points[inner[rows[-1]]])
     added = [np.column_stack([np.full(len(row), line), row]) for row, line in zip(rows, (1, last + 3))]
     vertices = np.vstack([mesh.vertices + np.array([2, 0]), *added])
     steps = np.diff(mesh.s_lines)
     low, high = steps[:2], steps[::-1][:2]
-    before, behind = mesh.s_lines[0] - np.cumsum(np.resize(low, 2)), mesh.s_lines[-1] + np.cumsum(np.resize(high, 2))
+    before, behind = (
+        mesh.s_lines[0] - np.cumsum(np.resize(low, 2)),
+        mesh.s_lines[-1] + np.cumsum(np.resize(high, 2)),
+    )
     lines = np.concatenate([before[::-1], mesh.s_lines, behind])
-    along_s, along_t = (np.pad(edges, ((2, 2), (0, 0)), mode="edge") for edges in (mesh.along_s, mesh.along_t))
+    along_s, along_t = (
+        np.pad(edges, ((2, 2), (0, 0)), mode="edge") for edges in (mesh.along_s, mesh.along_t)
+    )
     inside = np.pad(mesh.inside, ((2, 2), (0, 0)))
-    return TMesh(lines, mesh.t_lines, vertices, along_s, along_t, inside, mesh.period), np.vstack([points, *new])
+    return TMesh(lines, mesh.t_lines, vertices, along_s, along_t, inside, mesh.period), np.vstack(
+        [points, *new]
+    )

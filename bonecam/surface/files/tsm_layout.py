@@ -1,13 +1,15 @@
 """From half edges to index space: where the vertices and control points of a .tsm file lie.
 
-Link flags give every link its direction (a turn to the left at each corner of a face), edges their knot intervals: walking them
-lays the T-mesh out in one chart. A walk that comes home one period further on closes that direction; any other contradiction is an
-extraordinary point or a broken interval, and an error that names the record.
+Link flags give every link its direction (a turn to the left at each corner of a face), edges their knot
+intervals: walking them lays the T-mesh out in one chart. A walk that comes home one period further on closes
+that direction; any other contradiction is an extraordinary point or a broken interval, and an error that
+names the record.
 
-A border vertex has further control points beside its own one, which lies outermost. `cg` says to which sides (D0..D3 = 1: to its
-north, west, south and east in its own frame) and lists them counter-clockwise from the north, corners between two such sides
-included (-1: not there). In index space each of these is a line of its own with the same knot: the clamped border. A corner of the
-domain that turns inwards has them on all four sides.
+A border vertex has further control points beside its own one, which lies outermost. `cg` says to which sides
+(D0..D3 = 1: to its north, west, south and east in its own frame) and lists them counter-clockwise from the
+north, corners between two such sides included (-1: not there). In index space each of these is a line of its
+own with the same knot: the clamped border. A corner of the domain that turns inwards has them on all four
+sides.
 """
 
 from collections import deque
@@ -57,7 +59,8 @@ def _chart(records: Records) -> Chart:
 
 
 def _directions(records: Records) -> list[int]:
-    """0 east, 1 north, 2 west, 3 south, for every link; the first face's own link runs east (the vertices' frames need not agree)."""
+    """0 east, 1 north, 2 west, 3 south, for every link; the first face's own link runs east (the vertices'
+    frames need not agree)."""
     found = [-1] * len(records.links)
     start = next((face[0] for face in records.faces if face is not None), -1)
     if start < 0:
@@ -84,7 +87,8 @@ def _directions(records: Records) -> list[int]:
 
 
 def _places(records: Records, directions: list[int]) -> tuple[ndarray, tuple[float, float]]:
-    """Positions from knot intervals, and the periods. The least position is 0, in a closed direction the first vertex'."""
+    """Positions from knot intervals, and the periods. The least position is 0, in a closed direction the
+    first vertex'."""
     out: dict[int, list[tuple[int, int, ndarray]]] = {}
     for n, link in enumerate(records.links):
         if link is not None:
@@ -125,7 +129,11 @@ def _check_faces(steps: dict[int, ndarray], records: Records, slack: float) -> N
     wrong = np.flatnonzero(np.abs(total).max(axis=1) > slack)
     if len(wrong):
         s, t = total[wrong[0]]
-        raise records.error("f", int(wrong[0]), f"the knot intervals round it do not add up: they miss by {s:.6g} in s and {t:.6g} in t")
+        raise records.error(
+            "f",
+            int(wrong[0]),
+            f"the knot intervals round it do not add up: they miss by {s:.6g} in s and {t:.6g} in t",
+        )
 
 
 def _period(records: Records, misses: list[tuple[int, ndarray]], slack: float) -> tuple[float, float]:
@@ -138,7 +146,9 @@ def _period(records: Records, misses: list[tuple[int, ndarray]], slack: float) -
                 continue
             if abs(miss[1 - axis]) > slack or (period[axis] and abs(length - period[axis]) > slack):
                 raise records.error(
-                    "l", n, f"knot intervals do not add up round a loop: they miss by {miss[0]:.6g} in s and {miss[1]:.6g} in t"
+                    "l",
+                    n,
+                    f"knot intervals do not add up round a loop: they miss by {miss[0]:.6g} in s and {miss[1]:.6g} in t",
                 )
             period[axis] = period[axis] or length
     return period[0], period[1]
@@ -157,15 +167,19 @@ def _lines(values: ndarray, slack: float, period: float) -> tuple[ndarray, ndarr
 
 
 def _stated(records: Records, letter: str, knots: ndarray) -> ndarray:
-    """The knots as the file's #s-knots or #t-knots comment has them, all digits; the walked ones where there is none."""
+    """The knots as the file's #s-knots or #t-knots comment has them, all digits; the walked ones where there
+    is none."""
     stated = np.array(records.knots.get(f"{letter}-knots", knots))
     if len(stated) != len(knots) or (np.abs(stated - stated[0] - knots) > 1e-6 * np.ptp(knots)).any():
-        raise records.error(f"#{letter}-knots", 0, "its knots are not those that the edges' intervals add up to")
+        raise records.error(
+            f"#{letter}-knots", 0, "its knots are not those that the edges' intervals add up to"
+        )
     return stated
 
 
 def _nodes(records: Records, chart: Chart) -> tuple[ndarray, list[int]]:
-    """Per control point in use: vertex and offset (di, dj) from the vertex' own control point; and its number in the file."""
+    """Per control point in use: vertex and offset (di, dj) from the vertex' own control point; and its number
+    in the file."""
     if not records.owners:
         return _plain(records)
     nodes, grips = [], []
@@ -185,7 +199,9 @@ def _nodes(records: Records, chart: Chart) -> tuple[ndarray, list[int]]:
                 nodes.append((v, *offset))
                 grips.append(grip)
     if len(set(grips)) < len(grips) or max(grips) >= len(records.grips):
-        grip = max(grips) if max(grips) >= len(records.grips) else next(g for g in grips if grips.count(g) > 1)
+        grip = (
+            max(grips) if max(grips) >= len(records.grips) else next(g for g in grips if grips.count(g) > 1)
+        )
         raise records.error("0g", grip, "it is missing, or belongs to two places of the T-mesh")
     order = np.argsort(grips)
     return np.array(nodes)[order], [grips[k] for k in order]
@@ -206,7 +222,11 @@ def _corner(records: Records, v: int) -> list[tuple[int, tuple[int, int]]]:
     valence, extents, grips = records.corners[v][0], records.corners[v][1:5], records.corners[v][5:]
     around = ((0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0), (1, 1))
     sides = [k // 2 if k % 2 == 0 else -1 for k in range(8)]
-    offsets = [o for k, o in enumerate(around) if (extents[sides[k]] if k % 2 == 0 else extents[k // 2] and extents[(k // 2 + 1) % 4])]
+    offsets = [
+        o
+        for k, o in enumerate(around)
+        if (extents[sides[k]] if k % 2 == 0 else extents[k // 2] and extents[(k // 2 + 1) % 4])
+    ]
     if valence != 4 or not set(extents) <= {0, 1} or len(grips) != len(offsets):
         raise records.error("cg", v, f"extents {extents} need valence 4 and {len(offsets)} control points")
     for grip in grips:
@@ -236,13 +256,18 @@ def _grid(records: Records, chart: Chart, nodes: ndarray) -> TMesh:
     return TMesh(knots[0], knots[1], index, edges[0], edges[1].T.copy(), inside, chart.period)
 
 
-def _edges(records: Records, chart: Chart, nodes: ndarray, index: ndarray, axis: int, counts: list[int]) -> ndarray:
-    """Edges along one axis, [line along, line across]: between control points of one vertex and, row by row, of neighbours.
+def _edges(
+    records: Records, chart: Chart, nodes: ndarray, index: ndarray, axis: int, counts: list[int]
+) -> ndarray:
+    """Edges along one axis, [line along, line across]: between control points of one vertex and, row by row,
+    of neighbours.
 
     Two neighbours share those rows that reach the side at which they face each other.
     """
     edges = np.zeros((counts[axis] if chart.period[axis] else counts[axis] - 1, counts[1 - axis]), dtype=bool)
-    groups: dict[int, dict[tuple[int, int], tuple[int, int]]] = {}  # vertex -> (offset along, across) -> (line along, across)
+    groups: dict[
+        int, dict[tuple[int, int], tuple[int, int]]
+    ] = {}  # vertex -> (offset along, across) -> (line along, across)
     for node, place in zip(nodes, index):
         offset = (int(node[1 + axis]), int(node[2 - axis]))
         groups.setdefault(int(node[0]), {})[offset] = (int(place[axis]), int(place[1 - axis]))

@@ -3,14 +3,15 @@
     f LINK FLAG                                    a face and one of its links
     e LINK INTERVAL                                an edge and its knot interval
     v LINK NORTH|WEST|SOUTH|EAST                   a vertex, a link that starts there and its direction
-    l PREVIOUS NEXT OPPOSITE VERTEX FACE EDGE FLAG a half edge; face -1: outside; flag: 0 turns left at its start, 1 straight, 2 right
-    ec EDGE 0                                      a border edge with a Bezier end condition
-    0m gvp VERTEX | 0m gv VERTEX                   the next control point is the vertex' own | one of its others (-1: not in use)
-    0m cg VERTEX 4 D0 D1 D2 D3 GRIPS...            control points of a border vertex, see surface.tsm_layout
-    0g X Y Z W                                     a control point
+    l PREVIOUS NEXT OPPOSITE VERTEX FACE EDGE FLAG a half edge; face -1: outside; flag: 0 turns left at its
+    start, 1 straight, 2 right ec EDGE 0                                      a border edge with a Bezier end
+    condition 0m gvp VERTEX | 0m gv VERTEX                   the next control point is the vertex' own | one
+    of its others (-1: not in use) 0m cg VERTEX 4 D0 D1 D2 D3 GRIPS...            control points of a border
+    vertex, see surface.tsm_layout 0g X Y Z W                                     a control point
 
-The n-th record of a kind has the number n - 1; a bare `f`, `e`, `v`, `l` or `0g` is a deleted one that keeps its number. What follows
-a # is a comment; records of other kinds (100..., 105..., 50000..., tol, ver) carry nothing for the surface.
+The n-th record of a kind has the number n - 1; a bare `f`, `e`, `v`, `l` or `0g` is a deleted one that keeps
+its number. What follows a # is a comment; records of other kinds (100..., 105..., 50000..., tol, ver) carry
+nothing for the surface.
 """
 
 from collections.abc import Callable
@@ -21,7 +22,12 @@ from bonecam.errors import FileError
 
 DIRECTIONS = ("EAST", "NORTH", "WEST", "SOUTH")
 TSM_HEADER = "#TS0200"
-COMMENTS = ("#s-knots ", "#t-knots ", "#s-period ", "#t-period ")  # our own: all digits, which sums of intervals lose
+COMMENTS = (
+    "#s-knots ",
+    "#t-knots ",
+    "#s-period ",
+    "#t-period ",
+)  # our own: all digits, which sums of intervals lose
 LARGEST = 1e18  # no number is as large: record numbers fit 64 bits, and nothing overflows
 HEADER_WORDS = ("degree", "units", "end-conditions")
 
@@ -47,7 +53,9 @@ class Records:
         """A complaint about one record."""
         line = self.lines.get((kind, number))
         place = f"{self.path} line {line}" if line else str(self.path)
-        return FileError(f"{place}: {kind} {number}: {message}", file=str(self.path), line=line, record=f"{kind} {number}")
+        return FileError(
+            f"{place}: {kind} {number}: {message}", file=str(self.path), line=line, record=f"{kind} {number}"
+        )
 
 
 def parse_tsm(text: str, path: Path) -> Records:
@@ -71,7 +79,12 @@ def _take(records: Records, n: int, kind: str, words: list[str]) -> None:
     if kind in HEADER_WORDS:
         records.header[kind] = words
     elif kind in ("f", "e", "v", "l"):
-        tables: dict[str, list] = {"f": records.faces, "e": records.edges, "v": records.vertices, "l": records.links}
+        tables: dict[str, list] = {
+            "f": records.faces,
+            "e": records.edges,
+            "v": records.vertices,
+            "l": records.links,
+        }
         target = tables[kind]
         records.lines[kind, len(target)] = n
         target.append(_entity(path, n, kind, words) if words else None)
@@ -86,7 +99,9 @@ def _take(records: Records, n: int, kind: str, words: list[str]) -> None:
     elif kind == "0m" and words[:1] == ["cg"]:
         numbers = _numbers(path, n, words[1:], int, None)
         if len(numbers) < 6:
-            raise FileError(f"{path} line {n}: 'cg' needs a vertex, a valence, extents and grips", file=str(path), line=n)
+            raise FileError(
+                f"{path} line {n}: 'cg' needs a vertex, a valence, extents and grips", file=str(path), line=n
+            )
         records.lines["cg", numbers[0]] = n
         records.corners[numbers[0]] = numbers[1:]
 
@@ -95,11 +110,19 @@ def _entity(path: Path, n: int, kind: str, words: list[str]) -> tuple:
     if kind == "e":
         link, interval = _numbers(path, n, words[:1], int, 1)[0], _numbers(path, n, words[1:], float, 1)[0]
         if interval < 0:
-            raise FileError(f"{path} line {n}: knot interval {interval} is negative: knots must not decrease", file=str(path), line=n)
+            raise FileError(
+                f"{path} line {n}: knot interval {interval} is negative: knots must not decrease",
+                file=str(path),
+                line=n,
+            )
         return link, interval
     if kind == "v":
         if len(words) != 2 or words[1] not in DIRECTIONS:
-            raise FileError(f"{path} line {n}: a vertex needs a link and one of {', '.join(DIRECTIONS)}", file=str(path), line=n)
+            raise FileError(
+                f"{path} line {n}: a vertex needs a link and one of {', '.join(DIRECTIONS)}",
+                file=str(path),
+                line=n,
+            )
         return _numbers(path, n, words[:1], int, 1)[0], DIRECTIONS.index(words[1])
     return tuple(_numbers(path, n, words, int, 2 if kind == "f" else 7))
 
@@ -110,9 +133,13 @@ def _numbers(path: Path, n: int, words: list[str], kind: Callable[[str], float],
     except ValueError as error:
         raise FileError(f"{path} line {n}: {error}", file=str(path), line=n) from error
     if count is not None and len(values) != count:
-        raise FileError(f"{path} line {n}: expected {count} finite numbers, found {len(values)}", file=str(path), line=n)
+        raise FileError(
+            f"{path} line {n}: expected {count} finite numbers, found {len(values)}", file=str(path), line=n
+        )
     if not all(abs(value) < LARGEST for value in values):
-        raise FileError(f"{path} line {n}: expected finite numbers of a size below {LARGEST:g}", file=str(path), line=n)
+        raise FileError(
+            f"{path} line {n}: expected finite numbers of a size below {LARGEST:g}", file=str(path), line=n
+        )
     return values
 
 
@@ -120,10 +147,17 @@ def _check_references(records: Records) -> None:
     """Every number a record names must be a record that exists, and links must agree with one another."""
     if records.header.get("degree", ["3"]) != ["3"]:
         degree = " ".join(records.header["degree"])
-        raise FileError(f"{records.path}: degree '{degree}': only cubic T-splines are read", file=str(records.path))
+        raise FileError(
+            f"{records.path}: degree '{degree}': only cubic T-splines are read", file=str(records.path)
+        )
     if not any(link is not None for link in records.links):
         raise FileError(f"{records.path}: the file has no links (l records)", file=str(records.path))
-    tables: dict[str, list] = {"link": records.links, "vertex": records.vertices, "face": records.faces, "edge": records.edges}
+    tables: dict[str, list] = {
+        "link": records.links,
+        "vertex": records.vertices,
+        "face": records.faces,
+        "edge": records.edges,
+    }
     kinds = ("link", "link", "link", "vertex", "face", "edge")
     for n, link in enumerate(records.links):
         if link is None:
@@ -152,10 +186,18 @@ def _check_link(records: Records, n: int, link: tuple[int, ...]) -> None:
     assert following is not None
     assert opposite is not None
     if previous[1] != n or following[0] != n:
-        raise records.error("l", n, f"previous link {link[0]} and next link {link[1]} do not point back to it")
+        raise records.error(
+            "l", n, f"previous link {link[0]} and next link {link[1]} do not point back to it"
+        )
     if opposite[2] != n or link[2] == n or opposite[5] != link[5]:
         raise records.error("l", n, f"opposite link {link[2]} does not point back to it along edge {link[5]}")
     if opposite[3] != following[3]:
-        raise records.error("l", n, f"it ends at vertex {following[3]}, its opposite link {link[2]} starts at vertex {opposite[3]}")
+        raise records.error(
+            "l",
+            n,
+            f"it ends at vertex {following[3]}, its opposite link {link[2]} starts at vertex {opposite[3]}",
+        )
     if following[4] != link[4]:
-        raise records.error("l", n, f"it belongs to face {link[4]}, its next link {link[1]} to face {following[4]}")
+        raise records.error(
+            "l", n, f"it belongs to face {link[4]}, its next link {link[1]} to face {following[4]}"
+        )

@@ -1,7 +1,9 @@
-"""A general T-mesh as half edges: the `#TS0200` text that `read_tsm` and other programs read (record forms: surface.tsm).
+"""A general T-mesh as half edges: the `#TS0200` text that `read_tsm` and other programs read (record forms:
+surface.tsm).
 
-Control points with the same knots that touch are one vertex; the outermost is its own, the others become its `cg` record. Walking
-the edges, always turning left, gives the loops: faces, and the outside. Comments keep what half edges lose: all digits of the knots.
+Control points with the same knots that touch are one vertex; the outermost is its own, the others become its
+`cg` record. Walking the edges, always turning left, gives the loops: faces, and the outside. Comments keep
+what half edges lose: all digits of the knots.
 """
 
 from dataclasses import dataclass
@@ -15,12 +17,22 @@ from bonecam.surface.files.tsm_records import DIRECTIONS, TSM_HEADER
 from bonecam.surface.tmesh.general import TMesh
 from bonecam.surface.tspline import TSpline
 
-AROUND = ((0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0), (1, 1))  # from the north, counter-clockwise
+AROUND = (
+    (0, 1),
+    (-1, 1),
+    (-1, 0),
+    (-1, -1),
+    (0, -1),
+    (1, -1),
+    (1, 0),
+    (1, 1),
+)  # from the north, counter-clockwise
 
 
 @dataclass(eq=False)
 class Graph:
-    """Vertices of the file: own control point of each, members with offsets, and the vertex next to each in the four directions (-1)."""
+    """Vertices of the file: own control point of each, members with offsets, and the vertex next to each in
+    the four directions (-1)."""
 
     own: list[int]
     vertex_of: Int64[ndarray, " n"]
@@ -29,12 +41,21 @@ class Graph:
 
 
 def tsm_text(surface: TSpline[TMesh], homogeneous: bool = False) -> str:
-    """The file's text. Raises SurfaceError for a T-mesh that half edges cannot hold (rows without edges across them)."""
+    """The file's text. Raises SurfaceError for a T-mesh that half edges cannot hold (rows without edges
+    across them)."""
     mesh = surface.tmesh
     graph = _graph(mesh)
     links, ids = _links(graph)
     loops = _loops(graph, links, ids)
-    lines = [TSM_HEADER, "", "degree 3", "cap-type 1", "star-smoothness 0", "units 0.001 millimeters", "force-bezier-end-conditions 1"]
+    lines = [
+        TSM_HEADER,
+        "",
+        "degree 3",
+        "cap-type 1",
+        "star-smoothness 0",
+        "units 0.001 millimeters",
+        "force-bezier-end-conditions 1",
+    ]
     lines += [*_knot_comments(mesh), *_topology(mesh, graph, links, ids, loops), *_grips(graph)]
     points = surface.control_points
     if homogeneous:
@@ -103,7 +124,9 @@ def _neighbours(mesh: TMesh, direction: int) -> ndarray:
         at = [place[0], place[1]]
         at[axis] = np.where(possible, piece, 0) % edges.shape[axis]
         walking = possible & edges[at[0], at[1]]
-        place[axis] = np.where(walking, (place[axis] + sign) % count if closed else place[axis] + sign, place[axis])
+        place[axis] = np.where(
+            walking, (place[axis] + sign) % count if closed else place[axis] + sign, place[axis]
+        )
         here = grid[place[0], place[1]]
         found = np.where(walking & (here >= 0), here, found)
         walking &= here < 0
@@ -118,7 +141,9 @@ def _own(members: ndarray, mesh: TMesh, joined: list[ndarray]) -> int:
         lines = np.unique(place[:, axis])
         if len(lines) < 3:
             low, high = (members[place[:, axis] == line] for line in (lines[0], lines[-1]))
-            wanted.append(lines[0] if _leaves(low, mesh, axis, -1) and not _leaves(high, mesh, axis, 1) else lines[-1])
+            wanted.append(
+                lines[0] if _leaves(low, mesh, axis, -1) and not _leaves(high, mesh, axis, 1) else lines[-1]
+            )
         else:
             wanted.append(lines[1])
     found = members[(place == wanted).all(axis=1)]
@@ -161,9 +186,15 @@ def _loops(graph: Graph, links: list[tuple[int, int]], ids: dict[tuple[int, int]
     following = []
     for v, direction in links:
         end = int(graph.neighbours[v, direction])
-        turns = [(end, (direction + turn) % 4) for turn in (1, 0, -1) if graph.neighbours[end, (direction + turn) % 4] >= 0]
+        turns = [
+            (end, (direction + turn) % 4)
+            for turn in (1, 0, -1)
+            if graph.neighbours[end, (direction + turn) % 4] >= 0
+        ]
         if not turns:
-            raise SurfaceError(f"an edge ends at control point {graph.own[end]} inside a face: a .tsm file cannot hold it")
+            raise SurfaceError(
+                f"an edge ends at control point {graph.own[end]} inside a face: a .tsm file cannot hold it"
+            )
         following.append(ids[turns[0]])
     return following
 
@@ -181,7 +212,9 @@ def _topology(mesh: TMesh, graph: Graph, links: list, ids: dict, following: list
                 loop.append(following[loop[-1]])
             number = len(faces) if _is_face(mesh, graph, links[n]) else -1
             if number >= 0 and sum(flags[k] == 0 for k in loop) != 4:
-                raise SurfaceError("a face has no four corners (rows without edges across them): a .tsm file cannot hold it")
+                raise SurfaceError(
+                    "a face has no four corners (rows without edges across them): a .tsm file cannot hold it"
+                )
             faces += [n] if number >= 0 else []
             for k in loop:
                 face[k] = number
@@ -213,13 +246,21 @@ def _is_face(mesh: TMesh, graph: Graph, link: tuple[int, int]) -> bool:
 def _grips(graph: Graph) -> list[str]:
     """The records 0m: which control point belongs to which vertex, and where."""
     own = set(graph.own)
-    records = ["0m odd-grip-map"] + [f"0m {'gvp' if n in own else 'gv'} {v}" for n, v in enumerate(graph.vertex_of)]
+    records = ["0m odd-grip-map"] + [
+        f"0m {'gvp' if n in own else 'gv'} {v}" for n, v in enumerate(graph.vertex_of)
+    ]
     for v in range(len(graph.own)):
         members = np.flatnonzero(graph.vertex_of == v)
         if len(members) > 1:
             places = {tuple(graph.offsets[n].tolist()): int(n) for n in members}
-            sides = [any(o[axis] == sign for o in places) for axis, sign in ((1, 1), (0, -1), (1, -1), (0, 1))]
-            wanted = [a for k, a in enumerate(AROUND) if (sides[k // 2] if k % 2 == 0 else sides[k // 2] and sides[(k // 2 + 1) % 4])]
+            sides = [
+                any(o[axis] == sign for o in places) for axis, sign in ((1, 1), (0, -1), (1, -1), (0, 1))
+            ]
+            wanted = [
+                a
+                for k, a in enumerate(AROUND)
+                if (sides[k // 2] if k % 2 == 0 else sides[k // 2] and sides[(k // 2 + 1) % 4])
+            ]
             extents = " ".join(str(int(side)) for side in sides)
             records.append(f"0m cg {v} 4 {extents} " + " ".join(str(places.get(a, -1)) for a in wanted))
     return records

@@ -1,6 +1,8 @@
-"""T-splines as text files. One reader and one writer, `read_tsm` and `write_tsm`, for two forms, told apart by the first line:
+"""T-splines as text files. One reader and one writer, `read_tsm` and `write_tsm`, for two forms, told apart
+by the first line:
 
-- `#TS0200`: half edges and control points, as Rhino's T-Splines and Fusion write them: general T-meshes (surface.tsm);
+- `#TS0200`: half edges and control points, as Rhino's T-Splines and Fusion write them: general T-meshes
+  (surface.tsm);
 - `#bonecam-tspline 1`: row-structured T-splines, which half edges cannot hold (surface.rows_file).
 
 Both come back bit for bit. Any other first line is a FileError.
@@ -28,10 +30,11 @@ MILLIMETRES = {"millimeters": 1.0, "centimeters": 10.0, "meters": 1000.0, "inche
 def read_tsm(path: str | Path, *, homogeneous: bool = False, to_mm: bool = False) -> TSpline:
     """The T-spline of a file of either form.
 
-    A .tsm file does not say whether its control points are (x, y, z) or homogeneous (w x, w y, w z): they are taken as they stand,
-    S = sum w P B / sum w B, unless `homogeneous`, which divides them by their weight first. `to_mm` converts them from the
-    file's `units` (only the unit's name counts; the number before it is a tolerance). An open border without clamped control points
-    needs `end-conditions SUBD_CREASES` (surface.tsm_borders). Raises FileError naming line and record.
+    A .tsm file does not say whether its control points are (x, y, z) or homogeneous (w x, w y, w z): they are
+    taken as they stand, S = sum w P B / sum w B, unless `homogeneous`, which divides them by their weight
+    first. `to_mm` converts them from the file's `units` (only the unit's name counts; the number before it is
+    a tolerance). An open border without clamped control points needs `end-conditions SUBD_CREASES`
+    (surface.tsm_borders). Raises FileError naming line and record.
     """
     path = Path(path)
     try:
@@ -43,21 +46,33 @@ def read_tsm(path: str | Path, *, homogeneous: bool = False, to_mm: bool = False
         return rows_file.read_rows(text, path)
     if first.split()[:1] != [TSM_HEADER]:
         raise FileError(
-            f"{path}: the first line must be '{TSM_HEADER}' or '{rows_file.HEADER}', not '{first[:40]}'", file=str(path), line=1
+            f"{path}: the first line must be '{TSM_HEADER}' or '{rows_file.HEADER}', not '{first[:40]}'",
+            file=str(path),
+            line=1,
         )
     records = parse_tsm(text, path)
     tmesh, numbers = _laid_out(records, path)
-    mirrored = not records.owners and records.header.get("end-conditions") == [MIRRORED] and not all(tmesh.period)
+    mirrored = (
+        not records.owners and records.header.get("end-conditions") == [MIRRORED] and not all(tmesh.period)
+    )
     given = [records.grips[k] for k in numbers]
     for k, point in zip(numbers, given):
         if point is None or not point[3] > 0:
-            raise records.error("0g", k, "a control point in use is deleted" if point is None else f"weight {point[3]} is not positive")
+            raise records.error(
+                "0g",
+                k,
+                "a control point in use is deleted"
+                if point is None
+                else f"weight {point[3]} is not positive",
+            )
     values = np.array(given)
     points = values[:, :3] / values[:, 3:] if homogeneous else values[:, :3]
     points = points * (_scale(records.header, path) if to_mm else 1.0)
     try:
         if mirrored:
-            tmesh, found = with_mirrored_borders(tmesh, np.column_stack([points * values[:, 3:], values[:, 3]]))
+            tmesh, found = with_mirrored_borders(
+                tmesh, np.column_stack([points * values[:, 3:], values[:, 3]])
+            )
             points, values = np.vstack([points, found[len(points) :, :3] / found[len(points) :, 3:]]), found
         assert len(tmesh.elements.boxes)
         return TSpline(tmesh, points, values[:, 3])
@@ -68,13 +83,16 @@ def read_tsm(path: str | Path, *, homogeneous: bool = False, to_mm: bool = False
 
 
 def write_tsm(surface: TSpline, path: str | Path, *, homogeneous: bool = False) -> None:
-    """Write the surface, row-structured ones as `#bonecam-tspline 1`, others as `#TS0200`; `read_tsm` gives every number back bit for bit.
+    """Write the surface, row-structured ones as `#bonecam-tspline 1`, others as `#TS0200`; `read_tsm` gives
+    every number back bit for bit.
 
-    `homogeneous` as in `read_tsm`. Raises SurfaceError for a T-mesh that half edges cannot hold: some that were refined beside a
-    corner of the domain that turns inwards. `write_iga` holds every surface.
+    `homogeneous` as in `read_tsm`. Raises SurfaceError for a T-mesh that half edges cannot hold: some that
+    were refined beside a corner of the domain that turns inwards. `write_iga` holds every surface.
     """
     if isinstance(surface.tmesh, OpenRowTMesh):
-        raise SurfaceError("rows that are open have no text form: write_tsm takes closed rows and general T-meshes")
+        raise SurfaceError(
+            "rows that are open have no text form: write_tsm takes closed rows and general T-meshes"
+        )
     if isinstance(surface.tmesh, RowTMesh):
         if homogeneous:
             raise ValueError("row-structured files hold points that are not homogeneous")
@@ -95,7 +113,10 @@ def _prove(text: str, surface: TSpline[TMesh], path: Path) -> None:
     except (FileError, SurfaceError):
         same = False
     if not same:
-        raise SurfaceError("half edges cannot hold this T-mesh, whose lines with one knot part at a corner: write_iga can", file=str(path))
+        raise SurfaceError(
+            "half edges cannot hold this T-mesh, whose lines with one knot part at a corner: write_iga can",
+            file=str(path),
+        )
 
 
 def _laid_out(records: Records, path: Path) -> tuple[TMesh, list[int]]:

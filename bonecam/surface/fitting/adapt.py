@@ -1,9 +1,10 @@
 """Where a row-structured T-mesh gets knots: only where the mesh is missed.
 
-Each sample of the mesh that is missed votes with (its area) x (its distance)^4 for the longer side of the cell it lies in: for an s-knot in
-the middle of the interval in each row that acts there, or for a t-knot in the middle of the span. Votes are divided by the control
-points the knot costs (an s-knot one, a t-knot a whole row), and the best are taken. Low cells are not cut: a cubic with even knots follows
-a rim of a right angle within a tenth of their distance, and rows of lower cells only fold.
+Each sample of the mesh that is missed votes with (its area) x (its distance)^4 for the longer side of the
+cell it lies in: for an s-knot in the middle of the interval in each row that acts there, or for a t-knot in
+the middle of the span. Votes are divided by the control points the knot costs (an s-knot one, a t-knot a
+whole row), and the best are taken. Low cells are not cut: a cubic with even knots follows a rim of a right
+angle within a tenth of their distance, and rows of lower cells only fold.
 """
 
 from dataclasses import dataclass
@@ -19,7 +20,10 @@ from bonecam.surface.tspline import TSpline
 
 LEAST = 1.0  # of the goal: nearer samples do not vote
 POWER = 4  # of the distance in a vote
-SHARE, HASTE = 0.04, 0.3  # of the present control points are added in one round, and that times the share of the area that is missed
+SHARE, HASTE = (
+    0.04,
+    0.3,
+)  # of the present control points are added in one round, and that times the share of the area that is missed
 ASPECT = 1.0  # a cell is cut along t when its t-side is longer than this times its s-side
 NARROWEST = 1 / 256  # no s-interval below this
 LOWEST = 4.0  # goals: no lower cell is cut along t
@@ -27,7 +31,8 @@ LOWEST = 4.0  # goals: no lower cell is cut along t
 
 @dataclass(frozen=True, eq=False)
 class Votes:
-    """Samples at (s, t), each with the weight of its miss, and |S_s| and |S_t| there, mm; their share of the area; the goal, mm."""
+    """Samples at (s, t), each with the weight of its miss, and |S_s| and |S_t| there, mm; their share of the
+    area; the goal, mm."""
 
     s: Float[ndarray, " n"]
     t: Float[ndarray, " n"]
@@ -40,7 +45,8 @@ class Votes:
 
 @dataclass(frozen=True)
 class Cut:
-    """One possible knot: in row `row` (-1: a t-knot) at `place`, with its votes for each control point it costs."""
+    """One possible knot: in row `row` (-1: a t-knot) at `place`, with its votes for each control point it
+    costs."""
 
     row: int
     place: float
@@ -65,7 +71,8 @@ def miss_votes(
 
 
 def refine(tmesh: RowTMesh, votes: Votes, room: int) -> RowTMesh:
-    """The T-mesh with the best cuts made, at most `room` control points more; the same T-mesh where none is left."""
+    """The T-mesh with the best cuts made, at most `room` control points more; the same T-mesh where none is
+    left."""
     cuts = sorted(_cuts(tmesh, votes), key=lambda cut: (-cut.worth, cut.row, cut.place))
     wanted = min(room, max(6, round((SHARE + HASTE * votes.missed) * tmesh.size)))
     refined, rows = tmesh, [list(row) for row in tmesh.s_knots]
@@ -82,7 +89,8 @@ def refine(tmesh: RowTMesh, votes: Votes, room: int) -> RowTMesh:
 
 
 def with_t_knots(t_knots: Float[ndarray, " k"], rows: list[ndarray], new: Float[ndarray, " c"]) -> RowTMesh:
-    """With t-knots inserted; each new row takes the s-knots of the old row nearest to it in t (by Greville point)."""
+    """With t-knots inserted; each new row takes the s-knots of the old row nearest to it in t (by Greville
+    point)."""
     refined = np.sort(np.concatenate([t_knots, new]))
     old, fresh = (np.array([k[j + 1 : j + 4].mean() for j in range(len(k) - 4)]) for k in (t_knots, refined))
     nearest = np.abs(fresh[:, None] - old[None, 1:-1]).argmin(axis=1) + 1
@@ -101,10 +109,15 @@ def _cuts(tmesh: RowTMesh, votes: Votes) -> list[Cut]:
     side = (functions * np.take_along_axis(widths, acting, axis=1)).sum(axis=1) * votes.around
     height = (tmesh.t_knots[span + 1] - tmesh.t_knots[span]) * votes.along
     tall = height > ASPECT * side
-    return [*_row_cuts(tmesh, votes, ~tall, acting, functions), *_span_cuts(tmesh, votes, tall & (height > LOWEST * votes.goal), span)]
+    return [
+        *_row_cuts(tmesh, votes, ~tall, acting, functions),
+        *_span_cuts(tmesh, votes, tall & (height > LOWEST * votes.goal), span),
+    ]
 
 
-def _row_cuts(tmesh: RowTMesh, votes: Votes, voting: Bool[ndarray, " n"], acting: ndarray, functions: ndarray) -> list[Cut]:
+def _row_cuts(
+    tmesh: RowTMesh, votes: Votes, voting: Bool[ndarray, " n"], acting: ndarray, functions: ndarray
+) -> list[Cut]:
     cuts = []
     for j, knots in enumerate(tmesh.s_knots):
         if len(knots) < FEWEST:

@@ -1,4 +1,5 @@
-"""How far surface and mesh are from each other, both ways, on dense samples: the symmetric Hausdorff distance as measured, and the rms."""
+"""How far surface and mesh are from each other, both ways, on dense samples: the symmetric Hausdorff distance
+as measured, and the rms."""
 
 from dataclasses import dataclass
 
@@ -17,7 +18,8 @@ DOUBTFUL = 50  # one in so many samples, the farthest, is projected with more ca
 
 @dataclass(frozen=True, eq=False)
 class Deviation:
-    """Both ways, mm. `max` is the larger of the two maxima, at `place`; `rms` is by area over the samples of both."""
+    """Both ways, mm. `max` is the larger of the two maxima, at `place`; `rms` is by area over the samples of
+    both."""
 
     max: float
     rms: float
@@ -28,7 +30,8 @@ class Deviation:
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """Samples of the mesh with their distances to the surface (inward) and of the surface with theirs to the mesh (outward), and areas."""
+    """Samples of the mesh with their distances to the surface (inward) and of the surface with theirs to the
+    mesh (outward), and areas."""
 
     mesh_points: Float[ndarray, "n 3"]
     inward: Float[ndarray, " n"]
@@ -43,7 +46,9 @@ class Measured:
     def deviation(self) -> Deviation:
         """What they come to."""
         inward, outward = self.inward, self.outward
-        squares = [np.average(d**2, weights=w) for d, w in ((inward, self.mesh_areas), (outward, self.surface_areas))]
+        squares = [
+            np.average(d**2, weights=w) for d, w in ((inward, self.mesh_areas), (outward, self.surface_areas))
+        ]
         at_mesh = inward.max() >= outward.max()
         return Deviation(
             max=float(max(inward.max(), outward.max())),
@@ -54,9 +59,12 @@ class Measured:
         )
 
     def missed(self, tolerance: float) -> tuple[Float[ndarray, "k 3"], Float[ndarray, "p 2"]]:
-        """Points of the mesh that are, or that a surface sample finds, farther than the tolerance; and (s, t) of such surface samples."""
+        """Points of the mesh that are, or that a surface sample finds, farther than the tolerance; and (s, t)
+        of such surface samples."""
         far = self.outward > tolerance
-        return np.vstack([self.mesh_points[self.inward > tolerance], self.nearest[far]]), self.surface_places[far]
+        return np.vstack([self.mesh_points[self.inward > tolerance], self.nearest[far]]), self.surface_places[
+            far
+        ]
 
 
 def deviation(surface: TSpline, mesh: TriangleMesh, samples: int = 20000) -> Deviation:
@@ -65,7 +73,8 @@ def deviation(surface: TSpline, mesh: TriangleMesh, samples: int = 20000) -> Dev
 
 
 def measure(surface: TSpline, mesh: TriangleMesh, distance: MeshDistance, samples: int = 20000) -> Measured:
-    """Surface samples to the mesh's nearest points and mesh samples (vertices, points in the faces) to their feet on the surface."""
+    """Surface samples to the mesh's nearest points and mesh samples (vertices, points in the faces) to their
+    feet on the surface."""
     points, areas = sample_mesh(mesh, samples)
     s, t = nearest_on_grid(surface, points)
     _, _, inward = follow(surface, points, s, t, rounds=6)
@@ -76,4 +85,6 @@ def measure(surface: TSpline, mesh: TriangleMesh, distance: MeshDistance, sample
     S, Ss, St = surface.evaluate(s, t, 1)
     nearest = distance.closest(S)[0]
     cells = np.linalg.norm(np.cross(Ss, St), axis=1)
-    return Measured(points, inward, areas, S, np.column_stack([s, t]), nearest, np.linalg.norm(S - nearest, axis=1), cells)
+    return Measured(
+        points, inward, areas, S, np.column_stack([s, t]), nearest, np.linalg.norm(S - nearest, axis=1), cells
+    )

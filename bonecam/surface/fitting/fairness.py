@@ -1,13 +1,16 @@
-"""Fairness: the thin-plate energy in lengths, split into a bend (along the normal) and a drift (in the tangent plane).
+"""Fairness: the thin-plate energy in lengths, split into a bend (along the normal) and a drift (in the
+tangent plane).
 
 With e = |S_s| and g = |S_t| averaged over the row (mm), integrated over the area,
 
-    int |M^(1/2) S_ss|^2 / e^4 + 2 |M^(1/2) S_st|^2 / (e g)^2 + |M^(1/2) S_tt|^2 / g^4,   M = bend n n^T + drift (1 - n n^T).
+    int |M^(1/2) S_ss|^2 / e^4 + 2 |M^(1/2) S_st|^2 / (e g)^2 + |M^(1/2) S_tt|^2 / g^4,   M = bend n n^T +
+    drift (1 - n n^T).
 
-For the drift the second derivatives are taken of the change from the present surface. The bend is the shape's curvature, so its weight is
-small; the drift keeps how the parameters run, so its weight may be large without a cost in deviation. Both grow with the square of the cell
-a control point has there: where the T-mesh is fine it is free to turn sharply. Close to a pole e is kept above a part of its mean, as all
-meridians must turn there.
+For the drift the second derivatives are taken of the change from the present surface. The bend is the shape's
+curvature, so its weight is small; the drift keeps how the parameters run, so its weight may be large without
+a cost in deviation. Both grow with the square of the cell a control point has there: where the T-mesh is fine
+it is free to turn sharply. Close to a pole e is kept above a part of its mean, as all meridians must turn
+there.
 """
 
 from dataclasses import dataclass
@@ -28,8 +31,11 @@ GAUSS = {1: np.array([0.5]), 2: np.array([-1.0, 1.0]) / np.sqrt(12) + 0.5}
 POINTS = 1  # Gauss points each way an element: elements are smaller than the cells of the control points
 
 
-def gauss_points(surface: TSpline, count: int) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"], Float[ndarray, " n"]]:
-    """s and t of count x count (1 or 2) Gauss points an element and the part of the domain each stands for."""
+def gauss_points(
+    surface: TSpline, count: int
+) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"], Float[ndarray, " n"]]:
+    """s and t of count x count (1 or 2) Gauss points an element and the part of the domain each stands
+    for."""
     boxes = surface.elements().boxes
     low, wide = boxes[:, [0, 2]], boxes[:, [1, 3]] - boxes[:, [0, 2]]
     u, v = (x.ravel() for x in np.meshgrid(GAUSS[count], GAUSS[count]))
@@ -39,7 +45,8 @@ def gauss_points(surface: TSpline, count: int) -> tuple[Float[ndarray, " n"], Fl
 
 @dataclass(frozen=True, eq=False)
 class Quadrature:
-    """Points (s, t) in every element, the area each stands for, the second derivatives there and the frozen lengths."""
+    """Points (s, t) in every element, the area each stands for, the second derivatives there and the frozen
+    lengths."""
 
     s: Float[ndarray, " n"]
     t: Float[ndarray, " n"]
@@ -65,7 +72,8 @@ class Quadrature:
         return cls(s, t, places, normals, share * e * g, cells, basis[0], parts)
 
     def terms(self, surface: TSpline, bend: float, drift: float, folded: Bool[ndarray, " n"]) -> list[Term]:
-        """The energy with the weights bend and drift, times (mean cell side)^4; where the surface is folded, the drift of its own shape."""
+        """The energy with the weights bend and drift, times (mean cell side)^4; where the surface is folded,
+        the drift of its own shape."""
         along = np.where(folded[:, None, None], 0.0, self.normals[:, :, None] * self.normals[:, None, :])
         scale = (self.areas * self.cells**2)[:, None, None]
         metric = scale * (drift * np.eye(3) + (bend - drift) * along)
@@ -89,9 +97,12 @@ def _row_mean(lengths: ndarray, t: ndarray, share: ndarray) -> ndarray:
 
 
 def _shares(tmesh: RowTMesh) -> Float[ndarray, " n"]:
-    """The part of the parameter domain each control point has: its support divided by the knot intervals in it, in both directions."""
+    """The part of the parameter domain each control point has: its support divided by the knot intervals in
+    it, in both directions."""
     t = tmesh.t_knots
-    tall = (t[4:] - t[:-4]) / sum((t[k + 1 : len(t) - 3 + k] > t[k : len(t) - 4 + k]).astype(float) for k in range(4))
+    tall = (t[4:] - t[:-4]) / sum(
+        (t[k + 1 : len(t) - 3 + k] > t[k : len(t) - 4 + k]).astype(float) for k in range(4)
+    )
     return np.concatenate([h * _widths(knots) for h, knots in zip(tall, tmesh.s_knots)])
 
 

@@ -1,9 +1,9 @@
 """Fitting a row-structured T-spline to a mesh: few control points, put only where the mesh would be missed.
 
-The start is a coarse surface through the loops of the mesh's harmonic field, which give every mesh sample its first foot. It is drawn to
-the samples (`steps`); round by round knots are added where samples are missed (`adapt`) and taken out where they can be spared (`prune`)
-until all samples are within the tolerance or the control points are spent. A dense measurement, both ways, decides; what it finds missed
-joins the samples.
+The start is a coarse surface through the loops of the mesh's harmonic field, which give every mesh sample its
+first foot. It is drawn to the samples (`steps`); round by round knots are added where samples are missed
+(`adapt`) and taken out where they can be spared (`prune`) until all samples are within the tolerance or the
+control points are spent. A dense measurement, both ways, decides; what it finds missed joins the samples.
 """
 
 from dataclasses import dataclass, replace
@@ -14,7 +14,17 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.progress import Progress, part, report, rising, silent
 from bonecam.surface.fitting.adapt import refine
 from bonecam.surface.fitting.deviation import Deviation, measure
-from bonecam.surface.fitting.growth import GAIN, LEAST_POINTS, Aim, Prune, Refine, first_surface, grown, settle, thinned
+from bonecam.surface.fitting.growth import (
+    GAIN,
+    LEAST_POINTS,
+    Aim,
+    Prune,
+    Refine,
+    first_surface,
+    grown,
+    settle,
+    thinned,
+)
 from bonecam.surface.fitting.prune import prune
 from bonecam.surface.fitting.steps import OFF
 from bonecam.surface.fitting.target import Target
@@ -35,9 +45,11 @@ OFTEN = f"{CHECKS} measurements each found new places missed: raise surface.tole
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """The fitted surface and how far it is from the mesh; `reached` says whether that is within the tolerance asked for.
+    """The fitted surface and how far it is from the mesh; `reached` says whether that is within the tolerance
+    asked for.
 
-    Where it is not, `deviation.place` is the spot that is missed the most, and `shortfall` says why it came no nearer, and what helps.
+    Where it is not, `deviation.place` is the spot that is missed the most, and `shortfall` says why it came
+    no nearer, and what helps.
     """
 
     surface: TSpline
@@ -63,15 +75,19 @@ def fit(
     prune: Prune = prune,
     round_poles: bool = False,
 ) -> Fit:
-    """The T-spline within `tolerance` (mm, both ways) of the mesh, or as near as `max_control_points` allow: see `Fit.reached`.
+    """The T-spline within `tolerance` (mm, both ways) of the mesh, or as near as `max_control_points` allow:
+    see `Fit.reached`.
 
-    `rows` are sections of the mesh from the lower to the upper pole; without them the mesh is stood upright and cut. `round_poles`
-    draws the control points next to each pole to an ellipse round it: for levels, which fold sooner at other poles. It takes some
-    more control points, and the largest bones may fold.
-    Raises ValueError on a tolerance of 0 or fewer than 40 control points, MeshError where the mesh is not closed and of genus 0.
+    `rows` are sections of the mesh from the lower to the upper pole; without them the mesh is stood upright
+    and cut. `round_poles` draws the control points next to each pole to an ellipse round it: for levels,
+    which fold sooner at other poles. It takes some more control points, and the largest bones may fold.
+    Raises ValueError on a tolerance of 0 or fewer than 40 control points, MeshError where the mesh is not
+    closed and of genus 0.
     """
     if not tolerance > 0 or max_control_points < LEAST_POINTS:
-        raise ValueError(f"tolerance {tolerance}, {max_control_points} control points: give a length above 0 and {LEAST_POINTS} or more")
+        raise ValueError(
+            f"tolerance {tolerance}, {max_control_points} control points: give a length above 0 and {LEAST_POINTS} or more"
+        )
     aim = Aim(tolerance, max_control_points, refine, prune, 0.0 if round_poles else OFF)
     if rows is not None:
         return _fitted(target, rows, aim, progress)
@@ -85,7 +101,8 @@ def fit(
 
 
 def _fitted(mesh: TriangleMesh, rows: Rows, aim: Aim, progress: Progress) -> Fit:
-    """Grown, thinned and measured until the dense measurement finds nothing missed; the best of all unfolded ones."""
+    """Grown, thinned and measured until the dense measurement finds nothing missed; the best of all unfolded
+    ones."""
     surface, target = first_surface(rows, Target.of(mesh, rows, SAMPLES), aim)
     surface, target = settle(surface, target, aim)
     found: list[tuple[bool, float, int, TSpline, Deviation]] = []
@@ -103,7 +120,9 @@ def _fitted(mesh: TriangleMesh, rows: Rows, aim: Aim, progress: Progress) -> Fit
         missed, places = measured.missed(max(aim.tolerance, target.worst))
         spent = surface.tmesh.size >= aim.most
         why = SPENT if spent else STUCK if target.worst > aim.tolerance else OFTEN
-        if not len(missed) or (why != OFTEN and number > 0 and now.max > GAIN * min(one[1] for one in found[:-1])):
+        if not len(missed) or (
+            why != OFTEN and number > 0 and now.max > GAIN * min(one[1] for one in found[:-1])
+        ):
             break
         target = target.with_points(missed, places, surface)
     folded, _, _, surface, now = min(found, key=lambda one: one[:3])

@@ -8,9 +8,11 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 
 
 def sample_mesh(mesh: TriangleMesh, count: int) -> tuple[Float[ndarray, "n 3"], Float[ndarray, " n"]]:
-    """All vertices and about `count` points inside the faces, evenly by area; and areas (mm^2) that add up to the mesh's area.
+    """All vertices and about `count` points inside the faces, evenly by area; and areas (mm^2) that add up to
+    the mesh's area.
 
-    A face gets k^2 points, the centres of its k^2 similar parts, where k^2 is its share rounded up. Deterministic.
+    A face gets k^2 points, the centres of its k^2 similar parts, where k^2 is its share rounded up.
+    Deterministic.
     """
     areas = np.linalg.norm(mesh.face_vectors, axis=1) / 2
     parts = np.ceil(np.sqrt(count * areas / areas.sum()) - 0.2).clip(1).astype(np.int64)

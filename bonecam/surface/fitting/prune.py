@@ -1,8 +1,8 @@
 """Taking knots out of a row-structured T-mesh again where the fit can spare them.
 
-For each s-knot of each row the curve Q_j is fitted without it; the change, blended with N_j, moves the surface at the samples. A knot is
-spared where no sample's distance along the normal would pass the limit; those that raise it least go first, and of neighbouring knots
-only one.
+For each s-knot of each row the curve Q_j is fitted without it; the change, blended with N_j, moves the
+surface at the samples. A knot is spared where no sample's distance along the normal would pass the limit;
+those that raise it least go first, and of neighbouring knots only one.
 """
 
 from dataclasses import dataclass
@@ -20,12 +20,14 @@ from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 WIDEST = 0.25
-"""The widest gap between knots, in turns, of a row next to a pole: round a wider one the surface folds at the pole."""
+"""The widest gap between knots, in turns, of a row next to a pole: round a wider one the surface folds at the
+pole."""
 
 
 @dataclass(frozen=True, eq=False)
 class Spared:
-    """A knot of a row, the samples its lack moves, how far along their normals, and the distance that makes."""
+    """A knot of a row, the samples its lack moves, how far along their normals, and the distance that
+    makes."""
 
     row: int
     knot: int
@@ -35,7 +37,8 @@ class Spared:
 
 
 def prune(surface: TSpline, target: Target, limit: float, most: int) -> RowTMesh:
-    """The T-mesh without at most `most` knots, no sample's distance being expected to pass `limit` (mm) for their lack."""
+    """The T-mesh without at most `most` knots, no sample's distance being expected to pass `limit` (mm) for
+    their lack."""
     tmesh = surface.tmesh
     assert isinstance(tmesh, RowTMesh)
     now, spared = spare_knots(surface, target)
@@ -46,13 +49,18 @@ def prune(surface: TSpline, target: Target, limit: float, most: int) -> RowTMesh
         near = {(one.knot + d) % count for d in (-2, -1, 0, 1, 2)}
         if sum(map(len, gone)) >= most or near & gone[one.row] or count - len(gone[one.row]) <= FEWEST:
             continue
-        if one.row in (1, len(gone) - 2) and _widest(np.delete(tmesh.s_knots[one.row], [*gone[one.row], one.knot])) > WIDEST:
+        if (
+            one.row in (1, len(gone) - 2)
+            and _widest(np.delete(tmesh.s_knots[one.row], [*gone[one.row], one.knot])) > WIDEST
+        ):
             continue
         then = now[one.samples] + one.moves
         if len(then) == 0 or np.abs(then).max() < limit:
             gone[one.row].add(one.knot)
             now[one.samples] = then
-    return RowTMesh.from_rows(tmesh.t_knots, [np.delete(knots, sorted(g)) for knots, g in zip(tmesh.s_knots, gone)])
+    return RowTMesh.from_rows(
+        tmesh.t_knots, [np.delete(knots, sorted(g)) for knots, g in zip(tmesh.s_knots, gone)]
+    )
 
 
 def _widest(knots: Float[ndarray, " k"]) -> float:
@@ -61,12 +69,17 @@ def _widest(knots: Float[ndarray, " k"]) -> float:
 
 
 def spare_knots(surface: TSpline, target: Target) -> tuple[Float[ndarray, " n"], list[Spared]]:
-    """The signed distances of the samples now, and what the lack of each knot would do; rows with the fewest knots have none to spare."""
+    """The signed distances of the samples now, and what the lack of each knot would do; rows with the fewest
+    knots have none to spare."""
     samples = target.inward
     normals = surface.normals(samples.s, samples.t)
     now = dots(surface.positions(samples.s, samples.t) - samples.points, normals)
     basis = sp.csc_array(surface.basis(samples.s, samples.t)[0])
-    return now, [one for row in range(len(surface.tmesh.row_starts) - 1) for one in _row(surface, basis, normals, now, row)]
+    return now, [
+        one
+        for row in range(len(surface.tmesh.row_starts) - 1)
+        for one in _row(surface, basis, normals, now, row)
+    ]
 
 
 def _row(surface: TSpline, basis: sp.csc_array, normals: ndarray, now: ndarray, row: int) -> list[Spared]:

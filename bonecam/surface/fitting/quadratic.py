@@ -1,7 +1,8 @@
-"""Quadratic forms of all control points: sum_i (D_i P - X_i)^T M_i (D_i P - X_i), P (n, 3), D a sparse matrix, M_i (3, 3) symmetric.
+"""Quadratic forms of all control points: sum_i (D_i P - X_i)^T M_i (D_i P - X_i), P (n, 3), D a sparse
+matrix, M_i (3, 3) symmetric.
 
-Functions of a row-structured T-mesh meet those of the next three rows only: in the order of the control points the form is a band, and
-its Cholesky factor costs n times the square of the band's width.
+Functions of a row-structured T-mesh meet those of the next three rows only: in the order of the control
+points the form is a band, and its Cholesky factor costs n times the square of the band's width.
 """
 
 from collections.abc import Sequence
@@ -30,7 +31,11 @@ class Term:
         starts, columns = self.matrix.indptr, self.matrix.indices
         here = np.diff(starts) > 0
         first = starts[:-1][here]
-        return int((np.maximum.reduceat(columns, first) - np.minimum.reduceat(columns, first)).max(initial=0)) if here.any() else 0
+        return (
+            int((np.maximum.reduceat(columns, first) - np.minimum.reduceat(columns, first)).max(initial=0))
+            if here.any()
+            else 0
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,12 +56,20 @@ class Form:
         band, gradient = self.band.copy(), self.gradient.copy()
         for term in terms:
             m = term.matrix
-            parts = m.indptr, m.indices, m.data, np.ascontiguousarray(term.metric), np.ascontiguousarray(term.targets)
+            parts = (
+                m.indptr,
+                m.indices,
+                m.data,
+                np.ascontiguousarray(term.metric),
+                np.ascontiguousarray(term.targets),
+            )
             add_rows(band, gradient, *parts)
         return Form(band, gradient)
 
     def least(self) -> Float[ndarray, "n 3"]:
         """The control points that make it least. Raises numpy's LinAlgError where it is not definite."""
         factor = la.cholesky_banded(self.band.T, lower=True, check_finite=True)
-        found: ndarray = la.cho_solve_banded((factor, True), self.gradient.ravel(), check_finite=False).reshape(-1, 3)
+        found: ndarray = la.cho_solve_banded(
+            (factor, True), self.gradient.ravel(), check_finite=False
+        ).reshape(-1, 3)
         return found

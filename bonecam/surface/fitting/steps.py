@@ -4,10 +4,11 @@ With the feet (s, t) and normals n of the surface before, a step solves
 
     min sum_i w_i [ (n_i . (S(s_i, t_i) - X_i))^2 + slide |S(s_i, t_i) - X_i|^2 ] + fairness + poles,
 
-the tangent-distance step (Wang, Pottmann & Liu 2006): samples may slide in the tangent plane at little cost, so the parameters follow the
-shape and steps converge in few rounds. w_i grows with the miss, which trades a little of the rms for the maximum. The row next to a pole is
-kept in one plane with it and roughly round it: where it lies near the rim of its row a surface folds. Where the solved surface would fold,
-the change is held back round that place only.
+the tangent-distance step (Wang, Pottmann & Liu 2006): samples may slide in the tangent plane at little cost,
+so the parameters follow the shape and steps converge in few rounds. w_i grows with the miss, which trades a
+little of the rms for the maximum. The row next to a pole is kept in one plane with it and roughly round it:
+where it lies near the rim of its row a surface folds. Where the solved surface would fold, the change is held
+back round that place only.
 """
 
 from dataclasses import dataclass
@@ -26,20 +27,31 @@ from bonecam.surface.tspline import TSpline
 
 SLIDE = 0.1  # weight of a miss in the tangent plane
 BEND, DRIFT = 2e-5, 3e-2  # fairness, times (mean cell side)^4
-NEAR, STRESS = 2.0, {False: (0.4, 2), True: (0.5, 4)}  # weight of a sample that is met, power of the miss: till (once) none is so far
+NEAR, STRESS = (
+    2.0,
+    {False: (0.4, 2), True: (0.5, 4)},
+)  # weight of a sample that is met, power of the miss: till (once) none is so far
 DAMPING = 1e-4  # weight of the change itself, against that of the samples
 FIRMER = 30.0  # times the damping round a fold, at each try, and 1 at least
 TRIES = 3
-RING, OFF = 0.3, 0.3  # weight of the rings round poles, times the mean area of a control point; what they may be off, of their size
+RING, OFF = (
+    0.3,
+    0.3,
+)  # weight of the rings round poles, times the mean area of a control point; what they may be off, of their size
 REACH = 2.0  # mean cell sides round a fold
 LEAST_TURN, WELL, LEAST_FACING, LOSS = 0.5, 0.7, 0.2, 0.02  # cosines; a loss of facing that is none yet
 
 
 def step(surface: TSpline, target: Target, tolerance: float, plane: float, off: float) -> TSpline:
-    """The solved surface; firmer round folds; where it still folds, only a part of the way there. `off` as in `pole_rings`."""
+    """The solved surface; firmer round folds; where it still folds, only a part of the way there. `off` as in
+    `pole_rings`."""
     quadrature = Quadrature.on(surface)
     share = target.inward.areas.sum() / surface.tmesh.size
-    data = data_terms(surface, target, tolerance, SLIDE) + pole_planes(surface, plane * share) + pole_rings(surface, RING * share, off)
+    data = (
+        data_terms(surface, target, tolerance, SLIDE)
+        + pole_planes(surface, plane * share)
+        + pole_rings(surface, RING * share, off)
+    )
     damping, found = np.full(len(quadrature.s), DAMPING), surface
     grid = fold_grid(surface)
     before = surface.normals(*grid), target.shape.facing(surface, *grid)
@@ -50,7 +62,9 @@ def step(surface: TSpline, target: Target, tolerance: float, plane: float, off: 
         folded = folds(found, target, grid, before)
         if not folded.any():
             return found
-        damping = np.where(_round(surface, quadrature, grid, folded), np.maximum(FIRMER * damping, 1.0), damping)
+        damping = np.where(
+            _round(surface, quadrature, grid, folded), np.maximum(FIRMER * damping, 1.0), damping
+        )
     (basis,), moving = surface.basis(*grid), np.ones(surface.tmesh.size, dtype=bool)
     for _ in range(TRIES):
         moving[basis[np.flatnonzero(folded)].indices] = False
@@ -62,7 +76,9 @@ def step(surface: TSpline, target: Target, tolerance: float, plane: float, off: 
     return surface
 
 
-def _round(surface: TSpline, quadrature: Quadrature, grid: tuple[ndarray, ndarray], which: ndarray) -> ndarray:
+def _round(
+    surface: TSpline, quadrature: Quadrature, grid: tuple[ndarray, ndarray], which: ndarray
+) -> ndarray:
     """The quadrature points near to some of the grid."""
     if not which.any():
         return np.zeros(len(quadrature.s), dtype=bool)
@@ -79,7 +95,9 @@ def fold_grid(surface: TSpline) -> tuple[Float[ndarray, " n"], Float[ndarray, " 
     return np.concatenate([s.ravel(), inner_s]), np.concatenate([t.ravel(), inner_t])
 
 
-def folds(surface: TSpline, target: Target, grid: tuple[ndarray, ndarray], before: tuple[ndarray, ndarray]) -> ndarray:
+def folds(
+    surface: TSpline, target: Target, grid: tuple[ndarray, ndarray], before: tuple[ndarray, ndarray]
+) -> ndarray:
     """Where a normal turned too far from what it was before, or away from the mesh's."""
     turn = dots(surface.normals(*grid), before[0])
     facing = target.shape.facing(surface, *grid)
@@ -93,15 +111,20 @@ def data_terms(surface: TSpline, target: Target, tolerance: float, slide: float)
     (basis,) = surface.basis(samples.s, samples.t)
     normals = surface.normals(samples.s, samples.t)
     least, power = STRESS[target.worst < NEAR * tolerance]
-    met = np.append(np.full(len(target.inward.areas), least), np.zeros(len(target.outward.areas)))  # the latter come and go unnoticed
+    met = np.append(
+        np.full(len(target.inward.areas), least), np.zeros(len(target.outward.areas))
+    )  # the latter come and go unnoticed
     weights = samples.areas * (met + (samples.distances / max(tolerance, target.worst / NEAR)) ** power)
-    metric = weights[:, None, None] * (slide * np.eye(3) + (1 - slide) * normals[:, :, None] * normals[:, None, :])
+    metric = weights[:, None, None] * (
+        slide * np.eye(3) + (1 - slide) * normals[:, :, None] * normals[:, None, :]
+    )
     return [Term(basis, metric, samples.points)]
 
 
 @dataclass(frozen=True, eq=False)
 class Ring:
-    """A pole, the control points next to it, `arms` that yield their offsets from it, the unit area vector of the polygon they make."""
+    """A pole, the control points next to it, `arms` that yield their offsets from it, the unit area vector of
+    the polygon they make."""
 
     pole: int
     points: ndarray
@@ -118,7 +141,9 @@ def rings(surface: TSpline) -> list[Ring]:
         points = np.arange(starts[row], starts[row + 1])
         pairs = np.sort(np.column_stack([points, np.full(len(points), pole)]), axis=1)
         signs = np.where(pairs == pole, -1.0, 1.0)
-        arms = sp.csr_array((signs.ravel(), pairs.ravel(), np.arange(0, 2 * len(points) + 1, 2)), shape=(len(points), size))
+        arms = sp.csr_array(
+            (signs.ravel(), pairs.ravel(), np.arange(0, 2 * len(points) + 1, 2)), shape=(len(points), size)
+        )
         offsets = arms @ surface.control_points
         normal = np.cross(offsets, np.roll(offsets, -1, axis=0)).sum(axis=0)
         found.append(Ring(pole, points, arms, normal / np.linalg.norm(normal), knots[row]))
@@ -126,7 +151,8 @@ def rings(surface: TSpline) -> list[Ring]:
 
 
 def flattened(surface: TSpline) -> TSpline:
-    """With the control points next to each pole moved square into the plane that `pole_planes` draws them to."""
+    """With the control points next to each pole moved square into the plane that `pole_planes` draws them
+    to."""
     points = surface.control_points.copy()
     for ring in rings(surface):
         points[ring.points] -= ((ring.arms @ points) @ ring.normal)[:, None] * ring.normal
@@ -134,7 +160,8 @@ def flattened(surface: TSpline) -> TSpline:
 
 
 def pole_planes(surface: TSpline, weight: float) -> list[Term]:
-    """Keeps the control points next to each pole in one plane with it, square to the area vector of their polygon now."""
+    """Keeps the control points next to each pole in one plane with it, square to the area vector of their
+    polygon now."""
     terms = []
     for ring in rings(surface):
         metric = np.broadcast_to(weight * np.outer(ring.normal, ring.normal), (len(ring.points), 3, 3))
@@ -143,9 +170,11 @@ def pole_planes(surface: TSpline, weight: float) -> list[Term]:
 
 
 def pole_rings(surface: TSpline, weight: float, free: float) -> list[Term]:
-    """Draws the control points next to each pole towards an ellipse round it, at the angles of their knots, where they are far off it.
+    """Draws the control points next to each pole towards an ellipse round it, at the angles of their knots,
+    where they are far off it.
 
-    Such a ring is a polar patch smooth at its pole; within `free` of its size it is free, as no bone's end is an ellipsoid's.
+    Such a ring is a polar patch smooth at its pole; within `free` of its size it is free, as no bone's end is
+    an ellipsoid's.
     """
     terms = []
     for ring in rings(surface):
@@ -155,5 +184,7 @@ def pole_rings(surface: TSpline, weight: float, free: float) -> list[Term]:
         now, within = off @ arms, free * np.sqrt((arms**2).sum(axis=1).mean())
         far = np.linalg.norm(now, axis=1)
         nearer = now * np.minimum(1.0, within / np.maximum(far, np.finfo(float).tiny))[:, None]
-        terms.append(Term(sp.csr_array(off @ ring.arms), (weight * (far > within))[:, None, None] * np.eye(3), nearer))
+        terms.append(
+            Term(sp.csr_array(off @ ring.arms), (weight * (far > within))[:, None, None] * np.eye(3), nearer)
+        )
     return terms

@@ -1,8 +1,9 @@
 """What is fitted: samples of a mesh with their areas, and where their feet on the surface are now.
 
-The first feet come from the mesh itself, the harmonic height and the share round the row (`Rows.vertex_parameters`): they are right in a
-groove too, where the nearest point of a smooth surface lies on the wrong side. Later feet are followed from where they were; beside a rim
-such a foot may stay on the wrong side, so the last samples that seem missed are also looked for where others have their feet.
+The first feet come from the mesh itself, the harmonic height and the share round the row
+(`Rows.vertex_parameters`): they are right in a groove too, where the nearest point of a smooth surface lies
+on the wrong side. Later feet are followed from where they were; beside a rim such a foot may stay on the
+wrong side, so the last samples that seem missed are also looked for where others have their feet.
 """
 
 from dataclasses import dataclass, replace
@@ -25,7 +26,10 @@ from bonecam.surface.tspline import TSpline
 
 FOLD_CHORD = 3e-4  # of the diagonal: chord tolerance of the tessellation that is checked against itself
 OUTWARD = 2  # Gauss points each way an element that are measured to the mesh
-PULLED, WATCHED = 2.0, 0.5  # tolerances: surface points (places that were missed before) farther than this from the mesh are drawn to it
+PULLED, WATCHED = (
+    2.0,
+    0.5,
+)  # tolerances: surface points (places that were missed before) farther than this from the mesh are drawn to it
 DOUBTFUL = 100  # one in so many samples, at most, is looked for elsewhere on the surface
 EACH = 8  # samples of the mesh, at least, for each control point
 
@@ -35,20 +39,25 @@ class Shape:
 
     def __init__(self, mesh: TriangleMesh) -> None:
         self.mesh, self.distance = mesh, MeshDistance(mesh)
-        self._normals = mesh.face_vectors / np.maximum(np.linalg.norm(mesh.face_vectors, axis=1, keepdims=True), np.finfo(float).tiny)
+        self._normals = mesh.face_vectors / np.maximum(
+            np.linalg.norm(mesh.face_vectors, axis=1, keepdims=True), np.finfo(float).tiny
+        )
 
     def normals(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
         """The normal of the face nearest to each point."""
         return np.asarray(self._normals[self.distance.closest(points)[1]])
 
-    def facing(self, surface: TSpline, s: Float[ndarray, " n"], t: Float[ndarray, " n"]) -> Float[ndarray, " n"]:
+    def facing(
+        self, surface: TSpline, s: Float[ndarray, " n"], t: Float[ndarray, " n"]
+    ) -> Float[ndarray, " n"]:
         """Cosines between the surface normals and those of the mesh's nearest faces."""
         return dots(surface.normals(s, t), self.normals(surface.positions(s, t)))
 
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Points of the mesh, each with its place (s, t) on the surface, its distance from there and the area it stands for."""
+    """Points of the mesh, each with its place (s, t) on the surface, its distance from there and the area it
+    stands for."""
 
     points: Float[ndarray, "n 3"]
     areas: Float[ndarray, " n"]
@@ -61,7 +70,8 @@ class Samples:
         return Samples(*(np.concatenate(pair) for pair in zip(mine, others)))
 
     def on(self, surface: TSpline, tolerance: float) -> "Samples":
-        """With the feet followed from where they were; few that end far away also from the nearest foot of another sample."""
+        """With the feet followed from where they were; few that end far away also from the nearest foot of
+        another sample."""
         s, t, distances = follow(surface, self.points, self.s, self.t, rounds=3)
         far = np.flatnonzero(distances > tolerance)
         if 0 < len(far) < len(s) / DOUBTFUL:
@@ -75,7 +85,8 @@ class Samples:
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """Samples of the mesh with their feet on the surface, and samples of the surface that miss the mesh with the nearest points there.
+    """Samples of the mesh with their feet on the surface, and samples of the surface that miss the mesh with
+    the nearest points there.
 
     The latter are looked for in every element and, more strictly, at `places` (s, t).
     """
@@ -105,20 +116,25 @@ class Target:
         return float(max(self.inward.distances.max(), self.outward.distances.max(initial=0.0)))
 
     def folded(self, surface: TSpline) -> bool:
-        """Whether the surface meets itself: looked at only where some normal on a fine grid points into the mesh, as at sharp rims too."""
+        """Whether the surface meets itself: looked at only where some normal on a fine grid points into the
+        mesh, as at sharp rims too."""
         s, t = np.meshgrid(np.arange(96) / 96, (1 - np.cos(np.linspace(0.03, np.pi - 0.03, 160))) / 2)
         if self.shape.facing(surface, s.ravel(), t.ravel()).min() >= 0:
             return False
         return len(self_intersections(surface.tessellate(FOLD_CHORD * self.shape.mesh.diagonal))) > 0
 
-    def with_points(self, points: Float[ndarray, "k 3"], places: Float[ndarray, "p 2"], surface: TSpline) -> "Target":
-        """With more samples, each standing for a typical area, whose feet are found on the surface; and with more places on it."""
+    def with_points(
+        self, points: Float[ndarray, "k 3"], places: Float[ndarray, "p 2"], surface: TSpline
+    ) -> "Target":
+        """With more samples, each standing for a typical area, whose feet are found on the surface; and with
+        more places on it."""
         areas = np.full(len(points), np.median(self.inward.areas))
         added = Samples(points, areas, *follow(surface, points, *nearest_on_grid(surface, points)))
         return replace(self, inward=self.inward + added, places=np.vstack([self.places, places]))
 
     def denser(self, surface: TSpline) -> "Target":
-        """With more samples once the control points are too many for them; each starts at the foot of the nearest one so far."""
+        """With more samples once the control points are too many for them; each starts at the foot of the
+        nearest one so far."""
         count = len(self.inward.points)
         if surface.tmesh.size * EACH <= count:
             return self
@@ -130,9 +146,12 @@ class Target:
         return replace(self, inward=Samples(points, areas, *feet))
 
     def on(self, surface: TSpline, tolerance: float) -> "Target":
-        """With the feet on `surface`, and its own points that are farther than a part of the tolerance from the mesh."""
+        """With the feet on `surface`, and its own points that are farther than a part of the tolerance from
+        the mesh."""
         s, t, share = gauss_points(surface, OUTWARD)
-        limits = np.append(np.full(len(s), PULLED * tolerance), np.full(len(self.places), WATCHED * tolerance))
+        limits = np.append(
+            np.full(len(s), PULLED * tolerance), np.full(len(self.places), WATCHED * tolerance)
+        )
         s, t = np.append(s, self.places[:, 0]), np.append(t, self.places[:, 1])
         share = np.append(share, np.full(len(self.places), np.median(share)))
         S, Ss, St = surface.evaluate(s, t, 1)
@@ -144,8 +163,11 @@ class Target:
         return replace(self, inward=self.inward.on(surface, tolerance), outward=outward)
 
 
-def harmonic_parameters(rows: Rows, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
-    """(s, t) of points near the mesh: those of its vertices, linear in the face, s unwrapped from the corner farthest from the poles."""
+def harmonic_parameters(
+    rows: Rows, points: Float[ndarray, "n 3"]
+) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
+    """(s, t) of points near the mesh: those of its vertices, linear in the face, s unwrapped from the corner
+    farthest from the poles."""
     closest, faces = exact_closest(rows.mesh, points)
     corners = rows.mesh.faces[faces]
     weights = barycentric(rows.mesh.vertices[corners], closest)
@@ -153,7 +175,9 @@ def harmonic_parameters(rows: Rows, points: Float[ndarray, "n 3"]) -> tuple[Floa
     base = np.take_along_axis(s, np.abs(t - 0.5).argmin(axis=1)[:, None], axis=1)
     turned = np.mod(s - base + 0.5, 1.0) - 0.5
     turned[(t <= 0) | (t >= 1)] = 0.0
-    return np.mod(base[:, 0] + (weights * turned).sum(axis=1), 1.0), np.clip((weights * t).sum(axis=1), 0.0, 1.0)
+    return np.mod(base[:, 0] + (weights * turned).sum(axis=1), 1.0), np.clip(
+        (weights * t).sum(axis=1), 0.0, 1.0
+    )
 
 
 def barycentric(corners: Float[ndarray, "n 3 3"], points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:

@@ -1,12 +1,13 @@
 """Normals and principal curvatures from the first and second fundamental forms, and their limits at a pole.
 
-With n the outward normal, E = S_s.S_s, F = S_s.S_t, G = S_t.S_t and L = -n.S_ss, M = -n.S_st, N = -n.S_tt: a curvature
-is positive where the part bulges outward (towards the cutter), 1/R everywhere on a ball of radius R.
+With n the outward normal, E = S_s.S_s, F = S_s.S_t, G = S_t.S_t and L = -n.S_ss, M = -n.S_st, N = -n.S_tt: a
+curvature is positive where the part bulges outward (towards the cutter), 1/R everywhere on a ball of radius
+R.
 
-At a pole S_s vanishes. The directions S_t(s) round it span the tangent plane (its normal is the area vector of the
-closed curve S_t(s), exact where the next row is coplanar with the pole, the mean elsewhere) and the normal curvatures
--n.S_tt / S_t.S_t in those directions are met by one quadratic form in the least squares sense: exact where the surface
-is C2 at the pole.
+At a pole S_s vanishes. The directions S_t(s) round it span the tangent plane (its normal is the area vector
+of the closed curve S_t(s), exact where the next row is coplanar with the pole, the mean elsewhere) and the
+normal curvatures -n.S_tt / S_t.S_t in those directions are met by one quadratic form in the least squares
+sense: exact where the surface is C2 at the pole.
 """
 
 from dataclasses import dataclass
@@ -43,7 +44,9 @@ def unit(vectors: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     if len(length) and not length.min() > 0:
         n = int(np.argmin(length))
-        raise SurfaceError(f"the surface has no normal at sample {n}: move control points that coincide apart", sample=n)
+        raise SurfaceError(
+            f"the surface has no normal at sample {n}: move control points that coincide apart", sample=n
+        )
     return vectors / length
 
 
@@ -77,10 +80,14 @@ def surface_curvature(derivatives: tuple[ndarray, ...], normals: Float[ndarray, 
     return principal(np.swapaxes(inverse, 1, 2) @ second @ inverse, axes)
 
 
-def pole_curvature(S_t: Float[ndarray, "n 3"], S_tt: Float[ndarray, "n 3"], normal: Float[ndarray, "3"]) -> Curvature:
+def pole_curvature(
+    S_t: Float[ndarray, "n 3"], S_tt: Float[ndarray, "n 3"], normal: Float[ndarray, "3"]
+) -> Curvature:
     """Curvature (one row) of a pole from S_t and S_tt at n parameters s round it."""
     axes = tangent_axes(normal[None], S_t[:1])
     x, y = (S_t @ axis for axis in axes[0])
     length = x * x + y * y
-    form = np.linalg.lstsq(np.column_stack([x * x, 2 * x * y, y * y]) / length[:, None], -(S_tt @ normal) / length, rcond=None)[0]
+    form = np.linalg.lstsq(
+        np.column_stack([x * x, 2 * x * y, y * y]) / length[:, None], -(S_tt @ normal) / length, rcond=None
+    )[0]
     return principal(form[[0, 1, 1, 2]].reshape(1, 2, 2), axes)

@@ -1,8 +1,9 @@
 """What kind of T-spline a surface is, measured instead of assumed.
 
-standard: the blending functions sum to one; semi-standard: they do with some positive weights; non-standard: with none, so only the
-division by W = sum w B makes the surface follow its control points (Sederberg et al. 2004, section 3). All are looked for in Bernstein
-coefficients: sum_i x_i C_i = 1 on every element is a linear system, and its rank tells whether the functions are independent.
+standard: the blending functions sum to one; semi-standard: they do with some positive weights; non-standard:
+with none, so only the division by W = sum w B makes the surface follow its control points (Sederberg et al.
+2004, section 3). All are looked for in Bernstein coefficients: sum_i x_i C_i = 1 on every element is a linear
+system, and its rank tells whether the functions are independent.
 """
 
 import math
@@ -30,8 +31,9 @@ GRID = 17  # places along an element at which the sum is measured
 class Diagnosis:
     """`kind`, the evidence for it, and how T-junction extensions meet.
 
-    sum_error is the largest |sum B - 1|; sums_to_one counts the faces (elements, where rows have no faces) on which it is below 1e-10;
-    unit_weights make the sum one where there are such weights. crossing and touching hold pairs of T-junctions.
+    sum_error is the largest |sum B - 1|; sums_to_one counts the faces (elements, where rows have no faces) on
+    which it is below 1e-10; unit_weights make the sum one where there are such weights. crossing and touching
+    hold pairs of T-junctions.
     """
 
     kind: str
@@ -97,7 +99,9 @@ def _coefficients(elements: Elements, size: int) -> sp.csr_array:
     count = elements.coefficients.shape[1]
     rows = (count * element[:, None] + np.arange(count)).ravel()
     columns = np.repeat(elements.functions, count)
-    return sp.csr_array((elements.coefficients.ravel(), (rows, columns)), shape=(count * len(elements.boxes), size))
+    return sp.csr_array(
+        (elements.coefficients.ravel(), (rows, columns)), shape=(count * len(elements.boxes), size)
+    )
 
 
 def _sum_errors(elements: Elements, sums: ndarray) -> Float[ndarray, " e"]:

@@ -1,7 +1,7 @@
 """Feet: the parameters of the surface point nearest to given points, from a start near by.
 
-Gauss-Newton on |S(s, t) - X|^2 with the step limited to a part of the domain. A step over a pole goes on along the opposite meridian
-(t -> -t, s -> s + 1/2), so the poles need no care by the caller.
+Gauss-Newton on |S(s, t) - X|^2 with the step limited to a part of the domain. A step over a pole goes on
+along the opposite meridian (t -> -t, s -> s + 1/2), so the poles need no care by the caller.
 """
 
 import numpy as np
@@ -15,7 +15,9 @@ from bonecam.surface.tspline import TSpline
 LONGEST_STEP = 0.1  # part of the domain in one step, both directions
 
 
-def grid_parameters(surface: TSpline, around: int, along: int) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
+def grid_parameters(
+    surface: TSpline, around: int, along: int
+) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
     """s and t of a regular grid over the whole domain, poles included: n = around * (along + 1)."""
     low, high = surface.domain[1]
     s, t = np.meshgrid(np.arange(around) / around, np.linspace(low, high, along + 1))
@@ -32,16 +34,25 @@ def nearest_on_grid(
 
 
 def follow(
-    surface: TSpline, points: Float[ndarray, "n 3"], s: Float[ndarray, " n"], t: Float[ndarray, " n"], rounds: int = 4
+    surface: TSpline,
+    points: Float[ndarray, "n 3"],
+    s: Float[ndarray, " n"],
+    t: Float[ndarray, " n"],
+    rounds: int = 4,
 ) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"], Float[ndarray, " n"]]:
-    """s, t and distances of the feet of `points`, walking from s, t; no result is further away than its start."""
+    """s, t and distances of the feet of `points`, walking from s, t; no result is further away than its
+    start."""
     best_s, best_t, best = s, t, np.full(len(s), np.inf)
     for _ in range(rounds):
         S, Ss, St = surface.evaluate(s, t, 1)
         away = points - S
         distance = np.linalg.norm(away, axis=1)
         better = distance < best
-        best_s, best_t, best = np.where(better, s, best_s), np.where(better, t, best_t), np.where(better, distance, best)
+        best_s, best_t, best = (
+            np.where(better, s, best_s),
+            np.where(better, t, best_t),
+            np.where(better, distance, best),
+        )
         s, t = _within(surface, *_step(away, Ss, St, s, t))
     distance = np.linalg.norm(points - surface.evaluate(s, t), axis=1)
     better = distance < best

@@ -1,6 +1,7 @@
 """Area and enclosed volume of a T-spline by Gauss quadrature on its Bezier elements.
 
-area = int |S_s x S_t| ds dt; volume = int S . (S_s x S_t) / 3 ds dt (divergence theorem; closed, outward surfaces).
+area = int |S_s x S_t| ds dt; volume = int S . (S_s x S_t) / 3 ds dt (divergence theorem; closed, outward
+surfaces).
 """
 
 from typing import TYPE_CHECKING
@@ -29,7 +30,9 @@ def volume(surface: "TSpline") -> float:
     return float(np.einsum("ni,ni->n", S, np.cross(S_s, S_t)) @ weights / 3)
 
 
-def _quadrature(surface: "TSpline", order: int) -> tuple[Float[ndarray, "n 3"], Float[ndarray, "n 3"], Float[ndarray, "n 3"], ndarray]:
+def _quadrature(
+    surface: "TSpline", order: int
+) -> tuple[Float[ndarray, "n 3"], Float[ndarray, "n 3"], Float[ndarray, "n 3"], ndarray]:
     """S, S_s, S_t at order x order Gauss points of every element, and their weights."""
     x, w = np.polynomial.legendre.leggauss(order)
     boxes = surface.elements().boxes

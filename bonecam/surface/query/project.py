@@ -1,9 +1,10 @@
 """Feet of points on a T-spline: seeds from a grid of surface points, then damped Newton (kernels.projection).
 
-Newton's full Hessian converges quadratically; Gauss-Newton takes over where it is not positive; every step must bring the
-foot nearer. A closed direction wraps, a step over a pole goes on on its other side, an open border holds the foot.
-Points nearly as near to another part of the surface start there as well, and the nearest foot wins. The
-answer is always a foot; that it is the nearest one is not proved where two lie within about the seeds' spacing of equally near.
+Newton's full Hessian converges quadratically; Gauss-Newton takes over where it is not positive; every step
+must bring the foot nearer. A closed direction wraps, a step over a pole goes on on its other side, an open
+border holds the foot. Points nearly as near to another part of the surface start there as well, and the
+nearest foot wins. The answer is always a foot; that it is the nearest one is not proved where two lie within
+about the seeds' spacing of equally near.
 """
 
 from typing import TYPE_CHECKING, NamedTuple
@@ -69,13 +70,20 @@ class Seeds:
 
     def _of_rows(self, surface: "TSpline") -> None:
         breaks = np.unique(surface.elements().boxes[:, 2:])
-        t = np.concatenate([a + (b - a) * (np.arange(n) + 0.5) / n for a, b, n in zip(breaks[:-1], breaks[1:], _along(surface, breaks))])
+        t = np.concatenate(
+            [
+                a + (b - a) * (np.arange(n) + 0.5) / n
+                for a, b, n in zip(breaks[:-1], breaks[1:], _along(surface, breaks))
+            ]
+        )
         low, high = surface.domain[0]
         s = low + (high - low) * (np.arange(AROUND) + 0.5) / AROUND
         near = (high - low) * (np.arange(POLE_AROUND) + 0.5) / POLE_AROUND + low
         ends = [breaks[0] + (t[0] - breaks[0]) * POLE_RINGS, breaks[-1] - (breaks[-1] - t[-1]) * POLE_RINGS]
         grids = [(s, t)] + [(near, end) for end, pole in zip(ends, surface.tmesh.poles) if pole]
-        self.parameters = np.vstack([np.column_stack([np.tile(a, len(b)), np.repeat(b, len(a))]) for a, b in grids])
+        self.parameters = np.vstack(
+            [np.column_stack([np.tile(a, len(b)), np.repeat(b, len(a))]) for a, b in grids]
+        )
         self.tree = KDTree(surface.positions(*self.parameters.T))
         self.limit = np.array([2 * (high - low) / AROUND, 2 * float(np.diff(t).max())])
 
@@ -83,7 +91,9 @@ class Seeds:
 def _along(surface: "TSpline", breaks: ndarray) -> list[int]:
     """How many seeds each strip of t needs to space them as along s."""
     s = np.linspace(float(surface.domain[0, 0]), float(surface.domain[0, 1]), AROUND, endpoint=False)
-    points = surface.positions(np.tile(s, len(breaks)), np.repeat(breaks, AROUND)).reshape(len(breaks), AROUND, 3)
+    points = surface.positions(np.tile(s, len(breaks)), np.repeat(breaks, AROUND)).reshape(
+        len(breaks), AROUND, 3
+    )
     around = np.linalg.norm(np.diff(points, axis=1), axis=2).mean()
     across = np.linalg.norm(np.diff(points, axis=0), axis=2).mean(axis=1)
     return [int(count) for count in np.clip(np.ceil(across / around), *ALONG)]
@@ -93,7 +103,9 @@ def project(surface: "TSpline", points: Float[ndarray, "n 3"]) -> Projection:
     """The nearest point of the surface for each point. Raises ValueError for points that are not finite."""
     points = np.ascontiguousarray(points, dtype=np.float64)
     if surface.elements().degree != 3:
-        raise SurfaceError(f"the elements have degree {surface.elements().degree}: points are projected on cubic ones")
+        raise SurfaceError(
+            f"the elements have degree {surface.elements().degree}: points are projected on cubic ones"
+        )
     if points.ndim != 2 or points.shape[1] != 3:
         raise ValueError(f"points {points.shape}: give one a row, shape (n, 3)")
     if not np.isfinite(points).all():

@@ -7,14 +7,21 @@ from bonecam.surface.tspline import TSpline
 
 
 def require_sound(surface: TSpline, chord_tolerance: float, name: str) -> TriangleMesh:
-    """The tessellation within `chord_tolerance` mm; SurfaceError where the closed surface cuts itself or its normals point inwards."""
+    """The tessellation within `chord_tolerance` mm; SurfaceError where the closed surface cuts itself or its
+    normals point inwards."""
     mesh = surface.tessellate(chord_tolerance)
     what = f"{name}: the surface of {surface.tmesh.size} control points"
     cut = self_intersections(mesh)
     if len(cut):
         place = mesh.vertices[mesh.faces[cut]].mean(axis=1)[0]
         remedy = "raise surface.max_control_points, or smooth the mesh or fill the cleft there"
-        raise SurfaceError(f"{what} cuts itself in {len(cut)} faces, first near {place_name(place)}: {remedy}", faces=cut, place=place)
+        raise SurfaceError(
+            f"{what} cuts itself in {len(cut)} faces, first near {place_name(place)}: {remedy}",
+            faces=cut,
+            place=place,
+        )
     if mesh.volume <= 0:
-        raise SurfaceError(f"{what} is turned inside out, its normals point inwards: reverse its s parameter or do not mirror it")
+        raise SurfaceError(
+            f"{what} is turned inside out, its normals point inwards: reverse its s parameter or do not mirror it"
+        )
     return mesh

@@ -1,4 +1,5 @@
-"""A row-structured T-spline on a general T-mesh: rows become closed lines that no edge joins, poles rows of equal control points."""
+"""A row-structured T-spline on a general T-mesh: rows become closed lines that no edge joins, poles rows of
+equal control points."""
 
 import numpy as np
 from numpy import ndarray
@@ -19,16 +20,29 @@ def as_general(surface: TSpline) -> TSpline[TMesh]:
     rows, t = surface.tmesh, surface.tmesh.t_knots
     if not (t[:4] == t[0]).all() or not (t[-4:] == t[-1]).all():
         raise SurfaceError("the t-knots are not clamped: a general T-mesh repeats its end knots")
-    closed = aligned([row if len(row) > 1 else np.arange(POLE_POINTS) / POLE_POINTS for row in rows.s_knots], 1.0)
+    closed = aligned(
+        [row if len(row) > 1 else np.arange(POLE_POINTS) / POLE_POINTS for row in rows.s_knots], 1.0
+    )
     orders = [np.argsort(row) for row in closed]
     knots = [row[order] for row, order in zip(closed, orders)]
     lines = np.unique(np.concatenate(knots))
     place = [np.searchsorted(lines, row) for row in knots]
-    vertices = np.column_stack([np.concatenate(place), np.repeat(np.arange(len(knots)), [len(row) for row in knots])])
+    vertices = np.column_stack(
+        [np.concatenate(place), np.repeat(np.arange(len(knots)), [len(row) for row in knots])]
+    )
     a, b = len(lines), len(knots)
-    along_s, along_t, inside = np.ones((a, b), dtype=bool), np.zeros((a, b - 1), dtype=bool), np.ones((a, b - 1), dtype=bool)
+    along_s, along_t, inside = (
+        np.ones((a, b), dtype=bool),
+        np.zeros((a, b - 1), dtype=bool),
+        np.ones((a, b - 1), dtype=bool),
+    )
     mesh = TMesh(lines, t[2:-2], vertices, along_s, along_t, inside, (1.0, 0.0))
-    index = np.concatenate([start + order % count for order, start, count in zip(orders, rows.row_starts, np.diff(rows.row_starts))])
+    index = np.concatenate(
+        [
+            start + order % count
+            for order, start, count in zip(orders, rows.row_starts, np.diff(rows.row_starts))
+        ]
+    )
     return TSpline(mesh, surface.control_points[index], surface.weights[index])
 
 
@@ -45,7 +59,11 @@ def _of_open_rows(surface: TSpline) -> TSpline[TMesh]:
     along_t = np.zeros((a, b - 1), dtype=bool)
     along_t[[0, 1, -2, -1]] = True
     along_s, inside = np.ones((a - 1, b), dtype=bool), np.ones((a - 1, b - 1), dtype=bool)
-    return TSpline(TMesh(lines, rows.t_knots[2:-2], vertices, along_s, along_t, inside), surface.control_points, surface.weights)
+    return TSpline(
+        TMesh(lines, rows.t_knots[2:-2], vertices, along_s, along_t, inside),
+        surface.control_points,
+        surface.weights,
+    )
 
 
 def _times(row: ndarray, every: ndarray) -> ndarray:

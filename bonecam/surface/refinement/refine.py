@@ -1,4 +1,5 @@
-"""Refinement that leaves the surface what it is: the faces that hold given samples are cut in the middle (exact local knot insertion)."""
+"""Refinement that leaves the surface what it is: the faces that hold given samples are cut in the middle
+(exact local knot insertion)."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -20,12 +21,14 @@ if TYPE_CHECKING:
 SNAP = 1e-9  # of the knots' range: a middle as near as this to a knot is that knot
 
 
-def refine(surface: "TSpline", s: Float[ndarray, " n"], t: Float[ndarray, " n"], directions: str = "st") -> "TSpline":
+def refine(
+    surface: "TSpline", s: Float[ndarray, " n"], t: Float[ndarray, " n"], directions: str = "st"
+) -> "TSpline":
     """The same surface with more control points near the samples.
 
-    Each face that holds a sample is cut in its middle, across s ("s"), across t ("t") or both. Of a row-structured surface, the rows
-    that act at a sample get a knot ("s"), and the t-span a row ("t"). Old control points keep their numbers in a general T-mesh. Raises
-    ValueError for samples outside the domain.
+    Each face that holds a sample is cut in its middle, across s ("s"), across t ("t") or both. Of a
+    row-structured surface, the rows that act at a sample get a knot ("s"), and the t-span a row ("t"). Old
+    control points keep their numbers in a general T-mesh. Raises ValueError for samples outside the domain.
     """
     if directions not in ("s", "t", "st", "ts"):
         raise ValueError(f"directions must be 's', 't' or 'st', not {directions!r}")
@@ -34,15 +37,21 @@ def refine(surface: "TSpline", s: Float[ndarray, " n"], t: Float[ndarray, " n"],
     if isinstance(tmesh, RowTMesh | OpenRowTMesh):
         return refined_rows(surface, s, t, directions)
     if not isinstance(tmesh, TMesh):
-        raise SurfaceError("Bezier elements without a T-mesh (.iga) cannot be refined: read the surface from a .tsm or .tspline file")
+        raise SurfaceError(
+            "Bezier elements without a T-mesh (.iga) cannot be refined: read the surface from a .tsm or .tspline file"
+        )
     middle = surface.elements().boxes[place]
-    chosen = sorted({_face_at(tmesh, a, b) for a, b in zip(middle[:, :2].mean(axis=1), middle[:, 2:].mean(axis=1))})
+    chosen = sorted(
+        {_face_at(tmesh, a, b) for a, b in zip(middle[:, :2].mean(axis=1), middle[:, 2:].mean(axis=1))}
+    )
     return _cut(surface, chosen, directions)
 
 
 def _face_at(tmesh: TMesh, s: float, t: float) -> int:
     boxes = tmesh.face_boxes
-    return int(np.flatnonzero((boxes[:, 0] < s) & (s < boxes[:, 1]) & (boxes[:, 2] < t) & (t < boxes[:, 3]))[0])
+    return int(
+        np.flatnonzero((boxes[:, 0] < s) & (s < boxes[:, 1]) & (boxes[:, 2] < t) & (t < boxes[:, 3]))[0]
+    )
 
 
 def _cut(surface: "TSpline[TMesh]", chosen: list[int], directions: str) -> "TSpline[TMesh]":
@@ -66,7 +75,8 @@ def _cut(surface: "TSpline[TMesh]", chosen: list[int], directions: str) -> "TSpl
 
 
 def _snapped(values: ndarray, knots: ndarray) -> ndarray:
-    """Knots for values that differ from them by rounding only; values that equal one another likewise become one."""
+    """Knots for values that differ from them by rounding only; values that equal one another likewise become
+    one."""
     found = values.copy()
     for k, x in enumerate(values):
         known = np.concatenate([knots, found[:k]])

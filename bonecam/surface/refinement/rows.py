@@ -1,7 +1,8 @@
 """Exact knot insertion in row-structured surfaces (Boehm 1980): knots in single rows, and new rows.
 
-In t a new row is a combination of two old ones, S = sum_j N_j(t) Q_j(s); both are first brought to the knots of either. All points are
-homogeneous, so weights take part like coordinates. Rows are closed (periodic knots, one a point) or open (clamped, four more than points).
+In t a new row is a combination of two old ones, S = sum_j N_j(t) Q_j(s); both are first brought to the knots
+of either. All points are homogeneous, so weights take part like coordinates. Rows are closed (periodic knots,
+one a point) or open (clamped, four more than points).
 """
 
 from collections.abc import Callable, Sequence
@@ -23,9 +24,13 @@ T = TypeVar("T")
 
 
 def refined_rows(
-    surface: "TSpline[RowTMesh] | TSpline[OpenRowTMesh]", s: Float[ndarray, " n"], t: Float[ndarray, " n"], directions: str
+    surface: "TSpline[RowTMesh] | TSpline[OpenRowTMesh]",
+    s: Float[ndarray, " n"],
+    t: Float[ndarray, " n"],
+    directions: str,
 ) -> "TSpline":
-    """A knot in the middle of the interval that holds s in each of the rows that act at t ("s"), and of the t-span ("t")."""
+    """A knot in the middle of the interval that holds s in each of the rows that act at t ("s"), and of the
+    t-span ("t")."""
     tmesh: Any = surface.tmesh
     rows = _rows(surface)
     span = np.clip(np.searchsorted(tmesh.t_knots, t, side="right") - 1, 3, len(tmesh.t_knots) - 5)
@@ -33,7 +38,9 @@ def refined_rows(
         for j in range(len(rows)):
             acting = (span - 3 <= j) & (j <= span)
             if len(rows[j][0]) > 1 and acting.any():
-                rows[j] = with_knots(rows[j], _middles(rows[j], s[acting], np.concatenate([row[0] for row in rows])))
+                rows[j] = with_knots(
+                    rows[j], _middles(rows[j], s[acting], np.concatenate([row[0] for row in rows]))
+                )
     t_knots = tmesh.t_knots
     if "t" in directions:
         for x in np.unique((tmesh.t_knots[span] + tmesh.t_knots[span + 1]) / 2):
@@ -42,8 +49,11 @@ def refined_rows(
 
 
 def with_row_knots(surface: "TSpline[RowTMesh]", new: Sequence[Float[ndarray, " _"]]) -> "TSpline[RowTMesh]":
-    """The same surface with more knots in its rows: for each row those in [0, 1) that it gets and has not, none for a pole."""
-    rows = [with_knots(row, knots) if len(knots) else row for row, knots in zip(_rows(surface), new, strict=True)]
+    """The same surface with more knots in its rows: for each row those in [0, 1) that it gets and has not,
+    none for a pole."""
+    rows = [
+        with_knots(row, knots) if len(knots) else row for row, knots in zip(_rows(surface), new, strict=True)
+    ]
     return _surface_of(surface, surface.tmesh.t_knots, rows)
 
 
@@ -54,12 +64,15 @@ def _surface_of(surface: "TSpline", t_knots: ndarray, rows: Sequence[Row]) -> "T
 
 
 def _rows(surface: "TSpline[RowTMesh] | TSpline[OpenRowTMesh]") -> list[Row]:
-    """The rows with homogeneous points; knots of different rows that differ by rounding only are made equal."""
+    """The rows with homogeneous points; knots of different rows that differ by rounding only are made
+    equal."""
     starts, weights = surface.tmesh.row_starts, surface.weights[:, None]
     points = np.split(np.hstack([surface.control_points * weights, weights]), starts[1:-1])
     if isinstance(surface.tmesh, OpenRowTMesh):
         return list(zip(aligned(surface.tmesh.s_knots), points))
-    rows = [(knots, np.argsort(knots), part) for knots, part in zip(aligned(surface.tmesh.s_knots, 1.0), points)]
+    rows = [
+        (knots, np.argsort(knots), part) for knots, part in zip(aligned(surface.tmesh.s_knots, 1.0), points)
+    ]
     return [(knots[order], part[order]) for knots, order, part in rows]
 
 
@@ -82,7 +95,8 @@ def _middles(row: Row, s: ndarray, known: ndarray) -> ndarray:
 
 
 def with_knots(row: Row, new: Float[ndarray, " k"]) -> Row:
-    """The same curve with more knots; a closed one has none of them yet. A pole gets its point at every one of them."""
+    """The same curve with more knots; a closed one has none of them yet. A pole gets its point at every one
+    of them."""
     knots, points = row
     if len(knots) == 1:
         every = np.sort(new)
@@ -101,7 +115,8 @@ def _divided(first: ndarray, second: ndarray, ratio: float) -> ndarray:
 
 
 def _with_knot(knots: ndarray, points: ndarray, x: float) -> Row:
-    """One more knot. Control point i is centred on knot i; between its new neighbours a point divides an old leg."""
+    """One more knot. Control point i is centred on knot i; between its new neighbours a point divides an old
+    leg."""
     count, k = len(knots), int(np.searchsorted(knots, x, side="right")) - 1
 
     def old(i: int) -> float:
@@ -121,7 +136,9 @@ def _with_knot(knots: ndarray, points: ndarray, x: float) -> Row:
     return np.insert(knots, place, x), result
 
 
-def _inserted(knots: ndarray, items: Sequence[T], x: float, mixed: Callable[[T, T, float], T]) -> tuple[ndarray, list[T]]:
+def _inserted(
+    knots: ndarray, items: Sequence[T], x: float, mixed: Callable[[T, T, float], T]
+) -> tuple[ndarray, list[T]]:
     """Clamped knots with x, and the control points or rows: three lie between two old ones each."""
     k = int(np.searchsorted(knots, x, side="right")) - 1
     found = list(items[: k - 2])

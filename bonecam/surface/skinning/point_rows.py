@@ -1,8 +1,10 @@
-"""Rows of points from a file, skinned as they are: section curves of a bone or a blade (Gan et al. 2014 start from 17 rows x 100 points).
+"""Rows of points from a file, skinned as they are: section curves of a bone or a blade (Gan et al. 2014 start
+from 17 rows x 100 points).
 
-A text file of blocks (`mesh.point_files`), one row a block. A first and a last block of one point are the poles; rows between poles are
-closed. Rows without poles are closed where every row ends on the point it began with, else open. Closed rows are turned
-counter-clockwise seen along the direction from row to row, so that the surface faces outward, and rotated to one seam where they twist.
+A text file of blocks (`mesh.point_files`), one row a block. A first and a last block of one point are the
+poles; rows between poles are closed. Rows without poles are closed where every row ends on the point it began
+with, else open. Closed rows are turned counter-clockwise seen along the direction from row to row, so that
+the surface faces outward, and rotated to one seam where they twist.
 """
 
 from dataclasses import dataclass
@@ -24,7 +26,8 @@ COMPARED = 64  # points of two rows that are compared
 
 @dataclass(frozen=True, eq=False)
 class PointRows:
-    """Rows (p, 3), each with its own number of points, from the lower pole up where there are `poles` (2, 3)."""
+    """Rows (p, 3), each with its own number of points, from the lower pole up where there are `poles` (2,
+    3)."""
 
     rows: tuple[Float[ndarray, "_ 3"], ...]
     poles: Float[ndarray, "2 3"] | None
@@ -32,7 +35,11 @@ class PointRows:
 
     def scaled(self, factor: float) -> "PointRows":
         """The same rows in another unit."""
-        return PointRows(tuple(row * factor for row in self.rows), None if self.poles is None else self.poles * factor, self.closed)
+        return PointRows(
+            tuple(row * factor for row in self.rows),
+            None if self.poles is None else self.poles * factor,
+            self.closed,
+        )
 
     def skin(self, tolerance: float) -> TSpline:
         """The T-spline through the rows: see `surface.skin`."""
@@ -50,7 +57,10 @@ def read_rows(path: str | Path) -> PointRows:
     poles = _poles(blocks, Path(path))
     rows = blocks if poles is None else blocks[1:-1]
     if len(rows) < 2:
-        raise FileError(f"{path}: {len(rows)} rows are no surface: give two or more, an empty line between them", file=str(path))
+        raise FileError(
+            f"{path}: {len(rows)} rows are no surface: give two or more, an empty line between them",
+            file=str(path),
+        )
     least = SAME * float(np.linalg.norm(np.ptp(np.vstack(blocks), axis=0)))
     touching = [len(row) > 3 and np.linalg.norm(row[0] - row[-1]) <= least for row in rows]
     closed = poles is not None or all(touching)
@@ -58,10 +68,16 @@ def read_rows(path: str | Path) -> PointRows:
     for number, row in enumerate(rows):
         steps = np.linalg.norm(np.roll(row, -1, axis=0) - row, axis=1)[: None if closed else -1]
         if len(row) < 4:
-            raise FileError(f"{path}: row {number} has {len(row)} points: give four or more", file=str(path), row=number)
+            raise FileError(
+                f"{path}: row {number} has {len(row)} points: give four or more", file=str(path), row=number
+            )
         if steps.min() <= least:
             place = int(np.argmin(steps))
-            raise FileError(f"{path}: row {number}: points {place} and the next coincide: remove one", file=str(path), row=number)
+            raise FileError(
+                f"{path}: row {number}: points {place} and the next coincide: remove one",
+                file=str(path),
+                row=number,
+            )
     return PointRows(tuple(_oriented(rows, poles) if closed else rows), poles, closed)
 
 
@@ -69,7 +85,10 @@ def _poles(blocks: list[ndarray], file: Path) -> Float[ndarray, "2 3"] | None:
     """The first and the last block where both are one point."""
     single = [len(block) == 1 for block in (blocks[0], blocks[-1])]
     if any(single) and not all(single):
-        raise FileError(f"{file}: has one pole only: give the other as the {'last' if single[0] else 'first'} block", file=str(file))
+        raise FileError(
+            f"{file}: has one pole only: give the other as the {'last' if single[0] else 'first'} block",
+            file=str(file),
+        )
     return np.vstack([blocks[0], blocks[-1]]) if all(single) and len(blocks) > 1 else None
 
 
@@ -78,7 +97,12 @@ def _oriented(rows: list[ndarray], poles: Float[ndarray, "2 3"] | None) -> list[
     middles = np.array([row.mean(axis=0) for row in rows])
     ends = middles[[0, -1]] if poles is None else poles
     way = np.gradient(np.vstack([ends[:1], middles, ends[1:]]), axis=0)[1:-1]
-    areas = np.array([np.cross(row - middle, np.roll(row, -1, axis=0) - middle).sum(axis=0) / 2 for row, middle in zip(rows, middles)])
+    areas = np.array(
+        [
+            np.cross(row - middle, np.roll(row, -1, axis=0) - middle).sum(axis=0) / 2
+            for row, middle in zip(rows, middles)
+        ]
+    )
     if np.einsum("ri,ri->", areas, way) < 0:
         rows = [np.roll(row[::-1], 1, axis=0) for row in rows]
     found = rows[:1]
@@ -88,7 +112,8 @@ def _oriented(rows: list[ndarray], poles: Float[ndarray, "2 3"] | None) -> list[
 
 
 def _twist(before: ndarray, row: ndarray) -> int:
-    """The point of a row to begin with, so that it runs beside the row before; 0 where that does not bring it clearly nearer."""
+    """The point of a row to begin with, so that it runs beside the row before; 0 where that does not bring it
+    clearly nearer."""
     target = _even(before) - before.mean(axis=0)
     moved = row - row.mean(axis=0)
     away = np.array([np.linalg.norm(_even(np.roll(moved, -k, axis=0)) - target) for k in range(len(row))])

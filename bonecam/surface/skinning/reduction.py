@@ -1,8 +1,10 @@
-"""Knot reduction with a guaranteed bound: the fewest knots a curve keeps within a tolerance (Yang & Zheng 2012, section 4).
+"""Knot reduction with a guaranteed bound: the fewest knots a curve keeps within a tolerance (Yang & Zheng
+2012, section 4).
 
-Start from the fewest knots, insert a knot where the error is largest until it is below the tolerance; then take knots out again, the
-least needed one first, as long as the tolerance holds: an early knot is often spared by later ones. The error is not sampled: it is
-the largest control point of the difference curve on fine knots, which bounds the difference everywhere.
+Start from the fewest knots, insert a knot where the error is largest until it is below the tolerance; then
+take knots out again, the least needed one first, as long as the tolerance holds: an early knot is often
+spared by later ones. The error is not sampled: it is the largest control point of the difference curve on
+fine knots, which bounds the difference everywhere.
 """
 
 import numpy as np
@@ -19,7 +21,8 @@ PATIENCE = 6
 
 
 class Reduction:
-    """Reduces curves given on the `fine` knots to subsets of the `candidates` among them; open curves keep their ends."""
+    """Reduces curves given on the `fine` knots to subsets of the `candidates` among them; open curves keep
+    their ends."""
 
     def __init__(self, fine: Float[ndarray, " k"], candidates: Float[ndarray, " c"], closed: bool) -> None:
         self.candidates, self.closed = candidates, closed
@@ -28,18 +31,25 @@ class Reduction:
         self._to_fine = la.inv(collocation(fine, self._sites, closed))
 
     def least(self, points: Float[ndarray, "n ... d"], tolerance: float) -> tuple[ndarray, ndarray]:
-        """Kept knots and control points of a curve that differs from the given one by less than `tolerance` everywhere.
+        """Kept knots and control points of a curve that differs from the given one by less than `tolerance`
+        everywhere.
 
         Several curves (n, c, d) keep the same knots, which suffice for each: what a tensor product needs.
         """
         flat, curves = points.reshape(len(points), -1), points.size // len(points) // points.shape[-1]
         kept = self._removed(self._inserted(flat, curves, tolerance), flat, curves, tolerance)
-        return self.candidates[kept], self._fitted(kept, flat, curves, tolerance)[0].reshape(-1, *points.shape[1:])
+        return self.candidates[kept], self._fitted(kept, flat, curves, tolerance)[0].reshape(
+            -1, *points.shape[1:]
+        )
 
-    def _fitted(self, kept: ndarray, points: ndarray, curves: int, tolerance: float) -> tuple[ndarray, Float[ndarray, " n"]]:
-        """The control points on the kept candidates that fit best, and the largest error of all curves at each fine control point.
+    def _fitted(
+        self, kept: ndarray, points: ndarray, curves: int, tolerance: float
+    ) -> tuple[ndarray, Float[ndarray, " n"]]:
+        """The control points on the kept candidates that fit best, and the largest error of all curves at
+        each fine control point.
 
-        Where least squares miss the tolerance narrowly, weights that grow with the error (Lawson 1961) lower the largest error.
+        Where least squares miss the tolerance narrowly, weights that grow with the error (Lawson 1961) lower
+        the largest error.
         """
         matrix = self._to_fine @ collocation(self.candidates[kept], self._sites, self.closed)
         weights = self._weights
@@ -65,7 +75,11 @@ class Reduction:
 
     def _inserted(self, points: ndarray, curves: int, tolerance: float) -> ndarray:
         count = len(self.candidates)
-        kept = np.unique(np.linspace(0, count, FEWEST, endpoint=False).astype(np.int64)) if self.closed else np.empty(0, dtype=np.int64)
+        kept = (
+            np.unique(np.linspace(0, count, FEWEST, endpoint=False).astype(np.int64))
+            if self.closed
+            else np.empty(0, dtype=np.int64)
+        )
         while len(kept) < count:
             error = self._fitted(kept, points, curves, tolerance)[1]
             if error.max() < tolerance:
@@ -76,7 +90,8 @@ class Reduction:
         return kept
 
     def _removed(self, kept: ndarray, points: ndarray, curves: int, tolerance: float) -> ndarray:
-        """Without the knots that can be spared, tried in the order of the error their lack makes, until PATIENCE in a row cannot."""
+        """Without the knots that can be spared, tried in the order of the error their lack makes, until
+        PATIENCE in a row cannot."""
         if len(kept) <= (FEWEST if self.closed else 0):
             return kept
         lacks = [self._fitted(np.delete(kept, k), points, curves, 0.0)[1].max() for k in range(len(kept))]

@@ -1,7 +1,9 @@
-"""Rows of points as cubic section curves: parameters by chord length, an interpolating curve for each row, all on shared knots.
+"""Rows of points as cubic section curves: parameters by chord length, an interpolating curve for each row,
+all on shared knots.
 
-Rows with equal counts share the mean of their parameters (their columns belong together); rows with different counts have each its
-own, rounded to a common grid where that keeps them apart, so that few distinct knots come together.
+Rows with equal counts share the mean of their parameters (their columns belong together); rows with different
+counts have each its own, rounded to a common grid where that keeps them apart, so that few distinct knots
+come together.
 """
 
 from collections.abc import Sequence
@@ -16,7 +18,8 @@ from bonecam.surface.basis.spline_space import collocation, curve_knots, interpo
 FEWEST = {True: 5, False: 4}
 """Least number of points of a closed row and of an open one."""
 STEPS = 8, 256
-"""Fewest and most grid steps in a typical distance of two parameters; coarse grids move the parameters, fine ones make many knots."""
+"""Fewest and most grid steps in a typical distance of two parameters; coarse grids move the parameters, fine
+ones make many knots."""
 FINEST = 2048
 """Grid steps of all beyond the fewest."""
 SAME = 1e-9
@@ -25,7 +28,8 @@ SAME = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class RowCurves:
-    """Row i is interpolated by the cubic with knots[i] and control_points[i] that meets points[i] at parameters[i]."""
+    """Row i is interpolated by the cubic with knots[i] and control_points[i] that meets points[i] at
+    parameters[i]."""
 
     closed: bool
     points: tuple[Float[ndarray, "_ 3"], ...]
@@ -35,7 +39,8 @@ class RowCurves:
 
     @classmethod
     def through(cls, rows: Sequence[ndarray] | ndarray, closed: bool) -> "RowCurves":
-        """Raises ValueError on rows with too few points, points that coincide or are not finite, naming row and point."""
+        """Raises ValueError on rows with too few points, points that coincide or are not finite, naming row
+        and point."""
         points = tuple(np.array(row, dtype=np.float64) for row in rows)
         for i, row in enumerate(points):
             _check(i, row, closed)
@@ -65,7 +70,9 @@ def _check(number: int, row: ndarray, closed: bool) -> None:
     if row.ndim != 2 or row.shape[1] != 3:
         raise ValueError(f"row {number} has the shape {row.shape}: give points (p, 3)")
     if len(row) < FEWEST[closed]:
-        raise ValueError(f"row {number} has {len(row)} points: {'a closed' if closed else 'an open'} row needs at least {FEWEST[closed]}")
+        raise ValueError(
+            f"row {number} has {len(row)} points: {'a closed' if closed else 'an open'} row needs at least {FEWEST[closed]}"
+        )
     if not np.isfinite(row).all():
         raise ValueError(f"row {number}, point {int(np.argmin(np.isfinite(row).all(axis=1)))} is not finite")
     coincide = _same(row, closed)

@@ -1,17 +1,19 @@
-"""Skinning: one row-structured T-spline through section curves (Yang & Zheng 2012; Gan et al. 2014, section 4.1).
+"""Skinning: one row-structured T-spline through section curves (Yang & Zheng 2012; Gan et al. 2014, section
+4.1).
 
-Every row of points is interpolated by a C2 cubic, closed or open, on its own parameters. The sections are interpolated along t by a
-clamped cubic: the control curves Q_j come from one banded system,
+Every row of points is interpolated by a C2 cubic, closed or open, on its own parameters. The sections are
+interpolated along t by a clamped cubic: the control curves Q_j come from one banded system,
 
     a_j Q_{j-1} + b_j Q_j + c_j Q_{j+1} = C_{j-1},   Q_1 = C_1,   Q_last = C_last.
 
-Rows without poles: as many control curves as sections, t-knots by averaging; fewer than four sections get natural ends. Poles are sections
-that shrank to a point; each adds a control curve and an end condition. The published one is the natural end (S_tt = 0), which makes a cone
-of the pole. A closed bone is smooth there: a meridian s runs on as the meridian s + 1/2. So the part of Q_2 that is even under
-s -> s + 1/2 lies in the pole (S_t = 0), and only the odd part has S_tt = 0.
+Rows without poles: as many control curves as sections, t-knots by averaging; fewer than four sections get
+natural ends. Poles are sections that shrank to a point; each adds a control curve and an end condition. The
+published one is the natural end (S_tt = 0), which makes a cone of the pole. A closed bone is smooth there: a
+meridian s runs on as the meridian s + 1/2. So the part of Q_2 that is even under s -> s + 1/2 lies in the
+pole (S_t = 0), and only the odd part has S_tt = 0.
 
-Each control curve then keeps its own fewest knots (`reduction`); since the t-functions are non-negative and sum to one, no point of the
-surface moves further than the worst control curve does.
+Each control curve then keeps its own fewest knots (`reduction`); since the t-functions are non-negative and
+sum to one, no point of the surface moves further than the worst control curve does.
 """
 
 from collections.abc import Sequence
@@ -39,7 +41,8 @@ NOTHING = 1e-12  # of the size: no tolerance below this
 
 @dataclass(frozen=True, eq=False)
 class ControlCurves:
-    """The curves points[j] on the knots `fine` that blend, over t_knots, to the sections; they have no knots but the candidates."""
+    """The curves points[j] on the knots `fine` that blend, over t_knots, to the sections; they have no knots
+    but the candidates."""
 
     closed: bool
     t_knots: Float[ndarray, " k"]
@@ -50,7 +53,9 @@ class ControlCurves:
     def reduced(self, tolerance: float) -> TSpline:
         """With the fewest knots in every row; a pole is one point."""
         reduction = Reduction(self.fine, self.candidates, self.closed)
-        return self._surface([(np.zeros(1), q[:1]) if _point(q) else reduction.least(q, tolerance) for q in self.points])
+        return self._surface(
+            [(np.zeros(1), q[:1]) if _point(q) else reduction.least(q, tolerance) for q in self.points]
+        )
 
     @property
     def least(self) -> int:
@@ -60,8 +65,14 @@ class ControlCurves:
     def _surface(self, rows: list[tuple[ndarray, ndarray]]) -> TSpline:
         points = np.vstack([control for _, control in rows])
         if self.closed:
-            return TSpline(RowTMesh.from_rows(self.t_knots, [knots for knots, _ in rows]), points, np.ones(len(points)))
-        return TSpline(OpenRowTMesh.from_rows(self.t_knots, [clamped(knots) for knots, _ in rows]), points, np.ones(len(points)))
+            return TSpline(
+                RowTMesh.from_rows(self.t_knots, [knots for knots, _ in rows]), points, np.ones(len(points))
+            )
+        return TSpline(
+            OpenRowTMesh.from_rows(self.t_knots, [clamped(knots) for knots, _ in rows]),
+            points,
+            np.ones(len(points)),
+        )
 
 
 def _point(curve: ndarray) -> bool:
@@ -76,11 +87,13 @@ def skin(
     poles: Float[ndarray, "2 3"] | None = None,
     max_control_points: int | None = None,
 ) -> TSpline:
-    """The T-spline that passes every row's interpolating curve within `tolerance` (mm), everywhere between its points too.
+    """The T-spline that passes every row's interpolating curve within `tolerance` (mm), everywhere between
+    its points too.
 
-    `rows`: two or more, each (p, 3) with its own p, closed ones starting on one seam (with poles: from the lower pole up, counter-clockwise
-    seen from the upper one); poles, of closed rows only, are met exactly. ValueError on rows that are no rows; SurfaceError, with
-    `reached` (mm) in its evidence, where `max_control_points` or rounding do not allow the tolerance.
+    `rows`: two or more, each (p, 3) with its own p, closed ones starting on one seam (with poles: from the
+    lower pole up, counter-clockwise seen from the upper one); poles, of closed rows only, are met exactly.
+    ValueError on rows that are no rows; SurfaceError, with `reached` (mm) in its evidence, where
+    `max_control_points` or rounding do not allow the tolerance.
     """
     if not tolerance > 0:
         raise ValueError(f"tolerance {tolerance}: give a length above 0")
@@ -88,7 +101,10 @@ def skin(
     control = control_curves(curves, poles)
     size = float(np.linalg.norm(np.ptp(np.vstack(curves.points), axis=0)))
     if tolerance < NOTHING * size:
-        raise SurfaceError(f"{tolerance} mm is below rounding: ask for {NOTHING * size:.1e} mm or more", reached=NOTHING * size)
+        raise SurfaceError(
+            f"{tolerance} mm is below rounding: ask for {NOTHING * size:.1e} mm or more",
+            reached=NOTHING * size,
+        )
     surface = control.reduced(tolerance)
     if max_control_points is not None and surface.tmesh.size > max_control_points:
         raise _too_many(control, tolerance, surface.tmesh.size, max_control_points)
@@ -104,7 +120,8 @@ def _checked(rows: Sequence[ndarray] | ndarray, closed: bool, poles: ndarray | N
 
 
 def row_parameters(curves: RowCurves, poles: Float[ndarray, "2 3"] | None = None) -> Float[ndarray, " k"]:
-    """t of the rows (and of the poles before and behind) in [0, 1]: the accumulated mean distance between neighbours."""
+    """t of the rows (and of the poles before and behind) in [0, 1]: the accumulated mean distance between
+    neighbours."""
     sections = curves.at(np.arange(AROUND) / (AROUND if curves.closed else AROUND - 1))
     if poles is not None:
         sections = np.concatenate([_pole(poles[0], AROUND), sections, _pole(poles[1], AROUND)])
@@ -138,11 +155,14 @@ def control_curves(curves: RowCurves, poles: Float[ndarray, "2 3"] | None = None
     else:
         knots = clamped(np.array([t[j : j + 3].mean() for j in range(1, len(t) - 3)]))
         found = np.linalg.solve(_values(knots, t), sections.reshape(len(t), -1)).reshape(sections.shape)
-    return ControlCurves(closed, knots, fine, candidates, np.array([interpolate(fine, at, row, closed) for row in found]))
+    return ControlCurves(
+        closed, knots, fine, candidates, np.array([interpolate(fine, at, row, closed) for row in found])
+    )
 
 
 def _with_opposite(knots: ndarray) -> ndarray:
-    """With the knots half a turn on, which the part odd and even round a pole needs; without those that differ by rounding only."""
+    """With the knots half a turn on, which the part odd and even round a pole needs; without those that
+    differ by rounding only."""
     return distinct(np.concatenate([knots, np.mod(knots + 0.5, 1.0)]), 1e-3 / len(knots))
 
 
@@ -157,7 +177,8 @@ def _to_poles(t: ndarray, sections: ndarray, opposite: ndarray) -> ndarray:
 
 
 def _solved(t: ndarray, sections: Float[ndarray, "k n 3"], order: int) -> Float[ndarray, "k+2 n 3"]:
-    """k + 2 control curves whose clamped cubic meets the k sections at t, its `order`-th derivative zero at both ends."""
+    """k + 2 control curves whose clamped cubic meets the k sections at t, its `order`-th derivative zero at
+    both ends."""
     zero = np.zeros_like(sections[:1])
     right = np.concatenate([sections[:1], zero, sections[1:-1], zero, sections[-1:]])
     found: ndarray = la.solve(_system(t, order), right.reshape(len(right), -1)).reshape(right.shape)
@@ -165,7 +186,8 @@ def _solved(t: ndarray, sections: Float[ndarray, "k n 3"], order: int) -> Float[
 
 
 def _system(t: ndarray, order: int) -> ndarray:
-    """The banded system: values at all t, and the `order`-th derivative at both ends (second and last but one equation)."""
+    """The banded system: values at all t, and the `order`-th derivative at both ends (second and last but one
+    equation)."""
     x = np.concatenate([t[:1], t, t[-1:]])
     matrix = _values(clamped(t[1:-1]), x)
     matrix[[1, -2]] = _values(clamped(t[1:-1]), x, order)[[1, -2]]
@@ -185,7 +207,10 @@ def _values(knots: ndarray, x: ndarray, order: int = 0) -> ndarray:
 def _too_many(control: ControlCurves, tolerance: float, size: int, allowed: int) -> SurfaceError:
     """The error that says what the control points allowed do reach."""
     if allowed < control.least:
-        return SurfaceError(f"the rows need {control.least} control points at least: allow more than {allowed}", needed=control.least)
+        return SurfaceError(
+            f"the rows need {control.least} control points at least: allow more than {allowed}",
+            needed=control.least,
+        )
     reached, found = tolerance, size
     while found > allowed:
         reached *= LOOSER

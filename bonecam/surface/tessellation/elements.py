@@ -1,8 +1,10 @@
-"""Triangles of a surface that is known by its Bezier elements only (.iga): extraordinary points, T-junctions and any degree.
+"""Triangles of a surface that is known by its Bezier elements only (.iga): extraordinary points, T-junctions
+and any degree.
 
-The elements share no parameters, so they are joined where they meet in space. Corners at one place are one vertex; a side is cut
-where corners of other elements lie on it; what two elements have between the same two vertices is one piece with the same points in both.
-Every element is triangulated (Delaunay) in its own square from its pieces and a grid, made finer where the chord tolerance is missed.
+The elements share no parameters, so they are joined where they meet in space. Corners at one place are one
+vertex; a side is cut where corners of other elements lie on it; what two elements have between the same two
+vertices is one piece with the same points in both. Every element is triangulated (Delaunay) in its own square
+from its pieces and a grid, made finer where the chord tolerance is missed.
 """
 
 from dataclasses import dataclass, field
@@ -61,15 +63,21 @@ class Net:
         """Unit normals of one element at places in its square; 0 where it has none."""
         elements = self.surface.elements()
         s, t = self._parameters(element, uv).T
-        _, Ss, St = elements.derivatives(self.surface.patches, np.full(len(uv), element, dtype=np.int32), s, t, 1)
+        _, Ss, St = elements.derivatives(
+            self.surface.patches, np.full(len(uv), element, dtype=np.int32), s, t, 1
+        )
         found = np.cross(Ss, St)
-        return np.asarray(found / np.maximum(np.linalg.norm(found, axis=1, keepdims=True), np.finfo(float).tiny))
+        return np.asarray(
+            found / np.maximum(np.linalg.norm(found, axis=1, keepdims=True), np.finfo(float).tiny)
+        )
 
     def _parameters(self, element: int, uv: Float[ndarray, "n 2"]) -> Float[ndarray, "n 2"]:
         box = self.surface.elements().boxes[element]
         return np.asarray(box[[0, 2]] + uv * (box[[1, 3]] - box[[0, 2]]))
 
-    def added(self, element: int, uv: Float[ndarray, "n 2"], places: Float[ndarray, "n 3"]) -> Int[ndarray, " n"]:
+    def added(
+        self, element: int, uv: Float[ndarray, "n 2"], places: Float[ndarray, "n 3"]
+    ) -> Int[ndarray, " n"]:
         """Numbers of new vertices."""
         self.parameters.append(self._parameters(element, uv))
         self.points.append(places)
@@ -77,18 +85,25 @@ class Net:
         return np.arange(self.count - len(uv), self.count)
 
 
-def element_mesh(surface: "TSpline", tolerance: float, angle: float | None = None) -> tuple[ndarray, ndarray, ndarray, float]:
-    """Parameters and points of the vertices, faces, and the largest measured distance (mm) of the surface from them.
+def element_mesh(
+    surface: "TSpline", tolerance: float, angle: float | None = None
+) -> tuple[ndarray, ndarray, ndarray, float]:
+    """Parameters and points of the vertices, faces, and the largest measured distance (mm) of the surface
+    from them.
 
-    With `angle` (rad) the normals along an edge of one element differ by no more, but for edges shorter than the tolerance. Neighbours
-    whose common side differs by more than the tolerance are an error; smaller gaps count as distance.
+    With `angle` (rad) the normals along an edge of one element differ by no more, but for edges shorter than
+    the tolerance. Neighbours whose common side differs by more than the tolerance are an error; smaller gaps
+    count as distance.
     """
     pieces = _pieces(surface, SAME * float(np.ptp(surface.control_points, axis=0).max()))
     cells = np.ones(len(pieces), dtype=np.int64)
     while True:
         net, faces, worst, bent = _meshed(surface, pieces, cells, tolerance, angle)
         if net.gap > tolerance:
-            raise SurfaceError(f"elements part by {net.gap:.3g} mm along a common side: ask for a tolerance above that", gap=net.gap)
+            raise SurfaceError(
+                f"elements part by {net.gap:.3g} mm along a common side: ask for a tolerance above that",
+                gap=net.gap,
+            )
         missed = (worst > tolerance) | bent
         if not missed.any():
             return np.vstack(net.parameters), np.vstack(net.points), faces, max(net.gap, float(worst.max()))
@@ -97,7 +112,9 @@ def element_mesh(surface: "TSpline", tolerance: float, angle: float | None = Non
         if hopeless.any():
             number = int(np.argmax(hopeless))
             asked = f"{tolerance:g} mm" if angle is None else f"{tolerance:g} mm and {angle:g} rad"
-            raise SurfaceError(f"element {number} cannot be tessellated to {asked}: raise the tolerance", element=number)
+            raise SurfaceError(
+                f"element {number} cannot be tessellated to {asked}: raise the tolerance", element=number
+            )
 
 
 def _pieces(surface: "TSpline", same: float) -> list[list[Piece]]:
@@ -112,7 +129,11 @@ def _pieces(surface: "TSpline", same: float) -> list[list[Piece]]:
             a, b = vertex[4 * e + side], vertex[4 * e + (side + 1) % 4]
             if a == b and np.ptp(net.positions(e, _along(side, np.linspace(0, 1, 9))), axis=0).max() <= same:
                 continue  # a side that is one point
-            cuts = [(0.0, int(a)), *_corners_on(net, e, side, places, tree, {int(a), int(b)}, same), (1.0, int(b))]
+            cuts = [
+                (0.0, int(a)),
+                *_corners_on(net, e, side, places, tree, {int(a), int(b)}, same),
+                (1.0, int(b)),
+            ]
             for (x, v), (y, w) in pairwise(cuts):
                 raw.append((e, side, x, y, v, w))
                 middles.append(net.positions(e, _along(side, np.array([(x + y) / 2])))[0])
@@ -136,7 +157,9 @@ def _along(side: int, x: Float[ndarray, " n"]) -> Float[ndarray, "n 2"]:
     return np.asarray(SQUARE[side] + x[:, None] * (SQUARE[(side + 1) % 4] - SQUARE[side]))
 
 
-def _corners_on(net: Net, e: int, side: int, places: ndarray, tree: cKDTree, ends: set[int], same: float) -> list[tuple[float, int]]:
+def _corners_on(
+    net: Net, e: int, side: int, places: ndarray, tree: cKDTree, ends: set[int], same: float
+) -> list[tuple[float, int]]:
     """Where other elements' corners lie inside a side, in order."""
     x = np.linspace(0, 1, LOOKED + 1)
     curve = net.positions(e, _along(side, x))
@@ -150,15 +173,23 @@ def _corners_on(net: Net, e: int, side: int, places: ndarray, tree: cKDTree, end
             thirds = np.array([(2 * low + high) / 3, (low + 2 * high) / 3])
             away = np.linalg.norm(net.positions(e, _along(side, thirds)) - places[k], axis=1)
             low, high = (low, thirds[1]) if away[0] < away[1] else (thirds[0], high)
-        if np.linalg.norm(net.positions(e, _along(side, np.array([low])))[0] - places[k]) <= same and 1e-9 < low < 1 - 1e-9:
+        if (
+            np.linalg.norm(net.positions(e, _along(side, np.array([low])))[0] - places[k]) <= same
+            and 1e-9 < low < 1 - 1e-9
+        ):
             found.append((low, k))
     return sorted(found)
 
 
 def _meshed(
-    surface: "TSpline", pieces: list[list[Piece]], cells: Int[ndarray, " e"], shortest: float, angle: float | None
+    surface: "TSpline",
+    pieces: list[list[Piece]],
+    cells: Int[ndarray, " e"],
+    shortest: float,
+    angle: float | None,
 ) -> tuple[Net, ndarray, Float[ndarray, " e"], Bool[ndarray, " e"]]:
-    """The mesh with so many cells in each element, the largest distance in each, and whether an edge in it turns by more than the angle."""
+    """The mesh with so many cells in each element, the largest distance in each, and whether an edge in it
+    turns by more than the angle."""
     net = Net(surface)
     fine: dict[tuple[int, int, int], int] = {}
     for e, around in enumerate(pieces):
@@ -190,8 +221,11 @@ def _unordered(piece: Piece) -> tuple[int, int, int]:
     return (min(v, w), max(v, w), curve)
 
 
-def _loop(net: Net, e: int, around: list[Piece], fine: dict, vertices: dict[int, int]) -> tuple[ndarray, ndarray]:
-    """Places in the square and vertices of an element's border, each corner once for each side that starts there."""
+def _loop(
+    net: Net, e: int, around: list[Piece], fine: dict, vertices: dict[int, int]
+) -> tuple[ndarray, ndarray]:
+    """Places in the square and vertices of an element's border, each corner once for each side that starts
+    there."""
     uv, ids = [], []
     for piece in around:
         key, n = _unordered(piece), fine[_unordered(piece)]
@@ -202,7 +236,9 @@ def _loop(net: Net, e: int, around: list[Piece], fine: dict, vertices: dict[int,
             for end, k in zip(piece.key[:2], (0, -1)):
                 if end not in vertices:
                     vertices[end] = int(net.added(e, here[[k]], places[[k]])[0])
-            run = np.concatenate([[vertices[piece.key[0]]], net.added(e, here[1:-1], places[1:-1]), [vertices[piece.key[1]]]])
+            run = np.concatenate(
+                [[vertices[piece.key[0]]], net.added(e, here[1:-1], places[1:-1]), [vertices[piece.key[1]]]]
+            )
             net.runs[key] = run if piece.key[0] == key[0] else run[::-1]
         run = net.runs[key] if piece.key[0] == key[0] else net.runs[key][::-1]
         net.gap = max(net.gap, float(np.linalg.norm(np.vstack(net.points)[run] - places, axis=1).max()))
@@ -218,7 +254,10 @@ def _loop(net: Net, e: int, around: list[Piece], fine: dict, vertices: dict[int,
 def _distance(net: Net, e: int, uv: ndarray, cut: ndarray) -> float:
     """How far the surface is from the faces, at the middles of their sides and their own."""
     points, faces = net.positions(e, uv), cut.astype(np.int32)
-    found = [triangles.triangle_distances(net.positions(e, np.einsum("c,fcd->fd", share, uv[cut])), points, faces) for share in MIDDLES]
+    found = [
+        triangles.triangle_distances(net.positions(e, np.einsum("c,fcd->fd", share, uv[cut])), points, faces)
+        for share in MIDDLES
+    ]
     return float(np.max(found))
 
 

@@ -1,7 +1,8 @@
-"""The coarse mesh a tessellation of a general T-spline starts from: its Bezier elements, conforming across T-junctions and seams.
+"""The coarse mesh a tessellation of a general T-spline starts from: its Bezier elements, conforming across
+T-junctions and seams.
 
-The corners of all elements are vertices; an element takes those that lie on its sides. Opposite sides of a closed direction are one, and
-a side t = const on which the surface is one point (a pole) is one vertex.
+The corners of all elements are vertices; an element takes those that lie on its sides. Opposite sides of a
+closed direction are one, and a side t = const on which the surface is one point (a pole) is one vertex.
 """
 
 from typing import TYPE_CHECKING
@@ -27,7 +28,9 @@ def patch_mesh(surface: "TSpline") -> tuple[Float[ndarray, "n 2"], Bool[ndarray,
         if elements.period[axis]:
             end = elements.domain[axis, 1]
             places[:, axis] = np.where(
-                np.abs(places[:, axis] - end) <= ONE_POINT * np.abs(elements.domain).max(), low[axis], places[:, axis]
+                np.abs(places[:, axis] - end) <= ONE_POINT * np.abs(elements.domain).max(),
+                low[axis],
+                places[:, axis],
             )
     parameters, vertex = np.unique(places, axis=0, return_inverse=True)
     faces, centres = _triangles(boxes, parameters, vertex.reshape(-1, 4), elements.domain, elements.period)
@@ -79,7 +82,8 @@ def _triangles(
 
 
 def _with_poles(surface: "TSpline", parameters: ndarray, faces: ndarray) -> tuple[ndarray, ndarray, ndarray]:
-    """The vertices of a side t = const on which the surface is one point made one, faces that vanish with it left out."""
+    """The vertices of a side t = const on which the surface is one point made one, faces that vanish with it
+    left out."""
     poles = np.zeros(len(parameters), dtype=bool)
     target = np.arange(len(parameters))
     size = float(np.ptp(surface.control_points, axis=0).max())

@@ -1,4 +1,5 @@
-"""The coarse mesh a tessellation starts from: rings round a closed surface, each with its own number of vertices, zipped.
+"""The coarse mesh a tessellation starts from: rings round a closed surface, each with its own number of
+vertices, zipped.
 
 Counts come from the normal curvature: an arc of parameter length d sags by |n.S_ss| d^2 / 8.
 """
@@ -21,7 +22,9 @@ ASPECT = 3.0  # longest edges along a ring against the distance of the rings
 TYPICAL = 0.75  # this quantile of the sag sets the counts; sharper spots are split later
 
 
-def ring_mesh(surface: "TSpline", chord_tolerance: float) -> tuple[Float[ndarray, "n 2"], Bool[ndarray, " n"], Int[ndarray, "m 3"]]:
+def ring_mesh(
+    surface: "TSpline", chord_tolerance: float
+) -> tuple[Float[ndarray, "n 2"], Bool[ndarray, " n"], Int[ndarray, "m 3"]]:
     """Parameters of the vertices, which of them are poles, and faces counter-clockwise from outside."""
     t, counts = _rings(surface, chord_tolerance)
     starts = np.concatenate([[0], np.cumsum(counts)]).tolist()
@@ -37,7 +40,9 @@ def _rings(surface: "TSpline", chord_tolerance: float) -> tuple[ndarray, list[in
     middle = (breaks[:-1] + breaks[1:]) / 2
     sag = _sag(surface, middle, 5)
     counts = np.maximum(1, np.ceil(np.diff(breaks) * np.sqrt(sag / (SAG * chord_tolerance)))).astype(int)
-    t = np.concatenate([np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(breaks[:-1], breaks[1:], counts)] + [breaks[-1:]])
+    t = np.concatenate(
+        [np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(breaks[:-1], breaks[1:], counts)] + [breaks[-1:]]
+    )
     around = np.ceil(np.sqrt(_sag(surface, t, 3) / (SAG * chord_tolerance)))
     s = np.arange(AROUND) / AROUND
     points = surface.positions(np.tile(s, len(t)), np.repeat(t, AROUND)).reshape(len(t), AROUND, 3)
@@ -45,7 +50,9 @@ def _rings(surface: "TSpline", chord_tolerance: float) -> tuple[ndarray, list[in
     gap = np.linalg.norm(np.diff(points, axis=0), axis=2).mean(axis=1)
     if not gap.min() > 0:
         place = t[np.argmin(gap)]
-        raise SurfaceError(f"the rows near t = {place:.4f} lie on one point: move their control points apart", place=place)
+        raise SurfaceError(
+            f"the rows near t = {place:.4f} lie on one point: move their control points apart", place=place
+        )
     gap = np.maximum(np.concatenate([gap[:1], gap]), np.concatenate([gap, gap[-1:]]))
     ring = np.maximum(FEWEST, np.maximum(around, np.ceil(length / (ASPECT * gap)))).astype(int)
     for end, pole in zip((0, -1), surface.tmesh.poles):
@@ -72,7 +79,9 @@ def _zip(lower: int, m: int, upper: int, n: int) -> ndarray:
     if n == 1:
         return np.column_stack([lower + np.arange(m), lower + (np.arange(m) + 1) % m, np.full(m, upper)])
     step = np.concatenate([(np.arange(m) + 0.5) / m, (np.arange(n) + 0.5) / n])
-    is_lower = np.concatenate([np.ones(m, dtype=bool), np.zeros(n, dtype=bool)])[np.argsort(step, kind="stable")]
+    is_lower = np.concatenate([np.ones(m, dtype=bool), np.zeros(n, dtype=bool)])[
+        np.argsort(step, kind="stable")
+    ]
     i, j = np.cumsum(is_lower) - is_lower, np.cumsum(~is_lower) - ~is_lower
     third = np.where(is_lower, lower + (i + 1) % m, upper + (j + 1) % n)
     return np.column_stack([lower + i % m, third, upper + j % n])

@@ -1,7 +1,8 @@
 """One parameter mesh for several surfaces over the same T-mesh, fine enough for each of them.
 
-The mesh of `surface.tessellate` for the first surface is refined where the second one needs it, and so on: every edge and face is
-measured on every surface, so that all their tessellations lie within the chord tolerance and correspond vertex by vertex.
+The mesh of `surface.tessellate` for the first surface is refined where the second one needs it, and so on:
+every edge and face is measured on every surface, so that all their tessellations lie within the chord
+tolerance and correspond vertex by vertex.
 """
 
 from collections.abc import Sequence
@@ -19,10 +20,20 @@ if TYPE_CHECKING:
     from bonecam.surface.tspline import TSpline
 
 
-def shared_parameters(surfaces: Sequence["TSpline"], chord_tolerance: float) -> tuple[Float[ndarray, "n 2"], Int32[ndarray, "m 3"]]:
-    """(s, t) of the vertices (a pole's s is 0) and the faces; raises SurfaceError where the tolerance cannot be reached."""
+def shared_parameters(
+    surfaces: Sequence["TSpline"], chord_tolerance: float
+) -> tuple[Float[ndarray, "n 2"], Int32[ndarray, "m 3"]]:
+    """(s, t) of the vertices (a pole's s is 0) and the faces; raises SurfaceError where the tolerance cannot
+    be reached."""
     parameters, poles, faces = ring_mesh(surfaces[0], chord_tolerance)
-    draft = _Draft(surfaces[0], parameters, poles, surfaces[0].positions(*parameters.T), faces, np.ones(len(faces), dtype=bool))
+    draft = _Draft(
+        surfaces[0],
+        parameters,
+        poles,
+        surfaces[0].positions(*parameters.T),
+        faces,
+        np.ones(len(faces), dtype=bool),
+    )
     for surface in surfaces:
         draft.surface, draft.points = surface, surface.positions(*draft.parameters.T)
         draft.fresh = np.ones(len(draft.faces), dtype=bool)
@@ -33,5 +44,7 @@ def shared_parameters(surfaces: Sequence["TSpline"], chord_tolerance: float) -> 
                 break
             _split(draft, edges, edge_of_face, marked)
         else:
-            raise SurfaceError(f"the surfaces cannot be tessellated together to {chord_tolerance} mm: raise the tolerance")
+            raise SurfaceError(
+                f"the surfaces cannot be tessellated together to {chord_tolerance} mm: raise the tolerance"
+            )
     return draft.parameters, draft.faces.astype(np.int32)

@@ -1,9 +1,10 @@
 """Triangles within a measured chord tolerance of a surface, closed or open.
 
-A coarse conforming mesh of the parameter domain (surface.rings, patch_mesh) is refined by splitting edges: an edge is split where the
-surface at its quarter points is farther from the chord than the tolerance, and all edges of a triangle where the surface at
-its centroid is, or where the triangle faces against the surface. What is split depends on the edge alone, so the mesh stays
-watertight across elements, T-junctions, seam and poles. The distances are measured on the final mesh, not estimated.
+A coarse conforming mesh of the parameter domain (surface.rings, patch_mesh) is refined by splitting edges: an
+edge is split where the surface at its quarter points is farther from the chord than the tolerance, and all
+edges of a triangle where the surface at its centroid is, or where the triangle faces against the surface.
+What is split depends on the edge alone, so the mesh stays watertight across elements, T-junctions, seam and
+poles. The distances are measured on the final mesh, not estimated.
 """
 
 from dataclasses import dataclass
@@ -56,16 +57,21 @@ class _Draft:
     def between(self, corners: Int[ndarray, "n c"], shares: Float[ndarray, "k c"]) -> tuple[ndarray, ndarray]:
         """s and t at barycentric shares of vertices, round a closed direction the short way."""
         (s_low, _), (t_low, _) = self.surface.domain
-        found = triangles.between(self.parameters, self.poles, corners, shares, (s_low, t_low), self.surface.elements().period)
+        found = triangles.between(
+            self.parameters, self.poles, corners, shares, (s_low, t_low), self.surface.elements().period
+        )
         return found[0], found[1]
 
 
-def tessellate(surface: "TSpline", chord_tolerance: float, angle_tolerance: float | None = None) -> Tessellation:
-    """Triangles within `chord_tolerance` (mm) of the surface; with `angle_tolerance` (rad) the normals along an edge, too.
+def tessellate(
+    surface: "TSpline", chord_tolerance: float, angle_tolerance: float | None = None
+) -> Tessellation:
+    """Triangles within `chord_tolerance` (mm) of the surface; with `angle_tolerance` (rad) the normals along
+    an edge, too.
 
-    The mesh is outward where the surface is closed, else on the side of S_s x S_t; it is closed where the surface is. Edges shorter
-    than the chord tolerance are not split for their angle. Raises SurfaceError where the tolerance cannot be reached or a triangle
-    has no area.
+    The mesh is outward where the surface is closed, else on the side of S_s x S_t; it is closed where the
+    surface is. Edges shorter than the chord tolerance are not split for their angle. Raises SurfaceError
+    where the tolerance cannot be reached or a triangle has no area.
     """
     if not chord_tolerance > 0 or (angle_tolerance is not None and not angle_tolerance > 0):
         raise ValueError(f"tolerances must be positive, not {chord_tolerance} and {angle_tolerance}")
@@ -100,8 +106,15 @@ def _edges(faces: ndarray) -> tuple[ndarray, ndarray]:
     return np.column_stack([keys >> 32, keys & 0xFFFFFFFF]), edge_of_face.reshape(-1, 3)
 
 
-def _marked(draft: _Draft, edges: ndarray, edge_of_face: ndarray, chord_tolerance: float, angle_tolerance: float | None) -> ndarray:
-    """Which edges must be split, by the fresh faces and their edges. What passes is measured into draft.deviation."""
+def _marked(
+    draft: _Draft,
+    edges: ndarray,
+    edge_of_face: ndarray,
+    chord_tolerance: float,
+    angle_tolerance: float | None,
+) -> ndarray:
+    """Which edges must be split, by the fresh faces and their edges. What passes is measured into
+    draft.deviation."""
     marked = np.zeros(len(edges), dtype=bool)
     marked[edge_of_face[draft.fresh].ravel()] = True
     fresh = np.flatnonzero(marked)
@@ -116,7 +129,9 @@ def _marked(draft: _Draft, edges: ndarray, edge_of_face: ndarray, chord_toleranc
     inside = triangles.triangle_distances(centre, draft.points, faces)
     normals = np.cross(S_s, S_t)
     height = np.einsum("ni,ni->n", normals, draft.points[faces].mean(axis=1) - centre)
-    inside = np.maximum(inside, np.abs(height) / np.maximum(np.linalg.norm(normals, axis=1), np.finfo(float).tiny))
+    inside = np.maximum(
+        inside, np.abs(height) / np.maximum(np.linalg.norm(normals, axis=1), np.finfo(float).tiny)
+    )
     length = _lengths(draft.points, edges)[sides]
     a, b, c = (draft.points[faces[:, k]] for k in range(3))
     against = np.einsum("ni,ni->n", np.cross(b - a, c - a), normals) <= 0
@@ -134,7 +149,8 @@ def _too_bent(draft: _Draft, edges: ndarray, chord_tolerance: float, angle_toler
 
 
 def _split(draft: _Draft, edges: ndarray, edge_of_face: ndarray, marked: ndarray) -> None:
-    """Put a vertex on each of the edges, and on the longest edge of every face they cut (Rivara 1984), and cut the faces.
+    """Put a vertex on each of the edges, and on the longest edge of every face they cut (Rivara 1984), and
+    cut the faces.
 
     So no face gets thinner and thinner: where one edge of a face is split, its longest one is.
     """
@@ -164,9 +180,14 @@ def _cut(points: ndarray, faces: ndarray, middle: ndarray) -> ndarray:
     """
     marked = middle >= 0
     count = marked.sum(axis=1)
-    turn = np.where(count == 1, np.argmax(marked, axis=1), np.where(count == 2, (np.argmin(marked, axis=1) + 1) % 3, 0))
+    turn = np.where(
+        count == 1, np.argmax(marked, axis=1), np.where(count == 2, (np.argmin(marked, axis=1) + 1) % 3, 0)
+    )
     order = (turn[:, None] + np.arange(3)) % 3
-    (a, b, c), (m, n, o) = np.take_along_axis(faces, order, axis=1).T, np.take_along_axis(middle, order, axis=1).T
+    (a, b, c), (m, n, o) = (
+        np.take_along_axis(faces, order, axis=1).T,
+        np.take_along_axis(middle, order, axis=1).T,
+    )
     shorter = np.linalg.norm(points[a] - points[b], axis=1) <= np.linalg.norm(points[b] - points[c], axis=1)
     two = count == 2
     pieces = [
@@ -183,7 +204,10 @@ def _checked(surface: "TSpline", parameters: ndarray, points: ndarray, faces: nd
     area = np.linalg.norm(mesh.face_vectors, axis=1)
     if not area.min() > 0:
         place = parameters[mesh.faces[int(np.argmin(area))][0]]
-        raise SurfaceError(f"control points coincide near (s, t) = ({place[0]:.4f}, {place[1]:.4f}): move them apart", place=place)
+        raise SurfaceError(
+            f"control points coincide near (s, t) = ({place[0]:.4f}, {place[1]:.4f}): move them apart",
+            place=place,
+        )
     inward = not isinstance(surface.tmesh, RowTMesh) and _closed(mesh.faces) and mesh.volume < 0
     return TriangleMesh(mesh.vertices, mesh.faces[:, ::-1]) if inward else mesh
 

@@ -1,7 +1,8 @@
 """Cutting faces of a general T-mesh: new lines, edges and vertices on its index grid.
 
-A cut runs through its face to the edges on either side and puts a vertex there; empty intervals beyond (the lines of a clamped border)
-are cut as well, so that a border stays clamped. A row that passes all round a closed direction is given four knots at least.
+A cut runs through its face to the edges on either side and puts a vertex there; empty intervals beyond (the
+lines of a clamped border) are cut as well, so that a border stays clamped. A row that passes all round a
+closed direction is given four knots at least.
 """
 
 from collections.abc import Sequence
@@ -18,7 +19,8 @@ FEWEST = 4  # knots of a row all round a closed direction
 
 @dataclass(eq=False)
 class Draft:
-    """A T-mesh in the making: as TMesh, with a grid of vertex numbers instead of the vertices. Axis 0 is s, axis 1 is t."""
+    """A T-mesh in the making: as TMesh, with a grid of vertex numbers instead of the vertices. Axis 0 is s,
+    axis 1 is t."""
 
     knots: list[Float[ndarray, " _"]]
     edges: list[Bool[ndarray, "_ _"]]
@@ -30,7 +32,9 @@ class Draft:
     def of(cls, tmesh: TMesh) -> "Draft":
         """A draft of the T-mesh as it is."""
         edges = [tmesh.along_s.copy(), tmesh.along_t.copy()]
-        return cls([tmesh.s_lines, tmesh.t_lines], edges, tmesh.inside.copy(), tmesh.crossings.copy(), tmesh.period)
+        return cls(
+            [tmesh.s_lines, tmesh.t_lines], edges, tmesh.inside.copy(), tmesh.crossings.copy(), tmesh.period
+        )
 
     def tmesh(self) -> TMesh:
         """The finished T-mesh; vertices keep their numbers."""
@@ -46,7 +50,9 @@ class Draft:
         before = np.searchsorted(old, knots, side="right")
         self.knots[axis] = np.insert(old, before, knots)
         pieces = before - 1
-        self.edges[axis] = np.insert(self.edges[axis], before, self.edges[axis].take(pieces, axis=axis), axis=axis)
+        self.edges[axis] = np.insert(
+            self.edges[axis], before, self.edges[axis].take(pieces, axis=axis), axis=axis
+        )
         self.edges[1 - axis] = np.insert(self.edges[1 - axis], before, False, axis=axis)
         self.inside = np.insert(self.inside, before, self.inside.take(pieces, axis=axis), axis=axis)
         self.crossings = np.insert(self.crossings, before, -1, axis=axis)
@@ -60,7 +66,8 @@ class Draft:
         return int(lines[np.argmax(vertices)])
 
     def cut(self, axis: int, line: int, piece: int) -> None:
-        """Draw an edge on `line` of `axis` (0: s = const) from its piece `piece` to the next edges, and on through empty intervals."""
+        """Draw an edge on `line` of `axis` (0: s = const) from its piece `piece` to the next edges, and on
+        through empty intervals."""
         count, closed = self.inside.shape[1 - axis], bool(self.period[1 - axis])
         if not self._between(axis, line, piece):
             return
@@ -80,7 +87,8 @@ class Draft:
                 self._draw(axis, line, k)
 
     def add_vertex(self, axis: int, line: int, row: int) -> None:
-        """A vertex where `line` of `axis` meets the other axis' line `row`, on an edge there or by cutting the face along `line`."""
+        """A vertex where `line` of `axis` meets the other axis' line `row`, on an edge there or by cutting
+        the face along `line`."""
         place = (line, row) if axis == 0 else (row, line)
         if self.crossings[place] >= 0:
             return
@@ -91,8 +99,11 @@ class Draft:
             self.cut(axis, line, row % self.inside.shape[1 - axis])
 
     def _fill_rings(self) -> None:
-        """Draw each row that passes all round a closed direction with vertices but too few knots as a ring with more."""
-        for axis, (hits, passes) in enumerate(sight(self.crossings >= 0, self.edges, self.inside, self.period)):
+        """Draw each row that passes all round a closed direction with vertices but too few knots as a ring
+        with more."""
+        for axis, (hits, passes) in enumerate(
+            sight(self.crossings >= 0, self.edges, self.inside, self.period)
+        ):
             vertex = self.crossings >= 0 if axis == 0 else self.crossings.T >= 0
             short = (hits.sum(axis=0) < FEWEST) & vertex.any(axis=0) & passes.all(axis=0)
             for row in np.flatnonzero(short).tolist() if self.period[axis] else ():
@@ -102,7 +113,8 @@ class Draft:
                         self._put((line, row) if axis == 0 else (row, line))
 
     def _close(self, axis: int, line: int, row: int) -> None:
-        """Cut the empty intervals on both sides of a new vertex, so that all lines of a clamped border have it."""
+        """Cut the empty intervals on both sides of a new vertex, so that all lines of a clamped border have
+        it."""
         count, closed = self.inside.shape[1 - axis], bool(self.period[1 - axis])
         for piece in (row - 1, row):
             if (closed or 0 <= piece < count) and self._length(1 - axis, piece % count) == 0:

@@ -15,7 +15,8 @@ from bonecam.surface.basis.elements import Elements
 
 @dataclass(frozen=True, eq=False)
 class ExtractedTMesh:
-    """`size` functions, of which functions[starts[e]:starts[e+1]] live on element e with Bernstein coefficients (k, c), s fastest."""
+    """`size` functions, of which functions[starts[e]:starts[e+1]] live on element e with Bernstein
+    coefficients (k, c), s fastest."""
 
     size: int
     starts: Int64[ndarray, " e1"]

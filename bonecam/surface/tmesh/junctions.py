@@ -1,8 +1,10 @@
-"""T-junctions of a general T-mesh and where their extensions meet (Scott, Li, Sederberg & Hughes 2012, Definition 1).
+"""T-junctions of a general T-mesh and where their extensions meet (Scott, Li, Sederberg & Hughes 2012,
+Definition 1).
 
-A T-junction is a vertex with three edges inside the domain. Its extension runs against the missing edge to the first knot (edge
-extension) and through the missing edge to the second (face extension). A T-mesh in which no extension along s meets one
-along t is analysis-suitable: its blending functions are linearly independent and sum to one for some weights.
+A T-junction is a vertex with three edges inside the domain. Its extension runs against the missing edge to
+the first knot (edge extension) and through the missing edge to the second (face extension). A T-mesh in which
+no extension along s meets one along t is analysis-suitable: its blending functions are linearly independent
+and sum to one for some weights.
 """
 
 from typing import NamedTuple
@@ -29,7 +31,8 @@ def edge_table(tmesh: TMesh) -> ndarray:
 
 
 def _around(tmesh: TMesh, pieces_s: ndarray, pieces_t: ndarray) -> ndarray:
-    """What the pieces between crossings say on the four sides of each vertex; False where there is no piece."""
+    """What the pieces between crossings say on the four sides of each vertex; False where there is no
+    piece."""
     found = np.zeros((tmesh.size, 4), dtype=bool)
     for direction, (di, dj) in enumerate(STEPS):
         pieces = (pieces_s, pieces_t)[direction % 2]
@@ -43,9 +46,12 @@ def _around(tmesh: TMesh, pieces_s: ndarray, pieces_t: ndarray) -> ndarray:
 
 
 def junctions(tmesh: TMesh) -> Junctions:
-    """All T-junctions. Vertices with the same two knots are one: an edge that goes on from any of them is not missing."""
+    """All T-junctions. Vertices with the same two knots are one: an edge that goes on from any of them is not
+    missing."""
     edges = edge_table(tmesh)
-    inside = _around(tmesh, beside(tmesh.inside, bool(tmesh.period[1])), beside(tmesh.inside.T, bool(tmesh.period[0])).T)
+    inside = _around(
+        tmesh, beside(tmesh.inside, bool(tmesh.period[1])), beside(tmesh.inside.T, bool(tmesh.period[0])).T
+    )
     s, t = tmesh.s_lines[tmesh.vertices[:, 0]], tmesh.t_lines[tmesh.vertices[:, 1]]
     place = np.unique(np.column_stack([s, t]), axis=0, return_inverse=True)[1].ravel()
     leaving = np.zeros((int(place.max()) + 1, 4), dtype=bool)
@@ -59,7 +65,11 @@ def junctions(tmesh: TMesh) -> Junctions:
 def _long(tmesh: TMesh) -> ndarray:
     """(n, 4): whether the interval beside a vertex is not empty."""
     s, t = tmesh.intervals
-    return _around(tmesh, np.repeat((s > 0)[:, None], len(tmesh.t_lines), axis=1), np.repeat((t > 0)[None], len(tmesh.s_lines), axis=0))
+    return _around(
+        tmesh,
+        np.repeat((s > 0)[:, None], len(tmesh.t_lines), axis=1),
+        np.repeat((t > 0)[None], len(tmesh.s_lines), axis=0),
+    )
 
 
 class Extensions(NamedTuple):
@@ -85,7 +95,8 @@ def extensions(tmesh: TMesh) -> tuple[Extensions, Extensions]:
 
 
 def meetings(tmesh: TMesh) -> tuple[Int64[ndarray, "c 2"], Int64[ndarray, "d 2"]]:
-    """Pairs of T-junctions whose extensions cross (inside both) and those that only touch (at an end of one)."""
+    """Pairs of T-junctions whose extensions cross (inside both) and those that only touch (at an end of
+    one)."""
     along_s, along_t = extensions(tmesh)
     crossing, touching = [np.zeros((0, 2), dtype=np.int64)], [np.zeros((0, 2), dtype=np.int64)]
     for ds in _turns(tmesh.period[0]):

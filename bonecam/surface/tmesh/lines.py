@@ -1,6 +1,7 @@
 """The T-mesh as lines on the surface, to be drawn: edges as runs of parameters, vertices as places.
 
-The rows of a row-structured surface are joined by no edges; each of their knots is drawn half-way to the rows beside it.
+The rows of a row-structured surface are joined by no edges; each of their knots is drawn half-way to the rows
+beside it.
 """
 
 from dataclasses import dataclass
@@ -28,7 +29,8 @@ class TMeshLines:
 
 
 def tmesh_lines(surface: "TSpline") -> TMeshLines:
-    """The T-mesh of a closed row-structured or a general surface; pieces end at index lines, so they are short."""
+    """The T-mesh of a closed row-structured or a general surface; pieces end at index lines, so they are
+    short."""
     if isinstance(surface.tmesh, RowTMesh):
         return _of_rows(surface.tmesh)
     if isinstance(surface.tmesh, TMesh):
@@ -61,7 +63,10 @@ def _of_grid(tmesh: TMesh) -> TMeshLines:
         for step in (0, 1):
             lines = index.copy()
             lines[:, axis] += step
-            s, t = (knots_of_lines(lines[:, [d]], (tmesh.s_lines, tmesh.t_lines)[d], tmesh.period[d])[:, 0] for d in (0, 1))
+            s, t = (
+                knots_of_lines(lines[:, [d]], (tmesh.s_lines, tmesh.t_lines)[d], tmesh.period[d])[:, 0]
+                for d in (0, 1)
+            )
             ends.append(np.column_stack([s, t]))
         pieces.append(np.stack(ends, axis=1))
     found = np.concatenate(pieces)

@@ -1,6 +1,8 @@
-"""Row-structured T-meshes with open rows: S(s, t) = sum_j N_j(t) Q_j(s), both directions clamped, every row with its own s-knots.
+"""Row-structured T-meshes with open rows: S(s, t) = sum_j N_j(t) Q_j(s), both directions clamped, every row
+with its own s-knots.
 
-What skinning makes of open sections (Yang & Zheng 2012). The sum over a row is one, so the weights may be left at one.
+What skinning makes of open sections (Yang & Zheng 2012). The sum over a row is one, so the weights may be
+left at one.
 """
 
 from collections.abc import Sequence
@@ -21,14 +23,16 @@ PAIRS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
 
 @dataclass(frozen=True, eq=False)
 class OpenRowTMesh:
-    """Rows j = 0..m-1 over t_knots (m+4,), row j with s_knots[j] (its control points + 4), 0 and 1 four times at the ends."""
+    """Rows j = 0..m-1 over t_knots (m+4,), row j with s_knots[j] (its control points + 4), 0 and 1 four times
+    at the ends."""
 
     t_knots: Float[ndarray, " k"]
     s_knots: tuple[Float[ndarray, " _"], ...]
 
     @classmethod
     def from_rows(cls, t_knots: ndarray, s_knots: Sequence[ndarray]) -> "OpenRowTMesh":
-        """Check and freeze. Raises ValueError on knots that decrease or are not clamped, and on wrong counts."""
+        """Check and freeze. Raises ValueError on knots that decrease or are not clamped, and on wrong
+        counts."""
         t = frozen(t_knots)
         if len(t) != len(s_knots) + 4 or fault(t) or not _clamped(t):
             raise ValueError(
@@ -36,7 +40,9 @@ class OpenRowTMesh:
             )
         for j, row in enumerate(s_knots):
             if len(row) < 8 or fault(row) or not _clamped(row) or row[0] != 0 or row[-1] != 1:
-                raise ValueError(f"row {j}: an open row needs knots that never decrease, 0 and 1 four times at the ends{fault(row)}")
+                raise ValueError(
+                    f"row {j}: an open row needs knots that never decrease, 0 and 1 four times at the ends{fault(row)}"
+                )
         return cls(t, tuple(frozen(row) for row in s_knots))
 
     @property
@@ -63,7 +69,9 @@ class OpenRowTMesh:
     def elements(self) -> Elements:
         """The Bezier elements: on a t-span they end where one of its four rows has a knot."""
         spans = np.flatnonzero(np.diff(self.t_knots) > 0)
-        boxes, counts, functions, coefficients = (np.concatenate(parts) for parts in zip(*(self._strip(int(k)) for k in spans)))
+        boxes, counts, functions, coefficients = (
+            np.concatenate(parts) for parts in zip(*(self._strip(int(k)) for k in spans))
+        )
         return Elements(boxes, np.concatenate([[0], np.cumsum(counts)]), functions, coefficients)
 
     def blending(self, s: Float[ndarray, " n"], t: Float[ndarray, " n"], order: int) -> list[sp.csr_array]:
@@ -87,20 +95,36 @@ class OpenRowTMesh:
         rows, starts = range(k - 3, k + 1), self.row_starts
         breaks = distinct(np.concatenate([self.s_knots[j] for j in rows]))
         low, high = breaks[:-1], breaks[1:]
-        along = bernstein_coefficients(self.t_knots[None, k - 3 : k + 5], self.t_knots[[k]], self.t_knots[[k + 1]])[0]
+        along = bernstein_coefficients(
+            self.t_knots[None, k - 3 : k + 5], self.t_knots[[k]], self.t_knots[[k + 1]]
+        )[0]
         ids, values = [], []
         for j in rows:
             span = _span(self.s_knots[j], (low + high) / 2)
             around = bernstein_coefficients(self.s_knots[j][span[:, None] + np.arange(-3, 5)], low, high)
-            values.append((along[j - k + 3][None, None, :, None] * around[:, :, None, :]).reshape(len(low), 4, 16))
+            values.append(
+                (along[j - k + 3][None, None, :, None] * around[:, :, None, :]).reshape(len(low), 4, 16)
+            )
             ids.append(starts[j] + span[:, None] + np.arange(-3, 1))
-        boxes = np.column_stack([low, high, np.full_like(low, self.t_knots[k]), np.full_like(low, self.t_knots[k + 1])])
-        return boxes, np.full(len(low), 16), np.concatenate(ids, axis=1).ravel(), np.concatenate(values, axis=1).reshape(-1, 16)
+        boxes = np.column_stack(
+            [low, high, np.full_like(low, self.t_knots[k]), np.full_like(low, self.t_knots[k + 1])]
+        )
+        return (
+            boxes,
+            np.full(len(low), 16),
+            np.concatenate(ids, axis=1).ravel(),
+            np.concatenate(values, axis=1).reshape(-1, 16),
+        )
 
 
 def _clamped(knots: ndarray) -> bool:
     """Whether knots never decrease, end in fourfold knots and have no other knot more than three times."""
-    return bool((np.diff(knots) >= 0).all() and (knots[:4] == knots[0]).all() and (knots[-4:] == knots[-1]).all() and _rises(knots))
+    return bool(
+        (np.diff(knots) >= 0).all()
+        and (knots[:4] == knots[0]).all()
+        and (knots[-4:] == knots[-1]).all()
+        and _rises(knots)
+    )
 
 
 def _rises(knots: ndarray) -> bool:

@@ -32,18 +32,29 @@ class RowTMesh:
 
     @classmethod
     def from_rows(cls, t_knots: ndarray, s_knots: Sequence[ndarray]) -> "RowTMesh":
-        """Check and freeze. Raises ValueError on decreasing knots, fewer than four knots in a closed row, wrong counts."""
+        """Check and freeze. Raises ValueError on decreasing knots, fewer than four knots in a closed row,
+        wrong counts."""
         t = frozen(t_knots)
         if len(t) < 8 or len(t) != len(s_knots) + 4:
-            raise ValueError(f"{len(s_knots)} rows (four or more) need {len(s_knots) + 4} t-knots, not {len(t)}")
+            raise ValueError(
+                f"{len(s_knots)} rows (four or more) need {len(s_knots) + 4} t-knots, not {len(t)}"
+            )
         if fault(t):
             raise ValueError(f"t-knots must never decrease{fault(t)}")
         steps = np.diff(t)[(np.diff(t) > 0)]
-        if not (t[4:] > t[:-4]).all() or not 1 / LARGEST < steps.min() <= np.abs(t).max() < LARGEST or steps.min() < NEAREST * np.ptp(t):
+        if (
+            not (t[4:] > t[:-4]).all()
+            or not 1 / LARGEST < steps.min() <= np.abs(t).max() < LARGEST
+            or steps.min() < NEAREST * np.ptp(t)
+        ):
             raise ValueError("t-knots must repeat four times at most and else differ by more than rounding")
         for j, row in enumerate(s_knots):
-            if len(row) in (0, 2, 3) or not (row[0] >= 0 and row[-1] < 1 and (np.diff(row, append=row[0] + 1) > NEAREST).all()):
-                raise ValueError(f"row {j}: a closed row needs four or more increasing knots in [0, 1), a pole one{fault(row)}")
+            if len(row) in (0, 2, 3) or not (
+                row[0] >= 0 and row[-1] < 1 and (np.diff(row, append=row[0] + 1) > NEAREST).all()
+            ):
+                raise ValueError(
+                    f"row {j}: a closed row needs four or more increasing knots in [0, 1), a pole one{fault(row)}"
+                )
         return cls(t, tuple(frozen(row) for row in s_knots))
 
     @property
@@ -97,7 +108,8 @@ class RowTMesh:
 
     @staticmethod
     def _row_functions(knots: ndarray, s: ndarray, order: int) -> tuple[ndarray, ndarray]:
-        """Values (order+1, n, 4) of the row's functions that live at s, and which they are (n, 4); a pole: (.., n, 1)."""
+        """Values (order+1, n, 4) of the row's functions that live at s, and which they are (n, 4); a pole:
+        (.., n, 1)."""
         if len(knots) == 1:
             values = np.zeros((order + 1, len(s), 1))
             values[0] = 1.0

@@ -1,8 +1,11 @@
-"""Where each point of a level is pulled: unit directions, along which the attracting points H of the energy lie.
+"""Where each point of a level is pulled: unit directions, along which the attracting points H of the energy
+lie.
 
-`stock`   between the level's own normal and the shortest way to the stock: the nearer to the stock (within BLEND mm), the more
+`stock`   between the level's own normal and the shortest way to the stock: the nearer to the stock (within
+BLEND mm), the more
           of the latter. Normals alone meet in hollows; the shortest ways of a convex stock never do.
-`sphere`  as published (Gan et al. 2014): radially from the middle of the stock to its bounding sphere. Drags the points
+`sphere`  as published (Gan et al. 2014): radially from the middle of the stock to its bounding sphere. Drags
+the points
           along the axis and needs more levels.
 `nearest` the shortest way to the stock from the start.
 """
@@ -20,25 +23,37 @@ BLEND = 4.0
 Attraction = Callable[[ndarray, ndarray, Stock], ndarray]
 
 
-def towards_stock(points: Float[ndarray, "n 3"], normals: Float[ndarray, "n 3"], stock: Stock) -> Float[ndarray, "n 3"]:
+def towards_stock(
+    points: Float[ndarray, "n 3"], normals: Float[ndarray, "n 3"], stock: Stock
+) -> Float[ndarray, "n 3"]:
     """The level's normals, half way to the shortest way to the stock where they are at it."""
     distance, out = stock.way_out(points)
     return unit(normals + np.clip(1 + distance / BLEND, 0, 1)[:, None] * out)
 
 
-def towards_nearest(points: Float[ndarray, "n 3"], normals: Float[ndarray, "n 3"], stock: Stock) -> Float[ndarray, "n 3"]:
+def towards_nearest(
+    points: Float[ndarray, "n 3"], normals: Float[ndarray, "n 3"], stock: Stock
+) -> Float[ndarray, "n 3"]:
     """The shortest way to the stock."""
     return stock.outward(points)
 
 
-def towards_sphere(points: Float[ndarray, "n 3"], normals: Float[ndarray, "n 3"], stock: Stock) -> Float[ndarray, "n 3"]:
+def towards_sphere(
+    points: Float[ndarray, "n 3"], normals: Float[ndarray, "n 3"], stock: Stock
+) -> Float[ndarray, "n 3"]:
     """Away from the middle of the stock, where the published bounding sphere has its centre."""
     return unit(points - stock.middle)
 
 
 def unit(vectors: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
     """The vectors at length one."""
-    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), np.finfo(float).tiny))
+    return np.asarray(
+        vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), np.finfo(float).tiny)
+    )
 
 
-ATTRACTIONS: dict[str, Attraction] = {"stock": towards_stock, "sphere": towards_sphere, "nearest": towards_nearest}
+ATTRACTIONS: dict[str, Attraction] = {
+    "stock": towards_stock,
+    "sphere": towards_sphere,
+    "nearest": towards_nearest,
+}

@@ -1,4 +1,5 @@
-"""What an energy of a level's program is: a function of what is `Given` that yields its matrices, of one of two kinds.
+"""What an energy of a level's program is: a function of what is `Given` that yields its matrices, of one of
+two kinds.
 
     Quadratic   D'(matrix)D + 2 linear . D                   of the control net, D its free moves (`poles.py`)
     Pulled      sum_l w_l |S_new - H_l|^2                    of samples
@@ -33,7 +34,8 @@ class Given:
 
 @dataclass(frozen=True, eq=False)
 class Quadratic:
-    """D'(matrix)D + 2 linear . D; the matrix is symmetric, positive semidefinite, and the same for x, y and z."""
+    """D'(matrix)D + 2 linear . D; the matrix is symmetric, positive semidefinite, and the same for x, y and
+    z."""
 
     matrix: sp.csc_array
     linear: Float[ndarray, "m 3"]
@@ -41,7 +43,8 @@ class Quadratic:
 
 @dataclass(frozen=True, eq=False)
 class Pulled:
-    """Samples at parameters (s, t), now at x = R P, that should be at `target`; H lies `beyond` times as far from the target's foot."""
+    """Samples at parameters (s, t), now at x = R P, that should be at `target`; H lies `beyond` times as far
+    from the target's foot."""
 
     s: Float[ndarray, " k"]
     t: Float[ndarray, " k"]
@@ -64,6 +67,7 @@ def summed(parts: Sequence[Quadratic]) -> Quadratic:
 def stacked(parts: Sequence[Pulled]) -> Pulled:
     """All samples as one energy."""
     s, t, x, weights, target, beyond = (
-        np.concatenate([getattr(part, name) for part in parts]) for name in ("s", "t", "x", "weights", "target", "beyond")
+        np.concatenate([getattr(part, name) for part in parts])
+        for name in ("s", "t", "x", "weights", "target", "beyond")
     )
     return Pulled(s, t, sp.csr_array(sp.vstack([part.R for part in parts])), x, weights, target, beyond)

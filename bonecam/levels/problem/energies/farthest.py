@@ -1,4 +1,5 @@
-"""The pull at the feet of the farthest points of the stock, towards those points and all out: what is left there decides K."""
+"""The pull at the feet of the farthest points of the stock, towards those points and all out: what is left
+there decides K."""
 
 import numpy as np
 
@@ -8,7 +9,8 @@ from bonecam.levels.problem.energies.pull import targets
 from bonecam.levels.problem.limits.planes import feet
 
 FARTHEST, MOST, WEIGHT = 1.0, 600, 0.3
-"""Points of the stock less than so many depths nearer than the farthest pull at their feet; so many of them; with so much of the weight."""
+"""Points of the stock less than so many depths nearer than the farthest pull at their feet; so many of them;
+with so much of the weight."""
 
 
 def farthest(given: Given) -> Pulled:

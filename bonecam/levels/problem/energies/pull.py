@@ -1,9 +1,11 @@
-"""The pull on the level itself: its samples along a smoothed field of directions (`attraction.py`), as far as they should go.
+"""The pull on the level itself: its samples along a smoothed field of directions (`attraction.py`), as far as
+they should go.
 
-A sample should go as far as it may, and is pulled beyond, where the way to the stock needs all the depth the cuts to come have; a place
-with less to go takes at least `haste` of the depth, so that all come to the stock together: where some come early, levels crowd into
-what is left between them and fold. In narrow hollows walls go less, for the same reason (`narrows.py`). Nothing is pulled farther than
-the stock's wall: what lies at it already would be drawn along it, and waves of one level would no longer fit into those of the next.
+A sample should go as far as it may, and is pulled beyond, where the way to the stock needs all the depth the
+cuts to come have; a place with less to go takes at least `haste` of the depth, so that all come to the stock
+together: where some come early, levels crowd into what is left between them and fold. In narrow hollows walls
+go less, for the same reason (`narrows.py`). Nothing is pulled farther than the stock's wall: what lies at it
+already would be drawn along it, and waves of one level would no longer fit into those of the next.
 """
 
 import numpy as np
@@ -38,7 +40,9 @@ def pull(given: Given) -> Pulled:
     narrow = NARROW * np.sqrt(area @ samples.weights / len(x))
     share = np.clip(gap / given.cut.left, given.manner.haste, 1) * unhindered(x, normals, narrow)
     target = targets(given, x, samples.s, samples.t, normals, field, share)
-    return Pulled(samples.s, samples.t, samples.R, x, weights, target, 1 + (given.manner.beyond - 1) * share**ALL_OUT)
+    return Pulled(
+        samples.s, samples.t, samples.R, x, weights, target, 1 + (given.manner.beyond - 1) * share**ALL_OUT
+    )
 
 
 def targets(
@@ -50,7 +54,8 @@ def targets(
     towards: Float[ndarray, "k 3"],
     share: Float[ndarray, " k"],
 ) -> Float[ndarray, "k 3"]:
-    """Where samples at x should be: so far along `towards` that their distance to the level before is a `share` of what they may go."""
+    """Where samples at x should be: so far along `towards` that their distance to the level before is a
+    `share` of what they may go."""
     stock, cut = given.setting.stock, given.cut
     distance, out = stock.way_out(x)
     gap = -distance

@@ -1,7 +1,8 @@
-"""The thin plate, twice: stiffness of the moves, D'MD, and bending of the new level, (P + D)'M(P + D), as published.
+"""The thin plate, twice: stiffness of the moves, D'MD, and bending of the new level, (P + D)'M(P + D), as
+published.
 
-Stiffness keeps the net from crumpling; bending fills hollows as the level goes and keeps walls from standing up. The weight of bending
-falls with the depth squared.
+Stiffness keeps the net from crumpling; bending fills hollows as the level goes and keeps walls from standing
+up. The weight of bending falls with the depth squared.
 """
 
 import numpy as np

@@ -1,4 +1,5 @@
-"""The depth of a cut: no sample goes farther from the level before than the cut is deep, less a margin for what samples do not see."""
+"""The depth of a cut: no sample goes farther from the level before than the cut is deep, less a margin for
+what samples do not see."""
 
 import numpy as np
 from jaxtyping import Float
@@ -11,4 +12,6 @@ MARGIN, SHARE = 0.001, 0.005
 
 def depth(cut: Cut, gap: Float[ndarray, " k"]) -> tuple[Float[ndarray, " k"], Float[ndarray, " k"]]:
     """Least and largest height, mm, of samples that are `gap` inside the stock at the level before."""
-    return np.full(len(gap), -np.inf), np.full(len(gap), cut.depth - cut.margin * min(MARGIN, SHARE * cut.depth))
+    return np.full(len(gap), -np.inf), np.full(
+        len(gap), cut.depth - cut.margin * min(MARGIN, SHARE * cut.depth)
+    )

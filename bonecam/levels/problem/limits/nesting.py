@@ -10,5 +10,6 @@ MARGIN, SHARE = 0.001, 0.05
 
 
 def nesting(cut: Cut, gap: Float[ndarray, " k"]) -> tuple[Float[ndarray, " k"], Float[ndarray, " k"]]:
-    """Least and largest height, mm, of samples that are `gap` inside the stock at the level before: above zero where there is room."""
+    """Least and largest height, mm, of samples that are `gap` inside the stock at the level before: above
+    zero where there is room."""
     return cut.margin * np.clip(SHARE * (gap - cut.clearance), 0, MARGIN), np.full(len(gap), np.inf)

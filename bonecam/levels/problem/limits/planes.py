@@ -1,12 +1,14 @@
-"""The limits of one level's program, as planes at each sample; each holds where the sample's foot and nearest stock point say.
+"""The limits of one level's program, as planes at each sample; each holds where the sample's foot and nearest
+stock point say.
 
-A sample y = S_new(l) has the foot c on the level before, with the outward normal n there, and y - c is along n. So
+A sample y = S_new(l) has the foot c on the level before, with the outward normal n there, and y - c is along
+n. So
 
-    slabs    low <= n . (y - c) <= high     heights over the level before, not over where the sample came from: it may slide
-    walls    m . y <= h                     planes that are found anew as the sample moves
+    slabs    low <= n . (y - c) <= high     heights over the level before, not over where the sample came
+    from: it may slide walls    m . y <= h                     planes that are found anew as the sample moves
 
-and of several of a kind the tightest holds. A new one is a new file `limit_*.py` with one function, and its name in SLABS or WALLS.
-The planes are exact at y itself; `Limits.at` sets them up again when y has moved on.
+and of several of a kind the tightest holds. A new one is a new file `limit_*.py` with one function, and its
+name in SLABS or WALLS. The planes are exact at y itself; `Limits.at` sets them up again when y has moved on.
 """
 
 from collections.abc import Sequence
@@ -32,7 +34,8 @@ SLABS, WALLS = (depth, nesting), (wall,)
 
 
 def heights(cut: Cut, gap: Float[ndarray, " k"]) -> tuple[Float[ndarray, " k"], Float[ndarray, " k"]]:
-    """Lowest and largest height over the level before of samples that are `gap` inside the stock there, by all slabs, mm."""
+    """Lowest and largest height over the level before of samples that are `gap` inside the stock there, by
+    all slabs, mm."""
     low, high = zip(*(slab(cut, gap) for slab in SLABS))
     return np.maximum.reduce(low), np.minimum.reduce(high)
 
@@ -50,8 +53,8 @@ def tightest(
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """low <= n . (y - c) <= high and m . y <= h, one a sample, mm; the parameters (s, t) of the feet c; and what they are set up from:
-    `gap` is how far inside the stock a sample is at the level before."""
+    """low <= n . (y - c) <= high and m . y <= h, one a sample, mm; the parameters (s, t) of the feet c; and
+    what they are set up from: `gap` is how far inside the stock a sample is at the level before."""
 
     before: TSpline
     stock: Stock
@@ -71,7 +74,9 @@ class Limits:
         """As `kernels/splitting.py` takes them."""
         return self.c, self.n, self.low, self.high, self.m, self.h
 
-    def planes_with(self, c: Float[ndarray, "n 3"], n: Float[ndarray, "n 3"], high: Float[ndarray, " n"]) -> tuple[ndarray, ...]:
+    def planes_with(
+        self, c: Float[ndarray, "n 3"], n: Float[ndarray, "n 3"], high: Float[ndarray, " n"]
+    ) -> tuple[ndarray, ...]:
         """The same with others that have only n . (y - c) <= high."""
         slabs = c, n, np.full(len(c), -np.inf), high, np.zeros((len(c), 3)), np.full(len(c), np.inf)
         return tuple(np.concatenate([mine, its]) for mine, its in zip(self.planes, slabs))
@@ -102,7 +107,9 @@ class Limits:
             value[which] = new
         return Limits(self.before, self.stock, self.cut, self.gap, *values)
 
-    def straight(self, which: ndarray, c: Float[ndarray, "n 3"], n: Float[ndarray, "n 3"], high: Float[ndarray, " n"]) -> "Limits":
+    def straight(
+        self, which: ndarray, c: Float[ndarray, "n 3"], n: Float[ndarray, "n 3"], high: Float[ndarray, " n"]
+    ) -> "Limits":
         """Some with n . (y - c) <= high instead of their slabs."""
         changed = replace(self, c=self.c.copy(), n=self.n.copy(), low=self.low.copy(), high=self.high.copy())
         changed.c[which], changed.n[which], changed.low[which], changed.high[which] = c, n, -np.inf, high
@@ -113,7 +120,11 @@ class Limits:
         along, wall = (sp.hstack([sp.diags_array(v[:, j]) @ R for j in range(3)]) for v in (self.n, self.m))
         start = self.heights(x)
         low = np.concatenate([self.low - start, np.full(len(x), -np.inf)])
-        return Rows(sp.csr_array(sp.vstack([along, wall])), low, np.concatenate([self.high - start, self.h - dots(self.m, x)]))
+        return Rows(
+            sp.csr_array(sp.vstack([along, wall])),
+            low,
+            np.concatenate([self.high - start, self.h - dots(self.m, x)]),
+        )
 
 
 def rings(surface: TSpline) -> tuple[float, float]:
@@ -130,13 +141,16 @@ def feet(
     steps: int,
     enough: Float[ndarray, " k"] | None = None,
 ) -> tuple[ndarray, ndarray, ndarray, ndarray]:
-    """Parameters s and t of the feet of y on a surface, by `steps` of Newton from the given ones; the feet and the normals there.
+    """Parameters s and t of the feet of y on a surface, by `steps` of Newton from the given ones; the feet
+    and the normals there.
 
-    Where a place no farther than `enough` (mm) is all that is asked for, the first that Newton comes by stands for the foot.
+    Where a place no farther than `enough` (mm) is all that is asked for, the first that Newton comes by
+    stands for the foot.
 
-    CLEAR_OF mm and more from its foot a point's direction from it stands for the normal: the same at a foot, and where Newton has
-    not found one, or at the tip of a pole, the distance is not understated. A foot is the nearest place that Newton came by, so
-    |y - foot| never understates the distance to the whole surface. One thread: among two the levels of a phalanx took a fifth longer.
+    CLEAR_OF mm and more from its foot a point's direction from it stands for the normal: the same at a foot,
+    and where Newton has not found one, or at the tip of a pole, the distance is not understated. A foot is
+    the nearest place that Newton came by, so |y - foot| never understates the distance to the whole surface.
+    One thread: among two the levels of a phalanx took a fifth longer.
     """
     elements, s, t = before.elements(), s.copy(), t.copy()
     foot, normal = np.empty((len(y), 3)), np.empty((len(y), 3))
@@ -156,9 +170,11 @@ def limits_at(
     t: Float[ndarray, " k"],
     steps: int,
 ) -> Limits:
-    """The limits of samples at y that were `gap` inside the stock at the level before; `steps` of Newton from (s, t) find their feet.
+    """The limits of samples at y that were `gap` inside the stock at the level before; `steps` of Newton from
+    (s, t) find their feet.
 
-    A sample that has slid to where the level before is nearer to the stock than it was itself may be as near: else no place there would do.
+    A sample that has slid to where the level before is nearer to the stock than it was itself may be as near:
+    else no place there would do.
     """
     s, t, c, n = feet(before, y, s, t, steps)
     room = np.minimum(gap, -stock.signed_distance(c))

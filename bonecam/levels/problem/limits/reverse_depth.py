@@ -1,9 +1,11 @@
-"""The depth of a cut the other way: no place of the level before may be farther from the new level than the cut is deep.
+"""The depth of a cut the other way: no place of the level before may be farther from the new level than the
+cut is deep.
 
-In a hollow what is above a place is near to the hollow's sides, and so not too deep, when the place itself is too far behind already.
+In a hollow what is above a place is near to the hollow's sides, and so not too deep, when the place itself is
+too far behind already.
 
-Where the place at (s, t) slid to the foot (s + ds, t + dt), the foot of the one it came from is near (s - ds, t - dt): most are near
-enough there, and only the others' feet are sought.
+Where the place at (s, t) slid to the foot (s + ds, t + dt), the foot of the one it came from is near (s - ds,
+t - dt): most are near enough there, and only the others' feet are sought.
 """
 
 from dataclasses import dataclass
@@ -19,8 +21,8 @@ from bonecam.surface.tspline import TSpline
 
 @dataclass(frozen=True, eq=False)
 class Behind:
-    """Places of the level before (`which` of those asked for), the parameters (s, t) of their feet on the new level, the feet, how far
-    these are `away`, mm, and the directions there."""
+    """Places of the level before (`which` of those asked for), the parameters (s, t) of their feet on the new
+    level, the feet, how far these are `away`, mm, and the directions there."""
 
     which: Int[ndarray, " k"]
     s: Float[ndarray, " k"]
@@ -41,7 +43,8 @@ def behind(
     far: Float[ndarray, " n"],
     steps: int,
 ) -> Behind:
-    """Those of the places at x, parameters (s, t), that are farther than `far` from the new level, on which they are at y.
+    """Those of the places at x, parameters (s, t), that are farther than `far` from the new level, on which
+    they are at y.
 
     (foot_s, foot_t) are the feet of y on the level before.
     """
