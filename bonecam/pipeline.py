@@ -6,8 +6,7 @@ the post stands on it.
 
 import re
 import time
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,12 +19,9 @@ from numpy import ndarray
 from bonecam.errors import MeshError, SurfaceError, place_name
 from bonecam.job import Job, MeshJob, SurfaceJob
 from bonecam.keep import failed_level_kept
-from bonecam.levels.body_surface import enclosing
 from bonecam.levels.closed_morph import Morph
 from bonecam.levels.edge_rounding import levels_in
 from bonecam.levels.equal_depths import even_levels
-from bonecam.levels.measure.level import Level
-from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.mesh.healing.pits import fill_pits
 from bonecam.mesh.healing.repair import repair
@@ -34,13 +30,11 @@ from bonecam.mesh.sections.rows import harmonic_rows
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.mesh.units import MM_OF, to_mm
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.kinematics import tilt_limit
+from bonecam.nc.kinematics import axis_limits
 from bonecam.nc.machine import Machine, read_machine
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import Program
-from bonecam.orientation.limits import AxisLimits
-from bonecam.orientation.orient import orient
-from bonecam.orientation.scene import Scene
+from bonecam.orientation.level_paths import plan_paths
 from bonecam.outputs import File, Outputs
 from bonecam.progress import Progress, part, report, silent
 from bonecam.requirements import (
@@ -50,7 +44,6 @@ from bonecam.requirements import (
     check_post,
     check_room,
     check_sizes,
-    check_tools,
 )
 from bonecam.setup.centring import centred, is_free
 from bonecam.setup.holding import post_below
@@ -63,23 +56,10 @@ from bonecam.surface.fitting.fit import Fit, fit
 from bonecam.surface.query.validity import require_sound
 from bonecam.surface.tspline import TSpline
 from bonecam.threads import on_one_blas_thread
-from bonecam.toolpath.cutter import Cutter
-from bonecam.toolpath.material import DEVIATION, Material
 from bonecam.toolpath.path import ToolPath
-from bonecam.toolpath.zigzag import Candidates, candidates, cover_level
-from bonecam.verify.readback import Tolerances, Verification, verify_program
+from bonecam.verify.proof import verify
+from bonecam.verify.readback import Tolerances
 from bonecam.verify.report import levels_report, nc_report, summary_of, surface_report, toolpath_report
-
-AXIS_MARGIN = np.radians(1.0)
-"""Kept from the machine's tilt limit: a turn of up to 30 degrees between two axes at the limit bulges past it
-by less."""
-PATH_CHORD, LEVEL_CHORD = 0.002, 0.01
-"""Chord tolerances of the tessellations of the part and of the other levels that balls are kept out of while
-paths are planned, mm."""
-PROOF_CHORD = 0.001
-"""Chord tolerance of the part's tessellation that the posted program is checked against, mm."""
-Reached = tuple[Level, MeshDistance, Candidates]
-"""A level, the distance to it, and its contacts before what was cut outside it is looked at."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +130,9 @@ def convert(
     outputs.check(_files(mesh), dialect)
     made = _morphed(mesh, job, clock, keep, part(progress, 0.0, 0.3), machine)
     with clock.stage("toolpath"):
-        paths = plan_paths(made.levels, made.stock, job, machine, part(progress, 0.3, 0.85))
+        paths = plan_paths(
+            made.levels.levels, made.stock, job, axis_limits(machine), part(progress, 0.3, 0.85)
+        )
     with clock.stage("nc"):
         source = next(iter(_files(mesh)), "")
         posted = post(
@@ -162,7 +144,10 @@ def convert(
             source=source,
         )
     with clock.stage("verify"):
-        proof = verify(posted, paths, made.levels, job, part(progress, 0.9, 0.97))
+        design = made.levels.levels[0].surface
+        assert design is not None
+        tolerances = Tolerances(gouge=job.path.gouge_tolerance)
+        proof = verify(posted.text, paths, machine, dialect, design, tolerances, part(progress, 0.9, 0.97))
     figures = {
         **made.report,
         "toolpath": toolpath_report(paths),
@@ -339,67 +324,6 @@ def make_levels(surface: TSpline, stock: Stock, job: Job, progress: Progress = s
         method=job.levels.method,
         chord_tolerance=job.levels.chord_tolerance,
         progress=progress,
-    )
-
-
-def plan_paths(
-    levels: Morph, stock: Stock, job: Job, machine: Machine, progress: Progress = silent
-) -> tuple[ToolPath, ...]:
-    """The path of every level in machining order, from the one next to the stock down to the part."""
-    check_tools(job, machine)
-    design = levels.levels[0].surface
-    assert design is not None
-    part_mesh = design.tessellate(PATH_CHORD)
-    part_distance = MeshDistance(part_mesh)
-    material, round_about = Material(levels.levels, stock), enclosing(stock)
-    below = post_below(part_mesh, job.holding)
-    limits = AxisLimits(tilt_limit(machine) - AXIS_MARGIN)
-    cutters = [
-        Cutter.from_job(number, name, tool)
-        for number, name, tool in ((1, "roughing", job.roughing), (2, "finishing", job.finishing))
-    ]
-
-    def reached(level: Level) -> Reached:
-        assert level.surface is not None
-        near = MeshDistance(level.surface.tessellate(LEVEL_CHORD)) if level.index else part_distance
-        cutter = cutters[job.is_finishing(level.index)]
-        return (
-            level,
-            near,
-            candidates(level, [near, part_distance][: 2 if level.index else 1], cutter, below, job.path),
-        )
-
-    paths: list[ToolPath] = []
-    for level, near, found in _one_ahead(reached, levels.levels[-2::-1]):
-        report(progress, len(paths) / (len(levels.levels) - 1), f"path of level {level.index}")
-        scene = Scene(near.mesh, material.mesh, round_about, below, DEVIATION, near)
-        paths.append(orient(cover_level(found, material), scene, limits, job.path, job.nc))
-        material.cut(level, paths[-1])
-    return tuple(paths)
-
-
-def _one_ahead(make: Callable[[Level], Reached], levels: Sequence[Level]) -> Iterator[Reached]:
-    """What is made of each level, the next one in a thread of its own while the caller works with this
-    one."""
-    with ThreadPoolExecutor(1) as thread:
-        coming = thread.submit(make, levels[0])
-        for level in levels[1:]:
-            made, coming = coming.result(), thread.submit(make, level)
-            yield made
-        yield coming.result()
-
-
-def verify(
-    posted: Program, paths: Sequence[ToolPath], levels: Morph, job: Job, progress: Progress = silent
-) -> Verification:
-    """Read the posted text back and prove it against the paths and the design surface."""
-    report(progress, 0.0, "reading the program back")
-    surface = levels.levels[0].surface
-    assert surface is not None
-    tolerances = Tolerances(gouge=job.path.gouge_tolerance)
-    machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)
-    return verify_program(
-        posted.text, paths, machine, dialect, MeshDistance(surface.tessellate(PROOF_CHORD)), tolerances
     )
 
 

@@ -4,8 +4,6 @@ that meets the part.
 Every refusal names the field with its value, the bound and the remedy.
 """
 
-import math
-
 import numpy as np
 
 from bonecam.errors import MachineError, place_name
@@ -14,10 +12,10 @@ from bonecam.levels.solvers.clarabel import require_clarabel
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.machine import Machine
+from bonecam.nc.tool_requirements import check_tools
 from bonecam.setup.holding import post_below
 from bonecam.setup.schedule import schedule_of
 from bonecam.setup.stock import Stock
-from bonecam.toolpath.cutter import Cutter
 from bonecam.toolpath.zigzag import DEEPEST_RADII
 
 SIZES = {
@@ -64,38 +62,6 @@ def check_sizes(stock: StockJob) -> None:
             raise wrong(
                 "stock", name, value, f"a {stock.kind} has none: give {' and '.join(own)}, or kind = {kinds}"
             )
-
-
-def check_tools(job: Job, machine: Machine) -> None:
-    """JobError where a cutter cannot be, is driven faster than the machine can, or would sink into a flat
-    part at the lead angle."""
-    slowest = min(axis.speed for axis in machine.linear)
-    lead = math.radians(abs(job.path.lead_deg))
-    for section, tool in (("roughing", job.roughing), ("finishing", job.finishing)):
-        cutter = Cutter.from_job(0, section, tool)
-        if tool.spindle > machine.spindle_speed:
-            raise wrong(
-                section,
-                "spindle",
-                tool.spindle,
-                f"{machine.name} turns at {machine.spindle_speed:g} 1/min at most: give less",
-            )
-        if tool.feed > slowest:
-            raise wrong(
-                section,
-                "feed",
-                tool.feed,
-                f"an axis of {machine.name} makes {slowest:g} mm/min at most: give less",
-            )
-        for name, start, _, radius in cutter.sections[1:]:
-            if tool.radius + (start - tool.radius) * math.cos(lead) <= radius * math.sin(lead):
-                remedy = f"at the lead of {job.path.lead_deg:g} degrees the {name} would cut into a flat part: give a slimmer {name}"
-                raise wrong(
-                    section,
-                    f"{name}_diameter",
-                    2 * radius,
-                    f"{remedy}, less path.lead_deg, or a longer overhang or flute_length",
-                )
 
 
 def check_depths(job: Job) -> None:

@@ -18,8 +18,12 @@ CATEGORY = "Bonecam: NC"
 def save_program(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """`save_nc_program`."""
     from bonecam.levels.closed_morph import Morph
-    from bonecam.pipeline import post, verify
+    from bonecam.nc.dialect import read_dialect
+    from bonecam.nc.machine import read_machine
+    from bonecam.pipeline import post
     from bonecam.setup.stock import Stock
+    from bonecam.verify.proof import verify
+    from bonecam.verify.readback import Tolerances
     from bonecam.verify.report import nc_report
 
     paths = layers.kept("toolpath", tuple, "generate_toolpath")
@@ -27,7 +31,11 @@ def save_program(layers: Layers, values: Mapping[str, Any], progress: Progress) 
     stock = layers.kept("stock", Stock, "generate_stock")  # type: ignore[type-abstract]
     job = replace(layers.job(), nc=stage_of(layers.job().nc, values))
     program = post(paths, stock, job, part(progress, 0.0, 0.5))
-    proof = verify(program, paths, morph, job, part(progress, 0.5, 1.0))
+    machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)
+    design = morph.levels[0].surface
+    assert design is not None
+    tolerances = Tolerances(gouge=job.path.gouge_tolerance)
+    proof = verify(program.text, paths, machine, dialect, design, tolerances, part(progress, 0.5, 1.0))
     target = layers.target(values["file"])
     write_whole(target, program.text)
     return {**nc_report(program, proof), "file": str(target)}

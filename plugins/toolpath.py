@@ -21,8 +21,10 @@ CATEGORY = "Bonecam: Tool Paths"
 def plan_toolpath(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """`generate_toolpath`."""
     from bonecam.levels.closed_morph import Morph
+    from bonecam.nc.kinematics import axis_limits
     from bonecam.nc.machine import read_machine
-    from bonecam.pipeline import plan_paths
+    from bonecam.nc.tool_requirements import check_tools
+    from bonecam.orientation.level_paths import plan_paths
     from bonecam.setup.stock import Stock
 
     morph = layers.kept("morph", Morph, "generate_morph_levels")
@@ -34,7 +36,9 @@ def plan_toolpath(layers: Layers, values: Mapping[str, Any], progress: Progress)
         finishing=stage_of(FINISHING, values, prefix="finishing_"),
         nc=replace(layers.job().nc, machine=values["machine"]),
     )
-    paths = tuple(plan_paths(morph, stock, job, read_machine(job.nc.machine), progress))
+    machine = read_machine(job.nc.machine)
+    check_tools(job, machine)
+    paths = plan_paths(morph.levels, stock, job, axis_limits(machine), progress)
     source = layers.meshset.current_mesh_id()
     for path in paths:
         layers.select(source)

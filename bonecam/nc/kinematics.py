@@ -19,8 +19,12 @@ from numpy import ndarray
 
 from bonecam.arrays import dots
 from bonecam.nc.machine import Machine, RotaryAxis
+from bonecam.orientation.limits import AxisLimits
 
 UP = np.array([0.0, 0.0, 1.0])
+AXIS_MARGIN = np.radians(1.0)
+"""Kept from the machine's tilt limit, radians: a turn of up to 30 degrees between two axes at the limit bulges
+past it by less."""
 # a solution this little (rad) beyond a limit is on it: far below the last decimal of any word
 LIMIT_GUARD = 1e-8
 
@@ -139,6 +143,11 @@ def tilt_limit(machine: Machine) -> float:
     found, _ = inverse_rotary(machine, axes)
     reached = within_limits(machine, found).any(1).reshape(len(tilts), -1).all(1)
     return float(tilts[-1] if reached.all() else tilts[max(int(np.argmin(reached)) - 1, 0)])
+
+
+def axis_limits(machine: Machine) -> AxisLimits:
+    """The polar angles that tool paths for the machine may use: up to AXIS_MARGIN below its tilt limit."""
+    return AxisLimits(tilt_limit(machine) - AXIS_MARGIN)
 
 
 def within_limits(machine: Machine, found: Float[ndarray, "n 2 2"]) -> Bool[ndarray, "n 2"]:

@@ -2,10 +2,13 @@
 keep the ball's tip, which does not cut, off the surface), turned up where the machine's limits or the table
 forbid it."""
 
+import math
+
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from bonecam.job import wrong
 from bonecam.orientation.limits import AxisLimits, polar, unit, with_polar
 from bonecam.orientation.scene import TABLE_CLEARANCE
 from bonecam.toolpath.cutter import Cutter
@@ -18,6 +21,23 @@ def lead_axes(
 ) -> Float[ndarray, "n 3"]:
     """cos(lead) n + sin(lead) f, unit; `lead` in radians, positive leans forward."""
     return unit(np.cos(lead) * normals + np.sin(lead) * feeds)
+
+
+def check_lead(cutter: Cutter, lead_deg: float) -> None:
+    """JobError where shank or holder would enter a flat part while the axis leans by the lead angle (degrees).
+
+    The rim of a cylinder with radius r that begins c above the ball's centre stands R + c cos(lead) - r
+    sin(lead) above the part, R being the ball's radius.
+    """
+    lead = math.radians(abs(lead_deg))
+    for name, start, _, radius in cutter.sections[1:]:
+        above_centre = start - cutter.radius
+        if cutter.radius + above_centre * math.cos(lead) <= radius * math.sin(lead):
+            remedy = (
+                f"at the lead of {lead_deg:g} degrees the {name} would cut into a flat part: "
+                f"give a slimmer {name}, less path.lead_deg, or a longer overhang or flute_length"
+            )
+            raise wrong(cutter.name, f"{name}_diameter", 2 * radius, remedy)
 
 
 def turned_up(

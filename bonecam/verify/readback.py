@@ -1,8 +1,8 @@
-"""The proof of a posted text: read back, laid along the tool paths, and checked against the part.
+"""Whether the moves read back from a posted text are those of the tool paths.
 
 Every row of the paths must be reached, once and in order, by a move whose tip and axis agree; moves in
 between must lie on the straight way of the ball centre between two rows; rapids and feeds must be what the
-paths say. Then every move is checked for gouges between its ends (`gouge.py`).
+paths say.
 """
 
 from collections.abc import Sequence
@@ -15,11 +15,8 @@ from numpy import ndarray
 from bonecam.errors import VerifyError
 from bonecam.kernels.align import align
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.machine import Machine
 from bonecam.nc.reading.motions import Motions
-from bonecam.nc.reading.read import read_program
 from bonecam.toolpath.path import Kind, ToolPath
-from bonecam.verify.gouge import Distances, Gouge, measure_gouge
 
 FEED_TOLERANCE = 0.02
 
@@ -33,17 +30,6 @@ class Tolerances:
     gouge: float = 0.01
 
 
-@dataclass(frozen=True)
-class Verification:
-    """What was measured on the text; `gouge`: where the ball enters the part deepest, or least clears it."""
-
-    moves: int
-    rows: int
-    readback_tip_error_mm: float
-    readback_axis_error_deg: float
-    gouge: Gouge
-
-
 @dataclass(frozen=True, eq=False)
 class Readback:
     """Errors of every move and the row it reaches (>= 0), approaches (-1) or is on the way to (-2 - row)."""
@@ -52,41 +38,6 @@ class Readback:
     source: Int[ndarray, "n"]
     tip_error: Float[ndarray, "n"]
     axis_error: Float[ndarray, "n"]
-
-
-def verify_program(
-    text: str,
-    paths: Sequence[ToolPath],
-    machine: Machine,
-    dialect: Dialect,
-    part: Distances,
-    tolerances: Tolerances | None = None,
-) -> Verification:
-    """Read `text` back and prove it against the paths and the part.
-
-    `part` measures against a fine tessellation of the design surface: its own deviation is not seen here.
-    ProgramError where the text cannot be read, VerifyError (with `line`, `place`, `error`) where it is wrong.
-    """
-    allowed = tolerances or Tolerances()
-    motions = read_program(text, machine, dialect)
-    checked = compare(motions, paths, dialect, allowed)
-    gouge = measure_gouge(motions, part)
-    if gouge.depth > allowed.gouge:
-        place = ", ".join(f"{value:.3f}" for value in gouge.place)
-        raise VerifyError(
-            f"line {gouge.line}: the ball enters the part by {gouge.depth:.4f} mm at ({place}), "
-            f"allowed {allowed.gouge:g}: lift the path there",
-            line=gouge.line,
-            place=gouge.place,
-            error=gouge.depth,
-        )
-    return Verification(
-        moves=motions.blocks,
-        rows=checked.rows,
-        readback_tip_error_mm=float(checked.tip_error.max(initial=0.0)),
-        readback_axis_error_deg=float(np.degrees(checked.axis_error.max(initial=0.0))),
-        gouge=gouge,
-    )
 
 
 def compare(

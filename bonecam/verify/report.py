@@ -14,7 +14,7 @@ from bonecam.nc.program import Program
 from bonecam.setup.stock import stock_text
 from bonecam.surface.fitting.fit import Fit
 from bonecam.toolpath.path import Kind, ToolPath
-from bonecam.verify.readback import Verification
+from bonecam.verify.proof import Verification
 
 WHY = {
     "post": "at the post",

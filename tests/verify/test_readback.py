@@ -13,7 +13,8 @@ from bonecam.nc.dialect import read_dialect
 from bonecam.nc.machine import read_machine
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.read import read_program
-from bonecam.verify.readback import Tolerances, compare, verify_program
+from bonecam.verify.proof import verify_program
+from bonecam.verify.readback import Tolerances, compare
 
 PAIRS = {
     name: (read_machine(machine), read_dialect(name))

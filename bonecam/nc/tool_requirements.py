@@ -1,0 +1,26 @@
+"""What the tools of a job must meet before any path is planned: shapes, lead angle, and the machine's speeds."""
+
+from bonecam.job import Job, ToolJob, wrong
+from bonecam.nc.machine import Machine
+from bonecam.orientation.lead import check_lead
+from bonecam.toolpath.cutter import Cutter
+
+
+def check_tools(job: Job, machine: Machine) -> None:
+    """JobError where a cutter cannot be made, is driven faster than the machine can, or enters a flat part."""
+    for section, tool in (("roughing", job.roughing), ("finishing", job.finishing)):
+        cutter = Cutter.from_job(0, section, tool)
+        _check_speeds(section, tool, machine)
+        check_lead(cutter, job.path.lead_deg)
+
+
+def _check_speeds(section: str, tool: ToolJob, machine: Machine) -> None:
+    """JobError where spindle speed (1/min) or feed (mm/min) are more than the machine has."""
+    if tool.spindle > machine.spindle_speed:
+        bound = f"{machine.name} turns at {machine.spindle_speed:g} 1/min at most: give less"
+        raise wrong(section, "spindle", tool.spindle, bound)
+
+    slowest = min(axis.speed for axis in machine.linear)
+    if tool.feed > slowest:
+        bound = f"an axis of {machine.name} makes {slowest:g} mm/min at most: give less"
+        raise wrong(section, "feed", tool.feed, bound)

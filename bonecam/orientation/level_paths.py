@@ -1,0 +1,96 @@
+"""The tool paths of all levels of a morph in machining order: from the level next to the stock down to the
+part.
+
+Each level needs the material that the level before it left, so the levels follow one another; what does not
+depend on that material (the contacts of the next level) is made in a second thread meanwhile.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+from bonecam.job import Job
+from bonecam.levels.body_surface import enclosing
+from bonecam.levels.measure.level import Level
+from bonecam.mesh.distance import MeshDistance
+from bonecam.orientation.lead import check_lead
+from bonecam.orientation.limits import AxisLimits
+from bonecam.orientation.orient import orient
+from bonecam.orientation.scene import Scene
+from bonecam.progress import Progress, report, silent
+from bonecam.setup.holding import Post, post_below
+from bonecam.setup.stock import Stock
+from bonecam.toolpath.cutter import Cutter
+from bonecam.toolpath.material import DEVIATION, Material
+from bonecam.toolpath.path import ToolPath
+from bonecam.toolpath.zigzag import Candidates, candidates, cover_level
+
+PART_CHORD = 0.002
+"""Chord tolerance (mm) of the tessellated part that balls are kept out of; with the share of the gouge
+tolerance that contacts use (`toolpath/gouge.py`) it stays below the 0.01 mm allowed by default."""
+LEVEL_CHORD = 0.01
+"""Chord tolerance (mm) of the other tessellated levels: a ball that enters one of them leaves the part alone."""
+
+
+@dataclass(frozen=True, eq=False)
+class LevelContacts:
+    """A level, the distance to its tessellation, and its contacts before any is left out."""
+
+    level: Level
+    distance: MeshDistance
+    candidates: Candidates
+
+
+def plan_paths(
+    levels: Sequence[Level], stock: Stock, job: Job, limits: AxisLimits, progress: Progress = silent
+) -> tuple[ToolPath, ...]:
+    """The path of every level in machining order; `limits` are those of the machine's tool axis.
+
+    `levels` begin at the part and end at the stock. Raises JobError where a cutter cannot be used at the
+    job's lead angle, ToolPathError or OrientationError (with the level's number) where a level has no path.
+    """
+    roughing = Cutter.from_job(1, "roughing", job.roughing)
+    finishing = Cutter.from_job(2, "finishing", job.finishing)
+    for cutter in (roughing, finishing):
+        check_lead(cutter, job.path.lead_deg)
+
+    design = levels[0].surface
+    assert design is not None
+    part = MeshDistance(design.tessellate(PART_CHORD))
+    post = post_below(part.mesh, job.holding)
+
+    def contacts_of(level: Level) -> LevelContacts:
+        cutter = finishing if job.is_finishing(level.index) else roughing
+        return _contacts_of(level, part, cutter, post, job)
+
+    capsule = enclosing(stock)
+    material = Material(levels, stock)
+    paths: list[ToolPath] = []
+    for found in _one_ahead(contacts_of, levels[-2::-1]):
+        level = found.level
+        report(progress, len(paths) / (len(levels) - 1), f"path of level {level.index}")
+        scene = Scene(found.distance.mesh, material.mesh, capsule, post, DEVIATION, found.distance)
+        paths.append(orient(cover_level(found.candidates, material), scene, limits, job.path, job.nc))
+        material.cut(level, paths[-1])
+    return tuple(paths)
+
+
+def _contacts_of(level: Level, part: MeshDistance, cutter: Cutter, post: Post, job: Job) -> LevelContacts:
+    """The contacts of a level; its balls stay out of the level and of the part."""
+    if level.index == 0:
+        return LevelContacts(level, part, candidates(level, [part], cutter, post, job.path))
+    assert level.surface is not None
+    distance = MeshDistance(level.surface.tessellate(LEVEL_CHORD))
+    return LevelContacts(level, distance, candidates(level, [distance, part], cutter, post, job.path))
+
+
+def _one_ahead(make: Callable[[Level], LevelContacts], levels: Sequence[Level]) -> Iterator[LevelContacts]:
+    """`make(level)` of each level in order; a second thread makes the next one while the caller uses this
+    one."""
+    with ThreadPoolExecutor(1) as thread:
+        coming = thread.submit(make, levels[0])
+        for level in levels[1:]:
+            made = coming.result()
+            coming = thread.submit(make, level)
+            yield made
+        yield coming.result()

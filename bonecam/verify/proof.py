@@ -1,0 +1,82 @@
+"""The proof of a posted text: read back (`nc/reading`), compared with the tool paths (`readback.py`), and checked
+for gouges of the part (`gouge.py`)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bonecam.errors import VerifyError
+from bonecam.mesh.distance import MeshDistance
+from bonecam.nc.dialect import Dialect
+from bonecam.nc.machine import Machine
+from bonecam.nc.reading.read import read_program
+from bonecam.progress import Progress, report, silent
+from bonecam.surface.tspline import TSpline
+from bonecam.toolpath.path import ToolPath
+from bonecam.verify.gouge import Distances, Gouge, measure_gouge
+from bonecam.verify.readback import Tolerances, compare
+
+DESIGN_CHORD = 0.001
+"""Chord tolerance (mm) of the tessellated design surface: a tenth of the gouge allowed by default."""
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What was measured on the text; `gouge`: where the ball enters the part deepest, or least clears it."""
+
+    moves: int
+    rows: int
+    readback_tip_error_mm: float
+    readback_axis_error_deg: float
+    gouge: Gouge
+
+
+def verify(
+    text: str,
+    paths: Sequence[ToolPath],
+    machine: Machine,
+    dialect: Dialect,
+    design: TSpline,
+    tolerances: Tolerances | None = None,
+    progress: Progress = silent,
+) -> Verification:
+    """Prove `text` against the paths and the design surface; errors as in `verify_program`."""
+    report(progress, 0.0, "reading the program back")
+    part = MeshDistance(design.tessellate(DESIGN_CHORD))
+    return verify_program(text, paths, machine, dialect, part, tolerances)
+
+
+def verify_program(
+    text: str,
+    paths: Sequence[ToolPath],
+    machine: Machine,
+    dialect: Dialect,
+    part: Distances,
+    tolerances: Tolerances | None = None,
+) -> Verification:
+    """Read `text` back and prove it against the paths and the part.
+
+    `part` measures against a fine tessellation of the design surface: its own deviation is not seen here.
+    ProgramError where the text cannot be read, VerifyError (with `line`, `place`, `error`) where it is wrong.
+    """
+    allowed = tolerances or Tolerances()
+    motions = read_program(text, machine, dialect)
+    checked = compare(motions, paths, dialect, allowed)
+    gouge = measure_gouge(motions, part)
+    if gouge.depth > allowed.gouge:
+        place = ", ".join(f"{value:.3f}" for value in gouge.place)
+        raise VerifyError(
+            f"line {gouge.line}: the ball enters the part by {gouge.depth:.4f} mm at ({place}), "
+            f"allowed {allowed.gouge:g}: lift the path there",
+            line=gouge.line,
+            place=gouge.place,
+            error=gouge.depth,
+        )
+    return Verification(
+        moves=motions.blocks,
+        rows=checked.rows,
+        readback_tip_error_mm=float(checked.tip_error.max(initial=0.0)),
+        readback_axis_error_deg=float(np.degrees(checked.axis_error.max(initial=0.0))),
+        gouge=gouge,
+    )
