@@ -20,6 +20,7 @@ DOORS = {
     "numba": {"kernels"},
     "open3d": {"mesh/distance.py"},
     "OCP": {"mesh/files/opencascade.py"},
+    "pymeshlab": {"mesh/meshlab.py"},
     "ezdxf": {"mesh/files/polyhedra.py"},
 }
 

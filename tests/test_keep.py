@@ -15,7 +15,8 @@ from bonecam.keep import failed_level_kept, keep_levels
 from bonecam.levels.edge_rounding import levels_in
 from bonecam.levels.measure.line_depths import line_depths
 from bonecam.levels.open_morph import morph_open
-from bonecam.mesh.files.mesh_files import meshlab, read_mesh, write_mesh
+from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
+from bonecam.mesh.meshlab import meshlab
 from bonecam.setup.cylinder import Cylinder
 from bonecam.setup.schedule import Schedule
 from bonecam.surface.skinning.skin import skin

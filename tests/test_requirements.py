@@ -127,7 +127,7 @@ def test_a_batch_refuses_an_absurd_job_before_its_first_mesh(tmp_path: Path) -> 
 def test_the_filters_refuse_a_post_beside_the_part() -> None:
     mesh = read_mesh(shipped("phalanx"))
     meshes = bonecam.MeshSet()
-    from bonecam.mesh.files.mesh_files import meshlab
+    from bonecam.mesh.meshlab import meshlab
 
     meshes.add_mesh(meshlab().Mesh(mesh.vertices, mesh.faces))
     with pytest.raises(ToolPathError, match="misses the part"):

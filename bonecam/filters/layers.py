@@ -19,7 +19,7 @@ from numpy import ndarray
 
 from bonecam.errors import FilterError
 from bonecam.job import Job
-from bonecam.mesh.files.mesh_files import colours_to, meshlab
+from bonecam.mesh.meshlab import meshlab, quality_colours
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.mesh.units import to_mm
 
@@ -112,7 +112,7 @@ class Layers:
         key = self._new(meshlab().Mesh(mesh.vertices, mesh.faces, **extra), name, keep or {})
         if quality is not None:
             self.native(
-                "compute_color_from_scalar_per_vertex", **(colours_to(largest) if largest > 0 else {})
+                "compute_color_from_scalar_per_vertex", **(quality_colours(largest) if largest > 0 else {})
             )
         return key
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from bonecam.errors import FilterError
 from bonecam.filters.mlx import ScriptParameter
-from bonecam.mesh.files.mesh_files import meshlab
+from bonecam.mesh.meshlab import meshlab
 
 Attributes = Mapping[str, str]
 

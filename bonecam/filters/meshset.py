@@ -23,7 +23,7 @@ from bonecam.filters.catalogue import parameter_list
 from bonecam.filters.filter import Filter, Registry, installed
 from bonecam.filters.layers import Layers
 from bonecam.filters.mlx import FilterCall, ScriptParameter, read_calls, write_script
-from bonecam.mesh.files.mesh_files import meshlab
+from bonecam.mesh.meshlab import meshlab
 from bonecam.progress import Progress, silent
 
 

@@ -20,7 +20,8 @@ from bonecam.filters.filter import Registry, installed
 from bonecam.filters.meshlab_values import checked_value
 from bonecam.filters.meshset import MeshSet, known_to_meshlab
 from bonecam.filters.mlx import FilterCall, ScriptParameter, read_calls
-from bonecam.mesh.files.mesh_files import CAD, MESHES, READABLE, meshlab, read_mesh
+from bonecam.mesh.files.mesh_files import CAD, MESHES, READABLE, read_mesh
+from bonecam.mesh.meshlab import meshlab
 from bonecam.progress import Progress, part, report, silent
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool
 from numpy import ndarray
 
-from bonecam.mesh.files.mesh_files import from_meshset, meshlab, to_meshset
+from bonecam.mesh.meshlab import from_meshset, meshlab, to_meshset
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 

@@ -1,4 +1,4 @@
-"""Mesh files through MeshLab: STL (binary, ASCII), PLY, OBJ, OFF in; PLY and STL out. The door for pymeshlab.
+"""Mesh files through MeshLab: STL (binary, ASCII), PLY, OBJ, OFF in; PLY and STL out.
 
 `read_mesh` reads every kind of part file: for STEP, IGES, SAT, DXF and point clouds it asks the modules that
 know them. Coordinates are read and written as they stand in the file; `bonecam.mesh.units` gives them their
@@ -9,7 +9,6 @@ merged) is looked at first: the former is an error here, the latter is wanted.
 import os
 import re
 import tempfile
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +20,10 @@ from bonecam.errors import FileError, MeshError
 from bonecam.mesh.files.cad_files import read_cad_mesh
 from bonecam.mesh.files.file_content import trouble_in
 from bonecam.mesh.files.opencascade import IGES, STEP
+from bonecam.mesh.files.point_cloud import FEWEST, reconstruct
 from bonecam.mesh.files.point_files import POINTS, read_blocks
 from bonecam.mesh.files.polyhedra import ACIS, DXF, read_polyhedra
+from bonecam.mesh.meshlab import from_meshset, meshlab, quality_colours
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 MESHES = (".stl", ".ply", ".obj", ".off")
@@ -30,37 +31,6 @@ CAD = (*STEP, *IGES, *ACIS, *DXF)
 READABLE = (*MESHES, *CAD, *POINTS)
 WRITABLE = (".ply", ".stl")
 LARGEST_COORDINATE = 1e9
-
-
-@cache
-def meshlab() -> Any:
-    """The pymeshlab module; FileError names the system package where its plugins are missing."""
-    try:
-        import pymeshlab
-    except ImportError as error:
-        raise FileError(
-            f"pymeshlab cannot be loaded ({error}): install the system packages libgl1 and libopengl0"
-        ) from error
-    if "meshing_isotropic_explicit_remeshing" not in pymeshlab.filter_list():
-        count = pymeshlab.plugin_number()
-        raise FileError(
-            f"pymeshlab loaded only {count} plugins: install the system packages libgl1 and libopengl0",
-            plugins=count,
-        )
-    return pymeshlab
-
-
-def to_meshset(mesh: TriangleMesh) -> Any:
-    """A pymeshlab.MeshSet with `mesh` as its one layer."""
-    meshset = meshlab().MeshSet()
-    meshset.add_mesh(meshlab().Mesh(mesh.vertices, mesh.faces))
-    return meshset
-
-
-def from_meshset(meshset: Any) -> TriangleMesh:
-    """The current layer of a pymeshlab.MeshSet; ValueError where a face names a vertex that is not there."""
-    layer = meshset.current_mesh()
-    return TriangleMesh(layer.vertex_matrix(), layer.face_matrix())
 
 
 def read_mesh(path: str | Path, also: tuple[str, ...] = ()) -> TriangleMesh:
@@ -114,8 +84,6 @@ def _read_other(file: Path) -> TriangleMesh:
 
 def _round_points(file: Path, points: Float[ndarray, "n 3"]) -> TriangleMesh:
     """The surface round a point cloud; FileError where it is none."""
-    from bonecam.mesh.files.point_cloud import FEWEST, reconstruct
-
     if len(points) < FEWEST:
         raise _refusal(
             file,
@@ -156,7 +124,7 @@ def write_mesh(
     if target.suffix.lower() == ".ply":
         options = {"save_vertex_quality": quality is not None, "save_vertex_color": shown}
     if shown:
-        meshset.compute_color_from_scalar_per_vertex(**colours_to(largest))
+        meshset.compute_color_from_scalar_per_vertex(**quality_colours(largest))
     try:
         with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}.") as folder:
             work = Path(folder) / f"mesh{target.suffix.lower()}"
@@ -166,11 +134,6 @@ def write_mesh(
         raise _refusal(
             target, f"cannot be written ({error.strerror})", "choose a folder that exists and may be written"
         ) from error
-
-
-def colours_to(largest: float) -> dict[str, Any]:
-    """Parameters of MeshLab's colouring by quality on one scale from 0 to `largest`, dark to light."""
-    return {"minval": 0.0, "maxval": largest, "colormap": "Viridis"}
 
 
 def _welded(mesh: TriangleMesh) -> TriangleMesh:

@@ -11,7 +11,7 @@ from numpy import ndarray
 
 from bonecam.errors import MeshError
 from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.files.mesh_files import from_meshset, meshlab
+from bonecam.mesh.meshlab import from_meshset, meshlab
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 FEWEST = 200  # points

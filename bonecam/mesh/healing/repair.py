@@ -16,10 +16,10 @@ from numpy import ndarray
 from bonecam.arrays import dots
 from bonecam.errors import MeshError, counted
 from bonecam.mesh.distance import exact_closest
-from bonecam.mesh.files.mesh_files import from_meshset, meshlab, to_meshset
 from bonecam.mesh.healing.faults import Fault, faults_of, holes_of
 from bonecam.mesh.healing.topology import edges_of, pieces_of
 from bonecam.mesh.intersections import self_intersections
+from bonecam.mesh.meshlab import from_meshset, meshlab, to_meshset
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.progress import Progress, report, silent
 
