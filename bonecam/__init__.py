@@ -4,32 +4,12 @@
     result = bonecam.convert("bone.stl", bonecam.Job())
     print(result.report["levels_lower_bound"], result.program.text[:80])
 
-Public names load when first used.
+`bonecam.mesh`, `setup`, `surface`, `levels`, `toolpath`, `orientation`, `nc` and `verify` are the stages, in the
+order of the flow. Names load when first used; `__init__.pyi` lists them.
 """
 
-from importlib import import_module
-from typing import Any
+import lazy_loader
 
 __version__ = "0.1.0"
 
-_HOMES = {
-    "convert": "bonecam.pipeline",
-    "morph_levels": "bonecam.pipeline",
-    "Morphed": "bonecam.pipeline",
-    "Result": "bonecam.pipeline",
-    "Job": "bonecam.job",
-    "read_job": "bonecam.job",
-    "BonecamError": "bonecam.errors",
-    "MeshSet": "bonecam.filters.meshset",
-}
-__all__ = ["BonecamError", "Job", "MeshSet", "Morphed", "Result", "convert", "morph_levels", "read_job"]
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module 'bonecam' has no attribute {name!r}")
-    return getattr(import_module(_HOMES[name]), name)
-
-
-def __dir__() -> list[str]:
-    return sorted([*globals(), *__all__])
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

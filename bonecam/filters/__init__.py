@@ -1,1 +1,5 @@
-"""MeshLab-style filters: records, registry, MeshSet and scripts."""
+"""MeshLab-style filters: their records, the registry of what is installed, MeshSet and scripts."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,23 @@
+from . import filters as filters
+from . import levels as levels
+from . import mesh as mesh
+from . import nc as nc
+from . import orientation as orientation
+from . import setup as setup
+from . import surface as surface
+from . import toolpath as toolpath
+from . import verify as verify
+from .batch import Outcome as Outcome
+from .batch import convert_many as convert_many
+from .errors import BonecamError as BonecamError
+from .filters.meshset import MeshSet as MeshSet
+from .job import Job as Job
+from .job import read_job as read_job
+from .job import write_job as write_job
+from .pipeline import Morphed as Morphed
+from .pipeline import Part as Part
+from .pipeline import Result as Result
+from .pipeline import convert as convert
+from .pipeline import morph_levels as morph_levels
+
+__version__: str

@@ -1,0 +1,10 @@
+from .filter import Filter as Filter
+from .filter import Registry as Registry
+from .filter import installed as installed
+from .layers import Layers as Layers
+from .meshset import MeshSet as MeshSet
+from .parameter import FilterParameter as FilterParameter
+from .parameter import Kind as Kind
+from .parameter import Percentage as Percentage
+from .script import apply_script as apply_script
+from .script import run_script as run_script

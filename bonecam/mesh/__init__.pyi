@@ -1,0 +1,15 @@
+from .distance import MeshDistance as MeshDistance
+from .distance import exact_closest as exact_closest
+from .files.mesh_files import read_mesh as read_mesh
+from .files.mesh_files import write_mesh as write_mesh
+from .healing.faults import Fault as Fault
+from .healing.faults import faults_of as faults_of
+from .healing.pits import fill_pits as fill_pits
+from .healing.repair import repair as repair
+from .intersections import self_intersections as self_intersections
+from .pose import upright as upright
+from .remeshing import remesh as remesh
+from .sections.rows import Rows as Rows
+from .sections.rows import harmonic_rows as harmonic_rows
+from .triangle_mesh import TriangleMesh as TriangleMesh
+from .units import to_mm as to_mm

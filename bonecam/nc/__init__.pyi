@@ -1,0 +1,17 @@
+from .dialect import Dialect as Dialect
+from .dialect import dialect_names as dialect_names
+from .dialect import read_dialect as read_dialect
+from .kinematics import forward as forward
+from .kinematics import inverse_linear as inverse_linear
+from .kinematics import inverse_rotary as inverse_rotary
+from .kinematics import tilt_limit as tilt_limit
+from .machine import LinearAxis as LinearAxis
+from .machine import Machine as Machine
+from .machine import RotaryAxis as RotaryAxis
+from .machine import machine_names as machine_names
+from .machine import read_machine as read_machine
+from .posting.write import write_program as write_program
+from .program import Program as Program
+from .reading.motions import Motions as Motions
+from .reading.motions import Tool as Tool
+from .reading.read import read_program as read_program

@@ -1,0 +1,13 @@
+from .box import Box as Box
+from .convex import ConvexStock as ConvexStock
+from .cylinder import Cylinder as Cylinder
+from .holding import Post as Post
+from .holding import post_below as post_below
+from .placement import stock_for as stock_for
+from .rounded import Rounded as Rounded
+from .schedule import Schedule as Schedule
+from .schedule import schedule_of as schedule_of
+from .stock import Capsule as Capsule
+from .stock import Stock as Stock
+from .stock import smallest_capsule as smallest_capsule
+from .stock import stock_figures as stock_figures

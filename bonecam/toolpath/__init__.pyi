@@ -1,0 +1,10 @@
+from .cutter import Cutter as Cutter
+from .material import Material as Material
+from .path import ContactPath as ContactPath
+from .path import Kind as Kind
+from .path import ToolPath as ToolPath
+from .scallop import side_step as side_step
+from .spacing import line_positions as line_positions
+from .zigzag import Candidates as Candidates
+from .zigzag import candidates as candidates
+from .zigzag import cover_level as cover_level

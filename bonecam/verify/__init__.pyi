@@ -1,0 +1,15 @@
+from .gouge import Gouge as Gouge
+from .gouge import measure_gouge as measure_gouge
+from .pictures import draw_coloured as draw_coloured
+from .pictures import draw_depths as draw_depths
+from .pictures import draw_levels as draw_levels
+from .pictures import draw_tmesh as draw_tmesh
+from .pictures import draw_toolpath as draw_toolpath
+from .readback import Tolerances as Tolerances
+from .readback import Verification as Verification
+from .readback import verify_program as verify_program
+from .report import levels_report as levels_report
+from .report import nc_report as nc_report
+from .report import summary_of as summary_of
+from .report import surface_report as surface_report
+from .report import toolpath_report as toolpath_report
