@@ -17,7 +17,15 @@ STAGES = "mesh setup surface levels toolpath orientation nc verify".split()
 PACKAGES = ["bonecam", *(f"bonecam.{name}" for name in [*STAGES, "filters"])]
 
 
-WANTED = ["convert", "Job", "mesh.read_mesh", "surface.fit", "levels.Level", "nc.read_machine", "verify.Verification"]
+WANTED = [
+    "convert",
+    "Job",
+    "mesh.read_mesh",
+    "surface.fit",
+    "levels.Level",
+    "nc.read_machine",
+    "verify.Verification",
+]
 MISSPELT = ["convret", "mesh.read_meshes", "surface.Tspline", "levels.Levle", "nc.red_machine"]
 
 

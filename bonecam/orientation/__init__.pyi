@@ -1,3 +1,4 @@
+from .level_paths import plan_paths as plan_paths
 from .limits import AxisLimits as AxisLimits
-from .orient import orient as orient
+from .oriented_path import orient as orient
 from .scene import Scene as Scene

@@ -15,7 +15,7 @@ from bonecam.levels.measure.level import Level
 from bonecam.mesh.distance import MeshDistance
 from bonecam.orientation.lead import check_lead
 from bonecam.orientation.limits import AxisLimits
-from bonecam.orientation.orient import orient
+from bonecam.orientation.oriented_path import orient
 from bonecam.orientation.scene import Scene
 from bonecam.progress import Progress, report, silent
 from bonecam.setup.holding import Post, post_below

@@ -5,9 +5,10 @@ from .pictures import draw_depths as draw_depths
 from .pictures import draw_levels as draw_levels
 from .pictures import draw_tmesh as draw_tmesh
 from .pictures import draw_toolpath as draw_toolpath
+from .proof import Verification as Verification
+from .proof import verify as verify
+from .proof import verify_program as verify_program
 from .readback import Tolerances as Tolerances
-from .readback import Verification as Verification
-from .readback import verify_program as verify_program
 from .report import levels_report as levels_report
 from .report import nc_report as nc_report
 from .report import summary_of as summary_of

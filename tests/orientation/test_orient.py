@@ -14,7 +14,7 @@ from bonecam.orientation.admissible import fan
 from bonecam.orientation.lead import lead_axes
 from bonecam.orientation.limits import AxisLimits, angles_between, polar, unit
 from bonecam.orientation.moves import Checker
-from bonecam.orientation.orient import MAX_TURN, orient
+from bonecam.orientation.oriented_path import MAX_TURN, orient
 from bonecam.orientation.pole import AT_POLE, CONE, nearest_to_pole, round_pole
 from bonecam.orientation.scene import Scene
 from bonecam.setup.holding import post_below

@@ -12,7 +12,7 @@ from bonecam.job import NcJob, PathJob
 from bonecam.levels.measure.level import Level
 from bonecam.mesh.distance import MeshDistance
 from bonecam.orientation.limits import AxisLimits
-from bonecam.orientation.orient import orient
+from bonecam.orientation.oriented_path import orient
 from bonecam.orientation.scene import Scene
 from bonecam.setup.holding import post_below
 from bonecam.setup.stock import Capsule
