@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from test_morph import waisted
+from test_closed_morph import waisted
 
 from bonecam.errors import JobError, LevelError, StockError, SurfaceError
 from bonecam.levels.closed_morph import Morph

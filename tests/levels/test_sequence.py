@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_morph import SCHEDULE, STOCK, waisted
+from test_closed_morph import SCHEDULE, STOCK, waisted
 
 from bonecam.levels.measure.certificate import certificate_of_last
 from bonecam.levels.measure.check import DEPTH_TOLERANCE

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from test_morph import STOCK
-from test_step import setting
+from test_closed_morph import STOCK
+from test_exchange import setting
 
 from bonecam.levels import refine_for_depth as module
 from bonecam.levels.refine_for_depth import finer

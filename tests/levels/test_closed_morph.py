@@ -80,7 +80,7 @@ from bonecam.levels.open_morph import morph_open
 from bonecam.levels.edge_rounding import levels_in
 from bonecam.setup.schedule import Schedule
 from bonecam.setup.stock import Capsule
-from test_morph import SCHEDULE, STOCK, waisted
+from test_closed_morph import SCHEDULE, STOCK, waisted
 part = waisted()
 for call in (
     lambda: levels_in(STOCK, part, SCHEDULE),

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from test_morph import SCHEDULE, STOCK, waisted
+from test_closed_morph import SCHEDULE, STOCK, waisted
 
 from bonecam.errors import LevelError
 from bonecam.levels.closed_morph import morph

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from test_energy import first_program
-from test_morph import STOCK
-from test_step import CUT
+from test_closed_morph import STOCK
+from test_exchange import CUT
 
 from bonecam.levels.problem.cut import Cut
 from bonecam.levels.problem.limits import planes as limits

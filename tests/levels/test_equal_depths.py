@@ -1,7 +1,7 @@
 """Even levels: as many as before, the outermost no sliver."""
 
 import numpy as np
-from test_morph import STOCK, waisted
+from test_closed_morph import STOCK, waisted
 
 from bonecam.levels.edge_rounding import levels_in
 from bonecam.levels.equal_depths import even_levels

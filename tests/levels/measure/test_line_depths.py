@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_morph import waisted
+from test_closed_morph import waisted
 
 from bonecam.levels.closed_morph import Morph
 from bonecam.levels.edge_rounding import levels_in

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy import ndarray
-from test_morph import grooved
+from test_closed_morph import grooved
 
 from bonecam.job import Job, MeshJob
 from bonecam.kernels import hull_depth, hulls

@@ -6,8 +6,8 @@ from functools import cache
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from test_morph import STOCK
-from test_step import CUT, MANNER, setting
+from test_closed_morph import STOCK
+from test_exchange import CUT, MANNER, setting
 
 from bonecam.levels.problem import program
 from bonecam.levels.problem.cut import ROUGH

@@ -3,7 +3,7 @@ hollows."""
 
 import numpy as np
 import pytest
-from test_morph import STOCK, grooved
+from test_closed_morph import STOCK, grooved
 
 from bonecam.levels.problem.discretisation import setting_of
 from bonecam.levels.problem.energies.attraction import ATTRACTIONS

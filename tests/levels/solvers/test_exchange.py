@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from test_morph import STOCK, waisted
+from test_closed_morph import STOCK, waisted
 
 from bonecam.levels.body_surface import body_surfaces
 from bonecam.levels.problem.cut import Cut, Manner

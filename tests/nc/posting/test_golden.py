@@ -13,7 +13,7 @@ from bonecam.nc.program import Program
 from bonecam.nc.reading.read import read_program
 from bonecam.verify.readback import Tolerances, compare
 
-GOLDEN = Path(__file__).parents[1] / "golden"
+GOLDEN = Path(__file__).parents[2] / "golden"
 CASES = ("heidenhain-mikron", "linuxcnc-xyzbc")
 PATHS = (
     capsule_path(level=5, radius=2.0, offset=1.5, number=1, count=24, turns=0.5),

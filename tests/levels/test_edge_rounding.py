@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_morph import waisted
+from test_closed_morph import waisted
 
 from bonecam.errors import LevelError, StockError
 from bonecam.job import Job, MeshJob, StockJob
