@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from test_energy import first_program
 from test_closed_morph import STOCK
+from test_energy import first_program
 from test_exchange import CUT
 
 from bonecam.levels.problem.cut import Cut
