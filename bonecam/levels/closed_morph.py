@@ -44,9 +44,10 @@ STIFFNESS, COARSE = 5e-7, 0.02
 
 @dataclass(frozen=True, eq=False)
 class Morph:
-    """Levels 0 (the part) to K (the stock), and the fewest cuts K_min any schedule of these depths needs.
+    """Levels 0 (the part) to K (the stock), and K_min, the fewest cuts any sequence of these depths needs.
 
-    `distance` is the largest distance from the stock to the part, mm. The seconds are for benchmarks and
+    K_min counts the largest distance between part and stock, from a point of either to the other, as the
+    depths of the cuts are limited both ways. `distance` is that from the stock to the part, mm. The seconds are for benchmarks and
     reports. `breaks` is by how much (mm, ACCEPTED at most) a level exceeds its depth, falls behind or leaves
     the stock where no sequence keeps every tolerance; else 0.
     """
@@ -113,9 +114,9 @@ def morph(
         surface = finer(surface, stock, schedule.beyond)
     setting = setting_of(surface, stock, ATTRACTIONS[attraction])
     rest = remaining(setting, surface.control_points, around := whole(stock))
-    lower_bound = schedule.lower_bound(rest.farthest)
+    lower_bound = schedule.lower_bound(rest.left)
     solving, measuring = part(progress, 0.0, 0.7), part(progress, 0.7, 1.0)
-    making = Sequences(setting, around, schedule, schedule.lower_bound(rest.left), solving, method, stiffness)
+    making = Sequences(setting, around, schedule, lower_bound, solving, method, stiffness)
     rules = Rules(stock, schedule, *METHODS[method], chord_tolerance)
     sequences = (
         making.all(rest)

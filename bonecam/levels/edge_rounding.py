@@ -56,10 +56,11 @@ def levels_in(surface: TSpline, stock: Stock, schedule: Schedule, **options: Any
     inner = require_roundable(stock, part_mesh.vertices, MARGIN)
     made = morph(surface, inner, schedule, **options)
     distance = _farthest(stock.mesh(CHORD).vertices, surface, part_mesh)
+    deepest = -float(stock.signed_distance(part_mesh.vertices).min())
     return replace(
         made,
         levels=rounding(made, inner, stock, schedule),
-        lower_bound=schedule.lower_bound(distance),
+        lower_bound=schedule.lower_bound(max(distance, deepest)),
         distance=distance,
     )
 

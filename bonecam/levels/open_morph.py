@@ -81,9 +81,10 @@ def morph_open(
     distance = min(
         float(distances_to_it.max(initial=0.0)), found.farthest
     )  # where it bends down to fixed edges its fit may bulge farther
-    lower_bound = schedule.lower_bound(distance)
-    _require_near(found, schedule.limit(lower_bound))
     grid = _grid(surface, target, chord_tolerance)
+    deepest = float(distances(target, grid.points(surface), grid.all).max()) - found.deviation
+    lower_bound = schedule.lower_bound(max(distance, deepest))
+    _require_near(found, schedule.limit(lower_bound))
     points, at = np.vstack([found.points, grid.points(target)]), np.vstack([found.parameters, grid.all])
     shapes = [surface]
     while _beyond(

@@ -138,6 +138,14 @@ def test_no_more_than_one_cut_above_the_lower_bound(made: Morph) -> None:
     assert made.lower_bound <= made.cuts <= made.lower_bound + 1
 
 
+def test_the_lower_bound_counts_the_depth_both_ways() -> None:
+    """The bottom of this groove is 2.49 mm inside the stock, of which no point is farther than 2.28 mm from the
+    part: 0.1, 0.1 and five cuts of 0.45 mm make 2.45 mm."""
+    made = morph(grooved(0.5), STOCK, Schedule((0.1, 0.1), 0.45), chord_tolerance=0.02)
+    assert made.distance < 2.3
+    assert made.lower_bound == 8 == made.cuts
+
+
 def test_levels_keep_the_tmesh_and_end_at_the_stock(made: Morph) -> None:
     first, *between, last = made.levels
     assert first.index == 0
