@@ -20,8 +20,7 @@ from bonecam.errors import MeshError, SurfaceError, place_name
 from bonecam.job import Job, MeshJob, SurfaceJob
 from bonecam.keep import failed_level_kept
 from bonecam.levels.closed_morph import Morph
-from bonecam.levels.edge_rounding import levels_in
-from bonecam.levels.equal_depths import even_levels
+from bonecam.levels.job_levels import make_levels
 from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.mesh.healing.pits import fill_pits
 from bonecam.mesh.healing.repair import repair
@@ -311,20 +310,6 @@ def fit_surface(placed: Part, job: Job, progress: Progress = silent) -> Fit:
         )
     require_sound(found.surface, job.levels.chord_tolerance, placed.file)
     return found
-
-
-def make_levels(surface: TSpline, stock: Stock, job: Job, progress: Progress = silent) -> Morph:
-    """The morph from the part to the stock, measured."""
-    return (even_levels if job.levels.even else levels_in)(
-        surface,
-        stock,
-        schedule_of(job.levels),
-        stiffness=job.levels.stiffness,
-        attraction=job.levels.attraction,
-        method=job.levels.method,
-        chord_tolerance=job.levels.chord_tolerance,
-        progress=progress,
-    )
 
 
 def post(

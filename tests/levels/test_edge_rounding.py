@@ -18,7 +18,8 @@ from bonecam.mesh.distance import exact_closest
 from bonecam.mesh.hull import convex_hull
 from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.pipeline import fit_surface, make_levels, place, prepare
+from bonecam.levels.job_levels import make_levels
+from bonecam.pipeline import fit_surface, place, prepare
 from bonecam.setup.box import Box
 from bonecam.setup.convex import ConvexStock
 from bonecam.setup.cylinder import Cylinder

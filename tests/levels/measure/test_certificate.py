@@ -19,7 +19,8 @@ from bonecam.levels.measure.certificate import Certificate, certify
 from bonecam.levels.measure.grid import level_grid
 from bonecam.levels.measure.inspection import Inspection, Rules
 from bonecam.levels.measure.measured_surface import Sheet
-from bonecam.pipeline import fit_surface, make_levels, place, prepare
+from bonecam.levels.job_levels import make_levels
+from bonecam.pipeline import fit_surface, place, prepare
 from bonecam.progress import silent
 from bonecam.setup.box import Box
 from bonecam.setup.cylinder import Cylinder
