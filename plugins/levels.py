@@ -44,8 +44,8 @@ def generate_stock(layers: Layers, values: Mapping[str, Any], progress: Progress
 
 def morph_levels(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """`generate_morph_levels`."""
-    from bonecam.levels.measure.line_depths import step_depths
     from bonecam.levels.job_levels import make_levels
+    from bonecam.levels.measure.line_depths import step_depths
     from bonecam.setup.stock import Stock
 
     surface = layers.kept("surface", TSpline, "compute_tspline_surface")

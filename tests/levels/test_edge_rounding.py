@@ -11,6 +11,7 @@ from bonecam.job import Job, MeshJob, StockJob
 from bonecam.levels.body_surface import TOLERANCE, body_surfaces, enclosing
 from bonecam.levels.closed_morph import Morph
 from bonecam.levels.edge_rounding import levels_in
+from bonecam.levels.job_levels import make_levels
 from bonecam.levels.measure.check import BINS, measure, require
 from bonecam.levels.measure.grid import level_grid
 from bonecam.levels.measure.measured_surface import Sheet
@@ -18,7 +19,6 @@ from bonecam.mesh.distance import exact_closest
 from bonecam.mesh.hull import convex_hull
 from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.levels.job_levels import make_levels
 from bonecam.pipeline import fit_surface, place, prepare
 from bonecam.setup.box import Box
 from bonecam.setup.convex import ConvexStock

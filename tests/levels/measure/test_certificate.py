@@ -14,12 +14,12 @@ from bonecam.kernels import hull_depth, hulls
 from bonecam.levels.body_surface import body_surfaces
 from bonecam.levels.closed_morph import Morph, morph
 from bonecam.levels.edge_rounding import levels_in
+from bonecam.levels.job_levels import make_levels
 from bonecam.levels.measure import certificate, check
 from bonecam.levels.measure.certificate import Certificate, certify
 from bonecam.levels.measure.grid import level_grid
 from bonecam.levels.measure.inspection import Inspection, Rules
 from bonecam.levels.measure.measured_surface import Sheet
-from bonecam.levels.job_levels import make_levels
 from bonecam.pipeline import fit_surface, place, prepare
 from bonecam.progress import silent
 from bonecam.setup.box import Box
