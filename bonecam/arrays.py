@@ -24,6 +24,17 @@ def dots(a: Float[ndarray, "n d"], b: Float[ndarray, "n d"]) -> Float[ndarray, "
     return np.asarray(np.einsum("ij,ij->i", a, b))
 
 
+def unit(vectors: Float[ndarray, "n d"]) -> Float[ndarray, "n d"]:
+    """The vectors at length one; a zero vector stays zero."""
+    norms = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.asarray(vectors / np.maximum(norms, np.finfo(float).tiny))
+
+
+def angles_between(a: Float[ndarray, "n 3"], b: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
+    """Angles between unit vectors row by row, radians: 2 atan2(|a - b|, |a + b|), exact for small ones too."""
+    return 2 * np.arctan2(np.linalg.norm(a - b, axis=1), np.linalg.norm(a + b, axis=1))
+
+
 def lengths(a: Float[ndarray, "n d"]) -> Float[ndarray, " n"]:
     """|a| row by row."""
     return np.asarray(np.sqrt(dots(a, a)))

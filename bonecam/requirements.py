@@ -16,7 +16,7 @@ from bonecam.nc.tool_requirements import check_tools
 from bonecam.setup.holding import post_below
 from bonecam.setup.schedule import schedule_of
 from bonecam.setup.stock import Stock
-from bonecam.toolpath.zigzag import DEEPEST_RADII
+from bonecam.toolpath.zigzag import MAX_DEPTH_RADII
 
 SIZES = {
     "capsule": "diameter length",
@@ -71,9 +71,9 @@ def check_depths(job: Job) -> None:
     for level, depth in enumerate((*first, beyond)):
         section = "finishing" if job.is_finishing(level) else "roughing"
         radius = getattr(job, section).radius
-        if depth > DEEPEST_RADII * radius:
+        if depth > MAX_DEPTH_RADII * radius:
             name = "depths" if listed else "finishing_depth" if level < len(first) else "roughing_depth"
-            bound = f"a ball of {section}.radius = {radius:g} mm sinks {DEEPEST_RADII * radius:g} mm at most ({DEEPEST_RADII:g} of it)"
+            bound = f"a ball of {section}.radius = {radius:g} mm sinks {MAX_DEPTH_RADII * radius:g} mm at most ({MAX_DEPTH_RADII:g} of it)"
             raise wrong(
                 "levels", name, getattr(job.levels, name), f"{bound}: give shallower cuts or a larger ball"
             )

@@ -83,7 +83,6 @@ def made_path(tips, axes, kinds=None, passes=None, feeds=None, tool=None, level=
     return ToolPath(
         level=level,
         cutter=tool or cutter(),
-        scallop_limit=0.02,
         kinds=kinds,
         pass_index=np.where(kinds == Kind.CUT, 0, -1) if passes is None else passes,
         parameters=nan[:, :2],

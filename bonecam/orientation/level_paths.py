@@ -21,9 +21,9 @@ from bonecam.progress import Progress, report, silent
 from bonecam.setup.holding import Post, post_below
 from bonecam.setup.stock import Stock
 from bonecam.toolpath.cutter import Cutter
-from bonecam.toolpath.material import DEVIATION, Material
+from bonecam.toolpath.material import DEVIATION, remove_material, uncut_material
 from bonecam.toolpath.path import ToolPath
-from bonecam.toolpath.zigzag import Candidates, candidates, cover_level
+from bonecam.toolpath.zigzag import CandidateContacts, candidate_contacts, contact_path
 
 PART_CHORD = 0.002
 """Chord tolerance (mm) of the tessellated part that balls are kept out of; with the share of the gouge
@@ -38,7 +38,7 @@ class LevelContacts:
 
     level: Level
     distance: MeshDistance
-    candidates: Candidates
+    candidates: CandidateContacts
 
 
 def plan_paths(
@@ -64,24 +64,25 @@ def plan_paths(
         return _contacts_of(level, part, cutter, post, job)
 
     capsule = enclosing(stock)
-    material = Material(levels, stock)
+    material = uncut_material(levels, stock)
     paths: list[ToolPath] = []
     for found in _one_ahead(contacts_of, levels[-2::-1]):
         level = found.level
         report(progress, len(paths) / (len(levels) - 1), f"path of level {level.index}")
         scene = Scene(found.distance.mesh, material.mesh, capsule, post, DEVIATION, found.distance)
-        paths.append(orient(cover_level(found.candidates, material), scene, limits, job.path, job.nc))
-        material.cut(level, paths[-1])
+        path = orient(contact_path(found.candidates, material), scene, limits, job.path, job.nc)
+        material = remove_material(material, level, path)
+        paths.append(path)
     return tuple(paths)
 
 
 def _contacts_of(level: Level, part: MeshDistance, cutter: Cutter, post: Post, job: Job) -> LevelContacts:
     """The contacts of a level; its balls stay out of the level and of the part."""
     if level.index == 0:
-        return LevelContacts(level, part, candidates(level, [part], cutter, post, job.path))
+        return LevelContacts(level, part, candidate_contacts(level, [part], cutter, post, job.path))
     assert level.surface is not None
     distance = MeshDistance(level.surface.tessellate(LEVEL_CHORD))
-    return LevelContacts(level, distance, candidates(level, [distance, part], cutter, post, job.path))
+    return LevelContacts(level, distance, candidate_contacts(level, [distance, part], cutter, post, job.path))
 
 
 def _one_ahead(make: Callable[[Level], LevelContacts], levels: Sequence[Level]) -> Iterator[LevelContacts]:

@@ -18,7 +18,7 @@ from bonecam.orientation.moves import Checker, interpolated
 from bonecam.orientation.pole import AT_POLE, nearest_to_pole, round_pole
 from bonecam.orientation.scene import Scene
 from bonecam.orientation.travel import Route, travel
-from bonecam.toolpath.gouge import stays_out
+from bonecam.toolpath.gouge import moves_gouge_free
 from bonecam.toolpath.path import Kind
 
 HOP_LIFT, HOP_STEPS = 0.2, 6
@@ -302,7 +302,7 @@ class Linker:
     def _ball_free(self, starts: Float[ndarray, "m 3"], ends: Float[ndarray, "m 3"]) -> Bool[ndarray, " m"]:
         """Whether the ball keeps the gouge tolerance on straight moves of its centre: the proofs shrink it by
         more than that leaves."""
-        return stays_out(starts, ends, self._radius, self._tolerance, self._scene.level_distance)
+        return moves_gouge_free(starts, ends, self._radius, self._tolerance, self._scene.level_distance)
 
 
 def _ways_out(axis: ndarray) -> list[tuple[float, ndarray]]:

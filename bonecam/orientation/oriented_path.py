@@ -223,7 +223,6 @@ class _Builder:
         return ToolPath(
             p.level,
             p.cutter,
-            p.scallop_limit,
             np.concatenate([m.kinds for m in way]),
             passes,
             np.where(cut, p.parameters[rows], np.nan),

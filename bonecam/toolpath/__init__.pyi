@@ -1,10 +1,13 @@
 from .cutter import Cutter as Cutter
+from .gouge import gouge_free_lifts as gouge_free_lifts
 from .material import Material as Material
+from .material import remove_material as remove_material
+from .material import uncut_material as uncut_material
 from .path import ContactPath as ContactPath
 from .path import Kind as Kind
 from .path import ToolPath as ToolPath
 from .scallop import side_step as side_step
 from .spacing import line_positions as line_positions
-from .zigzag import Candidates as Candidates
-from .zigzag import candidates as candidates
-from .zigzag import cover_level as cover_level
+from .zigzag import CandidateContacts as CandidateContacts
+from .zigzag import candidate_contacts as candidate_contacts
+from .zigzag import contact_path as contact_path

@@ -1,7 +1,11 @@
-"""The ball must not enter what is to stay: centres are lifted along the contact normal until it is free.
+"""Gouge avoidance for a ball: its centre is lifted along the contact normal until the ball stays out of what
+must remain.
 
-Where the ball does not fit (a groove sharper than the ball, a neighbouring condyle) the true contact cannot
-be reached: `distance(centre, mesh) >= R - tolerance` is bought with a lift, and the lift is told.
+A ball of radius R gouges where the distance of its centre to the obstacle is below R. The true contact cannot
+be reached where the ball does not fit (a groove sharper than the ball, a neighbouring condyle): there the
+centre is lifted, and the lift is part of the answer. Distances are 1-Lipschitz, so a centre that lacks d mm is
+free after a lift of d mm at the earliest, and places between two known distances are bounded
+(`mesh/distance.lowest_between`).
 """
 
 from collections.abc import Sequence
@@ -12,121 +16,154 @@ from numpy import ndarray
 
 from bonecam.mesh.distance import MeshDistance, lowest_between
 
-ROUNDS = 40
-QUARTERS = (0.25, 0.75)
-CONTACT_SHARE, MOVE_SHARE = 0.2, 0.5
-"""Parts of the tolerance a contact, and a place between two contacts, may use up."""
+MAX_ROUNDS = 40
+"""Rounds of lifting, or of halving moves, after which what is still undecided counts as gouging."""
+CONTACT_SHARE = 0.2
+"""Part of the gouge tolerance that a ball at rest on a contact may use up."""
+MOVE_SHARE = 0.5
+"""Part of the gouge tolerance that a ball may use up on its way between two contacts."""
+INNER_FRACTIONS = (0.25, 0.75)
+"""Fractions of a move at which it is measured besides its ends and its middle."""
+OVERLIFT = 1.2
+"""A lift is the distance lacking times this: where the normal leans to the obstacle, the distance grows by less
+than the lift."""
 
 
-def lift_free(
+def gouge_free_lifts(
     contacts: Float[ndarray, "n 3"],
     normals: Float[ndarray, "n 3"],
     radius: float,
     tolerance: float,
     obstacles: Sequence[MeshDistance],
     joined: Bool[ndarray, " n"],
-    limit: float,
+    max_lift: float,
 ) -> Float[ndarray, " n"]:
-    """Lift of every centre (mm, 0 where the ball fits) that frees it and the moves between; NaN where `limit`
-    does not suffice.
+    """How far each ball centre (contact + (radius + lift) * normal) has to be lifted, mm; 0 where the ball fits.
 
-    `joined[i]` says that the tool moves straight from contact i to contact i + 1 (the last entry is False).
+    `joined[i]` says that the tool moves straight from contact i to contact i + 1 (the last entry is False): the
+    moves are kept free too. NaN where more than `max_lift` mm would be needed.
     """
-    clear, wanted = radius - CONTACT_SHARE * tolerance, radius - MOVE_SHARE * tolerance
+    at_contact = radius - CONTACT_SHARE * tolerance
+    on_move = radius - MOVE_SHARE * tolerance
     lifts = np.zeros(len(contacts))
-    moved, moves = np.arange(len(contacts)), np.flatnonzero(joined)
-    for _ in range(ROUNDS):
-        lifts[moved] = _lifted(contacts[moved], normals[moved], lifts[moved], radius, clear, obstacles, limit)
+    changed = np.arange(len(contacts))
+    moves = np.flatnonzero(joined)
+
+    for _ in range(MAX_ROUNDS):
+        lifts[changed] = _lift_contacts(
+            contacts[changed], normals[changed], lifts[changed], radius, at_contact, obstacles, max_lift
+        )
         centres = contacts + (radius + lifts)[:, None] * normals
         moves = moves[np.isfinite(lifts[moves]) & np.isfinite(lifts[moves + 1])]
-        need = np.max([_lacking(obstacle, centres, moves, clear, wanted) for obstacle in obstacles], axis=0)
-        bad = need > 0
-        if not bad.any():
+        lacking = np.max([_lacking(o, centres, moves, at_contact, on_move) for o in obstacles], axis=0)
+        gouging = lacking > 0
+        if not gouging.any():
             return lifts
-        moves, need = moves[bad], need[bad] + CONTACT_SHARE * tolerance
+
+        moves = moves[gouging]
+        more = lacking[gouging] + CONTACT_SHARE * tolerance
         raised = np.zeros(len(lifts))
-        np.maximum.at(raised, moves, need)
-        np.maximum.at(raised, moves + 1, need)
+        np.maximum.at(raised, moves, more)
+        np.maximum.at(raised, moves + 1, more)
         lifts = lifts + raised
-        lifts[lifts > limit] = np.nan
-        moved = np.flatnonzero((raised > 0) & np.isfinite(lifts))
+        lifts[lifts > max_lift] = np.nan
+        changed = np.flatnonzero((raised > 0) & np.isfinite(lifts))
         moves = np.flatnonzero(joined & ((raised > 0) | np.r_[raised[1:] > 0, False]))
+
     lifts[moves] = lifts[moves + 1] = np.nan
     return lifts
 
 
-def stays_out(
+def moves_gouge_free(
     starts: Float[ndarray, "m 3"],
     ends: Float[ndarray, "m 3"],
     radius: float,
     tolerance: float,
     obstacle: MeshDistance,
 ) -> Bool[ndarray, " m"]:
-    """Whether the ball, moved straight from start to end, enters the obstacle by no more than tolerance
-    allows a move, anywhere."""
-    wanted, between = radius - MOVE_SHARE * tolerance, radius - (MOVE_SHARE + CONTACT_SHARE) * tolerance
-    answer, owner = np.ones(len(starts), dtype=bool), np.arange(len(starts))
-    near, far = (
-        obstacle.signed(places, radius + np.linalg.norm(ends - starts, axis=1)) for places in (starts, ends)
-    )
-    for _ in range(ROUNDS):
-        answer[owner[np.minimum(near, far) < wanted]] = False
+    """Whether the ball, its centre moved straight from start to end, stays within `tolerance` (mm) of free.
+
+    Proven everywhere on the move, by halving it until its parts are bounded by the distances at their ends. A
+    depth of MOVE_SHARE of the tolerance is let through, one of MOVE_SHARE + CONTACT_SHARE never.
+    """
+    measured = radius - MOVE_SHARE * tolerance
+    bounded = radius - (MOVE_SHARE + CONTACT_SHARE) * tolerance
+    free = np.ones(len(starts), dtype=bool)
+    move = np.arange(len(starts))
+    lengths = np.linalg.norm(ends - starts, axis=1)
+    near = obstacle.signed(starts, radius + lengths)
+    far = obstacle.signed(ends, radius + lengths)
+
+    for _ in range(MAX_ROUNDS):
+        free[move[np.minimum(near, far) < measured]] = False
         lengths = np.linalg.norm(ends - starts, axis=1)
-        open_ = answer[owner] & (
-            lowest_between(np.maximum(near, 0.0), np.maximum(far, 0.0), lengths) < between
-        )
-        if not open_.any():
-            return answer
-        owner, starts, ends, near, far = owner[open_], starts[open_], ends[open_], near[open_], far[open_]
-        middle = (starts + ends) / 2
-        halfway = obstacle.signed(middle, radius + lengths[open_])
-        starts, ends = np.vstack([starts, middle]), np.vstack([middle, ends])
-        owner, near, far = np.r_[owner, owner], np.r_[near, halfway], np.r_[halfway, far]
-    answer[owner] = False
-    return answer
+        lowest = lowest_between(np.maximum(near, 0.0), np.maximum(far, 0.0), lengths)
+        undecided = free[move] & (lowest < bounded)
+        if not undecided.any():
+            return free
+
+        move, near, far = move[undecided], near[undecided], far[undecided]
+        starts, ends = starts[undecided], ends[undecided]
+        middles = (starts + ends) / 2
+        halfway = obstacle.signed(middles, radius + lengths[undecided])
+        starts, ends = np.vstack([starts, middles]), np.vstack([middles, ends])
+        near, far = np.r_[near, halfway], np.r_[halfway, far]
+        move = np.r_[move, move]
+
+    free[move] = False
+    return free
 
 
 def _lacking(
-    obstacle: MeshDistance, centres: ndarray, moves: Int[ndarray, " m"], clear: float, wanted: float
+    obstacle: MeshDistance,
+    centres: Float[ndarray, "n 3"],
+    moves: Int[ndarray, " m"],
+    at_contact: float,
+    on_move: float,
 ) -> Float[ndarray, " m"]:
-    """What the distance lacks at most along each move from centre i to i + 1: at its middle, and where that
-    does not rule a lack out between it and the ends, at least `clear`, at the quarters too.
+    """By how much the distance falls below `on_move` (mm) along the move from centre i to centre i + 1.
+
+    Measured in the middle of the move; where the bound between the middle and the ends (which are at least
+    `at_contact` away) does not rule a lack out, at INNER_FRACTIONS too.
     """
     starts, ends = centres[moves], centres[moves + 1]
     half = np.linalg.norm(ends - starts, axis=1) / 2
-    # no way shorter than its end's distance from the surface leads through it
-    distance = obstacle.unsigned if (half < clear).all() else obstacle.signed
-    middle = distance((starts + ends) / 2, clear)
-    need = np.maximum(wanted - middle, 0.0)
-    ask = np.flatnonzero(
-        lowest_between(np.full(len(moves), clear), np.clip(middle, 0.0, clear), half) < wanted
-    )
-    for fraction in QUARTERS:
-        places = (1 - fraction) * starts[ask] + fraction * ends[ask]
-        need[ask] = np.maximum(need[ask], wanted - distance(places, wanted))
-    return need
+    # a move that is shorter than the distance of its end from the surface cannot cross the surface
+    distance = obstacle.unsigned if (half < at_contact).all() else obstacle.signed
+    middle = distance((starts + ends) / 2, at_contact)
+    lacking = np.maximum(on_move - middle, 0.0)
+
+    ends_away = np.full(len(moves), at_contact)
+    lowest = lowest_between(ends_away, np.clip(middle, 0.0, at_contact), half)
+    unsure = np.flatnonzero(lowest < on_move)
+    for fraction in INNER_FRACTIONS:
+        places = (1 - fraction) * starts[unsure] + fraction * ends[unsure]
+        lacking[unsure] = np.maximum(lacking[unsure], on_move - distance(places, on_move))
+    return lacking
 
 
-def _lifted(
-    contacts: ndarray,
-    normals: ndarray,
-    lifts: ndarray,
+def _lift_contacts(
+    contacts: Float[ndarray, "n 3"],
+    normals: Float[ndarray, "n 3"],
+    lifts: Float[ndarray, " n"],
     radius: float,
     wanted: float,
     obstacles: Sequence[MeshDistance],
-    limit: float,
+    max_lift: float,
 ) -> Float[ndarray, " n"]:
-    """Raise each ball by what it lacks, again and again: the distance never grows faster than the lift."""
+    """The lifts (mm) at which each ball centre is `wanted` away from all obstacles; NaN above `max_lift`."""
     lifts = lifts.copy()
-    active = np.arange(len(contacts))
-    for _ in range(ROUNDS):
-        centres = contacts[active] + (radius + lifts[active])[:, None] * normals[active]
-        lack = wanted - np.min([obstacle.signed(centres, wanted) for obstacle in obstacles], axis=0)
-        active, lack = active[lack > 0], lack[lack > 0]
-        if not len(active):
+    gouging = np.arange(len(contacts))
+    for _ in range(MAX_ROUNDS):
+        centres = contacts[gouging] + (radius + lifts[gouging])[:, None] * normals[gouging]
+        lacking = wanted - np.min([obstacle.signed(centres, wanted) for obstacle in obstacles], axis=0)
+        gouging, lacking = gouging[lacking > 0], lacking[lacking > 0]
+        if not len(gouging):
             return lifts
-        lifts[active] += 1.2 * lack + 0.1 * (radius - wanted)
-        lifts[active[lifts[active] > limit]] = np.nan
-        active = active[np.isfinite(lifts[active])]
-    lifts[active] = np.nan
+
+        lifts[gouging] += OVERLIFT * lacking + 0.1 * (radius - wanted)
+        lifts[gouging[lifts[gouging] > max_lift]] = np.nan
+        gouging = gouging[np.isfinite(lifts[gouging])]
+
+    lifts[gouging] = np.nan
     return lifts

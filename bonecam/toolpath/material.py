@@ -1,60 +1,73 @@
-"""The material in process: what is left while the levels are machined one after the other, from the stock
-inwards.
+"""The in-process material: what is left of the stock while the levels are machined one after the other, from
+the stock inwards.
 
-All levels share one parametrisation, so a place of the grid stays where the last path that cut it left it,
-and where a contact was left out it stays whatever was there before: an obstacle to shank and holder, and too
-much for a ball further in.
+It is a height field over the parameter domain that all levels share: each vertex of the grid stays where the
+last path that cut it left it. Where a contact was left out the vertex stays where it was before: an obstacle to
+shank and holder, and too deep a cut for a ball further in.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 from scipy.spatial import KDTree
 
-from bonecam.levels.measure.grid import level_grid
+from bonecam.levels.measure.grid import LevelGrid, level_grid
 from bonecam.levels.measure.level import Level
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.stock import Stock
 from bonecam.toolpath.path import Kind, ToolPath
 
 CHORD = 0.05
+"""Chord tolerance (mm) of the grid of the material."""
 DEVIATION = 2.5 * CHORD
-"""How far the mesh may lie inside the material, mm."""
+"""How far the material may reach out of its mesh, mm."""
 
 
+@dataclass(frozen=True, eq=False)
 class Material:
-    """Begins as the stock; `cut` takes away what a path machines. Its mesh stays the whole stock while that
-    is rounded: the grid cannot follow an edge.
+    """The material left: the vertices of `grid` moved to `vertices`, and its closed `mesh`.
+
+    While levels that round the edges of the stock are cut, `mesh` stays the whole stock: the grid cannot follow
+    an edge.
     """
 
-    def __init__(self, levels: Sequence[Level], stock: Stock) -> None:
-        surfaces = [level.surface for level in levels if level.surface is not None]
-        nets = [level.net for level in levels if level.surface is not None]
-        self._grid = level_grid(surfaces[0], nets, CHORD)
-        self._vertices = stock.nearest(self._grid.R @ nets[-1])
-        self.mesh: TriangleMesh = levels[-1].mesh
+    grid: LevelGrid
+    vertices: Float[ndarray, "v 3"]
+    mesh: TriangleMesh
 
-    def over(self, level: Level, contacts: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
-        """Thickness of the material on the level at each contact, mm."""
-        assert level.surface is not None
-        floor = self._grid.R @ level.net
-        thickness = np.linalg.norm(self._vertices - floor, axis=1)
+    def thickness(self, level: Level, contacts: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
+        """Thickness of the material above the level at each contact, mm."""
+        floor = self.grid.R @ level.net
+        thickness = np.linalg.norm(self.vertices - floor, axis=1)
         return np.asarray(thickness[KDTree(floor).query(contacts)[1]])
 
-    def cut(self, level: Level, path: ToolPath) -> None:
-        """Take away what `path` machines of the material on `level`: down to the level, or to the lifted
-        ball."""
-        assert level.surface is not None
-        floor = self._grid.R @ level.net
-        rows = np.flatnonzero(path.kinds == Kind.CUT)
-        contacts, centres = path.contacts[rows], path.tips[rows] + path.cutter.radius * path.axes[rows]
-        away, nearest = KDTree(contacts).query(floor)
-        out = centres[nearest] - contacts[nearest]
-        reach = np.linalg.norm(out, axis=1, keepdims=True)
-        lowered = floor + (1 - path.cutter.radius / reach) * out
-        left = KDTree(path.uncut).query(floor)[0] if len(path.uncut) else np.full(len(floor), np.inf)
-        self._vertices = np.where(np.less_equal(away, left)[:, None], lowered, self._vertices)
-        if level.within is None:
-            self.mesh = TriangleMesh(self._vertices, self._grid.faces)
+
+def uncut_material(levels: Sequence[Level], stock: Stock) -> Material:
+    """The material before the first cut: the stock. `levels` begin at the part and end at the stock."""
+    morphed = [level for level in levels if level.surface is not None]
+    design = morphed[0].surface
+    assert design is not None
+    grid = level_grid(design, [level.net for level in morphed], CHORD)
+    return Material(grid, stock.nearest(grid.R @ morphed[-1].net), levels[-1].mesh)
+
+
+def remove_material(material: Material, level: Level, path: ToolPath) -> Material:
+    """The material after `path` has machined `level`: down to the level, or to where the ball was lifted."""
+    floor = material.grid.R @ level.net
+    rows = np.flatnonzero(path.kinds == Kind.CUT)
+    contacts = path.contacts[rows]
+    centres = path.tips[rows] + path.cutter.radius * path.axes[rows]
+
+    to_contact, nearest = KDTree(contacts).query(floor)
+    outward = centres[nearest] - contacts[nearest]
+    length = np.linalg.norm(outward, axis=1, keepdims=True)
+    lowered = floor + (1 - path.cutter.radius / length) * outward
+
+    to_uncut = KDTree(path.uncut).query(floor)[0] if len(path.uncut) else np.full(len(floor), np.inf)
+    is_cut = np.less_equal(to_contact, to_uncut)
+    vertices = np.where(is_cut[:, None], lowered, material.vertices)
+    mesh = material.mesh if level.within is not None else TriangleMesh(vertices, material.grid.faces)
+    return replace(material, vertices=vertices, mesh=mesh)

@@ -10,7 +10,7 @@ from bonecam.toolpath.cutter import Cutter
 
 
 class Kind(IntEnum):
-    """How the tool arrives at a point."""
+    """The kind of the move by which the tool arrives at a point."""
 
     CUT = 0
     LINK = 1
@@ -19,17 +19,16 @@ class Kind(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class ContactPath:
-    """Cutter contacts of one level before tool axes are chosen; consecutive points of a pass are cutting
-    moves.
+    """The cutter contacts of one level, before tool axes are chosen.
 
-    `parameters` are (s, t) on the level's surface, `normals` outward, `feeds` unit feed directions,
-    `centres` of the ball: contact + radius * normal, or lifted where the ball would gouge (then `lifts` > 0,
-    mm). `uncut` are contacts left out, `reasons` one word for each (post, gouge, ...).
+    Consecutive points of one pass (`pass_index`) are joined by cutting moves. `parameters` are (s, t) on the
+    surface of the level, `normals` point outward, `feeds` are unit feed directions. `centres` of the ball are
+    contact + (radius + lift) * normal; `lifts` (mm) are 0 but where the ball would gouge. `uncut` are the
+    contacts that were left out, `reasons` one word for each (post, gouge, covered).
     """
 
     level: int
     cutter: Cutter
-    scallop_limit: float
     pass_index: Int[ndarray, "n"]
     parameters: Float[ndarray, "n 2"]
     contacts: Float[ndarray, "n 3"]
@@ -52,7 +51,6 @@ class ToolPath:
 
     level: int
     cutter: Cutter
-    scallop_limit: float
     kinds: Int[ndarray, "n"]
     pass_index: Int[ndarray, "n"]
     parameters: Float[ndarray, "n 2"]

@@ -1,31 +1,39 @@
-"""Forward step: how many contacts a line needs so that straight moves of the ball's centre follow its offset
-curve.
+"""Forward step: how many contacts a line needs so that straight moves of the ball centre follow the offset curve
+C = S + R n within the chord tolerance.
 
-Contacts are spread by the bending of the centre curve C = S + R n (a chord of length l leaves l^2 k / 8),
-then every move is checked at its middle and bisected until it holds; no move is longer than `max_step`.
+Contacts are first spread by the curvature k of the offset curve (a chord of length l deviates by l^2 k / 8);
+then every move is measured in its middle and halved until it holds. No move is longer than `max_step`.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from bonecam.arrays import dots
+from bonecam.arrays import dots, unit
 from bonecam.surface.tspline import TSpline
 
-DENSE = 128
-FEWEST = 8
-ROUNDS = 12
+DENSE_MOVES = 128
+"""Moves into which each line is first divided to find its curvature."""
+MIN_MOVES = 8
+"""Each line has at least this many moves."""
+MAX_HALVINGS = 12
+"""A first move is halved no more often than this."""
 SPREAD = 0.7
-"""Contacts are first spread for this part of the chord tolerance, so that few moves need bisecting."""
+"""Part of the chord tolerance that contacts are first spread for, so that few moves need halving."""
 POLE = 1e-5
+"""At a pole the frame is taken this far (share of the domain) inside."""
 
 
 @dataclass(frozen=True, eq=False)
-class Lines:
-    """Samples u along lines: `line` never decreases; u increases within a line. `across` (k,) is each line's
-    own parameter."""
+class LineSamples:
+    """Samples on iso-parametric lines: sample i lies on line `line[i]` (which never decreases) at parameter
+    `u[i]` (which increases along a line).
+
+    `across` (k,) is the fixed parameter of each line. Lines `around` run in s at fixed t, lines `along` run in
+    t at fixed s.
+    """
 
     direction: str
     across: Float[ndarray, " k"]
@@ -39,20 +47,16 @@ class Lines:
         return np.column_stack([self.u, fixed] if self.direction == "around" else [fixed, self.u])
 
 
-def frame(
+def contact_frames(
     surface: TSpline, direction: str, parameters: Float[ndarray, "n 2"]
-) -> tuple[ndarray, ndarray, ndarray]:
-    """Points, outward unit normals and unit feed directions (growing u) at (s, t); limits at the poles."""
+) -> tuple[Float[ndarray, "n 3"], Float[ndarray, "n 3"], Float[ndarray, "n 3"]]:
+    """Points, outward unit normals and unit feed directions (of growing u) at (s, t); at poles their limits."""
     low, high = surface.domain[1]
     edge = POLE * (high - low)
     t = np.clip(parameters[:, 1], low + edge, high - edge)
     points, Ss, St = surface.evaluate(np.mod(parameters[:, 0], 1.0), t, 1)
-    normals, feeds = np.cross(Ss, St), Ss if direction == "around" else St
-    return (
-        points,
-        normals / np.linalg.norm(normals, axis=1, keepdims=True),
-        feeds / np.linalg.norm(feeds, axis=1, keepdims=True),
-    )
+    feeds = Ss if direction == "around" else St
+    return points, unit(np.cross(Ss, St)), unit(feeds)
 
 
 def sample_lines(
@@ -62,13 +66,13 @@ def sample_lines(
     radius: float,
     chord_tolerance: float,
     max_step: float,
-) -> Lines:
-    """Samples of all lines together; a ring has its first sample again at its end (u = 0 and u = 1)."""
-    low, high = (0.0, 1.0) if direction == "around" else surface.domain[1]
-    lines = _spread(surface, direction, across, radius, chord_tolerance, max_step, (low, high))
+) -> LineSamples:
+    """The contacts of all lines for a ball of `radius`; a ring has its first contact again at its end (u = 0 and
+    u = 1)."""
+    lines = _spread(surface, direction, across, radius, chord_tolerance, max_step)
     unchecked = np.ones(len(lines.u), dtype=bool)
-    for _ in range(ROUNDS):
-        lines, unchecked = _bisected(surface, lines, unchecked, radius, chord_tolerance, max_step)
+    for _ in range(MAX_HALVINGS):
+        lines, unchecked = _halve(surface, lines, unchecked, radius, chord_tolerance, max_step)
         if not unchecked.any():
             break
     return lines
@@ -77,61 +81,62 @@ def sample_lines(
 def _spread(
     surface: TSpline,
     direction: str,
-    across: ndarray,
+    across: Float[ndarray, " k"],
     radius: float,
     chord_tolerance: float,
     max_step: float,
-    ends: tuple[float, float],
-) -> Lines:
-    """First samples by the bending of the densely sampled centre curves."""
-    dense = np.linspace(*ends, DENSE + 1)
-    even = Lines(direction, across, np.repeat(np.arange(len(across)), DENSE + 1), np.tile(dense, len(across)))
-    points, normals, _ = frame(surface, direction, even.parameters)
-    centres = (points + radius * normals).reshape(len(across), DENSE + 1, 3)
+) -> LineSamples:
+    """First samples, spread by the curvature of the densely sampled offset curves."""
+    start, end = (0.0, 1.0) if direction == "around" else surface.domain[1]
+    dense = np.linspace(start, end, DENSE_MOVES + 1)
+    count = len(across)
+    line = np.repeat(np.arange(count), DENSE_MOVES + 1)
+    even = LineSamples(direction, across, line, np.tile(dense, count))
+    points, normals, _ = contact_frames(surface, direction, even.parameters)
+    centres = (points + radius * normals).reshape(count, DENSE_MOVES + 1, 3)
+
     moves = np.diff(centres, axis=1)
     lengths = np.linalg.norm(moves, axis=2)
-    bends = np.linalg.norm(
-        np.diff(moves / np.maximum(lengths, np.finfo(float).tiny)[:, :, None], axis=1), axis=2
-    )
+    directions = moves / np.maximum(lengths, np.finfo(float).tiny)[:, :, None]
+    bends = np.linalg.norm(np.diff(directions, axis=1), axis=2)
     bends = np.column_stack([bends[:, :1], (bends[:, 1:] + bends[:, :-1]) / 2, bends[:, -1:]])
-    wanted = np.sqrt(lengths * bends / (8 * SPREAD * chord_tolerance))
-    counts = np.column_stack(
-        [np.zeros(len(across)), np.cumsum(np.maximum(wanted, lengths / max_step), axis=1)]
-    )
-    u, line = [], []
-    for k, count in enumerate(counts):
-        moves_here = max(FEWEST, int(np.ceil(count[-1])))
-        u.append(np.interp(np.linspace(0, count[-1], moves_here + 1), count, dense))
-        line.append(np.full(moves_here + 1, k))
-    return Lines(direction, across, np.concatenate(line), np.concatenate(u))
+    by_chord = np.sqrt(lengths * bends / (8 * SPREAD * chord_tolerance))
+    wanted = np.cumsum(np.maximum(by_chord, lengths / max_step), axis=1)
+    counted = np.column_stack([np.zeros(count), wanted])
+
+    steps = np.maximum(MIN_MOVES, np.ceil(counted[:, -1])).astype(int)
+    u = [np.interp(np.linspace(0, row[-1], n + 1), row, dense) for row, n in zip(counted, steps)]
+    return LineSamples(direction, across, np.repeat(np.arange(count), steps + 1), np.concatenate(u))
 
 
-def _bisected(
-    surface: TSpline, lines: Lines, unchecked: ndarray, radius: float, chord_tolerance: float, max_step: float
-) -> tuple[Lines, ndarray]:
-    """Halve the moves (named by their first sample) that bend or reach too far; the halves are to be checked
-    again."""
+def _halve(
+    surface: TSpline,
+    lines: LineSamples,
+    unchecked: Bool[ndarray, " n"],
+    radius: float,
+    chord_tolerance: float,
+    max_step: float,
+) -> tuple[LineSamples, Bool[ndarray, " m"]]:
+    """The lines with each unchecked move halved that bends or reaches too far; the halves are then unchecked.
+
+    A move is named by its first sample.
+    """
     first = np.flatnonzero(unchecked[:-1] & (lines.line[:-1] == lines.line[1:]))
     middle = (lines.u[first] + lines.u[first + 1]) / 2
-    probes = Lines(
-        lines.direction,
-        lines.across,
-        np.tile(lines.line[first], 3),
-        np.r_[lines.u[first], lines.u[first + 1], middle],
-    )
-    points, normals, _ = frame(surface, lines.direction, probes.parameters)
+    u = np.r_[lines.u[first], lines.u[first + 1], middle]
+    probes = LineSamples(lines.direction, lines.across, np.tile(lines.line[first], 3), u)
+    points, normals, _ = contact_frames(surface, lines.direction, probes.parameters)
     a, b, m = np.split(points + radius * normals, 3)
+
     chord = b - a
     length = np.linalg.norm(chord, axis=1)
     ratio = np.clip(dots(m - a, chord) / np.maximum(length, np.finfo(float).tiny) ** 2, 0, 1)
-    far = np.linalg.norm(m - a - ratio[:, None] * chord, axis=1)
-    split = (far > chord_tolerance) | (length > max_step)
+    deviation = np.linalg.norm(m - a - ratio[:, None] * chord, axis=1)
+    split = (deviation > chord_tolerance) | (length > max_step)
+
     at = first[split] + 1
     fresh = np.zeros(len(lines.u), dtype=bool)
     fresh[first[split]] = True
-    return Lines(
-        lines.direction,
-        lines.across,
-        np.insert(lines.line, at, lines.line[first[split]]),
-        np.insert(lines.u, at, middle[split]),
-    ), np.insert(fresh, at, True)
+    line = np.insert(lines.line, at, lines.line[first[split]])
+    halved = LineSamples(lines.direction, lines.across, line, np.insert(lines.u, at, middle[split]))
+    return halved, np.insert(fresh, at, True)

@@ -1,9 +1,10 @@
-"""Where the iso-parametric lines of a zig-zag lie: the next line at the smallest step found on this one.
+"""Where the iso-parametric lines of a zig-zag lie: each line at the smallest step-over found on the line before.
 
-With the feed along one parameter, the distance to a neighbouring line across the feed grows by sqrt(EG - F^2)
-/ sqrt(E) per unit of t (feed along s), which is Eqs. 13-14 of Gan et al. (2014) solved for the distance;
-divided by the exact side step of the section across the feed and integrated, it counts passes. No place of a
-line is more than one pass from the next line.
+With the feed along s, the distance to the neighbouring line across the feed grows by h = sqrt(EG - F^2) /
+sqrt(E) per unit of t, E, F, G being the first fundamental form (Eqs. 13-14 of Gan et al. 2014 solved for the
+distance). Divided by the exact side step of the section across the feed (`scallop.py`) and integrated over t,
+it counts passes. No place of a line is more than one pass from the next line. The same holds with s and t
+exchanged.
 """
 
 from collections.abc import Callable
@@ -17,17 +18,26 @@ from bonecam.errors import ToolPathError
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.scallop import side_step
 
-FEED_SAMPLES, ACROSS_SAMPLES = 96, 600
+FEED_SAMPLES = 96
+"""Samples of the grid along the feed."""
+ACROSS_SAMPLES = 600
+"""Samples of the grid across the feed, where passes are integrated."""
 FULLNESS = 0.97
 """Part of the exact side step that is used: covers the integration on the sample grid."""
-TURN = np.pi
-"""A cell of the grid turns by no more: at a crease the curvature of one point is not that of its whole
+MIN_FULLNESS = 0.5 * FULLNESS
+"""The least part of the side step that lines are evened out with."""
+MAX_TURN = np.pi
+"""A cell of the grid turns by no more (radians): at a crease the curvature of one point is not that of its whole
 cell."""
-MOST_LINES = 20000
-CELLS = 16
-"""Cells of the grid that are looked at for the next line at first."""
+MAX_LINES = 20000
+"""More lines than this mean that they crowd without end."""
+WINDOW = 16
+"""Cells of the grid that are first searched for the next line."""
 POLE = 1e-5
-"""Parameter distance from a pole at which its limits are taken."""
+"""At a pole limits are taken this far (share of the domain) inside."""
+MIN_CLEARANCE = 0.05
+"""Where 1 + curvature * radius is less, the ball hardly fits: the contact will be lifted, and the section counts as
+flat."""
 
 
 def line_positions(surface: TSpline, direction: str, radius: float, scallop: float) -> Float[ndarray, " k"]:
@@ -35,30 +45,34 @@ def line_positions(surface: TSpline, direction: str, radius: float, scallop: flo
 
     The first and last ring lie within half a side step of their pole, so that the pole itself is cut.
     """
-    across, counts = _pass_counts(surface, direction, radius, scallop)
-    if direction == "around":
-        return _evened(lambda full: _rings(across, counts, full))
-    return _evened(lambda full: _meridians(across, counts, full))
+    across, passes = _count_passes(surface, direction, radius, scallop)
+    lines_of = _rings if direction == "around" else _meridians
+    return _even_out(lambda step: lines_of(across, passes, step))
 
 
-def _pass_counts(surface: TSpline, direction: str, radius: float, scallop: float) -> tuple[ndarray, ndarray]:
-    """The across parameter (a,), and passes counted from its start (f, a) at f places along the feed."""
+def _count_passes(
+    surface: TSpline, direction: str, radius: float, scallop: float
+) -> tuple[Float[ndarray, " a"], Float[ndarray, "f a"]]:
+    """The parameter across the feed (a,), and the passes from its start up to there at f places along the
+    feed."""
+    around = direction == "around"
     low, high = surface.domain[1]
     edge = POLE * (high - low)
-    t_count = ACROSS_SAMPLES if direction == "around" else FEED_SAMPLES
-    s_count = FEED_SAMPLES if direction == "around" else ACROSS_SAMPLES
-    s, t = np.linspace(0, 1, s_count), np.linspace(low + edge, high - edge, t_count)
+    s_count, t_count = (FEED_SAMPLES, ACROSS_SAMPLES) if around else (ACROSS_SAMPLES, FEED_SAMPLES)
+    s = np.linspace(0, 1, s_count)
+    t = np.linspace(low + edge, high - edge, t_count)
     grid_s, grid_t = (v.ravel() for v in np.meshgrid(s, t, indexing="ij"))
     height, curvature = across_feed(surface, direction, grid_s, grid_t)
-    cell = np.maximum(height, np.finfo(float).eps) * (
-        (high - low) / t_count if direction == "around" else 1 / s_count
-    )
-    reach = np.where(1 + curvature * radius > 0.05, np.minimum(curvature, TURN / cell), 0.0)
-    rate = (height / side_step(radius, scallop, reach)).reshape(s_count, t_count)
-    if direction == "along":
-        rate, across = rate.T, s
-    else:
-        across = np.linspace(low, high, t_count)
+
+    cell_width = (high - low) / t_count if around else 1 / s_count
+    cell = np.maximum(height, np.finfo(float).eps) * cell_width
+    fits = 1 + curvature * radius > MIN_CLEARANCE
+    bounded = np.where(fits, np.minimum(curvature, MAX_TURN / cell), 0.0)
+    rate = (height / side_step(radius, scallop, bounded)).reshape(s_count, t_count)
+
+    across = np.linspace(low, high, t_count) if around else s
+    if not around:
+        rate = rate.T
     passes = np.cumsum((rate[:, 1:] + rate[:, :-1]) / 2 * np.diff(across), axis=1)
     return across, np.column_stack([np.zeros(len(passes)), passes])
 
@@ -66,16 +80,17 @@ def _pass_counts(surface: TSpline, direction: str, radius: float, scallop: float
 def across_feed(
     surface: TSpline, direction: str, s: Float[ndarray, " n"], t: Float[ndarray, " n"]
 ) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
-    """Distance across the feed per unit of the other parameter (mm), and the normal curvature there (1/mm, >
-    0: convex)."""
+    """Distance across the feed per unit of the parameter across it (mm), and the normal curvature of the section
+    across the feed (1/mm, > 0: convex); both 0 where the surface has no tangent plane.
+    """
+    around = direction == "around"
     _, Ss, St, Sss, Sst, Stt = surface.evaluate(s, t, 2)
-    if direction == "along":
-        Ss, St, Sss, Stt = St, Ss, Stt, Sss
-    E, F = (dots(Ss, b) for b in (Ss, St))
-    normal = np.cross(Ss, St) if direction == "around" else np.cross(St, Ss)
+    Sf, Sa, Sff, Saa = (Ss, St, Sss, Stt) if around else (St, Ss, Stt, Sss)
+    E, F = dots(Sf, Sf), dots(Sf, Sa)
+    normal = np.cross(Sf, Sa) if around else np.cross(Sa, Sf)
     area = np.linalg.norm(normal, axis=1)
     inverse = np.divide(1.0, area, out=np.full(len(area), np.nan), where=area > 0)
-    e, f, g = (dots(a, normal) * inverse for a in (Sss, Sst, Stt))
+    e, f, g = (dots(second, normal) * inverse for second in (Sff, Sst, Saa))
     with np.errstate(divide="ignore", invalid="ignore"):
         height = area / np.sqrt(E)
         shear = -F / E
@@ -84,63 +99,70 @@ def across_feed(
     return np.where(degenerate, 0.0, height), np.where(degenerate, 0.0, curvature)
 
 
-def _rings(across: ndarray, counts: ndarray, full: float) -> ndarray:
-    """Rings half a step, then whole steps, from pole to pole."""
+def _rings(across: Float[ndarray, " a"], passes: Float[ndarray, "f a"], step: float) -> Float[ndarray, " k"]:
+    """Rings half a step from a pole, whole steps from one another, and half a step or less from the other
+    pole."""
     lines: list[float] = []
-    cell, here, step = 1, counts[:, 0], full / 2
-    while (counts[:, -1] - here).max() > full / 2 or not lines:
-        cell, place, here = _next(across, counts, cell, here, step)
+    cell, here, ahead = 1, passes[:, 0], step / 2
+    while (passes[:, -1] - here).max() > step / 2 or not lines:
+        cell, place, here = _next_line(across, passes, cell, here, ahead)
         lines.append(place)
         _require_progress(lines)
-        step = full
+        ahead = step
     return np.array(lines)
 
 
-def _meridians(across: ndarray, counts: ndarray, full: float) -> ndarray:
+def _meridians(
+    across: Float[ndarray, " a"], passes: Float[ndarray, "f a"], step: float
+) -> Float[ndarray, " k"]:
     """Lines from s = 0 by whole steps until the seam is one step away or less."""
-    cell, lines, here = 1, [0.0], counts[:, 0]
-    while (counts[:, -1] - here).max() > full:
-        cell, place, here = _next(across, counts, cell, here, full)
+    cell, lines, here = 1, [0.0], passes[:, 0]
+    while (passes[:, -1] - here).max() > step:
+        cell, place, here = _next_line(across, passes, cell, here, step)
         lines.append(place)
         _require_progress(lines)
     return np.array(lines)
 
 
 def _require_progress(lines: list[float]) -> None:
-    if len(lines) > MOST_LINES or (len(lines) > 1 and not lines[-1] > lines[-2]):
+    """ToolPathError where the last line did not move on, or there are too many."""
+    if len(lines) > MAX_LINES or (len(lines) > 1 and not lines[-1] > lines[-2]):
         raise ToolPathError(
             f"passes crowd without end at parameter {lines[-1]:.6f}: smooth the level there",
             parameter=lines[-1],
         )
 
 
-def _next(
-    across: ndarray, counts: ndarray, start: int, here: ndarray, step: float
-) -> tuple[int, float, ndarray]:
-    """The cell, from `start` on, and the parameter where the fullest place has moved on by `step`, and the
-    counts there."""
-    last, window = len(across) - 1, CELLS
-    while start + window < last and (counts[:, start + window] - here).max() < step:
+def _next_line(
+    across: Float[ndarray, " a"],
+    passes: Float[ndarray, "f a"],
+    start: int,
+    here: Float[ndarray, " f"],
+    step: float,
+) -> tuple[int, float, Float[ndarray, " f"]]:
+    """The cell (from `start` on) and the parameter at which the pass count has grown by `step` since `here` at
+    one place along the feed and nowhere by more, and the counts there."""
+    last, window = len(across) - 1, WINDOW
+    while start + window < last and (passes[:, start + window] - here).max() < step:
         window *= 2
-    # the one cell before may be where the last line lies
-    moved = (counts[:, start - 1 : start + window + 1] - here[:, None]).max(axis=0)
-    cell = int(np.clip(np.searchsorted(moved, step), 1, len(moved) - 1))
-    ratio = np.clip((step - moved[cell - 1]) / (moved[cell] - moved[cell - 1]), 0.0, 1.0)
-    cell += start - 1
-    return (
-        cell,
-        float(across[cell - 1] + ratio * (across[cell] - across[cell - 1])),
-        counts[:, cell - 1] + ratio * (counts[:, cell] - counts[:, cell - 1]),
-    )
+    # the search begins one cell before `start`: the line before may lie in it
+    moved = (passes[:, start - 1 : start + window + 1] - here[:, None]).max(axis=0)
+    found = int(np.clip(np.searchsorted(moved, step), 1, len(moved) - 1))
+    ratio = np.clip((step - moved[found - 1]) / (moved[found] - moved[found - 1]), 0.0, 1.0)
+
+    cell = found + start - 1
+    place = float(across[cell - 1] + ratio * (across[cell] - across[cell - 1]))
+    counts = passes[:, cell - 1] + ratio * (passes[:, cell] - passes[:, cell - 1])
+    return cell, place, counts
 
 
-def _evened(lines_at: Callable[[float], ndarray]) -> ndarray:
-    """The lines of the smallest step that needs no more of them than a full step does."""
-    low, high = 0.5 * FULLNESS, FULLNESS
-    best = lines_at(high)
+def _even_out(lines_of: Callable[[float], Float[ndarray, " k"]]) -> Float[ndarray, " k"]:
+    """The lines of the smallest step that needs no more of them than the full step does."""
+    low, high = MIN_FULLNESS, FULLNESS
+    best = lines_of(high)
     for _ in range(6):
         middle = (low + high) / 2
-        lines = lines_at(middle)
+        lines = lines_of(middle)
         if len(lines) <= len(best):
             best, high = lines, middle
         else:

@@ -19,27 +19,29 @@ from bonecam.levels.measure.level import Level
 from bonecam.mesh.distance import MeshDistance
 from bonecam.setup.holding import Post
 from bonecam.toolpath.cutter import Cutter
-from bonecam.toolpath.gouge import lift_free
+from bonecam.toolpath.gouge import gouge_free_lifts
 from bonecam.toolpath.material import Material
 from bonecam.toolpath.path import ContactPath
-from bonecam.toolpath.sampling import frame, sample_lines
+from bonecam.toolpath.sampling import contact_frames, sample_lines
 from bonecam.toolpath.spacing import line_positions
 
 POST_CLEARANCE = 0.1
-THINNEST = 0.002
-DEEPEST_RADII = 0.75
-"""A ball is never sunk deeper than this many radii into what is left."""
-LIFT_LIMIT_RADII = 0.5
+"""The ball keeps this far from the post, mm."""
+MIN_THICKNESS = 0.002
+"""Less material than this (mm) above a contact is air: a fifth of the gouge allowed by default."""
+MAX_DEPTH_RADII = 0.75
+"""A ball is never sunk deeper than this many radii into the material."""
+MAX_LIFT_RADII = 0.5
 """A ball lifted by more than this many radii does not machine the level any more: its contact is left out."""
 
 
 @dataclass(frozen=True, eq=False)
-class Candidates:
-    """The contacts of all lines of a level in machining order, ends of lines included, before any is left
-    out.
+class CandidateContacts:
+    """All contacts on the lines of a level in machining order, before any is left out.
 
-    `lifts` as `lift_free` has them, NaN where the ball does not fit; `at_post`: too near the post; `air`:
-    there is nothing to cut.
+    `line` is the number of each contact's line; a `closed` line (a ring) has its first contact again at its
+    end. `lifts` as `gouge_free_lifts` has them, NaN where the ball does not fit. `at_post`: too near the post;
+    `in_air`: there is nothing to cut.
     """
 
     level: Level
@@ -53,10 +55,10 @@ class Candidates:
     lifts: Float[ndarray, " n"]
     centres: Float[ndarray, "n 3"]
     at_post: Bool[ndarray, " n"]
-    air: Bool[ndarray, " n"]
+    in_air: Bool[ndarray, " n"]
 
 
-def candidates(
+def candidate_contacts(
     level: Level,
     obstacles: Sequence[MeshDistance],
     cutter: Cutter,
@@ -64,115 +66,114 @@ def candidates(
     job: PathJob,
     *,
     post_clearance: float = POST_CLEARANCE,
-) -> Candidates:
-    """The contacts of a level: cusps <= cutter.scallop, chords <= job.chord_tolerance, no gouge beyond
-    tolerance.
+) -> CandidateContacts:
+    """The contacts of a level whatever the material: cusps <= cutter.scallop, chords <= job.chord_tolerance, no
+    gouge beyond job.gouge_tolerance.
 
-    `obstacles` are what the ball must not enter: the level and the part. Nothing here depends on the levels
-    cut before.
+    `obstacles` are what the ball must not enter: the level and the part.
     """
     surface = level.surface
     assert surface is not None
+    closed = job.direction == "around"
     across = line_positions(surface, job.direction, cutter.radius, cutter.scallop)
-    across = across[::-1] if job.direction == "around" else across
+    if closed:
+        across = across[::-1]
     lines = sample_lines(surface, job.direction, across, cutter.radius, job.chord_tolerance, job.max_step)
-    order = _to_and_fro(lines.line)
+
+    order = _zigzag_order(lines.line)
     line, parameters = lines.line[order], lines.parameters[order]
-    contacts, normals, feeds = frame(surface, job.direction, parameters)
+    contacts, normals, feeds = contact_frames(surface, job.direction, parameters)
     feeds = np.where((line % 2 == 1)[:, None], -feeds, feeds)
+
     joined = np.r_[line[1:] == line[:-1], False]
-    lifts = lift_free(
-        contacts,
-        normals,
-        cutter.radius,
-        job.gouge_tolerance,
-        obstacles,
-        joined,
-        LIFT_LIMIT_RADII * cutter.radius,
+    max_lift = MAX_LIFT_RADII * cutter.radius
+    lifts = gouge_free_lifts(
+        contacts, normals, cutter.radius, job.gouge_tolerance, obstacles, joined, max_lift
     )
     centres = contacts + (cutter.radius + np.nan_to_num(lifts))[:, None] * normals
-    at_post, closed = post.distance(centres) < cutter.radius + post_clearance, job.direction == "around"
-    air = _in_air(level, contacts)
-    return Candidates(
-        level, cutter, closed, line, parameters, contacts, normals, feeds, lifts, centres, at_post, air
+    at_post = post.distance(centres) < cutter.radius + post_clearance
+    in_air = _in_air(level, contacts)
+    return CandidateContacts(
+        level, cutter, closed, line, parameters, contacts, normals, feeds, lifts, centres, at_post, in_air
     )
 
 
-def cover_level(found: Candidates, material: Material | None = None) -> ContactPath:
-    """The contacts that machine a level.
+def contact_path(candidates: CandidateContacts, material: Material | None = None) -> ContactPath:
+    """The contacts of a level that can be machined while `material` is left on it.
 
-    Those too near the post are left uncut (`post`), and those under more `material` than DEEPEST_RADII
-    (`covered`: an outer level was left uncut there). Those lifted by more than the scallop are listed as
-    uncut (`gouge`) though the lifted ball still passes over them. Of a level that rounds the stock only what
-    lies inside the stock is covered. Raises ToolPathError where nothing is left.
+    Left out are contacts too near the post (`post`), under more material than MAX_DEPTH_RADII (`covered`: an
+    outer level was left uncut there), or where the ball does not fit (`gouge`). Those lifted by more than the
+    scallop are listed as uncut (`gouge`) though the lifted ball still passes over them. Of a level that rounds
+    the edges of the stock only what lies inside the stock is covered. Raises ToolPathError where nothing is
+    left.
     """
-    level, cutter, lifts = found.level, found.cutter, found.lifts
+    level, cutter, lifts = candidates.level, candidates.cutter, candidates.lifts
     blocked = np.isnan(lifts)
     covered = np.zeros(len(lifts), dtype=bool)
     if material is not None:
-        thickness = material.over(level, found.contacts) - np.nan_to_num(lifts)
-        covered = ~found.at_post & ~blocked & (thickness > DEEPEST_RADII * cutter.radius)
-    left_out = found.at_post | blocked | covered | found.air
-    kept, passes = _runs(found.line, ~left_out, found.closed)
+        depth = material.thickness(level, candidates.contacts) - np.nan_to_num(lifts)
+        covered = ~candidates.at_post & ~blocked & (depth > MAX_DEPTH_RADII * cutter.radius)
+
+    left_out = candidates.at_post | blocked | covered | candidates.in_air
+    kept, passes = _split_passes(candidates.line, ~left_out, candidates.closed)
     if not len(kept):
         raise ToolPathError(
             f"level {level.index}: nothing can be cut: take a smaller cutter or a thinner post",
             level=level.index,
         )
-    missed = ~found.air & (left_out | (lifts > cutter.scallop))
+
+    uncut = ~candidates.in_air & (left_out | (lifts > cutter.scallop))
+    reasons = np.select([candidates.at_post[uncut], covered[uncut]], ["post", "covered"], "gouge")
     return ContactPath(
         level.index,
         cutter,
-        cutter.scallop,
         passes,
-        found.parameters[kept],
-        found.contacts[kept],
-        found.normals[kept],
-        found.feeds[kept],
-        found.centres[kept],
+        candidates.parameters[kept],
+        candidates.contacts[kept],
+        candidates.normals[kept],
+        candidates.feeds[kept],
+        candidates.centres[kept],
         lifts[kept],
-        found.contacts[missed],
-        tuple(np.select([found.at_post[missed], covered[missed]], ["post", "covered"], "gouge").tolist()),
+        candidates.contacts[uncut],
+        tuple(reasons.tolist()),
     )
 
 
 def _in_air(level: Level, contacts: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
-    """Where a level that rounds the stock lies outside it, or has less than THINNEST mm of it to remove:
-    there is nothing to cut."""
+    """Where a level that rounds the edges of the stock has less than MIN_THICKNESS of it to remove."""
     if level.within is None:
         return np.zeros(len(contacts), dtype=bool)
-    return np.asarray(level.within.signed_distance(contacts) > -THINNEST)
+    return np.asarray(level.within.signed_distance(contacts) > -MIN_THICKNESS)
 
 
-def _to_and_fro(line: Int[ndarray, " n"]) -> Int[ndarray, " n"]:
-    """The order that runs through every other line backwards."""
-    starts = np.searchsorted(line, np.arange(line[-1] + 2))
+def _line_bounds(line: Int[ndarray, " n"]) -> Int[ndarray, " k"]:
+    """First sample of each line, and the number of samples behind the last; `line` never decreases."""
+    return np.searchsorted(line, np.arange(line[-1] + 2))
+
+
+def _zigzag_order(line: Int[ndarray, " n"]) -> Int[ndarray, " n"]:
+    """The order of the samples in which every other line runs backwards."""
+    bounds = _line_bounds(line)
     return np.concatenate(
-        [np.arange(a, b)[:: -1 if k % 2 else 1] for k, (a, b) in enumerate(pairwise(starts))]
+        [np.arange(a, b)[:: -1 if k % 2 else 1] for k, (a, b) in enumerate(pairwise(bounds))]
     )
 
 
-def _runs(
+def _split_passes(
     line: Int[ndarray, " n"], kept: Bool[ndarray, " n"], closed: bool
 ) -> tuple[Int[ndarray, " m"], Int[ndarray, " m"]]:
-    """Contacts that stay, and the pass each belongs to: a line breaks where contacts are left out, a ring
-    opens there."""
-    starts = np.searchsorted(line, np.arange(line[-1] + 2))
-    order: list[ndarray] = []
+    """The contacts that are kept, and the number of the pass of each.
+
+    A line breaks into passes where contacts are left out; a closed line then begins behind the first gap.
+    """
     passes: list[ndarray] = []
-    count = 0
-    for a, b in pairwise(starts):
+    for a, b in pairwise(_line_bounds(line)):
         here = np.arange(a, b)
         gap = np.flatnonzero(~kept[here])
         if closed and len(gap) and kept[here[0]]:
             here = np.r_[here[gap[0] : -1], here[: gap[0]]]
-        breaks = np.flatnonzero(~kept[here])
-        for run in np.split(here, breaks):
-            run = run[kept[run]]
-            if len(run):
-                order.append(run)
-                passes.append(np.full(len(run), count))
-                count += 1
-    if not order:
+        pieces = np.split(here, np.flatnonzero(~kept[here]))
+        passes += [piece[kept[piece]] for piece in pieces if kept[piece].any()]
+    if not passes:
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-    return np.concatenate(order), np.concatenate(passes)
+    return np.concatenate(passes), np.repeat(np.arange(len(passes)), [len(run) for run in passes])

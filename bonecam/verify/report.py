@@ -77,7 +77,7 @@ def toolpath_report(paths: Sequence[ToolPath]) -> list[dict[str, Any]]:
             {
                 "level": path.level,
                 "cutter_radius_mm": path.cutter.radius,
-                "scallop_limit_mm": path.scallop_limit,
+                "scallop_limit_mm": path.cutter.scallop,
                 "passes": len(np.unique(path.pass_index[cutting])),
                 "contacts": int((~np.isnan(path.contacts[:, 0])).sum()),
                 "length_mm": round(float(steps[cutting].sum()), 1),

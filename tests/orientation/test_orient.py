@@ -20,7 +20,7 @@ from bonecam.orientation.scene import Scene
 from bonecam.setup.holding import post_below
 from bonecam.toolpath.cutter import Cutter
 from bonecam.toolpath.path import ContactPath, Kind, ToolPath
-from bonecam.toolpath.zigzag import candidates, cover_level
+from bonecam.toolpath.zigzag import candidate_contacts, contact_path
 
 MIKRON = AxisLimits(np.radians(115.0))
 
@@ -31,8 +31,8 @@ def made(
     surface = bodies.waist(waist)
     level, material = bodies.mesh_of(surface), bodies.mesh_of(bodies.waist(waist, 0.4))
     post, settings = post_below(level, bodies.HOLDING), PathJob(**job)  # type: ignore[arg-type]
-    contacts = cover_level(
-        candidates(bodies.level_of(surface), [MeshDistance(level)], cutter, post, settings)
+    contacts = contact_path(
+        candidate_contacts(bodies.level_of(surface), [MeshDistance(level)], cutter, post, settings)
     )
     scene = Scene(level, material, bodies.stock(), post)
     return contacts, scene, orient(contacts, scene, limits, settings, NcJob())

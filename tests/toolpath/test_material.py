@@ -17,9 +17,9 @@ from bonecam.orientation.scene import Scene
 from bonecam.setup.holding import post_below
 from bonecam.setup.stock import Capsule
 from bonecam.toolpath.cutter import Cutter
-from bonecam.toolpath.material import DEVIATION, Material
+from bonecam.toolpath.material import DEVIATION, Material, remove_material, uncut_material
 from bonecam.toolpath.path import ToolPath
-from bonecam.toolpath.zigzag import candidates, cover_level
+from bonecam.toolpath.zigzag import candidate_contacts, contact_path
 
 POST = post_below(bodies.mesh_of(bodies.pebble()), bodies.HOLDING)
 
@@ -41,7 +41,9 @@ def levels_of() -> tuple[Level, Level, Level]:
 
 
 def path_on(level: Level, material: Material, cutter: Cutter = bodies.ROUGH) -> ToolPath:
-    contacts = cover_level(candidates(level, [MeshDistance(level.mesh)], cutter, POST, PathJob()), material)
+    contacts = contact_path(
+        candidate_contacts(level, [MeshDistance(level.mesh)], cutter, POST, PathJob()), material
+    )
     return orient(
         contacts,
         Scene(level.mesh, material.mesh, STOCK, POST, DEVIATION),
@@ -52,22 +54,21 @@ def path_on(level: Level, material: Material, cutter: Cutter = bodies.ROUGH) -> 
 
 
 @pytest.fixture(scope="module")
-def cut() -> tuple[Material, ToolPath]:
+def machined() -> tuple[Material, ToolPath]:
     levels = levels_of()
-    material = Material(levels, STOCK)
+    material = uncut_material(levels, STOCK)
     path = path_on(levels[1], material)
-    material.cut(levels[1], path)
-    return material, path
+    return remove_material(material, levels[1], path), path
 
 
-def test_what_was_cut_lies_on_the_level(cut: tuple[Material, ToolPath]) -> None:
-    material, _ = cut
+def test_what_was_cut_lies_on_the_level(machined: tuple[Material, ToolPath]) -> None:
+    material, _ = machined
     inside = np.asarray(material.mesh.vertices)[material.mesh.vertices[:, 2] > POST.top + 4]
     assert np.abs(MeshDistance(levels_of()[1].mesh).unsigned(inside)).max() < 0.02
 
 
-def test_no_ball_of_the_path_is_inside_the_material_left(cut: tuple[Material, ToolPath]) -> None:
-    material, path = cut
+def test_no_ball_of_the_path_is_inside_the_material_left(machined: tuple[Material, ToolPath]) -> None:
+    material, path = machined
     rows = np.flatnonzero(path.kinds == 0)
     centres = path.tips[rows] + path.cutter.radius * path.axes[rows]
     assert (
@@ -78,7 +79,7 @@ def test_no_ball_of_the_path_is_inside_the_material_left(cut: tuple[Material, To
 
 def test_contacts_under_uncut_material_stay_uncut() -> None:
     levels = levels_of()
-    material = Material(levels, STOCK)
+    material = uncut_material(levels, STOCK)
     path = path_on(levels[1], material)
     spared = path.contacts[:, 2] > 39.0
     shortened = replace(
@@ -90,8 +91,8 @@ def test_contacts_under_uncut_material_stay_uncut() -> None:
         uncut=np.vstack([path.uncut, path.contacts[spared]]),
         reasons=path.reasons + ("collision",) * int(spared.sum()),
     )
-    material.cut(levels[1], shortened)
-    assert np.quantile(material.over(levels[0], path.contacts[spared]), 0.05) > 0.75
+    material = remove_material(material, levels[1], shortened)
+    assert np.quantile(material.thickness(levels[0], path.contacts[spared]), 0.05) > 0.75
     below = path_on(levels[0], material, bodies.FINE)
     covered = np.array(below.reasons) == "covered"
     heights = below.uncut[covered][:, 2]

@@ -14,7 +14,7 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.setup.holding import post_below
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.path import ContactPath
-from bonecam.toolpath.zigzag import POST_CLEARANCE, candidates, cover_level
+from bonecam.toolpath.zigzag import POST_CLEARANCE, candidate_contacts, contact_path
 
 DIRECTIONS = ("around", "along")
 
@@ -22,8 +22,10 @@ DIRECTIONS = ("around", "along")
 def covered(surface: TSpline, direction: str, post_clearance: float = POST_CLEARANCE) -> ContactPath:
     level = bodies.level_of(surface)
     post, job = post_below(level.mesh, bodies.HOLDING), PathJob(direction=direction)
-    return cover_level(
-        candidates(level, [MeshDistance(level.mesh)], bodies.FINE, post, job, post_clearance=post_clearance)
+    return contact_path(
+        candidate_contacts(
+            level, [MeshDistance(level.mesh)], bodies.FINE, post, job, post_clearance=post_clearance
+        )
     )
 
 
@@ -62,8 +64,8 @@ def test_no_cusp_exceeds_the_scallop(direction: str) -> None:
     points, left = heights_left(surface, path, 1500)
     reached = KDTree(path.uncut).query(points)[0] > 0.6
     assert reached.mean() > 0.85
-    assert left[reached].max() <= path.scallop_limit + 1e-3
-    assert left[reached].max() >= 0.6 * path.scallop_limit, "passes lie closer than needed"
+    assert left[reached].max() <= path.cutter.scallop + 1e-3
+    assert left[reached].max() >= 0.6 * path.cutter.scallop, "passes lie closer than needed"
     assert left[reached].min() >= -PathJob().gouge_tolerance
 
 
@@ -92,7 +94,7 @@ def test_the_ball_never_enters_the_level(direction: str) -> None:
     surface = bodies.waist(1.6)
     path = covered(surface, direction)
     fine = MeshDistance(bodies.mesh_of(surface))
-    assert path.lifts.max() > path.scallop_limit, (
+    assert path.lifts.max() > path.cutter.scallop, (
         "the groove must be too sharp for the ball, else this proves nothing"
     )
     assert (path.cutter.radius - fine.signed(swept_centres(path, 8))).max() <= PathJob().gouge_tolerance

@@ -5,7 +5,7 @@ import pytest
 
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.toolpath.gouge import CONTACT_SHARE, MOVE_SHARE, stays_out
+from bonecam.toolpath.gouge import CONTACT_SHARE, MOVE_SHARE, moves_gouge_free
 
 TOLERANCE = 0.01
 
@@ -27,15 +27,15 @@ def test_a_ball_that_passes_over_a_ridge_may_not_enter_it(deep: float, free: boo
     """Both its ends may be clear of the ridge; the middle is `deep` tolerances in it."""
     z = 1.0 - deep * TOLERANCE
     starts, ends = np.array([[-0.4 * length, 0.0, z]]), np.array([[0.6 * length, 0.3, z]])
-    assert stays_out(starts, ends, 1.0, TOLERANCE, roof()).tolist() == [free]
+    assert moves_gouge_free(starts, ends, 1.0, TOLERANCE, roof()).tolist() == [free]
 
 
 def test_each_move_is_judged_for_itself() -> None:
     starts = np.array([[0.0, 0.0, 1.0], [-3.0, 0.0, 1.0], [0.0, 0.0, 3.0]])
     ends = np.array([[3.0, 0.0, 1.0], [3.0, 0.0, 0.5], [0.0, 0.0, 1.0]])
-    assert stays_out(starts, ends, 1.0, TOLERANCE, roof()).tolist() == [True, False, True]
+    assert moves_gouge_free(starts, ends, 1.0, TOLERANCE, roof()).tolist() == [True, False, True]
 
 
 def test_a_way_that_leads_into_the_part_is_no_way_out() -> None:
     starts, ends = np.array([[0.0, 0.0, 1.0]]), np.array([[0.0, 0.0, -6.0]])
-    assert not stays_out(starts, ends, 1.0, TOLERANCE, roof()).any()
+    assert not moves_gouge_free(starts, ends, 1.0, TOLERANCE, roof()).any()
