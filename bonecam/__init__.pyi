@@ -14,8 +14,8 @@ from .filters.meshset import MeshSet as MeshSet
 from .job import Job as Job
 from .job import read_job as read_job
 from .job import write_job as write_job
+from .mesh.part import Part as Part
 from .pipeline import Morphed as Morphed
-from .pipeline import Part as Part
 from .pipeline import Result as Result
 from .pipeline import convert as convert
 from .pipeline import morph_levels as morph_levels

@@ -8,26 +8,18 @@ import re
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from jaxtyping import Float
-from numpy import ndarray
-
-from bonecam.errors import MeshError, SurfaceError, place_name
-from bonecam.job import Job, MeshJob, SurfaceJob
+from bonecam.errors import SurfaceError, place_name
+from bonecam.job import Job
 from bonecam.keep import failed_level_kept
 from bonecam.levels.closed_morph import Morph
 from bonecam.levels.job_levels import make_levels
-from bonecam.mesh.files.mesh_files import read_mesh
-from bonecam.mesh.healing.pits import fill_pits
-from bonecam.mesh.healing.repair import repair
-from bonecam.mesh.pose import upright
+from bonecam.mesh.part import Part
 from bonecam.mesh.sections.rows import harmonic_rows
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.mesh.units import MM_OF, to_mm
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.kinematics import axis_limits
 from bonecam.nc.machine import Machine, read_machine
@@ -36,21 +28,12 @@ from bonecam.nc.program import Program
 from bonecam.orientation.level_paths import plan_paths
 from bonecam.outputs import File, Outputs
 from bonecam.progress import Progress, part, report, silent
-from bonecam.requirements import (
-    check_cuts,
-    check_job,
-    check_method,
-    check_post,
-    check_room,
-    check_sizes,
-)
-from bonecam.setup.centring import centred, is_free
+from bonecam.requirements import check_job, check_method, check_room
 from bonecam.setup.holding import post_below
-from bonecam.setup.placement import stock_for
-from bonecam.setup.schedule import schedule_of
-from bonecam.setup.stock import MARGIN, Stock, stock_figures
-from bonecam.surface.files import surface_input as given
-from bonecam.surface.files.save import TEXTS
+from bonecam.setup.placement import place
+from bonecam.setup.schedule import check_cuts
+from bonecam.setup.stock import Stock, stock_figures
+from bonecam.surface.files import surface_input
 from bonecam.surface.fitting.fit import Fit, fit
 from bonecam.surface.query.validity import require_sound
 from bonecam.surface.tspline import TSpline
@@ -59,23 +42,6 @@ from bonecam.toolpath.path import ToolPath
 from bonecam.verify.proof import verify
 from bonecam.verify.readback import Tolerances
 from bonecam.verify.report import levels_report, nc_report, summary_of, surface_report, toolpath_report
-
-
-@dataclass(frozen=True, eq=False)
-class Part:
-    """The repaired bone in mm, and where it came from. `transform` (4, 4) leads from the file's mm to `mesh`.
-
-    `given` is the surface itself, in the file's mm, where that came instead of a mesh: rows of points or a
-    saved T-spline.
-    """
-
-    mesh: TriangleMesh
-    file: str
-    faces: int
-    units: str
-    repairs: tuple[str, ...]
-    transform: Float[ndarray, "4 4"]
-    given: Fit | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,13 +162,16 @@ def _morphed(
     machine: Machine | None = None,
 ) -> Morphed:
     """The chain up to the levels, in a stock that the machine has room for."""
+    check_method(job.levels)
     with clock.stage("mesh"):
-        placed, stock = place(prepare(mesh, job.mesh, part(progress, 0.0, 0.1), job.surface), job)
+        raw, given = surface_input.read_part(mesh, job, part(progress, 0.0, 0.1))
+        setup = place(raw, job)
+        placed, stock = setup.part, setup.stock
         if machine is not None:
             check_room(stock, job, machine)
         check_cuts(placed.mesh, stock, job.levels)
     with clock.stage("surface"):
-        fitted = fit_surface(placed, job, part(progress, 0.1, 0.5))
+        fitted = fit_surface(placed, job, part(progress, 0.1, 0.5), given)
     with clock.stage("levels"), failed_level_kept(keep):
         levels = make_levels(fitted.surface, stock, job, part(progress, 0.5, 1.0))
     figures = {
@@ -236,66 +205,13 @@ def _write(
     outputs.write(program, made.report, made.surface, made.levels.levels, made.stock, paths, post)
 
 
-def prepare(
-    mesh: str | Path | TriangleMesh,
-    job: MeshJob,
-    progress: Progress = silent,
-    surface: SurfaceJob | None = None,
-) -> Part:
-    """Read, scale to mm, repair, fill pits and turn upright. A file that gives the surface itself is skinned
-    as `surface` says."""
-    report(progress, 0.0, "reading the mesh")
-    if not isinstance(mesh, TriangleMesh) and given.holds_surface(mesh):
-        return prepare_surface(mesh, job, surface or SurfaceJob())
-    name = "the mesh" if isinstance(mesh, TriangleMesh) else str(mesh)
-    raw = mesh if isinstance(mesh, TriangleMesh) else read_mesh(mesh, TEXTS)
-    if not len(raw.faces):
-        raise MeshError(f"{name}: the mesh has no faces: give a surface mesh", file=name)
-    report(progress, 0.3, "repairing the mesh")
-    scaled = to_mm(raw, job.units, file=name)
-    try:
-        sound, repairs = repair(scaled, progress=part(progress, 0.3, 1.0))
-    except MeshError as error:
-        raise MeshError(f"{name}: {error}", file=name, **error.evidence) from error
-    filled, pits = fill_pits(sound, job.pit_radius) if job.pit_radius else (sound, ())
-    posed, transform = upright(filled) if job.upright else (filled, np.eye(4))
-    return Part(posed, name, len(raw.faces), job.units, repairs + pits, transform)
+def fit_surface(placed: Part, job: Job, progress: Progress = silent, given: Fit | None = None) -> Fit:
+    """Harmonic rows, then the T-spline within the tolerance; a `given` surface is moved to where the part is.
 
-
-def prepare_surface(file: str | Path, job: MeshJob, surface: SurfaceJob) -> Part:
-    """Rows of points or a saved T-spline, upright."""
-    found = given.read_surface(file, MM_OF[job.units], surface.tolerance, surface.max_control_points)
-    mesh = given.sound_mesh(found.surface, str(file))
-    posed, transform = upright(mesh) if job.upright else (mesh, np.eye(4))
-    return Part(posed, str(file), len(mesh.faces), job.units, (), transform, found)
-
-
-def place(unplaced: Part, job: Job) -> tuple[Part, Stock]:
-    """The stock round the part, and both moved up onto the post."""
-    check_sizes(job.stock)
-    check_method(job.levels)
-    stock, pose = stock_for(
-        unplaced.mesh.vertices, job.stock, schedule_of(job.levels), bottom=job.holding.length
-    )
-    if job.mesh.upright and is_free(job.stock):
-        pose = centred(unplaced.mesh.moved(pose).vertices, stock, MARGIN) @ pose
-    middle = unplaced.mesh.bounds.mean(axis=0)
-    off = pose[:2, :3] @ middle + pose[:2, 3] - middle[:2]
-    lift = np.array([0.0, 0.0, job.holding.length - stock.bounds[0, 2]])
-    pose[:3, 3] += lift
-    placed, standing = (
-        replace(unplaced, mesh=unplaced.mesh.moved(pose), transform=pose @ unplaced.transform),
-        stock.moved(lift),
-    )
-    check_post(placed.mesh, standing, job, (float(off[0]), float(off[1])))
-    return placed, standing
-
-
-def fit_surface(placed: Part, job: Job, progress: Progress = silent) -> Fit:
-    """Harmonic rows, then the T-spline within the tolerance; a given surface itself. SurfaceError where it
-    misses the mesh."""
-    if placed.given is not None:
-        return given.placed(placed.given, placed.transform)
+    SurfaceError where it misses the mesh.
+    """
+    if given is not None:
+        return surface_input.placed(given, placed.transform)
     edge = job.mesh.edge_percent / 100 * placed.mesh.diagonal
     rows = harmonic_rows(placed.mesh, job.mesh.rows, job.mesh.row_points, edge, part(progress, 0.0, 0.2))
     tolerance, most = job.surface.tolerance, job.surface.max_control_points

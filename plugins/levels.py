@@ -21,7 +21,8 @@ CATEGORY = "Bonecam: Stock and Levels"
 
 def generate_stock(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """`generate_stock` and `generate_stock_capsule`."""
-    from bonecam.pipeline import Part, place
+    from bonecam.mesh.part import Part
+    from bonecam.setup.placement import place
     from bonecam.setup.stock import stock_figures
 
     job = replace(
@@ -31,15 +32,15 @@ def generate_stock(layers: Layers, values: Mapping[str, Any], progress: Progress
     )
     mesh = layers.bone()
     try:
-        part, stock = place(Part(mesh, layers.name, len(mesh.faces), "mm", (), np.eye(4)), job)
+        setup = place(Part(mesh, layers.name, len(mesh.faces), "mm", (), np.eye(4)), job)
     except (StockError, ToolPathError) as error:
         raise type(error)(
             f"{error} (stock and post stand on the Z axis: was apply_upright_pose applied?)", **error.evidence
         ) from error
-    kept = {"stock": stock, "job": job}
-    layers.add(stock.mesh(values["chord_tolerance"]), "stock", keep=kept)
-    layers.add(part.mesh, "part on post", keep=kept)
-    return {**stock_figures(stock), "transform": np.asarray(part.transform)}
+    kept = {"stock": setup.stock, "job": job}
+    layers.add(setup.stock.mesh(values["chord_tolerance"]), "stock", keep=kept)
+    layers.add(setup.part.mesh, "part on post", keep=kept)
+    return {**stock_figures(setup.stock), "transform": np.asarray(setup.part.transform)}
 
 
 def morph_levels(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:

@@ -9,8 +9,10 @@ from bodies import pebble
 from bonecam.errors import FileError, MeshError, SurfaceError
 from bonecam.filters.meshset import MeshSet
 from bonecam.job import Job
-from bonecam.pipeline import fit_surface, place, prepare
+from bonecam.pipeline import fit_surface
+from bonecam.setup.placement import place
 from bonecam.surface.files.save import save_surface
+from bonecam.surface.files.surface_input import read_part
 from bonecam.surface.tspline import TSpline
 
 JOB = Job()
@@ -36,22 +38,21 @@ def rows_of(surface: TSpline, turn: np.ndarray, path: Path) -> Path:
 )
 def test_rows_are_skinned_and_stand_where_their_mesh_stands(turn: np.ndarray, tmp_path: Path) -> None:
     body = pebble()
-    part, stock = place(
-        prepare(rows_of(body, turn, tmp_path / "rows.xyz"), JOB.mesh, surface=JOB.surface), JOB
-    )
-    fitted = fit_surface(part, JOB)
+    part, given = read_part(rows_of(body, turn, tmp_path / "rows.xyz"), JOB)
+    setup = place(part, JOB)
+    fitted = fit_surface(setup.part, JOB, given=given)
     assert fitted.surface.volume == pytest.approx(body.volume, rel=0.02)
-    assert fitted.surface.project(part.mesh.vertices).distances.max() < 0.02
+    assert fitted.surface.project(setup.part.mesh.vertices).distances.max() < 0.02
     lower, upper = fitted.surface.evaluate(np.zeros(2), np.array([0.0, 1.0]))
     assert lower[2] < upper[2]
-    assert abs(stock.signed_distance(fitted.surface.control_points)).min() > 0
+    assert abs(setup.stock.signed_distance(fitted.surface.control_points)).min() > 0
 
 
 def test_a_saved_surface_is_a_part_again(tmp_path: Path) -> None:
     body = pebble()
     save_surface(body, tmp_path / "body.tspline")
-    part, _ = place(prepare(tmp_path / "body.tspline", JOB.mesh), JOB)
-    surface = fit_surface(part, JOB).surface
+    part, given = read_part(tmp_path / "body.tspline", JOB)
+    surface = fit_surface(place(part, JOB).part, JOB, given=given).surface
     assert surface.tmesh.size == body.tmesh.size
     assert surface.volume == pytest.approx(body.volume, rel=1e-12)
 
@@ -61,7 +62,8 @@ def test_a_cad_part_is_fitted_like_a_mesh(name: str, tmp_path: Path) -> None:
     pytest.importorskip("OCP", reason="OpenCASCADE's wheel is not installed: pip install 'bonecam[cad]'")
     body = pebble()
     save_surface(body, tmp_path / name)
-    part = prepare(tmp_path / name, JOB.mesh)
+    part, given = read_part(tmp_path / name, JOB)
+    assert given is None
     assert part.repairs == ()
     assert part.mesh.volume == pytest.approx(body.volume, rel=5e-3)
 
@@ -71,12 +73,12 @@ def test_rows_that_make_no_part_are_refused(tmp_path: Path) -> None:
     blocks = file.read_text().split("\n\n")
     (tmp_path / "open.xyz").write_text("\n\n".join(blocks[1:-1]))
     with pytest.raises(SurfaceError, match=r"open\.xyz: encloses no part"):
-        prepare(tmp_path / "open.xyz", JOB.mesh)
+        read_part(tmp_path / "open.xyz", JOB)
     (tmp_path / "crossing.xyz").write_text("\n\n".join([*blocks[:3], blocks[6], *blocks[3:]]))
     with pytest.raises(MeshError, match=r"crossing\.xyz: its surface cuts"):
-        prepare(tmp_path / "crossing.xyz", JOB.mesh)
+        read_part(tmp_path / "crossing.xyz", JOB)
     with pytest.raises(FileError, match=r"none\.csv: cannot be read"):
-        prepare(tmp_path / "none.csv", JOB.mesh)
+        read_part(tmp_path / "none.csv", JOB)
 
 
 @pytest.mark.parametrize("name", ["body.step", "body.iges", "body.tspline"])

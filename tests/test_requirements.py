@@ -14,8 +14,10 @@ from bonecam.batch import convert_many
 from bonecam.errors import BonecamError, JobError, ToolPathError
 from bonecam.job import Job
 from bonecam.mesh.files.mesh_files import read_mesh
+from bonecam.mesh.part import prepare_part
 from bonecam.nc.machine import machine_names, read_machine
 from bonecam.requirements import check_job
+from bonecam.setup.placement import place
 
 
 @pytest.fixture
@@ -110,7 +112,7 @@ def test_a_solver_that_is_not_installed_is_named_before_the_surface_is_fitted(
     with pytest.raises(JobError, match=missing):
         bonecam.convert(shipped("phalanx"), job)
     with pytest.raises(JobError, match=missing):
-        pipeline.place(pipeline.prepare(shipped("phalanx"), job.mesh), job)
+        bonecam.morph_levels(shipped("phalanx"), job)
 
 
 @pytest.mark.parametrize("name", machine_names())
@@ -139,10 +141,10 @@ def test_the_filters_refuse_a_post_beside_the_part() -> None:
     "stock", [{"offset_x": 40.0, "tilt_x_deg": 20.0}, {"diameter": 90.0, "length": 90.0, "offset_y": -30.0}]
 )
 def test_the_offset_that_is_told_brings_the_part_over_its_post(stock: dict[str, Any]) -> None:
-    part = pipeline.prepare(shipped("phalanx"), Job().mesh)
+    part = prepare_part(shipped("phalanx"), Job().mesh)
     with pytest.raises(
         ToolPathError, match=r"with stock\.offset_x = -?\d+\.\d\d and stock\.offset_y = "
     ) as caught:
-        pipeline.place(part, Job().with_values(stock=stock))
+        place(part, Job().with_values(stock=stock))
     x, y = caught.value.evidence["offset"]
-    pipeline.place(part, Job().with_values(stock={**stock, "offset_x": x, "offset_y": y}))
+    place(part, Job().with_values(stock={**stock, "offset_x": x, "offset_y": y}))

@@ -7,6 +7,8 @@ from .healing.faults import faults_of as faults_of
 from .healing.pits import fill_pits as fill_pits
 from .healing.repair import repair as repair
 from .intersections import self_intersections as self_intersections
+from .part import Part as Part
+from .part import prepare_part as prepare_part
 from .pose import upright as upright
 from .remeshing import remesh as remesh
 from .sections.rows import Rows as Rows

@@ -7,8 +7,9 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import ToolPathError
-from bonecam.job import HoldingJob
+from bonecam.job import HoldingJob, wrong
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.setup.stock import Stock
 
 FLAT = 0.1
 """Faces whose unit normals rise or fall by less are walls: the post does not end there."""
@@ -50,6 +51,24 @@ def post_below(part: TriangleMesh, holding: HoldingJob, lying: tuple[float, floa
             offset=(x, y),
         )
     return Post(radius, float(min(met.max(), met.min() + holding.diameter)))
+
+
+def checked_post(part: TriangleMesh, stock: Stock, holding: HoldingJob, lying: tuple[float, float]) -> Post:
+    """The post below the part in its stock.
+
+    JobError where it is as wide as the stock, ToolPathError where it misses the part, which lies off the axis
+    by `lying`.
+    """
+    width = float(np.ptp(stock.bounds[:, :2], axis=0).min())
+    if holding.diameter >= width:
+        bound = f"the stock is {width:.2f} mm wide"
+        raise wrong(
+            "holding",
+            "diameter",
+            holding.diameter,
+            f"{bound}: give a post that is thinner than the part's lower end",
+        )
+    return post_below(part, holding, lying)
 
 
 def _lower_end(part: TriangleMesh, height: float) -> Float[ndarray, "2"]:

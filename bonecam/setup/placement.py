@@ -4,20 +4,25 @@ The stock stands upright on the Z axis. The part is turned (first about X, then 
 its box) and shifted in it as the job says; without that it lies in the middle of the stock's height.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 from scipy.spatial import ConvexHull, cKDTree
 
 from bonecam.errors import StockError
-from bonecam.job import StockJob
+from bonecam.job import Job, StockJob, wrong
 from bonecam.mesh.files.mesh_files import read_mesh
+from bonecam.mesh.part import Part
 from bonecam.mesh.triangle_mesh import probes
 from bonecam.setup.box import Box
+from bonecam.setup.centring import centred, is_free
 from bonecam.setup.convex import ConvexStock
 from bonecam.setup.cylinder import Cylinder
+from bonecam.setup.holding import Post, checked_post
 from bonecam.setup.rounded import require_roundable
-from bonecam.setup.schedule import Schedule
+from bonecam.setup.schedule import Schedule, schedule_of
 from bonecam.setup.stock import (
     MARGIN,
     Capsule,
@@ -28,10 +33,60 @@ from bonecam.setup.stock import (
     require_inside,
 )
 
+SIZES = {
+    "capsule": "diameter length",
+    "cylinder": "diameter length",
+    "box": "width depth length",
+    "mesh": "mesh scale",
+}
+"""What gives the size of each kind of stock."""
 HALVINGS, LARGEST_SCALE = 50, 1e4
 LYING = ("offset_x", "offset_y", "offset_z", "tilt_x_deg", "tilt_y_deg", "turn_deg")
 CHORD, TRIED = 0.001, 16
 """Chord tolerance, in radii, of the capsules that are measured for cuts, and at most so many of them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Setup:
+    """The part in its stock on its post, and the depth of each cut; mm, the table is z = 0."""
+
+    part: Part
+    stock: Stock
+    post: Post
+    schedule: Schedule
+
+
+def place(part: Part, job: Job) -> Setup:
+    """The stock round the part, both moved up onto the post.
+
+    JobError, StockError and ToolPathError name sizes, places and offsets that do not go together.
+    """
+    check_sizes(job.stock)
+    schedule = schedule_of(job.levels)
+    stock, pose = stock_for(part.mesh.vertices, job.stock, schedule, bottom=job.holding.length)
+    if job.mesh.upright and is_free(job.stock):
+        pose = centred(part.mesh.moved(pose).vertices, stock, MARGIN) @ pose
+
+    middle = part.mesh.bounds.mean(axis=0)
+    off = pose[:2, :3] @ middle + pose[:2, 3] - middle[:2]
+    lift = np.array([0.0, 0.0, job.holding.length - stock.bounds[0, 2]])
+    pose[:3, 3] += lift
+    placed = part.moved(pose)
+    standing = stock.moved(lift)
+    post = checked_post(placed.mesh, standing, job.holding, (float(off[0]), float(off[1])))
+    return Setup(placed, standing, post, schedule)
+
+
+def check_sizes(stock: StockJob) -> None:
+    """JobError where a size is given that this kind of stock does not have: it would be ignored."""
+    own = SIZES[stock.kind].split()
+    for name in dict.fromkeys(" ".join(SIZES.values()).split()):
+        value, default = getattr(stock, name), getattr(StockJob, name)
+        if name not in own and value != default:
+            kinds = " or ".join(kind for kind, sizes in SIZES.items() if name in sizes.split())
+            raise wrong(
+                "stock", name, value, f"a {stock.kind} has none: give {' and '.join(own)}, or kind = {kinds}"
+            )
 
 
 def stock_for(

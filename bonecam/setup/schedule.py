@@ -9,12 +9,20 @@ import math
 from dataclasses import dataclass
 from numbers import Real
 
+import numpy as np
+
 from bonecam.arrays import ROUNDING
-from bonecam.errors import LevelError
-from bonecam.job import LevelsJob
+from bonecam.errors import LevelError, place_name
+from bonecam.job import LevelsJob, wrong
+from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.setup.stock import Stock
 
 MOST_LEVELS = 2000
 LEAST = 1e-4
+STOCK_CHORD, COARSE = 0.1, 0.002
+"""Chord tolerance (mm, and of its diameter where that is more) of the stock's mesh that the number of cuts is
+counted on."""
 
 
 @dataclass(frozen=True)
@@ -87,3 +95,19 @@ def evened(schedule: Schedule, distance: float, cuts: int, rest: float) -> Sched
     return Schedule(
         schedule.first, min(schedule.beyond, (distance - sum(schedule.first)) / (before * share + 1))
     )
+
+
+def check_cuts(part: TriangleMesh, stock: Stock, job: LevelsJob) -> None:
+    """JobError where the stock is so far from the part that more than `most_cuts` cuts are needed."""
+    mesh = stock.mesh(max(STOCK_CHORD, COARSE * stock.diameter))
+    distances = MeshDistance(part).unsigned(mesh.vertices)
+    place, farthest = mesh.vertices[np.argmax(distances)], float(distances.max())
+    cuts = schedule_of(job).lower_bound(farthest)
+    if cuts > job.most_cuts:
+        what = f"the stock at {place_name(place)} is {farthest:.1f} mm from the part, which takes {cuts} cuts or more"
+        raise wrong(
+            "levels",
+            "most_cuts",
+            job.most_cuts,
+            f"{what}: give a smaller stock or a greater roughing_depth, or allow more",
+        )

@@ -28,8 +28,9 @@ from threadpoolctl import threadpool_limits
 from bonecam.job import Job, MeshJob
 from bonecam.levels.closed_morph import morph
 from bonecam.levels.measure.certificate import certify
-from bonecam.pipeline import fit_surface, place, prepare
-from bonecam.setup.schedule import schedule_of
+from bonecam.mesh.part import prepare_part
+from bonecam.pipeline import fit_surface
+from bonecam.setup.placement import place
 from bonecam.setup.stock import Stock
 from bonecam.surface.tspline import TSpline
 
@@ -64,8 +65,9 @@ def _signed(points: ndarray, surface: TSpline) -> ndarray:
 def row(mesh: Path, units: str, count: int) -> str:
     """The figures of one bone."""
     job = Job(mesh=MeshJob(units=units))
-    placed, stock = place(prepare(mesh, job.mesh), job)
-    made = morph(fit_surface(placed, job).surface, stock, schedule_of(job.levels))
+    setup = place(prepare_part(mesh, job.mesh), job)
+    stock = setup.stock
+    made = morph(fit_surface(setup.part, job).surface, stock, setup.schedule)
     surfaces, cuts = [level.surface for level in made.levels if level.surface], made.levels[1:]
     limits = [level.limit for level in cuts]
     certify(surfaces[:2], stock, limits[:2])  # compiles

@@ -19,9 +19,9 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from bonecam.job import MeshJob
+from bonecam.mesh.part import prepare_part
 from bonecam.mesh.sections.rows import harmonic_rows
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.pipeline import prepare
 from bonecam.surface.fitting.adapt import HASTE, LOWEST, SHARE, Votes, refine
 from bonecam.surface.fitting.fit import Fit, fit
 from bonecam.surface.fitting.growth import Prune, Refine
@@ -116,7 +116,7 @@ def main(tolerance: float, most: int, names: list[str]) -> None:
     print(f"{tolerance} mm".ljust(26) + f"{columns} | B-spline: {columns} | share")
     for name in names:
         path, _, unit = name.partition(":")
-        mesh = prepare(Path(path), MeshJob(units=unit or "mm")).mesh
+        mesh = prepare_part(Path(path), MeshJob(units=unit or "mm")).mesh
         cells: list[str] = []
         fits: list[Fit] = []
         for how in ((refine, prune), (tensor_refine, tensor_prune)):

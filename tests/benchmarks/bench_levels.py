@@ -47,7 +47,9 @@ from bonecam.levels.solvers.clarabel import ConeLevels
 from bonecam.levels.solvers.exchange import Step, next_level
 from bonecam.levels.solvers.osqp import stacked
 from bonecam.mesh.distance import MeshDistance
-from bonecam.pipeline import fit_surface, place, prepare
+from bonecam.mesh.part import prepare_part
+from bonecam.pipeline import fit_surface
+from bonecam.setup.placement import place
 from bonecam.setup.schedule import Schedule
 from bonecam.setup.stock import Capsule
 from bonecam.surface.tspline import TSpline
@@ -118,13 +120,14 @@ def cases(mesh: str, largest: int) -> list[Case]:
     job = Job().with_values(mesh={"units": units})
     if size:
         job = job.with_values(stock={"diameter": float(size[0]), "length": float(size[1])})
-    placed, stock = place(prepare(name, job.mesh), job)
+    setup = place(prepare_part(name, job.mesh), job)
+    stock = setup.stock
     assert isinstance(stock, Capsule)
     found: list[Case] = []
     for tolerance, most in FITS:
         if most <= largest:
             surface = fit_surface(
-                placed,
+                setup.part,
                 replace(job, surface=replace(job.surface, tolerance=tolerance, max_control_points=most)),
             ).surface
             if not found:

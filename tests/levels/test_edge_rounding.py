@@ -18,11 +18,13 @@ from bonecam.levels.measure.measured_surface import Sheet
 from bonecam.mesh.distance import exact_closest
 from bonecam.mesh.hull import convex_hull
 from bonecam.mesh.intersections import self_intersections
+from bonecam.mesh.part import prepare_part
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.pipeline import fit_surface, place, prepare
+from bonecam.pipeline import fit_surface
 from bonecam.setup.box import Box
 from bonecam.setup.convex import ConvexStock
 from bonecam.setup.cylinder import Cylinder
+from bonecam.setup.placement import place
 from bonecam.setup.rounded import Rounded, inradius, intersection, offset, planes_of, rounded, roundest
 from bonecam.setup.schedule import Schedule
 from bonecam.setup.stock import Capsule, Stock, revolved
@@ -298,8 +300,8 @@ def test_a_part_in_the_edges_of_a_bar_is_refused_at_once(monkeypatch: pytest.Mon
 )
 def test_a_shared_bone_uses_the_depth_in_a_box_too(box: StockJob, more: int, shared: Path) -> None:
     job = Job(mesh=MeshJob(units="m"), stock=box)
-    placed, stock = place(prepare(shared / "meshes" / "bones" / "3distph_m.stl", job.mesh), job)
-    made = make_levels(fit_surface(placed, job).surface, stock, job)
+    setup = place(prepare_part(shared / "meshes" / "bones" / "3distph_m.stl", job.mesh), job)
+    made = make_levels(fit_surface(setup.part, job).surface, setup.stock, job)
     assert made.cuts <= made.lower_bound + more
     assert made.depth_used > 0.95
     assert all(level.certified is not False for level in made.levels[1:])

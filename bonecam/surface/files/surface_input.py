@@ -9,9 +9,13 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import MeshError, SurfaceError, UnitsError
+from bonecam.job import Job, MeshJob, SurfaceJob
 from bonecam.mesh.intersections import self_intersections
+from bonecam.mesh.part import Part, prepare_part
+from bonecam.mesh.pose import upright
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.mesh.units import to_mm
+from bonecam.mesh.units import MM_OF, to_mm
+from bonecam.progress import Progress, silent
 from bonecam.surface.files.save import TEXTS
 from bonecam.surface.files.tspline_text import read_tsm
 from bonecam.surface.fitting.deviation import Deviation
@@ -21,6 +25,23 @@ from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 CHORD = 0.01  # chord tolerance of the mesh that stands for the surface, mm
+
+
+def read_part(
+    source: str | Path | TriangleMesh, job: Job, progress: Progress = silent
+) -> tuple[Part, Fit | None]:
+    """The part of a mesh or file, upright, and the surface, in the file's mm, where the file gives that."""
+    if isinstance(source, TriangleMesh) or not holds_surface(source):
+        return prepare_part(source, job.mesh, progress, also=TEXTS), None
+    return read_surface_part(source, job.mesh, job.surface)
+
+
+def read_surface_part(file: str | Path, job: MeshJob, surface: SurfaceJob) -> tuple[Part, Fit]:
+    """The part whose surface is given by rows of points or a saved T-spline, upright, and that surface."""
+    found = read_surface(file, MM_OF[job.units], surface.tolerance, surface.max_control_points)
+    mesh = sound_mesh(found.surface, str(file))
+    posed, transform = upright(mesh) if job.upright else (mesh, np.eye(4))
+    return Part(posed, str(file), len(mesh.faces), job.units, (), transform), found
 
 
 def holds_surface(path: str | Path) -> bool:

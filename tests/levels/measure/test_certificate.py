@@ -20,10 +20,12 @@ from bonecam.levels.measure.certificate import Certificate, certify
 from bonecam.levels.measure.grid import level_grid
 from bonecam.levels.measure.inspection import Inspection, Rules
 from bonecam.levels.measure.measured_surface import Sheet
-from bonecam.pipeline import fit_surface, place, prepare
+from bonecam.mesh.part import prepare_part
+from bonecam.pipeline import fit_surface
 from bonecam.progress import silent
 from bonecam.setup.box import Box
 from bonecam.setup.cylinder import Cylinder
+from bonecam.setup.placement import place
 from bonecam.setup.schedule import Schedule
 from bonecam.setup.stock import Capsule, Stock
 from bonecam.surface.tmesh.rows import RowTMesh
@@ -342,8 +344,8 @@ def test_halves_of_a_net_are_the_patch() -> None:
 
 def test_a_shared_bone_keeps_its_limits_everywhere(shared: Path) -> None:
     job = Job(mesh=MeshJob(units="m"))
-    placed, stock = place(prepare(shared / "meshes" / "bones" / "3distph_m.stl", job.mesh), job)
-    for level in make_levels(fit_surface(placed, job).surface, stock, job).levels[1:]:
+    setup = place(prepare_part(shared / "meshes" / "bones" / "3distph_m.stl", job.mesh), job)
+    for level in make_levels(fit_surface(setup.part, job).surface, setup.stock, job).levels[1:]:
         assert level.certificate is not None
         assert level.certificate.shortfalls(level.limit) == ()
         assert level.certificate.depth >= level.depth_max - 1e-4

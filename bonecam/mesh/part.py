@@ -1,0 +1,68 @@
+"""The part: a bone's mesh, read, scaled to mm, repaired, its pits filled, turned upright."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.errors import MeshError
+from bonecam.job import MeshJob
+from bonecam.mesh.files.mesh_files import read_mesh
+from bonecam.mesh.healing.pits import fill_pits
+from bonecam.mesh.healing.repair import repair
+from bonecam.mesh.pose import upright
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.mesh.units import to_mm
+from bonecam.progress import Progress, report, silent
+from bonecam.progress import part as share
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """The closed mesh to be machined, mm, and where it came from.
+
+    `file`, `faces` and `units` are those of the input, `repairs` the sentences that tell what was changed.
+    `transform` (4, 4) leads from the input, scaled to mm, to `mesh`.
+    """
+
+    mesh: TriangleMesh
+    file: str
+    faces: int
+    units: str
+    repairs: tuple[str, ...]
+    transform: Float[ndarray, "4 4"]
+
+    def moved(self, pose: Float[ndarray, "4 4"]) -> "Part":
+        """The part after a rigid transform (4, 4)."""
+        return replace(self, mesh=self.mesh.moved(pose), transform=pose @ self.transform)
+
+
+def prepare_part(
+    source: str | Path | TriangleMesh,
+    job: MeshJob,
+    progress: Progress = silent,
+    also: tuple[str, ...] = (),
+) -> Part:
+    """Read a mesh, scale it to mm, repair it, fill its pits and turn it upright, as the job says.
+
+    `also` are endings of part files that the caller reads itself: a refusal names them too. MeshError,
+    FileError and UnitsError name the file.
+    """
+    report(progress, 0.0, "reading the mesh")
+    name = "the mesh" if isinstance(source, TriangleMesh) else str(source)
+    raw = source if isinstance(source, TriangleMesh) else read_mesh(source, also)
+    if not len(raw.faces):
+        raise MeshError(f"{name}: the mesh has no faces: give a surface mesh", file=name)
+
+    report(progress, 0.3, "repairing the mesh")
+    scaled = to_mm(raw, job.units, file=name)
+    try:
+        repaired, repairs = repair(scaled, progress=share(progress, 0.3, 1.0))
+    except MeshError as error:
+        raise MeshError(f"{name}: {error}", file=name, **error.evidence) from error
+
+    filled, pits = fill_pits(repaired, job.pit_radius) if job.pit_radius else (repaired, ())
+    posed, transform = upright(filled) if job.upright else (filled, np.eye(4))
+    return Part(posed, name, len(raw.faces), job.units, repairs + pits, transform)
