@@ -35,7 +35,7 @@ from bonecam.setup.schedule import check_cuts
 from bonecam.setup.stock import Stock, stock_figures
 from bonecam.surface.files import surface_input
 from bonecam.surface.fitting.fit import Fit, fit
-from bonecam.surface.query.validity import require_sound
+from bonecam.surface.tessellation.validity import require_valid
 from bonecam.surface.tspline import TSpline
 from bonecam.threads import on_one_blas_thread
 from bonecam.toolpath.path import ToolPath
@@ -224,7 +224,7 @@ def fit_surface(placed: Part, job: Job, progress: Progress = silent, given: Fit 
         raise SurfaceError(
             f"{what}: {found.shortfall}, or raise surface.largest_deviation ({limit:g} mm)", deviation=missed
         )
-    require_sound(found.surface, job.levels.chord_tolerance, placed.file)
+    require_valid(found.surface, job.levels.chord_tolerance, placed.file)
     return found
 
 

@@ -9,6 +9,10 @@ ORDER = [
     *"errors progress arrays threads files parameters job kernels mesh setup surface levels toolpath orientation nc verify".split(),
     *"requirements keep outputs pipeline filters batch cli __main__".split(),
 ]
+ROOMS = {
+    "surface": "basis tmesh query tessellation refinement tspline rows_to_general fitting skinning files".split(),
+}
+"""The order of the modules and sub-packages inside a stage."""
 ROOT = Path(__file__).parents[1] / "bonecam"
 MODULES = sorted(path for path in ROOT.rglob("*.py") if path != ROOT / "__init__.py")
 
@@ -49,6 +53,19 @@ def test_imports_follow_the_flow(path: Path) -> None:
         parts = name.split(".")
         if parts[0] == "bonecam" and len(parts) > 1:
             assert ORDER.index(parts[1]) <= rank, f"{name} comes after {stage_of(path)}"
+
+
+@pytest.mark.parametrize("stage", ROOMS)
+def test_imports_inside_a_stage_follow_the_order_of_its_rooms(stage: str) -> None:
+    rooms = ROOMS[stage]
+    for path in (ROOT / stage).rglob("*.py"):
+        room = path.relative_to(ROOT / stage).parts[0].removesuffix(".py")
+        if room == "__init__":
+            continue
+        for name in imports_of(path):
+            parts = name.split(".")
+            if parts[:2] == ["bonecam", stage] and len(parts) > 2:
+                assert rooms.index(parts[2]) <= rooms.index(room), f"{name} comes after {stage}/{room}"
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(ROOT)))

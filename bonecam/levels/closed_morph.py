@@ -28,7 +28,7 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.progress import Progress, part, rising, silent
 from bonecam.setup.schedule import Schedule
 from bonecam.setup.stock import MARGIN, Stock, require_inside
-from bonecam.surface.query.validity import require_sound
+from bonecam.surface.tessellation.validity import require_valid
 from bonecam.surface.tspline import TSpline
 from bonecam.threads import on_one_blas_thread
 
@@ -106,7 +106,7 @@ def morph(
     if method not in tuple(METHODS):
         raise ValueError(f"method {method!r}: choose one of {', '.join(METHODS)}")
     require_seeds_inside(stock, surface)
-    require_inside(stock, (mesh := require_sound(surface, COARSE, "the part")).vertices, MARGIN)
+    require_inside(stock, (mesh := require_valid(surface, COARSE, "the part")).vertices, MARGIN)
     farthest = MeshDistance(mesh).unsigned(stock.mesh(COARSE * stock.diameter).vertices).max()
     schedule.lower_bound(float(farthest) - COARSE)  # raises at once where they are too many
     start, checking, progress = time.perf_counter(), 0.0, rising(progress)

@@ -13,7 +13,7 @@ from .query.diagnose import Diagnosis as Diagnosis
 from .query.diagnose import diagnose as diagnose
 from .query.project import Projection as Projection
 from .query.project import project as project
-from .refinement.as_general import as_general as as_general
+from .rows_to_general import as_general as as_general
 from .refinement.refine import refine as refine
 from .skinning.skin import skin as skin
 from .tessellation.tessellate import Tessellation as Tessellation

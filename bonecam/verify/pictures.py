@@ -190,7 +190,7 @@ def show_tmesh(
 ) -> None:
     """The shaded surface with the lines of its T-mesh, from -y (`across` = 1) or from y (-1)."""
     _draw_shaded(plot, surface.tessellate(chord_tolerance), across)
-    _draw_lines(plot, surface, tmesh_lines(surface), across)
+    _draw_lines(plot, surface, tmesh_lines(surface.tmesh), across)
 
 
 def _draw_shaded(plot: "Axes", mesh: TriangleMesh, across: float, colours: ndarray | None = None) -> None:  # type: ignore[name-defined]

@@ -9,14 +9,22 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy.sparse as sp
 from jaxtyping import Float, Int32, Int64
 from numpy import ndarray
 
 from bonecam.arrays import frozen
+from bonecam.errors import SurfaceError
 from bonecam.kernels import bezier, bezier_any
 
 SLICES = 256
+"""Even slices of the t-range for which a table tells where the search for a strip starts."""
+
 SLOTS = 128
+"""Even slices of a strip's s-range for which a table tells where the search for an element starts."""
+
+LARGEST_INT32 = 2**31 - 1
+"""Sparse matrices with more entries than this need 64-bit indices."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,6 +149,29 @@ class Elements:
         else:
             bezier.second_derivatives(patches, self.boxes, element, s, t, found)
         return found
+
+    def basis(
+        self, weights: Float[ndarray, " m"], s: Float[ndarray, " n"], t: Float[ndarray, " n"], order: int
+    ) -> tuple[sp.csr_array, ...]:
+        """The rational basis R; R_s, R_t (order 1); R_ss, R_st, R_tt (order 2): sparse (n, m).
+
+        Raises SurfaceError where the elements are not cubic.
+        """
+        if self.degree != 3:
+            raise SurfaceError(
+                f"the elements have degree {self.degree}: the basis is assembled for cubic ones"
+            )
+        place, s, t = self.place(s, t)
+        ends = np.cumsum(np.diff(self.starts)[place])
+        total = int(ends[-1]) if len(ends) else 0
+        index_type = np.int64 if total > LARGEST_INT32 else np.int32
+        indptr = np.concatenate([[0], ends]).astype(index_type)
+        indices = np.empty(total, dtype=index_type)
+        values = np.empty(((1, 3, 6)[order], total))
+        parts = (self.starts, self.functions, self.coefficients, weights, self.boxes)
+        bezier.basis_values(*parts, place, s, t, order, indptr, indices, values)
+        shape = (len(s), len(weights))
+        return tuple(sp.csr_array((v, indices.copy(), indptr.copy()), shape=shape) for v in values)
 
     def patches(
         self, control_points: Float[ndarray, "n 3"], weights: Float[ndarray, " n"]

@@ -17,6 +17,13 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import SurfaceError
+from bonecam.surface.tmesh.surface import Surface
+
+POLE_RANGE = 1e-9
+"""Share of the t-range: nearer to a pole than this a sample takes the pole's limit, as S_s is rounding there."""
+
+POLE_DIRECTIONS = 256
+"""Parameters s, evenly spaced, from which the limits at a pole are taken."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,3 +98,59 @@ def pole_curvature(
         np.column_stack([x * x, 2 * x * y, y * y]) / length[:, None], -(S_tt @ normal) / length, rcond=None
     )[0]
     return principal(form[[0, 1, 1, 2]].reshape(1, 2, 2), axes)
+
+
+def normals_at(surface: Surface, s: Float[ndarray, " n"], t: Float[ndarray, " n"]) -> Float[ndarray, "n 3"]:
+    """Outward unit normals; at a pole their limit. Raises SurfaceError where the surface has no normal."""
+    _, S_s, S_t = surface.derivatives(s, t, 1)
+    normals = np.cross(S_s, S_t)
+    for end, here in _samples_at_poles(surface, t):
+        normals[here] = _pole_limits(surface, end)[0]
+    return unit(normals)
+
+
+def curvature_at(surface: Surface, s: Float[ndarray, " n"], t: Float[ndarray, " n"]) -> Curvature:
+    """Principal curvatures and directions; at a pole their limit."""
+    derivatives = surface.derivatives(s, t, 2)
+    poles = _samples_at_poles(surface, t)
+    regular = np.arange(len(s))
+    if poles:
+        regular = np.setdiff1d(regular, np.concatenate([here for _, here in poles]))
+    normals = unit(np.cross(derivatives[1][regular], derivatives[2][regular]))
+    found = [(regular, surface_curvature(tuple(d[regular] for d in derivatives), normals))]
+    for end, here in poles:
+        normal, S_t, S_tt = _pole_limits(surface, end)
+        found.append((here, pole_curvature(S_t, S_tt, normal)))
+    return _collected(len(s), found)
+
+
+def _collected(count: int, found: list[tuple[ndarray, Curvature]]) -> Curvature:
+    """One curvature of all samples from those at some of their indices; of a pole one row stands for all."""
+    whole = Curvature(np.empty(count), np.empty(count), np.empty((count, 3)), np.empty((count, 3)))
+    for where, part in found:
+        whole.k1[where] = part.k1
+        whole.k2[where] = part.k2
+        whole.direction1[where] = part.direction1
+        whole.direction2[where] = part.direction2
+    return whole
+
+
+def _samples_at_poles(surface: Surface, t: ndarray) -> list[tuple[int, ndarray]]:
+    """Indices of the samples on the lower (0) and the upper (1) pole, where there are some."""
+    low, high = surface.domain[1]
+    distances = (np.asarray(t) - low, high - np.asarray(t))
+    found = []
+    for end in (0, 1):
+        here = np.flatnonzero(distances[end] <= POLE_RANGE * (high - low))
+        if surface.poles[end] and len(here):
+            found.append((end, here))
+    return found
+
+
+def _pole_limits(surface: Surface, end: int) -> tuple[ndarray, ndarray, ndarray]:
+    """The normal at a pole, and S_t and S_tt at POLE_DIRECTIONS parameters s round it."""
+    low, high = surface.domain[0]
+    s = low + (high - low) * (np.arange(POLE_DIRECTIONS) / POLE_DIRECTIONS)
+    derivatives = surface.derivatives(s, np.full(len(s), surface.domain[1, end]), 2)
+    S_t, S_tt = derivatives[2], derivatives[5]
+    return pole_normal(S_t, end == 1), S_t, S_tt

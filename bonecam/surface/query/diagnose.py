@@ -8,7 +8,6 @@ system, and its rank tells whether the functions are independent.
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
@@ -18,9 +17,7 @@ from numpy import ndarray
 from bonecam.surface.basis.elements import Elements
 from bonecam.surface.tmesh.general import TMesh
 from bonecam.surface.tmesh.junctions import junctions, meetings
-
-if TYPE_CHECKING:
-    from bonecam.surface.tspline import TSpline
+from bonecam.surface.tmesh.surface import Surface
 
 ONE = 1e-10  # how near a sum must come to one
 RANK = 1e-12  # of the largest eigenvalue: below this a combination of functions is zero
@@ -72,7 +69,7 @@ class Diagnosis:
         return self.nullity == 0
 
 
-def diagnose(surface: "TSpline") -> Diagnosis:
+def diagnose(surface: Surface) -> Diagnosis:
     """Measure what kind of T-spline the surface is; weights and control points play no part."""
     elements, tmesh = surface.elements(), surface.tmesh
     matrix = _coefficients(elements, tmesh.size)

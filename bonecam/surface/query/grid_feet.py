@@ -10,13 +10,13 @@ from numpy import ndarray
 from scipy.spatial import cKDTree
 
 from bonecam.arrays import dots
-from bonecam.surface.tspline import TSpline
+from bonecam.surface.tmesh.surface import Surface
 
 LONGEST_STEP = 0.1  # part of the domain in one step, both directions
 
 
 def grid_parameters(
-    surface: TSpline, around: int, along: int
+    surface: Surface, around: int, along: int
 ) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
     """s and t of a regular grid over the whole domain, poles included: n = around * (along + 1)."""
     low, high = surface.domain[1]
@@ -25,16 +25,16 @@ def grid_parameters(
 
 
 def nearest_on_grid(
-    surface: TSpline, points: Float[ndarray, "n 3"], around: int = 96, along: int = 128
+    surface: Surface, points: Float[ndarray, "n 3"], around: int = 96, along: int = 128
 ) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
     """s and t of the nearest of a regular grid of surface points: the start where nothing better is known."""
     s, t = grid_parameters(surface, around, along)
-    _, nearest = cKDTree(surface.evaluate(s, t)).query(points)
+    _, nearest = cKDTree(surface.positions(s, t)).query(points)
     return s[nearest], t[nearest]
 
 
 def follow(
-    surface: TSpline,
+    surface: Surface,
     points: Float[ndarray, "n 3"],
     s: Float[ndarray, " n"],
     t: Float[ndarray, " n"],
@@ -44,7 +44,7 @@ def follow(
     start."""
     best_s, best_t, best = s, t, np.full(len(s), np.inf)
     for _ in range(rounds):
-        S, Ss, St = surface.evaluate(s, t, 1)
+        S, Ss, St = surface.derivatives(s, t, 1)
         away = points - S
         distance = np.linalg.norm(away, axis=1)
         better = distance < best
@@ -54,7 +54,7 @@ def follow(
             np.where(better, distance, best),
         )
         s, t = _within(surface, *_step(away, Ss, St, s, t))
-    distance = np.linalg.norm(points - surface.evaluate(s, t), axis=1)
+    distance = np.linalg.norm(points - surface.positions(s, t), axis=1)
     better = distance < best
     return np.where(better, s, best_s), np.where(better, t, best_t), np.where(better, distance, best)
 
@@ -70,7 +70,7 @@ def _step(away: ndarray, Ss: ndarray, St: ndarray, s: ndarray, t: ndarray) -> tu
     return s + limit * ds, t + limit * dt
 
 
-def _within(surface: TSpline, s: ndarray, t: ndarray) -> tuple[ndarray, ndarray]:
+def _within(surface: Surface, s: ndarray, t: ndarray) -> tuple[ndarray, ndarray]:
     """Back into the domain, over a pole where the step left it."""
     low, high = surface.domain[1]
     over = (t < low) | (t > high)

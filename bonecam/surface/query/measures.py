@@ -4,26 +4,23 @@ area = int |S_s x S_t| ds dt; volume = int S . (S_s x S_t) / 3 ds dt (divergence
 surfaces).
 """
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-if TYPE_CHECKING:
-    from bonecam.surface.tspline import TSpline
+from bonecam.surface.tmesh.surface import Surface
 
 AREA_ORDER = 12  # the root of a rational: no finite order is exact
 VOLUME_ORDER = 6  # exact for polynomial patches
 
 
-def area(surface: "TSpline") -> float:
+def area(surface: Surface) -> float:
     """Surface area, mm^2."""
     _, S_s, S_t, weights = _quadrature(surface, AREA_ORDER)
     return float(np.linalg.norm(np.cross(S_s, S_t), axis=1) @ weights)
 
 
-def volume(surface: "TSpline") -> float:
+def volume(surface: Surface) -> float:
     """Enclosed volume, mm^3, > 0 where S_s x S_t points outward; of a closed surface only."""
     S, S_s, S_t, weights = _quadrature(surface, 2 * VOLUME_ORDER if np.ptp(surface.weights) else VOLUME_ORDER)
     S = S - surface.control_points.mean(axis=0)
@@ -31,7 +28,7 @@ def volume(surface: "TSpline") -> float:
 
 
 def _quadrature(
-    surface: "TSpline", order: int
+    surface: Surface, order: int
 ) -> tuple[Float[ndarray, "n 3"], Float[ndarray, "n 3"], Float[ndarray, "n 3"], ndarray]:
     """S, S_s, S_t at order x order Gauss points of every element, and their weights."""
     x, w = np.polynomial.legendre.leggauss(order)

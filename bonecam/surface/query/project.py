@@ -7,7 +7,7 @@ nearest foot wins. The answer is always a foot; that it is the nearest one is no
 about the seeds' spacing of equally near.
 """
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -17,9 +17,7 @@ from scipy.spatial import KDTree
 from bonecam.errors import SurfaceError
 from bonecam.kernels import projection
 from bonecam.surface.tmesh.rows import RowTMesh
-
-if TYPE_CHECKING:
-    from bonecam.surface.tspline import TSpline
+from bonecam.surface.tmesh.surface import Seeds, Surface
 
 AROUND = 128  # seeds round a closed surface
 ALONG = (4, 40)  # fewest and most seeds across an element strip
@@ -48,47 +46,43 @@ class Projection(NamedTuple):
         return self.parameters[:, 1]
 
 
-class Seeds:
-    """Surface points from which projections start."""
-
-    def __init__(self, surface: "TSpline") -> None:
-        if isinstance(surface.tmesh, RowTMesh):
-            self._of_rows(surface)
-        else:
-            self._of_elements(surface)
-
-    def _of_elements(self, surface: "TSpline") -> None:
-        """A grid on every element: the domain need not be a rectangle."""
-        boxes = surface.elements().boxes
-        count = int(np.clip(np.ceil(np.sqrt(SEEDS / len(boxes))), *ELEMENT_SEEDS))
-        u, v = (x.ravel() for x in np.meshgrid(*[(np.arange(count) + 0.5) / count] * 2))
-        width, height = boxes[:, 1] - boxes[:, 0], boxes[:, 3] - boxes[:, 2]
-        s, t = boxes[:, :1] + width[:, None] * u, boxes[:, 2:3] + height[:, None] * v
-        self.parameters = np.column_stack([s.ravel(), t.ravel()])
-        self.tree = KDTree(surface.positions(*self.parameters.T))
-        self.limit = 2 * np.array([width.max(), height.max()]) / count
-
-    def _of_rows(self, surface: "TSpline") -> None:
-        breaks = np.unique(surface.elements().boxes[:, 2:])
-        t = np.concatenate(
-            [
-                a + (b - a) * (np.arange(n) + 0.5) / n
-                for a, b, n in zip(breaks[:-1], breaks[1:], _along(surface, breaks))
-            ]
-        )
-        low, high = surface.domain[0]
-        s = low + (high - low) * (np.arange(AROUND) + 0.5) / AROUND
-        near = (high - low) * (np.arange(POLE_AROUND) + 0.5) / POLE_AROUND + low
-        ends = [breaks[0] + (t[0] - breaks[0]) * POLE_RINGS, breaks[-1] - (breaks[-1] - t[-1]) * POLE_RINGS]
-        grids = [(s, t)] + [(near, end) for end, pole in zip(ends, surface.tmesh.poles) if pole]
-        self.parameters = np.vstack(
-            [np.column_stack([np.tile(a, len(b)), np.repeat(b, len(a))]) for a, b in grids]
-        )
-        self.tree = KDTree(surface.positions(*self.parameters.T))
-        self.limit = np.array([2 * (high - low) / AROUND, 2 * float(np.diff(t).max())])
+def seeds_on(surface: Surface) -> Seeds:
+    """Points over the whole surface, about evenly spaced; closer together next to a pole."""
+    if isinstance(surface.tmesh, RowTMesh):
+        return _seeds_on_rows(surface)
+    return _seeds_on_elements(surface)
 
 
-def _along(surface: "TSpline", breaks: ndarray) -> list[int]:
+def _seeds_on_elements(surface: Surface) -> Seeds:
+    """A grid on every element: the domain need not be a rectangle."""
+    boxes = surface.elements().boxes
+    count = int(np.clip(np.ceil(np.sqrt(SEEDS / len(boxes))), *ELEMENT_SEEDS))
+    u, v = (x.ravel() for x in np.meshgrid(*[(np.arange(count) + 0.5) / count] * 2))
+    width = boxes[:, 1] - boxes[:, 0]
+    height = boxes[:, 3] - boxes[:, 2]
+    s = boxes[:, :1] + width[:, None] * u
+    t = boxes[:, 2:3] + height[:, None] * v
+    parameters = np.column_stack([s.ravel(), t.ravel()])
+    step_limit = 2 * np.array([width.max(), height.max()]) / count
+    return Seeds(parameters, KDTree(surface.positions(*parameters.T)), step_limit)
+
+
+def _seeds_on_rows(surface: Surface) -> Seeds:
+    """A grid over the whole domain, and coarser rings between its first and last row and the poles."""
+    breaks = np.unique(surface.elements().boxes[:, 2:])
+    strips = zip(breaks[:-1], breaks[1:], _counts_along(surface, breaks))
+    t = np.concatenate([a + (b - a) * (np.arange(n) + 0.5) / n for a, b, n in strips])
+    low, high = surface.domain[0]
+    s = low + (high - low) * (np.arange(AROUND) + 0.5) / AROUND
+    near = (high - low) * (np.arange(POLE_AROUND) + 0.5) / POLE_AROUND + low
+    ends = [breaks[0] + (t[0] - breaks[0]) * POLE_RINGS, breaks[-1] - (breaks[-1] - t[-1]) * POLE_RINGS]
+    grids = [(s, t)] + [(near, end) for end, pole in zip(ends, surface.tmesh.poles) if pole]
+    parameters = np.vstack([np.column_stack([np.tile(a, len(b)), np.repeat(b, len(a))]) for a, b in grids])
+    step_limit = np.array([2 * (high - low) / AROUND, 2 * float(np.diff(t).max())])
+    return Seeds(parameters, KDTree(surface.positions(*parameters.T)), step_limit)
+
+
+def _counts_along(surface: Surface, breaks: ndarray) -> list[int]:
     """How many seeds each strip of t needs to space them as along s."""
     s = np.linspace(float(surface.domain[0, 0]), float(surface.domain[0, 1]), AROUND, endpoint=False)
     points = surface.positions(np.tile(s, len(breaks)), np.repeat(breaks, AROUND)).reshape(
@@ -99,7 +93,7 @@ def _along(surface: "TSpline", breaks: ndarray) -> list[int]:
     return [int(count) for count in np.clip(np.ceil(across / around), *ALONG)]
 
 
-def project(surface: "TSpline", points: Float[ndarray, "n 3"]) -> Projection:
+def project(surface: Surface, points: Float[ndarray, "n 3"]) -> Projection:
     """The nearest point of the surface for each point. Raises ValueError for points that are not finite."""
     points = np.ascontiguousarray(points, dtype=np.float64)
     if surface.elements().degree != 3:
@@ -110,11 +104,11 @@ def project(surface: "TSpline", points: Float[ndarray, "n 3"]) -> Projection:
         raise ValueError(f"points {points.shape}: give one a row, shape (n, 3)")
     if not np.isfinite(points).all():
         raise ValueError(f"point {int(np.argmin(np.isfinite(points).all(axis=1)))} is not finite")
-    seeds: Seeds = surface.seeds
+    seeds = surface.seeds
     nearest = seeds.parameters[seeds.tree.query(points, CANDIDATES)[1]]
     elements, count = surface.elements(), len(points)
     s, t, squared = np.empty(count), np.empty(count), np.empty(count)
     domain, period, poles = surface.domain, np.array(elements.period), np.array(surface.poles)
-    parts = (surface.patches, elements.boxes, elements.strips, domain, period, poles, seeds.limit)
+    parts = (surface.patches, elements.boxes, elements.strips, domain, period, poles, seeds.step_limit)
     projection.feet(*parts, points, nearest, s, t, squared)
     return Projection(np.column_stack([s, t]), surface.positions(s, t), np.sqrt(squared))

@@ -11,7 +11,6 @@ and nothing is assumed of the functions' sum, so the surface stays what it was f
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
@@ -21,9 +20,7 @@ from numpy import ndarray
 from bonecam.errors import SurfaceError
 from bonecam.surface.tmesh.cutting import Draft
 from bonecam.surface.tmesh.general import TMesh
-
-if TYPE_CHECKING:
-    from bonecam.surface.tspline import TSpline
+from bonecam.surface.tmesh.surface import S
 
 Lines = tuple[int, ...]
 Terms = dict[tuple[Lines, Lines], dict[int, float]]
@@ -56,9 +53,7 @@ class _Sight:
         )
 
 
-def refined(
-    surface: "TSpline[TMesh]", draft: Draft, lines: tuple[Int64[ndarray, " a"], Int64[ndarray, " b"]]
-) -> "TSpline[TMesh]":
+def refine_locally(surface: S, draft: Draft, lines: tuple[Int64[ndarray, " a"], Int64[ndarray, " b"]]) -> S:
     """The same surface over the drafted T-mesh, which is refined further where it has to be.
 
     `lines` are the new numbers of the old T-mesh's lines. Raises SurfaceError where a function cannot be
@@ -85,7 +80,7 @@ def insertion_matrix(terms: Terms, crossings: ndarray, size: tuple[int, int]) ->
     return sp.csr_array((values, (rows, columns)), shape=size)
 
 
-def _combined(surface: "TSpline[TMesh]", tmesh: TMesh, terms: Terms) -> "TSpline[TMesh]":
+def _combined(surface: S, tmesh: TMesh, terms: Terms) -> S:
     matrix = insertion_matrix(terms, tmesh.crossings, (tmesh.size, surface.tmesh.size))
     weights = matrix @ surface.weights
     if not weights.min() > 0:
@@ -95,7 +90,7 @@ def _combined(surface: "TSpline[TMesh]", tmesh: TMesh, terms: Terms) -> "TSpline
             vertex=int(np.argmin(weights)),
         )
     points = matrix @ (surface.control_points * surface.weights[:, None]) / weights[:, None]
-    return type(surface)(tmesh, points, weights)
+    return surface.with_tmesh(tmesh, points, weights)
 
 
 def _old_terms(tmesh: TMesh, draft: Draft, lines: tuple[ndarray, ndarray]) -> Terms:

@@ -1,29 +1,25 @@
 """Refinement that leaves the surface what it is: the faces that hold given samples are cut in the middle
 (exact local knot insertion)."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import SurfaceError
-from bonecam.surface.refinement.local import refined
-from bonecam.surface.refinement.rows import refined_rows
+from bonecam.surface.refinement.local import refine_locally
+from bonecam.surface.refinement.rows import refine_rows
 from bonecam.surface.tmesh.cutting import Draft
 from bonecam.surface.tmesh.general import TMesh
 from bonecam.surface.tmesh.open_rows import OpenRowTMesh
 from bonecam.surface.tmesh.rows import RowTMesh
-
-if TYPE_CHECKING:
-    from bonecam.surface.tspline import TSpline
+from bonecam.surface.tmesh.surface import S
 
 SNAP = 1e-9  # of the knots' range: a middle as near as this to a knot is that knot
 
 
-def refine(
-    surface: "TSpline", s: Float[ndarray, " n"], t: Float[ndarray, " n"], directions: str = "st"
-) -> "TSpline":
+def refine(surface: S, s: Float[ndarray, " n"], t: Float[ndarray, " n"], directions: str = "st") -> S:
     """The same surface with more control points near the samples.
 
     Each face that holds a sample is cut in its middle, across s ("s"), across t ("t") or both. Of a
@@ -35,7 +31,7 @@ def refine(
     place, s, t = surface.elements().place(s, t)
     tmesh: Any = surface.tmesh
     if isinstance(tmesh, RowTMesh | OpenRowTMesh):
-        return refined_rows(surface, s, t, directions)
+        return refine_rows(surface, s, t, directions)
     if not isinstance(tmesh, TMesh):
         raise SurfaceError(
             "Bezier elements without a T-mesh (.iga) cannot be refined: read the surface from a .tsm or .tspline file"
@@ -54,7 +50,7 @@ def _face_at(tmesh: TMesh, s: float, t: float) -> int:
     )
 
 
-def _cut(surface: "TSpline[TMesh]", chosen: list[int], directions: str) -> "TSpline[TMesh]":
+def _cut(surface: S, chosen: list[int], directions: str) -> S:
     tmesh, draft = surface.tmesh, Draft.of(surface.tmesh)
     boxes = tmesh.face_boxes[chosen]
     middles = [boxes[:, :2].mean(axis=1), boxes[:, 2:].mean(axis=1)]
@@ -71,7 +67,7 @@ def _cut(surface: "TSpline[TMesh]", chosen: list[int], directions: str) -> "TSpl
                 draft.cut(1, draft.line_at(1, t), piece)
         if directions in ("st", "ts"):
             draft.cut(0, draft.line_at(0, s), _piece(draft.knots[1], box[2], box[3], t, upper=True))
-    return refined(surface, draft, (numbers[0], numbers[1]))
+    return refine_locally(surface, draft, (numbers[0], numbers[1]))
 
 
 def _snapped(values: ndarray, knots: ndarray) -> ndarray:

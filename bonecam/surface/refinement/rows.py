@@ -6,7 +6,7 @@ one a point) or open (clamped, four more than points).
 """
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from jaxtyping import Float
@@ -14,21 +14,19 @@ from numpy import ndarray
 
 from bonecam.surface.basis.knots import aligned
 from bonecam.surface.tmesh.open_rows import OpenRowTMesh
-from bonecam.surface.tmesh.rows import NEAREST, RowTMesh
-
-if TYPE_CHECKING:
-    from bonecam.surface.tspline import TSpline
+from bonecam.surface.tmesh.rows import NEAREST
+from bonecam.surface.tmesh.surface import S, Surface
 
 Row = tuple[ndarray, ndarray]  # knots and homogeneous control points (r, 4); one of each: a pole
 T = TypeVar("T")
 
 
-def refined_rows(
-    surface: "TSpline[RowTMesh] | TSpline[OpenRowTMesh]",
+def refine_rows(
+    surface: S,
     s: Float[ndarray, " n"],
     t: Float[ndarray, " n"],
     directions: str,
-) -> "TSpline":
+) -> S:
     """A knot in the middle of the interval that holds s in each of the rows that act at t ("s"), and of the
     t-span ("t")."""
     tmesh: Any = surface.tmesh
@@ -48,7 +46,7 @@ def refined_rows(
     return _surface_of(surface, t_knots, rows)
 
 
-def with_row_knots(surface: "TSpline[RowTMesh]", new: Sequence[Float[ndarray, " _"]]) -> "TSpline[RowTMesh]":
+def with_row_knots(surface: S, new: Sequence[Float[ndarray, " _"]]) -> S:
     """The same surface with more knots in its rows: for each row those in [0, 1) that it gets and has not,
     none for a pole."""
     rows = [
@@ -57,13 +55,13 @@ def with_row_knots(surface: "TSpline[RowTMesh]", new: Sequence[Float[ndarray, " 
     return _surface_of(surface, surface.tmesh.t_knots, rows)
 
 
-def _surface_of(surface: "TSpline", t_knots: ndarray, rows: Sequence[Row]) -> "TSpline":
+def _surface_of(surface: S, t_knots: ndarray, rows: Sequence[Row]) -> S:
     points = np.vstack([row[1] for row in rows])
     tmesh = type(surface.tmesh).from_rows(t_knots, [row[0] for row in rows])
-    return type(surface)(tmesh, points[:, :3] / points[:, 3:], points[:, 3])
+    return surface.with_tmesh(tmesh, points[:, :3] / points[:, 3:], points[:, 3])
 
 
-def _rows(surface: "TSpline[RowTMesh] | TSpline[OpenRowTMesh]") -> list[Row]:
+def _rows(surface: Surface) -> list[Row]:
     """The rows with homogeneous points; knots of different rows that differ by rounding only are made
     equal."""
     starts, weights = surface.tmesh.row_starts, surface.weights[:, None]

@@ -9,7 +9,6 @@ from its pieces and a grid, made finer where the chord tolerance is missed.
 
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -19,9 +18,7 @@ from scipy.spatial import Delaunay, cKDTree
 from bonecam.arrays import dots
 from bonecam.errors import SurfaceError
 from bonecam.kernels import triangles
-
-if TYPE_CHECKING:
-    from bonecam.surface.tspline import TSpline
+from bonecam.surface.tmesh.surface import Surface
 
 SAME = 1e-7  # of the size: corners nearer to each other are one
 FINEST = 256  # cells each way in an element
@@ -45,7 +42,7 @@ class Piece:
 class Net:
     """Vertices in the making; `runs` holds those of every piece, from its lower to its higher vertex."""
 
-    surface: "TSpline"
+    surface: Surface
     parameters: list[ndarray] = field(default_factory=list)
     points: list[ndarray] = field(default_factory=list)
     runs: dict[tuple[int, int, int], ndarray] = field(default_factory=dict)
@@ -86,7 +83,7 @@ class Net:
 
 
 def element_mesh(
-    surface: "TSpline", tolerance: float, angle: float | None = None
+    surface: Surface, tolerance: float, angle: float | None = None
 ) -> tuple[ndarray, ndarray, ndarray, float]:
     """Parameters and points of the vertices, faces, and the largest measured distance (mm) of the surface
     from them.
@@ -117,7 +114,7 @@ def element_mesh(
             )
 
 
-def _pieces(surface: "TSpline", same: float) -> list[list[Piece]]:
+def _pieces(surface: Surface, same: float) -> list[list[Piece]]:
     """The pieces of the four sides of every element, counter-clockwise."""
     net, count = Net(surface), len(surface.elements().boxes)
     corners = np.concatenate([net.positions(e, SQUARE) for e in range(count)])
@@ -182,7 +179,7 @@ def _corners_on(
 
 
 def _meshed(
-    surface: "TSpline",
+    surface: Surface,
     pieces: list[list[Piece]],
     cells: Int[ndarray, " e"],
     shortest: float,

@@ -5,20 +5,17 @@ The corners of all elements are vertices; an element takes those that lie on its
 closed direction are one, and a side t = const on which the surface is one point (a pole) is one vertex.
 """
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-if TYPE_CHECKING:
-    from bonecam.surface.tspline import TSpline
+from bonecam.surface.tmesh.surface import Surface
 
 WIDEST = 0.24  # of a period: what is wider would have two ways round
 ONE_POINT = 1e-12  # of the size: points nearer to each other are one
 
 
-def patch_mesh(surface: "TSpline") -> tuple[Float[ndarray, "n 2"], Bool[ndarray, " n"], Int[ndarray, "m 3"]]:
+def patch_mesh(surface: Surface) -> tuple[Float[ndarray, "n 2"], Bool[ndarray, " n"], Int[ndarray, "m 3"]]:
     """Parameters of the vertices, which of them are poles, and faces counter-clockwise in (s, t)."""
     elements = surface.elements()
     boxes = _narrow(elements.boxes, elements.period)
@@ -81,7 +78,7 @@ def _triangles(
     return np.array(faces, dtype=np.int64), np.array(centres, dtype=np.float64).reshape(-1, 2)
 
 
-def _with_poles(surface: "TSpline", parameters: ndarray, faces: ndarray) -> tuple[ndarray, ndarray, ndarray]:
+def _with_poles(surface: Surface, parameters: ndarray, faces: ndarray) -> tuple[ndarray, ndarray, ndarray]:
     """The vertices of a side t = const on which the surface is one point made one, faces that vanish with it
     left out."""
     poles = np.zeros(len(parameters), dtype=bool)

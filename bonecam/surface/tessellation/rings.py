@@ -4,16 +4,12 @@ vertices, zipped.
 Counts come from the normal curvature: an arc of parameter length d sags by |n.S_ss| d^2 / 8.
 """
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from bonecam.errors import SurfaceError
-
-if TYPE_CHECKING:
-    from bonecam.surface.tspline import TSpline
+from bonecam.surface.tmesh.surface import Surface
 
 SAG = 4.0  # of the 8 in |n.S_ss| d^2 / 8: the diagonal of a cell sags by the sum of both directions
 AROUND = 48  # samples of a ring from which its count is estimated
@@ -23,7 +19,7 @@ TYPICAL = 0.75  # this quantile of the sag sets the counts; sharper spots are sp
 
 
 def ring_mesh(
-    surface: "TSpline", chord_tolerance: float
+    surface: Surface, chord_tolerance: float
 ) -> tuple[Float[ndarray, "n 2"], Bool[ndarray, " n"], Int[ndarray, "m 3"]]:
     """Parameters of the vertices, which of them are poles, and faces counter-clockwise from outside."""
     t, counts = _rings(surface, chord_tolerance)
@@ -34,7 +30,7 @@ def ring_mesh(
     return parameters, poles, np.vstack(faces)
 
 
-def _rings(surface: "TSpline", chord_tolerance: float) -> tuple[ndarray, list[int]]:
+def _rings(surface: Surface, chord_tolerance: float) -> tuple[ndarray, list[int]]:
     """t of each ring, poles included, and its number of vertices (a pole: 1)."""
     breaks = np.unique(surface.elements().boxes[:, 2:])
     middle = (breaks[:-1] + breaks[1:]) / 2
@@ -61,7 +57,7 @@ def _rings(surface: "TSpline", chord_tolerance: float) -> tuple[ndarray, list[in
     return t, ring.tolist()
 
 
-def _sag(surface: "TSpline", t: ndarray, which: int) -> ndarray:
+def _sag(surface: Surface, t: ndarray, which: int) -> ndarray:
     """A typical |n.S_ss| (which = 3) or |n.S_tt| (5) on each line t = const."""
     inside = np.clip(t, *(surface.domain[1] + np.array([1e-6, -1e-6]) * np.ptp(surface.domain[1])))
     s, along = np.tile(np.arange(AROUND) / AROUND, len(t)), np.repeat(inside, AROUND)

@@ -6,7 +6,6 @@ tolerance and correspond vertex by vertex.
 """
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float, Int32
@@ -15,13 +14,11 @@ from numpy import ndarray
 from bonecam.errors import SurfaceError
 from bonecam.surface.tessellation.rings import ring_mesh
 from bonecam.surface.tessellation.tessellate import MARGIN, ROUNDS, _Draft, _edges, _marked, _split
-
-if TYPE_CHECKING:
-    from bonecam.surface.tspline import TSpline
+from bonecam.surface.tmesh.surface import Surface
 
 
 def shared_parameters(
-    surfaces: Sequence["TSpline"], chord_tolerance: float
+    surfaces: Sequence[Surface], chord_tolerance: float
 ) -> tuple[Float[ndarray, "n 2"], Int32[ndarray, "m 3"]]:
     """(s, t) of the vertices (a pole's s is 0) and the faces; raises SurfaceError where the tolerance cannot
     be reached."""

@@ -8,7 +8,6 @@ poles. The distances are measured on the final mesh, not estimated.
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -22,9 +21,7 @@ from bonecam.surface.tessellation.patches import patch_mesh
 from bonecam.surface.tessellation.rings import ring_mesh
 from bonecam.surface.tmesh.extracted import ExtractedTMesh
 from bonecam.surface.tmesh.rows import RowTMesh
-
-if TYPE_CHECKING:
-    from bonecam.surface.tspline import TSpline
+from bonecam.surface.tmesh.surface import Surface
 
 ROUNDS = 40
 MARGIN = 0.9  # of the tolerance is kept at the measured places: between them the surface may lie a little farther off
@@ -46,7 +43,7 @@ class Tessellation:
 class _Draft:
     """The mesh in the making; `fresh` faces are still to be measured."""
 
-    surface: "TSpline"
+    surface: Surface
     parameters: Float[ndarray, "n 2"]
     poles: Bool[ndarray, " n"]
     points: Float[ndarray, "n 3"]
@@ -64,7 +61,7 @@ class _Draft:
 
 
 def tessellate(
-    surface: "TSpline", chord_tolerance: float, angle_tolerance: float | None = None
+    surface: Surface, chord_tolerance: float, angle_tolerance: float | None = None
 ) -> Tessellation:
     """Triangles within `chord_tolerance` (mm) of the surface; with `angle_tolerance` (rad) the normals along
     an edge, too.
@@ -198,7 +195,7 @@ def _cut(points: ndarray, faces: ndarray, middle: ndarray) -> ndarray:
     return np.vstack([np.column_stack(corners)[which] for which, corners in pieces])
 
 
-def _checked(surface: "TSpline", parameters: ndarray, points: ndarray, faces: ndarray) -> TriangleMesh:
+def _checked(surface: Surface, parameters: ndarray, points: ndarray, faces: ndarray) -> TriangleMesh:
     """The mesh. Raises SurfaceError where a face has no area."""
     mesh = TriangleMesh(points, faces.astype(np.int32))
     area = np.linalg.norm(mesh.face_vectors, axis=1)

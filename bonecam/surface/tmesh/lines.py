@@ -5,7 +5,7 @@ beside it.
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -16,9 +16,6 @@ from bonecam.surface.tmesh.general import TMesh
 from bonecam.surface.tmesh.local_knot_vectors import knots_of_lines
 from bonecam.surface.tmesh.rows import RowTMesh
 
-if TYPE_CHECKING:
-    from bonecam.surface.tspline import TSpline
-
 
 @dataclass(frozen=True, eq=False)
 class TMeshLines:
@@ -28,13 +25,13 @@ class TMeshLines:
     vertices: Float[ndarray, "m 2"]
 
 
-def tmesh_lines(surface: "TSpline") -> TMeshLines:
+def tmesh_lines(tmesh: Any) -> TMeshLines:
     """The T-mesh of a closed row-structured or a general surface; pieces end at index lines, so they are
     short."""
-    if isinstance(surface.tmesh, RowTMesh):
-        return _of_rows(surface.tmesh)
-    if isinstance(surface.tmesh, TMesh):
-        return _of_grid(surface.tmesh)
+    if isinstance(tmesh, RowTMesh):
+        return _of_rows(tmesh)
+    if isinstance(tmesh, TMesh):
+        return _of_grid(tmesh)
     raise SurfaceError("only closed rows and general T-meshes are drawn as lines")
 
 

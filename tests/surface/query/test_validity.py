@@ -5,13 +5,13 @@ import pytest
 from bodies import mesh_of, pebble
 
 from bonecam.errors import SurfaceError
-from bonecam.surface.query.validity import require_sound
+from bonecam.surface.tessellation.validity import require_valid
 from bonecam.surface.tspline import TSpline
 
 
 def test_a_surface_that_cuts_itself_is_refused_with_the_place() -> None:
     sound = pebble()
-    require_sound(sound, 0.05, "bone.stl")
+    require_valid(sound, 0.05, "bone.stl")
     points = np.array(sound.control_points)
     waist = slice(1 + 12 * 4, 1 + 12 * 7)
     points[waist, :2] *= -0.3  # turned through the axis: the wall passes through itself
@@ -20,7 +20,7 @@ def test_a_surface_that_cuts_itself_is_refused_with_the_place() -> None:
         SurfaceError,
         match=r"bone\.stl: the surface of \d+ control points cuts itself in \d+ faces, first near \(.*\): raise",
     ) as caught:
-        require_sound(crossed, 0.05, "bone.stl")
+        require_valid(crossed, 0.05, "bone.stl")
     low, high = mesh_of(crossed).bounds
     assert (
         (caught.value.evidence["place"] >= low - 0.1) & (caught.value.evidence["place"] <= high + 0.1)

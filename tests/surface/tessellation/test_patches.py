@@ -14,7 +14,7 @@ from test_tsm import torus_text
 
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.files.tspline_text import read_tsm
-from bonecam.surface.refinement.as_general import as_general
+from bonecam.surface.rows_to_general import as_general
 from bonecam.surface.tspline import TSpline
 
 igl = pytest.importorskip("igl")

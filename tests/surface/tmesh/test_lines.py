@@ -12,7 +12,7 @@ from bonecam.verify.pictures import draw_tmesh
 
 def test_edges_of_a_general_tmesh_are_drawn_once() -> None:
     surface = random_tspline(4, closed=True)
-    lines = tmesh_lines(surface)
+    lines = tmesh_lines(surface.tmesh)
     straight = (lines.pieces[:, 0] == lines.pieces[:, 1]).sum(axis=1)
     assert (straight == 1).all()
     assert len(np.unique(lines.pieces.reshape(-1, 4), axis=0)) == len(lines.pieces) - repeated_border(surface)
@@ -30,7 +30,7 @@ def repeated_border(surface) -> int:  # type: ignore[no-untyped-def]
 
 def test_rows_are_drawn_with_their_knots(tmp_path: Path) -> None:
     surface = bone_like(8, 6, 1)
-    lines = tmesh_lines(surface)
+    lines = tmesh_lines(surface.tmesh)
     assert len(lines.vertices) == surface.tmesh.size
     assert len(lines.pieces) == 2 * (surface.tmesh.size - 2)
     draw_tmesh(surface, tmp_path / "a.png", 0.1)

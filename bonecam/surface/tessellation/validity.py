@@ -3,13 +3,14 @@
 from bonecam.errors import SurfaceError, place_name
 from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.surface.tspline import TSpline
+from bonecam.surface.tessellation.tessellate import tessellate
+from bonecam.surface.tmesh.surface import Surface
 
 
-def require_sound(surface: TSpline, chord_tolerance: float, name: str) -> TriangleMesh:
+def require_valid(surface: Surface, chord_tolerance: float, name: str) -> TriangleMesh:
     """The tessellation within `chord_tolerance` mm; SurfaceError where the closed surface cuts itself or its
     normals point inwards."""
-    mesh = surface.tessellate(chord_tolerance)
+    mesh = tessellate(surface, chord_tolerance).mesh
     what = f"{name}: the surface of {surface.tmesh.size} control points"
     cut = self_intersections(mesh)
     if len(cut):
