@@ -13,8 +13,8 @@ from .query.diagnose import Diagnosis as Diagnosis
 from .query.diagnose import diagnose as diagnose
 from .query.project import Projection as Projection
 from .query.project import project as project
-from .rows_to_general import as_general as as_general
 from .refinement.refine import refine as refine
+from .rows_to_general import as_general as as_general
 from .skinning.skin import skin as skin
 from .tessellation.tessellate import Tessellation as Tessellation
 from .tessellation.tessellate import tessellate as tessellate
