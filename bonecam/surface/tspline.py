@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Generic, Self
+from typing import Any, Generic
 
 import numpy as np
 import scipy.sparse as sp
@@ -85,15 +85,15 @@ class TSpline(Surface[M], Generic[M]):
         """The Bezier elements of the T-mesh: boxes, function ids, coefficients."""
         return self.tmesh.elements
 
-    def with_control_points(self, control_points: Float[ndarray, "n 3"]) -> Self:
+    def with_control_points(self, control_points: Float[ndarray, "n 3"]) -> "TSpline[M]":
         """The surface of the same T-mesh and weights with other control points."""
-        return type(self)(self.tmesh, control_points, self.weights)
+        return TSpline(self.tmesh, control_points, self.weights)
 
     def with_tmesh(
-        self, tmesh: M, control_points: Float[ndarray, "n 3"], weights: Float[ndarray, " n"]
-    ) -> Self:
+        self, tmesh: Any, control_points: Float[ndarray, "n 3"], weights: Float[ndarray, " n"]
+    ) -> "TSpline[M]":
         """The surface of another T-mesh of the same kind."""
-        return type(self)(tmesh, control_points, weights)
+        return TSpline(tmesh, control_points, weights)
 
     def basis(
         self, s: Float[ndarray, " n"], t: Float[ndarray, " n"], order: int = 0
@@ -152,7 +152,9 @@ class TSpline(Surface[M], Generic[M]):
         """The triangle mesh, the (s, t) of every vertex and the chord error that was measured."""
         return tessellate(self, chord_tolerance, angle_tolerance)
 
-    def refine(self, s: Float[ndarray, " n"], t: Float[ndarray, " n"], directions: str = "st") -> Self:
+    def refine(
+        self, s: Float[ndarray, " n"], t: Float[ndarray, " n"], directions: str = "st"
+    ) -> "TSpline[M]":
         """The unchanged surface with more control points: faces that hold samples are cut in their middle."""
         return refine(self, s, t, directions)
 

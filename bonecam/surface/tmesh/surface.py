@@ -5,7 +5,7 @@ surface, the class above them, so that its methods may call them.
 """
 
 from abc import ABC, abstractmethod
-from typing import Generic, NamedTuple, Self, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import scipy.sparse as sp
 from jaxtyping import Float
@@ -84,15 +84,15 @@ class Surface(ABC, Generic[M]):
         """Outward unit normals; at a pole their limit."""
 
     @abstractmethod
-    def with_control_points(self, control_points: Float[ndarray, "n 3"]) -> Self:
+    def with_control_points(self: "S", control_points: Float[ndarray, "n 3"]) -> "S":
         """The surface of the same T-mesh and weights with other control points."""
 
     @abstractmethod
     def with_tmesh(
-        self, tmesh: M, control_points: Float[ndarray, "n 3"], weights: Float[ndarray, " n"]
-    ) -> Self:
+        self: "S", tmesh: Any, control_points: Float[ndarray, "n 3"], weights: Float[ndarray, " n"]
+    ) -> "S":
         """The surface of another T-mesh of the same kind."""
 
 
 S = TypeVar("S", bound=Surface)
-"""A class of surfaces, where what is returned is of the class that was given."""
+"""A class of surfaces: what is returned is of the class that was given."""
