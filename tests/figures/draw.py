@@ -1,9 +1,10 @@
-"""Draws the README's pictures: `python tests/figures/draw.py` runs the chain on the shipped phalanx with the
-default job."""
+"""Draws the pictures of README and docs: `python tests/figures/draw.py` runs the chain on the shipped phalanx
+with the default job."""
 
 from pathlib import Path
 
 from bonecam_meshes import path
+from clamping import draw_clamping
 from matplotlib.figure import Figure
 
 import bonecam
@@ -20,19 +21,22 @@ from bonecam.verify.pictures import (
     show_tmesh,
 )
 
-HERE = Path(__file__).parent
+FIGURES = Path(__file__).parents[2] / "docs/pages/figures"
 
 
 def main() -> None:
-    """Write chain.png, coloured.png, depths.png, toolpath.png and tmesh.png beside this file."""
-    result = bonecam.convert(path("phalanx"))
-    levels, holding = result.levels.levels, bonecam.Job().holding
-    post = holding.diameter, post_below(result.part.mesh, holding).top
-    draw_chain(result, post, HERE / "chain.png")
-    draw_coloured(levels, HERE / "coloured.png")
-    draw_depths(levels, line_depths(levels, result.stock), HERE / "depths.png")
-    draw_toolpath(result.paths, levels, HERE / "toolpath.png", post)
-    draw_tmesh(result.surface, HERE / "tmesh.png")
+    """Write chain.png, clamping.png, coloured.png, depths.png, toolpath.png and tmesh.png for docs/pages."""
+    job = bonecam.Job()
+    result = bonecam.convert(path("phalanx"), job)
+    levels = result.levels.levels
+    top = post_below(result.part.mesh, job.holding).top
+    post = job.holding.diameter, top
+    draw_clamping(result.part.mesh, result.stock, job.holding, top, job.finishing, FIGURES / "clamping.png")
+    draw_chain(result, post, FIGURES / "chain.png")
+    draw_coloured(levels, FIGURES / "coloured.png")
+    draw_depths(levels, line_depths(levels, result.stock), FIGURES / "depths.png")
+    draw_toolpath(result.paths, levels, FIGURES / "toolpath.png", post)
+    draw_tmesh(result.surface, FIGURES / "tmesh.png")
 
 
 def draw_chain(result: bonecam.Result, post: tuple[float, float], file: Path) -> None:
