@@ -1,13 +1,14 @@
 # Two commands set everything up on a fresh Debian machine:
 #   make demo    the whole chain on a shipped mesh -> out/phalanx.h and pictures in out/keep
 #   make test    the test suite
+# and `make docs` builds the documentation into out/docs.
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 SYSTEM := libegl1 libgl1 libusb-1.0-0 libopengl0 python3-venv
 CNC := linuxcnc-uspace gcc libc6-dev
 
-.PHONY: demo test lint types system cnc clean
+.PHONY: demo test docs lint types system cnc clean
 
 demo: $(VENV)/installed
 	mkdir -p out
@@ -15,6 +16,9 @@ demo: $(VENV)/installed
 
 test: $(VENV)/developing cnc
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile
+
+docs: $(VENV)/documenting
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict -q -f docs/mkdocs.yml
 
 lint: $(VENV)/developing
 	$(BIN)/ruff format --check .
@@ -38,6 +42,10 @@ $(VENV)/installed: pyproject.toml | system
 
 $(VENV)/developing: $(VENV)/installed
 	$(BIN)/pip install -qq -e ".[test,dev]"
+	touch $@
+
+$(VENV)/documenting: $(VENV)/installed
+	$(BIN)/pip install -qq -e ".[docs]"
 	touch $@
 
 clean:

@@ -1,6 +1,7 @@
 from .dialect import Dialect as Dialect
 from .dialect import dialect_names as dialect_names
 from .dialect import read_dialect as read_dialect
+from .kinematics import axis_limits as axis_limits
 from .kinematics import forward as forward
 from .kinematics import inverse_linear as inverse_linear
 from .kinematics import inverse_rotary as inverse_rotary

@@ -3,6 +3,8 @@ from .convex import ConvexStock as ConvexStock
 from .cylinder import Cylinder as Cylinder
 from .holding import Post as Post
 from .holding import post_below as post_below
+from .placement import Setup as Setup
+from .placement import place as place
 from .placement import stock_for as stock_for
 from .rounded import Rounded as Rounded
 from .schedule import Schedule as Schedule
