@@ -15,8 +15,9 @@ from .job import Job as Job
 from .job import read_job as read_job
 from .job import write_job as write_job
 from .mesh.part import Part as Part
-from .pipeline import Morphed as Morphed
-from .pipeline import Result as Result
+from .outputs.kept_folder import keep_levels as keep_levels
+from .outputs.result import Morphed as Morphed
+from .outputs.result import Result as Result
 from .pipeline import convert as convert
 from .pipeline import morph_levels as morph_levels
 

@@ -25,7 +25,7 @@ from bonecam.files import check_folder, write_whole
 from bonecam.job import Job, write_job
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.machine import read_machine
-from bonecam.requirements import check_job
+from bonecam.pipeline import check_job
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from bonecam.parameters import KINDS
 from bonecam.progress import Progress, silent
 
 if TYPE_CHECKING:
-    from bonecam.pipeline import Morphed
+    from bonecam.outputs.result import Morphed
 
 EXIT_CODES = "Exit codes: 0 done; 1 some mesh of a batch failed; 2 wrong input, job or call (one line on stderr); 130 stopped."
 PART = "STL, PLY, OBJ or OFF mesh; STEP, IGES, SAT or DXF part; point cloud; rows of points; saved .tspline"

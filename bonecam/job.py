@@ -351,6 +351,12 @@ class PathJob(Stage):
         high=0.5,
     )
 
+    def __post_init__(self) -> None:
+        check(self)
+        if abs(self.lead_deg) > self.max_tilt_deg:
+            bound = f"keep it within path.max_tilt_deg ({self.max_tilt_deg:g})"
+            raise JobError(f"lead_deg = {self.lead_deg:g}: {bound}", field="lead_deg")
+
 
 @dataclass(frozen=True)
 class NcJob(Stage):

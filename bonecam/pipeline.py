@@ -1,22 +1,14 @@
-"""The flow: mesh -> surface -> levels -> toolpath -> orientation -> nc -> verify, one function a stage.
+"""The flow: mesh -> setup -> surface -> levels -> toolpath -> orientation -> nc -> verify.
 
 All stages work in one frame, mm: the part's long axis is +Z, the table is z = 0 and is the program's zero,
 the post stands on it.
 """
 
-import re
-import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from bonecam.errors import SurfaceError, place_name
 from bonecam.job import Job
-from bonecam.keep import failed_level_kept
-from bonecam.levels.closed_morph import Morph
-from bonecam.levels.job_levels import make_levels
+from bonecam.levels.job_levels import check_method, make_levels
 from bonecam.mesh.part import Part
 from bonecam.mesh.sections.rows import harmonic_rows
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -24,48 +16,29 @@ from bonecam.nc.dialect import read_dialect
 from bonecam.nc.kinematics import axis_limits
 from bonecam.nc.machine import Machine, read_machine
 from bonecam.nc.posting.write import write_program
-from bonecam.nc.program import Program
+from bonecam.nc.program import program_name
+from bonecam.nc.requirements import check_room, check_tools
 from bonecam.orientation.level_paths import plan_paths
-from bonecam.outputs import File, Outputs
-from bonecam.progress import Progress, part, report, silent
-from bonecam.requirements import check_job, check_method, check_room
-from bonecam.setup.holding import post_below
-from bonecam.setup.placement import place
+from bonecam.outputs.kept_folder import keep_failed_level
+from bonecam.outputs.output_files import File, Outputs
+from bonecam.outputs.result import Morphed, Result
+from bonecam.outputs.run_report import report_to_levels, report_to_program
+from bonecam.progress import Progress, part, silent
+from bonecam.setup.placement import check_sizes, place
 from bonecam.setup.schedule import check_cuts
-from bonecam.setup.stock import Stock, stock_figures
 from bonecam.surface.files import surface_input
 from bonecam.surface.fitting.fit import Fit, fit
+<<<<<<< HEAD
 from bonecam.surface.tessellation.validity import require_valid
 from bonecam.surface.tspline import TSpline
+=======
+from bonecam.surface.query.validity import require_sound
+>>>>>>> 207e4a4 (Give what a run writes its package; post, room and times their stages)
 from bonecam.threads import on_one_blas_thread
-from bonecam.toolpath.path import ToolPath
+from bonecam.timing import StageTimes
+from bonecam.toolpath.ball_depth import check_depths
 from bonecam.verify.proof import verify
 from bonecam.verify.readback import Tolerances
-from bonecam.verify.report import levels_report, nc_report, summary_of, surface_report, toolpath_report
-
-
-@dataclass(frozen=True, eq=False)
-class Morphed:
-    """What the chain makes up to the levels. `report` is what --report writes."""
-
-    part: Part
-    surface: TSpline
-    stock: Stock
-    levels: Morph
-    report: dict[str, Any]
-
-    @property
-    def summary(self) -> str:
-        """What came of it, in a few lines."""
-        return summary_of(self.report)
-
-
-@dataclass(frozen=True, eq=False)
-class Result(Morphed):
-    """Everything the chain makes."""
-
-    paths: tuple[ToolPath, ...]
-    program: Program
 
 
 def convert(
@@ -78,49 +51,50 @@ def convert(
     surface: File = None,
     progress: Progress = silent,
 ) -> Result:
-    """Mesh in, verified NC program out: the whole chain.
+    """The verified NC program of a part: all stages from the mesh to the proof.
 
-    `mesh` is a file or a TriangleMesh in the job's units. Files named by `program`, `keep`, `report` and
-    `surface` (its ending says its kind) are written last, each whole; where anything fails nothing is
-    written, but for the patch of a level that failed its check, in `keep`. Raises a BonecamError that names
-    the trouble.
+    `mesh` is a file, or a TriangleMesh in the unit `job.mesh.units`. The files `program`, `report` and `surface`
+    (its ending says its kind) and the folder `keep` are written at the end, all or none. Only a level that fails
+    its check is written to `keep` all the same. Raises a BonecamError that names the trouble and the remedy.
     """
-    job, clock = _job(job), _Clock()
-    machine, dialect = (
-        read_machine(job.nc.machine),
-        read_dialect(job.nc.controller),
-    )  # what is wrong is refused before the work
+    job = _require_job(job)
+    machine = read_machine(job.nc.machine)
+    dialect = read_dialect(job.nc.controller)
     check_job(job, machine)
     outputs = Outputs(program, keep, report, surface)
-    outputs.check(_files(mesh), dialect)
-    made = _morphed(mesh, job, clock, keep, part(progress, 0.0, 0.3), machine)
-    with clock.stage("toolpath"):
-        paths = plan_paths(
-            made.levels.levels, made.stock, job, axis_limits(machine), part(progress, 0.3, 0.85)
-        )
-    with clock.stage("nc"):
-        source = next(iter(_files(mesh)), "")
-        posted = post(
+    outputs.check(_file_of(mesh), dialect)
+    times = StageTimes()
+
+    made = _morph(mesh, job, machine, keep, times, part(progress, 0.0, 0.3))
+    levels = made.levels.levels
+    design = levels[0].surface
+    assert design is not None
+
+    with times.stage("toolpath"):
+        paths = plan_paths(levels, made.stock, job, axis_limits(machine), part(progress, 0.3, 0.85))
+
+    with times.stage("nc"):
+        file = _file_of(mesh)
+        posted = write_program(
             paths,
-            made.stock,
+            machine,
+            dialect,
             job,
-            part(progress, 0.85, 0.9),
-            name=program_name(program or source),
-            source=source,
+            name=program_name(program or file or ""),
+            comments=[f"part: {Path(file).name}"] if file else [],
+            stock_bounds=made.stock.bounds,
+            progress=part(progress, 0.85, 0.9),
         )
-    with clock.stage("verify"):
-        design = made.levels.levels[0].surface
-        assert design is not None
+
+    with times.stage("verify"):
         tolerances = Tolerances(gouge=job.path.gouge_tolerance)
         proof = verify(posted.text, paths, machine, dialect, design, tolerances, part(progress, 0.9, 0.97))
-    figures = {
-        **made.report,
-        "toolpath": toolpath_report(paths),
-        "nc": {"file": Path(program).name if program else "", **nc_report(posted, proof)},
-    }
+
+    program_file = Path(program).name if program else ""
+    figures = {**made.report, **report_to_program(program_file, paths, posted, proof)}
     result = Result(made.part, made.surface, made.stock, made.levels, figures, paths, posted)
-    with clock.stage("files"):
-        _write(outputs, result, job, part(progress, 0.97, 1.0), paths, posted.text)
+    with times.stage("files"):
+        outputs.write(result, job.holding, paths, posted.text, part(progress, 0.97, 1.0))
     return result
 
 
@@ -133,76 +107,62 @@ def morph_levels(
     surface: File = None,
     progress: Progress = silent,
 ) -> Morphed:
-    """Mesh in, measured levels out: `convert` up to the levels, for any machine."""
-    job, clock = _job(job), _Clock()
+    """The measured levels of a part: the stages of `convert` from the mesh to the levels, for any machine."""
+    job = _require_job(job)
+    check_method(job.levels)
     outputs = Outputs(keep=keep, report=report, surface=surface)
-    outputs.check(_files(mesh))
-    made = _morphed(mesh, job, clock, keep, part(progress, 0.0, 0.95))
-    with clock.stage("files"):
-        _write(outputs, made, job, part(progress, 0.95, 1.0))
+    outputs.check(_file_of(mesh))
+    times = StageTimes()
+
+    made = _morph(mesh, job, None, keep, times, part(progress, 0.0, 0.95))
+    with times.stage("files"):
+        outputs.write(made, job.holding, progress=part(progress, 0.95, 1.0))
     return made
 
 
-def _job(job: Job | None) -> Job:
+def check_job(job: Job, machine: Machine) -> None:
+    """JobError where sizes, cutters, depths and solver do not fit one another or the machine."""
+    check_sizes(job.stock)
+    check_tools(job, machine)
+    check_depths(job)
+    check_method(job.levels)
+
+
+def _morph(
+    mesh: str | Path | TriangleMesh,
+    job: Job,
+    machine: Machine | None,
+    keep: File,
+    times: StageTimes,
+    progress: Progress,
+) -> Morphed:
+    """Part, surface and levels in a stock for which `machine` has room."""
+    with times.stage("mesh"):
+        unplaced, given = surface_input.read_part(mesh, job, part(progress, 0.0, 0.1))
+        setup = place(unplaced, job)
+        if machine is not None:
+            check_room(setup.stock, job, machine)
+        check_cuts(setup.part.mesh, setup.stock, job.levels)
+
+    with times.stage("surface"):
+        fitted = fit_surface(setup.part, job, part(progress, 0.1, 0.5), given)
+
+    with times.stage("levels"), keep_failed_level(keep):
+        morph = make_levels(fitted.surface, setup.stock, job, part(progress, 0.5, 1.0))
+
+    figures = report_to_levels(setup.part, fitted, setup.stock, morph, job.levels.method)
+    figures["seconds"] = times.seconds
+    return Morphed(setup.part, fitted.surface, setup.stock, morph, figures)
+
+
+def _require_job(job: Job | None) -> Job:
     if not isinstance(job, Job | None):
         raise TypeError(f"job {job!r}: give a bonecam.Job, such as bonecam.read_job(file)")
     return job or Job()
 
 
-def _files(mesh: str | Path | TriangleMesh) -> list[str | Path]:
-    return [] if isinstance(mesh, TriangleMesh) else [mesh]
-
-
-def _morphed(
-    mesh: str | Path | TriangleMesh,
-    job: Job,
-    clock: "_Clock",
-    keep: File,
-    progress: Progress,
-    machine: Machine | None = None,
-) -> Morphed:
-    """The chain up to the levels, in a stock that the machine has room for."""
-    check_method(job.levels)
-    with clock.stage("mesh"):
-        raw, given = surface_input.read_part(mesh, job, part(progress, 0.0, 0.1))
-        setup = place(raw, job)
-        placed, stock = setup.part, setup.stock
-        if machine is not None:
-            check_room(stock, job, machine)
-        check_cuts(placed.mesh, stock, job.levels)
-    with clock.stage("surface"):
-        fitted = fit_surface(placed, job, part(progress, 0.1, 0.5), given)
-    with clock.stage("levels"), failed_level_kept(keep):
-        levels = make_levels(fitted.surface, stock, job, part(progress, 0.5, 1.0))
-    figures = {
-        "input": {
-            "file": placed.file,
-            "faces": placed.faces,
-            "units": placed.units,
-            "repairs": list(placed.repairs),
-        },
-        "surface": surface_report(fitted),
-        "stock": stock_figures(stock),
-        "levels": levels_report(levels.levels),
-        "levels_lower_bound": levels.lower_bound,
-        "levels_break_mm": round(levels.breaks, 6),
-        "levels_method": job.levels.method,
-        "seconds": clock.seconds,
-    }
-    return Morphed(placed, fitted.surface, stock, levels, figures)
-
-
-def _write(
-    outputs: Outputs,
-    made: Morphed,
-    job: Job,
-    progress: Progress,
-    paths: Sequence[ToolPath] = (),
-    program: str = "",
-) -> None:
-    report(progress, 0.0, "writing the files")
-    post = job.holding.diameter, post_below(made.part.mesh, job.holding).top
-    outputs.write(program, made.report, made.surface, made.levels.levels, made.stock, paths, post)
+def _file_of(mesh: str | Path | TriangleMesh) -> str | Path | None:
+    return None if isinstance(mesh, TriangleMesh) else mesh
 
 
 def fit_surface(placed: Part, job: Job, progress: Progress = silent, given: Fit | None = None) -> Fit:
@@ -226,48 +186,3 @@ def fit_surface(placed: Part, job: Job, progress: Progress = silent, given: Fit 
         )
     require_valid(found.surface, job.levels.chord_tolerance, placed.file)
     return found
-
-
-def post(
-    paths: Sequence[ToolPath],
-    stock: Stock,
-    job: Job,
-    progress: Progress = silent,
-    *,
-    name: str = "BONE",
-    source: str | Path = "",
-) -> Program:
-    """The program of the paths for the job's machine and controller; its header names the part's file,
-    `source`, where there is one."""
-    machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)
-    comments = [f"part: {Path(source).name}"] if source else []
-    return write_program(
-        paths,
-        machine,
-        dialect,
-        job,
-        name=name,
-        comments=comments,
-        stock_bounds=stock.bounds,
-        progress=progress,
-    )
-
-
-def program_name(file: str | Path) -> str:
-    """The name of a program in this file, or of a part in it: capitals, digits and _ are what every control
-    takes."""
-    return re.sub(r"[^A-Z0-9_]", "_", Path(file).stem.upper()) or "BONE"
-
-
-class _Clock:
-    """Wall seconds of each stage."""
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
-
-    @contextmanager
-    def stage(self, name: str) -> Iterator[None]:
-        """Time one stage."""
-        began = time.perf_counter()
-        yield
-        self.seconds[name] = round(time.perf_counter() - began, 3)

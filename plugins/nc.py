@@ -20,7 +20,7 @@ def save_program(layers: Layers, values: Mapping[str, Any], progress: Progress) 
     from bonecam.levels.closed_morph import Morph
     from bonecam.nc.dialect import read_dialect
     from bonecam.nc.machine import read_machine
-    from bonecam.pipeline import post
+    from bonecam.nc.posting.write import write_program
     from bonecam.setup.stock import Stock
     from bonecam.verify.proof import verify
     from bonecam.verify.readback import Tolerances
@@ -30,8 +30,12 @@ def save_program(layers: Layers, values: Mapping[str, Any], progress: Progress) 
     morph = layers.kept("morph", Morph, "generate_morph_levels")
     stock = layers.kept("stock", Stock, "generate_stock")  # type: ignore[type-abstract]
     job = replace(layers.job(), nc=stage_of(layers.job().nc, values))
-    program = post(paths, stock, job, part(progress, 0.0, 0.5))
-    machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)
+    machine = read_machine(job.nc.machine)
+    dialect = read_dialect(job.nc.controller)
+
+    program = write_program(
+        paths, machine, dialect, job, stock_bounds=stock.bounds, progress=part(progress, 0.0, 0.5)
+    )
     design = morph.levels[0].surface
     assert design is not None
     tolerances = Tolerances(gouge=job.path.gouge_tolerance)

@@ -23,7 +23,7 @@ def plan_toolpath(layers: Layers, values: Mapping[str, Any], progress: Progress)
     from bonecam.levels.closed_morph import Morph
     from bonecam.nc.kinematics import axis_limits
     from bonecam.nc.machine import read_machine
-    from bonecam.nc.tool_requirements import check_tools
+    from bonecam.nc.requirements import check_tools
     from bonecam.orientation.level_paths import plan_paths
     from bonecam.setup.stock import Stock
 

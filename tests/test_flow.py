@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 ORDER = [
-    *"errors progress arrays threads files parameters job kernels mesh setup surface levels toolpath orientation nc verify".split(),
-    *"requirements keep outputs pipeline filters batch cli __main__".split(),
+    *"errors progress timing arrays threads files parameters job kernels mesh setup surface levels toolpath orientation nc verify".split(),
+    *"outputs pipeline filters batch cli __main__".split(),
 ]
 ROOMS = {
     "surface": "basis tmesh query tessellation refinement tspline rows_to_general fitting skinning files".split(),

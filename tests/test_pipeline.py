@@ -29,6 +29,7 @@ from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.machine import read_machine
+from bonecam.nc.program import program_name
 from bonecam.nc.reading.read import read_program
 from bonecam.surface.fitting.deviation import Deviation
 
@@ -189,7 +190,7 @@ def test_a_second_run_writes_the_same_bytes(chain: tuple[bonecam.Result, Path]) 
     ("file", "name"), [("out/left hand-3.h", "LEFT_HAND_3"), ("", "BONE"), ("kn\u00f6chel.h", "KN_CHEL")]
 )
 def test_a_program_is_named_as_its_file(file: str, name: str) -> None:
-    assert pipeline.program_name(file) == name
+    assert program_name(file) == name
 
 
 def test_progress_rises_to_its_end_and_false_cancels() -> None:

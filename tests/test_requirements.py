@@ -16,7 +16,7 @@ from bonecam.job import Job
 from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.mesh.part import prepare_part
 from bonecam.nc.machine import machine_names, read_machine
-from bonecam.requirements import check_job
+from bonecam.pipeline import check_job
 from bonecam.setup.placement import place
 
 

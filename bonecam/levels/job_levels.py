@@ -1,9 +1,10 @@
 """The levels that a job asks for."""
 
-from bonecam.job import Job
+from bonecam.job import Job, LevelsJob
 from bonecam.levels.closed_morph import Morph
 from bonecam.levels.edge_rounding import levels_in
 from bonecam.levels.equal_depths import even_levels
+from bonecam.levels.solvers.clarabel import require_clarabel
 from bonecam.progress import Progress, silent
 from bonecam.setup.schedule import schedule_of
 from bonecam.setup.stock import Stock
@@ -23,3 +24,9 @@ def make_levels(surface: TSpline, stock: Stock, job: Job, progress: Progress = s
         chord_tolerance=job.levels.chord_tolerance,
         progress=progress,
     )
+
+
+def check_method(levels: LevelsJob) -> None:
+    """JobError where the solver of the levels is not installed."""
+    if levels.method == "qcqp":
+        require_clarabel()

@@ -1,6 +1,8 @@
 """A posted program: its text and what was counted while writing it."""
 
+import re
 from dataclasses import dataclass
+from pathlib import Path
 
 
 @dataclass(frozen=True)
@@ -25,3 +27,11 @@ class Program:
     tools: tuple[int, ...]
     time_min: float
     rotary_max_deg_per_block: float
+
+
+def program_name(file: str | Path) -> str:
+    """The name of the program in `file`, or of the program of the part in `file`; BONE where `file` is empty.
+
+    It has capitals, digits and underscores only, which every control takes in a program's name.
+    """
+    return re.sub(r"[^A-Z0-9_]", "_", Path(file).stem.upper()) or "BONE"

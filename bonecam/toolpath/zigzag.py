@@ -18,6 +18,7 @@ from bonecam.job import PathJob
 from bonecam.levels.measure.level import Level
 from bonecam.mesh.distance import MeshDistance
 from bonecam.setup.holding import Post
+from bonecam.toolpath.ball_depth import MAX_DEPTH_RADII
 from bonecam.toolpath.cutter import Cutter
 from bonecam.toolpath.gouge import gouge_free_lifts
 from bonecam.toolpath.material import Material
@@ -29,8 +30,6 @@ POST_CLEARANCE = 0.1
 """The ball keeps this far from the post, mm."""
 MIN_THICKNESS = 0.002
 """Less material than this (mm) above a contact is air: a fifth of the gouge allowed by default."""
-MAX_DEPTH_RADII = 0.75
-"""A ball is never sunk deeper than this many radii into the material."""
 MAX_LIFT_RADII = 0.5
 """A ball lifted by more than this many radii does not machine the level any more: its contact is left out."""
 

@@ -1,7 +1,5 @@
-"""What `--keep DIR` writes for a person to look at or reuse."""
+"""The folder of `--keep`: surface, levels, tool path and pictures, to look at or to use again."""
 
-import csv
-import io
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,23 +10,20 @@ from bonecam.levels.measure.level import Level
 from bonecam.levels.measure.line_depths import LINE, line_depths, step_depths
 from bonecam.mesh.files.mesh_files import write_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.outputs.toolpath_csv import toolpath_csv
 from bonecam.setup.stock import Stock
 from bonecam.surface.files.tspline_text import write_tsm
 from bonecam.surface.tspline import TSpline
-from bonecam.toolpath.path import Kind, ToolPath
+from bonecam.toolpath.path import ToolPath
 from bonecam.verify.pictures import draw_coloured, draw_depths, draw_levels, draw_toolpath
 
-COLUMNS = (
-    "level,pass,index,contact_x,contact_y,contact_z,tip_x,tip_y,tip_z,axis_x,axis_y,axis_z,kind,feed".split(
-        ","
-    )
-)
 FAILED = r"failed_level_\d{2,}\.ply"
+"""Name of the file that shows where a level failed its check, as a regular expression."""
 SERIES = rf"level_\d{{2,}}\.ply|toolpath\.(csv|png)|{FAILED}"
-"""Names of the files that an earlier run may have left, of other levels than these and paths on them."""
+"""Names of the files of levels and paths, which a later run in the same folder removes, as a regular expression."""
 
 
-def keep(
+def write_kept_folder(
     folder: str | Path,
     surface: TSpline,
     levels: Sequence[Level],
@@ -36,10 +31,10 @@ def keep(
     paths: Sequence[ToolPath],
     post: tuple[float, float],
 ) -> None:
-    """Write surface.tspline, what `keep_levels` writes, and where there are paths toolpath.csv and
-    toolpath.png; all of them or none.
+    """Write surface.tspline, the files of `keep_levels`, and toolpath.csv and toolpath.png where there are paths.
 
-    Levels and paths of an earlier run are removed. `post` is (diameter, top z) in mm.
+    All files are written or none; levels and paths of an earlier run are removed. `post` is (diameter, top z),
+    mm.
     """
     with whole_folder(folder, SERIES) as work:
         write_tsm(surface, work / "surface.tspline")
@@ -56,12 +51,12 @@ def keep_levels(
     post: tuple[float, float] | None = None,
     line: float = LINE,
 ) -> None:
-    """Write level_00.ply (the part) ..., levels.png, coloured.png and depths.png of levels in a stock (open
-    ones: None); all or none.
+    """Write the levels as level_00.ply (the part), level_01.ply, ..., and levels.png, coloured.png, depths.png.
 
-    The levels' vertices carry the depth of their cut (mm) as quality and colour (all on one scale). `post` is
-    (diameter, top z) in mm, `line` the parameter s of the line that depths.png shows. Levels and paths of an
-    earlier run are removed.
+    The depth of the cut (mm) is the quality of the vertices and their colour, on one scale for all levels.
+    `stock` is None for open levels; `post` is (diameter, top z), mm; `line` is the parameter s of the line along
+    which depths.png shows the depths. All files are written or none; levels and paths of an earlier run are
+    removed.
     """
     with whole_folder(folder, SERIES) as work:
         _write_levels(work, levels, stock, post, line)
@@ -79,9 +74,11 @@ def _write_levels(
 
 
 @contextmanager
-def failed_level_kept(folder: str | Path | None) -> Iterator[None]:
-    """Where a level fails its check inside the block, write the patch it failed on as failed_level_NN.ply;
-    the error names the file."""
+def keep_failed_level(folder: str | Path | None) -> Iterator[None]:
+    """Where the block raises a LevelError with a patch of the level, write the patch as failed_level_NN.ply.
+
+    The error then names the file. Nothing is written where `folder` is None.
+    """
     try:
         yield
     except LevelError as error:
@@ -93,23 +90,3 @@ def failed_level_kept(folder: str | Path | None) -> Iterator[None]:
             write_mesh(patch, work / name)
         file = Path(folder) / name
         raise LevelError(f"{error} ({file} shows it)", **error.evidence, file=str(file)) from error
-
-
-def toolpath_csv(paths: Sequence[ToolPath]) -> str:
-    """One line a point in machining order; mm, unit axes, mm/min; contacts are empty on links and rapids."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    for path in paths:
-        for i in range(len(path.tips)):
-            cut = path.kinds[i] == Kind.CUT
-            contact = [f"{value:.6f}" for value in path.contacts[i]] if cut else ["", "", ""]
-            tip, axis = (
-                [f"{value:.{digits}f}" for value in row]
-                for row, digits in ((path.tips[i], 6), (path.axes[i], 9))
-            )
-            kind = Kind(path.kinds[i]).name.lower()
-            writer.writerow(
-                [path.level, path.pass_index[i], i, *contact, *tip, *axis, kind, f"{path.feed_rates[i]:.1f}"]
-            )
-    return text.getvalue()

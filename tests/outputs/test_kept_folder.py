@@ -11,12 +11,12 @@ from bonecam_meshes import path as shipped
 from bonecam import pipeline
 from bonecam.cli import main
 from bonecam.errors import LevelError
-from bonecam.keep import failed_level_kept, keep_levels
 from bonecam.levels.edge_rounding import levels_in
 from bonecam.levels.measure.line_depths import line_depths
 from bonecam.levels.open_morph import morph_open
 from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
 from bonecam.mesh.meshlab import meshlab
+from bonecam.outputs.kept_folder import keep_failed_level, keep_levels
 from bonecam.setup.cylinder import Cylinder
 from bonecam.setup.schedule import Schedule
 from bonecam.surface.skinning.skin import skin
@@ -36,7 +36,7 @@ def failing(*_: object, **__: object) -> None:
 def test_the_patch_of_a_failed_level_is_written_and_named(tmp_path: Path) -> None:
     with (
         pytest.raises(LevelError, match=r"give more \(.*failed_level_07\.ply shows it\)$") as caught,
-        failed_level_kept(tmp_path / "keep"),
+        keep_failed_level(tmp_path / "keep"),
     ):
         failing()
     assert caught.value.evidence["level"] == 7
@@ -45,9 +45,9 @@ def test_the_patch_of_a_failed_level_is_written_and_named(tmp_path: Path) -> Non
 
 
 def test_nothing_is_written_where_nothing_is_kept_or_there_is_no_patch(tmp_path: Path) -> None:
-    with pytest.raises(LevelError, match=r"give more$"), failed_level_kept(None):
+    with pytest.raises(LevelError, match=r"give more$"), keep_failed_level(None):
         failing()
-    with pytest.raises(LevelError, match=r"^no patch$"), failed_level_kept(tmp_path / "keep"):
+    with pytest.raises(LevelError, match=r"^no patch$"), keep_failed_level(tmp_path / "keep"):
         raise LevelError("no patch", level=3)
     assert not list(tmp_path.iterdir())
 
@@ -136,7 +136,7 @@ def test_levels_of_an_earlier_run_do_not_stay_among_those_kept(tmp_path: Path) -
         "level_02.ply",
     }
     (folder / "failed_level_03.ply").write_text("old")
-    with pytest.raises(LevelError, match="failed_level_07"), failed_level_kept(folder):
+    with pytest.raises(LevelError, match="failed_level_07"), keep_failed_level(folder):
         failing()
     assert [item.name for item in folder.glob("failed_level_*")] == ["failed_level_07.ply"]
     assert len(list(folder.glob("level_0?.ply"))) == 3

@@ -11,8 +11,6 @@ import pytest
 
 from bonecam.errors import FileError
 from bonecam.files import check_files, check_folder, whole_file, whole_folder, write_whole
-from bonecam.nc.dialect import read_dialect
-from bonecam.outputs import check_ending
 
 
 @pytest.fixture
@@ -116,33 +114,3 @@ def test_a_folder_in_the_place_of_a_file_is_told_before_any_file_is_moved(folder
         two_files()
     assert (folder / "file").read_text() == "old"
     assert names(folder) == ["file", "inner"]
-
-
-@pytest.mark.parametrize(
-    ("controller", "name", "proposed"), [("heidenhain", "a.ngc", "a.h"), ("linuxcnc", "a.H", "a.ngc")]
-)
-def test_a_program_named_for_another_controller_is_refused_with_the_name_that_fits(
-    controller: str, name: str, proposed: str
-) -> None:
-    with pytest.raises(FileError, match=f"name it {proposed}"):
-        check_ending(Path(name), read_dialect(controller))
-
-
-@pytest.mark.parametrize("name", ["a.h", "a.H", "a.nc", "a.i"])
-def test_a_control_s_own_endings_are_free(name: str) -> None:
-    check_ending(Path(name), read_dialect("heidenhain"))
-
-
-def test_a_program_is_never_named_as_a_part() -> None:
-    with pytest.raises(FileError, match=r"name it bone\.h"):
-        check_ending(Path("bone.stl"), read_dialect("heidenhain"))
-
-
-@pytest.mark.parametrize(("name", "proposed"), [("p", "p.h"), ("out/p.", "p.h"), (".h", "h.h"), ("-", "-.h")])
-def test_a_program_without_an_ending_is_refused_with_the_one_that_the_control_lists(
-    name: str, proposed: str
-) -> None:
-    with pytest.raises(
-        FileError, match=rf"has no ending, heidenhain programs end in \.h: name it {proposed}$"
-    ):
-        check_ending(Path(name), read_dialect("heidenhain"))

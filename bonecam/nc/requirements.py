@@ -1,8 +1,10 @@
-"""What the tools of a job must meet before any path is planned: shapes, lead angle, and the machine's speeds."""
+"""What a machine must have for a job: the speeds of its spindle and axes, and the travel for stock and tool."""
 
+from bonecam.errors import MachineError
 from bonecam.job import Job, ToolJob, wrong
 from bonecam.nc.machine import Machine
 from bonecam.orientation.lead import check_lead
+from bonecam.setup.stock import Stock
 from bonecam.toolpath.cutter import Cutter
 
 
@@ -24,3 +26,15 @@ def _check_speeds(section: str, tool: ToolJob, machine: Machine) -> None:
     if tool.feed > slowest:
         bound = f"an axis of {machine.name} makes {slowest:g} mm/min at most: give less"
         raise wrong(section, "feed", tool.feed, bound)
+
+
+def check_room(stock: Stock, job: Job, machine: Machine) -> None:
+    """MachineError where an axis of the machine travels less than the post, the stock on it and a tool need."""
+    height = job.holding.length + stock.length + max(job.roughing.overhang, job.finishing.overhang)
+    for axis in machine.linear:
+        needed = height if axis.letter == "Z" else stock.diameter
+        if needed > axis.travel:
+            bound = f"{needed:.0f} mm are needed along {axis.letter}, its travel is {axis.travel:.0f} mm"
+            remedy = "take a larger machine (--machine), or a smaller stock, a shorter post or tool"
+            evidence = {"axis": axis.letter, "needed": needed, "travel": axis.travel}
+            raise MachineError(f"{machine.name}: {bound}: {remedy}", **evidence)

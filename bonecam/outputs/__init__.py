@@ -1,0 +1,1 @@
+"""What a run writes: program, report, surface, and the folder of --keep."""

@@ -1,0 +1,36 @@
+"""What a run hands back: part, surface, stock, levels, tool paths, program and report."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from bonecam.levels.closed_morph import Morph
+from bonecam.mesh.part import Part
+from bonecam.nc.program import Program
+from bonecam.setup.stock import Stock
+from bonecam.surface.tspline import TSpline
+from bonecam.toolpath.path import ToolPath
+from bonecam.verify.report import summary_of
+
+
+@dataclass(frozen=True, eq=False)
+class Morphed:
+    """The result of `bonecam.morph_levels`. `report` is the content of the file of --report."""
+
+    part: Part
+    surface: TSpline
+    stock: Stock
+    levels: Morph
+    report: dict[str, Any]
+
+    @property
+    def summary(self) -> str:
+        """The report in a few lines of text."""
+        return summary_of(self.report)
+
+
+@dataclass(frozen=True, eq=False)
+class Result(Morphed):
+    """The result of `bonecam.convert`: levels, the tool path of each level in machining order, and the program."""
+
+    paths: tuple[ToolPath, ...]
+    program: Program
