@@ -28,12 +28,7 @@ from bonecam.setup.placement import check_sizes, place
 from bonecam.setup.schedule import check_cuts
 from bonecam.surface.files import surface_input
 from bonecam.surface.fitting.fit import Fit, fit
-<<<<<<< HEAD
 from bonecam.surface.tessellation.validity import require_valid
-from bonecam.surface.tspline import TSpline
-=======
-from bonecam.surface.query.validity import require_sound
->>>>>>> 207e4a4 (Give what a run writes its package; post, room and times their stages)
 from bonecam.threads import on_one_blas_thread
 from bonecam.timing import StageTimes
 from bonecam.toolpath.ball_depth import check_depths
