@@ -19,6 +19,7 @@ test: $(VENV)/developing cnc
 
 docs: $(VENV)/documenting
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict -q -f docs/mkdocs.yml
+	@echo "open out/docs/index.html"
 
 lint: $(VENV)/developing
 	$(BIN)/ruff format --check .
