@@ -8,17 +8,12 @@ compared with it. Times are CPU seconds, best of five (splinepy: of two). Needs 
 CPU seconds count every thread, and splinepy is asked for one.
 """
 
-import sys
 import time
 from collections.abc import Callable
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import NdBSpline
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "surface"))
-from rowed import bone_like
 
 from bonecam.surface import RowTMesh, TSpline, as_general
 
@@ -37,9 +32,31 @@ def best(call: Callable[[], object], repeats: int = 5) -> float:
     return min(times)
 
 
+def bone_like() -> TSpline[RowTMesh]:
+    """A closed tube of 28 mm along z with its own random knots in every row and a pole at either end."""
+    rng = np.random.default_rng(0)
+    t = np.concatenate([[0.0] * 4, np.linspace(0, 1, ROWS - 2)[1:-1], [1.0] * 4])
+    height = 28.0 * np.array([t[j + 1 : j + 4].mean() for j in range(ROWS)])
+    height[1], height[-2] = height[0], height[-1]
+    knots = [np.zeros(1)]
+    points = [np.array([[0.0, 0.0, height[0]]])]
+    for j in range(1, ROWS - 1):
+        row = (np.arange(AROUND) + 0.6 * rng.random(AROUND)) / AROUND
+        angle = 2 * np.pi * row
+        radius = 5.0 * np.sin(np.pi * (0.1 + 0.8 * j / (ROWS - 1))) * (1 + 0.12 * np.cos(3 * angle))
+        knots.append(row)
+        points.append(
+            np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.full(AROUND, height[j])])
+        )
+    knots.append(np.zeros(1))
+    points.append(np.array([[0.0, 0.0, height[-1]]]))
+    control = np.vstack(points)
+    return TSpline(RowTMesh.from_rows(t, knots), control, rng.uniform(0.8, 1.2, len(control)))
+
+
 def tube() -> TSpline[RowTMesh]:
-    """The surface with the same even knots in every row, so that a tensor product can hold it."""
-    spread = bone_like(ROWS, AROUND, 0)
+    """The surface with equal even knots in every row, so that a tensor product can hold it."""
+    spread = bone_like()
     knots = [row if len(row) == 1 else np.arange(AROUND) / AROUND for row in spread.tmesh.s_knots]
     return TSpline(RowTMesh.from_rows(spread.tmesh.t_knots, knots), spread.control_points, spread.weights)
 
@@ -112,7 +129,7 @@ def main() -> None:
     surface, rng = tube(), np.random.default_rng(3)
     s, t = rng.random((2, SAMPLES))
     own = SAMPLES / best(lambda: surface.evaluate(s, t, 1))
-    rows = bone_like(ROWS, AROUND, 0)
+    rows = bone_like()
     uneven = SAMPLES / best(lambda: rows.evaluate(s, t, 1))
     whole = as_general(rows)
     general = SAMPLES / best(lambda: whole.evaluate(s, t, 1))

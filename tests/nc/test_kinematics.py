@@ -2,15 +2,18 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from machines import CHAINS, write
 
 from bonecam.nc.kinematics import UP, forward, inverse_linear, inverse_rotary, tilt_limit, tool_axes, turn
 from bonecam.nc.machine import machine_names, read_machine
 
+CHAIN_KINDS = ("table-table", "head-table", "head-head", "nutating")
 
-@pytest.fixture(params=[*machine_names(), *CHAINS])
-def machine(request, tmp_path):
-    return read_machine(write(tmp_path, CHAINS[request.param]) if request.param in CHAINS else request.param)
+
+@pytest.fixture(params=[*machine_names(), *CHAIN_KINDS])
+def machine(write_machine, chains, request, tmp_path):
+    return read_machine(
+        write_machine(tmp_path, chains[request.param]) if request.param in CHAIN_KINDS else request.param
+    )
 
 
 def joints(seed: int, count: int) -> np.ndarray:
@@ -65,8 +68,8 @@ def test_an_upright_axis_leaves_the_table_free():
     assert np.array_equal(found[0], np.zeros((2, 2)))
 
 
-def test_an_axis_beyond_a_nutating_head_is_out_of_reach(tmp_path):
-    machine = read_machine(write(tmp_path, CHAINS["nutating"]))
+def test_an_axis_beyond_a_nutating_head_is_out_of_reach(write_machine, chains, tmp_path):
+    machine = read_machine(write_machine(tmp_path, chains["nutating"]))
     found, _ = inverse_rotary(
         machine, np.array([[0.0, 0.0, -1.0], [0.0, 1.0, -0.1]]) / [[1.0], [np.hypot(1, 0.1)]]
     )

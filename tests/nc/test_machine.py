@@ -1,13 +1,12 @@
 import math
 
 import pytest
-from machines import CHAINS, axis, machine_text, write
 
 from bonecam.errors import MachineError
 from bonecam.nc.machine import FOLDER, machine_names, read_machine
 
 
-def test_the_mikron_is_the_one_whose_post_could_be_read():
+def test_the_mikron_is_the_one_whose_post_could_be_read(axis):
     machine = read_machine("mikron-ucp600")
     assert [axis.letter for axis in machine.part_axes] == ["C", "B"]
     assert machine.letters == "XYZBC"
@@ -22,41 +21,61 @@ def test_every_shipped_machine_is_read_the_same_by_name_and_by_path(name):
     assert read_machine(name) == read_machine(FOLDER / f"{name}.toml")
 
 
-@pytest.mark.parametrize("text", CHAINS.values(), ids=CHAINS)
-def test_a_user_machine_is_read_by_path(text, tmp_path):
-    assert read_machine(write(tmp_path, text)).title == "test"
-
-
-GOOD = CHAINS["table-table"]
+@pytest.mark.parametrize("kind", ["table-table", "head-table", "head-head", "nutating"])
+def test_a_user_machine_is_read_by_path(write_machine, chains, kind, tmp_path):
+    assert read_machine(write_machine(tmp_path, chains[kind])).title == "test"
 
 
 @pytest.mark.parametrize(
-    ("text", "key"),
+    ("old", "new", "count", "key"),
     [
-        (GOOD.replace('title = "test"', ""), "title"),
-        (GOOD.replace("['C', 'A', 'XYZ']", "['C', 'XYZ']"), "chain"),
-        (GOOD.replace("['C', 'A', 'XYZ']", "['C', 'C', 'XYZ']"), "chain"),
-        (GOOD.replace("['C', 'A', 'XYZ']", "['C', 'Q', 'XYZ']"), "chain"),
-        (GOOD.replace("[X]\ntravel = 4000.0", "[X]"), "X.travel"),
-        (GOOD.replace("[X]\ntravel = 4000.0", "[X]\nlimits = [3.0, 1.0]"), "X.limits"),
-        (GOOD.replace("[X]\ntravel = 4000.0\nspeed = 10000.0", ""), "[X]"),
-        (GOOD.replace("speed = 10000.0", "speed = 0.0", 1), "X.speed"),
-        (GOOD.replace("speed = 10000.0", "velocity = 1.0", 1), "X.velocity"),
-        (GOOD.replace("direction = [0, 0, 1]", "direction = [0, 0, 2]"), "C.direction"),
-        (GOOD.replace("direction = [0, 0, 1]", "direction = [1, 0, 0]"), "chain"),
-        (GOOD.replace("direction = [0, 0, 1]", "direction = [0, 1]"), "C.direction"),
-        (GOOD.replace("sign = -1", "sign = 0", 1), "C.sign"),
-        (GOOD.replace("limits_deg = [-179.0, 179.0]", "", 1), "A.limits_deg"),
-        (GOOD.replace("endless = true", "endless = 1", 1), "C.endless"),
-        (GOOD.replace("pivot = [1, 2, 0]", "pivot = [nan, 2, 0]"), "C.pivot"),
-        (GOOD + "\n[Q]\nspeed = 1", "Q"),
-        (GOOD + '\n[A2]\nx = "', "mend the file"),
-        (machine_text(["C", "A", "XYZ"], {"C": axis([0, 0, 1], [0, 0, 0])}), "[A]"),
-        (machine_text(["C", "A", "XYZ"], {}, 'programmed_point = "top"'), "programmed_point"),
+        ('title = "test"', "", -1, "title"),
+        ("['C', 'A', 'XYZ']", "['C', 'XYZ']", -1, "chain"),
+        ("['C', 'A', 'XYZ']", "['C', 'C', 'XYZ']", -1, "chain"),
+        ("['C', 'A', 'XYZ']", "['C', 'Q', 'XYZ']", -1, "chain"),
+        ("[X]\ntravel = 4000.0", "[X]", -1, "X.travel"),
+        ("[X]\ntravel = 4000.0", "[X]\nlimits = [3.0, 1.0]", -1, "X.limits"),
+        ("[X]\ntravel = 4000.0\nspeed = 10000.0", "", -1, "[X]"),
+        ("speed = 10000.0", "speed = 0.0", 1, "X.speed"),
+        ("speed = 10000.0", "velocity = 1.0", 1, "X.velocity"),
+        ("direction = [0, 0, 1]", "direction = [0, 0, 2]", -1, "C.direction"),
+        ("direction = [0, 0, 1]", "direction = [1, 0, 0]", -1, "chain"),
+        ("direction = [0, 0, 1]", "direction = [0, 1]", -1, "C.direction"),
+        ("sign = -1", "sign = 0", 1, "C.sign"),
+        ("limits_deg = [-179.0, 179.0]", "", 1, "A.limits_deg"),
+        ("endless = true", "endless = 1", 1, "C.endless"),
+        ("pivot = [1, 2, 0]", "pivot = [nan, 2, 0]", -1, "C.pivot"),
     ],
 )
-def test_a_wrong_machine_file_is_refused_with_file_and_key(text, key, tmp_path):
-    path = write(tmp_path, text)
+def test_a_wrong_value_in_a_machine_file_is_refused_with_file_and_key(
+    chains, write_machine, old, new, count, key, tmp_path
+):
+    good = chains["table-table"]
+    assert old in good
+    check_refused(write_machine(tmp_path, good.replace(old, new, count)), key)
+
+
+@pytest.mark.parametrize(
+    ("more", "key"), [("\n[Q]\nspeed = 1", "Q"), ('\n[A2]\nx = "', "mend the file")], ids=["table", "quote"]
+)
+def test_what_does_not_belong_into_a_machine_file_is_refused_with_file_and_key(
+    write_machine, chains, more, key, tmp_path
+):
+    check_refused(write_machine(tmp_path, chains["table-table"] + more), key)
+
+
+def test_a_machine_file_without_an_axis_or_with_an_unknown_point_is_refused(
+    write_machine, machine_text, axis, tmp_path
+):
+    chain = ["C", "A", "XYZ"]
+    check_refused(write_machine(tmp_path, machine_text(chain, {"C": axis([0, 0, 1], [0, 0, 0])})), "[A]")
+    check_refused(
+        write_machine(tmp_path, machine_text(chain, {}, 'programmed_point = "top"')), "programmed_point"
+    )
+
+
+def check_refused(path, key):
+    """Reading the file fails in one line that names the file and the key."""
     with pytest.raises(MachineError) as caught:
         read_machine(path)
     assert str(path) in str(caught.value)

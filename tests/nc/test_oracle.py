@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from machines import machine_text, write
 
 from bonecam.nc.kinematics import forward, inverse_linear
 from bonecam.nc.machine import read_machine
@@ -55,7 +54,7 @@ def test_the_shipped_xyzbc_machine_is_linuxcncs_own(oracles):
     compare(read_machine("linuxcnc-xyzbc"), oracle, [4, 5], 62.5, np.random.default_rng(1))
 
 
-def test_a_machine_file_reproduces_xyzac_with_every_offset(oracles, tmp_path):
+def test_a_machine_file_reproduces_xyzac_with_every_offset(machine_text, write_machine, oracles, tmp_path):
     oracle = oracles("xyzac-trt-kins", b"XYZAC")
     oracle.set(y_offset=20, z_offset=10, tool_offset=50, x_rot_point=1, y_rot_point=2, z_rot_point=3)
     rotary = {
@@ -63,4 +62,4 @@ def test_a_machine_file_reproduces_xyzac_with_every_offset(oracles, tmp_path):
         "A": {"direction": [1, 0, 0], "pivot": [1, 22, 13], "sign": 1, "limits_deg": [-180, 180]},
     }
     text = machine_text(["C", "A", "XYZ"], rotary).replace("part_zero = [1.0, -2.0, 3.0]", "")
-    compare(read_machine(write(tmp_path, text)), oracle, [3, 5], 50.0, np.random.default_rng(2))
+    compare(read_machine(write_machine(tmp_path, text)), oracle, [3, 5], 50.0, np.random.default_rng(2))

@@ -1,14 +1,16 @@
 """What an oriented tool path promises, checked by a tool made of points that knows nothing of the proofs."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
-import bodies
 import numpy as np
 import pytest
 
 from bonecam.errors import MachineError, OrientationError
-from bonecam.job import NcJob, PathJob
+from bonecam.job import HoldingJob, NcJob, PathJob
+from bonecam.levels.measure.level import Level
 from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.orientation import links
 from bonecam.orientation.admissible import fan
 from bonecam.orientation.lead import lead_axes
@@ -18,6 +20,8 @@ from bonecam.orientation.oriented_path import MAX_TURN, orient
 from bonecam.orientation.pole import AT_POLE, CONE, nearest_to_pole, round_pole
 from bonecam.orientation.scene import Scene
 from bonecam.setup.holding import post_below
+from bonecam.setup.stock import Capsule
+from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.cutter import Cutter
 from bonecam.toolpath.path import ContactPath, Kind, ToolPath
 from bonecam.toolpath.zigzag import candidate_contacts, contact_path
@@ -25,17 +29,33 @@ from bonecam.toolpath.zigzag import candidate_contacts, contact_path
 MIKRON = AxisLimits(np.radians(115.0))
 
 
+@pytest.fixture(scope="module")
 def made(
-    cutter: Cutter = bodies.ROUGH, limits: AxisLimits = MIKRON, waist: float = 0.8, **job: object
-) -> tuple[ContactPath, Scene, ToolPath]:
-    surface = bodies.waist(waist)
-    level, material = bodies.mesh_of(surface), bodies.mesh_of(bodies.waist(waist, 0.4))
-    post, settings = post_below(level, bodies.HOLDING), PathJob(**job)  # type: ignore[arg-type]
-    contacts = contact_path(
-        candidate_contacts(bodies.level_of(surface), [MeshDistance(level)], cutter, post, settings)
-    )
-    scene = Scene(level, material, bodies.stock(), post)
-    return contacts, scene, orient(contacts, scene, limits, settings, NcJob())
+    grooved_pebble: Callable[..., TSpline],
+    mesh_of: Callable[..., TriangleMesh],
+    holding: HoldingJob,
+    roughing_cutter: Cutter,
+    upright_capsule: Capsule,
+    level_of: Callable[..., Level],
+) -> Callable[..., tuple[ContactPath, Scene, ToolPath]]:
+    """Covers a lump with a groove of depth `waist` (mm) and orients its path."""
+
+    def make(
+        cutter: Cutter | None = None, limits: AxisLimits = MIKRON, waist: float = 0.8, **job: object
+    ) -> tuple[ContactPath, Scene, ToolPath]:
+        surface = grooved_pebble(waist)
+        level = mesh_of(surface)
+        material = mesh_of(grooved_pebble(waist, 0.4))
+        post = post_below(level, holding)
+        settings = PathJob(**job)  # type: ignore[arg-type]
+        tool = cutter or roughing_cutter
+        contacts = contact_path(
+            candidate_contacts(level_of(surface), [MeshDistance(level)], tool, post, settings)
+        )
+        scene = Scene(level, material, upright_capsule, post)
+        return contacts, scene, orient(contacts, scene, limits, settings, NcJob())
+
+    return make
 
 
 @pytest.fixture(scope="module", params=["around", "along"])
@@ -64,7 +84,9 @@ def tool_points(cutter: Cutter) -> dict[str, np.ndarray]:
     }
 
 
-def test_the_tool_never_enters_anything(case: tuple[ContactPath, Scene, ToolPath]) -> None:
+def test_the_tool_never_enters_anything(
+    upright_capsule: Capsule, case: tuple[ContactPath, Scene, ToolPath]
+) -> None:
     _, scene, path = case
     tips, axes, kinds = between(path)
     level, material = MeshDistance(scene.level), MeshDistance(scene.material)
@@ -78,7 +100,7 @@ def test_the_tool_never_enters_anything(case: tuple[ContactPath, Scene, ToolPath
         placed = (np.einsum("nij,kj->nki", frames, points) + tips[:, None]).reshape(-1, 3)
         assert placed[:, 2].min() > 0, f"{name} in the table"
         assert scene.post.distance(placed).min() > 0, f"{name} in the post"
-        near = np.r_[0, np.flatnonzero(bodies.stock().signed_distance(placed) < 0.1)]
+        near = np.r_[0, np.flatnonzero(upright_capsule.signed_distance(placed) < 0.1)]
         solid = level if name == "cutter" else material
         assert solid.signed(placed[near]).min() > -PathJob().gouge_tolerance, f"{name} in the material"
 
@@ -169,8 +191,8 @@ def test_narrow_limits_turn_axes_up_and_list_the_rest() -> None:
     assert len(listed) >= down.sum()
 
 
-def test_a_stubby_tool_leaves_what_its_holder_cannot_reach() -> None:
-    stubby = replace(bodies.ROUGH, overhang=12.0, holder_diameter=16.0)
+def test_a_stubby_tool_leaves_what_its_holder_cannot_reach(roughing_cutter: Cutter) -> None:
+    stubby = replace(roughing_cutter, overhang=12.0, holder_diameter=16.0)
     _, scene, path = made(stubby)
     material = MeshDistance(scene.material)
     tips, axes, _ = between(path)
@@ -179,11 +201,19 @@ def test_a_stubby_tool_leaves_what_its_holder_cannot_reach() -> None:
     assert set(path.reasons) <= {"post", "gouge", "collision", "limits"}
 
 
-def test_a_hop_between_opposite_axes_is_refused() -> None:
+def test_a_hop_between_opposite_axes_is_refused(
+    mesh_of: Callable[..., TriangleMesh],
+    grooved_pebble: Callable[..., TSpline],
+    upright_capsule: Capsule,
+    holding: HoldingJob,
+    roughing_cutter: Cutter,
+) -> None:
     """There is no turn between them to be proven free."""
-    level, material = bodies.mesh_of(bodies.waist(0.8)), bodies.mesh_of(bodies.waist(0.8, 0.4))
-    scene = Scene(level, material, bodies.stock(), post_below(level, bodies.HOLDING))
-    linker = links.Linker(Checker(scene, bodies.ROUGH), MIKRON, PathJob(), links.Feeds(500.0, 200.0, 5000.0))
+    level, material = mesh_of(grooved_pebble(0.8)), mesh_of(grooved_pebble(0.8, 0.4))
+    scene = Scene(level, material, upright_capsule, post_below(level, holding))
+    linker = links.Linker(
+        Checker(scene, roughing_cutter), MIKRON, PathJob(), links.Feeds(500.0, 200.0, 5000.0)
+    )
     place, x = np.array([[0.0, 0.0, 60.0]]), np.array([[1.0, 0.0, 0.0]])
     good, hops = linker.hops((place, x, x), (place + 0.1, x, -x), near=1.0)
     assert not good.any()

@@ -1,17 +1,18 @@
 """What is kept for a person to look at where a level fails its check."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from bodies import level_of, pebble, stock, waist
 from bonecam_meshes import path as shipped
 
 from bonecam import pipeline
 from bonecam.cli import main
 from bonecam.errors import LevelError
 from bonecam.levels.edge_rounding import levels_in
+from bonecam.levels.measure.level import Level
 from bonecam.levels.measure.line_depths import line_depths
 from bonecam.levels.open_morph import morph_open
 from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
@@ -19,7 +20,9 @@ from bonecam.mesh.meshlab import meshlab
 from bonecam.outputs.kept_folder import keep_failed_level, keep_levels
 from bonecam.setup.cylinder import Cylinder
 from bonecam.setup.schedule import Schedule
+from bonecam.setup.stock import Capsule
 from bonecam.surface.skinning.skin import skin
+from bonecam.surface.tspline import TSpline
 
 PATCH = Cylinder(2.0, 0.0, 3.0).mesh(0.1)
 
@@ -62,9 +65,11 @@ def test_the_command_line_names_the_patch(
     assert [item.name for item in tmp_path.iterdir()] == ["keep"]
 
 
-def test_levels_are_kept_with_their_pictures_before_there_is_a_path(tmp_path: Path) -> None:
-    made = levels_in(waist(0.2), stock(), Schedule((), 1.5), chord_tolerance=0.1)
-    keep_levels(tmp_path / "levels", made.levels, stock())
+def test_levels_are_kept_with_their_pictures_before_there_is_a_path(
+    upright_capsule: Capsule, grooved_pebble: Callable[..., TSpline], tmp_path: Path
+) -> None:
+    made = levels_in(grooved_pebble(0.2), upright_capsule, Schedule((), 1.5), chord_tolerance=0.1)
+    keep_levels(tmp_path / "levels", made.levels, upright_capsule)
     levels = {f"level_{level.index:02d}.ply" for level in made.levels}
     assert {item.name for item in (tmp_path / "levels").iterdir()} == {
         *levels,
@@ -98,10 +103,12 @@ def test_open_levels_are_kept_with_their_pictures_without_a_stock(tmp_path: Path
     assert depths[0].mean() > 0.05
 
 
-def test_a_line_that_the_surface_has_not_is_refused_and_nothing_written(tmp_path: Path) -> None:
+def test_a_line_that_the_surface_has_not_is_refused_and_nothing_written(
+    level_of: Callable[..., Level], pebble: Callable[..., TSpline], upright_capsule: Capsule, tmp_path: Path
+) -> None:
     levels = [level_of(pebble(0.5 * k), k, 0.5) for k in range(3)]
     with pytest.raises(ValueError, match=r"line = 1\.5: give a parameter from 0 to 1"):
-        keep_levels(tmp_path / "levels", levels, stock(), line=1.5)
+        keep_levels(tmp_path / "levels", levels, upright_capsule, line=1.5)
     assert not list(tmp_path.glob("levels/*"))
 
 
@@ -119,14 +126,16 @@ def test_kept_levels_are_coloured_on_one_scale(tmp_path: Path) -> None:
     assert np.abs(colours["shallow"][0] - colours["deep"][-1]).max() > 0.5
 
 
-def test_levels_of_an_earlier_run_do_not_stay_among_those_kept(tmp_path: Path) -> None:
+def test_levels_of_an_earlier_run_do_not_stay_among_those_kept(
+    level_of: Callable[..., Level], pebble: Callable[..., TSpline], upright_capsule: Capsule, tmp_path: Path
+) -> None:
     folder, levels = tmp_path / "levels", [level_of(pebble(0.5 * k), k, 0.5) for k in range(3)]
     levels[-1] = replace(levels[-1], surface=None)
     folder.mkdir()
     mine = {"level_notes.ply", "level_09.stl", "my_level_09.ply"}
     for name in (*mine, "level_02.ply", "level_03.ply", "level_104.ply", "failed_level_03.ply"):
         (folder / name).write_text("old")
-    keep_levels(folder, levels, stock())
+    keep_levels(folder, levels, upright_capsule)
     pictures = {"levels.png", "coloured.png", "depths.png"}
     assert {item.name for item in folder.iterdir()} == {
         *mine,

@@ -2,14 +2,16 @@
 
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rowed import bone_like, samples
+from numpy import ndarray
 
+from bonecam.surface.files.tspline_text import write_tsm
 from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tspline import TSpline
 
@@ -19,7 +21,13 @@ shapes = st.tuples(st.integers(4, 14), st.integers(4, 12))
 
 @settings(max_examples=25, deadline=None)
 @given(seeds, shapes, st.booleans())
-def test_basis_is_a_non_negative_partition_of_unity(seed: int, shape: tuple[int, int], poles: bool) -> None:
+def test_basis_is_a_non_negative_partition_of_unity(
+    bone_like: Callable[..., TSpline],
+    samples: Callable[..., tuple[ndarray, ndarray]],
+    seed: int,
+    shape: tuple[int, int],
+    poles: bool,
+) -> None:
     surface = bone_like(max(shape[0], 5), shape[1], seed, poles=poles)
     R, *derivatives = surface.basis(*samples(200, seed), order=2)
     assert R.data.min() >= 0
@@ -30,7 +38,12 @@ def test_basis_is_a_non_negative_partition_of_unity(seed: int, shape: tuple[int,
 
 @settings(max_examples=15, deadline=None)
 @given(seeds, shapes)
-def test_extraction_agrees_with_the_recurrence(seed: int, shape: tuple[int, int]) -> None:
+def test_extraction_agrees_with_the_recurrence(
+    bone_like: Callable[..., TSpline],
+    samples: Callable[..., tuple[ndarray, ndarray]],
+    seed: int,
+    shape: tuple[int, int],
+) -> None:
     surface = bone_like(max(shape[0], 5), shape[1], seed)
     s, t = samples(100, seed)
     B = surface.tmesh.blending(s, t, 0)[0].toarray() * surface.weights
@@ -41,7 +54,12 @@ def test_extraction_agrees_with_the_recurrence(seed: int, shape: tuple[int, int]
 
 @settings(max_examples=15, deadline=None)
 @given(seeds, shapes)
-def test_derivatives_agree_with_finite_differences(seed: int, shape: tuple[int, int]) -> None:
+def test_derivatives_agree_with_finite_differences(
+    bone_like: Callable[..., TSpline],
+    samples: Callable[..., tuple[ndarray, ndarray]],
+    seed: int,
+    shape: tuple[int, int],
+) -> None:
     surface = bone_like(max(shape[0], 5), shape[1], seed)
     s, t = samples(100, seed)
     t, h = 0.01 + 0.98 * t, 1e-5
@@ -55,7 +73,9 @@ def test_derivatives_agree_with_finite_differences(seed: int, shape: tuple[int, 
         np.testing.assert_allclose((ahead - back) / (2 * h), exact, atol=2e-4 * abs(exact).max())
 
 
-def test_basis_and_evaluate_are_one() -> None:
+def test_basis_and_evaluate_are_one(
+    bone_like: Callable[..., TSpline], samples: Callable[..., tuple[ndarray, ndarray]]
+) -> None:
     surface = bone_like(19, 15)
     s, t = samples(500)
     for matrix, value in zip(surface.basis(s, t, 2), surface.evaluate(s, t, 2)):
@@ -65,7 +85,7 @@ def test_basis_and_evaluate_are_one() -> None:
         np.testing.assert_allclose(again[0] if order else again, surface.evaluate(s, t, 2)[0], atol=1e-13)
 
 
-def test_the_seam_is_c2() -> None:
+def test_the_seam_is_c2(bone_like: Callable[..., TSpline]) -> None:
     surface = bone_like(12, 9, 3)
     t = np.linspace(0.01, 0.99, 50)
     zero, one = surface.evaluate(np.zeros(50), t, 2), surface.evaluate(np.full(50, np.nextafter(1, 0)), t, 2)
@@ -76,7 +96,7 @@ def test_the_seam_is_c2() -> None:
     )
 
 
-def test_poles_are_one_point_with_the_limit_normal() -> None:
+def test_poles_are_one_point_with_the_limit_normal(bone_like: Callable[..., TSpline]) -> None:
     surface = bone_like(12, 9, 4)
     s = np.linspace(0, 1, 41)
     for t, index, normal in ((0.0, 0, [0, 0, -1]), (1.0, -1, [0, 0, 1])):
@@ -91,7 +111,7 @@ def test_poles_are_one_point_with_the_limit_normal() -> None:
         np.testing.assert_allclose(near, np.broadcast_to(normal, (41, 3)), atol=1e-3)
 
 
-def test_parameters_outside_or_not_finite_are_refused() -> None:
+def test_parameters_outside_or_not_finite_are_refused(bone_like: Callable[..., TSpline]) -> None:
     surface = bone_like(8, 6)
     with pytest.raises(ValueError, match="t must be in"):
         surface.evaluate(np.zeros(1), np.array([1.1]))
@@ -132,13 +152,21 @@ WRONG = {
 }
 
 
-def test_arrays_of_wrong_lengths_are_refused_where_no_types_are_checked() -> None:
-    lines = ["import numpy as np", "from rowed import bone_like", "surface = bone_like(8, 6)"]
+def test_arrays_of_wrong_lengths_are_refused_where_no_types_are_checked(
+    bone_like: Callable[..., TSpline], tmp_path: Path
+) -> None:
+    """In a process of its own, without the tests' own check of shapes."""
+    write_tsm(bone_like(8, 6), tmp_path / "surface.tspline")
+    lines = [
+        "import numpy as np",
+        "from bonecam.surface.files.tspline_text import read_tsm",
+        'surface = read_tsm("surface.tspline")',
+    ]
     for call in WRONG:
         lines += ["try:", f"    {call}", "except ValueError as e:", "    print(e)"]
     done = subprocess.run(
         [sys.executable, "-c", "\n".join(lines)],
-        cwd=Path(__file__).parent,
+        cwd=tmp_path,
         capture_output=True,
         text=True,
         check=True,

@@ -1,27 +1,27 @@
 """What is left of the stock after a path, and what that does to the next level."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
-import bodies
 import numpy as np
 import pytest
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.job import NcJob, PathJob
+from bonecam.job import HoldingJob, NcJob, PathJob
 from bonecam.levels.measure.level import Level
 from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.orientation.limits import AxisLimits
 from bonecam.orientation.oriented_path import orient
 from bonecam.orientation.scene import Scene
-from bonecam.setup.holding import post_below
+from bonecam.setup.holding import Post, post_below
 from bonecam.setup.stock import Capsule
+from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.cutter import Cutter
 from bonecam.toolpath.material import DEVIATION, Material, remove_material, uncut_material
 from bonecam.toolpath.path import ToolPath
 from bonecam.toolpath.zigzag import candidate_contacts, contact_path
-
-POST = post_below(bodies.mesh_of(bodies.pebble()), bodies.HOLDING)
 
 
 class Skin(Capsule):
@@ -31,56 +31,68 @@ class Skin(Capsule):
         return np.asarray(points + 0.5 * self.outward(points))
 
 
-STOCK = Skin(bodies.stock().start, bodies.stock().end, bodies.stock().radius)
-
-
-def levels_of() -> tuple[Level, Level, Level]:
-    """The part, a level 0.4 mm outside it, and the stock."""
-    stock = Level(2, None, STOCK.mesh(0.01), 0.5, 0.0, 0.0, 0.0, 0)
-    return bodies.level_of(bodies.pebble()), bodies.level_of(bodies.pebble(0.4), 1, 0.5), stock
-
-
-def path_on(level: Level, material: Material, cutter: Cutter = bodies.ROUGH) -> ToolPath:
-    contacts = contact_path(
-        candidate_contacts(level, [MeshDistance(level.mesh)], cutter, POST, PathJob()), material
-    )
-    return orient(
-        contacts,
-        Scene(level.mesh, material.mesh, STOCK, POST, DEVIATION),
-        AxisLimits(2.0),
-        PathJob(),
-        NcJob(),
-    )
+@pytest.fixture(scope="module")
+def stock(upright_capsule: Capsule) -> Skin:
+    return Skin(upright_capsule.start, upright_capsule.end, upright_capsule.radius)
 
 
 @pytest.fixture(scope="module")
-def machined() -> tuple[Material, ToolPath]:
-    levels = levels_of()
-    material = uncut_material(levels, STOCK)
-    path = path_on(levels[1], material)
+def post(holding: HoldingJob, mesh_of: Callable[..., TriangleMesh], pebble: Callable[..., TSpline]) -> Post:
+    return post_below(mesh_of(pebble()), holding)
+
+
+@pytest.fixture(scope="module")
+def levels(
+    level_of: Callable[..., Level], pebble: Callable[..., TSpline], stock: Skin
+) -> tuple[Level, Level, Level]:
+    """The part, a level 0.4 mm outside it, and the stock."""
+    outermost = Level(2, None, stock.mesh(0.01), 0.5, 0.0, 0.0, 0.0, 0)
+    return level_of(pebble()), level_of(pebble(0.4), 1, 0.5), outermost
+
+
+@pytest.fixture(scope="module")
+def path_on(stock: Skin, post: Post) -> Callable[[Level, Material, Cutter], ToolPath]:
+    def build(level: Level, material: Material, cutter: Cutter) -> ToolPath:
+        meshes = [MeshDistance(level.mesh)]
+        contacts = contact_path(candidate_contacts(level, meshes, cutter, post, PathJob()), material)
+        scene = Scene(level.mesh, material.mesh, stock, post, DEVIATION)
+        return orient(contacts, scene, AxisLimits(2.0), PathJob(), NcJob())
+
+    return build
+
+
+@pytest.fixture(scope="module")
+def machined(
+    roughing_cutter: Cutter, levels: tuple[Level, Level, Level], stock: Skin, path_on
+) -> tuple[Material, ToolPath]:
+    material = uncut_material(levels, stock)
+    path = path_on(levels[1], material, roughing_cutter)
     return remove_material(material, levels[1], path), path
 
 
-def test_what_was_cut_lies_on_the_level(machined: tuple[Material, ToolPath]) -> None:
+def test_what_was_cut_lies_on_the_level(machined: tuple[Material, ToolPath], levels, post: Post) -> None:
     material, _ = machined
-    inside = np.asarray(material.mesh.vertices)[material.mesh.vertices[:, 2] > POST.top + 4]
-    assert np.abs(MeshDistance(levels_of()[1].mesh).unsigned(inside)).max() < 0.02
+    inside = np.asarray(material.mesh.vertices)[material.mesh.vertices[:, 2] > post.top + 4]
+    assert np.abs(MeshDistance(levels[1].mesh).unsigned(inside)).max() < 0.02
 
 
-def test_no_ball_of_the_path_is_inside_the_material_left(machined: tuple[Material, ToolPath]) -> None:
+def test_no_ball_of_the_path_is_inside_the_material_left(
+    machined: tuple[Material, ToolPath], post: Post
+) -> None:
     material, path = machined
     rows = np.flatnonzero(path.kinds == 0)
     centres = path.tips[rows] + path.cutter.radius * path.axes[rows]
     assert (
-        MeshDistance(material.mesh).signed(centres[path.contacts[rows, 2] > POST.top + 4]).min()
+        MeshDistance(material.mesh).signed(centres[path.contacts[rows, 2] > post.top + 4]).min()
         > path.cutter.radius - DEVIATION
     )
 
 
-def test_contacts_under_uncut_material_stay_uncut() -> None:
-    levels = levels_of()
-    material = uncut_material(levels, STOCK)
-    path = path_on(levels[1], material)
+def test_contacts_under_uncut_material_stay_uncut(
+    roughing_cutter: Cutter, finishing_cutter: Cutter, levels, stock: Skin, post: Post, path_on
+) -> None:
+    material = uncut_material(levels, stock)
+    path = path_on(levels[1], material, roughing_cutter)
     spared = path.contacts[:, 2] > 39.0
     shortened = replace(
         path,
@@ -93,9 +105,9 @@ def test_contacts_under_uncut_material_stay_uncut() -> None:
     )
     material = remove_material(material, levels[1], shortened)
     assert np.quantile(material.thickness(levels[0], path.contacts[spared]), 0.05) > 0.75
-    below = path_on(levels[0], material, bodies.FINE)
+    below = path_on(levels[0], material, finishing_cutter)
     covered = np.array(below.reasons) == "covered"
     heights = below.uncut[covered][:, 2]
     assert (heights > 40.0).any()
-    assert not ((heights > POST.top + 4) & (heights < 37.5)).any()
+    assert not ((heights > post.top + 4) & (heights < 37.5)).any()
     assert np.nanmax(below.contacts[:, 2]) < 40.0

@@ -1,6 +1,7 @@
 """Line positions: increasing, within the domain, and finite also where a level has a crease."""
 
-import bodies
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -10,15 +11,17 @@ from bonecam.toolpath.spacing import line_positions
 
 @pytest.mark.parametrize("direction", ["around", "along"])
 @pytest.mark.parametrize("radius", [1.0, 2.0])
-def test_lines_increase_within_the_domain(direction: str, radius: float) -> None:
-    lines = line_positions(bodies.waist(1.0), direction, radius, 0.02)
+def test_lines_increase_within_the_domain(
+    grooved_pebble: Callable[..., TSpline], direction: str, radius: float
+) -> None:
+    lines = line_positions(grooved_pebble(1.0), direction, radius, 0.02)
     assert (np.diff(lines) > 0).all()
     assert 0 <= lines[0] < lines[-1] < 1
 
 
 @pytest.mark.parametrize("direction", ["around", "along"])
-def test_a_crease_does_not_crowd_lines_without_end(direction: str) -> None:
-    smooth = bodies.pebble()
+def test_a_crease_does_not_crowd_lines_without_end(pebble: Callable[..., TSpline], direction: str) -> None:
+    smooth = pebble()
     points = np.array(smooth.control_points)
     points[25:29] = points[25]
     points[37:41] = points[25]
@@ -29,6 +32,6 @@ def test_a_crease_does_not_crowd_lines_without_end(direction: str) -> None:
     )
 
 
-def test_a_smaller_scallop_takes_more_lines_by_its_root() -> None:
-    counts = [len(line_positions(bodies.pebble(), "around", 1.0, scallop)) for scallop in (0.04, 0.01)]
+def test_a_smaller_scallop_takes_more_lines_by_its_root(pebble: Callable[..., TSpline]) -> None:
+    counts = [len(line_positions(pebble(), "around", 1.0, scallop)) for scallop in (0.04, 0.01)]
     assert counts[1] / counts[0] == pytest.approx(2.0, rel=0.1)

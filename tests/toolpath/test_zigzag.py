@@ -1,32 +1,44 @@
 """What a covered level promises: no cusp above the scallop, no gouge, no long chord, no contact at the
 post."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
-import bodies
 import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
 from bonecam.errors import ToolPathError
 from bonecam.job import HoldingJob, PathJob
+from bonecam.levels.measure.level import Level
 from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.holding import post_below
 from bonecam.surface.tspline import TSpline
+from bonecam.toolpath.cutter import Cutter
 from bonecam.toolpath.path import ContactPath
 from bonecam.toolpath.zigzag import POST_CLEARANCE, candidate_contacts, contact_path
 
 DIRECTIONS = ("around", "along")
 
 
-def covered(surface: TSpline, direction: str, post_clearance: float = POST_CLEARANCE) -> ContactPath:
-    level = bodies.level_of(surface)
-    post, job = post_below(level.mesh, bodies.HOLDING), PathJob(direction=direction)
-    return contact_path(
-        candidate_contacts(
-            level, [MeshDistance(level.mesh)], bodies.FINE, post, job, post_clearance=post_clearance
+@pytest.fixture(scope="module")
+def covered(
+    level_of: Callable[..., Level], holding: HoldingJob, finishing_cutter: Cutter
+) -> Callable[..., ContactPath]:
+    """Covers a surface with contacts of the finishing cutter, lines running in `direction`."""
+
+    def cover(surface: TSpline, direction: str, post_clearance: float = POST_CLEARANCE) -> ContactPath:
+        level = level_of(surface)
+        post = post_below(level.mesh, holding)
+        job = PathJob(direction=direction)
+        return contact_path(
+            candidate_contacts(
+                level, [MeshDistance(level.mesh)], finishing_cutter, post, job, post_clearance=post_clearance
+            )
         )
-    )
+
+    return cover
 
 
 def joined(path: ContactPath) -> np.ndarray:
@@ -58,8 +70,8 @@ def heights_left(surface: TSpline, path: ContactPath, count: int) -> tuple[np.nd
 
 
 @pytest.mark.parametrize("direction", DIRECTIONS)
-def test_no_cusp_exceeds_the_scallop(direction: str) -> None:
-    surface = bodies.pebble()
+def test_no_cusp_exceeds_the_scallop(pebble: Callable[..., TSpline], direction: str) -> None:
+    surface = pebble()
     path = covered(surface, direction)
     points, left = heights_left(surface, path, 1500)
     reached = KDTree(path.uncut).query(points)[0] > 0.6
@@ -70,8 +82,8 @@ def test_no_cusp_exceeds_the_scallop(direction: str) -> None:
 
 
 @pytest.mark.parametrize("direction", DIRECTIONS)
-def test_straight_moves_follow_the_offset_curve(direction: str) -> None:
-    surface, job = bodies.pebble(), PathJob()
+def test_straight_moves_follow_the_offset_curve(pebble: Callable[..., TSpline], direction: str) -> None:
+    surface, job = pebble(), PathJob()
     path = covered(surface, direction)
     i = joined(path)
     length = np.linalg.norm(path.centres[i + 1] - path.centres[i], axis=1)
@@ -90,10 +102,12 @@ def test_straight_moves_follow_the_offset_curve(direction: str) -> None:
 
 
 @pytest.mark.parametrize("direction", DIRECTIONS)
-def test_the_ball_never_enters_the_level(direction: str) -> None:
-    surface = bodies.waist(1.6)
+def test_the_ball_never_enters_the_level(
+    grooved_pebble: Callable[..., TSpline], mesh_of: Callable[..., TriangleMesh], direction: str
+) -> None:
+    surface = grooved_pebble(1.6)
     path = covered(surface, direction)
-    fine = MeshDistance(bodies.mesh_of(surface))
+    fine = MeshDistance(mesh_of(surface))
     assert path.lifts.max() > path.cutter.scallop, (
         "the groove must be too sharp for the ball, else this proves nothing"
     )
@@ -101,23 +115,25 @@ def test_the_ball_never_enters_the_level(direction: str) -> None:
     assert "gouge" in path.reasons
 
 
-def test_a_convex_body_needs_no_lift() -> None:
-    path = covered(bodies.pebble(), "around")
+def test_a_convex_body_needs_no_lift(pebble: Callable[..., TSpline]) -> None:
+    path = covered(pebble(), "around")
     assert path.lifts.max() == 0
     assert set(path.reasons) == {"post"}
     assert np.allclose(path.centres, path.contacts + path.cutter.radius * path.normals)
 
 
-def test_balls_keep_clear_of_the_post() -> None:
-    surface = bodies.pebble()
+def test_balls_keep_clear_of_the_post(
+    pebble: Callable[..., TSpline], holding: HoldingJob, mesh_of: Callable[..., TriangleMesh]
+) -> None:
+    surface = pebble()
     path = covered(surface, "around", post_clearance=0.3)
-    post = post_below(bodies.mesh_of(surface), bodies.HOLDING)
+    post = post_below(mesh_of(surface), holding)
     assert post.distance(path.centres).min() >= path.cutter.radius + 0.3
     assert path.reasons.count("post") > 10
 
 
-def test_neighbouring_passes_run_opposite_ways() -> None:
-    path = covered(bodies.pebble(), "around")
+def test_neighbouring_passes_run_opposite_ways(pebble: Callable[..., TSpline]) -> None:
+    path = covered(pebble(), "around")
     i = joined(path)
     round_ = np.cross(path.centres[i], path.centres[i + 1])[:, 2]
     sense = np.array(
@@ -133,28 +149,32 @@ def test_neighbouring_passes_run_opposite_ways() -> None:
     assert ((path.feeds[i] * moves).sum(1) > 0).all()
 
 
-def test_two_runs_are_identical() -> None:
-    first, second = (covered(bodies.waist(0.5), "around") for _ in range(2))
+def test_two_runs_are_identical(grooved_pebble: Callable[..., TSpline]) -> None:
+    first, second = (covered(grooved_pebble(0.5), "around") for _ in range(2))
     assert first.centres.tobytes() == second.centres.tobytes()
     assert first.pass_index.tobytes() == second.pass_index.tobytes()
 
 
-def test_a_post_beside_the_part_is_refused() -> None:
-    mesh = bodies.mesh_of(bodies.pebble())
+def test_a_post_beside_the_part_is_refused(
+    mesh_of: Callable[..., TriangleMesh], pebble: Callable[..., TSpline]
+) -> None:
+    mesh = mesh_of(pebble())
     aside = replace(mesh, vertices=mesh.vertices + np.array([20.0, 0, 0]))
     with pytest.raises(ToolPathError, match="misses"):
         post_below(aside, HoldingJob())
 
 
-def test_the_post_ends_inside_the_part() -> None:
-    mesh = bodies.mesh_of(bodies.pebble())
-    post = post_below(mesh, bodies.HOLDING)
+def test_the_post_ends_inside_the_part(
+    mesh_of: Callable[..., TriangleMesh], pebble: Callable[..., TSpline], holding: HoldingJob
+) -> None:
+    mesh = mesh_of(pebble())
+    post = post_below(mesh, holding)
     rim = np.array(
         [[post.radius * np.cos(a), post.radius * np.sin(a), post.top + 0.05] for a in np.linspace(0, 6, 9)]
     )
     assert MeshDistance(mesh).inside(rim).all()
 
 
-def test_nothing_to_cut_is_an_error() -> None:
+def test_nothing_to_cut_is_an_error(pebble: Callable[..., TSpline]) -> None:
     with pytest.raises(ToolPathError, match="nothing"):
-        covered(bodies.pebble(), "around", post_clearance=50.0)
+        covered(pebble(), "around", post_clearance=50.0)

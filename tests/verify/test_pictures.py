@@ -1,5 +1,6 @@
 """Pictures: what is drawn is all there, to one scale, and nothing covers anything else."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -7,16 +8,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bodies import pebble
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
-from synthetic_paths import capsule_path
 
 from bonecam.levels.measure.level import Level, rounding_cuts
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.box import Box
 from bonecam.setup.stock import Capsule, Stock
+from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.path import Kind, ToolPath
 from bonecam.verify.pictures import draw_coloured, draw_depths, draw_levels, draw_toolpath, labelled
 from bonecam.verify.views import corner_normals, view
@@ -44,7 +44,7 @@ def sheet(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> TriangleMesh:
     return TriangleMesh(points, faces.astype(np.int32))
 
 
-def boxed(wide: float, deep: float, high: float) -> list[Level]:
+def boxed(pebble: Callable[..., TSpline], wide: float, deep: float, high: float) -> list[Level]:
     """The part, two levels of the morph, of which the last is rounded to the box by two cuts more."""
     box = Box(np.array([-wide, -deep, 55.0 - high]), np.array([wide, deep, 55.0 + high]))
     first = replace(level(0, capsule(5.0)), surface=pebble())
@@ -57,7 +57,7 @@ def boxed(wide: float, deep: float, high: float) -> list[Level]:
     ]
 
 
-def path(k: int) -> ToolPath:
+def path(capsule_path: Callable[..., ToolPath], k: int) -> ToolPath:
     """A helix with contacts, where the tip is."""
     made = capsule_path(k)
     return replace(made, contacts=np.where((made.kinds == Kind.CUT)[:, None], made.tips, np.nan))
@@ -84,12 +84,15 @@ STOCKS = [(8.0, 8.0, 18.0), (40.0, 10.0, 18.0), (9.0, 30.0, 18.0), (7.0, 7.0, 12
 
 @pytest.mark.parametrize("sizes", STOCKS, ids=str)
 def test_panels_have_one_scale_and_nothing_is_clipped_or_covered(
-    sizes: tuple[float, float, float], drawn: list[Figure]
+    pebble: Callable[..., TSpline],
+    capsule_path: Callable[..., ToolPath],
+    sizes: tuple[float, float, float],
+    drawn: list[Figure],
 ) -> None:
-    levels = boxed(*sizes)
+    levels = boxed(pebble, *sizes)
     draw_levels(levels, POST, "")
     draw_coloured(levels, "")
-    draw_toolpath([path(3), path(1), path(0)], levels, "")
+    draw_toolpath([path(capsule_path, 3), path(capsule_path, 1), path(capsule_path, 0)], levels, "")
     for figure in drawn:
         FigureCanvasAgg(figure).draw()
         panels = [plot for plot in figure.axes if plot.get_xlabel().endswith(("x (mm)", "y (mm)"))]
@@ -117,9 +120,9 @@ def test_panels_have_one_scale_and_nothing_is_clipped_or_covered(
 
 
 def test_depths_beyond_the_limit_are_shown_and_titles_say_which_cuts_and_which_line(
-    drawn: list[Figure],
+    pebble: Callable[..., TSpline], drawn: list[Figure]
 ) -> None:
-    levels = boxed(8.0, 8.0, 18.0)
+    levels = boxed(pebble, 8.0, 8.0, 18.0)
     draw_depths(levels, np.array([[0.4, 0.5, 0.4], [0.4, 0.9, 0.4]]), "")
     above = drawn[0].axes[0]
     assert above.get_ylim()[1] > 0.9
@@ -132,9 +135,9 @@ def test_depths_beyond_the_limit_are_shown_and_titles_say_which_cuts_and_which_l
 
 
 def test_depths_are_drawn_over_the_way_along_the_part_in_the_colours_of_the_cuts_drawn(
-    drawn: list[Figure],
+    pebble: Callable[..., TSpline], drawn: list[Figure]
 ) -> None:
-    levels = boxed(8.0, 8.0, 18.0)
+    levels = boxed(pebble, 8.0, 8.0, 18.0)
     part = levels[0].surface
     assert part is not None
     draw_depths(levels, np.full((2, 1000), [[0.2], [0.4]]), "", 0.25)
@@ -184,13 +187,13 @@ def test_a_closed_mesh_is_seen_from_the_front() -> None:
     assert np.allclose(view(Box(np.zeros(3), np.array([1.0, 9.0, 1.0])).mesh(0.1)), np.eye(3))
 
 
-def test_the_sections_are_named(drawn: list[Figure]) -> None:
-    draw_levels(boxed(8.0, 8.0, 18.0), POST, "")
+def test_the_sections_are_named(pebble: Callable[..., TSpline], drawn: list[Figure]) -> None:
+    draw_levels(boxed(pebble, 8.0, 8.0, 18.0), POST, "")
     assert texts(drawn[0]) == ["section y = 0", "section x = 0"]
 
 
-def test_the_coloured_levels_go_out_to_the_stock(drawn: list[Figure]) -> None:
-    draw_coloured(boxed(8.0, 8.0, 18.0), "")
+def test_the_coloured_levels_go_out_to_the_stock(pebble: Callable[..., TSpline], drawn: list[Figure]) -> None:
+    draw_coloured(boxed(pebble, 8.0, 8.0, 18.0), "")
     assert texts(drawn[0]) == ["level 1", "level 2", "level 3, rounding", "level 4, the stock"]
     draw_coloured([level(k, capsule(5.0 + 0.4 * k)) for k in range(3)], "")
     assert texts(drawn[1]) == ["level 1", "level 2, the stock"]
@@ -205,6 +208,6 @@ def test_a_box_is_shaded_by_its_faces_and_a_round_body_smoothly() -> None:
     assert (corner_normals(mesh) * body.outward(mesh.vertices)[mesh.faces]).sum(axis=2).min() > 0.99
 
 
-def test_pictures_are_written(tmp_path: Path) -> None:
-    draw_levels(boxed(8.0, 8.0, 18.0), POST, tmp_path / "levels.png")
+def test_pictures_are_written(pebble: Callable[..., TSpline], tmp_path: Path) -> None:
+    draw_levels(boxed(pebble, 8.0, 8.0, 18.0), POST, tmp_path / "levels.png")
     assert (tmp_path / "levels.png").read_bytes().startswith(b"\x89PNG")

@@ -1,9 +1,9 @@
 import re
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from synthetic_paths import BOTTOM, CAPSULE_RADIUS, TOP, capsule_path
 
 from bonecam.errors import VerifyError
 from bonecam.job import Job
@@ -13,6 +13,7 @@ from bonecam.nc.dialect import read_dialect
 from bonecam.nc.machine import read_machine
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.read import read_program
+from bonecam.toolpath.path import ToolPath
 from bonecam.verify.proof import verify_program
 from bonecam.verify.readback import Tolerances, compare
 
@@ -20,20 +21,25 @@ PAIRS = {
     name: (read_machine(machine), read_dialect(name))
     for name, machine in (("heidenhain", "mikron-ucp600"), ("linuxcnc", "linuxcnc-xyzbc"))
 }
-PATHS = (
-    capsule_path(level=4, radius=2.0, offset=1.5, number=1, count=300),
-    capsule_path(level=0, radius=1.0, number=2, count=600),
-)
 
 
-def capsule_mesh(chord: float = 0.002) -> TriangleMesh:
-    """The part of the synthetic paths, inscribed."""
-    around = int(np.ceil(np.pi / np.arccos(1 - chord / CAPSULE_RADIUS)))
+@pytest.fixture(scope="module")
+def paths(capsule_path: Callable[..., ToolPath]) -> tuple[ToolPath, ToolPath]:
+    return (
+        capsule_path(level=4, radius=2.0, offset=1.5, number=1, count=300),
+        capsule_path(level=0, radius=1.0, number=2, count=600),
+    )
+
+
+def capsule_mesh(capsule: tuple[float, float, float], chord: float = 0.002) -> TriangleMesh:
+    """A mesh inscribed in the upright capsule of these heights and radius within the chord (mm)."""
+    bottom, top, radius = capsule
+    around = int(np.ceil(np.pi / np.arccos(1 - chord / radius)))
     slope = np.linspace(-np.pi / 2, np.pi / 2, around // 2 + 1)
-    z = np.where(slope < 0, BOTTOM, TOP) + CAPSULE_RADIUS * np.sin(slope)
-    r = CAPSULE_RADIUS * np.cos(slope)
+    z = np.where(slope < 0, bottom, top) + radius * np.sin(slope)
+    r = radius * np.cos(slope)
     middle = len(slope) // 2
-    z, r = np.insert(z, middle, BOTTOM), np.insert(r, middle, CAPSULE_RADIUS)
+    z, r = np.insert(z, middle, bottom), np.insert(r, middle, radius)
     angle = 2 * np.pi * np.arange(around) / around
     points = np.column_stack(
         [np.outer(r, np.cos(angle)).ravel(), np.outer(r, np.sin(angle)).ravel(), np.repeat(z, around)]
@@ -45,8 +51,8 @@ def capsule_mesh(chord: float = 0.002) -> TriangleMesh:
 
 
 @pytest.fixture(scope="module")
-def mesh():
-    return MeshDistance(capsule_mesh())
+def mesh(path_capsule):
+    return MeshDistance(capsule_mesh(path_capsule))
 
 
 @pytest.fixture(params=PAIRS)
@@ -54,20 +60,20 @@ def pair(request):
     return PAIRS[request.param]
 
 
-def text_of(pair, paths=PATHS) -> str:
+def text_of(pair, paths) -> str:
     return write_program(paths, *pair, Job()).text
 
 
-def test_what_was_written_is_proved(pair, mesh):
-    proof = verify_program(text_of(pair), PATHS, *pair, mesh)
-    assert proof.rows == sum(len(path.tips) for path in PATHS)
+def test_what_was_written_is_proved(paths, pair, mesh):
+    proof = verify_program(text_of(pair, paths), paths, *pair, mesh)
+    assert proof.rows == sum(len(path.tips) for path in paths)
     assert proof.moves >= proof.rows
     assert proof.readback_tip_error_mm <= 0.001
     assert proof.readback_axis_error_deg <= 0.0008
     assert proof.gouge.depth <= 0.01
 
 
-def check(text, pair, paths=PATHS):
+def check(text, pair, paths):
     return compare(read_program(text, *pair), paths, pair[1], Tolerances())
 
 
@@ -92,29 +98,29 @@ def shifted(by: float):
 
 
 @pytest.mark.parametrize("letter", "XYZ")
-def test_a_tip_off_by_five_micrometres_is_found_at_its_line(pair, letter):
-    text, line = changed(text_of(pair), 200, rf"( {letter})([-+]?[\d.]+)", shifted(0.005))
+def test_a_tip_off_by_five_micrometres_is_found_at_its_line(paths, pair, letter):
+    text, line = changed(text_of(pair, paths), 200, rf"( {letter})([-+]?[\d.]+)", shifted(0.005))
     with pytest.raises(VerifyError, match=rf"line {line}: ") as caught:
-        check(text, pair)
+        check(text, pair, paths)
     assert caught.value.evidence["line"] == line
 
 
 @pytest.mark.parametrize("letter", "BC")
-def test_an_axis_off_by_a_hundredth_degree_is_found_at_its_line(pair, letter):
-    text, line = changed(text_of(pair), 200, rf"( {letter})([-+]?[\d.]+)", shifted(0.01))
+def test_an_axis_off_by_a_hundredth_degree_is_found_at_its_line(paths, pair, letter):
+    text, line = changed(text_of(pair, paths), 200, rf"( {letter})([-+]?[\d.]+)", shifted(0.01))
     with pytest.raises(VerifyError, match=rf"line {line}: "):
-        check(text, pair)
+        check(text, pair, paths)
 
 
-def test_a_wrong_feed_is_found_at_its_line(pair):
+def test_a_wrong_feed_is_found_at_its_line(paths, pair):
     text, line = changed(
-        text_of(pair),
+        text_of(pair, paths),
         200,
         r"( F)(\d+(?:\.\d+)?)",
         lambda found: f" F{float(found[2]) * 1.1:.{4 if '.' in found[2] else 0}f}",
     )
     with pytest.raises(VerifyError, match=rf"line {line}: feed is"):
-        check(text, pair)
+        check(text, pair, paths)
 
 
 def without(text: str, start: int, count: int) -> str:
@@ -130,33 +136,33 @@ def without(text: str, start: int, count: int) -> str:
     return "\n".join(lines) + "\n"
 
 
-def test_a_missing_block_is_found(pair):
+def test_a_missing_block_is_found(paths, pair):
     with pytest.raises(VerifyError, match="tip off by"):
-        check(without(text_of(pair), 200, 1), pair)
+        check(without(text_of(pair, paths), 200, 1), pair, paths)
 
 
-def test_a_missing_end_is_found(pair):
-    text = text_of(pair, PATHS[:1])
+def test_a_missing_end_is_found(paths, pair):
+    text = text_of(pair, paths[:1])
     with pytest.raises(VerifyError, match=r"ends \d+ points early"):
-        check(text, pair, PATHS)
+        check(text, pair, paths)
 
 
-def test_a_move_too_many_is_found(pair):
-    text = text_of(pair, PATHS)
+def test_a_move_too_many_is_found(paths, pair):
+    text = text_of(pair, paths)
     with pytest.raises(VerifyError, match="more than the paths have"):
-        check(text, pair, PATHS[:1])
+        check(text, pair, paths[:1])
 
 
-def test_a_tool_exchanged_is_found(pair):
+def test_a_tool_exchanged_is_found(paths, pair):
     exchanged = tuple(
-        replace(path, cutter=replace(path.cutter, number=3 - path.cutter.number)) for path in PATHS
+        replace(path, cutter=replace(path.cutter, number=3 - path.cutter.number)) for path in paths
     )
     with pytest.raises(VerifyError, match="tool 1 cuts what tool 2"):
-        check(text_of(pair), pair, exchanged)
+        check(text_of(pair, paths), pair, exchanged)
 
 
-def test_a_path_through_the_part_is_refused_with_line_and_place(pair, mesh):
-    deep = (PATHS[0], capsule_path(level=0, number=2, offset=-0.05, count=600))
+def test_a_path_through_the_part_is_refused_with_line_and_place(paths, capsule_path, pair, mesh):
+    deep = (paths[0], capsule_path(level=0, number=2, offset=-0.05, count=600))
     with pytest.raises(
         VerifyError, match=r"line \d+: the ball enters the part by 0.05\d+ mm at \("
     ) as caught:
@@ -164,7 +170,7 @@ def test_a_path_through_the_part_is_refused_with_line_and_place(pair, mesh):
     assert caught.value.evidence["error"] == pytest.approx(0.05, abs=0.005)
 
 
-def test_every_split_move_lies_on_the_way_meant(pair):
+def test_every_split_move_lies_on_the_way_meant(capsule_path, pair):
     rough = (capsule_path(count=60, turns=4.0),)
     checked = check(text_of(pair, rough), pair, rough)
     assert (checked.source < -1).sum() > 30

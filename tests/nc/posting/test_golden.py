@@ -1,9 +1,9 @@
 """The posted text of tiny paths, kept as files in tests/golden/<case>/."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from synthetic_paths import capsule_path
 
 from bonecam.job import read_job
 from bonecam.nc.dialect import read_dialect
@@ -11,33 +11,42 @@ from bonecam.nc.machine import read_machine
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import Program
 from bonecam.nc.reading.read import read_program
+from bonecam.toolpath.path import ToolPath
 from bonecam.verify.readback import Tolerances, compare
 
 GOLDEN = Path(__file__).parents[2] / "golden"
 CASES = ("heidenhain-mikron", "linuxcnc-xyzbc")
-PATHS = (
-    capsule_path(level=5, radius=2.0, offset=1.5, number=1, count=24, turns=0.5),
-    capsule_path(level=0, radius=1.0, number=2, count=24, turns=0.5),
-)
 
 
-def posted(case: str) -> Program:
-    job = read_job(GOLDEN / case / "job.toml")
-    return write_program(
-        PATHS, read_machine(job.nc.machine), read_dialect(job.nc.controller), job, name="GOLDEN"
+@pytest.fixture(scope="module")
+def paths(capsule_path: Callable[..., ToolPath]) -> tuple[ToolPath, ToolPath]:
+    return (
+        capsule_path(level=5, radius=2.0, offset=1.5, number=1, count=24, turns=0.5),
+        capsule_path(level=0, radius=1.0, number=2, count=24, turns=0.5),
     )
 
 
-@pytest.mark.parametrize("case", CASES)
-def test_the_golden_program_is_still_posted(case):
-    program = posted(case)
+@pytest.fixture(scope="module", params=CASES)
+def case(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+@pytest.fixture(scope="module")
+def program(case: str, paths: tuple[ToolPath, ToolPath]) -> Program:
+    job = read_job(GOLDEN / case / "job.toml")
+    return write_program(
+        paths, read_machine(job.nc.machine), read_dialect(job.nc.controller), job, name="GOLDEN"
+    )
+
+
+def test_the_golden_program_is_still_posted(case: str, program: Program) -> None:
     assert program.text == (GOLDEN / case / f"expected{program.extension}").read_text()
 
 
-@pytest.mark.parametrize("case", CASES)
-def test_the_golden_program_makes_the_golden_path(case):
-    program = posted(case)
+def test_the_golden_program_makes_the_golden_path(
+    case: str, program: Program, paths: tuple[ToolPath, ToolPath]
+) -> None:
     machine, dialect = read_machine(program.machine), read_dialect(program.controller)
     text = (GOLDEN / case / f"expected{program.extension}").read_text()
-    checked = compare(read_program(text, machine, dialect), PATHS, dialect, Tolerances())
+    checked = compare(read_program(text, machine, dialect), paths, dialect, Tolerances())
     assert checked.tip_error.max() < 0.001

@@ -6,7 +6,6 @@ import subprocess
 
 import numpy as np
 import pytest
-from synthetic_paths import capsule_path
 
 from bonecam.job import Job
 from bonecam.nc.dialect import read_dialect
@@ -18,7 +17,7 @@ MOVE = re.compile(r"(STRAIGHT_TRAVERSE|STRAIGHT_FEED)\(([^)]*)\)")
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory):
+def run(capsule_path, tmp_path_factory):
     if not shutil.which("rs274"):
         pytest.skip("rs274 (package linuxcnc-uspace) is absent")
     machine, dialect = read_machine("linuxcnc-xyzbc"), read_dialect("linuxcnc")

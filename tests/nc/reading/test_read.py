@@ -1,7 +1,7 @@
 import re
+from collections.abc import Callable
 
 import pytest
-from synthetic_paths import capsule_path
 
 from bonecam.errors import ProgramError
 from bonecam.job import Job
@@ -10,24 +10,28 @@ from bonecam.nc.machine import read_machine
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.motions import Tool
 from bonecam.nc.reading.read import read_program
+from bonecam.toolpath.path import ToolPath
 
 PAIRS = {
     name: (read_machine(machine), read_dialect(name))
     for name, machine in (("heidenhain", "mikron-ucp600"), ("linuxcnc", "linuxcnc-xyzbc"))
 }
-TEXTS = {
-    name: write_program([capsule_path(count=24, turns=1.0)], *pair, Job()).text
-    for name, pair in PAIRS.items()
-}
+
+
+@pytest.fixture(scope="module")
+def texts(capsule_path: Callable[..., ToolPath]) -> dict[str, str]:
+    """A short program by the name of its dialect."""
+    path = capsule_path(count=24, turns=1.0)
+    return {name: write_program([path], *pair, Job()).text for name, pair in PAIRS.items()}
 
 
 def line_of(text: str, pattern: str) -> int:
     return next(number for number, line in enumerate(text.splitlines(), 1) if re.search(pattern, line))
 
 
-def broken(name: str, pattern: str, replacement: str) -> tuple[str, int]:
+def broken(texts: dict[str, str], name: str, pattern: str, replacement: str) -> tuple[str, int]:
     """The text with the first match replaced, and the line of it."""
-    text = TEXTS[name]
+    text = texts[name]
     assert re.search(pattern, text, re.MULTILINE)
     return re.sub(pattern, replacement, text, count=1, flags=re.MULTILINE), line_of(text, pattern)
 
@@ -59,41 +63,41 @@ def broken(name: str, pattern: str, replacement: str) -> tuple[str, int]:
         ("linuxcnc", r"^M8$", "M8 N"),
     ],
 )
-def test_what_the_dialect_does_not_know_is_refused_with_its_line(name, pattern, replacement):
-    text, line = broken(name, pattern, replacement)
+def test_what_the_dialect_does_not_know_is_refused_with_its_line(texts, name, pattern, replacement):
+    text, line = broken(texts, name, pattern, replacement)
     with pytest.raises(ProgramError, match=rf"line {line}: ") as caught:
         read_program(text, *PAIRS[name])
     assert caught.value.evidence["line"] == line
 
 
 @pytest.mark.parametrize("name", PAIRS)
-def test_a_text_cut_off_anywhere_is_refused(name):
-    text = TEXTS[name]
+def test_a_text_cut_off_anywhere_is_refused(texts, name):
+    text = texts[name]
     for size in range(1, len(text), 37):
         with pytest.raises(ProgramError):
             read_program(text[:size], *PAIRS[name])
 
 
-def test_a_cut_without_tool_centre_control_is_refused():
-    text = TEXTS["heidenhain"].replace("FUNCTION TCPM F TCP AXIS POS PATHCTRL AXIS", "M3")
+def test_a_cut_without_tool_centre_control_is_refused(texts):
+    text = texts["heidenhain"].replace("FUNCTION TCPM F TCP AXIS POS PATHCTRL AXIS", "M3")
     with pytest.raises(ProgramError, match="without tool-centre control"):
         read_program(text, *PAIRS["heidenhain"])
 
 
-def test_the_short_way_must_be_switched_on():
-    text = TEXTS["heidenhain"].replace(" M126\n", " M3\n")
+def test_the_short_way_must_be_switched_on(texts):
+    text = texts["heidenhain"].replace(" M126\n", " M3\n")
     with pytest.raises(ProgramError, match="without the short way"):
         read_program(text, *PAIRS["heidenhain"])
 
 
-def test_given_tools_replace_those_of_the_comments():
-    motions = read_program(TEXTS["heidenhain"], *PAIRS["heidenhain"], tools=[Tool(1, 3.0, 99.0)])
+def test_given_tools_replace_those_of_the_comments(texts):
+    motions = read_program(texts["heidenhain"], *PAIRS["heidenhain"], tools=[Tool(1, 3.0, 99.0)])
     assert motions.controls[1].radius == 3.0
 
 
-def test_an_endless_axis_is_unwound_by_the_short_way():
-    head = TEXTS["heidenhain"].splitlines()
-    start = line_of(TEXTS["heidenhain"], "L B")
+def test_an_endless_axis_is_unwound_by_the_short_way(texts):
+    head = texts["heidenhain"].splitlines()
+    start = line_of(texts["heidenhain"], "L B")
     blocks = [
         "L B-30.000 C+170.000 R0 FMAX",
         "FUNCTION TCPM F TCP AXIS POS PATHCTRL AXIS",

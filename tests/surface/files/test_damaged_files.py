@@ -2,12 +2,11 @@
 be evaluated."""
 
 import random
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from general import random_tspline
-from rowed import bone_like
 
 from bonecam.errors import FileError
 from bonecam.surface import TSpline, read_iga, read_tsm, write_iga, write_tsm
@@ -76,7 +75,9 @@ def survive(originals: list[Path], folder: Path, seeds: range) -> float:
     return read / len(seeds)
 
 
-def test_of_a_thousand_damaged_files_none_gives_more_than_an_error_or_a_surface(tmp_path: Path) -> None:
+def test_of_a_thousand_damaged_files_none_gives_more_than_an_error_or_a_surface(
+    random_tspline: Callable[..., TSpline], bone_like: Callable[..., TSpline], tmp_path: Path
+) -> None:
     write_tsm(random_tspline(1), tmp_path / "a.tsm")
     write_tsm(random_tspline(2, closed=True), tmp_path / "b.tsm")
     write_tsm(bone_like(6, 5, 1), tmp_path / "c.tspline")
@@ -104,7 +105,9 @@ def test_of_a_thousand_damaged_models_none_gives_more_than_an_error_or_a_surface
         ("0m gvp 99999999999999999999", "size below"),
     ],
 )
-def test_numbers_that_would_overflow_are_refused(tmp_path: Path, record: str, match: str) -> None:
+def test_numbers_that_would_overflow_are_refused(
+    random_tspline: Callable[..., TSpline], tmp_path: Path, record: str, match: str
+) -> None:
     write_tsm(random_tspline(1), tmp_path / "a.tsm")
     lines = (tmp_path / "a.tsm").read_text().splitlines()
     kind = record.split()[0]

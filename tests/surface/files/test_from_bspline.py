@@ -1,10 +1,11 @@
 """B-splines of CAD systems as T-splines."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from rowed import bone_like, samples
+from numpy import ndarray
 
 from bonecam.errors import SurfaceError
 from bonecam.surface.files.cad import bsplines_in, write_iges, write_step
@@ -18,7 +19,12 @@ CLAMPED = np.repeat([0.0, 1.0], 4)
 
 
 @pytest.mark.parametrize(("spread", "poles"), [(0.0, True), (0.2, True), (0.2, False)])
-def test_there_and_back_is_the_same_surface(spread: float, poles: bool) -> None:
+def test_there_and_back_is_the_same_surface(
+    bone_like: Callable[..., TSpline],
+    samples: Callable[..., tuple[ndarray, ndarray]],
+    spread: float,
+    poles: bool,
+) -> None:
     surface = bone_like(9, 7, 3, spread=spread, poles=poles)
     again = from_bspline(to_bspline(surface))
     s, t = samples(5000)
@@ -28,7 +34,13 @@ def test_there_and_back_is_the_same_surface(spread: float, poles: bool) -> None:
 
 @pytest.mark.parametrize("name", ["a.step", "a.iges"])
 @pytest.mark.parametrize("spread", [0.0, 0.2])
-def test_a_file_gives_the_periodic_surface_with_its_poles(name: str, spread: float, tmp_path: Path) -> None:
+def test_a_file_gives_the_periodic_surface_with_its_poles(
+    bone_like: Callable[..., TSpline],
+    samples: Callable[..., tuple[ndarray, ndarray]],
+    name: str,
+    spread: float,
+    tmp_path: Path,
+) -> None:
     pytest.importorskip("OCP", reason="OpenCASCADE's wheel is not installed: pip install 'bonecam[cad]'")
     surface = bone_like(9, 7, 3, spread=spread)
     (write_step if name == "a.step" else write_iges)(surface, tmp_path / name)
@@ -41,7 +53,9 @@ def test_a_file_gives_the_periodic_surface_with_its_poles(name: str, spread: flo
     assert again.volume == pytest.approx(surface.volume, rel=1e-12)
 
 
-def test_an_open_patch_stays_open_and_its_parameters_come_to_0_1() -> None:
+def test_an_open_patch_stays_open_and_its_parameters_come_to_0_1(
+    samples: Callable[..., tuple[ndarray, ndarray]],
+) -> None:
     rng = np.random.default_rng(1)
     knots = Knots(np.array([2.0, 3.0, 5.0]), np.array([4, 1, 4]), False)
     spline = BSplineSurface(

@@ -1,13 +1,15 @@
 """Bezier extraction files: exact areas, partition of unity, round trips, broken files."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from general import damaged, random_tspline, samples
+from numpy import ndarray
 
 from bonecam.errors import FileError, SurfaceError
 from bonecam.surface.files.iga import raised, read_iga, write_iga
+from bonecam.surface.tspline import TSpline
 
 AREAS = {
     "arch_nurbs": 3 * np.pi / 4, "arch_tsplines": 3 * np.pi / 4, "plate_with_hole": 16 - np.pi / 4,
@@ -34,9 +36,11 @@ def test_columns_sum_to_one_but_near_the_extraordinary_point(shared: Path, name:
         assert worst.max() <= 1e-12
 
 
-def test_quartic_derivatives_agree_with_finite_differences(shared: Path) -> None:
+def test_quartic_derivatives_agree_with_finite_differences(
+    inner_samples: Callable[..., tuple[ndarray, ndarray]], shared: Path
+) -> None:
     surface = read_iga(shared / "tspline" / "iga" / "square_unstructured.iga")
-    s, t = samples(surface, 1, 300)
+    s, t = inner_samples(surface, 1, 300)
     s, t, h = np.floor(s) + 0.01 + 0.98 * (s % 1), 0.01 + 0.98 * t, 1e-5
     _, Ss, St, Sss, Sst, Stt = surface.evaluate(s, t, 2)
     right, left, up, down = (surface.evaluate(s + a, t + b, 1) for a, b in ((h, 0), (-h, 0), (0, h), (0, -h)))
@@ -50,18 +54,22 @@ def test_quartic_derivatives_agree_with_finite_differences(shared: Path) -> None
         np.testing.assert_allclose((ahead - back) / (2 * h), exact, atol=1e-8)
 
 
-def test_raising_the_degree_changes_nothing() -> None:
+def test_raising_the_degree_changes_nothing(
+    random_tspline: Callable[..., TSpline], inner_samples: Callable[..., tuple[ndarray, ndarray]]
+) -> None:
     surface = random_tspline(3)
     elements = surface.elements()
     high = raised(elements.coefficients.reshape(-1, 4, 4), 5).reshape(-1, 36)
     finer = type(elements)(elements.boxes, elements.starts, elements.functions, high)
-    s, t = samples(surface, 2, 200)
+    s, t = inner_samples(surface, 2, 200)
     patches = finer.patches(surface.control_points, surface.weights)
     for a, b in zip(surface.evaluate(s, t, 2), finer.derivatives(patches, *finer.place(s, t), 2)):
         np.testing.assert_allclose(a, b, atol=1e-11 * max(1.0, abs(a).max()))
 
 
-def test_a_round_trip_is_bit_equal(shared: Path, tmp_path: Path) -> None:
+def test_a_round_trip_is_bit_equal(
+    random_tspline: Callable[..., TSpline], shared: Path, tmp_path: Path
+) -> None:
     for first in (read_iga(shared / "tspline" / "iga" / "square_unstructured.iga"), random_tspline(5)):
         write_iga(first, tmp_path / "a.iga")
         again = read_iga(tmp_path / "a.iga")
@@ -85,7 +93,9 @@ def test_a_round_trip_is_bit_equal(shared: Path, tmp_path: Path) -> None:
         ("node 0 0 0 1\n", "nod 0 0 0 1\n", "unknown record 'nod'"),
     ],
 )
-def test_a_broken_file_is_refused(shared: Path, tmp_path: Path, old: str, new: str, match: str) -> None:
+def test_a_broken_file_is_refused(
+    damaged: Callable[..., Path], shared: Path, tmp_path: Path, old: str, new: str, match: str
+) -> None:
     with pytest.raises(FileError, match=match):
         read_iga(damaged(shared / "tspline" / "iga" / "square_structured.iga", tmp_path, old, new))
 

@@ -1,10 +1,11 @@
 """A T-spline as one tensor-product B-spline."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from rowed import bone_like, samples
+from numpy import ndarray
 from scipy.interpolate import NdBSpline
 
 from bonecam.errors import SurfaceError
@@ -14,23 +15,32 @@ from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 
-def relative_error(spline: BSplineSurface, surface: TSpline) -> float:
+def relative_error(
+    samples: Callable[..., tuple[ndarray, ndarray]], spline: BSplineSurface, surface: TSpline
+) -> float:
     s, t = samples(10_000)
     return float(np.abs(spline.evaluate(s, t) - surface.evaluate(s, t)).max()) / spline.size
 
 
 @pytest.mark.parametrize("poles", [True, False])
 @pytest.mark.parametrize("spread", [0.0, 0.2])
-def test_the_b_spline_equals_the_t_spline_to_rounding(spread: float, poles: bool) -> None:
+def test_the_b_spline_equals_the_t_spline_to_rounding(
+    bone_like: Callable[..., TSpline],
+    samples: Callable[..., tuple[ndarray, ndarray]],
+    spread: float,
+    poles: bool,
+) -> None:
     surface = bone_like(12, 9, 3, spread=spread, poles=poles)
     spline = to_bspline(surface)
-    assert relative_error(spline, surface) < 2e-15
+    assert relative_error(samples, spline, surface) < 2e-15
     assert spline.rational == (spread > 0)
     assert spline.collapsed == (poles, poles)
     assert spline.watertight == poles
 
 
-def test_the_knots_are_the_union_of_the_rows_knots_and_the_seam_all_simple() -> None:
+def test_the_knots_are_the_union_of_the_rows_knots_and_the_seam_all_simple(
+    bone_like: Callable[..., TSpline],
+) -> None:
     surface = bone_like(8, 5, 1)
     spline = to_bspline(surface)
     union = np.unique(np.concatenate([[0.0, 1.0], *[row for row in surface.tmesh.s_knots if len(row) > 1]]))
@@ -40,17 +50,17 @@ def test_the_knots_are_the_union_of_the_rows_knots_and_the_seam_all_simple() -> 
     assert spline.t_knots.flat.tolist() == surface.tmesh.t_knots.tolist()
 
 
-def test_a_repeated_knot_keeps_its_multiplicity() -> None:
+def test_a_repeated_knot_keeps_its_multiplicity(samples: Callable[..., tuple[ndarray, ndarray]]) -> None:
     t = np.array([0, 0, 0, 0, 0.2, 0.4, 0.4, 0.7, 0.7, 0.7, 1, 1, 1, 1.0])
     rng = np.random.default_rng(2)
     mesh = RowTMesh.from_rows(t, [np.sort(rng.random(6)) for _ in range(len(t) - 4)])
     surface = TSpline(mesh, rng.normal(size=(mesh.size, 3)), rng.uniform(0.5, 2, mesh.size))
     spline = to_bspline(surface)
     assert spline.t_knots.multiplicities.tolist() == [4, 1, 2, 3, 4]
-    assert relative_error(spline, surface) < 1e-14
+    assert relative_error(samples, spline, surface) < 1e-14
 
 
-def test_rows_whose_knots_nearly_meet_lose_no_digit() -> None:
+def test_rows_whose_knots_nearly_meet_lose_no_digit(samples: Callable[..., tuple[ndarray, ndarray]]) -> None:
     rng = np.random.default_rng(5)
     t = np.concatenate([[0.0] * 4, [0.1, 0.1001, 0.5], [1.0] * 4])
     rows = [
@@ -58,10 +68,12 @@ def test_rows_whose_knots_nearly_meet_lose_no_digit() -> None:
     ]
     mesh = RowTMesh.from_rows(t, rows)
     surface = TSpline(mesh, rng.normal(size=(mesh.size, 3)), np.ones(mesh.size))
-    assert relative_error(to_bspline(surface), surface) < 1e-14
+    assert relative_error(samples, to_bspline(surface), surface) < 1e-14
 
 
-def test_an_independent_evaluation_agrees() -> None:
+def test_an_independent_evaluation_agrees(
+    bone_like: Callable[..., TSpline], samples: Callable[..., tuple[ndarray, ndarray]]
+) -> None:
     surface = bone_like(9, 7, 4)
     spline = to_bspline(surface)
     wrapped = np.arange(len(spline.s_knots.flat) - 4 + 3) % spline.s_knots.poles
@@ -74,7 +86,7 @@ def test_an_independent_evaluation_agrees() -> None:
     np.testing.assert_allclose(found[:, :3] / found[:, 3:], surface.evaluate(s, t), rtol=0, atol=1e-13)
 
 
-def test_a_domain_with_a_missing_corner_is_refused() -> None:
+def test_a_domain_with_a_missing_corner_is_refused(bone_like: Callable[..., TSpline]) -> None:
     elements = bone_like(6, 5, 0).elements()
     keep = slice(0, elements.starts[-2])
     part = type(elements)(
@@ -91,7 +103,7 @@ def test_a_closed_direction_of_few_poles_wraps_more_than_once() -> None:
     assert poles.max() == 1
 
 
-def test_poles_that_do_not_fit_the_knots_are_refused() -> None:
+def test_poles_that_do_not_fit_the_knots_are_refused(bone_like: Callable[..., TSpline]) -> None:
     spline = to_bspline(bone_like(6, 5, 0))
     with pytest.raises(ValueError, match="the knots need"):
         BSplineSurface(spline.s_knots, spline.t_knots, spline.poles[1:], spline.weights[1:])

@@ -1,17 +1,18 @@
 """The text form of a row-structured T-spline."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from rowed import bone_like
 
 from bonecam.errors import FileError
 from bonecam.surface.files.rows_file import rows_text
 from bonecam.surface.files.tspline_text import read_tsm, write_tsm
+from bonecam.surface.tspline import TSpline
 
 
-def test_a_round_trip_is_bit_equal(tmp_path: Path) -> None:
+def test_a_round_trip_is_bit_equal(bone_like: Callable[..., TSpline], tmp_path: Path) -> None:
     surface = bone_like(9, 7, 5)
     write_tsm(surface, tmp_path / "a.tsr")
     again = read_tsm(tmp_path / "a.tsr")
@@ -34,7 +35,9 @@ def test_a_round_trip_is_bit_equal(tmp_path: Path) -> None:
         ("\nend\n", "\n", 43),
     ],
 )
-def test_a_broken_file_is_refused_with_its_line(tmp_path: Path, old: str, new: str, line: int) -> None:
+def test_a_broken_file_is_refused_with_its_line(
+    bone_like: Callable[..., TSpline], tmp_path: Path, old: str, new: str, line: int
+) -> None:
     text = rows_text(bone_like(7, 6, spread=0.0))
     assert old in text
     (tmp_path / "bad.tsr").write_text(text.replace(old, new))
@@ -43,7 +46,9 @@ def test_a_broken_file_is_refused_with_its_line(tmp_path: Path, old: str, new: s
     assert caught.value.evidence["line"] == line
 
 
-def test_decreasing_knots_and_bad_weights_are_refused(tmp_path: Path) -> None:
+def test_decreasing_knots_and_bad_weights_are_refused(
+    bone_like: Callable[..., TSpline], tmp_path: Path
+) -> None:
     surface = bone_like(7, 6, spread=0.0)
     text = rows_text(surface)
     (tmp_path / "bad.tsr").write_text(text.replace(" 1.0\nrow 2", " -1.0\nrow 2"))

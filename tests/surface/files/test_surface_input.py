@@ -1,11 +1,11 @@
 """Parts that come as a surface."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from rowed import bone_like, samples
-from test_point_rows import POLES, sections, write
+from numpy import ndarray
 
 from bonecam.errors import FileError, SurfaceError, UnitsError
 from bonecam.surface.files.save import check_target, save_surface
@@ -13,9 +13,12 @@ from bonecam.surface.files.surface_input import holds_surface, placed, read_surf
 from bonecam.surface.files.tspline_text import read_tsm, write_tsm
 from bonecam.surface.fitting.deviation import Deviation
 from bonecam.surface.fitting.fit import Fit
+from bonecam.surface.tspline import TSpline
 
 
-def test_turning_a_surface_reverses_both_parameters_and_nothing_else() -> None:
+def test_turning_a_surface_reverses_both_parameters_and_nothing_else(
+    bone_like: Callable[..., TSpline], samples: Callable[..., tuple[ndarray, ndarray]]
+) -> None:
     surface = bone_like(9, 7, 4)
     s, t = samples(2000)
     np.testing.assert_allclose(
@@ -24,8 +27,10 @@ def test_turning_a_surface_reverses_both_parameters_and_nothing_else() -> None:
     assert turned(surface).volume == pytest.approx(surface.volume, rel=1e-12)
 
 
-def test_rows_in_metres_are_skinned_in_mm_and_their_deviation_is_told(tmp_path: Path) -> None:
-    file = write([row / 1000 for row in [POLES[:1], *sections(6, 16), POLES[1:]]], tmp_path / "rows.csv")
+def test_rows_in_metres_are_skinned_in_mm_and_their_deviation_is_told(
+    write_rows: Callable[..., Path], poles: ndarray, sections: Callable[..., list[ndarray]], tmp_path: Path
+) -> None:
+    file = write_rows([row / 1000 for row in [poles[:1], *sections(6, 16), poles[1:]]], tmp_path / "rows.csv")
     assert holds_surface(file)
     found = read_surface(file, 1000.0, 0.05, 450)
     assert found.reached
@@ -33,7 +38,7 @@ def test_rows_in_metres_are_skinned_in_mm_and_their_deviation_is_told(tmp_path: 
     assert found.surface.volume == pytest.approx(4 / 3 * np.pi * 4 * 3 * 9, rel=0.05)
 
 
-def test_a_saved_surface_comes_back_as_it_was(tmp_path: Path) -> None:
+def test_a_saved_surface_comes_back_as_it_was(bone_like: Callable[..., TSpline], tmp_path: Path) -> None:
     surface = bone_like(9, 7, 4)
     save_surface(surface, tmp_path / "a.tspline")
     found = read_surface(tmp_path / "a.tspline", 1.0, 0.1, 450)
@@ -41,7 +46,9 @@ def test_a_saved_surface_comes_back_as_it_was(tmp_path: Path) -> None:
     assert found.deviation.max == 0
 
 
-def test_a_surface_that_is_put_upside_down_runs_from_the_lower_pole_again() -> None:
+def test_a_surface_that_is_put_upside_down_runs_from_the_lower_pole_again(
+    bone_like: Callable[..., TSpline],
+) -> None:
     given = bone_like(9, 7, 4)
     upside_down = np.diag([1.0, -1.0, -1.0, 1.0])
     upside_down[:3, 3] = [1, 2, 30]
@@ -51,10 +58,16 @@ def test_a_surface_that_is_put_upside_down_runs_from_the_lower_pole_again() -> N
     assert surface.volume == pytest.approx(given.volume, rel=1e-12)
 
 
-def test_what_encloses_no_part_is_refused(tmp_path: Path) -> None:
+def test_what_encloses_no_part_is_refused(
+    bone_like: Callable[..., TSpline],
+    write_rows: Callable[..., Path],
+    sections: Callable[..., list[ndarray]],
+    poles: ndarray,
+    tmp_path: Path,
+) -> None:
     surface = bone_like()
-    write(sections(), tmp_path / "open.csv")
-    write([POLES[:1], *sections(4, 12), POLES[1:]], tmp_path / "many.csv")
+    write_rows(sections(), tmp_path / "open.csv")
+    write_rows([poles[:1], *sections(4, 12), poles[1:]], tmp_path / "many.csv")
     write_tsm(bone_like(poles=False), tmp_path / "tube.tspline")
     write_tsm(surface.with_control_points(surface.control_points * [1, -1, 1]), tmp_path / "inward.tspline")
     for name, allowed, reason in (
@@ -69,7 +82,9 @@ def test_what_encloses_no_part_is_refused(tmp_path: Path) -> None:
         read_surface(tmp_path / "inward.tspline", 1000.0, 0.1, 450)
 
 
-def test_the_ending_decides_what_is_written(tmp_path: Path, shared: Path) -> None:
+def test_the_ending_decides_what_is_written(
+    bone_like: Callable[..., TSpline], tmp_path: Path, shared: Path
+) -> None:
     pytest.importorskip("OCP", reason="OpenCASCADE's wheel is not installed: pip install 'bonecam[cad]'")
     surface = bone_like(7, 5, 1)
     for name, head in (
@@ -86,7 +101,9 @@ def test_the_ending_decides_what_is_written(tmp_path: Path, shared: Path) -> Non
     assert (tmp_path / "b.tsm").read_text().startswith("#TS0200")
 
 
-def test_a_name_that_fits_no_form_is_refused_before_the_work(tmp_path: Path) -> None:
+def test_a_name_that_fits_no_form_is_refused_before_the_work(
+    bone_like: Callable[..., TSpline], tmp_path: Path
+) -> None:
     with pytest.raises(FileError, match=r"unknown ending '\.prt'"):
         check_target(tmp_path / "a.prt")
     with pytest.raises(FileError, match=r"have no \.tsm form: end the name in \.tspline"):

@@ -1,9 +1,10 @@
 """The fit: within the tolerance with few control points, unfolded, planar at the poles, honest where the
 points do not suffice."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
-from rowed import bone_like
 from scipy.spatial.transform import Rotation
 
 from bonecam.errors import MeshError
@@ -171,7 +172,9 @@ def test_low_cells_are_not_cut_along_t() -> None:
         assert len(refine(tmesh, votes, 100).s_knots) == len(tmesh.s_knots) + rows
 
 
-def test_rings_round_poles_are_drawn_only_where_they_are_far_off_an_ellipse() -> None:
+def test_rings_round_poles_are_drawn_only_where_they_are_far_off_an_ellipse(
+    bone_like: Callable[..., TSpline],
+) -> None:
     surface = bone_like(8, 5, spread=0.0)
     even = surface.tmesh.from_rows(
         surface.tmesh.t_knots, [row if len(row) == 1 else np.arange(5) / 5 for row in surface.tmesh.s_knots]

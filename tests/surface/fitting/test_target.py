@@ -1,12 +1,17 @@
 """Samples of the mesh keep their feet, and those that seem missed are looked for on the whole surface."""
 
+from collections.abc import Callable
+
 import numpy as np
-from rowed import bone_like, samples
+from numpy import ndarray
 
 from bonecam.surface.fitting.target import Samples
+from bonecam.surface.tspline import TSpline
 
 
-def test_a_sample_that_followed_a_wrong_foot_is_met_where_the_surface_is() -> None:
+def test_a_sample_that_followed_a_wrong_foot_is_met_where_the_surface_is(
+    bone_like: Callable[..., TSpline], samples: Callable[..., tuple[ndarray, ndarray]]
+) -> None:
     surface = bone_like()
     s, t = samples(400)
     points = surface.positions(s, t) + 0.01 * surface.normals(s, t)
@@ -22,7 +27,9 @@ def test_a_sample_that_followed_a_wrong_foot_is_met_where_the_surface_is() -> No
     np.testing.assert_array_equal(np.delete(met.s, lost), np.delete(alone.s, lost))
 
 
-def test_many_samples_that_are_missed_keep_the_feet_they_came_from() -> None:
+def test_many_samples_that_are_missed_keep_the_feet_they_came_from(
+    bone_like: Callable[..., TSpline], samples: Callable[..., tuple[ndarray, ndarray]]
+) -> None:
     surface = bone_like()
     s, t = samples(100)
     points = surface.positions(s, t) + 0.2 * surface.normals(s, t)

@@ -1,8 +1,10 @@
 """Curvature, area and volume against shapes whose values are known."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
-from rowed import bone_like, samples
+from numpy import ndarray
 
 from bonecam.errors import SurfaceError
 from bonecam.surface.tmesh.rows import RowTMesh
@@ -24,7 +26,9 @@ def ball(radius: float, rows: int = 24, around: int = 32) -> TSpline:
     return flat.with_control_points(np.linalg.solve(flat.basis(s, t)[0].toarray(), points))
 
 
-def test_a_ball_has_positive_curvature_one_over_its_radius() -> None:
+def test_a_ball_has_positive_curvature_one_over_its_radius(
+    samples: Callable[..., tuple[ndarray, ndarray]],
+) -> None:
     surface = ball(4.0)
     s, t = samples(2000)
     found = surface.curvature(s, 0.05 + 0.9 * t)
@@ -43,7 +47,9 @@ def test_the_poles_of_a_ball_have_the_limit_curvature() -> None:
     np.testing.assert_allclose(np.abs(poles.direction1[:2, 2]), 0, atol=1e-6)
 
 
-def test_directions_are_principal() -> None:
+def test_directions_are_principal(
+    bone_like: Callable[..., TSpline], samples: Callable[..., tuple[ndarray, ndarray]]
+) -> None:
     surface = bone_like(14, 12, 2)
     s, t = samples(300)
     t = 0.05 + 0.9 * t
@@ -66,7 +72,7 @@ def test_directions_are_principal() -> None:
         np.einsum("ni,ni->n", np.cross(found.direction1, found.direction2), normals))[:, None], atol=1e-9)  # fmt: skip
 
 
-def test_a_pole_without_a_tangent_plane_is_an_error() -> None:
+def test_a_pole_without_a_tangent_plane_is_an_error(bone_like: Callable[..., TSpline]) -> None:
     surface = bone_like(9, 7)
     points = surface.control_points.copy()
     points[1:8] = points[0]

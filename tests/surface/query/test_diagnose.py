@@ -1,12 +1,13 @@
 """Diagnosis: the models' kinds, and T-meshes whose kind is known."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from rowed import bone_like
 
 from bonecam.surface.files.tspline_text import read_tsm
+from bonecam.surface.tspline import TSpline
 
 TABLE = {  # kind, faces on which the sum is one, faces, T-junctions, crossing, touching
     "simple": ("standard", 3, 3, 1, 0, 0),
@@ -37,7 +38,7 @@ def test_the_models_are_of_their_kind(shared: Path, name: str) -> None:
         np.testing.assert_allclose(patches[:, :, 3], 1, atol=1e-10)
 
 
-def test_row_structured_surfaces_are_standard_and_independent() -> None:
+def test_row_structured_surfaces_are_standard_and_independent(bone_like: Callable[..., TSpline]) -> None:
     found = bone_like(10, 7, 3).diagnose()
     assert found.standard
     assert found.analysis_suitable

@@ -1,14 +1,13 @@
 """Refinement leaves every surface what it is: rational, non-standard, closed, with holes; and so do rows."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from general import random_tspline, samples
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rowed import bone_like
-from test_tsm import torus_text
+from numpy import ndarray
 
 from bonecam.errors import SurfaceError
 from bonecam.surface.files.iga import read_iga, write_iga
@@ -23,8 +22,14 @@ from bonecam.surface.tspline import TSpline
 seeds = st.integers(0, 10_000)
 
 
-def assert_same(first: TSpline, second: TSpline, seed: int = 0, order: int = 1) -> None:
-    s, t = samples(second, seed, 400)
+def assert_same(
+    inner_samples: Callable[..., tuple[ndarray, ndarray]],
+    first: TSpline,
+    second: TSpline,
+    seed: int = 0,
+    order: int = 1,
+) -> None:
+    s, t = inner_samples(second, seed, 400)
     for a, b, tolerance in zip(
         first.evaluate(s, t, 2), second.evaluate(s, t, 2), [1e-13] + [2e-12] * 2 + [1e-10] * 3
     ):
@@ -32,20 +37,24 @@ def assert_same(first: TSpline, second: TSpline, seed: int = 0, order: int = 1) 
 
 
 @pytest.mark.parametrize("name", ["simple", "fan", "Bike", "mouse", "face", "gearbox2-9"])
-def test_the_models_stay_what_they_are(shared: Path, name: str) -> None:
+def test_the_models_stay_what_they_are(
+    inner_samples: Callable[..., tuple[ndarray, ndarray]], shared: Path, name: str
+) -> None:
     surface = read_tsm(shared / "tspline" / "tsm" / f"{name}.tsm")
-    s, t = samples(surface, 1, 2000)
+    s, t = inner_samples(surface, 1, 2000)
     expected, size = surface.evaluate(s, t), np.ptp(surface.control_points, axis=0).max()
     for k, directions in enumerate(("st", "s", "t")):
-        finer = surface.refine(*samples(surface, k + 2, 3), directions=directions)
+        finer = surface.refine(*inner_samples(surface, k + 2, 3), directions=directions)
         assert len(finer.tmesh.face_boxes) > len(surface.tmesh.face_boxes)
         surface = finer
         np.testing.assert_allclose(surface.evaluate(s, t), expected, atol=1e-13 * size)
 
 
-def test_every_face_of_the_notched_model_can_be_cut(shared: Path) -> None:
+def test_every_face_of_the_notched_model_can_be_cut(
+    inner_samples: Callable[..., tuple[ndarray, ndarray]], shared: Path
+) -> None:
     surface = read_tsm(shared / "tspline" / "tsm" / "mouse.tsm")
-    s, t = samples(surface, 1, 500)
+    s, t = inner_samples(surface, 1, 500)
     expected = surface.evaluate(s, t)
     for box in surface.tmesh.face_boxes[::2]:
         finer = surface.refine(box[[0]] * 0.6 + box[[1]] * 0.4, box[[2]] * 0.3 + box[[3]] * 0.7)
@@ -54,16 +63,24 @@ def test_every_face_of_the_notched_model_can_be_cut(shared: Path) -> None:
 
 @settings(max_examples=8, deadline=None)
 @given(seeds, st.booleans(), st.sampled_from(["s", "t", "st"]))
-def test_random_tsplines_stay_what_they_are(seed: int, closed: bool, directions: str) -> None:
+def test_random_tsplines_stay_what_they_are(
+    random_tspline: Callable[..., TSpline],
+    inner_samples: Callable[..., tuple[ndarray, ndarray]],
+    seed: int,
+    closed: bool,
+    directions: str,
+) -> None:
     surface = random_tspline(seed, closed)
-    finer = surface.refine(*samples(surface, seed + 9, 2), directions)
+    finer = surface.refine(*inner_samples(surface, seed + 9, 2), directions)
     assert len(finer.tmesh.face_boxes) > len(surface.tmesh.face_boxes)
-    assert_same(surface, finer, seed)
+    assert_same(inner_samples, surface, finer, seed)
 
 
 @settings(max_examples=8, deadline=None)
 @given(seeds)
-def test_derivatives_of_random_tsplines_agree_with_finite_differences(seed: int) -> None:
+def test_derivatives_of_random_tsplines_agree_with_finite_differences(
+    random_tspline: Callable[..., TSpline], seed: int
+) -> None:
     surface = random_tspline(seed, seed % 2 == 0)
     boxes = surface.elements().boxes
     rng = np.random.default_rng(seed)
@@ -94,7 +111,7 @@ def element_widths(surface: TSpline, s: np.ndarray, t: np.ndarray) -> np.ndarray
 @settings(max_examples=8, deadline=None)
 @given(seeds, st.booleans())
 def test_random_tsplines_come_back_from_their_files(
-    tmp_path_factory: pytest.TempPathFactory, seed: int, closed: bool
+    random_tspline: Callable[..., TSpline], tmp_path_factory: pytest.TempPathFactory, seed: int, closed: bool
 ) -> None:
     path = tmp_path_factory.mktemp("tsm") / "a.tsm"
     surface = random_tspline(seed, closed)
@@ -108,7 +125,9 @@ def test_random_tsplines_come_back_from_their_files(
 
 @settings(max_examples=10, deadline=None)
 @given(seeds, st.integers(6, 12), st.integers(4, 9), st.sampled_from(["s", "t", "st"]), st.booleans())
-def test_rows_stay_what_they_are(seed: int, rows: int, around: int, directions: str, poles: bool) -> None:
+def test_rows_stay_what_they_are(
+    bone_like: Callable[..., TSpline], seed: int, rows: int, around: int, directions: str, poles: bool
+) -> None:
     surface = bone_like(rows, around, seed, poles=poles)
     s, t = np.random.default_rng(seed).random((2, 3))
     finer = surface.refine(s, t, directions)
@@ -120,7 +139,7 @@ def test_rows_stay_what_they_are(seed: int, rows: int, around: int, directions: 
 
 @settings(max_examples=8, deadline=None)
 @given(seeds, st.booleans())
-def test_rows_are_a_general_tmesh(seed: int, poles: bool) -> None:
+def test_rows_are_a_general_tmesh(bone_like: Callable[..., TSpline], seed: int, poles: bool) -> None:
     surface = bone_like(8, 6, seed, poles=poles)
     general = as_general(surface)
     s, t = np.random.default_rng(seed).random((2, 500))
@@ -133,7 +152,7 @@ def test_rows_are_a_general_tmesh(seed: int, poles: bool) -> None:
     )
 
 
-def test_a_torus_is_refined_across_both_seams(tmp_path: Path) -> None:
+def test_a_torus_is_refined_across_both_seams(torus_text: Callable[..., str], tmp_path: Path) -> None:
     (tmp_path / "torus.tsm").write_text(torus_text())
     surface = read_tsm(tmp_path / "torus.tsm", to_mm=True)
     finer = surface.refine(np.array([4.9, 0.2]), np.array([5.9, 0.1]))
@@ -142,7 +161,7 @@ def test_a_torus_is_refined_across_both_seams(tmp_path: Path) -> None:
     assert finer.diagnose().semi_standard
 
 
-def test_a_wrong_call_is_refused() -> None:
+def test_a_wrong_call_is_refused(random_tspline: Callable[..., TSpline]) -> None:
     surface = random_tspline(1)
     with pytest.raises(ValueError, match="directions"):
         surface.refine(np.zeros(1), np.zeros(1), "x")
@@ -192,7 +211,7 @@ def test_open_rows_stay_what_they_are(seed: int, directions: str) -> None:
     np.testing.assert_allclose(finer.evaluate(s, t), surface.evaluate(s, t), atol=1e-13 * 5)
 
 
-def test_knots_of_rows_that_differ_by_rounding_are_one() -> None:
+def test_knots_of_rows_that_differ_by_rounding_are_one(bone_like: Callable[..., TSpline]) -> None:
     surface = bone_like(9, 6, 3)
     rows = [row.copy() for row in surface.tmesh.s_knots]
     rows[3][2], rows[4][2] = rows[5][2] + 1e-16, rows[5][2] - 1e-16
@@ -206,7 +225,7 @@ def test_knots_of_rows_that_differ_by_rounding_are_one() -> None:
         np.testing.assert_allclose(finer.evaluate(s, t), surface.evaluate(s, t), atol=1e-13 * 28)
 
 
-def own_surfaces() -> dict[str, TSpline]:
+def own_surfaces(bone_like: Callable[..., TSpline]) -> dict[str, TSpline]:
     """What bonecam makes: fitted (levels keep its T-mesh), skinned closed, with and without poles, and
     open."""
     fitted = fit(bone_like(8, 8).tessellate(0.3), 0.3).surface
@@ -226,8 +245,8 @@ def faces_and_points(surface: TSpline) -> int:
     return surface.tmesh.size + (len(surface.tmesh.faces) if isinstance(surface.tmesh, TMesh) else 0)
 
 
-def test_every_surface_made_here_is_refined_without_change() -> None:
-    for name, surface in own_surfaces().items():
+def test_every_surface_made_here_is_refined_without_change(bone_like: Callable[..., TSpline]) -> None:
+    for name, surface in own_surfaces(bone_like).items():
         s, t = np.random.default_rng(1).random((2, 1000))
         expected, size = surface.evaluate(s, t), np.ptp(surface.control_points, axis=0).max()
         for first in (surface, as_general(surface)):

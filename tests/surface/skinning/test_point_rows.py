@@ -1,40 +1,20 @@
 """Rows of points from files, skinned."""
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy import ndarray
 
 from bonecam.errors import FileError
 from bonecam.surface.skinning.point_rows import holds_rows, read_rows
 
-POLES = np.array([[0.0, 0.0, -9.0], [0.0, 0.0, 9.0]])
 
-
-def sections(count: int = 9, points: int = 24) -> list[np.ndarray]:
-    """Sections of an ellipsoid of half axes 4, 3, 9 from below, counter-clockwise seen from above, each with
-    its own number of points."""
-    found = []
-    for j, height in enumerate(np.cos(np.linspace(np.pi, 0, count + 2))[1:-1]):
-        angle = 2 * np.pi * np.arange(points + j % 3) / (points + j % 3)
-        r = np.sqrt(1 - height**2)
-        found.append(
-            np.column_stack([4 * r * np.cos(angle), 3 * r * np.sin(angle), np.full(len(angle), 9 * height)])
-        )
-    return found
-
-
-def write(blocks: Sequence[np.ndarray], path: Path) -> Path:
-    path.write_text(
-        "\n\n".join("\n".join(",".join(map(repr, point)) for point in block.tolist()) for block in blocks)
-        + "\n"
-    )
-    return path
-
-
-def test_rows_between_two_poles_are_skinned_to_a_closed_outward_surface(tmp_path: Path) -> None:
-    rows = read_rows(write([POLES[:1], *sections(), POLES[1:]], tmp_path / "rows.csv"))
+def test_rows_between_two_poles_are_skinned_to_a_closed_outward_surface(
+    write_rows: Callable[..., Path], poles: ndarray, sections: Callable[..., list[ndarray]], tmp_path: Path
+) -> None:
+    rows = read_rows(write_rows([poles[:1], *sections(), poles[1:]], tmp_path / "rows.csv"))
     assert rows.closed
     assert rows.poles is not None
     surface = rows.skin(0.02)
@@ -43,22 +23,30 @@ def test_rows_between_two_poles_are_skinned_to_a_closed_outward_surface(tmp_path
 
 
 @pytest.mark.parametrize("turned", [False, True])
-def test_rows_that_run_the_wrong_way_or_start_anywhere_are_put_right(turned: bool, tmp_path: Path) -> None:
-    straight = read_rows(write([POLES[:1], *sections(), POLES[1:]], tmp_path / "straight.csv"))
+def test_rows_that_run_the_wrong_way_or_start_anywhere_are_put_right(
+    write_rows: Callable[..., Path],
+    poles: ndarray,
+    sections: Callable[..., list[ndarray]],
+    turned: bool,
+    tmp_path: Path,
+) -> None:
+    straight = read_rows(write_rows([poles[:1], *sections(), poles[1:]], tmp_path / "straight.csv"))
     rng = np.random.default_rng(3)
     mixed = [np.roll(row, rng.integers(len(row)) if k else 0, axis=0) for k, row in enumerate(sections())]
     mixed = [np.roll(row[::-1], 1, axis=0) for row in mixed] if turned else mixed
-    found = read_rows(write([POLES[:1], *mixed, POLES[1:]], tmp_path / "mixed.csv"))
+    found = read_rows(write_rows([poles[:1], *mixed, poles[1:]], tmp_path / "mixed.csv"))
     for row, expected in zip(found.rows, straight.rows):
         np.testing.assert_allclose(row, expected, rtol=0, atol=1e-12)
 
 
-def test_rows_that_end_where_they_began_are_closed_and_others_open(tmp_path: Path) -> None:
-    looped = read_rows(write([np.vstack([row, row[:1]]) for row in sections()], tmp_path / "looped.txt"))
+def test_rows_that_end_where_they_began_are_closed_and_others_open(
+    write_rows: Callable[..., Path], sections: Callable[..., list[ndarray]], tmp_path: Path
+) -> None:
+    looped = read_rows(write_rows([np.vstack([row, row[:1]]) for row in sections()], tmp_path / "looped.txt"))
     assert looped.closed
     assert looped.poles is None
     assert [len(row) for row in looped.rows] == [len(row) for row in sections()]
-    open_rows = read_rows(write([row[:12] for row in sections()], tmp_path / "blade.txt"))
+    open_rows = read_rows(write_rows([row[:12] for row in sections()], tmp_path / "blade.txt"))
     assert not open_rows.closed
     assert np.diff(open_rows.skin(0.05).domain).tolist() == [[1.0], [1.0]]
 
@@ -71,31 +59,48 @@ def test_the_sections_of_the_measuring_data_are_open_rows(shared: Path, tmp_path
     assert not rows.closed
 
 
-def test_a_file_holds_rows_or_one_cloud(tmp_path: Path) -> None:
-    assert holds_rows(write(sections(), tmp_path / "rows.xyz"))
-    assert not holds_rows(write(sections()[:1], tmp_path / "cloud.xyz"))
+def test_a_file_holds_rows_or_one_cloud(
+    write_rows: Callable[..., Path], sections: Callable[..., list[ndarray]], tmp_path: Path
+) -> None:
+    assert holds_rows(write_rows(sections(), tmp_path / "rows.xyz"))
+    assert not holds_rows(write_rows(sections()[:1], tmp_path / "cloud.xyz"))
     assert not holds_rows(tmp_path / "part.stl")
 
 
-def test_another_unit_scales_rows_and_poles(tmp_path: Path) -> None:
-    rows = read_rows(write([POLES[:1], *sections(), POLES[1:]], tmp_path / "rows.csv")).scaled(1000.0)
+def test_another_unit_scales_rows_and_poles(
+    write_rows: Callable[..., Path], poles: ndarray, sections: Callable[..., list[ndarray]], tmp_path: Path
+) -> None:
+    rows = read_rows(write_rows([poles[:1], *sections(), poles[1:]], tmp_path / "rows.csv")).scaled(1000.0)
     assert rows.poles is not None
-    np.testing.assert_array_equal(rows.poles, POLES * 1000)
+    np.testing.assert_array_equal(rows.poles, poles * 1000)
     assert np.vstack(rows.rows)[:, 0].max() > 3900
 
 
-BAD = {
-    "one.csv": (sections()[:1], "1 rows are no surface"),
-    "pole.csv": ([POLES[:1], *sections()], "has one pole only"),
-    "short.csv": ([sections()[0], sections()[1][:3]], "row 1 has 3 points"),
-    "twice.csv": ([sections()[0], sections()[1][[0, 1, 1, 2, 3]]], "row 1: points 1 and the next coincide"),
-}
-
-
-@pytest.mark.parametrize("name", BAD)
-def test_bad_rows_are_refused_in_one_line_that_names_the_row(name: str, tmp_path: Path) -> None:
-    blocks, reason = BAD[name]
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("one.csv", "1 rows are no surface"),
+        ("pole.csv", "has one pole only"),
+        ("short.csv", "row 1 has 3 points"),
+        ("twice.csv", "row 1: points 1 and the next coincide"),
+    ],
+)
+def test_bad_rows_are_refused_in_one_line_that_names_the_row(
+    sections: Callable[..., list[ndarray]],
+    poles: ndarray,
+    write_rows: Callable[..., Path],
+    name: str,
+    reason: str,
+    tmp_path: Path,
+) -> None:
+    rows = sections()
+    blocks = {
+        "one.csv": rows[:1],
+        "pole.csv": [poles[:1], *rows],
+        "short.csv": [rows[0], rows[1][:3]],
+        "twice.csv": [rows[0], rows[1][[0, 1, 1, 2, 3]]],
+    }
     with pytest.raises(FileError, match=name) as caught:
-        read_rows(write(blocks, tmp_path / name))
+        read_rows(write_rows(blocks[name], tmp_path / name))
     assert reason in str(caught.value)
     assert "\n" not in str(caught.value)

@@ -1,12 +1,11 @@
 """Surfaces of .iga files as meshes: joined where the elements meet, extraordinary points and poles
 included."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from general import random_tspline
-from rowed import bone_like
 
 from bonecam.errors import SurfaceError
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -44,7 +43,9 @@ def test_the_models_become_one_conforming_mesh_within_the_tolerance(
     np.testing.assert_allclose(surface.evaluate(*found.parameters.T), found.mesh.vertices, atol=1e-9)
 
 
-def test_a_bone_with_poles_comes_back_closed_and_outward(tmp_path: Path) -> None:
+def test_a_bone_with_poles_comes_back_closed_and_outward(
+    bone_like: Callable[..., TSpline], tmp_path: Path
+) -> None:
     bone = bone_like(8, 6, 2)
     write_iga(bone, tmp_path / "bone.iga")
     mesh = read_iga(tmp_path / "bone.iga").tessellate(0.02)
@@ -55,7 +56,7 @@ def test_a_bone_with_poles_comes_back_closed_and_outward(tmp_path: Path) -> None
     assert bone.project(centres).distances.max() < 0.02
 
 
-def test_t_junctions_are_joined(tmp_path: Path) -> None:
+def test_t_junctions_are_joined(random_tspline: Callable[..., TSpline], tmp_path: Path) -> None:
     surface = random_tspline(4)
     write_iga(surface, tmp_path / "a.iga")
     mesh = read_iga(tmp_path / "a.iga").tessellate(0.01)
@@ -63,7 +64,7 @@ def test_t_junctions_are_joined(tmp_path: Path) -> None:
     assert mesh.area == pytest.approx(surface.area, rel=0.02)
 
 
-def test_what_cannot_be_had_is_an_error(tmp_path: Path) -> None:
+def test_what_cannot_be_had_is_an_error(random_tspline: Callable[..., TSpline], tmp_path: Path) -> None:
     write_iga(random_tspline(4), tmp_path / "a.iga")
     surface: TSpline[ExtractedTMesh] = read_iga(tmp_path / "a.iga")
     with pytest.raises(SurfaceError, match=r"element \d+ cannot be tessellated .* raise the tolerance"):
@@ -72,7 +73,9 @@ def test_what_cannot_be_had_is_an_error(tmp_path: Path) -> None:
         surface.tessellate(0.1, 0.0)
 
 
-def test_the_normals_along_an_edge_keep_the_angle(tmp_path: Path) -> None:
+def test_the_normals_along_an_edge_keep_the_angle(
+    random_tspline: Callable[..., TSpline], tmp_path: Path
+) -> None:
     write_iga(random_tspline(4), tmp_path / "a.iga")
     surface = read_iga(tmp_path / "a.iga")
     coarse, fine = surface.tessellate(0.1), surface.tessellate_with_parameters(0.1, 0.15)
@@ -85,7 +88,7 @@ def test_the_normals_along_an_edge_keep_the_angle(tmp_path: Path) -> None:
     assert turns.max() < 0.15 + 1e-9
 
 
-def test_any_surface_is_saved_as_iga(tmp_path: Path) -> None:
+def test_any_surface_is_saved_as_iga(bone_like: Callable[..., TSpline], tmp_path: Path) -> None:
     bone = bone_like(6, 5, 2)
     save_surface(bone, tmp_path / "bone.iga")
     again = read_iga(tmp_path / "bone.iga")

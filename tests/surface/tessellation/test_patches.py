@@ -1,16 +1,14 @@
 """Tessellation and projection of general T-splines: conforming, within tolerance, nearest feet beside notches
 and borders."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from general import random_tspline, samples
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rowed import bone_like
-from test_tessellate import assert_closed_sphere
-from test_tsm import torus_text
+from numpy import ndarray
 
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.files.tspline_text import read_tsm
@@ -29,18 +27,25 @@ def border(mesh: TriangleMesh) -> np.ndarray:
     return unique[count == 1]
 
 
-def assert_within(surface: TSpline, mesh: TriangleMesh, tolerance: float) -> None:
-    points = surface.positions(*samples(surface, 3, 5000))
+def assert_within(
+    inner_samples: Callable[..., tuple[ndarray, ndarray]],
+    surface: TSpline,
+    mesh: TriangleMesh,
+    tolerance: float,
+) -> None:
+    points = surface.positions(*inner_samples(surface, 3, 5000))
     assert np.sqrt(igl.point_mesh_squared_distance(points, mesh.vertices, mesh.faces)[0].max()) <= tolerance
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_models_are_tessellated_without_a_gap(shared: Path, name: str) -> None:
+def test_models_are_tessellated_without_a_gap(
+    inner_samples: Callable[..., tuple[ndarray, ndarray]], shared: Path, name: str
+) -> None:
     surface = read_tsm(shared / "tspline" / "tsm" / f"{name}.tsm")
     tolerance = 1e-3 * np.ptp(surface.control_points, axis=0).max()
     found = surface.tessellate_with_parameters(tolerance)
     assert found.deviation <= tolerance
-    assert_within(surface, found.mesh, tolerance)
+    assert_within(inner_samples, surface, found.mesh, tolerance)
     middles = found.parameters[border(found.mesh)].mean(axis=1)
     tmesh = surface.tmesh
     step = 1e-6 * np.ptp(surface.domain)
@@ -60,15 +65,22 @@ def test_models_are_tessellated_without_a_gap(shared: Path, name: str) -> None:
 
 @settings(max_examples=6, deadline=None)
 @given(st.integers(0, 1000), st.booleans())
-def test_random_tsplines_are_tessellated_within_the_tolerance(seed: int, closed: bool) -> None:
+def test_random_tsplines_are_tessellated_within_the_tolerance(
+    random_tspline: Callable[..., TSpline],
+    inner_samples: Callable[..., tuple[ndarray, ndarray]],
+    seed: int,
+    closed: bool,
+) -> None:
     surface = random_tspline(seed, closed)
     found = surface.tessellate_with_parameters(0.02)
     border(found.mesh)
     assert found.deviation <= 0.02
-    assert_within(surface, found.mesh, 0.02)
+    assert_within(inner_samples, surface, found.mesh, 0.02)
 
 
-def test_a_bone_on_a_general_tmesh_is_one_closed_outward_sphere() -> None:
+def test_a_bone_on_a_general_tmesh_is_one_closed_outward_sphere(
+    bone_like: Callable[..., TSpline], assert_closed_sphere: Callable[[TriangleMesh], None]
+) -> None:
     rows = bone_like(12, 9, 1)
     surface = as_general(rows)
     assert surface.poles == (True, True)
@@ -83,7 +95,7 @@ def test_a_bone_on_a_general_tmesh_is_one_closed_outward_sphere() -> None:
         )
 
 
-def test_a_torus_turned_inside_out_is_outward(tmp_path: Path) -> None:
+def test_a_torus_turned_inside_out_is_outward(torus_text: Callable[..., str], tmp_path: Path) -> None:
     (tmp_path / "torus.tsm").write_text(torus_text())
     surface = read_tsm(tmp_path / "torus.tsm", to_mm=True)
     inside_out = surface.with_control_points(surface.control_points * [1, 1, -1])
@@ -95,10 +107,12 @@ def test_a_torus_turned_inside_out_is_outward(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_no_point_of_a_model_is_nearer_than_the_foot(shared: Path, name: str) -> None:
+def test_no_point_of_a_model_is_nearer_than_the_foot(
+    inner_samples: Callable[..., tuple[ndarray, ndarray]], shared: Path, name: str
+) -> None:
     surface = read_tsm(shared / "tspline" / "tsm" / f"{name}.tsm")
     size = np.ptp(surface.control_points, axis=0).max()
-    feet = surface.positions(*samples(surface, 5, 1000))
+    feet = surface.positions(*inner_samples(surface, 5, 1000))
     points = feet + 0.02 * size * np.random.default_rng(5).standard_normal((1000, 3))
     mesh = surface.tessellate(2e-4 * size)
     nearest = np.sqrt(igl.point_mesh_squared_distance(points, mesh.vertices, mesh.faces)[0])

@@ -1,33 +1,27 @@
 """Tessellation: closed, outward, within the tolerance it states."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rowed import bone_like, samples
+from numpy import ndarray
 
 from bonecam.errors import SurfaceError
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.tspline import TSpline
 
 
-def assert_closed_sphere(mesh: TriangleMesh) -> None:
-    directed = np.vstack([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]]).astype(
-        np.int64
-    )
-    key = directed[:, 0] * len(mesh.vertices) + directed[:, 1]
-    back = directed[:, 1] * len(mesh.vertices) + directed[:, 0]
-    assert len(np.unique(key)) == len(key)
-    np.testing.assert_array_equal(np.sort(key), np.sort(back))
-    assert len(np.unique(mesh.faces)) == len(mesh.vertices)
-    assert len(mesh.vertices) - len(key) // 2 + len(mesh.faces) == 2
-    assert np.linalg.norm(mesh.face_vectors, axis=1).min() > 0
-
-
 @settings(max_examples=12, deadline=None)
 @given(st.integers(0, 10_000), st.integers(6, 18), st.integers(5, 16), st.sampled_from([0.3, 0.05, 0.01]))
 def test_a_tessellation_is_one_closed_outward_sphere(
-    seed: int, rows: int, around: int, tolerance: float
+    bone_like: Callable[..., TSpline],
+    assert_closed_sphere: Callable[[TriangleMesh], None],
+    seed: int,
+    rows: int,
+    around: int,
+    tolerance: float,
 ) -> None:
     surface = bone_like(rows, around, seed)
     found = surface.tessellate_with_parameters(tolerance)
@@ -43,7 +37,7 @@ def test_a_tessellation_is_one_closed_outward_sphere(
     assert abs(found.mesh.volume - surface.volume) <= tolerance * surface.area
 
 
-def test_no_small_face_at_a_pole_turns_over() -> None:
+def test_no_small_face_at_a_pole_turns_over(bone_like: Callable[..., TSpline]) -> None:
     """Nearly collinear in (s, t) is not so round a pole: with few vertices on its ring one of these faces lay
     against the surface."""
     surface = bone_like(14, 12, 10)
@@ -52,7 +46,9 @@ def test_no_small_face_at_a_pole_turns_over() -> None:
     assert (np.einsum("ni,ni->n", mesh.face_vectors, surface.normals(foot.s, foot.t)) > 0).all()
 
 
-def test_the_surface_lies_within_the_tolerance_of_the_mesh() -> None:
+def test_the_surface_lies_within_the_tolerance_of_the_mesh(
+    bone_like: Callable[..., TSpline], samples: Callable[..., tuple[ndarray, ndarray]]
+) -> None:
     igl = pytest.importorskip("igl")
     surface = bone_like(14, 12, 2)
     points = surface.evaluate(*samples(20_000))
@@ -62,7 +58,9 @@ def test_the_surface_lies_within_the_tolerance_of_the_mesh() -> None:
         assert np.sqrt(squared.max()) <= tolerance
 
 
-def test_the_angle_tolerance_bounds_normals_along_edges() -> None:
+def test_the_angle_tolerance_bounds_normals_along_edges(
+    bone_like: Callable[..., TSpline], assert_closed_sphere: Callable[[TriangleMesh], None]
+) -> None:
     surface = bone_like(12, 10, 7, spread=0.0)
     found = surface.tessellate_with_parameters(0.2, np.radians(8))
     assert_closed_sphere(found.mesh)
@@ -73,7 +71,7 @@ def test_the_angle_tolerance_bounds_normals_along_edges() -> None:
     assert cosine[long].min() >= np.cos(np.radians(8)) - 1e-12
 
 
-def test_what_cannot_be_tessellated_is_an_error() -> None:
+def test_what_cannot_be_tessellated_is_an_error(bone_like: Callable[..., TSpline]) -> None:
     surface = bone_like(8, 6)
     with pytest.raises(ValueError, match="positive"):
         surface.tessellate(0.0)

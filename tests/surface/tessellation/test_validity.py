@@ -1,15 +1,19 @@
 """Surfaces that bound no body are told with the place."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
-from bodies import mesh_of, pebble
 
 from bonecam.errors import SurfaceError
+from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.tessellation.validity import require_valid
 from bonecam.surface.tspline import TSpline
 
 
-def test_a_surface_that_cuts_itself_is_refused_with_the_place() -> None:
+def test_a_surface_that_cuts_itself_is_refused_with_the_place(
+    pebble: Callable[..., TSpline], mesh_of: Callable[..., TriangleMesh]
+) -> None:
     sound = pebble()
     require_valid(sound, 0.05, "bone.stl")
     points = np.array(sound.control_points)

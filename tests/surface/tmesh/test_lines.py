@@ -1,16 +1,16 @@
 """The T-mesh as lines: every edge once, on the surface, with every vertex; and the picture of it."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from general import random_tspline
-from rowed import bone_like
 
 from bonecam.surface.tmesh.lines import tmesh_lines
+from bonecam.surface.tspline import TSpline
 from bonecam.verify.pictures import draw_tmesh
 
 
-def test_edges_of_a_general_tmesh_are_drawn_once() -> None:
+def test_edges_of_a_general_tmesh_are_drawn_once(random_tspline: Callable[..., TSpline]) -> None:
     surface = random_tspline(4, closed=True)
     lines = tmesh_lines(surface.tmesh)
     straight = (lines.pieces[:, 0] == lines.pieces[:, 1]).sum(axis=1)
@@ -28,7 +28,7 @@ def repeated_border(surface) -> int:  # type: ignore[no-untyped-def]
     )
 
 
-def test_rows_are_drawn_with_their_knots(tmp_path: Path) -> None:
+def test_rows_are_drawn_with_their_knots(bone_like: Callable[..., TSpline], tmp_path: Path) -> None:
     surface = bone_like(8, 6, 1)
     lines = tmesh_lines(surface.tmesh)
     assert len(lines.vertices) == surface.tmesh.size
