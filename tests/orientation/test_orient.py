@@ -59,7 +59,9 @@ def made(
 
 
 @pytest.fixture(scope="module", params=["around", "along"])
-def case(request: pytest.FixtureRequest) -> tuple[ContactPath, Scene, ToolPath]:
+def case(
+    made: Callable[..., tuple[ContactPath, Scene, ToolPath]], request: pytest.FixtureRequest
+) -> tuple[ContactPath, Scene, ToolPath]:
     return made(direction=request.param)
 
 
@@ -84,10 +86,8 @@ def tool_points(cutter: Cutter) -> dict[str, np.ndarray]:
     }
 
 
-def test_the_tool_never_enters_anything(
-    upright_capsule: Capsule, case: tuple[ContactPath, Scene, ToolPath]
-) -> None:
-    _, scene, path = case
+def assert_nothing_is_entered(scene: Scene, path: ToolPath) -> None:
+    """Ball, shank and holder keep out of level, material, post and table along every move."""
     tips, axes, kinds = between(path)
     level, material = MeshDistance(scene.level), MeshDistance(scene.material)
     side = np.where(np.abs(axes[:, :1]) < 0.9, np.array([[1.0, 0, 0]]), np.array([[0.0, 1, 0]]))
@@ -100,18 +100,25 @@ def test_the_tool_never_enters_anything(
         placed = (np.einsum("nij,kj->nki", frames, points) + tips[:, None]).reshape(-1, 3)
         assert placed[:, 2].min() > 0, f"{name} in the table"
         assert scene.post.distance(placed).min() > 0, f"{name} in the post"
-        near = np.r_[0, np.flatnonzero(upright_capsule.signed_distance(placed) < 0.1)]
+        near = np.r_[0, np.flatnonzero(scene.stock.signed_distance(placed) < 0.1)]
         solid = level if name == "cutter" else material
         assert solid.signed(placed[near]).min() > -PathJob().gouge_tolerance, f"{name} in the material"
 
 
-def test_bent_ways_out_and_in_stay_clear_and_slow_near_the_part(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_tool_never_enters_anything(case: tuple[ContactPath, Scene, ToolPath]) -> None:
+    _, scene, path = case
+    assert_nothing_is_entered(scene, path)
+
+
+def test_bent_ways_out_and_in_stay_clear_and_slow_near_the_part(
+    made: Callable[..., tuple[ContactPath, Scene, ToolPath]], monkeypatch: pytest.MonkeyPatch
+) -> None:
     def bent(axis: np.ndarray) -> list[tuple[float, np.ndarray]]:
         return [(0.5, unit((axis + np.array([0.3, 0.2, 0.1]))[None])[0])]
 
     monkeypatch.setattr(links, "_ways_out", bent)
     contacts, scene, path = made(direction="along")
-    test_the_tool_never_enters_anything((contacts, scene, path))
+    assert_nothing_is_entered(scene, path)
     last_in = np.flatnonzero(
         (path.kinds[1:] == Kind.CUT)
         & (path.kinds[:-1] == Kind.LINK)
@@ -182,7 +189,9 @@ def test_passes_are_entered_at_the_plunge_feed(case: tuple[ContactPath, Scene, T
     assert (path.feed_rates[path.kinds == Kind.LINK] <= NcJob().link_feed).all()
 
 
-def test_narrow_limits_turn_axes_up_and_list_the_rest() -> None:
+def test_narrow_limits_turn_axes_up_and_list_the_rest(
+    made: Callable[..., tuple[ContactPath, Scene, ToolPath]],
+) -> None:
     contacts, _, path = made(limits=AxisLimits(np.radians(60.0)), max_tilt_deg=50.0)
     assert polar(path.axes).max() <= np.radians(60.0) + 1e-6
     listed = path.uncut[[reason == "limits" for reason in path.reasons]]
@@ -191,7 +200,9 @@ def test_narrow_limits_turn_axes_up_and_list_the_rest() -> None:
     assert len(listed) >= down.sum()
 
 
-def test_a_stubby_tool_leaves_what_its_holder_cannot_reach(roughing_cutter: Cutter) -> None:
+def test_a_stubby_tool_leaves_what_its_holder_cannot_reach(
+    made: Callable[..., tuple[ContactPath, Scene, ToolPath]], roughing_cutter: Cutter
+) -> None:
     stubby = replace(roughing_cutter, overhang=12.0, holder_diameter=16.0)
     _, scene, path = made(stubby)
     material = MeshDistance(scene.material)
@@ -220,7 +231,7 @@ def test_a_hop_between_opposite_axes_is_refused(
     assert len(hops) == 1
 
 
-def test_no_reach_at_all_is_an_error() -> None:
+def test_no_reach_at_all_is_an_error(made: Callable[..., tuple[ContactPath, Scene, ToolPath]]) -> None:
     with pytest.raises(OrientationError, match="level 0"):
         made(limits=AxisLimits(np.pi, np.radians(178.0)))
 

@@ -70,7 +70,9 @@ def heights_left(surface: TSpline, path: ContactPath, count: int) -> tuple[np.nd
 
 
 @pytest.mark.parametrize("direction", DIRECTIONS)
-def test_no_cusp_exceeds_the_scallop(pebble: Callable[..., TSpline], direction: str) -> None:
+def test_no_cusp_exceeds_the_scallop(
+    covered: Callable[..., ContactPath], pebble: Callable[..., TSpline], direction: str
+) -> None:
     surface = pebble()
     path = covered(surface, direction)
     points, left = heights_left(surface, path, 1500)
@@ -82,7 +84,9 @@ def test_no_cusp_exceeds_the_scallop(pebble: Callable[..., TSpline], direction: 
 
 
 @pytest.mark.parametrize("direction", DIRECTIONS)
-def test_straight_moves_follow_the_offset_curve(pebble: Callable[..., TSpline], direction: str) -> None:
+def test_straight_moves_follow_the_offset_curve(
+    covered: Callable[..., ContactPath], pebble: Callable[..., TSpline], direction: str
+) -> None:
     surface, job = pebble(), PathJob()
     path = covered(surface, direction)
     i = joined(path)
@@ -103,7 +107,10 @@ def test_straight_moves_follow_the_offset_curve(pebble: Callable[..., TSpline], 
 
 @pytest.mark.parametrize("direction", DIRECTIONS)
 def test_the_ball_never_enters_the_level(
-    grooved_pebble: Callable[..., TSpline], mesh_of: Callable[..., TriangleMesh], direction: str
+    covered: Callable[..., ContactPath],
+    grooved_pebble: Callable[..., TSpline],
+    mesh_of: Callable[..., TriangleMesh],
+    direction: str,
 ) -> None:
     surface = grooved_pebble(1.6)
     path = covered(surface, direction)
@@ -115,7 +122,9 @@ def test_the_ball_never_enters_the_level(
     assert "gouge" in path.reasons
 
 
-def test_a_convex_body_needs_no_lift(pebble: Callable[..., TSpline]) -> None:
+def test_a_convex_body_needs_no_lift(
+    covered: Callable[..., ContactPath], pebble: Callable[..., TSpline]
+) -> None:
     path = covered(pebble(), "around")
     assert path.lifts.max() == 0
     assert set(path.reasons) == {"post"}
@@ -123,7 +132,10 @@ def test_a_convex_body_needs_no_lift(pebble: Callable[..., TSpline]) -> None:
 
 
 def test_balls_keep_clear_of_the_post(
-    pebble: Callable[..., TSpline], holding: HoldingJob, mesh_of: Callable[..., TriangleMesh]
+    covered: Callable[..., ContactPath],
+    pebble: Callable[..., TSpline],
+    holding: HoldingJob,
+    mesh_of: Callable[..., TriangleMesh],
 ) -> None:
     surface = pebble()
     path = covered(surface, "around", post_clearance=0.3)
@@ -132,7 +144,9 @@ def test_balls_keep_clear_of_the_post(
     assert path.reasons.count("post") > 10
 
 
-def test_neighbouring_passes_run_opposite_ways(pebble: Callable[..., TSpline]) -> None:
+def test_neighbouring_passes_run_opposite_ways(
+    covered: Callable[..., ContactPath], pebble: Callable[..., TSpline]
+) -> None:
     path = covered(pebble(), "around")
     i = joined(path)
     round_ = np.cross(path.centres[i], path.centres[i + 1])[:, 2]
@@ -149,7 +163,9 @@ def test_neighbouring_passes_run_opposite_ways(pebble: Callable[..., TSpline]) -
     assert ((path.feeds[i] * moves).sum(1) > 0).all()
 
 
-def test_two_runs_are_identical(grooved_pebble: Callable[..., TSpline]) -> None:
+def test_two_runs_are_identical(
+    covered: Callable[..., ContactPath], grooved_pebble: Callable[..., TSpline]
+) -> None:
     first, second = (covered(grooved_pebble(0.5), "around") for _ in range(2))
     assert first.centres.tobytes() == second.centres.tobytes()
     assert first.pass_index.tobytes() == second.pass_index.tobytes()
@@ -175,6 +191,8 @@ def test_the_post_ends_inside_the_part(
     assert MeshDistance(mesh).inside(rim).all()
 
 
-def test_nothing_to_cut_is_an_error(pebble: Callable[..., TSpline]) -> None:
+def test_nothing_to_cut_is_an_error(
+    covered: Callable[..., ContactPath], pebble: Callable[..., TSpline]
+) -> None:
     with pytest.raises(ToolPathError, match="nothing"):
         covered(pebble(), "around", post_clearance=50.0)
