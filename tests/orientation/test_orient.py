@@ -117,7 +117,7 @@ def test_bent_ways_out_and_in_stay_clear_and_slow_near_the_part(
         return [(0.5, unit((axis + np.array([0.3, 0.2, 0.1]))[None])[0])]
 
     monkeypatch.setattr(links, "_ways_out", bent)
-    contacts, scene, path = made(direction="along")
+    _, scene, path = made(direction="along")
     assert_nothing_is_entered(scene, path)
     last_in = np.flatnonzero(
         (path.kinds[1:] == Kind.CUT)
