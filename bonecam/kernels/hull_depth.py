@@ -15,8 +15,8 @@ from numba import njit
 from numpy import ndarray
 
 from bonecam.kernels.bezier import CONTRACT, bernstein, locate_one
+from bonecam.kernels.closest_point import descend
 from bonecam.kernels.hulls import DEEPEST, box_distance, copy, extents, halve
-from bonecam.kernels.projection import descend
 
 SIX = 7  # control points along a side at degree six
 TURN = 0.4  # of a turn in s: feet of corners that are farther apart lie round a pole
@@ -30,7 +30,7 @@ UNIT = np.array([0.0, 1.0, 0.0, 1.0])
 
 
 class Target(NamedTuple):
-    """The surface that depths are measured to, as kernels.projection takes it: patches (e, 16, 4) whose
+    """The surface that depths are measured to, as kernels.closest_point takes it: patches (e, 16, 4) whose
     weights are all one, over `boxes` in `strips`, s closed with the period 1. `seeds` (e, k, 5) are s, t, x,
     y, z of points on each element, `hulls` (e, 6) boxes round the elements as `kernels.hulls.box_of` makes
     them."""

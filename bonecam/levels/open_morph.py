@@ -197,7 +197,7 @@ def _level(k: int, before: TSpline, surface: TSpline, grid: _Grid, limit: float,
     ahead = -stock.side * dots(inside - closest, normals)
     behind = np.flatnonzero(ahead < 0)
     feet = surface.project(inside[behind])
-    ahead[behind] = -stock.side * dots(inside[behind] - feet.feet, surface.normals(*feet.parameters.T))
+    ahead[behind] = -stock.side * dots(inside[behind] - feet.points, surface.normals(*feet.parameters.T))
     cuts = self_intersections(outer)
     for worst, trouble, place in (
         (

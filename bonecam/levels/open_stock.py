@@ -22,7 +22,7 @@ from bonecam.levels.problem.element_matrices import Fabric
 from bonecam.levels.solvers.osqp import factor
 from bonecam.mesh.distance import exact_closest
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.surface.query.project import Projection
+from bonecam.surface.query.closest_point import Projection
 from bonecam.surface.tspline import TSpline
 
 FIT_STIFFNESS, CHORD, ABOVE = 1e-16, 0.01, 1 - 1e-6
@@ -58,7 +58,8 @@ def open_stock(surface: TSpline, fabric: Fabric, stock: object, fixed: bool) -> 
         vertices, feet = _above(surface, given.vertices)
         known, places = np.vstack([wanted, vertices]), np.vstack([points, vertices])
         ahead = dots(
-            known - np.vstack([points, feet.feet]), np.vstack([normals, surface.normals(*feet.parameters.T)])
+            known - np.vstack([points, feet.points]),
+            np.vstack([normals, surface.normals(*feet.parameters.T)]),
         )
         _require_ahead(side * ahead, places, -NEST_TOLERANCE if fixed else NEST_TOLERANCE)
     free, bent = _fits(surface, fabric, given, fixed)
@@ -120,7 +121,7 @@ def _above(surface: TSpline, points: ndarray) -> tuple[Float[ndarray, "n 3"], Pr
     """Those of the points that stand straight above or below the surface, and their feet: beyond its edges
     none does."""
     found = surface.project(points)
-    heights = np.abs(dots(points - found.feet, surface.normals(*found.parameters.T)))
+    heights = np.abs(dots(points - found.points, surface.normals(*found.parameters.T)))
     kept = heights >= ABOVE * found.distances
     return points[kept], Projection(*(each[kept] for each in found))
 

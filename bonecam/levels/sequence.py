@@ -11,11 +11,11 @@ from bonecam.arrays import lengths
 from bonecam.errors import LevelError, place_name
 from bonecam.levels.problem.cut import Cut, Manner
 from bonecam.levels.problem.discretisation import Setting
-from bonecam.levels.problem.limits.planes import rings
 from bonecam.levels.problem.remaining import Remaining, remaining
 from bonecam.levels.solvers.exchange import MENDABLE, Step, kept_level, next_level
 from bonecam.progress import Progress, report
 from bonecam.setup.schedule import Schedule
+from bonecam.surface.query.closest_point import rings
 
 VARIANTS = (
     (3e-7, 1e-4, 1.0, 2.0, 3.0),

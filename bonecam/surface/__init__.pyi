@@ -8,11 +8,11 @@ from .fitting.deviation import Deviation as Deviation
 from .fitting.deviation import deviation as deviation
 from .fitting.fit import Fit as Fit
 from .fitting.fit import fit as fit
+from .query.closest_point import Projection as Projection
+from .query.closest_point import project as project
 from .query.curvature import Curvature as Curvature
 from .query.diagnose import Diagnosis as Diagnosis
 from .query.diagnose import diagnose as diagnose
-from .query.project import Projection as Projection
-from .query.project import project as project
 from .refinement.refine import refine as refine
 from .rows_to_general import as_general as as_general
 from .skinning.skin import skin as skin

@@ -58,7 +58,7 @@ def sampled(
 
 def _signed(points: ndarray, surface: TSpline) -> ndarray:
     foot = surface.project(points)
-    across = ((points - foot.feet) * surface.normals(foot.s, np.clip(foot.t, 1e-6, 1 - 1e-6))).sum(1)
+    across = ((points - foot.points) * surface.normals(foot.s, np.clip(foot.t, 1e-6, 1 - 1e-6))).sum(1)
     return np.copysign(foot.distances, across)
 
 

@@ -16,12 +16,12 @@ from bonecam.levels.edge_rounding import levels_in
 from bonecam.levels.measure import check
 from bonecam.levels.measure.grid import level_grid
 from bonecam.levels.measure.measured_surface import Sheet
-from bonecam.levels.problem.limits.planes import feet
 from bonecam.levels.problem.samples import integration_points, samples_of, thin_plate
 from bonecam.mesh.distance import MeshDistance
 from bonecam.setup.cylinder import Cylinder
 from bonecam.setup.schedule import Schedule
 from bonecam.setup.stock import Capsule, Stock
+from bonecam.surface.query.closest_point import closest_points_near
 from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tspline import TSpline
 
@@ -174,7 +174,7 @@ def test_no_place_is_deeper_than_allowed_between_the_samples(made: Morph) -> Non
         assert inner.surface is not None
         assert outer.surface is not None
         points = outer.surface.evaluate(s, t)
-        foot = feet(inner.surface, points, s, t, 12)[2]
+        foot = closest_points_near(inner.surface, points, s, t, 12)[2]
         assert np.linalg.norm(points - foot, axis=1).max() <= outer.limit + check.DEPTH_TOLERANCE
 
 

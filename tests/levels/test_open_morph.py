@@ -92,7 +92,7 @@ def test_the_last_level_is_the_offset() -> None:
     surface, morph = side(), morph_open(side(), -1.3, SCHEDULE, chord_tolerance=0.02)
     feet = surface.project(morph.levels[-1].mesh.vertices)
     assert np.abs(feet.distances - 1.3).max() < 0.02
-    ahead = morph.levels[-1].mesh.vertices - feet.feet
+    ahead = morph.levels[-1].mesh.vertices - feet.points
     assert (ahead * surface.normals(*feet.parameters.T)).sum(1).max() < 0
 
 

@@ -48,7 +48,7 @@ def line_depths(
     found = [before.project(level.positions(across, t)).distances for before, level in pairwise(surfaces)]
     last, body = surfaces[-1].positions(across, t), levels[len(surfaces)].surface
     if body is not None:
-        ends = body.project(last).feet
+        ends = body.project(last).points
     else:
         ends = stock.nearest(last) if stock else exact_closest(levels[-1].mesh, last)[0]
     return np.vstack([*found, surfaces[-1].project(ends).distances])

@@ -15,9 +15,9 @@ from numpy import ndarray
 
 from bonecam.arrays import dots
 from bonecam.levels.measure.grid import LevelGrid
-from bonecam.levels.problem.limits.planes import feet
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.surface.query.closest_point import closest_points_near
 from bonecam.surface.tspline import TSpline
 
 STEPS, CLOSE_STEPS, DOUBTFUL, CHORDS = 3, 20, 0.1, 2.0
@@ -75,7 +75,7 @@ class Sheet:
 
     def _from(self, points: ndarray, parameters: ndarray, steps: int) -> tuple[ndarray, ndarray]:
         """Signed distances and the parameters of the feet, by Newton from the given ones."""
-        s, t, foot, n = feet(self.surface, points, parameters[:, 0], parameters[:, 1], steps)
+        s, t, foot, n = closest_points_near(self.surface, points, parameters[:, 0], parameters[:, 1], steps)
         across = points - foot
         return np.copysign(np.linalg.norm(across, axis=1), dots(across, n)), np.column_stack([s, t])
 

@@ -16,9 +16,9 @@ from scipy.spatial import cKDTree
 
 from bonecam.arrays import lengths
 from bonecam.levels.problem.discretisation import Setting
-from bonecam.levels.problem.limits.planes import feet
 from bonecam.levels.problem.samples import combined
 from bonecam.setup.stock import Stock
+from bonecam.surface.query.closest_point import closest_points_near
 from bonecam.surface.tspline import TSpline
 
 CHORD, FIRST, EVERY, STEPS = 0.01, 200, 10, 4
@@ -98,5 +98,7 @@ def remaining(setting: Setting, P: Float[ndarray, "c 3"], before: Remaining) -> 
 def _nearest(level: TSpline, points: ndarray, start: ndarray, enough: float = 0.0) -> tuple[ndarray, ndarray]:
     """Distances of the feet found from these parameters, and their own; of places as near as `enough` where
     those are."""
-    s, t, foot, _ = feet(level, points, start[:, 0], start[:, 1], STEPS, np.full(len(points), enough))
+    s, t, foot, _ = closest_points_near(
+        level, points, start[:, 0], start[:, 1], STEPS, np.full(len(points), enough)
+    )
     return lengths(points - foot), np.column_stack([s, t])

@@ -17,12 +17,13 @@ from bonecam.arrays import dots, lengths
 from bonecam.kernels import splitting
 from bonecam.levels.problem.cut import Cut, Manner
 from bonecam.levels.problem.discretisation import Setting
-from bonecam.levels.problem.limits.planes import limits_at, rings
+from bonecam.levels.problem.limits.planes import limits_at
 from bonecam.levels.problem.limits.reverse_depth import behind
 from bonecam.levels.problem.program import by_osqp, program_of, split
 from bonecam.levels.problem.remaining import Remaining
 from bonecam.levels.problem.samples import combined
 from bonecam.levels.solvers.osqp import factor
+from bonecam.surface.query.closest_point import rings
 
 MENDABLE = 0.03
 """How far (mm) a level may break a limit as it is made, or as it is mended; the places measured show what

@@ -10,7 +10,7 @@ from numpy import ndarray
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.fitting.mesh_samples import sample_mesh
-from bonecam.surface.query.grid_feet import follow, grid_parameters, nearest_on_grid
+from bonecam.surface.query.closest_point import follow_closest_points, grid_parameters, nearest_on_grid
 from bonecam.surface.tspline import TSpline
 
 DOUBTFUL = 50  # one in so many samples, the farthest, is projected with more care
@@ -77,7 +77,7 @@ def measure(surface: TSpline, mesh: TriangleMesh, distance: MeshDistance, sample
     feet on the surface."""
     points, areas = sample_mesh(mesh, samples)
     s, t = nearest_on_grid(surface, points)
-    _, _, inward = follow(surface, points, s, t, rounds=6)
+    _, _, inward = follow_closest_points(surface, points, s, t, steps=6)
     doubtful = np.argsort(-inward, kind="stable")[: max(1, len(points) // DOUBTFUL)]
     inward[doubtful] = np.minimum(inward[doubtful], surface.project(points[doubtful]).distances)
     along = int(np.ceil(np.sqrt(samples)))

@@ -21,7 +21,7 @@ from bonecam.mesh.sections.rows import Rows
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.fitting.fairness import gauss_points
 from bonecam.surface.fitting.mesh_samples import sample_mesh
-from bonecam.surface.query.grid_feet import follow, nearest_on_grid
+from bonecam.surface.query.closest_point import follow_closest_points, nearest_on_grid
 from bonecam.surface.tspline import TSpline
 
 FOLD_CHORD = 3e-4  # of the diagonal: chord tolerance of the tessellation that is checked against itself
@@ -72,11 +72,11 @@ class Samples:
     def on(self, surface: TSpline, tolerance: float) -> "Samples":
         """With the feet followed from where they were; few that end far away also from the nearest foot of
         another sample."""
-        s, t, distances = follow(surface, self.points, self.s, self.t, rounds=3)
+        s, t, distances = follow_closest_points(surface, self.points, self.s, self.t, steps=3)
         far = np.flatnonzero(distances > tolerance)
         if 0 < len(far) < len(s) / DOUBTFUL:
             nearest = cdist(self.points[far], surface.positions(s, t)).argmin(axis=1)
-            found = follow(surface, self.points[far], s[nearest], t[nearest], rounds=6)
+            found = follow_closest_points(surface, self.points[far], s[nearest], t[nearest], steps=6)
             met = found[2] < np.minimum(tolerance, distances[far])
             for now, new in zip((s, t, distances), found):
                 now[far[met]] = new[met]
@@ -129,7 +129,9 @@ class Target:
         """With more samples, each standing for a typical area, whose feet are found on the surface; and with
         more places on it."""
         areas = np.full(len(points), np.median(self.inward.areas))
-        added = Samples(points, areas, *follow(surface, points, *nearest_on_grid(surface, points)))
+        added = Samples(
+            points, areas, *follow_closest_points(surface, points, *nearest_on_grid(surface, points))
+        )
         return replace(self, inward=self.inward + added, places=np.vstack([self.places, places]))
 
     def denser(self, surface: TSpline) -> "Target":
@@ -142,7 +144,7 @@ class Target:
         size = np.sqrt(self.inward.areas.mean())
         old, new = (np.hstack([p, size * self.shape.normals(p)]) for p in (self.inward.points, points))
         near = cKDTree(old).query(new)[1]
-        feet = follow(surface, points, self.inward.s[near], self.inward.t[near], rounds=3)
+        feet = follow_closest_points(surface, points, self.inward.s[near], self.inward.t[near], steps=3)
         return replace(self, inward=Samples(points, areas, *feet))
 
     def on(self, surface: TSpline, tolerance: float) -> "Target":

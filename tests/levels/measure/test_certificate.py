@@ -76,7 +76,7 @@ def dense(seed: int, count: int = 4000) -> tuple[ndarray, ndarray]:
 def distances(points: ndarray, surface: TSpline) -> ndarray:
     """Of points from a surface, negative inside."""
     foot = surface.project(points)
-    across = ((points - foot.feet) * surface.normals(foot.s, np.clip(foot.t, 1e-6, 1 - 1e-6))).sum(1)
+    across = ((points - foot.points) * surface.normals(foot.s, np.clip(foot.t, 1e-6, 1 - 1e-6))).sum(1)
     return np.copysign(foot.distances, across)
 
 

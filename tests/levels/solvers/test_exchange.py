@@ -13,12 +13,12 @@ from bonecam.levels.body_surface import body_surfaces
 from bonecam.levels.problem.cut import Cut, Manner
 from bonecam.levels.problem.discretisation import Setting, setting_of
 from bonecam.levels.problem.energies.attraction import ATTRACTIONS
-from bonecam.levels.problem.limits.planes import feet
 from bonecam.levels.problem.program import Program, program_of, split
 from bonecam.levels.problem.remaining import remaining, whole
 from bonecam.levels.solvers.exchange import next_level
 from bonecam.levels.solvers.osqp import solve
 from bonecam.setup.stock import Capsule
+from bonecam.surface.query.closest_point import closest_points_near
 
 MANNER, CUT = (
     Manner(stiffness=1e-7, bending=1e-7, smoothing=1e-4, haste=0.7, late=0.7, beyond=2.0, even=0.05),
@@ -102,12 +102,14 @@ def test_feet_are_nearest_places() -> None:
     rng = np.random.default_rng(2)
     s, t = rng.random(300), rng.uniform(0.02, 0.98, 300)
     points = surface.evaluate(s, t) + 0.3 * surface.normals(s, t)
-    found_s, found_t, foot, normals = feet(surface, points, s + 0.01, np.clip(t + 0.01, 0, 1), 8)
+    found_s, found_t, foot, normals = closest_points_near(
+        surface, points, s + 0.01, np.clip(t + 0.01, 0, 1), 8
+    )
     assert np.allclose(surface.evaluate(found_s, found_t), foot, atol=1e-12)
     assert np.abs(np.linalg.norm(points - foot, axis=1) - 0.3).max() < 1e-3
     assert np.einsum("ij,ij->i", points - foot, normals).min() > 0
     others = rng.permutation(300)  # each is sought first in the element of the one before
-    again = feet(surface, points[others], s[others] + 0.01, np.clip(t[others] + 0.01, 0, 1), 8)
+    again = closest_points_near(surface, points[others], s[others] + 0.01, np.clip(t[others] + 0.01, 0, 1), 8)
     assert all(np.array_equal(a, b[others]) for a, b in zip(again, (found_s, found_t, foot, normals)))
 
 
@@ -116,7 +118,7 @@ def test_feet_are_found_from_farther_off_than_the_radius_of_curvature() -> None:
     rng = np.random.default_rng(4)
     s, t = rng.random(300), rng.uniform(0.3, 0.7, 300)
     points = thin.evaluate(s, t) + 2.0 * thin.normals(s, t)
-    _, _, foot, _ = feet(thin, points, s + 0.02, t, 3)
+    _, _, foot, _ = closest_points_near(thin, points, s + 0.02, t, 3)
     assert np.abs(np.linalg.norm(points - foot, axis=1) - 2.0).max() < 1e-3
 
 
@@ -128,7 +130,7 @@ def test_feet_reach_the_poles() -> None:
     s, within = rng.random(100), 1e-4 * rng.random(100)
     for out, t in ((-1.0, within), (1.0, 1 - within)):
         points = large.positions(s, t) + np.array([0.0, 0.0, 0.01 * out])
-        _, found_t, foot, normals = feet(large, points, s, t, 8)
+        _, found_t, foot, normals = closest_points_near(large, points, s, t, 8)
         assert np.abs(np.linalg.norm(points - foot, axis=1) - 0.01).max() < 0.004
         assert np.abs(found_t - t).max() < 1e-5
         assert (out * normals[:, 2] > 0.99).all()
@@ -141,7 +143,7 @@ def test_the_way_to_a_foot_ends_at_a_place_that_is_near_enough() -> None:
     points = surface.evaluate(s, t) + 0.3 * surface.normals(s, t)
     start = points, s + 0.01, np.clip(t + 0.01, 0, 1)
     away = [
-        np.linalg.norm(points - feet(surface, *start, 8, enough)[2], axis=1)
+        np.linalg.norm(points - closest_points_near(surface, *start, 8, enough)[2], axis=1)
         for enough in (None, np.full(300, 0.31), np.full(300, 0.2))
     ]
     assert (away[1] <= 0.31).all()

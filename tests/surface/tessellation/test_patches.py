@@ -119,4 +119,4 @@ def test_no_point_of_a_model_is_nearer_than_the_foot(
     found = surface.project(points)
     assert (found.distances - nearest <= 2e-4 * size).mean() >= 0.999
     assert surface.project(feet).distances.max() <= 1e-9 * size
-    np.testing.assert_allclose(surface.positions(found.s, found.t), found.feet, atol=1e-12 * size)
+    np.testing.assert_allclose(surface.positions(found.s, found.t), found.points, atol=1e-12 * size)

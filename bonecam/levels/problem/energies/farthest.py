@@ -6,7 +6,7 @@ import numpy as np
 from bonecam.levels.problem.energies.attraction import unit
 from bonecam.levels.problem.energies.energy import Given, Pulled
 from bonecam.levels.problem.energies.pull import targets
-from bonecam.levels.problem.limits.planes import feet
+from bonecam.surface.query.closest_point import closest_points_near
 
 FARTHEST, MOST, WEIGHT = 1.0, 600, 0.3
 """Points of the stock less than so many depths nearer than the farthest pull at their feet; so many of them;
@@ -20,7 +20,7 @@ def farthest(given: Given) -> Pulled:
     candidates = np.flatnonzero(rest.at_most > least)
     candidates = candidates[:: 1 + len(candidates) // MOST]
     start = rest.feet[candidates]
-    s, t, x, _ = feet(before, rest.points[candidates], start[:, 0], start[:, 1], 3)
+    s, t, x, _ = closest_points_near(before, rest.points[candidates], start[:, 0], start[:, 1], 3)
     across = rest.points[candidates] - x
     distance = np.linalg.norm(across, axis=1)
     weights = np.clip((distance - least) / (rest.farthest - least), 0, 1)

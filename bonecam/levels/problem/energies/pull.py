@@ -16,9 +16,10 @@ from bonecam.arrays import dots, lengths
 from bonecam.levels.problem.energies.attraction import unit
 from bonecam.levels.problem.energies.energy import Given, Pulled
 from bonecam.levels.problem.energies.medial_ball import unhindered
-from bonecam.levels.problem.limits.planes import feet, heights
+from bonecam.levels.problem.limits.planes import heights
 from bonecam.levels.problem.limits.wall import inside
 from bonecam.levels.solvers.osqp import factor
+from bonecam.surface.query.closest_point import closest_points_near
 
 ALL_OUT = 8
 """How sharply the pull beyond the depth sets in."""
@@ -64,7 +65,7 @@ def targets(
     reach = longest = np.minimum(height / cosine, LONGEST * height)
     for _ in range(2):
         y = x + reach[:, None] * towards
-        s, t, c, _ = feet(given.before, y, s, t, 1)
+        s, t, c, _ = closest_points_near(given.before, y, s, t, 1)
         away = lengths(y - c)
         slope = dots(y - c, towards) / np.maximum(away, np.finfo(float).tiny)
         reach = np.clip(reach + (height - away) / np.maximum(slope, LEAST_COSINE), 0, longest)

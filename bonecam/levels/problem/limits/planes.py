@@ -20,16 +20,15 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.arrays import dots
-from bonecam.kernels import feet as kernel
 from bonecam.levels.problem.cut import Cut
 from bonecam.levels.problem.limits.depth import depth
 from bonecam.levels.problem.limits.nesting import nesting
 from bonecam.levels.problem.limits.wall import wall
 from bonecam.levels.solvers.osqp import Rows
 from bonecam.setup.stock import Stock
+from bonecam.surface.query.closest_point import closest_points_near
 from bonecam.surface.tspline import TSpline
 
-EDGE, CLEAR_OF = 1e-4, 0.02
 SLABS, WALLS = (depth, nesting), (wall,)
 
 
@@ -127,39 +126,6 @@ class Limits:
         )
 
 
-def rings(surface: TSpline) -> tuple[float, float]:
-    """Between which t a surface is looked at: at a pole it has no normal."""
-    low, high = (float(end) for end in surface.domain[1])
-    return low + EDGE * (high - low), high - EDGE * (high - low)
-
-
-def feet(
-    before: TSpline,
-    y: Float[ndarray, "k 3"],
-    s: Float[ndarray, " k"],
-    t: Float[ndarray, " k"],
-    steps: int,
-    enough: Float[ndarray, " k"] | None = None,
-) -> tuple[ndarray, ndarray, ndarray, ndarray]:
-    """Parameters s and t of the feet of y on a surface, by `steps` of Newton from the given ones; the feet
-    and the normals there.
-
-    Where a place no farther than `enough` (mm) is all that is asked for, the first that Newton comes by
-    stands for the foot.
-
-    CLEAR_OF mm and more from its foot a point's direction from it stands for the normal: the same at a foot,
-    and where Newton has not found one, or at the tip of a pole, the distance is not understated. A foot is
-    the nearest place that Newton came by, so |y - foot| never understates the distance to the whole surface.
-    One thread: among two the levels of a phalanx took a fifth longer.
-    """
-    elements, s, t = before.elements(), s.copy(), t.copy()
-    foot, normal = np.empty((len(y), 3)), np.empty((len(y), 3))
-    enough = np.zeros(len(y)) if enough is None else enough
-    surface = before.patches, elements.boxes, elements.strips, before.domain[1], rings(before)
-    kernel.feet(*surface, np.ascontiguousarray(y), steps, s, t, foot, normal, CLEAR_OF, enough)
-    return s, t, foot, normal
-
-
 def limits_at(
     before: TSpline,
     stock: Stock,
@@ -176,7 +142,7 @@ def limits_at(
     A sample that has slid to where the level before is nearer to the stock than it was itself may be as near:
     else no place there would do.
     """
-    s, t, c, n = feet(before, y, s, t, steps)
+    s, t, c, n = closest_points_near(before, y, s, t, steps)
     room = np.minimum(gap, -stock.signed_distance(c))
     low, high = heights(cut, room)
     m, h = tightest(y, [one(cut, room, stock, y) for one in WALLS])

@@ -15,7 +15,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from bonecam.arrays import lengths
-from bonecam.levels.problem.limits.planes import feet
+from bonecam.surface.query.closest_point import closest_points_near
 from bonecam.surface.tspline import TSpline
 
 
@@ -49,9 +49,9 @@ def behind(
     (foot_s, foot_t) are the feet of y on the level before.
     """
     which = np.flatnonzero(lengths(y - x) > far)
-    _, _, foot, _ = feet(after, x[which], (2 * s - foot_s)[which], (2 * t - foot_t)[which], 0)
+    _, _, foot, _ = closest_points_near(after, x[which], (2 * s - foot_s)[which], (2 * t - foot_t)[which], 0)
     which = which[lengths(foot - x[which]) > far[which]]
-    s, t, foot, _ = feet(after, x[which], s[which], t[which], steps, far[which])
+    s, t, foot, _ = closest_points_near(after, x[which], s[which], t[which], steps, far[which])
     across = foot - x[which]
     away = lengths(across)
     kept = away > far[which]

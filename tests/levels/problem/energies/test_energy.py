@@ -15,9 +15,9 @@ from bonecam.levels.problem.energies.attraction import unit
 from bonecam.levels.problem.energies.energy import Given, Pulled, Quadratic
 from bonecam.levels.problem.energies.pull import targets
 from bonecam.levels.problem.energies.thin_plate import plate
-from bonecam.levels.problem.limits.planes import feet
 from bonecam.levels.problem.program import MOST_BENT, NET, SAMPLED, Program, program_of, split
 from bonecam.levels.problem.remaining import remaining, whole
+from bonecam.surface.query.closest_point import closest_points_near
 
 RNG = np.random.default_rng(4)
 
@@ -43,7 +43,7 @@ def test_its_matrices_are_those_of_a_convex_energy(energy) -> None:  # type: ign
         assert isinstance(found, Pulled)
         assert np.allclose(found.R @ before.control_points, found.x, atol=1e-12)
         assert np.allclose(before.evaluate(found.s, found.t), found.x, atol=1e-12)
-        *_, foot, _ = feet(before, found.target, found.s, found.t, 8)
+        *_, foot, _ = closest_points_near(before, found.target, found.s, found.t, 8)
         assert np.linalg.norm(found.target - foot, axis=1).max() < CUT.depth + 0.002
         assert STOCK.signed_distance(found.target).max() < -CUT.landing + 1e-9
         assert found.weights.min() >= 0

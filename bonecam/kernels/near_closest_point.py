@@ -1,8 +1,8 @@
-"""Feet of points on a level near which they are known to lie: a few steps of Gauss-Newton from given
-parameters, compiled.
+"""Closest points from parameters that are known to be near: a few steps of Gauss-Newton, compiled.
 
-s is periodic over [0, 1); t is held between two rings `ends` next to the poles, within which the surface is
-as good as straight.
+`walk` is for points next to a level: s is periodic over [0, 1), t is held between two rings `ends` next to
+the poles, within which the surface is as good as straight. `advance` is one step for many points, over the
+poles. Both take the step of `kernels.closest_point`; they differ in how it is damped and when it ends.
 """
 
 import numpy as np
@@ -10,11 +10,29 @@ from numba import njit
 from numpy import ndarray
 
 from bonecam.kernels.bezier import CONTRACT, Three, first_jet, locate_one
+from bonecam.kernels.closest_point import gauss_newton_step, into_domain
 
-STEP_S, STEP_T, RIDGE = 0.05, 0.03, 1e-6
-SHORT = 2e-4
-"""A step (mm) that is not worth going: what is left of the distance is its square over twice the distance."""
-TIP = 32
+STEP_LIMIT_S = 0.05
+"""Longest step of `walk` in s, turns."""
+
+STEP_LIMIT_T = 0.03
+"""Longest step of `walk` in t, share of [0, 1]."""
+
+RIDGE = 1e-6
+"""Share of |S_t|^2 that is added to |S_s|^2, which vanishes at a pole."""
+
+SHORTEST_STEP = 2e-4
+"""mm: `walk` ends before a shorter step; what it would gain is its square over twice the distance."""
+
+POLE_DIRECTIONS = 32
+"""Places round a pole whose normals are averaged to that of the pole."""
+
+ADVANCE_LIMIT = 0.1
+"""Longest step of `advance` in s and in t, share of the domain."""
+
+FLATTEST = 1e-9
+"""Share of E G: `advance` takes no smaller determinant, so that no step is endless."""
+
 TINY = np.finfo(np.float64).tiny
 
 
@@ -45,32 +63,33 @@ def _unit(a: Three) -> Three:
 
 
 @njit(cache=True, fastmath=CONTRACT)
-def _tip(patches: ndarray, boxes: ndarray, strips: tuple, end: float) -> Three:
+def _pole_normal(patches: ndarray, boxes: ndarray, strips: tuple, end: float) -> Three:
     """The mean normal round a pole, which may be the tip of a cone."""
     n = 0.0, 0.0, 0.0
-    for k in range(TIP):
-        e = locate_one(*strips, k / TIP, end)
-        _, S_s, S_t = first_jet(patches[e], boxes[e], k / TIP, end)
+    for k in range(POLE_DIRECTIONS):
+        e = locate_one(*strips, k / POLE_DIRECTIONS, end)
+        _, S_s, S_t = first_jet(patches[e], boxes[e], k / POLE_DIRECTIONS, end)
         n = _minus(n, _cross(S_t, S_s))
     return _unit(n)
 
 
 @njit(cache=True, fastmath=CONTRACT, nogil=True)
-def feet(
+def walk(
     patches: ndarray, boxes: ndarray, strips: tuple, domain: tuple, ends: tuple, y: ndarray, steps: int, s: ndarray, t: ndarray,
     foot: ndarray, normal: ndarray, clear_of: float, enough: ndarray,
 ) -> None:  # fmt: skip
-    """s and t become the parameters of the nearest place to y that `steps` steps from them came by, `foot`
-    and `normal` what is there. A place as near as `enough` ends the search.
+    """Write into s and t the parameters of the nearest of the surface points that `steps` steps from (s, t)
+    pass, into `foot` that surface point and into `normal` the unit normal there, for each point y.
 
-    The steps are damped where S_s vanishes, halved where they lead away (farther off than the radius of
-    curvature they go too far), and neither long nor SHORT. From the ends the foot goes straight on towards
-    the pole (the ring of a whole femur is 0.06 mm off), and the normal is the mean one round it. Farther than
-    `clear_of` from the foot the direction from it, or towards it, stands for the normal.
+    A surface point no farther than `enough` (mm) ends the search. A step is damped where S_s vanishes, halved
+    where it leads away (farther from the surface than its radius of curvature Gauss-Newton overshoots), and
+    limited. From a ring the point moves straight on towards the pole (of a whole femur the ring is 0.06 mm
+    from it), where the normal is the mean one of the ring. Farther than `clear_of` (mm) from the surface
+    point the direction from it to y replaces the normal.
 
-    Most places are in the element of the one before, which is looked at first.
+    Neighbours in y mostly lie in one element, so the element of the point before is tried first.
     """
-    first, last = _tip(patches, boxes, strips, ends[0]), _tip(patches, boxes, strips, ends[1])
+    first, last = _pole_normal(patches, boxes, strips, ends[0]), _pole_normal(patches, boxes, strips, ends[1])
     e = 0
     for l in range(len(y)):
         p = y[l, 0], y[l, 1], y[l, 2]
@@ -91,11 +110,10 @@ def feet(
                 across = E * G - F * F * (1.0 - RIDGE)
                 if across <= 0.0:
                     break
-                across = 1.0 / across
-                ds, dt = (G * a - F * b) * across, (E * b - F * a) * across
-                if E * ds * ds + 2.0 * F * ds * dt + G * dt * dt < SHORT * SHORT:
+                ds, dt = gauss_newton_step(E, F, G, a, b, 1.0 / across)
+                if E * ds * ds + 2.0 * F * ds * dt + G * dt * dt < SHORTEST_STEP * SHORTEST_STEP:
                     break
-                far = max(abs(ds) / STEP_S, abs(dt) / STEP_T)
+                far = max(abs(ds) / STEP_LIMIT_S, abs(dt) / STEP_LIMIT_T)
                 if far > 1.0:
                     ds, dt = ds / far, dt / far
             else:
@@ -119,3 +137,20 @@ def feet(
         s[l], t[l] = nearest_u, nearest_v
         for i in range(3):
             foot[l, i], normal[l, i] = nearest[i], n[i]
+
+
+@njit(cache=True)
+def advance(
+    E: ndarray, F: ndarray, G: ndarray, a: ndarray, b: ndarray, domain: ndarray, period: ndarray, poles: ndarray,
+    s: ndarray, t: ndarray,
+) -> tuple[ndarray, ndarray]:  # fmt: skip
+    """The parameters one Gauss-Newton step on from (s, t), for E, F, G, a, b as `gauss_newton_step` takes
+    them. Rounds every product, as numpy does: no fastmath."""
+    next_s, next_t = np.empty(len(s)), np.empty(len(t))
+    for n in range(len(s)):
+        raised = E[n] + RIDGE * G[n]
+        determinant = max(raised * G[n] - F[n] * F[n], FLATTEST * raised * G[n])
+        ds, dt = gauss_newton_step(raised, F[n], G[n], a[n], b[n], 1.0 / max(determinant, TINY))
+        share = min(1.0, ADVANCE_LIMIT / max(max(abs(ds), abs(dt)), ADVANCE_LIMIT))
+        next_s[n], next_t[n] = into_domain(s[n] + share * ds, t[n] + share * dt, domain, period, poles)
+    return next_s, next_t

@@ -1,4 +1,9 @@
-"""Feet of points on a rational bicubic surface: damped Newton from given seeds, compiled."""
+"""Closest points on a rational bicubic surface: damped Newton on |S(s, t) - p|^2 / 2, compiled.
+
+The step takes the full Hessian (Piegl & Tiller 1997, section 6.1) where it is positive and leaves the second
+derivatives out (Gauss-Newton) elsewhere. Every step must bring the point nearer. `into_domain` is the one
+place that says what a step over a pole, a seam or an open border leads to.
+"""
 
 import numpy as np
 from numba import njit
@@ -6,9 +11,23 @@ from numpy import ndarray
 
 from bonecam.kernels.bezier import CONTRACT, jet, locate_one
 
-TURNS = 60
-NEAR = 1e-8  # of |S - p|^2: a smaller promised gain is beyond its rounding soon
-HALVINGS = 30
+MAX_STEPS = 60
+"""Steps from one seed: Newton needs under ten but where it starts far away on a folded surface."""
+
+ROUNDING_GAIN = 1e-8
+"""Share of |S - p|^2: a step that promises a smaller gain is too short for the gain to be measured in doubles."""
+
+POLISHING_STEPS = 3
+"""Newton steps that are taken unmeasured once the gain is below ROUNDING_GAIN."""
+
+MAX_HALVINGS = 30
+"""Halvings of one step that leads away: 2^-30 of it is rounding."""
+
+SINGULAR = 1e-12
+"""Share of the product of the Hessian's diagonal: with a smaller determinant Newton's step is not taken."""
+
+SAME_SEED = 0.55
+"""Share of the longest step: seeds that are nearer to each other in s and in t lead to one closest point."""
 
 
 @njit(cache=True, fastmath=CONTRACT)
@@ -17,7 +36,7 @@ def _half_square(D: ndarray, p: ndarray) -> float:
 
 
 @njit(cache=True)
-def _inside(s: float, t: float, domain: ndarray, period: ndarray, poles: ndarray) -> tuple[float, float]:
+def into_domain(s: float, t: float, domain: ndarray, period: ndarray, poles: ndarray) -> tuple[float, float]:
     """(s, t) brought back into the domain: round a closed direction, over a pole to the other side, else to
     the border."""
     if t < domain[1, 0]:
@@ -40,6 +59,13 @@ def _inside(s: float, t: float, domain: ndarray, period: ndarray, poles: ndarray
     return min(max(s, domain[0, 0]), domain[0, 1]), min(max(t, domain[1, 0]), domain[1, 1])
 
 
+@njit(inline="always")
+def gauss_newton_step(E: float, F: float, G: float, a: float, b: float, scale: float) -> tuple[float, float]:
+    """The step (ds, dt) of [E F; F G] (ds, dt) = (a, b), `scale` = 1 / determinant, where E = S_s . S_s,
+    F = S_s . S_t, G = S_t . S_t, and a, b are the products of the way to the point with S_s and S_t."""
+    return (G * a - F * b) * scale, (E * b - F * a) * scale
+
+
 @njit(cache=True, fastmath=CONTRACT)
 def _step(D: ndarray, p: ndarray) -> tuple[float, float, float, bool]:
     """Newton's step on |S - p|^2 / 2, Gauss-Newton's where the Hessian is not positive; its slope; whether it
@@ -57,9 +83,9 @@ def _step(D: ndarray, p: ndarray) -> tuple[float, float, float, bool]:
         c += r * D[5, d]
     a, b, c = a + E, b + F, c + G
     det = a * c - b * b
-    newton = a > 0.0 and c > 0.0 and det > 1e-12 * a * c
+    newton = a > 0.0 and c > 0.0 and det > SINGULAR * a * c
     if not newton:
-        a, b, c = E * (1 + 1e-12), F, G * (1 + 1e-12)
+        a, b, c = E * (1 + SINGULAR), F, G * (1 + SINGULAR)
         det = a * c - b * b
     if det > 0.0:
         x, y = -(c * g0 - b * g1) / det, -(a * g1 - b * g0) / det
@@ -88,13 +114,13 @@ def descend(
     patches: ndarray, boxes: ndarray, strips: tuple, domain: ndarray, period: ndarray, poles: ndarray, limit: ndarray, p: ndarray,
     s: float, t: float, D: ndarray,
 ) -> tuple[float, float, float]:  # fmt: skip
-    """The foot found from one seed and half the squared distance."""
-    s, t = _inside(s, t, domain, period, poles)
+    """Parameters of the closest point reached from one seed (s, t), and half the squared distance."""
+    s, t = into_domain(s, t, domain, period, poles)
     e = locate_one(*strips, s, t)
     jet(patches[e], boxes[e], s, t, D)
     value = _half_square(D, p)
     polished = 0
-    for _ in range(TURNS):
+    for _ in range(MAX_STEPS):
         x, y, slope, newton = _step(D, p)
         if not poles[0] and period[1] == 0.0 and t <= domain[1, 0]:
             y = max(y, 0.0)
@@ -113,11 +139,11 @@ def descend(
             x, slope = _step_along(D, p, 0)
         shrink = max(1.0, max(abs(x) / limit[0], abs(y) / limit[1]))
         x, y = x / shrink, y / shrink
-        # so near the foot that |S - p| cannot tell any more: Newton's step is trusted, three times
-        near = newton and shrink == 1.0 and -slope <= NEAR * value
+        # so near that |S - p| cannot measure the gain any more: Newton's step is trusted
+        near = newton and shrink == 1.0 and -slope <= ROUNDING_GAIN * value
         moved, part = False, 1.0
-        for _ in range(HALVINGS):
-            s1, t1 = _inside(s + x, t + y, domain, period, poles)
+        for _ in range(MAX_HALVINGS):
+            s1, t1 = into_domain(s + x, t + y, domain, period, poles)
             e = locate_one(*strips, s1, t1)
             if e >= 0:
                 jet(patches[e], boxes[e], s1, t1, D)
@@ -147,18 +173,20 @@ def descend(
         value, s, t = new, s1, t1
         if near:
             polished += 1
-            if polished == 3 or -slope <= 1e-30 * value:
+            if polished == POLISHING_STEPS or -slope <= 1e-30 * value:
                 break
     return s, t, value
 
 
 @njit(cache=True)
-def feet(
+def closest_of_seeds(
     patches: ndarray, boxes: ndarray, strips: tuple, domain: ndarray, period: ndarray, poles: ndarray, limit: ndarray, points: ndarray,
     seeds: ndarray, s: ndarray, t: ndarray, squared: ndarray,
 ) -> None:  # fmt: skip
-    """The nearest foot over the seeds (n, k, 2) of each point; a seed near one that was tried is left out.
-    limit (2,): longest step."""
+    """s, t and the squared distance of the closest point that is reached from the seeds (n, k, 2) of each point.
+
+    `limit` (2,) is the longest step in s and t. A seed near one that was tried is left out.
+    """
     D = np.empty((6, 3))
     for n in range(len(points)):
         best = np.inf
@@ -168,7 +196,10 @@ def feet(
                 ds = abs(seeds[n, k, 0] - seeds[n, j, 0])
                 if period[0] > 0.0:
                     ds = min(ds, period[0] - ds)
-                if ds <= 0.55 * limit[0] and abs(seeds[n, k, 1] - seeds[n, j, 1]) <= 0.55 * limit[1]:
+                if (
+                    ds <= SAME_SEED * limit[0]
+                    and abs(seeds[n, k, 1] - seeds[n, j, 1]) <= SAME_SEED * limit[1]
+                ):
                     known = True
             if known:
                 continue

@@ -33,7 +33,7 @@ def test_feet_are_orthogonal_and_at_their_parameters(
     surface, points = offset_points(bone_like, samples, seed, 1000)
     found = surface.project(points)
     S, S_s, S_t = surface.evaluate(found.s, found.t, 1)
-    np.testing.assert_allclose(S, found.feet, atol=1e-12)
+    np.testing.assert_allclose(S, found.points, atol=1e-12)
     np.testing.assert_allclose(np.linalg.norm(points - S, axis=1), found.distances, atol=1e-12)
     inner = (found.t > 1e-6) & (found.t < 1 - 1e-6)
     for D in (S_s, S_t):
