@@ -19,7 +19,7 @@ MODULES = sorted(path for path in ROOT.rglob("*.py") if path != ROOT / "__init__
 DOORS = {
     "osqp": {"levels/solvers/osqp.py"},
     "clarabel": {"levels/solvers/clarabel.py"},
-    "fcl": {"orientation/collision.py"},
+    "fcl": {"orientation/collision/fcl_model.py"},
     "matplotlib": {"verify/pictures.py"},
     "numba": {"kernels"},
     "open3d": {"mesh/distance.py"},

@@ -1,9 +1,8 @@
-"""Axes that are allowed and free: where the wished-for axis collides, the nearest free direction of a fixed
-fan takes its place.
+"""Admissible tool axes: within the machine's limits, near enough to the contact normal, and free of collision.
 
-The fan is an icosphere: the same directions for every contact, so that neighbours choose alike; a smoothing
-of the choice along the passes follows, each step of it proven again. (The cones of Xu et al. 2013 will take
-this file's place.)
+Where the preferred axis is not admissible, the nearest admissible direction of a fixed set takes its place. The
+set is an icosphere, the same for every contact, so that neighbours choose alike; the axes are then smoothed
+along the passes, and each step of that is proven free again.
 """
 
 from collections.abc import Callable
@@ -12,23 +11,36 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from bonecam.arrays import dots
-from bonecam.orientation.limits import AxisLimits, angles_between, polar, unit, with_polar
-from bonecam.orientation.pole import CONE
+from bonecam.arrays import angles_between, dots, unit
+from bonecam.orientation.limits import AxisLimits, polar_angles, with_polar_angles
+from bonecam.orientation.singularity import SINGULAR_CONE
 
 SUBDIVISIONS = 3
-WAVE, MOST = 8, 120
+"""Times that the edges of the icosahedron are halved: its directions are then about 8 degrees apart."""
+BATCH = 8
+"""Directions that are tested for a contact at once."""
+MAX_DIRECTIONS = 120
+"""Directions that are tested for a contact at most: the nearest ones."""
 CHUNK = 4000
-SMOOTHING_ROUNDS, NEIGHBOURHOOD = 10, 12
-SMOOTH_TURN = np.radians(1.5)
+"""Contacts whose directions are sorted at once: it bounds the memory."""
+SMOOTHING_ROUNDS = 10
+"""Times that axes are averaged with their neighbours at most."""
+NEIGHBOURHOOD = 12
+"""Contacts before and behind a replaced axis whose axes are smoothed too."""
+MIN_TURN = np.radians(0.375)
+"""Smoothing leaves an axis alone that it would turn by less, radians."""
+COSINE_ROUNDING = 1e-9
+"""Cosines this little below a limit are on it."""
+COLLISION, LIMITS = -1, -2
+"""Why a contact has no direction, in the place of the direction's index."""
 
 Free = Callable[[Int[ndarray, " k"], Float[ndarray, "k 3"]], Bool[ndarray, " k"]]
-"""Whether contacts (by index) are free with the given axes."""
+"""Whether the tool on contacts (by index) is free of collision with the given axes."""
 
 
-def fan() -> Float[ndarray, "647 3"]:
-    """The vertices of an icosahedron, its triangles halved three times: 8 degrees apart; six round the pole
-    in its place."""
+def candidate_directions() -> Float[ndarray, "647 3"]:
+    """The vertices of an icosphere, about 8 degrees apart; six directions on the singular cone stand for those
+    inside it."""
     golden = (1 + np.sqrt(5)) / 2
     corners = [(0, a, b * golden) for a in (-1, 1) for b in (-1, 1)]
     points = unit(np.array([np.roll(c, k) for k in range(3) for c in corners], dtype=np.float64))
@@ -38,108 +50,109 @@ def fan() -> Float[ndarray, "647 3"]:
         near = np.linalg.norm(points[i] - points[j], axis=1) < edge
         points = np.vstack([points, unit(points[i[near]] + points[j[near]])])
         edge /= 1.9
+
     azimuth = np.arange(6) * np.pi / 3
-    ring = with_polar(np.column_stack([np.cos(azimuth), np.sin(azimuth), 0 * azimuth]), np.full(6, CONE))
-    return np.vstack([points[polar(points) >= CONE], ring])
+    horizontal = np.column_stack([np.cos(azimuth), np.sin(azimuth), 0 * azimuth])
+    ring = with_polar_angles(horizontal, np.full(6, SINGULAR_CONE))
+    return np.vstack([points[polar_angles(points) >= SINGULAR_CONE], ring])
 
 
-def allowed(
+def within_limits(
     axes: Float[ndarray, "n 3"], normals: Float[ndarray, "n 3"], limits: AxisLimits, max_tilt: float
 ) -> Bool[ndarray, " n"]:
-    """Within the machine's limits and no further than `max_tilt` from the normal."""
-    return limits.allow(axes) & (dots(axes, normals) >= np.cos(max_tilt) - 1e-9)
+    """Within the machine's limits, and no further than `max_tilt` (radians) from the contact normal."""
+    return limits.allow(axes) & (dots(axes, normals) >= np.cos(max_tilt) - COSINE_ROUNDING)
 
 
-def nearest_free(
-    which: Int[ndarray, " k"],
-    wished: Float[ndarray, "k 3"],
+def nearest_free_axes(
+    contacts: Int[ndarray, " k"],
+    preferred: Float[ndarray, "k 3"],
     normals: Float[ndarray, "k 3"],
     limits: AxisLimits,
     max_tilt: float,
     free: Free,
 ) -> tuple[Float[ndarray, "k 3"], list[str]]:
-    """The free direction of the fan nearest to each wish, and for each an empty string, `limits` or
-    `collision`."""
-    directions = fan()
+    """The free candidate direction nearest to each preferred axis, and an empty string for each; where there is
+    none the preferred axis, and why: `limits` or `collision`."""
+    directions = candidate_directions()
     directions = directions[limits.allow(directions)]
-    found, reasons = wished.copy(), [""] * len(which)
-    for start in range(0, len(which), CHUNK):
-        here = np.arange(start, min(start + CHUNK, len(which)))
-        steep = normals[here] @ directions.T < np.cos(max_tilt)
-        order = np.argsort(np.where(steep, 9.0, -wished[here] @ directions.T), axis=1, kind="stable")[
-            :, :MOST
-        ]
-        usable = ~np.take_along_axis(steep, order, axis=1)
-        for i in here[~usable.any(axis=1)]:
-            reasons[i] = "limits"
-        left = np.flatnonzero(usable.any(axis=1))
-        for wave in range(0, order.shape[1], WAVE):
-            left = _try_wave(
-                left,
-                here,
-                which,
-                directions,
-                order[:, wave : wave + WAVE],
-                usable[:, wave : wave + WAVE],
-                free,
-                found,
-            )
-            if not len(left):
-                break
-        for i in here[left]:
-            reasons[i] = "collision"
-    return found, reasons
+    starts = range(0, len(contacts), CHUNK)
+    chunks = [slice(start, start + CHUNK) for start in starts]
+    chosen = [
+        _nearest_free(contacts[c], preferred[c], normals[c], directions, max_tilt, free) for c in chunks
+    ]
+    index = np.concatenate([np.zeros(0, dtype=np.int64), *chosen])
+    axes = preferred.copy()
+    axes[index >= 0] = directions[index[index >= 0]]
+    reasons = np.select([index == LIMITS, index == COLLISION], ["limits", "collision"], "")
+    return axes, reasons.tolist()
 
 
-def _try_wave(
-    left: ndarray,
-    here: ndarray,
-    which: ndarray,
-    directions: ndarray,
-    order: ndarray,
-    usable: ndarray,
+def _nearest_free(
+    contacts: Int[ndarray, " k"],
+    preferred: Float[ndarray, "k 3"],
+    normals: Float[ndarray, "k 3"],
+    directions: Float[ndarray, "d 3"],
+    max_tilt: float,
     free: Free,
-    found: ndarray,
-) -> ndarray:
-    """Test the next few candidates of those still without an axis; answer who is left."""
-    row, column = np.nonzero(usable[left])
-    good = np.zeros((len(left), order.shape[1]), dtype=bool)
-    if len(row):
-        good[row, column] = free(which[here[left[row]]], directions[order[left[row], column]])
-    lucky = good.any(axis=1)
-    best = order[left[lucky], good[lucky].argmax(axis=1)]
-    found[here[left[lucky]]] = directions[best]
-    return left[~lucky]
+) -> Int[ndarray, " k"]:
+    """Index of the free direction nearest to each preferred axis, or COLLISION or LIMITS."""
+    too_far = normals @ directions.T < np.cos(max_tilt)
+    behind_all = 9.0
+    order = np.argsort(np.where(too_far, behind_all, -preferred @ directions.T), axis=1, kind="stable")
+    order = order[:, :MAX_DIRECTIONS]
+    usable = ~np.take_along_axis(too_far, order, axis=1)
+
+    chosen = np.where(usable.any(axis=1), COLLISION, LIMITS)
+    left = np.flatnonzero(usable.any(axis=1))
+    for start in range(0, order.shape[1], BATCH):
+        batch = order[left, start : start + BATCH]
+        good = usable[left, start : start + BATCH]
+        row, column = np.nonzero(good)
+        if len(row):
+            good[row, column] = free(contacts[left[row]], directions[batch[row, column]])
+        found = good.any(axis=1)
+        chosen[left[found]] = batch[found, good[found].argmax(axis=1)]
+        left = left[~found]
+        if not len(left):
+            break
+    return chosen
 
 
-def smoothed(
+def smooth_axes(
     axes: Float[ndarray, "n 3"],
     normals: Float[ndarray, "n 3"],
     passes: Int[ndarray, " n"],
-    changed: Bool[ndarray, " n"],
+    replaced: Bool[ndarray, " n"],
     limits: AxisLimits,
     max_tilt: float,
     free: Free,
 ) -> Float[ndarray, "n 3"]:
-    """The axes averaged along the passes near what was `changed`; every new axis is allowed and free, or the
-    old one stays."""
+    """The axes averaged along the passes near those that were `replaced`; an average that is not within the
+    limits and free leaves the axis as it was."""
     axes = axes.copy()
-    if not changed.any():
+    if not replaced.any():
         return axes
-    same = np.r_[passes[1:] == passes[:-1], False]
-    close = np.convolve(changed.astype(float), np.ones(2 * NEIGHBOURHOOD + 1), mode="same")[: len(axes)] > 0.5
+    same_pass = np.r_[passes[1:] == passes[:-1], False]
+    window = np.ones(2 * NEIGHBOURHOOD + 1)
+    close = np.convolve(replaced.astype(float), window, mode="same")[: len(axes)] > 0.5
     for _ in range(SMOOTHING_ROUNDS):
-        mean = 2 * axes
-        mean[:-1] += np.where(same[:-1, None], axes[1:], axes[:-1])
-        mean[-1] += axes[-1]
-        mean[1:] += np.where(same[:-1, None], axes[:-1], axes[1:])
-        mean[0] += axes[0]
-        mean = unit(mean)
-        which = np.flatnonzero(
-            close & (angles_between(mean, axes) > SMOOTH_TURN / 4) & allowed(mean, normals, limits, max_tilt)
-        )
+        mean = _average(axes, same_pass)
+        turned = angles_between(mean, axes) > MIN_TURN
+        which = np.flatnonzero(close & turned & within_limits(mean, normals, limits, max_tilt))
         if not len(which):
             break
         which = which[free(which, mean[which])]
         axes[which] = mean[which]
     return axes
+
+
+def _average(axes: Float[ndarray, "n 3"], same_pass: Bool[ndarray, " n"]) -> Float[ndarray, "n 3"]:
+    """(1 2 1) / 4 of each axis and its neighbours on the pass, unit; the axis stands for a missing neighbour."""
+    joined = same_pass[:-1, None]
+    mean = 2 * axes
+    mean[:-1] += np.where(joined, axes[1:], axes[:-1])
+    mean[-1] += axes[-1]
+    mean[1:] += np.where(joined, axes[:-1], axes[1:])
+    mean[0] += axes[0]
+    return unit(mean)

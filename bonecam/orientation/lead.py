@@ -1,6 +1,8 @@
-"""The wished-for axis: the normal leaning forward along the feed (Gan et al. 2014, section 5.2: 10 degrees
-keep the ball's tip, which does not cut, off the surface), turned up where the machine's limits or the table
-forbid it."""
+"""The preferred tool axis: the contact normal leaning forward along the feed by the lead angle.
+
+A lead of 10 degrees keeps the ball's tip, which does not cut, off the surface (Gan et al. 2014, section 5.2).
+Where the machine's limits or the table forbid that axis, its polar angle is brought within bounds.
+"""
 
 import math
 
@@ -8,19 +10,15 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from bonecam.arrays import unit
 from bonecam.job import wrong
-from bonecam.orientation.limits import AxisLimits, polar, unit, with_polar
-from bonecam.orientation.scene import TABLE_CLEARANCE
+from bonecam.orientation.collision.scene import TABLE_CLEARANCE
+from bonecam.orientation.limits import AxisLimits, polar_angles, with_polar_angles
 from bonecam.toolpath.cutter import Cutter
 
 OUTWARD = 0.3
-
-
-def lead_axes(
-    normals: Float[ndarray, "n 3"], feeds: Float[ndarray, "n 3"], lead: float
-) -> Float[ndarray, "n 3"]:
-    """cos(lead) n + sin(lead) f, unit; `lead` in radians, positive leans forward."""
-    return unit(np.cos(lead) * normals + np.sin(lead) * feeds)
+"""How far an axis that points straight down is leant away from the Z axis before its azimuth is taken (a share of
+its length)."""
 
 
 def check_lead(cutter: Cutter, lead_deg: float) -> None:
@@ -40,7 +38,14 @@ def check_lead(cutter: Cutter, lead_deg: float) -> None:
             raise wrong(cutter.name, f"{name}_diameter", 2 * radius, remedy)
 
 
-def turned_up(
+def lead_axes(
+    normals: Float[ndarray, "n 3"], feeds: Float[ndarray, "n 3"], lead: float
+) -> Float[ndarray, "n 3"]:
+    """cos(lead) n + sin(lead) f, unit; `lead` in radians, positive leans forward."""
+    return unit(np.cos(lead) * normals + np.sin(lead) * feeds)
+
+
+def bound_polar_angles(
     axes: Float[ndarray, "n 3"], centres: Float[ndarray, "n 3"], cutter: Cutter, limits: AxisLimits
 ) -> Float[ndarray, "n 3"]:
     """The axes with polar angles brought within the limits and above the table.
@@ -48,30 +53,31 @@ def turned_up(
     An axis that points almost straight down takes its azimuth from where its ball stands about the Z axis:
     outward.
     """
-    away = centres[:, :2] / np.maximum(
-        np.linalg.norm(centres[:, :2], axis=1, keepdims=True), np.finfo(float).tiny
-    )
-    level = np.linalg.norm(axes[:, :2], axis=1, keepdims=True)
+    distance = np.linalg.norm(centres[:, :2], axis=1, keepdims=True)
+    outward = centres[:, :2] / np.maximum(distance, np.finfo(float).tiny)
+    horizontal = np.linalg.norm(axes[:, :2], axis=1, keepdims=True)
     down = axes[:, 2:] < 0
-    leaning = np.where(down, axes[:, :2] + OUTWARD * (1 - level) * away, axes[:, :2])
+    leaning = np.where(down, axes[:, :2] + OUTWARD * (1 - horizontal) * outward, axes[:, :2])
     aimed = np.column_stack([leaning, axes[:, 2]])
-    angle = polar(axes)
-    top = np.minimum(limits.largest, table_limit(centres, cutter))
-    wanted = np.clip(angle, limits.smallest, np.maximum(top, limits.smallest))
-    return np.where((wanted == angle)[:, None], axes, with_polar(aimed, wanted))
+
+    angle = polar_angles(axes)
+    largest = np.minimum(limits.largest, table_limits(centres, cutter))
+    bounded = np.clip(angle, limits.smallest, np.maximum(largest, limits.smallest))
+    return np.where((bounded == angle)[:, None], axes, with_polar_angles(aimed, bounded))
 
 
-def table_limit(centres: Float[ndarray, "n 3"], cutter: Cutter) -> Float[ndarray, " n"]:
-    """Largest polar angle at which the holder's and shank's rims stay above the table, at least a right
-    angle; radians.
+def table_limits(centres: Float[ndarray, "n 3"], cutter: Cutter) -> Float[ndarray, " n"]:
+    """Largest polar angle (radians) at which the rims of shank and holder stay above the table z = 0; at least a
+    right angle.
 
-    A rim at height c above the ball's centre with radius r stands at z + c cos(a) - r sin(a) = z + h cos(a +
-    f).
+    With a ball centre at height z, a rim of radius r at height c above it stands at z + c cos(a) - r sin(a) =
+    z + h cos(a + f), h = |(c, r)|, tan(f) = r / c.
     """
     largest = np.full(len(centres), np.pi)
     for _, start, end, radius in cutter.sections:
         for height in (start - cutter.radius, end - cutter.radius):
-            reach, phase = np.hypot(height, radius), np.arctan2(radius, height)
-            ratio = np.clip((2 * TABLE_CLEARANCE - centres[:, 2]) / reach, -1, 1)
-            largest = np.minimum(largest, np.where(ratio > -1, np.arccos(ratio) - phase, np.pi))
+            reach = np.hypot(height, radius)
+            phase = np.arctan2(radius, height)
+            cosine = np.clip((2 * TABLE_CLEARANCE - centres[:, 2]) / reach, -1, 1)
+            largest = np.minimum(largest, np.where(cosine > -1, np.arccos(cosine) - phase, np.pi))
     return np.maximum(largest, np.pi / 2)

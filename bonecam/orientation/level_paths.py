@@ -13,10 +13,10 @@ from bonecam.job import Job
 from bonecam.levels.body_surface import enclosing
 from bonecam.levels.measure.level import Level
 from bonecam.mesh.distance import MeshDistance
+from bonecam.orientation.collision.scene import Scene
 from bonecam.orientation.lead import check_lead
 from bonecam.orientation.limits import AxisLimits
 from bonecam.orientation.oriented_path import orient
-from bonecam.orientation.scene import Scene
 from bonecam.progress import Progress, report, silent
 from bonecam.setup.holding import Post, post_below
 from bonecam.setup.stock import Stock

@@ -6,19 +6,29 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bonecam.arrays import angles_between, unit
 from bonecam.errors import MachineError, OrientationError
 from bonecam.job import HoldingJob, NcJob, PathJob
 from bonecam.levels.measure.level import Level
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.orientation import links
-from bonecam.orientation.admissible import fan
+from bonecam.orientation.admissible import candidate_directions
+from bonecam.orientation.collision.checker import CollisionChecker
+from bonecam.orientation.collision.scene import Scene
 from bonecam.orientation.lead import lead_axes
-from bonecam.orientation.limits import AxisLimits, angles_between, polar, unit
-from bonecam.orientation.moves import Checker
+from bonecam.orientation.limits import AxisLimits, polar_angles
+from bonecam.orientation.links import retract
+from bonecam.orientation.links.direct import direct_links
+from bonecam.orientation.links.link_space import LinkSpace
+from bonecam.orientation.links.moves import Feeds
+from bonecam.orientation.links.retract import Departure
 from bonecam.orientation.oriented_path import MAX_TURN, orient
-from bonecam.orientation.pole import AT_POLE, CONE, nearest_to_pole, round_pole
-from bonecam.orientation.scene import Scene
+from bonecam.orientation.singularity import (
+    SINGULAR_ANGLE,
+    SINGULAR_CONE,
+    avoid_singularity,
+    least_polar_angles,
+)
 from bonecam.setup.holding import post_below
 from bonecam.setup.stock import Capsule
 from bonecam.surface.tspline import TSpline
@@ -110,13 +120,13 @@ def test_the_tool_never_enters_anything(case: tuple[ContactPath, Scene, ToolPath
     assert_nothing_is_entered(scene, path)
 
 
-def test_bent_ways_out_and_in_stay_clear_and_slow_near_the_part(
+def test_bent_retracts_and_approaches_stay_clear_and_slow_near_the_part(
     made: Callable[..., tuple[ContactPath, Scene, ToolPath]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def bent(axis: np.ndarray) -> list[tuple[float, np.ndarray]]:
-        return [(0.5, unit((axis + np.array([0.3, 0.2, 0.1]))[None])[0])]
+    def bent(axis: np.ndarray) -> list[Departure]:
+        return [Departure(0.5, unit((axis + np.array([0.3, 0.2, 0.1]))[None])[0])]
 
-    monkeypatch.setattr(links, "_ways_out", bent)
+    monkeypatch.setattr(retract, "departures", bent)
     _, scene, path = made(direction="along")
     assert_nothing_is_entered(scene, path)
     last_in = np.flatnonzero(
@@ -127,7 +137,7 @@ def test_bent_ways_out_and_in_stay_clear_and_slow_near_the_part(
     assert len(last_in), "no pass was entered round a bend"
     tips, axes, kinds = between(path)
     air = MeshDistance(scene.material).signed(tips + path.cutter.radius * axes) - path.cutter.radius
-    assert air[kinds == Kind.RAPID].min() > 0.9 * links.STANDOFF
+    assert air[kinds == Kind.RAPID].min() > 0.9 * retract.STANDOFF
 
 
 def test_every_contact_is_cut_or_listed(case: tuple[ContactPath, Scene, ToolPath]) -> None:
@@ -161,17 +171,17 @@ def test_upper_contacts_take_the_lead_angle(case: tuple[ContactPath, Scene, Tool
     contacts, _, path = case
     wished = lead_axes(contacts.normals, contacts.feeds, np.radians(10.0))
     cut = path.kinds == Kind.CUT
-    high = polar(wished) < np.radians(80)
-    steered = round_pole(wished, contacts.centres, contacts.pass_index)
+    high = polar_angles(wished) < np.radians(80)
+    steered = avoid_singularity(wished, contacts.centres, contacts.pass_index)
     assert np.allclose(path.axes[cut][high], steered[high])
     assert np.allclose(angles_between(wished, contacts.normals), np.radians(10.0))
-    assert polar(path.axes[cut]).min() >= CONE - 1e-9
+    assert polar_angles(path.axes[cut]).min() >= SINGULAR_CONE - 1e-9
 
 
-def test_no_cut_or_link_passes_the_pole(case: tuple[ContactPath, Scene, ToolPath]) -> None:
+def test_no_cut_or_link_passes_the_singularity(case: tuple[ContactPath, Scene, ToolPath]) -> None:
     _, _, path = case
     turned = (path.axes[1:] != path.axes[:-1]).any(axis=1)
-    assert nearest_to_pole(path.axes)[turned & (path.kinds[1:] != Kind.RAPID)].min() > AT_POLE
+    assert least_polar_angles(path.axes)[turned & (path.kinds[1:] != Kind.RAPID)].min() > SINGULAR_ANGLE
 
 
 def test_a_level_begins_and_ends_clear_above_the_stock(case: tuple[ContactPath, Scene, ToolPath]) -> None:
@@ -193,10 +203,10 @@ def test_narrow_limits_turn_axes_up_and_list_the_rest(
     made: Callable[..., tuple[ContactPath, Scene, ToolPath]],
 ) -> None:
     contacts, _, path = made(limits=AxisLimits(np.radians(60.0)), max_tilt_deg=50.0)
-    assert polar(path.axes).max() <= np.radians(60.0) + 1e-6
+    assert polar_angles(path.axes).max() <= np.radians(60.0) + 1e-6
     listed = path.uncut[[reason == "limits" for reason in path.reasons]]
     assert len(listed)
-    down = polar(contacts.normals) > np.radians(111.0)
+    down = polar_angles(contacts.normals) > np.radians(111.0)
     assert len(listed) >= down.sum()
 
 
@@ -212,7 +222,7 @@ def test_a_stubby_tool_leaves_what_its_holder_cannot_reach(
     assert set(path.reasons) <= {"post", "gouge", "collision", "limits"}
 
 
-def test_a_hop_between_opposite_axes_is_refused(
+def test_a_direct_link_between_opposite_axes_is_refused(
     mesh_of: Callable[..., TriangleMesh],
     grooved_pebble: Callable[..., TSpline],
     upright_capsule: Capsule,
@@ -222,13 +232,10 @@ def test_a_hop_between_opposite_axes_is_refused(
     """There is no turn between them to be proven free."""
     level, material = mesh_of(grooved_pebble(0.8)), mesh_of(grooved_pebble(0.8, 0.4))
     scene = Scene(level, material, upright_capsule, post_below(level, holding))
-    linker = links.Linker(
-        Checker(scene, roughing_cutter), MIKRON, PathJob(), links.Feeds(500.0, 200.0, 5000.0)
-    )
+    checker, job = CollisionChecker(scene, roughing_cutter), PathJob()
+    space = LinkSpace(checker, MIKRON, Feeds(500.0, 200.0, 5000.0), job.clearance, job.gouge_tolerance)
     place, x = np.array([[0.0, 0.0, 60.0]]), np.array([[1.0, 0.0, 0.0]])
-    good, hops = linker.hops((place, x, x), (place + 0.1, x, -x), near=1.0)
-    assert not good.any()
-    assert len(hops) == 1
+    assert direct_links(space, (place, x, x), (place + 0.1, x, -x), 1.0) == [None]
 
 
 def test_no_reach_at_all_is_an_error(made: Callable[..., tuple[ContactPath, Scene, ToolPath]]) -> None:
@@ -236,8 +243,8 @@ def test_no_reach_at_all_is_an_error(made: Callable[..., tuple[ContactPath, Scen
         made(limits=AxisLimits(np.pi, np.radians(178.0)))
 
 
-def test_the_fan_covers_the_sphere_evenly() -> None:
-    directions = fan()
+def test_the_candidate_directions_cover_the_sphere_evenly() -> None:
+    directions = candidate_directions()
     assert directions.shape == (647, 3)
     probe = unit(np.random.default_rng(0).normal(size=(2000, 3)))
     assert np.degrees(np.arccos(np.clip((probe @ directions.T).max(axis=1), -1, 1))).max() < 6.0

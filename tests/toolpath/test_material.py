@@ -12,9 +12,9 @@ from bonecam.job import HoldingJob, NcJob, PathJob
 from bonecam.levels.measure.level import Level
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.orientation.collision.scene import Scene
 from bonecam.orientation.limits import AxisLimits
 from bonecam.orientation.oriented_path import orient
-from bonecam.orientation.scene import Scene
 from bonecam.setup.holding import Post, post_below
 from bonecam.setup.stock import Capsule
 from bonecam.surface.tspline import TSpline

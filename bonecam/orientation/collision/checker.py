@@ -1,0 +1,116 @@
+"""Collision checks of poses and moves: proven by distances where that decides, else by FCL at close poses."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+
+from bonecam.arrays import angles_between
+from bonecam.orientation.collision.fcl_model import FclModel, build_fcl_model
+from bonecam.orientation.collision.scene import Scene
+from bonecam.orientation.collision.sphere_tracing import COLLIDING, FREE, UNDECIDED, Poses, classify_poses
+from bonecam.orientation.interpolation import interpolate_poses
+from bonecam.toolpath.cutter import Cutter
+
+REST_MARGIN = 0.1
+"""Margin (mm) of poses checked at rest, for the moves that will begin and end there."""
+MIN_STEPS = 3
+"""Steps that a move checked by FCL is divided into at least."""
+SWEEP_MARGIN = 0.2
+"""Shank and holder are thicker by this much (mm) while moves are checked by FCL; no point of the tool moves further
+between two poses."""
+
+
+@dataclass(frozen=True, eq=False)
+class CollisionChecker:
+    """Checks of one cutter in one scene; the FCL objects are built when first needed."""
+
+    scene: Scene
+    cutter: Cutter
+
+    @cached_property
+    def fcl(self) -> FclModel:
+        """The FCL objects that poses on moves are checked with."""
+        return build_fcl_model(self.scene, self.cutter, SWEEP_MARGIN)
+
+    def free_by_distance(
+        self, centres: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"]
+    ) -> Bool[ndarray, " n"]:
+        """Whether poses at rest with these ball centres are proven free by distances alone."""
+        return self._classify_at_rest(centres, axes) == FREE
+
+    def free(self, centres: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
+        """Whether poses at rest with these ball centres are free, by distances or, where those do not decide (in
+        hollows hardly wider than the ball), by FCL."""
+        tips = centres - self.cutter.radius * axes
+        state = self._classify_at_rest(centres, axes)
+        for i in np.flatnonzero(state == UNDECIDED):
+            state[i] = COLLIDING if self.fcl.colliding_section(tips[i], axes[i]) else FREE
+        return np.asarray(state == FREE)
+
+    def free_in_motion(
+        self, tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], joined: Bool[ndarray, " n"]
+    ) -> Bool[ndarray, " n"]:
+        """Whether each pose and its halves of the moves to its neighbours are proven free by distances; `joined` as
+        in `moves_free`."""
+        poses = Poses.in_motion(tips, axes, joined)
+        return classify_poses(self.scene, self.cutter, poses) == FREE
+
+    def moves_free(
+        self,
+        tips: Float[ndarray, "n 3"],
+        axes: Float[ndarray, "n 3"],
+        joined: Bool[ndarray, " n"],
+        known_free: Bool[ndarray, " n"] | None = None,
+        *,
+        cutting: bool = True,
+    ) -> Bool[ndarray, " n"]:
+        """Whether the move from pose i to i + 1 is free, where `joined[i]`; False elsewhere. Poses that are
+        `known_free` were found free in motion before.
+
+        `cutting`: the cutter may touch the level; else it must stay out of the material.
+        """
+        state = np.full(len(tips), FREE)
+        asked = np.arange(len(tips)) if known_free is None else np.flatnonzero(~known_free)
+        poses = Poses.in_motion(tips, axes, joined).take(asked)
+        state[asked] = classify_poses(self.scene, self.cutter, poses, cutting=cutting)
+        free = joined & (state == FREE) & (np.r_[state[1:], COLLIDING] == FREE)
+        doubtful = np.flatnonzero(joined & ~free)
+        if len(doubtful):
+            free[doubtful] = self._subdivided_free(tips, axes, doubtful, cutting)
+        return free
+
+    def _classify_at_rest(self, centres: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"]) -> ndarray:
+        """State of poses with REST_MARGIN."""
+        poses = Poses.at_rest(centres - self.cutter.radius * axes, axes, REST_MARGIN)
+        return classify_poses(self.scene, self.cutter, poses)
+
+    def _subdivided_free(
+        self,
+        tips: Float[ndarray, "n 3"],
+        axes: Float[ndarray, "n 3"],
+        moves: Int[ndarray, " m"],
+        cutting: bool,
+    ) -> Bool[ndarray, " m"]:
+        """Whether moves are free in steps: proven by distances, or by FCL at the poses that those leave
+        undecided."""
+        turn = angles_between(axes[moves], axes[moves + 1])
+        reach = np.hypot(self.cutter.length, self.cutter.holder_diameter / 2)
+        displacement = np.linalg.norm(tips[moves + 1] - tips[moves], axis=1) + turn * reach
+        steps = np.maximum(MIN_STEPS, np.ceil(displacement / SWEEP_MARGIN)).astype(int)
+        places, turned = interpolate_poses(tips[moves], tips[moves + 1], axes[moves], axes[moves + 1], steps)
+
+        starts = np.r_[0, np.cumsum(steps + 1)]
+        joined = np.ones(len(places), dtype=bool)
+        joined[starts[1:] - 1] = False
+        poses = Poses.in_motion(places, turned, joined)
+        state = classify_poses(self.scene, self.cutter, poses, cutting=cutting)
+        worst = np.maximum.reduceat(state, starts[:-1])
+        for k in np.flatnonzero(worst == UNDECIDED):
+            undecided = starts[k] + np.flatnonzero(state[starts[k] : starts[k + 1]] == UNDECIDED)
+            hits = (self.fcl.colliding_section(places[j], turned[j], cutting=cutting) for j in undecided)
+            if any(hits):
+                worst[k] = COLLIDING
+        return worst != COLLIDING

@@ -1,0 +1,77 @@
+"""What links between passes are planned in: obstacles, limits, clearance surface and feeds, and the proof that
+polylines of poses are free."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy import ndarray
+
+from bonecam.orientation.collision.checker import CollisionChecker
+from bonecam.orientation.interpolation import interpolate_poses
+from bonecam.orientation.limits import AxisLimits
+from bonecam.orientation.links.clearance_surface import ClearanceSurface
+from bonecam.orientation.links.moves import Feeds, Pose
+from bonecam.toolpath.gouge import moves_gouge_free
+
+CHECK_STEPS = 4
+"""Steps that a straight move is divided into for its proof."""
+
+Polyline = tuple[Float[ndarray, "_ 3"], Float[ndarray, "_ 3"]]
+"""Ball centres and axes of straight moves."""
+
+
+@dataclass(frozen=True, eq=False)
+class LinkSpace:
+    """`clearance` (mm) is kept between ball and stock on the clearance surface; `gouge_tolerance` (mm) by a ball that
+    moves along the level."""
+
+    checker: CollisionChecker
+    limits: AxisLimits
+    feeds: Feeds
+    clearance: float
+    gouge_tolerance: float
+
+    @property
+    def ball_radius(self) -> float:
+        """Radius of the cutter, mm."""
+        return self.checker.cutter.radius
+
+    @cached_property
+    def surface(self) -> ClearanceSurface:
+        """The surface that ball centres traverse on."""
+        return ClearanceSurface(self.checker.scene.stock, self.clearance + self.ball_radius)
+
+    @cached_property
+    def safe_pose(self) -> Pose:
+        """Ball centre and axis of the point above the stock where a level begins and ends."""
+        top, height = np.array([self.surface.top]), np.array([self.clearance])
+        centre, _ = self.surface.frames(np.zeros(1), top, height)
+        return centre[0], np.array([0.0, 0.0, 1.0])
+
+    def ball_free(self, starts: Float[ndarray, "m 3"], ends: Float[ndarray, "m 3"]) -> Bool[ndarray, " m"]:
+        """Whether the ball keeps the gouge tolerance on straight moves of its centre: the collision checks hold a
+        thinner one against the level."""
+        level = self.checker.scene.level_distance
+        return moves_gouge_free(starts, ends, self.ball_radius, self.gouge_tolerance, level)
+
+    def polylines_free(self, polylines: Sequence[Polyline], *, cutting: bool) -> Bool[ndarray, " k"]:
+        """Whether all moves of each polyline are proven free; `cutting` as in `CollisionChecker.moves_free`."""
+        if not polylines:
+            return np.zeros(0, dtype=bool)
+        starts = np.vstack([centres[:-1] for centres, _ in polylines])
+        ends = np.vstack([centres[1:] for centres, _ in polylines])
+        first = np.vstack([axes[:-1] for _, axes in polylines])
+        last = np.vstack([axes[1:] for _, axes in polylines])
+        start_tips, end_tips = starts - self.ball_radius * first, ends - self.ball_radius * last
+        tips, axes = interpolate_poses(start_tips, end_tips, first, last, CHECK_STEPS)
+
+        joined = np.tile(np.r_[np.ones(CHECK_STEPS, dtype=bool), False], len(first))
+        steps_free = self.checker.moves_free(tips, axes, joined, cutting=cutting) | ~joined
+        free = steps_free.reshape(len(first), -1).all(axis=1)
+        if cutting:
+            free[free] = self.ball_free(starts[free], ends[free])
+        polyline = np.repeat(np.arange(len(polylines)), [len(centres) - 1 for centres, _ in polylines])
+        return np.asarray(np.bincount(polyline, ~free, len(polylines)) == 0)

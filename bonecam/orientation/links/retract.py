@@ -1,0 +1,154 @@
+"""Retracts: from a contact off the surface, at the link feed up to the standoff, then rapid to the clearance
+surface. Backwards they are the approaches, whose last part is at the plunge feed.
+
+A retract runs along the tool axis, or bends off into a direction that is level or rises, so that a drooping
+holder does not sink to the table.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.orientation.limits import polar_angles, with_polar_angles
+from bonecam.orientation.links.link_space import LinkSpace, Polyline
+from bonecam.orientation.links.moves import Feeds, Moves, Pose
+from bonecam.toolpath.path import Kind
+
+STANDOFF = 1.0
+"""Rapid moves begin and end where the ball is this far from the material, mm."""
+POLAR_ANGLES = np.radians([90.0, 70.0, 45.0])
+"""Polar angles (radians) of the directions that a drooping axis is left in."""
+BEND = 1.5
+"""Length along the axis before a retract bends off, where the ball has to leave a hollow first, mm."""
+MIN_LENGTH = 1.0
+"""Length of a retract at least, mm."""
+LENGTHS = np.array(
+    [0, 0.1, 0.25, 0.5, 1, 1.5, 2, 3, 4, 5, 6, 8, 10, 13, 16, 20, 26, 34, 45, 60, 80], dtype=np.float64
+)
+"""Lengths of a retract (mm) at which it is checked, and at one of which the rapid part may begin; BEND is one."""
+MIN_LAST_STEP = 0.05
+"""The last of these lengths is at least this much before the end of the retract, mm."""
+
+
+@dataclass(frozen=True, eq=False)
+class Departure:
+    """How a contact is left: so far along the tool axis (mm), and then in a direction."""
+
+    along_axis: float
+    direction: Float[ndarray, "3"]
+
+
+@dataclass(frozen=True, eq=False)
+class Retract:
+    """The moves from a pose to the clearance surface, and the pose they end at; no moves where the tool is there
+    already."""
+
+    moves: Moves
+    end: Pose
+
+
+def safe_retract(space: LinkSpace) -> Retract:
+    """The retract from the safe point, where nothing has to be done."""
+    none = np.zeros((0, 3))
+    moves = Moves(np.zeros(0, dtype=np.int64), none, none, np.zeros(0))
+    return Retract(moves, space.safe_pose)
+
+
+def approach(retract: Retract, feeds: Feeds) -> Moves:
+    """The retract backwards from its end, the contact left out: rapids, then links at the plunge feed."""
+    out = retract.moves
+    kinds = out.kinds[:0:-1]
+    speeds = np.where(kinds == Kind.LINK, feeds.plunge, feeds.rapid)
+    return Moves(kinds, out.centres[-2::-1], out.axes[-2::-1], speeds)
+
+
+def departures(axis: Float[ndarray, "3"]) -> list[Departure]:
+    """The ways to leave a contact in the order they are tried: along the axis; then level or rising at once; then
+    the same behind BEND."""
+    angle = float(polar_angles(axis[None])[0])
+    rising = [with_polar_angles(axis[None], np.array([limit]))[0] for limit in POLAR_ANGLES if angle > limit]
+    return [Departure(0.0, axis)] + [Departure(bend, d) for bend in (0.0, BEND) for d in rising]
+
+
+def find_retracts(space: LinkSpace, poses: Sequence[Pose]) -> list[Retract | None]:
+    """The first departure of each pose that is proven free; None where there is none. The same departure of all poses
+    is tried at once."""
+    choices = [departures(axis) for _, axis in poses]
+    found: list[Retract | None] = [None] * len(poses)
+    for k in range(max((len(ways) for ways in choices), default=0)):
+        left = [i for i, ways in enumerate(choices) if found[i] is None and k < len(ways)]
+        tried = _try_departures(space, [poses[i] for i in left], [choices[i][k] for i in left])
+        for i, retract in zip(left, tried, strict=True):
+            found[i] = retract
+    return found
+
+
+def _try_departures(
+    space: LinkSpace, poses: Sequence[Pose], chosen: Sequence[Departure]
+) -> list[Retract | None]:
+    """The retract of each pose by its departure; None where it is not proven free."""
+    if not poses:
+        return []
+    lengths = _lengths(space, poses, chosen)
+    lines = [_polyline(*args) for args in zip(poses, chosen, lengths, strict=True)]
+    standoffs = _standoffs(space, [centres for centres, _ in lines])
+
+    links = [(c[: k + 1], v[: k + 1]) for (c, v), k in zip(lines, standoffs, strict=True)]
+    free = space.polylines_free(links, cutting=True)
+    rapid = [i for i in np.flatnonzero(free) if standoffs[i] + 1 < len(lengths[i])]
+    rapids = [(lines[i][0][standoffs[i] :], lines[i][1][standoffs[i] :]) for i in rapid]
+    free[rapid] = space.polylines_free(rapids, cutting=False)
+    return [
+        _retract(space.feeds, line, length, departure, standoff) if ok else None
+        for line, length, departure, standoff, ok in zip(lines, lengths, chosen, standoffs, free, strict=True)
+    ]
+
+
+def _lengths(
+    space: LinkSpace, poses: Sequence[Pose], chosen: Sequence[Departure]
+) -> list[Float[ndarray, " r"]]:
+    """The lengths (mm) of each retract from its contact (0) to the clearance surface at which it is checked."""
+    along = np.array([departure.along_axis for departure in chosen])
+    corners = np.array([c + d.along_axis * axis for (c, axis), d in zip(poses, chosen, strict=True)])
+    directions = np.array([departure.direction for departure in chosen])
+    whole = np.maximum(along + space.surface.exit_lengths(corners, directions), MIN_LENGTH)
+    return [np.r_[LENGTHS[length - MIN_LAST_STEP > LENGTHS], length] for length in whole]
+
+
+def _polyline(pose: Pose, departure: Departure, lengths: Float[ndarray, " r"]) -> Polyline:
+    """Ball centres and axes of a retract at the given lengths."""
+    centre, axis = pose
+    along_axis = np.outer(np.minimum(lengths, departure.along_axis), axis)
+    beyond = np.outer(np.maximum(lengths - departure.along_axis, 0), departure.direction)
+    return centre + along_axis + beyond, np.repeat(axis[None], len(lengths), axis=0)
+
+
+def _standoffs(space: LinkSpace, lines: Sequence[Float[ndarray, "_ 3"]]) -> list[int]:
+    """The point of each retract from which on the ball stays STANDOFF away from the material: links turn to rapids
+    there."""
+    scene, radius = space.checker.scene, space.ball_radius
+    centres = np.vstack(lines)
+    wanted = np.full(len(centres), radius + STANDOFF)
+    air = scene.distance_bound(centres, wanted, "material", scene.post) - radius
+    found = []
+    for here in np.split(air, np.cumsum([len(line) for line in lines])[:-1]):
+        near = np.flatnonzero(here < STANDOFF)
+        first_far = int(near[-1]) + 1 if len(near) else 1
+        found.append(min(first_far, len(here) - 1))
+    return found
+
+
+def _retract(
+    feeds: Feeds, line: Polyline, lengths: Float[ndarray, " r"], departure: Departure, standoff: int
+) -> Retract:
+    """Link to the standoff and rapid from there to the end, in straight moves but for the bend."""
+    centres, axes = line
+    bend = np.flatnonzero((lengths == departure.along_axis) & (lengths > 0))
+    stops = np.unique(np.r_[bend, standoff, len(centres) - 1])
+    is_link = stops <= standoff
+    kinds = np.where(is_link, int(Kind.LINK), int(Kind.RAPID))
+    speeds = np.where(is_link, feeds.link, feeds.rapid)
+    return Retract(Moves(kinds, centres[stops], axes[stops], speeds), (centres[-1], axes[-1]))
