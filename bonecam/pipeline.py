@@ -6,11 +6,8 @@ the post stands on it.
 
 from pathlib import Path
 
-from bonecam.errors import SurfaceError, place_name
 from bonecam.job import Job
 from bonecam.levels.job_levels import check_method, make_levels
-from bonecam.mesh.part import Part
-from bonecam.mesh.sections.rows import harmonic_rows
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.kinematics import axis_limits
@@ -26,10 +23,7 @@ from bonecam.outputs.run_report import report_to_levels, report_to_program
 from bonecam.progress import Progress, part, silent
 from bonecam.setup.placement import check_sizes, place
 from bonecam.setup.schedule import check_cuts
-from bonecam.surface.files import surface_input
-from bonecam.surface.fitting.fit import Fit, fit
-from bonecam.surface.tessellation.validity import require_valid
-from bonecam.threads import on_one_blas_thread
+from bonecam.surface.part_surface import fit_surface
 from bonecam.timing import StageTimes
 from bonecam.toolpath.ball_depth import check_depths
 from bonecam.verify.proof import verify
@@ -158,26 +152,3 @@ def _require_job(job: Job | None) -> Job:
 
 def _file_of(mesh: str | Path | TriangleMesh) -> str | Path | None:
     return None if isinstance(mesh, TriangleMesh) else mesh
-
-
-def fit_surface(placed: Part, job: Job, progress: Progress = silent, given: Fit | None = None) -> Fit:
-    """Harmonic rows, then the T-spline within the tolerance; a `given` surface is moved to where the part is.
-
-    SurfaceError where it misses the mesh.
-    """
-    if given is not None:
-        return surface_input.placed(given, placed.transform)
-    edge = job.mesh.edge_percent / 100 * placed.mesh.diagonal
-    rows = harmonic_rows(placed.mesh, job.mesh.rows, job.mesh.row_points, edge, part(progress, 0.0, 0.2))
-    tolerance, most = job.surface.tolerance, job.surface.max_control_points
-    found = on_one_blas_thread(fit)(
-        placed.mesh, tolerance, most, rows=rows, progress=part(progress, 0.2, 1.0), round_poles=True
-    )
-    missed, limit = found.deviation, max(job.surface.tolerance, job.surface.largest_deviation)
-    if missed.max > limit:
-        what = f"{placed.file}: {found.control_points} control points miss the mesh by {missed.max:.2f} mm near {place_name(missed.place)}"
-        raise SurfaceError(
-            f"{what}: {found.shortfall}, or raise surface.largest_deviation ({limit:g} mm)", deviation=missed
-        )
-    require_valid(found.surface, job.levels.chord_tolerance, placed.file)
-    return found

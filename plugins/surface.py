@@ -19,7 +19,7 @@ CATEGORY = "Bonecam: T-Spline Surface"
 def fit_tspline(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """`compute_tspline_surface`."""
     from bonecam.mesh.part import Part
-    from bonecam.pipeline import fit_surface
+    from bonecam.surface.part_surface import fit_surface
     from bonecam.verify.report import surface_report
 
     before = layers.job()

@@ -10,7 +10,7 @@ ORDER = [
     *"outputs pipeline filters batch cli __main__".split(),
 ]
 ROOMS = {
-    "surface": "basis tmesh query tessellation refinement tspline rows_to_general fitting skinning files".split(),
+    "surface": "basis tmesh query tessellation refinement tspline rows_to_general fitting skinning files part_surface".split(),
 }
 """The order of the modules and sub-packages inside a stage."""
 ROOT = Path(__file__).parents[1] / "bonecam"

@@ -9,10 +9,10 @@ import pytest
 from bonecam.errors import FileError, MeshError, SurfaceError
 from bonecam.filters.meshset import MeshSet
 from bonecam.job import Job
-from bonecam.pipeline import fit_surface
 from bonecam.setup.placement import place
 from bonecam.surface.files.save import save_surface
 from bonecam.surface.files.surface_input import read_part
+from bonecam.surface.part_surface import fit_surface
 from bonecam.surface.tspline import TSpline
 
 JOB = Job()

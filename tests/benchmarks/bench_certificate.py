@@ -29,9 +29,9 @@ from bonecam.job import Job, MeshJob
 from bonecam.levels.closed_morph import morph
 from bonecam.levels.measure.certificate import certify
 from bonecam.mesh.part import prepare_part
-from bonecam.pipeline import fit_surface
 from bonecam.setup.placement import place
 from bonecam.setup.stock import Stock
+from bonecam.surface.part_surface import fit_surface
 from bonecam.surface.tspline import TSpline
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "meshes" / "bones"

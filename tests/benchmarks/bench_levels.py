@@ -48,10 +48,10 @@ from bonecam.levels.solvers.exchange import Step, next_level
 from bonecam.levels.solvers.osqp import stacked
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.part import prepare_part
-from bonecam.pipeline import fit_surface
 from bonecam.setup.placement import place
 from bonecam.setup.schedule import Schedule
 from bonecam.setup.stock import Capsule
+from bonecam.surface.part_surface import fit_surface
 from bonecam.surface.tspline import TSpline
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "meshes" / "bones" / "3midph_m.stl"

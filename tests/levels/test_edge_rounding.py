@@ -20,7 +20,6 @@ from bonecam.mesh.hull import convex_hull
 from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.part import prepare_part
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.pipeline import fit_surface
 from bonecam.setup.box import Box
 from bonecam.setup.convex import ConvexStock
 from bonecam.setup.cylinder import Cylinder
@@ -28,6 +27,7 @@ from bonecam.setup.placement import place
 from bonecam.setup.rounded import Rounded, inradius, intersection, offset, planes_of, rounded, roundest
 from bonecam.setup.schedule import Schedule
 from bonecam.setup.stock import Capsule, Stock, revolved
+from bonecam.surface.part_surface import fit_surface
 
 BAR, BOX = Cylinder(4.5, 0.0, 20.0), Box(np.array([-4.5, -4.0, 0.0]), np.array([4.5, 4.0, 20.0]))
 SCHEDULE = Schedule((0.1,), 0.9)

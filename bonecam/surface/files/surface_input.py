@@ -116,22 +116,22 @@ def sound_mesh(surface: TSpline, file: str) -> TriangleMesh:
     return mesh
 
 
-def placed(given: Fit, transform: Float[ndarray, "4 4"]) -> Fit:
+def move_with_part(given: Fit, transform: Float[ndarray, "4 4"]) -> Fit:
     """The same surface under a rigid transform, with t from the lower to the upper pole again."""
     rotation, shift = transform[:3, :3], transform[:3, 3]
     surface = given.surface.with_control_points(given.surface.control_points @ rotation.T + shift)
     if surface.control_points[0, 2] > surface.control_points[-1, 2]:
-        surface = turned(surface)
+        surface = reverse_parameters(surface)
     found = replace(given.deviation, place=rotation @ given.deviation.place + shift)
     return replace(given, surface=surface, deviation=found)
 
 
-def turned(surface: TSpline) -> TSpline:
+def reverse_parameters(surface: TSpline) -> TSpline:
     """The same row-structured surface with both parameters reversed: S(-s, low + high - t); its normals stay
     outward."""
     tmesh = surface.tmesh
     if not isinstance(tmesh, RowTMesh):
-        raise ValueError("only row-structured surfaces can be turned")
+        raise ValueError("only row-structured surfaces can be reverse_parameters")
     starts = tmesh.row_starts
     orders = [np.argsort(np.mod(-row, 1.0)) for row in tmesh.s_knots]
     rows = [np.mod(-row, 1.0)[order] for row, order in zip(tmesh.s_knots, orders)]

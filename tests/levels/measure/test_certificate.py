@@ -21,13 +21,13 @@ from bonecam.levels.measure.grid import level_grid
 from bonecam.levels.measure.inspection import Inspection, Rules
 from bonecam.levels.measure.measured_surface import Sheet
 from bonecam.mesh.part import prepare_part
-from bonecam.pipeline import fit_surface
 from bonecam.progress import silent
 from bonecam.setup.box import Box
 from bonecam.setup.cylinder import Cylinder
 from bonecam.setup.placement import place
 from bonecam.setup.schedule import Schedule
 from bonecam.setup.stock import Capsule, Stock
+from bonecam.surface.part_surface import fit_surface
 from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tspline import TSpline
 

@@ -9,7 +9,12 @@ from numpy import ndarray
 
 from bonecam.errors import FileError, SurfaceError, UnitsError
 from bonecam.surface.files.save import check_target, save_surface
-from bonecam.surface.files.surface_input import holds_surface, placed, read_surface, turned
+from bonecam.surface.files.surface_input import (
+    holds_surface,
+    move_with_part,
+    read_surface,
+    reverse_parameters,
+)
 from bonecam.surface.files.tspline_text import read_tsm, write_tsm
 from bonecam.surface.fitting.deviation import Deviation
 from bonecam.surface.fitting.fit import Fit
@@ -22,9 +27,9 @@ def test_turning_a_surface_reverses_both_parameters_and_nothing_else(
     surface = bone_like(9, 7, 4)
     s, t = samples(2000)
     np.testing.assert_allclose(
-        turned(surface).evaluate(s, t), surface.evaluate(np.mod(-s, 1), 1 - t), rtol=0, atol=1e-13
+        reverse_parameters(surface).evaluate(s, t), surface.evaluate(np.mod(-s, 1), 1 - t), rtol=0, atol=1e-13
     )
-    assert turned(surface).volume == pytest.approx(surface.volume, rel=1e-12)
+    assert reverse_parameters(surface).volume == pytest.approx(surface.volume, rel=1e-12)
 
 
 def test_rows_in_metres_are_skinned_in_mm_and_their_deviation_is_told(
@@ -53,7 +58,7 @@ def test_a_surface_that_is_put_upside_down_runs_from_the_lower_pole_again(
     upside_down = np.diag([1.0, -1.0, -1.0, 1.0])
     upside_down[:3, 3] = [1, 2, 30]
     fit = Fit(given, Deviation(0.0, 0.0, 0.0, 0.0, np.zeros(3)), 0.1, True)
-    surface = placed(fit, upside_down).surface
+    surface = move_with_part(fit, upside_down).surface
     assert surface.control_points[0, 2] < surface.control_points[-1, 2]
     assert surface.volume == pytest.approx(given.volume, rel=1e-12)
 

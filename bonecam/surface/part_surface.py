@@ -1,0 +1,46 @@
+"""The surface of a part: fitted to its mesh within the job's tolerance, or given with it."""
+
+from bonecam.errors import SurfaceError, place_name
+from bonecam.job import Job
+from bonecam.mesh.part import Part
+from bonecam.mesh.sections.rows import harmonic_rows
+from bonecam.progress import Progress, part, silent
+from bonecam.surface.files import surface_input
+from bonecam.surface.fitting.fit import Fit, fit
+from bonecam.surface.tessellation.validity import require_valid
+from bonecam.threads import on_one_blas_thread
+
+
+def fit_surface(placed: Part, job: Job, progress: Progress = silent, given: Fit | None = None) -> Fit:
+    """A T-spline through harmonic rows of the part, within the tolerance; a `given` one is moved to the part.
+
+    Raises SurfaceError where the surface misses the mesh by more than the job allows, or is not valid.
+    """
+    if given is not None:
+        return surface_input.move_with_part(given, placed.transform)
+    edge = job.mesh.edge_percent / 100 * placed.mesh.diagonal
+    rows = harmonic_rows(placed.mesh, job.mesh.rows, job.mesh.row_points, edge, part(progress, 0.0, 0.2))
+    found = on_one_blas_thread(fit)(
+        placed.mesh,
+        job.surface.tolerance,
+        job.surface.max_control_points,
+        rows=rows,
+        progress=part(progress, 0.2, 1.0),
+        round_poles=True,
+    )
+    _check_deviation(found, max(job.surface.tolerance, job.surface.largest_deviation), placed.file)
+    require_valid(found.surface, job.levels.chord_tolerance, placed.file)
+    return found
+
+
+def _check_deviation(found: Fit, limit: float, name: str) -> None:
+    """Raises SurfaceError where the surface misses the mesh by more than `limit` (mm)."""
+    missed = found.deviation
+    if missed.max <= limit:
+        return
+    where = f"by {missed.max:.2f} mm near {place_name(missed.place)}"
+    raise SurfaceError(
+        f"{name}: {found.control_points} control points miss the mesh {where}: {found.shortfall}, "
+        f"or raise surface.largest_deviation ({limit:g} mm)",
+        deviation=missed,
+    )
