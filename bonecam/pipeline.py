@@ -23,6 +23,7 @@ from bonecam.outputs.run_report import report_to_levels, report_to_program
 from bonecam.progress import Progress, part, silent
 from bonecam.setup.placement import check_sizes, place
 from bonecam.setup.schedule import check_cuts
+from bonecam.surface.files.surface_input import read_part
 from bonecam.surface.part_surface import fit_surface
 from bonecam.timing import StageTimes
 from bonecam.toolpath.ball_depth import check_depths
@@ -127,7 +128,7 @@ def _morph(
 ) -> Morphed:
     """Part, surface and levels in a stock for which `machine` has room."""
     with times.stage("mesh"):
-        unplaced, given = surface_input.read_part(mesh, job, part(progress, 0.0, 0.1))
+        unplaced, given = read_part(mesh, job, part(progress, 0.0, 0.1))
         setup = place(unplaced, job)
         if machine is not None:
             check_room(setup.stock, job, machine)
