@@ -1,33 +1,38 @@
+from collections.abc import Callable
+
 import numpy as np
 import pytest
-from solids import ellipsoid, moved, solid
 
 from bonecam.mesh.distance import CHUNK, MeshDistance, exact_closest, lowest_between
 from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 FAR = (300.0, -200.0, 500.0)
-BALL = moved(ellipsoid(10, 10, 10, 60, 90), FAR)
 POINTS = np.random.default_rng(1).normal(size=(400, 3)) * 9 + FAR
 
 
-def test_signed_distance_is_negative_inside_and_that_of_the_ball() -> None:
-    distance = MeshDistance(BALL)
+@pytest.fixture(scope="module")
+def ball(moved: Callable[..., TriangleMesh], ellipsoid: Callable[..., TriangleMesh]) -> TriangleMesh:
+    return moved(ellipsoid(10, 10, 10, 60, 90), FAR)
+
+
+def test_signed_distance_is_negative_inside_and_that_of_the_ball(ball: TriangleMesh) -> None:
+    distance = MeshDistance(ball)
     true = np.linalg.norm(POINTS - FAR, axis=1) - 10
     assert np.abs(distance.signed(POINTS) - true).max() < 0.02
     assert (distance.inside(POINTS) == (distance.signed(POINTS) < 0)).all()
     assert np.allclose(distance.unsigned(POINTS), np.abs(distance.signed(POINTS)))
 
 
-def test_bulk_and_exact_closest_points_agree_to_single_precision() -> None:
-    places, faces = MeshDistance(BALL).closest(POINTS)
-    exact, _ = exact_closest(BALL, POINTS)
+def test_bulk_and_exact_closest_points_agree_to_single_precision(ball: TriangleMesh) -> None:
+    places, faces = MeshDistance(ball).closest(POINTS)
+    exact, _ = exact_closest(ball, POINTS)
     ours, true = np.linalg.norm(places - POINTS, axis=1), np.linalg.norm(exact - POINTS, axis=1)
     assert np.abs(ours - true).max() < 1e-5
-    assert ((faces >= 0) & (faces < len(BALL.faces))).all()
+    assert ((faces >= 0) & (faces < len(ball.faces))).all()
 
 
-def test_an_empty_mesh_is_refused() -> None:
+def test_an_empty_mesh_is_refused(solid: Callable[..., TriangleMesh]) -> None:
     empty = solid(np.empty((0, 3)), np.empty((0, 3)))
     with pytest.raises(ValueError, match="no faces"):
         MeshDistance(empty)
@@ -35,17 +40,19 @@ def test_an_empty_mesh_is_refused() -> None:
         exact_closest(empty, POINTS)
 
 
-def test_self_intersections_are_found_only_where_they_are() -> None:
-    assert len(self_intersections(BALL)) == 0
-    spiked = np.array(BALL.vertices)
+def test_self_intersections_are_found_only_where_they_are(
+    ball: TriangleMesh, solid: Callable[..., TriangleMesh]
+) -> None:
+    assert len(self_intersections(ball)) == 0
+    spiked = np.array(ball.vertices)
     spiked[np.argmax(spiked[:, 0])] -= [25, 0, 0]
-    found = self_intersections(solid(spiked, BALL.faces))
+    found = self_intersections(solid(spiked, ball.faces))
     assert len(found) >= 2
     assert (np.diff(found) > 0).all()
 
 
-def test_a_distance_is_exact_below_what_is_wanted_and_that_elsewhere() -> None:
-    distance = MeshDistance(BALL)
+def test_a_distance_is_exact_below_what_is_wanted_and_that_elsewhere(ball: TriangleMesh) -> None:
+    distance = MeshDistance(ball)
     true = distance.signed(POINTS)
     for wanted in (0.3, np.linspace(-1.0, 4.0, len(POINTS))):
         found = distance.signed(POINTS, wanted)
@@ -55,21 +62,23 @@ def test_a_distance_is_exact_below_what_is_wanted_and_that_elsewhere() -> None:
         assert np.array_equal(found[~below], np.maximum(np.broadcast_to(wanted, len(POINTS)), 0.0)[~below])
 
 
-@pytest.mark.parametrize(
-    "mesh",
-    [
-        BALL,
-        ellipsoid(9, 3, 1, 7, 9),
-        solid(np.array(ellipsoid(5, 5, 5, 5, 6).vertices), ellipsoid(5, 5, 5, 5, 6).faces[:3]),
-    ],
-)
-def test_the_tree_finds_the_distances_of_the_exact_search(mesh: TriangleMesh) -> None:
+@pytest.mark.parametrize("shape", ["ball", "flat ellipsoid", "three faces"])
+def test_the_tree_finds_the_distances_of_the_exact_search(
+    ellipsoid: Callable[..., TriangleMesh], ball: TriangleMesh, solid: Callable[..., TriangleMesh], shape: str
+) -> None:
+    coarse = ellipsoid(5, 5, 5, 5, 6)
+    meshes = {
+        "ball": ball,
+        "flat ellipsoid": ellipsoid(9, 3, 1, 7, 9),
+        "three faces": solid(np.array(coarse.vertices), coarse.faces[:3]),
+    }
+    mesh = meshes[shape]
     points = np.random.default_rng(2).normal(size=(2000, 3)) * 6 + mesh.bounds.mean(0)
     exact = np.linalg.norm(exact_closest(mesh, points)[0] - points, axis=1)
     assert np.abs(MeshDistance(mesh).unsigned(points) - exact).max() < 1e-12
 
 
-def test_a_triangle_without_area_is_as_far_as_its_edges() -> None:
+def test_a_triangle_without_area_is_as_far_as_its_edges(solid: Callable[..., TriangleMesh]) -> None:
     flat = solid(
         np.array([[0.0, 0, 0], [4, 0, 0], [2, 0, 0], [2, 0, 0]]), np.array([[0, 1, 2], [1, 2, 3], [3, 3, 2]])
     )
@@ -82,12 +91,12 @@ def test_a_triangle_without_area_is_as_far_as_its_edges() -> None:
     )
 
 
-def test_the_number_of_threads_changes_no_bit(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_number_of_threads_changes_no_bit(ball: TriangleMesh, monkeypatch: pytest.MonkeyPatch) -> None:
     points = np.random.default_rng(4).normal(size=(3 * CHUNK + 5, 3)) * 9 + FAR
     found = []
     for threads in (1, 2, 5):
         monkeypatch.setattr("os.sched_getaffinity", lambda _, count=threads: set(range(count)))
-        found.append(MeshDistance(BALL).unsigned(points))
+        found.append(MeshDistance(ball).unsigned(points))
     assert np.array_equal(found[0], found[1])
     assert np.array_equal(found[0], found[2])
 

@@ -1,35 +1,43 @@
+from collections.abc import Callable
+
 import numpy as np
 import pytest
-from solids import ellipsoid, solid, torus
 
 from bonecam.errors import MeshError
 from bonecam.mesh.pose import enclosing_circle, solid_moments, upright
+from bonecam.mesh.triangle_mesh import TriangleMesh
 
-PEAR = ellipsoid(5, 3, 14, thick_end=0.3)
 TURN = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
 TURN = TURN * np.sign(np.linalg.det(TURN))
 
 
-def test_any_pose_ends_upright_with_the_thick_end_down() -> None:
-    placed = solid(PEAR.vertices @ TURN.T + [100, -50, 7], PEAR.faces)
+@pytest.fixture(scope="module")
+def pear(ellipsoid: Callable[..., TriangleMesh]) -> TriangleMesh:
+    return ellipsoid(5, 3, 14, thick_end=0.3)
+
+
+def test_any_pose_ends_upright_with_the_thick_end_down(
+    solid: Callable[..., TriangleMesh], pear: TriangleMesh
+) -> None:
+    placed = solid(pear.vertices @ TURN.T + [100, -50, 7], pear.faces)
     mesh, transform = upright(placed)
     assert np.allclose(placed.vertices @ transform[:3, :3].T + transform[:3, 3], mesh.vertices, atol=1e-9)
     assert np.allclose(transform[:3, :3] @ transform[:3, :3].T, np.eye(3))
     assert np.linalg.det(transform[:3, :3]) == pytest.approx(1)
-    assert np.allclose(np.ptp(mesh.vertices, axis=0), np.ptp(PEAR.vertices, axis=0), atol=1e-6)
+    assert np.allclose(np.ptp(mesh.vertices, axis=0), np.ptp(pear.vertices, axis=0), atol=1e-6)
     assert mesh.bounds[0, 2] == pytest.approx(0)
     assert solid_moments(mesh)[0][2] < 14
     assert np.allclose(enclosing_circle(mesh.vertices[:, :2])[0], 0, atol=1e-9)
 
 
-def test_an_upright_mesh_stays() -> None:
-    once, _ = upright(PEAR)
+def test_an_upright_mesh_stays(pear: TriangleMesh) -> None:
+    once, _ = upright(pear)
     twice, transform = upright(once)
     assert np.allclose(transform, np.eye(4), atol=1e-9)
     assert np.allclose(once.vertices, twice.vertices)
 
 
-def test_moments_are_those_of_the_ellipsoid() -> None:
+def test_moments_are_those_of_the_ellipsoid(ellipsoid: Callable[..., TriangleMesh]) -> None:
     centroid, covariance = solid_moments(ellipsoid(5, 3, 14, 80, 80))
     assert np.allclose(centroid, 0, atol=1e-9)
     assert np.allclose(covariance, np.diag([25, 9, 196]) / 5, rtol=0.02, atol=1e-9)
@@ -47,7 +55,9 @@ def test_the_circle_touches_and_holds_all_points() -> None:
     )
 
 
-def test_an_inside_out_mesh_has_no_pose() -> None:
+def test_an_inside_out_mesh_has_no_pose(
+    torus: Callable[..., TriangleMesh], solid: Callable[..., TriangleMesh]
+) -> None:
     mesh = torus()
     with pytest.raises(MeshError, match="outwards"):
         upright(solid(mesh.vertices, mesh.faces[:, ::-1]))

@@ -1,13 +1,13 @@
 import struct
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from bad_files import check_refused
-from solids import ellipsoid, solid
 
 from bonecam.errors import FileError
 from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
+from bonecam.mesh.triangle_mesh import TriangleMesh
 
 TETRAHEDRON = "0 0 0\n1 0 0\n0 1 0\n0 0 1\n"
 PLY = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
@@ -47,7 +47,9 @@ def test_every_text_format_gives_the_same_solid(name: str, tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("ending", [".ply", ".stl"])
-def test_what_is_written_is_read_back_and_is_the_same_bytes_twice(ending: str, tmp_path: Path) -> None:
+def test_what_is_written_is_read_back_and_is_the_same_bytes_twice(
+    ellipsoid: Callable[..., TriangleMesh], ending: str, tmp_path: Path
+) -> None:
     mesh = ellipsoid(3, 4, 9)
     write_mesh(mesh, tmp_path / f"one{ending}")
     write_mesh(mesh, tmp_path / f"two{ending}")
@@ -58,7 +60,7 @@ def test_what_is_written_is_read_back_and_is_the_same_bytes_twice(ending: str, t
     assert sorted(path.name for path in tmp_path.iterdir()) == [f"one{ending}", f"two{ending}"]
 
 
-def test_quality_is_written_to_ply(tmp_path: Path) -> None:
+def test_quality_is_written_to_ply(ellipsoid: Callable[..., TriangleMesh], tmp_path: Path) -> None:
     mesh = ellipsoid(3, 4, 9)
     write_mesh(mesh, tmp_path / "q.ply", quality=mesh.vertices[:, 2])
     assert b"property double quality" in (tmp_path / "q.ply").read_bytes()[:600]
@@ -133,7 +135,9 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_a_bad_file_is_refused_in_one_line_that_names_it(name: str, tmp_path: Path) -> None:
+def test_a_bad_file_is_refused_in_one_line_that_names_it(
+    check_refused: Callable[[Path, bytes | str, str], None], name: str, tmp_path: Path
+) -> None:
     check_refused(tmp_path / name, *BAD[name])
 
 
@@ -147,7 +151,9 @@ def test_a_binary_ply_with_vertices_that_are_no_numbers_is_refused(tmp_path: Pat
         read_mesh(tmp_path / "nan.ply")
 
 
-def test_a_missing_file_and_a_missing_folder_are_named(tmp_path: Path) -> None:
+def test_a_missing_file_and_a_missing_folder_are_named(
+    ellipsoid: Callable[..., TriangleMesh], tmp_path: Path
+) -> None:
     with pytest.raises(FileError, match=r"xxx\.stl: cannot be read \(File name too long\)"):
         read_mesh("x" * 300 + ".stl")
     with pytest.raises(FileError, match=r"nowhere\.stl: cannot be read"):
@@ -170,7 +176,9 @@ def test_a_refused_ending_names_what_the_caller_reads_itself(tmp_path: Path) -> 
         read_mesh(tmp_path / "bone.prt", also=(".tspline",))
 
 
-def test_faces_without_area_survive_reading_so_that_repair_can_tell_of_them(tmp_path: Path) -> None:
+def test_faces_without_area_survive_reading_so_that_repair_can_tell_of_them(
+    solid: Callable[..., TriangleMesh], tmp_path: Path
+) -> None:
     mesh = solid(np.eye(3), np.array([[0, 1, 2], [0, 1, 1]]))
     write_mesh(mesh, tmp_path / "null.stl")
     assert len(read_mesh(tmp_path / "null.stl").faces) == 2

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bad_files import check_refused
 
 from bonecam.errors import FileError, UnitsError
 from bonecam.mesh.files import cad_files, opencascade
@@ -154,7 +153,9 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_a_bad_file_is_refused_in_one_line_that_names_it(name: str, tmp_path: Path) -> None:
+def test_a_bad_file_is_refused_in_one_line_that_names_it(
+    check_refused: Callable[[Path, bytes | str, str], None], name: str, tmp_path: Path
+) -> None:
     check_refused(tmp_path / name, *BAD[name])
 
 

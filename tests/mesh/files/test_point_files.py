@@ -1,16 +1,16 @@
 """Points from text files, and surfaces round point clouds."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from bad_files import check_refused
-from solids import ellipsoid
 
 from bonecam.errors import MeshError
 from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.mesh.files.point_cloud import reconstruct
 from bonecam.mesh.files.point_files import read_blocks
+from bonecam.mesh.triangle_mesh import TriangleMesh
 
 SAME = {
     "a.xyz": "1 2 3\n4 5 6.5\n\n\n7 8 9\n",
@@ -47,7 +47,9 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_a_bad_file_is_refused_in_one_line_that_names_it(name: str, tmp_path: Path) -> None:
+def test_a_bad_file_is_refused_in_one_line_that_names_it(
+    check_refused: Callable[[Path, bytes | str, str], None], name: str, tmp_path: Path
+) -> None:
     check_refused(tmp_path / name, *BAD[name])
 
 
@@ -69,7 +71,7 @@ def test_the_surface_round_a_cloud_is_closed_outward_near_and_twice_the_same(tmp
     assert reconstruct(points).vertices.tobytes() == mesh.vertices.tobytes()
 
 
-def test_a_ply_without_faces_is_a_cloud(tmp_path: Path) -> None:
+def test_a_ply_without_faces_is_a_cloud(ellipsoid: Callable[..., TriangleMesh], tmp_path: Path) -> None:
     points = cloud(1000)
     head = (
         f"ply\nformat ascii 1.0\nelement vertex {len(points)}\n"

@@ -1,8 +1,9 @@
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from solids import ellipsoid, grid_faces, moved, solid, together, torus
+from numpy import ndarray
 
 import bonecam.mesh.healing.repair as repair_module
 from bonecam.errors import MeshError
@@ -13,39 +14,46 @@ from bonecam.mesh.healing.repair import repair
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.mesh.units import to_mm
 
-BONE = ellipsoid(5, 4, 14)
+
+@pytest.fixture(scope="module")
+def bone(ellipsoid: Callable[..., TriangleMesh]) -> TriangleMesh:
+    return ellipsoid(5, 4, 14)
 
 
-def test_a_sound_mesh_comes_back_as_it_is() -> None:
-    mesh, done = repair(BONE)
+def test_a_sound_mesh_comes_back_as_it_is(bone: TriangleMesh) -> None:
+    mesh, done = repair(bone)
     assert done == ()
-    assert mesh is BONE
+    assert mesh is bone
 
 
-def test_vertices_of_no_face_go_even_from_a_sound_mesh() -> None:
-    mesh, done = repair(solid(np.concatenate([BONE.vertices, [[100, 0, 0]]]), BONE.faces))
+def test_vertices_of_no_face_go_even_from_a_sound_mesh(
+    solid: Callable[..., TriangleMesh], bone: TriangleMesh
+) -> None:
+    mesh, done = repair(solid(np.concatenate([bone.vertices, [[100, 0, 0]]]), bone.faces))
     assert done == ("removed 1 vertex of no face",)
-    assert (mesh.bounds == BONE.bounds).all()
+    assert (mesh.bounds == bone.bounds).all()
 
 
-def broken(kind: str) -> TriangleMesh:
-    v, f = np.array(BONE.vertices), np.array(BONE.faces)
-    if kind == "hole":
-        return solid(v, np.delete(f, [100, 101, 102], axis=0))
-    if kind == "turned face":
-        return solid(v, np.where(np.arange(len(f))[:, None] % 7 == 0, f[:, ::-1], f))
-    if kind == "inside out":
-        return solid(v, f[:, ::-1])
-    if kind == "duplicate face":
-        return solid(v, np.concatenate([f, f[5:9]]))
-    if kind == "fin":
-        return solid(np.concatenate([v, [[9, 0, 0]]]), np.concatenate([f, [[f[40, 0], f[40, 1], len(v)]]]))
-    if kind == "debris":
-        return together(BONE, moved(ellipsoid(1, 1, 1, 4, 6), (9, 0, 0), 0.3))
-    if kind == "loose corners":
-        return solid(v[f].reshape(-1, 3), np.arange(3 * len(f)).reshape(-1, 3))
-    assert kind == "null face"
-    return solid(v, np.concatenate([f, [[3, 4, 4]]]))
+@pytest.fixture(scope="module")
+def broken(
+    bone: TriangleMesh,
+    solid: Callable[..., TriangleMesh],
+    together: Callable[..., TriangleMesh],
+    moved: Callable[..., TriangleMesh],
+    ellipsoid: Callable[..., TriangleMesh],
+) -> dict[str, TriangleMesh]:
+    """The bone with one defect each."""
+    v, f = np.array(bone.vertices), np.array(bone.faces)
+    return {
+        "hole": solid(v, np.delete(f, [100, 101, 102], axis=0)),
+        "turned face": solid(v, np.where(np.arange(len(f))[:, None] % 7 == 0, f[:, ::-1], f)),
+        "inside out": solid(v, f[:, ::-1]),
+        "duplicate face": solid(v, np.concatenate([f, f[5:9]])),
+        "fin": solid(np.concatenate([v, [[9, 0, 0]]]), np.concatenate([f, [[f[40, 0], f[40, 1], len(v)]]])),
+        "debris": together(bone, moved(ellipsoid(1, 1, 1, 4, 6), (9, 0, 0), 0.3)),
+        "loose corners": solid(v[f].reshape(-1, 3), np.arange(3 * len(f)).reshape(-1, 3)),
+        "null face": solid(v, np.concatenate([f, [[3, 4, 4]]])),
+    }
 
 
 WORDS = {
@@ -61,76 +69,97 @@ WORDS = {
 
 
 @pytest.mark.parametrize("kind", WORDS)
-def test_a_broken_mesh_is_mended_and_told(kind: str) -> None:
-    mesh, done = repair(broken(kind))
+def test_a_broken_mesh_is_mended_and_told(
+    broken: dict[str, TriangleMesh], bone: TriangleMesh, kind: str
+) -> None:
+    mesh, done = repair(broken[kind])
     assert WORDS[kind] in "; ".join(done)
     assert faults_of(mesh) == ()
-    assert mesh.volume == pytest.approx(BONE.volume, rel=0.01)
+    assert mesh.volume == pytest.approx(bone.volume, rel=0.01)
 
 
-def test_a_surface_that_cuts_itself_keeps_its_outside() -> None:
-    vertices = np.array(BONE.vertices)
+def test_a_surface_that_cuts_itself_keeps_its_outside(
+    bone: TriangleMesh, solid: Callable[..., TriangleMesh]
+) -> None:
+    vertices = np.array(bone.vertices)
     pushed = np.argmax(vertices[:, 0])
     vertices[pushed] += [-0.5, 2, 3]
-    mesh, done = repair(solid(vertices, BONE.faces))
+    mesh, done = repair(solid(vertices, bone.faces))
     assert faults_of(mesh) == ()
     assert any("cut each other" in sentence for sentence in done)
 
 
-def test_a_surface_that_bounds_no_volume_gets_a_new_skin(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_surface_that_bounds_no_volume_gets_a_new_skin(
+    bone: TriangleMesh, solid: Callable[..., TriangleMesh], monkeypatch: pytest.MonkeyPatch
+) -> None:
     def refuses(*_: object, **__: object) -> None:
         raise RuntimeError("Mesh boolean failed")
 
     monkeypatch.setattr("igl.copyleft.cgal.mesh_boolean", refuses)
-    vertices = np.array(BONE.vertices)
+    vertices = np.array(bone.vertices)
     vertices[np.argmax(vertices[:, 0])] += [-0.5, 2, 3]
-    mesh, done = repair(solid(vertices, BONE.faces))
+    mesh, done = repair(solid(vertices, bone.faces))
     assert faults_of(mesh) == ()
     assert any("new skin" in sentence for sentence in done)
 
 
-FLAT = solid(
-    np.array([[0, 0, 0], [10, 0, 0], [10, 20, 0], [0, 20, 0]]),
-    np.array([[0, 1, 2], [0, 2, 3], [2, 1, 0], [3, 2, 0]]),
-)
-TUBE = solid(ellipsoid(5, 4, 14).vertices[:-2], grid_faces(24, 32, False))
-SHEET = solid(BONE.vertices, BONE.faces[(BONE.vertices[BONE.faces].mean(1)[:, 0] > 0)])
-
-
 @pytest.mark.parametrize(
-    ("mesh", "reason"),
+    ("kind", "reason"),
     [
-        (torus(), r"1 handle \(genus 1\) near"),
-        (together(BONE, moved(BONE, (20, 0, 0))), "2 separate parts"),
-        (FLAT, "flat"),
-        (SHEET, "open sheet"),
-        (solid(np.empty((0, 3)), np.empty((0, 3))), "no faces"),
+        ("torus", r"1 handle \(genus 1\) near"),
+        ("two bones", "2 separate parts"),
+        ("rectangle", "flat"),
+        ("half a bone", "open sheet"),
+        ("nothing", "no faces"),
     ],
 )
-def test_what_cannot_be_one_solid_is_refused_with_a_remedy(mesh: TriangleMesh, reason: str) -> None:
+def test_what_cannot_be_one_solid_is_refused_with_a_remedy(
+    bone: TriangleMesh,
+    torus: Callable[..., TriangleMesh],
+    together: Callable[..., TriangleMesh],
+    solid: Callable[..., TriangleMesh],
+    moved: Callable[..., TriangleMesh],
+    kind: str,
+    reason: str,
+) -> None:
+    right = bone.vertices[bone.faces].mean(1)[:, 0] > 0
+    meshes = {
+        "torus": torus(),
+        "two bones": together(bone, moved(bone, (20, 0, 0))),
+        "rectangle": solid(
+            np.array([[0, 0, 0], [10, 0, 0], [10, 20, 0], [0, 20, 0]]),
+            np.array([[0, 1, 2], [0, 2, 3], [2, 1, 0], [3, 2, 0]]),
+        ),
+        "half a bone": solid(bone.vertices, bone.faces[right]),
+        "nothing": solid(np.empty((0, 3)), np.empty((0, 3))),
+    }
     with pytest.raises(MeshError, match=reason) as caught:
-        repair(mesh)
+        repair(meshes[kind])
     assert "\n" not in str(caught.value)
     assert ": " in str(caught.value)
 
 
-def test_a_tube_is_closed_at_its_ends() -> None:
-    mesh, done = repair(TUBE)
+def test_a_tube_is_closed_at_its_ends(
+    solid: Callable[..., TriangleMesh],
+    grid_faces: Callable[..., ndarray],
+    ellipsoid: Callable[..., TriangleMesh],
+) -> None:
+    mesh, done = repair(solid(ellipsoid(5, 4, 14).vertices[:-2], grid_faces(24, 32, False)))
     assert faults_of(mesh) == ()
     assert "closed 2 holes" in "; ".join(done)
 
 
-def test_the_new_skin_is_sound_and_close() -> None:
-    wrapped = repair_module._wrapped(repair_module._State(BONE)).mesh
+def test_the_new_skin_is_sound_and_close(bone: TriangleMesh) -> None:
+    wrapped = repair_module._wrapped(repair_module._State(bone)).mesh
     assert faults_of(wrapped) == ()
     assert (
-        np.linalg.norm(exact_closest(BONE, wrapped.vertices)[0] - wrapped.vertices, axis=1).max()
-        < 0.002 * BONE.diagonal
+        np.linalg.norm(exact_closest(bone, wrapped.vertices)[0] - wrapped.vertices, axis=1).max()
+        < 0.002 * bone.diagonal
     )
 
 
-def test_the_same_mesh_is_mended_to_the_same_bytes() -> None:
-    one, two = repair(broken("hole"))[0], repair(broken("hole"))[0]
+def test_the_same_mesh_is_mended_to_the_same_bytes(broken: dict[str, TriangleMesh]) -> None:
+    one, two = repair(broken["hole"])[0], repair(broken["hole"])[0]
     assert (one.vertices == two.vertices).all()
     assert (one.faces == two.faces).all()
 
@@ -149,7 +178,7 @@ REFUSALS = {
 }
 
 
-def test_one_triangle_is_told_to_be_one() -> None:
+def test_one_triangle_is_told_to_be_one(solid: Callable[..., TriangleMesh]) -> None:
     triangle = solid([[1, 2, 3], [20.3, 7.1, 2.2], [5.5, 30.7, 9.9]], [[0, 1, 2]])
     with pytest.raises(MeshError, match=r"the mesh \(one triangle\) is flat: 0 mm thick, 35\.4 mm"):
         repair(triangle)

@@ -1,10 +1,10 @@
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pymeshlab
 import pytest
-from solids import ellipsoid, solid, torus
 
 from bonecam.errors import Cancelled, MeshError
 from bonecam.mesh.distance import exact_closest
@@ -20,7 +20,7 @@ from bonecam.mesh.units import to_mm
 BONES = "3midph 3distph 2midph 1mc scaphoid capitate metatarsal1_rv".split()
 
 
-def forked_bone() -> TriangleMesh:
+def forked_bone(solid: Callable[..., TriangleMesh]) -> TriangleMesh:
     mesh = read_mesh(Path(os.path.dirname(pymeshlab.__file__)) / "tests" / "sample_meshes" / "bone.ply")
     return solid(mesh.vertices * 35 / np.ptp(mesh.vertices, axis=0).max(), mesh.faces)
 
@@ -45,62 +45,68 @@ def test_every_isoline_of_a_real_bone_is_one_loop(shared: Path, name: str) -> No
     assert_rows(harmonic_rows(mesh, 24, 60), mesh)
 
 
-def test_the_forked_bone_falls_into_single_loops() -> None:
-    mesh = upright(repair(forked_bone())[0])[0]
+def test_the_forked_bone_falls_into_single_loops(solid: Callable[..., TriangleMesh]) -> None:
+    mesh = upright(repair(forked_bone(solid))[0])[0]
     assert_rows(harmonic_rows(mesh), mesh)
 
 
-EGG = upright(ellipsoid(5, 4, 14, thick_end=0.2))[0]
-ROWS = harmonic_rows(EGG, 16, 40, edge=0.8)
+@pytest.fixture(scope="module")
+def egg(ellipsoid: Callable[..., TriangleMesh]) -> TriangleMesh:
+    return upright(ellipsoid(5, 4, 14, thick_end=0.2))[0]
 
 
-def test_two_runs_give_the_same_rows() -> None:
-    again = harmonic_rows(EGG, 16, 40, edge=0.8)
-    assert (again.points == ROWS.points).all()
-    assert (again.poles == ROWS.poles).all()
+@pytest.fixture(scope="module")
+def rows(egg: TriangleMesh) -> Rows:
+    return harmonic_rows(egg, 16, 40, edge=0.8)
 
 
-def test_rows_are_as_far_apart_as_their_heights_say() -> None:
-    gaps = np.linalg.norm(np.diff(ROWS.points, axis=0), axis=2).mean(1)
-    wanted = np.diff(ROWS.heights)
+def test_two_runs_give_the_same_rows(egg: TriangleMesh, rows: Rows) -> None:
+    again = harmonic_rows(egg, 16, 40, edge=0.8)
+    assert (again.points == rows.points).all()
+    assert (again.poles == rows.poles).all()
+
+
+def test_rows_are_as_far_apart_as_their_heights_say(rows: Rows) -> None:
+    gaps = np.linalg.norm(np.diff(rows.points, axis=0), axis=2).mean(1)
+    wanted = np.diff(rows.heights)
     assert np.abs(gaps / gaps.sum() / (wanted / wanted.sum()) - 1).max() < 0.08
-    assert np.allclose(ROWS.heights, row_heights(16))
-    assert ROWS.heights[0] < 0.6 / 17
+    assert np.allclose(rows.heights, row_heights(16))
+    assert rows.heights[0] < 0.6 / 17
 
 
-def test_normals_of_the_rows_point_outward() -> None:
-    across = np.roll(ROWS.points, -1, axis=1) - np.roll(ROWS.points, 1, axis=1)
-    normals = np.cross(across[1:-1], ROWS.points[2:] - ROWS.points[:-2])
-    _, faces = exact_closest(EGG, ROWS.points[1:-1].reshape(-1, 3))
-    assert (np.einsum("ij,ij->i", normals.reshape(-1, 3), EGG.face_vectors[faces]) > 0).all()
+def test_normals_of_the_rows_point_outward(rows: Rows, egg: TriangleMesh) -> None:
+    across = np.roll(rows.points, -1, axis=1) - np.roll(rows.points, 1, axis=1)
+    normals = np.cross(across[1:-1], rows.points[2:] - rows.points[:-2])
+    _, faces = exact_closest(egg, rows.points[1:-1].reshape(-1, 3))
+    assert (np.einsum("ij,ij->i", normals.reshape(-1, 3), egg.face_vectors[faces]) > 0).all()
 
 
-def test_vertex_parameters_say_where_a_vertex_lies_among_the_rows() -> None:
-    s, t = ROWS.vertex_parameters.T
+def test_vertex_parameters_say_where_a_vertex_lies_among_the_rows(rows: Rows) -> None:
+    s, t = rows.vertex_parameters.T
     assert ((s >= 0) & (s < 1)).all()
     assert ((t >= 0) & (t <= 1)).all()
-    row = np.interp(t, ROWS.heights, np.arange(len(ROWS.heights)))
-    low = np.clip(row.astype(int), 0, len(ROWS.heights) - 2)
+    row = np.interp(t, rows.heights, np.arange(len(rows.heights)))
+    low = np.clip(row.astype(int), 0, len(rows.heights) - 2)
     place = s * 40
     k = place.astype(int) % 40
     u, v = (row - low)[:, None], (place - np.floor(place))[:, None]
-    q = ROWS.points
+    q = rows.points
     near = (1 - u) * ((1 - v) * q[low, k] + v * q[low, (k + 1) % 40]) + u * (
         (1 - v) * q[low + 1, k] + v * q[low + 1, (k + 1) % 40]
     )
-    between = (t > ROWS.heights[0]) & (t < ROWS.heights[-1])
-    assert np.linalg.norm(near - ROWS.mesh.vertices, axis=1)[between].max() < 0.8
+    between = (t > rows.heights[0]) & (t < rows.heights[-1])
+    assert np.linalg.norm(near - rows.mesh.vertices, axis=1)[between].max() < 0.8
 
 
-def test_the_field_has_no_extremum_but_the_poles() -> None:
-    poles = end_poles(ROWS.mesh)
-    u = harmonic_field(ROWS.mesh, poles)
-    laplacian = positive_laplacian(ROWS.mesh)
+def test_the_field_has_no_extremum_but_the_poles(rows: Rows) -> None:
+    poles = end_poles(rows.mesh)
+    u = harmonic_field(rows.mesh, poles)
+    laplacian = positive_laplacian(rows.mesh)
     free = np.setdiff1d(np.arange(len(u)), poles)
     assert np.abs(laplacian @ u)[free].max() < 1e-9
     assert np.abs(laplacian @ np.ones(len(u))).max() < 1e-9
     assert ((u[free] > 0) & (u[free] < 1)).all()
-    isolines = Isolines.of(ROWS.mesh, u)
+    isolines = Isolines.of(rows.mesh, u)
     for value in np.quantile(u, np.linspace(0.01, 0.99, 100)):
         loop = isolines.loop(float(value))
         assert np.linalg.norm(np.roll(loop, -1, axis=0) - loop, axis=1).sum() == pytest.approx(
@@ -108,15 +114,17 @@ def test_the_field_has_no_extremum_but_the_poles() -> None:
         )
 
 
-def test_a_handle_is_found_as_a_broken_isoline() -> None:
+def test_a_handle_is_found_as_a_broken_isoline(
+    torus: Callable[..., TriangleMesh], solid: Callable[..., TriangleMesh]
+) -> None:
     ring = torus()
     tilted = solid(ring.vertices[:, [2, 0, 1]], ring.faces)
     with pytest.raises(MeshError, match="several loops"):
         harmonic_rows(tilted, 8, 20, edge=1.0)
 
 
-def test_wrong_counts_and_cancelling() -> None:
+def test_wrong_counts_and_cancelling(egg: TriangleMesh) -> None:
     with pytest.raises(ValueError, match="1 rows"):
-        harmonic_rows(EGG, 1, 40)
+        harmonic_rows(egg, 1, 40)
     with pytest.raises(Cancelled):
-        harmonic_rows(EGG, 16, 40, progress=lambda fraction, message: False)
+        harmonic_rows(egg, 16, 40, progress=lambda fraction, message: False)
