@@ -18,7 +18,7 @@ import bonecam
 from bonecam.errors import BonecamError, JobError
 from bonecam.files import check_files
 from bonecam.job import Job, read_job, write_job
-from bonecam.parameters import KINDS
+from bonecam.job.parameter import KINDS
 from bonecam.progress import Progress, silent
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 ORDER = [
-    *"errors progress timing arrays threads files parameters job kernels mesh setup surface levels toolpath orientation nc verify".split(),
+    *"errors progress timing arrays threads files job kernels mesh setup surface levels toolpath orientation nc verify".split(),
     *"outputs pipeline filters batch cli __main__".split(),
 ]
 ROOMS = {

@@ -7,7 +7,7 @@ import pytest
 
 from bonecam.errors import JobError, LevelError
 from bonecam.job import Job, read_job, write_job
-from bonecam.parameters import record
+from bonecam.job.parameter import record
 
 
 def test_a_written_job_reads_back_equal(tmp_path: Path) -> None:
@@ -34,14 +34,14 @@ def test_every_parameter_states_label_tooltip_and_a_default_within_its_range() -
         ("[stok]\ndiameter = 1", "stok"),
         ('[stock]\ndiameter = "15"', "diameter"),
         ("diameter = 1", "diameter"),
-        ("[stock", "mend the TOML"),
+        ("[stock", "correct the TOML"),
         ('[mesh]\nunits = "feet"', "units"),
         ("[nc]\ncoolant = 1", "coolant"),
         ("[stock]\ndiameter = nan", "diameter"),
         ("[finishing]\nradius = -1", r"\[finishing\] radius = -1"),
         ("[mesh]\nrows = 48.0", "give a whole number"),
         ("[stock]\ndiameter = " + "9" * 400, "give a number"),
-        ("[stock]\ndiameter = " + "9" * 5000, "mend the TOML"),
+        ("[stock]\ndiameter = " + "9" * 5000, "correct the TOML"),
         ("[[stock]]\ndiameter = 1", "stock"),
         ('[levels]\ndepths = "0.1 x"', r"\[levels\] depths"),
     ],

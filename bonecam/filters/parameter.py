@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from bonecam.errors import FilterError
+from bonecam.job.parameter import record
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.parameters import record
 
 Stage = TypeVar("Stage")
 

@@ -1,7 +1,7 @@
 """What a machine must have for a job: the speeds of its spindle and axes, and the travel for stock and tool."""
 
 from bonecam.errors import MachineError
-from bonecam.job import Job, ToolJob, wrong
+from bonecam.job import Job, ToolJob, field_error
 from bonecam.nc.machine import Machine
 from bonecam.orientation.lead import check_lead
 from bonecam.setup.stock import Stock
@@ -20,12 +20,12 @@ def _check_speeds(section: str, tool: ToolJob, machine: Machine) -> None:
     """JobError where spindle speed (1/min) or feed (mm/min) are more than the machine has."""
     if tool.spindle > machine.spindle_speed:
         bound = f"{machine.name} turns at {machine.spindle_speed:g} 1/min at most: give less"
-        raise wrong(section, "spindle", tool.spindle, bound)
+        raise field_error(section, "spindle", tool.spindle, bound)
 
     slowest = min(axis.speed for axis in machine.linear)
     if tool.feed > slowest:
         bound = f"an axis of {machine.name} makes {slowest:g} mm/min at most: give less"
-        raise wrong(section, "feed", tool.feed, bound)
+        raise field_error(section, "feed", tool.feed, bound)
 
 
 def check_room(stock: Stock, job: Job, machine: Machine) -> None:

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.arrays import unit
-from bonecam.job import wrong
+from bonecam.job import field_error
 from bonecam.orientation.collision.scene import TABLE_CLEARANCE
 from bonecam.orientation.limits import AxisLimits, polar_angles, with_polar_angles
 from bonecam.toolpath.cutter import Cutter
@@ -35,7 +35,7 @@ def check_lead(cutter: Cutter, lead_deg: float) -> None:
                 f"at the lead of {lead_deg:g} degrees the {name} would cut into a flat part: "
                 f"give a slimmer {name}, less path.lead_deg, or a longer overhang or flute_length"
             )
-            raise wrong(cutter.name, f"{name}_diameter", 2 * radius, remedy)
+            raise field_error(cutter.name, f"{name}_diameter", 2 * radius, remedy)
 
 
 def lead_axes(

@@ -7,7 +7,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import ToolPathError
-from bonecam.job import HoldingJob, wrong
+from bonecam.job import HoldingJob, field_error
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.stock import Stock
 
@@ -62,7 +62,7 @@ def checked_post(part: TriangleMesh, stock: Stock, holding: HoldingJob, lying: t
     width = float(np.ptp(stock.bounds[:, :2], axis=0).min())
     if holding.diameter >= width:
         bound = f"the stock is {width:.2f} mm wide"
-        raise wrong(
+        raise field_error(
             "holding",
             "diameter",
             holding.diameter,

@@ -12,7 +12,7 @@ from numpy import ndarray
 from scipy.spatial import ConvexHull, cKDTree
 
 from bonecam.errors import StockError
-from bonecam.job import Job, StockJob, wrong
+from bonecam.job import Job, StockJob, field_error
 from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.mesh.part import Part
 from bonecam.mesh.triangle_mesh import probes
@@ -84,7 +84,7 @@ def check_sizes(stock: StockJob) -> None:
         value, default = getattr(stock, name), getattr(StockJob, name)
         if name not in own and value != default:
             kinds = " or ".join(kind for kind, sizes in SIZES.items() if name in sizes.split())
-            raise wrong(
+            raise field_error(
                 "stock", name, value, f"a {stock.kind} has none: give {' and '.join(own)}, or kind = {kinds}"
             )
 

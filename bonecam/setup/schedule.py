@@ -13,7 +13,7 @@ import numpy as np
 
 from bonecam.arrays import ROUNDING
 from bonecam.errors import LevelError, place_name
-from bonecam.job import LevelsJob, wrong
+from bonecam.job import LevelsJob, field_error
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.stock import Stock
@@ -105,7 +105,7 @@ def check_cuts(part: TriangleMesh, stock: Stock, job: LevelsJob) -> None:
     cuts = schedule_of(job).lower_bound(farthest)
     if cuts > job.most_cuts:
         what = f"the stock at {place_name(place)} is {farthest:.1f} mm from the part, which takes {cuts} cuts or more"
-        raise wrong(
+        raise field_error(
             "levels",
             "most_cuts",
             job.most_cuts,

@@ -1,6 +1,6 @@
 """How deep the ball of a cutter may sink into the material."""
 
-from bonecam.job import Job, wrong
+from bonecam.job import Job, field_error
 
 MAX_DEPTH_RADII = 0.75
 """A ball is never sunk deeper than this many radii into the material."""
@@ -17,7 +17,7 @@ def check_depths(job: Job) -> None:
             name = _depth_field(job, level, len(first))
             bound = f"a ball of {section}.radius = {radius:g} mm sinks {deepest:g} mm at most ({MAX_DEPTH_RADII:g} of it)"
             remedy = "give shallower cuts or a larger ball"
-            raise wrong("levels", name, getattr(job.levels, name), f"{bound}: {remedy}")
+            raise field_error("levels", name, getattr(job.levels, name), f"{bound}: {remedy}")
 
 
 def _depth_field(job: Job, level: int, first: int) -> str:

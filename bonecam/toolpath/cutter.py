@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from bonecam.job import ToolJob, wrong
+from bonecam.job import ToolJob, field_error
 
 
 @dataclass(frozen=True)
@@ -28,28 +28,28 @@ class Cutter:
 
     def __post_init__(self) -> None:
         if not self.flute_length >= self.radius:
-            raise wrong(
+            raise field_error(
                 self.name,
                 "flute_length",
                 self.flute_length,
                 f"give at least the ball's radius ({self.radius:g} mm)",
             )
         if not self.overhang > self.flute_length:
-            raise wrong(
+            raise field_error(
                 self.name,
                 "overhang",
                 self.overhang,
                 f"give more than flute_length ({self.flute_length:g} mm)",
             )
         if not 0 < self.scallop < self.radius:
-            raise wrong(
+            raise field_error(
                 self.name,
                 "scallop",
                 self.scallop,
                 f"give less than the ball's radius ({self.radius:g} mm), and more than 0",
             )
         if not self.shank_diameter <= self.holder_diameter:
-            raise wrong(
+            raise field_error(
                 self.name,
                 "shank_diameter",
                 self.shank_diameter,

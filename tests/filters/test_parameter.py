@@ -1,5 +1,7 @@
 """Parameters take values and percentages the MeshLab way, refuse the rest by name, and survive their text."""
 
+from dataclasses import fields
+
 import numpy as np
 import pymeshlab
 import pytest
@@ -8,9 +10,9 @@ from hypothesis import strategies as st
 
 from bonecam.errors import FilterError
 from bonecam.filters.parameter import FilterParameter, Kind, Percentage, parameters_of, stage_of
-from bonecam.job import Job, LevelsJob, StockJob, fields
+from bonecam.job import Job, LevelsJob, StockJob
+from bonecam.job.parameter import record
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.parameters import record
 
 BOX = TriangleMesh(np.array([[0.0, 0, 0], [30, 0, 0], [0, 40, 0]]), np.array([[0, 1, 2]], dtype=np.int32))
 LENGTH = FilterParameter("depth", Kind.LENGTH, 0.5, "Depth", "How deep.", "mm", 0.01, 20.0)

@@ -27,7 +27,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from bonecam.errors import LevelError, place_name
-from bonecam.job import wrong
+from bonecam.job import field_error
 from bonecam.levels.measure.check import DEPTH_TOLERANCE
 from bonecam.levels.problem.samples import (
     Samples,
@@ -111,7 +111,7 @@ def require_clarabel() -> ModuleType:
     try:
         import clarabel
     except ImportError as error:
-        raise wrong(
+        raise field_error(
             "levels",
             "method",
             "qcqp",

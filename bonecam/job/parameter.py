@@ -1,5 +1,4 @@
-"""Parameters of a stage: each is declared once, on its dataclass field, with default, unit, range, label and
-tooltip."""
+"""A parameter of a job: default, unit, range, label and tooltip, declared on the field of its section."""
 
 import dataclasses
 import math
@@ -13,7 +12,7 @@ from bonecam.errors import JobError
 
 @dataclass(frozen=True)
 class Parameter:
-    """What a person needs to know of one parameter."""
+    """Label, tooltip, unit, range and choices of one parameter."""
 
     label: str
     tooltip: str
@@ -34,18 +33,21 @@ def record(item: "dataclasses.Field[Any]") -> Parameter:
 
 
 KINDS = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}
-"""What a person gives where a parameter is of a type."""
+"""The words for the value that a parameter of a type takes."""
 
 
-def check(stage: Any) -> None:
-    """Raise JobError where a field of `stage` has the wrong type or leaves its range."""
-    for item in fields(stage):
+def check(section: Any) -> None:
+    """JobError where a field of `section` has the wrong type or leaves its range.
+
+    Numpy scalars, whole numbers for decimal ones, and paths become the type of the field.
+    """
+    for item in fields(section):
         if "parameter" not in item.metadata:
             continue
-        given, known = getattr(stage, item.name), record(item)
+        given, known = getattr(section, item.name), record(item)
         value = _plain(given, float if isinstance(item.default, float) else type(item.default))
         if value is not given:
-            object.__setattr__(stage, item.name, value)
+            object.__setattr__(section, item.name, value)
         if type(value) is not type(item.default):
             raise JobError(
                 f"{item.name} = {str(value)[:40]!r}: give {KINDS[type(item.default)]}", field=item.name
@@ -62,7 +64,7 @@ def check(stage: Any) -> None:
 
 
 def _plain(value: Any, kind: type) -> Any:
-    """A numpy scalar as Python's, a whole number where a number is wanted as that, a Path as its text."""
+    """`value` as a Python value: numpy scalars, an int where `kind` is float, and paths where `kind` is str."""
     if type(value).__module__ == "numpy" and getattr(value, "ndim", 1) == 0:
         value = value.item()
     if kind is float and type(value) is int and abs(value) <= sys.maxsize:
@@ -70,8 +72,8 @@ def _plain(value: Any, kind: type) -> Any:
     return str(value) if kind is str and isinstance(value, Path) else value
 
 
-class Stage:
-    """Base of the stage records: checks its fields when made."""
+class Section:
+    """Base of the sections of a job: it checks the fields of a new record."""
 
     def __post_init__(self) -> None:
         check(self)

@@ -1,0 +1,14 @@
+from .holding_section import HoldingJob as HoldingJob
+from .job_file import read_job as read_job
+from .job_file import write_job as write_job
+from .levels_section import LevelsJob as LevelsJob
+from .mesh_section import MeshJob as MeshJob
+from .nc_section import NcJob as NcJob
+from .path_section import PathJob as PathJob
+from .sections import Job as Job
+from .sections import field_error as field_error
+from .stock_section import StockJob as StockJob
+from .surface_section import SurfaceJob as SurfaceJob
+from .tool_section import FINISHING as FINISHING
+from .tool_section import ROUGHING as ROUGHING
+from .tool_section import ToolJob as ToolJob

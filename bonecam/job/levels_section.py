@@ -1,0 +1,112 @@
+"""The section [levels] of a job."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from bonecam.errors import JobError
+from bonecam.job.parameter import Section, check, parameter
+
+
+@dataclass(frozen=True)
+class LevelsJob(Section):
+    """The depth of each cut, and the energy that the levels minimise (Gan et al. 2014, section 4.2).
+
+    `depths` may also be given as one number or as a list of numbers (mm).
+    """
+
+    finishing_depth: float = parameter(
+        0.1,
+        "Finishing depth",
+        "Largest cutting depth of the levels next to the part.",
+        unit="mm",
+        low=0.005,
+        high=5.0,
+    )
+    finishing_levels: int = parameter(
+        4,
+        "Finishing levels",
+        "Number of levels next to the part that are cut at the finishing depth.",
+        low=0,
+        high=50,
+    )
+    roughing_depth: float = parameter(
+        0.5, "Roughing depth", "Largest cutting depth of the other levels.", unit="mm", low=0.01, high=20.0
+    )
+    schedule: str = parameter(
+        "numbers",
+        "Schedule",
+        "numbers: finishing_levels cuts at the finishing depth; fewest: all cuts at the roughing depth.",
+        choices=("numbers", "fewest"),
+    )
+    depths: str = parameter(
+        "",
+        "Depths",
+        "Depths (mm) of the cuts from the part outwards instead, like '0.1 0.1 0.3 0.5'; the last one repeats.",
+    )
+    most_cuts: int = parameter(
+        250, "Most cuts", "A stock that needs more cuts than this is refused.", low=1, high=2000
+    )
+    even: bool = parameter(
+        False,
+        "Even",
+        "Spread the depth evenly over the roughing cuts, so that the outermost cut is not much thinner.",
+    )
+    stiffness: float = parameter(
+        5e-7,
+        "Stiffness",
+        "Weight of the thin-plate energy against the attraction (c_int / c_ext), s and t in [0, 1].",
+        low=0.0,
+        high=1.0,
+    )
+    attraction: str = parameter(
+        "stock",
+        "Attraction",
+        "Levels are attracted to the nearest point of the stock, or to the bounding sphere (as published).",
+        choices=("stock", "sphere"),
+    )
+    method: str = parameter(
+        "qp",
+        "Method",
+        "qp: quadratic programs, solved by ADMM; qcqp: the published cone program, solved exactly (slow).",
+        choices=("qp", "qcqp"),
+    )
+    chord_tolerance: float = parameter(
+        0.01,
+        "Chord tolerance",
+        "Chord tolerance of the tessellated levels, which are measured and written.",
+        unit="mm",
+        low=0.0005,
+        high=1.0,
+    )
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.depths, str):
+            several = list(self.depths) if isinstance(self.depths, Iterable) else [self.depths]
+            if not several:
+                raise self._depths_error("give one at least, or leave them out")
+            object.__setattr__(self, "depths", " ".join(map(str, several)))
+        check(self)
+        if self.depths.strip() and self.schedule == "fewest":
+            raise self._depths_error("they give every cut, schedule = 'fewest' too: leave one of them out")
+        _ = self.cuts
+
+    @property
+    def cuts(self) -> tuple[tuple[float, ...], float]:
+        """Depths (mm) of the first cuts, from the part outwards, and the depth of all others.
+
+        JobError where `depths` is no list of positive numbers.
+        """
+        if self.depths.strip():
+            try:
+                *first, beyond = (float(word) for word in self.depths.replace(",", " ").split())
+            except ValueError as error:
+                raise self._depths_error("give numbers like '0.1 0.1 0.5'") from error
+            if not all(0 < depth < math.inf for depth in (*first, beyond)):
+                raise self._depths_error("give positive depths (mm), like '0.1 0.1 0.5'")
+            return tuple(first), beyond
+        count = self.finishing_levels if self.schedule == "numbers" else 0
+        return (self.finishing_depth,) * count, self.roughing_depth
+
+    def _depths_error(self, why: str) -> JobError:
+        return JobError(f"depths = {self.depths!r}: {why}", field="depths")

@@ -1,0 +1,33 @@
+"""The section [mesh] of a job."""
+
+from dataclasses import dataclass
+
+from bonecam.job.parameter import Section, parameter
+
+
+@dataclass(frozen=True)
+class MeshJob(Section):
+    """How the mesh is read, repaired and cut into rows."""
+
+    units: str = parameter("mm", "Units", "Unit of the mesh file's coordinates.", choices=("mm", "m", "inch"))
+    upright: bool = parameter(
+        True, "Upright", "Turn the part's longest principal axis to +Z and centre the part on the Z axis."
+    )
+    pit_radius: float = parameter(
+        1.0,
+        "Pit radius",
+        "Pits that a ball of this radius (the finishing cutter's) cannot enter are filled before the fit; 0: none.",
+        unit="mm",
+        low=0.0,
+        high=50.0,
+    )
+    edge_percent: float = parameter(
+        1.3,
+        "Remesh edge",
+        "Edge length of the isotropic remeshing, in percent of the bounding box's diagonal.",
+        unit="%",
+        low=0.2,
+        high=10.0,
+    )
+    rows: int = parameter(48, "Rows", "Number of harmonic rows between the poles.", low=6, high=200)
+    row_points: int = parameter(100, "Points a row", "Number of points on each row.", low=16, high=1000)

@@ -1,0 +1,38 @@
+"""The section [nc] of a job."""
+
+from dataclasses import dataclass
+
+from bonecam.job.parameter import Section, parameter
+
+
+@dataclass(frozen=True)
+class NcJob(Section):
+    """Machine, controller, and the feeds between the cuts."""
+
+    machine: str = parameter("mikron-ucp600", "Machine", "Name of a machine, or path of its .toml file.")
+    controller: str = parameter(
+        "heidenhain", "Controller", "Name of a controller's dialect, or path of its .toml file."
+    )
+    link_feed: float = parameter(
+        1500.0,
+        "Link feed",
+        "Feed of links between passes, and of retracts.",
+        unit="mm/min",
+        low=1.0,
+        high=30000.0,
+    )
+    plunge_feed: float = parameter(
+        300.0, "Plunge feed", "Feed of the approach to the part.", unit="mm/min", low=1.0, high=30000.0
+    )
+    rapid_feed: float = parameter(
+        10000.0,
+        "Rapid rate",
+        "Speed of rapid moves, for the machining time and for controllers that need a number.",
+        unit="mm/min",
+        low=1.0,
+        high=100000.0,
+    )
+    coolant: bool = parameter(True, "Coolant", "Switch the coolant on while cutting.")
+    part_zero: str = parameter(
+        "table", "Part zero", "The program's zero: on the table under the part.", choices=("table",)
+    )

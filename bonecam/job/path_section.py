@@ -1,0 +1,65 @@
+"""The section [path] of a job."""
+
+from dataclasses import dataclass
+
+from bonecam.errors import JobError
+from bonecam.job.parameter import Section, check, parameter
+
+
+@dataclass(frozen=True)
+class PathJob(Section):
+    """The passes on a level, the tool axis, and the links between passes."""
+
+    direction: str = parameter(
+        "around",
+        "Direction",
+        "Passes round the bone (t = const) or from pole to pole (s = const).",
+        choices=("around", "along"),
+    )
+    chord_tolerance: float = parameter(
+        0.004,
+        "Chord tolerance",
+        "Largest distance between the path on the surface and the straight moves that replace it.",
+        unit="mm",
+        low=0.0005,
+        high=0.5,
+    )
+    max_step: float = parameter(1.0, "Largest step", "Longest cutting move.", unit="mm", low=0.05, high=10.0)
+    clearance: float = parameter(
+        2.0,
+        "Clearance",
+        "Distance kept from the stock while moving between passes.",
+        unit="mm",
+        low=0.2,
+        high=50.0,
+    )
+    lead_deg: float = parameter(
+        10.0,
+        "Lead",
+        "Lead angle: the tool axis leans forward, along the feed, by this angle.",
+        unit="deg",
+        low=-60.0,
+        high=60.0,
+    )
+    max_tilt_deg: float = parameter(
+        75.0,
+        "Largest tilt",
+        "Largest angle between tool axis and surface normal.",
+        unit="deg",
+        low=1.0,
+        high=89.0,
+    )
+    gouge_tolerance: float = parameter(
+        0.01,
+        "Gouge tolerance",
+        "Largest depth by which the ball may enter the part.",
+        unit="mm",
+        low=0.001,
+        high=0.5,
+    )
+
+    def __post_init__(self) -> None:
+        check(self)
+        if abs(self.lead_deg) > self.max_tilt_deg:
+            bound = f"keep it within path.max_tilt_deg ({self.max_tilt_deg:g})"
+            raise JobError(f"lead_deg = {self.lead_deg:g}: {bound}", field="lead_deg")
