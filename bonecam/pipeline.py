@@ -43,9 +43,10 @@ def convert(
 ) -> Result:
     """The verified NC program of a part: all stages from the mesh to the proof.
 
-    `mesh` is a file, or a TriangleMesh in the unit `job.mesh.units`. The files `program`, `report` and `surface`
-    (its ending says its kind) and the folder `keep` are written at the end, all or none. Only a level that fails
-    its check is written to `keep` all the same. Raises a BonecamError that names the trouble and the remedy.
+    `mesh` is a file, or a TriangleMesh in the unit `job.mesh.units`. The files `program`, `report` and
+    `surface` (its ending says its kind) and the folder `keep` are written at the end, all or none. Only a
+    level that fails its check is written to `keep` all the same. Raises a BonecamError that names the trouble
+    and the remedy.
     """
     job = _require_job(job)
     machine = read_machine(job.nc.machine)

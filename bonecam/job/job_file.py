@@ -11,7 +11,8 @@ from bonecam.job.sections import Job
 
 
 def read_job(path: str | Path, base: Job | None = None) -> Job:
-    """The job of a TOML file, whose tables are the sections of a job. A value that it leaves out is that of `base`.
+    """The job of a TOML file, whose tables are the sections of a job. A value that it leaves out is that of
+    `base`.
 
     JobError names the file and what is wrong in it.
     """

@@ -64,7 +64,8 @@ def check(section: Any) -> None:
 
 
 def _plain(value: Any, kind: type) -> Any:
-    """`value` as a Python value: numpy scalars, an int where `kind` is float, and paths where `kind` is str."""
+    """`value` as a Python value: numpy scalars, an int where `kind` is float, and paths where `kind` is
+    str."""
     if type(value).__module__ == "numpy" and getattr(value, "ndim", 1) == 0:
         value = value.item()
     if kind is float and type(value) is int and abs(value) <= sys.maxsize:

@@ -29,7 +29,8 @@ class Job:
     nc: NcJob = field(default_factory=NcJob)
 
     def with_values(self, **changes: dict[str, Any]) -> "Job":
-        """A job with other values, given as `section={name: value}`; JobError names an unknown section or name."""
+        """A job with other values, given as `section={name: value}`; JobError names an unknown section or
+        name."""
         known = [item.name for item in fields(self)]
         for section in changes:
             if section not in known:
@@ -39,7 +40,8 @@ class Job:
         return replace(self, **sections)
 
     def is_finishing(self, level: int) -> bool:
-        """Whether the finishing cutter machines a level: level 0 (the part), and cuts of at most the finishing depth.
+        """Whether the finishing cutter machines a level: level 0 (the part), and cuts of at most the
+        finishing depth.
 
         `finishing_levels` cuts next to the part are such cuts, unless `depths` lists the depth of each cut.
         """

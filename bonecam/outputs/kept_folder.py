@@ -20,7 +20,8 @@ from bonecam.verify.pictures import draw_coloured, draw_depths, draw_levels, dra
 FAILED = r"failed_level_\d{2,}\.ply"
 """Name of the file that shows where a level failed its check, as a regular expression."""
 SERIES = rf"level_\d{{2,}}\.ply|toolpath\.(csv|png)|{FAILED}"
-"""Names of the files of levels and paths, which a later run in the same folder removes, as a regular expression."""
+"""Names of the files of levels and paths, which a later run in the same folder removes, as a regular
+expression."""
 
 
 def write_kept_folder(
@@ -31,10 +32,11 @@ def write_kept_folder(
     paths: Sequence[ToolPath],
     post: tuple[float, float],
 ) -> None:
-    """Write surface.tspline, the files of `keep_levels`, and toolpath.csv and toolpath.png where there are paths.
+    """Write surface.tspline, the files of `keep_levels`, and toolpath.csv and toolpath.png where there are
+    paths.
 
-    All files are written or none; levels and paths of an earlier run are removed. `post` is (diameter, top z),
-    mm.
+    All files are written or none; levels and paths of an earlier run are removed. `post` is (diameter, top
+    z), mm.
     """
     with whole_folder(folder, SERIES) as work:
         write_tsm(surface, work / "surface.tspline")
@@ -51,12 +53,13 @@ def keep_levels(
     post: tuple[float, float] | None = None,
     line: float = LINE,
 ) -> None:
-    """Write the levels as level_00.ply (the part), level_01.ply, ..., and levels.png, coloured.png, depths.png.
+    """Write the levels as level_00.ply (the part), level_01.ply, ..., and levels.png, coloured.png,
+    depths.png.
 
     The depth of the cut (mm) is the quality of the vertices and their colour, on one scale for all levels.
-    `stock` is None for open levels; `post` is (diameter, top z), mm; `line` is the parameter s of the line along
-    which depths.png shows the depths. All files are written or none; levels and paths of an earlier run are
-    removed.
+    `stock` is None for open levels; `post` is (diameter, top z), mm; `line` is the parameter s of the line
+    along which depths.png shows the depths. All files are written or none; levels and paths of an earlier run
+    are removed.
     """
     with whole_folder(folder, SERIES) as work:
         _write_levels(work, levels, stock, post, line)

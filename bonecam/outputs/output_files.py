@@ -31,7 +31,8 @@ class Outputs:
     surface: File = None
 
     def check(self, part: str | Path | None = None, dialect: Dialect | None = None) -> None:
-        """FileError where a file cannot be written, has an ending of another kind of file, or is the part's file.
+        """FileError where a file cannot be written, has an ending of another kind of file, or is the part's
+        file.
 
         `dialect` is that of the program, where one is wanted.
         """
@@ -69,7 +70,8 @@ class Outputs:
 
 
 def check_ending(program: Path, dialect: Dialect) -> None:
-    """FileError where the name of a program has no ending, or the ending of another controller or of a part."""
+    """FileError where the name of a program has no ending, or the ending of another controller or of a
+    part."""
     proposed = program.with_name(f"{program.stem.strip('.') or 'program'}{dialect.extension}").name
     if len(program.suffix) < 2:
         trouble = f"has no ending, {dialect.name} programs end in {dialect.extension}: name it {proposed}"

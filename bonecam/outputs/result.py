@@ -30,7 +30,8 @@ class Morphed:
 
 @dataclass(frozen=True, eq=False)
 class Result(Morphed):
-    """The result of `bonecam.convert`: levels, the tool path of each level in machining order, and the program."""
+    """The result of `bonecam.convert`: levels, the tool path of each level in machining order, and the
+    program."""
 
     paths: tuple[ToolPath, ...]
     program: Program
