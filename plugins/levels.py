@@ -11,8 +11,8 @@ from bonecam.filters.filter import Filter
 from bonecam.filters.layers import Layers
 from bonecam.filters.parameter import FilterParameter, Kind, parameters_of, stage_of
 from bonecam.job import HoldingJob, LevelsJob, StockJob
-from bonecam.levels.measure.check import DEPTH_TOLERANCE, NEST_TOLERANCE
 from bonecam.levels.measure.level import Level
+from bonecam.levels.problem.tolerances import DEPTH_TOLERANCE, NEST_TOLERANCE
 from bonecam.progress import Progress
 from bonecam.surface.tspline import TSpline
 
@@ -142,7 +142,7 @@ FILTERS = (
         "Morphs the T-spline into the stock in levels that keep their cutting depth, lie inside the stock and enclose one another; adds "
         "them as layers level_00 (the part) ... level_K (the stock), coloured by depth on one scale. Layer level_00 becomes the "
         "current one. The stock is that of generate_stock or generate_stock_capsule. By default their quadratic programs "
-        "are solved by splitting (ADMM).",
+        "are solved by ADMM.",
         CATEGORY,
         parameters_of(LevelsJob()),
         morph_levels,

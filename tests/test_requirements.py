@@ -103,12 +103,13 @@ def test_an_absurd_job_is_refused_before_the_surface_is_fitted(
 
 
 @pytest.mark.usefixtures("no_work")
+@pytest.mark.parametrize(("field", "value"), [("method", "qcqp"), ("solver", "clarabel")])
 def test_a_solver_that_is_not_installed_is_named_before_the_surface_is_fitted(
-    monkeypatch: pytest.MonkeyPatch,
+    field: str, value: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "clarabel", None)
-    job = Job().with_values(levels={"method": "qcqp"})
-    missing = r"\[levels\] method = 'qcqp': needs Clarabel: pip install 'bonecam\[reference\]'"
+    job = Job().with_values(levels={field: value})
+    missing = rf"\[levels\] {field} = '{value}': needs Clarabel: pip install 'bonecam\[reference\]'"
     with pytest.raises(JobError, match=missing):
         bonecam.convert(shipped("phalanx"), job)
     with pytest.raises(JobError, match=missing):

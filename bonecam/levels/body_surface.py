@@ -13,7 +13,7 @@ from numpy import ndarray
 from scipy.ndimage import gaussian_filter1d
 
 from bonecam.errors import LevelError, place_name
-from bonecam.levels.solvers.osqp import factor
+from bonecam.levels.problem.factorisation import factorise
 from bonecam.setup.stock import Capsule, Stock, smallest_capsule
 from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tspline import TSpline
@@ -155,7 +155,7 @@ def _fitted(
     ss, tt = (v.ravel() for v in np.meshgrid(s, t))
     R = spline.basis(ss, tt)[0]
     weighted = sp.csr_array(R.T @ sp.diags_array(np.where((tt == 0) | (tt == 1), POLE_WEIGHT, 1.0)))
-    fit = factor(sp.csc_array(weighted @ R))
+    fit = factorise(sp.csc_array(weighted @ R))
     grids = [_grid(body, capsule, s, t) for body, capsule in zip(bodies, capsules)]
     targets = [(_even(body, grid) if smooth else grid).reshape(-1, 3) for body, grid in zip(bodies, grids)]
     return [spline.with_control_points(fit.solve(np.asarray(weighted @ target))) for target in targets]

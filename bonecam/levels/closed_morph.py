@@ -5,25 +5,22 @@ point of the stock's surface lies within one depth of the last one; the stock it
 """
 
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-import numpy as np
-from numpy import ndarray
-
 from bonecam.errors import LevelError, SurfaceError, require_type
 from bonecam.job import LevelsJob
-from bonecam.levels.measure.check import NEST_TOLERANCE, STOCK_TOLERANCE
-from bonecam.levels.measure.grid import level_grid
 from bonecam.levels.measure.inspection import Inspection, Rules
 from bonecam.levels.measure.level import Level
 from bonecam.levels.problem.discretisation import setting_of
 from bonecam.levels.problem.energies.attraction import ATTRACTIONS
 from bonecam.levels.problem.remaining import remaining, whole
+from bonecam.levels.problem.tolerances import NEST_TOLERANCE, STOCK_TOLERANCE
+from bonecam.levels.published_morph import distance_left, published_sequence
 from bonecam.levels.refine_for_depth import finer
 from bonecam.levels.restore_feasibility import ACCEPTED, mend, surer
 from bonecam.levels.sequence import Sequences
+from bonecam.levels.solvers.solver import SOLVERS
 from bonecam.mesh.distance import MeshDistance
 from bonecam.progress import Progress, part, rising, silent
 from bonecam.setup.schedule import Schedule
@@ -35,7 +32,6 @@ from bonecam.threads import on_one_blas_thread
 METHODS = {
     "qp": (NEST_TOLERANCE, STOCK_TOLERANCE),
     "qcqp": (0.02, 2 * STOCK_TOLERANCE),
-    "osqp": (NEST_TOLERANCE, STOCK_TOLERANCE),
 }
 """How far (mm) a level may fall behind the one before and leave the stock: the published program says nothing
 of the one, and holds the other at samples only."""
@@ -84,14 +80,15 @@ def morph(
     stiffness: float = STIFFNESS,
     attraction: str = "stock",
     method: str = "qp",
+    solver: str = "admm",
     chord_tolerance: float = 0.01,
     progress: Progress = silent,
 ) -> Morph:
     """All levels, measured on tessellations within `chord_tolerance` mm.
 
-    `stiffness` is c_int / c_ext (parameters in [0, 1]); it falls where progress stalls. `method` is `qp`;
-    `osqp`, the same programs solved by OSQP; or `qcqp`, the published program solved exactly
-    (`levels/solvers/clarabel.py`): both slow, for reference. Raises SurfaceError where the surface is not
+    `stiffness` is c_int / c_ext (parameters in [0, 1]); it falls where progress stalls. `method` is `qp`,
+    whose programs `solver` solves (`admm`, or as a reference `osqp` or `clarabel`), or `qcqp`, the published
+    program solved exactly (`published_morph.py`): slow. Raises SurfaceError where the surface is not
     closed between two poles or no body's, StockError where the part is not inside the stock, JobError where a
     number is out of the range it has in a job, LevelError where a level cannot be made or fails its check.
     """
@@ -105,6 +102,8 @@ def morph(
     LevelsJob(stiffness=stiffness, chord_tolerance=chord_tolerance)  # raises where they are out of range
     if method not in tuple(METHODS):
         raise ValueError(f"method {method!r}: choose one of {', '.join(METHODS)}")
+    if solver not in tuple(SOLVERS):
+        raise ValueError(f"solver {solver!r}: choose one of {', '.join(SOLVERS)}")
     require_seeds_inside(stock, surface)
     require_inside(stock, (mesh := require_valid(surface, COARSE, "the part")).vertices, MARGIN)
     farthest = MeshDistance(mesh).unsigned(stock.mesh(COARSE * stock.diameter).vertices).max()
@@ -116,12 +115,18 @@ def morph(
     rest = remaining(setting, surface.control_points, around := whole(stock))
     lower_bound = schedule.lower_bound(rest.left)
     solving, measuring = part(progress, 0.0, 0.7), part(progress, 0.7, 1.0)
-    making = Sequences(setting, around, schedule, lower_bound, solving, method, stiffness)
+    making = Sequences(setting, around, schedule, lower_bound, solving, solver, stiffness)
     rules = Rules(stock, schedule, *METHODS[method], chord_tolerance)
     sequences = (
         making.all(rest)
         if method != "qcqp"
-        else _by_cones(surface, stock, schedule, stiffness, attraction, solving)
+        else iter(
+            [
+                published_sequence(
+                    surface, stock, schedule, stiffness, attraction, distance_left(surface, stock), solving
+                )
+            ]
+        )
     )
     failure: LevelError | None = None
     longer: Morph | None = None
@@ -168,18 +173,3 @@ def require_seeds_inside(stock: Stock, surface: TSpline) -> None:
     """StockError at once where the part leaves the stock in few of its points: one far too large would be
     tessellated for minutes first."""
     require_inside(stock, surface.positions(*surface.seeds.parameters.T), MARGIN)
-
-
-def _by_cones(
-    surface: TSpline, stock: Stock, schedule: Schedule, stiffness: float, attraction: str, progress: Progress
-) -> Iterator[list[ndarray]]:
-    """The one sequence of the published program."""
-    from bonecam.levels.solvers.clarabel import cone_sequence
-
-    grid, targets = level_grid(surface, [surface.control_points], COARSE), stock.mesh(COARSE).vertices
-
-    def left(P: ndarray) -> tuple[float, ndarray]:
-        distance = MeshDistance(grid.mesh(P)).unsigned(targets)
-        return float(distance.max()), targets[np.argmax(distance)]
-
-    yield cone_sequence(surface, stock, schedule, stiffness, attraction, left, progress)

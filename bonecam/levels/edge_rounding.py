@@ -21,8 +21,8 @@ from bonecam.levels.body_surface import body_surfaces
 from bonecam.levels.closed_morph import Morph, morph, require_seeds_inside, require_types
 from bonecam.levels.measure.check import BINS
 from bonecam.levels.measure.level import Level
+from bonecam.levels.problem.factorisation import factorise
 from bonecam.levels.problem.samples import integration_points, samples_of, thin_plate
-from bonecam.levels.solvers.osqp import factor
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.remeshing import split_edges
@@ -163,7 +163,7 @@ class _Nets:
     def __init__(self, outermost: TSpline) -> None:
         samples = samples_of(outermost, *integration_points(outermost))
         self._samples, self._points = samples, samples.R @ outermost.control_points
-        self._factor = factor(samples.N + FIT_STIFFNESS * thin_plate(outermost))
+        self._factor = factorise(samples.N + FIT_STIFFNESS * thin_plate(outermost))
 
     def of(self, body: Stock, stock: Stock) -> Float[ndarray, "c 3"]:
         """Least squares to where the ways straight out of the last level meet `body`, or before that

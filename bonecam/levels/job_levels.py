@@ -21,6 +21,7 @@ def make_levels(surface: TSpline, stock: Stock, job: Job, progress: Progress = s
         stiffness=job.levels.stiffness,
         attraction=job.levels.attraction,
         method=job.levels.method,
+        solver=job.levels.solver,
         chord_tolerance=job.levels.chord_tolerance,
         progress=progress,
     )
@@ -29,4 +30,6 @@ def make_levels(surface: TSpline, stock: Stock, job: Job, progress: Progress = s
 def check_method(levels: LevelsJob) -> None:
     """JobError where the solver of the levels is not installed."""
     if levels.method == "qcqp":
-        require_clarabel()
+        require_clarabel("method", "qcqp", "qp")
+    elif levels.solver == "clarabel":
+        require_clarabel("solver", "clarabel", "admm")

@@ -26,11 +26,13 @@ from bonecam.arrays import ROUNDING, dots, lengths
 from bonecam.errors import JobError, LevelError, StockError, SurfaceError, place_name
 from bonecam.job import LevelsJob
 from bonecam.levels.closed_morph import Morph, require_types
-from bonecam.levels.measure.check import BINS, DEPTH_TOLERANCE, NEST_TOLERANCE, REMAINS, patch_of
+from bonecam.levels.measure.check import BINS, REMAINS, patch_of
 from bonecam.levels.measure.level import Level
 from bonecam.levels.open_stock import OpenStock, distances, open_stock
 from bonecam.levels.problem.element_matrices import Fabric, fabric_of
-from bonecam.levels.solvers.osqp import Rows, solve
+from bonecam.levels.problem.limits.linear_limits import LinearLimits
+from bonecam.levels.problem.tolerances import DEPTH_TOLERANCE, NEST_TOLERANCE
+from bonecam.levels.solvers.osqp import solve_qp
 from bonecam.mesh.distance import exact_closest
 from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -175,8 +177,8 @@ def _moves(fabric: Fabric, P: ndarray, Q: ndarray, depth: float, stiffness: floa
     E = sp.csc_array(stiffness * fabric.M + fabric.N)
     x, y, z = (sp.csc_array(sp.diags_array(ahead[:, j]) @ E @ sp.diags_array(ahead[:, j])) for j in range(3))
     gradient = -((E @ way) * ahead).sum(1)
-    rows = Rows(sp.eye_array(len(P), format="csr"), np.zeros(len(P)), most)
-    found = np.clip(solve(sp.csc_array(x + y + z), gradient, rows, SOLVER_TOLERANCE).x, 0.0, most)
+    rows = LinearLimits(sp.eye_array(len(P), format="csr"), np.zeros(len(P)), most)
+    found = np.clip(solve_qp(sp.csc_array(x + y + z), gradient, rows, SOLVER_TOLERANCE).x, 0.0, most)
     return np.asarray(found[:, None] * ahead)
 
 

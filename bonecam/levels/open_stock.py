@@ -17,9 +17,9 @@ from numpy import ndarray
 
 from bonecam.arrays import dots, lengths
 from bonecam.errors import StockError, place_name
-from bonecam.levels.measure.check import NEST_TOLERANCE
 from bonecam.levels.problem.element_matrices import Fabric
-from bonecam.levels.solvers.osqp import factor
+from bonecam.levels.problem.factorisation import factorise
+from bonecam.levels.problem.tolerances import NEST_TOLERANCE
 from bonecam.mesh.distance import exact_closest
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.query.closest_point import Projection
@@ -152,7 +152,7 @@ def _fits(
     """The stock over the part's T-mesh with free edges, and with those asked for."""
     points = fabric.R @ surface.control_points
     ways = fabric.weights[:, None] * (_wanted(given, points, fabric.normals) - points)
-    way = factor(fabric.N + FIT_STIFFNESS * fabric.M).solve(np.asarray(fabric.R.T @ ways))
+    way = factorise(fabric.N + FIT_STIFFNESS * fabric.M).solve(np.asarray(fabric.R.T @ ways))
     held = (fabric.edge & fixed)[:, None]
     free, bent = (
         surface.with_control_points(surface.control_points + each) for each in (way, np.where(held, 0.0, way))

@@ -68,7 +68,7 @@ class Sequences:
     schedule: Schedule
     lower_bound: int
     progress: Progress
-    method: str
+    solver: str
     stiffness: float
 
     def all(self, rest: Remaining) -> Iterator[list[ndarray]]:
@@ -220,7 +220,7 @@ class Sequences:
             manner = replace(manner, haste=manner.late)
         ease, tried = np.ones(len(P)), []
         for _ in range(EASINGS):
-            tried.append(step := next_level(self.setting, P, rest, cut, manner, ease, self.method))
+            tried.append(step := next_level(self.setting, P, rest, cut, manner, ease, self.solver))
             if not step.amiss.any():
                 break
             ease[step.amiss] *= EASED

@@ -8,8 +8,8 @@ import numpy as np
 
 from bonecam.errors import counted
 from bonecam.levels.closed_morph import METHODS
-from bonecam.levels.measure.check import NEST_TOLERANCE
 from bonecam.levels.measure.level import Level, rounding_cuts
+from bonecam.levels.problem.tolerances import NEST_TOLERANCE
 from bonecam.nc.program import Program
 from bonecam.setup.stock import stock_text
 from bonecam.surface.fitting.fit import Fit

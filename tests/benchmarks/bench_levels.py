@@ -11,7 +11,7 @@ everything that makes the sequence (sequences that were dropped and levels made 
 measuring; "a level" one level's program and its projection; "cones" one level of the paper's sampled program
 by Clarabel (`method = "qcqp"`), up to LARGEST_CONES points; "hull" the same with the depth on the control
 points. Energy: of every third level's moves beside Clarabel's optimum of the same program (same energy, its
-targets slid to where our samples are, and planes, set up again where its own are): what the splitting finds,
+targets slid to where our samples are, and planes, set up again where its own are): what ADMM finds,
 for its samples; and the finished level, after what denser samples still broke is projected away, for the
 planes of these as well. CVXPY: the paper's formulation (thin plate, pull to the nearest stock point, depth
 and capsule cones at 17 x 100 samples) with its default solver, from each of our levels to the next. Cuts: of
@@ -40,12 +40,14 @@ from bonecam.levels.closed_morph import Morph, morph
 from bonecam.levels.measure.grid import level_grid
 from bonecam.levels.problem.cut import Cut, Manner
 from bonecam.levels.problem.discretisation import Setting
+from bonecam.levels.problem.limits.linear_limits import stack_limits
 from bonecam.levels.problem.limits.planes import limits_at
-from bonecam.levels.problem.program import Program, program_of, split
+from bonecam.levels.problem.program import Program, program_of
+from bonecam.levels.problem.published import PublishedProgram
 from bonecam.levels.problem.remaining import Remaining
-from bonecam.levels.solvers.clarabel import ConeLevels
+from bonecam.levels.solvers import admm
 from bonecam.levels.solvers.exchange import Step, next_level
-from bonecam.levels.solvers.osqp import stacked
+from bonecam.levels.solvers.published import next_moves
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.part import prepare_part
 from bonecam.setup.placement import place
@@ -141,10 +143,10 @@ def recorded(surface: TSpline, stock: Capsule) -> Case:
     calls: list[Call] = []
 
     def noted(
-        setting: Setting, P: ndarray, rest: Remaining, cut: Cut, manner: Manner, ease: ndarray, method: str
+        setting: Setting, P: ndarray, rest: Remaining, cut: Cut, manner: Manner, ease: ndarray, solver: str
     ) -> Step:
         calls.append(
-            Call(setting, P, rest, cut, manner, next_level(setting, P, rest, cut, manner, ease, method))
+            Call(setting, P, rest, cut, manner, next_level(setting, P, rest, cut, manner, ease, solver))
         )
         return calls[-1].step
 
@@ -175,9 +177,9 @@ def growth(found: list[Case]) -> None:
         middle = min(len(SCHEDULE.first) + 1, len(case.nets) - 1)
         for place_, hull in enumerate((False, True)):
             if size <= LARGEST_CONES:
-                program = ConeLevels(case.surface, case.stock, "stock", hull=hull)
+                program = PublishedProgram(case.surface, case.stock, "stock", hull=hull)
                 start = case.nets[middle - 1]
-                work = partial(program.next_moves, start, SCHEDULE.limit(middle), STIFFNESS)
+                work = partial(next_moves, program, start, SCHEDULE.limit(middle), STIFFNESS)
                 cones[place_] = seconds(work)[0]
         rows.append((case.fitted, made.solve_seconds, made.check_seconds, float(np.mean(steps)), *cones))
         one = rows[-1]
@@ -222,7 +224,7 @@ def optimum(call: Call, program: Program, start: ndarray, watched: bool) -> floa
             y = x + R @ D
             dense = dense.at(y, 3)
             near = np.flatnonzero(dense.broken(y) > -NEAR)
-            rows = stacked(rows, dense.only(near).rows(sp.csr_array(R[near]), x[near]))
+            rows = stack_limits(rows, dense.only(near).rows(sp.csr_array(R[near]), x[near]))
         b = np.concatenate([rows.high, -rows.low])
         kept = np.isfinite(b)
         A = sp.csc_matrix(sp.csr_array(sp.vstack([rows.A, -rows.A]))[kept])
@@ -242,12 +244,12 @@ def energies(case: Case) -> None:
         f"Energy / Clarabel's optimum of the same program, {len(case.surface.control_points)} control points (aim: within 1 %)"
     )
     print(
-        "level | splitting, its samples' planes  (broken by mm) | level, the watched samples' planes too  (broken by mm)"
+        "level | ADMM, its      samples' planes  (broken by mm) | level, the watched samples' planes too  (broken by mm)"
     )
     ratios, last = [], max(case.calls)
     for k in sorted({*range(1, last + 1, EVERY), last} & set(case.calls)):
         call, program = case.calls[k], case.calls[k].program
-        moves = split(program)
+        moves = admm.solve(program)
         wide = program.at(moves).limits.broken(program.x + program.R @ moves).max()
         pairs = ((moves, False), (call.free_moves, True))
         ratios.append(
@@ -258,11 +260,11 @@ def energies(case: Case) -> None:
             flush=True,
         )
     worst = 100 * np.abs(np.array(ratios) - 1).max(0)
-    print(f"farthest from 1: {worst[0]:.2f} % by splitting, {worst[1]:.2f} % of the finished levels\n")
+    print(f"farthest from 1: {worst[0]:.2f} % by ADMM, {worst[1]:.2f} % of the finished levels\n")
 
 
 def paper(
-    program: ConeLevels, stock: Capsule, samples: sp.csr_array, P: ndarray, depth: float
+    program: PublishedProgram, stock: Capsule, samples: sp.csr_array, P: ndarray, depth: float
 ) -> tuple[float, str]:
     """One level of the paper's formulation by CVXPY: CPU seconds with the problem's compilation, and its
     solver."""
@@ -297,16 +299,16 @@ def published(case: Case) -> None:
     first, targets = case.made.levels[0], case.stock.mesh(0.02).vertices
     grid = level_grid(case.surface, [first.surface.control_points], 0.02)  # type: ignore[union-attr]
     for attraction in ("sphere", "stock"):
-        program, P, k = ConeLevels(case.surface, case.stock, attraction, printed=True), case.nets[0], 1
+        program, P, k = PublishedProgram(case.surface, case.stock, attraction, printed=True), case.nets[0], 1
         while MeshDistance(grid.mesh(P)).unsigned(targets).max() > SCHEDULE.limit(k) and k < MOST_CUTS:
-            P, k = P + program.next_moves(P, SCHEDULE.limit(k), PRINTED_STIFFNESS), k + 1
+            P, k = P + next_moves(program, P, SCHEDULE.limit(k), PRINTED_STIFFNESS), k + 1
         print(f"{attraction:>8s}: {k} cuts, fewest possible {case.made.lower_bound}", flush=True)
     print(f" default: {case.made.cuts} cuts\n")
 
 
 def beside_cvxpy(case: Case) -> None:
     """Our sequence beside the paper's formulation level by level."""
-    program = ConeLevels(case.surface, case.stock, "stock")
+    program = PublishedProgram(case.surface, case.stock, "stock")
     low, high = case.surface.domain[1]
     s, t = (
         v.ravel()

@@ -9,13 +9,13 @@ import pytest
 from test_closed_morph import SCHEDULE, STOCK, waisted
 
 from bonecam.levels.measure.certificate import certificate_of_last
-from bonecam.levels.measure.check import DEPTH_TOLERANCE
 from bonecam.levels.measure.inspection import Inspection, Rules
 from bonecam.levels.problem.cut import Manner
 from bonecam.levels.problem.discretisation import setting_of
 from bonecam.levels.problem.energies.attraction import ATTRACTIONS
 from bonecam.levels.problem.remaining import remaining, whole
 from bonecam.levels.problem.samples import creases
+from bonecam.levels.problem.tolerances import DEPTH_TOLERANCE
 from bonecam.levels.restore_feasibility import _runs, mend, surer
 from bonecam.levels.sequence import LANDING, MENDED, MOST_CREEP, Sequences
 from bonecam.levels.solvers.exchange import kept_level
@@ -30,7 +30,7 @@ def making() -> Sequences:
     setting = setting_of(waisted(), STOCK, ATTRACTIONS["stock"])
     around = whole(STOCK)
     rest = remaining(setting, setting.surface.control_points, around)
-    return Sequences(setting, around, SCHEDULE, SCHEDULE.lower_bound(rest.left), silent, "qp", STIFFNESS)
+    return Sequences(setting, around, SCHEDULE, SCHEDULE.lower_bound(rest.left), silent, "admm", STIFFNESS)
 
 
 @pytest.fixture(scope="module")

@@ -37,7 +37,7 @@ from scipy.spatial import cKDTree
 from bonecam.arrays import dots, lengths
 from bonecam.errors import place_name
 from bonecam.kernels import hull_depth, hulls
-from bonecam.levels.measure.check import DEPTH_TOLERANCE, NEST_TOLERANCE, STOCK_TOLERANCE
+from bonecam.levels.problem.tolerances import DEPTH_TOLERANCE, NEST_TOLERANCE, STOCK_TOLERANCE
 from bonecam.progress import Progress, report, silent
 from bonecam.setup.stock import Stock
 from bonecam.surface.tmesh.rows import RowTMesh

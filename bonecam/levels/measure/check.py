@@ -16,11 +16,11 @@ from numpy import ndarray
 
 from bonecam.errors import LevelError, place_name
 from bonecam.levels.measure.measured_surface import Sheet
+from bonecam.levels.problem.tolerances import DEPTH_TOLERANCE, NEST_TOLERANCE, STOCK_TOLERANCE
 from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh, probes
 from bonecam.setup.stock import Stock
 
-DEPTH_TOLERANCE, NEST_TOLERANCE, STOCK_TOLERANCE = 0.002, 0.001, 0.001
 REMAINS, BINS, PATCH = 1.0, 20, 2.0
 
 

@@ -16,10 +16,11 @@ from numpy import ndarray
 
 from bonecam.errors import LevelError, SurfaceError
 from bonecam.levels.measure.certificate import certifiable, certificate, certificate_of_last
-from bonecam.levels.measure.check import NEST_TOLERANCE, Measure, measure, require
+from bonecam.levels.measure.check import Measure, measure, require
 from bonecam.levels.measure.grid import level_grid
 from bonecam.levels.measure.level import Level
 from bonecam.levels.measure.measured_surface import Sheet
+from bonecam.levels.problem.tolerances import NEST_TOLERANCE
 from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.progress import Progress, report

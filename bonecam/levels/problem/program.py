@@ -1,5 +1,4 @@
-"""The quadratic program of one level, on the free moves D of the control points (`poles.py`), and its
-solution.
+"""The quadratic program of one level, on the free moves D of the control points (`poles.py`).
 
     min  int |S_new - H|^2 + stiffness D'MD + bending P_new'M P_new        S_new = S + R D, the integrals over
     the surface s.t. depth, nesting and stock at samples                              (`limits.py`)
@@ -7,9 +6,7 @@ solution.
 The energies are those listed in NET (of the control net) and SAMPLED (of samples), each a file of its own
 (`energy.py`); so are the limits.
 
-The program is solved by splitting (ADMM, as OSQP does it): samples go to the nearest point of their own
-limits, control points to the least-squares fit of the samples, and the matrix of that fit is the same for x,
-y and z and for all iterations: one small factor a level.
+`levels/solvers` solves it.
 """
 
 from dataclasses import dataclass, replace
@@ -20,27 +17,20 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from bonecam.arrays import dots, lengths
-from bonecam.kernels import rows, splitting
 from bonecam.levels.problem.cut import Cut, Manner
 from bonecam.levels.problem.discretisation import Setting
 from bonecam.levels.problem.energies.energy import Given, Quadratic, stacked, summed
 from bonecam.levels.problem.energies.farthest import farthest
 from bonecam.levels.problem.energies.pull import pull
 from bonecam.levels.problem.energies.thin_plate import plate
+from bonecam.levels.problem.factorisation import factorise
 from bonecam.levels.problem.limits.planes import Limits, heights, limits_at
 from bonecam.levels.problem.limits.reverse_depth import behind
 from bonecam.levels.problem.limits.wall import inside
 from bonecam.levels.problem.remaining import Remaining
 from bonecam.levels.problem.samples import gram
-from bonecam.levels.solvers.osqp import factor, solve
 
 NET, SAMPLED = (plate,), (pull, farthest)
-ITERATIONS, RENEW, RHO, RELAXATION = 240, 20, 32.0, 1.6
-SETTLED = 1e-3
-"""The splitting ends where its samples move and miss their limits by a smaller share of how far they are
-pulled, root mean square. (By a length, 0.0005 mm, it ended as early where much is left to move, and too early
-on the outermost levels: their energies were 5 % above the least on a phalanx, now 2 %.)"""
-RENEWALS, OSQP_TOLERANCE = 3, 1e-5
 TOO_FAR = 0.001
 """A sample is in a hollow once it is so much (mm) farther from the new level than the cut is deep."""
 MOST_BENT = 2.5
@@ -151,43 +141,5 @@ def program_of(
 
 def _tamed(net: Quadratic, R: sp.csr_array, weights: ndarray, most: float) -> Quadratic:
     """The same, its linear part less where that alone would take a sample farther than `most`, mm."""
-    far = float(lengths(R @ factor(net.matrix, R, weights).solve(net.linear)).max())
+    far = float(lengths(R @ factorise(net.matrix, R, weights).solve(net.linear)).max())
     return net if far <= most else replace(net, linear=net.linear * (most / far))
-
-
-def split(program: Program, iterations: int = ITERATIONS, renew: int = RENEW) -> Float[ndarray, "m 3"]:
-    """The free moves by splitting, in so many iterations at most; every `renew` of them the program is set up
-    again where samples are."""
-    R, x, linear = program.R, program.x, program.net.linear / RHO
-    csr = R.indptr, R.indices, R.data
-    fit = factor(sp.csc_array(program.net.matrix / RHO), R, program.weights)
-    z, u, settled = (
-        program.start.copy(),
-        np.zeros_like(x),
-        SETTLED**2 * program.weights @ ((program.H - x) ** 2).sum(1),
-    )
-    y, moments = np.empty_like(x), np.empty_like(linear)
-    D = fit.solve(R.T @ (program.weights[:, None] * (z - x)) - linear)
-    for k in range(1, iterations + 1):
-        if k % renew == 0:
-            program = program.at(D)
-        rows.times(*csr, D, y)
-        unsettled = splitting.sweep(
-            x, y, program.H, *program.limits.planes, program.weights, RHO, RELAXATION, z, u
-        )
-        rows.transposed_times(*csr, y, moments)
-        D = fit.solve(moments - linear)
-        if k > renew and unsettled < settled:
-            break
-    return np.asarray(D)
-
-
-def by_osqp(program: Program) -> Float[ndarray, "m 3"]:
-    """The free moves by OSQP, with every limit a row: the same program, many times slower."""
-    count = program.matrix.shape[0]
-    energy, D = sp.csc_array(sp.block_diag([program.matrix] * 3)), np.zeros((count, 3))
-    for _ in range(RENEWALS):
-        limits = program.limits.rows(program.R, program.x)
-        D = solve(energy, program.gradient.T.ravel(), limits, OSQP_TOLERANCE, D.T.ravel()).x.reshape(3, -1).T
-        program = program.at(D)
-    return D

@@ -14,15 +14,16 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from bonecam.arrays import dots, lengths
-from bonecam.kernels import splitting
+from bonecam.kernels import admm as kernel
 from bonecam.levels.problem.cut import Cut, Manner
 from bonecam.levels.problem.discretisation import Setting
+from bonecam.levels.problem.factorisation import factorise
 from bonecam.levels.problem.limits.planes import limits_at
 from bonecam.levels.problem.limits.reverse_depth import behind
-from bonecam.levels.problem.program import by_osqp, program_of, split
+from bonecam.levels.problem.program import program_of
 from bonecam.levels.problem.remaining import Remaining
 from bonecam.levels.problem.samples import combined
-from bonecam.levels.solvers.osqp import factor
+from bonecam.levels.solvers.solver import solve
 from bonecam.surface.query.closest_point import rings
 
 MENDABLE = 0.03
@@ -52,7 +53,7 @@ def next_level(
     cut: Cut,
     manner: Manner,
     ease: Float[ndarray, " c"] | None = None,
-    method: str = "qp",
+    solver: str = "admm",
 ) -> Step:
     """The moves of the control points to the next level; what is nearer to the stock than `cut.landing`
     already stays.
@@ -60,13 +61,15 @@ def next_level(
     `ease` is a factor of the pull on each control point (1 unless given), less where the level would fold.
     """
     program = program_of(setting, P, rest, cut, manner, ease)
-    return _kept(setting, P, split(program) if method == "qp" else by_osqp(program), cut)
+    return _kept(setting, P, solve(program, solver), cut)
 
 
 def kept_level(setting: Setting, P: Float[ndarray, "c 3"], level: Float[ndarray, "c 3"], cut: Cut) -> Step:
     """The moves from P to about that level, which keep the limits of the watched samples."""
     free = setting.free
-    return _kept(setting, P, np.asarray(factor(sp.csc_array(free.T @ free)).solve(free.T @ (level - P))), cut)
+    return _kept(
+        setting, P, np.asarray(factorise(sp.csc_array(free.T @ free)).solve(free.T @ (level - P))), cut
+    )
 
 
 def _kept(setting: Setting, P: ndarray, D: ndarray, cut: Cut) -> Step:
@@ -89,7 +92,7 @@ def _kept(setting: Setting, P: ndarray, D: ndarray, cut: Cut) -> Step:
             np.vstack([x[near], R_back @ P]),
         )
         planes = limits.only(near).planes_with(x[back.which], back.n, limits.high[back.which])
-        splitting.project(some.indptr, some.indices, some.data, start, D, *planes, SWEEPS, ENOUGH)
+        kernel.project(some.indptr, some.indices, some.data, start, D, *planes, SWEEPS, ENOUGH)
         level = P + free @ D
         there, y = y, combined(watch.R, level)
         far = np.where(lengths(y - there) > STILL, limits.high, np.inf)

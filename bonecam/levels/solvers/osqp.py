@@ -1,7 +1,7 @@
-"""One convex quadratic program, min 1/2 x'Px + q'x subject to low <= A x <= high: the only door to OSQP.
+"""The only door to OSQP: convex quadratic programs min 1/2 x'Px + q'x subject to low <= A x <= high.
 
-The solver's word is not trusted: the largest violation of the answer is measured here, in the rows' own unit
-(mm).
+The solver's own status is not trusted: the largest violation of its answer is measured here, in the unit of the
+limits (mm).
 """
 
 from dataclasses import dataclass
@@ -10,47 +10,51 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 from numpy import ndarray
-from scipy.linalg.lapack import dpbtrf, dpbtrs
 
 from bonecam.errors import LevelError
-from bonecam.kernels import normal_equations as kernel
+from bonecam.levels.problem.limits.linear_limits import LinearLimits
+from bonecam.levels.problem.program import Program
+from bonecam.levels.solvers.linearised import solve_linearised
 
-
-@dataclass(frozen=True, eq=False)
-class Rows:
-    """Linear limits low <= A x <= high; `pushed` rows together with `stacked`."""
-
-    A: sp.csr_array
-    low: Float[ndarray, "r"]
-    high: Float[ndarray, "r"]
+TOLERANCE = 1e-5
+"""Of the limits of one level (mm), and of the optimality conditions."""
+MOST_ITERATIONS = 4000
+CHECK_EVERY = 20
+ADAPT_RHO_EVERY = 40
+"""Iterations of ADMM: the most, between two checks of the residuals, between two new step sizes rho."""
+ACCEPTED = 20.0
+"""Violations are accepted up to so many tolerances: OSQP scales its residuals."""
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """The answer, how far it violates the rows (mm), and how many iterations it took."""
+    """The minimum `x`, how far it violates the limits (mm), and the iterations it took."""
 
     x: Float[ndarray, "v"]
     violation: float
     iterations: int
 
 
-def stacked(*rows: Rows) -> Rows:
-    """All rows as one."""
-    A = sp.csr_array(sp.vstack([r.A for r in rows]))
-    return Rows(A, np.concatenate([r.low for r in rows]), np.concatenate([r.high for r in rows]))
+def solve(program: Program) -> Float[ndarray, "m 3"]:
+    """The free moves of a level's program by OSQP, every limit a row: many times slower than `admm`."""
+    energy = sp.csc_array(sp.block_diag([program.matrix] * 3))
+
+    def minimum(limits: LinearLimits, start: Float[ndarray, " v"]) -> Float[ndarray, " v"]:
+        return solve_qp(energy, program.gradient.T.ravel(), limits, TOLERANCE, start).x
+
+    return solve_linearised(program, minimum)
 
 
-def solve(
+def solve_qp(
     P: sp.csc_array,
     q: Float[ndarray, "v"],
-    rows: Rows,
+    limits: LinearLimits,
     tolerance: float,
     start: Float[ndarray, "v"] | None = None,
 ) -> Solution:
-    """The minimum; LevelError where OSQP does not finish or its answer violates a row by more than 20
-    tolerances.
+    """The minimum, searched from `start`; `P` is symmetric and positive semidefinite, `tolerance` in mm.
 
-    `P` is symmetric and positive semidefinite; `tolerance` is in mm.
+    LevelError where OSQP does not finish or its answer violates a limit by more than ACCEPTED tolerances.
     """
     import osqp
 
@@ -58,15 +62,15 @@ def solve(
     solver.setup(
         sp.csc_matrix(sp.triu(P, format="csc")),
         q,
-        sp.csc_matrix(rows.A),
-        rows.low,
-        rows.high,
+        sp.csc_matrix(limits.A),
+        limits.low,
+        limits.high,
         verbose=False,
         eps_abs=tolerance,
         eps_rel=tolerance,
-        max_iter=4000,
-        check_termination=20,
-        adaptive_rho_interval=40,
+        max_iter=MOST_ITERATIONS,
+        check_termination=CHECK_EVERY,
+        adaptive_rho_interval=ADAPT_RHO_EVERY,
         polishing=False,
     )
     if start is not None:
@@ -78,44 +82,11 @@ def solve(
             f"the level's limits contradict each other (OSQP: {status}): give a shallower depth or a larger stock"
         )
     x = np.array(answer.x, dtype=np.float64)
-    value = rows.A @ x
-    violation = float(max(0.0, (rows.low - value).max(), (value - rows.high).max()))
-    if not np.isfinite(x).all() or violation > 20 * tolerance:
+    value = limits.A @ x
+    violation = float(max(0.0, (limits.low - value).max(), (value - limits.high).max()))
+    if not np.isfinite(x).all() or violation > ACCEPTED * tolerance:
         raise LevelError(
             f"OSQP left the limits by {violation:.2g} mm ({status}): give a lower stiffness",
             violation=violation,
         )
     return Solution(x, violation, int(answer.info.iter))
-
-
-@dataclass(frozen=True, eq=False)
-class Factor:
-    """The Cholesky factor of a band: `lower` diagonals, the main one first. (By LAPACK itself: the wrapper
-    would take as long.)"""
-
-    lower: Float[ndarray, "d m"]
-
-    def solve(self, b: Float[ndarray, "m 3"]) -> Float[ndarray, "m 3"]:
-        """The solutions for three right sides."""
-        return np.asarray(dpbtrs(self.lower, b, lower=True)[0])
-
-
-def factor(
-    matrix: sp.csc_array, R: sp.csr_array | None = None, weights: Float[ndarray, " k"] | None = None
-) -> Factor:
-    """Of a matrix over the control points, in whose order it is a band, and R'WR; LevelError where that is
-    not positive definite."""
-    entries = matrix.tocoo()
-    below = entries.row - entries.col
-    half = below >= 0
-    diagonals = (
-        int(below.max()) + 1 if R is None else max(int(below.max()) + 1, kernel.width(R.indptr, R.indices))
-    )
-    band = np.zeros((matrix.shape[0], diagonals))
-    band[entries.col[half], below[half]] = entries.data[half]
-    if R is not None:
-        kernel.add_weighed(band, R.indptr, R.indices, R.data, weights)
-    lower, failed = dpbtrf(band.T, lower=True, overwrite_ab=True)
-    if failed:
-        raise LevelError("some control points hold no part of the level: give fewer of them")
-    return Factor(lower)

@@ -9,7 +9,11 @@ from test_closed_morph import SCHEDULE, STOCK, waisted
 
 from bonecam.errors import LevelError
 from bonecam.levels.closed_morph import morph
-from bonecam.levels.solvers.clarabel import ConeLevels, Cones, Planes, cone_sequence, solve_cones
+from bonecam.levels.problem.cones import Cones, Planes
+from bonecam.levels.problem.published import PublishedProgram
+from bonecam.levels.published_morph import published_sequence
+from bonecam.levels.solvers.clarabel import solve_cones
+from bonecam.levels.solvers.published import next_moves
 from bonecam.progress import silent
 from bonecam.setup.cylinder import Cylinder
 from bonecam.setup.rounded import rounded
@@ -44,9 +48,9 @@ def test_contradicting_limits_are_an_error() -> None:
 
 def test_a_stock_that_is_no_capsule_is_held_by_planes() -> None:
     stock = rounded(Cylinder(3.3, 0.7, 19.3), 1.0)
-    surface, program = waisted(), ConeLevels(waisted(), stock, "stock")
+    surface, program = waisted(), PublishedProgram(waisted(), stock, "stock")
     P = np.array(surface.control_points)
-    moves = program.next_moves(P, 0.5, STIFFNESS)
+    moves = next_moves(program, P, 0.5, STIFFNESS)
     rng = np.random.default_rng(3)
     R = surface.basis(rng.random(3000), rng.random(3000))[0]
     assert stock.signed_distance(R @ (P + moves)).max() <= 0.001
@@ -56,14 +60,14 @@ def test_a_stock_that_is_no_capsule_is_held_by_planes() -> None:
 
 @pytest.mark.parametrize("attraction", ["stock", "sphere"])
 def test_the_exact_level_keeps_the_published_limits(attraction: str) -> None:
-    surface, program = waisted(), ConeLevels(waisted(), STOCK, attraction)
+    surface, program = waisted(), PublishedProgram(waisted(), STOCK, attraction)
     P = np.array(surface.control_points)
-    moves = program.next_moves(P, 0.5, STIFFNESS)
+    moves = next_moves(program, P, 0.5, STIFFNESS)
     rng = np.random.default_rng(3)
     R = surface.basis(rng.random(3000), rng.random(3000))[0]
     assert np.linalg.norm(R @ moves, axis=1).max() <= 0.503
     assert STOCK.signed_distance(R @ (P + moves)).max() <= 0.001
-    hull = ConeLevels(waisted(), STOCK, attraction, hull=True).next_moves(P, 0.5, STIFFNESS)
+    hull = next_moves(PublishedProgram(waisted(), STOCK, attraction, hull=True), P, 0.5, STIFFNESS)
     assert np.linalg.norm(hull, axis=1).max() <= 0.5 + 1e-5
     assert (
         program.energy(P, moves, STIFFNESS)
@@ -83,17 +87,21 @@ def test_the_default_method_comes_within_one_percent_of_the_exact_energy(
     )  # what is measured later on does not matter here
     made = morph(waisted(), STOCK, SCHEDULE, attraction=attraction, chord_tolerance=0.05)
     nets = [level.surface.control_points for level in made.levels if level.surface is not None]
-    program = ConeLevels(waisted(), STOCK, attraction, hull=True)
+    program = PublishedProgram(waisted(), STOCK, attraction, hull=True)
     for k, (before, after) in enumerate(pairwise(nets[:5]), start=1):
-        exact = program.energy(before, program.next_moves(before, SCHEDULE.limit(k), STIFFNESS), STIFFNESS)
+        exact = program.energy(before, next_moves(program, before, SCHEDULE.limit(k), STIFFNESS), STIFFNESS)
         assert program.energy(before, after - before, STIFFNESS) <= 1.01 * exact
 
 
 def test_as_printed_the_program_forgets_nesting_and_what_lies_between_its_samples() -> None:
     P = np.array(waisted().control_points)
-    ours, printed = (ConeLevels(waisted(), STOCK, "sphere", printed=printed) for printed in (False, True))
-    moves = printed.next_moves(P, 0.5, STIFFNESS)
-    assert printed.energy(P, moves, STIFFNESS) < ours.energy(P, ours.next_moves(P, 0.5, STIFFNESS), STIFFNESS)
+    ours, printed = (
+        PublishedProgram(waisted(), STOCK, "sphere", printed=printed) for printed in (False, True)
+    )
+    moves = next_moves(printed, P, 0.5, STIFFNESS)
+    assert printed.energy(P, moves, STIFFNESS) < ours.energy(
+        P, next_moves(ours, P, 0.5, STIFFNESS), STIFFNESS
+    )
     rng = np.random.default_rng(3)
     R = waisted().basis(rng.random(3000), rng.random(3000))[0]
     assert 0.5 < np.linalg.norm(R @ moves, axis=1).max() < 0.6
@@ -106,7 +114,7 @@ def test_the_method_has_the_default_ones_interface() -> None:
 
 
 def test_a_level_that_leaves_its_limits_is_told_with_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("bonecam.levels.solvers.clarabel.ROUNDS", 1)
+    monkeypatch.setattr("bonecam.levels.solvers.published.ROUNDS", 1)
     with pytest.raises(
         LevelError,
         match=r"^level 3: .* limits by 0\.\d+ mm at \(.*\) after 1 rounds: raise surface\.max_control_points$",
@@ -118,25 +126,25 @@ def test_a_level_that_leaves_its_limits_is_told_with_its_place(monkeypatch: pyte
 
 def test_a_level_within_what_is_measured_as_sound_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     """A level of a bone that is drawn to its bounding sphere was left at 0.0014 mm after all rounds."""
-    program, P = ConeLevels(waisted(), STOCK, "sphere"), np.array(waisted().control_points)
-    monkeypatch.setattr("bonecam.levels.solvers.clarabel.TOLERANCE", 1e-7)
-    monkeypatch.setattr("bonecam.levels.solvers.clarabel.ROUNDS", 4)
-    broken, _ = program._broken(P, program.next_moves(P, 0.5, STIFFNESS), 0.5)
+    program, P = PublishedProgram(waisted(), STOCK, "sphere"), np.array(waisted().control_points)
+    monkeypatch.setattr("bonecam.levels.solvers.published.TOLERANCE", 1e-7)
+    monkeypatch.setattr("bonecam.levels.solvers.published.ROUNDS", 4)
+    broken, _ = program.broken(P, next_moves(program, P, 0.5, STIFFNESS), 0.5)
     assert 1e-7 < broken.max() <= 0.002
 
 
 def test_levels_that_get_no_nearer_end_soon_and_tell_another_attraction(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def outwards(self: ConeLevels, P: np.ndarray, depth: float, stiffness: float) -> np.ndarray:
+    def outwards(program: PublishedProgram, P: np.ndarray, depth: float, stiffness: float) -> np.ndarray:
         return depth * P / np.linalg.norm(P, axis=1, keepdims=True)
 
-    monkeypatch.setattr(ConeLevels, "next_moves", outwards)
+    monkeypatch.setattr("bonecam.levels.published_morph.next_moves", outwards)
     with pytest.raises(
         LevelError,
         match=r"^level 11 gets no nearer to the stock than 3\.000 mm at .*, or take levels\.attraction stock$",
     ):
-        cone_sequence(waisted(), STOCK, SCHEDULE, STIFFNESS, "sphere", lambda P: (3.0, P[0]), silent)
+        published_sequence(waisted(), STOCK, SCHEDULE, STIFFNESS, "sphere", lambda P: (3.0, P[0]), silent)
 
 
 def test_an_unknown_method_is_refused() -> None:
@@ -146,4 +154,4 @@ def test_an_unknown_method_is_refused() -> None:
 
 def test_an_attraction_the_paper_has_not_is_refused() -> None:
     with pytest.raises(ValueError, match="choose one of"):
-        ConeLevels(waisted(), STOCK, "nearest")
+        PublishedProgram(waisted(), STOCK, "nearest")

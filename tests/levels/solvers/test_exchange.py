@@ -1,4 +1,4 @@
-"""One level's program: what is solved by splitting is what OSQP and a cone solver find, and its limits are
+"""One level's program: what ADMM solves is what OSQP and a cone solver find, and its limits are
 distances."""
 
 from dataclasses import replace
@@ -13,10 +13,11 @@ from bonecam.levels.body_surface import body_surfaces
 from bonecam.levels.problem.cut import Cut, Manner
 from bonecam.levels.problem.discretisation import Setting, setting_of
 from bonecam.levels.problem.energies.attraction import ATTRACTIONS
-from bonecam.levels.problem.program import Program, program_of, split
+from bonecam.levels.problem.program import Program, program_of
 from bonecam.levels.problem.remaining import remaining, whole
+from bonecam.levels.solvers import admm
 from bonecam.levels.solvers.exchange import next_level
-from bonecam.levels.solvers.osqp import solve
+from bonecam.levels.solvers.osqp import solve_qp
 from bonecam.setup.stock import Capsule
 from bonecam.surface.query.closest_point import closest_points_near
 
@@ -43,9 +44,9 @@ def program(levels: int) -> Program:
 
 @pytest.mark.parametrize("levels", [0, 1, 2])
 def test_the_energy_is_within_one_percent_of_the_reference(levels: int) -> None:
-    """The same linear limits for both: the splitting does not renew them here."""
+    """The same linear limits for both: ADMM does not set them up again here."""
     one = program(levels)
-    ours = split(one, renew=10**6)
+    ours = admm.solve(one, set_up_every=10**6)
     assert one.energy(ours) == pytest.approx(one.energy(exact(one)), rel=0.01)
     assert one.limits.broken(one.x + one.R @ ours).max() < 0.02 * CUT.depth
 
@@ -54,7 +55,7 @@ def test_the_energy_is_within_one_percent_of_the_reference(levels: int) -> None:
 def test_so_is_it_where_limits_and_targets_are_set_up_again(levels: int) -> None:
     """Where the samples came to. (Level 7 is the last below the stock, and has next to nothing to move.)"""
     one = program(levels)
-    there = one.at(ours := split(one))
+    there = one.at(ours := admm.solve(one))
     assert there.energy(ours) == pytest.approx(there.energy(exact(there)), rel=0.01)
 
 
@@ -79,11 +80,11 @@ def test_osqp_finds_the_same_optimum() -> None:
     one = program(1)
     rows = one.limits.rows(one.R, one.x)
     found = (
-        solve(sp.csc_array(sp.block_diag([one.matrix] * 3)), one.gradient.T.ravel(), rows, 1e-5)
+        solve_qp(sp.csc_array(sp.block_diag([one.matrix] * 3)), one.gradient.T.ravel(), rows, 1e-5)
         .x.reshape(3, -1)
         .T
     )
-    assert one.energy(found) == pytest.approx(one.energy(split(one, renew=10**6)), rel=0.01)
+    assert one.energy(found) == pytest.approx(one.energy(admm.solve(one, set_up_every=10**6)), rel=0.01)
 
 
 def test_what_is_left_broken_is_projected_away() -> None:

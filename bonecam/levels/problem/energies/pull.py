@@ -16,9 +16,9 @@ from bonecam.arrays import dots, lengths
 from bonecam.levels.problem.energies.attraction import unit
 from bonecam.levels.problem.energies.energy import Given, Pulled
 from bonecam.levels.problem.energies.medial_ball import unhindered
+from bonecam.levels.problem.factorisation import factorise
 from bonecam.levels.problem.limits.planes import heights
 from bonecam.levels.problem.limits.wall import inside
-from bonecam.levels.solvers.osqp import factor
 from bonecam.surface.query.closest_point import closest_points_near
 
 ALL_OUT = 8
@@ -36,7 +36,7 @@ def pull(given: Given) -> Pulled:
     weights = weights / weights.sum() + given.manner.even / len(x)
     normals = stretched / np.maximum(area, np.finfo(float).tiny)[:, None]
     field = samples.R.T @ (weights[:, None] * setting.attraction(x, normals, setting.stock))
-    field = unit(samples.R @ factor(given.manner.smoothing * setting.M, samples.R, weights).solve(field))
+    field = unit(samples.R @ factorise(given.manner.smoothing * setting.M, samples.R, weights).solve(field))
     gap = -setting.stock.signed_distance(x)
     narrow = NARROW * np.sqrt(area @ samples.weights / len(x))
     share = np.clip(gap / given.cut.left, given.manner.haste, 1) * unhindered(x, normals, narrow)

@@ -22,9 +22,9 @@ from numpy import ndarray
 from bonecam.arrays import dots
 from bonecam.levels.problem.cut import Cut
 from bonecam.levels.problem.limits.depth import depth
+from bonecam.levels.problem.limits.linear_limits import LinearLimits
 from bonecam.levels.problem.limits.nesting import nesting
 from bonecam.levels.problem.limits.wall import wall
-from bonecam.levels.solvers.osqp import Rows
 from bonecam.setup.stock import Stock
 from bonecam.surface.query.closest_point import closest_points_near
 from bonecam.surface.tspline import TSpline
@@ -70,7 +70,7 @@ class Limits:
 
     @property
     def planes(self) -> tuple[ndarray, ndarray, ndarray, ndarray, ndarray, ndarray]:
-        """As `kernels/splitting.py` takes them."""
+        """As `kernels/admm.py` takes them."""
         return self.c, self.n, self.low, self.high, self.m, self.h
 
     def planes_with(
@@ -114,12 +114,12 @@ class Limits:
         changed.c[which], changed.n[which], changed.low[which], changed.high[which] = c, n, -np.inf, high
         return changed
 
-    def rows(self, R: sp.csr_array, x: Float[ndarray, "k 3"]) -> Rows:
+    def rows(self, R: sp.csr_array, x: Float[ndarray, "k 3"]) -> LinearLimits:
         """The same over the control points' moves D (x, y, z stacked): y = x + R D."""
         along, wall = (sp.hstack([sp.diags_array(v[:, j]) @ R for j in range(3)]) for v in (self.n, self.m))
         start = self.heights(x)
         low = np.concatenate([self.low - start, np.full(len(x), -np.inf)])
-        return Rows(
+        return LinearLimits(
             sp.csr_array(sp.vstack([along, wall])),
             low,
             np.concatenate([self.high - start, self.h - dots(self.m, x)]),

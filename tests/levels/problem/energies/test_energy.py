@@ -15,8 +15,9 @@ from bonecam.levels.problem.energies.attraction import unit
 from bonecam.levels.problem.energies.energy import Given, Pulled, Quadratic
 from bonecam.levels.problem.energies.pull import targets
 from bonecam.levels.problem.energies.thin_plate import plate
-from bonecam.levels.problem.program import MOST_BENT, NET, SAMPLED, Program, program_of, split
+from bonecam.levels.problem.program import MOST_BENT, NET, SAMPLED, Program, program_of
 from bonecam.levels.problem.remaining import remaining, whole
+from bonecam.levels.solvers import admm
 from bonecam.surface.query.closest_point import closest_points_near
 
 RNG = np.random.default_rng(4)
@@ -121,6 +122,6 @@ def test_a_new_energy_is_one_function_more(monkeypatch: pytest.MonkeyPatch) -> N
         count = given.setting.free.shape[1]
         return Quadratic(sp.csc_array(1e3 * sp.eye_array(count)), np.zeros((count, 3)))
 
-    assert np.abs(split(first_program())).max() > 0.3
+    assert np.abs(admm.solve(first_program())).max() > 0.3
     monkeypatch.setattr(program, "NET", (*NET, anchor))
-    assert np.abs(split(first_program())).max() < 0.01
+    assert np.abs(admm.solve(first_program())).max() < 0.01

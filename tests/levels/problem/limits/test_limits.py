@@ -9,7 +9,7 @@ from test_exchange import CUT
 from bonecam.levels.problem.cut import Cut
 from bonecam.levels.problem.limits import planes as limits
 from bonecam.levels.problem.limits.planes import SLABS, WALLS, heights
-from bonecam.levels.problem.program import split
+from bonecam.levels.solvers import admm
 
 GAP = np.linspace(0, 6, 200)
 RNG = np.random.default_rng(5)
@@ -60,7 +60,7 @@ def test_a_new_slab_is_one_function_more(monkeypatch: pytest.MonkeyPatch) -> Non
 
     monkeypatch.setattr(limits, "SLABS", (*SLABS, half))
     one = first_program()
-    y = one.x + one.R @ split(one)
+    y = one.x + one.R @ admm.solve(one)
     assert one.limits.at(y, 3).heights(y).max() < 0.55 * CUT.depth
 
 
@@ -71,7 +71,7 @@ def test_a_new_wall_is_one_function_more(monkeypatch: pytest.MonkeyPatch) -> Non
     def ceiling(cut: Cut, gap: np.ndarray, stock: object, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return np.tile([0.0, 0.0, 1.0], (len(y), 1)), np.full(len(y), top)
 
-    assert (free.x + free.R @ split(free))[:, 2].max() > top + 0.1
+    assert (free.x + free.R @ admm.solve(free))[:, 2].max() > top + 0.1
     monkeypatch.setattr(limits, "WALLS", (*WALLS, ceiling))
     held = first_program()
-    assert (held.x + held.R @ split(held))[:, 2].max() < top + 0.02
+    assert (held.x + held.R @ admm.solve(held))[:, 2].max() < top + 0.02

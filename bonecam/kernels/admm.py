@@ -1,4 +1,4 @@
-"""The loops of one morph level's program, compiled: a sweep of the splitting, a sweep of projections.
+"""The loops of one morph level's program, compiled: an iteration of ADMM, a sweep of projections.
 
 Both hold samples x_l + sum_i R_li D_i between two planes (low <= n . (y - c) <= high, from the foot c on the
 level before) and behind a third (m . y <= h, the stock's wall). R is in CSR form.

@@ -1,0 +1,24 @@
+"""One call for all solvers of a level's program."""
+
+from collections.abc import Callable
+
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.levels.problem.program import Program
+from bonecam.levels.solvers import admm, clarabel, osqp
+
+SOLVERS: dict[str, Callable[[Program], Float[ndarray, "m 3"]]] = {
+    "admm": admm.solve,
+    "osqp": osqp.solve,
+    "clarabel": clarabel.solve,
+}
+"""By the name that `levels.solver` has in a job. A new solver is a new file with such a function."""
+
+
+def solve(program: Program, solver: str = "admm") -> Float[ndarray, "m 3"]:
+    """The free moves (m, 3) of the control points that solve a level's program.
+
+    LevelError where the solver finds none.
+    """
+    return SOLVERS[solver](program)

@@ -1,0 +1,35 @@
+"""The solvers beside the default are reached from a job and lead to a verified program."""
+
+import pytest
+from bonecam_meshes import path as shipped
+
+import bonecam
+from bonecam.job import Job
+from bonecam.levels.solvers.solver import SOLVERS
+
+COARSE = Job().with_values(
+    mesh={"rows": 8, "row_points": 24},
+    surface={"tolerance": 0.5, "largest_deviation": 1.0, "max_control_points": 60},
+    levels={
+        "finishing_levels": 1,
+        "finishing_depth": 0.5,
+        "roughing_depth": 1.5,
+        "chord_tolerance": 0.05,
+    },
+    roughing={"scallop": 0.4},
+    finishing={"scallop": 0.4},
+)
+
+
+@pytest.mark.parametrize("solver", sorted(set(SOLVERS) - {"admm"}))
+def test_a_reference_solver_leads_to_a_verified_program(solver: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without certificates: those of levels as coarse as these take longer than all the rest."""
+    if solver == "clarabel":
+        pytest.importorskip("clarabel", reason="the extra `reference` is not installed")
+    monkeypatch.setattr("bonecam.levels.measure.inspection.certifiable", lambda surface: False)
+    job = COARSE.with_values(levels={"solver": solver})
+    result = bonecam.convert(shipped("phalanx"), job, program=None)
+    report = result.report
+    assert report["nc"]["gouge_max_mm"] <= 0.01
+    assert len(report["levels"]) - 1 <= report["levels_lower_bound"] + 1
+    assert all(row["depth_max_mm"] <= row["limit_mm"] + 0.002 for row in report["levels"][1:])
