@@ -68,8 +68,14 @@ class LevelsJob(Section):
     method: str = parameter(
         "qp",
         "Method",
-        "qp: quadratic programs, solved by ADMM; qcqp: the published cone program, solved exactly (slow).",
+        "qp: quadratic programs, solved by levels.solver; qcqp: the published cone program, solved exactly (slow).",
         choices=("qp", "qcqp"),
+    )
+    solver: str = parameter(
+        "admm",
+        "Solver",
+        "Of the quadratic programs: admm, or as references osqp and clarabel (both slow).",
+        choices=("admm", "osqp", "clarabel"),
     )
     chord_tolerance: float = parameter(
         0.01,
