@@ -4,8 +4,10 @@ from pathlib import Path
 import pytest
 from bonecam_meshes import path as shipped
 
+import bonecam
 from bonecam.batch import Outcome
-from bonecam.cli import _Lines, main
+from bonecam.cli import main
+from bonecam.cli.progress_display import ProgressLog
 from bonecam.job import Job, write_job
 
 
@@ -56,7 +58,7 @@ def test_options_override_the_job_file(tmp_path: Path, capsys: pytest.CaptureFix
         (["convert", "text.stl", "-o", "out.ngc"], "out.h"),
         (["convert", "text.stl", "-o", "text.stl"], "overwritten"),
         (["convert", "text.stl", "-o", "out.h", "--report", "out.h"], "two outputs"),
-        (["convert", "text.stl", "-o", "out.h", "--job", "text.stl"], "mend the TOML"),
+        (["convert", "text.stl", "-o", "out.h", "--job", "text.stl"], "correct the TOML"),
         (["convert", "text.stl", "-o", "out.h", "--keep", "text.stl/kept"], "is a file"),
         (["convert", "two\nlines.stl", "-o", "out.h"], "two lines.stl"),
         (["batch", "text.stl", "-o", "out", "--machine", "lathe"], "lathe"),
@@ -118,7 +120,7 @@ def test_an_unknown_option_points_to_the_help_of_its_command(capsys: pytest.Capt
 
 
 def test_verbose_tells_each_step_once_as_a_line(capsys: pytest.CaptureFixture[str]) -> None:
-    lines = _Lines()
+    lines = ProgressLog()
     for fraction, message in ((0.0, "level 1"), (0.1, "level 1"), (0.2, "level 2")):
         lines(fraction, message)
     assert [line.split("%  ")[1] for line in capsys.readouterr().err.splitlines()] == ["level 1", "level 2"]
@@ -134,6 +136,6 @@ def test_a_failed_mesh_of_a_batch_is_named_once(
         told(failed, 0)
         return [failed]
 
-    monkeypatch.setattr("bonecam.batch.convert_many", one_fails)
+    monkeypatch.setattr(bonecam, "convert_many", one_fails)
     assert main(["batch", "none.stl", "-o", "out"]) == 1
     assert capsys.readouterr().out == "failed none.stl  cannot be read: give a mesh  (0 left)\n"

@@ -1,0 +1,158 @@
+"""The commands of the command line with their arguments and help texts."""
+
+import argparse
+from typing import Any, NoReturn
+
+import bonecam
+from bonecam.cli import commands
+from bonecam.cli.job_options import add_job_options
+
+EXIT_CODES = "Exit codes: 0 done; 1 a part of a batch failed; 2 wrong input, job or call (one line on stderr); 130 stopped."
+PART = "STL, PLY, OBJ or OFF mesh; STEP, IGES, SAT or DXF part; point cloud; rows of points; saved .tspline"
+EXAMPLES = {
+    "convert": """
+  bonecam convert bone.stl --units m -o bone.h
+  bonecam convert bone.stl -o bone.h --set stock.diameter=15 --set stock.length=37 --keep look --report bone.json
+  bonecam convert bone.stl -o bone.ngc --machine linuxcnc-xyzbc --controller linuxcnc""",
+    "demo": """
+  bonecam demo -o phalanx.h --keep look""",
+    "levels": """
+  bonecam levels bone.stl --units m -o look --set stock.kind=cylinder --set levels.roughing_depth=1""",
+    "batch": """
+  bonecam batch scans/*.stl -o programs --job job.toml --jobs 4 --resume""",
+    "script": """
+  bonecam script levels.mlx -i bone.stl -o layers""",
+    "filters": """
+  bonecam filters generate_morph_levels""",
+    "job": """
+  bonecam job --set levels.roughing_depth=1 > job.toml""",
+}
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser that answers a wrong call with one line and exit code 2."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: {message}: see {self.prog} --help\n")
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """The parser of all commands; each sets `run`, which takes the options and returns the exit code."""
+    text = "From a bone mesh to a verified five-axis NC program."
+    parser = _Parser(prog="bonecam", description=text, epilog=EXIT_CODES)
+    parser.add_argument("--version", action="version", version=f"bonecam {bonecam.__version__}")
+    parsers = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=_Parser)
+    _add_convert(parsers)
+    _add_demo(parsers)
+    _add_levels(parsers)
+    _add_batch(parsers)
+    _add_script(parsers)
+    _add_filters(parsers)
+    _add_job(parsers)
+    return parser
+
+
+def _add_convert(parsers: Any) -> None:
+    text = "Make the verified NC program of a part."
+    convert = _add_command(parsers, "convert", text, commands.run_convert)
+    convert.add_argument("mesh", metavar="PART", help=PART)
+    convert.add_argument("-o", "--output", metavar="PROGRAM", required=True, help="file for the NC program")
+    _add_keep(convert)
+    _add_results(convert)
+    add_job_options(convert)
+    _add_verbosity(convert)
+
+
+def _add_demo(parsers: Any) -> None:
+    text = "Make the NC program of the phalanx that is installed with bonecam."
+    demo = _add_command(parsers, "demo", text, commands.run_demo)
+    name = "file for the NC program (phalanx.h, or with the controller's own ending)"
+    demo.add_argument("-o", "--output", metavar="PROGRAM", help=name)
+    _add_keep(demo)
+    _add_results(demo)
+    add_job_options(demo)
+    _add_verbosity(demo)
+
+
+def _add_levels(parsers: Any) -> None:
+    text = "Make the measured morph levels of a part and their pictures, without tool paths and program."
+    levels = _add_command(parsers, "levels", text, commands.run_levels)
+    levels.add_argument("mesh", metavar="PART", help=PART)
+    folder = "folder for surface, levels and pictures"
+    levels.add_argument("-o", "--output", metavar="DIR", required=True, help=folder)
+    _add_results(levels)
+    add_job_options(levels, posted=False)
+    _add_verbosity(levels)
+
+
+def _add_batch(parsers: Any) -> None:
+    text = "Make the NC programs of several parts, each in a process of its own."
+    batch = _add_command(parsers, "batch", text, commands.run_batch)
+    batch.set_defaults(stopped="finished programs are kept, --resume continues from there")
+    parts = "parts as for `convert`, all with the same job"
+    batch.add_argument("meshes", metavar="PART", nargs="+", help=parts)
+    folder = "folder for programs, reports and batch.csv"
+    batch.add_argument("-o", "--output", metavar="DIR", required=True, help=folder)
+    batch.add_argument("--jobs", metavar="N", type=int, default=2, help="number of parts at a time (2)")
+    resume = "skip parts that an earlier run finished with the same mesh, job and version"
+    batch.add_argument("--resume", action="store_true", help=resume)
+    add_job_options(batch)
+    batch.add_argument("-q", "--quiet", action="store_true", help="print no line for each part")
+
+
+def _add_script(parsers: Any) -> None:
+    text = "Run a MeshLab filter script (.mlx) with the filters of MeshLab and bonecam."
+    script = _add_command(parsers, "script", text, commands.run_script)
+    file = "filter script; it is checked as a whole before its first filter runs"
+    script.add_argument("script", metavar="SCRIPT.mlx", help=file)
+    mesh = "mesh to load as a layer (repeat for more)"
+    script.add_argument("-i", "--input", action="append", required=True, metavar="MESH", help=mesh)
+    script.add_argument(
+        "-o", "--output", metavar="DIR", required=True, help="folder for the resulting layers"
+    )
+    _add_verbosity(script)
+
+
+def _add_filters(parsers: Any) -> None:
+    text = "List the filters of bonecam, or describe one with its parameters, units and ranges."
+    filters = _add_command(parsers, "filters", text, commands.run_filters)
+    filters.add_argument("name", metavar="NAME", nargs="?", help="name of a filter")
+
+
+def _add_job(parsers: Any) -> None:
+    text = "Print a job file: every parameter with its value and meaning."
+    job = _add_command(parsers, "job", text, commands.run_job)
+    add_job_options(job)
+
+
+def _add_command(parsers: Any, name: str, text: str, run: Any) -> argparse.ArgumentParser:
+    """A command with defaults for the options that not every command has."""
+    command: argparse.ArgumentParser = parsers.add_parser(
+        name,
+        help=text,
+        description=text,
+        epilog=f"examples:{EXAMPLES[name]}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    command.set_defaults(run=run, refuse=command.error, stopped="nothing was written")
+    command.set_defaults(quiet=False, verbose=False, machine=None, controller=None)
+    return command
+
+
+def _add_keep(command: argparse.ArgumentParser) -> None:
+    folder = "folder for surface, levels, tool path and pictures"
+    command.add_argument("--keep", metavar="DIR", help=folder)
+
+
+def _add_results(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--report", metavar="FILE.json", help="file for the report of everything that was measured"
+    )
+    surface = "file for the T-spline: .tspline, .iga, .step or .iges"
+    command.add_argument("--surface", metavar="FILE", help=surface)
+
+
+def _add_verbosity(command: argparse.ArgumentParser) -> None:
+    command.add_argument("-q", "--quiet", action="store_true", help="print no progress and no summary")
+    verbose = "print progress as lines with the time, not on a terminal only"
+    command.add_argument("-v", "--verbose", action="store_true", help=verbose)

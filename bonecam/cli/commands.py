@@ -1,0 +1,88 @@
+"""The commands. Each takes the options, prints its results to stdout, and returns the exit code."""
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+
+import bonecam
+from bonecam.cli.job_options import job_of
+from bonecam.cli.progress_display import shown_progress
+from bonecam.files import check_files
+from bonecam.job import write_job
+
+
+def run_convert(options: argparse.Namespace) -> int:
+    """`bonecam convert`: the NC program of a part."""
+    return _run(bonecam.convert, options.mesh, options, program=options.output, keep=options.keep)
+
+
+def run_demo(options: argparse.Namespace) -> int:
+    """`bonecam demo`: the NC program of the phalanx that is installed with bonecam."""
+    from bonecam_meshes import path
+
+    if options.output is None:
+        dialect = bonecam.nc.read_dialect(job_of(options).nc.controller)
+        options.output = f"phalanx{dialect.extension}"
+    return _run(bonecam.convert, path("phalanx"), options, program=options.output, keep=options.keep)
+
+
+def run_levels(options: argparse.Namespace) -> int:
+    """`bonecam levels`: the levels of a part and their pictures."""
+    return _run(bonecam.morph_levels, options.mesh, options, keep=options.output)
+
+
+def _run(
+    make: Callable[..., "bonecam.Morphed"],
+    mesh: str | Path,
+    options: argparse.Namespace,
+    **outputs: str | None,
+) -> int:
+    """Call `make` with the part, the job and the files to write, and print the summary of the result."""
+    job = job_of(options)
+    outputs |= {"report": options.report, "surface": options.surface}
+    files = [file for name, file in outputs.items() if file is not None and name != "keep"]
+    inputs = [file for file in (options.job, options.machine, options.controller) if file]
+    check_files(files, inputs)
+
+    with shown_progress(options) as progress:
+        made = make(mesh, job, **outputs, progress=progress)
+    if not options.quiet:
+        print(made.summary)
+    return 0
+
+
+def run_batch(options: argparse.Namespace) -> int:
+    """`bonecam batch`: the NC programs of several parts."""
+
+    def told(outcome: bonecam.Outcome, left: int) -> None:
+        if not options.quiet:
+            text = outcome.message.removeprefix(f"{outcome.mesh}: ") or outcome.program
+            print(f"{outcome.state:6} {outcome.mesh}  {text}  ({left} left)", flush=True)
+
+    outcomes = bonecam.convert_many(
+        options.meshes, options.output, job_of(options), jobs=options.jobs, resume=options.resume, told=told
+    )
+    return int(any(outcome.state == "failed" for outcome in outcomes))
+
+
+def run_script(options: argparse.Namespace) -> int:
+    """`bonecam script`: a MeshLab filter script on meshes; prints the files of the resulting layers."""
+    with shown_progress(options) as progress:
+        written = bonecam.filters.run_script(options.script, options.input, options.output, progress=progress)
+    if not options.quiet:
+        print("\n".join(str(path) for path in written))
+    return 0
+
+
+def run_filters(options: argparse.Namespace) -> int:
+    """`bonecam filters`: the list of filters, or the description of one."""
+    from bonecam.filters.catalogue import catalogue
+
+    print(catalogue(options.name))
+    return 0
+
+
+def run_job(options: argparse.Namespace) -> int:
+    """`bonecam job`: the job file of the options."""
+    print(write_job(job_of(options)), end="")
+    return 0

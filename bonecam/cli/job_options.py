@@ -1,0 +1,61 @@
+"""The options of the command line that make the job: --job, --units, --machine, --controller and --set."""
+
+import argparse
+from dataclasses import fields
+from typing import Any
+
+from bonecam.errors import JobError
+from bonecam.job import Job, read_job
+from bonecam.job.parameter import KINDS
+
+
+def add_job_options(command: argparse.ArgumentParser, *, posted: bool = True) -> None:
+    """Add the options of the job to a command; those of machine and controller where a program is `posted`."""
+    file = "job file; a value that it leaves out keeps its default"
+    command.add_argument("--job", metavar="JOB.toml", help=file)
+    command.add_argument("--units", choices=("mm", "m", "inch"), help="unit of the part's coordinates (mm)")
+    if posted:
+        machine = "mikron-ucp600 (default), linuxcnc-xyzbc, or a TOML file"
+        command.add_argument("--machine", metavar="NAME", help=machine)
+        controller = "heidenhain (default), linuxcnc, or a TOML file"
+        command.add_argument("--controller", metavar="NAME", help=controller)
+    setting = "a parameter of the job, as `bonecam job` lists them (repeat for more)"
+    command.add_argument("--set", action="append", default=[], metavar="SECTION.NAME=VALUE", help=setting)
+
+
+def job_of(options: argparse.Namespace) -> Job:
+    """The job file, then --units, --machine and --controller, then each --set; later values win."""
+    job = read_job(options.job) if options.job else Job()
+    changes: dict[str, dict[str, Any]] = {}
+    named = [
+        ("mesh", "units", options.units),
+        ("nc", "machine", options.machine),
+        ("nc", "controller", options.controller),
+    ]
+    settings = [_setting(text, job) for text in options.set]
+    for section, name, value in [item for item in named if item[2] is not None] + settings:
+        changes.setdefault(section, {})[name] = value
+    return job.with_values(**changes)
+
+
+def _setting(text: str, job: Job) -> tuple[str, str, Any]:
+    """Section, name and typed value of SECTION.NAME=VALUE; an unknown name keeps its value as text."""
+    key, equals, value = text.partition("=")
+    section, dot, name = key.strip().partition(".")
+    if not (equals and dot):
+        raise JobError(f"--set {text}: write SECTION.NAME=VALUE, like stock.diameter=15")
+    kind = _type_of(section, name, job)
+    try:
+        if kind is bool:
+            return section, name, {"true": True, "false": False}[value.strip().lower()]
+        return section, name, kind(value.strip())
+    except (ValueError, KeyError) as error:
+        raise JobError(f"--set {text}: give {KINDS[kind]}") from error
+
+
+def _type_of(section: str, name: str, job: Job) -> Any:
+    """The type of a parameter; str where there is none of that name."""
+    if section not in {item.name for item in fields(job)}:
+        return str
+    types = {item.name: type(item.default) for item in fields(getattr(job, section))}
+    return types.get(name, str)
