@@ -21,8 +21,9 @@ from bonecam.outputs.output_files import File, Outputs
 from bonecam.outputs.result import Morphed, Result
 from bonecam.outputs.run_report import report_to_levels, report_to_program
 from bonecam.progress import Progress, part, silent
-from bonecam.setup.placement import check_sizes, place
+from bonecam.setup.placement import place
 from bonecam.setup.schedule import check_cuts
+from bonecam.setup.stock_kind import check_sizes
 from bonecam.surface.files.surface_input import read_part
 from bonecam.surface.part_surface import fit_surface
 from bonecam.timing import StageTimes

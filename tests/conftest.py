@@ -14,7 +14,7 @@ install_import_hook([f"bonecam.{stage}" for stage in STAGES], "beartype.beartype
 from bonecam.job import FINISHING, ROUGHING, HoldingJob  # noqa: E402
 from bonecam.levels.measure.level import Level  # noqa: E402
 from bonecam.mesh.triangle_mesh import TriangleMesh  # noqa: E402
-from bonecam.setup.stock import Capsule  # noqa: E402
+from bonecam.setup.capsule import Capsule  # noqa: E402
 from bonecam.surface.tmesh.rows import RowTMesh  # noqa: E402
 from bonecam.surface.tspline import TSpline  # noqa: E402
 from bonecam.toolpath.cutter import Cutter  # noqa: E402

@@ -9,7 +9,7 @@ import bonecam
 from bonecam.errors import StockError
 from bonecam.job import Job
 from bonecam.mesh.files.mesh_files import write_mesh
-from bonecam.setup.cylinder import Cylinder
+from bonecam.setup.stocks.cylinder import Cylinder
 
 COARSE = Job().with_values(
     surface={"tolerance": 0.2},

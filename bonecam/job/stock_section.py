@@ -1,8 +1,23 @@
 """The section [stock] of a job."""
 
+import pkgutil
 from dataclasses import dataclass
+from pathlib import Path
 
 from bonecam.job.parameter import Section, parameter
+
+PUBLISHED_KINDS = ("capsule", "cylinder", "box", "mesh")
+"""The kinds of stock in the order in which filter scripts number them."""
+
+
+def _kinds() -> tuple[str, ...]:
+    """The kinds of stock: the published ones, then those of other files of bonecam/setup/stocks."""
+    folder = Path(__file__).parents[1] / "setup" / "stocks"
+    files = sorted(module.name for module in pkgutil.iter_modules([str(folder)]))
+    return (*PUBLISHED_KINDS, *(name for name in files if name not in PUBLISHED_KINDS))
+
+
+STOCK_KINDS = _kinds()
 
 
 @dataclass(frozen=True)
@@ -16,7 +31,7 @@ class StockJob(Section):
         "capsule",
         "Kind",
         "A capsule, a cylinder, a box, or a closed convex mesh. Levels of their own round the edges first.",
-        choices=("capsule", "cylinder", "box", "mesh"),
+        choices=STOCK_KINDS,
     )
     diameter: float = parameter(
         0.0, "Diameter", "Diameter of capsule or cylinder; 0: the smallest.", unit="mm", low=0.0, high=500.0

@@ -14,11 +14,11 @@ from scipy.ndimage import gaussian_filter1d
 
 from bonecam.errors import LevelError, place_name
 from bonecam.levels.problem.factorisation import factorise
-from bonecam.setup.stock import Capsule, Stock, smallest_capsule
+from bonecam.setup.capsule import Capsule, enclosing_capsule
+from bonecam.setup.stock import Stock
 from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tspline import TSpline
 
-CHORD, ROUND_ABOUT = 0.02, 0.03
 TOLERANCE = 0.002
 """How far (mm) a surface may be off its body, measured between the points it is fitted to."""
 ROW_STEP, LEAST_ROWS, MOST_ROWS = 0.4, 40, 160
@@ -30,15 +30,6 @@ FEW = 0.3
 SMOOTH = SAMPLES / 2
 """Standard deviation, in points, of the smoothing of the steps between them."""
 POLE_WEIGHT = 100.0
-
-
-def enclosing(stock: Stock) -> Capsule:
-    """An upright capsule round the stock; a capsule is its own."""
-    if isinstance(stock, Capsule):
-        return stock
-    axis = np.array([stock.middle[0], stock.middle[1], 0.0])
-    found = smallest_capsule(stock.mesh(CHORD).vertices - axis, ROUND_ABOUT)
-    return found.moved(axis)
 
 
 def meridians(capsule: Capsule, s: Float[ndarray, " n"], t: Float[ndarray, " n"]) -> Float[ndarray, "n 3"]:
@@ -63,8 +54,8 @@ def body_surfaces(bodies: Sequence[Stock]) -> list[TSpline]:
 
     LevelError with the distance and the place where they are farther off with the most control points.
     """
-    around = AROUND_ROUND if all(isinstance(body, Capsule) for body in bodies) else AROUND_OTHER
-    capsules = [enclosing(body) for body in bodies]
+    around = AROUND_OTHER if any(body.has_flats for body in bodies) else AROUND_ROUND
+    capsules = [enclosing_capsule(body) for body in bodies]
     arc = max(np.pi * capsule.radius + capsule.length for capsule in capsules)
     rows = int(np.clip(np.ceil(arc / ROW_STEP), LEAST_ROWS, MOST_ROWS))
     distance, place = np.inf, np.zeros(3)

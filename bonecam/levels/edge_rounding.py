@@ -27,9 +27,11 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.remeshing import split_edges
 from bonecam.mesh.triangle_mesh import TriangleMesh, probes
-from bonecam.setup.rounded import Rounded, intersection, planes_of, require_roundable
+from bonecam.setup.containment import MARGIN, require_inside
+from bonecam.setup.rounding.half_spaces import half_spaces_of, intersect
+from bonecam.setup.rounding.largest_rounding import require_roundable
 from bonecam.setup.schedule import Schedule
-from bonecam.setup.stock import MARGIN, Capsule, Stock, require_inside
+from bonecam.setup.stock import Stock
 from bonecam.surface.tspline import TSpline
 from bonecam.threads import on_one_blas_thread
 
@@ -48,7 +50,7 @@ def levels_in(surface: TSpline, stock: Stock, schedule: Schedule, **options: Any
     rounded over it.
     """
     require_types(surface, schedule, stock)
-    if isinstance(stock, Capsule | Rounded):
+    if not stock.has_edges:
         return morph(surface, stock, schedule, **options)
     require_seeds_inside(stock, surface)
     part_mesh = surface.tessellate(CHORD)
@@ -79,7 +81,7 @@ def rounding(made: Morph, inner: Stock, stock: Stock, schedule: Schedule) -> tup
     assert outermost is not None
     nets, corners, first = _Nets(outermost), stock.mesh(CHORD), made.levels[-1]
     deltas = _deltas(float(inner.signed_distance(corners.vertices).max()), schedule, first.index)
-    bodies = [inner, *(_grown(inner, delta) for delta in deltas)]
+    bodies = [inner, *(inner.offset(delta) for delta in deltas)]
     shapes = body_surfaces(bodies[:-1])
     levels = [
         *made.levels[:-1],
@@ -90,7 +92,9 @@ def rounding(made: Morph, inner: Stock, stock: Stock, schedule: Schedule) -> tup
         mesh = (
             corners
             if last
-            else intersection(np.vstack([planes_of(corners), planes_of(body.mesh(CHORD))]), stock.middle)
+            else intersect(
+                np.vstack([half_spaces_of(corners), half_spaces_of(body.mesh(CHORD))]), stock.middle
+            )
         )
         surfaces = {} if last else {"surface": shapes[j], "shared": nets.of(body, stock)}
         levels.append(_level(k, mesh, levels[-1].mesh, before, stock, schedule.limit(k), surfaces))
@@ -105,14 +109,6 @@ def _deltas(whole: float, schedule: Schedule, first: int) -> list[float]:
         count += 1
     share = whole / (schedule.reach(first + count) - schedule.reach(first))
     return [share * (schedule.reach(first + j) - schedule.reach(first)) for j in range(1, count + 1)]
-
-
-def _grown(body: Stock, distance: float) -> Stock:
-    """The body and everything within `distance` of it."""
-    if isinstance(body, Capsule):
-        return Capsule(body.start, body.end, body.radius + distance)
-    assert isinstance(body, Rounded)
-    return Rounded(body.core, body.radius + distance)
 
 
 def _level(

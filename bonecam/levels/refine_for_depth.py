@@ -13,7 +13,7 @@ import numpy as np
 from numpy import ndarray
 
 from bonecam.arrays import lengths
-from bonecam.setup.stock import Capsule, Stock
+from bonecam.setup.stock import Stock
 from bonecam.surface.refinement.rows import with_row_knots
 from bonecam.surface.tspline import TSpline
 
@@ -35,7 +35,7 @@ AROUND, ALONG = 64, 4
 def finer(surface: TSpline, stock: Stock, depth: float) -> TSpline:
     """The surface with spans halved until they are short enough for cuts so deep (mm); one that has many
     control points as it is."""
-    depths, few, most = IN_CAPSULES if isinstance(stock, Capsule) else WITH_FLATS
+    depths, few, most = WITH_FLATS if stock.has_flats else IN_CAPSULES
     longest = depths * depth
     while surface.tmesh.size < few:
         found = _across(_along(surface, stock, longest, most), stock, longest, most)

@@ -94,3 +94,17 @@ def _subsets(count: int) -> list[list[int]]:
     """All pairs, then all triples of 0..count-1."""
     pairs = [[a, b] for a in range(count) for b in range(a + 1, count)]
     return pairs + [[a, b, c] for a, b in pairs for c in range(b + 1, count)]
+
+
+def rotation(x_deg: float, y_deg: float, z_deg: float) -> Float[ndarray, "3 3"]:
+    """The rotation about X, then Y, then Z by these angles in degrees."""
+    found = np.eye(3)
+    for axis, angle in enumerate(np.radians([x_deg, y_deg, z_deg])):
+        u = (axis + 1) % 3
+        v = (axis + 2) % 3
+        turn = np.eye(3)
+        turn[u, u] = turn[v, v] = np.cos(angle)
+        turn[u, v] = -np.sin(angle)
+        turn[v, u] = np.sin(angle)
+        found = turn @ found
+    return found

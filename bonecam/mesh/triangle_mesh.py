@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float, Int32
+from jaxtyping import Bool, Float, Int32
 from numpy import ndarray
 
 from bonecam.arrays import frozen
@@ -62,3 +62,9 @@ class TriangleMesh:
 def probes(mesh: TriangleMesh) -> Float[ndarray, "n 3"]:
     """The mesh's vertices and the middles of its faces."""
     return np.vstack([mesh.vertices, mesh.vertices[mesh.faces].mean(1)])
+
+
+def keep_faces(mesh: TriangleMesh, kept: Bool[ndarray, " m"] | slice = slice(None)) -> TriangleMesh:
+    """The mesh of the `kept` faces and the vertices they name."""
+    used, faces = np.unique(mesh.faces[kept], return_inverse=True)
+    return TriangleMesh(mesh.vertices[used], faces.reshape(-1, 3).astype(np.int32))

@@ -10,7 +10,6 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 from bonecam.job import Job
-from bonecam.levels.body_surface import enclosing
 from bonecam.levels.measure.level import Level
 from bonecam.mesh.distance import MeshDistance
 from bonecam.orientation.collision.scene import Scene
@@ -18,6 +17,7 @@ from bonecam.orientation.lead import check_lead
 from bonecam.orientation.limits import AxisLimits
 from bonecam.orientation.oriented_path import orient
 from bonecam.progress import Progress, report, silent
+from bonecam.setup.capsule import enclosing_capsule
 from bonecam.setup.holding import Post, post_below
 from bonecam.setup.stock import Stock
 from bonecam.toolpath.cutter import Cutter
@@ -63,7 +63,7 @@ def plan_paths(
         cutter = finishing if job.is_finishing(level.index) else roughing
         return _contacts_of(level, part, cutter, post, job)
 
-    capsule = enclosing(stock)
+    capsule = enclosing_capsule(stock)
     material = uncut_material(levels, stock)
     paths: list[ToolPath] = []
     for found in _one_ahead(contacts_of, levels[-2::-1]):

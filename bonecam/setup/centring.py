@@ -12,38 +12,40 @@ from numpy import ndarray
 from scipy.optimize import minimize
 from scipy.spatial import cKDTree
 
-from bonecam.job import StockJob
 from bonecam.setup.stock import Stock
 
-CHORD, TRIALS, SHIFT = 0.1, 120, 0.2
-PENALTY, SPARE = 10.0, 0.1
+CHORD = 0.1
+"""Chord tolerance, mm, of the stock's mesh on which the largest distance is measured."""
+TRIALS = 120
+"""Most shifts that are tried."""
+FIRST_STEP = 0.2
+"""Size of the first simplex, mm."""
+PENALTY = 10.0
+"""Weight of a mm that the material over the part is too thin, against a mm of distance."""
+SPARE = 0.1
+"""Material asked for beyond the margin, mm."""
 
 
-def is_free(job: StockJob) -> bool:
-    """Whether the size of a capsule is given and how the part lies in it is not."""
-    placed = (job.offset_x, job.offset_y, job.offset_z, job.tilt_x_deg, job.tilt_y_deg, job.turn_deg)
-    return job.kind == "capsule" and job.diameter > 0 and job.length > 0 and not any(placed)
+def centring_shift(points: Float[ndarray, "n 3"], stock: Stock, margin: float) -> Float[ndarray, "4 4"]:
+    """The translation (4, 4) of the part's points across the Z axis after which the farthest point of the stock
+    is nearest to them.
 
-
-def centred(points: Float[ndarray, "n 3"], stock: Stock, margin: float) -> Float[ndarray, "4 4"]:
-    """The shift (4, 4) of the part's points across the Z axis after which the farthest point of the stock is
-    nearest to them.
-
-    At least `margin` mm of material stay round the part (as much as there is where that is less).
+    At least `margin` mm of material stay over the part (as much as there is where that is less).
     """
-    surface, tree = stock.mesh(CHORD).vertices, cKDTree(points)
+    surface = stock.mesh(CHORD).vertices
+    tree = cKDTree(points)
     room = min(margin + SPARE, -float(stock.signed_distance(points).max()))
 
-    def largest(x: ndarray) -> float:
+    def cost(x: ndarray) -> float:
         shift = np.append(x, 0.0)
-        short = max(0.0, room + float(stock.signed_distance(points + shift).max()))
-        return float(np.max(tree.query(surface - shift)[0])) + PENALTY * short
+        lack = max(0.0, room + float(stock.signed_distance(points + shift).max()))
+        return float(np.max(tree.query(surface - shift)[0])) + PENALTY * lack
 
-    start = SHIFT * np.vstack([np.zeros(2), np.eye(2)])
+    start = FIRST_STEP * np.vstack([np.zeros(2), np.eye(2)])
     found = minimize(
-        largest, np.zeros(2), method="Nelder-Mead", options={"maxfev": TRIALS, "initial_simplex": start}
+        cost, np.zeros(2), method="Nelder-Mead", options={"maxfev": TRIALS, "initial_simplex": start}
     )
     transform = np.eye(4)
-    if found.fun < largest(np.zeros(2)):
+    if found.fun < cost(np.zeros(2)):
         transform[:2, 3] = found.x
     return transform

@@ -50,9 +50,9 @@ from bonecam.levels.solvers.exchange import Step, next_level
 from bonecam.levels.solvers.published import next_moves
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.part import prepare_part
+from bonecam.setup.capsule import Capsule
 from bonecam.setup.placement import place
 from bonecam.setup.schedule import Schedule
-from bonecam.setup.stock import Capsule
 from bonecam.surface.part_surface import fit_surface
 from bonecam.surface.tspline import TSpline
 

@@ -18,9 +18,10 @@ from bonecam.levels.measure.grid import level_grid
 from bonecam.levels.measure.measured_surface import Sheet
 from bonecam.levels.problem.samples import integration_points, samples_of, thin_plate
 from bonecam.mesh.distance import MeshDistance
-from bonecam.setup.cylinder import Cylinder
+from bonecam.setup.capsule import Capsule
 from bonecam.setup.schedule import Schedule
-from bonecam.setup.stock import Capsule, Stock
+from bonecam.setup.stock import Stock
+from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.surface.query.closest_point import closest_points_near
 from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tspline import TSpline
@@ -73,13 +74,13 @@ from fractions import Fraction
 
 import numpy as np
 from bonecam.errors import StockError
-from bonecam.setup.convex import ConvexStock
-from bonecam.setup.cylinder import Cylinder
+from bonecam.setup.stocks.mesh import ConvexStock
+from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.levels.closed_morph import morph
 from bonecam.levels.open_morph import morph_open
 from bonecam.levels.edge_rounding import levels_in
 from bonecam.setup.schedule import Schedule
-from bonecam.setup.stock import Capsule
+from bonecam.setup.capsule import Capsule
 from test_closed_morph import SCHEDULE, STOCK, waisted
 part = waisted()
 for call in (

@@ -8,7 +8,7 @@ from test_closed_morph import waisted
 
 from bonecam.errors import LevelError, StockError
 from bonecam.job import Job, MeshJob, StockJob
-from bonecam.levels.body_surface import TOLERANCE, body_surfaces, enclosing
+from bonecam.levels.body_surface import TOLERANCE, body_surfaces
 from bonecam.levels.closed_morph import Morph
 from bonecam.levels.edge_rounding import levels_in
 from bonecam.levels.job_levels import make_levels
@@ -20,13 +20,17 @@ from bonecam.mesh.hull import convex_hull
 from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.part import prepare_part
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.setup.box import Box
-from bonecam.setup.convex import ConvexStock
-from bonecam.setup.cylinder import Cylinder
+from bonecam.setup.capsule import Capsule, enclosing_capsule
 from bonecam.setup.placement import place
-from bonecam.setup.rounded import Rounded, inradius, intersection, offset, planes_of, rounded, roundest
+from bonecam.setup.revolution import revolve
+from bonecam.setup.rounding.half_spaces import half_spaces_of, intersect
+from bonecam.setup.rounding.largest_rounding import round_most
+from bonecam.setup.rounding.rounded_stock import RoundedStock
 from bonecam.setup.schedule import Schedule
-from bonecam.setup.stock import Capsule, Stock, revolved
+from bonecam.setup.stock import Stock
+from bonecam.setup.stocks.box import Box
+from bonecam.setup.stocks.cylinder import Cylinder
+from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.surface.part_surface import fit_surface
 
 BAR, BOX = Cylinder(4.5, 0.0, 20.0), Box(np.array([-4.5, -4.0, 0.0]), np.array([4.5, 4.0, 20.0]))
@@ -45,7 +49,7 @@ def cloud(low: float, high: float) -> np.ndarray:
 
 @pytest.mark.parametrize("stock", STOCKS.values(), ids=STOCKS)
 def test_a_rounded_stock_lies_inside_and_its_distances_are_exact(stock: Stock) -> None:
-    body = Rounded(offset(stock, -2.0), 2.0)
+    body = RoundedStock(stock.offset(-2.0), 2.0)
     mesh, points = body.mesh(0.02), np.random.default_rng(2).uniform(-8, 26, (300, 3))
     assert stock.signed_distance(mesh.vertices).max() < 1e-6
     assert np.abs(body.signed_distance(mesh.vertices)).max() < 1e-9
@@ -62,10 +66,10 @@ def ball_of_slivers() -> ConvexStock:
 
 
 ROUNDED = {
-    "slivers": rounded(ball_of_slivers(), 5.0),
-    "tight box": rounded(Box(np.array([-5.0, -4.0, -10.0]), np.array([5.0, 4.0, 10.0])), 1.4),
-    "box": rounded(Box(np.array([-7.0, -6.0, -11.0]), np.array([7.0, 6.0, 11.0])), 5.9),
-    "flat disc": rounded(Cylinder(9.0, 0.0, 2.0), 0.7),
+    "slivers": ball_of_slivers().round_edges(5.0),
+    "tight box": Box(np.array([-5.0, -4.0, -10.0]), np.array([5.0, 4.0, 10.0])).round_edges(1.4),
+    "box": Box(np.array([-7.0, -6.0, -11.0]), np.array([7.0, 6.0, 11.0])).round_edges(5.9),
+    "flat disc": Cylinder(9.0, 0.0, 2.0).round_edges(0.7),
 }
 
 
@@ -91,20 +95,20 @@ def test_the_mesh_of_a_rounded_body_keeps_its_tolerance_and_does_not_cut_itself(
 
 @pytest.mark.parametrize("stock", STOCKS.values(), ids=STOCKS)
 def test_walls_move_in_by_the_offset(stock: Stock) -> None:
-    inner = offset(stock, -1.0)
+    inner = stock.offset(-1.0)
     assert np.allclose(inner.bounds, stock.bounds + np.array([[1.0], [-1.0]]), atol=1e-6)
-    assert inradius(inner) == pytest.approx(inradius(stock) - 1, abs=1e-6)
+    assert inner.inradius == pytest.approx(stock.inradius - 1, abs=1e-6)
 
 
 def ellipsoid(around: int) -> TriangleMesh:
     angle = np.linspace(0, np.pi, around // 2 + 2)[-2:0:-1]
-    mesh = revolved(6.9 * np.sin(angle), 15.18 * np.cos(angle), (-15.18, 15.18), around)
+    mesh = revolve(6.9 * np.sin(angle), 15.18 * np.cos(angle), (-15.18, 15.18), around)
     return TriangleMesh(mesh.vertices.astype(np.float32).astype(np.float64), mesh.faces)
 
 
 def test_a_body_with_the_coordinates_of_an_stl_moves_in_to_a_closed_one() -> None:
-    planes = planes_of(ellipsoid(24))
-    ConvexStock(intersection(planes + np.array([0.0, 0.0, 0.0, 1.72]), np.zeros(3)))
+    planes = half_spaces_of(ellipsoid(24))
+    ConvexStock(intersect(planes + np.array([0.0, 0.0, 0.0, 1.72]), np.zeros(3)))
 
 
 def edge_lengths(mesh: TriangleMesh) -> np.ndarray:
@@ -114,9 +118,9 @@ def edge_lengths(mesh: TriangleMesh) -> np.ndarray:
 
 def test_the_core_of_a_mesh_of_many_faces_has_no_slivers_and_loses_little() -> None:
     stock = ConvexStock(ellipsoid(60))
-    core, planes = offset(stock, -5.0), planes_of(stock.surface) + np.array([0.0, 0.0, 0.0, 5.0])
+    core, planes = stock.offset(-5.0), half_spaces_of(stock.surface) + np.array([0.0, 0.0, 0.0, 5.0])
     assert isinstance(core, ConvexStock)
-    exact = intersection(planes, np.zeros(3))
+    exact = intersect(planes, np.zeros(3))
     assert core.signed_distance(exact.vertices).max() < 0.01
     assert (planes[:, :3] @ core.surface.vertices.T + planes[:, 3:]).max() < 1e-6
     assert edge_lengths(core.surface).min() > 1e-3 > edge_lengths(exact).min()
@@ -135,17 +139,17 @@ def test_the_mesh_of_a_mesh_has_edges_as_short_as_asked_and_few_more_faces() -> 
 
 
 def test_a_bar_rounded_by_its_radius_is_the_published_capsule() -> None:
-    body = rounded(BAR, BAR.radius)
+    body = BAR.round_edges(BAR.radius)
     assert isinstance(body, Capsule)
     assert (body.diameter, body.length) == (BAR.diameter, BAR.length)
 
 
 def test_the_roundest_body_leaves_the_margin_over_the_part() -> None:
     points = np.array([[3.9, 3.4, 10.0], [0.0, 0.0, 19.5]])
-    body = roundest(BOX, points, 0.3)
-    assert isinstance(body, Rounded)
+    body = round_most(BOX, points, 0.3)
+    assert isinstance(body, RoundedStock)
     assert body.signed_distance(points).max() == pytest.approx(-0.3, abs=0.01)
-    assert roundest(BOX, np.array([[4.4, 3.9, 10.0]]), 0.09) is None
+    assert round_most(BOX, np.array([[4.4, 3.9, 10.0]]), 0.09) is None
 
 
 def test_the_roundest_body_leaves_room_for_levels_where_the_stock_has_it() -> None:
@@ -153,16 +157,16 @@ def test_the_roundest_body_leaves_room_for_levels_where_the_stock_has_it() -> No
     hardly the margin."""
     for near, room in ((0.5, 0.25), (0.3, 0.15)):
         points = np.array([[4.5 - near, 2.6, 10.0], [0.0, 0.0, 19.5]])
-        body = roundest(BOX, points, 0.05)
-        assert isinstance(body, Rounded)
+        body = round_most(BOX, points, 0.05)
+        assert isinstance(body, RoundedStock)
         assert body.signed_distance(points[:1]) == pytest.approx(-room, abs=0.001)
-    tight = roundest(BOX, np.array([[4.34, 3.84, 10.0]]), 0.05)
-    assert isinstance(tight, Rounded)
+    tight = round_most(BOX, np.array([[4.34, 3.84, 10.0]]), 0.05)
+    assert isinstance(tight, RoundedStock)
     assert tight.radius == pytest.approx(0.426, abs=0.001)
 
 
 @pytest.mark.parametrize(
-    "body", [rounded(BAR, 4.5), rounded(BAR, 2.0), rounded(BOX, 3.0)], ids=["capsule", "bar", "box"]
+    "body", [BAR.round_edges(4.5), BAR.round_edges(2.0), BOX.round_edges(3.0)], ids=["capsule", "bar", "box"]
 )
 def test_the_spline_of_a_body_lies_on_it(body: Stock) -> None:
     surface = body_surfaces([body])[0]
@@ -179,7 +183,7 @@ def test_the_spline_of_a_body_lies_on_it(body: Stock) -> None:
 def test_the_spline_of_a_large_box_with_sharp_edges_lies_on_it_and_turns_nowhere_over(
     half: tuple[float, ...], radius: float
 ) -> None:
-    body = rounded(Box(-np.array(half), np.array(half)), radius)
+    body = Box(-np.array(half), np.array(half)).round_edges(radius)
     surface = body_surfaces([body])[0]
     s, t = np.random.default_rng(4).random((2, 100_000))
     points = surface.positions(s, t)
@@ -191,7 +195,7 @@ def test_a_spline_that_cannot_follow_its_body_is_refused_with_distance_and_place
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("bonecam.levels.body_surface.TRIES", 1)
-    body = Rounded(Box(np.full(3, -18.0), np.full(3, 18.0)), 0.3)
+    body = RoundedStock(Box(np.full(3, -18.0), np.full(3, 18.0)), 0.3)
     with pytest.raises(
         LevelError, match=r"mm off it at \(.*\), more than 0\.002 mm: give a larger stock"
     ) as caught:
@@ -204,7 +208,7 @@ def test_a_spline_that_cannot_follow_its_body_is_refused_with_distance_and_place
 
 @pytest.mark.parametrize("stock", STOCKS.values(), ids=STOCKS)
 def test_the_enclosing_capsule_holds_the_stock(stock: Stock) -> None:
-    assert enclosing(stock).signed_distance(stock.mesh(0.01).vertices).max() < 0
+    assert enclosing_capsule(stock).signed_distance(stock.mesh(0.01).vertices).max() < 0
 
 
 @pytest.fixture(scope="module")
@@ -271,9 +275,9 @@ def test_every_level_can_be_followed_on_the_parts_tmesh(made: Morph) -> None:
 
 
 def test_a_mesh_that_cannot_be_made_true_is_refused_with_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("bonecam.setup.rounded.BISECTIONS", 1)
+    monkeypatch.setattr("bonecam.setup.rounding.rounded_stock.BISECTIONS", 1)
     with pytest.raises(StockError, match="no mesh of the rounded stock"):
-        rounded(Box(np.full(3, -5.0), np.full(3, 5.0)), 2.0).mesh(0.001)
+        Box(np.full(3, -5.0), np.full(3, 5.0)).round_edges(2.0).mesh(0.001)
 
 
 def test_a_part_that_leaves_the_bar_is_refused_at_once_with_its_place() -> None:
@@ -284,7 +288,7 @@ def test_a_part_that_leaves_the_bar_is_refused_at_once_with_its_place() -> None:
 
 
 def test_a_part_in_the_edges_of_a_bar_is_refused_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("bonecam.setup.rounded.roundest", lambda *_: None)
+    monkeypatch.setattr("bonecam.setup.rounding.largest_rounding.round_most", lambda *_: None)
     with pytest.raises(
         StockError, match=r"too near to the edges of the stock \(box 9\.00 x 8\.00 x 20\.00 mm\) at"
     ):

@@ -5,8 +5,8 @@ from test_closed_morph import STOCK, waisted
 
 from bonecam.levels.edge_rounding import levels_in
 from bonecam.levels.equal_depths import even_levels
-from bonecam.setup.cylinder import Cylinder
 from bonecam.setup.schedule import Schedule
+from bonecam.setup.stocks.cylinder import Cylinder
 
 SCHEDULE = Schedule((0.2,), 1.0)
 

@@ -12,8 +12,8 @@ from bonecam.levels.edge_rounding import levels_in
 from bonecam.levels.measure.level import Level
 from bonecam.levels.open_morph import morph_open
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.setup.capsule import Capsule
 from bonecam.setup.schedule import Schedule
-from bonecam.setup.stock import Capsule
 from bonecam.surface.skinning.skin import skin
 from bonecam.surface.tspline import TSpline
 

@@ -7,8 +7,7 @@ from test_exchange import setting
 
 from bonecam.levels import refine_for_depth as module
 from bonecam.levels.refine_for_depth import finer
-from bonecam.setup.box import Box
-from bonecam.setup.rounded import rounded
+from bonecam.setup.stocks.box import Box
 
 RNG = np.random.default_rng(7)
 
@@ -43,7 +42,8 @@ def test_a_surface_of_many_control_points_stays_as_it_is(monkeypatch: pytest.Mon
 def test_spans_are_shorter_in_a_stock_with_flats() -> None:
     part, (low, high) = setting().surface, np.array([[-4.5, -4.5, 0.0], [4.5, 4.5, 20.0]])
     assert (
-        finer(part, rounded(Box(low, high), 3.0), 0.3).tmesh.size > 1.3 * finer(part, STOCK, 0.3).tmesh.size
+        finer(part, Box(low, high).round_edges(3.0), 0.3).tmesh.size
+        > 1.3 * finer(part, STOCK, 0.3).tmesh.size
     )
 
 

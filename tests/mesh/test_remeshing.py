@@ -6,7 +6,7 @@ import pytest
 from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.remeshing import bisected, split_edges
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.setup.box import Box
+from bonecam.setup.stocks.box import Box
 
 
 def test_edges_are_split_and_the_surface_stays() -> None:

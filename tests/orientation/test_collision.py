@@ -14,8 +14,8 @@ from bonecam.orientation.collision.fcl_model import FclModel, build_fcl_model
 from bonecam.orientation.collision.scene import Scene
 from bonecam.orientation.collision.sphere_tracing import FREE, Poses, classify_poses
 from bonecam.orientation.collision.tool_mesh import solid_of_revolution, tool_meshes
+from bonecam.setup.capsule import Capsule
 from bonecam.setup.holding import Post
-from bonecam.setup.stock import Capsule
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.cutter import Cutter
 

@@ -29,8 +29,8 @@ from bonecam.orientation.singularity import (
     avoid_singularity,
     least_polar_angles,
 )
+from bonecam.setup.capsule import Capsule
 from bonecam.setup.holding import post_below
-from bonecam.setup.stock import Capsule
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.cutter import Cutter
 from bonecam.toolpath.path import ContactPath, Kind, ToolPath

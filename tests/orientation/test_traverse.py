@@ -9,7 +9,7 @@ from bonecam.arrays import angles_between, unit
 from bonecam.orientation.limits import AxisLimits
 from bonecam.orientation.links.clearance_surface import ClearanceSurface
 from bonecam.orientation.links.traverse import MAX_TURN, TraverseOptions, traverse
-from bonecam.setup.stock import Capsule
+from bonecam.setup.capsule import Capsule
 
 STOCK = Capsule(np.array([1.0, -2.0, 45.0]), np.array([1.0, -2.0, 60.0]), 6.0)
 SURFACE = ClearanceSurface(STOCK, 4.0)

@@ -18,9 +18,9 @@ from bonecam.levels.open_morph import morph_open
 from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
 from bonecam.mesh.meshlab import meshlab
 from bonecam.outputs.kept_folder import keep_failed_level, keep_levels
-from bonecam.setup.cylinder import Cylinder
+from bonecam.setup.capsule import Capsule
 from bonecam.setup.schedule import Schedule
-from bonecam.setup.stock import Capsule
+from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.surface.skinning.skin import skin
 from bonecam.surface.tspline import TSpline
 

@@ -7,10 +7,11 @@ import pytest
 from bonecam.errors import StockError
 from bonecam.mesh.distance import exact_closest
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.setup.box import Box
-from bonecam.setup.convex import ConvexStock
-from bonecam.setup.cylinder import Cylinder
-from bonecam.setup.stock import Capsule, Stock, stock_figures, stock_text
+from bonecam.setup.capsule import Capsule
+from bonecam.setup.stock import Stock, stock_figures, stock_text
+from bonecam.setup.stocks.box import Box
+from bonecam.setup.stocks.cylinder import Cylinder
+from bonecam.setup.stocks.mesh import ConvexStock
 
 BOX = Box(np.array([-6.0, -7.5, 3.0]), np.array([6.0, 7.5, 40.0]))
 CYLINDER = Cylinder(7.5, 3.0, 40.0)

@@ -1,6 +1,7 @@
 """The stock a job asks for, and where the part lies in it."""
 
 import re
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -9,14 +10,19 @@ from scipy.spatial import cKDTree
 
 from bonecam.errors import StockError
 from bonecam.job import StockJob
+from bonecam.job.stock_section import STOCK_KINDS
 from bonecam.mesh.files.mesh_files import write_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.setup.box import Box
-from bonecam.setup.convex import ConvexStock
-from bonecam.setup.cylinder import Cylinder
+from bonecam.setup import stocks
+from bonecam.setup.capsule import Capsule, smallest_capsule
+from bonecam.setup.containment import MARGIN
 from bonecam.setup.placement import stock_for
 from bonecam.setup.schedule import Schedule
-from bonecam.setup.stock import MARGIN, Capsule, Stock, smallest_capsule, stock_figures, stock_text
+from bonecam.setup.stock import Stock, stock_figures, stock_text
+from bonecam.setup.stock_kind import kind_of
+from bonecam.setup.stocks.box import Box
+from bonecam.setup.stocks.cylinder import Cylinder
+from bonecam.setup.stocks.mesh import ConvexStock
 
 KINDS = ("capsule", "cylinder", "box")
 SCHEDULE = Schedule((0.1,) * 4, 0.5)
@@ -178,7 +184,7 @@ def test_a_stock_from_a_file_is_taken_as_it_is_or_as_its_smallest_copy(tmp_path:
 def test_the_body_of_a_file_is_proven_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_mesh(Cylinder(8.0, 0.0, 40.0).mesh(0.5), tmp_path / "block.ply")
     proofs: list[TriangleMesh] = []
-    monkeypatch.setattr("bonecam.setup.convex._require_convex", proofs.append)
+    monkeypatch.setattr("bonecam.setup.stocks.mesh._require_convex", proofs.append)
     stock, _ = stock_for(
         cloud(), StockJob(kind="mesh", mesh=str(tmp_path / "block.ply"), scale=0.0), SCHEDULE
     )
@@ -277,3 +283,10 @@ def test_a_place_is_told_where_the_stock_will_stand() -> None:
     lifted = standing.value.evidence["place"] - lying.value.evidence["place"]
     middle = (cloud()[:, 2].min() + cloud()[:, 2].max()) / 2
     assert lifted == pytest.approx([0.0, 0.0, 40.0 - (middle - 15.0)])
+
+
+def test_every_file_of_stocks_is_a_kind_that_a_job_may_ask_for() -> None:
+    files = {path.stem for path in Path(stocks.__file__).parent.glob("*.py")} - {"__init__"}
+    assert set(STOCK_KINDS) == files
+    for name in STOCK_KINDS:
+        assert set(kind_of(StockJob(kind=name)).sizes) <= {item.name for item in fields(StockJob)}

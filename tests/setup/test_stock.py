@@ -7,8 +7,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bonecam.errors import StockError
+from bonecam.job import StockJob
 from bonecam.mesh.distance import exact_closest
-from bonecam.setup.stock import Capsule, given_capsule, numbers, require_inside, smallest_capsule
+from bonecam.setup.capsule import Capsule, smallest_capsule
+from bonecam.setup.containment import require_inside
+from bonecam.setup.placement import stock_for
+from bonecam.setup.schedule import Schedule
+from bonecam.setup.stock import finite_numbers
+from bonecam.setup.stocks.capsule import capsule_of_size
 
 CAPSULE = Capsule(np.array([0.0, 0.0, 7.5]), np.array([0.0, 0.0, 29.5]), 7.5)
 
@@ -76,8 +82,9 @@ def test_the_smallest_capsule_leaves_exactly_the_allowance(seed: int, allowance:
 
 def test_a_part_that_leaves_the_given_capsule_is_refused_with_distance_and_place() -> None:
     points = np.vstack([cloud(3), [[7.9, 0.0, 18.0]]])
+    capsule = capsule_of_size(15.0, 37.0, 18.0)
     with pytest.raises(StockError, match=r"leaves it by 0.400 mm at \(7.90, 0.00, 18.00\)") as caught:
-        given_capsule(15.0, 37.0, points)
+        require_inside(capsule, points, 0.05)
     assert caught.value.evidence["distance"] == pytest.approx(0.4)
     assert np.allclose(caught.value.evidence["place"], [7.9, 0, 18])
 
@@ -103,7 +110,7 @@ def test_what_is_missing_is_told_rounded_up(x: float, said: str, more: str) -> N
 
 def test_a_given_capsule_is_centred_on_the_part() -> None:
     points = cloud(4)
-    capsule = given_capsule(15.0, 37.0, points)
+    capsule, _ = stock_for(points, StockJob(diameter=15.0, length=37.0), Schedule((), 0.5))
     assert capsule.middle[2] == pytest.approx((points[:, 2].min() + points[:, 2].max()) / 2)
     assert (capsule.diameter, capsule.length) == pytest.approx((15.0, 37.0))
 
@@ -124,7 +131,7 @@ def test_a_capsule_shorter_than_its_diameter_is_refused_with_setting_and_remedy(
     diameter: float, length: float, told: str
 ) -> None:
     with pytest.raises(StockError, match=told):
-        given_capsule(diameter, length, cloud(5))
+        capsule_of_size(diameter, length, 18.0)
 
 
 def test_an_allowance_of_nothing_is_refused() -> None:
@@ -149,7 +156,7 @@ def test_ends_of_a_stock_are_three_finite_numbers(values: object) -> None:
     with pytest.raises(
         StockError, match=r"^a capsule's end is .*: give 3 finite numbers \(mm, 1e\+06 at most\)$"
     ):
-        numbers("a capsule's end", values, 3)
+        finite_numbers("a capsule's end", values, 3)
 
 
 @pytest.mark.parametrize("radius", [0.0, -1.0, np.nan, np.inf, 1e7])

@@ -15,8 +15,8 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.orientation.collision.scene import Scene
 from bonecam.orientation.limits import AxisLimits
 from bonecam.orientation.oriented_path import orient
+from bonecam.setup.capsule import Capsule
 from bonecam.setup.holding import Post, post_below
-from bonecam.setup.stock import Capsule
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.cutter import Cutter
 from bonecam.toolpath.material import DEVIATION, Material, remove_material, uncut_material

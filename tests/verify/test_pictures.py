@@ -14,8 +14,9 @@ from matplotlib.transforms import Bbox
 
 from bonecam.levels.measure.level import Level, rounding_cuts
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.setup.box import Box
-from bonecam.setup.stock import Capsule, Stock
+from bonecam.setup.capsule import Capsule
+from bonecam.setup.stock import Stock
+from bonecam.setup.stocks.box import Box
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.path import Kind, ToolPath
 from bonecam.verify.pictures import draw_coloured, draw_depths, draw_levels, draw_toolpath, labelled

@@ -7,7 +7,7 @@ import numpy as np
 from bonecam.levels.measure.certificate import Certificate
 from bonecam.levels.measure.level import Level
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.setup.stock import Capsule
+from bonecam.setup.capsule import Capsule
 from bonecam.verify.report import certified_text, levels_report, summary_of, uncut_text
 
 

@@ -28,7 +28,8 @@ from bonecam.levels.problem.samples import (
     samples_of,
     thin_plate,
 )
-from bonecam.setup.stock import Capsule, Stock
+from bonecam.setup.capsule import Capsule
+from bonecam.setup.stock import Stock
 from bonecam.surface.tspline import TSpline
 
 TOLERANCE = 1e-3

@@ -20,7 +20,7 @@ from bonecam.mesh.healing.faults import Fault, faults_of, holes_of
 from bonecam.mesh.healing.topology import edges_of, pieces_of
 from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.meshlab import from_meshset, meshlab, to_meshset
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces
 from bonecam.progress import Progress, report, silent
 
 LARGEST_DEVIATION = 0.02
@@ -147,7 +147,7 @@ def _without_strays(state: _State) -> _State:
     if not strays:
         return state
     return state.then(
-        _compact(state.mesh, np.ones(len(state.mesh.faces), dtype=bool)),
+        keep_faces(state.mesh),
         f"removed {counted(strays, 'vertex')} of no face",
     )
 
@@ -170,7 +170,7 @@ def _one_part(state: _State) -> _State:
             f"{what}: save the one to machine by itself", parts=len(areas), areas=areas, place=place
         )
     told = f"dropped {counted(len(others), 'loose piece')} of at most {others.max() / areas[largest]:.2%} of the part's area"
-    return state.then(_compact(welded, pieces == largest), told)
+    return state.then(keep_faces(welded, pieces == largest), told)
 
 
 def _state_after(state: _State, name: str, elements: str = "", sentence: str = "", noun: str = "") -> _State:
@@ -204,7 +204,7 @@ def _without_fins(state: _State) -> _State:
     if not (count := int(fins.sum())):
         return state
     return state.then(
-        _compact(state.mesh, ~fins),
+        keep_faces(state.mesh, ~fins),
         f"removed {counted(count, 'face')} that {'stick' if count > 1 else 'sticks'} out",
     )
 
@@ -275,12 +275,6 @@ def _wrapped(state: _State) -> _State:
     meshset.generate_alpha_wrap(alpha=pure(WRAP_ALPHA * size), offset=pure(WRAP_OFFSET * size))
     told = f"shrank a new skin round the part (ball {WRAP_ALPHA * size:.2f} mm, offset {WRAP_OFFSET * size:.3f} mm)"
     return state.then(from_meshset(meshset), told)
-
-
-def _compact(mesh: TriangleMesh, keep: ndarray) -> TriangleMesh:
-    """The faces that are kept, with their vertices only."""
-    used, faces = np.unique(mesh.faces[keep], return_inverse=True)
-    return TriangleMesh(mesh.vertices[used], faces.reshape(-1, 3).astype(np.int32))
 
 
 def _moved(before: TriangleMesh, cleaned: TriangleMesh, after: TriangleMesh) -> tuple[float, ndarray]:

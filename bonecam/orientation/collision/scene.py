@@ -15,8 +15,8 @@ from numpy import ndarray
 
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.setup.capsule import Capsule
 from bonecam.setup.holding import Post
-from bonecam.setup.stock import Capsule
 
 TABLE_CLEARANCE = 0.5
 """Shank and holder keep this far above the table, mm."""

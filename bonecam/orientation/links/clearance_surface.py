@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.setup.stock import Capsule
+from bonecam.setup.capsule import Capsule
 
 SEARCH_ROUNDS = 8
 """Times that the interval of an exit is divided."""

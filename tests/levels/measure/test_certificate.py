@@ -22,11 +22,12 @@ from bonecam.levels.measure.inspection import Inspection, Rules
 from bonecam.levels.measure.measured_surface import Sheet
 from bonecam.mesh.part import prepare_part
 from bonecam.progress import silent
-from bonecam.setup.box import Box
-from bonecam.setup.cylinder import Cylinder
+from bonecam.setup.capsule import Capsule
 from bonecam.setup.placement import place
 from bonecam.setup.schedule import Schedule
-from bonecam.setup.stock import Capsule, Stock
+from bonecam.setup.stock import Stock
+from bonecam.setup.stocks.box import Box
+from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.surface.part_surface import fit_surface
 from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tspline import TSpline

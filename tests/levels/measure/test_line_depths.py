@@ -9,9 +9,9 @@ from test_closed_morph import waisted
 from bonecam.levels.closed_morph import Morph
 from bonecam.levels.edge_rounding import levels_in
 from bonecam.levels.measure.line_depths import POINTS, line_depths, step_depths
-from bonecam.setup.cylinder import Cylinder
+from bonecam.setup.capsule import Capsule
 from bonecam.setup.schedule import Schedule
-from bonecam.setup.stock import Capsule
+from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.verify.pictures import draw_depths
 
 BAR = Cylinder(4.5, 0.0, 20.0)

@@ -15,9 +15,8 @@ from bonecam.levels.published_morph import published_sequence
 from bonecam.levels.solvers.clarabel import solve_cones
 from bonecam.levels.solvers.published import next_moves
 from bonecam.progress import silent
-from bonecam.setup.cylinder import Cylinder
-from bonecam.setup.rounded import rounded
 from bonecam.setup.schedule import Schedule
+from bonecam.setup.stocks.cylinder import Cylinder
 
 STIFFNESS = 1e-7
 pytest.importorskip("clarabel", reason="the extra `reference` is not installed")
@@ -47,7 +46,7 @@ def test_contradicting_limits_are_an_error() -> None:
 
 
 def test_a_stock_that_is_no_capsule_is_held_by_planes() -> None:
-    stock = rounded(Cylinder(3.3, 0.7, 19.3), 1.0)
+    stock = Cylinder(3.3, 0.7, 19.3).round_edges(1.0)
     surface, program = waisted(), PublishedProgram(waisted(), stock, "stock")
     P = np.array(surface.control_points)
     moves = next_moves(program, P, 0.5, STIFFNESS)

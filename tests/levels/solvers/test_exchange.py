@@ -18,7 +18,7 @@ from bonecam.levels.problem.remaining import remaining, whole
 from bonecam.levels.solvers import admm
 from bonecam.levels.solvers.exchange import next_level
 from bonecam.levels.solvers.osqp import solve_qp
-from bonecam.setup.stock import Capsule
+from bonecam.setup.capsule import Capsule
 from bonecam.surface.query.closest_point import closest_points_near
 
 MANNER, CUT = (

@@ -1,5 +1,5 @@
 """Any closed convex mesh as stock. Inside, the nearest wall is a face's plane; outside, the nearest point is
-libigl's (exact)."""
+that of libigl's tree (float64)."""
 
 from dataclasses import InitVar, dataclass, replace
 from functools import cached_property
@@ -9,15 +9,27 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import StockError, place_name, require_type
+from bonecam.job import StockJob
 from bonecam.mesh.distance import exact_closest
+from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.mesh.hull import convex_hull
 from bonecam.mesh.remeshing import split_edges
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.setup.stock import LARGEST, Stock, sides
+from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces
+from bonecam.setup.rounding.half_spaces import deepest_point, half_spaces_of, offset_polyhedron
+from bonecam.setup.rounding.rounded_stock import RoundedStock
+from bonecam.setup.schedule import Schedule
+from bonecam.setup.stock import LARGEST, Stock, box_sizes
+from bonecam.setup.stock_kind import LyingPart, StockKind
 
 FLAT = 1e-5
-"""A point of the mesh may lie this far inside its hull (of the mesh's diagonal): the rounding of a file in
-float32. A mesh whose volume is less than its area times that is flat."""
+"""A point of the mesh may lie this far inside its hull, as a share of the mesh's diagonal: the rounding of a
+file in float32. A mesh whose volume is less than its area times that is flat."""
+MISTAKEN_UNIT = 100
+"""The file of a stock that is so many times smaller than the part may be in metres."""
+HALVINGS = 50
+"""Bisections of the scale of the smallest copy: to the last bit."""
+LARGEST_SCALE = 1e4
+"""Largest scale that is tried."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +37,7 @@ class ConvexStock(Stock):
     """The body inside a closed convex outward mesh, mm. StockError names the place where the mesh is not
     closed or not convex, or flat, or farther from the origin than LARGEST.
 
-    A mesh that is `proven` to be a hull, or a copy of a stock's, is not looked at again.
+    A mesh that is `proven` convex, being a hull or a copy of a stock's mesh, is not checked again.
     """
 
     surface: TriangleMesh
@@ -35,24 +47,20 @@ class ConvexStock(Stock):
 
     def __post_init__(self, proven: bool) -> None:
         require_type(self.surface, TriangleMesh, "surface", "TriangleMesh, such as read_mesh(file)")
-        if (reach := np.abs(self.surface.vertices).max(initial=0.0)) > LARGEST:
+        reach = np.abs(self.surface.vertices).max(initial=0.0)
+        if reach > LARGEST:
             raise StockError(
                 f"the stock reaches {reach:g} mm from the origin: give one in mm, {LARGEST:g} at most",
                 distance=float(reach),
             )
         if not proven:
-            used, faces = np.unique(self.surface.faces, return_inverse=True)
-            object.__setattr__(
-                self,
-                "surface",
-                TriangleMesh(self.surface.vertices[used], faces.reshape(-1, 3).astype(np.int32)),
-            )
+            object.__setattr__(self, "surface", keep_faces(self.surface))
             _require_closed(self.surface)
             _require_convex(self.surface)
 
     @property
     def bounds(self) -> Float[ndarray, "2 3"]:
-        """Lowest and highest corner, mm."""
+        """Lowest and highest corner of the bounding box, mm."""
         return self.surface.bounds
 
     @property
@@ -68,20 +76,43 @@ class ConvexStock(Stock):
     @property
     def sizes(self) -> dict[str, float]:
         """Its extents along X, Y and Z, mm."""
-        return sides(self.bounds)
+        return box_sizes(self.bounds)
 
     @property
     def middle(self) -> Float[ndarray, "3"]:
-        """The middle of the bounding box."""
+        """The middle of the bounding box, mm."""
         return np.asarray(self.bounds.mean(0))
 
     def moved(self, shift: Float[ndarray, "3"]) -> "ConvexStock":
-        """The same body elsewhere."""
+        """The body translated by `shift`, mm."""
         return self._with(self.surface.vertices + shift)
 
     def scaled(self, factor: float) -> "ConvexStock":
-        """The same body `factor` times as large about its middle."""
+        """The body scaled by `factor` about its middle."""
         return self._with(self.middle + factor * (self.surface.vertices - self.middle))
+
+    @property
+    def inradius(self) -> float:
+        """Radius of the largest ball inside the body, mm."""
+        return deepest_point(half_spaces_of(self.surface))[1]
+
+    def offset(self, distance: float) -> "ConvexStock":
+        """The body with its faces moved outwards by `distance` mm (negative: inwards)."""
+        return ConvexStock(offset_polyhedron(self.surface, distance), proven=True)
+
+    def round_edges(self, radius: float) -> RoundedStock:
+        """The body with its edges and corners rounded by `radius` mm."""
+        return RoundedStock(self.offset(-radius), radius)
+
+    def larger(self, points: Float[ndarray, "n 3"], lack: float) -> str:
+        """The remedy where `points` need up to `lack` mm more material: a larger body, scale or unit."""
+        remedy = super().larger(points, lack)
+        if not self.file:
+            return remedy
+        remedy += ", or a larger stock.scale (0 finds the smallest copy that holds it)"
+        size = np.linalg.norm(np.ptp(points, axis=0))
+        metres = MISTAKEN_UNIT * np.linalg.norm(np.ptp(self.bounds, axis=0)) < size
+        return remedy + (", or stock.scale = 1000 where its file is in metres" if metres else "")
 
     def _with(self, vertices: ndarray) -> "ConvexStock":
         return replace(self, surface=TriangleMesh(vertices, self.surface.faces), proven=True)
@@ -92,33 +123,30 @@ class ConvexStock(Stock):
         return np.asarray(self.surface.face_vectors / np.where(size > 0, size, 1.0))
 
     def way_out(self, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, "n"], Float[ndarray, "n 3"]]:
-        """Both from one question.
+        """Signed distances (mm) and outward normals in one pass.
 
-        The way out to the nearest point leads away from all of the body, its middle too; the way in towards
-        it.
+        A point outside lies on the other side of its nearest point than the body's middle does; a point inside
+        on the same side.
         """
         closest, face = exact_closest(self.surface, points)
         away = points - closest
         distance = np.linalg.norm(away, axis=1)
         touching = distance <= np.finfo(float).eps * 16 * self.surface.diagonal
-        side = np.where((away * (closest - self.surface.vertices.mean(0))).sum(1) < 0, -1.0, 1.0)
-        out = np.where(
-            touching[:, None], self._normals[face], away * (side / np.where(touching, 1.0, distance))[:, None]
-        )
-        return side * distance, out
+        sign = np.where((away * (closest - self.surface.vertices.mean(0))).sum(1) < 0, -1.0, 1.0)
+        unit = away * (sign / np.where(touching, 1.0, distance))[:, None]
+        return sign * distance, np.where(touching[:, None], self._normals[face], unit)
 
     def signed_distance(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n"]:
-        """Distance to the surface, mm, negative inside."""
+        """Distance of each point to the surface, mm, negative inside."""
         return self.way_out(points)[0]
 
     def outward(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
-        """Unit outward normals at the nearest points; away from the edge or corner where that is the
-        nearest."""
+        """Unit outward normals at the nearest points; from the edge or corner to the point where the nearest is
+        on one."""
         return self.way_out(points)[1]
 
     def mesh(self, chord_tolerance: float) -> TriangleMesh:
-        """The mesh itself, its edges split until they are as short as those of a cylinder as wide would
-        be."""
+        """The body's mesh, its edges split until they are as short as those of a cylinder as wide."""
         return split_edges(self.surface, float(np.sqrt(8 * chord_tolerance * self.diameter)))
 
 
@@ -150,7 +178,8 @@ def _require_closed(mesh: TriangleMesh) -> None:
 
 def _require_convex(mesh: TriangleMesh) -> None:
     """Every vertex, edge middle and face middle lies on the convex hull, and the volumes agree."""
-    edges, hull = _edges(mesh), convex_hull(mesh.vertices)
+    edges = _edges(mesh)
+    hull = convex_hull(mesh.vertices)
     probes = np.vstack([mesh.vertices, mesh.vertices[edges].mean(1), mesh.vertices[mesh.faces].mean(1)])
     inside = np.linalg.norm(probes - exact_closest(hull, probes)[0], axis=1)
     worst = int(np.argmax(inside))
@@ -163,3 +192,41 @@ def _require_convex(mesh: TriangleMesh) -> None:
     if abs(mesh.volume - hull.volume) > FLAT * mesh.diagonal * mesh.area:
         told = f"the stock is no single convex body: its faces hold {mesh.volume:.1f} mm3, their convex hull {hull.volume:.1f}"
         raise StockError(f"{told}: give the hull", distance=0.0, place=probes[worst])
+
+
+def _make(job: StockJob, part: LyingPart, schedule: Schedule) -> ConvexStock:
+    """The body of the job's file with the middle of its box on the axis; scale 0: the smallest copy that leaves
+    the allowance."""
+    if not job.mesh:
+        raise StockError(
+            "a stock of kind 'mesh' needs a file: give stock.mesh = \"block.stl\" (mm, Z upright)"
+        )
+    try:
+        given = ConvexStock(read_mesh(job.mesh), file=job.mesh)
+    except StockError as error:
+        raise StockError(f"{job.mesh}: {error}", file=job.mesh, **error.evidence) from error
+    stock = given.moved(np.array([0.0, 0.0, part.middle]) - given.middle)
+    return stock.scaled(job.scale or smallest_scale(stock, part.points, job.allowance))
+
+
+def smallest_scale(stock: ConvexStock, points: Float[ndarray, "n 3"], allowance: float) -> float:
+    """The least factor on the stock's size that leaves `allowance` mm over every point, by bisection."""
+
+    def holds(scale: float) -> bool:
+        return bool(stock.scaled(scale).signed_distance(points).max() <= -allowance)
+
+    low = 0.0
+    high = 1.0
+    while not holds(high):
+        low, high = high, 2 * high
+        if high > LARGEST_SCALE:
+            raise StockError(
+                f"{stock.file}: no copy of this body on the Z axis holds the part: move the part with stock.offset_x, offset_y"
+            )
+    for _ in range(HALVINGS):
+        between = (low + high) / 2
+        low, high = (low, between) if holds(between) else (between, high)
+    return high
+
+
+KIND = StockKind(("mesh", "scale"), _make)

@@ -1,0 +1,48 @@
+"""The mesh of a body of revolution about the Z axis."""
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.mesh.triangle_mesh import TriangleMesh
+
+
+def segments_around(radius: float, chord_tolerance: float) -> int:
+    """How many segments keep a circle's polygon within half the chord tolerance (mm) of it; 12 at least."""
+    return max(12, int(np.ceil(np.pi / half_angle(radius, chord_tolerance))))
+
+
+def half_angle(radius: float, chord_tolerance: float) -> float:
+    """Half the angle (radians) of an arc whose chord is half the chord tolerance (mm) from it."""
+    return float(np.arccos(max(1 - chord_tolerance / (2 * radius), 0.0)))
+
+
+def revolve(
+    radii: Float[ndarray, " r"], heights: Float[ndarray, " r"], ends: tuple[float, float], around: int
+) -> TriangleMesh:
+    """The closed outward mesh of rings of `around` vertices about the Z axis and a pole at either end.
+
+    `radii` and `heights` (rising) are those of the rings, `ends` the heights of the poles; mm.
+    """
+    angle = 2 * np.pi * np.arange(around) / around
+    ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(around)])
+    points = radii[:, None, None] * ring + heights[:, None, None] * np.array([0.0, 0.0, 1.0])
+    poles = np.array([[0, 0, end] for end in ends])
+    return TriangleMesh(np.vstack([points.reshape(-1, 3), poles]), _ring_faces(len(radii), around))
+
+
+def _ring_faces(rings: int, around: int) -> ndarray:
+    """Triangles (m, 3) between neighbouring rings and to the poles, whose vertices follow those of the rings."""
+    index = np.arange(rings * around).reshape(rings, around)
+    turned = np.roll(index, -1, axis=1)
+    a = index[:-1].ravel()
+    b = turned[:-1].ravel()
+    c = turned[1:].ravel()
+    d = index[1:].ravel()
+
+    lower_pole = np.full(around, rings * around)
+    upper_pole = lower_pole + 1
+    bottom = np.column_stack([lower_pole, turned[0], index[0]])
+    top = np.column_stack([upper_pole, index[-1], turned[-1]])
+    faces = np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d]), bottom, top])
+    return faces.astype(np.int32)

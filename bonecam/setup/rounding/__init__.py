@@ -1,0 +1,1 @@
+"""Stocks with edges, rounded: what a morph can follow."""

@@ -1,0 +1,83 @@
+"""How a job gives a stock: what each kind of stock, a file of `bonecam.setup.stocks`, tells of itself."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from typing import cast
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.job import StockJob, field_error
+from bonecam.job.stock_section import STOCK_KINDS
+from bonecam.setup.schedule import Schedule
+from bonecam.setup.stock import Stock
+
+POSE_FIELDS = ("offset_x", "offset_y", "offset_z", "tilt_x_deg", "tilt_y_deg", "turn_deg")
+"""The fields of [stock] that say how the part lies in it."""
+
+
+@dataclass(frozen=True, eq=False)
+class LyingPart:
+    """The part as it lies in its stock: points (n, 3), mm, with the stock's axis along Z.
+
+    `middle` is the height of the middle of a stock of given length.
+    """
+
+    points: Float[ndarray, "n 3"]
+    middle: float
+
+
+@dataclass(frozen=True)
+class StockKind:
+    """A kind of stock.
+
+    `sizes` are the fields of [stock] that give its size. `make` gives the stock round a part. `turn` gives an
+    angle about Z (degrees) and the middle (x, y) of the part's base then, where the kind finds them itself.
+    `centres` tells whether a part is shifted across the axis to the best place in a stock of given sizes.
+    """
+
+    sizes: tuple[str, ...]
+    make: Callable[[StockJob, LyingPart, Schedule], Stock]
+    turn: Callable[[StockJob, Float[ndarray, "n 3"]], tuple[float, Float[ndarray, "2"]] | None] = (
+        lambda job, points: None
+    )
+    centres: bool = False
+
+
+def kind_of(job: StockJob) -> StockKind:
+    """What the kind of stock of a job tells of itself."""
+    return _kind(job.kind)
+
+
+def _kind(name: str) -> StockKind:
+    return cast(StockKind, import_module(f"bonecam.setup.stocks.{name}").KIND)
+
+
+def check_sizes(job: StockJob) -> None:
+    """JobError where a size is given that this kind of stock does not have: it would be ignored."""
+    sizes_of = {name: _kind(name).sizes for name in STOCK_KINDS}
+    own = sizes_of[job.kind]
+    for size in dict.fromkeys(size for sizes in sizes_of.values() for size in sizes):
+        value = getattr(job, size)
+        if size not in own and value != getattr(StockJob, size):
+            kinds = " or ".join(kind for kind, sizes in sizes_of.items() if size in sizes)
+            why = f"a {job.kind} has none: give {' and '.join(own)}, or kind = {kinds}"
+            raise field_error("stock", size, value, why)
+
+
+def is_posed(job: StockJob) -> bool:
+    """Whether a job says how the part lies in its stock."""
+    return any(getattr(job, name) for name in POSE_FIELDS)
+
+
+def pose_remedy(job: StockJob) -> str:
+    """The end of a refusal's remedy where the job says how the part lies in its stock; else nothing."""
+    given = [f"stock.{name}" for name in POSE_FIELDS if getattr(job, name)]
+    return f", or less of {', '.join(given)}" if given else ""
+
+
+def half_size(size: float, extent: Float[ndarray, " n"], allowance: float) -> float:
+    """Half a given size, or where that is 0 the largest of the part's coordinates and the allowance, mm."""
+    return size / 2 or float(np.abs(extent).max()) + allowance

@@ -1,0 +1,88 @@
+"""Capsules as a job asks for them: of given sizes, of a given diameter, or found round the part."""
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+from scipy.spatial import cKDTree
+
+from bonecam.errors import StockError
+from bonecam.job import StockJob
+from bonecam.mesh.triangle_mesh import probes
+from bonecam.setup.capsule import Capsule, enclosing_capsules, shortest_capsule
+from bonecam.setup.schedule import Schedule
+from bonecam.setup.stock_kind import LyingPart, StockKind, pose_remedy
+
+CUTS_CHORD = 0.001
+"""Chord tolerance, in radii, of the capsules on which cuts are counted."""
+CUTS_TRIED = 16
+"""Cuts are counted on about so many capsules."""
+
+
+def capsule_of_fewest_cuts(points: Float[ndarray, "n 3"], job: StockJob, schedule: Schedule) -> Capsule:
+    """Of the capsules at most `job.spare_volume` larger than the smallest the one with the fewest cuts, and
+    of these the one whose farthest place is nearest to the part.
+
+    A level gains a little less than its depth: only what leaves half a roughing depth to spare counts as that
+    many cuts.
+    """
+    capsules = enclosing_capsules(points, job.allowance)
+    tree = cKDTree(points)
+    smallest = min(capsules, key=lambda found: found.volume)
+    near = [found for found in capsules if found.volume <= (1 + job.spare_volume) * smallest.volume]
+
+    def cuts(found: Capsule) -> tuple[int, float]:
+        farthest = float(np.max(tree.query(probes(found.mesh(CUTS_CHORD * found.radius)))[0]))
+        return schedule.lower_bound(farthest + schedule.beyond / 2), farthest
+
+    return min((smallest, *near[:: 1 + len(near) // CUTS_TRIED]), key=cuts)
+
+
+def capsule_of_diameter(
+    diameter: float, points: Float[ndarray, "n 3"], allowance: float, otherwise: str = ""
+) -> Capsule:
+    """The shortest capsule of this diameter on the Z axis that holds the points with `allowance` mm of
+    material around them.
+
+    Raises StockError where none does; `otherwise` is added to its remedy.
+    """
+    reach = np.linalg.norm(points[:, :2], axis=1)
+    inner = diameter / 2 - allowance
+    worst = int(np.argmax(reach))
+    if reach[worst] >= inner:
+        raise StockError(
+            f"a capsule of diameter {diameter:g} mm does not hold the part {reach[worst]:.2f} mm from the axis "
+            f"and {points[worst, 2] - points[:, 2].min():.2f} mm above its lower end, and {allowance:g} mm round it: "
+            f"give at least {2 * (reach[worst] + allowance):.2f}{otherwise}",
+            distance=float(reach[worst] - inner),
+            place=points[worst],
+        )
+    return shortest_capsule(points, reach, inner, diameter / 2)
+
+
+def capsule_of_size(diameter: float, length: float, middle: float) -> Capsule:
+    """A capsule of this size on the Z axis about z = `middle`. StockError names the setting where there is
+    none."""
+    if diameter <= 0:
+        raise StockError(
+            f"stock.diameter = {diameter:g}: a capsule {length:g} mm long needs one: give the diameter, or no stock.length",
+            distance=0.0,
+        )
+    if length < diameter:
+        what = f"stock.length = {length:g}: a capsule of diameter {diameter:g} mm is no shorter than that over both caps"
+        raise StockError(
+            f"{what}: give at least {diameter:g}, or a smaller stock.diameter", distance=diameter - length
+        )
+    half = (length - diameter) / 2
+    return Capsule(np.array([0, 0, middle - half]), np.array([0, 0, middle + half]), diameter / 2)
+
+
+def _make(job: StockJob, part: LyingPart, schedule: Schedule) -> Capsule:
+    """The capsule of a job: of the given sizes, or the best one of the given diameter, or the best one."""
+    if not (job.diameter or job.length):
+        return capsule_of_fewest_cuts(part.points, job, schedule)
+    if not job.length:
+        return capsule_of_diameter(job.diameter, part.points, job.allowance, pose_remedy(job))
+    return capsule_of_size(job.diameter, job.length, part.middle)
+
+
+KIND = StockKind(("diameter", "length"), _make, centres=True)
