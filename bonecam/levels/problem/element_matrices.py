@@ -8,6 +8,8 @@ import scipy.sparse as sp
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
+from bonecam.surface.basis.gauss import element_points
+from bonecam.surface.query.thin_plate import thin_plate_matrix
 from bonecam.surface.tspline import TSpline
 
 GAUSS, BORDER, ON_BORDER = 4, 400, 1e-6
@@ -28,18 +30,13 @@ class Fabric:
 
 def fabric_of(surface: TSpline) -> Fabric:
     """The matrices of a surface."""
-    boxes = surface.elements().boxes
-    x, w = np.polynomial.legendre.leggauss(GAUSS)
-    low, size = boxes[:, [0, 2]], boxes[:, [1, 3]] - boxes[:, [0, 2]]
-    u, v = (k.ravel() for k in np.meshgrid((x + 1) / 2, (x + 1) / 2))
-    s, t = (low[:, i : i + 1] + size[:, i : i + 1] * part for i, part in ((0, u), (1, v)))
-    weights = (np.outer(size.prod(1), np.outer(w, w).ravel() / 4)).ravel()
-    R, R_s, R_t, ss, st, tt = surface.basis(s.ravel(), t.ravel(), 2)
-    W = sp.diags_array(weights)
-    M = sp.csc_array(ss.T @ W @ ss + 2 * (st.T @ W @ st) + tt.T @ W @ tt)
+    s, t, weights = element_points(surface.elements().boxes, GAUSS)
+    R, R_s, R_t = surface.basis(s, t, 1)
     n = np.cross(R_s @ surface.control_points, R_t @ surface.control_points)
     normals = n / np.linalg.norm(n, axis=1, keepdims=True)
-    return Fabric(R, weights, normals, M, sp.csc_array(R.T @ W @ R), _on_edge(surface))
+    M = thin_plate_matrix(surface, s, t, weights)
+    N = sp.csc_array(R.T @ sp.diags_array(weights) @ R)
+    return Fabric(R, weights, normals, M, N, _on_edge(surface))
 
 
 def _on_edge(surface: TSpline) -> Bool[ndarray, " c"]:

@@ -20,6 +20,8 @@ from numpy import ndarray
 
 from bonecam.arrays import dots, lengths
 from bonecam.kernels import rows
+from bonecam.surface.basis.gauss import span_points
+from bonecam.surface.query.thin_plate import thin_plate_matrix
 from bonecam.surface.tspline import TSpline
 
 GAUSS, AROUND, MOST_AROUND, LEAST_AROUND = 3, 3, 400, 12
@@ -96,11 +98,7 @@ def gram(R: sp.csr_array, weights: Float[ndarray, "n"]) -> sp.csc_array:
 def integration_points(surface: TSpline) -> tuple[ndarray, ndarray, ndarray]:
     """s, t and weights of the integrals."""
     around = min(MOST_AROUND, AROUND * max(len(knots) for knots in surface.tmesh.s_knots))
-    spans = np.unique(surface.tmesh.t_knots[3:-3])
-    x, w = np.polynomial.legendre.leggauss(GAUSS)
-    size = np.diff(spans)
-    t = (spans[:-1, None] + size[:, None] * (x + 1) / 2).ravel()
-    across = (size[:, None] * w / 2).ravel()
+    t, across = span_points(np.unique(surface.tmesh.t_knots[3:-3]), GAUSS)
     ss, tt = np.meshgrid(np.arange(around) / around, t)
     return ss.ravel(), tt.ravel(), np.repeat(across / around, around)
 
@@ -186,7 +184,4 @@ def creases(
 
 def thin_plate(surface: TSpline) -> sp.csc_array:
     """M: int R_ss'R_ss + 2 R_st'R_st + R_tt'R_tt over the parameters."""
-    s, t, weights = integration_points(surface)
-    *_, ss, st, tt = surface.basis(s, t, 2)
-    W = sp.diags_array(weights)
-    return sp.csc_array(ss.T @ W @ ss + 2 * (st.T @ W @ st) + tt.T @ W @ tt)
+    return thin_plate_matrix(surface, *integration_points(surface))

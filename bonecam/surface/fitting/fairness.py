@@ -21,26 +21,14 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from bonecam.arrays import dots
+from bonecam.surface.basis.gauss import element_points
 from bonecam.surface.fitting.quadratic import Term
 from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 SHORTEST = 0.35  # e is never taken below this part of its mean: the poles
 POLE_WIDTH = 0.25  # of the domain, what a pole is taken to have of its row
-GAUSS = {1: np.array([0.5]), 2: np.array([-1.0, 1.0]) / np.sqrt(12) + 0.5}
 POINTS = 1  # Gauss points each way an element: elements are smaller than the cells of the control points
-
-
-def gauss_points(
-    surface: TSpline, count: int
-) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"], Float[ndarray, " n"]]:
-    """s and t of count x count (1 or 2) Gauss points an element and the part of the domain each stands
-    for."""
-    boxes = surface.elements().boxes
-    low, wide = boxes[:, [0, 2]], boxes[:, [1, 3]] - boxes[:, [0, 2]]
-    u, v = (x.ravel() for x in np.meshgrid(GAUSS[count], GAUSS[count]))
-    s, t = ((low[:, [k]] + wide[:, [k]] * x).ravel() for k, x in ((0, u), (1, v)))
-    return s, t, np.repeat(wide.prod(axis=1) / count**2, count**2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +48,7 @@ class Quadrature:
     @classmethod
     def on(cls, surface: TSpline) -> "Quadrature":
         """Of a surface as it is."""
-        s, t, share = gauss_points(surface, POINTS)
+        s, t, share = element_points(surface.elements().boxes, POINTS)
         basis = surface.basis(s, t, 2)
         places, Ss, St = (matrix @ surface.control_points for matrix in basis[:3])
         normals = np.cross(Ss, St)

@@ -11,9 +11,9 @@ from numpy import ndarray
 
 from bonecam.mesh.sections.rows import Rows
 from bonecam.progress import Progress, report, silent
+from bonecam.surface.basis.gauss import element_points
 from bonecam.surface.basis.periodic import FEWEST
 from bonecam.surface.fitting.adapt import Votes, miss_votes, refine
-from bonecam.surface.fitting.fairness import gauss_points
 from bonecam.surface.fitting.prune import prune
 from bonecam.surface.fitting.quadratic import Form, Term
 from bonecam.surface.fitting.steps import LEAST_FACING, OFF, flattened, fold_grid, step
@@ -183,7 +183,7 @@ def moved(surface: TSpline, tmesh: RowTMesh) -> TSpline:
     """A surface on `tmesh` like `surface`: least squares in the Gauss points, faintly held at the anchors."""
     size = tmesh.size
     draft = TSpline(tmesh, surface.positions(*anchors(tmesh)), np.ones(size))
-    s, t, share = gauss_points(draft, 2)
+    s, t, share = element_points(draft.elements().boxes, 2)
     data = Term(draft.basis(s, t)[0], share[:, None, None] * np.eye(3), surface.positions(s, t))
     held = Term(
         sp.eye_array(size, format="csr"),

@@ -20,7 +20,8 @@ from numpy import ndarray
 from scipy.spatial import cKDTree
 
 from bonecam.arrays import dots
-from bonecam.surface.fitting.fairness import Quadrature, gauss_points
+from bonecam.surface.basis.gauss import element_points
+from bonecam.surface.fitting.fairness import Quadrature
 from bonecam.surface.fitting.quadratic import Form, Term
 from bonecam.surface.fitting.target import Target
 from bonecam.surface.tspline import TSpline
@@ -91,7 +92,7 @@ def fold_grid(surface: TSpline) -> tuple[Float[ndarray, " n"], Float[ndarray, " 
     boxes = surface.elements().boxes
     near = 0.5 ** np.arange(1, 9) * boxes[:, 3].min()
     s, t = np.meshgrid(np.arange(48) / 48, np.concatenate([near, 1 - near]))
-    inner_s, inner_t, _ = gauss_points(surface, 2)
+    inner_s, inner_t, _ = element_points(surface.elements().boxes, 2)
     return np.concatenate([s.ravel(), inner_s]), np.concatenate([t.ravel(), inner_t])
 
 

@@ -19,7 +19,7 @@ from bonecam.mesh.distance import MeshDistance, exact_closest
 from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.sections.rows import Rows
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.surface.fitting.fairness import gauss_points
+from bonecam.surface.basis.gauss import element_points
 from bonecam.surface.fitting.mesh_samples import sample_mesh
 from bonecam.surface.query.closest_point import follow_closest_points, nearest_on_grid
 from bonecam.surface.tspline import TSpline
@@ -150,7 +150,7 @@ class Target:
     def on(self, surface: TSpline, tolerance: float) -> "Target":
         """With the feet on `surface`, and its own points that are farther than a part of the tolerance from
         the mesh."""
-        s, t, share = gauss_points(surface, OUTWARD)
+        s, t, share = element_points(surface.elements().boxes, OUTWARD)
         limits = np.append(
             np.full(len(s), PULLED * tolerance), np.full(len(self.places), WATCHED * tolerance)
         )
