@@ -3,7 +3,7 @@
 | ending | what is written |
 |---|---|
 | .tspline | bonecam's own text form of row-structured T-splines, bit for bit (`surface.rows_file`) |
-| .tsm | general T-meshes as Rhino writes them (`surface.tsm_write`) |
+| .tsm | general T-meshes as Rhino writes them (`surface.files.tsm.write`) |
 | .iga | the Bezier elements of any T-spline, bit for bit (`surface.iga`) |
 | .step, .stp, .iges, .igs | one exact B-spline face, or Bezier faces (`surface.cad`; extra `cad`) |
 """
@@ -52,6 +52,6 @@ def save_surface(surface: TSpline, path: str | Path) -> None:
             )
         write_tsm(surface, path)
     else:
-        from bonecam.surface.files.cad import write_iges, write_step
+        from bonecam.surface.files.cad.write import write_iges, write_step
 
         (write_step if ending in STEP else write_iges)(surface, path)

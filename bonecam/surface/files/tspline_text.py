@@ -15,10 +15,10 @@ import numpy as np
 from bonecam.errors import FileError, SurfaceError
 from bonecam.files import write_whole
 from bonecam.surface.files import rows_file
-from bonecam.surface.files.tsm_borders import MIRRORED, with_mirrored_borders
-from bonecam.surface.files.tsm_layout import tmesh_of
-from bonecam.surface.files.tsm_records import TSM_HEADER, Records, parse_tsm
-from bonecam.surface.files.tsm_write import tsm_text
+from bonecam.surface.files.tsm.borders import MIRRORED, with_mirrored_borders
+from bonecam.surface.files.tsm.layout import tmesh_of
+from bonecam.surface.files.tsm.records import TSM_HEADER, Records, parse_tsm
+from bonecam.surface.files.tsm.write import tsm_text
 from bonecam.surface.tmesh.general import TMesh
 from bonecam.surface.tmesh.open_rows import OpenRowTMesh
 from bonecam.surface.tmesh.rows import RowTMesh
@@ -34,7 +34,7 @@ def read_tsm(path: str | Path, *, homogeneous: bool = False, to_mm: bool = False
     taken as they stand, S = sum w P B / sum w B, unless `homogeneous`, which divides them by their weight
     first. `to_mm` converts them from the file's `units` (only the unit's name counts; the number before it is
     a tolerance). An open border without clamped control points needs `end-conditions SUBD_CREASES`
-    (surface.tsm_borders). Raises FileError naming line and record.
+    (surface.files.tsm.borders). Raises FileError naming line and record.
     """
     path = Path(path)
     try:

@@ -10,7 +10,8 @@ from numpy import ndarray
 
 from bonecam.errors import SurfaceError
 from bonecam.surface.basis.periodic import FEWEST
-from bonecam.surface.files.nurbs import BSplineSurface, Knots, joined
+from bonecam.surface.files.bspline.bspline_surface import BSplineSurface, Knots
+from bonecam.surface.files.bspline.from_tspline import joined
 from bonecam.surface.tmesh.open_rows import OpenRowTMesh
 from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tspline import TSpline

@@ -7,7 +7,7 @@
     start, 1 straight, 2 right ec EDGE 0                                      a border edge with a Bezier end
     condition 0m gvp VERTEX | 0m gv VERTEX                   the next control point is the vertex' own | one
     of its others (-1: not in use) 0m cg VERTEX 4 D0 D1 D2 D3 GRIPS...            control points of a border
-    vertex, see surface.tsm_layout 0g X Y Z W                                     a control point
+    vertex, see surface.files.tsm.layout 0g X Y Z W                                     a control point
 
 The n-th record of a kind has the number n - 1; a bare `f`, `e`, `v`, `l` or `0g` is a deleted one that keeps
 its number. What follows a # is a comment; records of other kinds (100..., 105..., 50000..., tol, ver) carry

@@ -13,8 +13,10 @@ from numpy import ndarray
 from bonecam.errors import FileError
 from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.mesh.files.opencascade import faces_of, occ, read_shape, tessellated
-from bonecam.surface.files import cad
-from bonecam.surface.files.cad import bsplines_in, read_bsplines, shape_of, write_iges, write_step
+from bonecam.surface.files.cad import shapes
+from bonecam.surface.files.cad.read import bsplines_in, read_bsplines
+from bonecam.surface.files.cad.shapes import shape_of
+from bonecam.surface.files.cad.write import write_iges, write_step
 from bonecam.surface.files.tspline_text import read_tsm
 from bonecam.surface.tspline import TSpline
 
@@ -126,9 +128,9 @@ def test_what_is_no_rectangle_is_written_as_sewn_bezier_faces(
     bone_like: Callable[..., TSpline], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(surface: TSpline) -> None:
-        raise cad.SurfaceError("no rectangle")
+        raise shapes.SurfaceError("no rectangle")
 
-    monkeypatch.setattr(cad, "to_bspline", refuse)
+    monkeypatch.setattr(shapes, "to_bspline", refuse)
     surface = bone_like(7, 5, 2)
     assert write_step(surface, tmp_path / "a.step") == len(surface.elements().boxes)
     solid = read_shape(tmp_path / "a.step")

@@ -1,9 +1,4 @@
-"""From half edges to index space: where the vertices and control points of a .tsm file lie.
-
-Link flags give every link its direction (a turn to the left at each corner of a face), edges their knot
-intervals: walking them lays the T-mesh out in one chart. A walk that comes home one period further on closes
-that direction; any other contradiction is an extraordinary point or a broken interval, and an error that
-names the record.
+"""From half edges to index space: the T-mesh of a .tsm file and its control points.
 
 A border vertex has further control points beside its own one, which lies outermost. `cg` says to which sides
 (D0..D3 = 1: to its north, west, south and east in its own frame) and lists them counter-clockwise from the
@@ -12,169 +7,21 @@ own with the same knot: the clamped border. A corner of the domain that turns in
 sides.
 """
 
-from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int64
 from numpy import ndarray
 
-from bonecam.surface.files.tsm_records import Records
+from bonecam.surface.files.tsm.chart import Chart, chart_of
+from bonecam.surface.files.tsm.records import Records
 from bonecam.surface.tmesh.general import TMesh
-
-STEPS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])  # east, north, west, south
-SLACK = 1e-9  # of the widest knot range: knots nearer to each other are one
-
-
-@dataclass(eq=False)
-class Chart:
-    """Direction of every link, position and line number of every vertex, knots of the lines, period."""
-
-    directions: list[int]
-    places: Float[ndarray, "n 2"]
-    lines: Int64[ndarray, "n 2"]
-    knots: tuple[Float[ndarray, " a"], Float[ndarray, " b"]]
-    period: tuple[float, float]
 
 
 def tmesh_of(records: Records) -> tuple[TMesh, list[int]]:
     """The T-mesh and, for each of its vertices, the number of its control point in the file."""
-    chart = _chart(records)
+    chart = chart_of(records)
     nodes, grips = _nodes(records, chart)
     return _grid(records, chart, nodes), grips
-
-
-def _chart(records: Records) -> Chart:
-    directions = _directions(records)
-    places, period = _places(records, directions)
-    used = np.flatnonzero([vertex is not None for vertex in records.vertices])
-    lines, knots = np.zeros((len(places), 2), dtype=np.int64), []
-    for axis in (0, 1):
-        values, number = _lines(places[used, axis], SLACK * np.ptp(places[used]), period[axis])
-        lines[used, axis] = number
-        knots.append(_stated(records, "st"[axis], values))
-    stated = [records.knots.get(f"{letter}-period", [length])[0] for letter, length in zip("st", period)]
-    return Chart(directions, places, lines, (knots[0], knots[1]), (stated[0], stated[1]))
-
-
-def _directions(records: Records) -> list[int]:
-    """0 east, 1 north, 2 west, 3 south, for every link; the first face's own link runs east (the vertices'
-    frames need not agree)."""
-    found = [-1] * len(records.links)
-    start = next((face[0] for face in records.faces if face is not None), -1)
-    if start < 0:
-        raise records.error("f", 0, "the file has no face")
-    found[start] = 0
-    queue = deque([start])
-    while queue:
-        n = queue.popleft()
-        link = records.links[n]
-        assert link is not None
-        following = records.links[link[1]]
-        assert following is not None
-        for other, direction in ((link[2], found[n] + 2), (link[1], found[n] + 1 - following[6])):
-            if found[other] < 0:
-                found[other] = direction % 4
-                queue.append(other)
-            elif found[other] != direction % 4:
-                message = f"its direction contradicts link {n} (a wrong flag, or an extraordinary point, which only .iga files can hold)"
-                raise records.error("l", other, message)
-    for n, link in enumerate(records.links):
-        if link is not None and found[n] < 0:
-            raise records.error("l", n, "it is not connected to the first face")
-    return found
-
-
-def _places(records: Records, directions: list[int]) -> tuple[ndarray, tuple[float, float]]:
-    """Positions from knot intervals, and the periods. The least position is 0, in a closed direction the
-    first vertex'."""
-    out: dict[int, list[tuple[int, int, ndarray]]] = {}
-    for n, link in enumerate(records.links):
-        if link is not None:
-            edge, following = records.edges[link[5]], records.links[link[1]]
-            assert edge is not None
-            assert following is not None
-            out.setdefault(link[3], []).append((n, following[3], STEPS[directions[n]] * edge[1]))
-    places = np.zeros((len(records.vertices), 2))
-    start = min(out)
-    seen, queue, misses = {start}, deque([start]), []
-    while queue:
-        v = queue.popleft()
-        for n, w, step in out[v]:
-            if w not in seen:
-                seen.add(w)
-                places[w] = places[v] + step
-                queue.append(w)
-            else:
-                misses.append((n, places[v] + step - places[w]))
-    used = sorted(out)
-    places[used] -= places[used].min(axis=0)
-    slack = SLACK * float(np.ptp(places[used]))
-    _check_faces({n: step for links in out.values() for n, _, step in links}, records, slack)
-    period = _period(records, misses, slack)
-    for axis in (0, 1):
-        if period[axis]:
-            places[used, axis] -= places[start, axis]
-    return places, period
-
-
-def _check_faces(steps: dict[int, ndarray], records: Records, slack: float) -> None:
-    """Knot intervals must add up to nothing round every face."""
-    total = np.zeros((len(records.faces), 2))
-    for n, step in steps.items():
-        link = records.links[n]
-        if link is not None and link[4] >= 0:
-            total[link[4]] += step
-    wrong = np.flatnonzero(np.abs(total).max(axis=1) > slack)
-    if len(wrong):
-        s, t = total[wrong[0]]
-        raise records.error(
-            "f",
-            int(wrong[0]),
-            f"the knot intervals round it do not add up: they miss by {s:.6g} in s and {t:.6g} in t",
-        )
-
-
-def _period(records: Records, misses: list[tuple[int, ndarray]], slack: float) -> tuple[float, float]:
-    """By how much walks round the surface miss their start."""
-    period = [0.0, 0.0]
-    for n, miss in misses:
-        for axis in (0, 1):
-            length = abs(float(miss[axis]))
-            if length <= slack:
-                continue
-            if abs(miss[1 - axis]) > slack or (period[axis] and abs(length - period[axis]) > slack):
-                raise records.error(
-                    "l",
-                    n,
-                    f"knot intervals do not add up round a loop: they miss by {miss[0]:.6g} in s and {miss[1]:.6g} in t",
-                )
-            period[axis] = period[axis] or length
-    return period[0], period[1]
-
-
-def _lines(values: ndarray, slack: float, period: float) -> tuple[ndarray, ndarray]:
-    """Distinct knots, the first vertex' value standing for all of a line, and the line of each value."""
-    values = np.mod(values + slack, period) - slack if period else values
-    order = np.argsort(values, kind="stable")
-    new = np.concatenate([[True], np.diff(values[order]) > slack])
-    number = np.empty(len(values), dtype=np.int64)
-    number[order] = np.cumsum(new) - 1
-    first = np.full(int(number.max()) + 1, len(values))
-    np.minimum.at(first, number, np.arange(len(values)))
-    return np.maximum(values[first], 0.0), number
-
-
-def _stated(records: Records, letter: str, knots: ndarray) -> ndarray:
-    """The knots as the file's #s-knots or #t-knots comment has them, all digits; the walked ones where there
-    is none."""
-    stated = np.array(records.knots.get(f"{letter}-knots", knots))
-    if len(stated) != len(knots) or (np.abs(stated - stated[0] - knots) > 1e-6 * np.ptp(knots)).any():
-        raise records.error(
-            f"#{letter}-knots", 0, "its knots are not those that the edges' intervals add up to"
-        )
-    return stated
 
 
 def _nodes(records: Records, chart: Chart) -> tuple[ndarray, list[int]]:

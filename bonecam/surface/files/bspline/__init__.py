@@ -1,0 +1,1 @@
+"""T-splines as tensor-product B-splines, and back."""

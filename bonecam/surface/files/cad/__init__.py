@@ -1,0 +1,1 @@
+"""T-splines in files of CAD systems: STEP and IGES."""

@@ -1,0 +1,1 @@
+"""General T-splines in .tsm files, as Rhino and Fusion write them."""
