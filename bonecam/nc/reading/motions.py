@@ -1,4 +1,4 @@
-"""What a control would do with a program: its moves, as the reader understood them from the text."""
+"""The moves of a program, as they were read from its text."""
 
 from dataclasses import dataclass
 
@@ -10,8 +10,7 @@ from bonecam.nc.control import Control
 
 @dataclass(frozen=True)
 class Tool:
-    """A cutter as the program's own comments describe it: ball radius and length from tip to spindle nose,
-    mm."""
+    """A cutter as the program's header describes it: ball radius, and length from tip to spindle nose, mm."""
 
     number: int
     radius: float

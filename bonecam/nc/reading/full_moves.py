@@ -1,7 +1,7 @@
-"""Reading many plain moves at once: blocks with all five words, one after the other, as arrays.
+"""Full moves: successive blocks that have all five words, read at once as arrays.
 
-Only what is beyond doubt is read here; whatever differs in anything is left to the reader of single blocks,
-which says what is wrong.
+Blocks of any other form are left to the readers of single blocks (`klartext.py`, `iso.py`), which say what is
+wrong.
 """
 
 import re
@@ -15,14 +15,18 @@ from numpy import ndarray
 
 from bonecam.nc.dialect import Dialect
 
-MOST_LINES = 50_000
+MAX_LINES = 50_000
+"""Lines read at once: bounds the memory for long programs."""
 ISO_NUMBER = r"[+-]?\d+(?:\.\d+)?"
+"""The pattern of a number of a word, as ISO 6983 writes it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """`words` (n, 5) in mm and degrees as written; `feeds` NaN where `rapid`; `numbers` of the blocks, -1
-    where there are none."""
+    """Successive full moves. `words` (n, 5) in mm and degrees as written; `feeds` are NaN where `rapid`.
+
+    `numbers` are the block numbers, -1 where blocks have none.
+    """
 
     words: Float[ndarray, "n 5"]
     rapid: Bool[ndarray, "n"]
@@ -30,7 +34,7 @@ class Blocks:
     numbers: Int[ndarray, "n"]
 
     def first(self, count: int) -> "Blocks":
-        """The first few of them."""
+        """The first `count` blocks."""
         return Blocks(self.words[:count], self.rapid[:count], self.feeds[:count], self.numbers[:count])
 
 
@@ -53,10 +57,10 @@ def full_move(dialect: Dialect, letters: str) -> re.Pattern[str]:
 def read_full_moves(
     lines: Sequence[str], start: int, pattern: re.Pattern[str], dialect: Dialect
 ) -> Blocks | None:
-    """The full moves from line `start` on, up to the first line that is none; None where that is the
-    first."""
+    """The full moves from line `start` on, up to the first line of another form; None where there is no full
+    move."""
     found: list[str] = []
-    for line in islice(lines, start, start + MOST_LINES):
+    for line in islice(lines, start, start + MAX_LINES):
         matched = pattern.fullmatch(line)
         if matched is None:
             break
@@ -65,19 +69,22 @@ def read_full_moves(
         return None
     first, *words, feed = (found[k :: pattern.groups] for k in range(pattern.groups))
     if dialect.grammar == "klartext":
-        rapid, numbers = np.array([value == "MAX" for value in feed]), np.array(first, dtype=np.int64)
+        rapid = np.array([value == "MAX" for value in feed])
+        numbers = np.array(first, dtype=np.int64)
         feeds = np.array(["nan" if value == "MAX" else value for value in feed], dtype=np.float64)
     else:
-        rapid, numbers = np.array([dialect.codes[code] == "rapid" for code in first]), np.full(len(first), -1)
+        rapid = np.array([dialect.codes[code] == "rapid" for code in first])
+        numbers = np.full(len(first), -1)
         feeds = np.where(rapid, np.nan, np.array([value or "0" for value in feed], dtype=np.float64))
-    return Blocks(
-        np.column_stack([np.array(column, dtype=np.float64) for column in words]), rapid, feeds, numbers
-    )
+    columns = [np.array(column, dtype=np.float64) for column in words]
+    return Blocks(np.column_stack(columns), rapid, feeds, numbers)
 
 
 def unwound(before: float, words: Float[ndarray, "n"]) -> tuple[Float[ndarray, "n"], Float[ndarray, "n"]]:
-    """Where wrapped words send an endless axis that comes from `before` the short way, and the turn of each;
-    degrees."""
+    """Angles that an endless axis reaches from `before` by wrapped words, and the turn of each; degrees.
+
+    Every turn is the short way, less than half a turn.
+    """
     turns = (np.diff(words, prepend=before) + 180.0) % 360.0 - 180.0
     # whole turns are added to the words, so that no rounding builds up
     return words + 360.0 * np.round((before + np.cumsum(turns) - words) / 360.0), turns

@@ -1,0 +1,189 @@
+"""The state of a control while it reads a program, and the moves that it makes.
+
+Control manuals call a word modal that holds until another word replaces it: the position of each axis, the
+tool, tool-centre control, the way endless axes turn, and the meaning of F.
+"""
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+from numpy import ndarray
+
+from bonecam.errors import ProgramError
+from bonecam.nc.control import Control
+from bonecam.nc.dialect import Dialect
+from bonecam.nc.machine import Machine
+from bonecam.nc.reading.full_moves import Blocks, full_move, read_full_moves, unwound
+from bonecam.nc.reading.motions import Motions, Tool
+
+TOOL_COMMENT = re.compile(r"\s*TOOL (\d+) BALL RADIUS (\d+\.\d+) LENGTH (\d+\.\d+)\s*")
+"""The comment of the header that describes a cutter, as `posting.write.tool_text` writes it; mm."""
+AMBIGUOUS_TURN_DEG = 179.0
+"""A wrapped word that turns an endless axis by more than this is refused: by half a turn, either way is
+short."""
+
+
+def line_error(line: int, why: str) -> ProgramError:
+    """The error of a line (from 1) of a program."""
+    return ProgramError(f"line {line}: {why}", line=line)
+
+
+class ModalState:
+    """What a control knows after the blocks that it has read: position, tool, and the modes that are on.
+
+    `position`: X, Y, Z in mm and the rotary axes in degrees, unwound; None where it is not known.
+    `tool_centre`: tool-centre control (TCPM, RTCP) is on. `short_way`: endless axes turn the short way.
+    `inverse_time`: F is in 1/min. Used for one program.
+    """
+
+    def __init__(self, machine: Machine, dialect: Dialect, tools: Sequence[Tool]) -> None:
+        self.machine = machine
+        self.dialect = dialect
+        self.given = bool(tools)
+        self.tools = {tool.number: tool for tool in tools}
+        self.position: list[float | None] = [None] * 5
+        self.tool = 0
+        self.tool_centre = False
+        self.short_way = False
+        self.inverse_time = False
+        self.ended = False
+        self.blocks = 0
+        self.wraps = dialect.endless_words == "wrapped"
+        self.rows: list[tuple[float, ...]] = []
+        self.tables: list[ndarray] = []
+        self.full_move = full_move(dialect, machine.letters)
+
+    def read_comment(self, text: str, line: int) -> None:
+        """Take the tool that a comment of the header describes, unless the caller has given the tools."""
+        found = TOOL_COMMENT.fullmatch(text)
+        if found and not self.given:
+            number = int(found[1])
+            if number in self.tools:
+                raise line_error(line, f"tool {number} is described twice")
+            self.tools[number] = Tool(number, float(found[2]), float(found[3]))
+
+    def change_tool(self, number: int, line: int) -> None:
+        """Put a tool into the spindle; where its tip stands is known after the next move."""
+        if number not in self.tools:
+            raise line_error(line, f"tool {number} is called but not described: give its radius and length")
+        self.tool = number
+        self.forget_tip()
+
+    def forget_tip(self) -> None:
+        """Take X, Y and Z as unknown until the next move."""
+        self.position[:3] = [None] * 3
+
+    def move(self, words: dict[str, float], rapid: bool, feed: float, line: int) -> None:
+        """Run one block that moves axes; `words` in mm and degrees, `feed` in mm/min or 1/min."""
+        before = list(self.position)
+        for letter, value in words.items():
+            column = self.machine.letters.index(letter)
+            self.position[column] = value if column < 3 else self._unwound(column, value, line)
+        self.blocks += 1
+        if not self.tool:
+            raise line_error(line, "a move before any tool call")
+        linear = any(letter in "XYZ" for letter in words)
+        if linear and self.dialect.tool_centre and not self.tool_centre:
+            raise line_error(line, "X, Y, Z are programmed without tool-centre control")
+        if not rapid and not feed > 0:
+            raise line_error(line, "a cutting move without feed")
+        if None not in self.position:
+            known = None not in before
+            numbers = [float(value or 0.0) for value in self.position]
+            self.rows.append(
+                (*numbers, rapid, np.nan if rapid else feed, self.inverse_time, line, self.tool, known)
+            )
+
+    def run_full_moves(self, lines: Sequence[str], start: int, number: int) -> int:
+        """Run the blocks from lines[start] on that have all five words, all at once; returns their number.
+
+        `number` is the number of the first block, -1 where blocks have none. It stops before the first block
+        that is not plain or may be wrong: `move` then says what is wrong with it.
+        """
+        if (
+            None in self.position
+            or not self.tool
+            or self.ended
+            or self.tool_centre != self.dialect.tool_centre
+        ):
+            return 0
+        found = read_full_moves(lines, start, self.full_move, self.dialect)
+        if found is None:
+            return 0
+        doubtful = ~found.rapid & ~(found.feeds > 0)
+        if number >= 0:
+            doubtful |= found.numbers != number + np.arange(len(found.numbers))
+        if self.wraps:
+            for column, axis in enumerate(self.machine.rotary, start=3):
+                if axis.endless:
+                    found.words[:, column], turns = unwound(
+                        float(self.position[column] or 0.0), found.words[:, column]
+                    )
+                    doubtful |= (np.abs(turns) > AMBIGUOUS_TURN_DEG) | (not self.short_way)
+        count = int(np.argmax(doubtful)) if doubtful.any() else len(doubtful)
+        if count:
+            self._take(found.first(count), start + 1)
+        return count
+
+    def _take(self, found: Blocks, line: int) -> None:
+        count = len(found.rapid)
+        inverse_time = np.full(count, self.inverse_time)
+        lines = line + np.arange(count)
+        tools = np.full(count, self.tool)
+        known_start = np.ones(count)
+        columns = [found.words, found.rapid, found.feeds, inverse_time, lines, tools, known_start]
+        self.tables += [self._table(), np.column_stack(columns)]
+        self.rows = []
+        self.position = [float(value) for value in found.words[-1]]
+        self.blocks += count
+
+    def _table(self) -> ndarray:
+        return np.array(self.rows, dtype=np.float64).reshape(-1, 11)
+
+    def _unwound(self, column: int, value: float, line: int) -> float:
+        """The angle (degrees) that an axis reaches by its word: the short way where the axis is endless and
+        the control wraps its words."""
+        before = self.position[column]
+        axis = self.machine.rotary[column - 3]
+        if not (axis.endless and self.wraps) or before is None:
+            return value
+        if not self.short_way:
+            raise line_error(line, f"{axis.letter} turns without the short way switched on")
+        turn = (value - before + 180.0) % 360.0 - 180.0
+        if abs(turn) > AMBIGUOUS_TURN_DEG and self.position[0] is not None:
+            raise line_error(
+                line, f"{axis.letter} turns by {turn:.3f} deg in one block: either way is possible"
+            )
+        # whole turns are added to the word, so that no rounding builds up over many turns
+        return value + 360.0 * round((before + turn - value) / 360.0)
+
+    def motions(self) -> Motions:
+        """All moves so far; ProgramError where the program has not ended."""
+        if not self.ended:
+            raise ProgramError("the program has no end: its last blocks are missing")
+        table = np.vstack([*self.tables, self._table()])
+        words = np.column_stack([table[:, :3], np.radians(table[:, 3:5])])
+        numbers = table[:, 9].astype(np.int64)
+        tips = np.zeros((len(table), 3))
+        axes = np.zeros((len(table), 3))
+        controls = {
+            tool.number: Control(self.machine, self.dialect.tool_centre, tool.radius, tool.length)
+            for tool in self.tools.values()
+        }
+        for number, control in controls.items():
+            rows = numbers == number
+            tips[rows], axes[rows] = control.poses(words[rows])
+        return Motions(
+            rapid=table[:, 5] == 1,
+            words=words,
+            feed_rates=table[:, 6],
+            inverse_time=table[:, 7] == 1,
+            lines=table[:, 8].astype(np.int64),
+            tools=numbers,
+            known_start=table[:, 10] == 1,
+            tips=tips,
+            axes=axes,
+            blocks=self.blocks,
+            controls=controls,
+        )
