@@ -15,6 +15,8 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
         return markdown
     package = "bonecam" if name == "bonecam" else f"bonecam.{name}"
     stub = ROOT.joinpath(*package.split("."), "__init__.pyi")
+    if not stub.exists():
+        return markdown
     links = [
         f"[`{public}`][{package}.{module}.{public}]" for module, public in EXPORT.findall(stub.read_text())
     ]

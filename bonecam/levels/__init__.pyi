@@ -5,6 +5,7 @@ from .equal_depths import even_levels as even_levels
 from .measure.certificate import Certificate as Certificate
 from .measure.certificate import certify as certify
 from .measure.level import Level as Level
+from .measure.level import rounding_cuts as rounding_cuts
 from .measure.line_depths import line_depths as line_depths
 from .measure.line_depths import line_lengths as line_lengths
 from .measure.line_depths import step_depths as step_depths
