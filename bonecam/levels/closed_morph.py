@@ -5,8 +5,11 @@ point of the stock's surface lies within one depth of the last one; the stock it
 """
 
 import time
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import cached_property
+
+from numpy import ndarray
 
 from bonecam.errors import LevelError, SurfaceError, require_type
 from bonecam.job import LevelsJob
@@ -36,7 +39,10 @@ METHODS = {
 }
 """How far (mm) a level may fall behind the one before and leave the stock: the published program says nothing
 of the one, and holds the other at samples only."""
-STIFFNESS, COARSE = 5e-7, 0.02
+STIFFNESS = 5e-7
+"""c_int / c_ext, parameters in [0, 1]."""
+COARSE = 0.02
+"""Chord tolerance (mm) at which the part is looked at first, and the mesh of the stock as a share of its diameter."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,79 +93,101 @@ def morph(
 ) -> Morph:
     """All levels, measured on tessellations within `chord_tolerance` mm.
 
-    `stiffness` is c_int / c_ext (parameters in [0, 1]); it falls where progress stalls. `method` is `qp`,
-    whose programs `solver` solves (`admm`, or as a reference `osqp` or `clarabel`), or `qcqp`, the published
-    program solved exactly (`published_morph.py`): slow. Raises SurfaceError where the surface is not
-    closed between two poles or no body's, StockError where the part is not inside the stock, JobError where a
-    number is out of the range it has in a job, LevelError where a level cannot be made or fails its check.
+    `stiffness` is c_int / c_ext (parameters in [0, 1]). `method` is `qp`, whose programs `solver` solves (`admm`,
+    or as a reference `osqp` or `clarabel`), or `qcqp`, the published program solved exactly (`published_morph.py`):
+    slow. Raises SurfaceError where the surface is not closed between two poles or no body's, StockError where the
+    part is not inside the stock, JobError where a number is out of the range it has in a job, LevelError where a
+    level cannot be made or fails its check.
     """
     require_types(surface, schedule, stock)
-    if not all(surface.poles):
-        raise SurfaceError(
-            "the surface is not closed between two poles: morph an open one with bonecam.levels.open_morph.morph_open, or close its ends"
-        )
-    if attraction not in tuple(ATTRACTIONS):
-        raise ValueError(f"attraction {attraction!r}: choose one of {', '.join(ATTRACTIONS)}")
+    _require_choices(attraction, method, solver)
     LevelsJob(stiffness=stiffness, chord_tolerance=chord_tolerance)  # raises where they are out of range
-    if method not in tuple(METHODS):
-        raise ValueError(f"method {method!r}: choose one of {', '.join(METHODS)}")
-    if solver not in tuple(SOLVERS):
-        raise ValueError(f"solver {solver!r}: choose one of {', '.join(SOLVERS)}")
-    require_seeds_inside(stock, surface)
-    require_inside(stock, (mesh := require_valid(surface, COARSE, "the part")).vertices, MARGIN)
-    farthest = MeshDistance(mesh).unsigned(stock.mesh(COARSE * stock.diameter).vertices).max()
-    schedule.lower_bound(float(farthest) - COARSE)  # raises at once where they are too many
-    start, checking, progress = time.perf_counter(), 0.0, rising(progress)
+    _require_closed_inside(surface, stock, schedule)
+    started = time.perf_counter()
+    progress = rising(progress)
+    solving, measuring = part(progress, 0.0, 0.7), part(progress, 0.7, 1.0)
     if method != "qcqp":
         surface = finer(surface, stock, schedule.beyond)
     setting = setting_of(surface, stock, ATTRACTIONS[attraction])
-    rest = remaining(setting, surface.control_points, around := whole(stock))
+    around = whole(stock)
+    rest = remaining(setting, surface.control_points, around)
     lower_bound = schedule.lower_bound(rest.left)
-    solving, measuring = part(progress, 0.0, 0.7), part(progress, 0.7, 1.0)
-    making = Sequences(setting, around, schedule, lower_bound, solving, solver, stiffness)
     rules = Rules(stock, schedule, *METHODS[method], chord_tolerance)
-    sequences = (
-        making.all(rest)
-        if method != "qcqp"
-        else iter(
-            [
-                published_sequence(
-                    surface, stock, schedule, stiffness, attraction, distance_left(surface, stock), solving
-                )
-            ]
-        )
+
+    making = None
+    if method == "qcqp":
+        left = distance_left(surface, stock)
+        published = published_sequence(surface, stock, schedule, stiffness, attraction, left, solving)
+        sequences = iter([published])
+    else:
+        making = Sequences(setting, around, schedule, lower_bound, solving, solver, stiffness)
+        sequences = making.all(rest)
+    inspection, checking = _first_within_limits(
+        sequences, making, lambda made: Inspection(surface, made, rules, measuring)
     )
+    breaks = max((cut.over for cut in inspection.failed), default=0.0)
+    solve_seconds = time.perf_counter() - started - checking
+    return Morph(inspection.levels, lower_bound, rest.farthest, solve_seconds, checking, breaks)
+
+
+def _first_within_limits(
+    sequences: Iterator[list[ndarray]],
+    making: Sequences | None,
+    measure: Callable[[list[ndarray]], Inspection],
+) -> tuple[Inspection, float]:
+    """The first sequence of which every cut keeps its limits as measured, and the seconds of all measuring;
+    levels that do not are mended by `making`, if it is given.
+
+    Where there is none the first that exceeds its limits by ACCEPTED at most; else LevelError.
+    """
     failure: LevelError | None = None
-    longer: Morph | None = None
-    nearly: Morph | None = None
+    nearly: Inspection | None = None
+    checking = 0.0
     for made in sequences:
-        if longer is not None and len(made) >= longer.cuts:
-            break
         try:
-            inspection = Inspection(surface, made, rules, measuring)
-            if method != "qcqp":
+            inspection = measure(made)
+            if making is not None:
                 mend(inspection, making)
                 inspection = surer(inspection, making)
         except LevelError as error:
             failure = failure or error
             continue
         checking += inspection.seconds
-        found = Morph(
-            inspection.levels, lower_bound, rest.farthest, time.perf_counter() - start - checking, checking
+        if not inspection.failed:
+            return inspection, checking
+        failure = failure or inspection.failed[0].error
+        breaks = max(cut.over for cut in inspection.failed)
+        if nearly is None and not inspection.crosses and breaks <= ACCEPTED:
+            nearly = inspection
+    if nearly is None:
+        assert failure is not None
+        raise failure
+    return nearly, checking
+
+
+def _require_choices(attraction: str, method: str, solver: str) -> None:
+    """ValueError where one of them is not among its choices."""
+    for name, value, choices in (
+        ("attraction", attraction, ATTRACTIONS),
+        ("method", method, METHODS),
+        ("solver", solver, SOLVERS),
+    ):
+        if value not in tuple(choices):
+            raise ValueError(f"{name} {value!r}: choose one of {', '.join(choices)}")
+
+
+def _require_closed_inside(surface: TSpline, stock: Stock, schedule: Schedule) -> None:
+    """SurfaceError where the surface bounds no body, StockError where that leaves the stock, LevelError where
+    it takes too many cuts."""
+    if not all(surface.poles):
+        raise SurfaceError(
+            "the surface is not closed between two poles: morph an open one with bonecam.levels.open_morph.morph_open, or close its ends"
         )
-        if inspection.failed:
-            failure = failure or inspection.failed[0].error
-            breaks = max(cut.over for cut in inspection.failed)
-            if nearly is None and not inspection.crosses and breaks <= ACCEPTED:
-                nearly = replace(found, breaks=breaks)
-        elif found.cuts == len(made):
-            return found
-        else:
-            longer = found  # mending added cuts: perhaps another sequence needs fewer
-    if (second_best := longer or nearly) is not None:
-        return second_best
-    assert failure is not None
-    raise failure
+    require_seeds_inside(stock, surface)
+    mesh = require_valid(surface, COARSE, "the part")
+    require_inside(stock, mesh.vertices, MARGIN)
+    farthest = MeshDistance(mesh).unsigned(stock.mesh(COARSE * stock.diameter).vertices).max()
+    schedule.lower_bound(float(farthest) - COARSE)
 
 
 def require_types(surface: object, schedule: object, *stocks: object) -> None:

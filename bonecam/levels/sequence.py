@@ -9,7 +9,7 @@ from numpy import ndarray
 
 from bonecam.arrays import lengths
 from bonecam.errors import LevelError, place_name
-from bonecam.levels.problem.cut import Cut, Manner
+from bonecam.levels.problem.cut import Cut, StepParameters
 from bonecam.levels.problem.discretisation import Setting
 from bonecam.levels.problem.remaining import Remaining, remaining
 from bonecam.levels.solvers.exchange import MENDABLE, Step, kept_level, next_level
@@ -17,35 +17,23 @@ from bonecam.progress import Progress, report
 from bonecam.setup.schedule import Schedule
 from bonecam.surface.query.closest_point import rings
 
-VARIANTS = (
-    (3e-7, 1e-4, 1.0, 2.0, 3.0),
-    (1e-6, 1e-4, 1.0, 2.0, 0.05),
-    (3e-7, 1e-4, 0.7, 2.0, 0.05),
-    (3e-7, 1e-4, 0.3, 2.0, 0.05),
-    (3e-7, 1e-4, 1.0, 2.0, 0.05),
-    (3e-6, 1e-4, 0.7, 2.0, 0.05),
-    (1e-5, 1e-4, 0.7, 2.0, 0.05),
-    (1e-7, 1e-4, 0.5, 2.0, 0.05),
-    (1e-6, 1e-3, 1.0, 2.0, 0.05),
-)
-"""Bending, smoothing of the field of directions, haste, how far beyond is pulled and how evenly (`Manner`);
-tried in turn. The first gets the deepest cuts; what keeps creases sharp enough for that may break limits,
-where the others do not. The third has less haste and the fourth little: places come to the stock together,
-hollows stay wide, and broad parts get levels where those of the others fold."""
-LAST, LATE = 3, 0.5
-"""Where there are more cuts than K_min, the last so many levels below the stock are made again with this
-haste at most: what is left is wider and shallower then, and the last levels can follow it."""
-SPARE = (0, 0, 0.2, 0.2, 0.2, np.inf, np.inf, np.inf, np.inf)
-"""How many cuts beyond K_min, as a share of it, a sequence may have to be measured once so many were tried;
-one cut from the second on."""
+DEEP = {"bending": 3e-7, "uniform": 3.0}
+STIFF = {"bending": 1e-6, "uniform": 0.05}
+"""Two ways to make levels (`StepParameters`). The first makes the deepest cuts: all samples pull alike, and the
+surface bends easily. Where it takes more than K_min cuts or does not pass as measured the second, stiffer one is
+tried, in which samples pull by their area. (Of fourteen bones one takes 17 cuts with it instead of 18, and the
+levels of a talus pass only with it.)"""
 STILL = 1e-6
 """Levels stay that would be mended by moves of control points that are less (mm)."""
-STALL, SOFTEN, PATIENCE, MOST_EXTRA = 0.25, 0.1, 4, 5
+STALL = 0.25
+"""A level stalls that brings the stock nearer by less than this share of its depth."""
+MAX_STALLED = 4
+"""So many levels in turn may stall."""
+MOST_EXTRA = 5
+"""So many more levels than K_min a sequence may have, or a third of K_min where that is more."""
 MENDED = -0.5
 """Share of the limits' margins that mended levels keep: those above follow less and less, where with all of
 it they follow all the way, and farther and farther along the level."""
-RESCUES = 3
-"""Levels of a sequence that may be made in other manners because they break their limits."""
 EASINGS, EASED = 6, 0.3
 """How often the pull on a place that folds or breaks its limits is eased, each time to this share."""
 CREASED, AROUND = 0.05, 1.0
@@ -72,79 +60,65 @@ class Sequences:
     stiffness: float
 
     def all(self, rest: Remaining) -> Iterator[list[ndarray]]:
-        """Sequences to be measured, the shortest known first, of two as short the one with more haste, whose
-        cuts are deeper.
+        """Sequences to be measured, with DEEP and with STIFF parameters: one of K_min cuts as it is made, others when all
+        are, the shortest first.
 
         LevelError where there is none.
         """
-        waiting: list[tuple[Manner, list[ndarray]]] = []
+        made: list[list[ndarray]] = []
+        yielded = False
         failure: LevelError | None = None
-        yielded, why = False, ""
-        for place, (variant, spare) in enumerate(zip(VARIANTS, SPARE, strict=True)):
-            manner = _manner(self.stiffness, *variant)
-            if why:
-                report(self.progress, 0.0, f"levels in another manner, because {why}")
+        for parameters in (self.deep, self.stiff):
             try:
-                waiting.append((manner, made := self.sequence(manner, rest)))
-                why = f"these are {len(made)} cuts, and {self.lower_bound} may do"
+                levels = self.sequence(parameters, rest)
             except LevelError as error:
-                failure, why = failure or error, str(error).partition(": ")[0]
-            waiting.sort(key=lambda one: (len(one[1]), -one[0].haste))
-            most = self.lower_bound + max(place > 0, spare * self.lower_bound)
-            while waiting and len(waiting[0][1]) <= most:
+                failure = failure or error
+                continue
+            if len(levels) <= self.lower_bound:
                 yielded = True
-                yield waiting.pop(0)[1]
-                why = "those do not pass as measured"
-        if failure is not None and not yielded:
+                yield levels
+            else:
+                made.append(levels)
+        yield from sorted(made, key=len)
+        if failure is not None and not (made or yielded):
             raise failure
 
-    def sequence(self, manner: Manner, rest: Remaining) -> list[ndarray]:
-        """Levels 0, 1, 2, ... up to the last below the stock. LevelError where progress ends."""
-        made, rests = self._outwards([np.array(self.setting.surface.control_points)], [rest], manner)
-        kept = self.lower_bound - LAST
-        if len(made) > self.lower_bound and kept > 0:
-            patient = replace(manner, late=min(manner.haste, LATE))
-            again, _ = self._outwards(made[:kept], rests[:kept], patient)
-            if len(again) < len(made):
-                return again
-        return made
+    @property
+    def deep(self) -> StepParameters:
+        """The parameters that make the deepest cuts."""
+        return StepParameters(self.stiffness, **DEEP)
 
-    def _outwards(
-        self, made: list[ndarray], rests: list[Remaining], manner: Manner, least: int = 0
-    ) -> tuple[list[ndarray], list[Remaining]]:
-        """The levels made already and those above them, so many at least, and what is left to the stock from
-        each."""
-        made, rests, stalls, rescued, limit, softened = [*made], [*rests], 0, 0, self.schedule.limit, manner
-        while len(made) < least or rests[-1].left > limit(len(made)):
-            k, before = len(made), rests[-1]
+    @property
+    def stiff(self) -> StepParameters:
+        """The parameters of the stiffer levels."""
+        return StepParameters(self.stiffness, **STIFF)
+
+    def sequence(self, parameters: StepParameters, rest: Remaining) -> list[ndarray]:
+        """Levels 0, 1, 2, ... up to the last below the stock. LevelError where progress ends."""
+        return self._continue([np.array(self.setting.surface.control_points)], rest, parameters)
+
+    def _continue(
+        self, made: list[ndarray], rest: Remaining, parameters: StepParameters, least: int = 0
+    ) -> list[ndarray]:
+        """The levels made already, from the last of which `rest` is left to the stock, and those above them:
+        so many in all at least."""
+        made, stalled = [*made], 0
+        while len(made) < least or rest.left > self.schedule.limit(len(made)):
+            k, before = len(made), rest.left
             report(self.progress, min(1.0, k / self.lower_bound), f"level {k}")
-            step = self._next(made[-1], k, before, softened)
+            step = self._next(made[-1], k, rest, parameters)
             if step.broken > MENDABLE:
-                if (rescued := rescued + 1) > RESCUES:
-                    raise self._broken(k, step)
-                step = self._sound(made[-1], k, before, softened)
+                raise self._broken(k, step)
             made.append(made[-1] + step.moves)
-            rests.append(rest := remaining(self.setting, made[-1], before))
-            stalled = rest.left > before.left - STALL * limit(k)
-            stalls, softened = (stalls + 1, _softer(softened)) if stalled else (0, softened)
-            if stalls > PATIENCE or k >= self.lower_bound + self._most_extra:
+            rest = remaining(self.setting, made[-1], rest)
+            stalled = stalled + 1 if rest.left > before - STALL * self.schedule.limit(k) else 0
+            if stalled > MAX_STALLED or k >= self.lower_bound + self._most_extra:
                 raise LevelError(
                     f"level {k} gets no nearer to the stock than {rest.left:.3f} mm at {place_name(rest.place)}: give more control points",
                     level=k,
                     place=rest.place,
                 )
-        return made, rests
-
-    def _sound(self, P: ndarray, k: int, rest: Remaining, manner: Manner) -> Step:
-        """The step from P to level k in the first of the other manners in which it keeps its limits.
-        LevelError where there is none."""
-        tried: list[Step] = []
-        for other in (_manner(manner.stiffness, *variant) for variant in VARIANTS):
-            if other != manner:
-                tried.append(step := self._next(P, k, rest, other))
-                if step.broken <= MENDABLE:
-                    return step
-        raise self._broken(k, min(tried, key=lambda step: step.broken))
+        return made
 
     def mended(
         self,
@@ -179,14 +153,13 @@ class Sequences:
         """The same, so many levels at least, and those that are needed above the last where mending took that
         farther from the stock."""
         rest = remaining(self.setting, made[-1], self.around)
-        return self._outwards(made, [rest], _manner(self.stiffness, *VARIANTS[0]), least)[0]
+        return self._continue(made, rest, self.deep, least)
 
-    def cut(self, k: int, left: float = 0.0) -> Cut:
-        """Cut k as the program of level k sees it, where so much is `left` to the stock at most, mm."""
+    def cut(self, k: int) -> Cut:
+        """Cut k as the program of level k sees it."""
         longest = self.lower_bound - 1 + self._most_extra - MOST_EXTRA
         creep = min(CREEP, MOST_CREEP / max(longest, 1)) * max(0, longest - k)
-        on_schedule = sum(self.schedule.limit(later) for later in range(k, max(k, self.lower_bound) + 1))
-        return Cut(self.schedule.limit(k), max(on_schedule, left), LANDING + creep)
+        return Cut(self.schedule.limit(k), LANDING + creep)
 
     def _broken(self, k: int, step: Step) -> LevelError:
         what, radius = (
@@ -212,26 +185,16 @@ class Sequences:
         """How many levels more than K_min a sequence may have."""
         return max(MOST_EXTRA, self.lower_bound // 3)
 
-    def _next(self, P: ndarray, k: int, rest: Remaining, manner: Manner) -> Step:
+    def _next(self, P: ndarray, k: int, rest: Remaining, parameters: StepParameters) -> Step:
         """The step from P to level k; where it folds or breaks its limits the pull is eased (if it still
         does, the check decides)."""
-        cut = self.cut(k, rest.left)
-        if k >= self.lower_bound - LAST:
-            manner = replace(manner, haste=manner.late)
-        ease, tried = np.ones(len(P)), []
+        cut = self.cut(k)
+        ease = np.ones(len(P))
+        tried: list[Step] = []
         for _ in range(EASINGS):
-            tried.append(step := next_level(self.setting, P, rest, cut, manner, ease, self.solver))
+            step = next_level(self.setting, P, rest, cut, parameters, ease, self.solver)
+            tried.append(step)
             if not step.amiss.any():
                 break
             ease[step.amiss] *= EASED
         return min(tried, key=lambda step: int(step.amiss.sum()))
-
-
-def _softer(manner: Manner) -> Manner:
-    return replace(manner, stiffness=SOFTEN * manner.stiffness, bending=SOFTEN * manner.bending)
-
-
-def _manner(
-    stiffness: float, bending: float, smoothing: float, haste: float, beyond: float, even: float
-) -> Manner:
-    return Manner(stiffness, bending, smoothing, haste, haste, beyond, even)

@@ -38,7 +38,7 @@ from threadpoolctl import threadpool_limits
 from bonecam.job import Job, LevelsJob
 from bonecam.levels.closed_morph import Morph, morph
 from bonecam.levels.measure.grid import level_grid
-from bonecam.levels.problem.cut import Cut, Manner
+from bonecam.levels.problem.cut import Cut, StepParameters
 from bonecam.levels.problem.discretisation import Setting
 from bonecam.levels.problem.limits.linear_limits import stack_limits
 from bonecam.levels.problem.limits.planes import limits_at
@@ -73,17 +73,17 @@ class Call:
     P: ndarray
     rest: Remaining
     cut: Cut
-    manner: Manner
+    parameters: StepParameters
     step: Step
 
     @property
     def program(self) -> Program:
         """The program it solved."""
-        return program_of(self.setting, self.P, self.rest, self.cut, self.manner)
+        return program_of(self.setting, self.P, self.rest, self.cut, self.parameters)
 
     def again(self) -> Step:
         """The same call."""
-        return next_level(self.setting, self.P, self.rest, self.cut, self.manner)
+        return next_level(self.setting, self.P, self.rest, self.cut, self.parameters)
 
     @property
     def free_moves(self) -> ndarray:
@@ -143,10 +143,18 @@ def recorded(surface: TSpline, stock: Capsule) -> Case:
     calls: list[Call] = []
 
     def noted(
-        setting: Setting, P: ndarray, rest: Remaining, cut: Cut, manner: Manner, ease: ndarray, solver: str
+        setting: Setting,
+        P: ndarray,
+        rest: Remaining,
+        cut: Cut,
+        parameters: StepParameters,
+        ease: ndarray,
+        solver: str,
     ) -> Step:
         calls.append(
-            Call(setting, P, rest, cut, manner, next_level(setting, P, rest, cut, manner, ease, solver))
+            Call(
+                setting, P, rest, cut, parameters, next_level(setting, P, rest, cut, parameters, ease, solver)
+            )
         )
         return calls[-1].step
 

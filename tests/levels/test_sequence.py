@@ -10,7 +10,7 @@ from test_closed_morph import SCHEDULE, STOCK, waisted
 
 from bonecam.levels.measure.certificate import certificate_of_last
 from bonecam.levels.measure.inspection import Inspection, Rules
-from bonecam.levels.problem.cut import Manner
+from bonecam.levels.problem.cut import StepParameters
 from bonecam.levels.problem.discretisation import setting_of
 from bonecam.levels.problem.energies.attraction import ATTRACTIONS
 from bonecam.levels.problem.remaining import remaining, whole
@@ -22,7 +22,7 @@ from bonecam.levels.solvers.exchange import kept_level
 from bonecam.progress import silent
 
 STIFFNESS = 5e-7
-MANNER = Manner(STIFFNESS, bending=3e-7, smoothing=1e-4, haste=1.0, late=1.0, beyond=2.0, even=3.0)
+PARAMETERS = StepParameters(STIFFNESS, bending=3e-7, uniform=3.0)
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,7 @@ def making() -> Sequences:
 @pytest.fixture(scope="module")
 def made(making: Sequences) -> list[np.ndarray]:
     setting = making.setting
-    return making.sequence(MANNER, remaining(setting, setting.surface.control_points, whole(STOCK)))
+    return making.sequence(PARAMETERS, remaining(setting, setting.surface.control_points, whole(STOCK)))
 
 
 def unwatched(made: list[np.ndarray]) -> dict[int, np.ndarray]:

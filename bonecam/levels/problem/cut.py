@@ -4,34 +4,32 @@ from dataclasses import dataclass
 
 SPARE = 0.02
 ROUGH = 0.5
-"""The depth (mm) `Manner.bending` is stated for."""
+"""The depth (mm) `StepParameters.bending` is stated for."""
 
 
 @dataclass(frozen=True)
-class Manner:
-    """How levels are made: `stiffness` of the moves, `bending` of the surface at a depth of ROUGH mm,
-    `smoothing` of the field of directions (all weights of the thin plate in parameters over [0, 1]), `haste`
-    the least share of the depth, `late` the same of the last levels below the stock, `beyond` how far a
-    sample that needs all the depth is pulled, in depths, `even` how much of the pull every sample has alike,
-    against what goes by its area: samples are dense where control points are."""
+class StepParameters:
+    """How a level is made: weights of the thin plate, parameters over [0, 1], and of the pull.
+
+    `stiffness` is that of the moves, `bending` that of the new surface at a depth of ROUGH mm. `uniform` is how
+    much of the pull every sample has alike, against what goes by its area: samples are dense where control
+    points are.
+    """
 
     stiffness: float
     bending: float
-    smoothing: float
-    haste: float
-    late: float
-    beyond: float
-    even: float
+    uniform: float
 
 
 @dataclass(frozen=True)
 class Cut:
-    """One cut: its `depth` and how far the levels can still go in all, this one included, both mm; `landing`
-    inside the stock; `margin` is the share of their margins that limits keep: below zero they may be exceeded
-    by as much."""
+    """One cut: its `depth` (mm), and how far inside the stock its level stays where it comes to the wall,
+    `landing` (mm).
+
+    `margin` is the share of their margins that limits keep: below zero they may be exceeded by as much.
+    """
 
     depth: float
-    left: float
     landing: float
     margin: float = 1.0
 

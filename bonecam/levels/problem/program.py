@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from bonecam.arrays import dots, lengths
-from bonecam.levels.problem.cut import Cut, Manner
+from bonecam.levels.problem.cut import Cut, StepParameters
 from bonecam.levels.problem.discretisation import Setting
 from bonecam.levels.problem.energies.energy import Given, Quadratic, stacked, summed
 from bonecam.levels.problem.energies.farthest import farthest
@@ -108,13 +108,13 @@ def program_of(
     P: Float[ndarray, "c 3"],
     rest: Remaining,
     cut: Cut,
-    manner: Manner,
+    parameters: StepParameters,
     ease: Float[ndarray, " c"] | None = None,
 ) -> Program:
     """The program of the level above P, from which `rest` is left to the stock; `ease` is a factor of the
     pull, a control point each."""
     stock, before = setting.stock, setting.surface.with_control_points(P)
-    given = Given(setting, before, rest, cut, manner)
+    given = Given(setting, before, rest, cut, parameters)
     net, pulled = summed([energy(given) for energy in NET]), stacked([energy(given) for energy in SAMPLED])
     x, target = pulled.x, pulled.target
     weights = pulled.weights if ease is None else pulled.weights * (pulled.R @ ease)

@@ -15,7 +15,7 @@ from numpy import ndarray
 
 from bonecam.arrays import dots, lengths
 from bonecam.kernels import admm as kernel
-from bonecam.levels.problem.cut import Cut, Manner
+from bonecam.levels.problem.cut import Cut, StepParameters
 from bonecam.levels.problem.discretisation import Setting
 from bonecam.levels.problem.factorisation import factorise
 from bonecam.levels.problem.limits.planes import limits_at
@@ -51,7 +51,7 @@ def next_level(
     P: Float[ndarray, "c 3"],
     rest: Remaining,
     cut: Cut,
-    manner: Manner,
+    parameters: StepParameters,
     ease: Float[ndarray, " c"] | None = None,
     solver: str = "admm",
 ) -> Step:
@@ -60,7 +60,7 @@ def next_level(
 
     `ease` is a factor of the pull on each control point (1 unless given), less where the level would fold.
     """
-    program = program_of(setting, P, rest, cut, manner, ease)
+    program = program_of(setting, P, rest, cut, parameters, ease)
     return _kept(setting, P, solve(program, solver), cut)
 
 

@@ -15,7 +15,7 @@ import scipy.sparse as sp
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.levels.problem.cut import Cut, Manner
+from bonecam.levels.problem.cut import Cut, StepParameters
 from bonecam.levels.problem.discretisation import Setting
 from bonecam.levels.problem.remaining import Remaining
 from bonecam.surface.tspline import TSpline
@@ -29,7 +29,7 @@ class Given:
     before: TSpline
     rest: Remaining
     cut: Cut
-    manner: Manner
+    parameters: StepParameters
 
 
 @dataclass(frozen=True, eq=False)

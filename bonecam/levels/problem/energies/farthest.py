@@ -5,7 +5,7 @@ import numpy as np
 
 from bonecam.levels.problem.energies.attraction import unit
 from bonecam.levels.problem.energies.energy import Given, Pulled
-from bonecam.levels.problem.energies.pull import targets
+from bonecam.levels.problem.energies.pull import OVERSHOOT, targets
 from bonecam.surface.query.closest_point import closest_points_near
 
 FARTHEST, MOST, WEIGHT = 1.0, 600, 0.3
@@ -28,4 +28,4 @@ def farthest(given: Given) -> Pulled:
     weights = WEIGHT * weights[kept] / weights.sum()
     s, t, x, towards = s[kept], t[kept], x[kept], unit(across[kept])
     target = targets(given, x, s, t, towards, towards, np.ones(len(s)))
-    return Pulled(s, t, before.basis(s, t)[0], x, weights, target, np.full(len(s), given.manner.beyond))
+    return Pulled(s, t, before.basis(s, t)[0], x, weights, target, np.full(len(s), OVERSHOOT))

@@ -1,11 +1,9 @@
 """The pull on the level itself: its samples along a smoothed field of directions (`attraction.py`), as far as
 they should go.
 
-A sample should go as far as it may, and is pulled beyond, where the way to the stock needs all the depth the
-cuts to come have; a place with less to go takes at least `haste` of the depth, so that all come to the stock
-together: where some come early, levels crowd into what is left between them and fold. In narrow hollows walls
-go less, for the same reason (`narrows.py`). Nothing is pulled farther than the stock's wall: what lies at it
-already would be drawn along it, and waves of one level would no longer fit into those of the next.
+A sample should go as far as it may, and is pulled beyond. In narrow hollows walls go less (`medial_ball.py`).
+Nothing is pulled farther than the stock's wall: what lies at it already would be drawn along it, and waves of one
+level would no longer fit into those of the next.
 """
 
 import numpy as np
@@ -21,6 +19,10 @@ from bonecam.levels.problem.limits.planes import heights
 from bonecam.levels.problem.limits.wall import inside
 from bonecam.surface.query.closest_point import closest_points_near
 
+SMOOTHING = 1e-4
+"""Weight of the thin plate, parameters over [0, 1], that smooths the field of directions."""
+OVERSHOOT = 2.0
+"""How far a sample that may go all the depth is pulled, in depths."""
 ALL_OUT = 8
 """How sharply the pull beyond the depth sets in."""
 LONGEST, LEAST_COSINE = 2.0, 0.3
@@ -33,17 +35,14 @@ def pull(given: Given) -> Pulled:
     setting, samples, P = given.setting, given.setting.samples, given.before.control_points
     x, area = samples.R @ P, np.linalg.norm(stretched := samples.stretched(P), axis=1)
     weights = area * samples.weights
-    weights = weights / weights.sum() + given.manner.even / len(x)
+    weights = weights / weights.sum() + given.parameters.uniform / len(x)
     normals = stretched / np.maximum(area, np.finfo(float).tiny)[:, None]
     field = samples.R.T @ (weights[:, None] * setting.attraction(x, normals, setting.stock))
-    field = unit(samples.R @ factorise(given.manner.smoothing * setting.M, samples.R, weights).solve(field))
-    gap = -setting.stock.signed_distance(x)
+    field = unit(samples.R @ factorise(SMOOTHING * setting.M, samples.R, weights).solve(field))
     narrow = NARROW * np.sqrt(area @ samples.weights / len(x))
-    share = np.clip(gap / given.cut.left, given.manner.haste, 1) * unhindered(x, normals, narrow)
+    share = unhindered(x, normals, narrow)
     target = targets(given, x, samples.s, samples.t, normals, field, share)
-    return Pulled(
-        samples.s, samples.t, samples.R, x, weights, target, 1 + (given.manner.beyond - 1) * share**ALL_OUT
-    )
+    return Pulled(samples.s, samples.t, samples.R, x, weights, target, 1 + (OVERSHOOT - 1) * share**ALL_OUT)
 
 
 def targets(

@@ -14,6 +14,6 @@ from bonecam.levels.problem.energies.energy import Given, Quadratic
 def plate(given: Given) -> Quadratic:
     """Both, on the free moves, less their value at D = 0."""
     M, free = given.setting.M, given.setting.free
-    bending = given.manner.bending * (given.cut.depth / ROUGH) ** 2
-    matrix = (given.manner.stiffness + bending) * given.setting.free_M
+    bending = given.parameters.bending * (given.cut.depth / ROUGH) ** 2
+    matrix = (given.parameters.stiffness + bending) * given.setting.free_M
     return Quadratic(matrix, np.asarray(bending * (free.T @ (M @ given.before.control_points))))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from test_closed_morph import STOCK
-from test_exchange import CUT, MANNER, setting
+from test_exchange import CUT, PARAMETERS, setting
 
 from bonecam.levels.problem import program
 from bonecam.levels.problem.cut import ROUGH
@@ -26,12 +26,12 @@ RNG = np.random.default_rng(4)
 @cache
 def given() -> Given:
     part = setting().surface
-    return Given(setting(), part, remaining(setting(), part.control_points, whole(STOCK)), CUT, MANNER)
+    return Given(setting(), part, remaining(setting(), part.control_points, whole(STOCK)), CUT, PARAMETERS)
 
 
 def first_program() -> Program:
     one = given()
-    return program_of(one.setting, one.before.control_points, one.rest, one.cut, one.manner)
+    return program_of(one.setting, one.before.control_points, one.rest, one.cut, one.parameters)
 
 
 @pytest.mark.parametrize("energy", [*NET, *SAMPLED], ids=lambda energy: energy.__name__)
@@ -77,10 +77,10 @@ def test_the_gradient_is_the_slope_of_the_energy_written_out() -> None:
 def test_the_plate_is_stiffness_of_the_moves_and_bending_of_the_level() -> None:
     found, M, P = plate(given()), setting().M, given().before.control_points
     D = RNG.normal(size=found.linear.shape)
-    moves, bending = setting().free @ D, MANNER.bending * (CUT.depth / ROUGH) ** 2
+    moves, bending = setting().free @ D, PARAMETERS.bending * (CUT.depth / ROUGH) ** 2
     of_moves, after, now = (float(np.einsum("ij,ij->", net, M @ net)) for net in (moves, P + moves, P))
     value = np.einsum("ij,ij->", D, found.matrix @ D) + 2 * np.einsum("ij,ij->", found.linear, D)
-    assert value == pytest.approx(MANNER.stiffness * of_moves + bending * (after - now))
+    assert value == pytest.approx(PARAMETERS.stiffness * of_moves + bending * (after - now))
 
 
 def test_what_is_near_the_wall_is_not_drawn_along_it() -> None:
@@ -103,17 +103,21 @@ def test_bending_alone_takes_no_sample_farther_than_some_depths() -> None:
     def with_bending(bending: float) -> tuple[Program, float]:
         """And how far bending alone takes samples."""
         found = program_of(
-            one.setting, one.before.control_points, one.rest, one.cut, replace(one.manner, bending=bending)
+            one.setting,
+            one.before.control_points,
+            one.rest,
+            one.cut,
+            replace(one.parameters, bending=bending),
         )
         moves = np.linalg.solve(found.matrix.toarray(), -found.net.linear)
         return found, float(np.linalg.norm(found.R @ moves, axis=1).max())
 
-    soft, its = with_bending(MANNER.bending)
+    soft, its = with_bending(PARAMETERS.bending)
     assert np.array_equal(soft.net.linear, plate(one).linear)
     assert its < MOST_BENT * CUT.depth
     stiff, its = with_bending(1e-2)
     assert its == pytest.approx(MOST_BENT * CUT.depth)
-    whole_pull = plate(replace(one, manner=replace(one.manner, bending=1e-2))).linear
+    whole_pull = plate(replace(one, parameters=replace(one.parameters, bending=1e-2))).linear
     assert np.allclose(stiff.net.linear, whole_pull * (stiff.net.linear[0, 2] / whole_pull[0, 2]))
 
 

@@ -46,7 +46,7 @@ def test_a_sample_may_slide_to_where_the_level_before_is_nearer_to_the_wall() ->
     program = first_program()
     before, y = program.limits.before, program.x
     there = -STOCK.signed_distance(y)
-    cut = Cut(depth=0.5, left=4.0, landing=float(np.median(there)))
+    cut = Cut(depth=0.5, landing=float(np.median(there)))
     near = there < cut.clearance
     found = limits.limits_at(before, STOCK, cut, there + 1.0, y, program.s, program.t, 3)
     assert 0.4 < near.mean() < 0.6
