@@ -1,95 +1,100 @@
-"""Laying a sequence of moves along the rows of tool paths: which move reaches which row, which lie between
-two rows."""
+"""Laying the moves read back from a program along the rows of the tool paths: which move reaches which row, and which
+lie between two rows."""
 
 import numpy as np
 from numba import njit
 
-# how far a move has come between two rows is told by its axis where that turns by more than a radian in this
-# many mm, else by its ball centre: with words of 0.001 mm and 0.001 deg both then tell it to within those
-# roundings
+# between two rows the fraction of a move is told by its axis where that turns by more than a radian in this many
+# mm, else by its ball centre: with words of 0.001 mm and 0.001 deg both then tell it to within those roundings
 AXIS_WEIGHT = 80.0
-
-
-@njit(cache=True)
-def _turned(a: np.ndarray, b: np.ndarray, part: float) -> np.ndarray:
-    cross = np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
-    angle = np.arctan2(np.sqrt(np.sum(cross * cross)), np.sum(a * b))
-    if angle < 1e-9:
-        return (1 - part) * a + part * b
-    return (np.sin((1 - part) * angle) * a + np.sin(part * angle) * b) / np.sin(angle)
+# angles below this (rad) are interpolated on the straight line
+SMALL_ANGLE = 1e-9
+# a move between two rows may fall behind the one before by this fraction: the rounding of the words
+FRACTION_ROUNDING = 1e-3
 
 
 @njit(cache=True)
 def _angle(a: np.ndarray, b: np.ndarray) -> float:
+    """Angle between two vectors, radians."""
     cross = np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
     return np.arctan2(np.sqrt(np.sum(cross * cross)), np.sum(a * b))
+
+
+@njit(cache=True)
+def _slerp(a: np.ndarray, b: np.ndarray, fraction: float) -> np.ndarray:
+    """Spherical linear interpolation between two unit vectors."""
+    angle = _angle(a, b)
+    if angle < SMALL_ANGLE:
+        return (1 - fraction) * a + fraction * b
+    return (np.sin((1 - fraction) * angle) * a + np.sin(fraction * angle) * b) / np.sin(angle)
 
 
 @njit(cache=True)
 def _between(
     tip: np.ndarray, axis: np.ndarray, tips: np.ndarray, axes: np.ndarray, radius: float
 ) -> tuple[float, float, float]:
-    """Fraction, tip error and axis error of a move against the straight way of the ball centre between two
-    rows."""
+    """Fraction, tip error (mm) and axis error (rad) of a move against the path from one row to the next: the ball
+    centre on the straight line, the axis on the great circle."""
     start, end = tips[0] + radius * axes[0], tips[1] + radius * axes[1]
-    whole = _angle(axes[0], axes[1])
-    way = end - start
-    if whole * AXIS_WEIGHT > np.sqrt(np.sum(way * way)):
-        part = _angle(axes[0], axis) / whole
+    turn = _angle(axes[0], axes[1])
+    chord = end - start
+    if turn * AXIS_WEIGHT > np.sqrt(np.sum(chord * chord)):
+        fraction = _angle(axes[0], axis) / turn
     else:
-        size = np.sum(way * way)
-        part = np.sum(way * (tip + radius * axis - start)) / size if size > 0 else 0.0
-    part = min(max(part, 0.0), 1.0)
-    meant = _turned(axes[0], axes[1], part)
-    off = (1 - part) * start + part * end - radius * meant - tip
-    return part, np.sqrt(np.sum(off * off)), _angle(meant, axis)
+        square = np.sum(chord * chord)
+        fraction = np.sum(chord * (tip + radius * axis - start)) / square if square > 0 else 0.0
+    fraction = min(max(fraction, 0.0), 1.0)
+    meant = _slerp(axes[0], axes[1], fraction)
+    off = (1 - fraction) * start + fraction * end - radius * meant - tip
+    return fraction, np.sqrt(np.sum(off * off)), _angle(meant, axis)
 
 
 @njit(cache=True)
-def align(
+def align_moves(
     tips: np.ndarray,
     axes: np.ndarray,
-    loose: np.ndarray,
+    may_be_extra: np.ndarray,
     path_tips: np.ndarray,
     path_axes: np.ndarray,
-    fresh: np.ndarray,
+    from_anywhere: np.ndarray,
     radius: np.ndarray,
     tip_tolerance: float,
     axis_tolerance: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, int, int]:
-    """Row reached (>= 0), or -1 for a loose move before a fresh row, or -2 - row for a move on the way to
-    `row`; errors; stop.
+    """The row of the path that each move reaches, its tip error (mm) and axis error (rad), and where the search stopped.
 
-    `loose` moves may come before a row that is `fresh` (reached from anywhere) and after the last.
-    Stops at the first move that fits nowhere: the last two answers are that move and the row
-    waited for; both are the counts where all is well.
+    A move is given its row (>= 0); -1 where it is extra; or -2 - row where it lies between `row` - 1 and `row`.
+    Moves that `may_be_extra` may come before a row that is reached `from_anywhere`, and after the last row. The
+    search stops at the first move that fits nowhere: the last two answers are that move and the row waited for;
+    both are the counts where every move has its place.
     """
     n, m = len(tips), len(path_tips)
     source, tip_error, axis_error = np.full(n, -1, dtype=np.int64), np.zeros(n), np.zeros(n)
-    row, before = 0, 0.0
+    row, fraction_before = 0, 0.0
     for move in range(n):
         if row < m:
             off = path_tips[row] - tips[move]
-            distance, lean = np.sqrt(np.sum(off * off)), _angle(path_axes[row], axes[move])
-            if distance <= tip_tolerance and lean <= axis_tolerance:
-                source[move], tip_error[move], axis_error[move] = row, distance, lean
-                row, before = row + 1, 0.0
+            distance, angle = np.sqrt(np.sum(off * off)), _angle(path_axes[row], axes[move])
+            if distance <= tip_tolerance and angle <= axis_tolerance:
+                source[move], tip_error[move], axis_error[move] = row, distance, angle
+                row, fraction_before = row + 1, 0.0
                 continue
             if row > 0:
-                part, distance, lean = _between(
+                fraction, distance, angle = _between(
                     tips[move],
                     axes[move],
                     path_tips[row - 1 : row + 1],
                     path_axes[row - 1 : row + 1],
                     radius[row],
                 )
-                if distance <= tip_tolerance and lean <= axis_tolerance and part >= before - 1e-3:
-                    source[move], tip_error[move], axis_error[move] = -2 - row, distance, lean
-                    before = part
+                in_order = fraction >= fraction_before - FRACTION_ROUNDING
+                if distance <= tip_tolerance and angle <= axis_tolerance and in_order:
+                    source[move], tip_error[move], axis_error[move] = -2 - row, distance, angle
+                    fraction_before = fraction
                     continue
-            if fresh[row] and loose[move]:
+            if from_anywhere[row] and may_be_extra[move]:
                 continue
-        elif loose[move]:
+        elif may_be_extra[move]:
             continue
         return source, tip_error, axis_error, move, row
     return source, tip_error, axis_error, n, row

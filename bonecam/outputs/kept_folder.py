@@ -15,7 +15,10 @@ from bonecam.setup.stock import Stock
 from bonecam.surface.files.tspline_text import write_tsm
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.path import ToolPath
-from bonecam.verify.pictures import draw_coloured, draw_depths, draw_levels, draw_toolpath
+from bonecam.verify.pictures.depth_colours import draw_coloured
+from bonecam.verify.pictures.depth_curves import draw_depths
+from bonecam.verify.pictures.level_sections import draw_levels
+from bonecam.verify.pictures.tool_paths import draw_toolpath
 
 FAILED = r"failed_level_\d{2,}\.ply"
 """Name of the file that shows where a level failed its check, as a regular expression."""

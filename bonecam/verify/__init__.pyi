@@ -1,10 +1,10 @@
 from .gouge import Gouge as Gouge
 from .gouge import measure_gouge as measure_gouge
-from .pictures import draw_coloured as draw_coloured
-from .pictures import draw_depths as draw_depths
-from .pictures import draw_levels as draw_levels
-from .pictures import draw_tmesh as draw_tmesh
-from .pictures import draw_toolpath as draw_toolpath
+from .pictures.depth_colours import draw_coloured as draw_coloured
+from .pictures.depth_curves import draw_depths as draw_depths
+from .pictures.level_sections import draw_levels as draw_levels
+from .pictures.tmesh_lines import draw_tmesh as draw_tmesh
+from .pictures.tool_paths import draw_toolpath as draw_toolpath
 from .proof import Verification as Verification
 from .proof import verify as verify
 from .proof import verify_program as verify_program

@@ -15,7 +15,7 @@ from bonecam.progress import Progress, report, silent
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.path import ToolPath
 from bonecam.verify.gouge import Distances, Gouge, measure_gouge
-from bonecam.verify.readback import Tolerances, compare
+from bonecam.verify.readback import Tolerances, compare_moves
 
 DESIGN_CHORD = 0.001
 """Chord tolerance (mm) of the tessellated design surface: a tenth of the gouge allowed by default."""
@@ -62,7 +62,7 @@ def verify_program(
     """
     allowed = tolerances or Tolerances()
     motions = read_program(text, machine, dialect)
-    checked = compare(motions, paths, dialect, allowed)
+    checked = compare_moves(motions, paths, dialect, allowed)
     gouge = measure_gouge(motions, part)
     if gouge.depth > allowed.gouge:
         place = ", ".join(f"{value:.3f}" for value in gouge.place)

@@ -1,8 +1,8 @@
 """Whether the moves read back from a posted text are those of the tool paths.
 
-Every row of the paths must be reached, once and in order, by a move whose tip and axis agree; moves in
-between must lie on the straight way of the ball centre between two rows; rapids and feeds must be what the
-paths say.
+Every row of the paths must be reached, once and in order, by a move whose tip and axis agree. Moves in between
+must lie on the path from one row to the next: the ball centre on the straight line, the axis on the great
+circle. Rapids and feeds must be what the paths say.
 """
 
 from collections.abc import Sequence
@@ -13,12 +13,15 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from bonecam.errors import VerifyError
-from bonecam.kernels.align import align
+from bonecam.kernels.align import align_moves
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.reading.motions import Motions
 from bonecam.toolpath.path import Kind, ToolPath
 
 FEED_TOLERANCE = 0.02
+"""Share by which a feed that is written in inverse time may be off."""
+MIN_LENGTH_STEPS = 20
+"""A move shorter than this many last decimals of its words says nothing about its feed: feed / length."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +35,11 @@ class Tolerances:
 
 @dataclass(frozen=True, eq=False)
 class Readback:
-    """Errors of every move and the row it reaches (>= 0), approaches (-1) or is on the way to (-2 - row)."""
+    """The row (of `rows`) that each move reaches, its tip error (mm) and axis error (radians).
+
+    `source` is the row (>= 0), -1 for a move outside the paths, or -2 - row for one between that row and the row
+    before.
+    """
 
     rows: int
     source: Int[ndarray, "n"]
@@ -40,68 +47,103 @@ class Readback:
     axis_error: Float[ndarray, "n"]
 
 
-def compare(
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """The rows of all tool paths, one path behind the other; `first` marks the first row of each path."""
+
+    tips: Float[ndarray, "n 3"]
+    axes: Float[ndarray, "n 3"]
+    kinds: Int[ndarray, "n"]
+    feeds: Float[ndarray, "n"]
+    radius: Float[ndarray, "n"]
+    tools: Int[ndarray, "n"]
+    first: Bool[ndarray, "n"]
+
+    @property
+    def from_anywhere(self) -> Bool[ndarray, "n"]:
+        """Rows that may be reached from anywhere: a path may be left and taken up again at a rapid (a rewind)."""
+        return self.first | (self.kinds == Kind.RAPID)
+
+
+def _rows_of(paths: Sequence[ToolPath]) -> _Rows:
+    """The rows of the paths."""
+    sizes = [len(path.tips) for path in paths]
+    first = np.zeros(sum(sizes), dtype=bool)
+    first[np.cumsum([0, *sizes[:-1]])] = True
+    return _Rows(
+        np.vstack([path.tips for path in paths]),
+        np.vstack([path.axes for path in paths]),
+        np.concatenate([path.kinds for path in paths]),
+        np.concatenate([path.feed_rates for path in paths]),
+        np.repeat([path.cutter.radius for path in paths], sizes),
+        np.repeat([path.cutter.number for path in paths], sizes),
+        first,
+    )
+
+
+def compare_moves(
     motions: Motions, paths: Sequence[ToolPath], dialect: Dialect, tolerances: Tolerances
 ) -> Readback:
-    """The moves laid along the paths; VerifyError at the first move that belongs nowhere, is missing, or has
-    the wrong feed."""
-    tips, axes = np.vstack([p.tips for p in paths]), np.vstack([p.axes for p in paths])
-    kinds, feeds = (np.concatenate([getattr(p, name) for p in paths]) for name in ("kinds", "feed_rates"))
-    sizes = [len(p.tips) for p in paths]
-    radius = np.repeat([p.cutter.radius for p in paths], sizes)
-    tools = np.repeat([p.cutter.number for p in paths], sizes)
-    first = np.zeros(len(tips), dtype=bool)
-    first[np.cumsum([0, *sizes[:-1]])] = True
+    """The row of the paths that each move reaches; VerifyError at the first move that belongs nowhere, is missing,
+    or has the wrong tool or feed."""
+    rows = _rows_of(paths)
     axis_tolerance = np.radians(tolerances.axis_steps * dialect.numbers["angle"].step)
-    # a path may be left and taken up again at a rapid: a rewind
-    fresh = first | (kinds == Kind.RAPID)
-    source, tip_error, axis_error, move, row = align(
-        motions.tips, motions.axes, motions.rapid, tips, axes, fresh, radius, tolerances.tip, axis_tolerance
+    source, tip_error, axis_error, move, row = align_moves(
+        motions.tips,
+        motions.axes,
+        motions.rapid,
+        rows.tips,
+        rows.axes,
+        rows.from_anywhere,
+        rows.radius,
+        tolerances.tip,
+        axis_tolerance,
     )
     if move < len(motions.tips):
-        _raise_stray(motions, move, row, tips, axes)
-    if row < len(tips):
-        raise VerifyError(
-            f"line {int(motions.lines[-1]) if len(motions.lines) else 0}: the text ends {len(tips) - row} points early: write it again",
-            line=int(motions.lines[-1]) if len(motions.lines) else 0,
-            place=tuple(tips[row].tolist()),
-            error=float(len(tips) - row),
-        )
-    rows = np.where(source >= 0, source, -2 - source)
+        raise _misplaced(motions, move, row, rows)
+    if row < len(rows.tips):
+        raise _ends_early(motions, row, rows)
+
+    reached = np.where(source >= 0, source, -2 - source)
     posted = source != -1
-    _check_tools(motions, posted, tools[rows])
-    _check_feeds(
-        motions, posted, kinds[rows], feeds[rows], first[rows] | (fresh[rows] & ~motions.known_start), dialect
-    )
-    return Readback(len(tips), source, tip_error, axis_error)
+    _check_tools(motions, posted, rows.tools[reached])
+    begins = rows.first[reached] | (rows.from_anywhere[reached] & ~motions.known_start)
+    _check_feeds(motions, posted, rows.kinds[reached], rows.feeds[reached], begins, dialect)
+    return Readback(len(rows.tips), source, tip_error, axis_error)
 
 
-def _raise_stray(motions: Motions, move: int, row: int, tips: ndarray, axes: ndarray) -> None:
+def _misplaced(motions: Motions, move: int, row: int, rows: _Rows) -> VerifyError:
+    """The error of a move that is not where the paths go next, at `row`."""
     line = int(motions.lines[move])
-    if row >= len(tips):
-        raise VerifyError(
-            f"line {line}: a move more than the paths have: write it again",
-            line=line,
-            place=None,
-            error=np.inf,
-        )
-    off = float(np.linalg.norm(motions.tips[move] - tips[row]))
-    lean = float(np.degrees(np.arccos(np.clip(motions.axes[move] @ axes[row], -1, 1))))
-    raise VerifyError(
-        f"line {line}: tip off by {off:.4f} mm and axis by {lean:.4f} deg from point {row} of the paths: the text differs from them",
-        line=line,
-        place=tuple(tips[row].tolist()),
-        error=off,
+    if row >= len(rows.tips):
+        message = f"line {line}: a move more than the paths have: write it again"
+        return VerifyError(message, line=line, place=None, error=np.inf)
+    off = float(np.linalg.norm(motions.tips[move] - rows.tips[row]))
+    angle = float(np.degrees(np.arccos(np.clip(motions.axes[move] @ rows.axes[row], -1, 1))))
+    message = (
+        f"line {line}: tip off by {off:.4f} mm and axis by {angle:.4f} deg from point {row} of the paths: "
+        "the text differs from them"
     )
+    return VerifyError(message, line=line, place=tuple(rows.tips[row].tolist()), error=off)
+
+
+def _ends_early(motions: Motions, row: int, rows: _Rows) -> VerifyError:
+    """The error of a text that ends before the paths do, at `row`."""
+    line = int(motions.lines[-1]) if len(motions.lines) else 0
+    missing = len(rows.tips) - row
+    message = f"line {line}: the text ends {missing} points early: write it again"
+    return VerifyError(message, line=line, place=tuple(rows.tips[row].tolist()), error=float(missing))
 
 
 def _check_tools(motions: Motions, posted: Bool[ndarray, "n"], tools: Int[ndarray, "n"]) -> None:
+    """VerifyError at the first move that another tool makes than its path says."""
     wrong = posted & (motions.tools != tools)
     if wrong.any():
         move = int(np.argmax(wrong))
         line = int(motions.lines[move])
+        found, meant = int(motions.tools[move]), int(tools[move])
         raise VerifyError(
-            f"line {line}: tool {int(motions.tools[move])} cuts what tool {int(tools[move])} was meant to: write it again",
+            f"line {line}: tool {found} cuts what tool {meant} was meant to: write it again",
             line=line,
             place=tuple(motions.tips[move].tolist()),
             error=np.inf,
@@ -116,23 +158,19 @@ def _check_feeds(
     begins: Bool[ndarray, "n"],
     dialect: Dialect,
 ) -> None:
-    """Rapids are rapids, feeds are feeds, within the rounding of their words; a run's first move may be a
-    rapid."""
+    """VerifyError where a rapid is none, or a feed is not what its path says within the rounding of its word; a move
+    that begins a path may be a rapid."""
     rapid = kinds == Kind.RAPID
     length = np.r_[0.0, np.linalg.norm(np.diff(motions.tips, axis=0), axis=1)]
     written = np.where(motions.inverse_time, motions.feed_rates * length, motions.feed_rates)
     feed = dialect.numbers["feed"]
-    # a move of a few roundings of length says nothing about feed / length; nor does a feed at the control's
-    # limit
-    told = ~motions.inverse_time | (
-        (length > 20 * dialect.numbers["length"].step) & (motions.feed_rates < feed.highest - feed.step)
-    )
+    long_enough = length > MIN_LENGTH_STEPS * dialect.numbers["length"].step
+    below_limit = motions.feed_rates < feed.highest - feed.step
+    told = ~motions.inverse_time | (long_enough & below_limit)
     allowed = np.where(motions.inverse_time, FEED_TOLERANCE * feeds + feed.step * length, feed.step)
-    wrong = posted & np.where(
-        rapid,
-        ~motions.rapid,
-        (motions.rapid & ~begins) | (~motions.rapid & told & (np.abs(written - feeds) > allowed)),
-    )
+
+    wrong_feed = ~motions.rapid & told & (np.abs(written - feeds) > allowed)
+    wrong = posted & np.where(rapid, ~motions.rapid, (motions.rapid & ~begins) | wrong_feed)
     if wrong.any():
         move = int(np.argmax(wrong))
         line = int(motions.lines[move])
@@ -142,5 +180,5 @@ def _check_feeds(
             f"line {line}: feed is {found}, meant {meant}: the text differs from the paths",
             line=line,
             place=tuple(motions.tips[move].tolist()),
-            error=float(abs(written[move] - feeds[move])) if not motions.rapid[move] else np.inf,
+            error=np.inf if motions.rapid[move] else float(abs(written[move] - feeds[move])),
         )

@@ -10,16 +10,12 @@ from matplotlib.figure import Figure
 import bonecam
 from bonecam.levels.measure.line_depths import line_depths
 from bonecam.setup.holding import post_below
-from bonecam.verify.panels import lay_out
-from bonecam.verify.pictures import (
-    draw_coloured,
-    draw_depths,
-    draw_tmesh,
-    draw_toolpath,
-    show_levels,
-    show_path,
-    show_tmesh,
-)
+from bonecam.verify.pictures.depth_colours import draw_coloured
+from bonecam.verify.pictures.depth_curves import draw_depths
+from bonecam.verify.pictures.level_sections import show_levels
+from bonecam.verify.pictures.panels import lay_out
+from bonecam.verify.pictures.tmesh_lines import draw_tmesh, show_tmesh
+from bonecam.verify.pictures.tool_paths import draw_toolpath, show_path
 
 FIGURES = Path(__file__).parents[2] / "docs/pages/figures"
 

@@ -19,8 +19,11 @@ from bonecam.setup.stock import Stock
 from bonecam.setup.stocks.box import Box
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.path import Kind, ToolPath
-from bonecam.verify.pictures import draw_coloured, draw_depths, draw_levels, draw_toolpath, labelled
-from bonecam.verify.views import corner_normals, view
+from bonecam.verify.pictures.depth_colours import draw_coloured
+from bonecam.verify.pictures.depth_curves import draw_depths, label_places
+from bonecam.verify.pictures.level_sections import draw_levels
+from bonecam.verify.pictures.tool_paths import draw_toolpath
+from bonecam.verify.pictures.views import corner_normals, view
 
 POST = (4.0, 45.0)
 
@@ -156,7 +159,7 @@ def test_depths_are_drawn_over_the_way_along_the_part_in_the_colours_of_the_cuts
 @pytest.mark.parametrize("cuts", [1, 2, 9, 10, 11, 37])
 def test_some_lines_are_labelled_apart_from_each_other_each_on_its_own(cuts: int) -> None:
     line = np.random.default_rng(cuts).random((cuts, 1000))
-    found = labelled(line)
+    found = label_places(line)
     assert len(found) <= 10
     assert min(cuts, 6) <= len(found)
     assert len({b[0] - a[0] for a, b in pairwise(found)}) <= 1

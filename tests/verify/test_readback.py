@@ -15,7 +15,7 @@ from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.read import read_program
 from bonecam.toolpath.path import ToolPath
 from bonecam.verify.proof import verify_program
-from bonecam.verify.readback import Tolerances, compare
+from bonecam.verify.readback import Tolerances, compare_moves
 
 PAIRS = {
     name: (read_machine(machine), read_dialect(name))
@@ -74,7 +74,7 @@ def test_what_was_written_is_proved(paths, pair, mesh):
 
 
 def check(text, pair, paths):
-    return compare(read_program(text, *pair), paths, pair[1], Tolerances())
+    return compare_moves(read_program(text, *pair), paths, pair[1], Tolerances())
 
 
 def changed(text: str, number: int, pattern: str, change) -> tuple[str, int]:

@@ -12,7 +12,7 @@ from bonecam.levels.measure.line_depths import POINTS, line_depths, step_depths
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.schedule import Schedule
 from bonecam.setup.stocks.cylinder import Cylinder
-from bonecam.verify.pictures import draw_depths
+from bonecam.verify.pictures.depth_curves import draw_depths
 
 BAR = Cylinder(4.5, 0.0, 20.0)
 

@@ -12,7 +12,7 @@ from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import Program
 from bonecam.nc.reading.read import read_program
 from bonecam.toolpath.path import ToolPath
-from bonecam.verify.readback import Tolerances, compare
+from bonecam.verify.readback import Tolerances, compare_moves
 
 GOLDEN = Path(__file__).parents[2] / "golden"
 CASES = ("heidenhain-mikron", "linuxcnc-xyzbc")
@@ -48,5 +48,5 @@ def test_the_golden_program_makes_the_golden_path(
 ) -> None:
     machine, dialect = read_machine(program.machine), read_dialect(program.controller)
     text = (GOLDEN / case / f"expected{program.extension}").read_text()
-    checked = compare(read_program(text, machine, dialect), paths, dialect, Tolerances())
+    checked = compare_moves(read_program(text, machine, dialect), paths, dialect, Tolerances())
     assert checked.tip_error.max() < 0.001

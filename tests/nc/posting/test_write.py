@@ -11,7 +11,7 @@ from bonecam.nc.machine import read_machine
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.read import read_program
 from bonecam.toolpath.path import ToolPath
-from bonecam.verify.readback import Tolerances, compare
+from bonecam.verify.readback import Tolerances, compare_moves
 
 MACHINE_OF = {"heidenhain": "mikron-ucp600", "linuxcnc": "linuxcnc-xyzbc"}
 CHAIN_KINDS = ("table-table", "head-table", "head-head", "nutating")
@@ -51,7 +51,7 @@ def test_the_program_counts_what_it_holds(paths, posted):
     assert program.tools == (1, 2)
     assert program.moves == motions.blocks
     assert (~motions.rapid).sum() >= 300
-    checked = compare(motions, paths, dialect, Tolerances())
+    checked = compare_moves(motions, paths, dialect, Tolerances())
     assert checked.rows == sum(len(path.tips) for path in paths)
     assert (checked.source >= 0).sum() == checked.rows
     assert program.split_moves == (checked.source < -1).sum()
@@ -101,7 +101,7 @@ def test_the_ball_centre_may_be_programmed_instead_of_the_tip(chains, write_mach
     machine, dialect = read_machine(write_machine(tmp_path, text)), read_dialect("heidenhain")
     program = write_program(paths, machine, dialect, Job())
     assert ("PROGRAMMED POINT: BALL CENTRE" in program.text) == (point == "centre")
-    compare(read_program(program.text, machine, dialect), paths, dialect, Tolerances())
+    compare_moves(read_program(program.text, machine, dialect), paths, dialect, Tolerances())
 
 
 @pytest.mark.parametrize("dialect_name", dialect_names())
@@ -113,7 +113,7 @@ def test_every_chain_is_written_and_read_back(write_machine, chains, path_of, ch
     tips = np.column_stack([10 * np.cos(3 * tilt), 10 * np.sin(3 * tilt), 50 + np.linspace(0, 5, 40)])
     path = path_of(tips, axes)
     program = write_program([path], machine, dialect, Job())
-    checked = compare(read_program(program.text, machine, dialect), [path], dialect, Tolerances())
+    checked = compare_moves(read_program(program.text, machine, dialect), [path], dialect, Tolerances())
     assert checked.tip_error.max() < 0.0012
     assert np.degrees(checked.axis_error.max()) < 0.0015
 
@@ -151,7 +151,7 @@ def test_a_rewind_leaves_the_part_before_it_turns(axis, write_machine, machine_t
     program = write_program([path], machine, dialect, Job())
     assert program.rewinds > 0
     assert program.text.count("M140 MB MAX") == program.rewinds + 2
-    compare(read_program(program.text, machine, dialect), [path], dialect, Tolerances())
+    compare_moves(read_program(program.text, machine, dialect), [path], dialect, Tolerances())
 
 
 def test_a_program_name_the_control_cannot_take_is_refused(paths):

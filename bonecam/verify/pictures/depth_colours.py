@@ -1,0 +1,49 @@
+"""Picture: some levels coloured by the depth of their cut."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from bonecam.levels.measure.level import Level, rounding_cuts
+from bonecam.levels.measure.line_depths import depths_from
+from bonecam.mesh.remeshing import split_edges
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.verify.pictures.colours import colour_scale, colours_of, value_range
+from bonecam.verify.pictures.panels import BAR_BELOW, bar_below, lay_out, new_figure, save_figure
+from bonecam.verify.pictures.shading import draw_shaded
+from bonecam.verify.pictures.views import view
+
+MAX_LEVELS = 5
+"""Levels shown in a row at most."""
+EDGES_PER_DIAGONAL = 40
+"""An edge of a level goes into its diagonal at least this often: its flat faces are few and large, and each has one
+colour."""
+
+
+def draw_coloured(levels: Sequence[Level], path: str | Path) -> None:
+    """Write some levels, the first and the stock among them, coloured by the depth of their cut in % of its limit.
+
+    Closed ones are seen from the front (-y), open ones along the axis from which most of the part is seen.
+    """
+    last = len(levels) - 1
+    shown = np.unique(np.linspace(1, last, min(last, MAX_LEVELS)).round().astype(int))
+    rounding = rounding_cuts(levels)
+    norm = value_range(0, 100)
+    figure, plots = new_figure(len(shown))
+    frame = view(levels[0].mesh)
+    names = [f"{'-' if row.sum() < 0 else ''}{'xyz'[np.abs(row).argmax()]} (mm)" for row in frame[[0, 2]]]
+    for plot, k in zip(plots, shown):
+        mesh = split_edges(levels[k].mesh, levels[k].mesh.diagonal / EDGES_PER_DIAGONAL)
+        depths = depths_from(levels[k - 1], mesh.vertices[mesh.faces].mean(axis=1))
+        seen = TriangleMesh(mesh.vertices @ frame.T, mesh.faces)
+        draw_shaded(plot, seen, 1.0, colours_of(norm, 100 * depths / levels[k].limit)[:, :3])
+        plot.set_xlabel(names[0])
+        kind = ", the stock" if k == last else ", rounding" if k in rounding else ""
+        plot.set_title(f"level {k}{kind}", fontsize="medium")
+    plots[0].set_ylabel(names[1])
+
+    lay_out(figure, plots, below=BAR_BELOW)
+    bar = {"label": "depth, % of the cut's limit", "orientation": "horizontal"}
+    figure.colorbar(colour_scale(norm), cax=bar_below(figure), **bar)
+    save_figure(figure, path)

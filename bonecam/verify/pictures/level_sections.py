@@ -1,0 +1,64 @@
+"""Picture: two sections of all levels (Gan et al. 2014, Fig. 10)."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bonecam.levels.measure.level import Level
+from bonecam.verify.pictures.colours import colour_scale, colours_of, value_range, whole_ticks
+from bonecam.verify.pictures.panels import BAR_BELOW, Plot, bar_below, lay_out, new_figure, save_figure
+from bonecam.verify.pictures.views import section
+
+POST_SHOWN = 2.0
+"""How much of the post is drawn below the stock, mm; it goes on down to the table."""
+TITLE_ABOVE = 0.8
+"""Inches above panels that the figure's title and theirs take."""
+
+
+def draw_levels(levels: Sequence[Level], post: tuple[float, float] | None, path: str | Path) -> None:
+    """Write sections of all levels across y and across x, to one scale, through the axis of the `post` (diameter,
+    top z), mm.
+
+    Without a post they go through the middle of the last level.
+    """
+    figure, plots = new_figure(2)
+    middle = np.zeros(3) if post else levels[-1].mesh.bounds.mean(axis=0).round(2) + 0.0
+    for plot, across in zip(plots, (0, 1)):
+        show_levels(plot, levels, post, across, middle[1 - across])
+        plot.set_title(f"section {'yx'[across]} = {middle[1 - across]:g}", fontsize="medium")
+    plots[0].set_ylabel("z (mm)")
+    figure.suptitle(f"Levels 0 (part) to {levels[-1].index} (stock){'; dashed: the post' if post else ''}")
+
+    lay_out(figure, plots, below=BAR_BELOW, above=TITLE_ABOVE)
+    scale = colour_scale(value_range(0, len(levels) - 1))
+    bar = {"label": "level", "orientation": "horizontal", "ticks": whole_ticks()}
+    figure.colorbar(scale, cax=bar_below(figure), **bar)
+    save_figure(figure, path)
+
+
+def show_levels(
+    plot: Plot, levels: Sequence[Level], post: tuple[float, float] | None, across: int, at: float = 0.0
+) -> None:
+    """Draw the section of all levels by the plane of z and x (`across` = 0) or y (1), which lies `at` so many mm
+    along the third axis."""
+    from matplotlib.collections import LineCollection
+
+    norm = value_range(0, max(len(levels) - 1, 1))
+    for level in levels:
+        lines = section(level.mesh, at * np.eye(3)[1 - across], np.eye(3)[1 - across])[:, :, [across, 2]]
+        width = 1.6 if level.index in (0, levels[-1].index) else 0.8
+        style: dict[str, Any] = {"linewidths": width, "capstyle": "butt", "snap": False}
+        plot.add_collection(LineCollection(list(lines), colors=[colours_of(norm, level.index)], **style))
+    if post:
+        draw_post(plot, post, levels)
+    plot.set_xlabel(f"{'xy'[across]} (mm)")
+
+
+def draw_post(plot: Plot, post: tuple[float, float], levels: Sequence[Level]) -> None:
+    """The sides of the post (diameter, top z), mm, from a little below the levels."""
+    diameter, top = post
+    low = float(levels[-1].mesh.bounds[0, 2])
+    sides = np.array([-1, -1, np.nan, 1, 1]) * diameter / 2
+    plot.plot(sides, [low - POST_SHOWN, top, np.nan, low - POST_SHOWN, top], "k--", lw=0.8)

@@ -1,0 +1,76 @@
+"""Figures of panels side by side, with one scale and the same limits, and room for what belongs to them."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+Plot = Any
+"""A matplotlib.axes.Axes: matplotlib loads when a picture is drawn."""
+Figure = Any
+"""A matplotlib.figure.Figure."""
+
+DPI = 120
+"""Pixels per inch."""
+MAX_HEIGHT = 7.5
+"""Inches that a panel is high at most."""
+MAX_WIDTH = 12.0
+"""Inches that all panels are wide together at most."""
+MIN_SIZE = (1.7, 1.5)
+"""Inches that a panel is wide and high at least."""
+LEFT, GAP, RIGHT, ABOVE, BELOW = 0.8, 0.2, 0.2, 0.6, 0.6
+"""Inches left of, between, right of, above and below panels, without legends and colour bars."""
+TICK_WIDTH = 0.45
+"""Inches that a tick's label takes."""
+TICK_MARGIN = 0.2
+"""Inches that ticks keep off a panel's sides, so that labels of neighbours do not meet."""
+MARGIN = 0.04
+"""Margin round what panels show, as a share of it."""
+BAR_BELOW = 1.3
+"""Inches below panels that their labels and a colour bar take."""
+
+
+def new_figure(columns: int) -> tuple[Figure, Any]:
+    """A figure of panels side by side; `lay_out` sets their sizes."""
+    from matplotlib import figure
+
+    made = figure.Figure(dpi=DPI)
+    return made, made.subplots(1, columns, sharex=True, sharey=True, squeeze=False)[0]
+
+
+def save_figure(figure: Figure, path: str | Path) -> None:
+    """Write the figure as an image without the date, so that equal pictures are equal files."""
+    figure.savefig(path, metadata={"Software": None})
+
+
+def lay_out(figure: Figure, plots: Any, below: float = BELOW, above: float = ABOVE) -> None:
+    """Give panels side by side the same limits, round all that was drawn in any, and one scale, in a figure
+    as large as that takes.
+
+    `below` and `above` are the inches that a colour bar or a legend, the axis' label included, or titles need
+    there.
+    """
+    boxes = np.array([plot.dataLim.get_points() for plot in plots])
+    low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
+    size = (1 + 2 * MARGIN) * (high - low)
+    scale = min((MAX_WIDTH / len(plots)) / size[0], MAX_HEIGHT / size[1])
+    width, height = np.maximum(size * scale, MIN_SIZE)
+    x, z = (low + high) / 2
+    half_x, half_z = np.array([width, height]) / scale / 2
+    for plot in plots:
+        plot.set(xlim=(x - half_x, x + half_x), ylim=(z - half_z, z + half_z), aspect="equal")
+        plot.locator_params(axis="x", nbins=int(np.clip(width / TICK_WIDTH, 2, 5)))
+        plot.set_xticks([tick for tick in plot.get_xticks() if abs(tick - x) < half_x - TICK_MARGIN / scale])
+
+    all_width = LEFT + len(plots) * width + (len(plots) - 1) * GAP + RIGHT
+    whole = np.array([all_width, above + height + below])
+    figure.set_size_inches(*whole)
+    start, bottom = np.array([LEFT, below]) / whole
+    end, top = 1 - np.array([RIGHT, above]) / whole
+    figure.subplots_adjust(left=start, bottom=bottom, right=end, top=top, wspace=GAP / width)
+
+
+def bar_below(figure: Figure) -> Plot:
+    """Axes of a colour bar under the panels."""
+    width, height = figure.get_size_inches()
+    return figure.add_axes((LEFT / width, 0.5 / height, 1 - (LEFT + RIGHT) / width, 0.15 / height))

@@ -1,0 +1,73 @@
+"""Picture: the tool path on some levels (Gan et al. 2014, Fig. 12)."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from bonecam.levels.measure.level import Level
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.toolpath.path import Kind, ToolPath
+from bonecam.verify.pictures.level_sections import draw_post
+from bonecam.verify.pictures.panels import BELOW, Plot, lay_out, new_figure, save_figure
+from bonecam.verify.pictures.shading import draw_shaded
+
+CUT_COLOUR, LINK_COLOUR, AXIS_COLOUR = "#1f5fa8", "#e07b00", "#b03030"
+MAX_AXES = 60
+"""Tool axes shown on a level at most."""
+AXIS_LENGTH = 3.0
+"""Length that tool axes are drawn with, mm."""
+LEGEND = 0.4
+"""Inches that the legend takes below the panels."""
+
+
+def draw_toolpath(
+    paths: Sequence[ToolPath],
+    levels: Sequence[Level],
+    path: str | Path,
+    post: tuple[float, float] | None = None,
+) -> None:
+    """Write the outermost, a middle and the innermost level from the front (-y): contacts, some tool axes, links by
+    their tips; the `post` (diameter, top z), mm."""
+    from matplotlib.lines import Line2D
+
+    shown = [paths[k] for k in sorted({0, len(paths) // 2, len(paths) - 1})]
+    figure, plots = new_figure(len(shown))
+    for plot, item in zip(plots, shown):
+        show_path(plot, item, levels[item.level].mesh)
+        if post:
+            draw_post(plot, post, levels)
+        cuts = int((item.kinds == Kind.CUT).sum())
+        title = f"level {item.level}, ball R {item.cutter.radius:g} mm\n{cuts} cutting moves"
+        plot.set_title(title, fontsize="medium")
+    plots[0].set_ylabel("z (mm)")
+
+    keys = {"cut (contact)": CUT_COLOUR, "link (tip)": LINK_COLOUR, "tool axis": AXIS_COLOUR}
+    lines = [Line2D([], [], color=colour, label=name) for name, colour in keys.items()]
+    lines += [Line2D([], [], color="k", ls="--", lw=0.8, label="post")] if post else []
+    figure.legend(handles=lines, loc="lower center", ncols=len(lines))
+    lay_out(figure, plots, below=BELOW + LEGEND)
+    save_figure(figure, path)
+
+
+def show_path(plot: Plot, item: ToolPath, level: TriangleMesh) -> None:
+    """Draw the moves on the side of a level that faces the viewer, by the surface normal at the contact, else by the
+    tool axis."""
+    from matplotlib.collections import LineCollection
+
+    draw_shaded(plot, level, 1.0)
+    is_cut = item.kinds == Kind.CUT
+    normals = item.tips + item.cutter.radius * item.axes - item.contacts
+    outward = np.where(is_cut[:, None], normals, item.axes)
+    front = outward[:, 1] < 0
+    shown = ((Kind.CUT, item.contacts, CUT_COLOUR), (Kind.LINK, item.tips, LINK_COLOUR))
+    for kind, points, colour in shown:
+        from_front = front[1:] & front[:-1] & np.isfinite(points[:-1, 0])
+        move = np.flatnonzero((item.kinds[1:] == kind) & from_front) + 1
+        ends = np.stack([points[move - 1], points[move]], axis=1)
+        plot.add_collection(LineCollection(list(ends[:, :, [0, 2]]), colors=colour, linewidths=0.35))
+
+    some = np.flatnonzero(is_cut & front)
+    some = some[:: max(1, len(some) // MAX_AXES)]
+    ends = np.stack([item.contacts[some], item.contacts[some] + AXIS_LENGTH * item.axes[some]], axis=1)
+    plot.add_collection(LineCollection(list(ends[:, :, [0, 2]]), colors=AXIS_COLOUR, linewidths=0.6))
