@@ -9,7 +9,8 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.bezier import CONTRACT, jet, locate_one
+from bonecam.kernels.bezier import CONTRACT, jet
+from bonecam.kernels.locate import locate_one
 
 MAX_STEPS = 60
 """Steps from one seed: Newton needs under ten but where it starts far away on a folded surface."""

@@ -14,9 +14,10 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.bezier import CONTRACT, bernstein, locate_one
+from bonecam.kernels.bezier import CONTRACT, bernstein
 from bonecam.kernels.closest_point import descend
 from bonecam.kernels.hulls import DEEPEST, box_distance, copy, extents, halve
+from bonecam.kernels.locate import locate_one
 
 SIX = 7  # control points along a side at degree six
 TURN = 0.4  # of a turn in s: feet of corners that are farther apart lie round a pole

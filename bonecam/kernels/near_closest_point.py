@@ -9,8 +9,9 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.bezier import CONTRACT, Three, first_jet, locate_one
+from bonecam.kernels.bezier import CONTRACT, Three, first_jet
 from bonecam.kernels.closest_point import gauss_newton_step, into_domain
+from bonecam.kernels.locate import locate_one
 
 STEP_LIMIT_S = 0.05
 """Longest step of `walk` in s, turns."""

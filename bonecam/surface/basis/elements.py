@@ -15,7 +15,7 @@ from numpy import ndarray
 
 from bonecam.arrays import frozen
 from bonecam.errors import SurfaceError
-from bonecam.kernels import bezier, bezier_any
+from bonecam.kernels import bezier, bezier_any, locate, rational_basis
 
 SLICES = 256
 """Even slices of the t-range for which a table tells where the search for a strip starts."""
@@ -66,7 +66,7 @@ class Elements:
     @cached_property
     def strips(self) -> tuple[ndarray, ...]:
         """The boxes in strips of t, each sorted by s, with tables of where to start searching: see
-        kernels.bezier.locate."""
+        kernels.locate."""
         knots = np.unique(self.boxes[:, 2:])
         order = np.argsort(self.boxes[:, 0], kind="stable")
         first, last = (
@@ -105,7 +105,7 @@ class Elements:
         s, t = self._into(s, 0), self._into(t, 1)
         if s.ndim != 1 or s.shape != t.shape:
             raise ValueError(f"s {s.shape} and t {t.shape}: give one of each for every sample, shape (n,)")
-        found = bezier.locate(*self.strips, s, t)
+        found = locate.locate(*self.strips, s, t)
         if len(found) and found.min() < 0:
             n = int(np.argmin(found))
             raise ValueError(f"(s, t) = ({s[n]}, {t[n]}) of sample {n} lies outside the domain")
@@ -169,7 +169,7 @@ class Elements:
         indices = np.empty(total, dtype=index_type)
         values = np.empty(((1, 3, 6)[order], total))
         parts = (self.starts, self.functions, self.coefficients, weights, self.boxes)
-        bezier.basis_values(*parts, place, s, t, order, indptr, indices, values)
+        rational_basis.basis_values(*parts, place, s, t, order, indptr, indices, values)
         shape = (len(s), len(weights))
         return tuple(sp.csr_array((v, indices.copy(), indptr.copy()), shape=shape) for v in values)
 

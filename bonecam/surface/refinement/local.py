@@ -9,8 +9,6 @@ points are the terms' combinations of the old ones in homogeneous form: weights 
 and nothing is assumed of the functions' sum, so the surface stays what it was for any model.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
@@ -18,39 +16,19 @@ from jaxtyping import Float, Int64
 from numpy import ndarray
 
 from bonecam.errors import SurfaceError
+from bonecam.surface.refinement.terms import (
+    Lines,
+    Sight,
+    Terms,
+    compare,
+    first_turn,
+    reaches_domain,
+    split_at_lack,
+    unseen_lines,
+)
 from bonecam.surface.tmesh.cutting import Draft
 from bonecam.surface.tmesh.general import TMesh
 from bonecam.surface.tmesh.surface import S
-
-Lines = tuple[int, ...]
-Terms = dict[tuple[Lines, Lines], dict[int, float]]
-TURNS = 4  # round a closed direction: more than any function and what lies beside it reach
-Lack = tuple[int, bool] | None  # a line that a term lacks, and whether it only repeats the end of the domain
-
-
-@dataclass(eq=False)
-class _Sight:
-    """What the vertices of the T-mesh as drafted see, in plain lists; knots[axis][line] holds for lines up to
-    TURNS round, -TURNS too."""
-
-    crossings: ndarray
-    lines: tuple[list[list[int]], list[list[int]]]
-    counts: tuple[int, int]
-    knots: tuple[list[float], list[float]]
-    period: tuple[float, float]
-
-    @classmethod
-    def of(cls, tmesh: TMesh) -> "_Sight":
-        """What they see."""
-        lines, turns = (
-            (tmesh.knot_lines[0].tolist(), tmesh.knot_lines[1].tolist()),
-            np.append(np.arange(TURNS + 1), np.arange(-TURNS, 0)),
-        )
-        pairs = zip((tmesh.s_lines, tmesh.t_lines), tmesh.period)
-        s_knots, t_knots = ((turns[:, None] * period + knots).ravel().tolist() for knots, period in pairs)
-        return cls(
-            tmesh.crossings, lines, (len(tmesh.s_lines), len(tmesh.t_lines)), (s_knots, t_knots), tmesh.period
-        )
 
 
 def refine_locally(surface: S, draft: Draft, lines: tuple[Int64[ndarray, " a"], Int64[ndarray, " b"]]) -> S:
@@ -62,7 +40,7 @@ def refine_locally(surface: S, draft: Draft, lines: tuple[Int64[ndarray, " a"], 
     terms = _old_terms(surface.tmesh, draft, lines)
     for _ in range(draft.crossings.size):
         tmesh = draft.tmesh()
-        terms, wanted = _settled(terms, _Sight.of(tmesh), tmesh.face_boxes)
+        terms, wanted = _settled(terms, Sight.of(tmesh), tmesh.face_boxes)
         if not wanted:
             return _combined(surface, tmesh, terms)
         for axis, line, row in sorted(wanted):
@@ -103,7 +81,7 @@ def _old_terms(tmesh: TMesh, draft: Draft, lines: tuple[ndarray, ndarray]) -> Te
 
 
 def _settled(
-    terms: Terms, sight: _Sight, faces: Float[ndarray, "f 4"]
+    terms: Terms, sight: Sight, faces: Float[ndarray, "f 4"]
 ) -> tuple[Terms, set[tuple[int, int, int]]]:
     """Terms split until none lacks a knot, and the vertices that others want: (axis, line, row)."""
     stack = [(s, t, coefficients) for (s, t), coefficients in terms.items()]
@@ -111,150 +89,33 @@ def _settled(
     wanted: set[tuple[int, int, int]] = set()
     while stack:
         s, t, coefficients = stack.pop()
-        s, t = _first_turn(s, sight, 0), _first_turn(t, sight, 1)
+        s, t = first_turn(s, sight, 0), first_turn(t, sight, 1)
         vertex = int(sight.crossings[s[2], t[2]])
         if vertex < 0:
-            if _reaches(s, t, sight, faces):
+            if reaches_domain(s, t, sight, faces):
                 wanted.add((0, s[2], t[2]))
                 _add(done, s, t, coefficients)
             continue
-        s, s_lack = _compared(s, sight.lines[0][vertex], sight, 0)
-        t, t_lack = _compared(t, sight.lines[1][vertex], sight, 1)
-        pieces = _pieces(s, t, s_lack, t_lack, sight)
+        s, s_lack = compare(s, sight.lines[0][vertex], sight, 0)
+        t, t_lack = compare(t, sight.lines[1][vertex], sight, 1)
+        pieces = split_at_lack(s, t, s_lack, t_lack, sight)
         if pieces:
             stack += [
                 (a, b, {n: f * c for n, c in coefficients.items()})
                 for a, b, f in pieces
-                if _reaches(a, b, sight, faces)
+                if reaches_domain(a, b, sight, faces)
             ]
             continue
         for axis, own, row in ((0, s, t[2]), (1, t, s[2])):
             wanted.update(
                 (axis, k % sight.counts[axis], row)
-                for k in _unseen(own, sight.lines[axis][vertex], sight, axis)
+                for k in unseen_lines(own, sight.lines[axis][vertex], sight, axis)
             )
         _add(done, s, t, coefficients)
     return done, wanted
-
-
-def _pieces(
-    s: Lines, t: Lines, s_lack: Lack, t_lack: Lack, sight: _Sight
-) -> list[tuple[Lines, Lines, float]]:
-    """The term split at a line that it lacks; nothing where it lacks none.
-
-    Lines that the domain's end repeats come last: by then the term has been split from what lies beside that
-    end.
-    """
-    if s_lack is None and t_lack is None:
-        return []
-    if t_lack is None or (s_lack is not None and s_lack[1] <= t_lack[1]):
-        assert s_lack is not None
-        found = [(part, t, factor) for part, factor in _split(s, s_lack[0], sight, 0)]
-    else:
-        found = [(s, part, factor) for part, factor in _split(t, t_lack[0], sight, 1)]
-    if any(
-        _knots(a, sight, 0) == _knots(s, sight, 0) and _knots(b, sight, 1) == _knots(t, sight, 1)
-        for a, b, _ in found
-    ):
-        place = (sight.knots[0][s[2]], sight.knots[1][t[2]])
-        raise SurfaceError(
-            f"a function at (s, t) = {place} reaches over a gap of the domain: it cannot be refined there",
-            place=place,
-        )
-    return found
 
 
 def _add(terms: Terms, s: Lines, t: Lines, coefficients: dict[int, float]) -> None:
     target = terms.setdefault((s, t), {})
     for n, c in coefficients.items():
         target[n] = target.get(n, 0.0) + c
-
-
-def _first_turn(lines: Lines, sight: _Sight, axis: int) -> Lines:
-    """The same function with its middle knot within the first turn."""
-    count = sight.counts[axis]
-    turn = lines[2] // count
-    return tuple(k - turn * count for k in lines) if turn else lines
-
-
-def _compared(own: Lines, seen: Sequence[int], sight: _Sight, axis: int) -> tuple[Lines, Lack]:
-    """The term's lines, those with equal knots renamed to what the vertex sees; and what it lacks."""
-    lines = list(own)
-    lacks = []
-    for sign in (-1, 1):
-        for k in (2 + sign, 2 + 2 * sign):
-            mine, its = sight.knots[axis][lines[k]], sight.knots[axis][seen[k]]
-            if mine == its:
-                lines[k] = seen[k]
-            else:
-                if sign * its < sign * mine:
-                    lacks.append((seen[k], seen[k] == seen[k - sign]))
-                break
-    return tuple(lines), min(lacks, key=lambda lack: lack[1], default=None)
-
-
-def _knots(lines: Lines, sight: _Sight, axis: int) -> list[float]:
-    return [sight.knots[axis][k] for k in lines]
-
-
-def _unseen(own: Lines, seen: Sequence[int], sight: _Sight, axis: int) -> list[int]:
-    """Lines that the vertex has to see so that it sees the term's knots; of a repeated knot one that it does
-    not see yet."""
-    found = []
-    for sign in (-1, 1):
-        for k in (2 + sign, 2 + 2 * sign):
-            knot = sight.knots[axis][own[k]]
-            if knot != sight.knots[axis][seen[k]]:
-                near = [
-                    line
-                    for line in (own[k], own[k] - 1, own[k] + 1, own[k] - 2, own[k] + 2)
-                    if sight.knots[axis][line] == knot
-                ]
-                unseen = [line for line in near if line not in seen]
-                if not unseen:
-                    raise SurfaceError(
-                        f"knot {knot} of {'st'[axis]} is repeated more often than the T-mesh has lines for it",
-                        knot=knot,
-                    )
-                found.append(unseen[0])
-                break
-    return found
-
-
-def _split(lines: Lines, new: int, sight: _Sight, axis: int) -> list[tuple[Lines, float]]:
-    """Knot insertion (Boehm 1980): one cubic as the sum of two with the knot of line `new`, and their
-    factors."""
-    x = _knots(lines, sight, axis)
-    y = sight.knots[axis][new]
-    place = next(
-        n
-        for n in range(1, 5)
-        if lines[n - 1] <= new <= lines[n] and x[n - 1] <= y <= x[n] and (new > lines[2]) == (n > 2)
-    )
-    six = (*lines[:place], new, *lines[place:])
-    left = 1.0 if y >= x[3] else (y - x[0]) / (x[3] - x[0])
-    right = 1.0 if y <= x[1] else (x[4] - y) / (x[4] - x[1])
-    return [(part, factor) for part, factor in ((six[:5], left), (six[1:], right)) if factor > 0]
-
-
-def _reaches(s: Lines, t: Lines, sight: _Sight, faces: ndarray) -> bool:
-    """Whether the function is not zero everywhere on the domain."""
-    s_low, s_high, t_low, t_high = (
-        sight.knots[0][s[0]],
-        sight.knots[0][s[4]],
-        sight.knots[1][t[0]],
-        sight.knots[1][t[4]],
-    )
-    if s_low == s_high or t_low == t_high:
-        return False
-    for a in (-sight.period[0], 0.0, sight.period[0]):
-        for b in (-sight.period[1], 0.0, sight.period[1]):
-            meet = (
-                (s_low + a < faces[:, 1])
-                & (s_high + a > faces[:, 0])
-                & (t_low + b < faces[:, 3])
-                & (t_high + b > faces[:, 2])
-            )
-            if meet.any():
-                return True
-    return False

@@ -7,79 +7,21 @@ vertices is one piece with the same points in both. Every element is triangulate
 from its pieces and a grid, made finer where the chord tolerance is missed.
 """
 
-from dataclasses import dataclass, field
-from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
-from scipy.spatial import Delaunay, cKDTree
+from scipy.spatial import Delaunay
 
 from bonecam.arrays import dots
 from bonecam.errors import SurfaceError
 from bonecam.kernels import triangles
+from bonecam.surface.tessellation.element_sides import SAME, SQUARE, Net, Piece, along_side, pieces_of_sides
 from bonecam.surface.tmesh.surface import Surface
 
-SAME = 1e-7  # of the size: corners nearer to each other are one
 FINEST = 256  # cells each way in an element
 SLOWEST = 64  # what is so many times farther than the tolerance after all halvings that are left, a quarter each, is not reached
-LOOKED = 64  # places on a side where a corner is looked for
-SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 MIDDLES = np.array([[0.5, 0.5, 0.0], [0.0, 0.5, 0.5], [0.5, 0.0, 0.5], [1 / 3, 1 / 3, 1 / 3]])
-
-
-@dataclass(frozen=True, eq=False)
-class Piece:
-    """A part of a side: the side, its ends there, and which curve between two vertices it is."""
-
-    side: int
-    start: float
-    end: float
-    key: tuple[int, int, int]
-
-
-@dataclass(eq=False)
-class Net:
-    """Vertices in the making; `runs` holds those of every piece, from its lower to its higher vertex."""
-
-    surface: Surface
-    parameters: list[ndarray] = field(default_factory=list)
-    points: list[ndarray] = field(default_factory=list)
-    runs: dict[tuple[int, int, int], ndarray] = field(default_factory=dict)
-    count: int = 0
-    gap: float = 0.0
-
-    def positions(self, element: int, uv: Float[ndarray, "n 2"]) -> Float[ndarray, "n 3"]:
-        """Points of one element at places in its square."""
-        elements, (s, t) = self.surface.elements(), self._parameters(element, uv).T
-        which = np.full(len(uv), element, dtype=np.int32)
-        found: ndarray = elements.derivatives(self.surface.patches, which, s, t, 0)[0]
-        return found
-
-    def normals(self, element: int, uv: Float[ndarray, "n 2"]) -> Float[ndarray, "n 3"]:
-        """Unit normals of one element at places in its square; 0 where it has none."""
-        elements = self.surface.elements()
-        s, t = self._parameters(element, uv).T
-        _, Ss, St = elements.derivatives(
-            self.surface.patches, np.full(len(uv), element, dtype=np.int32), s, t, 1
-        )
-        found = np.cross(Ss, St)
-        return np.asarray(
-            found / np.maximum(np.linalg.norm(found, axis=1, keepdims=True), np.finfo(float).tiny)
-        )
-
-    def _parameters(self, element: int, uv: Float[ndarray, "n 2"]) -> Float[ndarray, "n 2"]:
-        box = self.surface.elements().boxes[element]
-        return np.asarray(box[[0, 2]] + uv * (box[[1, 3]] - box[[0, 2]]))
-
-    def added(
-        self, element: int, uv: Float[ndarray, "n 2"], places: Float[ndarray, "n 3"]
-    ) -> Int[ndarray, " n"]:
-        """Numbers of new vertices."""
-        self.parameters.append(self._parameters(element, uv))
-        self.points.append(places)
-        self.count += len(uv)
-        return np.arange(self.count - len(uv), self.count)
 
 
 def element_mesh(
@@ -92,7 +34,7 @@ def element_mesh(
     the tolerance. Neighbours whose common side differs by more than the tolerance are an error; smaller gaps
     count as distance.
     """
-    pieces = _pieces(surface, SAME * float(np.ptp(surface.control_points, axis=0).max()))
+    pieces = pieces_of_sides(surface, SAME * float(np.ptp(surface.control_points, axis=0).max()))
     cells = np.ones(len(pieces), dtype=np.int64)
     while True:
         net, faces, worst, bent = _meshed(surface, pieces, cells, tolerance, angle)
@@ -112,70 +54,6 @@ def element_mesh(
             raise SurfaceError(
                 f"element {number} cannot be tessellated to {asked}: raise the tolerance", element=number
             )
-
-
-def _pieces(surface: Surface, same: float) -> list[list[Piece]]:
-    """The pieces of the four sides of every element, counter-clockwise."""
-    net, count = Net(surface), len(surface.elements().boxes)
-    corners = np.concatenate([net.positions(e, SQUARE) for e in range(count)])
-    vertex = _merged(corners, same)
-    places = corners[np.unique(vertex, return_index=True)[1]]
-    tree, raw, middles = cKDTree(places), [], []
-    for e in range(count):
-        for side in range(4):
-            a, b = vertex[4 * e + side], vertex[4 * e + (side + 1) % 4]
-            if a == b and np.ptp(net.positions(e, _along(side, np.linspace(0, 1, 9))), axis=0).max() <= same:
-                continue  # a side that is one point
-            cuts = [
-                (0.0, int(a)),
-                *_corners_on(net, e, side, places, tree, {int(a), int(b)}, same),
-                (1.0, int(b)),
-            ]
-            for (x, v), (y, w) in pairwise(cuts):
-                raw.append((e, side, x, y, v, w))
-                middles.append(net.positions(e, _along(side, np.array([(x + y) / 2])))[0])
-    curve = _merged(np.array(middles), 100 * same)
-    found: list[list[Piece]] = [[] for _ in range(count)]
-    for (e, side, x, y, v, w), number in zip(raw, curve):
-        found[e].append(Piece(side, x, y, (v, w, int(number))))
-    return found
-
-
-def _merged(points: Float[ndarray, "n 3"], same: float) -> Int[ndarray, " n"]:
-    """Numbers of places, 0, 1, ...: points nearer than `same` share one."""
-    first = np.arange(len(points))
-    for a, b in sorted(cKDTree(points).query_pairs(same)):
-        first[b] = min(first[b], first[a])
-    return np.asarray(np.unique(first, return_inverse=True)[1])
-
-
-def _along(side: int, x: Float[ndarray, " n"]) -> Float[ndarray, "n 2"]:
-    """Places on a side of the square."""
-    return np.asarray(SQUARE[side] + x[:, None] * (SQUARE[(side + 1) % 4] - SQUARE[side]))
-
-
-def _corners_on(
-    net: Net, e: int, side: int, places: ndarray, tree: cKDTree, ends: set[int], same: float
-) -> list[tuple[float, int]]:
-    """Where other elements' corners lie inside a side, in order."""
-    x = np.linspace(0, 1, LOOKED + 1)
-    curve = net.positions(e, _along(side, x))
-    reach = float(np.linalg.norm(np.diff(curve, axis=0), axis=1).max())
-    near = {int(k) for hits in tree.query_ball_point(curve, reach) for k in hits} - ends
-    found = []
-    for k in sorted(near):
-        here = float(x[np.argmin(np.linalg.norm(curve - places[k], axis=1))])
-        low, high = max(here - 1 / LOOKED, 0.0), min(here + 1 / LOOKED, 1.0)
-        while high - low > 1e-12:  # the nearest place between, by thirds
-            thirds = np.array([(2 * low + high) / 3, (low + 2 * high) / 3])
-            away = np.linalg.norm(net.positions(e, _along(side, thirds)) - places[k], axis=1)
-            low, high = (low, thirds[1]) if away[0] < away[1] else (thirds[0], high)
-        if (
-            np.linalg.norm(net.positions(e, _along(side, np.array([low])))[0] - places[k]) <= same
-            and 1e-9 < low < 1 - 1e-9
-        ):
-            found.append((low, k))
-    return sorted(found)
 
 
 def _meshed(
@@ -227,7 +105,7 @@ def _loop(
     for piece in around:
         key, n = _unordered(piece), fine[_unordered(piece)]
         share = np.arange(n + 1) / n
-        here = _along(piece.side, piece.start + share * (piece.end - piece.start))
+        here = along_side(piece.side, piece.start + share * (piece.end - piece.start))
         places = net.positions(e, here)
         if key not in net.runs:
             for end, k in zip(piece.key[:2], (0, -1)):

@@ -1,0 +1,67 @@
+"""Which element of a surface holds (s, t): search in strips of t, compiled."""
+
+import numpy as np
+from numba import njit
+from numpy import ndarray
+
+
+@njit(inline="always")
+def _strip(strip_knots: ndarray, strip_table: ndarray, t: float) -> int:
+    """The last strip that starts at or below t; the table tells for even slices of the t-range where the
+    search may start."""
+    count, slices = len(strip_knots) - 1, len(strip_table)
+    k = strip_table[
+        min(slices - 1, max(0, int((t - strip_knots[0]) * (slices / (strip_knots[count] - strip_knots[0])))))
+    ]
+    while k + 1 < count and strip_knots[k + 1] <= t:
+        k += 1
+    return k
+
+
+@njit(inline="always")
+def _slot(strip_starts: ndarray, lows: ndarray, highs: ndarray, tables: ndarray, k: int, s: float) -> int:
+    """The last element of strip k that starts at or below s, its first one where there is none."""
+    a, b, slots = strip_starts[k], strip_starts[k + 1] - 1, tables.shape[1]
+    i = tables[k, min(slots - 1, max(0, int((s - lows[a]) * (slots / (highs[b] - lows[a])))))]
+    while i < b and lows[i + 1] <= s:
+        i += 1
+    return i
+
+
+@njit(cache=True)
+def locate_one(
+    strip_knots: ndarray, strip_table: ndarray, strip_starts: ndarray, lows: ndarray, highs: ndarray, ids: ndarray, tables: ndarray,
+    s: float, t: float,
+) -> int:  # fmt: skip
+    """The element that holds (s, t), its borders included; -1 where there is none.
+
+    Strip k covers t in [strip_knots[k], strip_knots[k+1]]; its elements are sorted by their lower s.
+    """
+    k = _strip(strip_knots, strip_table, t)
+    while k >= 0:
+        i = _slot(strip_starts, lows, highs, tables, k, s)
+        if lows[i] <= s <= highs[i]:
+            return ids[i]
+        if i > strip_starts[k] and highs[i - 1] == s:
+            return ids[i - 1]
+        if t > strip_knots[k]:
+            return -1
+        k -= 1
+    return -1
+
+
+@njit(cache=True)
+def locate(
+    strip_knots: ndarray, strip_table: ndarray, strip_starts: ndarray, lows: ndarray, highs: ndarray, ids: ndarray, tables: ndarray,
+    s: ndarray, t: ndarray,
+) -> ndarray:  # fmt: skip
+    """locate_one for many samples, the call left out where the first guess is right."""
+    found = np.empty(len(s), dtype=np.int32)
+    for n in range(len(s)):
+        x = s[n]
+        i = _slot(strip_starts, lows, highs, tables, _strip(strip_knots, strip_table, t[n]), x)
+        if lows[i] <= x <= highs[i]:
+            found[n] = ids[i]
+        else:
+            found[n] = locate_one(strip_knots, strip_table, strip_starts, lows, highs, ids, tables, x, t[n])
+    return found
