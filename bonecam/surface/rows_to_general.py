@@ -10,7 +10,8 @@ from bonecam.surface.tmesh.general import TMesh
 from bonecam.surface.tmesh.open_rows import OpenRowTMesh
 from bonecam.surface.tspline import TSpline
 
-POLE_POINTS = 4  # a closed row has four knots at least
+POLE_POINTS = 4
+"""A closed row has four knots at least."""
 
 
 def as_general(surface: TSpline) -> TSpline[TMesh]:

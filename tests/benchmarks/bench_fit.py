@@ -22,7 +22,7 @@ from bonecam.job import MeshJob
 from bonecam.mesh.part import prepare_part
 from bonecam.mesh.sections.rows import harmonic_rows
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.surface.fitting.adapt import HASTE, LOWEST, SHARE, Votes, refine
+from bonecam.surface.fitting.adapt import GROWTH_BY_MISS, LOWEST, MIN_GROWTH, Votes, refine
 from bonecam.surface.fitting.fit import Fit, fit
 from bonecam.surface.fitting.growth import Prune, Refine
 from bonecam.surface.fitting.prune import prune, spare_knots
@@ -46,7 +46,7 @@ def tensor_refine(tmesh: RowTMesh, votes: Votes, room: int) -> RowTMesh:
         (-w, 1, k) for k, w in enumerate(around) if w > 0 and gaps[k] > 1 / 256
     ]
     wanted, s_new, found = (
-        min(room, max(6, round((SHARE + HASTE * votes.missed) * tmesh.size))),
+        min(room, max(6, round((MIN_GROWTH + GROWTH_BY_MISS * votes.missed) * tmesh.size))),
         list(knots),
         tmesh,
     )

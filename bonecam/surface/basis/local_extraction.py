@@ -13,7 +13,8 @@ from numpy import ndarray
 from bonecam.surface.basis.elements import Elements
 from bonecam.surface.basis.knots import bernstein_coefficients, distinct
 
-BLOCK = 4_000_000  # pairs of a function and a box looked at in one go
+BLOCK = 4_000_000
+"""Pairs of a function and a box looked at in one go."""
 
 
 def extract_local(

@@ -10,7 +10,8 @@ from numpy import ndarray
 
 from bonecam.surface.basis.knots import span_functions
 
-FEWEST = 4  # a closed cubic needs four distinct knots
+FEWEST = 4
+"""A closed cubic needs four distinct knots."""
 
 
 def collocation(knots: Float[ndarray, " r"], s: Float[ndarray, " n"]) -> Float[ndarray, "n r"]:

@@ -24,7 +24,8 @@ from bonecam.surface.skinning.point_rows import holds_rows, read_rows
 from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tspline import TSpline
 
-CHORD = 0.01  # chord tolerance of the mesh that stands for the surface, mm
+CHORD = 0.01
+"""Chord tolerance of the mesh that stands for the surface, mm."""
 
 
 def read_part(

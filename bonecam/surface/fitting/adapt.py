@@ -18,15 +18,26 @@ from bonecam.surface.basis.periodic import FEWEST
 from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tspline import TSpline
 
-LEAST = 1.0  # of the goal: nearer samples do not vote
-POWER = 4  # of the distance in a vote
-SHARE, HASTE = (
-    0.04,
-    0.3,
-)  # of the present control points are added in one round, and that times the share of the area that is missed
-ASPECT = 1.0  # a cell is cut along t when its t-side is longer than this times its s-side
-NARROWEST = 1 / 256  # no s-interval below this
-LOWEST = 4.0  # goals: no lower cell is cut along t
+POWER = 4
+"""Power of the distance, in goals, in a vote."""
+
+MIN_GROWTH = 0.04
+"""Control points added in one round where little of the area is missed, share of the present ones."""
+
+GROWTH_BY_MISS = 0.3
+"""Further control points, share of the present ones where the whole area is missed."""
+
+FEWEST_ADDED = 6
+"""Control points added in one round at least, where the limit leaves room."""
+
+LEAST_WORTH = 0.02
+"""Share of the best cut's votes for each control point: cuts with less wait for the next round."""
+
+NARROWEST = 1 / 256
+"""Turns: no s-interval is cut to less than half of this."""
+
+LOWEST = 4.0
+"""Goals: no cell that is lower is cut along t."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +74,7 @@ def miss_votes(
     goal: float,
 ) -> Votes:
     """The votes of the samples that are farther than `goal` from the surface."""
-    missed = distances > LEAST * goal
+    missed = distances > goal
     _, Ss, St = surface.evaluate(s[missed], t[missed], 1)
     around, along = np.linalg.norm(Ss, axis=1), np.linalg.norm(St, axis=1)
     weight = areas[missed] * (distances[missed] / goal) ** POWER
@@ -74,11 +85,11 @@ def refine(tmesh: RowTMesh, votes: Votes, room: int) -> RowTMesh:
     """The T-mesh with the best cuts made, at most `room` control points more; the same T-mesh where none is
     left."""
     cuts = sorted(_cuts(tmesh, votes), key=lambda cut: (-cut.worth, cut.row, cut.place))
-    wanted = min(room, max(6, round((SHARE + HASTE * votes.missed) * tmesh.size)))
+    wanted = min(room, max(FEWEST_ADDED, round((MIN_GROWTH + GROWTH_BY_MISS * votes.missed) * tmesh.size)))
     refined, rows = tmesh, [list(row) for row in tmesh.s_knots]
     t_cuts: list[float] = []
     for cut in cuts:
-        if refined.size - tmesh.size >= wanted or cut.worth < 0.02 * cuts[0].worth:
+        if refined.size - tmesh.size >= wanted or cut.worth < LEAST_WORTH * cuts[0].worth:
             break
         tried = [[*row, cut.place] if j == cut.row else row for j, row in enumerate(rows)]
         tried_t = [*t_cuts, cut.place] if cut.row < 0 else t_cuts
@@ -108,7 +119,7 @@ def _cuts(tmesh: RowTMesh, votes: Votes) -> list[Cut]:
     widths = np.stack([_interval(tmesh.s_knots[j], votes.s)[1] for j in range(len(tmesh.s_knots))], axis=1)
     side = (functions * np.take_along_axis(widths, acting, axis=1)).sum(axis=1) * votes.around
     height = (tmesh.t_knots[span + 1] - tmesh.t_knots[span]) * votes.along
-    tall = height > ASPECT * side
+    tall = height > side
     return [
         *_row_cuts(tmesh, votes, ~tall, acting, functions),
         *_span_cuts(tmesh, votes, tall & (height > LOWEST * votes.goal), span),

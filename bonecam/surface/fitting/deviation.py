@@ -13,7 +13,8 @@ from bonecam.surface.fitting.mesh_samples import sample_mesh
 from bonecam.surface.query.closest_point import follow_closest_points, grid_parameters, nearest_on_grid
 from bonecam.surface.tspline import TSpline
 
-DOUBTFUL = 50  # one in so many samples, the farthest, is projected with more care
+DOUBTFUL = 50
+"""One in so many samples, the farthest, is projected with more care."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,9 +26,14 @@ from bonecam.surface.fitting.quadratic import Term
 from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tspline import TSpline
 
-SHORTEST = 0.35  # e is never taken below this part of its mean: the poles
-POLE_WIDTH = 0.25  # of the domain, what a pole is taken to have of its row
-POINTS = 1  # Gauss points each way an element: elements are smaller than the cells of the control points
+SHORTEST = 0.35
+"""Share of its mean below which e is never taken, so that poles are not held too firmly."""
+
+POLE_WIDTH = 0.25
+"""Share of its row in s that a pole's control point is taken to have."""
+
+POINTS = 1
+"""Gauss points each way an element: elements are smaller than the cells of the control points."""
 
 
 @dataclass(frozen=True, eq=False)

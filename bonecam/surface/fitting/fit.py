@@ -21,26 +21,36 @@ from bonecam.surface.fitting.growth import (
     Prune,
     Refine,
     first_surface,
-    grown,
+    grow,
     settle,
-    thinned,
+    thin,
 )
 from bonecam.surface.fitting.prune import prune
 from bonecam.surface.fitting.steps import OFF
 from bonecam.surface.fitting.target import Target
 from bonecam.surface.tspline import TSpline
 
-SAMPLES = 6000  # of the mesh, besides its vertices
-CHECKS = 16  # dense measurements, each followed by more samples where the mesh is missed
-REGROWN = 1.05  # times the control points left by the last thinning: then the next one
-AFTER = 0.6  # of the work is thought left after each of them
-MOST = 20000  # control points where no limit is given
+SAMPLES = 6000
+"""Samples inside the faces of the mesh; its vertices are samples too."""
+
+MEASUREMENTS = 16
+"""Dense measurements, each followed by more samples where the mesh is missed."""
+
+THIN_AGAIN = 1.05
+"""Factor on the control points that the last thinning left: from so many on knots are taken out again."""
+
+AFTER = 0.6
+"""Share of the work that is expected to be left after each measurement, for the progress."""
+
+MOST = 20000
+"""Control points where no limit is given."""
+
 ROWS, ROW_POINTS = 48, 100  # of the harmonic field where none are given
 
 SPENT = "all control points are spent: raise surface.max_control_points"
 STUCK = "more control points would bring it no nearer: round the edge or fill the hollow there"
 FOLDED = "it meets itself: smooth the mesh, or raise surface.tolerance"
-OFTEN = f"{CHECKS} measurements each found new places missed: raise surface.tolerance"
+OFTEN = f"{MEASUREMENTS} measurements each found new places missed: raise surface.tolerance"
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,28 +100,30 @@ def fit(
         )
     aim = Aim(tolerance, max_control_points, refine, prune, 0.0 if round_poles else OFF)
     if rows is not None:
-        return _fitted(target, rows, aim, progress)
+        return _fit_rows(target, rows, aim, progress)
     posed, motion = upright(target)
     rows = harmonic_rows(posed, ROWS, ROW_POINTS, progress=part(progress, 0.0, 0.1))
-    found = _fitted(posed, rows, aim, part(progress, 0.1, 1.0))
+    found = _fit_rows(posed, rows, aim, part(progress, 0.1, 1.0))
     back = found.surface.with_control_points((found.surface.control_points - motion[:3, 3]) @ motion[:3, :3])
     d = found.deviation
     place = (d.place - motion[:3, 3]) @ motion[:3, :3]
     return replace(found, surface=back, deviation=replace(d, place=place))
 
 
-def _fitted(mesh: TriangleMesh, rows: Rows, aim: Aim, progress: Progress) -> Fit:
-    """Grown, thinned and measured until the dense measurement finds nothing missed; the best of all unfolded
-    ones."""
+def _fit_rows(mesh: TriangleMesh, rows: Rows, aim: Aim, progress: Progress) -> Fit:
+    """The best surface of rounds of growing, thinning and measuring; of several one without folds.
+
+    Rounds end where the dense measurement finds nothing missed, or more control points would not help.
+    """
     surface, target = first_surface(rows, Target.of(mesh, rows, SAMPLES), aim)
     surface, target = settle(surface, target, aim)
     found: list[tuple[bool, float, int, TSpline, Deviation]] = []
     size, why, progress = 0, OFTEN, rising(progress)
-    for number in range(CHECKS):
+    for number in range(MEASUREMENTS):
         done, then = (1 - AFTER**k for k in (number, number + 1))
-        surface, target = grown(surface, target, aim, part(progress, done, then))
-        if surface.tmesh.size > REGROWN * size or surface.tmesh.size >= aim.most:
-            surface, target = thinned(surface, target, aim)
+        surface, target = grow(surface, target, aim, part(progress, done, then))
+        if surface.tmesh.size > THIN_AGAIN * size or surface.tmesh.size >= aim.most:
+            surface, target = thin(surface, target, aim)
             size = surface.tmesh.size
         measured = measure(surface, mesh, target.shape.distance)
         now = measured.deviation

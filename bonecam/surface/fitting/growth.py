@@ -16,32 +16,58 @@ from bonecam.surface.basis.periodic import FEWEST
 from bonecam.surface.fitting.adapt import Votes, miss_votes, refine
 from bonecam.surface.fitting.prune import prune
 from bonecam.surface.fitting.quadratic import Form, Term
-from bonecam.surface.fitting.steps import LEAST_FACING, OFF, flattened, fold_grid, step
+from bonecam.surface.fitting.steps import LEAST_FACING, OFF, flatten_poles, fold_grid, step
 from bonecam.surface.fitting.target import Target
 from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tspline import TSpline
 
-ROUGH_SHARE = 0.6  # of the control points may be spent on a first surface without folds
-LOOSE_PLANE, PLANE = (
-    0.3,
-    1000.0,
-)  # weight of the poles' planes, times the mean area of a control point: as it grows, and at last
-ROUNDS, LAST_ROUNDS = 2, 4  # steps after each refinement, and at last, where the best is taken
-GOAL = 0.95  # of the tolerance: no sample may be farther
-GAIN = 0.93  # a round of taking knots out that leaves more of the control points (of the miss) halves the next one's share
-LEAST_SHARE = {True: 0.3, False: 0.1}  # the last one, where the tolerance is reached (is not)
-SPARE = {
-    True: 0.95,
-    False: 0.8,
-}  # of the tolerance (of the miss where it is not reached): no sample may pass it for the lack of a knot
-SPARED = {True: 0.4, False: 0.2}  # of the control points may go in one round
-FIRST = (
-    (150, 9, 10),
-    (40, 5, 6),
-)  # from so many control points allowed: spans and knots a row of the first T-mesh
-PATIENCE = 3  # refinements of the first surface without clearly less that folds
+FIRST_SHARE = 0.6
+"""Share of the control points that may be spent on a first surface without folds."""
+
+GROWING_PLANE_WEIGHT = 0.3
+"""Weight of the planes through the poles while the T-mesh grows, times the mean area of a control point."""
+
+FINAL_PLANE_WEIGHT = 1000.0
+"""Weight of the planes through the poles in the last steps, times the mean area of a control point."""
+
+STEPS = 2
+"""Steps after each refinement."""
+
+FINAL_STEPS = 4
+"""Last steps with plane poles, of which the best is taken."""
+
+GOAL = 0.95
+"""Share of the tolerance: no sample may be farther, so that the dense measurement finds less above it."""
+
+GAIN = 0.93
+"""A round of taking knots out that leaves a larger share of the control points, or of the largest distance,
+halves the share of the next round."""
+
+LEAST_SHARE = {True: 0.3, False: 0.1}
+"""The last share that is tried where the tolerance is reached, and where it is not."""
+
+SPARE = {True: 0.95, False: 0.8}
+"""Share of the tolerance where it is reached, of the largest distance where it is not: no sample may pass it
+for the lack of a knot."""
+
+REMOVABLE = {True: 0.4, False: 0.2}
+"""Share of the control points that may go in one round where the tolerance is reached, and where it is not."""
+
+FIRST = ((150, 9, 10), (40, 5, 6))
+"""From so many control points allowed: spans in t, and knots in a row, of the first T-mesh."""
+
+MAX_STALLED = 3
+"""Refinements of the first surface without a clearly smaller number of folded places."""
+
 LEAST_POINTS = FIRST[-1][0]
-HELD = 1e-9  # weight of a control point's place between the rows' points, where these do not reach it
+"""Fewest control points that a fit can be limited to."""
+
+LOOP_DAMPING = 1e-9
+"""Weight of a control point's place between the rows' points, where these do not reach it."""
+
+TRANSFER_DAMPING = 1e-6
+"""Weight of a control point's place at its anchor, shared among them, where a surface moves to a T-mesh."""
+
 Refine = Callable[[RowTMesh, Votes, int], RowTMesh]
 """A finer T-mesh from the votes for it and the number of control points it may have more."""
 Prune = Callable[[TSpline, Target, float, int], RowTMesh]
@@ -60,9 +86,11 @@ class Aim:
     off: float = OFF
 
 
-def grown(surface: TSpline, target: Target, aim: Aim, progress: Progress = silent) -> tuple[TSpline, Target]:
-    """Refined where samples are missed until none is or the control points are spent, and settled with plane
-    poles."""
+def grow(surface: TSpline, target: Target, aim: Aim, progress: Progress = silent) -> tuple[TSpline, Target]:
+    """The surface refined where samples are missed, until none is or the control points are spent.
+
+    The last steps make the poles' surroundings plane. Also the target with the closest points on it.
+    """
     first = target.worst / (GOAL * aim.tolerance)
     while target.worst > GOAL * aim.tolerance and surface.tmesh.size < aim.most:
         size, worst = surface.tmesh.size, target.worst
@@ -80,31 +108,36 @@ def grown(surface: TSpline, target: Target, aim: Aim, progress: Progress = silen
         tmesh = aim.refine(surface.tmesh, votes, aim.most - size)
         if tmesh.size == size:
             break
-        surface = moved(surface, tmesh)
+        surface = transfer(surface, tmesh)
         surface, target = settle(surface, target.on(surface, aim.tolerance).denser(surface), aim)
         if target.worst > worst:  # new knots are not settled yet: no vote on that
             surface, target = settle(surface, target, aim, 1)
     best = surface, target
-    for number in range(LAST_ROUNDS):
-        surface, target = settle(surface, target, aim, 1, PLANE)
+    for number in range(FINAL_STEPS):
+        surface, target = settle(surface, target, aim, 1, FINAL_PLANE_WEIGHT)
         if number == 0 or target.worst < best[1].worst:
             best = surface, target
-    surface = flattened(best[0])
+    surface = flatten_poles(best[0])
     return surface, best[1].on(surface, aim.tolerance)
 
 
-def thinned(surface: TSpline, target: Target, aim: Aim) -> tuple[TSpline, Target]:
-    """Knots taken out where they can be spared and put in where they are missed, as long as that brings
-    clearly fewer or closer."""
+def thin(surface: TSpline, target: Target, aim: Aim) -> tuple[TSpline, Target]:
+    """The surface without the knots that can be spared, and grown again where it is missed.
+
+    Rounds go on as long as they leave clearly fewer control points, or a clearly smaller distance.
+    """
     share, folded = 1.0, target.folded(surface)
     while share > LEAST_SHARE[target.worst <= aim.tolerance]:
         reached, size, worst = target.worst <= aim.tolerance, surface.tmesh.size, target.worst
         tmesh = aim.prune(
-            surface, target, SPARE[reached] * max(aim.tolerance, worst), round(share * SPARED[reached] * size)
+            surface,
+            target,
+            SPARE[reached] * max(aim.tolerance, worst),
+            round(share * REMOVABLE[reached] * size),
         )
-        fewer = moved(surface, tmesh)
+        fewer = transfer(surface, tmesh)
         fewer, found = settle(fewer, target.on(fewer, aim.tolerance), aim)
-        fewer, found = grown(fewer, found, replace(aim, most=size - 1 if reached else aim.most))
+        fewer, found = grow(fewer, found, replace(aim, most=size - 1 if reached else aim.most))
         better = found.worst <= (aim.tolerance if reached else worst) and (folded or not found.folded(fewer))
         gained = fewer.tmesh.size / size if reached else found.worst / worst
         if better:
@@ -115,21 +148,25 @@ def thinned(surface: TSpline, target: Target, aim: Aim) -> tuple[TSpline, Target
 
 
 def first_surface(rows: Rows, target: Target, aim: Aim) -> tuple[TSpline, Target]:
-    """A coarse surface with the parameters of the rows, and the feet on it; its T-mesh grows as long as that
-    folds less."""
+    """A coarse surface with the parameters of the rows, and the closest points on it.
+
+    Its T-mesh grows as long as the surface folds less.
+    """
     spans, knots = next(first[1:] for first in FIRST if first[0] <= aim.most)
     tmesh = first_tmesh(spans, knots)
-    best, waited = through_loops(rows, tmesh), 0
-    surface, fewest = best, folded_places(best, target)
-    while fewest > 0 and waited < PATIENCE:
+    best = through_loops(rows, tmesh)
+    surface = best
+    fewest = folded_places(best, target)
+    stalled = 0
+    while fewest > 0 and stalled < MAX_STALLED:
         samples = target.on(surface, aim.tolerance).all
         votes = miss_votes(surface, samples.s, samples.t, samples.distances, samples.areas, aim.tolerance)
-        finer = aim.refine(tmesh, votes, round(ROUGH_SHARE * aim.most) - tmesh.size)
+        finer = aim.refine(tmesh, votes, round(FIRST_SHARE * aim.most) - tmesh.size)
         if finer.size == tmesh.size:
             break
         tmesh, surface = finer, through_loops(rows, finer)
         folded = folded_places(surface, target)
-        waited = 0 if folded < GAIN * fewest else waited + 1
+        stalled = 0 if folded < GAIN * fewest else stalled + 1
         if folded < fewest:
             best, fewest = surface, folded
     return best, target.on(best, aim.tolerance)
@@ -166,8 +203,10 @@ def through_loops(rows: Rows, tmesh: RowTMesh) -> TSpline:
     level = np.minimum(place.astype(int), loops)
     share = (place - level)[:, None]
     held = nets[level, column] * (1 - share) + nets[level + 1, column] * share
-    normal = (basis.T @ weighted).toarray() + HELD * np.eye(tmesh.size)
-    return TSpline(tmesh, np.linalg.solve(normal, weighted.T @ points + HELD * held), np.ones(tmesh.size))
+    normal = (basis.T @ weighted).toarray() + LOOP_DAMPING * np.eye(tmesh.size)
+    return TSpline(
+        tmesh, np.linalg.solve(normal, weighted.T @ points + LOOP_DAMPING * held), np.ones(tmesh.size)
+    )
 
 
 def first_tmesh(spans: int, knots: int) -> RowTMesh:
@@ -179,7 +218,7 @@ def first_tmesh(spans: int, knots: int) -> RowTMesh:
     return RowTMesh.from_rows(t_knots, rows)
 
 
-def moved(surface: TSpline, tmesh: RowTMesh) -> TSpline:
+def transfer(surface: TSpline, tmesh: RowTMesh) -> TSpline:
     """A surface on `tmesh` like `surface`: least squares in the Gauss points, faintly held at the anchors."""
     size = tmesh.size
     draft = TSpline(tmesh, surface.positions(*anchors(tmesh)), np.ones(size))
@@ -187,7 +226,7 @@ def moved(surface: TSpline, tmesh: RowTMesh) -> TSpline:
     data = Term(draft.basis(s, t)[0], share[:, None, None] * np.eye(3), surface.positions(s, t))
     held = Term(
         sp.eye_array(size, format="csr"),
-        np.broadcast_to(1e-6 / size * np.eye(3), (size, 3, 3)),
+        np.broadcast_to(TRANSFER_DAMPING / size * np.eye(3), (size, 3, 3)),
         draft.control_points,
     )
     return TSpline(tmesh, Form.of([data, held], size).least(), np.ones(size))
@@ -200,10 +239,10 @@ def anchors(tmesh: RowTMesh) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]
 
 
 def settle(
-    surface: TSpline, target: Target, aim: Aim, rounds: int = ROUNDS, plane: float = LOOSE_PLANE
+    surface: TSpline, target: Target, aim: Aim, steps: int = STEPS, plane: float = GROWING_PLANE_WEIGHT
 ) -> tuple[TSpline, Target]:
-    """`rounds` steps with the feet followed after each."""
-    for _ in range(rounds):
+    """`steps` steps of the fit, each followed by the search for the closest points."""
+    for _ in range(steps):
         surface = step(surface, target, aim.tolerance, plane, aim.off)
         target = target.on(surface, aim.tolerance)
     return surface, target

@@ -26,21 +26,50 @@ from bonecam.surface.fitting.quadratic import Form, Term
 from bonecam.surface.fitting.target import Target
 from bonecam.surface.tspline import TSpline
 
-SLIDE = 0.1  # weight of a miss in the tangent plane
-BEND, DRIFT = 2e-5, 3e-2  # fairness, times (mean cell side)^4
-NEAR, STRESS = (
-    2.0,
-    {False: (0.4, 2), True: (0.5, 4)},
-)  # weight of a sample that is met, power of the miss: till (once) none is so far
-DAMPING = 1e-4  # weight of the change itself, against that of the samples
-FIRMER = 30.0  # times the damping round a fold, at each try, and 1 at least
+SLIDE = 0.1
+"""Weight of a sample's distance in the tangent plane, against 1 along the normal."""
+
+BEND = 2e-5
+"""Weight of the fairness along the normal, times (mean cell side)^4."""
+
+DRIFT = 3e-2
+"""Weight of the fairness in the tangent plane, times (mean cell side)^4."""
+
+NEAR = 2.0
+"""Tolerances: from the largest distance that is smaller on, samples are weighted by their distance sharply."""
+
+STRESS = {False: (0.4, 2), True: (0.5, 4)}
+"""Weight of a sample that is met, and power of the distance in the weight; before and from NEAR on."""
+
+DAMPING = 1e-4
+"""Weight of the change itself, against that of the samples."""
+
+FIRMER = 30.0
+"""Factor on the damping round a fold, at each try; the damping is then 1 at least."""
+
 TRIES = 3
-RING, OFF = (
-    0.3,
-    0.3,
-)  # weight of the rings round poles, times the mean area of a control point; what they may be off, of their size
-REACH = 2.0  # mean cell sides round a fold
-LEAST_TURN, WELL, LEAST_FACING, LOSS = 0.5, 0.7, 0.2, 0.02  # cosines; a loss of facing that is none yet
+"""Tries with firmer damping, and then with control points that stay."""
+
+RING = 0.3
+"""Weight of the ellipses round the poles, times the mean area of a control point."""
+
+OFF = 0.3
+"""Share of a ring's size that it may be off its ellipse."""
+
+REACH = 2.0
+"""Mean cell sides round a fold within which the change is damped."""
+
+LEAST_TURN = 0.5
+"""Cosine: a normal that turned further than this in one step may be a fold."""
+
+WELL = 0.7
+"""Cosine with the mesh's normal from which on a normal that turned is no fold."""
+
+LEAST_FACING = 0.2
+"""Cosine with the mesh's normal below which a normal is folded."""
+
+LOSS = 0.02
+"""Smaller losses of that cosine in one step are not counted as folds."""
 
 
 def step(surface: TSpline, target: Target, tolerance: float, plane: float, off: float) -> TSpline:
@@ -151,7 +180,7 @@ def rings(surface: TSpline) -> list[Ring]:
     return found
 
 
-def flattened(surface: TSpline) -> TSpline:
+def flatten_poles(surface: TSpline) -> TSpline:
     """With the control points next to each pole moved square into the plane that `pole_planes` draws them
     to."""
     points = surface.control_points.copy()

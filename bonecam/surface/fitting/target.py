@@ -24,14 +24,23 @@ from bonecam.surface.fitting.mesh_samples import sample_mesh
 from bonecam.surface.query.closest_point import follow_closest_points, nearest_on_grid
 from bonecam.surface.tspline import TSpline
 
-FOLD_CHORD = 3e-4  # of the diagonal: chord tolerance of the tessellation that is checked against itself
-OUTWARD = 2  # Gauss points each way an element that are measured to the mesh
-PULLED, WATCHED = (
-    2.0,
-    0.5,
-)  # tolerances: surface points (places that were missed before) farther than this from the mesh are drawn to it
-DOUBTFUL = 100  # one in so many samples, at most, is looked for elsewhere on the surface
-EACH = 8  # samples of the mesh, at least, for each control point
+FOLD_CHORD = 3e-4
+"""Share of the diagonal: chord tolerance of the tessellation that is checked against itself."""
+
+OUTWARD = 2
+"""Gauss points each way an element that are measured to the mesh."""
+
+PULLED = 2.0
+"""Tolerances: surface points farther than this from the mesh are drawn to it."""
+
+WATCHED = 0.5
+"""Tolerances: surface points at places that a dense measurement missed are drawn to the mesh from here on."""
+
+DOUBTFUL = 100
+"""One in so many samples, at most, is looked for elsewhere on the surface."""
+
+EACH = 8
+"""Samples of the mesh, at least, for each control point."""
 
 
 class Shape:

@@ -19,9 +19,14 @@ from bonecam.surface.tmesh.general import TMesh
 from bonecam.surface.tmesh.junctions import junctions, meetings
 from bonecam.surface.tmesh.surface import Surface
 
-ONE = 1e-10  # how near a sum must come to one
-RANK = 1e-12  # of the largest eigenvalue: below this a combination of functions is zero
-GRID = 17  # places along an element at which the sum is measured
+ONE = 1e-10
+"""How near a sum must come to one."""
+
+RANK = 1e-12
+"""Share of the largest eigenvalue: below this a combination of functions is zero."""
+
+GRID = 17
+"""Places along an element at which the sum is measured."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,6 @@ points are the terms' combinations of the old ones in homogeneous form: weights 
 and nothing is assumed of the functions' sum, so the surface stays what it was for any model.
 """
 
-
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int64

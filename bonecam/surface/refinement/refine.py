@@ -16,7 +16,8 @@ from bonecam.surface.tmesh.open_rows import OpenRowTMesh
 from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tmesh.surface import S
 
-SNAP = 1e-9  # of the knots' range: a middle as near as this to a knot is that knot
+SNAP = 1e-9
+"""Share of the knots' range: a middle as near as this to a knot is that knot."""
 
 
 def refine(surface: S, s: Float[ndarray, " n"], t: Float[ndarray, " n"], directions: str = "st") -> S:

@@ -17,7 +17,8 @@ Lines = tuple[int, ...]
 Terms = dict[tuple[Lines, Lines], dict[int, float]]
 
 
-TURNS = 4  # round a closed direction: more than any function and what lies beside it reach
+TURNS = 4
+"""Round a closed direction: more than any function and what lies beside it reach."""
 
 
 Lack = tuple[int, bool] | None  # a line that a term lacks, and whether it only repeats the end of the domain

@@ -19,9 +19,14 @@ from bonecam.mesh.files.point_files import POINTS, read_blocks
 from bonecam.surface.skinning.skin import skin
 from bonecam.surface.tspline import TSpline
 
-SAME = 1e-9  # of the size: points nearer than this are one
-TWISTED = 1.2  # a row is rotated where that brings it nearer to the row before by this factor
-COMPARED = 64  # points of two rows that are compared
+SAME = 1e-9
+"""Share of the size: points nearer than this are one."""
+
+TWISTED = 1.2
+"""A row is rotated where that brings it nearer to the row before by this factor."""
+
+COMPARED = 64
+"""Points of two rows that are compared."""
 
 
 @dataclass(frozen=True, eq=False)

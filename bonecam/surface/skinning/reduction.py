@@ -15,8 +15,12 @@ from numpy import ndarray
 from bonecam.surface.basis.periodic import FEWEST
 from bonecam.surface.basis.spline_space import collocation, sites
 
-NARROW = 1.6  # tolerances: least squares with a largest error below that are sharpened
-SHARPENED = 5  # times at most
+NARROW = 1.6
+"""Tolerances: least squares with a largest error below that are sharpened."""
+
+SHARPENED = 5
+"""Times at most."""
+
 PATIENCE = 6
 
 

@@ -33,10 +33,17 @@ from bonecam.surface.tmesh.open_rows import OpenRowTMesh
 from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tspline import TSpline
 
-SPARSE = 120  # fewer fine knots than this are halved: the bound gets tighter
-AROUND = 100  # parameters at which the distance of neighbouring rows is measured
-LOOSER = 1.25  # steps in which the tolerance reached is looked for
-NOTHING = 1e-12  # of the size: no tolerance below this
+SPARSE = 120
+"""Fewer fine knots than this are halved: the bound gets tighter."""
+
+AROUND = 100
+"""Parameters at which the distance of neighbouring rows is measured."""
+
+LOOSER = 1.25
+"""Steps in which the tolerance reached is looked for."""
+
+NOTHING = 1e-12
+"""Share of the size: no tolerance below this."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,10 +10,12 @@ from scipy.spatial import cKDTree
 
 from bonecam.surface.tmesh.surface import Surface
 
-SAME = 1e-7  # of the size: corners nearer to each other are one
+SAME = 1e-7
+"""Share of the size: corners nearer to each other are one."""
 
 
-LOOKED = 64  # places on a side where a corner is looked for
+LOOKED = 64
+"""Places on a side where a corner is looked for."""
 
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])

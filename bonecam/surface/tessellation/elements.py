@@ -7,7 +7,6 @@ vertices is one piece with the same points in both. Every element is triangulate
 from its pieces and a grid, made finer where the chord tolerance is missed.
 """
 
-
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
@@ -19,8 +18,13 @@ from bonecam.kernels import triangles
 from bonecam.surface.tessellation.element_sides import SAME, SQUARE, Net, Piece, along_side, pieces_of_sides
 from bonecam.surface.tmesh.surface import Surface
 
-FINEST = 256  # cells each way in an element
-SLOWEST = 64  # what is so many times farther than the tolerance after all halvings that are left, a quarter each, is not reached
+FINEST = 256
+"""Cells each way in an element."""
+
+SLOWEST = 64
+"""What is so many times farther than the tolerance after all halvings that are left, a quarter each, is not
+reached."""
+
 MIDDLES = np.array([[0.5, 0.5, 0.0], [0.0, 0.5, 0.5], [0.5, 0.0, 0.5], [1 / 3, 1 / 3, 1 / 3]])
 
 

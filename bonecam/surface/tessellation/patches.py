@@ -11,8 +11,11 @@ from numpy import ndarray
 
 from bonecam.surface.tmesh.surface import Surface
 
-WIDEST = 0.24  # of a period: what is wider would have two ways round
-ONE_POINT = 1e-12  # of the size: points nearer to each other are one
+WIDEST = 0.24
+"""Share of a period: what is wider would have two ways round."""
+
+ONE_POINT = 1e-12
+"""Share of the size: points nearer to each other are one."""
 
 
 def patch_mesh(surface: Surface) -> tuple[Float[ndarray, "n 2"], Bool[ndarray, " n"], Int[ndarray, "m 3"]]:

@@ -11,11 +11,21 @@ from numpy import ndarray
 from bonecam.errors import SurfaceError
 from bonecam.surface.tmesh.surface import Surface
 
-SAG = 4.0  # of the 8 in |n.S_ss| d^2 / 8: the diagonal of a cell sags by the sum of both directions
-AROUND = 48  # samples of a ring from which its count is estimated
-FEWEST = 16  # vertices of a ring: between fewer, what is straight in (s, t) bends so far round a pole that small faces turn over
-ASPECT = 3.0  # longest edges along a ring against the distance of the rings
-TYPICAL = 0.75  # this quantile of the sag sets the counts; sharper spots are split later
+SAG = 4.0
+"""Share of the 8 in |n.S_ss| d^2 / 8: the diagonal of a cell sags by the sum of both directions."""
+
+AROUND = 48
+"""Samples of a ring from which its count is estimated."""
+
+FEWEST = 16
+"""Vertices of a ring: between fewer, what is straight in (s, t) bends so far round a pole that small faces
+turn over."""
+
+ASPECT = 3.0
+"""Longest edges along a ring against the distance of the rings."""
+
+TYPICAL = 0.75
+"""This quantile of the sag sets the counts; sharper spots are split later."""
 
 
 def ring_mesh(

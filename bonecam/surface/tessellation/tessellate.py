@@ -24,7 +24,11 @@ from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tmesh.surface import Surface
 
 ROUNDS = 40
-MARGIN = 0.9  # of the tolerance is kept at the measured places: between them the surface may lie a little farther off
+
+MARGIN = 0.9
+"""Share of the tolerance is kept at the measured places: between them the surface may lie a little farther
+off."""
+
 MOST_VERTICES = 4_000_000
 QUARTERS = np.array([[0.75, 0.25], [0.5, 0.5], [0.25, 0.75]])
 CENTRE = np.full((1, 3), 1 / 3)

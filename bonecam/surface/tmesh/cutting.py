@@ -14,7 +14,8 @@ from numpy import ndarray
 
 from bonecam.surface.tmesh.general import TMesh, sight
 
-FEWEST = 4  # knots of a row all round a closed direction
+FEWEST = 4
+"""Knots of a row all round a closed direction."""
 
 
 @dataclass(eq=False)

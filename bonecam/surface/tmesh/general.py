@@ -26,8 +26,11 @@ from bonecam.surface.basis.local_extraction import extract_local
 from bonecam.surface.tmesh.faces import face_rectangles
 from bonecam.surface.tmesh.local_knot_vectors import knots_of_lines, local_lines
 
-ROUNDING = 1e-12  # of the knots' size: nearer knots must be equal
-LARGEST = 1e18  # knots and the inverse of their range must be smaller, lest derivatives overflow
+ROUNDING = 1e-12
+"""Share of the knots' size: nearer knots must be equal."""
+
+LARGEST = 1e18
+"""Knots and the inverse of their range must be smaller, lest derivatives overflow."""
 
 
 @dataclass(frozen=True, eq=False)

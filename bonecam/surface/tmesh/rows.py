@@ -19,8 +19,11 @@ from bonecam.surface.basis.elements import Elements
 from bonecam.surface.basis.knots import fault, span_functions
 from bonecam.surface.basis.row_extraction import extract_rows
 
-NEAREST = 1e-12  # of the range: knots that differ by less differ by rounding only
-LARGEST = 1e18  # knots and the inverse of their steps must be smaller, lest derivatives overflow
+NEAREST = 1e-12
+"""Share of the range: knots that differ by less differ by rounding only."""
+
+LARGEST = 1e18
+"""Knots and the inverse of their steps must be smaller, lest derivatives overflow."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ import pytest
 
 from bonecam.mesh.sections.rows import Rows, harmonic_rows
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.surface.fitting.growth import Aim, first_tmesh, moved, settle, through_loops
+from bonecam.surface.fitting.growth import Aim, first_tmesh, settle, through_loops, transfer
 from bonecam.surface.fitting.prune import prune
 from bonecam.surface.fitting.target import Target, harmonic_parameters
 from bonecam.surface.skinning.skin import skin
@@ -34,7 +34,7 @@ def test_an_ellipsoid_spares_many_knots_and_stays_where_it_is(settled: tuple[TSp
     surface, target = settled
     tmesh = prune(surface, target, 0.02, 1000)
     assert tmesh.size < 0.8 * surface.tmesh.size
-    fewer = moved(surface, tmesh)
+    fewer = transfer(surface, tmesh)
     assert target.on(fewer, 0.02).worst < 0.04
 
 
@@ -52,7 +52,7 @@ def test_a_surface_moved_to_a_finer_tmesh_that_holds_it_is_the_same(settled: tup
         [np.union1d(k, [k[0], 0.013, 0.77])[: None if len(k) > 1 else 1] for k in surface.tmesh.s_knots],
     )
     s, t = np.random.default_rng(1).random((2, 300))
-    assert np.abs(moved(surface, finer).positions(s, t) - surface.positions(s, t)).max() < 1e-4
+    assert np.abs(transfer(surface, finer).positions(s, t) - surface.positions(s, t)).max() < 1e-4
 
 
 def test_harmonic_parameters_of_the_rows_are_their_own(body: tuple[Rows, TriangleMesh]) -> None:
@@ -70,7 +70,7 @@ def test_rows_next_to_poles_keep_a_knot_every_quarter_turn(settled: tuple[TSplin
     assert isinstance(tmesh, RowTMesh)
     ring = np.array([0.0, 0.125, 0.25, 0.5, 0.625, 0.75])
     rings = [tmesh.s_knots[0], ring, *tmesh.s_knots[2:-2], ring, tmesh.s_knots[-1]]
-    denser = moved(surface, RowTMesh.from_rows(tmesh.t_knots, rings))
+    denser = transfer(surface, RowTMesh.from_rows(tmesh.t_knots, rings))
     fewer = prune(denser, target.on(denser, 0.02), 10.0, 1000)
     for knots in (fewer.s_knots[1], fewer.s_knots[-2]):
         assert len(knots) < len(ring)

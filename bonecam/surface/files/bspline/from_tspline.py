@@ -21,13 +21,16 @@ from bonecam.surface.basis.knots import bernstein_coefficients, distinct
 from bonecam.surface.files.bspline.bspline_surface import BSplineSurface, Knots
 from bonecam.surface.tspline import TSpline
 
-SMOOTH = 1e-11  # of the size: a jump below this in the next cell's Bezier points is rounding
+SMOOTH = 1e-11
+"""Share of the size: a jump below this in the next cell's Bezier points is rounding."""
 
 
-ROUNDING = 1e-14  # of the size: equal poles and weights that differ by less are made equal
+ROUNDING = 1e-14
+"""Share of the size: equal poles and weights that differ by less are made equal."""
 
 
-EXACT = 1e-12  # of the size: more between T-spline and B-spline is an error
+EXACT = 1e-12
+"""Share of the size: more between T-spline and B-spline is an error."""
 
 
 def to_bspline(surface: TSpline) -> BSplineSurface:

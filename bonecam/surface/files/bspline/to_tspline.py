@@ -16,7 +16,8 @@ from bonecam.surface.tmesh.open_rows import OpenRowTMesh
 from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tspline import TSpline
 
-SAME = 1e-12  # of the size: control points and weights that differ by less are one
+SAME = 1e-12
+"""Share of the size: control points and weights that differ by less are one."""
 
 
 def from_bspline(spline: BSplineSurface) -> TSpline:

@@ -13,10 +13,12 @@ from bonecam.surface.files.bspline.bspline_surface import BSplineSurface
 from bonecam.surface.files.bspline.from_tspline import to_bspline
 from bonecam.surface.tspline import TSpline
 
-EDGE = 1e-7  # tolerance of the faces' edges, mm: OpenCASCADE's own
+EDGE = 1e-7
+"""Tolerance of the faces' edges, mm: OpenCASCADE's own."""
 
 
-JOINED = 1e-9  # of the size: Bezier faces whose edges are nearer than this are joined
+JOINED = 1e-9
+"""Share of the size: Bezier faces whose edges are nearer than this are joined."""
 
 
 def shape_of(surface: TSpline) -> Any:

@@ -15,10 +15,12 @@ from numpy import ndarray
 
 from bonecam.surface.files.tsm.records import Records
 
-STEPS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])  # east, north, west, south
+STEPS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
+"""East, north, west, south."""
 
 
-SLACK = 1e-9  # of the widest knot range: knots nearer to each other are one
+SLACK = 1e-9
+"""Share of the widest knot range: knots nearer to each other are one."""
 
 
 @dataclass(eq=False)

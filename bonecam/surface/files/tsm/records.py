@@ -28,7 +28,10 @@ COMMENTS = (
     "#s-period ",
     "#t-period ",
 )  # our own: all digits, which sums of intervals lose
-LARGEST = 1e18  # no number is as large: record numbers fit 64 bits, and nothing overflows
+
+LARGEST = 1e18
+"""No number is as large: record numbers fit 64 bits, and nothing overflows."""
+
 HEADER_WORDS = ("degree", "units", "end-conditions")
 
 
