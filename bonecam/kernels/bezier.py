@@ -41,21 +41,21 @@ def bernstein(x: float) -> Four:
 
 @njit(inline="always")
 def bernstein_first(x: float, h: float) -> Four:
-    """Their derivatives, h = 1 / width of the element."""
+    """The derivatives of the cubic Bernstein polynomials at x; h = 1 / width of the element."""
     y = 1.0 - x
     return -3.0 * y * y * h, 3.0 * y * (y - 2.0 * x) * h, 3.0 * x * (2.0 * y - x) * h, 3.0 * x * x * h
 
 
 @njit(inline="always")
 def bernstein_second(x: float, h: float) -> Four:
-    """Their second derivatives."""
+    """The second derivatives of the cubic Bernstein polynomials at x; h = 1 / width of the element."""
     g = 6.0 * h * h
     return (1.0 - x) * g, (3.0 * x - 2.0) * g, (1.0 - 3.0 * x) * g, x * g
 
 
 @njit(cache=True, fastmath=CONTRACT)
 def positions(patches: ndarray, boxes: ndarray, element: ndarray, s: ndarray, t: ndarray, S: ndarray) -> None:
-    """S at each sample."""
+    """Write the surface points at each sample into S (n, 3)."""
     for n in range(len(s)):
         e = element[n]
         h, k = 1.0 / (boxes[e, 1] - boxes[e, 0]), 1.0 / (boxes[e, 3] - boxes[e, 2])
@@ -122,7 +122,7 @@ def first_derivatives(
     S_s: ndarray,
     S_t: ndarray,
 ) -> None:
-    """S, S_s and S_t at each sample."""
+    """Write S, S_s and S_t at each sample into arrays (n, 3)."""
     for n in range(len(s)):
         e = element[n]
         x, along, across = first_jet(patches[e], boxes[e], s[n], t[n])
@@ -132,7 +132,7 @@ def first_derivatives(
 
 @njit(inline="always")
 def jet(p: ndarray, box: ndarray, s: float, t: float, D: ndarray) -> None:
-    """S, S_s, S_t, S_ss, S_st, S_tt of one patch at (s, t) into the rows of D (6, 3)."""
+    """Write S, S_s, S_t, S_ss, S_st, S_tt of one patch at (s, t) into the rows of D (6, 3)."""
     h, k = 1.0 / (box[1] - box[0]), 1.0 / (box[3] - box[2])
     x, y = (s - box[0]) * h, (t - box[2]) * k
     a, a1, a2 = bernstein(x), bernstein_first(x, h), bernstein_second(x, h)
@@ -169,7 +169,7 @@ def jet(p: ndarray, box: ndarray, s: float, t: float, D: ndarray) -> None:
 def second_derivatives(
     patches: ndarray, boxes: ndarray, element: ndarray, s: ndarray, t: ndarray, D: ndarray
 ) -> None:
-    """All derivatives to the second order at each sample: D (6, n, 3)."""
+    """Write S and all derivatives to the second order at each sample into D (6, n, 3)."""
     one = np.empty((6, 3))
     for n in range(len(s)):
         jet(patches[element[n]], boxes[element[n]], s[n], t[n], one)

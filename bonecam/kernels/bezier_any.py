@@ -1,5 +1,4 @@
-"""Rational Bezier patches of any one degree, compiled: as kernels.bezier, slower, for elements that are not
-bicubic.
+"""Rational Bezier patches of any degree, compiled; `kernels.bezier` is faster, for bicubic ones only.
 
 A patch is (d + 1)^2 homogeneous control points, s fastest.
 """
@@ -13,7 +12,7 @@ from bonecam.kernels.bezier import CONTRACT
 
 @njit(cache=True, fastmath=CONTRACT)
 def _of_degree(x: float, degree: int, B: ndarray) -> None:
-    """The Bernstein polynomials of a degree at x into B[: degree + 1]."""
+    """Write the Bernstein polynomials of a degree at x into B[: degree + 1]."""
     B[:] = 0.0
     B[0] = 1.0
     for d in range(1, degree + 1):
@@ -24,8 +23,11 @@ def _of_degree(x: float, degree: int, B: ndarray) -> None:
 
 @njit(cache=True, fastmath=CONTRACT)
 def _bernstein(x: float, h: float, degree: int, B: ndarray) -> None:
-    """The Bernstein polynomials at x and their first two derivatives into the rows of B (3, degree + 1); h: 1
-    / width."""
+    """Write the Bernstein polynomials at x and their first two derivatives into the rows of B (3, degree +
+    1).
+
+    `h` is 1 / width of the element.
+    """
     lower = np.empty(degree + 1)
     _of_degree(x, degree, B[0])
     B[1:] = 0.0
@@ -46,7 +48,7 @@ def _bernstein(x: float, h: float, degree: int, B: ndarray) -> None:
 def derivatives(
     patches: ndarray, boxes: ndarray, element: ndarray, s: ndarray, t: ndarray, degree: int, D: ndarray
 ) -> None:
-    """S, S_s, S_t, S_ss, S_st, S_tt at each sample, as many as D (1, 3 or 6, n, 3) holds."""
+    """Write S, S_s, S_t, S_ss, S_st, S_tt at each sample into D (1, 3 or 6, n, 3), as many as it holds."""
     a, b = np.empty((3, degree + 1)), np.empty((3, degree + 1))
     A, orders = np.empty((6, 4)), ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
     for n in range(len(s)):

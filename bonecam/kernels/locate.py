@@ -55,7 +55,7 @@ def locate(
     strip_knots: ndarray, strip_table: ndarray, strip_starts: ndarray, lows: ndarray, highs: ndarray, ids: ndarray, tables: ndarray,
     s: ndarray, t: ndarray,
 ) -> ndarray:  # fmt: skip
-    """locate_one for many samples, the call left out where the first guess is right."""
+    """The element of each sample, as `locate_one` finds it, without a call where the first guess is right."""
     found = np.empty(len(s), dtype=np.int32)
     for n in range(len(s)):
         x = s[n]

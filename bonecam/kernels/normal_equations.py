@@ -1,5 +1,6 @@
-"""Normal equations of sparse rows, row by row, into a lower band: H += D_i^T M_i D_i with a 3 x 3 metric
-each, or H += w_i D_i^T D_i."""
+"""Normal equations of sparse rows, compiled: H += D_i^T M_i D_i with a 3 x 3 metric for each row, or H +=
+w_i D_i^T D_i, into a lower band.
+"""
 
 import numpy as np
 from numba import njit

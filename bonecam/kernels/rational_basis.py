@@ -21,9 +21,10 @@ def basis_values(
     indices: ndarray,
     values: ndarray,
 ) -> None:
-    """The rational basis R and its derivatives at each sample: the rows of CSR matrices with one pattern.
+    """Write the rational basis R and its derivatives at each sample as CSR matrices with one pattern.
 
     With W = sum w B: R_s = (w B_s - R W_s) / W, R_ss = (w B_ss - 2 W_s R_s - W_ss R) / W, and so on.
+    `indptr` is given; `indices` and `values` (1, 3 or 6, k) are written.
     """
     for n in range(len(s)):
         e = element[n]

@@ -1,7 +1,7 @@
-"""Products of sparse rows (CSR) and points, three columns at a time: a third of the time of scipy's, which
-take any number of them.
+"""Products of sparse matrices (CSR) and points (n, 3), compiled: a third of the time of scipy's, which take
+any number of columns.
 
-Indices are read as unsigned: of signed ones each would be looked at whether it counts from the end.
+Indices are read as unsigned: with signed ones each access would test whether it counts from the end.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ from bonecam.kernels.bezier import CONTRACT
 
 @njit(cache=True, fastmath=CONTRACT)
 def times(indptr: ndarray, indices: ndarray, data: ndarray, D: ndarray, y: ndarray) -> None:
-    """y = R D."""
+    """Write R D into y."""
     for l in range(np.uint32(len(y))):
         y0 = y1 = y2 = 0.0
         for k in range(np.uint32(indptr[l]), np.uint32(indptr[l + 1])):
@@ -26,7 +26,7 @@ def times(indptr: ndarray, indices: ndarray, data: ndarray, D: ndarray, y: ndarr
 
 @njit(cache=True, fastmath=CONTRACT)
 def transposed_times(indptr: ndarray, indices: ndarray, data: ndarray, y: ndarray, D: ndarray) -> None:
-    """D = R'y."""
+    """Write R'y into D."""
     D[:] = 0.0
     for l in range(np.uint32(len(y))):
         y0, y1, y2 = y[l, 0], y[l, 1], y[l, 2]

@@ -15,7 +15,9 @@ POLE_POINTS = 4
 
 
 def as_general(surface: TSpline) -> TSpline[TMesh]:
-    """The same surface, exactly. Raises SurfaceError where the t-knots are not clamped."""
+    """The row-structured surface over a general T-mesh, exactly equal to it. Raises SurfaceError where the
+    t-knots are not clamped.
+    """
     if isinstance(surface.tmesh, OpenRowTMesh):
         return _of_open_rows(surface)
     rows, t = surface.tmesh, surface.tmesh.t_knots

@@ -118,7 +118,9 @@ def sound_mesh(surface: TSpline, file: str) -> TriangleMesh:
 
 
 def move_with_part(given: Fit, transform: Float[ndarray, "4 4"]) -> Fit:
-    """The same surface under a rigid transform, with t from the lower to the upper pole again."""
+    """The given surface under the rigid transform (4, 4) of its part, with t from the lower to the upper
+    pole.
+    """
     rotation, shift = transform[:3, :3], transform[:3, 3]
     surface = given.surface.with_control_points(given.surface.control_points @ rotation.T + shift)
     if surface.control_points[0, 2] > surface.control_points[-1, 2]:
@@ -128,8 +130,9 @@ def move_with_part(given: Fit, transform: Float[ndarray, "4 4"]) -> Fit:
 
 
 def reverse_parameters(surface: TSpline) -> TSpline:
-    """The same row-structured surface with both parameters reversed: S(-s, low + high - t); its normals stay
-    outward."""
+    """The row-structured surface with both parameters reversed, S(-s, low + high - t): its normals stay
+    outward.
+    """
     tmesh = surface.tmesh
     if not isinstance(tmesh, RowTMesh):
         raise ValueError("only row-structured surfaces can be reverse_parameters")

@@ -100,8 +100,9 @@ def refine(tmesh: RowTMesh, votes: Votes, room: int) -> RowTMesh:
 
 
 def with_t_knots(t_knots: Float[ndarray, " k"], rows: list[ndarray], new: Float[ndarray, " c"]) -> RowTMesh:
-    """With t-knots inserted; each new row takes the s-knots of the old row nearest to it in t (by Greville
-    point)."""
+    """The T-mesh with the t-knots `new`; each new row takes the s-knots of the old row nearest to it in t
+    (by Greville points).
+    """
     refined = np.sort(np.concatenate([t_knots, new]))
     old, fresh = (np.array([k[j + 1 : j + 4].mean() for j in range(len(k) - 4)]) for k in (t_knots, refined))
     nearest = np.abs(fresh[:, None] - old[None, 1:-1]).argmin(axis=1) + 1

@@ -19,8 +19,10 @@ DOUBTFUL = 50
 
 @dataclass(frozen=True, eq=False)
 class Deviation:
-    """Both ways, mm. `max` is the larger of the two maxima, at `place`; `rms` is by area over the samples of
-    both."""
+    """The deviation of surface and mesh in both directions, mm.
+
+    `max` is the larger of the two maxima, at `place`; `rms` is weighted by area over the samples of both.
+    """
 
     max: float
     rms: float
@@ -31,8 +33,9 @@ class Deviation:
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """Samples of the mesh with their distances to the surface (inward) and of the surface with theirs to the
-    mesh (outward), and areas."""
+    """Samples of the mesh with their distances to the surface (`inward`), samples of the surface with
+    theirs to the mesh (`outward`), mm, and the area each stands for, mm^2.
+    """
 
     mesh_points: Float[ndarray, "n 3"]
     inward: Float[ndarray, " n"]
@@ -45,7 +48,7 @@ class Measured:
 
     @property
     def deviation(self) -> Deviation:
-        """What they come to."""
+        """The largest and the root mean square distance."""
         inward, outward = self.inward, self.outward
         squares = [
             np.average(d**2, weights=w) for d, w in ((inward, self.mesh_areas), (outward, self.surface_areas))

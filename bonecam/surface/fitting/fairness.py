@@ -52,7 +52,7 @@ class Quadrature:
 
     @classmethod
     def on(cls, surface: TSpline) -> "Quadrature":
-        """Of a surface as it is."""
+        """The quadrature of a surface, with the lengths e and g that it has now."""
         s, t, share = element_points(surface.elements().boxes, POINTS)
         basis = surface.basis(s, t, 2)
         places, Ss, St = (matrix @ surface.control_points for matrix in basis[:3])

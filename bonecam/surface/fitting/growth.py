@@ -76,8 +76,9 @@ Prune = Callable[[TSpline, Target, float, int], RowTMesh]
 
 @dataclass(frozen=True)
 class Aim:
-    """What is wanted, with how many control points, how the T-mesh changes, and how far rings round poles may
-    be off ellipses."""
+    """The tolerance (mm) and the most control points of a fit, how its T-mesh changes, and the share of
+    their size that rings round poles may be off ellipses.
+    """
 
     tolerance: float
     most: int

@@ -52,7 +52,7 @@ class Form:
         return cls(np.zeros((3 * size, 3 * width + 3)), np.zeros((size, 3))).plus(terms)
 
     def plus(self, terms: Sequence[Term]) -> "Form":
-        """With more terms, no wider than the first."""
+        """The form with more terms, whose matrices are no wider than those of the first ones."""
         band, gradient = self.band.copy(), self.gradient.copy()
         for term in terms:
             m = term.matrix
@@ -67,7 +67,7 @@ class Form:
         return Form(band, gradient)
 
     def least(self) -> Float[ndarray, "n 3"]:
-        """The control points that make it least. Raises numpy's LinAlgError where it is not definite."""
+        """The control points that minimise the form. Raises numpy's LinAlgError where it is not definite."""
         factor = la.cholesky_banded(self.band.T, lower=True, check_finite=True)
         found: ndarray = la.cho_solve_banded(
             (factor, True), self.gradient.ravel(), check_finite=False

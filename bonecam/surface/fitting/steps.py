@@ -73,8 +73,12 @@ LOSS = 0.02
 
 
 def step(surface: TSpline, target: Target, tolerance: float, plane: float, off: float) -> TSpline:
-    """The solved surface; firmer round folds; where it still folds, only a part of the way there. `off` as in
-    `pole_rings`."""
+    """The surface after one step of the fit.
+
+    Where it would fold, the change is damped round the fold; where it folds still, control points there
+    stay. `plane` weighs the planes through the poles, `off` is the share of a ring's size that it may be
+    off its ellipse.
+    """
     quadrature = Quadrature.on(surface)
     share = target.inward.areas.sum() / surface.tmesh.size
     data = (
@@ -164,7 +168,7 @@ class Ring:
 
 
 def rings(surface: TSpline) -> list[Ring]:
-    """Those of both poles."""
+    """The rings of control points round the lower and the upper pole."""
     starts, size, knots = surface.tmesh.row_starts, surface.tmesh.size, surface.tmesh.s_knots
     found = []
     for pole, row in ((0, 1), (size - 1, len(knots) - 2)):
@@ -181,8 +185,9 @@ def rings(surface: TSpline) -> list[Ring]:
 
 
 def flatten_poles(surface: TSpline) -> TSpline:
-    """With the control points next to each pole moved square into the plane that `pole_planes` draws them
-    to."""
+    """The surface with the control points next to each pole moved square into the plane that `pole_planes`
+    draws them to.
+    """
     points = surface.control_points.copy()
     for ring in rings(surface):
         points[ring.points] -= ((ring.arms @ points) @ ring.normal)[:, None] * ring.normal

@@ -1,9 +1,9 @@
-"""What is fitted: samples of a mesh with their areas, and where their feet on the surface are now.
+"""The samples of a mesh that a surface is fitted to, and the parameters of the closest surface points.
 
-The first feet come from the mesh itself, the harmonic height and the share round the row
-(`Rows.vertex_parameters`): they are right in a groove too, where the nearest point of a smooth surface lies
-on the wrong side. Later feet are followed from where they were; beside a rim such a foot may stay on the
-wrong side, so the last samples that seem missed are also looked for where others have their feet.
+The first parameters come from the mesh itself, the harmonic height and the share round the row
+(`Rows.vertex_parameters`): they are right in a groove too, where the closest point of a smooth surface lies
+on the wrong side. Later closest points are followed from where they were. Beside a rim one may stay on the
+wrong side, so the last samples that seem missed are also sought from the parameters of other samples.
 """
 
 from dataclasses import dataclass, replace
@@ -79,8 +79,11 @@ class Samples:
         return Samples(*(np.concatenate(pair) for pair in zip(mine, others)))
 
     def on(self, surface: TSpline, tolerance: float) -> "Samples":
-        """With the feet followed from where they were; few that end far away also from the nearest foot of
-        another sample."""
+        """The samples with the closest points of `surface`, followed from their parameters.
+
+        Where few end farther away than `tolerance` (mm), these are sought again from the parameters of the
+        sample whose surface point is nearest.
+        """
         s, t, distances = follow_closest_points(surface, self.points, self.s, self.t, steps=3)
         far = np.flatnonzero(distances > tolerance)
         if 0 < len(far) < len(s) / DOUBTFUL:
@@ -94,10 +97,10 @@ class Samples:
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """Samples of the mesh with their feet on the surface, and samples of the surface that miss the mesh with
-    the nearest points there.
+    """Samples of the mesh with their closest points on the surface (`inward`), and surface points that are
+    far from the mesh, with the nearest points there (`outward`).
 
-    The latter are looked for in every element and, more strictly, at `places` (s, t).
+    The latter are sought in every element and, with a narrower limit, at `places` (s, t).
     """
 
     shape: Shape
@@ -107,7 +110,7 @@ class Target:
 
     @classmethod
     def of(cls, mesh: TriangleMesh, rows: Rows, samples: int) -> "Target":
-        """With the parameters of the rows' harmonic field as feet; no distances yet."""
+        """The target of a mesh at the parameters of the rows' harmonic field; its distances are infinite."""
         points, areas = sample_mesh(mesh, samples)
         s, t = harmonic_parameters(rows, points)
         none = np.empty(0)
@@ -116,7 +119,7 @@ class Target:
 
     @property
     def all(self) -> Samples:
-        """Both."""
+        """The samples of both directions."""
         return self.inward + self.outward
 
     @property
@@ -125,8 +128,9 @@ class Target:
         return float(max(self.inward.distances.max(), self.outward.distances.max(initial=0.0)))
 
     def folded(self, surface: TSpline) -> bool:
-        """Whether the surface meets itself: looked at only where some normal on a fine grid points into the
-        mesh, as at sharp rims too."""
+        """Whether the surface meets itself. That is tested only where some normal on a fine grid points
+        into the mesh, which it does at sharp rims too.
+        """
         s, t = np.meshgrid(np.arange(96) / 96, (1 - np.cos(np.linspace(0.03, np.pi - 0.03, 160))) / 2)
         if self.shape.facing(surface, s.ravel(), t.ravel()).min() >= 0:
             return False
@@ -135,8 +139,7 @@ class Target:
     def with_points(
         self, points: Float[ndarray, "k 3"], places: Float[ndarray, "p 2"], surface: TSpline
     ) -> "Target":
-        """With more samples, each standing for a typical area, whose feet are found on the surface; and with
-        more places on it."""
+        """The target with more samples, each standing for a typical area, and with more `places` (s, t)."""
         areas = np.full(len(points), np.median(self.inward.areas))
         added = Samples(
             points, areas, *follow_closest_points(surface, points, *nearest_on_grid(surface, points))
@@ -144,8 +147,10 @@ class Target:
         return replace(self, inward=self.inward + added, places=np.vstack([self.places, places]))
 
     def denser(self, surface: TSpline) -> "Target":
-        """With more samples once the control points are too many for them; each starts at the foot of the
-        nearest one so far."""
+        """The target with more samples, where the control points are too many for those it has.
+
+        Each starts from the parameters of the sample nearest to it in place and normal.
+        """
         count = len(self.inward.points)
         if surface.tmesh.size * EACH <= count:
             return self
@@ -157,8 +162,7 @@ class Target:
         return replace(self, inward=Samples(points, areas, *feet))
 
     def on(self, surface: TSpline, tolerance: float) -> "Target":
-        """With the feet on `surface`, and its own points that are farther than a part of the tolerance from
-        the mesh."""
+        """The target with the closest points of `surface`, and the surface points that miss the mesh now."""
         s, t, share = element_points(surface.elements().boxes, OUTWARD)
         limits = np.append(
             np.full(len(s), PULLED * tolerance), np.full(len(self.places), WATCHED * tolerance)
@@ -177,8 +181,10 @@ class Target:
 def harmonic_parameters(
     rows: Rows, points: Float[ndarray, "n 3"]
 ) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
-    """(s, t) of points near the mesh: those of its vertices, linear in the face, s unwrapped from the corner
-    farthest from the poles."""
+    """(s, t) of points near the mesh, linear in each face between those of its vertices.
+
+    Over the seam s is unwrapped from the corner that is farthest from the poles.
+    """
     closest, faces = exact_closest(rows.mesh, points)
     corners = rows.mesh.faces[faces]
     weights = barycentric(rows.mesh.vertices[corners], closest)

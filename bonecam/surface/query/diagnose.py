@@ -1,9 +1,9 @@
-"""What kind of T-spline a surface is, measured instead of assumed.
+"""The kind of a T-spline, measured from its blending functions.
 
-standard: the blending functions sum to one; semi-standard: they do with some positive weights; non-standard:
-with none, so only the division by W = sum w B makes the surface follow its control points (Sederberg et al.
-2004, section 3). All are looked for in Bernstein coefficients: sum_i x_i C_i = 1 on every element is a linear
-system, and its rank tells whether the functions are independent.
+standard: the blending functions sum to one; semi-standard: they do with some positive weights; non-
+standard: with none, so only the division by W = sum w B makes the surface follow its control points
+(Sederberg et al. 2004, section 3). All are looked for in Bernstein coefficients: sum_i x_i C_i = 1 on every
+element is a linear system, and its rank tells whether the functions are independent.
 """
 
 import math

@@ -31,7 +31,8 @@ from bonecam.surface.tmesh.surface import S
 
 
 def refine_locally(surface: S, draft: Draft, lines: tuple[Int64[ndarray, " a"], Int64[ndarray, " b"]]) -> S:
-    """The same surface over the drafted T-mesh, which is refined further where it has to be.
+    """The unchanged surface over the drafted T-mesh, which is refined further where blending functions need
+    it.
 
     `lines` are the new numbers of the old T-mesh's lines. Raises SurfaceError where a function cannot be
     represented (its support reaches over a gap of the domain that ends inside it).

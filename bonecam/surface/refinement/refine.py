@@ -21,11 +21,11 @@ SNAP = 1e-9
 
 
 def refine(surface: S, s: Float[ndarray, " n"], t: Float[ndarray, " n"], directions: str = "st") -> S:
-    """The same surface with more control points near the samples.
+    """The unchanged surface with more control points near the samples.
 
-    Each face that holds a sample is cut in its middle, across s ("s"), across t ("t") or both. Of a
-    row-structured surface, the rows that act at a sample get a knot ("s"), and the t-span a row ("t"). Old
-    control points keep their numbers in a general T-mesh. Raises ValueError for samples outside the domain.
+    Each face that holds a sample is cut in its middle, across s ("s"), across t ("t") or both. In a row-
+    structured surface the rows that act at a sample get a knot ("s"), and the t-span gets a row ("t"). In a
+    general T-mesh old control points keep their numbers. Raises ValueError for samples outside the domain.
     """
     if directions not in ("s", "t", "st", "ts"):
         raise ValueError(f"directions must be 's', 't' or 'st', not {directions!r}")

@@ -27,8 +27,9 @@ def refine_rows(
     t: Float[ndarray, " n"],
     directions: str,
 ) -> S:
-    """A knot in the middle of the interval that holds s in each of the rows that act at t ("s"), and of the
-    t-span ("t")."""
+    """The unchanged surface with a knot in the middle of the interval that holds s in each row that acts at
+    t ("s"), and in the middle of the t-span ("t").
+    """
     tmesh: Any = surface.tmesh
     rows = _rows(surface)
     span = np.clip(np.searchsorted(tmesh.t_knots, t, side="right") - 1, 3, len(tmesh.t_knots) - 5)
@@ -47,8 +48,9 @@ def refine_rows(
 
 
 def with_row_knots(surface: S, new: Sequence[Float[ndarray, " _"]]) -> S:
-    """The same surface with more knots in its rows: for each row those in [0, 1) that it gets and has not,
-    none for a pole."""
+    """The unchanged surface with more s-knots in its rows. `new` holds for each row knots in [0, 1) that it
+    does not have yet, none for a pole.
+    """
     rows = [
         with_knots(row, knots) if len(knots) else row for row, knots in zip(_rows(surface), new, strict=True)
     ]
@@ -93,8 +95,9 @@ def _middles(row: Row, s: ndarray, known: ndarray) -> ndarray:
 
 
 def with_knots(row: Row, new: Float[ndarray, " k"]) -> Row:
-    """The same curve with more knots; a closed one has none of them yet. A pole gets its point at every one
-    of them."""
+    """The unchanged curve with more knots. A closed curve must have none of them yet; a pole gets its point
+    at each of them.
+    """
     knots, points = row
     if len(knots) == 1:
         every = np.sort(new)

@@ -26,8 +26,9 @@ Lack = tuple[int, bool] | None  # a line that a term lacks, and whether it only 
 
 @dataclass(eq=False)
 class Sight:
-    """What the vertices of the T-mesh as drafted see, in plain lists; knots[axis][line] holds for lines up to
-    TURNS round, -TURNS too."""
+    """The lines that the vertices of a drafted T-mesh see, as plain lists. knots[axis][line] holds for line
+    numbers up to TURNS times round a closed direction, both ways.
+    """
 
     crossings: ndarray
     lines: tuple[list[list[int]], list[list[int]]]
@@ -37,7 +38,7 @@ class Sight:
 
     @classmethod
     def of(cls, tmesh: TMesh) -> "Sight":
-        """What they see."""
+        """The lines that the vertices of this T-mesh see."""
         lines, turns = (
             (tmesh.knot_lines[0].tolist(), tmesh.knot_lines[1].tolist()),
             np.append(np.arange(TURNS + 1), np.arange(-TURNS, 0)),
@@ -77,7 +78,7 @@ def split_at_lack(
 
 
 def first_turn(lines: Lines, sight: Sight, axis: int) -> Lines:
-    """The same function with its middle knot within the first turn."""
+    """The function moved by whole periods, so that its middle knot lies in the first one."""
     count = sight.counts[axis]
     turn = lines[2] // count
     return tuple(k - turn * count for k in lines) if turn else lines

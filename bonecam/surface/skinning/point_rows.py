@@ -39,7 +39,7 @@ class PointRows:
     closed: bool
 
     def scaled(self, factor: float) -> "PointRows":
-        """The same rows in another unit."""
+        """The rows with all coordinates multiplied by a factor."""
         return PointRows(
             tuple(row * factor for row in self.rows),
             None if self.poles is None else self.poles * factor,

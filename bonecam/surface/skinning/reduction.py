@@ -19,7 +19,7 @@ NARROW = 1.6
 """Tolerances: least squares with a largest error below that are sharpened."""
 
 SHARPENED = 5
-"""Times at most."""
+"""Times that a least-squares fit is sharpened at most."""
 
 PATIENCE = 6
 

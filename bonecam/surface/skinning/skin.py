@@ -58,7 +58,9 @@ class ControlCurves:
     points: Float[ndarray, "r n 3"]
 
     def reduced(self, tolerance: float) -> TSpline:
-        """With the fewest knots in every row; a pole is one point."""
+        """The surface with the fewest knots in every row that keep it within `tolerance` (mm); a pole is
+        one point.
+        """
         reduction = Reduction(self.fine, self.candidates, self.closed)
         return self._surface(
             [(np.zeros(1), q[:1]) if _point(q) else reduction.least(q, tolerance) for q in self.points]
@@ -168,8 +170,9 @@ def control_curves(curves: RowCurves, poles: Float[ndarray, "2 3"] | None = None
 
 
 def _with_opposite(knots: ndarray) -> ndarray:
-    """With the knots half a turn on, which the part odd and even round a pole needs; without those that
-    differ by rounding only."""
+    """The knots and those half a turn on, which a curve needs that is odd or even round a pole; of knots
+    that differ by rounding only one.
+    """
     return distinct(np.concatenate([knots, np.mod(knots + 0.5, 1.0)]), 1e-3 / len(knots))
 
 

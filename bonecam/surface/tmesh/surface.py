@@ -1,7 +1,7 @@
-"""What queries, tessellation and refinement need of a T-spline surface: an interface, without state.
+"""The interface of a T-spline surface, without state, for queries, tessellation and refinement.
 
-`surface.tspline.TSpline` is the one class behind it. The interface lies below the rooms that compute with a
-surface, the class above them, so that its methods may call them.
+`surface.tspline.TSpline` is the one class that implements it. The interface lies below the rooms that
+compute with a surface and the class above them, so that its methods may call them.
 """
 
 from abc import ABC, abstractmethod

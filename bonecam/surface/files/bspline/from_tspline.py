@@ -98,7 +98,9 @@ def _nearest(breaks: ndarray, values: ndarray) -> ndarray:
 
 
 def _cut(breaks: ndarray, cell: ndarray, first: ndarray, last: ndarray) -> Float[ndarray, "n 4 4"]:
-    """What takes the Bezier points of the interval first..last to those of one cell of it: [n, from, to]."""
+    """Matrices (n, from, to) that take the Bezier points of the interval first..last to those of one cell
+    of it.
+    """
     length = breaks[last] - breaks[first]
     low, high = ((breaks[cell + k] - breaks[first]) / length for k in (0, 1))
     return bernstein_coefficients(np.broadcast_to(np.repeat([0.0, 1.0], 4), (len(cell), 8)), low, high)

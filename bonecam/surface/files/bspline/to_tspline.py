@@ -21,7 +21,7 @@ SAME = 1e-12
 
 
 def from_bspline(spline: BSplineSurface) -> TSpline:
-    """The same surface as a row-structured T-spline, s and t in [0, 1].
+    """The B-spline surface as a row-structured T-spline with s and t in [0, 1], exactly equal to it.
 
     Raises SurfaceError where it is closed in t, or closed in s with repeated knots or fewer than four: no
     T-mesh here holds these.

@@ -31,7 +31,9 @@ def read_bsplines(path: str | Path) -> tuple[BSplineSurface, ...]:
 
 
 def bspline_arrays(file: Path) -> dict[str, ndarray]:
-    """What the child makes of a file for `read_bsplines`: eight arrays a surface."""
+    """The B-spline surfaces of a file as arrays, eight a surface, which a child process returns to
+    `read_bsplines`.
+    """
     found: dict[str, ndarray] = {}
     for n, surface in enumerate(bsplines_in(file)):
         found |= {f"{n} poles": surface.poles, f"{n} weights": surface.weights}
