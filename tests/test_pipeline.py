@@ -175,7 +175,7 @@ def test_levels_alone_need_no_room_in_a_machine(monkeypatch: pytest.MonkeyPatch)
 
 def test_the_transform_leads_from_the_file_to_the_part(chain: tuple[bonecam.Result, Path]) -> None:
     part = chain[0].part
-    moved = read_mesh(shipped("phalanx")).moved(part.transform)
+    moved = read_mesh(shipped("phalanx")).move(part.transform)
     assert np.abs(moved.bounds - part.mesh.bounds).max() < 1e-9
     assert part.mesh.bounds[0, 2] > COARSE.holding.length
 

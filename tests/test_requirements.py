@@ -25,7 +25,7 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
     def fitted(*given: Any, **named: Any) -> None:
         raise AssertionError("the surface was fitted before the job was refused")
 
-    monkeypatch.setattr(pipeline, "fit", fitted)
+    monkeypatch.setattr(pipeline, "fit_surface", fitted)
 
 
 @pytest.mark.usefixtures("no_work")

@@ -12,7 +12,7 @@ direction but rounding's."""
 
 
 @njit(cache=True, fastmath=CONTRACT, nogil=True)
-def way_out(
+def distances_and_normals(
     points: ndarray,
     start: ndarray,
     axis: ndarray,

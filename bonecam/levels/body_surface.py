@@ -97,7 +97,7 @@ def _grid(
 ) -> Float[ndarray, "b a 3"]:
     """The points that the capsule's map onto the body."""
     ss, tt = (v.ravel() for v in np.meshgrid(s, t))
-    return body.nearest(meridians(capsule, ss, tt)).reshape(len(t), len(s), 3)
+    return body.closest_points(meridians(capsule, ss, tt)).reshape(len(t), len(s), 3)
 
 
 def _even(body: Stock, grid: Float[ndarray, "b a 3"]) -> Float[ndarray, "b a 3"]:
@@ -108,7 +108,7 @@ def _even(body: Stock, grid: Float[ndarray, "b a 3"]) -> Float[ndarray, "b a 3"]
     smooth = gaussian_filter1d(gaussian_filter1d(over_poles, SMOOTH, axis=0), SMOOTH, axis=1, mode="wrap")[
         wide:-wide
     ]
-    return body.nearest(smooth.reshape(-1, 3)).reshape(grid.shape)
+    return body.closest_points(smooth.reshape(-1, 3)).reshape(grid.shape)
 
 
 def _bends(grid: Float[ndarray, "b a 3"]) -> Float[ndarray, " b"]:

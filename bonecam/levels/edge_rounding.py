@@ -164,7 +164,7 @@ class _Nets:
     def of(self, body: Stock, stock: Stock) -> Float[ndarray, "c 3"]:
         """Least squares to where the ways straight out of the last level meet `body`, or before that
         `stock`."""
-        foot, target = self._points, body.nearest(self._points)
+        foot, target = self._points, body.closest_points(self._points)
         low, high = np.zeros((len(foot), 1)), np.ones((len(foot), 1))
         for _ in range(HALVINGS):
             middle = (low + high) / 2

@@ -34,9 +34,9 @@ class Part:
     repairs: tuple[str, ...]
     transform: Float[ndarray, "4 4"]
 
-    def moved(self, pose: Float[ndarray, "4 4"]) -> "Part":
+    def move(self, pose: Float[ndarray, "4 4"]) -> "Part":
         """The part after a rigid transform (4, 4)."""
-        return replace(self, mesh=self.mesh.moved(pose), transform=pose @ self.transform)
+        return replace(self, mesh=self.mesh.move(pose), transform=pose @ self.transform)
 
 
 def prepare_part(

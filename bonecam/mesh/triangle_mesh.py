@@ -54,7 +54,7 @@ class TriangleMesh:
         """Enclosed volume, mm^3; negative where the faces point inwards."""
         return float(np.einsum("ij,ij->", self.vertices[self.faces[:, 0]], self.face_vectors) / 6)
 
-    def moved(self, transform: Float[ndarray, "4 4"]) -> "TriangleMesh":
+    def move(self, transform: Float[ndarray, "4 4"]) -> "TriangleMesh":
         """The same mesh under a rigid transform (4, 4)."""
         return TriangleMesh(self.vertices @ transform[:3, :3].T + transform[:3, 3], self.faces)
 

@@ -81,7 +81,7 @@ class Capsule(Stock):
         """A capsule has no flat faces."""
         return False
 
-    def moved(self, shift: Float[ndarray, "3"]) -> "Capsule":
+    def move(self, shift: Float[ndarray, "3"]) -> "Capsule":
         """The capsule translated by `shift`, mm."""
         return Capsule(self.start + shift, self.end + shift, self.radius)
 
@@ -93,22 +93,26 @@ class Capsule(Stock):
         """The capsule itself: it has no edges."""
         return self
 
-    def way_out(self, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, "n"], Float[ndarray, "n 3"]]:
+    def distances_and_normals(
+        self, points: Float[ndarray, "n 3"]
+    ) -> tuple[Float[ndarray, "n"], Float[ndarray, "n 3"]]:
         """Signed distances (mm) and outward normals in one pass."""
         points = np.ascontiguousarray(points, dtype=np.float64)
         distance = np.empty(len(points))
         normals = np.empty((len(points), 3))
         axis = self.end - self.start
-        capsule.way_out(points, self.start, axis, float(self.radius), self._frame[0], distance, normals)
+        capsule.distances_and_normals(
+            points, self.start, axis, float(self.radius), self._frame[0], distance, normals
+        )
         return distance, normals
 
     def signed_distance(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n"]:
         """Distance of each point to the surface, mm, negative inside."""
-        return self.way_out(points)[0]
+        return self.distances_and_normals(points)[0]
 
-    def outward(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+    def normals(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
         """Unit directions away from the axis segment; for points on it one direction across it."""
-        return self.way_out(points)[1]
+        return self.distances_and_normals(points)[1]
 
     def larger(self, points: Float[ndarray, "n 3"], lack: float) -> str:
         """The larger sizes to give in the job where `points` need up to `lack` mm more material."""
@@ -184,4 +188,4 @@ def enclosing_capsule(stock: Stock) -> Capsule:
         return stock
     axis = np.array([stock.middle[0], stock.middle[1], 0.0])
     vertices = stock.mesh(ENCLOSED_CHORD).vertices
-    return smallest_capsule(vertices - axis, ENCLOSED_ALLOWANCE).moved(axis)
+    return smallest_capsule(vertices - axis, ENCLOSED_ALLOWANCE).move(axis)

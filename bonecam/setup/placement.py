@@ -41,14 +41,14 @@ def place(part: Part, job: Job) -> Setup:
     schedule = schedule_of(job.levels)
     stock, pose = stock_for(part.mesh.vertices, job.stock, schedule, bottom=job.holding.length)
     if job.mesh.upright and may_centre(job.stock):
-        pose = centring_shift(part.mesh.moved(pose).vertices, stock, MARGIN) @ pose
+        pose = centring_shift(part.mesh.move(pose).vertices, stock, MARGIN) @ pose
 
     middle = part.mesh.bounds.mean(axis=0)
     off_axis = pose[:2, :3] @ middle + pose[:2, 3] - middle[:2]
     lift = np.array([0.0, 0.0, job.holding.length - stock.bounds[0, 2]])
     pose[:3, 3] += lift
-    placed = part.moved(pose)
-    standing = stock.moved(lift)
+    placed = part.move(pose)
+    standing = stock.move(lift)
     post = checked_post(placed.mesh, standing, job.holding, (float(off_axis[0]), float(off_axis[1])))
     return Setup(placed, standing, post, schedule)
 
@@ -78,8 +78,8 @@ def stock_for(
     stock = kind_of(job).make(job, LyingPart(lying, middle), schedule)
 
     lift = np.array([0.0, 0.0, 0.0 if bottom is None else bottom - stock.bounds[0, 2]])
-    require_inside(stock.moved(lift), lying + lift, MARGIN, pose_remedy(job))
-    require_roundable(stock.moved(lift), lying + lift, MARGIN, pose_remedy(job))
+    require_inside(stock.move(lift), lying + lift, MARGIN, pose_remedy(job))
+    require_roundable(stock.move(lift), lying + lift, MARGIN, pose_remedy(job))
     return stock, transform
 
 

@@ -76,7 +76,7 @@ class Stock(Protocol):
         """Whether the surface has flat faces."""
         return True
 
-    def moved(self, shift: Float[ndarray, "3"]) -> "Stock":
+    def move(self, shift: Float[ndarray, "3"]) -> "Stock":
         """The body translated by `shift`, mm."""
 
     def offset(self, distance: float) -> "Stock":
@@ -92,19 +92,21 @@ class Stock(Protocol):
     def signed_distance(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n"]:
         """Distance of each point to the surface, mm, negative inside."""
 
-    def outward(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+    def normals(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
         """Unit outward normals of the surface at the points nearest to `points`."""
 
     def mesh(self, chord_tolerance: float) -> TriangleMesh:
         """A closed outward mesh, its vertices on the surface, its faces within `chord_tolerance` mm of it."""
 
-    def way_out(self, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, "n"], Float[ndarray, "n 3"]]:
+    def distances_and_normals(
+        self, points: Float[ndarray, "n 3"]
+    ) -> tuple[Float[ndarray, "n"], Float[ndarray, "n 3"]]:
         """Signed distances (mm) and outward normals in one pass."""
-        return self.signed_distance(points), self.outward(points)
+        return self.signed_distance(points), self.normals(points)
 
-    def nearest(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+    def closest_points(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
         """The surface point nearest to each point."""
-        distance, normal = self.way_out(points)
+        distance, normal = self.distances_and_normals(points)
         return np.asarray(points - distance[:, None] * normal)
 
     def larger(self, points: Float[ndarray, "n 3"], lack: float) -> str:
@@ -115,7 +117,7 @@ class Stock(Protocol):
 def larger_sizes(stock: Stock, points: Float[ndarray, "n 3"], lack: float) -> str:
     """The remedy of a stock whose sizes a job gives: those across the walls nearest to `points`, 2 `lack` mm
     larger."""
-    needed = (np.abs(stock.outward(points)) > UPRIGHT).any(axis=0)
+    needed = (np.abs(stock.normals(points)) > UPRIGHT).any(axis=0)
     sizes = [
         f"stock.{name} at least {hundredths(size + 2 * lack)}"
         for name, size in stock.sizes.items()

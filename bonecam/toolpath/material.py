@@ -51,7 +51,7 @@ def uncut_material(levels: Sequence[Level], stock: Stock) -> Material:
     design = morphed[0].surface
     assert design is not None
     grid = level_grid(design, [level.net for level in morphed], CHORD)
-    return Material(grid, stock.nearest(grid.R @ morphed[-1].net), levels[-1].mesh)
+    return Material(grid, stock.closest_points(grid.R @ morphed[-1].net), levels[-1].mesh)
 
 
 def remove_material(material: Material, level: Level, path: ToolPath) -> Material:

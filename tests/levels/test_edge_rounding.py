@@ -54,7 +54,7 @@ def test_a_rounded_stock_lies_inside_and_its_distances_are_exact(stock: Stock) -
     assert stock.signed_distance(mesh.vertices).max() < 1e-6
     assert np.abs(body.signed_distance(mesh.vertices)).max() < 1e-9
     assert mesh.volume < stock.mesh(0.02).volume
-    distance, nearest = body.signed_distance(points), body.nearest(points)
+    distance, nearest = body.signed_distance(points), body.closest_points(points)
     assert np.abs(body.signed_distance(nearest)).max() < 1e-9
     assert np.allclose(np.linalg.norm(points - nearest, axis=1), np.abs(distance), atol=1e-9)
     assert np.allclose(mesh.bounds, body.bounds, atol=0.02)
@@ -84,11 +84,11 @@ def test_the_mesh_of_a_rounded_body_keeps_its_tolerance_and_does_not_cut_itself(
         np.einsum("kc,fcx->fkx", rng.dirichlet(np.ones(3), 10), corners).reshape(-1, 3)
     )
     assert -chord <= inside.min() <= inside.max() < 1e-9
-    surface = body.nearest(body.middle + 100 * rng.normal(size=(5000, 3)))
+    surface = body.closest_points(body.middle + 100 * rng.normal(size=(5000, 3)))
     assert np.linalg.norm(surface - exact_closest(mesh, surface)[0], axis=1).max() < chord
     edges = np.sort(mesh.faces[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
     assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
-    assert (mesh.face_vectors * body.outward(corners.mean(1))).sum(1).min() > 0
+    assert (mesh.face_vectors * body.normals(corners.mean(1))).sum(1).min() > 0
     assert not len(self_intersections(mesh))
     assert len(mesh.faces) < 60 * mesh.area / (chord * body.diameter)
 
@@ -174,7 +174,7 @@ def test_the_spline_of_a_body_lies_on_it(body: Stock) -> None:
     points = surface.evaluate(s, t)
     assert isinstance(points, np.ndarray)
     assert np.abs(body.signed_distance(points)).max() < 0.002
-    assert (surface.normals(s, t) * body.outward(points)).sum(1).min() > 0.999
+    assert (surface.normals(s, t) * body.normals(points)).sum(1).min() > 0.999
 
 
 @pytest.mark.parametrize(
@@ -188,7 +188,7 @@ def test_the_spline_of_a_large_box_with_sharp_edges_lies_on_it_and_turns_nowhere
     s, t = np.random.default_rng(4).random((2, 100_000))
     points = surface.positions(s, t)
     assert np.abs(body.signed_distance(points)).max() < TOLERANCE * 1.1
-    assert (surface.normals(s, t) * body.outward(points)).sum(1).min() > 0.99
+    assert (surface.normals(s, t) * body.normals(points)).sum(1).min() > 0.99
 
 
 def test_a_spline_that_cannot_follow_its_body_is_refused_with_distance_and_place(

@@ -51,5 +51,5 @@ def test_spans_across_the_stocks_axis_are_not_halved_for_ever() -> None:
     """The nearest points of a short line across the axis lie a stock's diameter apart: that alone would
     double the control points."""
     part = setting().surface
-    aside = STOCK.moved(np.array([np.ptp(part.control_points[:, 0]) / 2, 0.0, 0.0]))
+    aside = STOCK.move(np.array([np.ptp(part.control_points[:, 0]) / 2, 0.0, 0.0]))
     assert finer(part, aside, 0.2).tmesh.size < 1.5 * part.tmesh.size

@@ -35,11 +35,11 @@ def cloud(count: int = 500) -> np.ndarray:
 
 def test_nearest_points_lie_on_the_surface_at_the_signed_distance(body: Stock) -> None:
     points = cloud()
-    distance, nearest = body.signed_distance(points), body.nearest(points)
+    distance, nearest = body.signed_distance(points), body.closest_points(points)
     assert isinstance(body, Stock)
     assert np.abs(body.signed_distance(nearest)).max() < 1e-9
     assert np.allclose(np.linalg.norm(points - nearest, axis=1), np.abs(distance), atol=1e-9)
-    assert np.allclose(nearest + distance[:, None] * body.outward(points), points, atol=1e-9)
+    assert np.allclose(nearest + distance[:, None] * body.normals(points), points, atol=1e-9)
 
 
 def test_distances_agree_with_the_mesh(body: Stock) -> None:
@@ -52,7 +52,7 @@ def test_distances_agree_with_the_mesh(body: Stock) -> None:
 
 def test_no_planes_of_nearest_points_cut_the_body(body: Stock) -> None:
     points = cloud(200)
-    normals, touch, probes = body.outward(points), body.nearest(points), body.mesh(0.05).vertices
+    normals, touch, probes = body.normals(points), body.closest_points(points), body.mesh(0.05).vertices
     assert np.allclose(np.linalg.norm(normals, axis=1), 1)
     assert (probes @ normals.T - (normals * touch).sum(1)).max() < 1e-9
 
@@ -70,7 +70,7 @@ def test_the_mesh_is_closed_outward_and_on_the_surface(body: Stock) -> None:
 
 def test_a_moved_body_is_the_same_elsewhere(body: Stock) -> None:
     shift, points = np.array([1.0, -2.0, 3.0]), cloud(50)
-    moved = body.moved(shift)
+    moved = body.move(shift)
     assert np.allclose(moved.signed_distance(points + shift), body.signed_distance(points), atol=1e-9)
     assert (moved.kind, moved.diameter, moved.length) == pytest.approx(
         (body.kind, body.diameter, body.length)
@@ -112,7 +112,7 @@ def test_a_mesh_in_absurd_units_is_refused() -> None:
     mesh = Box(np.zeros(3), np.full(3, 10.0)).mesh(2.0)
     for made in (
         lambda: ConvexStock(TriangleMesh(1e6 * mesh.vertices, mesh.faces)),
-        lambda: ConvexStock(mesh).scaled(2e6),
+        lambda: ConvexStock(mesh).scale(2e6),
     ):
         with pytest.raises(StockError, match=r"reaches 1e\+07 mm from the origin: give one in mm"):
             made()

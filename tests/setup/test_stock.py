@@ -25,14 +25,14 @@ def cloud(seed: int, count: int = 400) -> np.ndarray:
 
 def test_nearest_points_lie_on_the_surface_at_the_signed_distance() -> None:
     points = np.random.default_rng(1).uniform(-12, 45, (500, 3))
-    distance, nearest = CAPSULE.signed_distance(points), CAPSULE.nearest(points)
+    distance, nearest = CAPSULE.signed_distance(points), CAPSULE.closest_points(points)
     assert np.abs(CAPSULE.signed_distance(nearest)).max() < 1e-12
     assert np.allclose(np.linalg.norm(points - nearest, axis=1), np.abs(distance), atol=1e-12)
-    assert np.allclose(nearest + distance[:, None] * CAPSULE.outward(points), points, atol=1e-12)
+    assert np.allclose(nearest + distance[:, None] * CAPSULE.normals(points), points, atol=1e-12)
 
 
 def test_points_on_the_axis_have_a_nearest_point_too() -> None:
-    nearest = CAPSULE.nearest(np.array([[0.0, 0.0, 20.0], [0.0, 0.0, 7.5]]))
+    nearest = CAPSULE.closest_points(np.array([[0.0, 0.0, 20.0], [0.0, 0.0, 7.5]]))
     assert np.abs(CAPSULE.signed_distance(nearest)).max() < 1e-12
 
 
@@ -46,10 +46,10 @@ def test_points_on_the_axis_have_a_nearest_point_too() -> None:
 )
 def test_points_on_a_leaning_axis_lead_across_it(capsule: Capsule) -> None:
     points = capsule.start + np.linspace(0, 1, 1001)[:, None] * (capsule.end - capsule.start)
-    assert np.abs(capsule.outward(points) @ (capsule.end - capsule.start)).max() < 1e-4 * np.linalg.norm(
+    assert np.abs(capsule.normals(points) @ (capsule.end - capsule.start)).max() < 1e-4 * np.linalg.norm(
         capsule.end - capsule.start
     )
-    assert np.abs(capsule.signed_distance(capsule.nearest(points))).max() < 1e-9
+    assert np.abs(capsule.signed_distance(capsule.closest_points(points))).max() < 1e-9
 
 
 @pytest.mark.parametrize("straight", [0.0, 0.3, 22.0])

@@ -27,8 +27,8 @@ from bonecam.toolpath.zigzag import candidate_contacts, contact_path
 class Skin(Capsule):
     """A stock half a millimetre outside every level."""
 
-    def nearest(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
-        return np.asarray(points + 0.5 * self.outward(points))
+    def closest_points(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+        return np.asarray(points + 0.5 * self.normals(points))
 
 
 @pytest.fixture(scope="module")

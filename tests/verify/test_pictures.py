@@ -209,7 +209,7 @@ def test_a_box_is_shaded_by_its_faces_and_a_round_body_smoothly() -> None:
     assert np.allclose(corner_normals(box), own[:, None])
     body = capsule(5.0)
     mesh = body.mesh(0.02)
-    assert (corner_normals(mesh) * body.outward(mesh.vertices)[mesh.faces]).sum(axis=2).min() > 0.99
+    assert (corner_normals(mesh) * body.normals(mesh.vertices)[mesh.faces]).sum(axis=2).min() > 0.99
 
 
 def test_pictures_are_written(pebble: Callable[..., TSpline], tmp_path: Path) -> None:

@@ -174,7 +174,7 @@ def _farthest_inside(
     worst, place, reached = 0.0, np.zeros(3), 0.0
     for halving in range(HALVINGS):
         middles, corners = pieces.mean(1), pieces[:, [0, 3, 12, 15]]
-        distance, out = stock.way_out(middles)
+        distance, out = stock.distances_and_normals(middles)
         most = -distance - np.einsum("nkx,nx->nk", pieces - middles[:, None], out).min(1)
         reached = max(reached, float(-stock.signed_distance(corners.reshape(-1, 3)).min()))
         doubtful = (most > max(limit, reached + ACCURACY)) & (halving < HALVINGS - 1)
@@ -321,7 +321,7 @@ def _faces(stock: Stock, chord_tolerance: float) -> tuple[Float[ndarray, "f 3 3"
     mesh = stock.mesh(chord_tolerance)
     faces = mesh.vertices[mesh.faces]
     middles = faces.mean(1)
-    distance, out = stock.way_out(middles)
+    distance, out = stock.distances_and_normals(middles)
     slope = np.einsum("fcx,fx->fc", faces - middles[:, None], out).min(1)
     return faces, max(0.0, float(-(distance + slope).min()))
 

@@ -50,7 +50,7 @@ def line_depths(
     if body is not None:
         ends = body.project(last).points
     else:
-        ends = stock.nearest(last) if stock else exact_closest(levels[-1].mesh, last)[0]
+        ends = stock.closest_points(last) if stock else exact_closest(levels[-1].mesh, last)[0]
     return np.vstack([*found, surfaces[-1].project(ends).distances])
 
 

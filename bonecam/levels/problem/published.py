@@ -58,7 +58,7 @@ def bounding_sphere(points: Float[ndarray, "n 3"], stock: Stock) -> Float[ndarra
 
 def nearest_stock(points: Float[ndarray, "n 3"], stock: Stock) -> Float[ndarray, "n 3"]:
     """The nearest stock points, CLEAR mm inside."""
-    distance, out = stock.way_out(points)
+    distance, out = stock.distances_and_normals(points)
     return np.asarray(points - (distance + CLEAR)[:, None] * out)
 
 
@@ -134,7 +134,7 @@ class PublishedProgram:
         the level with control points `after` has them."""
         R = sp.csr_array(self._watch.R[which])
         places = R @ after
-        distance, out = self.stock.way_out(places)
+        distance, out = self.stock.distances_and_normals(places)
         room = ((places - R @ P) * out).sum(1) - distance - CLEAR
         return Planes(R, out, np.maximum(room, 0.0))
 

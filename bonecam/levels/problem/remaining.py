@@ -56,7 +56,7 @@ class Remaining:
 def whole(stock: Stock) -> Remaining:
     """Nothing measured yet."""
     mesh = stock.mesh(CHORD)
-    points = stock.nearest(np.vstack([mesh.vertices, mesh.vertices[mesh.faces].mean(1)]))
+    points = stock.closest_points(np.vstack([mesh.vertices, mesh.vertices[mesh.faces].mean(1)]))
     return Remaining(points, np.full(len(points), np.inf), np.zeros((len(points), 2)), points[0], np.inf)
 
 

@@ -61,9 +61,9 @@ class RoundedStock(Stock):
         """A rounded stock has no edges."""
         return False
 
-    def moved(self, shift: Float[ndarray, "3"]) -> "RoundedStock":
+    def move(self, shift: Float[ndarray, "3"]) -> "RoundedStock":
         """The body translated by `shift`, mm."""
-        return RoundedStock(self.core.moved(shift), self.radius)
+        return RoundedStock(self.core.move(shift), self.radius)
 
     def offset(self, distance: float) -> Stock:
         """The body and everything within `distance` mm of it; for a negative one what is as deep inside it."""
@@ -78,13 +78,15 @@ class RoundedStock(Stock):
         """Distance of each point to the surface, mm, negative inside."""
         return self.core.signed_distance(points) - self.radius
 
-    def outward(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+    def normals(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
         """Unit outward normals of the surface at the points nearest to `points`."""
-        return self.core.outward(points)
+        return self.core.normals(points)
 
-    def way_out(self, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, "n"], Float[ndarray, "n 3"]]:
+    def distances_and_normals(
+        self, points: Float[ndarray, "n 3"]
+    ) -> tuple[Float[ndarray, "n"], Float[ndarray, "n 3"]]:
         """Signed distances (mm) and outward normals in one pass."""
-        distance, normals = self.core.way_out(points)
+        distance, normals = self.core.distances_and_normals(points)
         return distance - self.radius, normals
 
     def mesh(self, chord_tolerance: float) -> TriangleMesh:
@@ -96,7 +98,7 @@ class RoundedStock(Stock):
         """
         axis = np.array([*self.middle[:2], 0.0])
         core = self.core.mesh(chord_tolerance).vertices - axis
-        around = smallest_capsule(core, self.radius + chord_tolerance).moved(axis)
+        around = smallest_capsule(core, self.radius + chord_tolerance).move(axis)
         mesh = self._project(around.mesh(chord_tolerance), 0)
         for _ in range(BISECTIONS):
             coarse = self._too_coarse(mesh, chord_tolerance)
@@ -113,7 +115,7 @@ class RoundedStock(Stock):
 
     def _project(self, mesh: TriangleMesh, first: int) -> TriangleMesh:
         """The mesh with its vertices from the `first` on moved to the nearest surface points."""
-        moved = np.vstack([mesh.vertices[:first], self.nearest(mesh.vertices[first:])])
+        moved = np.vstack([mesh.vertices[:first], self.closest_points(mesh.vertices[first:])])
         return TriangleMesh(moved, mesh.faces)
 
     def _too_coarse(self, mesh: TriangleMesh, chord_tolerance: float) -> Bool[ndarray, " f"]:
@@ -124,9 +126,9 @@ class RoundedStock(Stock):
         """
         corners = mesh.vertices[mesh.faces]
         middles = corners.mean(1)
-        distance, normals = self.way_out(middles)
+        distance, normals = self.distances_and_normals(middles)
         height = -distance - np.einsum("fcx,fx->fc", corners - middles[:, None], normals).min(1)
-        at_corners = self.outward(mesh.vertices)[mesh.faces]
+        at_corners = self.normals(mesh.vertices)[mesh.faces]
         turned = np.einsum("fcx,fx->fc", at_corners, mesh.face_vectors).min(1)
         tilted = turned < LARGEST_TURN * np.linalg.norm(mesh.face_vectors, axis=1)
         return np.asarray((height > chord_tolerance) | tilted)

@@ -58,7 +58,7 @@ class Box(Stock):
         """The middle of the box, mm."""
         return np.asarray((self.low + self.high) / 2)
 
-    def moved(self, shift: Float[ndarray, "3"]) -> "Box":
+    def move(self, shift: Float[ndarray, "3"]) -> "Box":
         """The box translated by `shift`, mm."""
         return Box(self.low + shift, self.high + shift)
 
@@ -86,7 +86,7 @@ class Box(Stock):
         distance, _ = self._outside(points)
         return np.asarray(np.minimum(distance.max(1), 0) + np.linalg.norm(np.maximum(distance, 0), axis=1))
 
-    def outward(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+    def normals(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
         """Unit outward normals at the nearest points; from the edge or corner to the point where the nearest is
         on one."""
         distance, sign = self._outside(points)

@@ -63,7 +63,7 @@ class Cylinder(Stock):
         half = np.array([self.radius, self.radius, self.length / 2])
         return np.array([self.middle - half, self.middle + half])
 
-    def moved(self, shift: Float[ndarray, "3"]) -> "Cylinder":
+    def move(self, shift: Float[ndarray, "3"]) -> "Cylinder":
         """The bar translated by `shift`, mm."""
         x, y, z = (float(value) for value in shift)
         centre = (self.centre[0] + x, self.centre[1] + y)
@@ -101,7 +101,7 @@ class Cylinder(Stock):
         outside = np.hypot(np.maximum(wall, 0), np.maximum(end, 0))
         return np.asarray(np.minimum(np.maximum(wall, end), 0) + outside)
 
-    def outward(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+    def normals(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
         """Unit outward normals at the nearest points; from the edge to the point where the nearest is on an
         edge."""
         across, wall, end, side = self._local(points)

@@ -83,11 +83,11 @@ class ConvexStock(Stock):
         """The middle of the bounding box, mm."""
         return np.asarray(self.bounds.mean(0))
 
-    def moved(self, shift: Float[ndarray, "3"]) -> "ConvexStock":
+    def move(self, shift: Float[ndarray, "3"]) -> "ConvexStock":
         """The body translated by `shift`, mm."""
         return self._with(self.surface.vertices + shift)
 
-    def scaled(self, factor: float) -> "ConvexStock":
+    def scale(self, factor: float) -> "ConvexStock":
         """The body scaled by `factor` about its middle."""
         return self._with(self.middle + factor * (self.surface.vertices - self.middle))
 
@@ -122,7 +122,9 @@ class ConvexStock(Stock):
         size = np.linalg.norm(self.surface.face_vectors, axis=1, keepdims=True)
         return np.asarray(self.surface.face_vectors / np.where(size > 0, size, 1.0))
 
-    def way_out(self, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, "n"], Float[ndarray, "n 3"]]:
+    def distances_and_normals(
+        self, points: Float[ndarray, "n 3"]
+    ) -> tuple[Float[ndarray, "n"], Float[ndarray, "n 3"]]:
         """Signed distances (mm) and outward normals in one pass.
 
         A point outside lies on the other side of its nearest point than the body's middle does; a point inside
@@ -138,12 +140,12 @@ class ConvexStock(Stock):
 
     def signed_distance(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n"]:
         """Distance of each point to the surface, mm, negative inside."""
-        return self.way_out(points)[0]
+        return self.distances_and_normals(points)[0]
 
-    def outward(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+    def normals(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
         """Unit outward normals at the nearest points; from the edge or corner to the point where the nearest is
         on one."""
-        return self.way_out(points)[1]
+        return self.distances_and_normals(points)[1]
 
     def mesh(self, chord_tolerance: float) -> TriangleMesh:
         """The body's mesh, its edges split until they are as short as those of a cylinder as wide."""
@@ -205,15 +207,15 @@ def _make(job: StockJob, part: LyingPart, schedule: Schedule) -> ConvexStock:
         given = ConvexStock(read_mesh(job.mesh), file=job.mesh)
     except StockError as error:
         raise StockError(f"{job.mesh}: {error}", file=job.mesh, **error.evidence) from error
-    stock = given.moved(np.array([0.0, 0.0, part.middle]) - given.middle)
-    return stock.scaled(job.scale or smallest_scale(stock, part.points, job.allowance))
+    stock = given.move(np.array([0.0, 0.0, part.middle]) - given.middle)
+    return stock.scale(job.scale or smallest_scale(stock, part.points, job.allowance))
 
 
 def smallest_scale(stock: ConvexStock, points: Float[ndarray, "n 3"], allowance: float) -> float:
     """The least factor on the stock's size that leaves `allowance` mm over every point, by bisection."""
 
     def holds(scale: float) -> bool:
-        return bool(stock.scaled(scale).signed_distance(points).max() <= -allowance)
+        return bool(stock.scale(scale).signed_distance(points).max() <= -allowance)
 
     low = 0.0
     high = 1.0

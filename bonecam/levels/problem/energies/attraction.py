@@ -27,7 +27,7 @@ def towards_stock(
     points: Float[ndarray, "n 3"], normals: Float[ndarray, "n 3"], stock: Stock
 ) -> Float[ndarray, "n 3"]:
     """The level's normals, half way to the shortest way to the stock where they are at it."""
-    distance, out = stock.way_out(points)
+    distance, out = stock.distances_and_normals(points)
     return unit(normals + np.clip(1 + distance / BLEND, 0, 1)[:, None] * out)
 
 
@@ -35,7 +35,7 @@ def towards_nearest(
     points: Float[ndarray, "n 3"], normals: Float[ndarray, "n 3"], stock: Stock
 ) -> Float[ndarray, "n 3"]:
     """The shortest way to the stock."""
-    return stock.outward(points)
+    return stock.normals(points)
 
 
 def towards_sphere(

@@ -57,7 +57,7 @@ def targets(
     """Where samples at x should be: so far along `towards` that their distance to the level before is a
     `share` of what they may go."""
     stock, cut = given.setting.stock, given.cut
-    distance, out = stock.way_out(x)
+    distance, out = stock.distances_and_normals(x)
     gap = -distance
     height = share * heights(cut, gap)[1]
     cosine = np.maximum(dots(normals, towards), LEAST_COSINE)

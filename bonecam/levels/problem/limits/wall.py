@@ -15,7 +15,7 @@ def wall(
 ) -> tuple[Float[ndarray, "k 3"], Float[ndarray, " k"]]:
     """Planes m . y <= h at samples that are at y now and `gap` inside the stock at the level before: what is
     near may stay."""
-    distance, m = stock.way_out(y)
+    distance, m = stock.distances_and_normals(y)
     return m, dots(m, y) - distance - np.minimum(gap, cut.clearance)
 
 
@@ -23,5 +23,5 @@ def inside(
     stock: Stock, points: Float[ndarray, "k 3"], clearance: Float[ndarray, " k"]
 ) -> Float[ndarray, "k 3"]:
     """The points, those less than their clearance inside the stock taken there along the shortest way."""
-    distance, out = stock.way_out(points)
+    distance, out = stock.distances_and_normals(points)
     return np.asarray(points - np.maximum(distance + clearance, 0)[:, None] * out)

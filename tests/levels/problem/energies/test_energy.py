@@ -88,7 +88,7 @@ def test_what_is_near_the_wall_is_not_drawn_along_it() -> None:
     net = middle + 1.09 * (given().before.control_points - middle)
     near, samples = replace(given(), before=setting().surface.with_control_points(net)), setting().samples
     x = samples.R @ net
-    gap, outward = -STOCK.signed_distance(x), STOCK.outward(x)
+    gap, outward = -STOCK.signed_distance(x), STOCK.normals(x)
     assert gap.min() < 0.5 * CUT.depth < 0.5 < gap.max()
     oblique = unit(outward + unit(np.cross(outward, RNG.normal(size=3))))
     found = targets(near, x, samples.s, samples.t, samples.normals(net), oblique, np.ones(len(x)))

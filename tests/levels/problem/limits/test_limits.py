@@ -29,7 +29,7 @@ def test_a_slab_leaves_room_and_the_tightest_counts(slab) -> None:  # type: igno
 
 @pytest.mark.parametrize("wall", WALLS, ids=lambda wall: wall.__name__)
 def test_a_wall_holds_what_it_may_and_its_plane_is_its_slope(wall) -> None:  # type: ignore[no-untyped-def]
-    y = STOCK.nearest(STOCK.middle + RNG.normal(size=(len(GAP), 3)) * [1, 1, 5]) + 0.1 * RNG.normal(
+    y = STOCK.closest_points(STOCK.middle + RNG.normal(size=(len(GAP), 3)) * [1, 1, 5]) + 0.1 * RNG.normal(
         size=(len(GAP), 3)
     )
     m, h = wall(CUT, GAP, STOCK, y)
