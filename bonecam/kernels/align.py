@@ -1,11 +1,12 @@
-"""Laying the moves read back from a program along the rows of the tool paths: which move reaches which row, and which
-lie between two rows."""
+"""Laying the moves read back from a program along the rows of the tool paths: which move reaches which row,
+and which lie between two rows."""
 
 import numpy as np
 from numba import njit
 
-# between two rows the fraction of a move is told by its axis where that turns by more than a radian in this many
-# mm, else by its ball centre: with words of 0.001 mm and 0.001 deg both then tell it to within those roundings
+# between two rows the fraction of a move is told by its axis where that turns by more than a radian in this
+# many mm, else by its ball centre: with words of 0.001 mm and 0.001 deg both then tell it to within those
+# roundings
 AXIS_WEIGHT = 80.0
 # angles below this (rad) are interpolated on the straight line
 SMALL_ANGLE = 1e-9
@@ -33,8 +34,8 @@ def _slerp(a: np.ndarray, b: np.ndarray, fraction: float) -> np.ndarray:
 def _between(
     tip: np.ndarray, axis: np.ndarray, tips: np.ndarray, axes: np.ndarray, radius: float
 ) -> tuple[float, float, float]:
-    """Fraction, tip error (mm) and axis error (rad) of a move against the path from one row to the next: the ball
-    centre on the straight line, the axis on the great circle."""
+    """Fraction, tip error (mm) and axis error (rad) of a move against the path from one row to the next: the
+    ball centre on the straight line, the axis on the great circle."""
     start, end = tips[0] + radius * axes[0], tips[1] + radius * axes[1]
     turn = _angle(axes[0], axes[1])
     chord = end - start
@@ -61,12 +62,13 @@ def align_moves(
     tip_tolerance: float,
     axis_tolerance: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, int, int]:
-    """The row of the path that each move reaches, its tip error (mm) and axis error (rad), and where the search stopped.
+    """The row of the path that each move reaches, its tip error (mm) and axis error (rad), and where the
+    search stopped.
 
-    A move is given its row (>= 0); -1 where it is extra; or -2 - row where it lies between `row` - 1 and `row`.
-    Moves that `may_be_extra` may come before a row that is reached `from_anywhere`, and after the last row. The
-    search stops at the first move that fits nowhere: the last two answers are that move and the row waited for;
-    both are the counts where every move has its place.
+    A move is given its row (>= 0); -1 where it is extra; or -2 - row where it lies between `row` - 1 and
+    `row`. Moves that `may_be_extra` may come before a row that is reached `from_anywhere`, and after the last
+    row. The search stops at the first move that fits nowhere: the last two answers are that move and the row
+    waited for; both are the counts where every move has its place.
     """
     n, m = len(tips), len(path_tips)
     source, tip_error, axis_error = np.full(n, -1, dtype=np.int64), np.zeros(n), np.zeros(n)

@@ -1,4 +1,5 @@
-"""The cheapest sequence of states along a chain (Viterbi 1967): it chooses rotary angles along a tool path."""
+"""The cheapest sequence of states along a chain (Viterbi 1967): it chooses rotary angles along a tool
+path."""
 
 import numpy as np
 from numba import njit
@@ -8,9 +9,9 @@ from numba import njit
 def cheapest_chain(start: np.ndarray, steps: np.ndarray) -> np.ndarray:
     """The state (n,) of each row in the cheapest chain, by dynamic programming.
 
-    `start` (k,) are the costs of the first row's states, `steps` (n - 1, k, k) those from a state to a state of the
-    next row. Ties go to the lowest state. Where every chain costs infinity, the rows from the first on that cannot
-    be reached are -1.
+    `start` (k,) are the costs of the first row's states, `steps` (n - 1, k, k) those from a state to a state
+    of the next row. Ties go to the lowest state. Where every chain costs infinity, the rows from the first on
+    that cannot be reached are -1.
     """
     n, k = steps.shape[0] + 1, len(start)
     previous = np.zeros((n, k), dtype=np.int16)

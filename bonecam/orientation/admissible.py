@@ -1,8 +1,9 @@
-"""Admissible tool axes: within the machine's limits, near enough to the contact normal, and free of collision.
+"""Admissible tool axes: within the machine's limits, near enough to the contact normal, and free of
+collision.
 
-Where the preferred axis is not admissible, the nearest admissible direction of a fixed set takes its place. The
-set is an icosphere, the same for every contact, so that neighbours choose alike; the axes are then smoothed
-along the passes, and each step of that is proven free again.
+Where the preferred axis is not admissible, the nearest admissible direction of a fixed set takes its place.
+The set is an icosphere, the same for every contact, so that neighbours choose alike; the axes are then
+smoothed along the passes, and each step of that is proven free again.
 """
 
 from collections.abc import Callable
@@ -39,8 +40,8 @@ Free = Callable[[Int[ndarray, " k"], Float[ndarray, "k 3"]], Bool[ndarray, " k"]
 
 
 def candidate_directions() -> Float[ndarray, "647 3"]:
-    """The vertices of an icosphere, about 8 degrees apart; six directions on the singular cone stand for those
-    inside it."""
+    """The vertices of an icosphere, about 8 degrees apart; six directions on the singular cone stand for
+    those inside it."""
     golden = (1 + np.sqrt(5)) / 2
     corners = [(0, a, b * golden) for a in (-1, 1) for b in (-1, 1)]
     points = unit(np.array([np.roll(c, k) for k in range(3) for c in corners], dtype=np.float64))
@@ -72,8 +73,8 @@ def nearest_free_axes(
     max_tilt: float,
     free: Free,
 ) -> tuple[Float[ndarray, "k 3"], list[str]]:
-    """The free candidate direction nearest to each preferred axis, and an empty string for each; where there is
-    none the preferred axis, and why: `limits` or `collision`."""
+    """The free candidate direction nearest to each preferred axis, and an empty string for each; where there
+    is none the preferred axis, and why: `limits` or `collision`."""
     directions = candidate_directions()
     directions = directions[limits.allow(directions)]
     starts = range(0, len(contacts), CHUNK)
@@ -148,7 +149,8 @@ def smooth_axes(
 
 
 def _average(axes: Float[ndarray, "n 3"], same_pass: Bool[ndarray, " n"]) -> Float[ndarray, "n 3"]:
-    """(1 2 1) / 4 of each axis and its neighbours on the pass, unit; the axis stands for a missing neighbour."""
+    """(1 2 1) / 4 of each axis and its neighbours on the pass, unit; the axis stands for a missing
+    neighbour."""
     joined = same_pass[:-1, None]
     mean = 2 * axes
     mean[:-1] += np.where(joined, axes[1:], axes[:-1])

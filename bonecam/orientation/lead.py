@@ -17,12 +17,13 @@ from bonecam.orientation.limits import AxisLimits, polar_angles, with_polar_angl
 from bonecam.toolpath.cutter import Cutter
 
 OUTWARD = 0.3
-"""How far an axis that points straight down is leant away from the Z axis before its azimuth is taken (a share of
-its length)."""
+"""How far an axis that points straight down is leant away from the Z axis before its azimuth is taken (a
+share of its length)."""
 
 
 def check_lead(cutter: Cutter, lead_deg: float) -> None:
-    """JobError where shank or holder would enter a flat part while the axis leans by the lead angle (degrees).
+    """JobError where shank or holder would enter a flat part while the axis leans by the lead angle
+    (degrees).
 
     The rim of a cylinder with radius r that begins c above the ball's centre stands R + c cos(lead) - r
     sin(lead) above the part, R being the ball's radius.
@@ -67,8 +68,8 @@ def bound_polar_angles(
 
 
 def table_limits(centres: Float[ndarray, "n 3"], cutter: Cutter) -> Float[ndarray, " n"]:
-    """Largest polar angle (radians) at which the rims of shank and holder stay above the table z = 0; at least a
-    right angle.
+    """Largest polar angle (radians) at which the rims of shank and holder stay above the table z = 0; at
+    least a right angle.
 
     With a ball centre at height z, a rim of radius r at height c above it stands at z + c cos(a) - r sin(a) =
     z + h cos(a + f), h = |(c, r)|, tan(f) = r / c.

@@ -29,7 +29,8 @@ PART_CHORD = 0.002
 """Chord tolerance (mm) of the tessellated part that balls are kept out of; with the share of the gouge
 tolerance that contacts use (`toolpath/gouge.py`) it stays below the 0.01 mm allowed by default."""
 LEVEL_CHORD = 0.01
-"""Chord tolerance (mm) of the other tessellated levels: a ball that enters one of them leaves the part alone."""
+"""Chord tolerance (mm) of the other tessellated levels: a ball that enters one of them leaves the part
+alone."""
 
 
 @dataclass(frozen=True, eq=False)

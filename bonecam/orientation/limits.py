@@ -37,7 +37,8 @@ def polar_angles(axes: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
 
 
 def with_polar_angles(axes: Float[ndarray, "n 3"], angles: Float[ndarray, " n"]) -> Float[ndarray, "n 3"]:
-    """Unit axes of the given polar angles (radians) that keep their azimuth; an upright axis takes azimuth 0."""
+    """Unit axes of the given polar angles (radians) that keep their azimuth; an upright axis takes azimuth
+    0."""
     horizontal = np.hypot(axes[:, 0], axes[:, 1])
     upright = horizontal <= np.finfo(float).eps
     x = np.where(upright, 1.0, axes[:, 0])

@@ -1,4 +1,5 @@
-"""From the contacts of a level to its tool path: an axis for every contact, and the links that join the passes."""
+"""From the contacts of a level to its tool path: an axis for every contact, and the links that join the
+passes."""
 
 from collections.abc import Sequence
 
@@ -65,8 +66,8 @@ def _runs(path: ContactPath, chosen: ToolAxes, checker: CollisionChecker) -> lis
 def _joined(
     path: ContactPath, index: Int[ndarray, " k"], chosen: ToolAxes, checker: CollisionChecker
 ) -> Bool[ndarray, " k"]:
-    """Whether the tool cuts straight from each contact of `index` to the next: neighbours on one pass, a small turn
-    off the singularity, proven free."""
+    """Whether the tool cuts straight from each contact of `index` to the next: neighbours on one pass, a
+    small turn off the singularity, proven free."""
     passes, axes = path.pass_index[index], chosen.axes[index]
     neighbours = (passes[1:] == passes[:-1]) & (np.diff(index) == 1)
     small_turn = angles_between(axes[1:], axes[:-1]) <= MAX_TURN

@@ -1,8 +1,8 @@
 """Steering the tool axis round the singularity of the rotary axes.
 
-Near +Z the two rotary axes of tables and heads say the same, and a small turn of the tool is a large one of the
-machine. An axis that would come within SINGULAR_CONE of +Z runs round it on that cone instead, its azimuth
-turning evenly; so do axes between which a move would come within MIN_PASS_ANGLE of +Z.
+Near +Z the two rotary axes of tables and heads say the same, and a small turn of the tool is a large one of
+the machine. An axis that would come within SINGULAR_CONE of +Z runs round it on that cone instead, its
+azimuth turning evenly; so do axes between which a move would come within MIN_PASS_ANGLE of +Z.
 """
 
 from collections.abc import Callable

@@ -1,7 +1,8 @@
-"""The tool axis of every contact of a path: the preferred one where it is admissible, else the nearest one that is.
+"""The tool axis of every contact of a path: the preferred one where it is admissible, else the nearest one
+that is.
 
-The preferred axis leans forward by the lead angle (`lead.py`), within the machine's limits, and runs round the
-singularity (`singularity.py`).
+The preferred axis leans forward by the lead angle (`lead.py`), within the machine's limits, and runs round
+the singularity (`singularity.py`).
 """
 
 from collections.abc import Callable
@@ -24,7 +25,8 @@ from bonecam.toolpath.path import ContactPath
 class ToolAxes:
     """An axis for every contact, and an empty string or why it has none (`limits`, `collision`).
 
-    `free_in_motion`: the pose and its halves of the moves to its neighbours on the pass are proven free already.
+    `free_in_motion`: the pose and its halves of the moves to its neighbours on the pass are proven free
+    already.
     """
 
     axes: Float[ndarray, "n 3"]
@@ -66,8 +68,8 @@ def _replace(
     limits: AxisLimits,
     max_tilt: float,
 ) -> tuple[Float[ndarray, "n 3"], list[str]]:
-    """The axes, those that are not admissible replaced by the nearest free ones and smoothed; for each an empty
-    string or why there is none.
+    """The axes, those that are not admissible replaced by the nearest free ones and smoothed; for each an
+    empty string or why there is none.
 
     FCL is asked only where no axis is proven free by distances: it takes a hundred times as long.
     """

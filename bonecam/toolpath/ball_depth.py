@@ -15,13 +15,17 @@ def check_depths(job: Job) -> None:
         deepest = MAX_DEPTH_RADII * radius
         if depth > deepest:
             name = _depth_field(job, level, len(first))
-            bound = f"a ball of {section}.radius = {radius:g} mm sinks {deepest:g} mm at most ({MAX_DEPTH_RADII:g} of it)"
+            bound = (
+                f"a ball of {section}.radius = {radius:g} mm "
+                f"sinks {deepest:g} mm at most ({MAX_DEPTH_RADII:g} of it)"
+            )
             remedy = "give shallower cuts or a larger ball"
             raise field_error("levels", name, getattr(job.levels, name), f"{bound}: {remedy}")
 
 
 def _depth_field(job: Job, level: int, first: int) -> str:
-    """The field of the levels' job that gives the depth of a level's cut, where `first` depths are listed apart."""
+    """The field of the levels' job that gives the depth of a level's cut, where `first` depths are listed
+    apart."""
     if job.levels.depths.strip():
         return "depths"
     return "finishing_depth" if level < first else "roughing_depth"

@@ -3,8 +3,8 @@ must remain.
 
 A ball of radius R gouges where the distance of its centre to the obstacle is below R. The true contact cannot
 be reached where the ball does not fit (a groove sharper than the ball, a neighbouring condyle): there the
-centre is lifted, and the lift is part of the answer. Distances are 1-Lipschitz, so a centre that lacks d mm is
-free after a lift of d mm at the earliest, and places between two known distances are bounded
+centre is lifted, and the lift is part of the answer. Distances are 1-Lipschitz, so a centre that lacks d mm
+is free after a lift of d mm at the earliest, and places between two known distances are bounded
 (`mesh/distance.lowest_between`).
 """
 
@@ -25,8 +25,8 @@ MOVE_SHARE = 0.5
 INNER_FRACTIONS = (0.25, 0.75)
 """Fractions of a move at which it is measured besides its ends and its middle."""
 OVERLIFT = 1.2
-"""A lift is the distance lacking times this: where the normal leans to the obstacle, the distance grows by less
-than the lift."""
+"""A lift is the distance lacking times this: where the normal leans to the obstacle, the distance grows by
+less than the lift."""
 
 
 def gouge_free_lifts(
@@ -38,10 +38,11 @@ def gouge_free_lifts(
     joined: Bool[ndarray, " n"],
     max_lift: float,
 ) -> Float[ndarray, " n"]:
-    """How far each ball centre (contact + (radius + lift) * normal) has to be lifted, mm; 0 where the ball fits.
+    """How far each ball centre (contact + (radius + lift) * normal) has to be lifted, mm; 0 where the ball
+    fits.
 
-    `joined[i]` says that the tool moves straight from contact i to contact i + 1 (the last entry is False): the
-    moves are kept free too. NaN where more than `max_lift` mm would be needed.
+    `joined[i]` says that the tool moves straight from contact i to contact i + 1 (the last entry is False):
+    the moves are kept free too. NaN where more than `max_lift` mm would be needed.
     """
     at_contact = radius - CONTACT_SHARE * tolerance
     on_move = radius - MOVE_SHARE * tolerance

@@ -2,8 +2,8 @@
 the stock inwards.
 
 It is a height field over the parameter domain that all levels share: each vertex of the grid stays where the
-last path that cut it left it. Where a contact was left out the vertex stays where it was before: an obstacle to
-shank and holder, and too deep a cut for a ball further in.
+last path that cut it left it. Where a contact was left out the vertex stays where it was before: an obstacle
+to shank and holder, and too deep a cut for a ball further in.
 """
 
 from collections.abc import Sequence
@@ -30,8 +30,8 @@ DEVIATION = 2.5 * CHORD
 class Material:
     """The material left: the vertices of `grid` moved to `vertices`, and its closed `mesh`.
 
-    While levels that round the edges of the stock are cut, `mesh` stays the whole stock: the grid cannot follow
-    an edge.
+    While levels that round the edges of the stock are cut, `mesh` stays the whole stock: the grid cannot
+    follow an edge.
     """
 
     grid: LevelGrid

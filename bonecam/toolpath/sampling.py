@@ -1,5 +1,5 @@
-"""Forward step: how many contacts a line needs so that straight moves of the ball centre follow the offset curve
-C = S + R n within the chord tolerance.
+"""Forward step: how many contacts a line needs so that straight moves of the ball centre follow the offset
+curve C = S + R n within the chord tolerance.
 
 Contacts are first spread by the curvature k of the offset curve (a chord of length l deviates by l^2 k / 8);
 then every move is measured in its middle and halved until it holds. No move is longer than `max_step`.
@@ -31,8 +31,8 @@ class LineSamples:
     """Samples on iso-parametric lines: sample i lies on line `line[i]` (which never decreases) at parameter
     `u[i]` (which increases along a line).
 
-    `across` (k,) is the fixed parameter of each line. Lines `around` run in s at fixed t, lines `along` run in
-    t at fixed s.
+    `across` (k,) is the fixed parameter of each line. Lines `around` run in s at fixed t, lines `along` run
+    in t at fixed s.
     """
 
     direction: str
@@ -50,7 +50,8 @@ class LineSamples:
 def contact_frames(
     surface: TSpline, direction: str, parameters: Float[ndarray, "n 2"]
 ) -> tuple[Float[ndarray, "n 3"], Float[ndarray, "n 3"], Float[ndarray, "n 3"]]:
-    """Points, outward unit normals and unit feed directions (of growing u) at (s, t); at poles their limits."""
+    """Points, outward unit normals and unit feed directions (of growing u) at (s, t); at poles their
+    limits."""
     low, high = surface.domain[1]
     edge = POLE * (high - low)
     t = np.clip(parameters[:, 1], low + edge, high - edge)
@@ -67,8 +68,8 @@ def sample_lines(
     chord_tolerance: float,
     max_step: float,
 ) -> LineSamples:
-    """The contacts of all lines for a ball of `radius`; a ring has its first contact again at its end (u = 0 and
-    u = 1)."""
+    """The contacts of all lines for a ball of `radius`; a ring has its first contact again at its end (u = 0
+    and u = 1)."""
     lines = _spread(surface, direction, across, radius, chord_tolerance, max_step)
     unchecked = np.ones(len(lines.u), dtype=bool)
     for _ in range(MAX_HALVINGS):

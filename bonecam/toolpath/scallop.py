@@ -1,11 +1,12 @@
 """The side step between neighbouring passes of a ball that leaves a given scallop height, exact on a circular
 section.
 
-A section across the feed of curvature kappa (1/mm, > 0 where the part bulges towards the cutter) is a circle of
-radius 1/kappa. The ball centres lie on the circle 1/kappa + R, the cusp between them on 1/kappa + h. The
+A section across the feed of curvature kappa (1/mm, > 0 where the part bulges towards the cutter) is a circle
+of radius 1/kappa. The ball centres lie on the circle 1/kappa + R, the cusp between them on 1/kappa + h. The
 triangle of circle centre, ball centre and cusp gives, with theta the angle between neighbouring contacts,
 
-    sin(theta/4) = (kappa/2) sqrt( h (2R - h) / ((1 + kappa R)(1 + kappa h)) ),    side step L = theta / kappa,
+    sin(theta/4) = (kappa/2) sqrt( h (2R - h) / ((1 + kappa R)(1 + kappa h)) ),    side step L = theta /
+    kappa,
 
 and L = 2 sqrt(h (2R - h)) on a plane. Source: Suresh & Yang (1994) as used by Gan et al. (2014), section 4.3.
 The approximation of textbooks, L = sqrt(8 h R / (1 + kappa R)), leaves more than h.

@@ -1,4 +1,5 @@
-"""Where the iso-parametric lines of a zig-zag lie: each line at the smallest step-over found on the line before.
+"""Where the iso-parametric lines of a zig-zag lie: each line at the smallest step-over found on the line
+before.
 
 With the feed along s, the distance to the neighbouring line across the feed grows by h = sqrt(EG - F^2) /
 sqrt(E) per unit of t, E, F, G being the first fundamental form (Eqs. 13-14 of Gan et al. 2014 solved for the
@@ -27,8 +28,8 @@ FULLNESS = 0.97
 MIN_FULLNESS = 0.5 * FULLNESS
 """The least part of the side step that lines are evened out with."""
 MAX_TURN = np.pi
-"""A cell of the grid turns by no more (radians): at a crease the curvature of one point is not that of its whole
-cell."""
+"""A cell of the grid turns by no more (radians): at a crease the curvature of one point is not that of its
+whole cell."""
 MAX_LINES = 20000
 """More lines than this mean that they crowd without end."""
 WINDOW = 16
@@ -36,8 +37,8 @@ WINDOW = 16
 POLE = 1e-5
 """At a pole limits are taken this far (share of the domain) inside."""
 MIN_CLEARANCE = 0.05
-"""Where 1 + curvature * radius is less, the ball hardly fits: the contact will be lifted, and the section counts as
-flat."""
+"""Where 1 + curvature * radius is less, the ball hardly fits: the contact will be lifted, and the section
+counts as flat."""
 
 
 def line_positions(surface: TSpline, direction: str, radius: float, scallop: float) -> Float[ndarray, " k"]:
@@ -80,8 +81,8 @@ def _count_passes(
 def across_feed(
     surface: TSpline, direction: str, s: Float[ndarray, " n"], t: Float[ndarray, " n"]
 ) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
-    """Distance across the feed per unit of the parameter across it (mm), and the normal curvature of the section
-    across the feed (1/mm, > 0: convex); both 0 where the surface has no tangent plane.
+    """Distance across the feed per unit of the parameter across it (mm), and the normal curvature of the
+    section across the feed (1/mm, > 0: convex); both 0 where the surface has no tangent plane.
     """
     around = direction == "around"
     _, Ss, St, Sss, Sst, Stt = surface.evaluate(s, t, 2)
@@ -140,8 +141,8 @@ def _next_line(
     here: Float[ndarray, " f"],
     step: float,
 ) -> tuple[int, float, Float[ndarray, " f"]]:
-    """The cell (from `start` on) and the parameter at which the pass count has grown by `step` since `here` at
-    one place along the feed and nowhere by more, and the counts there."""
+    """The cell (from `start` on) and the parameter at which the pass count has grown by `step` since `here`
+    at one place along the feed and nowhere by more, and the counts there."""
     last, window = len(across) - 1, WINDOW
     while start + window < last and (passes[:, start + window] - here).max() < step:
         window *= 2

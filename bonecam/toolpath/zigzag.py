@@ -39,8 +39,8 @@ class CandidateContacts:
     """All contacts on the lines of a level in machining order, before any is left out.
 
     `line` is the number of each contact's line; a `closed` line (a ring) has its first contact again at its
-    end. `lifts` as `gouge_free_lifts` has them, NaN where the ball does not fit. `at_post`: too near the post;
-    `in_air`: there is nothing to cut.
+    end. `lifts` as `gouge_free_lifts` has them, NaN where the ball does not fit. `at_post`: too near the
+    post; `in_air`: there is nothing to cut.
     """
 
     level: Level
@@ -66,8 +66,8 @@ def candidate_contacts(
     *,
     post_clearance: float = POST_CLEARANCE,
 ) -> CandidateContacts:
-    """The contacts of a level whatever the material: cusps <= cutter.scallop, chords <= job.chord_tolerance, no
-    gouge beyond job.gouge_tolerance.
+    """The contacts of a level whatever the material: cusps <= cutter.scallop, chords <= job.chord_tolerance,
+    no gouge beyond job.gouge_tolerance.
 
     `obstacles` are what the ball must not enter: the level and the part.
     """
@@ -102,9 +102,9 @@ def contact_path(candidates: CandidateContacts, material: Material | None = None
 
     Left out are contacts too near the post (`post`), under more material than MAX_DEPTH_RADII (`covered`: an
     outer level was left uncut there), or where the ball does not fit (`gouge`). Those lifted by more than the
-    scallop are listed as uncut (`gouge`) though the lifted ball still passes over them. Of a level that rounds
-    the edges of the stock only what lies inside the stock is covered. Raises ToolPathError where nothing is
-    left.
+    scallop are listed as uncut (`gouge`) though the lifted ball still passes over them. Of a level that
+    rounds the edges of the stock only what lies inside the stock is covered. Raises ToolPathError where
+    nothing is left.
     """
     level, cutter, lifts = candidates.level, candidates.cutter, candidates.lifts
     blocked = np.isnan(lifts)

@@ -1,17 +1,17 @@
 """Whether the ball enters the design surface anywhere along the moves of a program, between their ends too.
 
-Each move is run as the control runs it (`nc/control.py`) and the distance d from the ball centre to the part
-is taken at samples. Between two samples a chord s apart nothing is left to chance: for every point q of the
-part, Stewart's theorem gives
+Each move is run as the control runs it (`nc/control.py`), and the distance d from the ball centre c to the
+part is taken at samples. Between two samples a chord s apart the distance is bounded: for every point q of
+the part, Stewart's theorem gives
 
     |c(u) - q|^2 = (1-u) |c0-q|^2 + u |c1-q|^2 - u (1-u) s^2 >= (1-u) d0^2 + u d1^2 - u (1-u) s^2
 
-on the chord, and the true way bows from the chord by at most sup|c''| / 8. Samples are added until this bound
-shows that no point in between goes deeper than the samples by more than `slack`, or that the ball stays clear
-of the part there.
+on the chord, and the true path deviates from the chord by at most sup|c''| / 8. Samples are added until this
+bound shows that no point in between goes deeper than the samples by more than `slack`, or that the ball stays
+clear of the part there.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Protocol, runtime_checkable
 
@@ -25,8 +25,11 @@ from bonecam.nc.control import Control
 from bonecam.nc.reading.motions import Motions
 
 SLACK = 0.001
-MOST_ROUNDS = 60
-MOST_PIECES = 64
+"""How much deeper (mm) the ball may go between samples: a tenth of the gouge allowed by default."""
+MAX_ROUNDS = 60
+"""Times that the spans of a move are divided at most."""
+MAX_PIECES = 64
+"""Pieces that a span is divided into at most."""
 
 
 @runtime_checkable
@@ -59,7 +62,8 @@ class Gouge:
 
 @dataclass(frozen=True, eq=False)
 class _Spans:
-    """Pieces of moves: u in [start, end] of move `move`, centres and distances at both ends."""
+    """Pieces of moves: u in [start, end] of move `move` (0 .. 1 is all of it), with ball centres (`first`,
+    `last`) and their distances (`near`, `far`, mm) at both ends."""
 
     move: Int[ndarray, "k"]
     start: Float[ndarray, "k"]
@@ -69,10 +73,35 @@ class _Spans:
     near: Float[ndarray, "k"]
     far: Float[ndarray, "k"]
 
-    def taken(self, keep: Bool[ndarray, "k"]) -> "_Spans":
+    def take(self, keep: Bool[ndarray, "k"]) -> "_Spans":
+        """The spans to keep."""
         return _Spans(
-            *(getattr(self, name)[keep] for name in ("move", "start", "end", "first", "last", "near", "far"))
+            self.move[keep],
+            self.start[keep],
+            self.end[keep],
+            self.first[keep],
+            self.last[keep],
+            self.near[keep],
+            self.far[keep],
         )
+
+    @property
+    def length(self) -> Float[ndarray, "k"]:
+        """Length of the chord, mm."""
+        return np.linalg.norm(self.last - self.first, axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class _Run:
+    """Moves of one tool, by their rows in `motions`, with an upper bound of |c''| of the ball centre over
+    each."""
+
+    motions: Motions
+    control: Control
+    moves: Int[ndarray, "m"]
+    bows: Float[ndarray, "m"]
+    part: Distances
+    slack: float
 
 
 def measure_gouge(motions: Motions, part: Distances, slack: float = SLACK) -> Gouge:
@@ -85,137 +114,128 @@ def measure_gouge(motions: Motions, part: Distances, slack: float = SLACK) -> Go
         raise VerifyError("the program moves nothing: there is no gouge to measure", line=0)
     radius = np.array([motions.controls[number].radius for number in motions.tools.tolist()])
     centres = motions.tips + radius[:, None] * motions.axes
-    # far from the part half of the longest move beside it is enough to keep the ball clear of it
+    # far from the part, half of the longest move beside it is enough to keep the ball clear of it
     steps = np.r_[0.0, np.linalg.norm(np.diff(centres, axis=0), axis=1), 0.0]
     distance = part.signed(centres, radius + np.maximum(steps[:-1], steps[1:]) / 2)
-    depth = radius - distance
-    worst = int(np.argmax(depth))
-    best = Gouge(
-        float(depth[worst]),
-        float(depth[worst]),
-        int(motions.lines[worst]),
-        _place(centres[worst]),
-        len(centres),
-    )
-    for number in sorted(motions.controls):
+    depths = radius - distance
+    worst = int(np.argmax(depths))
+    depth = float(depths[worst])
+    best = Gouge(depth, depth, int(motions.lines[worst]), _place(centres[worst]), len(centres))
+    for number, control in sorted(motions.controls.items()):
         moves = np.flatnonzero((motions.tools == number) & motions.known_start)
         if len(moves):
-            best = _refine(motions, motions.controls[number], moves, centres, distance, part, slack, best)
+            bows = _bows(control, motions.words[moves - 1], motions.words[moves])
+            run = _Run(motions, control, moves, bows, part, slack)
+            best = _refine(run, centres, distance, best)
     return best
 
 
-def _place(point: ndarray) -> tuple[float, float, float]:
+def _place(point: Float[ndarray, "3"]) -> tuple[float, float, float]:
     x, y, z = (float(value) for value in point)
     return x, y, z
 
 
-def _refine(
-    motions: Motions,
-    control: Control,
-    moves: ndarray,
-    centres: ndarray,
-    distance: ndarray,
-    part: Distances,
-    slack: float,
-    best: Gouge,
-) -> Gouge:
-    bows = _bows(control, motions.words[moves - 1], motions.words[moves])
-    zero, one = np.zeros(len(moves)), np.ones(len(moves))
-    spans = _Spans(
-        np.arange(len(moves)),
-        zero,
-        one,
-        centres[moves - 1],
-        centres[moves],
-        distance[moves - 1],
-        distance[moves],
-    )
-    for _ in range(MOST_ROUNDS):
-        bound = _lowest(spans, bows)
+def _refine(run: _Run, centres: Float[ndarray, "n 3"], distance: Float[ndarray, "n"], best: Gouge) -> Gouge:
+    """The deepest gouge with the moves of `run` sampled until it is bounded; VerifyError where it cannot
+    be."""
+    moves, radius = run.moves, run.control.radius
+    count = len(moves)
+    ends = centres[moves - 1], centres[moves], distance[moves - 1], distance[moves]
+    spans = _Spans(np.arange(count), np.zeros(count), np.ones(count), *ends)
+    for _ in range(MAX_ROUNDS):
+        bound = _lower_bound(spans, run.bows)
         # enough: the ball is clear of the part, or goes no deeper than at the ends, or no deeper than known
         # elsewhere
-        reach = np.minimum(np.minimum(spans.near, spans.far), control.radius - max(best.depth, 0.0))
-        proved = bound >= reach - slack
+        reach = np.minimum(np.minimum(spans.near, spans.far), radius - max(best.depth, 0.0))
+        proved = bound >= reach - run.slack
         if proved.any():
-            lowest = float((control.radius - np.maximum(bound[proved], 0.0)).max())
-            best = Gouge(best.depth, max(best.bound, lowest), best.line, best.place, best.samples)
+            deepest = float((radius - np.maximum(bound[proved], 0.0)).max())
+            best = replace(best, bound=max(best.bound, deepest))
         if proved.all():
             return best
-        spans, depth, place = _divided(spans.taken(~proved), motions, control, moves, bows, part, slack)
-        worst = int(np.argmax(depth))
-        if depth[worst] > best.depth:
-            line = int(motions.lines[moves[spans.move[worst]]])
-            best = Gouge(
-                float(depth[worst]),
-                max(best.bound, float(depth[worst])),
-                line,
-                _place(place[worst]),
-                best.samples,
-            )
-        best = Gouge(best.depth, best.bound, best.line, best.place, best.samples + len(depth))
-    line = int(motions.lines[moves[spans.move[0]]])
+
+        spans, depths, places = _divide(spans.take(~proved), run)
+        worst = int(np.argmax(depths))
+        if depths[worst] > best.depth:
+            depth = float(depths[worst])
+            line = int(run.motions.lines[moves[spans.move[worst]]])
+            best = Gouge(depth, max(best.bound, depth), line, _place(places[worst]), best.samples)
+        best = replace(best, samples=best.samples + len(depths))
+
+    line = int(run.motions.lines[moves[spans.move[0]]])
     raise VerifyError(
         f"line {line}: the way between its ends cannot be bounded: the move turns too far in one block",
         line=line,
     )
 
 
-def _lowest(spans: _Spans, bows: ndarray) -> Float[ndarray, "k"]:
-    """No point of a span is nearer to the part than this."""
-    length = np.linalg.norm(spans.last - spans.first, axis=1)
-    # inside the part distances are negative: the bound holds for what is outside, so the worst is taken
-    value = lowest_between(np.maximum(spans.near, 0), np.maximum(spans.far, 0), length)
-    lowest = value - bows[spans.move] * (spans.end - spans.start) ** 2 / 8
-    return np.minimum(
-        lowest, np.where(np.minimum(spans.near, spans.far) < 0, np.minimum(spans.near, spans.far), np.inf)
-    )
+def _bow(spans: _Spans, bows: Float[ndarray, "m"]) -> Float[ndarray, "k"]:
+    """How far the path of the ball centre deviates from the chord of each span at most, mm."""
+    return bows[spans.move] * (spans.end - spans.start) ** 2 / 8
 
 
-def _divided(
-    spans: _Spans,
-    motions: Motions,
-    control: Control,
-    moves: ndarray,
-    bows: ndarray,
-    part: Distances,
-    slack: float,
-) -> tuple[_Spans, ndarray, ndarray]:
-    """The spans cut into as many pieces as the bound is expected to need; depth and centre at each piece's
-    end."""
-    length = np.linalg.norm(spans.last - spans.first, axis=1)
-    bow = bows[spans.move] * (spans.end - spans.start) ** 2 / 8
-    needed = np.maximum(length / np.sqrt(4 * control.radius * slack), np.sqrt(2 * bow / slack))
+def _lower_bound(spans: _Spans, bows: Float[ndarray, "m"]) -> Float[ndarray, "k"]:
+    """No point of a span is nearer to the part than this, mm."""
+    on_chord = lowest_between(np.maximum(spans.near, 0), np.maximum(spans.far, 0), spans.length)
+    lowest = on_chord - _bow(spans, bows)
+    # inside the part distances are negative, and the bound holds outside only: the worse end is taken
+    at_ends = np.minimum(spans.near, spans.far)
+    return np.minimum(lowest, np.where(at_ends < 0, at_ends, np.inf))
+
+
+def _pieces(spans: _Spans, run: _Run) -> Int[ndarray, "k"]:
+    """Pieces that the bound is expected to need on each span."""
+    length = spans.length
+    for_chord = length / np.sqrt(4 * run.control.radius * run.slack)
+    needed = np.maximum(for_chord, np.sqrt(2 * _bow(spans, run.bows) / run.slack))
     # far from the part a span only has to show that the ball stays clear
-    gap = np.minimum(spans.near, spans.far) - control.radius
+    gap = np.minimum(spans.near, spans.far) - run.control.radius
     needed = np.where(gap > length / 4, np.minimum(needed, 2), needed)
-    pieces = np.clip(np.ceil(needed), 2, MOST_PIECES).astype(np.int64)
+    return np.clip(np.ceil(needed), 2, MAX_PIECES).astype(np.int64)
+
+
+def _divide(spans: _Spans, run: _Run) -> tuple[_Spans, Float[ndarray, "p"], Float[ndarray, "p 3"]]:
+    """The spans divided into pieces; depth (mm) and ball centre at the end of each piece."""
+    pieces = _pieces(spans, run)
     owner = np.repeat(np.arange(len(pieces)), pieces)
     place = np.arange(len(owner)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
     width = (spans.end - spans.start) / pieces
     start = spans.start[owner] + place * width[owner]
-    last_piece = place == pieces[owner] - 1
-    end = np.where(last_piece, spans.end[owner], start + width[owner])
+    is_last = place == pieces[owner] - 1
+    end = np.where(is_last, spans.end[owner], start + width[owner])
+
     move = spans.move[owner]
-    tips, axes = control.between(motions.words[moves[move] - 1], motions.words[moves[move]], end)
-    last = tips + control.radius * axes
+    words = run.motions.words
+    tips, axes = run.control.between(words[run.moves[move] - 1], words[run.moves[move]], end)
+    last = tips + run.control.radius * axes
     far = spans.far[owner].copy()
-    far[~last_piece] = part.signed(last[~last_piece], control.radius + (length / pieces)[owner[~last_piece]])
-    begins = place == 0
-    first = np.where(begins[:, None], spans.first[owner], np.roll(last, 1, axis=0))
-    near = np.where(begins, spans.near[owner], np.roll(far, 1))
-    return _Spans(move, start, end, first, last, near, far), control.radius - far, last
+    wanted = run.control.radius + (spans.length / pieces)[owner[~is_last]]
+    far[~is_last] = run.part.signed(last[~is_last], wanted)
+    is_first = place == 0
+    first = np.where(is_first[:, None], spans.first[owner], np.roll(last, 1, axis=0))
+    near = np.where(is_first, spans.near[owner], np.roll(far, 1))
+    return _Spans(move, start, end, first, last, near, far), run.control.radius - far, last
 
 
 def _bows(control: Control, start: Float[ndarray, "n 5"], end: Float[ndarray, "n 5"]) -> Float[ndarray, "n"]:
-    """An upper bound of |c''| of the ball centre over each move, u in [0, 1]; mm."""
+    """An upper bound of |c''| of the ball centre over each move (words at its start and end), u in [0, 1];
+    mm.
+
+    Linear axes move evenly by v and rotary axes turn evenly by w in all, so |c''| <= lever w^2 + 2 w |v|, the
+    lever being the largest distance of the ball centre from the pivots.
+    """
     turn = np.abs(end[:, 3:] - start[:, 3:]).sum(1)
     if control.tool_centre:
         return np.zeros(len(turn)) if control.programs_centre else control.radius * turn**2
-    chain = [np.array(axis.pivot) for axis in control.machine.part_axes]
+
     lever = np.full(len(turn), control.radius)
-    if chain:
-        reach = (np.linalg.norm(words[:, :3] - chain[-1], axis=1) for words in (start, end))
-        lever = lever + np.maximum(*reach) + sum(float(np.linalg.norm(b - a)) for a, b in pairwise(chain))
+    pivots = [np.array(axis.pivot) for axis in control.machine.part_axes]
+    if pivots:
+        at_start = np.linalg.norm(start[:, :3] - pivots[-1], axis=1)
+        at_end = np.linalg.norm(end[:, :3] - pivots[-1], axis=1)
+        between_pivots = sum(float(np.linalg.norm(b - a)) for a, b in pairwise(pivots))
+        lever = lever + np.maximum(at_start, at_end) + between_pivots
     for axis in control.machine.tool_axes:
         lever = lever + 2 * float(np.linalg.norm(axis.pivot)) + 2 * control.tool_length
-    return lever * turn**2 + 2 * turn * np.linalg.norm(end[:, :3] - start[:, :3], axis=1)
+    length = np.linalg.norm(end[:, :3] - start[:, :3], axis=1)
+    return lever * turn**2 + 2 * turn * length

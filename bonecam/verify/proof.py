@@ -1,5 +1,5 @@
-"""The proof of a posted text: read back (`nc/reading`), compared with the tool paths (`readback.py`), and checked
-for gouges of the part (`gouge.py`)."""
+"""The proof of a posted text: read back (`nc/reading`), compared with the tool paths (`readback.py`), and
+checked for gouges of the part (`gouge.py`)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,8 +1,8 @@
 """Whether the moves read back from a posted text are those of the tool paths.
 
-Every row of the paths must be reached, once and in order, by a move whose tip and axis agree. Moves in between
-must lie on the path from one row to the next: the ball centre on the straight line, the axis on the great
-circle. Rapids and feeds must be what the paths say.
+Every row of the paths must be reached, once and in order, by a move whose tip and axis agree. Moves in
+between must lie on the path from one row to the next: the ball centre on the straight line, the axis on the
+great circle. Rapids and feeds must be what the paths say.
 """
 
 from collections.abc import Sequence
@@ -37,8 +37,8 @@ class Tolerances:
 class Readback:
     """The row (of `rows`) that each move reaches, its tip error (mm) and axis error (radians).
 
-    `source` is the row (>= 0), -1 for a move outside the paths, or -2 - row for one between that row and the row
-    before.
+    `source` is the row (>= 0), -1 for a move outside the paths, or -2 - row for one between that row and the
+    row before.
     """
 
     rows: int
@@ -61,7 +61,8 @@ class _Rows:
 
     @property
     def from_anywhere(self) -> Bool[ndarray, "n"]:
-        """Rows that may be reached from anywhere: a path may be left and taken up again at a rapid (a rewind)."""
+        """Rows that may be reached from anywhere: a path may be left and taken up again at a rapid (a
+        rewind)."""
         return self.first | (self.kinds == Kind.RAPID)
 
 
@@ -84,8 +85,8 @@ def _rows_of(paths: Sequence[ToolPath]) -> _Rows:
 def compare_moves(
     motions: Motions, paths: Sequence[ToolPath], dialect: Dialect, tolerances: Tolerances
 ) -> Readback:
-    """The row of the paths that each move reaches; VerifyError at the first move that belongs nowhere, is missing,
-    or has the wrong tool or feed."""
+    """The row of the paths that each move reaches; VerifyError at the first move that belongs nowhere, is
+    missing, or has the wrong tool or feed."""
     rows = _rows_of(paths)
     axis_tolerance = np.radians(tolerances.axis_steps * dialect.numbers["angle"].step)
     source, tip_error, axis_error, move, row = align_moves(
@@ -158,8 +159,8 @@ def _check_feeds(
     begins: Bool[ndarray, "n"],
     dialect: Dialect,
 ) -> None:
-    """VerifyError where a rapid is none, or a feed is not what its path says within the rounding of its word; a move
-    that begins a path may be a rapid."""
+    """VerifyError where a rapid is none, or a feed is not what its path says within the rounding of its word;
+    a move that begins a path may be a rapid."""
     rapid = kinds == Kind.RAPID
     length = np.r_[0.0, np.linalg.norm(np.diff(motions.tips, axis=0), axis=1)]
     written = np.where(motions.inverse_time, motions.feed_rates * length, motions.feed_rates)

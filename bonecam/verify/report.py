@@ -119,59 +119,76 @@ def nc_report(program: Program, proof: Verification) -> dict[str, Any]:
 
 def summary_of(report: Mapping[str, Any]) -> str:
     """The report in a few lines for a person; it may end at the levels."""
-    surface, levels = report["surface"], report["levels"]
     lines = [
-        f"mesh      {report['input']['faces']} faces, {report['input']['units']}; {counted(len(report['input']['repairs']), 'repair')}",
-        *(f"repair    {told}" for told in report["input"]["repairs"]),
-        f"surface   {surface['control_points']} control points, "
-        f"deviation max {surface['deviation_max_mm']:.3f} rms {surface['deviation_rms_mm']:.3f} mm",
+        *_mesh_lines(report["input"]),
+        _surface_line(report["surface"]),
         f"stock     {stock_text(report['stock'])}",
-        f"levels    {counted(len(levels) - 1, 'cut')}, no schedule needs fewer than {report['levels_lower_bound']}; "
-        f"depth max {max(row[way] for row in levels for way in ('depth_max_mm', 'depth_back_max_mm')):.4f} mm"
-        + (f"; a limit is broken by {report['levels_break_mm']:.4f} mm" if report["levels_break_mm"] else ""),
-        f"certified {certified_text(levels, report['levels_method'])}",
-        *(_machined(report["toolpath"], report["nc"]) if "nc" in report else ()),
+        _levels_line(report),
+        f"certified {certified_text(report['levels'], report['levels_method'])}",
+        *(_program_lines(report["toolpath"], report["nc"]) if "nc" in report else ()),
         f"time      {sum(report['seconds'].values()):.1f} s",
     ]
     return "\n".join(lines)
 
 
-def _machined(toolpath: Sequence[Mapping[str, Any]], nc: Mapping[str, Any]) -> Iterator[str]:
-    """The summary's lines of paths and program."""
+def _mesh_lines(mesh: Mapping[str, Any]) -> Iterator[str]:
+    """The mesh and its repairs."""
+    yield f"mesh      {mesh['faces']} faces, {mesh['units']}; {counted(len(mesh['repairs']), 'repair')}"
+    for told in mesh["repairs"]:
+        yield f"repair    {told}"
+
+
+def _surface_line(surface: Mapping[str, Any]) -> str:
+    """Size and deviation of the surface."""
+    deviation = f"max {surface['deviation_max_mm']:.3f} rms {surface['deviation_rms_mm']:.3f} mm"
+    return f"surface   {surface['control_points']} control points, deviation {deviation}"
+
+
+def _levels_line(report: Mapping[str, Any]) -> str:
+    """Cuts, their lower bound, and depths."""
+    levels, breaks = report["levels"], report["levels_break_mm"]
+    deepest = max(row[depth] for row in levels for depth in ("depth_max_mm", "depth_back_max_mm"))
+    bound = f"no schedule needs fewer than {report['levels_lower_bound']}"
+    broken = f"; a limit is broken by {breaks:.4f} mm" if breaks else ""
+    return f"levels    {counted(len(levels) - 1, 'cut')}, {bound}; depth max {deepest:.4f} mm{broken}"
+
+
+def _program_lines(toolpath: Sequence[Mapping[str, Any]], nc: Mapping[str, Any]) -> Iterator[str]:
+    """Paths, program and proof."""
     yield f"toolpath  {sum(row['contacts'] for row in toolpath)} contacts"
     yield f"uncut     {uncut_text(toolpath)}"
-    yield (
-        f"nc        {nc['file'] or 'not written'}: {nc['blocks']} blocks for {nc['machine']} / {nc['controller']}, "
-        f"about {nc['time_min']:.0f} min"
-    )
-    yield (
-        f"proof     tip {nc['readback_tip_error_mm'] * 1000:.2f} um, axis {nc['readback_axis_error_deg']:.4f} deg, "
-        f"gouge {nc['gouge_max_mm'] * 1000:.2f} um"
-    )
+    file, machine = nc["file"] or "not written", f"{nc['machine']} / {nc['controller']}"
+    yield f"nc        {file}: {nc['blocks']} blocks for {machine}, about {nc['time_min']:.0f} min"
+    tip_um, gouge_um = nc["readback_tip_error_mm"] * 1000, nc["gouge_max_mm"] * 1000
+    axis_deg = nc["readback_axis_error_deg"]
+    yield f"proof     tip {tip_um:.2f} um, axis {axis_deg:.4f} deg, gouge {gouge_um:.2f} um"
 
 
 def certified_text(levels: Sequence[Mapping[str, Any]], method: str = "qp") -> str:
     """What holds between the points measured, in one line; `levels` as in the report, made by `method`."""
     known = [row for row in levels if row["not_certified"] is not None]
     rounding = sum(row["rounding"] for row in levels)
-    exact = (
-        [f"{counted(rounding, 'more cut')} only to round the stock, exact by construction"]
-        if rounding
-        else []
-    )
+    exact = []
+    if rounding:
+        exact = [f"{counted(rounding, 'more cut')} only to round the stock, exact by construction"]
     if not known:
-        behind, why = METHODS[method][0], "the surface is not polynomial (it has weights other than one)"
-        if behind > NEST_TOLERANCE:
-            why = f"levels by {method} may fall {behind:g} mm behind one another, more than the {NEST_TOLERANCE:g} mm of a certificate"
-        return "; ".join([f"nothing on {counted(len(levels) - 1 - rounding, 'cut')}: {why}", *exact])
+        without = counted(len(levels) - 1 - rounding, "cut")
+        return "; ".join([f"nothing on {without}: {_why_uncertified(method)}", *exact])
+
     doubts = [f"cut {row['index']} {doubt}" for row in known for doubt in row["not_certified"]]
     kept = sum(not row["not_certified"] for row in known)
-    return "; ".join(
-        [
-            f"depth, nesting and stock hold everywhere on {kept} of {counted(len(known), 'cut')}",
-            *exact,
-            *doubts,
-        ]
+    all_known = counted(len(known), "cut")
+    return "; ".join([f"depth, nesting and stock hold everywhere on {kept} of {all_known}", *exact, *doubts])
+
+
+def _why_uncertified(method: str) -> str:
+    """Why levels made by `method` have no certificate."""
+    behind = METHODS[method][0]
+    if behind <= NEST_TOLERANCE:
+        return "the surface is not polynomial (it has weights other than one)"
+    return (
+        f"levels by {method} may fall {behind:g} mm behind one another, "
+        f"more than the {NEST_TOLERANCE:g} mm of a certificate"
     )
 
 

@@ -19,8 +19,8 @@ REST_MARGIN = 0.1
 MIN_STEPS = 3
 """Steps that a move checked by FCL is divided into at least."""
 SWEEP_MARGIN = 0.2
-"""Shank and holder are thicker by this much (mm) while moves are checked by FCL; no point of the tool moves further
-between two poses."""
+"""Shank and holder are thicker by this much (mm) while moves are checked by FCL; no point of the tool moves
+further between two poses."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,8 +42,8 @@ class CollisionChecker:
         return self._classify_at_rest(centres, axes) == FREE
 
     def free(self, centres: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
-        """Whether poses at rest with these ball centres are free, by distances or, where those do not decide (in
-        hollows hardly wider than the ball), by FCL."""
+        """Whether poses at rest with these ball centres are free, by distances or, where those do not decide
+        (in hollows hardly wider than the ball), by FCL."""
         tips = centres - self.cutter.radius * axes
         state = self._classify_at_rest(centres, axes)
         for i in np.flatnonzero(state == UNDECIDED):
@@ -53,8 +53,8 @@ class CollisionChecker:
     def free_in_motion(
         self, tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], joined: Bool[ndarray, " n"]
     ) -> Bool[ndarray, " n"]:
-        """Whether each pose and its halves of the moves to its neighbours are proven free by distances; `joined` as
-        in `moves_free`."""
+        """Whether each pose and its halves of the moves to its neighbours are proven free by distances;
+        `joined` as in `moves_free`."""
         poses = Poses.in_motion(tips, axes, joined)
         return classify_poses(self.scene, self.cutter, poses) == FREE
 

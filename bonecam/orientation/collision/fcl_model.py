@@ -28,7 +28,8 @@ FclObject = Any
 class FclModel:
     """One cutter in one scene as FCL objects, by section of the tool (cutter, shank, holder).
 
-    While cutting, the cutter is held against the level; else against the material, as the rest of the tool is.
+    While cutting, the cutter is held against the level; else against the material, as the rest of the tool
+    is.
     """
 
     scene: Scene
@@ -70,7 +71,8 @@ def build_fcl_model(scene: Scene, cutter: Cutter, margin: float = 0.0) -> FclMod
 def _contained_section(
     scene: Scene, cutter: Cutter, tip: Float[ndarray, "3"], axis: Float[ndarray, "3"], cutting: bool
 ) -> str:
-    """The first section that lies wholly inside an obstacle, or contains one; an empty string where none does."""
+    """The first section that lies wholly inside an obstacle, or contains one; an empty string where none
+    does."""
     for name, start, end, radius in cutter.sections:
         tangent = cutting and name == "cutter"
         middle = (tip + (start + end) / 2 * axis)[None]

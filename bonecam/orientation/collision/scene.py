@@ -29,8 +29,8 @@ Obstacle = Literal["level", "material"]
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """`level` must remain; `material` (closed, inside `stock`) is there while the level is cut; the `post` holds
-    the part.
+    """`level` must remain; `material` (closed, inside `stock`) is there while the level is cut; the `post`
+    holds the part.
 
     `material_deviation` (mm) is how far the material may reach out of its mesh. `known_level_distance` saves
     building the distances to `level` again.
@@ -66,8 +66,8 @@ class Scene:
         *,
         outside: bool = False,
     ) -> Float[ndarray, " n"]:
-        """A lower bound of the signed distance to the obstacle and the post, mm; exact where it is below `wanted` +
-        FAR.
+        """A lower bound of the signed distance to the obstacle and the post, mm; exact where it is below
+        `wanted` + FAR.
 
         `outside`: no point is inside the obstacle, which makes the answer quicker.
         """

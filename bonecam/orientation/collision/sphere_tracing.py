@@ -1,12 +1,12 @@
-"""Proving tools free of collision by distances alone: spheres about points of the tool axis, one behind the other
-(sphere tracing).
+"""Proving tools free of collision by distances alone: spheres about points of the tool axis, one behind the
+other (sphere tracing).
 
 A sphere of radius d about the axis point at height u, d being the distance of that point to the nearest
 obstacle, is empty. It holds the tool's disc of radius r at every height within sqrt(d^2 - r^2) of u; the next
-sphere begins there. The first lies outside every obstacle (signed distance), so that a tool inside an obstacle
-is seen too. Moves are proven with their poses: every pose on a move lies within half of the move from one of
-its ends, so a margin that grows along the axis by half of what the neighbouring moves displace the tool at that
-height proves them.
+sphere begins there. The first lies outside every obstacle (signed distance), so that a tool inside an
+obstacle is seen too. Moves are proven with their poses: every pose on a move lies within half of the move
+from one of its ends, so a margin that grows along the axis by half of what the neighbouring moves displace
+the tool at that height proves them.
 """
 
 from dataclasses import dataclass
@@ -27,8 +27,8 @@ MAX_SPHERES = 40
 MIN_STEP = 0.02
 """A sphere that advances by less (mm) proves nothing: the axis runs too close to an obstacle."""
 NEAR_SLOPE = 0.25
-"""Against the level the margin grows no faster than this with the height above the ball's centre: moves there run
-along the surface."""
+"""Against the level the margin grows no faster than this with the height above the ball's centre: moves there
+run along the surface."""
 STEP_SHARE = 0.999
 """Part of the provable step that is taken, against rounding."""
 SURE_SHARE = 0.9
@@ -42,8 +42,8 @@ FREE, UNDECIDED, COLLIDING = 0, 1, 2
 class Poses:
     """Tool positions with the margins that prove their moves.
 
-    At height u above the tip the margin is shift + turn * u: `shift` (mm) and `turn` (radians) are half of the
-    largest displacement and turn of the moves that begin or end at the pose.
+    At height u above the tip the margin is shift + turn * u: `shift` (mm) and `turn` (radians) are half of
+    the largest displacement and turn of the moves that begin or end at the pose.
     """
 
     tips: Float[ndarray, "n 3"]
@@ -87,8 +87,8 @@ def _largest_beside(
 def classify_poses(scene: Scene, cutter: Cutter, poses: Poses, *, cutting: bool = True) -> Int[ndarray, " n"]:
     """FREE (proven, moves included), UNDECIDED or COLLIDING for every pose.
 
-    `cutting`: the cutter is held against the level, less TANGENT_SLACK; else against the material, as shank and
-    holder always are.
+    `cutting`: the cutter is held against the level, less TANGENT_SLACK; else against the material, as shank
+    and holder always are.
     """
     state = _table_state(cutter, poses)
     for name, start, end, radius in cutter.sections:
@@ -168,8 +168,8 @@ def _margins(
 def _provable_step(
     distance: Float[ndarray, " n"], needed: Float[ndarray, " n"], slope: Float[ndarray, " n"]
 ) -> Float[ndarray, " n"]:
-    """The height w at which a disc that grows by `slope` still fits into the sphere: w^2 + (needed + slope w)^2 =
-    distance^2; 0 where none does."""
+    """The height w at which a disc that grows by `slope` still fits into the sphere: w^2 + (needed + slope
+    w)^2 = distance^2; 0 where none does."""
     spare = np.maximum(distance**2 - needed**2, 0.0)
     root = np.sqrt((needed * slope) ** 2 + (1 + slope**2) * spare)
     return STEP_SHARE * (root - needed * slope) / (1 + slope**2)

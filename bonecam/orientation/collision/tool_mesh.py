@@ -16,7 +16,8 @@ TABLE_HALF_WIDTH = 2000.0
 def tool_meshes(cutter: Cutter, margin: float = 0.0) -> dict[str, TriangleMesh]:
     """Closed meshes of cutter, shank and holder with the tip at the origin and the axis along +Z.
 
-    The cutter is thinner by TANGENT_SLACK; shank and holder contain their true shapes, thicker by `margin` (mm).
+    The cutter is thinner by TANGENT_SLACK; shank and holder contain their true shapes, thicker by `margin`
+    (mm).
     """
     ball, shank, holder = cutter.sections
     angle = np.linspace(0, np.pi / 2, 9)[1:]
@@ -31,8 +32,8 @@ def tool_meshes(cutter: Cutter, margin: float = 0.0) -> dict[str, TriangleMesh]:
 
 
 def solid_of_revolution(rings: list[tuple[float, float]], bottom: float) -> TriangleMesh:
-    """The closed mesh through circles (height, radius) about +Z, with a point at height `bottom` below the first
-    and one in the middle of the last."""
+    """The closed mesh through circles (height, radius) about +Z, with a point at height `bottom` below the
+    first and one in the middle of the last."""
     angle = np.arange(SIDES) * (2 * np.pi / SIDES)
     circle = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(SIDES)])
     bottom_point = np.array([[0.0, 0.0, bottom]])

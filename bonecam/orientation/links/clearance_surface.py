@@ -1,5 +1,5 @@
-"""The clearance surface: the capsule at a fixed distance round the stock, on which the ball centre runs from pass
-to pass."""
+"""The clearance surface: the capsule at a fixed distance round the stock, on which the ball centre runs from
+pass to pass."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -62,8 +62,8 @@ class ClearanceSurface:
     def exit_lengths(
         self, centres: Float[ndarray, "n 3"], directions: Float[ndarray, "n 3"]
     ) -> Float[ndarray, " n"]:
-        """How far each ball goes in its direction until it leaves the inside of the surface, mm; 0 where it is
-        outside."""
+        """How far each ball goes in its direction until it leaves the inside of the surface, mm; 0 where it
+        is outside."""
         low = np.zeros(len(centres))
         across = 2 * (self._span + 2 * self.radius)
         high = across + np.linalg.norm(centres - self._low, axis=1)
@@ -93,8 +93,8 @@ class ClearanceSurface:
     def frames(
         self, azimuth: Float[ndarray, " n"], arc: Float[ndarray, " n"], height: Float[ndarray, " n"]
     ) -> tuple[Float[ndarray, "n 3"], Float[ndarray, "n 3 3"]]:
-        """Points of given coordinates, and frames whose columns are the outward normal, up the meridian, and round
-        the capsule."""
+        """Points of given coordinates, and frames whose columns are the outward normal, up the meridian, and
+        round the capsule."""
         past = arc - self._quarter
         angle = (past - np.clip(past, 0.0, self._span)) / self.radius
         out = np.column_stack([np.cos(azimuth), np.sin(azimuth), np.zeros(len(azimuth))])

@@ -1,5 +1,5 @@
-"""What links between passes are planned in: obstacles, limits, clearance surface and feeds, and the proof that
-polylines of poses are free."""
+"""What links between passes are planned in: obstacles, limits, clearance surface and feeds, and the proof
+that polylines of poses are free."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -25,8 +25,8 @@ Polyline = tuple[Float[ndarray, "_ 3"], Float[ndarray, "_ 3"]]
 
 @dataclass(frozen=True, eq=False)
 class LinkSpace:
-    """`clearance` (mm) is kept between ball and stock on the clearance surface; `gouge_tolerance` (mm) by a ball that
-    moves along the level."""
+    """`clearance` (mm) is kept between ball and stock on the clearance surface; `gouge_tolerance` (mm) by a
+    ball that moves along the level."""
 
     checker: CollisionChecker
     limits: AxisLimits
@@ -52,13 +52,14 @@ class LinkSpace:
         return centre[0], np.array([0.0, 0.0, 1.0])
 
     def ball_free(self, starts: Float[ndarray, "m 3"], ends: Float[ndarray, "m 3"]) -> Bool[ndarray, " m"]:
-        """Whether the ball keeps the gouge tolerance on straight moves of its centre: the collision checks hold a
-        thinner one against the level."""
+        """Whether the ball keeps the gouge tolerance on straight moves of its centre: the collision checks
+        hold a thinner one against the level."""
         level = self.checker.scene.level_distance
         return moves_gouge_free(starts, ends, self.ball_radius, self.gouge_tolerance, level)
 
     def polylines_free(self, polylines: Sequence[Polyline], *, cutting: bool) -> Bool[ndarray, " k"]:
-        """Whether all moves of each polyline are proven free; `cutting` as in `CollisionChecker.moves_free`."""
+        """Whether all moves of each polyline are proven free; `cutting` as in
+        `CollisionChecker.moves_free`."""
         if not polylines:
             return np.zeros(0, dtype=bool)
         starts = np.vstack([centres[:-1] for centres, _ in polylines])

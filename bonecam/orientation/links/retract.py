@@ -28,7 +28,8 @@ MIN_LENGTH = 1.0
 LENGTHS = np.array(
     [0, 0.1, 0.25, 0.5, 1, 1.5, 2, 3, 4, 5, 6, 8, 10, 13, 16, 20, 26, 34, 45, 60, 80], dtype=np.float64
 )
-"""Lengths of a retract (mm) at which it is checked, and at one of which the rapid part may begin; BEND is one."""
+"""Lengths of a retract (mm) at which it is checked, and at one of which the rapid part may begin; BEND is
+one."""
 MIN_LAST_STEP = 0.05
 """The last of these lengths is at least this much before the end of the retract, mm."""
 
@@ -43,8 +44,8 @@ class Departure:
 
 @dataclass(frozen=True, eq=False)
 class Retract:
-    """The moves from a pose to the clearance surface, and the pose they end at; no moves where the tool is there
-    already."""
+    """The moves from a pose to the clearance surface, and the pose they end at; no moves where the tool is
+    there already."""
 
     moves: Moves
     end: Pose
@@ -66,16 +67,16 @@ def approach(retract: Retract, feeds: Feeds) -> Moves:
 
 
 def departures(axis: Float[ndarray, "3"]) -> list[Departure]:
-    """The ways to leave a contact in the order they are tried: along the axis; then level or rising at once; then
-    the same behind BEND."""
+    """The ways to leave a contact in the order they are tried: along the axis; then level or rising at once;
+    then the same behind BEND."""
     angle = float(polar_angles(axis[None])[0])
     rising = [with_polar_angles(axis[None], np.array([limit]))[0] for limit in POLAR_ANGLES if angle > limit]
     return [Departure(0.0, axis)] + [Departure(bend, d) for bend in (0.0, BEND) for d in rising]
 
 
 def find_retracts(space: LinkSpace, poses: Sequence[Pose]) -> list[Retract | None]:
-    """The first departure of each pose that is proven free; None where there is none. The same departure of all poses
-    is tried at once."""
+    """The first departure of each pose that is proven free; None where there is none. The same departure of
+    all poses is tried at once."""
     choices = [departures(axis) for _, axis in poses]
     found: list[Retract | None] = [None] * len(poses)
     for k in range(max((len(ways) for ways in choices), default=0)):
@@ -110,7 +111,8 @@ def _try_departures(
 def _lengths(
     space: LinkSpace, poses: Sequence[Pose], chosen: Sequence[Departure]
 ) -> list[Float[ndarray, " r"]]:
-    """The lengths (mm) of each retract from its contact (0) to the clearance surface at which it is checked."""
+    """The lengths (mm) of each retract from its contact (0) to the clearance surface at which it is
+    checked."""
     along = np.array([departure.along_axis for departure in chosen])
     corners = np.array([c + d.along_axis * axis for (c, axis), d in zip(poses, chosen, strict=True)])
     directions = np.array([departure.direction for departure in chosen])
@@ -127,8 +129,8 @@ def _polyline(pose: Pose, departure: Departure, lengths: Float[ndarray, " r"]) -
 
 
 def _standoffs(space: LinkSpace, lines: Sequence[Float[ndarray, "_ 3"]]) -> list[int]:
-    """The point of each retract from which on the ball stays STANDOFF away from the material: links turn to rapids
-    there."""
+    """The point of each retract from which on the ball stays STANDOFF away from the material: links turn to
+    rapids there."""
     scene, radius = space.checker.scene, space.ball_radius
     centres = np.vstack(lines)
     wanted = np.full(len(centres), radius + STANDOFF)

@@ -1,5 +1,5 @@
-"""The links of a level: how its runs of contacts are reached one after the other, from the safe point and back to
-it.
+"""The links of a level: how its runs of contacts are reached one after the other, from the safe point and
+back to it.
 
 A run is cut without lifting the tool. Runs that cannot be left, or not be reached, are left out.
 """
@@ -18,8 +18,8 @@ from bonecam.orientation.links.transfer import SAFE, Transfers, no_transfers
 
 @dataclass(frozen=True, eq=False)
 class LinkedRuns:
-    """The runs that are reached, in order: each one's number and the moves to it; and the moves `home` from the last
-    one (None where no run is reached)."""
+    """The runs that are reached, in order: each one's number and the moves to it; and the moves `home` from
+    the last one (None where no run is reached)."""
 
     links: tuple[tuple[int, Moves], ...]
     home: Moves | None
@@ -31,8 +31,8 @@ def link_runs(
     runs: Sequence[Int[ndarray, " _"]],
     direct: Sequence[Moves | None],
 ) -> LinkedRuns:
-    """Link runs (contacts, as indices into `poses`); `direct[k]` is the direct link from run k to the next, if
-    there is one."""
+    """Link runs (contacts, as indices into `poses`); `direct[k]` is the direct link from run k to the next,
+    if there is one."""
     ends = [(int(run[0]), int(run[-1])) for run in runs]
     after = [*direct, None]
     transfers, leavable = _find_leavable(no_transfers(space, poses), ends, after)
@@ -64,8 +64,8 @@ def link_runs(
 def _find_leavable(
     transfers: Transfers, ends: Sequence[tuple[int, int]], after: Sequence[Moves | None]
 ) -> tuple[Transfers, list[bool]]:
-    """Whether the tool gets away from the end of each run: directly to a run that it gets away from, or to the safe
-    point."""
+    """Whether the tool gets away from the end of each run: directly to a run that it gets away from, or to
+    the safe point."""
     transfers = transfers.extend([(end, SAFE) for (_, end), link in zip(ends, after) if link is None])
     leavable = [False] * len(ends)
     for k in reversed(range(len(ends))):

@@ -80,8 +80,8 @@ def _find_transfers(space: LinkSpace, pairs: Sequence[tuple[Retract, Retract]]) 
 
 
 def _find_traverses(space: LinkSpace, pairs: Sequence[tuple[Pose, Pose]]) -> list[Moves | None]:
-    """The first of TRAVERSES between each two poses on the clearance surface that is free, its first pose left out;
-    the same one of all pairs is tried at once."""
+    """The first of TRAVERSES between each two poses on the clearance surface that is free, its first pose
+    left out; the same one of all pairs is tried at once."""
     found: list[Moves | None] = [None] * len(pairs)
     for options in TRAVERSES:
         left = [k for k, moves in enumerate(found) if moves is None]

@@ -1,5 +1,5 @@
-"""The traverse from one point of the clearance surface to another: the ball centre runs on the surface, the axis
-keeps its lean to the surface normal.
+"""The traverse from one point of the clearance surface to another: the ball centre runs on the surface, the
+axis keeps its lean to the surface normal.
 
 A convex stock is missed by the whole tool while the axis stays close enough to the outward normal: the plane
 between them separates the two. Each traverse is checked all the same.
@@ -27,8 +27,8 @@ UP = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True)
 class TraverseOptions:
-    """How a traverse runs: `rise` (mm) higher in its middle, the `long_way` round the stock's axis, or `over_pole`:
-    by the upper pole, where the axis stands upright."""
+    """How a traverse runs: `rise` (mm) higher in its middle, the `long_way` round the stock's axis, or
+    `over_pole`: by the upper pole, where the axis stands upright."""
 
     rise: float = 0.0
     long_way: bool = False
@@ -68,7 +68,8 @@ def traverse(
 def _over_pole(
     surface: ClearanceSurface, first: Pose, last: Pose, limits: AxisLimits, rise: float, azimuth: float
 ) -> tuple[Float[ndarray, "n 3"], Float[ndarray, "n 3"]]:
-    """The traverse up to the upper pole (approached at an azimuth), where the axis stands upright, and down again."""
+    """The traverse up to the upper pole (approached at an azimuth), where the axis stands upright, and down
+    again."""
     pole = surface.frames(np.array([azimuth]), np.array([surface.top]), np.array([rise]))[0][0], UP
     up = traverse(surface, first, pole, limits, TraverseOptions(rise))
     down = traverse(surface, pole, last, limits, TraverseOptions(rise))

@@ -17,12 +17,13 @@ from bonecam.verify.pictures.views import view
 MAX_LEVELS = 5
 """Levels shown in a row at most."""
 EDGES_PER_DIAGONAL = 40
-"""An edge of a level goes into its diagonal at least this often: its flat faces are few and large, and each has one
-colour."""
+"""An edge of a level goes into its diagonal at least this often: its flat faces are few and large, and each
+has one colour."""
 
 
 def draw_coloured(levels: Sequence[Level], path: str | Path) -> None:
-    """Write some levels, the first and the stock among them, coloured by the depth of their cut in % of its limit.
+    """Write some levels, the first and the stock among them, coloured by the depth of their cut in % of its
+    limit.
 
     Closed ones are seen from the front (-y), open ones along the axis from which most of the part is seen.
     """

@@ -1,5 +1,5 @@
-"""Picture: the depth of the cuts along a line of the part (Gan et al. 2014, Fig. 11), and shares of the area by
-depth."""
+"""Picture: the depth of the cuts along a line of the part (Gan et al. 2014, Fig. 11), and shares of the area
+by depth."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,8 +20,8 @@ MAX_LABELS = 10
 def draw_depths(
     levels: Sequence[Level], line: Float[ndarray, "k n"], path: str | Path, s: float = LINE
 ) -> None:
-    """Write, above, the depth of each cut of the morph along the line s (`line`, mm); below, the share of each level's
-    area by depth."""
+    """Write, above, the depth of each cut of the morph along the line s (`line`, mm); below, the share of
+    each level's area by depth."""
     from matplotlib import figure
 
     made = figure.Figure(figsize=(10, 9.6), dpi=DPI, layout="constrained")

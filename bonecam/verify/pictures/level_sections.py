@@ -18,8 +18,8 @@ TITLE_ABOVE = 0.8
 
 
 def draw_levels(levels: Sequence[Level], post: tuple[float, float] | None, path: str | Path) -> None:
-    """Write sections of all levels across y and across x, to one scale, through the axis of the `post` (diameter,
-    top z), mm.
+    """Write sections of all levels across y and across x, to one scale, through the axis of the `post`
+    (diameter, top z), mm.
 
     Without a post they go through the middle of the last level.
     """
@@ -41,8 +41,8 @@ def draw_levels(levels: Sequence[Level], post: tuple[float, float] | None, path:
 def show_levels(
     plot: Plot, levels: Sequence[Level], post: tuple[float, float] | None, across: int, at: float = 0.0
 ) -> None:
-    """Draw the section of all levels by the plane of z and x (`across` = 0) or y (1), which lies `at` so many mm
-    along the third axis."""
+    """Draw the section of all levels by the plane of z and x (`across` = 0) or y (1), which lies `at` so many
+    mm along the third axis."""
     from matplotlib.collections import LineCollection
 
     norm = value_range(0, max(len(levels) - 1, 1))

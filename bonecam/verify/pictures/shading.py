@@ -17,8 +17,8 @@ AMBIENT, DIFFUSE = 0.55, 0.4
 def draw_shaded(
     plot: Plot, mesh: TriangleMesh, side: float, colours: Float[ndarray, "f 3"] | None = None
 ) -> None:
-    """Triangles that face the viewer at -y (`side` = 1) or y (-1), the far ones first; grey, or of one colour (RGB) a
-    face."""
+    """Triangles that face the viewer at -y (`side` = 1) or y (-1), the far ones first; grey, or of one colour
+    (RGB) a face."""
     from matplotlib.collections import PolyCollection
 
     facing = np.flatnonzero(side * mesh.face_vectors[:, 1] < 0)

@@ -17,8 +17,8 @@ EDGE_COLOUR, VERTEX_COLOUR = "#1f4e8c", "#b03020"
 
 
 def draw_tmesh(surface: TSpline, path: str | Path, chord_tolerance: float = CHORD) -> None:
-    """Write the T-mesh on the surface, seen from the front (-y) and from behind; `chord_tolerance` (mm) of the
-    shaded surface."""
+    """Write the T-mesh on the surface, seen from the front (-y) and from behind; `chord_tolerance` (mm) of
+    the shaded surface."""
     figure, plots = new_figure(2)
     for plot, side in zip(plots, (1.0, -1.0)):
         show_tmesh(plot, surface, side, chord_tolerance)
@@ -29,7 +29,8 @@ def draw_tmesh(surface: TSpline, path: str | Path, chord_tolerance: float = CHOR
 
 
 def show_tmesh(plot: Plot, surface: TSpline, side: float = 1.0, chord_tolerance: float = CHORD) -> None:
-    """Draw the shaded surface with the edges and vertices of its T-mesh, from -y (`side` = 1) or from y (-1)."""
+    """Draw the shaded surface with the edges and vertices of its T-mesh, from -y (`side` = 1) or from y
+    (-1)."""
     draw_shaded(plot, surface.tessellate(chord_tolerance), side)
     lines = tmesh_lines(surface.tmesh)
     _draw_edges(plot, surface, lines, side)

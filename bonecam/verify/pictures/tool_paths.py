@@ -27,8 +27,8 @@ def draw_toolpath(
     path: str | Path,
     post: tuple[float, float] | None = None,
 ) -> None:
-    """Write the outermost, a middle and the innermost level from the front (-y): contacts, some tool axes, links by
-    their tips; the `post` (diameter, top z), mm."""
+    """Write the outermost, a middle and the innermost level from the front (-y): contacts, some tool axes,
+    links by their tips; the `post` (diameter, top z), mm."""
     from matplotlib.lines import Line2D
 
     shown = [paths[k] for k in sorted({0, len(paths) // 2, len(paths) - 1})]
@@ -51,8 +51,8 @@ def draw_toolpath(
 
 
 def show_path(plot: Plot, item: ToolPath, level: TriangleMesh) -> None:
-    """Draw the moves on the side of a level that faces the viewer, by the surface normal at the contact, else by the
-    tool axis."""
+    """Draw the moves on the side of a level that faces the viewer, by the surface normal at the contact, else
+    by the tool axis."""
     from matplotlib.collections import LineCollection
 
     draw_shaded(plot, level, 1.0)

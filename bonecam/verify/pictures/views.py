@@ -1,4 +1,5 @@
-"""What a picture shows of a mesh: where a plane cuts it, from where it is seen, and the normals that shade it."""
+"""What a picture shows of a mesh: where a plane cuts it, from where it is seen, and the normals that shade
+it."""
 
 import numpy as np
 from jaxtyping import Float
@@ -8,8 +9,8 @@ from bonecam.mesh.healing.topology import edges_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 SHARP_ANGLE = np.radians(25.0)
-"""Where a face turns by more (radians) from the mean normal at a vertex, faces meet sharply there and are shaded by
-their own normals."""
+"""Where a face turns by more (radians) from the mean normal at a vertex, faces meet sharply there and are
+shaded by their own normals."""
 
 
 def section(
@@ -44,8 +45,8 @@ def view(mesh: TriangleMesh) -> Float[ndarray, "3 3"]:
 
 
 def corner_normals(mesh: TriangleMesh) -> Float[ndarray, "f 3 3"]:
-    """A unit normal at each corner of each face: the area-weighted mean of the faces round the vertex, or where they
-    meet sharply the face's own."""
+    """A unit normal at each corner of each face: the area-weighted mean of the faces round the vertex, or
+    where they meet sharply the face's own."""
     tiny = np.finfo(float).tiny
     area = np.linalg.norm(mesh.face_vectors, axis=1)
     own = mesh.face_vectors / np.maximum(area, tiny)[:, None]
