@@ -9,13 +9,15 @@ from pathlib import Path
 
 import pymeshlab
 import pytest
-from filter_examples import OFFSET, RECALL
 
 from bonecam.errors import FilterError
 from bonecam.filters import meshlab_names
-from bonecam.filters.filter import GROUP, Registry, filters_of, installed
+from bonecam.filters.filter import GROUP, Filter, Registry, filters_of, installed
 
-TESTS = Path(__file__).parent
+PLUGIN = """
+from bonecam.filters.filter import Filter
+FILTERS = [Filter("generate_offset", "Generate Offset", "Does nothing.", "Test", (), lambda *_: {})]
+"""
 
 
 @pytest.fixture
@@ -40,10 +42,11 @@ def install(folder: Path, name: str, text: str) -> EntryPoint:
 
 def test_third_party_filter_is_found_through_its_entry_point(plugin_folder: Path) -> None:
     assert "generate_offset" not in installed()
-    install(plugin_folder, "stranger_good", "from filter_examples import OFFSET\nFILTERS = [OFFSET]\n")
+    install(plugin_folder, "stranger_good", PLUGIN)
     installed.cache_clear()
-    assert installed()["generate_offset"] is OFFSET
-    assert installed()["Generate Offset"] is OFFSET
+    theirs = installed()["generate_offset"]
+    assert [theirs] == sys.modules["stranger_good"].FILTERS
+    assert installed()["Generate Offset"] is theirs
 
 
 @pytest.mark.parametrize(
@@ -66,15 +69,19 @@ def test_broken_plugin_is_an_error_with_its_name(plugin_folder: Path, text: str,
         installed()
 
 
-def test_two_filters_of_one_name_are_an_error() -> None:
-    for other in (OFFSET, replace(OFFSET, name="generate_other"), replace(OFFSET, display_name="Other")):
+def test_two_filters_of_one_name_are_an_error(offset_filter: Filter) -> None:
+    for other in (
+        offset_filter,
+        replace(offset_filter, name="generate_other"),
+        replace(offset_filter, display_name="Other"),
+    ):
         with pytest.raises(FilterError, match=r"two filters are called '(generate_offset|Generate Offset)'"):
-            Registry([OFFSET, other])
+            Registry([offset_filter, other])
 
 
 @pytest.mark.parametrize("name", ["Box/Cube", "generate_alpha_wrap"])
-def test_a_name_of_meshlab_s_is_taken(name: str) -> None:
-    clash = replace(OFFSET, name=name) if name.islower() else replace(OFFSET, display_name=name)
+def test_a_name_of_meshlab_s_is_taken(offset_filter: Filter, name: str) -> None:
+    clash = replace(offset_filter, name=name) if name.islower() else replace(offset_filter, display_name=name)
     with pytest.raises(FilterError, match=name):
         Registry([clash], taken=meshlab_names.all_names())
 
@@ -89,25 +96,29 @@ def test_a_name_of_meshlab_s_is_taken(name: str) -> None:
         {"category": ""},
     ],
 )
-def test_records_without_verb_family_or_words_are_refused(wrong: dict[str, str]) -> None:
+def test_records_without_verb_family_or_words_are_refused(
+    offset_filter: Filter, wrong: dict[str, str]
+) -> None:
     with pytest.raises(ValueError, match="filter"):
-        replace(OFFSET, **wrong)  # type: ignore[arg-type]
+        replace(offset_filter, **wrong)  # type: ignore[arg-type]
 
 
-def test_parameter_stated_twice_is_refused() -> None:
+def test_parameter_stated_twice_is_refused(offset_filter: Filter) -> None:
     with pytest.raises(ValueError, match="'distance' is there twice"):
-        replace(OFFSET, parameters=(*OFFSET.parameters, OFFSET.parameters[0]))
+        replace(offset_filter, parameters=(*offset_filter.parameters, offset_filter.parameters[0]))
 
 
-def test_unknown_filters_and_parameters_are_errors_with_the_known_ones() -> None:
+def test_unknown_filters_and_parameters_are_errors_with_the_known_ones(
+    offset_filter: Filter, recall_filter: Filter
+) -> None:
     with pytest.raises(FilterError, match="there is no filter 'nope'"):
-        Registry([OFFSET])["nope"]
+        Registry([offset_filter])["nope"]
     with pytest.raises(
         FilterError, match=r"generate_offset knows no parameter 'nope': use one of distance, how"
     ):
-        OFFSET.values({"nope": 1}, None)
+        offset_filter.values({"nope": 1}, None)
     with pytest.raises(FilterError, match=r"compute_recall knows no parameter 'nope': use one of none"):
-        RECALL.values({"nope": 1}, None)
+        recall_filter.values({"nope": 1}, None)
 
 
 def test_every_filter_of_meshlab_has_a_shown_name_that_leads_to_it() -> None:

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 import pymeshlab
 import pytest
-from filter_examples import TURN
 
 from bonecam.errors import BonecamError, Cancelled, FilterError, StockError
-from bonecam.filters.filter import Registry
+from bonecam.filters.filter import Filter, Registry
 from bonecam.filters.layers import Layers
 from bonecam.filters.meshset import MeshSet
 from bonecam.filters.script import apply_script
@@ -94,13 +93,15 @@ def test_a_failed_filter_leaves_the_layers_as_they_were(meshes: MeshSet) -> None
     assert meshes.current_mesh_id() == key
 
 
-def test_a_cancelled_filter_leaves_the_layers_as_they_were(phalanx: Path) -> None:
+def test_a_cancelled_filter_leaves_the_layers_as_they_were(turn_filter: Filter, phalanx: Path) -> None:
     def act(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
         layers.add(layers.mesh(), "half made")
         report(progress, 0.5, "half way")
         return {}
 
-    meshes = MeshSet(progress=lambda fraction, message: False, registry=Registry([replace(TURN, act=act)]))
+    meshes = MeshSet(
+        progress=lambda fraction, message: False, registry=Registry([replace(turn_filter, act=act)])
+    )
     meshes.load_new_mesh(str(phalanx))
     with pytest.raises(Cancelled):
         meshes.apply_turn()
