@@ -4,6 +4,7 @@ through itself."""
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -22,42 +23,18 @@ from bonecam.setup.capsule import Capsule
 from bonecam.setup.schedule import Schedule
 from bonecam.setup.stock import Stock
 from bonecam.setup.stocks.cylinder import Cylinder
+from bonecam.surface.files.tspline_text import write_tsm
 from bonecam.surface.query.closest_point import closest_points_near
-from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 SCHEDULE = Schedule((0.1, 0.1), 0.5)
 STOCK = Capsule(np.array([0.0, 0.0, 4.5]), np.array([0.0, 0.0, 15.5]), 4.5)
 
 
-def waisted(waist: float = 0.35, rows: int = 12, around: int = 10) -> TSpline:
-    """Control points of a bone with two heads and a waist, 18 mm long between z = 1 and z = 19."""
-    knots = np.concatenate([np.zeros(4), np.linspace(0, 1, rows - 2)[1:-1], np.ones(4)])
-    counts = [1] + [around + j % 2 for j in range(1, rows - 1)] + [1]
-    tmesh = RowTMesh.from_rows(knots, [np.arange(n) / n for n in counts])
-    points = []
-    for j, n in enumerate(counts):
-        t = knots[j + 1 : j + 4].mean()
-        z = 1.0 + 18.0 * t
-        reach = (
-            3.2 * np.sqrt(max(0.0, 1 - (2 * t - 1) ** 4)) * (1 - waist * np.exp(-(((t - 0.5) / 0.2) ** 2)))
-        )
-        angle = 2 * np.pi * np.arange(n) / n
-        points.append(np.column_stack([reach * np.cos(angle), 0.8 * reach * np.sin(angle), np.full(n, z)]))
-    return TSpline(tmesh, np.vstack(points), np.ones(tmesh.size))
-
-
-def grooved(share: float) -> TSpline:
-    """A bone with a groove along it, where some of its control points keep only this share of their distance
-    from the axis."""
-    part = waisted(0.0, around=16)
-    P = np.array(part.control_points)
-    P[(np.abs(np.arctan2(P[:, 1], P[:, 0])) < 0.1) & (np.abs(P[:, 2] - 10) < 7), :2] *= share
-    return part.with_control_points(P)
-
-
 @pytest.mark.parametrize("stock", [STOCK, Cylinder(4.5, 0.0, 20.0)])
-def test_a_surface_that_bounds_no_body_is_refused_at_once(stock: Stock) -> None:
+def test_a_surface_that_bounds_no_body_is_refused_at_once(
+    waisted: Callable[..., TSpline], stock: Stock
+) -> None:
     part = waisted()
     with pytest.raises(
         SurfaceError, match=r"^the part: .* is turned inside out, its normals point inwards: "
@@ -81,8 +58,10 @@ from bonecam.levels.open_morph import morph_open
 from bonecam.levels.edge_rounding import levels_in
 from bonecam.setup.schedule import Schedule
 from bonecam.setup.capsule import Capsule
-from test_closed_morph import SCHEDULE, STOCK, waisted
-part = waisted()
+from bonecam.surface.files.tspline_text import read_tsm
+SCHEDULE = Schedule((0.1, 0.1), 0.5)
+STOCK = Capsule(np.array([0.0, 0.0, 4.5]), np.array([0.0, 0.0, 15.5]), 4.5)
+part = read_tsm("part.tspline")
 for call in (
     lambda: levels_in(STOCK, part, SCHEDULE),
     lambda: morph(part, SCHEDULE, STOCK),
@@ -106,10 +85,13 @@ for call in (
 """
 
 
-def test_arguments_of_another_kind_are_refused_with_what_to_give() -> None:
+def test_arguments_of_another_kind_are_refused_with_what_to_give(
+    waisted: Callable[..., TSpline], tmp_path: Path
+) -> None:
     """In a process of its own, without these tests' own check of types."""
+    write_tsm(waisted(), tmp_path / "part.tspline")
     ran = subprocess.run(
-        [sys.executable, "-c", CALLS], cwd=Path(__file__).parent, capture_output=True, text=True, check=True
+        [sys.executable, "-c", CALLS], cwd=tmp_path, capture_output=True, text=True, check=True
     )
     assert re.sub(", such as.*", "", ran.stdout).splitlines() == [
         "surface is a Capsule: give a TSpline",
@@ -131,7 +113,7 @@ def test_arguments_of_another_kind_are_refused_with_what_to_give() -> None:
 
 
 @pytest.fixture(scope="module")
-def made() -> Morph:
+def made(waisted: Callable[..., TSpline]) -> Morph:
     return morph(waisted(), STOCK, SCHEDULE, chord_tolerance=0.02)
 
 
@@ -139,7 +121,7 @@ def test_no_more_than_one_cut_above_the_lower_bound(made: Morph) -> None:
     assert made.lower_bound <= made.cuts <= made.lower_bound + 1
 
 
-def test_the_lower_bound_counts_the_depth_both_ways() -> None:
+def test_the_lower_bound_counts_the_depth_both_ways(grooved: Callable[[float], TSpline]) -> None:
     """The bottom of this groove is 2.49 mm inside the stock, of which no point is farther than 2.28 mm from the
     part: 0.1, 0.1 and five cuts of 0.45 mm make 2.45 mm."""
     made = morph(grooved(0.5), STOCK, Schedule((0.1, 0.1), 0.45), chord_tolerance=0.02)
@@ -183,7 +165,7 @@ def test_the_levels_use_their_depth_up(made: Morph) -> None:
     assert made.depth_used >= 0.95
 
 
-def test_two_runs_give_the_same_control_points(made: Morph) -> None:
+def test_two_runs_give_the_same_control_points(waisted: Callable[..., TSpline], made: Morph) -> None:
     again = morph(waisted(), STOCK, SCHEDULE, chord_tolerance=0.02)
     for a, b in zip(made.levels[:-1], again.levels[:-1]):
         assert a.surface is not None
@@ -191,14 +173,14 @@ def test_two_runs_give_the_same_control_points(made: Morph) -> None:
         assert (a.surface.control_points == b.surface.control_points).all()
 
 
-def test_a_part_outside_the_stock_is_refused_at_once() -> None:
+def test_a_part_outside_the_stock_is_refused_at_once(waisted: Callable[..., TSpline]) -> None:
     with pytest.raises(StockError, match="does not hold the part"):
         morph(waisted(), Capsule(STOCK.start, STOCK.end, 2.5), SCHEDULE)
 
 
 @pytest.mark.parametrize("stock", [STOCK, Cylinder(4.0, 0.0, 20.0)], ids=str)
 def test_a_part_of_metres_in_a_stock_of_millimetres_is_not_tessellated_first(
-    stock: Stock, monkeypatch: pytest.MonkeyPatch
+    waisted: Callable[..., TSpline], stock: Stock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     huge = waisted().with_control_points(1000 * waisted().control_points)
     monkeypatch.setattr(TSpline, "tessellate", None)
@@ -206,25 +188,29 @@ def test_a_part_of_metres_in_a_stock_of_millimetres_is_not_tessellated_first(
         levels_in(huge, stock, SCHEDULE)
 
 
-def test_more_cuts_than_anybody_wants_are_refused_before_the_stock_is_looked_at_closely() -> None:
+def test_more_cuts_than_anybody_wants_are_refused_before_the_stock_is_looked_at_closely(
+    waisted: Callable[..., TSpline],
+) -> None:
     """Within the chord tolerance of what is left the mesh of this stock has a million faces."""
     with pytest.raises(LevelError, match="more than 2000 cuts"):
         morph(waisted(), Capsule(np.zeros(3), np.array([0.0, 0, 1]), 2000.0), Schedule((), 0.5))
 
 
-def test_an_unknown_attraction_is_refused() -> None:
+def test_an_unknown_attraction_is_refused(waisted: Callable[..., TSpline]) -> None:
     with pytest.raises(ValueError, match="choose one of"):
         morph(waisted(), STOCK, SCHEDULE, attraction="moon")
 
 
 @pytest.mark.parametrize("name", ["stiffness", "chord_tolerance"])
 @pytest.mark.parametrize("value", [-1.0, 1e6, float("nan"), float("inf")])
-def test_a_number_out_of_its_range_is_refused_by_name(name: str, value: float) -> None:
+def test_a_number_out_of_its_range_is_refused_by_name(
+    waisted: Callable[..., TSpline], name: str, value: float
+) -> None:
     with pytest.raises(JobError, match=f"^{name} = {value}: keep it within"):
         morph(waisted(), STOCK, SCHEDULE, **{name: value})
 
 
-def test_progress_that_answers_false_cancels() -> None:
+def test_progress_that_answers_false_cancels(waisted: Callable[..., TSpline]) -> None:
     with pytest.raises(Cancelled):
         morph(waisted(), STOCK, SCHEDULE, progress=lambda fraction, message: False)
 
@@ -250,6 +236,7 @@ def test_a_level_that_falls_behind_is_an_error_with_its_place_and_patch(made: Mo
 
 
 def test_a_level_that_cannot_keep_its_limits_ends_its_sequence_with_the_place(
+    waisted: Callable[..., TSpline],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(
@@ -261,7 +248,7 @@ def test_a_level_that_cannot_keep_its_limits_ends_its_sequence_with_the_place(
     assert abs(STOCK.signed_distance(caught.value.evidence["place"][None])[0]) < STOCK.radius
 
 
-def test_a_cut_too_deep_is_an_error() -> None:
+def test_a_cut_too_deep_is_an_error(waisted: Callable[..., TSpline]) -> None:
     surface = waisted()
     inner, outer = sheets(
         *(surface.with_control_points(surface.control_points * [k, k, 1.0]) for k in (1.0, 1.2))
@@ -272,7 +259,7 @@ def test_a_cut_too_deep_is_an_error() -> None:
     assert found.histogram.sum() == pytest.approx(1.0)  # what is deeper counts with the deepest
 
 
-def test_the_bottom_of_a_groove_is_no_deeper_than_the_cut() -> None:
+def test_the_bottom_of_a_groove_is_no_deeper_than_the_cut(grooved: Callable[[float], TSpline]) -> None:
     made = morph(grooved(0.4), STOCK, SCHEDULE, chord_tolerance=0.02)
     surfaces = [level.surface for level in made.levels[:-1] if level.surface is not None]
     rng = np.random.default_rng(3)
@@ -281,7 +268,7 @@ def test_the_bottom_of_a_groove_is_no_deeper_than_the_cut() -> None:
         assert outer.project(inner.positions(s, t)).distances.max() <= level.limit + check.DEPTH_TOLERANCE
 
 
-def test_a_groove_left_too_far_behind_is_an_error_at_its_bottom() -> None:
+def test_a_groove_left_too_far_behind_is_an_error_at_its_bottom(grooved: Callable[[float], TSpline]) -> None:
     part, filled = grooved(0.4), grooved(1.0)
     inner, outer = (
         Sheet(surface, level_grid(part, [part.control_points, filled.control_points], 0.02))
@@ -295,7 +282,7 @@ def test_a_groove_left_too_far_behind_is_an_error_at_its_bottom() -> None:
     assert abs(filled.project(error.value.evidence["place"][None]).distances[0] - found.depth_max_back) < 0.01
 
 
-def test_a_level_through_itself_is_an_error_with_its_place() -> None:
+def test_a_level_through_itself_is_an_error_with_its_place(waisted: Callable[..., TSpline]) -> None:
     surface = waisted()
     twisted = np.array(surface.control_points)
     twisted[len(twisted) // 2] = [-3.0, -3.0, 10.0]
@@ -306,7 +293,7 @@ def test_a_level_through_itself_is_an_error_with_its_place() -> None:
         check.require(1, found, 9.0, outer.mesh, behind=9.0)
 
 
-def test_distances_are_to_the_surface_not_to_its_tessellation() -> None:
+def test_distances_are_to_the_surface_not_to_its_tessellation(waisted: Callable[..., TSpline]) -> None:
     surface = waisted()
     rng = np.random.default_rng(5)
     s, t = rng.random(500), rng.uniform(0.05, 0.95, 500)
@@ -317,7 +304,9 @@ def test_distances_are_to_the_surface_not_to_its_tessellation() -> None:
     assert np.abs(sheet.distance.unsigned(places + 0.2 * normals) - 0.2).max() > 1e-3
 
 
-def test_a_coarse_tessellation_does_not_mislead_about_the_side_of_a_point() -> None:
+def test_a_coarse_tessellation_does_not_mislead_about_the_side_of_a_point(
+    waisted: Callable[..., TSpline],
+) -> None:
     surface = waisted()
     sheet = Sheet(surface, level_grid(surface, [surface.control_points], 0.2))
     rng = np.random.default_rng(5)
@@ -327,7 +316,7 @@ def test_a_coarse_tessellation_does_not_mislead_about_the_side_of_a_point() -> N
     assert np.abs(sheet.signed(points, np.column_stack([s, t])) + 0.11).max() < 1e-4
 
 
-def test_the_energy_matrices_are_the_integrals_of_the_paper() -> None:
+def test_the_energy_matrices_are_the_integrals_of_the_paper(waisted: Callable[..., TSpline]) -> None:
     surface = waisted()
     s, t, weights = integration_points(surface)
     assert weights.sum() == pytest.approx(1.0)

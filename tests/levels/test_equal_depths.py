@@ -1,19 +1,24 @@
 """Even levels: as many as before, the outermost no sliver."""
 
+from collections.abc import Callable
+
 import numpy as np
-from test_closed_morph import STOCK, waisted
 
 from bonecam.levels.edge_rounding import levels_in
 from bonecam.levels.equal_depths import even_levels
+from bonecam.setup.capsule import Capsule
 from bonecam.setup.schedule import Schedule
 from bonecam.setup.stocks.cylinder import Cylinder
+from bonecam.surface.tspline import TSpline
 
 SCHEDULE = Schedule((0.2,), 1.0)
 
 
-def test_the_outermost_cut_is_as_deep_as_the_others_and_there_are_as_many() -> None:
+def test_the_outermost_cut_is_as_deep_as_the_others_and_there_are_as_many(
+    capsule: Capsule, waisted: Callable[..., TSpline]
+) -> None:
     plain, even = (
-        make(waisted(), STOCK, SCHEDULE, chord_tolerance=0.05) for make in (levels_in, even_levels)
+        make(waisted(), capsule, SCHEDULE, chord_tolerance=0.05) for make in (levels_in, even_levels)
     )
     assert plain.levels[-1].depth_max < 0.75
     assert even.cuts == plain.cuts
@@ -23,7 +28,7 @@ def test_the_outermost_cut_is_as_deep_as_the_others_and_there_are_as_many() -> N
     assert max(depths) < 0.99
 
 
-def test_a_bar_keeps_its_rounding_levels() -> None:
+def test_a_bar_keeps_its_rounding_levels(waisted: Callable[..., TSpline]) -> None:
     bar = Cylinder(4.5, 0.0, 20.0)
     even = even_levels(waisted(), bar, SCHEDULE, chord_tolerance=0.05)
     assert sum(level.within is not None for level in even.levels) >= 2

@@ -1,12 +1,12 @@
 """Levels that are mended move as little as keeps their limits, and go on to the stock where that took them
 away from it."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-from test_closed_morph import SCHEDULE, STOCK, waisted
 
 from bonecam.levels.measure.certificate import certificate_of_last
 from bonecam.levels.measure.inspection import Inspection, Rules
@@ -20,23 +20,26 @@ from bonecam.levels.restore_feasibility import _runs, mend, surer
 from bonecam.levels.sequence import LANDING, MENDED, MOST_CREEP, Sequences
 from bonecam.levels.solvers.exchange import kept_level
 from bonecam.progress import silent
+from bonecam.setup.capsule import Capsule
+from bonecam.setup.schedule import Schedule
+from bonecam.surface.tspline import TSpline
 
 STIFFNESS = 5e-7
 PARAMETERS = StepParameters(STIFFNESS, bending=3e-7, uniform=3.0)
 
 
 @pytest.fixture(scope="module")
-def making() -> Sequences:
-    setting = setting_of(waisted(), STOCK, ATTRACTIONS["stock"])
-    around = whole(STOCK)
+def making(capsule: Capsule, waisted: Callable[..., TSpline], schedule: Schedule) -> Sequences:
+    setting = setting_of(waisted(), capsule, ATTRACTIONS["stock"])
+    around = whole(capsule)
     rest = remaining(setting, setting.surface.control_points, around)
-    return Sequences(setting, around, SCHEDULE, SCHEDULE.lower_bound(rest.left), silent, "admm", STIFFNESS)
+    return Sequences(setting, around, schedule, schedule.lower_bound(rest.left), silent, "admm", STIFFNESS)
 
 
 @pytest.fixture(scope="module")
-def made(making: Sequences) -> list[np.ndarray]:
+def made(capsule: Capsule, making: Sequences) -> list[np.ndarray]:
     setting = making.setting
-    return making.sequence(PARAMETERS, remaining(setting, setting.surface.control_points, whole(STOCK)))
+    return making.sequence(PARAMETERS, remaining(setting, setting.surface.control_points, whole(capsule)))
 
 
 def unwatched(made: list[np.ndarray]) -> dict[int, np.ndarray]:
@@ -75,12 +78,14 @@ def test_a_folded_level_starts_again_midway(making: Sequences, made: list[np.nda
 
 
 @pytest.fixture
-def spoilt(making: Sequences, made: list[np.ndarray]) -> tuple[list[np.ndarray], Inspection]:
+def spoilt(
+    capsule: Capsule, schedule: Schedule, making: Sequences, made: list[np.ndarray]
+) -> tuple[list[np.ndarray], Inspection]:
     """Level 3 is too deep, and measured."""
     levels = [*made]
     levels[3] = made[2] + 1.02 * (made[3] - made[2])
     return levels, Inspection(
-        making.setting.surface, levels, Rules(STOCK, SCHEDULE, 0.001, 0.001, 0.02), silent
+        making.setting.surface, levels, Rules(capsule, schedule, 0.001, 0.001, 0.02), silent
     )
 
 
@@ -96,7 +101,7 @@ def test_what_is_mended_is_measured_again(
 
 @pytest.mark.parametrize(("out", "mended"), [(0.006, True), (0.03, False)])
 def test_most_levels_are_mended_only_where_all_break_little(
-    making: Sequences, made: list[np.ndarray], out: float, mended: bool
+    capsule: Capsule, schedule: Schedule, making: Sequences, made: list[np.ndarray], out: float, mended: bool
 ) -> None:
     """Of three levels two go `out` mm farther than they may."""
     moves = np.diff(made, axis=0)
@@ -106,7 +111,7 @@ def test_most_levels_are_mended_only_where_all_break_little(
         *(level + k % 3 * move for k, (level, move) in enumerate(zip(made[1:], moves), start=1)),
     ]
     inspection = Inspection(
-        making.setting.surface, levels, Rules(STOCK, SCHEDULE, 0.001, 0.001, 0.02), silent
+        making.setting.surface, levels, Rules(capsule, schedule, 0.001, 0.001, 0.02), silent
     )
     failed = len(inspection.failed)
     assert failed > len(levels) / 2
@@ -154,17 +159,17 @@ def test_what_is_no_better_mended_stays_as_it_was(
 
 
 def test_a_slit_that_the_points_measured_missed_takes_one_more_level(
-    making: Sequences, made: list[np.ndarray]
+    capsule: Capsule, schedule: Schedule, making: Sequences, made: list[np.ndarray]
 ) -> None:
     inspection = Inspection(
         making.setting.surface,
         making.mended(made, {5}, (), unwatched(made))[0],
-        Rules(STOCK, SCHEDULE, 0.01, 0.001, 0.02),
+        Rules(capsule, schedule, 0.01, 0.001, 0.02),
         silent,
     )
     assert not inspection.failed
     last = inspection.cuts[-1]
-    sure = certificate_of_last(inspection.levels[-2].surface, STOCK, last.level.limit)
+    sure = certificate_of_last(inspection.levels[-2].surface, capsule, last.level.limit)
     deep = replace(last.level, certificate=replace(sure, depth=last.level.limit + 0.05))
     inspection._cuts[deep.index] = replace(last, level=deep)
     again = surer(inspection, making)
@@ -174,10 +179,12 @@ def test_a_slit_that_the_points_measured_missed_takes_one_more_level(
 
 
 def test_a_last_cut_that_is_measured_too_deep_takes_one_more_level(
-    making: Sequences, made: list[np.ndarray]
+    capsule: Capsule, schedule: Schedule, making: Sequences, made: list[np.ndarray]
 ) -> None:
     levels = making.mended(made, {5}, (), unwatched(made))[0][:-1]
-    inspection = Inspection(making.setting.surface, levels, Rules(STOCK, SCHEDULE, 0.01, 0.001, 0.02), silent)
+    inspection = Inspection(
+        making.setting.surface, levels, Rules(capsule, schedule, 0.01, 0.001, 0.02), silent
+    )
     assert [cut.level.index for cut in inspection.failed] == [len(levels)]
     again = surer(inspection, making)
     assert len(again.cuts) == len(levels) + 1
@@ -216,12 +223,14 @@ def test_the_landing_creeps_outwards_and_not_from_far(making: Sequences) -> None
         assert landings.min() >= LANDING
 
 
-def test_levels_that_end_too_early_go_on_to_the_stock(making: Sequences, made: list[np.ndarray]) -> None:
+def test_levels_that_end_too_early_go_on_to_the_stock(
+    capsule: Capsule, schedule: Schedule, making: Sequences, made: list[np.ndarray]
+) -> None:
     assert len(making.onward(made)) == len(made)
     longer = making.onward(made[:-2])
-    left = remaining(making.setting, longer[-1], whole(STOCK)).left
+    left = remaining(making.setting, longer[-1], whole(capsule)).left
     assert len(longer) >= len(made) - 1
-    assert left <= SCHEDULE.limit(len(longer))
+    assert left <= schedule.limit(len(longer))
     assert all(np.array_equal(a, b) for a, b in zip(longer, made[:-2]))
 
 

@@ -1,13 +1,13 @@
 """Certificates hold between the samples: what is known exactly is bounded tightly, nothing that is found
 exceeds a bound."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy import ndarray
-from test_closed_morph import grooved
 
 from bonecam.job import Job, MeshJob
 from bonecam.kernels import hull_depth, hulls
@@ -198,7 +198,7 @@ def test_a_bump_with_its_peak_between_the_samples_passes_the_check_but_not_the_c
     assert part.project(places).distances.max() > limit + check.DEPTH_TOLERANCE
 
 
-def test_depths_are_bounded_both_ways() -> None:
+def test_depths_are_bounded_both_ways(grooved: Callable[[float], TSpline]) -> None:
     inner, outer = grooved(0.4), grooved(1.0)
     found, s, t = certificate.certificate(inner, outer, STOCK, 0.1), *dense(5, 40_000)
     there, back = (

@@ -1,12 +1,16 @@
 """Programs set up again where their samples are: targets slide beside the samples, but not at the poles."""
 
+from collections.abc import Callable
+
 import numpy as np
-from test_energy import first_program
 
 from bonecam.arrays import dots
+from bonecam.levels.problem.program import Program
 
 
-def test_targets_keep_their_way_along_the_normals_and_stand_still_at_the_poles() -> None:
+def test_targets_keep_their_way_along_the_normals_and_stand_still_at_the_poles(
+    first_program: Callable[[], Program],
+) -> None:
     before = first_program()
     moves = np.tile([0.02, -0.01, 0.03], (before.R.shape[1], 1))
     after = before.at(moves)

@@ -1,11 +1,11 @@
 """The published program, solved exactly, and the default method beside it."""
 
+from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from test_closed_morph import SCHEDULE, STOCK, waisted
 
 from bonecam.errors import LevelError
 from bonecam.levels.closed_morph import morph
@@ -15,8 +15,10 @@ from bonecam.levels.published_morph import published_sequence
 from bonecam.levels.solvers.clarabel import solve_cones
 from bonecam.levels.solvers.published import next_moves
 from bonecam.progress import silent
+from bonecam.setup.capsule import Capsule
 from bonecam.setup.schedule import Schedule
 from bonecam.setup.stocks.cylinder import Cylinder
+from bonecam.surface.tspline import TSpline
 
 STIFFNESS = 1e-7
 pytest.importorskip("clarabel", reason="the extra `reference` is not installed")
@@ -45,7 +47,7 @@ def test_contradicting_limits_are_an_error() -> None:
         solve_cones(sp.csc_array(sp.eye_array(1)), np.zeros((1, 3)), (ball,), away)
 
 
-def test_a_stock_that_is_no_capsule_is_held_by_planes() -> None:
+def test_a_stock_that_is_no_capsule_is_held_by_planes(waisted: Callable[..., TSpline]) -> None:
     stock = Cylinder(3.3, 0.7, 19.3).round_edges(1.0)
     surface, program = waisted(), PublishedProgram(waisted(), stock, "stock")
     P = np.array(surface.control_points)
@@ -58,15 +60,17 @@ def test_a_stock_that_is_no_capsule_is_held_by_planes() -> None:
 
 
 @pytest.mark.parametrize("attraction", ["stock", "sphere"])
-def test_the_exact_level_keeps_the_published_limits(attraction: str) -> None:
-    surface, program = waisted(), PublishedProgram(waisted(), STOCK, attraction)
+def test_the_exact_level_keeps_the_published_limits(
+    waisted: Callable[..., TSpline], capsule: Capsule, attraction: str
+) -> None:
+    surface, program = waisted(), PublishedProgram(waisted(), capsule, attraction)
     P = np.array(surface.control_points)
     moves = next_moves(program, P, 0.5, STIFFNESS)
     rng = np.random.default_rng(3)
     R = surface.basis(rng.random(3000), rng.random(3000))[0]
     assert np.linalg.norm(R @ moves, axis=1).max() <= 0.503
-    assert STOCK.signed_distance(R @ (P + moves)).max() <= 0.001
-    hull = next_moves(PublishedProgram(waisted(), STOCK, attraction, hull=True), P, 0.5, STIFFNESS)
+    assert capsule.signed_distance(R @ (P + moves)).max() <= 0.001
+    hull = next_moves(PublishedProgram(waisted(), capsule, attraction, hull=True), P, 0.5, STIFFNESS)
     assert np.linalg.norm(hull, axis=1).max() <= 0.5 + 1e-5
     assert (
         program.energy(P, moves, STIFFNESS)
@@ -77,25 +81,31 @@ def test_the_exact_level_keeps_the_published_limits(attraction: str) -> None:
 
 @pytest.mark.parametrize("attraction", ["stock", "sphere"])
 def test_the_default_method_comes_within_one_percent_of_the_exact_energy(
-    attraction: str, monkeypatch: pytest.MonkeyPatch
+    capsule: Capsule,
+    schedule: Schedule,
+    waisted: Callable[..., TSpline],
+    attraction: str,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Of the published energy, for the depth held on the control points and solved exactly, from each of the
     first levels to the next."""
     monkeypatch.setattr(
         "bonecam.levels.measure.inspection.require", lambda *_: None
     )  # what is measured later on does not matter here
-    made = morph(waisted(), STOCK, SCHEDULE, attraction=attraction, chord_tolerance=0.05)
+    made = morph(waisted(), capsule, schedule, attraction=attraction, chord_tolerance=0.05)
     nets = [level.surface.control_points for level in made.levels if level.surface is not None]
-    program = PublishedProgram(waisted(), STOCK, attraction, hull=True)
+    program = PublishedProgram(waisted(), capsule, attraction, hull=True)
     for k, (before, after) in enumerate(pairwise(nets[:5]), start=1):
-        exact = program.energy(before, next_moves(program, before, SCHEDULE.limit(k), STIFFNESS), STIFFNESS)
+        exact = program.energy(before, next_moves(program, before, schedule.limit(k), STIFFNESS), STIFFNESS)
         assert program.energy(before, after - before, STIFFNESS) <= 1.01 * exact
 
 
-def test_as_printed_the_program_forgets_nesting_and_what_lies_between_its_samples() -> None:
+def test_as_printed_the_program_forgets_nesting_and_what_lies_between_its_samples(
+    waisted: Callable[..., TSpline], capsule: Capsule
+) -> None:
     P = np.array(waisted().control_points)
     ours, printed = (
-        PublishedProgram(waisted(), STOCK, "sphere", printed=printed) for printed in (False, True)
+        PublishedProgram(waisted(), capsule, "sphere", printed=printed) for printed in (False, True)
     )
     moves = next_moves(printed, P, 0.5, STIFFNESS)
     assert printed.energy(P, moves, STIFFNESS) < ours.energy(
@@ -106,26 +116,30 @@ def test_as_printed_the_program_forgets_nesting_and_what_lies_between_its_sample
     assert 0.5 < np.linalg.norm(R @ moves, axis=1).max() < 0.6
 
 
-def test_the_method_has_the_default_ones_interface() -> None:
-    made = morph(waisted(rows=8, around=6), STOCK, Schedule((), 0.8), method="qcqp", chord_tolerance=0.05)
+def test_the_method_has_the_default_ones_interface(capsule: Capsule, waisted: Callable[..., TSpline]) -> None:
+    made = morph(waisted(rows=8, around=6), capsule, Schedule((), 0.8), method="qcqp", chord_tolerance=0.05)
     assert made.lower_bound <= made.cuts <= made.lower_bound + 2
     assert all(level.depth_max <= level.limit + 0.002 for level in made.levels[1:])
 
 
-def test_a_level_that_leaves_its_limits_is_told_with_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_level_that_leaves_its_limits_is_told_with_its_place(
+    capsule: Capsule, schedule: Schedule, waisted: Callable[..., TSpline], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("bonecam.levels.solvers.published.ROUNDS", 1)
     with pytest.raises(
         LevelError,
         match=r"^level 3: .* limits by 0\.\d+ mm at \(.*\) after 1 rounds: raise surface\.max_control_points$",
     ) as caught:
-        morph(waisted(), STOCK, SCHEDULE, method="qcqp", attraction="sphere", chord_tolerance=0.05)
+        morph(waisted(), capsule, schedule, method="qcqp", attraction="sphere", chord_tolerance=0.05)
     assert caught.value.evidence["level"] == 3
-    assert waisted().project(caught.value.evidence["place"][None]).distances[0] <= SCHEDULE.reach(3) + 0.01
+    assert waisted().project(caught.value.evidence["place"][None]).distances[0] <= schedule.reach(3) + 0.01
 
 
-def test_a_level_within_what_is_measured_as_sound_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_level_within_what_is_measured_as_sound_is_taken(
+    capsule: Capsule, waisted: Callable[..., TSpline], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A level of a bone that is drawn to its bounding sphere was left at 0.0014 mm after all rounds."""
-    program, P = PublishedProgram(waisted(), STOCK, "sphere"), np.array(waisted().control_points)
+    program, P = PublishedProgram(waisted(), capsule, "sphere"), np.array(waisted().control_points)
     monkeypatch.setattr("bonecam.levels.solvers.published.TOLERANCE", 1e-7)
     monkeypatch.setattr("bonecam.levels.solvers.published.ROUNDS", 4)
     broken, _ = program.broken(P, next_moves(program, P, 0.5, STIFFNESS), 0.5)
@@ -133,6 +147,9 @@ def test_a_level_within_what_is_measured_as_sound_is_taken(monkeypatch: pytest.M
 
 
 def test_levels_that_get_no_nearer_end_soon_and_tell_another_attraction(
+    capsule: Capsule,
+    schedule: Schedule,
+    waisted: Callable[..., TSpline],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def outwards(program: PublishedProgram, P: np.ndarray, depth: float, stiffness: float) -> np.ndarray:
@@ -143,14 +160,18 @@ def test_levels_that_get_no_nearer_end_soon_and_tell_another_attraction(
         LevelError,
         match=r"^level 11 gets no nearer to the stock than 3\.000 mm at .*, or take levels\.attraction stock$",
     ):
-        published_sequence(waisted(), STOCK, SCHEDULE, STIFFNESS, "sphere", lambda P: (3.0, P[0]), silent)
+        published_sequence(waisted(), capsule, schedule, STIFFNESS, "sphere", lambda P: (3.0, P[0]), silent)
 
 
-def test_an_unknown_method_is_refused() -> None:
+def test_an_unknown_method_is_refused(
+    capsule: Capsule, schedule: Schedule, waisted: Callable[..., TSpline]
+) -> None:
     with pytest.raises(ValueError, match="choose one of qp, qcqp"):
-        morph(waisted(), STOCK, SCHEDULE, method="magic")
+        morph(waisted(), capsule, schedule, method="magic")
 
 
-def test_an_attraction_the_paper_has_not_is_refused() -> None:
+def test_an_attraction_the_paper_has_not_is_refused(
+    capsule: Capsule, waisted: Callable[..., TSpline]
+) -> None:
     with pytest.raises(ValueError, match="choose one of"):
-        PublishedProgram(waisted(), STOCK, "nearest")
+        PublishedProgram(waisted(), capsule, "nearest")

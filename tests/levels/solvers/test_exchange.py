@@ -1,18 +1,17 @@
 """One level's program: what ADMM solves is what OSQP and a cone solver find, and its limits are
 distances."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from test_closed_morph import STOCK, waisted
 
 from bonecam.levels.body_surface import body_surfaces
 from bonecam.levels.problem.cut import Cut, StepParameters
-from bonecam.levels.problem.discretisation import Setting, setting_of
-from bonecam.levels.problem.energies.attraction import ATTRACTIONS
+from bonecam.levels.problem.discretisation import Setting
 from bonecam.levels.problem.program import Program, program_of
 from bonecam.levels.problem.remaining import remaining, whole
 from bonecam.levels.solvers import admm
@@ -20,37 +19,42 @@ from bonecam.levels.solvers.exchange import next_level
 from bonecam.levels.solvers.osqp import solve_qp
 from bonecam.setup.capsule import Capsule
 from bonecam.surface.query.closest_point import closest_points_near
-
-PARAMETERS = StepParameters(stiffness=1e-7, bending=1e-7, uniform=0.05)
-CUT = Cut(depth=0.5, landing=0.05)
+from bonecam.surface.tspline import TSpline
 
 
-@cache
-def setting() -> Setting:
-    return setting_of(waisted(), STOCK, ATTRACTIONS["stock"])
+@pytest.fixture(scope="module")
+def program(
+    setting: Setting, half_millimetre: Cut, step_parameters: StepParameters, capsule: Capsule
+) -> Callable[[int], Program]:
+    """Sets up the program of the level after this many."""
 
+    @cache
+    def set_up(levels: int) -> Program:
+        P = np.array(setting.surface.control_points)
+        rest = remaining(setting, P, whole(capsule))
+        for _ in range(levels):
+            P = P + next_level(setting, P, rest, half_millimetre, step_parameters).moves
+            rest = remaining(setting, P, rest)
+        return program_of(setting, P, rest, half_millimetre, step_parameters)
 
-@cache
-def program(levels: int) -> Program:
-    P = np.array(setting().surface.control_points)
-    rest = remaining(setting(), P, whole(STOCK))
-    for _ in range(levels):
-        P = P + next_level(setting(), P, rest, CUT, PARAMETERS).moves
-        rest = remaining(setting(), P, rest)
-    return program_of(setting(), P, rest, CUT, PARAMETERS)
+    return set_up
 
 
 @pytest.mark.parametrize("levels", [0, 1, 2])
-def test_the_energy_is_within_one_percent_of_the_reference(levels: int) -> None:
+def test_the_energy_is_within_one_percent_of_the_reference(
+    program: Callable[[int], Program], half_millimetre: Cut, levels: int
+) -> None:
     """The same linear limits for both: ADMM does not set them up again here."""
     one = program(levels)
     ours = admm.solve(one, set_up_every=10**6)
     assert one.energy(ours) == pytest.approx(one.energy(exact(one)), rel=0.01)
-    assert one.limits.broken(one.x + one.R @ ours).max() < 0.02 * CUT.depth
+    assert one.limits.broken(one.x + one.R @ ours).max() < 0.02 * half_millimetre.depth
 
 
 @pytest.mark.parametrize("levels", [0, 1, 2])
-def test_so_is_it_where_limits_and_targets_are_set_up_again(levels: int) -> None:
+def test_so_is_it_where_limits_and_targets_are_set_up_again(
+    program: Callable[[int], Program], levels: int
+) -> None:
     """Where the samples came to. (Level 4 is the last below the stock, and has next to nothing to move.)"""
     one = program(levels)
     there = one.at(ours := admm.solve(one))
@@ -74,7 +78,7 @@ def exact(one: Program) -> np.ndarray:
     return np.array(answer.x).reshape(3, -1).T
 
 
-def test_osqp_finds_the_same_optimum() -> None:
+def test_osqp_finds_the_same_optimum(program: Callable[[int], Program]) -> None:
     one = program(1)
     rows = one.limits.rows(one.R, one.x)
     found = (
@@ -85,18 +89,26 @@ def test_osqp_finds_the_same_optimum() -> None:
     assert one.energy(found) == pytest.approx(one.energy(admm.solve(one, set_up_every=10**6)), rel=0.01)
 
 
-def test_what_is_left_broken_is_projected_away() -> None:
-    P = np.array(setting().surface.control_points)
-    rest = remaining(setting(), P, whole(STOCK))
+def test_what_is_left_broken_is_projected_away(
+    setting: Setting, capsule: Capsule, step_parameters: StepParameters, half_millimetre: Cut
+) -> None:
+    P = np.array(setting.surface.control_points)
+    rest = remaining(setting, P, whole(capsule))
     for k in range(4):
-        step = next_level(setting(), P, rest, replace(CUT, landing=CUT.landing + 0.01 * (4 - k)), PARAMETERS)
+        step = next_level(
+            setting,
+            P,
+            rest,
+            replace(half_millimetre, landing=half_millimetre.landing + 0.01 * (4 - k)),
+            step_parameters,
+        )
         assert step.broken < 0.001
         assert not step.amiss.any()
         P = P + step.moves
-        rest = remaining(setting(), P, rest)
+        rest = remaining(setting, P, rest)
 
 
-def test_feet_are_nearest_places() -> None:
+def test_feet_are_nearest_places(waisted: Callable[..., TSpline]) -> None:
     surface = waisted()
     rng = np.random.default_rng(2)
     s, t = rng.random(300), rng.uniform(0.02, 0.98, 300)
@@ -121,7 +133,7 @@ def test_feet_are_found_from_farther_off_than_the_radius_of_curvature() -> None:
     assert np.abs(np.linalg.norm(points - foot, axis=1) - 2.0).max() < 1e-3
 
 
-def test_feet_reach_the_poles() -> None:
+def test_feet_reach_the_poles(waisted: Callable[..., TSpline]) -> None:
     """On a part so large that the rings from which Newton goes no farther are 0.5 mm wide."""
     large = waisted()
     large = large.with_control_points(100 * large.control_points)
@@ -135,7 +147,7 @@ def test_feet_reach_the_poles() -> None:
         assert (out * normals[:, 2] > 0.99).all()
 
 
-def test_the_way_to_a_foot_ends_at_a_place_that_is_near_enough() -> None:
+def test_the_way_to_a_foot_ends_at_a_place_that_is_near_enough(waisted: Callable[..., TSpline]) -> None:
     surface = waisted()
     rng = np.random.default_rng(3)
     s, t = rng.random(300), rng.uniform(0.02, 0.98, 300)

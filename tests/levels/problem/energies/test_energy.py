@@ -1,42 +1,32 @@
 """What all energies promise, whichever are listed, and that one more in a list is part of the program."""
 
+from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from test_closed_morph import STOCK
-from test_exchange import CUT, PARAMETERS, setting
 
 from bonecam.levels.problem import program
-from bonecam.levels.problem.cut import ROUGH
+from bonecam.levels.problem.cut import ROUGH, Cut, StepParameters
+from bonecam.levels.problem.discretisation import Setting
 from bonecam.levels.problem.energies.attraction import unit
 from bonecam.levels.problem.energies.energy import Given, Pulled, Quadratic
 from bonecam.levels.problem.energies.pull import targets
 from bonecam.levels.problem.energies.thin_plate import plate
 from bonecam.levels.problem.program import MOST_BENT, NET, SAMPLED, Program, program_of
-from bonecam.levels.problem.remaining import remaining, whole
 from bonecam.levels.solvers import admm
+from bonecam.setup.capsule import Capsule
 from bonecam.surface.query.closest_point import closest_points_near
 
 RNG = np.random.default_rng(4)
 
 
-@cache
-def given() -> Given:
-    part = setting().surface
-    return Given(setting(), part, remaining(setting(), part.control_points, whole(STOCK)), CUT, PARAMETERS)
-
-
-def first_program() -> Program:
-    one = given()
-    return program_of(one.setting, one.before.control_points, one.rest, one.cut, one.parameters)
-
-
 @pytest.mark.parametrize("energy", [*NET, *SAMPLED], ids=lambda energy: energy.__name__)
-def test_its_matrices_are_those_of_a_convex_energy(energy) -> None:  # type: ignore[no-untyped-def]
-    found, before, free = energy(given()), given().before, setting().free
+def test_its_matrices_are_those_of_a_convex_energy(
+    given: Given, setting: Setting, half_millimetre: Cut, capsule: Capsule, energy
+) -> None:  # type: ignore[no-untyped-def]
+    found, before, free = energy(given), given.before, setting.free
     if isinstance(found, Quadratic):
         matrix = found.matrix
         assert found.linear.shape == (free.shape[1], 3)
@@ -45,8 +35,8 @@ def test_its_matrices_are_those_of_a_convex_energy(energy) -> None:  # type: ign
         assert np.allclose(found.R @ before.control_points, found.x, atol=1e-12)
         assert np.allclose(before.evaluate(found.s, found.t), found.x, atol=1e-12)
         *_, foot, _ = closest_points_near(before, found.target, found.s, found.t, 8)
-        assert np.linalg.norm(found.target - foot, axis=1).max() < CUT.depth + 0.002
-        assert STOCK.signed_distance(found.target).max() < -CUT.landing + 1e-9
+        assert np.linalg.norm(found.target - foot, axis=1).max() < half_millimetre.depth + 0.002
+        assert capsule.signed_distance(found.target).max() < -half_millimetre.landing + 1e-9
         assert found.weights.min() >= 0
         assert found.beyond.min() >= 1
         matrix = free.T @ found.R.T @ sp.diags_array(found.weights) @ found.R @ free
@@ -57,7 +47,7 @@ def test_its_matrices_are_those_of_a_convex_energy(energy) -> None:  # type: ign
     assert eigenvalues[0] >= -1e-12 * eigenvalues[-1]
 
 
-def test_the_gradient_is_the_slope_of_the_energy_written_out() -> None:
+def test_the_gradient_is_the_slope_of_the_energy_written_out(first_program: Callable[[], Program]) -> None:
     one, step = first_program(), 1e-3
     D = RNG.normal(size=one.net.linear.shape)
 
@@ -74,31 +64,37 @@ def test_the_gradient_is_the_slope_of_the_energy_written_out() -> None:
     assert one.energy(D) == pytest.approx(energy(1.0))
 
 
-def test_the_plate_is_stiffness_of_the_moves_and_bending_of_the_level() -> None:
-    found, M, P = plate(given()), setting().M, given().before.control_points
+def test_the_plate_is_stiffness_of_the_moves_and_bending_of_the_level(
+    given: Given, setting: Setting, step_parameters: StepParameters, half_millimetre: Cut
+) -> None:
+    found, M, P = plate(given), setting.M, given.before.control_points
     D = RNG.normal(size=found.linear.shape)
-    moves, bending = setting().free @ D, PARAMETERS.bending * (CUT.depth / ROUGH) ** 2
+    moves, bending = setting.free @ D, step_parameters.bending * (half_millimetre.depth / ROUGH) ** 2
     of_moves, after, now = (float(np.einsum("ij,ij->", net, M @ net)) for net in (moves, P + moves, P))
     value = np.einsum("ij,ij->", D, found.matrix @ D) + 2 * np.einsum("ij,ij->", found.linear, D)
-    assert value == pytest.approx(PARAMETERS.stiffness * of_moves + bending * (after - now))
+    assert value == pytest.approx(step_parameters.stiffness * of_moves + bending * (after - now))
 
 
-def test_what_is_near_the_wall_is_not_drawn_along_it() -> None:
-    middle = STOCK.start + (STOCK.end - STOCK.start) / 2
-    net = middle + 1.09 * (given().before.control_points - middle)
-    near, samples = replace(given(), before=setting().surface.with_control_points(net)), setting().samples
+def test_what_is_near_the_wall_is_not_drawn_along_it(
+    capsule: Capsule, given: Given, setting: Setting, half_millimetre: Cut
+) -> None:
+    middle = capsule.start + (capsule.end - capsule.start) / 2
+    net = middle + 1.09 * (given.before.control_points - middle)
+    near, samples = replace(given, before=setting.surface.with_control_points(net)), setting.samples
     x = samples.R @ net
-    gap, outward = -STOCK.signed_distance(x), STOCK.normals(x)
-    assert gap.min() < 0.5 * CUT.depth < 0.5 < gap.max()
+    gap, outward = -capsule.signed_distance(x), capsule.normals(x)
+    assert gap.min() < 0.5 * half_millimetre.depth < 0.5 < gap.max()
     oblique = unit(outward + unit(np.cross(outward, RNG.normal(size=3))))
     found = targets(near, x, samples.s, samples.t, samples.normals(net), oblique, np.ones(len(x)))
     way = np.linalg.norm(found - x, axis=1)
     assert (way <= np.sqrt(2) * gap + 1e-9).all()
-    assert way[gap > CUT.depth].min() > 0.4 * CUT.depth
+    assert way[gap > half_millimetre.depth].min() > 0.4 * half_millimetre.depth
 
 
-def test_bending_alone_takes_no_sample_farther_than_some_depths() -> None:
-    one = given()
+def test_bending_alone_takes_no_sample_farther_than_some_depths(
+    given: Given, step_parameters: StepParameters, half_millimetre: Cut
+) -> None:
+    one = given
 
     def with_bending(bending: float) -> tuple[Program, float]:
         """And how far bending alone takes samples."""
@@ -112,16 +108,18 @@ def test_bending_alone_takes_no_sample_farther_than_some_depths() -> None:
         moves = np.linalg.solve(found.matrix.toarray(), -found.net.linear)
         return found, float(np.linalg.norm(found.R @ moves, axis=1).max())
 
-    soft, its = with_bending(PARAMETERS.bending)
+    soft, its = with_bending(step_parameters.bending)
     assert np.array_equal(soft.net.linear, plate(one).linear)
-    assert its < MOST_BENT * CUT.depth
+    assert its < MOST_BENT * half_millimetre.depth
     stiff, its = with_bending(1e-2)
-    assert its == pytest.approx(MOST_BENT * CUT.depth)
+    assert its == pytest.approx(MOST_BENT * half_millimetre.depth)
     whole_pull = plate(replace(one, parameters=replace(one.parameters, bending=1e-2))).linear
     assert np.allclose(stiff.net.linear, whole_pull * (stiff.net.linear[0, 2] / whole_pull[0, 2]))
 
 
-def test_a_new_energy_is_one_function_more(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_new_energy_is_one_function_more(
+    given: Given, first_program: Callable[[], Program], monkeypatch: pytest.MonkeyPatch
+) -> None:
     def anchor(given: Given) -> Quadratic:
         count = given.setting.free.shape[1]
         return Quadratic(sp.csc_array(1e3 * sp.eye_array(count)), np.zeros((count, 3)))

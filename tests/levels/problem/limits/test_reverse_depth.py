@@ -1,17 +1,22 @@
 """How far the new level is from the level before, and a level from the stock, seen from the bottoms of
 hollows."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
-from test_closed_morph import STOCK, grooved
 
 from bonecam.levels.problem.discretisation import setting_of
 from bonecam.levels.problem.energies.attraction import ATTRACTIONS
 from bonecam.levels.problem.limits.reverse_depth import behind
 from bonecam.levels.problem.remaining import remaining, whole
+from bonecam.setup.capsule import Capsule
+from bonecam.surface.tspline import TSpline
 
 
-def test_what_a_filled_groove_leaves_behind_is_found_at_its_distance() -> None:
+def test_what_a_filled_groove_leaves_behind_is_found_at_its_distance(
+    grooved: Callable[[float], TSpline],
+) -> None:
     part, filled = grooved(0.4), grooved(1.0)
     rng = np.random.default_rng(1)
     s, t = rng.random(3000), rng.uniform(0.1, 0.9, 3000)
@@ -24,9 +29,11 @@ def test_what_a_filled_groove_leaves_behind_is_found_at_its_distance() -> None:
     assert np.abs(np.mod(s[found.which] + 0.5, 1) - 0.5).max() < 0.15
 
 
-def test_of_a_groove_more_is_left_from_its_bottom_than_from_the_stock() -> None:
-    setting = setting_of(grooved(0.4), STOCK, ATTRACTIONS["stock"])
-    rest = remaining(setting, setting.surface.control_points, whole(STOCK))
+def test_of_a_groove_more_is_left_from_its_bottom_than_from_the_stock(
+    capsule: Capsule, grooved: Callable[[float], TSpline]
+) -> None:
+    setting = setting_of(grooved(0.4), capsule, ATTRACTIONS["stock"])
+    rest = remaining(setting, setting.surface.control_points, whole(capsule))
     assert rest.farthest < rest.left == rest.depth
-    assert -STOCK.signed_distance(rest.place[None])[0] == pytest.approx(rest.depth)
+    assert -capsule.signed_distance(rest.place[None])[0] == pytest.approx(rest.depth)
     assert np.hypot(*rest.place[:2]) < 2.5
