@@ -9,7 +9,7 @@ from pathlib import Path
 from bonecam.job import Job
 from bonecam.levels.job_levels import check_method, make_levels
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.nc.dialect import read_dialect
+from bonecam.nc.dialect import Dialect, read_dialect
 from bonecam.nc.kinematics import axis_limits
 from bonecam.nc.machine import Machine, read_machine
 from bonecam.nc.posting.write import write_program
@@ -54,39 +54,14 @@ def convert(
     dialect = read_dialect(job.nc.controller)
     check_job(job, machine)
     outputs = Outputs(program, keep, report, surface)
-    outputs.check(_file_of(mesh), dialect)
+    source = _file_of(mesh)
+    outputs.check(source, dialect)
     times = StageTimes()
 
     made = _morph(mesh, job, machine, keep, times, part(progress, 0.0, 0.3))
-    levels = made.levels.levels
-    design = levels[0].surface
-    assert design is not None
-
-    with times.stage("toolpath"):
-        paths = plan_paths(levels, made.stock, job, axis_limits(machine), part(progress, 0.3, 0.85))
-
-    with times.stage("nc"):
-        file = _file_of(mesh)
-        posted = write_program(
-            paths,
-            machine,
-            dialect,
-            job,
-            name=program_name(program or file or ""),
-            comments=[f"part: {Path(file).name}"] if file else [],
-            stock_bounds=made.stock.bounds,
-            progress=part(progress, 0.85, 0.9),
-        )
-
-    with times.stage("verify"):
-        tolerances = Tolerances(gouge=job.path.gouge_tolerance)
-        proof = verify(posted.text, paths, machine, dialect, design, tolerances, part(progress, 0.9, 0.97))
-
-    program_file = Path(program).name if program else ""
-    figures = {**made.report, **report_to_program(program_file, paths, posted, proof)}
-    result = Result(made.part, made.surface, made.stock, made.levels, figures, paths, posted)
+    result = _machine(made, job, machine, dialect, source, program, times, part(progress, 0.3, 0.97))
     with times.stage("files"):
-        outputs.write(result, job.holding, paths, posted.text, part(progress, 0.97, 1.0))
+        outputs.write(result, job.holding, result.paths, result.program.text, part(progress, 0.97, 1.0))
     return result
 
 
@@ -147,11 +122,49 @@ def _morph(
     return Morphed(setup.part, fitted.surface, setup.stock, morph, figures)
 
 
+def _machine(
+    made: Morphed,
+    job: Job,
+    machine: Machine,
+    dialect: Dialect,
+    source: File,
+    file: File,
+    times: StageTimes,
+    progress: Progress,
+) -> Result:
+    """Tool paths on the levels, the program `file` of the part's file `source`, and its proof."""
+    levels = made.levels.levels
+    design = levels[0].surface
+    assert design is not None
+    with times.stage("toolpath"):
+        paths = plan_paths(levels, made.stock, job, axis_limits(machine), part(progress, 0.0, 0.82))
+
+    with times.stage("nc"):
+        program = write_program(
+            paths,
+            machine,
+            dialect,
+            job,
+            name=program_name(file or source or ""),
+            comments=[f"part: {Path(source).name}"] if source else [],
+            stock_bounds=made.stock.bounds,
+            progress=part(progress, 0.82, 0.9),
+        )
+
+    with times.stage("verify"):
+        tolerances = Tolerances(gouge=job.path.gouge_tolerance)
+        proof = verify(program.text, paths, machine, dialect, design, tolerances, part(progress, 0.9, 1.0))
+
+    name = Path(file).name if file else ""
+    figures = {**made.report, **report_to_program(name, paths, program, proof)}
+    return Result(made.part, made.surface, made.stock, made.levels, figures, paths, program)
+
+
 def _require_job(job: Job | None) -> Job:
     if not isinstance(job, Job | None):
         raise TypeError(f"job {job!r}: give a bonecam.Job, such as bonecam.read_job(file)")
     return job or Job()
 
 
-def _file_of(mesh: str | Path | TriangleMesh) -> str | Path | None:
+def _file_of(mesh: str | Path | TriangleMesh) -> File:
     return None if isinstance(mesh, TriangleMesh) else mesh

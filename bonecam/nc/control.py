@@ -1,8 +1,8 @@
-"""What the control does between two blocks: every programmed word runs linearly, all at once.
+"""The interpolation of a control: between two blocks, all programmed words change linearly and together.
 
-With tool-centre control the programmed point (tip or ball centre, part frame) runs straight while the rotary
-angles run linearly. Without it the five joints run linearly and the tip follows through the forward
-kinematics.
+With tool-centre control (TCPM, RTCP) the programmed point (tip or ball centre, part frame) runs straight
+while the rotary angles run linearly. Without it the five joints run linearly and the tip follows through the
+forward kinematics.
 """
 
 from dataclasses import dataclass
@@ -17,10 +17,9 @@ from bonecam.nc.machine import Machine
 
 @dataclass(frozen=True)
 class Control:
-    """A machine under one dialect's interpolation; `tool_centre` true: programmed point and angles run
-    linearly.
+    """A machine under the interpolation of a dialect, with tool-centre control or without it.
 
-    `radius` of the ball and `tool_length` (tip to spindle nose) in mm.
+    `radius` of the ball and `tool_length`, from the tip to the spindle nose, in mm.
     """
 
     machine: Machine
@@ -30,7 +29,7 @@ class Control:
 
     @property
     def programs_centre(self) -> bool:
-        """Whether X, Y, Z mean the ball centre."""
+        """Whether X, Y, Z program the centre of the ball instead of the tip."""
         return self.tool_centre and self.machine.programmed_point == "centre"
 
     def words(self, tips: Float[ndarray, "n 3"], angles: Float[ndarray, "n 2"]) -> Float[ndarray, "n 5"]:
@@ -51,6 +50,6 @@ class Control:
     def between(
         self, start: Float[ndarray, "n 5"], end: Float[ndarray, "n 5"], fraction: float | Float[ndarray, "n"]
     ) -> tuple[Float[ndarray, "n 3"], Float[ndarray, "n 3"]]:
-        """Tips and axes at a fraction of the way of each move."""
+        """Tips (mm) and unit tool axes at a fraction of each move."""
         part = np.broadcast_to(np.asarray(fraction, dtype=float), (len(start),))[:, None]
         return self.poses(start + part * (end - start))

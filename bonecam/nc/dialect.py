@@ -30,59 +30,34 @@ from bonecam.nc.tables import names_in, read_table
 from bonecam.nc.words import NumberFormat
 
 FOLDER = Path(__file__).parent / "dialects"
-TEMPLATES = (
-    "header",
-    "tool",
-    "level",
-    "position",
-    "approach",
-    "rapid",
-    "feed",
-    "coolant_on",
-    "coolant_off",
-    "retract",
-    "tool_end",
-    "footer",
+TEMPLATES = tuple(
+    "header tool level position approach rapid feed coolant_on coolant_off retract tool_end footer".split()
 )
+"""The templates that a dialect must have."""
 FIELDS = set(
     "name comments low_x low_y low_z high_x high_y high_z tool spindle tolerance hsc_mode rotary linear plane words feed retract".split()
 )
 EFFECTS = (
-    "none",
-    "begin",
-    "end",
-    "comment",
-    "tool",
-    "retract",
-    "tool-centre on",
-    "tool-centre off",
-    "short way on",
-    "short way off",
-    "program end",
+    *("none", "begin", "end", "comment", "tool", "retract", "tool-centre on", "tool-centre off"),
+    *("short way on", "short way off", "program end"),
 )
+"""What a statement of a Klartext dialect may do."""
 CODES = ("none", "rapid", "feed", "inverse_time", "per_minute", "tool_change", "program_end")
+"""What a G or M code of an ISO dialect may do."""
 _CHOICES = {
     "grammar": ("klartext", "iso"),
     "interpolation": ("tool-centre", "joints"),
     "feed_mode": ("per-minute", "inverse-time"),
     "endless_words": ("wrapped", "wound"),
 }
-_KEYS = {
-    "title",
-    "extension",
-    "comment",
-    "comment_characters",
-    "numbers",
-    "numbering",
-    "tool_centre_control",
-    "templates",
-}
+_TEXTS = ("title", "extension", "comment", "comment_characters")
+_KEYS = {*_TEXTS, "numbers", "numbering", "tool_centre_control", "templates"}
 
 
 @dataclass(frozen=True, eq=False)
 class Dialect:
-    """One control's language. See the module's text for the fields; `codes` maps a G or M code to what it
-    does."""
+    """The language of a control. The module's text describes the fields; `codes` maps a G or M code to its
+    effect."""
 
     name: str
     title: str
@@ -102,7 +77,8 @@ class Dialect:
 
     @property
     def tool_centre(self) -> bool:
-        """Whether the control keeps the tool's tip while rotary axes turn."""
+        """Whether the control moves the linear axes so that the tip stays while rotary axes turn (TCPM,
+        RTCP)."""
         return self.interpolation == "tool-centre"
 
     @cached_property
@@ -153,7 +129,7 @@ def _dialect(path: Path, values: dict[str, Any]) -> Dialect:
     for key, choices in _CHOICES.items():
         if values.get(key) not in choices:
             raise _wrong(path, key, f"{values.get(key)!r}: choose one of {', '.join(choices)}")
-    for key in ("title", "extension", "comment", "comment_characters"):
+    for key in _TEXTS:
         if not isinstance(values.get(key), str):
             raise _wrong(path, key, "give a text")
     return Dialect(

@@ -23,17 +23,18 @@ from bonecam.orientation.limits import AxisLimits
 
 UP = np.array([0.0, 0.0, 1.0])
 AXIS_MARGIN = np.radians(1.0)
-"""Kept from the machine's tilt limit, radians: a turn of up to 30 degrees between two axes at the limit bulges
-past it by less."""
-# a solution this little (rad) beyond a limit is on it: far below the last decimal of any word
+"""Kept from the machine's tilt limit, radians: a turn of up to 30 degrees between two axes at the limit
+bulges past it by less."""
 LIMIT_GUARD = 1e-8
+"""A solution beyond a limit by less than this (rad) is at the limit: far below the last decimal of any word."""
 
 
 def turn(
     vectors: Float[ndarray, "n 3"], direction: Float[ndarray, "3"], angles: Float[ndarray, "n"]
 ) -> Float[ndarray, "n 3"]:
-    """Rodrigues: each vector turned by its angle (rad), right-handed about the unit direction."""
-    cosine, sine = np.cos(angles)[:, None], np.sin(angles)[:, None]
+    """Rotate each vector by its angle (rad), right-handed about the unit direction (Rodrigues' formula)."""
+    cosine = np.cos(angles)[:, None]
+    sine = np.sin(angles)[:, None]
     x, y, z = direction
     along = (vectors @ direction)[:, None] * direction
     return (
@@ -57,8 +58,10 @@ def tool_axes(machine: Machine, rotary: Float[ndarray, "n 2"]) -> Float[ndarray,
 
 
 def _head_offset(machine: Machine, rotary: ndarray, tool_length: float) -> ndarray:
-    """From j to the tip: zero while the head axes are at zero. Pivots of head axes are measured from the
-    spindle nose."""
+    """The vector from j to the tip, mm; zero while the head axes are at zero.
+
+    Pivots of head axes are measured from the spindle nose.
+    """
     tip = np.tile(-tool_length * UP, (len(rotary), 1))
     for axis in reversed(machine.tool_axes):
         tip = _carried(tip, axis, rotary[:, machine.column(axis) - 3])
@@ -105,32 +108,40 @@ def _angle_about(direction: ndarray, start: ndarray, end: ndarray) -> ndarray:
 def inverse_rotary(
     machine: Machine, axes: Float[ndarray, "n 3"], hold_cone: float = 0.0
 ) -> tuple[Float[ndarray, "n 2 2"], Bool[ndarray, "n 2"]]:
-    """Both solutions (row, solution, rotary joint in rad within [-pi, pi]; NaN out of reach) and which joints
-    are free.
+    """Both solutions of each tool axis, (row, solution, rotary joint), and which joints are free, (row,
+    joint).
 
-    A joint is free where the tool axis lies within `hold_cone` (rad) of its direction: any angle does; it is
-    returned as 0.
+    Angles are radians within [-pi, pi], NaN where the axis cannot be reached. A joint is free, and its angle
+    0, where the tool axis is within `hold_cone` (rad) of the joint's direction: every angle gives this tool
+    axis.
     """
     one, two, sign, v, w = _subproblem(machine, axes)
-    d1, d2 = np.array(one.direction), np.array(two.direction)
+    d1 = np.array(one.direction)
+    d2 = np.array(two.direction)
     dot = float(d1 @ d2)
-    along1, along2 = w @ d1, v @ d2
-    a, b = (along1 - dot * along2) / (1 - dot**2), (along2 - dot * along1) / (1 - dot**2)
+    along1 = w @ d1
+    along2 = v @ d2
+    a = (along1 - dot * along2) / (1 - dot**2)
+    b = (along2 - dot * along1) / (1 - dot**2)
     rest = (1 - (a**2 + b**2 + 2 * a * b * dot)) / (1 - dot**2)
     rest = np.where(rest > -64 * np.finfo(float).eps, np.maximum(rest, 0), np.nan)
-    # within rounding of the singular direction the free angle is noise: it is reported as free instead
+    # within rounding of the singular direction the angle is noise: the joint is free there
     cone = max(np.sin(hold_cone), 4 * np.sqrt(np.finfo(float).eps))
     free1 = np.linalg.norm(np.cross(w, d1), axis=1) <= cone
     free2 = np.linalg.norm(np.cross(v, d2), axis=1) <= cone
     found = np.empty((len(axes), 2, 2))
-    columns = machine.column(one) - 3, machine.column(two) - 3
+    column1 = machine.column(one) - 3
+    column2 = machine.column(two) - 3
     for solution, side in enumerate((1.0, -1.0)):
         c = a[:, None] * d1 + b[:, None] * d2 + (side * np.sqrt(rest))[:, None] * np.cross(d1, d2)
-        found[:, solution, columns[0]] = np.where(free1, 0.0, sign * _angle_about(d1, c, w))
-        found[:, solution, columns[1]] = np.where(free2, 0.0, _angle_about(d2, v, c))
+        found[:, solution, column1] = np.where(free1, 0.0, sign * _angle_about(d1, c, w))
+        found[:, solution, column2] = np.where(free2, 0.0, _angle_about(d2, v, c))
     free = np.empty((len(axes), 2), dtype=bool)
-    free[:, columns[0]], free[:, columns[1]] = free1, free2
-    found[np.isnan(rest)], free[np.isnan(rest)] = np.nan, False
+    free[:, column1] = free1
+    free[:, column2] = free2
+    unreached = np.isnan(rest)
+    found[unreached] = np.nan
+    free[unreached] = False
     return found, free
 
 

@@ -28,17 +28,7 @@ from bonecam.nc.tables import names_in, read_table
 
 FOLDER = Path(__file__).parent / "machines"
 LINEAR = "XYZ"
-_KEYS = {
-    "title",
-    "chain",
-    "part_zero",
-    "programmed_point",
-    "tool_centre_control",
-    "spindle_speed",
-    "X",
-    "Y",
-    "Z",
-}
+_KEYS = {"title", "chain", "part_zero", "programmed_point", "tool_centre_control", "spindle_speed", *"XYZ"}
 _LINEAR_KEYS = {"speed", "limits", "travel"}
 _ROTARY_KEYS = {"direction", "pivot", "sign", "limits_deg", "endless", "speed_deg_s"}
 Vector = tuple[float, float, float]
@@ -117,7 +107,7 @@ def read_machine(name: str | Path) -> Machine:
 
 
 class _Reader:
-    """Reads values with their checks; every complaint names the file and the key."""
+    """Reads the values of a machine file; errors name the file and the key."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -222,7 +212,8 @@ class _Reader:
     def rotary(self, letter: str, values: dict[str, Any]) -> RotaryAxis:
         self.known(f"{letter}.", values, _ROTARY_KEYS)
         x, y, z = self.vector(f"{letter}.direction", values.get("direction"))
-        length, sign = math.hypot(x, y, z), values.get("sign")
+        length = math.hypot(x, y, z)
+        sign = values.get("sign")
         if abs(length - 1) > 1e-6:
             raise self.wrong(f"{letter}.direction", f"has length {length:g}: give a unit vector")
         if sign not in (1, -1):

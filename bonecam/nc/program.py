@@ -1,4 +1,4 @@
-"""A posted program: its text and what was counted while writing it."""
+"""A posted program: its text, and the counts and times of its blocks."""
 
 import re
 from dataclasses import dataclass

@@ -1,4 +1,5 @@
-"""What a machine must have for a job: the speeds of its spindle and axes, and the travel for stock and tool."""
+"""What a machine must have for a job: the speeds of its spindle and axes, and the travel for stock and
+tool."""
 
 from bonecam.errors import MachineError
 from bonecam.job import Job, ToolJob, field_error
@@ -9,7 +10,8 @@ from bonecam.toolpath.cutter import Cutter
 
 
 def check_tools(job: Job, machine: Machine) -> None:
-    """JobError where a cutter cannot be made, is driven faster than the machine can, or enters a flat part."""
+    """JobError where a cutter cannot be made, is driven faster than the machine can, or enters a flat
+    part."""
     for section, tool in (("roughing", job.roughing), ("finishing", job.finishing)):
         cutter = Cutter.from_job(0, section, tool)
         _check_speeds(section, tool, machine)
@@ -29,7 +31,8 @@ def _check_speeds(section: str, tool: ToolJob, machine: Machine) -> None:
 
 
 def check_room(stock: Stock, job: Job, machine: Machine) -> None:
-    """MachineError where an axis of the machine travels less than the post, the stock on it and a tool need."""
+    """MachineError where an axis of the machine travels less than the post, the stock on it and a tool
+    need."""
     height = job.holding.length + stock.length + max(job.roughing.overhang, job.finishing.overhang)
     for axis in machine.linear:
         needed = height if axis.letter == "Z" else stock.diameter

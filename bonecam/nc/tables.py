@@ -1,4 +1,4 @@
-"""The TOML tables of machines and dialects: those that come with bonecam by name, others by path."""
+"""The TOML files of machines and dialects: those of bonecam by name, others by path."""
 
 import tomllib
 from pathlib import Path
@@ -8,13 +8,15 @@ from bonecam.errors import MachineError
 
 
 def names_in(folder: Path) -> tuple[str, ...]:
-    """The names of the tables in a folder."""
+    """The names of the TOML files in a folder, without their ending."""
     return tuple(sorted(path.stem for path in folder.glob("*.toml")))
 
 
 def read_table(kind: str, name: str | Path, folder: Path) -> tuple[Path, dict[str, Any]]:
-    """The file of a name in `folder`, or of a path that ends in .toml, and its values; MachineError where
-    there is none."""
+    """Path and values of the TOML file `name` of a `folder`, or of a path that ends in .toml.
+
+    `kind` is the word for it in messages. MachineError where there is no such file, or it is no TOML.
+    """
     path = Path(name) if str(name).endswith(".toml") else folder / f"{name}.toml"
     try:
         return path, tomllib.loads(path.read_text(encoding="utf-8"))
@@ -29,4 +31,4 @@ def read_table(kind: str, name: str | Path, folder: Path) -> tuple[Path, dict[st
             name=str(name),
         ) from error
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise MachineError(f"{path}: {error}: mend the file", file=str(path)) from error
+        raise MachineError(f"{path}: {error}: correct the file", file=str(path)) from error

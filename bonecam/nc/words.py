@@ -1,4 +1,4 @@
-"""Numbers in NC words: fixed decimals, never an exponent, never a minus before zero."""
+"""The numbers of NC words: fixed decimals, no exponent, no negative zero."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from bonecam.errors import ProgramError
 
 @dataclass(frozen=True)
 class NumberFormat:
-    """How one kind of number is written: decimals, whether a plus is written, and the range the control
+    """The form of a kind of number: decimals, whether a plus is written, and the range that the control
     takes."""
 
     decimals: int
@@ -21,16 +21,16 @@ class NumberFormat:
 
     @property
     def step(self) -> float:
-        """The last decimal's worth."""
+        """The value of one unit in the last decimal."""
         return 10.0**-self.decimals
 
     @property
     def spec(self) -> str:
-        """The printf format of one number already rounded by `steps`."""
+        """The printf format of a number that is already rounded."""
         return f"%{'+' if self.sign else ''}.{self.decimals}f"
 
     def steps(self, values: Float[ndarray, "*n"]) -> Int[ndarray, "*n"]:
-        """Values in whole last decimals; ProgramError where one is not finite."""
+        """Values in units of the last decimal; ProgramError where one is not finite."""
         if not np.isfinite(values).all():
             raise ProgramError(
                 f"word {int(np.argmin(np.isfinite(values)))} is not a finite number: the path before it is wrong"
@@ -58,5 +58,5 @@ def wrapped(angles_deg: Float[ndarray, "*n"]) -> Float[ndarray, "*n"]:
 
 
 def plain_text(text: str, characters: str) -> str:
-    """`text` in capitals, with a blank for every character the control's comments do not take."""
+    """`text` in capitals, with a blank for every character that the control's comments cannot have."""
     return "".join(letter if letter in characters else " " for letter in text.upper()).strip()

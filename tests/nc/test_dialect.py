@@ -28,7 +28,7 @@ def test_every_shipped_dialect_has_every_template_and_says_what_is_proved(name):
         ("colour = 1\n" + GOOD, "colour"),
         (GOOD + '[[statements]]\npattern = "("\neffect = "none"\n', "statements[0].pattern"),
         (GOOD + '[[statements]]\npattern = "a"\neffect = "dance"\n', "statements[0].effect"),
-        (GOOD + "\n=", "mend the file"),
+        (GOOD + "\n=", "correct the file"),
     ],
 )
 def test_a_wrong_dialect_file_is_refused_with_file_and_key(text, key, tmp_path):

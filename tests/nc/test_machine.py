@@ -56,7 +56,9 @@ def test_a_wrong_value_in_a_machine_file_is_refused_with_file_and_key(
 
 
 @pytest.mark.parametrize(
-    ("more", "key"), [("\n[Q]\nspeed = 1", "Q"), ('\n[A2]\nx = "', "mend the file")], ids=["table", "quote"]
+    ("more", "key"),
+    [("\n[Q]\nspeed = 1", "Q"), ('\n[A2]\nx = "', "correct the file")],
+    ids=["table", "quote"],
 )
 def test_what_does_not_belong_into_a_machine_file_is_refused_with_file_and_key(
     write_machine, chains, more, key, tmp_path

@@ -1,1 +1,1 @@
-"""From tool paths to the text of a program."""
+"""Posting: from tool paths to the text of a program."""

@@ -1,4 +1,4 @@
-"""One tool path in the words of one control: split, rounded, timed, and checked against the travels."""
+"""One tool path in the words of one control: split, rounded, timed, and checked against the axis limits."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,12 +19,14 @@ from bonecam.toolpath.cutter import Cutter
 from bonecam.toolpath.path import Kind, ToolPath
 
 APPROACH_HEIGHT = 10.0
+"""A run is approached along the tool axis from this far above everything that is machined, mm."""
 
 
 @dataclass(frozen=True, eq=False)
 class Posted:
-    """A tool path ready to be written. `words` (n, 5) are mm and degrees rounded as written; runs are row
-    ranges between retracts.
+    """A tool path ready to be written. `words` (n, 5) are mm and degrees, rounded as they are written.
+
+    `runs` are the ranges of rows (first, end) between two retracts.
 
     `approaches` (r, 5) are the words from which each run is approached along the tool axis, above everything
     machined. `minutes` (n,) is the time of the move that arrives at each row (where a run begins: of turning
@@ -53,13 +55,13 @@ def post_path(
     around: Float[ndarray, "m 3"],
     before: Float[ndarray, "2"] | None = None,
 ) -> Posted:
-    """The posted form of one path; `around` are the tips of the whole program, which approaches stay above;
-    `before` the joints (rad) the machine comes from.
+    """The posted form of one path.
 
-    MachineError names level, pass, axis, value and limit.
+    `around` are the tips of the whole program: approaches begin above them. `before` are the rotary joints
+    (rad) at the end of the path before. MachineError names level, pass, axis, value and limit.
     """
     control = control_of(machine, dialect, path.cutter)
-    # within half the last decimal of its word the tilt is zero, and the other angle says nothing
+    # a tilt below half the last decimal of its word is written as zero: the other angle is free there
     hold_cone = np.radians(dialect.numbers["angle"].step) / 2
     try:
         moves = split_moves(path, control, job.path.chord_tolerance / 2, hold_cone, before)
@@ -90,7 +92,7 @@ def post_path(
 def round_words(
     dialect: Dialect, control: Control, tips: Float[ndarray, "n 3"], angles: Float[ndarray, "n 2"]
 ) -> Float[ndarray, "n 5"]:
-    """Words (mm, deg) as written: the angles are rounded first, so that the linear words make up for them."""
+    """Words (mm, deg) as written: angles are rounded first, and the linear words fit the rounded angles."""
     turned = dialect.numbers["angle"].rounded(np.degrees(angles))
     linear = dialect.numbers["length"].rounded(control.words(tips, np.radians(turned))[:, :3])
     return np.column_stack([linear, turned])

@@ -1,4 +1,4 @@
-"""Which of the two rotary solutions, and which turn, at every point of a path.
+"""The choice of rotary angles along a path: which of the two solutions, and how many whole turns.
 
 Least rotary travel along the whole sequence inside the limits (dynamic programming over solution and turn). A
 step that is not a rapid may only be taken where the axis, with both angles running linearly, stays near the
@@ -20,10 +20,13 @@ from bonecam.nc.kinematics import LIMIT_GUARD, inverse_rotary, tool_axes, within
 from bonecam.nc.machine import Machine
 from bonecam.toolpath.path import Kind
 
-FULL = 2 * np.pi
-REWIND_COST = 100 * FULL
-MOST_TURNS = 4
+FULL_TURN = 2 * np.pi
+REWIND_COST = 100 * FULL_TURN
+"""The cost of a rewind in rotary travel (rad): more than the travel that any rewind saves."""
+MAX_TURNS = 4
+"""An axis with limits further apart than this many turns is taken without whole turns to choose from."""
 SMALL_TURN = 0.5
+"""Turn (rad) below which the bound T^2 / 8 of `_follows` is used."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +45,7 @@ def choose_angles(
     hold_cone: float,
     before: Float[ndarray, "2"] | None = None,
 ) -> Choice:
-    """The rotary joints for a sequence of unit tool axes; MachineError where no way exists within the limits.
+    """The rotary joints for a sequence of unit tool axes; MachineError where the limits allow none.
 
     Row i's kind is the kind of the move that arrives there. `hold_cone` in rad. `before`: the joints the
     machine comes from; an endless axis starts within half a turn of them.
@@ -50,21 +53,22 @@ def choose_angles(
     found, free = inverse_rotary(machine, axes, hold_cone)
     _check_reach(machine, found)
     fixed = np.flatnonzero(~free.any(1))
-    angles, rewinds = np.zeros((len(axes), 2)), np.zeros(len(axes), dtype=bool)
+    angles = np.zeros((len(axes), 2))
+    rewinds = np.zeros(len(axes), dtype=bool)
     if len(fixed):
         states = _states(machine, found[fixed])
         angles[fixed], rewinds[fixed] = _travel(machine, states, axes, kinds, fixed)
     held = np.flatnonzero(free.any(1))
     if len(held):
-        angles[held] = _nearest_zero(machine, found[held])
+        angles[held] = _first_within_limits(machine, found[held])
         for column in range(2):
             rows = held[free[held, column]]
             angles[rows, column] = np.interp(rows, fixed, angles[fixed, column]) if len(fixed) else 0.0
     for column, axis in enumerate(machine.rotary):
         if axis.endless:
             start = before[column] if before is not None else 0.0
-            angles[:, column] += FULL * np.round((start - angles[0, column]) / FULL)
-            _unwind(machine, column, angles, kinds, rewinds)
+            angles[:, column] += FULL_TURN * np.round((start - angles[0, column]) / FULL_TURN)
+            angles, rewinds = _unwind(machine, column, angles, kinds, rewinds)
     return Choice(angles, rewinds)
 
 
@@ -95,23 +99,27 @@ def _check_reach(machine: Machine, found: ndarray) -> None:
     )
 
 
-def _nearest_zero(machine: Machine, found: ndarray) -> ndarray:
-    """On the singular axis the bound joint has one angle up to rounding: of the solutions within limits, the
-    first."""
+def _first_within_limits(machine: Machine, found: ndarray) -> ndarray:
+    """The first solution within the limits, (n, 2): on the singular axis the solutions differ by rounding
+    only."""
     first = np.argmax(within_limits(machine, found), axis=1)
     return np.take_along_axis(found, first[:, None, None], axis=1)[:, 0]
 
 
 def _turns(machine: Machine, column: int) -> ndarray:
     low, high = machine.rotary[column].limits
-    if machine.rotary[column].endless or high - low > MOST_TURNS * FULL:
+    if machine.rotary[column].endless or high - low > MAX_TURNS * FULL_TURN:
         return np.zeros(1)
-    return FULL * np.arange(np.floor((low - np.pi) / FULL), np.ceil((high + np.pi) / FULL) + 1)
+    return FULL_TURN * np.arange(np.floor((low - np.pi) / FULL_TURN), np.ceil((high + np.pi) / FULL_TURN) + 1)
 
 
 def _states(machine: Machine, found: ndarray) -> ndarray:
-    """Solutions times turns, (n, k, 2), NaN outside the limits; states that no row can use are left out."""
-    first, second = (_turns(machine, column) for column in range(2))
+    """The states of each row, (n, k, 2): its solutions plus whole turns, NaN outside the limits.
+
+    States that no row can use are left out.
+    """
+    first = _turns(machine, 0)
+    second = _turns(machine, 1)
     shifts = np.array([[a, b] for a in first for b in second])
     states = (found[:, :, None, :] + shifts).reshape(len(found), -1, 2)
     for column, axis in enumerate(machine.rotary):
@@ -124,22 +132,21 @@ def _states(machine: Machine, found: ndarray) -> ndarray:
 
 
 def _changes(machine: Machine, start: ndarray, end: ndarray) -> ndarray:
-    """Signed turn of both joints between states; the short way where a joint is endless."""
+    """The signed turn (rad) of both joints between two states; the short way where a joint is endless."""
     change = end - start
     for column, axis in enumerate(machine.rotary):
         if axis.endless:
-            change[..., column] -= FULL * np.round(change[..., column] / FULL)
+            change[..., column] -= FULL_TURN * np.round(change[..., column] / FULL_TURN)
     return change
 
 
 def _follows(
     machine: Machine, start: ndarray, change: ndarray, before: ndarray, after: ndarray
 ) -> Bool[ndarray, "n"]:
-    """Whether the axis, halfway with linear angles, is near the way from `before` to `after`; False where a
-    state is none.
+    """Whether the tool axis at half of a linear turn is near the great circle from `before` to `after`.
 
-    A turn of T in all bends the axis's way by at most T, so that it is within T^2 / 8 of the middle: that
-    settles most of them.
+    A turn by T (rad, the sum of both joints) leaves the middle by at most T^2 / 8, which settles most moves.
+    False where a state is NaN.
     """
     turn, chord = np.abs(change).sum(1), lengths(after - before)
     near = (turn < SMALL_TURN) & (turn**2 / 8 <= 0.7 * chord)
@@ -160,10 +167,12 @@ def _travel(
     count, k = states.shape[:2]
     steps = np.full((count - 1, k, k), np.inf)
     jumps = np.zeros((count - 1, k, k), dtype=bool)
-    gap, rapid = np.diff(fixed) > 1, kinds[fixed[1:]] == Kind.RAPID
+    gap = np.diff(fixed) > 1
+    rapid = kinds[fixed[1:]] == Kind.RAPID
     for a in range(k):
         for b in range(k):
-            start, end = states[:-1, a], states[1:, b]
+            start = states[:-1, a]
+            end = states[1:, b]
             change = _changes(machine, start, end)
             good = gap | _follows(machine, start, change, axes[fixed[:-1]], axes[fixed[1:]])
             cost = np.abs(change).sum(1) + np.where(good, 0.0, np.where(rapid, REWIND_COST, np.inf))
@@ -185,30 +194,29 @@ def _travel(
     return picked, rewinds
 
 
-def _unwind(machine: Machine, column: int, angles: ndarray, kinds: ndarray, rewinds: ndarray) -> None:
-    """Turn an axis that winds back by whole turns at the last rapid before it reaches its limits; changes the
-    working arrays."""
-    axis, begin = machine.rotary[column], 0
+def _unwind(
+    machine: Machine, column: int, angles: ndarray, kinds: ndarray, rewinds: ndarray
+) -> tuple[Float[ndarray, "n 2"], Bool[ndarray, "n"]]:
+    """Angles (rad) and rewinds with an axis turned back by whole turns at the last rapid before its
+    limits."""
+    angles = angles.copy()
+    rewinds = rewinds.copy()
+    axis = machine.rotary[column]
     low, high = axis.limits
+    begin = 0
     while True:
         off = np.flatnonzero((angles[begin:, column] < low) | (angles[begin:, column] > high))
         if not len(off):
-            return
+            return angles, rewinds
         row = begin + int(off[0])
         rapids = begin + 1 + np.flatnonzero(kinds[begin + 1 : row + 1] == Kind.RAPID)
-        turns = np.round(angles[rapids[-1], column] / FULL) if len(rapids) else 0.0
+        turns = np.round(angles[rapids[-1], column] / FULL_TURN) if len(rapids) else 0.0
         if turns == 0:
-            value, limit = (
-                np.degrees(angles[row, column]),
-                np.degrees(low if angles[row, column] < low else high),
-            )
-            raise MachineError(
-                f"point {row}: {axis.letter} winds to {value:.3f} deg, limit {limit:.3f} deg of {machine.title}: split the pass by a rapid",
-                row=row,
-                axis=axis.letter,
-                value_deg=float(value),
-                limit_deg=float(limit),
-            )
+            value = float(np.degrees(angles[row, column]))
+            limit = float(np.degrees(low if angles[row, column] < low else high))
+            bound = f"{axis.letter} winds to {value:.3f} deg, limit {limit:.3f} deg of {machine.title}"
+            evidence = {"row": row, "axis": axis.letter, "value_deg": value, "limit_deg": limit}
+            raise MachineError(f"point {row}: {bound}: split the pass by a rapid", **evidence)
         begin = int(rapids[-1])
-        angles[begin:, column] -= FULL * turns
+        angles[begin:, column] -= FULL_TURN * turns
         rewinds[begin] = True

@@ -1,11 +1,10 @@
-"""The moves a control is given: a tool path with angles chosen, split where the control would leave the way
-meant.
+"""The moves of a program: a tool path with its rotary angles, split where the control would leave the path.
 
-Meant between two rows: the ball centre runs straight, the axis turns evenly on the great circle. What the
-control does instead is in `control.py`. A move is split evenly until tip and ball centre stay within the
-tolerance at 1/4, 1/2 and 3/4 of it (the deviation is of second order in the move, so its square root tells
-how often), no joint turns by more than 10 degrees in a feed move or a right angle in a rapid or at the pole
-itself, and, without tool-centre control, no feed move is longer than 1 mm.
+Between two points of the path the ball centre runs straight and the tool axis turns evenly on the great
+circle. The control interpolates its words instead (`control.py`). A move is split evenly until tip and ball
+centre stay within the tolerance at 1/4, 1/2 and 3/4 of it (the deviation is of second order in the move, so
+its square root tells how often), no joint turns by more than 10 degrees in a feed move or a right angle in a
+rapid or at the pole itself, and, without tool-centre control, no feed move is longer than 1 mm.
 """
 
 from dataclasses import dataclass
@@ -20,21 +19,30 @@ from bonecam.nc.control import Control
 from bonecam.nc.posting.rotary import choose_angles
 from bonecam.toolpath.path import Kind, ToolPath
 
-MOST_ROUNDS = 40
-LONGEST_MOVE = 1.0
-LARGEST_TURN, LARGEST_RAPID_TURN = np.radians(9.99), np.pi / 2
-"""What is left of 10 degrees is more than the rounding of the words."""
+MAX_ROUNDS = 40
+"""A path that still needs splits after so many rounds passes through the singular axis."""
+MAX_MOVE = 1.0
+"""The longest feed move without tool-centre control, mm."""
+MAX_TURN = np.radians(9.99)
+"""The largest turn of a joint in a feed move, rad: 10 degrees less the rounding of the words."""
+MAX_RAPID_TURN = np.pi / 2
+"""The largest turn of a joint in a rapid, and in a feed move through the pole, rad."""
 POLE_PASS = np.radians(0.01)
-"""A feed move whose axis turns by less passes the pole itself: its joint may turn as far as in a rapid, no
-split would help."""
-RAPID_SLACK = 20.0
+"""A feed move whose tool axis turns by less (rad) passes the pole itself, where splits do not lessen the
+turn."""
+RAPID_FACTOR = 20.0
+"""Rapids may leave the path by this many times the tolerance of feed moves."""
 AXIS_TOLERANCE = np.radians(1.0)
+"""The largest angle between the tool axis of the path and that of the control, rad."""
 
 
 @dataclass(frozen=True, eq=False)
 class Moves:
-    """Rows to post: the move that arrives at each; `angles` rad; `rows` of the tool path they belong to;
-    `rewinds` begin anew."""
+    """The points of a program and the moves that arrive at them; `angles` in rad.
+
+    `rows` are the points of the tool path that the moves belong to. Where `rewinds`, the rotary axes jump off
+    the part.
+    """
 
     kinds: Int[ndarray, "n"]
     tips: Float[ndarray, "n 3"]
@@ -57,8 +65,11 @@ def split_moves(
 
     `before`: the rotary joints (rad) the machine comes from.
     """
-    kinds, tips, axes, rows = np.asarray(path.kinds), path.tips, path.axes, np.arange(len(path.tips))
-    for _ in range(MOST_ROUNDS):
+    kinds = np.asarray(path.kinds)
+    tips = path.tips
+    axes = path.axes
+    rows = np.arange(len(path.tips))
+    for _ in range(MAX_ROUNDS):
         choice = choose_angles(control.machine, axes, kinds, hold_cone, before)
         pieces = _pieces(control, kinds, tips, axes, choice.angles, tolerance)
         pieces[choice.rewinds[1:]] = 1
@@ -68,7 +79,8 @@ def split_moves(
             )
         earlier, fractions, after = _spread(pieces)
         tips, axes = between(tips, axes, control.radius, earlier, fractions)
-        kinds, rows = kinds[after], rows[after]
+        kinds = kinds[after]
+        rows = rows[after]
     row = int(rows[1 + np.argmax(pieces)])
     raise MachineError(
         f"point {row}: the move passes too near the machine's singular axis to be split: tilt it away",
@@ -83,8 +95,8 @@ def between(
     before: Int[ndarray, "m"],
     fractions: Float[ndarray, "m"],
 ) -> tuple[Float[ndarray, "m 3"], Float[ndarray, "m 3"]]:
-    """Tips and axes meant at a fraction of the way from row `before` to the next; a whole fraction is the row
-    itself."""
+    """Tips and axes of the path at fractions of the moves from the rows `before` to the next; exact at 0 and
+    1."""
     after = np.minimum(before + 1, len(tips) - 1)
     a, b, part = axes[before], axes[after], fractions[:, None]
     angle = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), dots(a, b))[:, None]
@@ -95,7 +107,8 @@ def between(
     turned = weights * a + weights_after * b
     turned /= np.linalg.norm(turned, axis=1, keepdims=True)
     centres = (1 - part) * (tips[before] + radius * a) + part * (tips[after] + radius * b)
-    whole, start = fractions == 1, fractions == 0
+    whole = fractions == 1
+    start = fractions == 0
     turned = np.where(whole[:, None], b, np.where(start[:, None], a, turned))
     meant = np.where(
         whole[:, None], tips[after], np.where(start[:, None], tips[before], centres - radius * turned)
@@ -104,7 +117,8 @@ def between(
 
 
 def _spread(pieces: ndarray) -> tuple[ndarray, ndarray, ndarray]:
-    """For the new rows: old row before, fraction of the move, and old row whose move arrives there."""
+    """For each new row: the old row before it, its fraction of the move, and the old row at the end of the
+    move."""
     move = np.repeat(np.arange(len(pieces)), pieces)
     first = np.repeat(np.cumsum(pieces) - pieces, pieces)
     fractions = (np.arange(len(move)) - first + 1) / pieces[move]
@@ -114,13 +128,15 @@ def _spread(pieces: ndarray) -> tuple[ndarray, ndarray, ndarray]:
 def _pieces(
     control: Control, kinds: ndarray, tips: ndarray, axes: ndarray, angles: ndarray, tolerance: float
 ) -> ndarray:
+    """The number of equal pieces that each move is split into, (n - 1,)."""
     if len(tips) < 2:
         return np.ones(0, dtype=np.int64)
     words = control.words(tips, angles)
     rapid = kinds[1:] == Kind.RAPID
-    allowed = np.where(rapid, RAPID_SLACK * tolerance, tolerance)
+    allowed = np.where(rapid, RAPID_FACTOR * tolerance, tolerance)
     worst = np.zeros(len(words) - 1)
-    starts, ends = tips[:-1] + control.radius * axes[:-1], tips[1:] + control.radius * axes[1:]
+    starts = tips[:-1] + control.radius * axes[:-1]
+    ends = tips[1:] + control.radius * axes[1:]
     middle = _bisected(axes[:-1], axes[1:])
     quarters = (0.25, _bisected(axes[:-1], middle)), (0.5, middle), (0.75, _bisected(middle, axes[1:]))
     for fraction, turned in quarters:
@@ -131,17 +147,15 @@ def _pieces(
         worst = np.maximum(worst, np.maximum(off / allowed, lengths(leant) / AXIS_TOLERANCE))
     pieces = np.where(worst > 1, np.ceil(np.sqrt(1.1 * np.minimum(worst, 1e4))), 1)
     at_pole = lengths(np.diff(axes, axis=0)) < POLE_PASS
-    turn = np.abs(np.diff(angles, axis=0)).max(1) / np.where(
-        rapid | at_pole, LARGEST_RAPID_TURN, LARGEST_TURN
-    )
+    turn = np.abs(np.diff(angles, axis=0)).max(1) / np.where(rapid | at_pole, MAX_RAPID_TURN, MAX_TURN)
     pieces = np.maximum(pieces, np.ceil(turn - 1e-9))
     if not control.tool_centre:
         length = lengths(np.diff(tips, axis=0))
-        pieces = np.maximum(pieces, np.where(rapid, 1, np.ceil(length / LONGEST_MOVE - 1e-9)))
+        pieces = np.maximum(pieces, np.where(rapid, 1, np.ceil(length / MAX_MOVE - 1e-9)))
     return np.maximum(pieces, 1).astype(np.int64)
 
 
 def _bisected(a: Float[ndarray, "n 3"], b: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
-    """Halfway on the great circle; nothing (zero) between opposite axes."""
+    """The unit vector halfway on the great circle; zero between opposite axes."""
     middle = a + b
     return middle / np.maximum(lengths(middle), np.finfo(float).tiny)[:, None]

@@ -15,6 +15,7 @@ from bonecam.errors import ProgramError
 from bonecam.job import Job
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.machine import Machine
+from bonecam.nc.posting.block_numbers import number_blocks
 from bonecam.nc.posting.path_words import APPROACH_HEIGHT, Posted, check_travel, joints_of, post_path
 from bonecam.nc.program import Program
 from bonecam.nc.words import plain_text, wrapped
@@ -23,6 +24,7 @@ from bonecam.toolpath.cutter import Cutter
 from bonecam.toolpath.path import Kind, ToolPath
 
 TOLERANCE_FACTOR = 1.3
+"""The control's contour tolerance as a multiple of the chord tolerance of the path."""
 
 
 def write_program(
@@ -38,9 +40,9 @@ def write_program(
 ) -> Program:
     """The program that machines `paths` in their order.
 
-    `name`: capitals, digits and _ . `stock_bounds` (mm) for the control's picture; without them, the box of
-    the tips. MachineError where an axis leaves its limits or travel, ProgramError where a number cannot be
-    written.
+    `name` has letters, digits and underscores. `stock_bounds` (mm) is the blank in the control's simulation;
+    without it the box of the tips is taken. MachineError where an axis leaves its limits or travel,
+    ProgramError where a number cannot be written.
     """
     if not paths:
         raise ValueError("no tool path: give at least one")
@@ -59,13 +61,19 @@ def write_program(
 
 
 class _Writer:
-    """The blocks of one program; final, used once."""
+    """Writes the blocks of one program; used for one program."""
 
     def __init__(
         self, machine: Machine, dialect: Dialect, job: Job, name: str, posted: Sequence[Posted]
     ) -> None:
-        self.machine, self.dialect, self.job, self.name, self.posted = machine, dialect, job, name, posted
-        self.length, self.angle, self.feed = (dialect.numbers[key] for key in ("length", "angle", "feed"))
+        self.machine = machine
+        self.dialect = dialect
+        self.job = job
+        self.name = name
+        self.posted = posted
+        self.length = dialect.numbers["length"]
+        self.angle = dialect.numbers["angle"]
+        self.feed = dialect.numbers["feed"]
         self.on, self.off = dialect.tool_centre_blocks(machine)
         self.retract = self.length.text(self._retract_height())
         self.moves = 0
@@ -91,7 +99,7 @@ class _Writer:
         return self._finished(lines)
 
     def _finished(self, lines: list[str]) -> Program:
-        text, blocks = _numbered(lines, self.dialect)
+        text, blocks = number_blocks(lines, self.dialect)
         feeds = [posted.moves.kinds != Kind.RAPID for posted in self.posted]
         turns = [np.abs(np.diff(p.words[:, 3:], axis=0, prepend=p.words[:1, 3:])).max(1) for p in self.posted]
         for posted, turn in zip(self.posted, turns, strict=True):
@@ -206,7 +214,8 @@ class _Writer:
 
     def _retract_height(self) -> float:
         """Machine Z above everything the program does, whatever the rotary axes do meanwhile."""
-        heights, reach = [], []
+        heights = []
+        reach = []
         pivot = np.array(self.machine.part_axes[-1].pivot) if self.machine.part_axes else np.zeros(3)
         for posted in self.posted:
             heights.append(joints_of(posted, posted.approaches)[:, 2].max())
@@ -220,7 +229,7 @@ class _Writer:
 
 
 def tool_text(cutter: Cutter, tool_length: float) -> str:
-    """The header's line about a cutter, which the reader understands."""
+    """The comment of the header that describes a cutter, mm; `reading.modal_state` reads it."""
     return f"TOOL {cutter.number} BALL RADIUS {cutter.radius:.4f} LENGTH {tool_length:.4f}"
 
 
@@ -230,18 +239,3 @@ def _words(letters: str, values: ndarray, writer: _Writer) -> list[str]:
         f"{letter}{(writer.length if i < 3 else writer.angle).spec % value}"
         for i, (letter, value) in enumerate(zip(letters, row, strict=True))
     ]
-
-
-def _numbered(lines: list[str], dialect: Dialect) -> tuple[str, int]:
-    """The text with block numbers where the dialect has them, and the number of blocks."""
-    form, mark = dialect.numbering.get("format"), dialect.numbering.get("continuation")
-    blocks, number, continued, texts = 0, int(dialect.numbering.get("first", 0)), False, []
-    for line in lines:
-        if continued or not form:
-            texts.append(line)
-        else:
-            texts.append(form.format(number=number, text=line))
-            number += 1
-        blocks += not continued
-        continued = bool(mark) and line.endswith(str(mark))
-    return "\n".join(texts) + "\n", blocks
