@@ -4,8 +4,9 @@ file."""
 import csv
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -31,7 +32,9 @@ from bonecam.nc.dialect import read_dialect
 from bonecam.nc.machine import read_machine
 from bonecam.nc.program import program_name
 from bonecam.nc.reading.read import read_program
+from bonecam.surface import part_surface
 from bonecam.surface.fitting.deviation import Deviation
+from bonecam.surface.fitting.fit import Fit, fit
 
 COARSE = Job().with_values(
     surface={"tolerance": 0.2},
@@ -58,18 +61,17 @@ def test_a_surface_that_misses_the_mesh_is_refused_before_the_levels(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     missed = Deviation(0.6, 0.1, 0.6, 0.5, np.array([1.0, 2.0, 3.0]))
-    monkeypatch.setattr(
-        pipeline,
-        "fit",
-        lambda *given, **named: SimpleNamespace(
-            control_points=40, deviation=missed, shortfall="raise surface.max"
-        ),
-    )
-    with pytest.raises(
-        SurfaceError,
-        match=r"40 control points miss the mesh by 0\.60 mm near \(1\.00, 2\.00, 3\.00\): raise surface\.max",
-    ):
+    found: list[Fit] = []
+
+    def missing_fit(*given: Any, **named: Any) -> Fit:
+        found.append(replace(fit(*given, **named), deviation=missed, shortfall="raise surface.max"))
+        return found[-1]
+
+    monkeypatch.setattr(part_surface, "fit", missing_fit)
+    trouble = r"control points miss the mesh by 0\.60 mm near \(1\.00, 2\.00, 3\.00\): raise surface\.max"
+    with pytest.raises(SurfaceError, match=trouble) as caught:
         bonecam.convert(shipped("phalanx"), COARSE, program=tmp_path / "bone.h")
+    assert f"{found[0].control_points} control points miss" in str(caught.value)
     assert not list(tmp_path.iterdir())
 
 
