@@ -6,7 +6,7 @@ from typing import Any
 from bonecam.levels.closed_morph import Morph
 from bonecam.levels.edge_rounding import levels_in
 from bonecam.mesh.distance import MeshDistance
-from bonecam.setup.schedule import Schedule, evened
+from bonecam.setup.schedule import Schedule, even_out
 from bonecam.setup.stock import Stock
 from bonecam.surface.tspline import TSpline
 
@@ -25,7 +25,7 @@ def even_levels(surface: TSpline, stock: Stock, schedule: Schedule, **options: A
     distance = float(MeshDistance(made.levels[0].mesh).unsigned(made.levels[cuts].mesh.vertices).max())
     if rest >= ENOUGH * schedule.limit(cuts):
         return made
-    even = evened(schedule, distance, cuts, rest)
+    even = even_out(schedule, distance, cuts, rest)
     depth, best = min(schedule.beyond, SPARE * even.beyond), made
     for _ in range(TRIES):
         if depth >= schedule.beyond:

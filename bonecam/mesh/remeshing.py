@@ -44,7 +44,7 @@ def split_edges(mesh: TriangleMesh, edge: float) -> TriangleMesh:
     return from_meshset(meshset)
 
 
-def bisected(mesh: TriangleMesh, chosen: Bool[ndarray, " f"]) -> TriangleMesh:
+def bisect_faces(mesh: TriangleMesh, chosen: Bool[ndarray, " f"]) -> TriangleMesh:
     """The same surface, the longest edge of every chosen face cut in the middle, and that of every face an
     edge of which is.
 

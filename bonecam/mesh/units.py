@@ -6,11 +6,10 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 
 MM_OF = {"mm": 1.0, "m": 1000.0, "inch": 25.4}
 STATES_UNIT = (*STEP, *IGES)
-SMALLEST, LARGEST = 5.0, 1000.0
-"""The bounding-box diagonals in mm between which a part is plausible: an ear ossicle's neighbour to twice a
-femur."""
-
-
+SMALLEST = 5.0
+"""Least plausible diagonal of a part's bounding box, mm: that of an ear ossicle."""
+LARGEST = 1000.0
+"""Largest plausible diagonal of a part's bounding box, mm: twice a femur."""
 FLAG = 'give --units {0} or in a job mesh.units = "{0}"'
 
 

@@ -19,10 +19,13 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.stock import Stock
 
 MOST_LEVELS = 2000
+"""A number of cuts beyond this is refused: a mistaken depth or unit."""
 LEAST = 1e-4
-STOCK_CHORD, COARSE = 0.1, 0.002
-"""Chord tolerance (mm, and of its diameter where that is more) of the stock's mesh that the number of cuts is
-counted on."""
+"""Least depth of a cut, mm."""
+STOCK_CHORD = 0.1
+"""Chord tolerance of the stock's mesh that the number of cuts is counted on, mm."""
+STOCK_CHORD_SHARE = 0.002
+"""That chord tolerance as a share of the stock's diameter, where that is more."""
 
 
 @dataclass(frozen=True)
@@ -80,8 +83,8 @@ def schedule_of(job: LevelsJob) -> Schedule:
     return Schedule(*job.cuts)
 
 
-def evened(schedule: Schedule, distance: float, cuts: int, rest: float) -> Schedule:
-    """The same schedule with shallower roughing cuts, so that the last of `cuts` takes as much as the others.
+def even_out(schedule: Schedule, distance: float, cuts: int, rest: float) -> Schedule:
+    """The schedule with shallower roughing cuts, so that the last of `cuts` takes as much as the others.
 
     `distance` (mm) is the largest from the stock to the part, `rest` what the last cut had to take at most. A
     level gains a share of its depth, the same for all: (distance - first - rest) / ((cuts - 1) * beyond) over
@@ -99,7 +102,7 @@ def evened(schedule: Schedule, distance: float, cuts: int, rest: float) -> Sched
 
 def check_cuts(part: TriangleMesh, stock: Stock, job: LevelsJob) -> None:
     """JobError where the stock is so far from the part that more than `most_cuts` cuts are needed."""
-    mesh = stock.mesh(max(STOCK_CHORD, COARSE * stock.diameter))
+    mesh = stock.mesh(max(STOCK_CHORD, STOCK_CHORD_SHARE * stock.diameter))
     distances = MeshDistance(part).unsigned(mesh.vertices)
     place, farthest = mesh.vertices[np.argmax(distances)], float(distances.max())
     cuts = schedule_of(job).lower_bound(farthest)

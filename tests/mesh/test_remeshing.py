@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bonecam.mesh.intersections import self_intersections
-from bonecam.mesh.remeshing import bisected, split_edges
+from bonecam.mesh.remeshing import bisect_faces, split_edges
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.stocks.box import Box
 
@@ -30,7 +30,7 @@ def test_the_longest_edges_of_chosen_faces_are_halved_and_the_mesh_stays_closed(
     mesh, rng = Box(np.zeros(3), np.array([1.0, 2.0, 3.0])).mesh(0.05), np.random.default_rng(1)
     for _ in range(4):
         chosen = rng.random(len(mesh.faces)) < 0.2
-        before, mesh = mesh, bisected(mesh, chosen)
+        before, mesh = mesh, bisect_faces(mesh, chosen)
         edges = np.sort(mesh.faces[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
         assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
         assert np.array_equal(mesh.vertices[: len(before.vertices)], before.vertices)
@@ -45,6 +45,6 @@ def test_the_longest_edges_of_chosen_faces_are_halved_and_the_mesh_stays_closed(
 
 def test_nothing_chosen_changes_nothing() -> None:
     mesh = Box(np.zeros(3), np.ones(3)).mesh(0.05)
-    same = bisected(mesh, np.zeros(len(mesh.faces), dtype=bool))
+    same = bisect_faces(mesh, np.zeros(len(mesh.faces), dtype=bool))
     assert np.array_equal(same.faces, mesh.faces)
     assert np.array_equal(same.vertices, mesh.vertices)

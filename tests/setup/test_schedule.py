@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from bonecam.arrays import ROUNDING
 from bonecam.errors import JobError, LevelError
 from bonecam.job import Job, LevelsJob
-from bonecam.setup.schedule import Schedule, evened, schedule_of
+from bonecam.setup.schedule import Schedule, even_out, schedule_of
 
 
 def test_the_papers_schedule_needs_sixteen_cuts_for_its_finger_bone() -> None:
@@ -117,6 +117,6 @@ def test_evened_cuts_share_what_the_last_had_left(
     first = (0.1, 0.1)
     rest = left * beyond
     distance = sum(first) + count * share * beyond + rest
-    even = evened(Schedule(first, beyond), distance, 2 + count + 1, rest)
+    even = even_out(Schedule(first, beyond), distance, 2 + count + 1, rest)
     assert even.beyond <= beyond
     assert distance - sum(first) - count * share * even.beyond == pytest.approx(min(even.beyond, distance))

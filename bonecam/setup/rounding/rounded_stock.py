@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from bonecam.errors import StockError, place_name
-from bonecam.mesh.remeshing import bisected
+from bonecam.mesh.remeshing import bisect_faces
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.capsule import smallest_capsule
 from bonecam.setup.stock import Stock
@@ -104,7 +104,7 @@ class RoundedStock(Stock):
             coarse = self._too_coarse(mesh, chord_tolerance)
             if not coarse.any():
                 return mesh
-            mesh = self._project(bisected(mesh, coarse), len(mesh.vertices))
+            mesh = self._project(bisect_faces(mesh, coarse), len(mesh.vertices))
         place = mesh.vertices[mesh.faces[np.argmax(coarse), 0]]
         raise StockError(
             f"no mesh of the rounded stock is within {chord_tolerance:g} mm of it at {place_name(place)}: give a stock with rounder "

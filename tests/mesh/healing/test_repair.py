@@ -5,12 +5,13 @@ import numpy as np
 import pytest
 from numpy import ndarray
 
-import bonecam.mesh.healing.repair as repair_module
 from bonecam.errors import MeshError
 from bonecam.mesh.distance import exact_closest
 from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.mesh.healing.faults import faults_of
 from bonecam.mesh.healing.repair import repair
+from bonecam.mesh.healing.repair_state import RepairState
+from bonecam.mesh.healing.resurfacing import wrap
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.mesh.units import to_mm
 
@@ -150,7 +151,7 @@ def test_a_tube_is_closed_at_its_ends(
 
 
 def test_the_new_skin_is_sound_and_close(bone: TriangleMesh) -> None:
-    wrapped = repair_module._wrapped(repair_module._State(bone)).mesh
+    wrapped = wrap(RepairState(bone)).mesh
     assert faults_of(wrapped) == ()
     assert (
         np.linalg.norm(exact_closest(bone, wrapped.vertices)[0] - wrapped.vertices, axis=1).max()
