@@ -35,10 +35,8 @@ def read_iga(path: str | Path) -> TSpline[ExtractedTMesh]:
         text = path.read_bytes().decode("utf-8", errors="replace")
     except OSError as error:
         raise FileError(f"{path} cannot be read as text: {error}", file=str(path)) from error
-    lines = [
-        (n, words) for n, line in enumerate(text.splitlines(), 1) if (words := line.split("#", 1)[0].split())
-    ]
-    return _Reader(path, lines).surface()
+    numbered = [(n, line.split("#", 1)[0].split()) for n, line in enumerate(text.splitlines(), 1)]
+    return _Reader(path, [(n, words) for n, words in numbered if words]).surface()
 
 
 def write_iga(surface: TSpline, path: str | Path) -> None:
@@ -65,17 +63,14 @@ def _words(values: Iterable[float]) -> str:
     return " ".join(repr(float(x)) for x in values)
 
 
-def raised(coefficients: Float[ndarray, "k p q"], degree: int) -> Float[ndarray, "k r r"]:
-    """Bernstein coefficients [function, t, s] of the same polynomials at a higher degree in both
-    directions."""
+def raise_degree(coefficients: Float[ndarray, "k p q"], degree: int) -> Float[ndarray, "k r r"]:
+    """Bernstein coefficients [function, t, s] of unchanged polynomials at a higher degree in s and t."""
     for axis in (1, 2):
-        while (p := coefficients.shape[axis]) <= degree:
-            share = np.arange(p + 1).reshape([-1 if a == axis else 1 for a in range(3)]) / p
+        for count in range(coefficients.shape[axis], degree + 1):
+            share = np.arange(count + 1).reshape([-1 if a == axis else 1 for a in range(3)]) / count
             end = np.zeros_like(coefficients.take([0], axis=axis))
-            before, after = (
-                np.concatenate([end, coefficients], axis=axis),
-                np.concatenate([coefficients, end], axis=axis),
-            )
+            before = np.concatenate([end, coefficients], axis=axis)
+            after = np.concatenate([coefficients, end], axis=axis)
             coefficients = share * before + (1 - share) * after
     return coefficients
 
@@ -165,7 +160,7 @@ def _assembled(
             None, f"element {element} names function {functions.max()}: there are {len(nodes)} nodes"
         )
     degree = max(3, *(max(c.shape[1:]) - 1 for _, c in elements))
-    coefficients = np.concatenate([raised(c, degree).reshape(len(ids), -1) for ids, c in elements])
+    coefficients = np.concatenate([raise_degree(c, degree).reshape(len(ids), -1) for ids, c in elements])
     starts = np.concatenate([[0], np.cumsum([len(ids) for ids, _ in elements])]).astype(np.int64)
     try:
         return TSpline(ExtractedTMesh(len(nodes), starts, functions, coefficients), nodes[:, :3], nodes[:, 3])

@@ -73,8 +73,10 @@ class _RowsReader:
             raise self._error(line, "expected 't-knots'")
         t_knots = self._numbers(line, words[1:], None)
         rows: list[np.ndarray] = []
-        while (record := self._take())[1] != ["end"]:
-            rows.append(self._row(*record, len(rows)))
+        line, words = self._take()
+        while words != ["end"]:
+            rows.append(self._row(line, words, len(rows)))
+            line, words = self._take()
         try:
             mesh = RowTMesh.from_rows(t_knots, [row[:, 0] for row in rows])
             return TSpline(

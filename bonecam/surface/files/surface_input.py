@@ -40,7 +40,7 @@ def read_part(
 def read_surface_part(file: str | Path, job: MeshJob, surface: SurfaceJob) -> tuple[Part, Fit]:
     """The part whose surface is given by rows of points or a saved T-spline, upright, and that surface."""
     found = read_surface(file, MM_OF[job.units], surface.tolerance, surface.max_control_points)
-    mesh = sound_mesh(found.surface, str(file))
+    mesh = closed_mesh(found.surface, str(file))
     posed, transform = upright(mesh) if job.upright else (mesh, np.eye(4))
     return Part(posed, str(file), len(mesh.faces), job.units, (), transform), found
 
@@ -84,7 +84,10 @@ def read_surface(path: str | Path, scale: float, tolerance: float, max_control_p
             volume=surface.volume,
         )
     if surface.tmesh.size > max_control_points:
-        what = f"{surface.tmesh.size} control points keep the rows within {tolerance} mm, {max_control_points} are allowed"
+        what = (
+            f"{surface.tmesh.size} control points keep the rows within {tolerance} mm, "
+            f"{max_control_points} are allowed"
+        )
         raise SurfaceError(
             f"{path}: {what}: raise surface.tolerance or surface.max_control_points", file=str(path)
         )
@@ -101,11 +104,14 @@ def _deviation(surface: TSpline, points: Float[ndarray, "n 3"]) -> Deviation:
     return Deviation(worst, float(np.sqrt(np.mean(distances**2))), 0.0, worst, points[np.argmax(distances)])
 
 
-def sound_mesh(surface: TSpline, file: str) -> TriangleMesh:
-    """The surface as a closed mesh. UnitsError where its size is no part's, MeshError where it cuts
-    itself."""
+def closed_mesh(surface: TSpline, file: str) -> TriangleMesh:
+    """The surface as a closed mesh.
+
+    Raises UnitsError where it has not the size of a part, MeshError where it intersects itself.
+    """
     mesh = to_mm(surface.tessellate(CHORD), "mm", file)
-    if len(faces := self_intersections(mesh)):
+    faces = self_intersections(mesh)
+    if len(faces):
         place = mesh.vertices[mesh.faces[faces[0]]].mean(axis=0)
         at = f"near {np.round(place, 2).tolist()}"
         raise MeshError(

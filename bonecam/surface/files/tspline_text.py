@@ -11,6 +11,8 @@ Both come back bit for bit. Any other first line is a FileError.
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 
 from bonecam.errors import FileError, SurfaceError
 from bonecam.files import write_whole
@@ -50,36 +52,46 @@ def read_tsm(path: str | Path, *, homogeneous: bool = False, to_mm: bool = False
             file=str(path),
             line=1,
         )
-    records = parse_tsm(text, path)
-    tmesh, numbers = _laid_out(records, path)
-    mirrored = (
-        not records.owners and records.header.get("end-conditions") == [MIRRORED] and not all(tmesh.period)
-    )
-    given = [records.grips[k] for k in numbers]
-    for k, point in zip(numbers, given):
-        if point is None or not point[3] > 0:
-            raise records.error(
-                "0g",
-                k,
-                "a control point in use is deleted"
-                if point is None
-                else f"weight {point[3]} is not positive",
-            )
-    values = np.array(given)
-    points = values[:, :3] / values[:, 3:] if homogeneous else values[:, :3]
+    return _read_half_edges(parse_tsm(text, path), path, homogeneous, to_mm)
+
+
+def _read_half_edges(records: Records, path: Path, homogeneous: bool, to_mm: bool) -> TSpline[TMesh]:
+    tmesh, numbers = _lay_out(records, path)
+    values = _control_points(records, numbers)
+    weights = values[:, 3:]
+    points = values[:, :3] / weights if homogeneous else values[:, :3]
     points = points * (_scale(records.header, path) if to_mm else 1.0)
     try:
-        if mirrored:
-            tmesh, found = with_mirrored_borders(
-                tmesh, np.column_stack([points * values[:, 3:], values[:, 3]])
-            )
-            points, values = np.vstack([points, found[len(points) :, :3] / found[len(points) :, 3:]]), found
+        if _has_mirrored_borders(records, tmesh):
+            tmesh, found = with_mirrored_borders(tmesh, np.column_stack([points * weights, weights]))
+            added = found[len(points) :]
+            points = np.vstack([points, added[:, :3] / added[:, 3:]])
+            weights = found[:, 3:]
         assert len(tmesh.elements.boxes)
-        return TSpline(tmesh, points, values[:, 3])
+        return TSpline(tmesh, points, weights[:, 0])
     except SurfaceError as error:
         raise FileError(f"{path}: {error}", file=str(path), **error.evidence) from error
     except ValueError as error:
         raise FileError(f"{path}: {error}", file=str(path)) from error
+
+
+def _has_mirrored_borders(records: Records, tmesh: TMesh) -> bool:
+    """Whether the file has an open border without clamped control points (`end-conditions SUBD_CREASES`)."""
+    stated = records.header.get("end-conditions") == [MIRRORED]
+    return stated and not records.owners and not all(tmesh.period)
+
+
+def _control_points(records: Records, numbers: list[int]) -> Float[ndarray, "n 4"]:
+    """x, y, z and weight of the control points with these numbers in the file."""
+    found = []
+    for k in numbers:
+        point = records.grips[k]
+        if point is None:
+            raise records.error("0g", k, "a control point in use is deleted")
+        if not point[3] > 0:
+            raise records.error("0g", k, f"weight {point[3]} is not positive")
+        found.append(point)
+    return np.array(found)
 
 
 def write_tsm(surface: TSpline, path: str | Path, *, homogeneous: bool = False) -> None:
@@ -119,7 +131,7 @@ def _prove(text: str, surface: TSpline[TMesh], path: Path) -> None:
         )
 
 
-def _laid_out(records: Records, path: Path) -> tuple[TMesh, list[int]]:
+def _lay_out(records: Records, path: Path) -> tuple[TMesh, list[int]]:
     try:
         return tmesh_of(records)
     except SurfaceError as error:

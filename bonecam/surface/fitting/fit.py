@@ -45,7 +45,11 @@ AFTER = 0.6
 MOST = 20000
 """Control points where no limit is given."""
 
-ROWS, ROW_POINTS = 48, 100  # of the harmonic field where none are given
+ROWS = 48
+"""Rows of the harmonic field where none are given."""
+
+ROW_POINTS = 100
+"""Points of each of these rows."""
 
 SPENT = "all control points are spent: raise surface.max_control_points"
 STUCK = "more control points would bring it no nearer: round the edge or fill the hollow there"
@@ -96,7 +100,8 @@ def fit(
     """
     if not tolerance > 0 or max_control_points < LEAST_POINTS:
         raise ValueError(
-            f"tolerance {tolerance}, {max_control_points} control points: give a length above 0 and {LEAST_POINTS} or more"
+            f"tolerance {tolerance}, {max_control_points} control points: give a length above 0 and "
+            f"{LEAST_POINTS} or more"
         )
     aim = Aim(tolerance, max_control_points, refine, prune, 0.0 if round_poles else OFF)
     if rows is not None:

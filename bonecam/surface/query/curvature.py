@@ -20,7 +20,7 @@ from bonecam.errors import SurfaceError
 from bonecam.surface.tmesh.surface import Surface
 
 POLE_RANGE = 1e-9
-"""Share of the t-range: nearer to a pole than this a sample takes the pole's limit, as S_s is rounding there."""
+"""Share of the t-range: a sample nearer to a pole takes the pole's limit, as its S_s is rounding."""
 
 POLE_DIRECTIONS = 256
 """Parameters s, evenly spaced, from which the limits at a pole are taken."""

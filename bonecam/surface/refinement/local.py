@@ -40,9 +40,9 @@ def refine_locally(surface: S, draft: Draft, lines: tuple[Int64[ndarray, " a"], 
     terms = _old_terms(surface.tmesh, draft, lines)
     for _ in range(draft.crossings.size):
         tmesh = draft.tmesh()
-        terms, wanted = _settled(terms, Sight.of(tmesh), tmesh.face_boxes)
+        terms, wanted = _settle_terms(terms, Sight.of(tmesh), tmesh.face_boxes)
         if not wanted:
-            return _combined(surface, tmesh, terms)
+            return _combine(surface, tmesh, terms)
         for axis, line, row in sorted(wanted):
             draft.add_vertex(axis, line, row)
     raise AssertionError("local refinement did not end")
@@ -58,7 +58,7 @@ def insertion_matrix(terms: Terms, crossings: ndarray, size: tuple[int, int]) ->
     return sp.csr_array((values, (rows, columns)), shape=size)
 
 
-def _combined(surface: S, tmesh: TMesh, terms: Terms) -> S:
+def _combine(surface: S, tmesh: TMesh, terms: Terms) -> S:
     matrix = insertion_matrix(terms, tmesh.crossings, (tmesh.size, surface.tmesh.size))
     weights = matrix @ surface.weights
     if not weights.min() > 0:
@@ -80,7 +80,7 @@ def _old_terms(tmesh: TMesh, draft: Draft, lines: tuple[ndarray, ndarray]) -> Te
     return {(tuple(s), tuple(t)): {n: 1.0} for n, (s, t) in enumerate(zip(*numbers))}
 
 
-def _settled(
+def _settle_terms(
     terms: Terms, sight: Sight, faces: Float[ndarray, "f 4"]
 ) -> tuple[Terms, set[tuple[int, int, int]]]:
     """Terms split until none lacks a knot, and the vertices that others want: (axis, line, row)."""

@@ -35,7 +35,8 @@ def refine(surface: S, s: Float[ndarray, " n"], t: Float[ndarray, " n"], directi
         return refine_rows(surface, s, t, directions)
     if not isinstance(tmesh, TMesh):
         raise SurfaceError(
-            "Bezier elements without a T-mesh (.iga) cannot be refined: read the surface from a .tsm or .tspline file"
+            "Bezier elements without a T-mesh (.iga) cannot be refined: read the surface from a .tsm "
+            "or .tspline file"
         )
     middle = surface.elements().boxes[place]
     chosen = sorted(
@@ -58,7 +59,7 @@ def _cut(surface: S, chosen: list[int], directions: str) -> S:
     numbers = [np.arange(len(tmesh.s_lines)), np.arange(len(tmesh.t_lines))]
     for axis in (0, 1):
         if "st"[axis] in directions:
-            middles[axis] = _snapped(middles[axis], draft.knots[axis])
+            middles[axis] = _snap(middles[axis], draft.knots[axis])
             numbers[axis] = draft.insert_lines(axis, np.setdiff1d(middles[axis], draft.knots[axis]))
     for box, s, t in zip(boxes, *middles):
         if "s" in directions:
@@ -71,7 +72,7 @@ def _cut(surface: S, chosen: list[int], directions: str) -> S:
     return refine_locally(surface, draft, (numbers[0], numbers[1]))
 
 
-def _snapped(values: ndarray, knots: ndarray) -> ndarray:
+def _snap(values: ndarray, knots: ndarray) -> ndarray:
     """Knots for values that differ from them by rounding only; values that equal one another likewise become
     one."""
     found = values.copy()

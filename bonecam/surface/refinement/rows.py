@@ -43,7 +43,7 @@ def refine_rows(
     t_knots = tmesh.t_knots
     if "t" in directions:
         for x in np.unique((tmesh.t_knots[span] + tmesh.t_knots[span + 1]) / 2):
-            t_knots, rows = _inserted(t_knots, rows, float(x), _mixed)
+            t_knots, rows = _insert(t_knots, rows, float(x), _blend_rows)
     return _surface_of(surface, t_knots, rows)
 
 
@@ -104,18 +104,18 @@ def with_knots(row: Row, new: Float[ndarray, " k"]) -> Row:
         return every, np.repeat(points, len(every), axis=0)
     for x in new:
         if _is_open((knots, points)):
-            knots, legs = _inserted(knots, list(points), float(x), _divided)
+            knots, legs = _insert(knots, list(points), float(x), _blend_points)
             points = np.array(legs)
         else:
-            knots, points = _with_knot(knots, points, float(x))
+            knots, points = _insert_periodic(knots, points, float(x))
     return knots, points
 
 
-def _divided(first: ndarray, second: ndarray, ratio: float) -> ndarray:
+def _blend_points(first: ndarray, second: ndarray, ratio: float) -> ndarray:
     return np.asarray(first * (1 - ratio) + second * ratio)
 
 
-def _with_knot(knots: ndarray, points: ndarray, x: float) -> Row:
+def _insert_periodic(knots: ndarray, points: ndarray, x: float) -> Row:
     """One more knot. Control point i is centred on knot i; between its new neighbours a point divides an old
     leg."""
     count, k = len(knots), int(np.searchsorted(knots, x, side="right")) - 1
@@ -137,7 +137,7 @@ def _with_knot(knots: ndarray, points: ndarray, x: float) -> Row:
     return np.insert(knots, place, x), result
 
 
-def _inserted(
+def _insert(
     knots: ndarray, items: Sequence[T], x: float, mixed: Callable[[T, T, float], T]
 ) -> tuple[ndarray, list[T]]:
     """Clamped knots with x, and the control points or rows: three lie between two old ones each."""
@@ -148,7 +148,7 @@ def _inserted(
     return np.insert(knots, k + 1, x), [*found, *items[k:]]
 
 
-def _mixed(first: Row, second: Row, ratio: float) -> Row:
+def _blend_rows(first: Row, second: Row, ratio: float) -> Row:
     """(1 - ratio) first + ratio second, on the knots of both."""
     if len(first[0]) == 1 and len(second[0]) == 1:
         return first[0], first[1] * (1 - ratio) + second[1] * ratio

@@ -120,7 +120,8 @@ def unseen_lines(own: Lines, seen: Sequence[int], sight: Sight, axis: int) -> li
                 unseen = [line for line in near if line not in seen]
                 if not unseen:
                     raise SurfaceError(
-                        f"knot {knot} of {'st'[axis]} is repeated more often than the T-mesh has lines for it",
+                        f"knot {knot} of {'st'[axis]} is repeated more often than the T-mesh has lines "
+                        "for it",
                         knot=knot,
                     )
                 found.append(unseen[0])

@@ -71,7 +71,8 @@ def _check(number: int, row: ndarray, closed: bool) -> None:
         raise ValueError(f"row {number} has the shape {row.shape}: give points (p, 3)")
     if len(row) < FEWEST[closed]:
         raise ValueError(
-            f"row {number} has {len(row)} points: {'a closed' if closed else 'an open'} row needs at least {FEWEST[closed]}"
+            f"row {number} has {len(row)} points: {'a closed' if closed else 'an open'} row needs at "
+            f"least {FEWEST[closed]}"
         )
     if not np.isfinite(row).all():
         raise ValueError(f"row {number}, point {int(np.argmin(np.isfinite(row).all(axis=1)))} is not finite")

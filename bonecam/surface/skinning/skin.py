@@ -57,7 +57,7 @@ class ControlCurves:
     candidates: Float[ndarray, " c"]
     points: Float[ndarray, "r n 3"]
 
-    def reduced(self, tolerance: float) -> TSpline:
+    def reduce(self, tolerance: float) -> TSpline:
         """The surface with the fewest knots in every row that keep it within `tolerance` (mm); a pole is
         one point.
         """
@@ -106,7 +106,7 @@ def skin(
     """
     if not tolerance > 0:
         raise ValueError(f"tolerance {tolerance}: give a length above 0")
-    curves = _checked(rows, closed, poles)
+    curves = _check_rows(rows, closed, poles)
     control = control_curves(curves, poles)
     size = float(np.linalg.norm(np.ptp(np.vstack(curves.points), axis=0)))
     if tolerance < NOTHING * size:
@@ -114,13 +114,13 @@ def skin(
             f"{tolerance} mm is below rounding: ask for {NOTHING * size:.1e} mm or more",
             reached=NOTHING * size,
         )
-    surface = control.reduced(tolerance)
+    surface = control.reduce(tolerance)
     if max_control_points is not None and surface.tmesh.size > max_control_points:
         raise _too_many(control, tolerance, surface.tmesh.size, max_control_points)
     return surface
 
 
-def _checked(rows: Sequence[ndarray] | ndarray, closed: bool, poles: ndarray | None) -> RowCurves:
+def _check_rows(rows: Sequence[ndarray] | ndarray, closed: bool, poles: ndarray | None) -> RowCurves:
     if len(rows) < 2:
         raise ValueError(f"{len(rows)} rows: give two or more rows of points")
     if poles is not None and not (closed and np.shape(poles) == (2, 3) and np.isfinite(poles).all()):
@@ -150,8 +150,8 @@ def _pole(pole: ndarray, count: int) -> ndarray:
 def control_curves(curves: RowCurves, poles: Float[ndarray, "2 3"] | None = None) -> ControlCurves:
     """The control curves that meet all sections."""
     closed, t = curves.closed, row_parameters(curves, poles)
-    candidates = curves.union if poles is None else _with_opposite(curves.union)
-    fine = _halved(candidates, closed) if len(candidates) < SPARSE else candidates
+    candidates = curves.union if poles is None else _add_opposite(curves.union)
+    fine = _halve(candidates, closed) if len(candidates) < SPARSE else candidates
     at = sites(fine, closed)
     sections = curves.at(at)
     if poles is not None:
@@ -160,7 +160,7 @@ def control_curves(curves: RowCurves, poles: Float[ndarray, "2 3"] | None = None
         sections = np.concatenate([ends[0], sections, ends[1]])
         knots, found = clamped(t[1:-1]), _to_poles(t, sections, opposite)
     elif len(t) < 4:
-        knots, found = clamped(t[1:-1]), _solved(t, sections, 2)
+        knots, found = clamped(t[1:-1]), _solve(t, sections, 2)
     else:
         knots = clamped(np.array([t[j : j + 3].mean() for j in range(1, len(t) - 3)]))
         found = np.linalg.solve(_values(knots, t), sections.reshape(len(t), -1)).reshape(sections.shape)
@@ -169,24 +169,24 @@ def control_curves(curves: RowCurves, poles: Float[ndarray, "2 3"] | None = None
     )
 
 
-def _with_opposite(knots: ndarray) -> ndarray:
+def _add_opposite(knots: ndarray) -> ndarray:
     """The knots and those half a turn on, which a curve needs that is odd or even round a pole; of knots
     that differ by rounding only one.
     """
     return distinct(np.concatenate([knots, np.mod(knots + 0.5, 1.0)]), 1e-3 / len(knots))
 
 
-def _halved(knots: ndarray, closed: bool) -> ndarray:
+def _halve(knots: ndarray, closed: bool) -> ndarray:
     whole = np.append(knots, knots[0] + 1) if closed else np.concatenate([[0.0], knots, [1.0]])
     return np.unique(np.concatenate([knots, np.mod((whole[:-1] + whole[1:]) / 2, 1.0)]))
 
 
 def _to_poles(t: ndarray, sections: ndarray, opposite: ndarray) -> ndarray:
     """Control curves with the even part flat in the poles, the odd part with natural ends."""
-    return _solved(t, (sections + opposite) / 2, 1) + _solved(t, (sections - opposite) / 2, 2)
+    return _solve(t, (sections + opposite) / 2, 1) + _solve(t, (sections - opposite) / 2, 2)
 
 
-def _solved(t: ndarray, sections: Float[ndarray, "k n 3"], order: int) -> Float[ndarray, "k+2 n 3"]:
+def _solve(t: ndarray, sections: Float[ndarray, "k n 3"], order: int) -> Float[ndarray, "k+2 n 3"]:
     """k + 2 control curves whose clamped cubic meets the k sections at t, its `order`-th derivative zero at
     both ends."""
     zero = np.zeros_like(sections[:1])
@@ -224,6 +224,9 @@ def _too_many(control: ControlCurves, tolerance: float, size: int, allowed: int)
     reached, found = tolerance, size
     while found > allowed:
         reached *= LOOSER
-        found = control.reduced(reached).tmesh.size
-    message = f"{tolerance:g} mm needs {size} control points; {allowed} reach {reached:.3g} mm: allow more, or that tolerance"
+        found = control.reduce(reached).tmesh.size
+    message = (
+        f"{tolerance:g} mm needs {size} control points; {allowed} reach {reached:.3g} mm: allow more, "
+        "or that tolerance"
+    )
     return SurfaceError(message, reached=reached, needed=size)

@@ -1,4 +1,4 @@
-"""The sides of Bezier elements that share no parameters, divided where corners of other elements lie on them."""
+"""The sides of Bezier elements without common parameters, divided where corners of other elements lie."""
 
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -79,7 +79,7 @@ def pieces_of_sides(surface: Surface, same: float) -> list[list[Piece]]:
     """The pieces of the four sides of every element, counter-clockwise."""
     net, count = Net(surface), len(surface.elements().boxes)
     corners = np.concatenate([net.positions(e, SQUARE) for e in range(count)])
-    vertex = _merged(corners, same)
+    vertex = _merge_points(corners, same)
     places = corners[np.unique(vertex, return_index=True)[1]]
     tree, raw, middles = cKDTree(places), [], []
     for e in range(count):
@@ -98,14 +98,14 @@ def pieces_of_sides(surface: Surface, same: float) -> list[list[Piece]]:
             for (x, v), (y, w) in pairwise(cuts):
                 raw.append((e, side, x, y, v, w))
                 middles.append(net.positions(e, along_side(side, np.array([(x + y) / 2])))[0])
-    curve = _merged(np.array(middles), 100 * same)
+    curve = _merge_points(np.array(middles), 100 * same)
     found: list[list[Piece]] = [[] for _ in range(count)]
     for (e, side, x, y, v, w), number in zip(raw, curve):
         found[e].append(Piece(side, x, y, (v, w, int(number))))
     return found
 
 
-def _merged(points: Float[ndarray, "n 3"], same: float) -> Int[ndarray, " n"]:
+def _merge_points(points: Float[ndarray, "n 3"], same: float) -> Int[ndarray, " n"]:
     """Numbers of places, 0, 1, ...: points nearer than `same` share one."""
     first = np.arange(len(points))
     for a, b in sorted(cKDTree(points).query_pairs(same)):

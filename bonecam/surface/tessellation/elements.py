@@ -41,7 +41,7 @@ def element_mesh(
     pieces = pieces_of_sides(surface, SAME * float(np.ptp(surface.control_points, axis=0).max()))
     cells = np.ones(len(pieces), dtype=np.int64)
     while True:
-        net, faces, worst, bent = _meshed(surface, pieces, cells, tolerance, angle)
+        net, faces, worst, bent = _triangulate(surface, pieces, cells, tolerance, angle)
         if net.gap > tolerance:
             raise SurfaceError(
                 f"elements part by {net.gap:.3g} mm along a common side: ask for a tolerance above that",
@@ -60,7 +60,7 @@ def element_mesh(
             )
 
 
-def _meshed(
+def _triangulate(
     surface: Surface,
     pieces: list[list[Piece]],
     cells: Int[ndarray, " e"],

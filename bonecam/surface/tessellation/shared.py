@@ -13,7 +13,14 @@ from numpy import ndarray
 
 from bonecam.errors import SurfaceError
 from bonecam.surface.tessellation.rings import ring_mesh
-from bonecam.surface.tessellation.tessellate import MARGIN, ROUNDS, _Draft, _edges, _marked, _split
+from bonecam.surface.tessellation.tessellate import (
+    MARGIN,
+    ROUNDS,
+    _Draft,
+    _edges,
+    _edges_to_split,
+    _split_edges,
+)
 from bonecam.surface.tmesh.surface import Surface
 
 
@@ -36,10 +43,10 @@ def shared_parameters(
         draft.fresh = np.ones(len(draft.faces), dtype=bool)
         for _ in range(ROUNDS):
             edges, edge_of_face = _edges(draft.faces)
-            marked = _marked(draft, edges, edge_of_face, MARGIN * chord_tolerance, None)
+            marked = _edges_to_split(draft, edges, edge_of_face, MARGIN * chord_tolerance, None)
             if not marked.any():
                 break
-            _split(draft, edges, edge_of_face, marked)
+            _split_edges(draft, edges, edge_of_face, marked)
         else:
             raise SurfaceError(
                 f"the surfaces cannot be tessellated together to {chord_tolerance} mm: raise the tolerance"

@@ -78,23 +78,24 @@ def tessellate(
         raise ValueError(f"tolerances must be positive, not {chord_tolerance} and {angle_tolerance}")
     if isinstance(surface.tmesh, ExtractedTMesh):
         parameters, points, faces, worst = element_mesh(surface, MARGIN * chord_tolerance, angle_tolerance)
-        return Tessellation(_checked(surface, parameters, points, faces), parameters, worst)
+        return Tessellation(_check_mesh(surface, parameters, points, faces), parameters, worst)
     rows = isinstance(surface.tmesh, RowTMesh)
     parameters, poles, faces = ring_mesh(surface, chord_tolerance) if rows else patch_mesh(surface)
     points = surface.positions(*parameters.T)
     draft = _Draft(surface, parameters, poles, points, faces, np.ones(len(faces), dtype=bool))
     for _ in range(ROUNDS):
         edges, edge_of_face = _edges(draft.faces)
-        marked = _marked(draft, edges, edge_of_face, MARGIN * chord_tolerance, angle_tolerance)
+        marked = _edges_to_split(draft, edges, edge_of_face, MARGIN * chord_tolerance, angle_tolerance)
         if not marked.any():
-            mesh = _checked(surface, draft.parameters, draft.points, draft.faces)
+            mesh = _check_mesh(surface, draft.parameters, draft.points, draft.faces)
             return Tessellation(mesh, draft.parameters, draft.deviation)
         if len(draft.points) + int(marked.sum()) > MOST_VERTICES:
             break
-        _split(draft, edges, edge_of_face, marked)
+        _split_edges(draft, edges, edge_of_face, marked)
     place = draft.parameters[edges[np.argmax(marked), 0]]
     raise SurfaceError(
-        f"the surface cannot be tessellated to {chord_tolerance} mm near (s, t) = ({place[0]:.4f}, {place[1]:.4f}): raise the tolerance",
+        f"the surface cannot be tessellated to {chord_tolerance} mm near (s, t) = ({place[0]:.4f}, "
+        f"{place[1]:.4f}): raise the tolerance",
         place=place,
     )
 
@@ -107,7 +108,7 @@ def _edges(faces: ndarray) -> tuple[ndarray, ndarray]:
     return np.column_stack([keys >> 32, keys & 0xFFFFFFFF]), edge_of_face.reshape(-1, 3)
 
 
-def _marked(
+def _edges_to_split(
     draft: _Draft,
     edges: ndarray,
     edge_of_face: ndarray,
@@ -149,7 +150,7 @@ def _too_bent(draft: _Draft, edges: ndarray, chord_tolerance: float, angle_toler
     return np.asarray((np.einsum("ni,ni->n", a, b) < np.cos(angle_tolerance)) & (length > chord_tolerance))
 
 
-def _split(draft: _Draft, edges: ndarray, edge_of_face: ndarray, marked: ndarray) -> None:
+def _split_edges(draft: _Draft, edges: ndarray, edge_of_face: ndarray, marked: ndarray) -> None:
     """Put a vertex on each of the edges, and on the longest edge of every face they cut (Rivara 1984), and
     cut the faces.
 
@@ -165,7 +166,7 @@ def _split(draft: _Draft, edges: ndarray, edge_of_face: ndarray, marked: ndarray
     draft.points = np.vstack([draft.points, draft.surface.positions(s, t)])
     middle = middle[edge_of_face]
     touched = (middle >= 0).any(axis=1)
-    new = _cut(draft.points, draft.faces[touched], middle[touched])
+    new = _cut_faces(draft.points, draft.faces[touched], middle[touched])
     draft.faces = np.vstack([draft.faces[~touched], new])
     draft.fresh = np.concatenate([np.zeros(int((~touched).sum()), dtype=bool), np.ones(len(new), dtype=bool)])
 
@@ -174,7 +175,7 @@ def _lengths(points: ndarray, edges: ndarray) -> ndarray:
     return np.asarray(np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1))
 
 
-def _cut(points: ndarray, faces: ndarray, middle: ndarray) -> ndarray:
+def _cut_faces(points: ndarray, faces: ndarray, middle: ndarray) -> ndarray:
     """Faces with a vertex in the middle of one, two or three sides (-1: none) into two, three or four.
 
     Two cuts start from the middle of the longer side.
@@ -199,7 +200,7 @@ def _cut(points: ndarray, faces: ndarray, middle: ndarray) -> ndarray:
     return np.vstack([np.column_stack(corners)[which] for which, corners in pieces])
 
 
-def _checked(surface: Surface, parameters: ndarray, points: ndarray, faces: ndarray) -> TriangleMesh:
+def _check_mesh(surface: Surface, parameters: ndarray, points: ndarray, faces: ndarray) -> TriangleMesh:
     """The mesh. Raises SurfaceError where a face has no area."""
     mesh = TriangleMesh(points, faces.astype(np.int32))
     area = np.linalg.norm(mesh.face_vectors, axis=1)

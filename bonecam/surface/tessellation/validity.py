@@ -23,6 +23,7 @@ def require_valid(surface: Surface, chord_tolerance: float, name: str) -> Triang
         )
     if mesh.volume <= 0:
         raise SurfaceError(
-            f"{what} is turned inside out, its normals point inwards: reverse its s parameter or do not mirror it"
+            f"{what} is turned inside out, its normals point inwards: reverse its s parameter or do "
+            "not mirror it"
         )
     return mesh

@@ -153,7 +153,10 @@ class TMesh:
         if not sums.min() > 0:
             e, c = np.unravel_index(np.argmin(sums), sums.shape)
             s, t = found.boxes[e, c % 4 // 2], found.boxes[e, 2 + c // 4 // 2]
-            message = f"all functions vanish at s = {s:.6g}, t = {t:.6g}: a clamped border needs its end knot on two lines of control points"
+            message = (
+                f"all functions vanish at s = {s:.6g}, t = {t:.6g}: a clamped border needs its end "
+                "knot on two lines of control points"
+            )
             raise SurfaceError(message, place=(float(s), float(t)))
         return found
 
@@ -166,7 +169,8 @@ def _check_knots(letter: str, lines: ndarray, period: float) -> None:
         )
     if not (max(np.ptp(lines), period) > 1 / LARGEST and max(np.abs(lines).max(), period) < LARGEST):
         raise SurfaceError(
-            f"the knots in {letter} are all equal, or their range is not between {1 / LARGEST:g} and {LARGEST:g}"
+            f"the knots in {letter} are all equal, or their range is not between {1 / LARGEST:g} and "
+            f"{LARGEST:g}"
         )
     close = (np.diff(lines) > 0) & (np.diff(lines) < ROUNDING * max(np.ptp(lines), np.abs(lines).max()))
     if close.any():

@@ -36,12 +36,14 @@ class OpenRowTMesh:
         t = frozen(t_knots)
         if len(t) != len(s_knots) + 4 or fault(t) or not _clamped(t):
             raise ValueError(
-                f"{len(s_knots)} open rows need {len(s_knots) + 4} t-knots that never decrease, both ends four times{fault(t)}"
+                f"{len(s_knots)} open rows need {len(s_knots) + 4} t-knots that never decrease, both "
+                f"ends four times{fault(t)}"
             )
         for j, row in enumerate(s_knots):
             if len(row) < 8 or fault(row) or not _clamped(row) or row[0] != 0 or row[-1] != 1:
                 raise ValueError(
-                    f"row {j}: an open row needs knots that never decrease, 0 and 1 four times at the ends{fault(row)}"
+                    f"row {j}: an open row needs knots that never decrease, 0 and 1 four times at the "
+                    f"ends{fault(row)}"
                 )
         return cls(t, tuple(frozen(row) for row in s_knots))
 

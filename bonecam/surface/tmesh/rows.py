@@ -56,7 +56,8 @@ class RowTMesh:
                 row[0] >= 0 and row[-1] < 1 and (np.diff(row, append=row[0] + 1) > NEAREST).all()
             ):
                 raise ValueError(
-                    f"row {j}: a closed row needs four or more increasing knots in [0, 1), a pole one{fault(row)}"
+                    f"row {j}: a closed row needs four or more increasing knots in [0, 1), a pole "
+                    f"one{fault(row)}"
                 )
         return cls(t, tuple(frozen(row) for row in s_knots))
 

@@ -8,7 +8,7 @@ import pytest
 from numpy import ndarray
 
 from bonecam.errors import FileError, SurfaceError
-from bonecam.surface.files.iga import raised, read_iga, write_iga
+from bonecam.surface.files.iga import raise_degree, read_iga, write_iga
 from bonecam.surface.tspline import TSpline
 
 AREAS = {
@@ -59,7 +59,7 @@ def test_raising_the_degree_changes_nothing(
 ) -> None:
     surface = random_tspline(3)
     elements = surface.elements()
-    high = raised(elements.coefficients.reshape(-1, 4, 4), 5).reshape(-1, 36)
+    high = raise_degree(elements.coefficients.reshape(-1, 4, 4), 5).reshape(-1, 36)
     finer = type(elements)(elements.boxes, elements.starts, elements.functions, high)
     s, t = inner_samples(surface, 2, 200)
     patches = finer.patches(surface.control_points, surface.weights)

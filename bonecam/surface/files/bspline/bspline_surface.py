@@ -59,16 +59,14 @@ class Knots:
         period, flat, count = high - low, self.flat, self.poles
         if self.closed:
             x = low + np.mod(x - low, period)
-            flat = (
-                np.concatenate([flat, flat[4:8] + period]) if count >= 4 else _unrolled(flat, count, period)
-            )
+            flat = np.concatenate([flat, flat[4:8] + period]) if count >= 4 else _unroll(flat, count, period)
         last = np.searchsorted(flat, high, side="left") - 1
         span = np.clip(np.searchsorted(flat, x, side="right") - 1, 3, last)
         values = span_functions(flat[span[:, None] + np.arange(-3, 5)], x, 0)[0]
         return values, (span[:, None] + np.arange(-3, 1)) % count
 
 
-def _unrolled(flat: ndarray, count: int, period: float) -> ndarray:
+def _unroll(flat: ndarray, count: int, period: float) -> ndarray:
     """Flat knots of a closed direction with fewer than four poles, prolonged by four."""
     more = np.arange(len(flat), len(flat) + 4)
     return np.concatenate([flat, flat[more % count] + period * (more // count)])
@@ -89,7 +87,8 @@ class BSplineSurface:
         wanted = (self.s_knots.poles, self.t_knots.poles)
         if self.poles.shape != (*wanted, 3) or self.weights.shape != wanted:
             raise ValueError(
-                f"the knots need {wanted} poles and weights, not {self.poles.shape[:2]} and {self.weights.shape}"
+                f"the knots need {wanted} poles and weights, not {self.poles.shape[:2]} and "
+                f"{self.weights.shape}"
             )
 
     @property

@@ -39,12 +39,12 @@ def to_bspline(surface: TSpline) -> BSplineSurface:
     Raises SurfaceError where the domain is no rectangle or the surface is torn along a line.
     """
     period = surface.elements().period
-    result = joined(surface.elements(), surface.patches, (period[0] > 0, period[1] > 0))
+    result = join_elements(surface.elements(), surface.patches, (period[0] > 0, period[1] > 0))
     _prove(result, surface)
     return result
 
 
-def joined(
+def join_elements(
     elements: Elements, patches: Float[ndarray, "e 16 4"], closed: tuple[bool, bool]
 ) -> BSplineSurface:
     """Bezier elements that fill a rectangle as one B-spline, closed in s, in t; with as few knots as their
@@ -83,7 +83,8 @@ def bezier_grid(
     if len(element) != shape[0] * shape[1] or len(np.unique(cell[0] * shape[1] + cell[1])) != len(element):
         covered = len(np.unique(cell[0] * shape[1] + cell[1]))
         raise SurfaceError(
-            f"the domain is no rectangle ({covered} of {shape[0] * shape[1]} cells): write Bezier faces instead"
+            f"the domain is no rectangle ({covered} of {shape[0] * shape[1]} cells): write Bezier "
+            "faces instead"
         )
     cuts = [_cut(breaks[k], cell[k], first[k][element], last[k][element]) for k in (0, 1)]
     grid = np.empty((*shape, 4, 4, 4))

@@ -11,7 +11,7 @@ from numpy import ndarray
 from bonecam.errors import SurfaceError
 from bonecam.surface.basis.periodic import FEWEST
 from bonecam.surface.files.bspline.bspline_surface import BSplineSurface, Knots
-from bonecam.surface.files.bspline.from_tspline import joined
+from bonecam.surface.files.bspline.from_tspline import join_elements
 from bonecam.surface.tmesh.open_rows import OpenRowTMesh
 from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tspline import TSpline
@@ -34,10 +34,11 @@ def from_bspline(spline: BSplineSurface) -> TSpline:
         surface = TSpline(
             OpenRowTMesh.from_rows(t_knots, rows), _by_rows(spline.poles), spline.weights.T.ravel()
         )
-        return _reclosed(spline, surface)
+        return _close_seam(spline, surface)
     if spline.s_knots.multiplicities.max() > 1 or spline.s_knots.poles < FEWEST:
         raise SurfaceError(
-            "the surface is closed along s with repeated knots, or fewer than four: open it or smooth its knots first"
+            "the surface is closed along s with repeated knots, or fewer than four: open it or smooth "
+            "its knots first"
         )
     knots = _unit(spline.s_knots, spline.s_knots.values[:-1])
     points, weights = (np.roll(values, -1, axis=0) for values in (spline.poles, spline.weights))
@@ -55,13 +56,13 @@ def from_bspline(spline: BSplineSurface) -> TSpline:
     )
 
 
-def _reclosed(spline: BSplineSurface, surface: TSpline) -> TSpline:
+def _close_seam(spline: BSplineSurface, surface: TSpline) -> TSpline:
     """The surface, periodic where its first and last columns meet C2."""
     if not (
         _near(spline.poles[[0, -1]], spline.size) and _near(spline.weights[[0, -1]], spline.weights.max())
     ):
         return surface
-    closed = joined(surface.elements(), surface.patches, (True, False))
+    closed = join_elements(surface.elements(), surface.patches, (True, False))
     simple = closed.s_knots.multiplicities.max() == 1 and closed.s_knots.poles >= FEWEST
     return from_bspline(closed) if simple else surface
 

@@ -1,4 +1,4 @@
-"""A T-spline as a shape of OpenCASCADE: one face of its exact B-spline, or its Bezier elements sewn to a shell."""
+"""A T-spline as a shape of OpenCASCADE: one face of its exact B-spline, or its Bezier elements sewn."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -29,7 +29,7 @@ def shape_of(surface: TSpline) -> Any:
     except SurfaceError:
         shape = _bezier_shell(surface)
     else:
-        shell = _joined("Shell", [_face_of(_geometry(spline))])
+        shell = _compose("Shell", [_face_of(_geometry(spline))])
         shape = _solid_in(shell) if spline.watertight else shell
     if not occ().BRepCheck.BRepCheck_Analyzer(shape).IsValid():
         raise SurfaceError(
@@ -74,7 +74,7 @@ def _face_of(geometry: Any) -> Any:
     return occ().BRepBuilderAPI.BRepBuilderAPI_MakeFace(geometry, EDGE).Face()
 
 
-def _joined(kind: str, parts: Iterable[Any]) -> Any:
+def _compose(kind: str, parts: Iterable[Any]) -> Any:
     """The parts in a Compound, a Shell or a Solid."""
     lib = occ()
     build, whole = lib.BRep.BRep_Builder(), getattr(lib.TopoDS, f"TopoDS_{kind}")()
@@ -87,7 +87,7 @@ def _joined(kind: str, parts: Iterable[Any]) -> Any:
 def _solid_in(shell: Any) -> Any:
     """The solid inside a closed shell."""
     shell.Closed(True)
-    return _joined("Solid", [shell])
+    return _compose("Solid", [shell])
 
 
 def _bezier_shell(surface: TSpline) -> Any:
@@ -97,7 +97,7 @@ def _bezier_shell(surface: TSpline) -> Any:
     for patch in surface.patches.reshape(-1, 4, 4, 4).swapaxes(1, 2):
         weights = _grid(lib.collections.Array2_double, patch[..., 3].tolist())
         faces.append(_face_of(lib.Geom.Geom_BezierSurface(_points(patch[..., :3] / patch[..., 3:]), weights)))
-    shape = sewn(_joined("Compound", faces), max(EDGE, JOINED * size))
+    shape = sewn(_compose("Compound", faces), max(EDGE, JOINED * size))
     if shape.ShapeType() != lib.TopAbs.TopAbs_ShapeEnum.TopAbs_SHELL or not lib.BRep.BRep_Tool.IsClosed_s(
         shape
     ):

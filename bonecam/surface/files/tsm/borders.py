@@ -56,7 +56,8 @@ def _mirrored(mesh: TMesh, points: ndarray) -> tuple[TMesh, ndarray]:
         outer, inner = crossings[border], crossings[border + step]
         if not mesh.along_t[near].all() or ((outer >= 0) != (inner >= 0)).any():
             raise SurfaceError(
-                f"a line ends beside its open border at s- or t-line {border}: let two lines run along all of it"
+                f"a line ends beside its open border at s- or t-line {border}: let two lines run along "
+                "all of it"
             )
         rows.append(np.flatnonzero(outer >= 0))
         new.append(2 * points[outer[rows[-1]]] - points[inner[rows[-1]]])

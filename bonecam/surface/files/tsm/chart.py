@@ -68,7 +68,10 @@ def _directions(records: Records) -> list[int]:
                 found[other] = direction % 4
                 queue.append(other)
             elif found[other] != direction % 4:
-                message = f"its direction contradicts link {n} (a wrong flag, or an extraordinary point, which only .iga files can hold)"
+                message = (
+                    f"its direction contradicts link {n} (a wrong flag, or an extraordinary point, "
+                    "which only .iga files can hold)"
+                )
                 raise records.error("l", other, message)
     for n, link in enumerate(records.links):
         if link is not None and found[n] < 0:
@@ -138,7 +141,8 @@ def _period(records: Records, misses: list[tuple[int, ndarray]], slack: float) -
                 raise records.error(
                     "l",
                     n,
-                    f"knot intervals do not add up round a loop: they miss by {miss[0]:.6g} in s and {miss[1]:.6g} in t",
+                    f"knot intervals do not add up round a loop: they miss by {miss[0]:.6g} in s and "
+                    f"{miss[1]:.6g} in t",
                 )
             period[axis] = period[axis] or length
     return period[0], period[1]

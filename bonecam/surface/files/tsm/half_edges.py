@@ -109,7 +109,10 @@ def links_of(graph: Graph) -> tuple[list[tuple[int, int]], dict[tuple[int, int],
     for v, row in enumerate(graph.neighbours):
         for direction, w in enumerate(row.tolist()):
             if w >= 0 and graph.neighbours[w, (direction + 2) % 4] != v:
-                message = f"lines with one knot part between control points {graph.own[v]} and {graph.own[w]}: a .tsm file cannot hold it"
+                message = (
+                    f"lines with one knot part between control points {graph.own[v]} and "
+                    f"{graph.own[w]}: a .tsm file cannot hold it"
+                )
                 raise SurfaceError(message, control_points=(graph.own[v], graph.own[w]))
             if direction < 2 and w >= 0:
                 links += [(v, direction), (w, direction + 2)]

@@ -59,7 +59,8 @@ def _products(points: Float[ndarray, "n 3"], weights: Float[ndarray, "n 1"]) -> 
         found = np.where(found / weights == points, found, other)
     if not (found / weights == points).all():
         raise SurfaceError(
-            f"control point {int(np.argmin((found / weights == points).all(axis=1)))} has no homogeneous form to the last bit"
+            f"control point {int(np.argmin((found / weights == points).all(axis=1)))} has no "
+            "homogeneous form to the last bit"
         )
     return found
 
