@@ -21,7 +21,7 @@ MAX_ROUNDS = 40
 CONTACT_SHARE = 0.2
 """Part of the gouge tolerance that a ball at rest on a contact may use up."""
 MOVE_SHARE = 0.5
-"""Part of the gouge tolerance that a ball may use up on its way between two contacts."""
+"""Part of the gouge tolerance that a ball may use up on a move between two contacts."""
 INNER_FRACTIONS = (0.25, 0.75)
 """Fractions of a move at which it is measured besides its ends and its middle."""
 OVERLIFT = 1.2

@@ -4,8 +4,8 @@ before.
 With the feed along s, the distance to the neighbouring line across the feed grows by h = sqrt(EG - F^2) /
 sqrt(E) per unit of t, E, F, G being the first fundamental form (Eqs. 13-14 of Gan et al. 2014 solved for the
 distance). Divided by the exact side step of the section across the feed (`scallop.py`) and integrated over t,
-it counts passes. No place of a line is more than one pass from the next line. The same holds with s and t
-exchanged.
+it counts passes. No place of a line is more than one pass from the next line. With the feed along t, s and t
+are exchanged.
 """
 
 from collections.abc import Callable

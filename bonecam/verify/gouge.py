@@ -164,7 +164,7 @@ def _refine(run: _Run, centres: Float[ndarray, "n 3"], distance: Float[ndarray, 
 
     line = int(run.motions.lines[moves[spans.move[0]]])
     raise VerifyError(
-        f"line {line}: the way between its ends cannot be bounded: the move turns too far in one block",
+        f"line {line}: the gouge between its ends cannot be bounded: the move turns too far in one block",
         line=line,
     )
 

@@ -167,10 +167,10 @@ def _check_feeds(
     feed = dialect.numbers["feed"]
     long_enough = length > MIN_LENGTH_STEPS * dialect.numbers["length"].step
     below_limit = motions.feed_rates < feed.highest - feed.step
-    told = ~motions.inverse_time | (long_enough & below_limit)
+    checkable = ~motions.inverse_time | (long_enough & below_limit)
     allowed = np.where(motions.inverse_time, FEED_TOLERANCE * feeds + feed.step * length, feed.step)
 
-    wrong_feed = ~motions.rapid & told & (np.abs(written - feeds) > allowed)
+    wrong_feed = ~motions.rapid & checkable & (np.abs(written - feeds) > allowed)
     wrong = posted & np.where(rapid, ~motions.rapid, (motions.rapid & ~begins) | wrong_feed)
     if wrong.any():
         move = int(np.argmax(wrong))

@@ -50,7 +50,7 @@ def _draw_lines(
 
     plot.set_xlim(0, along[-1])
     plot.set_ylim(bottom=0)
-    plot.set_xlabel("way on the line, along the part (mm)")
+    plot.set_xlabel("length along the line on the part (mm)")
     plot.set_ylabel("distance between levels (mm)")
     rounding = rounding_cuts(levels)
     rest = f" ({_cuts(rounding)}, which only round the stock, not shown)" if rounding else ""
