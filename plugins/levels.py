@@ -9,7 +9,7 @@ import numpy as np
 from bonecam.errors import LevelError, StockError, ToolPathError
 from bonecam.filters.filter import Filter
 from bonecam.filters.layers import Layers
-from bonecam.filters.parameter import FilterParameter, Kind, parameters_of, stage_of
+from bonecam.filters.parameter import FilterParameter, Kind, parameters_of, section_of
 from bonecam.job import HoldingJob, LevelsJob, StockJob
 from bonecam.levels.measure.level import Level
 from bonecam.levels.problem.tolerances import DEPTH_TOLERANCE, NEST_TOLERANCE
@@ -20,15 +20,16 @@ CATEGORY = "Bonecam: Stock and Levels"
 
 
 def generate_stock(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
-    """`generate_stock` and `generate_stock_capsule`."""
+    """Filters `generate_stock` and `generate_stock_capsule`: layers of the stock and of the part on its
+    post."""
     from bonecam.mesh.part import Part
     from bonecam.setup.placement import place
     from bonecam.setup.stock import stock_figures
 
     job = replace(
         layers.job(),
-        stock=stage_of(StockJob(), values),
-        holding=stage_of(HoldingJob(), values, prefix="post_"),
+        stock=section_of(StockJob(), values),
+        holding=section_of(HoldingJob(), values, prefix="post_"),
     )
     mesh = layers.bone()
     try:
@@ -44,14 +45,14 @@ def generate_stock(layers: Layers, values: Mapping[str, Any], progress: Progress
 
 
 def morph_levels(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
-    """`generate_morph_levels`."""
+    """Filter `generate_morph_levels`: a layer for each level, coloured by the depth of its cut."""
     from bonecam.levels.job_levels import make_levels
     from bonecam.levels.measure.line_depths import step_depths
     from bonecam.setup.stock import Stock
 
     surface = layers.kept("surface", TSpline, "compute_tspline_surface")
     stock = layers.kept("stock", Stock, "generate_stock")  # type: ignore[type-abstract]
-    job = replace(layers.job(), levels=stage_of(LevelsJob(), values))
+    job = replace(layers.job(), levels=section_of(LevelsJob(), values))
     morph = make_levels(surface, stock, job, progress)
     source = layers.meshset.current_mesh_id()
     kept = {"morph": morph, "job": job}
@@ -74,7 +75,7 @@ def morph_levels(layers: Layers, values: Mapping[str, Any], progress: Progress) 
 
 
 def level_check(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
-    """`compute_level_check`."""
+    """Filter `compute_level_check`: LevelError where a level exceeds a tolerance, else what was measured."""
     from bonecam.levels.closed_morph import Morph
 
     levels = layers.kept("morph", Morph, "generate_morph_levels").levels
@@ -91,8 +92,7 @@ def level_check(layers: Layers, values: Mapping[str, Any], progress: Progress) -
 
 
 def figures(levels: Sequence[Level]) -> dict[str, Any]:
-    """What was measured and certified, as in the report: an array over the levels each, NaN where nothing is
-    known."""
+    """The measures of the report as arrays over the levels, NaN where a level has none."""
     from bonecam.verify.report import levels_report
 
     rows = levels_report(levels)

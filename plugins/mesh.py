@@ -8,7 +8,7 @@ import numpy as np
 
 from bonecam.filters.filter import Filter
 from bonecam.filters.layers import Layers
-from bonecam.filters.parameter import parameters_of, stage_of
+from bonecam.filters.parameter import parameters_of, section_of
 from bonecam.job import MeshJob
 from bonecam.progress import Progress
 
@@ -16,7 +16,7 @@ CATEGORY = "Bonecam: Mesh"
 
 
 def scale_to_mm(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
-    """`apply_units_in_mm`."""
+    """Filter `apply_units_in_mm`: the layer scaled to mm."""
     from bonecam.mesh.units import MM_OF, to_mm
 
     scaled = to_mm(layers.mesh(), values["units"], layers.name, 'give units="{}"')
@@ -25,7 +25,7 @@ def scale_to_mm(layers: Layers, values: Mapping[str, Any], progress: Progress) -
 
 
 def repair_bone(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
-    """`meshing_repair_bone`."""
+    """Filter `meshing_repair_bone`: a layer of the repaired mesh."""
     from bonecam.mesh.healing.repair import repair
 
     mesh, changes = repair(layers.bone(), progress=progress)
@@ -34,7 +34,7 @@ def repair_bone(layers: Layers, values: Mapping[str, Any], progress: Progress) -
 
 
 def fill_pits_layer(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
-    """`meshing_fill_pits`."""
+    """Filter `meshing_fill_pits`: a layer of the mesh without its pits."""
     from bonecam.mesh.healing.pits import fill_pits
 
     mesh, told = fill_pits(layers.bone(), values["pit_radius"])
@@ -43,7 +43,7 @@ def fill_pits_layer(layers: Layers, values: Mapping[str, Any], progress: Progres
 
 
 def stand_upright(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
-    """`apply_upright_pose`."""
+    """Filter `apply_upright_pose`: the layer with its longest axis along Z."""
     from bonecam.mesh.pose import upright
 
     _, matrix = upright(layers.mesh())
@@ -52,10 +52,10 @@ def stand_upright(layers: Layers, values: Mapping[str, Any], progress: Progress)
 
 
 def harmonic_rows_layer(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
-    """`compute_harmonic_rows`."""
+    """Filter `compute_harmonic_rows`: a layer of closed polylines."""
     from bonecam.mesh.sections.rows import harmonic_rows
 
-    job = stage_of(MeshJob(), values)
+    job = section_of(MeshJob(), values)
     mesh = layers.bone()
     rows = harmonic_rows(
         mesh,

@@ -8,7 +8,7 @@ from typing import Any
 from bonecam.files import write_whole
 from bonecam.filters.filter import Filter
 from bonecam.filters.layers import Layers
-from bonecam.filters.parameter import FilterParameter, Kind, parameters_of, stage_of
+from bonecam.filters.parameter import FilterParameter, Kind, parameters_of, section_of
 from bonecam.job import NcJob
 from bonecam.progress import Progress, part
 
@@ -16,7 +16,7 @@ CATEGORY = "Bonecam: NC"
 
 
 def save_program(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
-    """`save_nc_program`."""
+    """Filter `save_nc_program`: the program of the kept tool paths, written where its proof holds."""
     from bonecam.levels.closed_morph import Morph
     from bonecam.nc.dialect import read_dialect
     from bonecam.nc.machine import read_machine
@@ -29,7 +29,7 @@ def save_program(layers: Layers, values: Mapping[str, Any], progress: Progress) 
     paths = layers.kept("toolpath", tuple, "generate_toolpath")
     morph = layers.kept("morph", Morph, "generate_morph_levels")
     stock = layers.kept("stock", Stock, "generate_stock")  # type: ignore[type-abstract]
-    job = replace(layers.job(), nc=stage_of(layers.job().nc, values))
+    job = replace(layers.job(), nc=section_of(layers.job().nc, values))
     machine = read_machine(job.nc.machine)
     dialect = read_dialect(job.nc.controller)
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from bonecam.filters.filter import Filter
 from bonecam.filters.layers import Layers
-from bonecam.filters.parameter import FilterParameter, Kind, parameters_of, stage_of
+from bonecam.filters.parameter import FilterParameter, Kind, parameters_of, section_of
 from bonecam.job import LevelsJob, MeshJob, SurfaceJob
 from bonecam.progress import Progress
 from bonecam.surface.tspline import TSpline
@@ -17,13 +17,13 @@ CATEGORY = "Bonecam: T-Spline Surface"
 
 
 def fit_tspline(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
-    """`compute_tspline_surface`."""
+    """Filter `compute_tspline_surface`: a layer of the tessellated T-spline, which is kept beside it."""
     from bonecam.mesh.part import Part
     from bonecam.surface.part_surface import fit_surface
     from bonecam.verify.report import surface_report
 
     before = layers.job()
-    job = replace(before, mesh=stage_of(before.mesh, values), surface=stage_of(SurfaceJob(), values))
+    job = replace(before, mesh=section_of(before.mesh, values), surface=section_of(SurfaceJob(), values))
     mesh = layers.bone()
     part = Part(mesh, layers.name, len(mesh.faces), "mm", (), np.eye(4))
     fit = fit_surface(part, job, progress)
@@ -36,7 +36,7 @@ def fit_tspline(layers: Layers, values: Mapping[str, Any], progress: Progress) -
 
 
 def save_tspline(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
-    """`save_tspline_surface`."""
+    """Filter `save_tspline_surface`: the kept T-spline as a file."""
     from bonecam.surface.files.save import save_surface
 
     surface = layers.kept("surface", TSpline, "compute_tspline_surface")

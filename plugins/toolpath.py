@@ -9,7 +9,7 @@ import numpy as np
 
 from bonecam.filters.filter import Filter
 from bonecam.filters.layers import Layers
-from bonecam.filters.parameter import parameters_of, stage_of
+from bonecam.filters.parameter import parameters_of, section_of
 from bonecam.job import FINISHING, ROUGHING, NcJob, PathJob
 from bonecam.progress import Progress
 from bonecam.toolpath.path import Kind as MoveKind
@@ -19,7 +19,7 @@ CATEGORY = "Bonecam: Tool Paths"
 
 
 def plan_toolpath(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
-    """`generate_toolpath`."""
+    """Filter `generate_toolpath`: a polyline layer of the tip for each level."""
     from bonecam.levels.closed_morph import Morph
     from bonecam.nc.kinematics import axis_limits
     from bonecam.nc.machine import read_machine
@@ -31,9 +31,9 @@ def plan_toolpath(layers: Layers, values: Mapping[str, Any], progress: Progress)
     stock = layers.kept("stock", Stock, "generate_stock")  # type: ignore[type-abstract]
     job = replace(
         layers.job(),
-        path=stage_of(PathJob(), values),
-        roughing=stage_of(ROUGHING, values, prefix="roughing_"),
-        finishing=stage_of(FINISHING, values, prefix="finishing_"),
+        path=section_of(PathJob(), values),
+        roughing=section_of(ROUGHING, values, prefix="roughing_"),
+        finishing=section_of(FINISHING, values, prefix="finishing_"),
         nc=replace(layers.job().nc, machine=values["machine"]),
     )
     machine = read_machine(job.nc.machine)

@@ -16,7 +16,7 @@ from bonecam.errors import FilterError
 from bonecam.job.parameter import record
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
-Stage = TypeVar("Stage")
+Section = TypeVar("Section")
 
 
 class Kind(Enum):
@@ -185,17 +185,17 @@ def _plain(value: Any) -> Any:
 
 
 def parameters_of(
-    stage: Any, prefix: str = "", only: Collection[str] = (), without: Collection[str] = ()
+    section: Any, prefix: str = "", only: Collection[str] = (), without: Collection[str] = ()
 ) -> tuple[FilterParameter, ...]:
-    """The parameters of a job record (an instance: its values are the defaults), names with `prefix`.
+    """The parameters of a section of a job, whose values are the defaults; their names begin with `prefix`.
 
     Lengths in mm take percentages of the bounding box's diagonal as well.
     """
     found = []
-    for item in fields(stage):
+    for item in fields(section):
         if (only and item.name not in only) or item.name in without:
             continue
-        value, known = getattr(stage, item.name), record(item)
+        value, known = getattr(section, item.name), record(item)
         kinds = {
             bool: Kind.BOOL,
             int: Kind.INT,
@@ -219,9 +219,12 @@ def parameters_of(
     return tuple(found)
 
 
-def stage_of(stage: Stage, values: Mapping[str, Any], prefix: str = "") -> Stage:
-    """The job record `stage` with the filter's `values` of the same (prefixed) names: the way back from
-    `parameters_of`."""
-    known = {item.name for item in fields(stage)}  # type: ignore[arg-type]
+def section_of(section: Section, values: Mapping[str, Any], prefix: str = "") -> Section:
+    """A section of a job with the values of a filter's parameters, whose names are `prefix` and the field's
+    name.
+
+    The reverse of `parameters_of`.
+    """
+    known = {item.name for item in fields(section)}  # type: ignore[arg-type]
     changes = {name.removeprefix(prefix): value for name, value in values.items() if name.startswith(prefix)}
-    return replace(stage, **{name: value for name, value in changes.items() if name in known})  # type: ignore[type-var]
+    return replace(section, **{name: value for name, value in changes.items() if name in known})  # type: ignore[type-var]

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bonecam.errors import FilterError
-from bonecam.filters.parameter import FilterParameter, Kind, Percentage, parameters_of, stage_of
+from bonecam.filters.parameter import FilterParameter, Kind, Percentage, parameters_of, section_of
 from bonecam.job import Job, LevelsJob, StockJob
 from bonecam.job.parameter import record
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -127,7 +127,7 @@ def test_stage_parameters_are_the_job_fields(stage: object) -> None:
 
 
 def test_values_lead_back_to_the_stage() -> None:
-    assert stage_of(LevelsJob(), {"roughing_depth": 0.7, "other": 1}) == LevelsJob(roughing_depth=0.7)
-    assert stage_of(StockJob(), {"stock_diameter": 15.0, "diameter": 4.0}, prefix="stock_") == StockJob(
+    assert section_of(LevelsJob(), {"roughing_depth": 0.7, "other": 1}) == LevelsJob(roughing_depth=0.7)
+    assert section_of(StockJob(), {"stock_diameter": 15.0, "diameter": 4.0}, prefix="stock_") == StockJob(
         diameter=15.0
     )
