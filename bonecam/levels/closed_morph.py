@@ -15,14 +15,14 @@ from bonecam.errors import LevelError, SurfaceError, require_type
 from bonecam.job import LevelsJob
 from bonecam.levels.measure.inspection import Inspection, Rules
 from bonecam.levels.measure.level import Level
-from bonecam.levels.problem.discretisation import setting_of
+from bonecam.levels.problem.discretisation import discretise
 from bonecam.levels.problem.energies.attraction import ATTRACTIONS
 from bonecam.levels.problem.remaining import remaining, whole
 from bonecam.levels.problem.tolerances import NEST_TOLERANCE, STOCK_TOLERANCE
 from bonecam.levels.published_morph import distance_left, published_sequence
-from bonecam.levels.refine_for_depth import finer
-from bonecam.levels.restore_feasibility import ACCEPTED, mend, surer
-from bonecam.levels.sequence import Sequences
+from bonecam.levels.refine_for_depth import refine_for_depth
+from bonecam.levels.restore_feasibility import ACCEPTED, restore_certificates, restore_feasibility
+from bonecam.levels.sequence import SequenceMaker
 from bonecam.levels.solvers.solver import SOLVERS
 from bonecam.mesh.distance import MeshDistance
 from bonecam.progress import Progress, part, rising, silent
@@ -107,23 +107,23 @@ def morph(
     progress = rising(progress)
     solving, measuring = part(progress, 0.0, 0.7), part(progress, 0.7, 1.0)
     if method != "qcqp":
-        surface = finer(surface, stock, schedule.beyond)
-    setting = setting_of(surface, stock, ATTRACTIONS[attraction])
+        surface = refine_for_depth(surface, stock, schedule.beyond)
+    discretisation = discretise(surface, stock, ATTRACTIONS[attraction])
     around = whole(stock)
-    rest = remaining(setting, surface.control_points, around)
+    rest = remaining(discretisation, surface.control_points, around)
     lower_bound = schedule.lower_bound(rest.left)
     rules = Rules(stock, schedule, *METHODS[method], chord_tolerance)
 
-    making = None
+    maker = None
     if method == "qcqp":
         left = distance_left(surface, stock)
         published = published_sequence(surface, stock, schedule, stiffness, attraction, left, solving)
         sequences = iter([published])
     else:
-        making = Sequences(setting, around, schedule, lower_bound, solving, solver, stiffness)
-        sequences = making.all(rest)
+        maker = SequenceMaker(discretisation, around, schedule, lower_bound, solving, solver, stiffness)
+        sequences = maker.all(rest)
     inspection, checking = _first_within_limits(
-        sequences, making, lambda made: Inspection(surface, made, rules, measuring)
+        sequences, maker, lambda made: Inspection(surface, made, rules, measuring)
     )
     breaks = max((cut.over for cut in inspection.failed), default=0.0)
     solve_seconds = time.perf_counter() - started - checking
@@ -132,23 +132,23 @@ def morph(
 
 def _first_within_limits(
     sequences: Iterator[list[ndarray]],
-    making: Sequences | None,
+    maker: SequenceMaker | None,
     measure: Callable[[list[ndarray]], Inspection],
 ) -> tuple[Inspection, float]:
     """The first sequence of which every cut keeps its limits as measured, and the seconds of all measuring;
-    levels that do not are mended by `making`, if it is given.
+    levels that do not are restored by `maker`, if there is one.
 
     Where there is none the first that exceeds its limits by ACCEPTED at most; else LevelError.
     """
     failure: LevelError | None = None
     nearly: Inspection | None = None
     checking = 0.0
-    for made in sequences:
+    for levels in sequences:
         try:
-            inspection = measure(made)
-            if making is not None:
-                mend(inspection, making)
-                inspection = surer(inspection, making)
+            inspection = measure(levels)
+            if maker is not None:
+                restore_feasibility(inspection, maker)
+                inspection = restore_certificates(inspection, maker)
         except LevelError as error:
             failure = failure or error
             continue

@@ -29,7 +29,7 @@ from bonecam.levels.closed_morph import Morph, require_types
 from bonecam.levels.measure.check import BINS, REMAINS, patch_of
 from bonecam.levels.measure.level import Level
 from bonecam.levels.open_stock import OpenStock, distances, open_stock
-from bonecam.levels.problem.element_matrices import Fabric, fabric_of
+from bonecam.levels.problem.element_matrices import ElementMatrices, element_matrices
 from bonecam.levels.problem.limits.linear_limits import LinearLimits
 from bonecam.levels.problem.tolerances import DEPTH_TOLERANCE, NEST_TOLERANCE
 from bonecam.levels.solvers.osqp import solve_qp
@@ -76,9 +76,9 @@ def morph_open(
         raise SurfaceError(
             "the surface is closed: morph it into a stock with bonecam.levels.edge_rounding.levels_in(surface, stock, schedule)"
         )
-    fabric = fabric_of(surface)
-    held = fabric.edge & (edges == "fixed")
-    found = open_stock(surface, fabric, stock, edges == "fixed")
+    matrices = element_matrices(surface)
+    held = matrices.edge & (edges == "fixed")
+    found = open_stock(surface, matrices, stock, edges == "fixed")
     target, distances_to_it = found.surface, distances(surface, found.points, found.parameters)
     distance = min(
         float(distances_to_it.max(initial=0.0)), found.farthest
@@ -93,7 +93,7 @@ def morph_open(
         target, grid.points(shapes[-1]), grid.all, limit := schedule.limit(k := len(shapes))
     ) or _beyond(shapes[-1], points, at, limit):
         report(progress, min(1.0, k / lower_bound), f"level {k}")
-        moves = _moves(fabric, shapes[-1].control_points, target.control_points, limit, stiffness, held)
+        moves = _moves(matrices, shapes[-1].control_points, target.control_points, limit, stiffness, held)
         if np.linalg.norm(moves, axis=1).max() < limit / 100:
             raise LevelError(f"level {k} gets no nearer to the stock: give a lower stiffness", level=k)
         shapes.append(surface.with_control_points(shapes[-1].control_points + moves))
@@ -168,13 +168,15 @@ def _middles(parameters: ndarray, faces: ndarray, period: tuple[float, float]) -
     return np.asarray(first + offset.mean(1))
 
 
-def _moves(fabric: Fabric, P: ndarray, Q: ndarray, depth: float, stiffness: float, held: ndarray) -> ndarray:
+def _moves(
+    matrices: ElementMatrices, P: ndarray, Q: ndarray, depth: float, stiffness: float, held: ndarray
+) -> ndarray:
     """The level's program: how far every control point goes on its straight way to its target."""
     way = Q - P
     rest = np.linalg.norm(way, axis=1)
     ahead = way / np.where(rest > 0, rest, 1.0)[:, None]
     most = np.where(held, 0.0, np.minimum(rest, depth))
-    E = sp.csc_array(stiffness * fabric.M + fabric.N)
+    E = sp.csc_array(stiffness * matrices.M + matrices.N)
     x, y, z = (sp.csc_array(sp.diags_array(ahead[:, j]) @ E @ sp.diags_array(ahead[:, j])) for j in range(3))
     gradient = -((E @ way) * ahead).sum(1)
     rows = LinearLimits(sp.eye_array(len(P), format="csr"), np.zeros(len(P)), most)

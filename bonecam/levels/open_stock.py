@@ -17,7 +17,7 @@ from numpy import ndarray
 
 from bonecam.arrays import dots, lengths
 from bonecam.errors import StockError, place_name
-from bonecam.levels.problem.element_matrices import Fabric
+from bonecam.levels.problem.element_matrices import ElementMatrices
 from bonecam.levels.problem.factorisation import factorise
 from bonecam.levels.problem.tolerances import NEST_TOLERANCE
 from bonecam.mesh.distance import exact_closest
@@ -44,7 +44,7 @@ class OpenStock:
     place: Float[ndarray, "3"]
 
 
-def open_stock(surface: TSpline, fabric: Fabric, stock: object, fixed: bool) -> OpenStock:
+def open_stock(surface: TSpline, matrices: ElementMatrices, stock: object, fixed: bool) -> OpenStock:
     """The stock fitted, with the part's edges `fixed` or not; StockError where it is none or not on one side
     of the part."""
     given = _given(stock)
@@ -62,7 +62,7 @@ def open_stock(surface: TSpline, fabric: Fabric, stock: object, fixed: bool) -> 
             np.vstack([normals, surface.normals(*feet.parameters.T)]),
         )
         _require_ahead(side * ahead, places, -NEST_TOLERANCE if fixed else NEST_TOLERANCE)
-    free, bent = _fits(surface, fabric, given, fixed)
+    free, bent = _fits(surface, matrices, given, fixed)
     fitted, reached = free.positions(*at.T), bent.positions(*at.T)
     _require_upright(bent, at, normals)
     _require_ahead(side * dots(reached - points, normals), points, -NEST_TOLERANCE)
@@ -74,7 +74,7 @@ def open_stock(surface: TSpline, fabric: Fabric, stock: object, fixed: bool) -> 
     )
     off, places = np.append(np.abs(off), feet.distances), np.vstack([fitted, known])
     moved, moved_feet = (
-        free.basis(*which.T)[0] @ (fabric.edge & fixed) > 0 for which in (at, feet.parameters)
+        free.basis(*which.T)[0] @ (matrices.edge & fixed) > 0 for which in (at, feet.parameters)
     )
     worst, farthest = int(np.argmax(off)), float(distances(surface, known, feet.parameters).max(initial=0.0))
     as_given, its = (
@@ -147,13 +147,13 @@ def _require_ahead(ahead: ndarray, points: ndarray, least: float) -> None:
 
 
 def _fits(
-    surface: TSpline, fabric: Fabric, given: float | TriangleMesh, fixed: bool
+    surface: TSpline, matrices: ElementMatrices, given: float | TriangleMesh, fixed: bool
 ) -> tuple[TSpline, TSpline]:
     """The stock over the part's T-mesh with free edges, and with those asked for."""
-    points = fabric.R @ surface.control_points
-    ways = fabric.weights[:, None] * (_wanted(given, points, fabric.normals) - points)
-    way = factorise(fabric.N + FIT_STIFFNESS * fabric.M).solve(np.asarray(fabric.R.T @ ways))
-    held = (fabric.edge & fixed)[:, None]
+    points = matrices.R @ surface.control_points
+    ways = matrices.weights[:, None] * (_wanted(given, points, matrices.normals) - points)
+    way = factorise(matrices.N + FIT_STIFFNESS * matrices.M).solve(np.asarray(matrices.R.T @ ways))
+    held = (matrices.edge & fixed)[:, None]
     free, bent = (
         surface.with_control_points(surface.control_points + each) for each in (way, np.where(held, 0.0, way))
     )

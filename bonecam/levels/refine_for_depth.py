@@ -1,4 +1,4 @@
-"""The part's T-spline with more control points, for its levels: the same surface on a finer T-mesh (exact
+"""The part's T-spline with more control points, for its levels: the same surface on a refine_for_depth T-mesh (exact
 knot insertion, Boehm 1980).
 
 Where part of a level lies at the stock's wall already and the rest still moves there is a rim between, which
@@ -32,7 +32,7 @@ they are."""
 AROUND, ALONG = 64, 4
 
 
-def finer(surface: TSpline, stock: Stock, depth: float) -> TSpline:
+def refine_for_depth(surface: TSpline, stock: Stock, depth: float) -> TSpline:
     """The surface with spans halved until they are short enough for cuts so deep (mm); one that has many
     control points as it is."""
     depths, few, most = WITH_FLATS if stock.has_flats else IN_CAPSULES

@@ -39,7 +39,7 @@ from bonecam.job import Job, LevelsJob
 from bonecam.levels.closed_morph import Morph, morph
 from bonecam.levels.measure.grid import level_grid
 from bonecam.levels.problem.cut import Cut, StepParameters
-from bonecam.levels.problem.discretisation import Setting
+from bonecam.levels.problem.discretisation import Discretisation
 from bonecam.levels.problem.limits.linear_limits import stack_limits
 from bonecam.levels.problem.limits.planes import limits_at
 from bonecam.levels.problem.program import Program, program_of
@@ -69,7 +69,7 @@ PRINTED_STIFFNESS, MOST_CUTS = 1e-6, 60
 class Call:
     """One call of `next_level` by the morph, and its answer."""
 
-    setting: Setting
+    discretisation: Discretisation
     P: ndarray
     rest: Remaining
     cut: Cut
@@ -79,16 +79,16 @@ class Call:
     @property
     def program(self) -> Program:
         """The program it solved."""
-        return program_of(self.setting, self.P, self.rest, self.cut, self.parameters)
+        return program_of(self.discretisation, self.P, self.rest, self.cut, self.parameters)
 
     def again(self) -> Step:
         """The same call."""
-        return next_level(self.setting, self.P, self.rest, self.cut, self.parameters)
+        return next_level(self.discretisation, self.P, self.rest, self.cut, self.parameters)
 
     @property
     def free_moves(self) -> ndarray:
         """The answer's moves of the control points that are free."""
-        B = self.setting.free
+        B = self.discretisation.free
         return spsolve(sp.csc_matrix(B.T @ B), B.T @ self.step.moves).reshape(-1, 3)
 
 
@@ -143,7 +143,7 @@ def recorded(surface: TSpline, stock: Capsule) -> Case:
     calls: list[Call] = []
 
     def noted(
-        setting: Setting,
+        discretisation: Discretisation,
         P: ndarray,
         rest: Remaining,
         cut: Cut,
@@ -153,7 +153,12 @@ def recorded(surface: TSpline, stock: Capsule) -> Case:
     ) -> Step:
         calls.append(
             Call(
-                setting, P, rest, cut, parameters, next_level(setting, P, rest, cut, parameters, ease, solver)
+                discretisation,
+                P,
+                rest,
+                cut,
+                parameters,
+                next_level(discretisation, P, rest, cut, parameters, ease, solver),
             )
         )
         return calls[-1].step
@@ -217,13 +222,13 @@ def optimum(call: Call, program: Program, start: ndarray, watched: bool) -> floa
     With `watched` the planes of all watched samples that `start` or the last answer brings within NEAR mm of
     them hold as well.
     """
-    watch = call.setting.watched(call.P + call.setting.free @ start, call.P)
-    R = sp.csr_array(watch.R @ call.setting.free)
+    watch = call.discretisation.watched(call.P + call.discretisation.free @ start, call.P)
+    R = sp.csr_array(watch.R @ call.discretisation.free)
     settings, D = clarabel.DefaultSettings(), start
     settings.verbose = False
     energy = sp.csc_matrix(sp.triu(sp.block_diag([program.matrix] * 3), format="csc"))
     x, planes = watch.R @ call.P, program.limits
-    gap = -call.setting.stock.signed_distance(x)
+    gap = -call.discretisation.stock.signed_distance(x)
     dense = limits_at(planes.before, planes.stock, call.cut, gap, x + R @ D, watch.s, watch.t, 3)
     for _ in range(RENEWALS):
         planes = program.at(D).limits

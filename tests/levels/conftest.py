@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bonecam.levels.problem.cut import Cut, StepParameters
-from bonecam.levels.problem.discretisation import Setting, setting_of
+from bonecam.levels.problem.discretisation import Discretisation, discretise
 from bonecam.levels.problem.energies.attraction import ATTRACTIONS
 from bonecam.levels.problem.energies.energy import Given
 from bonecam.levels.problem.program import Program, program_of
@@ -70,9 +70,9 @@ def grooved(waisted: Callable[..., TSpline]) -> Callable[[float], TSpline]:
 
 
 @pytest.fixture(scope="session")
-def setting(waisted: Callable[..., TSpline], capsule: Capsule) -> Setting:
+def discretisation(waisted: Callable[..., TSpline], capsule: Capsule) -> Discretisation:
     """The bone with a waist in the stock, as the programs of its levels see it."""
-    return setting_of(waisted(), capsule, ATTRACTIONS["stock"])
+    return discretise(waisted(), capsule, ATTRACTIONS["stock"])
 
 
 @pytest.fixture(scope="session")
@@ -87,11 +87,13 @@ def half_millimetre() -> Cut:
 
 
 @pytest.fixture(scope="session")
-def given(setting: Setting, capsule: Capsule, half_millimetre: Cut, step_parameters: StepParameters) -> Given:
+def given(
+    discretisation: Discretisation, capsule: Capsule, half_millimetre: Cut, step_parameters: StepParameters
+) -> Given:
     """All an energy of the first level's program is computed from."""
-    part = setting.surface
-    rest = remaining(setting, part.control_points, whole(capsule))
-    return Given(setting, part, rest, half_millimetre, step_parameters)
+    part = discretisation.surface
+    rest = remaining(discretisation, part.control_points, whole(capsule))
+    return Given(discretisation, part, rest, half_millimetre, step_parameters)
 
 
 @pytest.fixture
@@ -99,6 +101,8 @@ def first_program(given: Given) -> Callable[[], Program]:
     """Sets up the program of the first level; energies and limits are those listed when it is called."""
 
     def set_up() -> Program:
-        return program_of(given.setting, given.before.control_points, given.rest, given.cut, given.parameters)
+        return program_of(
+            given.discretisation, given.before.control_points, given.rest, given.cut, given.parameters
+        )
 
     return set_up

@@ -240,7 +240,7 @@ def test_a_level_that_cannot_keep_its_limits_ends_its_sequence_with_the_place(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(
-        sequence, "MENDABLE", -1.0
+        sequence, "LARGEST_VIOLATION", -1.0
     )  # a level's worst place is never a millimetre inside its limits
     with pytest.raises(LevelError, match=r"level 1 breaks its limits by .* mm at \(") as caught:
         morph(waisted(), STOCK, SCHEDULE, chord_tolerance=0.02)

@@ -11,14 +11,14 @@ import pytest
 from bonecam.levels.measure.certificate import certificate_of_last
 from bonecam.levels.measure.inspection import Inspection, Rules
 from bonecam.levels.problem.cut import StepParameters
-from bonecam.levels.problem.discretisation import setting_of
+from bonecam.levels.problem.discretisation import discretise
 from bonecam.levels.problem.energies.attraction import ATTRACTIONS
 from bonecam.levels.problem.remaining import remaining, whole
 from bonecam.levels.problem.samples import creases
 from bonecam.levels.problem.tolerances import DEPTH_TOLERANCE
-from bonecam.levels.restore_feasibility import _runs, mend, surer
-from bonecam.levels.sequence import LANDING, MENDED, MOST_CREEP, Sequences
-from bonecam.levels.solvers.exchange import kept_level
+from bonecam.levels.restore_feasibility import _runs, restore_certificates, restore_feasibility
+from bonecam.levels.sequence import LANDING, MOST_CREEP, RESTORED_MARGIN, SequenceMaker
+from bonecam.levels.solvers.exchange import project_level
 from bonecam.progress import silent
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.schedule import Schedule
@@ -29,79 +29,96 @@ PARAMETERS = StepParameters(STIFFNESS, bending=3e-7, uniform=3.0)
 
 
 @pytest.fixture(scope="module")
-def making(capsule: Capsule, waisted: Callable[..., TSpline], schedule: Schedule) -> Sequences:
-    setting = setting_of(waisted(), capsule, ATTRACTIONS["stock"])
+def maker(capsule: Capsule, waisted: Callable[..., TSpline], schedule: Schedule) -> SequenceMaker:
+    discretisation = discretise(waisted(), capsule, ATTRACTIONS["stock"])
     around = whole(capsule)
-    rest = remaining(setting, setting.surface.control_points, around)
-    return Sequences(setting, around, schedule, schedule.lower_bound(rest.left), silent, "admm", STIFFNESS)
+    rest = remaining(discretisation, discretisation.surface.control_points, around)
+    return SequenceMaker(
+        discretisation, around, schedule, schedule.lower_bound(rest.left), silent, "admm", STIFFNESS
+    )
 
 
 @pytest.fixture(scope="module")
-def made(capsule: Capsule, making: Sequences) -> list[np.ndarray]:
-    setting = making.setting
-    return making.sequence(PARAMETERS, remaining(setting, setting.surface.control_points, whole(capsule)))
+def made(capsule: Capsule, maker: SequenceMaker) -> list[np.ndarray]:
+    discretisation = maker.discretisation
+    return maker.sequence(
+        PARAMETERS, remaining(discretisation, discretisation.surface.control_points, whole(capsule))
+    )
 
 
 def unwatched(made: list[np.ndarray]) -> dict[int, np.ndarray]:
     return {k: np.empty((0, 2)) for k in range(len(made))}
 
 
-def test_mended_levels_keep_their_limits_and_move_little(making: Sequences, made: list[np.ndarray]) -> None:
-    setting, spoilt = making.setting, [*made]
+def test_mended_levels_keep_their_limits_and_move_little(
+    maker: SequenceMaker, made: list[np.ndarray]
+) -> None:
+    discretisation, spoilt = maker.discretisation, [*made]
     spoilt[3] = made[2] + 1.02 * (made[3] - made[2])
-    mended, moved = making.mended(spoilt, {3}, (), unwatched(made))
+    mended, moved = maker.restore_limits(spoilt, {3}, (), unwatched(made))
     assert 3 in moved
     assert all(np.array_equal(mended[k], spoilt[k]) for k in range(len(made)) if k not in moved)
-    assert max(np.linalg.norm(setting.watch.R @ (mended[k] - spoilt[k]), axis=1).max() for k in moved) < 0.1
+    assert (
+        max(np.linalg.norm(discretisation.watch.R @ (mended[k] - spoilt[k]), axis=1).max() for k in moved)
+        < 0.1
+    )
     assert all(
-        kept_level(setting, mended[k - 1], mended[k], replace(making.cut(k), margin=MENDED)).broken < 0.001
+        project_level(
+            discretisation, mended[k - 1], mended[k], replace(maker.cut(k), margin=RESTORED_MARGIN)
+        ).broken
+        < 0.001
         for k in moved
     )
 
 
-def test_levels_above_a_mended_one_follow_less_and_less(making: Sequences, made: list[np.ndarray]) -> None:
+def test_levels_above_a_mended_one_follow_less_and_less(maker: SequenceMaker, made: list[np.ndarray]) -> None:
     """What a level goes back for its depth those above need not all, within their margins."""
     spoilt = [*made]
     spoilt[3] = made[2] + 1.005 * (made[3] - made[2])
-    _, moved = making.mended(spoilt, {3}, (), unwatched(made))
+    _, moved = maker.restore_limits(spoilt, {3}, (), unwatched(made))
     assert moved == list(range(3, 3 + len(moved)))
     assert len(moved) < len(made) - 4
 
 
-def test_a_folded_level_starts_again_midway(making: Sequences, made: list[np.ndarray]) -> None:
-    setting, spoilt = making.setting, [*made]
+def test_a_folded_level_starts_again_midway(maker: SequenceMaker, made: list[np.ndarray]) -> None:
+    discretisation, spoilt = maker.discretisation, [*made]
     some = np.arange(len(made[3])) % 7 == 3
     spoilt[3] = made[3] + 4.0 * some[:, None] * np.array([0.0, 0.0, 1.0])
-    mended, moved = making.mended(spoilt, {3}, {3}, unwatched(made))
+    mended, moved = maker.restore_limits(spoilt, {3}, {3}, unwatched(made))
     assert 3 in moved
-    assert np.linalg.norm(setting.watch.R @ (mended[3] - (made[2] + made[4]) / 2), axis=1).max() < 0.05
+    assert np.linalg.norm(discretisation.watch.R @ (mended[3] - (made[2] + made[4]) / 2), axis=1).max() < 0.05
 
 
 @pytest.fixture
 def spoilt(
-    capsule: Capsule, schedule: Schedule, making: Sequences, made: list[np.ndarray]
+    capsule: Capsule, schedule: Schedule, maker: SequenceMaker, made: list[np.ndarray]
 ) -> tuple[list[np.ndarray], Inspection]:
     """Level 3 is too deep, and measured."""
     levels = [*made]
     levels[3] = made[2] + 1.02 * (made[3] - made[2])
     return levels, Inspection(
-        making.setting.surface, levels, Rules(capsule, schedule, 0.001, 0.001, 0.02), silent
+        maker.discretisation.surface, levels, Rules(capsule, schedule, 0.001, 0.001, 0.02), silent
     )
 
 
 def test_what_is_mended_is_measured_again(
-    making: Sequences, spoilt: tuple[list[np.ndarray], Inspection]
+    maker: SequenceMaker, spoilt: tuple[list[np.ndarray], Inspection]
 ) -> None:
     _, inspection = spoilt
     assert inspection.trouble([3, 4], doubts=False) > (0, 0.005)
-    mend(inspection, making)
+    restore_feasibility(inspection, maker)
     assert inspection.trouble([3, 4], doubts=False) < (0, DEPTH_TOLERANCE)
     assert {3, 4}.isdisjoint(cut.level.index for cut in inspection.failed)
 
 
 @pytest.mark.parametrize(("out", "mended"), [(0.006, True), (0.03, False)])
 def test_most_levels_are_mended_only_where_all_break_little(
-    capsule: Capsule, schedule: Schedule, making: Sequences, made: list[np.ndarray], out: float, mended: bool
+    capsule: Capsule,
+    schedule: Schedule,
+    maker: SequenceMaker,
+    made: list[np.ndarray],
+    out: float,
+    mended: bool,
 ) -> None:
     """Of three levels two go `out` mm farther than they may."""
     moves = np.diff(made, axis=0)
@@ -111,21 +128,21 @@ def test_most_levels_are_mended_only_where_all_break_little(
         *(level + k % 3 * move for k, (level, move) in enumerate(zip(made[1:], moves), start=1)),
     ]
     inspection = Inspection(
-        making.setting.surface, levels, Rules(capsule, schedule, 0.001, 0.001, 0.02), silent
+        maker.discretisation.surface, levels, Rules(capsule, schedule, 0.001, 0.001, 0.02), silent
     )
     failed = len(inspection.failed)
     assert failed > len(levels) / 2
-    mend(inspection, making)
+    restore_feasibility(inspection, maker)
     assert len(inspection.failed) <= failed / 4 if mended else len(inspection.failed) == failed
 
 
 def test_levels_above_a_mended_one_follow_or_stay(
-    making: Sequences, spoilt: tuple[list[np.ndarray], Inspection]
+    maker: SequenceMaker, spoilt: tuple[list[np.ndarray], Inspection]
 ) -> None:
     levels, inspection = spoilt
     which = {cut.level.index for cut in inspection.failed}
     alone, followed = (
-        making.mended(levels, {min(which)}, (), unwatched(levels), follow=follow)[1]
+        maker.restore_limits(levels, {min(which)}, (), unwatched(levels), follow=follow)[1]
         for follow in (False, True)
     )
     assert alone == [min(which)]
@@ -134,13 +151,13 @@ def test_levels_above_a_mended_one_follow_or_stay(
 
 
 def test_what_is_no_better_mended_stays_as_it_was(
-    making: Sequences, spoilt: tuple[list[np.ndarray], Inspection], monkeypatch: pytest.MonkeyPatch
+    maker: SequenceMaker, spoilt: tuple[list[np.ndarray], Inspection], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     levels, inspection = spoilt
     before = inspection.trouble(range(1, len(levels) + 1), doubts=False)
 
     def worse(
-        self: Sequences, made: list[np.ndarray], *_: Any, **__: Any
+        self: SequenceMaker, made: list[np.ndarray], *_: Any, **__: Any
     ) -> tuple[list[np.ndarray], list[int]]:
         return [
             *made[:3],
@@ -149,8 +166,8 @@ def test_what_is_no_better_mended_stays_as_it_was(
             1.5 * made[-1] - 0.5 * made[-2],
         ], [3, len(made) - 1]
 
-    monkeypatch.setattr(Sequences, "mended", worse)
-    mend(inspection, making)
+    monkeypatch.setattr(SequenceMaker, "restore_limits", worse)
+    restore_feasibility(inspection, maker)
     assert inspection.trouble(range(1, len(levels) + 1), doubts=False) == before
     for level, net in zip(inspection.levels, levels):
         assert level.surface is not None
@@ -159,11 +176,11 @@ def test_what_is_no_better_mended_stays_as_it_was(
 
 
 def test_a_slit_that_the_points_measured_missed_takes_one_more_level(
-    capsule: Capsule, schedule: Schedule, making: Sequences, made: list[np.ndarray]
+    capsule: Capsule, schedule: Schedule, maker: SequenceMaker, made: list[np.ndarray]
 ) -> None:
     inspection = Inspection(
-        making.setting.surface,
-        making.mended(made, {5}, (), unwatched(made))[0],
+        maker.discretisation.surface,
+        maker.restore_limits(made, {5}, (), unwatched(made))[0],
         Rules(capsule, schedule, 0.01, 0.001, 0.02),
         silent,
     )
@@ -172,39 +189,39 @@ def test_a_slit_that_the_points_measured_missed_takes_one_more_level(
     sure = certificate_of_last(inspection.levels[-2].surface, capsule, last.level.limit)
     deep = replace(last.level, certificate=replace(sure, depth=last.level.limit + 0.05))
     inspection._cuts[deep.index] = replace(last, level=deep)
-    again = surer(inspection, making)
+    again = restore_certificates(inspection, maker)
     assert len(again.cuts) == len(made) + 1
     assert again.cuts[-1].over < 0.01
     assert not again.failed
 
 
 def test_a_last_cut_that_is_measured_too_deep_takes_one_more_level(
-    capsule: Capsule, schedule: Schedule, making: Sequences, made: list[np.ndarray]
+    capsule: Capsule, schedule: Schedule, maker: SequenceMaker, made: list[np.ndarray]
 ) -> None:
-    levels = making.mended(made, {5}, (), unwatched(made))[0][:-1]
+    levels = maker.restore_limits(made, {5}, (), unwatched(made))[0][:-1]
     inspection = Inspection(
-        making.setting.surface, levels, Rules(capsule, schedule, 0.01, 0.001, 0.02), silent
+        maker.discretisation.surface, levels, Rules(capsule, schedule, 0.01, 0.001, 0.02), silent
     )
     assert [cut.level.index for cut in inspection.failed] == [len(levels)]
-    again = surer(inspection, making)
+    again = restore_certificates(inspection, maker)
     assert len(again.cuts) == len(levels) + 1
     assert not again.failed
 
 
 def test_a_broken_limit_names_the_edge_that_the_part_follows_there(
-    making: Sequences, monkeypatch: pytest.MonkeyPatch
+    maker: SequenceMaker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    part = making.setting.surface
+    part = maker.discretisation.surface
     place = part.positions(np.array([0.3]), np.array([0.5]))[0]
     step = replace(
-        kept_level(making.setting, part.control_points, part.control_points, making.cut(1)),
+        project_level(maker.discretisation, part.control_points, part.control_points, maker.cut(1)),
         broken=0.05,
         place=place,
     )
-    assert str(making._broken(1, step)).endswith("give more control points or a larger stock")
+    assert str(maker._broken(1, step)).endswith("give more control points or a larger stock")
     monkeypatch.setattr("bonecam.levels.sequence.CREASED", 10.0)
     found = part.curvature(np.linspace(0.2, 0.4, 30), np.full(30, 0.5))
-    radius = float(str(making._broken(1, step)).partition("a radius of ")[2].partition(" mm")[0])
+    radius = float(str(maker._broken(1, step)).partition("a radius of ")[2].partition(" mm")[0])
     assert 0.3 < radius * np.abs([found.k1, found.k2]).max() <= 1.1
 
 
@@ -214,9 +231,9 @@ def test_runs_are_numbers_that_follow_each_other() -> None:
     assert _runs([1, 2, 3, 7, 9, 10]) == [(1, 3), (7, 7), (9, 10)]
 
 
-def test_the_landing_creeps_outwards_and_not_from_far(making: Sequences) -> None:
+def test_the_landing_creeps_outwards_and_not_from_far(maker: SequenceMaker) -> None:
     for lower_bound in (1, 2, 16, 40, 100):
-        some = replace(making, lower_bound=lower_bound)
+        some = replace(maker, lower_bound=lower_bound)
         landings = np.array([some.cut(k).landing for k in range(1, lower_bound + 1)])
         assert (np.diff(landings[:-1]) < 0).all()
         assert landings.max() <= LANDING + MOST_CREEP
@@ -224,20 +241,20 @@ def test_the_landing_creeps_outwards_and_not_from_far(making: Sequences) -> None
 
 
 def test_levels_that_end_too_early_go_on_to_the_stock(
-    capsule: Capsule, schedule: Schedule, making: Sequences, made: list[np.ndarray]
+    capsule: Capsule, schedule: Schedule, maker: SequenceMaker, made: list[np.ndarray]
 ) -> None:
-    assert len(making.onward(made)) == len(made)
-    longer = making.onward(made[:-2])
-    left = remaining(making.setting, longer[-1], whole(capsule)).left
+    assert len(maker.onward(made)) == len(made)
+    longer = maker.onward(made[:-2])
+    left = remaining(maker.discretisation, longer[-1], whole(capsule)).left
     assert len(longer) >= len(made) - 1
     assert left <= schedule.limit(len(longer))
     assert all(np.array_equal(a, b) for a, b in zip(longer, made[:-2]))
 
 
-def test_places_that_bend_more_than_before_or_are_hollow_are_watched(making: Sequences) -> None:
+def test_places_that_bend_more_than_before_or_are_hollow_are_watched(maker: SequenceMaker) -> None:
     """What moves as it is needs few places between those of the even pattern; a groove needs many, on the
     level before as well."""
-    surface, pattern = making.setting.surface, making.setting.watch
+    surface, pattern = maker.discretisation.surface, maker.discretisation.watch
     starts, row = surface.tmesh.row_starts, len(surface.tmesh.row_starts) // 2
     grooved = np.array(surface.control_points)
     grooved[starts[row] : starts[row + 1], :2] *= 0.5
@@ -245,7 +262,7 @@ def test_places_that_bend_more_than_before_or_are_hollow_are_watched(making: Seq
 
     def between(level: np.ndarray, before: np.ndarray) -> int:
         t = creases(pattern, level, before)[:, 1]
-        places = making.setting.watched(level, before)
+        places = maker.discretisation.watched(level, before)
         assert len(places.s) == places.R.shape[0] == len(pattern.s) + len(t)
         return int(((low < t) & (t < high)).sum())
 

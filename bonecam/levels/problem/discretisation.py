@@ -15,7 +15,7 @@ from bonecam.levels.problem.samples import (
     Places,
     Samples,
     creases,
-    joined,
+    join,
     places_at,
     ring_pattern,
     thin_plate,
@@ -28,7 +28,7 @@ WATCH_ALONG, WATCH_AROUND = 5, 5
 
 
 @dataclass(frozen=True, eq=False)
-class Setting:
+class Discretisation:
     """The part and its stock; `samples` (about ten a control point) carry the energy, `watch` only limits: an
     even pattern, to which each level has its creases added, and the places where levels broke limits when
     they were measured. M as in `samples`, `free` as in `poles`."""
@@ -45,7 +45,7 @@ class Setting:
     def watched(self, level: Float[ndarray, "c 3"], before: Float[ndarray, "c 3"]) -> Places:
         """All places on which the limits of a level are watched, given its control points and those
         before."""
-        return joined(
+        return join(
             Places, self.watch, places_at(self.surface, creases(self.watch, level, before)), self.broken
         )
 
@@ -54,13 +54,15 @@ class Setting:
         """M over the free moves."""
         return sp.csc_array(self.free.T @ self.M @ self.free)
 
-    def watching(self, parameters: Float[ndarray, "n 2"]) -> "Setting":
-        """The same with more samples watched, at these (s, t)."""
-        return replace(self, broken=joined(Places, self.broken, places_at(self.surface, parameters)))
+    def also_watching(self, parameters: Float[ndarray, "n 2"]) -> "Discretisation":
+        """The discretisation with more samples watched, at these parameters (s, t)."""
+        return replace(self, broken=join(Places, self.broken, places_at(self.surface, parameters)))
 
 
-def setting_of(surface: TSpline, stock: Stock, attraction: Attraction) -> Setting:
+def discretise(surface: TSpline, stock: Stock, attraction: Attraction) -> Discretisation:
     """The samples and matrices of one morph."""
     samples, watch = ring_pattern(surface, ALONG, AROUND), ring_pattern(surface, WATCH_ALONG, WATCH_AROUND)
     none = places_at(surface, np.empty((0, 2)))
-    return Setting(surface, stock, attraction, samples, watch, none, thin_plate(surface), free_moves(surface))
+    return Discretisation(
+        surface, stock, attraction, samples, watch, none, thin_plate(surface), free_moves(surface)
+    )

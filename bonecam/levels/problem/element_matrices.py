@@ -16,7 +16,7 @@ GAUSS, BORDER, ON_BORDER = 4, 400, 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Fabric:
+class ElementMatrices:
     """Gauss samples R with their weights and normals, the thin plate M, N = int R'R, and the control points
     that move an edge."""
 
@@ -28,7 +28,7 @@ class Fabric:
     edge: Bool[ndarray, " c"]
 
 
-def fabric_of(surface: TSpline) -> Fabric:
+def element_matrices(surface: TSpline) -> ElementMatrices:
     """The matrices of a surface."""
     s, t, weights = element_points(surface.elements().boxes, GAUSS)
     R, R_s, R_t = surface.basis(s, t, 1)
@@ -36,7 +36,7 @@ def fabric_of(surface: TSpline) -> Fabric:
     normals = n / np.linalg.norm(n, axis=1, keepdims=True)
     M = thin_plate_matrix(surface, s, t, weights)
     N = sp.csc_array(R.T @ sp.diags_array(weights) @ R)
-    return Fabric(R, weights, normals, M, N, _on_edge(surface))
+    return ElementMatrices(R, weights, normals, M, N, _on_edge(surface))
 
 
 def _on_edge(surface: TSpline) -> Bool[ndarray, " c"]:

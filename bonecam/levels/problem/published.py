@@ -23,7 +23,7 @@ from bonecam.levels.problem.samples import (
     Samples,
     creases,
     integration_points,
-    joined,
+    join,
     ring_pattern,
     samples_of,
     thin_plate,
@@ -87,7 +87,7 @@ class PublishedProgram:
         self._hull = hull
         even = ring_pattern(surface, WATCH_ALONG, WATCH_AROUND)
         s, t = creases(even, surface.control_points).T
-        self._watch = joined(Samples, even, samples_of(surface, s, t, np.zeros(len(s))))
+        self._watch = join(Samples, even, samples_of(surface, s, t, np.zeros(len(s))))
         self._main = np.asarray(self._watch.R.argmax(axis=1)).ravel()
         self.first = _sparse(even)
 

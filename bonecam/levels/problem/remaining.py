@@ -15,8 +15,8 @@ from numpy import ndarray
 from scipy.spatial import cKDTree
 
 from bonecam.arrays import lengths
-from bonecam.levels.problem.discretisation import Setting
-from bonecam.levels.problem.samples import combined
+from bonecam.levels.problem.discretisation import Discretisation
+from bonecam.levels.problem.samples import multiply
 from bonecam.setup.stock import Stock
 from bonecam.surface.query.closest_point import closest_points_near
 from bonecam.surface.tspline import TSpline
@@ -49,23 +49,26 @@ class Remaining:
 
     @property
     def place(self) -> Float[ndarray, "3"]:
-        """Where it is."""
+        """Where the distance left is largest."""
         return self.points[0] if self.farthest >= self.depth else self.deepest
 
 
 def whole(stock: Stock) -> Remaining:
-    """Nothing measured yet."""
+    """Points of the stock, from which nothing was measured yet."""
     mesh = stock.mesh(CHORD)
     points = stock.closest_points(np.vstack([mesh.vertices, mesh.vertices[mesh.faces].mean(1)]))
     return Remaining(points, np.full(len(points), np.inf), np.zeros((len(points), 2)), points[0], np.inf)
 
 
-def remaining(setting: Setting, P: Float[ndarray, "c 3"], before: Remaining) -> Remaining:
+def remaining(discretisation: Discretisation, P: Float[ndarray, "c 3"], before: Remaining) -> Remaining:
     """What is left above the level with control points P, which encloses the one `before` was measured
     from."""
     known = np.isfinite(before.farthest)
-    level, samples = setting.surface.with_control_points(P), setting.samples if known else setting.watch
-    tree, distance, places = cKDTree(combined(samples.R, P)), before.at_most.copy(), before.feet.copy()
+    level, samples = (
+        discretisation.surface.with_control_points(P),
+        discretisation.samples if known else discretisation.watch,
+    )
+    tree, distance, places = cKDTree(multiply(samples.R, P)), before.at_most.copy(), before.feet.copy()
 
     def measure(which: ndarray) -> None:
         points = before.points[which]
@@ -87,8 +90,8 @@ def remaining(setting: Setting, P: Float[ndarray, "c 3"], before: Remaining) -> 
     distance[others], places[others] = _nearest(level, before.points[others], places[others], farthest)
     measure(others[distance[others] > farthest])
     order = np.argsort(-distance, kind="stable")
-    own = combined(setting.watch.R, P)
-    depths = -setting.stock.signed_distance(own)
+    own = multiply(discretisation.watch.R, P)
+    depths = -discretisation.stock.signed_distance(own)
     deepest = int(np.argmax(depths))
     return Remaining(
         before.points[order], distance[order], places[order], own[deepest], float(depths[deepest])

@@ -63,12 +63,12 @@ class Samples(Places):
 
     def normals(self, control_points: Float[ndarray, "c 3"]) -> Float[ndarray, "n 3"]:
         """Outward unit normals of the surface with these control points."""
-        n = self.stretched(control_points)
+        n = self.area_vectors(control_points)
         return np.asarray(n / np.linalg.norm(n, axis=1, keepdims=True))
 
-    def stretched(self, control_points: Float[ndarray, "c 3"]) -> Float[ndarray, "n 3"]:
+    def area_vectors(self, control_points: Float[ndarray, "c 3"]) -> Float[ndarray, "n 3"]:
         """S_s x S_t: outward, as long as the area per unit of the parameters."""
-        return np.cross(combined(self.R_s, control_points), combined(self.R_t, control_points))
+        return np.cross(multiply(self.R_s, control_points), multiply(self.R_t, control_points))
 
     @cached_property
     def N(self) -> sp.csc_array:
@@ -80,8 +80,8 @@ class Samples(Places):
         return np.asarray(self.R.T @ (self.weights[:, None] * points))
 
 
-def combined(R: sp.csr_array, points: Float[ndarray, "c 3"]) -> Float[ndarray, "n 3"]:
-    """R P, in a third of the time that scipy takes."""
+def multiply(R: sp.csr_array, points: Float[ndarray, "c 3"]) -> Float[ndarray, "n 3"]:
+    """R P, in a third of the time of scipy."""
     y = np.empty((R.shape[0], 3))
     rows.times(R.indptr, R.indices, R.data, np.ascontiguousarray(points), y)
     return y
@@ -142,8 +142,8 @@ def places_at(surface: TSpline, parameters: Float[ndarray, "k 2"]) -> Places:
     return Places(s, t, surface.basis(s, t)[0])
 
 
-def joined(kind: type[P], *parts: Places) -> P:
-    """All of them as one of that kind."""
+def join(kind: type[P], *parts: Places) -> P:
+    """All places as one pattern of that kind."""
     values: list[list[Any]] = [[getattr(part, field.name) for part in parts] for field in fields(kind)]
     whole: list[Any] = [
         sp.csr_array(sp.vstack(some)) if sp.issparse(some[0]) else np.concatenate(some) for some in values
@@ -161,7 +161,7 @@ def creases(
     between them.
     """
     rings, starts, counts = np.unique(pattern.t[:-2], return_index=True, return_counts=True)
-    x, n = combined(pattern.R, level), pattern.normals(level)
+    x, n = multiply(pattern.R, level), pattern.normals(level)
     turned = n if before is None else n - pattern.normals(before)
     place, ring = np.arange(counts.sum()), np.repeat(np.arange(len(rings)), counts)
     s, above = pattern.s[:-2], np.minimum(ring + 1, len(rings) - 1)

@@ -1,7 +1,7 @@
-"""One level from the one before: its program solved (`program.py`), and what is still broken on the denser
-watched samples projected away.
+"""One level from the one before: its program is solved, and moves that break limits on the denser watched samples
+are projected onto these limits.
 
-A level's limits are planes at feet on the level before: a place may slide along, what counts is its distance.
+A level's limits are planes at the closest points on the level before: a sample may slide along, its distance counts.
 Near the stock levels do not all end in one surface, which no limit could tell apart: they stay `landing` mm
 away from it, and every level may go a little further than the one before.
 """
@@ -16,38 +16,44 @@ from numpy import ndarray
 from bonecam.arrays import dots, lengths
 from bonecam.kernels import admm as kernel
 from bonecam.levels.problem.cut import Cut, StepParameters
-from bonecam.levels.problem.discretisation import Setting
+from bonecam.levels.problem.discretisation import Discretisation
 from bonecam.levels.problem.factorisation import factorise
 from bonecam.levels.problem.limits.planes import limits_at
-from bonecam.levels.problem.limits.reverse_depth import behind
+from bonecam.levels.problem.limits.reverse_depth import reverse_depths
 from bonecam.levels.problem.program import program_of
 from bonecam.levels.problem.remaining import Remaining
-from bonecam.levels.problem.samples import combined
+from bonecam.levels.problem.samples import Places, multiply
 from bonecam.levels.solvers.solver import solve
 from bonecam.surface.query.closest_point import rings
+from bonecam.surface.tspline import TSpline
 
-MENDABLE = 0.03
-"""How far (mm) a level may break a limit as it is made, or as it is mended; the places measured show what
-that comes to."""
-ROUNDS, SWEEPS, NEAR, ENOUGH, FOOT_STEPS = 4, 20, 0.005, 2e-4, 3
+LARGEST_VIOLATION = 0.03
+"""How far (mm) a level may break a limit as it is made; the places measured show what that comes to."""
+ROUNDS, SWEEPS = 4, 20
+"""How often the planes of the watched samples are set up, and how often moves are projected onto each of them."""
+NEAR, ENOUGH = 0.005, 2e-4
+"""Samples this near to a limit are projected, until all break theirs by less, mm."""
+FOOT_STEPS = 3
+"""Newton steps to the closest point on a level."""
 STILL, MOVED = 1e-5, 0.005
 """A sample that has moved less (mm) in a turn is not farther from the new level than before, and one that has
-moved less since its foot was found keeps the planes there."""
+moved less since its closest point was found keeps the planes there."""
 
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """The control points' moves, how far the watched samples break a limit afterwards, mm, where, and which
-    control points shape the level where it folds or breaks one by more than MENDABLE."""
+    """The `moves` of the control points; how far the watched samples break a limit afterwards at most, mm, and
+    at which `place`; the `infeasible` control points shape the level where it folds or breaks a limit by more
+    than LARGEST_VIOLATION."""
 
     moves: Float[ndarray, "c 3"]
     broken: float
     place: Float[ndarray, "3"]
-    amiss: Bool[ndarray, " c"]
+    infeasible: Bool[ndarray, " c"]
 
 
 def next_level(
-    setting: Setting,
+    discretisation: Discretisation,
     P: Float[ndarray, "c 3"],
     rest: Remaining,
     cut: Cut,
@@ -60,50 +66,56 @@ def next_level(
 
     `ease` is a factor of the pull on each control point (1 unless given), less where the level would fold.
     """
-    program = program_of(setting, P, rest, cut, parameters, ease)
-    return _kept(setting, P, solve(program, solver), cut)
+    program = program_of(discretisation, P, rest, cut, parameters, ease)
+    return _project_onto_limits(discretisation, P, solve(program, solver), cut)
 
 
-def kept_level(setting: Setting, P: Float[ndarray, "c 3"], level: Float[ndarray, "c 3"], cut: Cut) -> Step:
-    """The moves from P to about that level, which keep the limits of the watched samples."""
-    free = setting.free
-    return _kept(
-        setting, P, np.asarray(factorise(sp.csc_array(free.T @ free)).solve(free.T @ (level - P))), cut
-    )
+def project_level(
+    discretisation: Discretisation, P: Float[ndarray, "c 3"], level: Float[ndarray, "c 3"], cut: Cut
+) -> Step:
+    """The moves from P nearest to those to `level` that keep the limits of the watched samples."""
+    free = discretisation.free
+    D = np.asarray(factorise(sp.csc_array(free.T @ free)).solve(free.T @ (level - P)))
+    return _project_onto_limits(discretisation, P, D, cut)
 
 
-def _kept(setting: Setting, P: ndarray, D: ndarray, cut: Cut) -> Step:
-    """The free moves, projected onto what the watched samples still break."""
-    free, stock, level = setting.free, setting.stock, P + setting.free @ D
-    watch, before = setting.watched(level, P), setting.surface.with_control_points(P)
-    x, y = combined(watch.R, P), combined(watch.R, level)
+def _project_onto_limits(discretisation: Discretisation, P: ndarray, D: ndarray, cut: Cut) -> Step:
+    """The step of the free moves D, which are projected onto the limits that watched samples break."""
+    free, stock = discretisation.free, discretisation.stock
+    level = P + free @ D
+    before = discretisation.surface.with_control_points(P)
+    watch = discretisation.watched(level, P)
+    x, y = multiply(watch.R, P), multiply(watch.R, level)
     gap = -stock.signed_distance(x)
     limits = limits_at(before, stock, cut, gap, y, watch.s, watch.t, FOOT_STEPS)
     set_up, broken, far = y, limits.broken(y), limits.high
     for turn in range(ROUNDS + 1):
         after = before.with_control_points(level)
-        back = behind(after, x, y, watch.s, watch.t, limits.s, limits.t, far, FOOT_STEPS)
+        back = reverse_depths(after, x, y, watch.s, watch.t, limits.s, limits.t, far, FOOT_STEPS)
         broken_back = back.away - limits.high[back.which]
         if max(broken.max(), broken_back.max(initial=0)) <= ENOUGH or turn == ROUNDS:
             break
-        near, R_back = np.flatnonzero(broken > -NEAR), after.basis(back.s, back.t)[0]
-        some, start = (
-            sp.csr_array(sp.vstack([watch.R[near], R_back]) @ free),
-            np.vstack([x[near], R_back @ P]),
-        )
+        near = np.flatnonzero(broken > -NEAR)
+        R_back = after.basis(back.s, back.t)[0]
+        R = sp.csr_array(sp.vstack([watch.R[near], R_back]) @ free)
+        start = np.vstack([x[near], R_back @ P])
         planes = limits.only(near).planes_with(x[back.which], back.n, limits.high[back.which])
-        kernel.project(some.indptr, some.indices, some.data, start, D, *planes, SWEEPS, ENOUGH)
+        kernel.project(R.indptr, R.indices, R.data, start, D, *planes, SWEEPS, ENOUGH)
+
         level = P + free @ D
-        there, y = y, combined(watch.R, level)
+        there, y = y, multiply(watch.R, level)
         far = np.where(lengths(y - there) > STILL, limits.high, np.inf)
         moved = np.flatnonzero(lengths(y - set_up) > MOVED)
-        limits = limits.again(moved, y, 1)
+        limits = limits.renew(moved, y, 1)
         set_up[moved] = y[moved]
         broken = limits.broken(y)
     broken[back.which] = np.maximum(broken[back.which], broken_back)
     worst = int(np.argmax(broken))
-    _, along, across = after.derivatives(watch.s, np.clip(watch.t, *rings(before)), 1)
-    folded = dots(np.cross(along, across), limits.n) <= 0
-    return Step(
-        np.asarray(level - P), float(broken[worst]), y[worst], watch.near(folded | (broken > MENDABLE))
-    )
+    infeasible = watch.near(_folded(after, watch, limits.n) | (broken > LARGEST_VIOLATION))
+    return Step(np.asarray(level - P), float(broken[worst]), y[worst], infeasible)
+
+
+def _folded(after: TSpline, watch: Places, normals: Float[ndarray, "k 3"]) -> Bool[ndarray, " k"]:
+    """Whether the new level faces against the `normals` of the one before, at each watched sample."""
+    _, along, across = after.derivatives(watch.s, np.clip(watch.t, *rings(after)), 1)
+    return np.asarray(dots(np.cross(along, across), normals) <= 0)

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 
 from bonecam.levels.body_surface import body_surfaces
 from bonecam.levels.problem.cut import Cut, StepParameters
-from bonecam.levels.problem.discretisation import Setting
+from bonecam.levels.problem.discretisation import Discretisation
 from bonecam.levels.problem.program import Program, program_of
 from bonecam.levels.problem.remaining import remaining, whole
 from bonecam.levels.solvers import admm
@@ -24,18 +24,18 @@ from bonecam.surface.tspline import TSpline
 
 @pytest.fixture(scope="module")
 def program(
-    setting: Setting, half_millimetre: Cut, step_parameters: StepParameters, capsule: Capsule
+    discretisation: Discretisation, half_millimetre: Cut, step_parameters: StepParameters, capsule: Capsule
 ) -> Callable[[int], Program]:
     """Sets up the program of the level after this many."""
 
     @cache
     def set_up(levels: int) -> Program:
-        P = np.array(setting.surface.control_points)
-        rest = remaining(setting, P, whole(capsule))
+        P = np.array(discretisation.surface.control_points)
+        rest = remaining(discretisation, P, whole(capsule))
         for _ in range(levels):
-            P = P + next_level(setting, P, rest, half_millimetre, step_parameters).moves
-            rest = remaining(setting, P, rest)
-        return program_of(setting, P, rest, half_millimetre, step_parameters)
+            P = P + next_level(discretisation, P, rest, half_millimetre, step_parameters).moves
+            rest = remaining(discretisation, P, rest)
+        return program_of(discretisation, P, rest, half_millimetre, step_parameters)
 
     return set_up
 
@@ -90,22 +90,22 @@ def test_osqp_finds_the_same_optimum(program: Callable[[int], Program]) -> None:
 
 
 def test_what_is_left_broken_is_projected_away(
-    setting: Setting, capsule: Capsule, step_parameters: StepParameters, half_millimetre: Cut
+    discretisation: Discretisation, capsule: Capsule, step_parameters: StepParameters, half_millimetre: Cut
 ) -> None:
-    P = np.array(setting.surface.control_points)
-    rest = remaining(setting, P, whole(capsule))
+    P = np.array(discretisation.surface.control_points)
+    rest = remaining(discretisation, P, whole(capsule))
     for k in range(4):
         step = next_level(
-            setting,
+            discretisation,
             P,
             rest,
             replace(half_millimetre, landing=half_millimetre.landing + 0.01 * (4 - k)),
             step_parameters,
         )
         assert step.broken < 0.001
-        assert not step.amiss.any()
+        assert not step.infeasible.any()
         P = P + step.moves
-        rest = remaining(setting, P, rest)
+        rest = remaining(discretisation, P, rest)
 
 
 def test_feet_are_nearest_places(waisted: Callable[..., TSpline]) -> None:

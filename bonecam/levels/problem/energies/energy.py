@@ -4,7 +4,7 @@ two kinds.
     Quadratic   D'(matrix)D + 2 linear . D                   of the control net, D its free moves (`poles.py`)
     Pulled      sum_l w_l |S_new - H_l|^2                    of samples
 
-A new one is a new file `energy_*.py` with one such function, and its name in NET or SAMPLED of `program.py`.
+A new one is a new file here with one such function, and its name in NET or SAMPLED of `program.py`.
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.levels.problem.cut import Cut, StepParameters
-from bonecam.levels.problem.discretisation import Setting
+from bonecam.levels.problem.discretisation import Discretisation
 from bonecam.levels.problem.remaining import Remaining
 from bonecam.surface.tspline import TSpline
 
@@ -25,7 +25,7 @@ from bonecam.surface.tspline import TSpline
 class Given:
     """What a level is made from: the level `before`, from which `rest` is left to the stock, and how."""
 
-    setting: Setting
+    discretisation: Discretisation
     before: TSpline
     rest: Remaining
     cut: Cut
@@ -55,8 +55,8 @@ class Pulled:
     beyond: Float[ndarray, " k"]
 
 
-def summed(parts: Sequence[Quadratic]) -> Quadratic:
-    """All as one energy."""
+def add(parts: Sequence[Quadratic]) -> Quadratic:
+    """The sum of the energies."""
     first, *others = parts
     matrix, linear = first.matrix, first.linear
     for other in others:
@@ -64,8 +64,8 @@ def summed(parts: Sequence[Quadratic]) -> Quadratic:
     return Quadratic(sp.csc_array(matrix), linear)
 
 
-def stacked(parts: Sequence[Pulled]) -> Pulled:
-    """All samples as one energy."""
+def stack(parts: Sequence[Pulled]) -> Pulled:
+    """The samples of all of them as one energy."""
     s, t, x, weights, target, beyond = (
         np.concatenate([getattr(part, name) for part in parts])
         for name in ("s", "t", "x", "weights", "target", "beyond")

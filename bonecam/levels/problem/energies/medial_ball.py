@@ -18,7 +18,7 @@ TOGETHER = 3
 """Samples follow each other on rings: one answers for so many."""
 
 
-def unhindered(
+def medial_ball_share(
     x: Float[ndarray, "k 3"], normals: Float[ndarray, "k 3"], narrow: float
 ) -> Float[ndarray, " k"]:
     """1 where a ball of radius `narrow` (mm) touches the sample from outside and holds no other, less the

@@ -13,7 +13,7 @@ from numpy import ndarray
 from bonecam.arrays import dots, lengths
 from bonecam.levels.problem.energies.attraction import unit
 from bonecam.levels.problem.energies.energy import Given, Pulled
-from bonecam.levels.problem.energies.medial_ball import unhindered
+from bonecam.levels.problem.energies.medial_ball import medial_ball_share
 from bonecam.levels.problem.factorisation import factorise
 from bonecam.levels.problem.limits.planes import heights
 from bonecam.levels.problem.limits.wall import inside
@@ -31,16 +31,20 @@ NARROW = 5.0
 
 
 def pull(given: Given) -> Pulled:
-    """The samples of the setting, weighed by area and evenly."""
-    setting, samples, P = given.setting, given.setting.samples, given.before.control_points
-    x, area = samples.R @ P, np.linalg.norm(stretched := samples.stretched(P), axis=1)
+    """The samples of the energy, weighed by area and uniformly."""
+    discretisation, samples, P = (
+        given.discretisation,
+        given.discretisation.samples,
+        given.before.control_points,
+    )
+    x, area = samples.R @ P, np.linalg.norm(area_vectors := samples.area_vectors(P), axis=1)
     weights = area * samples.weights
     weights = weights / weights.sum() + given.parameters.uniform / len(x)
-    normals = stretched / np.maximum(area, np.finfo(float).tiny)[:, None]
-    field = samples.R.T @ (weights[:, None] * setting.attraction(x, normals, setting.stock))
-    field = unit(samples.R @ factorise(SMOOTHING * setting.M, samples.R, weights).solve(field))
+    normals = area_vectors / np.maximum(area, np.finfo(float).tiny)[:, None]
+    field = samples.R.T @ (weights[:, None] * discretisation.attraction(x, normals, discretisation.stock))
+    field = unit(samples.R @ factorise(SMOOTHING * discretisation.M, samples.R, weights).solve(field))
     narrow = NARROW * np.sqrt(area @ samples.weights / len(x))
-    share = unhindered(x, normals, narrow)
+    share = medial_ball_share(x, normals, narrow)
     target = targets(given, x, samples.s, samples.t, normals, field, share)
     return Pulled(samples.s, samples.t, samples.R, x, weights, target, 1 + (OVERSHOOT - 1) * share**ALL_OUT)
 
@@ -56,7 +60,7 @@ def targets(
 ) -> Float[ndarray, "k 3"]:
     """Where samples at x should be: so far along `towards` that their distance to the level before is a
     `share` of what they may go."""
-    stock, cut = given.setting.stock, given.cut
+    stock, cut = given.discretisation.stock, given.cut
     distance, out = stock.distances_and_normals(x)
     gap = -distance
     height = share * heights(cut, gap)[1]

@@ -12,8 +12,8 @@ from bonecam.levels.problem.energies.energy import Given, Quadratic
 
 
 def plate(given: Given) -> Quadratic:
-    """Both, on the free moves, less their value at D = 0."""
-    M, free = given.setting.M, given.setting.free
+    """Stiffness and bending on the free moves D, less their value at D = 0."""
+    M, free = given.discretisation.M, given.discretisation.free
     bending = given.parameters.bending * (given.cut.depth / ROUGH) ** 2
-    matrix = (given.parameters.stiffness + bending) * given.setting.free_M
+    matrix = (given.parameters.stiffness + bending) * given.discretisation.free_M
     return Quadratic(matrix, np.asarray(bending * (free.T @ (M @ given.before.control_points))))

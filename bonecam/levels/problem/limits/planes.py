@@ -7,7 +7,7 @@ n. So
     slabs    low <= n . (y - c) <= high     heights over the level before, not over where the sample came
     from: it may slide walls    m . y <= h                     planes that are found anew as the sample moves
 
-and of several of a kind the tightest holds. A new one is a new file `limit_*.py` with one function, and its
+and of several of a kind the tightest holds. A new one is a new file here with one function, and its
 name in SLABS or WALLS. The planes are exact at y itself; `Limits.at` sets them up again when y has moved on.
 """
 
@@ -70,13 +70,13 @@ class Limits:
 
     @property
     def planes(self) -> tuple[ndarray, ndarray, ndarray, ndarray, ndarray, ndarray]:
-        """As `kernels/admm.py` takes them."""
+        """c, n, low, high, m and h, as `kernels/admm.py` takes them."""
         return self.c, self.n, self.low, self.high, self.m, self.h
 
     def planes_with(
         self, c: Float[ndarray, "n 3"], n: Float[ndarray, "n 3"], high: Float[ndarray, " n"]
     ) -> tuple[ndarray, ...]:
-        """The same with others that have only n . (y - c) <= high."""
+        """The planes with those of more samples, which have only n . (y - c) <= high."""
         slabs = c, n, np.full(len(c), -np.inf), high, np.zeros((len(c), 3)), np.full(len(c), np.inf)
         return tuple(np.concatenate([mine, its]) for mine, its in zip(self.planes, slabs))
 
@@ -90,32 +90,32 @@ class Limits:
         return np.maximum.reduce([height - self.high, self.low - height, dots(self.m, y) - self.h])
 
     def at(self, y: Float[ndarray, "k 3"], steps: int) -> "Limits":
-        """Set up again where the samples are now."""
+        """The limits set up again where the samples are at y; `steps` of Newton find their closest points."""
         return limits_at(self.before, self.stock, self.cut, self.gap, y, self.s, self.t, steps)
 
     def only(self, which: ndarray) -> "Limits":
-        """Those of some samples."""
+        """The limits of some of the samples."""
         values = (self.gap, self.s, self.t, *self.planes)
         return Limits(self.before, self.stock, self.cut, *(value[which] for value in values))
 
-    def again(self, which: ndarray, y: Float[ndarray, "k 3"], steps: int) -> "Limits":
-        """Some set up again where their samples are now."""
+    def renew(self, which: ndarray, y: Float[ndarray, "k 3"], steps: int) -> "Limits":
+        """The limits, those of the samples `which` set up again where they are at y."""
         renewed = self.only(which).at(y[which], steps)
         values = [getattr(self, name).copy() for name in ("s", "t", "c", "n", "low", "high", "m", "h")]
         for value, new in zip(values, (renewed.s, renewed.t, *renewed.planes)):
             value[which] = new
         return Limits(self.before, self.stock, self.cut, self.gap, *values)
 
-    def straight(
+    def replace_slabs(
         self, which: ndarray, c: Float[ndarray, "n 3"], n: Float[ndarray, "n 3"], high: Float[ndarray, " n"]
     ) -> "Limits":
-        """Some with n . (y - c) <= high instead of their slabs."""
+        """The limits, those of the samples `which` with n . (y - c) <= high instead of their slabs."""
         changed = replace(self, c=self.c.copy(), n=self.n.copy(), low=self.low.copy(), high=self.high.copy())
         changed.c[which], changed.n[which], changed.low[which], changed.high[which] = c, n, -np.inf, high
         return changed
 
     def rows(self, R: sp.csr_array, x: Float[ndarray, "k 3"]) -> LinearLimits:
-        """The same over the control points' moves D (x, y, z stacked): y = x + R D."""
+        """The limits over the moves D of the control points (x, y, z stacked) with y = x + R D."""
         along, wall = (sp.hstack([sp.diags_array(v[:, j]) @ R for j in range(3)]) for v in (self.n, self.m))
         start = self.heights(x)
         low = np.concatenate([self.low - start, np.full(len(x), -np.inf)])

@@ -20,7 +20,7 @@ from bonecam.surface.tspline import TSpline
 
 
 @dataclass(frozen=True, eq=False)
-class Behind:
+class ReverseDepths:
     """Places of the level before (`which` of those asked for), the parameters (s, t) of their feet on the new
     level, the feet, how far these are `away`, mm, and the directions there."""
 
@@ -32,7 +32,7 @@ class Behind:
     n: Float[ndarray, "k 3"]
 
 
-def behind(
+def reverse_depths(
     after: TSpline,
     x: Float[ndarray, "n 3"],
     y: Float[ndarray, "n 3"],
@@ -42,7 +42,7 @@ def behind(
     foot_t: Float[ndarray, " n"],
     far: Float[ndarray, " n"],
     steps: int,
-) -> Behind:
+) -> ReverseDepths:
     """Those of the places at x, parameters (s, t), that are farther than `far` from the new level, on which
     they are at y.
 
@@ -56,4 +56,4 @@ def behind(
     away = lengths(across)
     kept = away > far[which]
     n = across[kept] / away[kept, None]
-    return Behind(which[kept], s[kept], t[kept], foot[kept], away[kept], n)
+    return ReverseDepths(which[kept], s[kept], t[kept], foot[kept], away[kept], n)

@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 from bonecam.levels.problem import program
 from bonecam.levels.problem.cut import ROUGH, Cut, StepParameters
-from bonecam.levels.problem.discretisation import Setting
+from bonecam.levels.problem.discretisation import Discretisation
 from bonecam.levels.problem.energies.attraction import unit
 from bonecam.levels.problem.energies.energy import Given, Pulled, Quadratic
 from bonecam.levels.problem.energies.pull import targets
@@ -24,9 +24,9 @@ RNG = np.random.default_rng(4)
 
 @pytest.mark.parametrize("energy", [*NET, *SAMPLED], ids=lambda energy: energy.__name__)
 def test_its_matrices_are_those_of_a_convex_energy(
-    given: Given, setting: Setting, half_millimetre: Cut, capsule: Capsule, energy
+    given: Given, discretisation: Discretisation, half_millimetre: Cut, capsule: Capsule, energy
 ) -> None:  # type: ignore[no-untyped-def]
-    found, before, free = energy(given), given.before, setting.free
+    found, before, free = energy(given), given.before, discretisation.free
     if isinstance(found, Quadratic):
         matrix = found.matrix
         assert found.linear.shape == (free.shape[1], 3)
@@ -65,22 +65,25 @@ def test_the_gradient_is_the_slope_of_the_energy_written_out(first_program: Call
 
 
 def test_the_plate_is_stiffness_of_the_moves_and_bending_of_the_level(
-    given: Given, setting: Setting, step_parameters: StepParameters, half_millimetre: Cut
+    given: Given, discretisation: Discretisation, step_parameters: StepParameters, half_millimetre: Cut
 ) -> None:
-    found, M, P = plate(given), setting.M, given.before.control_points
+    found, M, P = plate(given), discretisation.M, given.before.control_points
     D = RNG.normal(size=found.linear.shape)
-    moves, bending = setting.free @ D, step_parameters.bending * (half_millimetre.depth / ROUGH) ** 2
+    moves, bending = discretisation.free @ D, step_parameters.bending * (half_millimetre.depth / ROUGH) ** 2
     of_moves, after, now = (float(np.einsum("ij,ij->", net, M @ net)) for net in (moves, P + moves, P))
     value = np.einsum("ij,ij->", D, found.matrix @ D) + 2 * np.einsum("ij,ij->", found.linear, D)
     assert value == pytest.approx(step_parameters.stiffness * of_moves + bending * (after - now))
 
 
 def test_what_is_near_the_wall_is_not_drawn_along_it(
-    capsule: Capsule, given: Given, setting: Setting, half_millimetre: Cut
+    capsule: Capsule, given: Given, discretisation: Discretisation, half_millimetre: Cut
 ) -> None:
     middle = capsule.start + (capsule.end - capsule.start) / 2
     net = middle + 1.09 * (given.before.control_points - middle)
-    near, samples = replace(given, before=setting.surface.with_control_points(net)), setting.samples
+    near, samples = (
+        replace(given, before=discretisation.surface.with_control_points(net)),
+        discretisation.samples,
+    )
     x = samples.R @ net
     gap, outward = -capsule.signed_distance(x), capsule.normals(x)
     assert gap.min() < 0.5 * half_millimetre.depth < 0.5 < gap.max()
@@ -99,7 +102,7 @@ def test_bending_alone_takes_no_sample_farther_than_some_depths(
     def with_bending(bending: float) -> tuple[Program, float]:
         """And how far bending alone takes samples."""
         found = program_of(
-            one.setting,
+            one.discretisation,
             one.before.control_points,
             one.rest,
             one.cut,
@@ -121,7 +124,7 @@ def test_a_new_energy_is_one_function_more(
     given: Given, first_program: Callable[[], Program], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def anchor(given: Given) -> Quadratic:
-        count = given.setting.free.shape[1]
+        count = given.discretisation.free.shape[1]
         return Quadratic(sp.csc_array(1e3 * sp.eye_array(count)), np.zeros((count, 3)))
 
     assert np.abs(admm.solve(first_program())).max() > 0.3

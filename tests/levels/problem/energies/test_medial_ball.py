@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from bonecam.levels.problem.energies.medial_ball import LEAST, unhindered
+from bonecam.levels.problem.energies.medial_ball import LEAST, medial_ball_share
 
 NARROW = 2.0
 
@@ -17,14 +17,14 @@ def plane(
 
 
 def shares(*planes: tuple) -> np.ndarray:
-    return unhindered(np.vstack([x for x, _ in planes]), np.vstack([n for _, n in planes]), NARROW)
+    return medial_ball_share(np.vstack([x for x, _ in planes]), np.vstack([n for _, n in planes]), NARROW)
 
 
 def test_a_plane_and_a_ball_are_unhindered() -> None:
     rng = np.random.default_rng(1)
     n = rng.normal(size=(4000, 3))
     n /= np.linalg.norm(n, axis=1, keepdims=True)
-    assert np.array_equal(unhindered(3 * n, n, NARROW), np.ones(len(n)))
+    assert np.array_equal(medial_ball_share(3 * n, n, NARROW), np.ones(len(n)))
     assert np.array_equal(shares(plane((0, 0, 0), (1, 0, 0), (0, 0, 1))), np.ones(3600))
 
 
@@ -45,7 +45,7 @@ def test_the_sides_of_a_groove_go_as_its_bottom_does() -> None:
     c = np.sqrt(0.5)
     x, n = zip(plane((0, 0, 0), (c, 0, c), (-c, 0, c)), plane((0, 0, 0), (-c, 0, c), (c, 0, c)))
     x, n = np.vstack(x), np.vstack(n)
-    share, up = unhindered(x, n, NARROW), np.hypot(x[:, 0], x[:, 2])
+    share, up = medial_ball_share(x, n, NARROW), np.hypot(x[:, 0], x[:, 2])
     inner = (x[:, 1] > 2) & (x[:, 1] < 4)
     np.testing.assert_allclose(share[inner & (up > 0.3) & (up < 0.9)], c, atol=0.02)
     assert (share[inner & (up > 2.2)] == 1).all()

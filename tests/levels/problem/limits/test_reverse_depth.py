@@ -6,9 +6,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from bonecam.levels.problem.discretisation import setting_of
+from bonecam.levels.problem.discretisation import discretise
 from bonecam.levels.problem.energies.attraction import ATTRACTIONS
-from bonecam.levels.problem.limits.reverse_depth import behind
+from bonecam.levels.problem.limits.reverse_depth import reverse_depths
 from bonecam.levels.problem.remaining import remaining, whole
 from bonecam.setup.capsule import Capsule
 from bonecam.surface.tspline import TSpline
@@ -21,7 +21,7 @@ def test_what_a_filled_groove_leaves_behind_is_found_at_its_distance(
     rng = np.random.default_rng(1)
     s, t = rng.random(3000), rng.uniform(0.1, 0.9, 3000)
     x, y = part.positions(s, t), filled.positions(s, t)
-    found = behind(filled, x, y, s, t, s, t, np.full(len(s), 0.3), 20)
+    found = reverse_depths(filled, x, y, s, t, s, t, np.full(len(s), 0.3), 20)
     exact = filled.project(x).distances
     assert np.array_equal(found.which, np.flatnonzero(exact > 0.3))
     assert found.away == pytest.approx(exact[found.which], abs=1e-6)
@@ -32,8 +32,8 @@ def test_what_a_filled_groove_leaves_behind_is_found_at_its_distance(
 def test_of_a_groove_more_is_left_from_its_bottom_than_from_the_stock(
     capsule: Capsule, grooved: Callable[[float], TSpline]
 ) -> None:
-    setting = setting_of(grooved(0.4), capsule, ATTRACTIONS["stock"])
-    rest = remaining(setting, setting.surface.control_points, whole(capsule))
+    discretisation = discretise(grooved(0.4), capsule, ATTRACTIONS["stock"])
+    rest = remaining(discretisation, discretisation.surface.control_points, whole(capsule))
     assert rest.farthest < rest.left == rest.depth
     assert -capsule.signed_distance(rest.place[None])[0] == pytest.approx(rest.depth)
     assert np.hypot(*rest.place[:2]) < 2.5
