@@ -11,6 +11,10 @@ ORDER = [
 ]
 ROOMS = {
     "surface": "basis tmesh query tessellation refinement tspline rows_to_general fitting skinning files part_surface".split(),
+    "levels": [
+        *"problem solvers measure refine_for_depth published_morph sequence restore_feasibility".split(),
+        *"closed_morph open_stock open_morph body_surface edge_rounding equal_depths job_levels".split(),
+    ],
     "toolpath": "ball_depth cutter path gouge material scallop sampling spacing zigzag".split(),
     "orientation": [
         *"limits interpolation collision lead singularity admissible tool_axes links".split(),

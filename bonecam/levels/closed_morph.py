@@ -7,7 +7,7 @@ point of the stock's surface lies within one depth of the last one; the stock it
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 from numpy import ndarray
 
@@ -95,9 +95,8 @@ def morph(
 
     `stiffness` is c_int / c_ext (parameters in [0, 1]). `method` is `qp`, whose programs `solver` solves (`admm`,
     or as a reference `osqp` or `clarabel`), or `qcqp`, the published program solved exactly (`published_morph.py`):
-    slow. Raises SurfaceError where the surface is not closed between two poles or no body's, StockError where the
-    part is not inside the stock, JobError where a number is out of the range it has in a job, LevelError where a
-    level cannot be made or fails its check.
+    slow. SurfaceError where the surface is no closed body's between two poles, StockError where it leaves the
+    stock, JobError where a number is out of range, LevelError where a level cannot be made or fails its check.
     """
     require_types(surface, schedule, stock)
     _require_choices(attraction, method, solver)
@@ -111,20 +110,18 @@ def morph(
     discretisation = discretise(surface, stock, ATTRACTIONS[attraction])
     around = whole(stock)
     rest = remaining(discretisation, surface.control_points, around)
+
     lower_bound = schedule.lower_bound(rest.left)
     rules = Rules(stock, schedule, *METHODS[method], chord_tolerance)
-
     maker = None
     if method == "qcqp":
         left = distance_left(surface, stock)
-        published = published_sequence(surface, stock, schedule, stiffness, attraction, left, solving)
-        sequences = iter([published])
+        sequences = iter([published_sequence(surface, stock, schedule, stiffness, attraction, left, solving)])
     else:
         maker = SequenceMaker(discretisation, around, schedule, lower_bound, solving, solver, stiffness)
         sequences = maker.all(rest)
-    inspection, checking = _first_within_limits(
-        sequences, maker, lambda made: Inspection(surface, made, rules, measuring)
-    )
+    measure = partial(Inspection, surface, rules=rules, progress=measuring)
+    inspection, checking = _first_within_limits(sequences, maker, measure)
     breaks = max((cut.over for cut in inspection.failed), default=0.0)
     solve_seconds = time.perf_counter() - started - checking
     return Morph(inspection.levels, lower_bound, rest.farthest, solve_seconds, checking, breaks)
