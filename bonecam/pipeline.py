@@ -8,6 +8,7 @@ from pathlib import Path
 
 from bonecam.job import Job
 from bonecam.levels.job_levels import check_method, make_levels
+from bonecam.levels.measure.level import morph_surfaces
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import Dialect, read_dialect
 from bonecam.nc.kinematics import axis_limits
@@ -134,8 +135,7 @@ def _machine(
 ) -> Result:
     """Tool paths on the levels, the program `file` of the part's file `source`, and its proof."""
     levels = made.levels.levels
-    design = levels[0].surface
-    assert design is not None
+    design = morph_surfaces(levels)[0]
     with times.stage("toolpath"):
         paths = plan_paths(levels, made.stock, job, axis_limits(machine), part(progress, 0.0, 0.82))
 

@@ -12,7 +12,7 @@ from bonecam.filters.layers import Layers
 from bonecam.filters.parameter import FilterParameter, Kind, parameters_of, section_of
 from bonecam.job import HoldingJob, LevelsJob, StockJob
 from bonecam.levels.measure.level import Level
-from bonecam.levels.problem.tolerances import DEPTH_TOLERANCE, NEST_TOLERANCE
+from bonecam.levels.problem.tolerances import DEPTH_TOLERANCE, NESTING_TOLERANCE
 from bonecam.progress import Progress
 from bonecam.surface.tspline import TSpline
 
@@ -82,10 +82,10 @@ def level_check(layers: Layers, values: Mapping[str, Any], progress: Progress) -
     for level in levels[1:]:
         deep = level.deepest <= level.limit + values["depth_tolerance"]
         nested = level.nesting_min >= -values["nesting_tolerance"]
-        if not (deep and nested and level.self_intersections == 0):
+        if not (deep and nested and level.measures.self_intersections == 0):
             raise LevelError(
                 f"level {level.index}: depth {level.deepest:.4f} of {level.limit:g} mm, nesting {level.nesting_min:.4f} mm, "
-                f"{level.self_intersections} self-intersections: lower the stiffness or the depth",
+                f"{level.measures.self_intersections} self-intersections: lower the stiffness or the depth",
                 level=level.index,
             )
     return figures(levels)
@@ -171,7 +171,7 @@ FILTERS = (
             FilterParameter(
                 "nesting_tolerance",
                 Kind.LENGTH,
-                NEST_TOLERANCE,
+                NESTING_TOLERANCE,
                 "Nesting",
                 "Allowed overlap of levels.",
                 "mm",

@@ -18,6 +18,7 @@ CATEGORY = "Bonecam: NC"
 def save_program(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """Filter `save_nc_program`: the program of the kept tool paths, written where its proof holds."""
     from bonecam.levels.closed_morph import Morph
+    from bonecam.levels.measure.level import morph_surfaces
     from bonecam.nc.dialect import read_dialect
     from bonecam.nc.machine import read_machine
     from bonecam.nc.posting.write import write_program
@@ -36,8 +37,7 @@ def save_program(layers: Layers, values: Mapping[str, Any], progress: Progress) 
     program = write_program(
         paths, machine, dialect, job, stock_bounds=stock.bounds, progress=part(progress, 0.0, 0.5)
     )
-    design = morph.levels[0].surface
-    assert design is not None
+    design = morph_surfaces(morph.levels)[0]
     tolerances = Tolerances(gouge=job.path.gouge_tolerance)
     proof = verify(program.text, paths, machine, dialect, design, tolerances, part(progress, 0.5, 1.0))
     target = layers.target(values["file"])

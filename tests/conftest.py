@@ -12,7 +12,8 @@ STAGES = ("mesh", "setup", "surface", "levels", "toolpath", "orientation", "nc",
 install_import_hook([f"bonecam.{stage}" for stage in STAGES], "beartype.beartype")
 
 from bonecam.job import FINISHING, ROUGHING, HoldingJob  # noqa: E402
-from bonecam.levels.measure.level import Level  # noqa: E402
+from bonecam.levels.measure.cut_measures import NO_CUT  # noqa: E402
+from bonecam.levels.measure.level import MorphLevel, PartLevel  # noqa: E402
 from bonecam.mesh.triangle_mesh import TriangleMesh  # noqa: E402
 from bonecam.setup.capsule import Capsule  # noqa: E402
 from bonecam.surface.tmesh.rows import RowTMesh  # noqa: E402
@@ -108,11 +109,12 @@ def mesh_of() -> Callable[..., TriangleMesh]:
 
 
 @pytest.fixture(scope="session")
-def level_of(mesh_of: Callable[..., TriangleMesh]) -> Callable[..., Level]:
+def level_of(mesh_of: Callable[..., TriangleMesh]) -> Callable[..., PartLevel | MorphLevel]:
     """Makes a level without measures of a surface."""
 
-    def build(surface: TSpline, index: int = 0, limit: float = 0.0) -> Level:
-        return Level(index, surface, mesh_of(surface), limit, 0.0, 0.0, 0.0, 0)
+    def build(surface: TSpline, index: int = 0, limit: float = 0.0) -> PartLevel | MorphLevel:
+        mesh = mesh_of(surface)
+        return MorphLevel(index, surface, mesh, limit, NO_CUT) if index else PartLevel(surface, mesh, NO_CUT)
 
     return build
 

@@ -4,7 +4,12 @@ from .edge_rounding import levels_in as levels_in
 from .equal_depths import even_levels as even_levels
 from .measure.certificate import Certificate as Certificate
 from .measure.certificate import certify as certify
+from .measure.cut_measures import Measures as Measures
 from .measure.level import Level as Level
+from .measure.level import MorphLevel as MorphLevel
+from .measure.level import PartLevel as PartLevel
+from .measure.level import RoundedLevel as RoundedLevel
+from .measure.level import StockLevel as StockLevel
 from .measure.level import rounding_cuts as rounding_cuts
 from .measure.line_depths import line_depths as line_depths
 from .measure.line_depths import line_lengths as line_lengths

@@ -13,12 +13,12 @@ from numpy import ndarray
 
 from bonecam.errors import LevelError, SurfaceError, require_type
 from bonecam.job import LevelsJob
-from bonecam.levels.measure.inspection import Inspection, Rules
+from bonecam.levels.measure.inspection import Inspection, Rules, excess_bound, inspect
 from bonecam.levels.measure.level import Level
 from bonecam.levels.problem.discretisation import discretise
 from bonecam.levels.problem.energies.attraction import ATTRACTIONS
 from bonecam.levels.problem.remaining import remaining, whole
-from bonecam.levels.problem.tolerances import NEST_TOLERANCE, STOCK_TOLERANCE
+from bonecam.levels.problem.tolerances import NESTING_TOLERANCE, STOCK_TOLERANCE
 from bonecam.levels.published_morph import distance_left, published_sequence
 from bonecam.levels.refine_for_depth import refine_for_depth
 from bonecam.levels.restore_feasibility import ACCEPTED, restore_certificates, restore_feasibility
@@ -34,7 +34,7 @@ from bonecam.surface.tspline import TSpline
 from bonecam.threads import on_one_blas_thread
 
 METHODS = {
-    "qp": (NEST_TOLERANCE, STOCK_TOLERANCE),
+    "qp": (NESTING_TOLERANCE, STOCK_TOLERANCE),
     "qcqp": (0.02, 2 * STOCK_TOLERANCE),
 }
 """How far (mm) a level may fall behind the one before and leave the stock: the published program says nothing
@@ -72,10 +72,11 @@ class Morph:
         """Mean share of the limit that the levels move where at least a full depth of material is left, over
         all their area."""
         cuts = self.levels[1:]
-        whole = sum(level.full_area for level in cuts)
-        return (
-            sum(level.full_area * level.full_mean / level.limit for level in cuts) / whole if whole else 1.0
+        whole = sum(level.measures.full_depth_area for level in cuts)
+        used = sum(
+            level.measures.full_depth_area * level.measures.full_depth_mean / level.limit for level in cuts
         )
+        return used / whole if whole else 1.0
 
 
 @on_one_blas_thread
@@ -120,9 +121,9 @@ def morph(
     else:
         maker = SequenceMaker(discretisation, around, schedule, lower_bound, solving, solver, stiffness)
         sequences = maker.all(rest)
-    measure = partial(Inspection, surface, rules=rules, progress=measuring)
+    measure = partial(inspect, surface, rules=rules, progress=measuring)
     inspection, checking = _first_within_limits(sequences, maker, measure)
-    breaks = max((cut.over for cut in inspection.failed), default=0.0)
+    breaks = max((excess_bound(level) for level in inspection.failed), default=0.0)
     solve_seconds = time.perf_counter() - started - checking
     return Morph(inspection.levels, lower_bound, rest.farthest, solve_seconds, checking, breaks)
 
@@ -144,16 +145,18 @@ def _first_within_limits(
         try:
             inspection = measure(levels)
             if maker is not None:
-                restore_feasibility(inspection, maker)
-                inspection = restore_certificates(inspection, maker)
+                inspection = restore_certificates(restore_feasibility(inspection, maker), maker)
         except LevelError as error:
             failure = failure or error
             continue
         checking += inspection.seconds
-        if not inspection.failed:
+        try:
+            inspection.require_passed()
+        except LevelError as error:
+            failure = failure or error
+        else:
             return inspection, checking
-        failure = failure or inspection.failed[0].error
-        breaks = max(cut.over for cut in inspection.failed)
+        breaks = max(excess_bound(level) for level in inspection.failed)
         if nearly is None and not inspection.crosses and breaks <= ACCEPTED:
             nearly = inspection
     if nearly is None:

@@ -9,8 +9,7 @@ so that x lies exactly |x - B| - delta_(j-1) from the level before: the depth of
   that lies inside S.
 """
 
-from dataclasses import replace
-from itertools import pairwise
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,10 +18,10 @@ from numpy import ndarray
 
 from bonecam.levels.body_surface import body_surfaces
 from bonecam.levels.closed_morph import Morph, morph, require_seeds_inside, require_types
-from bonecam.levels.measure.check import BINS
-from bonecam.levels.measure.level import Level
-from bonecam.levels.problem.factorisation import factorise
-from bonecam.levels.problem.samples import integration_points, samples_of, thin_plate
+from bonecam.levels.measure.cut_measures import CutSamples, Measures, measures_of
+from bonecam.levels.measure.level import Level, RoundedLevel, StockLevel, morph_surfaces
+from bonecam.levels.problem.factorisation import BandedCholesky, factorise
+from bonecam.levels.problem.samples import Samples, integration_points, samples_of, thin_plate
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.remeshing import split_edges
@@ -35,10 +34,15 @@ from bonecam.setup.stock import Stock
 from bonecam.surface.tspline import TSpline
 from bonecam.threads import on_one_blas_thread
 
-CHORD, FIT_STIFFNESS, HALVINGS = 0.02, 1e-7, 30
-SHARES = 100
-"""Shares of a level's area are taken over edges that are this part of its diagonal at most: its flat faces
-are few and large."""
+CHORD = 0.02
+"""Chord tolerance (mm) of the meshes of part, bodies and stock."""
+FIT_STIFFNESS = 1e-7
+"""Weight of the thin-plate energy beside the squared distances of the fitted control points."""
+BISECTIONS = 30
+"""Halvings of the way to a body at which it leaves the stock: 1e-9 of its length is left."""
+MAX_EDGE_SHARE = 100
+"""Depths are sampled on meshes with edges of at most one part in so many of their diagonal: the flat faces of
+these bodies are few and large."""
 
 
 @on_one_blas_thread
@@ -61,7 +65,7 @@ def levels_in(surface: TSpline, stock: Stock, schedule: Schedule, **options: Any
     deepest = -float(stock.signed_distance(part_mesh.vertices).min())
     return replace(
         made,
-        levels=rounding(made, inner, stock, schedule),
+        levels=_with_rounding_levels(made, inner, stock, schedule),
         lower_bound=schedule.lower_bound(max(distance, deepest)),
         distance=distance,
     )
@@ -74,100 +78,94 @@ def _farthest(points: Float[ndarray, "n 3"], surface: TSpline, mesh: TriangleMes
     return float(surface.project(points[distances >= distances.max() - 2 * CHORD]).distances.max())
 
 
-def rounding(made: Morph, inner: Stock, stock: Stock, schedule: Schedule) -> tuple[Level, ...]:
+def _with_rounding_levels(made: Morph, inner: Stock, stock: Stock, schedule: Schedule) -> tuple[Level, ...]:
     """All levels: those of the morph to `inner`, which gets a surface, then those that round the stock down
     to it."""
-    outermost = made.levels[-2].surface
-    assert outermost is not None
-    nets, corners, first = _Nets(outermost), stock.mesh(CHORD), made.levels[-1]
-    deltas = _deltas(float(inner.signed_distance(corners.vertices).max()), schedule, first.index)
-    bodies = [inner, *(inner.offset(delta) for delta in deltas)]
-    shapes = body_surfaces(bodies[:-1])
-    levels = [
-        *made.levels[:-1],
-        replace(first, surface=shapes[0], within=stock, shared=nets.of(inner, stock)),
-    ]
-    for j, (before, body) in enumerate(pairwise(bodies), start=1):
-        k, last = first.index + j, j == len(deltas)
-        mesh = (
-            corners
-            if last
-            else intersect(
-                np.vstack([half_spaces_of(corners), half_spaces_of(body.mesh(CHORD))]), stock.middle
-            )
-        )
-        surfaces = {} if last else {"surface": shapes[j], "shared": nets.of(body, stock)}
-        levels.append(_level(k, mesh, levels[-1].mesh, before, stock, schedule.limit(k), surfaces))
-    return tuple(levels)
+    first, stock_mesh = made.levels[-1], stock.mesh(CHORD)
+    farthest = float(inner.signed_distance(stock_mesh.vertices).max())
+    offsets = _offsets(farthest, schedule, first.index)
+    bodies = [inner, *(inner.offset(offset) for offset in offsets[:-1])]
+    surfaces = body_surfaces(bodies)
+    fit = _fit_over_tmesh_of(morph_surfaces(made.levels)[-1])
+
+    levels = list(made.levels[:-1])
+    for k, (body, surface) in enumerate(zip(bodies, surfaces, strict=True), start=first.index):
+        control_points = fit.control_points(body, stock)
+        if k == first.index:
+            mesh, measures = first.mesh, first.measures
+        else:
+            half_spaces = np.vstack([half_spaces_of(stock_mesh), half_spaces_of(body.mesh(CHORD))])
+            mesh = intersect(half_spaces, stock.middle)
+            before = bodies[k - first.index - 1]
+            measures = _measure(levels[-1].mesh, mesh, before, stock, schedule.limit(k))
+        certificate = first.certificate if k == first.index else None
+        limit = schedule.limit(k)
+        levels.append(RoundedLevel(k, surface, mesh, limit, measures, stock, control_points, certificate))
+
+    k = first.index + len(bodies)
+    measures = _measure(levels[-1].mesh, stock_mesh, bodies[-1], stock, schedule.limit(k))
+    return *levels, StockLevel(k, stock_mesh, schedule.limit(k), measures)
 
 
-def _deltas(whole: float, schedule: Schedule, first: int) -> list[float]:
-    """Distances from the rounded body, the last is `whole`: as few as the depths allow, none of them a
-    sliver."""
+def _offsets(farthest: float, schedule: Schedule, first: int) -> list[float]:
+    """Distances (mm) of the levels above level `first` from the rounded body, the last one `farthest`: as few
+    as the depths allow, all of the same share of them."""
     count = 1
-    while schedule.reach(first + count) - schedule.reach(first) < whole:
+    while schedule.reach(first + count) - schedule.reach(first) < farthest:
         count += 1
-    share = whole / (schedule.reach(first + count) - schedule.reach(first))
+    share = farthest / (schedule.reach(first + count) - schedule.reach(first))
     return [share * (schedule.reach(first + j) - schedule.reach(first)) for j in range(1, count + 1)]
 
 
-def _level(
-    k: int,
-    mesh: TriangleMesh,
-    inner: TriangleMesh,
-    before: Stock,
-    stock: Stock,
-    limit: float,
-    surfaces: dict[str, Any],
-) -> Level:
-    """A rounding level: the depth at x is exactly its distance from the body before."""
-    depth, fine = (
-        np.maximum(before.signed_distance(probes(mesh)), 0.0),
-        split_edges(mesh, mesh.diagonal / SHARES),
-    )
-    middles, area = (
-        np.maximum(before.signed_distance(fine.vertices[fine.faces].mean(1)), 0.0),
-        np.linalg.norm(fine.face_vectors, axis=1),
-    )
-    cut = middles > limit / 1000
-    histogram = np.histogram(middles, bins=BINS, range=(0, limit), weights=area / area.sum())[0]
-    nesting = -float(
-        np.minimum(MeshDistance(mesh).signed(probes(inner)), stock.signed_distance(probes(inner))).max()
-    )
-    return Level(
-        k,
-        surfaces.get("surface"),
-        mesh,
-        limit,
-        float(depth.max()),
-        float(np.average(middles, weights=area)),
+def _measure(inner: TriangleMesh, outer: TriangleMesh, before: Stock, stock: Stock, limit: float) -> Measures:
+    """The cut between two rounding levels: the depth of a point of the outer one is exactly its distance from
+    the body `before`, which is that of the inner one.
+
+    The reverse depth is no larger than the depth, as the outer level is an offset of the inner one.
+    """
+    fine = split_edges(outer, outer.diagonal / MAX_EDGE_SHARE)
+    inner_points, outer_points = probes(inner), probes(fine)
+    depth = np.maximum(before.signed_distance(outer_points), 0.0)
+    nesting = -np.minimum(MeshDistance(outer).signed(inner_points), stock.signed_distance(inner_points))
+    none_left = np.zeros(len(inner_points))
+    samples = CutSamples(
+        outer_points,
+        inner_points,
+        depth,
+        stock.signed_distance(outer_points),
+        np.full(len(inner_points), depth.max()),
         nesting,
-        len(self_intersections(mesh)),
-        depth_back_max=float(depth.max()),
-        full_mean=float(np.average(middles[cut], weights=area[cut])) if cut.any() else 0.0,
-        outside=float(stock.signed_distance(probes(mesh)).max()),
-        histogram=tuple(float(v) for v in histogram),
-        within=stock if surfaces else None,
-        shared=surfaces.get("shared"),
+        none_left,
     )
+    return measures_of(samples, inner, fine, limit, self_intersections(outer))
 
 
-class _Nets:
-    """Control points over the part's own T-mesh for bodies round the last level of the morph: what is left is
-    followed on them."""
+@dataclass(frozen=True, eq=False)
+class _ControlPointFit:
+    """A least-squares fit of control points over the T-mesh of the part: to the `points` of the last level of
+    the morph at `samples`, moved outwards; `factorised` is its normal matrix."""
 
-    def __init__(self, outermost: TSpline) -> None:
-        samples = samples_of(outermost, *integration_points(outermost))
-        self._samples, self._points = samples, samples.R @ outermost.control_points
-        self._factor = factorise(samples.N + FIT_STIFFNESS * thin_plate(outermost))
+    samples: Samples
+    points: Float[ndarray, "n 3"]
+    factorised: BandedCholesky
 
-    def of(self, body: Stock, stock: Stock) -> Float[ndarray, "c 3"]:
-        """Least squares to where the ways straight out of the last level meet `body`, or before that
-        `stock`."""
-        foot, target = self._points, body.closest_points(self._points)
-        low, high = np.zeros((len(foot), 1)), np.ones((len(foot), 1))
-        for _ in range(HALVINGS):
+    def control_points(self, body: Stock, stock: Stock) -> Float[ndarray, "c 3"]:
+        """Control points of a surface that follows the part of `body` inside `stock`: each point goes to the
+        nearest point of the body, but no farther than to the wall of the stock, which bisection finds."""
+        target = body.closest_points(self.points)
+        low = np.zeros((len(self.points), 1))
+        high = np.ones((len(self.points), 1))
+        for _ in range(BISECTIONS):
             middle = (low + high) / 2
-            inside = stock.signed_distance(foot + middle * (target - foot))[:, None] <= 0
-            low, high = np.where(inside, middle, low), np.where(inside, high, middle)
-        return np.asarray(self._factor.solve(self._samples.moments(foot + high * (target - foot))))
+            inside = stock.signed_distance(self.points + middle * (target - self.points))[:, None] <= 0
+            low = np.where(inside, middle, low)
+            high = np.where(inside, high, middle)
+        ends = self.points + high * (target - self.points)
+        return np.asarray(self.factorised.solve(self.samples.moments(ends)))
+
+
+def _fit_over_tmesh_of(outermost: TSpline) -> _ControlPointFit:
+    """The fit that starts at the points of the last level of the morph."""
+    samples = samples_of(outermost, *integration_points(outermost))
+    matrix = samples.N + FIT_STIFFNESS * thin_plate(outermost)
+    return _ControlPointFit(samples, samples.R @ outermost.control_points, factorise(matrix))

@@ -5,6 +5,7 @@ from typing import Any
 
 from bonecam.levels.closed_morph import Morph
 from bonecam.levels.edge_rounding import levels_in
+from bonecam.levels.measure.level import morph_end
 from bonecam.mesh.distance import MeshDistance
 from bonecam.setup.schedule import Schedule, even_out
 from bonecam.setup.stock import Stock
@@ -40,5 +41,5 @@ def even_levels(surface: TSpline, stock: Stock, schedule: Schedule, **options: A
 
 def _outermost(made: Morph) -> tuple[int, float]:
     """Index of the body the morph ends at, and how deep its cut is; rounding levels come behind it."""
-    last = next((level for level in made.levels if level.within is not None), made.levels[-1])
+    last = morph_end(made.levels)
     return last.index, last.depth_max

@@ -17,9 +17,10 @@ from numpy import ndarray
 
 from bonecam.arrays import dots, lengths
 from bonecam.errors import StockError, place_name
+from bonecam.levels.measure.measure_open_cut import distances_to
 from bonecam.levels.problem.element_matrices import ElementMatrices
 from bonecam.levels.problem.factorisation import factorise
-from bonecam.levels.problem.tolerances import NEST_TOLERANCE
+from bonecam.levels.problem.tolerances import NESTING_TOLERANCE
 from bonecam.mesh.distance import exact_closest
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.query.closest_point import Projection
@@ -53,7 +54,7 @@ def open_stock(surface: TSpline, matrices: ElementMatrices, stock: object, fixed
     wanted = _wanted(given, points, normals)
     side = float(np.sign(np.median(dots(wanted - points, normals)))) or 1.0
     if isinstance(given, float):
-        known = wanted[distances(surface, wanted, at) >= abs(given) - NEST_TOLERANCE]
+        known = wanted[distances_to(surface, wanted, at) >= abs(given) - NESTING_TOLERANCE]
     else:
         vertices, feet = _above(surface, given.vertices)
         known, places = np.vstack([wanted, vertices]), np.vstack([points, vertices])
@@ -61,14 +62,14 @@ def open_stock(surface: TSpline, matrices: ElementMatrices, stock: object, fixed
             known - np.vstack([points, feet.points]),
             np.vstack([normals, surface.normals(*feet.parameters.T)]),
         )
-        _require_ahead(side * ahead, places, -NEST_TOLERANCE if fixed else NEST_TOLERANCE)
+        _require_ahead(side * ahead, places, -NESTING_TOLERANCE if fixed else NESTING_TOLERANCE)
     free, bent = _fits(surface, matrices, given, fixed)
     fitted, reached = free.positions(*at.T), bent.positions(*at.T)
     _require_upright(bent, at, normals)
-    _require_ahead(side * dots(reached - points, normals), points, -NEST_TOLERANCE)
+    _require_ahead(side * dots(reached - points, normals), points, -NESTING_TOLERANCE)
     known, feet = _above(free, known)
     off = (
-        distances(surface, fitted, at) - abs(given)
+        distances_to(surface, fitted, at) - abs(given)
         if isinstance(given, float)
         else lengths(fitted - exact_closest(given, fitted)[0])
     )
@@ -76,20 +77,15 @@ def open_stock(surface: TSpline, matrices: ElementMatrices, stock: object, fixed
     moved, moved_feet = (
         free.basis(*which.T)[0] @ (matrices.edge & fixed) > 0 for which in (at, feet.parameters)
     )
-    worst, farthest = int(np.argmax(off)), float(distances(surface, known, feet.parameters).max(initial=0.0))
+    worst, farthest = (
+        int(np.argmax(off)),
+        float(distances_to(surface, known, feet.parameters).max(initial=0.0)),
+    )
     as_given, its = (
         np.vstack([known[~moved_feet], reached[moved]]),
         np.vstack([feet.parameters[~moved_feet], at[moved]]),
     )
     return OpenStock(bent, side, as_given, its, farthest, float(off[worst]), places[worst])
-
-
-def distances(
-    surface: TSpline, points: Float[ndarray, "n 3"], at: Float[ndarray, "n 2"]
-) -> Float[ndarray, " n"]:
-    """How far points lie from a surface, mm: from their feet, or from its points `at` known parameters where
-    a foot found is farther."""
-    return np.minimum(surface.project(points).distances, lengths(points - surface.positions(*at.T)))
 
 
 def _given(stock: object) -> float | TriangleMesh:
@@ -141,7 +137,7 @@ def _require_ahead(ahead: ndarray, points: ndarray, least: float) -> None:
     """StockError where the stock lies less than `least` mm ahead of the part."""
     worst = int(np.argmin(ahead))
     if ahead[worst] < least:
-        how = f"lies {-ahead[worst]:.3f} mm behind" if ahead[worst] < -NEST_TOLERANCE else "touches"
+        how = f"lies {-ahead[worst]:.3f} mm behind" if ahead[worst] < -NESTING_TOLERANCE else "touches"
         told = f"the stock {how} the part at {place_name(points[worst])}: give one on one side of it"
         raise StockError(told, distance=float(-ahead[worst]), place=points[worst])
 

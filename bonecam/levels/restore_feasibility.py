@@ -11,8 +11,9 @@ import numpy as np
 from numpy import ndarray
 
 from bonecam.errors import LevelError
-from bonecam.levels.measure.inspection import Cut, Inspection
+from bonecam.levels.measure.inspection import Inspection, excess_bound, inspect_again, trouble, with_cuts_of
 from bonecam.levels.sequence import SequenceMaker
+from bonecam.progress import Progress, silent
 
 RESTORATIONS = 5
 """How often a level that fails its check is moved. (Without, the levels of a lunate use 0.52 of their depth
@@ -27,9 +28,11 @@ FAR, ALL_FAR = 0.1, 0.02
 and one by more than the second."""
 
 
-def restore_feasibility(inspection: Inspection, maker: SequenceMaker, *, doubts: bool = False) -> None:
-    """Move the levels that failed their check (and those that their certificates doubt, with `doubts`) as little
-    as keeps their limits.
+def restore_feasibility(
+    inspection: Inspection, maker: SequenceMaker, *, doubts: bool = False, progress: Progress = silent
+) -> Inspection:
+    """The sequence with the levels that failed their check (and those that their certificates doubt, with
+    `doubts`) moved as little as keeps their limits, measured again.
 
     The places near the limits are watched too. Each level is moved RESTORATIONS times at most (with doubts
     CERTIFICATE_RESTORATIONS). Levels next to each other that are no better for it stay as they were.
@@ -41,78 +44,86 @@ def restore_feasibility(inspection: Inspection, maker: SequenceMaker, *, doubts:
     watched = defaultdict[int, list[ndarray]](list)
     most = CERTIFICATE_RESTORATIONS if doubts else RESTORATIONS
     while True:
-        levels = inspection.nets
-        failed = {cut.level.index: cut for cut in inspection.failed + inspection.uncertain * doubts}
+        levels = inspection.control_points
+        failed = {level.index: level for level in inspection.failed + inspection.uncertain * doubts}
         which = {
             k
             for k in failed
-            if k < len(levels) and inspection.trouble([k], doubts)[1] <= FAR and tries[k] < most
+            if k < len(levels) and trouble([failed[k]], doubts=doubts)[1] <= FAR and tries[k] < most
         }
-        if not which or (len(failed) > len(levels) / 2 and inspection.trouble(failed, doubts)[1] > ALL_FAR):
-            return
+        too_many = len(failed) > len(levels) / 2
+        if not which or (too_many and trouble(failed.values(), doubts=doubts)[1] > ALL_FAR):
+            return inspection
         tries.update(which)
         _watch_near_limits(watched, inspection)
-        folded = {k for k in which if failed[k].level.self_intersections and k + 1 < len(levels)}
+        folded = {k for k in which if failed[k].measures.self_intersections and k + 1 < len(levels)}
         places = {k: np.vstack(some) for k, some in watched.items()}
         attempt, moved = maker.restore_limits(levels, which, folded, places, follow=not doubts)
-        _keep_what_is_better(inspection, maker.onward(attempt), moved, watched, doubts)
+        inspection = _better_of(inspection, maker.onward(attempt), moved, watched, doubts, progress)
 
 
 def _watch_near_limits(watched: defaultdict[int, list[ndarray]], inspection: Inspection) -> None:
     """Add to the places `watched` of each level those that are near a limit on it and on its neighbours."""
-    for k, cut in enumerate(inspection.cuts, start=1):
-        for near in (k - 1, k, k + 1):
-            watched[near].append(cut.found.near_limits)
+    for level in inspection.levels[1:]:
+        for near in (level.index - 1, level.index, level.index + 1):
+            watched[near].append(level.measures.near_limits)
 
 
-def _keep_what_is_better(
-    inspection: Inspection,
+def _better_of(
+    before: Inspection,
     attempt: list[ndarray],
     moved: list[int],
     watched: defaultdict[int, list[ndarray]],
     doubts: bool,
-) -> None:
-    """Measure the levels that moved; runs of them that are no better stay as they were, and the places where
-    they broke limits are `watched`."""
-    before = inspection.copy()
-    count = len(inspection.nets)
+    progress: Progress,
+) -> Inspection:
+    """The levels of an attempt, measured where they moved; runs of them that are no better are those `before`,
+    and the places where they broke limits are added to `watched`."""
+    count = len(before.control_points)
     fresh = range(count, len(attempt) + 1) if len(attempt) > count else ()
-    inspection.measure(attempt, sorted({*fresh, *(cut for k in moved for cut in (k, k + 1))}))
+    cuts = sorted({*fresh, *(cut for k in moved for cut in (k, k + 1))})
+    inspection = inspect_again(before, attempt, cuts, progress)
     for first, last in _runs(moved):
         after = last + 1 if last + 1 < count else len(attempt)
-        now = inspection.trouble(range(first, after + 1), doubts)
-        if now >= before.trouble(range(first, last + 2), doubts):
-            for k, cut in enumerate(inspection.cuts[first - 1 : after], start=first):
-                watched[k].append(cut.found.near_limits)
-            inspection.restore(before, range(first, after + 1))
+        now = inspection.levels[first : after + 1]
+        then = before.levels[first : last + 2]
+        if trouble(now, doubts=doubts) >= trouble(then, doubts=doubts):
+            for level in now:
+                watched[level.index].append(level.measures.near_limits)
+            inspection = with_cuts_of(inspection, before, range(first, after + 1))
+    return inspection
 
 
-def restore_certificates(inspection: Inspection, maker: SequenceMaker) -> Inspection:
+def restore_certificates(
+    inspection: Inspection, maker: SequenceMaker, progress: Progress = silent
+) -> Inspection:
     """The levels with those moved that only their certificates doubt, and with one more below the stock where
     the last cut is too deep: the points that a sequence measures may miss what is left in a slit or a pit.
 
     The levels as they are where others than the last fail, where that breaks a measure, or takes another cut
     that no measure asked for.
     """
-    last = inspection.cuts[-1]
-    if any(cut is not last for cut in inspection.failed) or not (inspection.failed or inspection.uncertain):
+    last = inspection.levels[-1]
+    others_failed = any(level is not last for level in inspection.failed)
+    if others_failed or not (inspection.failed or inspection.uncertain):
         return inspection
-    again = inspection.copy()
-    missed = _too_deep(last)
+    missed = _too_deep(inspection)
     try:
-        restore_feasibility(again, maker, doubts=True)
-        if _too_deep(again.cuts[-1]):
-            longer = maker.onward(again.nets, len(again.nets) + 1)
-            again.measure(longer, range(len(again.nets), len(longer) + 1))
+        again = restore_feasibility(inspection, maker, doubts=True, progress=progress)
+        if _too_deep(again):
+            count = len(again.control_points)
+            longer = maker.onward(again.control_points, count + 1)
+            again = inspect_again(again, longer, range(count, len(longer) + 1), progress)
     except LevelError:
         return inspection
-    more_cuts = len(again.cuts) > len(inspection.cuts)
+    more_cuts = len(again.levels) > len(inspection.levels)
     return inspection if again.failed or (more_cuts and not missed) else again
 
 
-def _too_deep(last: Cut) -> bool:
-    """Whether the last cut is measured too deep, or may be by more than ACCEPTED."""
-    return last.error is not None or last.over > ACCEPTED
+def _too_deep(inspection: Inspection) -> bool:
+    """Whether the last cut is out of tolerance, or may be by more than ACCEPTED."""
+    last = inspection.levels[-1]
+    return last in inspection.failed or excess_bound(last) > ACCEPTED
 
 
 def _runs(numbers: Sequence[int]) -> list[tuple[int, int]]:

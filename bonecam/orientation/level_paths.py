@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 from bonecam.job import Job
-from bonecam.levels.measure.level import Level
+from bonecam.levels.measure.level import Level, MachinedLevel, machined_levels, morph_surfaces
 from bonecam.mesh.distance import MeshDistance
 from bonecam.orientation.collision.scene import Scene
 from bonecam.orientation.lead import check_lead
@@ -37,7 +37,7 @@ alone."""
 class LevelContacts:
     """A level, the distance to its tessellation, and its contacts before any is left out."""
 
-    level: Level
+    level: MachinedLevel
     distance: MeshDistance
     candidates: CandidateContacts
 
@@ -55,19 +55,17 @@ def plan_paths(
     for cutter in (roughing, finishing):
         check_lead(cutter, job.path.lead_deg)
 
-    design = levels[0].surface
-    assert design is not None
-    part = MeshDistance(design.tessellate(PART_CHORD))
+    part = MeshDistance(morph_surfaces(levels)[0].tessellate(PART_CHORD))
     post = post_below(part.mesh, job.holding)
 
-    def contacts_of(level: Level) -> LevelContacts:
+    def contacts_of(level: MachinedLevel) -> LevelContacts:
         cutter = finishing if job.is_finishing(level.index) else roughing
         return _contacts_of(level, part, cutter, post, job)
 
     capsule = enclosing_capsule(stock)
     material = uncut_material(levels, stock)
     paths: list[ToolPath] = []
-    for found in _one_ahead(contacts_of, levels[-2::-1]):
+    for found in _one_ahead(contacts_of, machined_levels(levels)[::-1]):
         level = found.level
         report(progress, len(paths) / (len(levels) - 1), f"path of level {level.index}")
         scene = Scene(found.distance.mesh, material.mesh, capsule, post, DEVIATION, found.distance)
@@ -77,16 +75,19 @@ def plan_paths(
     return tuple(paths)
 
 
-def _contacts_of(level: Level, part: MeshDistance, cutter: Cutter, post: Post, job: Job) -> LevelContacts:
+def _contacts_of(
+    level: MachinedLevel, part: MeshDistance, cutter: Cutter, post: Post, job: Job
+) -> LevelContacts:
     """The contacts of a level; its balls stay out of the level and of the part."""
     if level.index == 0:
         return LevelContacts(level, part, candidate_contacts(level, [part], cutter, post, job.path))
-    assert level.surface is not None
     distance = MeshDistance(level.surface.tessellate(LEVEL_CHORD))
     return LevelContacts(level, distance, candidate_contacts(level, [distance, part], cutter, post, job.path))
 
 
-def _one_ahead(make: Callable[[Level], LevelContacts], levels: Sequence[Level]) -> Iterator[LevelContacts]:
+def _one_ahead(
+    make: Callable[[MachinedLevel], LevelContacts], levels: Sequence[MachinedLevel]
+) -> Iterator[LevelContacts]:
     """`make(level)` of each level in order; a second thread makes the next one while the caller uses this
     one."""
     with ThreadPoolExecutor(1) as thread:

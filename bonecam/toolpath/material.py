@@ -15,7 +15,7 @@ from numpy import ndarray
 from scipy.spatial import KDTree
 
 from bonecam.levels.measure.grid import LevelGrid, level_grid
-from bonecam.levels.measure.level import Level
+from bonecam.levels.measure.level import Level, MachinedLevel, RoundedLevel, machined_levels
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.stock import Stock
 from bonecam.toolpath.path import Kind, ToolPath
@@ -38,25 +38,23 @@ class Material:
     vertices: Float[ndarray, "v 3"]
     mesh: TriangleMesh
 
-    def thickness(self, level: Level, contacts: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
+    def thickness(self, level: MachinedLevel, contacts: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
         """Thickness of the material above the level at each contact, mm."""
-        floor = self.grid.R @ level.net
+        floor = self.grid.R @ level.control_points
         thickness = np.linalg.norm(self.vertices - floor, axis=1)
         return np.asarray(thickness[KDTree(floor).query(contacts)[1]])
 
 
 def uncut_material(levels: Sequence[Level], stock: Stock) -> Material:
     """The material before the first cut: the stock. `levels` begin at the part and end at the stock."""
-    morphed = [level for level in levels if level.surface is not None]
-    design = morphed[0].surface
-    assert design is not None
-    grid = level_grid(design, [level.net for level in morphed], CHORD)
-    return Material(grid, stock.closest_points(grid.R @ morphed[-1].net), levels[-1].mesh)
+    machined = machined_levels(levels)
+    grid = level_grid(machined[0].surface, [level.control_points for level in machined], CHORD)
+    return Material(grid, stock.closest_points(grid.R @ machined[-1].control_points), levels[-1].mesh)
 
 
-def remove_material(material: Material, level: Level, path: ToolPath) -> Material:
+def remove_material(material: Material, level: MachinedLevel, path: ToolPath) -> Material:
     """The material after `path` has machined `level`: down to the level, or to where the ball was lifted."""
-    floor = material.grid.R @ level.net
+    floor = material.grid.R @ level.control_points
     rows = np.flatnonzero(path.kinds == Kind.CUT)
     contacts = path.contacts[rows]
     centres = path.tips[rows] + path.cutter.radius * path.axes[rows]
@@ -69,5 +67,5 @@ def remove_material(material: Material, level: Level, path: ToolPath) -> Materia
     to_uncut = KDTree(path.uncut).query(floor)[0] if len(path.uncut) else np.full(len(floor), np.inf)
     is_cut = np.less_equal(to_contact, to_uncut)
     vertices = np.where(is_cut[:, None], lowered, material.vertices)
-    mesh = material.mesh if level.within is not None else TriangleMesh(vertices, material.grid.faces)
+    mesh = material.mesh if isinstance(level, RoundedLevel) else TriangleMesh(vertices, material.grid.faces)
     return replace(material, vertices=vertices, mesh=mesh)

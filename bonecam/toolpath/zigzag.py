@@ -15,7 +15,7 @@ from numpy import ndarray
 
 from bonecam.errors import ToolPathError
 from bonecam.job import PathJob
-from bonecam.levels.measure.level import Level
+from bonecam.levels.measure.level import MachinedLevel, RoundedLevel
 from bonecam.mesh.distance import MeshDistance
 from bonecam.setup.holding import Post
 from bonecam.toolpath.ball_depth import MAX_DEPTH_RADII
@@ -43,7 +43,7 @@ class CandidateContacts:
     post; `in_air`: there is nothing to cut.
     """
 
-    level: Level
+    level: MachinedLevel
     cutter: Cutter
     closed: bool
     line: Int[ndarray, " n"]
@@ -58,7 +58,7 @@ class CandidateContacts:
 
 
 def candidate_contacts(
-    level: Level,
+    level: MachinedLevel,
     obstacles: Sequence[MeshDistance],
     cutter: Cutter,
     post: Post,
@@ -72,7 +72,6 @@ def candidate_contacts(
     `obstacles` are what the ball must not enter: the level and the part.
     """
     surface = level.surface
-    assert surface is not None
     closed = job.direction == "around"
     across = line_positions(surface, job.direction, cutter.radius, cutter.scallop)
     if closed:
@@ -138,11 +137,11 @@ def contact_path(candidates: CandidateContacts, material: Material | None = None
     )
 
 
-def _in_air(level: Level, contacts: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
+def _in_air(level: MachinedLevel, contacts: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
     """Where a level that rounds the edges of the stock has less than MIN_THICKNESS of it to remove."""
-    if level.within is None:
+    if not isinstance(level, RoundedLevel):
         return np.zeros(len(contacts), dtype=bool)
-    return np.asarray(level.within.signed_distance(contacts) > -MIN_THICKNESS)
+    return np.asarray(level.stock.signed_distance(contacts) > -MIN_THICKNESS)
 
 
 def _line_bounds(line: Int[ndarray, " n"]) -> Int[ndarray, " k"]:

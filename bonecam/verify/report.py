@@ -9,7 +9,7 @@ import numpy as np
 from bonecam.errors import counted
 from bonecam.levels.closed_morph import METHODS
 from bonecam.levels.measure.level import Level, rounding_cuts
-from bonecam.levels.problem.tolerances import NEST_TOLERANCE
+from bonecam.levels.problem.tolerances import NESTING_TOLERANCE
 from bonecam.nc.program import Program
 from bonecam.setup.stock import stock_text
 from bonecam.surface.fitting.fit import Fit
@@ -40,13 +40,15 @@ def levels_report(levels: Sequence[Level]) -> list[dict[str, Any]]:
             "index": level.index,
             "limit_mm": _mm(level.limit),
             "depth_max_mm": _mm(level.depth_max),
-            "depth_back_max_mm": _mm(level.depth_back_max),
+            "depth_back_max_mm": _mm(level.measures.reverse_depth_max),
             "depth_mean_mm": _mm(level.depth_mean),
             "nesting_min_mm": _mm(level.nesting_min),
-            "self_intersections": int(level.self_intersections),
-            "depth_full_mean_mm": _mm(level.full_mean) if level.full_area else None,
+            "self_intersections": level.measures.self_intersections,
+            "depth_full_mean_mm": _mm(level.measures.full_depth_mean)
+            if level.measures.full_depth_area
+            else None,
             "outside_stock_mm": _mm(level.outside),
-            "depth_shares": [round(share, 4) for share in level.histogram],
+            "depth_shares": [round(share, 4) for share in level.measures.depth_shares],
             "rounding": level.index in rounding,
             **_certified(level),
         }
@@ -61,7 +63,8 @@ def _certified(level: Level) -> dict[str, Any]:
     if found is None:
         return {**dict.fromkeys(names), "not_certified": None}
     values = (
-        _mm(value) + 0.0 if np.isfinite(value) else None for value in (found.depth, found.gap, found.outside)
+        _mm(value) + 0.0 if np.isfinite(value) else None
+        for value in (found.depth, found.nesting, found.outside)
     )
     return {**dict(zip(names, values)), "not_certified": list(found.shortfalls(level.limit))}
 
@@ -184,11 +187,11 @@ def certified_text(levels: Sequence[Mapping[str, Any]], method: str = "qp") -> s
 def _why_uncertified(method: str) -> str:
     """Why levels made by `method` have no certificate."""
     behind = METHODS[method][0]
-    if behind <= NEST_TOLERANCE:
+    if behind <= NESTING_TOLERANCE:
         return "the surface is not polynomial (it has weights other than one)"
     return (
         f"levels by {method} may fall {behind:g} mm behind one another, "
-        f"more than the {NEST_TOLERANCE:g} mm of a certificate"
+        f"more than the {NESTING_TOLERANCE:g} mm of a certificate"
     )
 
 

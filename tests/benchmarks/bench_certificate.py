@@ -83,7 +83,7 @@ def row(mesh: Path, units: str, count: int) -> str:
     known = found[:-1]
     certified = (
         max(x.depth - limit for x, limit in zip(known, limits)),
-        -min(x.gap for x in known),
+        -min(x.nesting for x in known),
         max(x.outside for x in known),
     )
     around = stock.mesh(FINE).vertices

@@ -14,10 +14,12 @@ from bonecam.errors import Cancelled, JobError, LevelError, StockError, SurfaceE
 from bonecam.levels import sequence
 from bonecam.levels.closed_morph import Morph, morph
 from bonecam.levels.edge_rounding import levels_in
-from bonecam.levels.measure import check
 from bonecam.levels.measure.grid import level_grid
-from bonecam.levels.measure.measured_surface import Sheet
+from bonecam.levels.measure.measure_cut import measure_cut
+from bonecam.levels.measure.measured_surface import MeasuredSurface
+from bonecam.levels.measure.violations import require_none, violations
 from bonecam.levels.problem.samples import integration_points, samples_of, thin_plate
+from bonecam.levels.problem.tolerances import DEPTH_TOLERANCE, NESTING_TOLERANCE, STOCK_TOLERANCE
 from bonecam.mesh.distance import MeshDistance
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.schedule import Schedule
@@ -143,11 +145,11 @@ def test_levels_keep_the_tmesh_and_end_at_the_stock(made: Morph) -> None:
 
 def test_every_measure_is_within_its_tolerance(made: Morph) -> None:
     for level in made.levels[1:]:
-        assert level.deepest <= level.limit + check.DEPTH_TOLERANCE
-        assert level.nesting_min >= -check.NEST_TOLERANCE
-        assert level.outside <= check.STOCK_TOLERANCE
-        assert level.self_intersections == 0
-        assert sum(level.histogram) == pytest.approx(1.0, abs=0.02)
+        assert level.deepest <= level.limit + DEPTH_TOLERANCE
+        assert level.nesting_min >= -NESTING_TOLERANCE
+        assert level.outside <= STOCK_TOLERANCE
+        assert level.measures.self_intersections == 0
+        assert sum(level.measures.depth_shares) == pytest.approx(1.0, abs=0.02)
 
 
 def test_no_place_is_deeper_than_allowed_between_the_samples(made: Morph) -> None:
@@ -158,7 +160,7 @@ def test_no_place_is_deeper_than_allowed_between_the_samples(made: Morph) -> Non
         assert outer.surface is not None
         points = outer.surface.evaluate(s, t)
         foot = closest_points_near(inner.surface, points, s, t, 12)[2]
-        assert np.linalg.norm(points - foot, axis=1).max() <= outer.limit + check.DEPTH_TOLERANCE
+        assert np.linalg.norm(points - foot, axis=1).max() <= outer.limit + DEPTH_TOLERANCE
 
 
 def test_the_levels_use_their_depth_up(made: Morph) -> None:
@@ -215,20 +217,20 @@ def test_progress_that_answers_false_cancels(waisted: Callable[..., TSpline]) ->
         morph(waisted(), STOCK, SCHEDULE, progress=lambda fraction, message: False)
 
 
-def sheets(*surfaces: TSpline) -> list[Sheet]:
+def measured(*surfaces: TSpline) -> list[MeasuredSurface]:
     grid = level_grid(surfaces[0], [surface.control_points for surface in surfaces], 0.02)
-    return [Sheet(surface, grid) for surface in surfaces]
+    return [MeasuredSurface(surface, grid) for surface in surfaces]
 
 
 def test_a_level_that_falls_behind_is_an_error_with_its_place_and_patch(made: Morph) -> None:
     inner, outer = made.levels[3].surface, made.levels[2].surface
     assert inner is not None
     assert outer is not None
-    a, b = sheets(inner, outer)
-    found = check.measure(a, b, STOCK, 0.5)
+    a, b = measured(inner, outer)
+    found = measure_cut(a, b, STOCK, 0.5)
     assert found.nesting_min < -0.05
     with pytest.raises(LevelError, match="behind the level before") as caught:
-        check.require(3, found, 0.5, b.mesh)
+        require_none(3, violations(found, 0.5, b.mesh), b.mesh)
     assert caught.value.evidence["level"] == 3
     patch, place = caught.value.evidence["patch"], caught.value.evidence["place"]
     assert MeshDistance(patch).unsigned(place[None])[0] == pytest.approx(-found.nesting_min, abs=0.01)
@@ -250,13 +252,13 @@ def test_a_level_that_cannot_keep_its_limits_ends_its_sequence_with_the_place(
 
 def test_a_cut_too_deep_is_an_error(waisted: Callable[..., TSpline]) -> None:
     surface = waisted()
-    inner, outer = sheets(
+    inner, outer = measured(
         *(surface.with_control_points(surface.control_points * [k, k, 1.0]) for k in (1.0, 1.2))
     )
-    found = check.measure(inner, outer, STOCK, 0.1)
+    found = measure_cut(inner, outer, STOCK, 0.1)
     with pytest.raises(LevelError, match="deep, more than"):
-        check.require(1, found, 0.1, outer.mesh)
-    assert found.histogram.sum() == pytest.approx(1.0)  # what is deeper counts with the deepest
+        require_none(1, violations(found, 0.1, outer.mesh), outer.mesh)
+    assert sum(found.depth_shares) == pytest.approx(1.0)  # what is deeper counts with the deepest
 
 
 def test_the_bottom_of_a_groove_is_no_deeper_than_the_cut(grooved: Callable[[float], TSpline]) -> None:
@@ -265,32 +267,34 @@ def test_the_bottom_of_a_groove_is_no_deeper_than_the_cut(grooved: Callable[[flo
     rng = np.random.default_rng(3)
     s, t = np.mod(rng.uniform(-0.1, 0.1, 2000), 1), rng.uniform(0.2, 0.8, 2000)
     for inner, outer, level in zip(surfaces, surfaces[1:], made.levels[1:]):
-        assert outer.project(inner.positions(s, t)).distances.max() <= level.limit + check.DEPTH_TOLERANCE
+        assert outer.project(inner.positions(s, t)).distances.max() <= level.limit + DEPTH_TOLERANCE
 
 
 def test_a_groove_left_too_far_behind_is_an_error_at_its_bottom(grooved: Callable[[float], TSpline]) -> None:
     part, filled = grooved(0.4), grooved(1.0)
     inner, outer = (
-        Sheet(surface, level_grid(part, [part.control_points, filled.control_points], 0.02))
+        MeasuredSurface(surface, level_grid(part, [part.control_points, filled.control_points], 0.02))
         for surface in (part, filled)
     )
-    found = check.measure(inner, outer, STOCK, 0.5)
-    assert found.depth_max < found.depth_max_back
-    limit = (found.depth_max + found.depth_max_back) / 2
-    with pytest.raises(LevelError, match=f"level 1 is {found.depth_max_back:.4f} mm deep") as error:
-        check.require(1, found, limit, outer.mesh)
-    assert abs(filled.project(error.value.evidence["place"][None]).distances[0] - found.depth_max_back) < 0.01
+    found = measure_cut(inner, outer, STOCK, 0.5)
+    assert found.depth_max < found.reverse_depth_max
+    limit = (found.depth_max + found.reverse_depth_max) / 2
+    with pytest.raises(LevelError, match=f"level 1 is {found.reverse_depth_max:.4f} mm deep") as error:
+        require_none(1, violations(found, limit, outer.mesh), outer.mesh)
+    assert (
+        abs(filled.project(error.value.evidence["place"][None]).distances[0] - found.reverse_depth_max) < 0.01
+    )
 
 
 def test_a_level_through_itself_is_an_error_with_its_place(waisted: Callable[..., TSpline]) -> None:
     surface = waisted()
     twisted = np.array(surface.control_points)
     twisted[len(twisted) // 2] = [-3.0, -3.0, 10.0]
-    inner, outer = sheets(surface, surface.with_control_points(twisted))
-    found = check.measure(inner, outer, STOCK, 9.0)
+    inner, outer = measured(surface, surface.with_control_points(twisted))
+    found = measure_cut(inner, outer, STOCK, 9.0)
     assert found.self_intersections > 0
     with pytest.raises(LevelError, match=r"level 1 cuts itself in \d+ faces at \("):
-        check.require(1, found, 9.0, outer.mesh, behind=9.0)
+        require_none(1, violations(found, 9.0, outer.mesh, nesting_tolerance=9.0), outer.mesh)
 
 
 def test_distances_are_to_the_surface_not_to_its_tessellation(waisted: Callable[..., TSpline]) -> None:
@@ -298,22 +302,22 @@ def test_distances_are_to_the_surface_not_to_its_tessellation(waisted: Callable[
     rng = np.random.default_rng(5)
     s, t = rng.random(500), rng.uniform(0.05, 0.95, 500)
     places, normals = surface.evaluate(s, t), surface.normals(s, t)
-    (sheet,) = sheets(surface)
-    found, _ = sheet.closely(places + 0.2 * normals, np.column_stack([s, t]))
+    (level,) = measured(surface)
+    found, _ = level.closest(places + 0.2 * normals, np.column_stack([s, t]))
     assert np.abs(found - 0.2).max() < 1e-4
-    assert np.abs(sheet.distance.unsigned(places + 0.2 * normals) - 0.2).max() > 1e-3
+    assert np.abs(level.mesh_distance.unsigned(places + 0.2 * normals) - 0.2).max() > 1e-3
 
 
 def test_a_coarse_tessellation_does_not_mislead_about_the_side_of_a_point(
     waisted: Callable[..., TSpline],
 ) -> None:
     surface = waisted()
-    sheet = Sheet(surface, level_grid(surface, [surface.control_points], 0.2))
+    level = MeasuredSurface(surface, level_grid(surface, [surface.control_points], 0.2))
     rng = np.random.default_rng(5)
     s, t = rng.random(500), rng.uniform(0.05, 0.95, 500)
     points = surface.positions(s, t) - 0.11 * surface.normals(s, t)
-    assert not sheet.distance.inside(points).all()
-    assert np.abs(sheet.signed(points, np.column_stack([s, t])) + 0.11).max() < 1e-4
+    assert not level.mesh_distance.inside(points).all()
+    assert np.abs(level.signed_distances_near(points, np.column_stack([s, t])) + 0.11).max() < 1e-4
 
 
 def test_the_energy_matrices_are_the_integrals_of_the_paper(waisted: Callable[..., TSpline]) -> None:

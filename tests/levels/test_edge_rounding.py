@@ -12,9 +12,12 @@ from bonecam.levels.body_surface import TOLERANCE, body_surfaces
 from bonecam.levels.closed_morph import Morph
 from bonecam.levels.edge_rounding import levels_in
 from bonecam.levels.job_levels import make_levels
-from bonecam.levels.measure.check import BINS, measure, require
+from bonecam.levels.measure.cut_measures import BINS
 from bonecam.levels.measure.grid import level_grid
-from bonecam.levels.measure.measured_surface import Sheet
+from bonecam.levels.measure.level import RoundedLevel, machined_levels
+from bonecam.levels.measure.measure_cut import measure_last_cut
+from bonecam.levels.measure.measured_surface import MeasuredSurface
+from bonecam.levels.measure.violations import require_none, violations
 from bonecam.mesh.distance import exact_closest
 from bonecam.mesh.hull import convex_hull
 from bonecam.mesh.intersections import self_intersections
@@ -222,7 +225,7 @@ def test_rounding_levels_follow_the_morph_out_to_the_bar(made: Morph) -> None:
     last = made.levels[-1]
     assert last.surface is None
     assert np.abs(BAR.signed_distance(last.mesh.vertices)).max() < 1e-9
-    rounding = [level for level in made.levels if level.within is not None]
+    rounding = [level for level in made.levels if isinstance(level, RoundedLevel)]
     # the edge is (sqrt 2 - 1) 4.5 = 1.86 mm from the capsule: three cuts of 0.9, and the capsule itself
     assert len(rounding) == 3
     assert [level.limit for level in made.levels[-3:]] == [0.9] * 3
@@ -241,9 +244,9 @@ def test_rounding_levels_keep_depth_nesting_and_stock(made: Morph) -> None:
         assert level.depth_max <= level.limit + 0.002
         assert level.nesting_min >= -0.001
         assert level.outside <= 0.001
-        assert level.self_intersections == 0
-        assert sum(level.histogram) == pytest.approx(1.0, abs=0.03)
-        assert np.flatnonzero(level.histogram)[-1] >= BINS * (
+        assert level.measures.self_intersections == 0
+        assert sum(level.measures.depth_shares) == pytest.approx(1.0, abs=0.03)
+        assert np.flatnonzero(level.measures.depth_shares)[-1] >= BINS * (
             level.depth_max / level.limit - 0.15
         )  # the deepest places have a share
     depths = [level.depth_max for level in made.levels[-3:]]
@@ -254,24 +257,26 @@ def test_rounding_levels_keep_depth_nesting_and_stock(made: Morph) -> None:
 
 def test_a_mesh_of_the_stock_that_cuts_itself_is_found_and_refused(waisted: Callable[..., TSpline]) -> None:
     part, stock = waisted(), Capsule(np.array([0.0, 0.0, 4.5]), np.array([0.0, 0.0, 15.5]), 4.5)
-    inner, mesh = Sheet(part, level_grid(part, [part.control_points], 0.05)), stock.mesh(0.05)
-    assert measure(inner, mesh, stock, 9.0).self_intersections == 0
+    inner, mesh = MeasuredSurface(part, level_grid(part, [part.control_points], 0.05)), stock.mesh(0.05)
+    assert measure_last_cut(inner, mesh, stock, 9.0).self_intersections == 0
     vertices = mesh.vertices.copy()
     vertices[np.argmax(vertices[:, 0])] -= [12.0, 0.0, 0.0]
     crossed = TriangleMesh(vertices, mesh.faces)
-    found = measure(inner, crossed, stock, 9.0)
-    assert np.array_equal(found.crossing, self_intersections(crossed))
+    found = measure_last_cut(inner, crossed, stock, 9.0)
+    assert np.array_equal(found.crossing_faces, self_intersections(crossed))
+    broken = violations(found, 9.0, crossed, nesting_tolerance=9.0, stock_tolerance=9.0)
     with pytest.raises(LevelError, match="level 3 cuts itself in") as caught:
-        require(3, found, 9.0, crossed, behind=9.0, outside=9.0)
+        require_none(3, broken, crossed)
     assert caught.value.evidence["level"] == 3
 
 
 def test_every_level_can_be_followed_on_the_parts_tmesh(waisted: Callable[..., TSpline], made: Morph) -> None:
-    assert {len(level.net) for level in made.levels[:-1]} == {waisted().tmesh.size}
-    rounding = next(level for level in made.levels if level.within is not None)
+    assert {len(level.control_points) for level in machined_levels(made.levels)} == {waisted().tmesh.size}
+    rounding = next(level for level in made.levels if isinstance(level, RoundedLevel))
     assert (
         np.abs(
-            rounding.mesh.bounds - waisted().with_control_points(rounding.net).tessellate(0.02).bounds
+            rounding.mesh.bounds
+            - waisted().with_control_points(rounding.control_points).tessellate(0.02).bounds
         ).max()
         < 0.3
     )

@@ -77,7 +77,7 @@ def test_no_point_moves_further_than_the_depth_or_falls_behind(made: tuple[TSpli
         assert np.linalg.norm(move, axis=1).max() <= level.limit + 1e-9
         assert level.depth_max <= level.limit + 0.002
         assert level.nesting_min >= -0.001
-        assert level.self_intersections == 0
+        assert level.measures.self_intersections == 0
 
 
 def test_fixed_edges_stay_and_free_ones_go_with_the_stock(made: tuple[TSpline, str, Morph]) -> None:
@@ -277,15 +277,15 @@ def test_open_levels_are_measured_on_their_surfaces_and_tell_the_depth_used(
     cuts = made[2].levels[1:]
     area = made[0].area
     assert all(level.deepest <= level.limit + 0.002 for level in cuts)
-    assert all(0 < level.full_mean <= level.limit + 1e-9 for level in cuts)
-    assert cuts[0].full_area <= area * 1.001
+    assert all(0 < level.measures.full_depth_mean <= level.limit + 1e-9 for level in cuts)
+    assert cuts[0].measures.full_depth_area <= area * 1.001
     assert 0.5 < made[2].depth_used < 1.0
-    assert made[1] == "fixed" or cuts[0].full_area == pytest.approx(area, rel=0.01)
+    assert made[1] == "fixed" or cuts[0].measures.full_depth_area == pytest.approx(area, rel=0.01)
 
 
 def test_the_depth_back_of_a_finishing_cut_is_exact() -> None:
     cuts: tuple[Level, ...] = morph_open(blade(), -3.0, Schedule((0.1, 0.1), 0.5)).levels[1:]
-    assert cuts[0].depth_back_max == pytest.approx(0.1, abs=5e-4)
+    assert cuts[0].measures.reverse_depth_max == pytest.approx(0.1, abs=5e-4)
 
 
 def test_the_fewest_cuts_of_an_offset_are_no_more_where_its_edges_bend() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bonecam.levels.measure.certificate import certificate_of_last
-from bonecam.levels.measure.inspection import Inspection, Rules
+from bonecam.levels.measure.inspection import Inspection, Rules, excess_bound, inspect, trouble
 from bonecam.levels.problem.cut import StepParameters
 from bonecam.levels.problem.discretisation import discretise
 from bonecam.levels.problem.energies.attraction import ATTRACTIONS
@@ -96,7 +96,7 @@ def spoilt(
     """Level 3 is too deep, and measured."""
     levels = [*made]
     levels[3] = made[2] + 1.02 * (made[3] - made[2])
-    return levels, Inspection(
+    return levels, inspect(
         maker.discretisation.surface, levels, Rules(capsule, schedule, 0.001, 0.001, 0.02), silent
     )
 
@@ -105,13 +105,13 @@ def test_what_is_mended_is_measured_again(
     maker: SequenceMaker, spoilt: tuple[list[np.ndarray], Inspection]
 ) -> None:
     _, inspection = spoilt
-    assert inspection.trouble([3, 4], doubts=False) > (0, 0.005)
-    restore_feasibility(inspection, maker)
-    assert inspection.trouble([3, 4], doubts=False) < (0, DEPTH_TOLERANCE)
-    assert {3, 4}.isdisjoint(cut.level.index for cut in inspection.failed)
+    assert trouble(inspection.levels[3:5], doubts=False) > (0, 0.005)
+    inspection = restore_feasibility(inspection, maker)
+    assert trouble(inspection.levels[3:5], doubts=False) < (0, DEPTH_TOLERANCE)
+    assert {3, 4}.isdisjoint(level.index for level in inspection.failed)
 
 
-@pytest.mark.parametrize(("out", "mended"), [(0.006, True), (0.03, False)])
+@pytest.mark.parametrize(("out", "restore_limits"), [(0.006, True), (0.03, False)])
 def test_most_levels_are_mended_only_where_all_break_little(
     capsule: Capsule,
     schedule: Schedule,
@@ -127,12 +127,12 @@ def test_most_levels_are_mended_only_where_all_break_little(
         made[0],
         *(level + k % 3 * move for k, (level, move) in enumerate(zip(made[1:], moves), start=1)),
     ]
-    inspection = Inspection(
+    inspection = inspect(
         maker.discretisation.surface, levels, Rules(capsule, schedule, 0.001, 0.001, 0.02), silent
     )
     failed = len(inspection.failed)
     assert failed > len(levels) / 2
-    restore_feasibility(inspection, maker)
+    inspection = restore_feasibility(inspection, maker)
     assert len(inspection.failed) <= failed / 4 if mended else len(inspection.failed) == failed
 
 
@@ -140,7 +140,7 @@ def test_levels_above_a_mended_one_follow_or_stay(
     maker: SequenceMaker, spoilt: tuple[list[np.ndarray], Inspection]
 ) -> None:
     levels, inspection = spoilt
-    which = {cut.level.index for cut in inspection.failed}
+    which = {level.index for level in inspection.failed}
     alone, followed = (
         maker.restore_limits(levels, {min(which)}, (), unwatched(levels), follow=follow)[1]
         for follow in (False, True)
@@ -154,7 +154,7 @@ def test_what_is_no_better_mended_stays_as_it_was(
     maker: SequenceMaker, spoilt: tuple[list[np.ndarray], Inspection], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     levels, inspection = spoilt
-    before = inspection.trouble(range(1, len(levels) + 1), doubts=False)
+    before = trouble(inspection.levels[1:], doubts=False)
 
     def worse(
         self: SequenceMaker, made: list[np.ndarray], *_: Any, **__: Any
@@ -167,8 +167,8 @@ def test_what_is_no_better_mended_stays_as_it_was(
         ], [3, len(made) - 1]
 
     monkeypatch.setattr(SequenceMaker, "restore_limits", worse)
-    restore_feasibility(inspection, maker)
-    assert inspection.trouble(range(1, len(levels) + 1), doubts=False) == before
+    inspection = restore_feasibility(inspection, maker)
+    assert trouble(inspection.levels[1:], doubts=False) == before
     for level, net in zip(inspection.levels, levels):
         assert level.surface is not None
         assert np.array_equal(level.surface.control_points, net)
@@ -178,20 +178,20 @@ def test_what_is_no_better_mended_stays_as_it_was(
 def test_a_slit_that_the_points_measured_missed_takes_one_more_level(
     capsule: Capsule, schedule: Schedule, maker: SequenceMaker, made: list[np.ndarray]
 ) -> None:
-    inspection = Inspection(
+    inspection = inspect(
         maker.discretisation.surface,
         maker.restore_limits(made, {5}, (), unwatched(made))[0],
         Rules(capsule, schedule, 0.01, 0.001, 0.02),
         silent,
     )
     assert not inspection.failed
-    last = inspection.cuts[-1]
-    sure = certificate_of_last(inspection.levels[-2].surface, capsule, last.level.limit)
-    deep = replace(last.level, certificate=replace(sure, depth=last.level.limit + 0.05))
-    inspection._cuts[deep.index] = replace(last, level=deep)
+    last = inspection.levels[-1]
+    sure = certificate_of_last(inspection.levels[-2].surface, capsule, last.limit)
+    deep = replace(last, certificate=replace(sure, depth=last.limit + 0.05))
+    inspection = replace(inspection, levels=(*inspection.levels[:-1], deep))
     again = restore_certificates(inspection, maker)
-    assert len(again.cuts) == len(made) + 1
-    assert again.cuts[-1].over < 0.01
+    assert len(again.levels) == len(made) + 2
+    assert excess_bound(again.levels[-1]) < 0.01
     assert not again.failed
 
 
@@ -199,12 +199,12 @@ def test_a_last_cut_that_is_measured_too_deep_takes_one_more_level(
     capsule: Capsule, schedule: Schedule, maker: SequenceMaker, made: list[np.ndarray]
 ) -> None:
     levels = maker.restore_limits(made, {5}, (), unwatched(made))[0][:-1]
-    inspection = Inspection(
+    inspection = inspect(
         maker.discretisation.surface, levels, Rules(capsule, schedule, 0.01, 0.001, 0.02), silent
     )
     assert [cut.level.index for cut in inspection.failed] == [len(levels)]
     again = restore_certificates(inspection, maker)
-    assert len(again.cuts) == len(levels) + 1
+    assert len(again.levels) == len(levels) + 2
     assert not again.failed
 
 

@@ -1,7 +1,6 @@
 """What is kept for a person to look at where a level fails its check."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,7 @@ from bonecam import pipeline
 from bonecam.cli import main
 from bonecam.errors import LevelError
 from bonecam.levels.edge_rounding import levels_in
-from bonecam.levels.measure.level import Level
+from bonecam.levels.measure.level import Level, StockLevel
 from bonecam.levels.measure.line_depths import line_depths
 from bonecam.levels.open_morph import morph_open
 from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
@@ -130,7 +129,7 @@ def test_levels_of_an_earlier_run_do_not_stay_among_those_kept(
     level_of: Callable[..., Level], pebble: Callable[..., TSpline], upright_capsule: Capsule, tmp_path: Path
 ) -> None:
     folder, levels = tmp_path / "levels", [level_of(pebble(0.5 * k), k, 0.5) for k in range(3)]
-    levels[-1] = replace(levels[-1], surface=None)
+    levels[-1] = StockLevel(2, levels[-1].mesh, 0.5, levels[-1].measures)
     folder.mkdir()
     mine = {"level_notes.ply", "level_09.stl", "my_level_09.ply"}
     for name in (*mine, "level_02.ply", "level_03.ply", "level_104.ply", "failed_level_03.ply"):

@@ -9,7 +9,8 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.job import HoldingJob, NcJob, PathJob
-from bonecam.levels.measure.level import Level
+from bonecam.levels.measure.cut_measures import NO_CUT
+from bonecam.levels.measure.level import MachinedLevel, StockLevel
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.orientation.collision.scene import Scene
@@ -43,16 +44,16 @@ def post(holding: HoldingJob, mesh_of: Callable[..., TriangleMesh], pebble: Call
 
 @pytest.fixture(scope="module")
 def levels(
-    level_of: Callable[..., Level], pebble: Callable[..., TSpline], stock: Skin
-) -> tuple[Level, Level, Level]:
+    level_of: Callable[..., MachinedLevel], pebble: Callable[..., TSpline], stock: Skin
+) -> tuple[MachinedLevel, MachinedLevel, StockLevel]:
     """The part, a level 0.4 mm outside it, and the stock."""
-    outermost = Level(2, None, stock.mesh(0.01), 0.5, 0.0, 0.0, 0.0, 0)
+    outermost = StockLevel(2, stock.mesh(0.01), 0.5, NO_CUT)
     return level_of(pebble()), level_of(pebble(0.4), 1, 0.5), outermost
 
 
 @pytest.fixture(scope="module")
-def path_on(stock: Skin, post: Post) -> Callable[[Level, Material, Cutter], ToolPath]:
-    def build(level: Level, material: Material, cutter: Cutter) -> ToolPath:
+def path_on(stock: Skin, post: Post) -> Callable[[MachinedLevel, Material, Cutter], ToolPath]:
+    def build(level: MachinedLevel, material: Material, cutter: Cutter) -> ToolPath:
         meshes = [MeshDistance(level.mesh)]
         contacts = contact_path(candidate_contacts(level, meshes, cutter, post, PathJob()), material)
         scene = Scene(level.mesh, material.mesh, stock, post, DEVIATION)
@@ -63,7 +64,7 @@ def path_on(stock: Skin, post: Post) -> Callable[[Level, Material, Cutter], Tool
 
 @pytest.fixture(scope="module")
 def machined(
-    roughing_cutter: Cutter, levels: tuple[Level, Level, Level], stock: Skin, path_on
+    roughing_cutter: Cutter, levels: tuple[MachinedLevel, MachinedLevel, StockLevel], stock: Skin, path_on
 ) -> tuple[Material, ToolPath]:
     material = uncut_material(levels, stock)
     path = path_on(levels[1], material, roughing_cutter)

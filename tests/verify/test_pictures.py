@@ -12,7 +12,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
-from bonecam.levels.measure.level import Level, rounding_cuts
+from bonecam.levels.measure.cut_measures import NO_CUT
+from bonecam.levels.measure.level import Level, PartLevel, RoundedLevel, StockLevel, rounding_cuts
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.stock import Stock
@@ -32,8 +33,15 @@ def capsule(radius: float) -> Capsule:
     return Capsule(np.array([0.0, 0.0, 45.0]), np.array([0.0, 0.0, 65.0]), radius)
 
 
-def level(k: int, body: Stock, within: Stock | None = None) -> Level:
-    return Level(k, None, body.mesh(0.05), 0.5, 0.5, 0.4, 0.0, 0, histogram=(0.5, 0.5), within=within)
+MEASURES = replace(NO_CUT, depth_max=0.5, depth_mean=0.4, depth_shares=(0.5, 0.5))
+
+
+def level(k: int, body: Stock) -> StockLevel:
+    return StockLevel(k, body.mesh(0.05), 0.5, MEASURES)
+
+
+def rounded_level(k: int, surface: TSpline, body: Stock, stock: Stock) -> RoundedLevel:
+    return RoundedLevel(k, surface, body.mesh(0.05), 0.5, MEASURES, stock, surface.control_points)
 
 
 def sheet(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> TriangleMesh:
@@ -51,12 +59,12 @@ def sheet(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> TriangleMesh:
 def boxed(pebble: Callable[..., TSpline], wide: float, deep: float, high: float) -> list[Level]:
     """The part, two levels of the morph, of which the last is rounded to the box by two cuts more."""
     box = Box(np.array([-wide, -deep, 55.0 - high]), np.array([wide, deep, 55.0 + high]))
-    first = replace(level(0, capsule(5.0)), surface=pebble())
+    first = PartLevel(pebble(), capsule(5.0).mesh(0.05), NO_CUT)
     return [
         first,
         level(1, capsule(5.4)),
-        level(2, capsule(5.8), box),
-        level(3, capsule(6.0), box),
+        rounded_level(2, first.surface, capsule(5.8), box),
+        rounded_level(3, first.surface, capsule(6.0), box),
         level(4, box),
     ]
 

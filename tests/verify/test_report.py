@@ -1,14 +1,19 @@
 """What the report says to a person."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from bonecam.levels.measure.certificate import Certificate
-from bonecam.levels.measure.level import Level
+from bonecam.levels.measure.cut_measures import NO_CUT
+from bonecam.levels.measure.level import RoundedLevel, StockLevel
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.capsule import Capsule
+from bonecam.surface.tspline import TSpline
 from bonecam.verify.report import certified_text, levels_report, summary_of, uncut_text
+
+MEASURES = replace(NO_CUT, depth_max=0.5, depth_mean=0.4)
 
 
 def test_what_was_left_uncut_is_told_by_reason_apart_for_the_part() -> None:
@@ -66,8 +71,7 @@ def test_a_cut_that_is_not_certified_is_told_with_its_place_although_it_measures
         for depth, gap in ((0.5, 0.0), (0.5035, 0.0), (0.5, -np.inf))
     )
     levels = [
-        Level(k, None, mesh, 0.5, 0.5, 0.4, 0.0, 0, certificate=found)
-        for k, found in enumerate((None, good, deep, unknown))
+        StockLevel(k, mesh, 0.5, MEASURES, found) for k, found in enumerate((None, good, deep, unknown))
     ]
     rows = levels_report(levels)
     assert [row["not_certified"] for row in rows[:2]] == [None, []]
@@ -81,12 +85,14 @@ def test_a_cut_that_is_not_certified_is_told_with_its_place_although_it_measures
     assert "cut 3 is not proven to hold the level before at (1.00" in told
 
 
-def test_why_cuts_have_no_certificate_is_told_as_it_is() -> None:
+def test_why_cuts_have_no_certificate_is_told_as_it_is(pebble: Callable[..., TSpline]) -> None:
     body = Capsule(np.array([0.0, 0.0, 10.0]), np.array([0.0, 0.0, 20.0]), 5.0)
-    place = np.zeros(3)
+    surface, mesh, place = pebble(), body.mesh(0.1), np.zeros(3)
     sure = Certificate(0.5, 0.0, -0.01, place, place, place, np.empty((0, 2)), 9)
     made = [
-        Level(k, None, body.mesh(0.1), 0.5, 0.5, 0.4, 0.0, 0, within=body if k in (2, 3) else None)
+        RoundedLevel(k, surface, mesh, 0.5, MEASURES, body, surface.control_points)
+        if k in (2, 3)
+        else StockLevel(k, mesh, 0.5, MEASURES)
         for k in range(5)
     ]
     levels = [made[0], *(replace(level, certificate=sure) for level in made[1:3]), *made[3:]]

@@ -1,4 +1,4 @@
-"""What holds everywhere on the levels, also between the points that `check.py` measures at: depth, nesting
+"""What holds everywhere on the levels, also between the points that `measure_cut.py` measures at: depth, nesting
 and stock, by convex hulls.
 
 A level is a bicubic polynomial patch on every element of the T-mesh (its weights are all one), and so is each
@@ -17,7 +17,7 @@ it larger than at one of them.
   level k - 1. Where the hulls of all pieces of A are g > 0 apart from those of level k the two do not meet. A
   is connected, so the winding number of level k is the same round all of A; it is found to be one round one
   point far from level k. So A is g deep inside level k, and `gap` is g - tau. "Inside" is winding number one:
-  the solid itself while level k does not cut itself, which `check.py` looks for in its tessellation.
+  the solid itself while level k does not cut itself, which `measure_cut.py` looks for in its tessellation.
 - *The last cut* (`certificate_of_last`) goes to the stock itself: every point of its surface is the nearest
   one to a point of its mesh, no farther from it than the mesh's faces are deep; the faces are bounded as
   patches are. Patches of level K - 1 are bounded by planes.
@@ -37,7 +37,7 @@ from scipy.spatial import cKDTree
 from bonecam.arrays import dots, lengths
 from bonecam.errors import place_name
 from bonecam.kernels import hull_depth, hulls
-from bonecam.levels.problem.tolerances import DEPTH_TOLERANCE, NEST_TOLERANCE, STOCK_TOLERANCE
+from bonecam.levels.problem.tolerances import DEPTH_TOLERANCE, NESTING_TOLERANCE, STOCK_TOLERANCE
 from bonecam.progress import Progress, report, silent
 from bonecam.setup.stock import Stock
 from bonecam.surface.tmesh.rows import RowTMesh
@@ -74,11 +74,11 @@ class Certificate:
     pieces of either that may be deeper than allowed."""
 
     depth: float
-    gap: float
+    nesting: float
     outside: float
-    deepest: Float[ndarray, "3"]
-    hindmost: Float[ndarray, "3"]
-    outermost: Float[ndarray, "3"]
+    depth_place: Float[ndarray, "3"]
+    nesting_place: Float[ndarray, "3"]
+    outside_place: Float[ndarray, "3"]
     too_deep: Float[ndarray, "k 2"]
     pieces: int
 
@@ -88,15 +88,15 @@ class Certificate:
         found = []
         if self.depth > limit + DEPTH_TOLERANCE:
             found.append(
-                f"may be {self.depth:.4f} mm deep, more than {limit:g} mm, at {place_name(self.deepest)}"
+                f"may be {self.depth:.4f} mm deep, more than {limit:g} mm, at {place_name(self.depth_place)}"
             )
-        if self.gap < -NEST_TOLERANCE:
-            behind = f"may fall behind the level before by {-self.gap:.4f} mm"
+        if self.nesting < -NESTING_TOLERANCE:
+            behind = f"may fall behind the level before by {-self.nesting:.4f} mm"
             found.append(
-                f"{behind if np.isfinite(self.gap) else 'is not proven to hold the level before'} at {place_name(self.hindmost)}"
+                f"{behind if np.isfinite(self.nesting) else 'is not proven to hold the level before'} at {place_name(self.nesting_place)}"
             )
         if self.outside > STOCK_TOLERANCE:
-            found.append(f"may leave the stock by {self.outside:.4f} mm at {place_name(self.outermost)}")
+            found.append(f"may leave the stock by {self.outside:.4f} mm at {place_name(self.outside_place)}")
         return tuple(found)
 
 

@@ -19,7 +19,9 @@ from bonecam.surface.tessellation.shared import shared_parameters
 from bonecam.surface.tspline import TSpline
 
 STRIDE = 3
-TURN = 0.5  # of s: corners of a face that are farther apart lie on both sides of the seam
+"""Every so many levels take part in the choice of the grid."""
+SEAM = 0.5
+"""Corners of a face whose s are farther apart than this share of a turn lie on both sides of the seam."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,9 +39,18 @@ class LevelGrid:
     faces: Int32[ndarray, "f 3"]
     chord_tolerance: float
 
+    @property
+    def sample_parameters(self) -> Float[ndarray, "n 2"]:
+        """Parameters of the vertices, then of the faces' middles."""
+        return np.vstack([self.parameters, self.middles])
+
     def mesh(self, control_points: Float[ndarray, "c 3"]) -> TriangleMesh:
         """The tessellation of the level with these control points."""
         return TriangleMesh(self.R @ control_points, self.faces)
+
+    def points(self, control_points: Float[ndarray, "c 3"]) -> Float[ndarray, "n 3"]:
+        """Points of the level with these control points at `sample_parameters`."""
+        return np.vstack([self.R @ control_points, self.R_middles @ control_points])
 
 
 def level_grid(
@@ -51,19 +62,45 @@ def level_grid(
         [surface.with_control_points(np.asarray(P)) for P in chosen[::-1]], chord_tolerance
     )
     low, high = surface.domain[1]
-    inner = (parameters[faces, 1] > low) & (parameters[faces, 1] < high)
-    corner = np.take_along_axis(faces, np.argmax(inner, axis=1)[:, None], axis=1)[:, 0]
-    middles = _middles(parameters, faces, parameters[corner, 0], np.where(inner.any(1)[:, None], inner, True))
-    R, R_middles = (surface.basis(p[:, 0], p[:, 1])[0] for p in (parameters, middles))
-    return LevelGrid(
-        frozen(parameters), frozen(middles), R, R_middles, frozen(faces, np.int32), chord_tolerance
-    )
+    off_poles = (parameters[faces, 1] > low) & (parameters[faces, 1] < high)
+    corner = np.take_along_axis(faces, np.argmax(off_poles, axis=1)[:, None], axis=1)[:, 0]
+    own = np.where(off_poles.any(1)[:, None], off_poles, True)
+    middles = _middles(parameters, faces, parameters[corner, 0], own)
+    return _grid(surface, parameters, middles, faces, chord_tolerance)
+
+
+def open_level_grid(surface: TSpline, target: TSpline, chord_tolerance: float) -> LevelGrid:
+    """The grid of an open surface and of the levels up to `target`, over the same T-mesh: the tessellation of
+    whichever of the two needs more faces."""
+    tessellations = [each.tessellate_with_parameters(chord_tolerance) for each in (surface, target)]
+    finer = max(tessellations, key=lambda found: len(found.mesh.faces))
+    faces = finer.mesh.faces
+    middles = _open_middles(finer.parameters, faces, surface.elements().period)
+    return _grid(surface, finer.parameters, middles, faces, chord_tolerance)
+
+
+def _grid(
+    surface: TSpline, parameters: ndarray, middles: ndarray, faces: ndarray, chord_tolerance: float
+) -> LevelGrid:
+    """The grid with these parameters of vertices and faces' middles."""
+    R = surface.basis(*parameters.T)[0]
+    R_middles = surface.basis(*middles.T)[0]
+    faces = frozen(faces, np.int32)
+    return LevelGrid(frozen(parameters), frozen(middles), R, R_middles, faces, chord_tolerance)
 
 
 def _middles(parameters: ndarray, faces: ndarray, first: ndarray, own: ndarray) -> ndarray:
-    """(s, t) in the middle of each face, near `first` round the seam; s over the corners that have one of
-    their `own`."""
+    """(s, t) in the middle of each face; s within half a turn of `first`, the mean over the corners that have an
+    s of their `own`, which poles have not."""
     offset = parameters[faces, 0] - first[:, None]
-    offset -= np.round(offset) * (np.abs(offset) > TURN)
+    offset -= np.round(offset) * (np.abs(offset) > SEAM)
     s = first + (offset * own).sum(1) / own.sum(1)
     return np.column_stack([np.mod(s, 1.0), parameters[faces, 1].mean(1)])
+
+
+def _open_middles(parameters: ndarray, faces: ndarray, period: tuple[float, float]) -> Float[ndarray, "f 2"]:
+    """(s, t) in the middle of each face, also where it lies across a seam; a period of 0 means none."""
+    first, turn = parameters[faces[:, 0]], np.array(period)
+    offset = parameters[faces] - first[:, None]
+    offset -= turn * np.round(offset / np.where(turn > 0, turn, 1.0))
+    return np.asarray(first + offset.mean(1))

@@ -1,13 +1,12 @@
-"""A sequence of levels as measured: every cut a `Level` with its measures, and what failed where.
+"""A sequence of levels as measured: measure and certify every cut, and tell which are out of tolerance.
 
-When some levels are mended only the cuts below and above them are measured again, on the same grid: such
-levels move by microns.
+`measure_level` and `measure_stock` measure one cut. `inspect` measures all cuts of a sequence on one grid;
+`inspect_again` measures some of them again when their levels have moved by microns, on the same grid.
 """
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,186 +15,201 @@ from numpy import ndarray
 
 from bonecam.errors import LevelError, SurfaceError
 from bonecam.levels.measure.certificate import certifiable, certificate, certificate_of_last
-from bonecam.levels.measure.check import Measure, measure, require
-from bonecam.levels.measure.grid import level_grid
-from bonecam.levels.measure.level import Level
-from bonecam.levels.measure.measured_surface import Sheet
-from bonecam.levels.problem.tolerances import NEST_TOLERANCE
+from bonecam.levels.measure.cut_measures import NO_CUT
+from bonecam.levels.measure.grid import LevelGrid, level_grid
+from bonecam.levels.measure.level import Level, MorphLevel, PartLevel, StockLevel, machined_levels
+from bonecam.levels.measure.measure_cut import measure_cut, measure_last_cut
+from bonecam.levels.measure.measured_surface import MeasuredSurface
+from bonecam.levels.measure.violations import Violation, require_none, violations
+from bonecam.levels.problem.tolerances import NESTING_TOLERANCE
 from bonecam.mesh.intersections import self_intersections
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.progress import Progress, report
+from bonecam.progress import Progress, report, silent
 from bonecam.setup.schedule import Schedule
 from bonecam.setup.stock import Stock
 from bonecam.surface.tspline import TSpline
 from bonecam.threads import cores
 
-FEW = 100
-"""So many places of a level that may be too deep are watched when it is mended."""
-
-
-@dataclass(frozen=True, eq=False)
-class Cut:
-    """One cut as measured; `error` where a measure is out of tolerance."""
-
-    level: Level
-    found: Measure
-    error: LevelError | None
-
-    @property
-    def measured(self) -> float:
-        """How far the worst place measured breaks depth, nesting or stock, mm (negative where none does)."""
-        return max(self.level.deepest - self.level.limit, -self.found.nesting_min, self.found.outside)
-
-    @property
-    def over(self) -> float:
-        """The same between the places measured too."""
-        sure = self.level.certificate
-        return (
-            self.measured
-            if sure is None
-            else max(self.measured, sure.depth - self.level.limit, -sure.gap, sure.outside)
-        )
-
-    @property
-    def uncertain(self) -> bool:
-        """Whether it may break a limit between the points measured."""
-        return self.level.certified is False
+MOST_DOUBTED = 100
+"""So many places of a level that its certificate doubts are watched at most when the level is solved again."""
 
 
 @dataclass(frozen=True, eq=False)
 class Rules:
-    """What levels are measured against: the stock, the depths, how far (mm) they may fall behind and leave
-    the stock."""
+    """What levels are measured against: the stock, the depths of the cuts, how far (mm) a level may lie outside
+    the next one and leave the stock, and the chord tolerance of their tessellations, mm."""
 
     stock: Stock
     schedule: Schedule
-    behind: float
-    outside: float
+    nesting_tolerance: float
+    stock_tolerance: float
     chord_tolerance: float
 
-
-class Inspection:
-    """The levels `made` (control points of levels 0 to K - 1) as measured, in `seconds`. LevelError where one
-    is creased."""
-
-    def __init__(
-        self, surface: TSpline, made: Sequence[Float[ndarray, "c 3"]], rules: Rules, progress: Progress
-    ) -> None:
-        began = time.perf_counter()
-        try:
-            self._grid = level_grid(surface, made, rules.chord_tolerance)
-        except SurfaceError as error:
-            raise LevelError(f"a level is creased: {error}") from error
-        part = Sheet(surface, self._grid)
-        self._part = Level(0, surface, part.mesh, 0.0, 0.0, 0.0, 0.0, len(self_intersections(part.mesh)))
-        self._surface, self._rules, self._progress = surface, rules, progress
-        self._cuts: dict[int, Cut] = {}
-        self.seconds = time.perf_counter() - began
-        self.measure(made, range(1, len(made) + 1))
-
-    def measure(self, made: Sequence[Float[ndarray, "c 3"]], cuts: Iterable[int]) -> None:
-        """Measure some of the cuts, again where they have been."""
-        began = time.perf_counter()
-        cuts, threads, sheets = list(cuts), cores(), dict[int, Sheet]()
-        with ThreadPoolExecutor(threads) as pool:
-            for some in (cuts[first : first + threads] for first in range(0, len(cuts), threads)):
-                report(self._progress, some[0] / (len(made) + 1), f"checking level {some[0]}")
-                needed = {j for k in some for j in (k - 1, k) if j < len(made)}
-                sheets = {
-                    j: sheets.get(j) or Sheet(self._surface.with_control_points(made[j]), self._grid)
-                    for j in needed
-                }
-                measured = pool.map(lambda k, at=sheets: self._cut(k, at[k - 1], at.get(k)), some)
-                self._cuts.update(zip(some, measured))
-        self.seconds += time.perf_counter() - began
-
-    def copy(self) -> "Inspection":
-        """The same measures, to be taken again on other levels."""
-        other = copy(self)
-        other._cuts = dict(self._cuts)
-        return other
-
-    def trouble(self, cuts: Iterable[int], doubts: bool) -> tuple[int, float]:
-        """How many faces of the levels of these cuts cut others, and how far the worst place measured breaks
-        a limit, mm; with `doubts` the worst that the certificates leave open."""
-        some = [self._cuts[k] for k in cuts]
-        return sum(cut.level.self_intersections for cut in some), max(
-            cut.over if doubts else cut.measured for cut in some
+    def violations(self, level: Level) -> list[Violation]:
+        """What is out of tolerance on the cut of a level."""
+        return violations(
+            level.measures,
+            level.limit,
+            level.mesh,
+            nesting_tolerance=self.nesting_tolerance,
+            stock_tolerance=self.stock_tolerance,
         )
 
-    def restore(self, other: "Inspection", cuts: Iterable[int]) -> None:
-        """Take these cuts as the other inspection has them."""
-        for k in cuts:
-            self._cuts.pop(k)
-            if k in other._cuts:
-                self._cuts[k] = other._cuts[k]
+
+@dataclass(frozen=True, eq=False)
+class Inspection:
+    """Levels 0 (the part) to K (the stock), measured on one grid in `seconds`."""
+
+    grid: LevelGrid
+    rules: Rules
+    levels: tuple[Level, ...]
+    seconds: float
 
     @property
-    def levels(self) -> tuple[Level, ...]:
-        """Levels 0 (the part) to K (the stock)."""
-        return (self._part, *(self._cuts[k].level for k in sorted(self._cuts)))
-
-    @property
-    def nets(self) -> list[ndarray]:
+    def control_points(self) -> list[Float[ndarray, "c 3"]]:
         """Control points of levels 0 to K - 1."""
-        return [level.surface.control_points for level in self.levels if level.surface is not None]
-
-    @property
-    def cuts(self) -> tuple[Cut, ...]:
-        """Cuts 1 to K."""
-        return tuple(self._cuts[k] for k in sorted(self._cuts))
+        return [level.control_points for level in machined_levels(self.levels)]
 
     @property
     def crosses(self) -> bool:
         """Whether a level cuts itself."""
-        return any(level.self_intersections for level in self.levels)
+        return any(level.measures.self_intersections for level in self.levels)
 
     @property
-    def failed(self) -> tuple[Cut, ...]:
-        """Those out of tolerance."""
-        return tuple(cut for cut in self.cuts if cut.error is not None)
+    def failed(self) -> tuple[Level, ...]:
+        """The levels of the cuts that are out of tolerance."""
+        return tuple(level for level in self.levels[1:] if self.rules.violations(level))
 
     @property
-    def uncertain(self) -> tuple[Cut, ...]:
-        """Those that measure well and yet may be out of tolerance between the points."""
-        return tuple(cut for cut in self.cuts if cut.error is None and cut.uncertain)
+    def uncertain(self) -> tuple[Level, ...]:
+        """The levels of the cuts that measure well but that their certificates do not prove."""
+        return tuple(
+            level
+            for level in self.levels[1:]
+            if level.certified is False and not self.rules.violations(level)
+        )
 
-    def _cut(self, k: int, inner: Sheet, outer: Sheet | None) -> Cut:
-        stock, limit = self._rules.stock, self._rules.schedule.limit(k)
-        mesh = stock.mesh(self._rules.chord_tolerance) if outer is None else outer.mesh
-        found, error = measure(inner, outer or mesh, stock, limit), None
-        try:
-            require(k, found, limit, mesh, self._rules.behind, self._rules.outside)
-        except LevelError as failure:
-            error = failure
-        level = _level(k, None if outer is None else outer.surface, mesh, limit, found)
-        if not certifiable(inner.surface) or self._rules.behind > NEST_TOLERANCE:
-            return Cut(level, found, error)
-        if outer is None:
-            return Cut(
-                replace(level, certificate=certificate_of_last(inner.surface, stock, limit)), found, error
-            )
-        sure = certificate(inner.surface, outer.surface, stock, limit)
-        doubted = sure.too_deep[:FEW]
-        if sure.gap < -NEST_TOLERANCE:
-            doubted = np.vstack([doubted, outer.surface.project(sure.hindmost[None]).parameters])
-        found = replace(found, near_limits=np.vstack([found.near_limits, doubted]))
-        return Cut(replace(level, certificate=sure), found, error)
+    def require_passed(self) -> None:
+        """Raise LevelError for the first cut that is out of tolerance."""
+        for level in self.levels[1:]:
+            require_none(level.index, self.rules.violations(level), level.mesh)
 
 
-def _level(k: int, surface: TSpline | None, mesh: TriangleMesh, limit: float, found: Measure) -> Level:
-    return Level(
-        k,
-        surface,
-        mesh,
-        limit,
-        found.depth_max,
-        found.depth_mean,
-        found.nesting_min,
-        found.self_intersections,
-        found.depth_max_back,
-        found.full_mean,
-        found.outside,
-        tuple(float(v) for v in found.histogram),
-        full_area=found.full_area,
-    )
+def excess(level: Level) -> float:
+    """By how much (mm) the worst measured place of a cut breaks depth, nesting or stock; negative where none
+    does."""
+    return max(level.deepest - level.limit, -level.nesting_min, level.outside)
+
+
+def excess_bound(level: Level) -> float:
+    """A bound of the same at every place of the cut where there is a certificate; else the measured excess."""
+    bounds = level.certificate
+    if bounds is None:
+        return excess(level)
+    return max(excess(level), bounds.depth - level.limit, -bounds.nesting, bounds.outside)
+
+
+def trouble(levels: Iterable[Level], *, doubts: bool) -> tuple[int, float]:
+    """How many faces of these levels cut others, and the largest excess, mm; with `doubts` the largest bound of
+    the excess."""
+    some = list(levels)
+    crossing = sum(level.measures.self_intersections for level in some)
+    return crossing, max((excess_bound if doubts else excess)(level) for level in some)
+
+
+def inspect(
+    surface: TSpline, made: Sequence[Float[ndarray, "c 3"]], rules: Rules, progress: Progress = silent
+) -> Inspection:
+    """Measure the cuts of the levels with control points `made`, those of the part (`surface`) first.
+
+    Raises LevelError where a level is creased so that it cannot be tessellated.
+    """
+    began = time.perf_counter()
+    try:
+        grid = level_grid(surface, made, rules.chord_tolerance)
+    except SurfaceError as error:
+        raise LevelError(f"a level is creased: {error}") from error
+
+    part = measure_part(MeasuredSurface(surface, grid))
+    unmeasured = Inspection(grid, rules, (part,), time.perf_counter() - began)
+    return inspect_again(unmeasured, made, range(1, len(made) + 1), progress)
+
+
+def inspect_again(
+    inspection: Inspection,
+    made: Sequence[Float[ndarray, "c 3"]],
+    cuts: Collection[int],
+    progress: Progress = silent,
+) -> Inspection:
+    """The inspection with these cuts measured anew, between the levels with control points `made`; the other
+    cuts stay as measured."""
+    began = time.perf_counter()
+    measured = {level.index: level for level in inspection.levels}
+    surface, grid, rules = measured[0].surface, inspection.grid, inspection.rules
+    assert surface is not None
+    waiting, threads, surfaces = list(cuts), cores(), dict[int, MeasuredSurface]()
+    with ThreadPoolExecutor(threads) as pool:
+        for some in (waiting[first : first + threads] for first in range(0, len(waiting), threads)):
+            report(progress, some[0] / (len(made) + 1), f"checking level {some[0]}")
+            needed = {j for k in some for j in (k - 1, k) if j < len(made)}
+            surfaces = {
+                j: surfaces.get(j) or MeasuredSurface(surface.with_control_points(made[j]), grid)
+                for j in needed
+            }
+            found = pool.map(lambda k, at=surfaces: _measure(k, at, rules), some)
+            measured.update(zip(some, found))
+
+    levels = tuple(measured[k] for k in sorted(measured))
+    return Inspection(grid, rules, levels, inspection.seconds + time.perf_counter() - began)
+
+
+def with_cuts_of(inspection: Inspection, other: Inspection, cuts: Collection[int]) -> Inspection:
+    """The inspection with these cuts as another one has them; those that the other lacks are left out."""
+    kept = [level for level in inspection.levels if level.index not in cuts]
+    taken = [level for level in other.levels if level.index in cuts]
+    return replace(inspection, levels=tuple(sorted(kept + taken, key=lambda level: level.index)))
+
+
+def measure_part(part: MeasuredSurface) -> PartLevel:
+    """Level 0."""
+    crossing_faces = self_intersections(part.mesh)
+    return PartLevel(part.surface, part.mesh, replace(NO_CUT, crossing_faces=crossing_faces))
+
+
+def measure_level(k: int, inner: MeasuredSurface, outer: MeasuredSurface, rules: Rules) -> MorphLevel:
+    """Level k (`outer`) with its cut down to level k - 1 (`inner`) measured, and certified where that is
+    possible."""
+    stock, limit = rules.stock, rules.schedule.limit(k)
+    measures = measure_cut(inner, outer, stock, limit)
+    level = MorphLevel(k, outer.surface, outer.mesh, limit, measures)
+    if not _certifies(inner, rules):
+        return level
+
+    proof = certificate(inner.surface, outer.surface, stock, limit)
+    doubted = proof.too_deep[:MOST_DOUBTED]
+    if proof.nesting < -NESTING_TOLERANCE:
+        nearest = outer.surface.project(proof.nesting_place[None]).parameters
+        doubted = np.vstack([doubted, nearest])
+    return replace(level, measures=measures.watching(doubted), certificate=proof)
+
+
+def measure_stock(k: int, inner: MeasuredSurface, rules: Rules) -> StockLevel:
+    """The stock as level k, the last, with its cut down to level k - 1 (`inner`) measured, and certified where
+    that is possible."""
+    stock, limit = rules.stock, rules.schedule.limit(k)
+    mesh = stock.mesh(rules.chord_tolerance)
+    measures = measure_last_cut(inner, mesh, stock, limit)
+    proof = certificate_of_last(inner.surface, stock, limit) if _certifies(inner, rules) else None
+    return StockLevel(k, mesh, limit, measures, proof)
+
+
+def _measure(k: int, surfaces: dict[int, MeasuredSurface], rules: Rules) -> MorphLevel | StockLevel:
+    """Level k measured, given the surfaces of levels k - 1 and k; the stock where level k has none."""
+    if k in surfaces:
+        return measure_level(k, surfaces[k - 1], surfaces[k], rules)
+    return measure_stock(k, surfaces[k - 1], rules)
+
+
+def _certifies(inner: MeasuredSurface, rules: Rules) -> bool:
+    """Whether a certificate can be made, and says something: not where levels may lie farther outside one
+    another than a certificate allows."""
+    return certifiable(inner.surface) and rules.nesting_tolerance <= NESTING_TOLERANCE

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.levels.measure.level import Level
+from bonecam.levels.measure.level import Level, MorphLevel, PartLevel, RoundedLevel, morph_end, morph_surfaces
 from bonecam.mesh.distance import MeshDistance, exact_closest
 from bonecam.setup.stock import Stock
 from bonecam.surface.tspline import TSpline
@@ -27,9 +27,9 @@ def step_depths(levels: Sequence[Level]) -> list[Float[ndarray, " n"]]:
 
 def depths_from(before: Level, points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
     """Distances (mm) of points of a level to the level before it."""
-    if before.surface is None or before.within is not None:
-        return MeshDistance(before.mesh).unsigned(points)
-    return before.surface.project(points).distances
+    if isinstance(before, PartLevel | MorphLevel):
+        return before.surface.project(points).distances
+    return MeshDistance(before.mesh).unsigned(points)
 
 
 def line_depths(
@@ -43,12 +43,12 @@ def line_depths(
     `stock` itself, or its surface where it was rounded. Open levels have no `stock` (None): theirs are from
     the mesh of the last level.
     """
-    surfaces = [level.surface for level in levels if level.within is None and level.surface is not None]
+    surfaces = morph_surfaces(levels)
     across, t = _on_line(surfaces[0], s, points)
     found = [before.project(level.positions(across, t)).distances for before, level in pairwise(surfaces)]
-    last, body = surfaces[-1].positions(across, t), levels[len(surfaces)].surface
-    if body is not None:
-        ends = body.project(last).points
+    last, end = surfaces[-1].positions(across, t), morph_end(levels)
+    if isinstance(end, RoundedLevel):
+        ends = end.surface.project(last).points
     else:
         ends = stock.closest_points(last) if stock else exact_closest(levels[-1].mesh, last)[0]
     return np.vstack([*found, surfaces[-1].project(ends).distances])

@@ -1,9 +1,9 @@
-"""A level as it is measured: its tessellation, for the way to the nearest place, and the surface itself, for
-the distance.
+"""A level as it is measured: its tessellation, on which nearest points are sought, and its surface, to which
+distances are taken.
 
-A tessellation lies up to its chord tolerance off the surface, which is more than levels may be off. So a
-point's nearest place on the mesh is where Newton starts on the surface; what is said of a level is the
-distance to its surface.
+A tessellation lies up to its chord tolerance off the surface, which is more than levels may be off their
+limits. So the nearest point of the mesh is where Newton's iteration for the footpoint on the surface starts,
+and a distance is always the one from the surface.
 """
 
 from dataclasses import dataclass
@@ -20,13 +20,20 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.query.closest_point import closest_points_near
 from bonecam.surface.tspline import TSpline
 
-STEPS, CLOSE_STEPS, DOUBTFUL, CHORDS = 3, 20, 0.1, 2.0
-"""Rays tell the side of points that are more than DOUBTFUL mm and CHORDS chord tolerances off."""
+STEPS = 3
+"""Newton steps from parameters that are near the footpoint already: those of the same place on the next level."""
+CLOSEST_STEPS = 20
+"""Newton steps where the distance decides whether a level passes."""
+UNSURE = 0.1
+"""mm: the side of points that are farther off is decided by rays, not by the normal at the footpoint."""
+UNSURE_CHORDS = 2.0
+"""... if they are also so many chord tolerances off, so that the mesh lies on the same side of them as the
+surface."""
 
 
 @dataclass(frozen=True, eq=False)
-class Sheet:
-    """One level on the shared grid."""
+class MeasuredSurface:
+    """The surface of one level on the parameter mesh that all levels share."""
 
     surface: TSpline
     grid: LevelGrid
@@ -37,61 +44,69 @@ class Sheet:
         return self.grid.mesh(self.surface.control_points)
 
     @cached_property
-    def distance(self) -> MeshDistance:
-        """To the tessellation."""
+    def mesh_distance(self) -> MeshDistance:
+        """Distances to the tessellation."""
         return MeshDistance(self.mesh)
 
     @cached_property
     def points(self) -> Float[ndarray, "n 3"]:
-        """Points of the surface: the mesh's vertices, then those in the middle of every face."""
-        return np.vstack([self.mesh.vertices, self.grid.R_middles @ self.surface.control_points])
+        """Points of the surface: at the vertices of the mesh, then in the middle of every face."""
+        return self.grid.points(self.surface.control_points)
 
     @property
     def parameters(self) -> Float[ndarray, "n 2"]:
-        """Theirs."""
-        return np.vstack([self.grid.parameters, self.grid.middles])
+        """Parameters (s, t) of `points`."""
+        return self.grid.sample_parameters
 
-    def apart(self, points: Float[ndarray, "n 3"], parameters: Float[ndarray, "n 2"]) -> Float[ndarray, " n"]:
-        """Distance (mm) of points from the foot that Newton finds from these parameters: never too near."""
-        return np.abs(self._from(points, parameters, STEPS)[0])
-
-    def signed(
+    def distances_near(
         self, points: Float[ndarray, "n 3"], parameters: Float[ndarray, "n 2"]
     ) -> Float[ndarray, " n"]:
-        """The same, negative inside."""
-        return self._sided(points, self._from(points, parameters, STEPS)[0])
+        """Distances (mm) of points from the footpoints that few Newton steps find from these parameters; never
+        less than the true ones."""
+        return np.abs(self._newton(points, parameters, STEPS)[0])
 
-    def closely(
+    def signed_distances_near(
+        self, points: Float[ndarray, "n 3"], parameters: Float[ndarray, "n 2"]
+    ) -> Float[ndarray, " n"]:
+        """As `distances_near`, negative inside the surface."""
+        return self._with_sides(points, self._newton(points, parameters, STEPS)[0])
+
+    def closest(
         self, points: Float[ndarray, "n 3"], parameters: Float[ndarray, "n 2"] | None = None
-    ) -> tuple[ndarray, ndarray]:
-        """The same with more steps, from the nearest place on the mesh too: the nearer foot. And the
-        parameters (n, 2) of the feet."""
-        distance, places = self._from_mesh(points, CLOSE_STEPS)
+    ) -> tuple[Float[ndarray, " n"], Float[ndarray, "n 2"]]:
+        """Signed distances (mm, negative inside) of points and the parameters of their footpoints, by many
+        Newton steps from the nearest point of the mesh and from `parameters`, whichever ends nearer."""
+        distance, found = self._newton_from_mesh(points)
         if parameters is not None:
-            own, own_places = self._from(points, parameters, CLOSE_STEPS)
-            nearer = np.abs(own) < np.abs(distance)
-            distance, places = np.where(nearer, own, distance), np.where(nearer[:, None], own_places, places)
-        return self._sided(points, distance), places
+            other, found_from_parameters = self._newton(points, parameters, CLOSEST_STEPS)
+            nearer = np.abs(other) < np.abs(distance)
+            distance = np.where(nearer, other, distance)
+            found = np.where(nearer[:, None], found_from_parameters, found)
+        return self._with_sides(points, distance), found
 
-    def _from(self, points: ndarray, parameters: ndarray, steps: int) -> tuple[ndarray, ndarray]:
-        """Signed distances and the parameters of the feet, by Newton from the given ones."""
-        s, t, foot, n = closest_points_near(self.surface, points, parameters[:, 0], parameters[:, 1], steps)
-        across = points - foot
-        return np.copysign(np.linalg.norm(across, axis=1), dots(across, n)), np.column_stack([s, t])
+    def _newton(self, points: ndarray, parameters: ndarray, steps: int) -> tuple[ndarray, ndarray]:
+        """Distances with the sign of the normal at the footpoints that Newton finds, and their parameters."""
+        s, t, footpoints, normals = closest_points_near(
+            self.surface, points, parameters[:, 0], parameters[:, 1], steps
+        )
+        offset = points - footpoints
+        signed = np.copysign(np.linalg.norm(offset, axis=1), dots(offset, normals))
+        return signed, np.column_stack([s, t])
 
-    def _from_mesh(self, points: ndarray, steps: int) -> tuple[ndarray, ndarray]:
-        """The same from the nearest corner of the nearest face."""
-        nearest, face = self.distance.closest(points)
+    def _newton_from_mesh(self, points: ndarray) -> tuple[ndarray, ndarray]:
+        """As `_newton`, from the nearest corner of the nearest face of the mesh."""
+        nearest, face = self.mesh_distance.closest(points)
         corners = self.grid.faces[face]
         away = np.linalg.norm(self.mesh.vertices[corners] - nearest[:, None], axis=2)
-        return self._from(
-            points, self.grid.parameters[corners[np.arange(len(points)), np.argmin(away, axis=1)]], steps
-        )
+        corner = corners[np.arange(len(points)), np.argmin(away, axis=1)]
+        return self._newton(points, self.grid.parameters[corner], CLOSEST_STEPS)
 
-    def _sided(self, points: ndarray, distance: ndarray) -> ndarray:
-        """Beyond a crease the nearest place's own side misleads: of what is farther off than the mesh can be,
-        rays tell the side."""
-        far = np.flatnonzero(np.abs(distance) > max(DOUBTFUL, CHORDS * self.grid.chord_tolerance))
-        if len(far):
-            distance[far] = np.abs(distance[far]) * np.where(self.distance.inside(points[far]), -1.0, 1.0)
-        return distance
+    def _with_sides(self, points: ndarray, distance: ndarray) -> ndarray:
+        """The distances with signs that hold beyond a crease too, where the normal at the footpoint misleads:
+        rays decide the side of points that are farther off than the mesh can be."""
+        far = np.flatnonzero(np.abs(distance) > max(UNSURE, UNSURE_CHORDS * self.grid.chord_tolerance))
+        if not len(far):
+            return distance
+        signed = distance.copy()
+        signed[far] = np.abs(distance[far]) * np.where(self.mesh_distance.inside(points[far]), -1.0, 1.0)
+        return signed

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.levels.measure.level import Level, rounding_cuts
+from bonecam.levels.measure.level import Level, morph_surfaces, rounding_cuts
 from bonecam.levels.measure.line_depths import LINE, line_lengths
 from bonecam.verify.pictures.colours import colour_scale, colours_of, value_range, whole_ticks
 from bonecam.verify.pictures.panels import DPI, Figure, Plot, save_figure
@@ -35,8 +35,7 @@ def _draw_lines(
     figure: Figure, plot: Plot, levels: Sequence[Level], line: Float[ndarray, "k n"], s: float
 ) -> None:
     """A coloured line a cut, its number on some, and dashed lines at the limits."""
-    design = levels[0].surface
-    assert design is not None
+    design = morph_surfaces(levels)[0]
     along = line_lengths(design, s, line.shape[1])
     norm = value_range(1, len(line))
     for k, depths in enumerate(line, start=1):
@@ -62,7 +61,7 @@ def _draw_lines(
 
 def _draw_shares(figure: Figure, plot: Plot, levels: Sequence[Level]) -> None:
     """A row a cut: the share of the level's area in each bin of depth."""
-    shares = np.array([level.histogram for level in levels[1:]])
+    shares = np.array([level.measures.depth_shares for level in levels[1:]])
     image = plot.imshow(
         100 * shares,
         aspect="auto",

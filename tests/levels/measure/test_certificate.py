@@ -15,11 +15,15 @@ from bonecam.levels.body_surface import body_surfaces
 from bonecam.levels.closed_morph import Morph, morph
 from bonecam.levels.edge_rounding import levels_in
 from bonecam.levels.job_levels import make_levels
-from bonecam.levels.measure import certificate, check
+from bonecam.levels.measure import certificate
 from bonecam.levels.measure.certificate import Certificate, certify
 from bonecam.levels.measure.grid import level_grid
-from bonecam.levels.measure.inspection import Inspection, Rules
-from bonecam.levels.measure.measured_surface import Sheet
+from bonecam.levels.measure.inspection import Rules, excess_bound, inspect
+from bonecam.levels.measure.level import RoundedLevel
+from bonecam.levels.measure.measure_cut import measure_cut
+from bonecam.levels.measure.measured_surface import MeasuredSurface
+from bonecam.levels.measure.violations import require_none, violations
+from bonecam.levels.problem.tolerances import DEPTH_TOLERANCE, NESTING_TOLERANCE, STOCK_TOLERANCE
 from bonecam.mesh.part import prepare_part
 from bonecam.progress import silent
 from bonecam.setup.capsule import Capsule
@@ -101,10 +105,10 @@ def test_the_bounds_of_concentric_capsules_are_their_distance() -> None:
     found, last = certify([inner, outer], STOCK, [0.3, 0.0])
     assert found.depth == pytest.approx(0.4, abs=FITTED)
     assert found.outside == pytest.approx(3.4 - STOCK.radius, abs=0.05)
-    assert found.gap == pytest.approx(0.0, abs=1e-7)
+    assert found.nesting == pytest.approx(0.0, abs=1e-7)
     assert len(found.too_deep) > 0
     assert last.depth == pytest.approx(STOCK.radius - 3.4, abs=FITTED)
-    assert last.gap == pytest.approx(STOCK.radius - 3.4, abs=0.05)
+    assert last.nesting == pytest.approx(STOCK.radius - 3.4, abs=0.05)
 
 
 def test_a_level_moved_along_the_axis_is_bounded_by_the_move_and_does_not_enclose() -> None:
@@ -112,7 +116,7 @@ def test_a_level_moved_along_the_axis_is_bounded_by_the_move_and_does_not_enclos
     moved = surface.with_control_points(surface.control_points + np.array([0.0, 0.0, 0.3]))
     found = certificate.certificate(surface, moved, STOCK, 0.3)
     assert 0.3 <= found.depth <= 0.3 + certificate.CLOSE + 2 * certificate.ROUNDING
-    assert found.gap == -np.inf
+    assert found.nesting == -np.inf
     assert (
         certificate.certificate(surface, surface, STOCK, 0.3).depth
         <= 0.3 + certificate.CLOSE + certificate.ROUNDING
@@ -123,21 +127,21 @@ def test_a_level_on_the_one_before_falls_no_farther_behind_than_the_tolerance() 
     surface = waisted()
     found = certificate.certificate(surface, surface, STOCK, 0.0)
     assert found.depth <= 2e-4
-    assert -check.NEST_TOLERANCE <= found.gap <= 0.0
+    assert -NESTING_TOLERANCE <= found.nesting <= 0.0
 
 
 def test_levels_that_swap_places_are_not_nested() -> None:
     surface = waisted()
-    assert certificate.certificate(surface, grown(surface, 0.05), STOCK, 0.5).gap == pytest.approx(
+    assert certificate.certificate(surface, grown(surface, 0.05), STOCK, 0.5).nesting == pytest.approx(
         0.0, abs=1e-7
     )
-    assert certificate.certificate(grown(surface, 0.05), surface, STOCK, 0.5).gap == -np.inf
+    assert certificate.certificate(grown(surface, 0.05), surface, STOCK, 0.5).nesting == -np.inf
 
 
 def test_a_level_far_off_does_not_enclose_although_nothing_meets() -> None:
     surface = waisted()
     away = surface.with_control_points(surface.control_points + np.array([50.0, 0.0, 0.0]))
-    assert certificate.certificate(surface, away, STOCK, 60.0).gap == -np.inf
+    assert certificate.certificate(surface, away, STOCK, 60.0).nesting == -np.inf
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -152,7 +156,7 @@ def test_no_sample_exceeds_a_bound_on_levels_moved_at_random(seed: int) -> None:
     sampled = inner.project(points).distances.max()
     assert sampled <= found.depth <= sampled + 0.01
     assert STOCK.signed_distance(points).max() <= found.outside
-    assert distances(inner.positions(*dense(seed)), outer).max() <= -found.gap
+    assert distances(inner.positions(*dense(seed)), outer).max() <= -found.nesting
 
 
 def test_no_sample_exceeds_a_bound_on_a_sequence(made: Morph, certified: tuple[Certificate, ...]) -> None:
@@ -161,7 +165,7 @@ def test_no_sample_exceeds_a_bound_on_a_sequence(made: Morph, certified: tuple[C
     for inner, outer, found in zip(surfaces, surfaces[1:], certified):
         points = outer.positions(s, t)
         assert np.abs(distances(points, inner)).max() <= found.depth
-        assert distances(inner.positions(s, t), outer).max() <= -found.gap
+        assert distances(inner.positions(s, t), outer).max() <= -found.nesting
         assert STOCK.signed_distance(points).max() <= found.outside
     around = STOCK.mesh(0.002).vertices
     assert surfaces[-1].project(around).distances.max() <= certified[-1].depth
@@ -169,9 +173,9 @@ def test_no_sample_exceeds_a_bound_on_a_sequence(made: Morph, certified: tuple[C
 
 def test_a_sequence_keeps_its_limits_everywhere(made: Morph, certified: tuple[Certificate, ...]) -> None:
     for level, found in zip(made.levels[1:], certified):
-        assert found.depth <= level.limit + check.DEPTH_TOLERANCE
-        assert found.gap >= -check.NEST_TOLERANCE
-        assert found.outside <= check.STOCK_TOLERANCE
+        assert found.depth <= level.limit + DEPTH_TOLERANCE
+        assert found.nesting >= -NESTING_TOLERANCE
+        assert found.outside <= STOCK_TOLERANCE
         assert not len(found.too_deep)
 
 
@@ -185,17 +189,17 @@ def test_a_bump_with_its_peak_between_the_samples_passes_the_check_but_not_the_c
     bumped[BUMP, :2] *= 1 + 0.3 / np.linalg.norm(bumped[BUMP, :2])
     bump = part.with_control_points(bumped)
     inner, outer = (
-        Sheet(level, level_grid(part, [level.control_points for level in levels], 0.02))
+        MeasuredSurface(level, level_grid(part, [level.control_points for level in levels], 0.02))
         for level in (part, bump)
     )
-    limit = check.measure(inner, outer, STOCK, 0.5).depth_max - 0.001
-    measured = check.measure(inner, outer, STOCK, limit)
-    check.require(1, measured, limit, outer.mesh)
+    limit = measure_cut(inner, outer, STOCK, 0.5).depth_max - 0.001
+    measured = measure_cut(inner, outer, STOCK, limit)
+    require_none(1, violations(measured, limit, outer.mesh), outer.mesh)
     found = certificate.certificate(part, bump, STOCK, limit)
-    assert measured.depth_max <= limit + check.DEPTH_TOLERANCE < found.depth
+    assert measured.depth_max <= limit + DEPTH_TOLERANCE < found.depth
     places = np.vstack([surface.positions(*found.too_deep.T) for surface in (part, bump)])
-    assert np.linalg.norm(places - found.deepest, axis=1).min() < 0.1
-    assert part.project(places).distances.max() > limit + check.DEPTH_TOLERANCE
+    assert np.linalg.norm(places - found.depth_place, axis=1).min() < 0.1
+    assert part.project(places).distances.max() > limit + DEPTH_TOLERANCE
 
 
 def test_depths_are_bounded_both_ways(grooved: Callable[[float], TSpline]) -> None:
@@ -205,7 +209,7 @@ def test_depths_are_bounded_both_ways(grooved: Callable[[float], TSpline]) -> No
         to.project(of.positions(s, t)).distances.max() for of, to in ((outer, inner), (inner, outer))
     )
     assert there < back <= found.depth <= back + 0.05
-    assert np.linalg.norm(inner.positions(s, t) - found.deepest, axis=1).min() < 0.1
+    assert np.linalg.norm(inner.positions(s, t) - found.depth_place, axis=1).min() < 0.1
 
 
 @pytest.mark.parametrize("limit", [0.1, 2.0, 5.0])
@@ -243,7 +247,7 @@ def test_the_levels_of_a_bar_are_certified_up_to_the_body_they_round_it_from() -
     levels = levels_in(
         waisted(), Cylinder(4.5, 0.0, 20.0), Schedule((0.1, 0.1), 0.5), chord_tolerance=0.02
     ).levels
-    body = next(level.index for level in levels if level.within is not None)
+    body = next(level.index for level in levels if isinstance(level, RoundedLevel))
     assert [level.certificate is None for level in levels] == [
         not 0 < level.index <= body for level in levels
     ]
@@ -261,15 +265,14 @@ def test_a_surface_with_other_weights_is_morphed_without_certificates() -> None:
 
 def test_a_cut_that_only_its_certificate_doubts_is_made_again(made: Morph) -> None:
     surfaces = [level.surface for level in made.levels if level.surface]
-    rules = Rules(STOCK, Schedule((0.1, 0.1), 0.5), check.NEST_TOLERANCE, check.STOCK_TOLERANCE, 0.02)
-    inspection = Inspection(surfaces[0], [surface.control_points for surface in surfaces], rules, silent)
+    rules = Rules(STOCK, Schedule((0.1, 0.1), 0.5), NESTING_TOLERANCE, STOCK_TOLERANCE, 0.02)
+    inspection = inspect(surfaces[0], [surface.control_points for surface in surfaces], rules, silent)
     assert not inspection.failed + inspection.uncertain
-    cut = inspection.cuts[2]
-    doubted = replace(
-        cut, level=replace(cut.level, limit=cut.level.certificate.depth - 2 * check.DEPTH_TOLERANCE)
-    )
-    assert doubted.uncertain
-    assert doubted.over == pytest.approx(2 * check.DEPTH_TOLERANCE)
+    level = inspection.levels[3]
+    assert level.certificate is not None
+    doubted = replace(level, limit=level.certificate.depth - 2 * DEPTH_TOLERANCE)
+    assert not doubted.certified
+    assert excess_bound(doubted) == pytest.approx(2 * DEPTH_TOLERANCE)
 
 
 def test_surfaces_that_are_not_polynomial_are_refused() -> None:

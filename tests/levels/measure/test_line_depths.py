@@ -8,6 +8,7 @@ import pytest
 
 from bonecam.levels.closed_morph import Morph
 from bonecam.levels.edge_rounding import levels_in
+from bonecam.levels.measure.level import RoundedLevel
 from bonecam.levels.measure.line_depths import POINTS, line_depths, step_depths
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.schedule import Schedule
@@ -25,7 +26,7 @@ def made(waisted: Callable[..., TSpline]) -> Morph:
 
 def test_no_point_of_the_line_is_deeper_than_the_cut_may_be(made: Morph) -> None:
     depths = line_depths(made.levels, BAR)
-    body = next(level for level in made.levels if level.within is not None)
+    body = next(level for level in made.levels if isinstance(level, RoundedLevel))
     assert depths.shape == (body.index, POINTS)
     limits = np.array([level.limit for level in made.levels[1 : body.index + 1]])
     assert (depths.max(axis=1) <= limits + 0.003).all()
