@@ -111,7 +111,7 @@ def test_what_is_mended_is_measured_again(
     assert {3, 4}.isdisjoint(level.index for level in inspection.failed)
 
 
-@pytest.mark.parametrize(("out", "restore_limits"), [(0.006, True), (0.03, False)])
+@pytest.mark.parametrize(("out", "mended"), [(0.006, True), (0.03, False)])
 def test_most_levels_are_mended_only_where_all_break_little(
     capsule: Capsule,
     schedule: Schedule,
@@ -202,7 +202,7 @@ def test_a_last_cut_that_is_measured_too_deep_takes_one_more_level(
     inspection = inspect(
         maker.discretisation.surface, levels, Rules(capsule, schedule, 0.01, 0.001, 0.02), silent
     )
-    assert [cut.level.index for cut in inspection.failed] == [len(levels)]
+    assert [level.index for level in inspection.failed] == [len(levels)]
     again = restore_certificates(inspection, maker)
     assert len(again.levels) == len(levels) + 2
     assert not again.failed
