@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from bonecam.arrays import unit
 from bonecam.setup.stock import Stock
 
 BLEND = 4.0
@@ -43,13 +44,6 @@ def towards_sphere(
 ) -> Float[ndarray, "n 3"]:
     """Away from the middle of the stock, where the published bounding sphere has its centre."""
     return unit(points - stock.middle)
-
-
-def unit(vectors: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
-    """The vectors at length one."""
-    return np.asarray(
-        vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), np.finfo(float).tiny)
-    )
 
 
 ATTRACTIONS: dict[str, Attraction] = {

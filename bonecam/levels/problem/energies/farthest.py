@@ -3,7 +3,7 @@ there decides K."""
 
 import numpy as np
 
-from bonecam.levels.problem.energies.attraction import unit
+from bonecam.arrays import unit
 from bonecam.levels.problem.energies.energy import Given, Pulled
 from bonecam.levels.problem.energies.pull import OVERSHOOT, targets
 from bonecam.surface.query.closest_point import closest_points_near

@@ -10,8 +10,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.arrays import dots, lengths
-from bonecam.levels.problem.energies.attraction import unit
+from bonecam.arrays import dots, lengths, unit
 from bonecam.levels.problem.energies.energy import Given, Pulled
 from bonecam.levels.problem.energies.medial_ball import medial_ball_share
 from bonecam.levels.problem.factorisation import factorise

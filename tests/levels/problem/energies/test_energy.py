@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
+from bonecam.arrays import unit
 from bonecam.levels.problem import program
 from bonecam.levels.problem.cut import ROUGH, Cut, StepParameters
 from bonecam.levels.problem.discretisation import Discretisation
-from bonecam.levels.problem.energies.attraction import unit
 from bonecam.levels.problem.energies.energy import Given, Pulled, Quadratic
 from bonecam.levels.problem.energies.pull import targets
 from bonecam.levels.problem.energies.thin_plate import plate
