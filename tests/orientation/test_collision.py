@@ -13,9 +13,10 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.orientation.collision.fcl_model import FclModel, build_fcl_model
 from bonecam.orientation.collision.scene import Scene
 from bonecam.orientation.collision.sphere_tracing import FREE, Poses, classify_poses
-from bonecam.orientation.collision.tool_mesh import solid_of_revolution, tool_meshes
+from bonecam.orientation.collision.tool_mesh import SIDES, tool_meshes
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.holding import Post
+from bonecam.setup.revolution import revolve
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.cutter import Cutter
 
@@ -84,7 +85,7 @@ def test_a_shank_that_cuts_the_material_but_not_the_level_is_caught(
 def test_a_cutter_wholly_inside_the_material_is_caught(
     upright_capsule: Capsule, finishing_cutter: Cutter
 ) -> None:
-    big = solid_of_revolution([(0.0, 200.0), (400.0, 200.0)], 0.0)
+    big = revolve(np.full(2, 200.0), np.array([0.0, 400.0]), (0.0, 400.0), SIDES)
     scene = Scene(big, big, upright_capsule, Post(1.0, 1.0))
     tip = np.array([0.0, 0.0, 200.0])
     assert build_fcl_model(scene, finishing_cutter).colliding_section(tip, UP) == "cutter"
@@ -93,7 +94,7 @@ def test_a_cutter_wholly_inside_the_material_is_caught(
 
 
 def test_material_wholly_inside_the_holder_is_caught(finishing_cutter: Cutter, scene: Scene) -> None:
-    crumb = solid_of_revolution([(60.0, 0.3), (61.0, 0.3)], 60.0)
+    crumb = revolve(np.full(2, 0.3), np.array([60.0, 61.0]), (60.0, 61.0), SIDES)
     inside = replace(scene, material=crumb, level=crumb, post=Post(0.2, 5.0))
     tip = np.array([2.0, 0.0, 10.0])
     assert build_fcl_model(inside, finishing_cutter).colliding_section(tip, UP) == "holder"
@@ -102,7 +103,7 @@ def test_material_wholly_inside_the_holder_is_caught(finishing_cutter: Cutter, s
 def test_a_thin_post_in_the_holder_s_way_is_caught(
     upright_capsule: Capsule, finishing_cutter: Cutter
 ) -> None:
-    crumb = solid_of_revolution([(60.0, 0.3), (61.0, 0.3)], 60.0)
+    crumb = revolve(np.full(2, 0.3), np.array([60.0, 61.0]), (60.0, 61.0), SIDES)
     scene = Scene(crumb, crumb, upright_capsule, Post(0.05, 55.0))
     tip, axis = np.array([40.0, 3.0, 40.0]), np.array([-1.0, 0.0, 0.0])
     assert build_fcl_model(scene, finishing_cutter).colliding_section(tip, axis)

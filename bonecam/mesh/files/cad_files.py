@@ -16,7 +16,9 @@ import numpy as np
 from numpy import ndarray
 
 from bonecam.errors import FileError
-from bonecam.mesh.files.opencascade import kind_of, missing, refuse_foreign
+from bonecam.mesh.files.cad_shapes import refuse_foreign
+from bonecam.mesh.files.cad_tessellation import read_and_tessellate
+from bonecam.mesh.files.opencascade import kind_of, missing
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 REFUSED = 2
@@ -36,9 +38,7 @@ def read_cad_mesh(path: str | Path, chord_tolerance: float | None = None) -> Tri
 
 def mesh_arrays(file: Path, chord_tolerance: str) -> dict[str, ndarray]:
     """What the child makes of a file for `read_cad_mesh`."""
-    from bonecam.mesh.files.opencascade import mesh_in
-
-    mesh = mesh_in(file, float(chord_tolerance) or None)
+    mesh = read_and_tessellate(file, float(chord_tolerance) or None)
     return {"vertices": mesh.vertices, "faces": mesh.faces}
 
 

@@ -5,10 +5,13 @@ import numpy as np
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.orientation.collision.sphere_tracing import TANGENT_SLACK
 from bonecam.setup.holding import Post
+from bonecam.setup.revolution import revolve
 from bonecam.toolpath.cutter import Cutter
 
 SIDES = 48
 """Sides of the polygons that stand for circles."""
+BALL_RINGS = 8
+"""Rings of vertices that stand for the half ball of the cutter."""
 TABLE_HALF_WIDTH = 2000.0
 """Half of the width, depth and height of the table, mm."""
 
@@ -20,43 +23,25 @@ def tool_meshes(cutter: Cutter, margin: float = 0.0) -> dict[str, TriangleMesh]:
     (mm).
     """
     ball, shank, holder = cutter.sections
-    angle = np.linspace(0, np.pi / 2, 9)[1:]
+    angle = np.linspace(0, np.pi / 2, BALL_RINGS + 1)[1:]
     thin = cutter.radius - TANGENT_SLACK
-    rings = [(cutter.radius - thin * float(np.cos(a)), thin * float(np.sin(a))) for a in angle]
-    meshes = {"cutter": solid_of_revolution([*rings, (ball[2], thin)], cutter.radius - thin)}
+    radii = np.append(thin * np.sin(angle), thin)
+    heights = np.append(cutter.radius - thin * np.cos(angle), ball[2])
+    meshes = {"cutter": revolve(radii, heights, (cutter.radius - thin, ball[2]), SIDES)}
     circumscribed = 1 / np.cos(np.pi / SIDES)
     for name, start, end, radius in (shank, holder):
-        wide = (radius + margin) * circumscribed
-        meshes[name] = solid_of_revolution([(start - margin, wide), (end + margin, wide)], start - margin)
+        meshes[name] = _prism((radius + margin) * circumscribed, start - margin, end + margin)
     return meshes
-
-
-def solid_of_revolution(rings: list[tuple[float, float]], bottom: float) -> TriangleMesh:
-    """The closed mesh through circles (height, radius) about +Z, with a point at height `bottom` below the
-    first and one in the middle of the last."""
-    angle = np.arange(SIDES) * (2 * np.pi / SIDES)
-    circle = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(SIDES)])
-    bottom_point = np.array([[0.0, 0.0, bottom]])
-    top_point = np.array([[0.0, 0.0, rings[-1][0]]])
-    circles = [radius * circle + [0.0, 0.0, height] for height, radius in rings]
-
-    here = np.arange(SIDES)
-    there = np.roll(here, -1)
-    faces = [np.column_stack([np.zeros(SIDES, int), 1 + there, 1 + here])]
-    for k in range(len(rings) - 1):
-        lower = 1 + k * SIDES
-        upper = lower + SIDES
-        faces.append(np.column_stack([lower + here, lower + there, upper + there]))
-        faces.append(np.column_stack([lower + here, upper + there, upper + here]))
-    last = 1 + (len(rings) - 1) * SIDES
-    faces.append(np.column_stack([last + here, last + there, np.full(SIDES, last + SIDES)]))
-    return TriangleMesh(np.vstack([bottom_point, *circles, top_point]), np.vstack(faces).astype(np.int32))
 
 
 def post_mesh(post: Post) -> TriangleMesh:
     """A prism about the post, from the table up to its top."""
-    wide = post.radius / np.cos(np.pi / SIDES)
-    return solid_of_revolution([(0.0, wide), (post.top, wide)], 0.0)
+    return _prism(post.radius / np.cos(np.pi / SIDES), 0.0, post.top)
+
+
+def _prism(radius: float, bottom: float, top: float) -> TriangleMesh:
+    """An upright prism whose SIDES corners lie on a circle of `radius` about the Z axis, mm."""
+    return revolve(np.full(2, radius), np.array([bottom, top]), (bottom, top), SIDES)
 
 
 def table_mesh() -> TriangleMesh:

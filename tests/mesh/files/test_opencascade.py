@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from bonecam.errors import FileError, UnitsError
-from bonecam.mesh.files import cad_files, opencascade
+from bonecam.mesh.files import cad_files, cad_tessellation
+from bonecam.mesh.files.cad_tessellation import read_and_tessellate, tessellate_shape
 from bonecam.mesh.files.mesh_files import read_mesh
-from bonecam.mesh.files.opencascade import mesh_in, occ, tessellated
+from bonecam.mesh.files.opencascade import occ
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.mesh.units import to_mm
 
@@ -53,7 +54,7 @@ def test_a_cylinder_is_one_closed_outward_mesh(name: str, tmp_path: Path) -> Non
 def test_the_chord_tolerance_is_kept(tmp_path: Path) -> None:
     file = write(occ().BRepPrimAPI.BRepPrimAPI_MakeSphere(10.0).Shape(), tmp_path / "ball.step")
     for tolerance in (0.1, 0.02):
-        mesh = mesh_in(file, tolerance)
+        mesh = read_and_tessellate(file, tolerance)
         radius = np.linalg.norm(mesh.vertices[mesh.faces].mean(axis=1), axis=1)
         assert 10 - tolerance < radius.min() <= radius.max() <= 10
         assert is_closed(mesh)
@@ -79,7 +80,7 @@ def test_no_part_of_a_face_is_lost(part: Callable[[], Any], tolerance: float | N
     shape = part()
     found = occ().GProp.GProp_GProps()
     occ().BRepGProp.BRepGProp.VolumeProperties_s(shape, found)
-    mesh = tessellated(shape, tolerance)
+    mesh = tessellate_shape(shape, tolerance)
     assert is_closed(mesh)
     assert abs(mesh.volume - found.Mass()) < (tolerance or 0.03) * mesh.area
 
@@ -98,7 +99,7 @@ def test_parts_of_an_assembly_stand_in_their_places_and_face_outward(mirrored: b
     build.MakeCompound(both)
     for shape in (cone(), moved):
         build.Add(both, shape)
-    mesh = tessellated(both, 0.05)
+    mesh = tessellate_shape(both, 0.05)
     assert is_closed(mesh)
     assert mesh.volume == pytest.approx(2 * np.pi * 25 * 20 / 3, rel=0.02)
     np.testing.assert_allclose(mesh.bounds[:, 0], [-5, 105], atol=0.05)
@@ -108,16 +109,16 @@ def test_a_face_that_cannot_be_tessellated_is_an_error_and_not_a_hole(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file = write(cylinder(), tmp_path / "a.step")
-    monkeypatch.setattr(opencascade, "ASKED", 1e3)
+    monkeypatch.setattr(cad_tessellation, "DEFLECTION", 1e3)
     with pytest.raises(FileError, match=r"a\.step: a face of the part cannot be tessellated"):
-        mesh_in(file)
+        read_and_tessellate(file)
 
 
 @pytest.mark.parametrize(
     ("unit", "name"), [("M", "a.step"), ("INCH", "a.step"), ("M", "a.iges"), ("INCH", "a.iges")]
 )
 def test_a_part_stated_in_another_unit_comes_in_mm(unit: str, name: str, tmp_path: Path) -> None:
-    mesh = mesh_in(write(cylinder(), tmp_path / name, unit))
+    mesh = read_and_tessellate(write(cylinder(), tmp_path / name, unit))
     assert np.ptp(mesh.vertices[:, 2]) == pytest.approx(20.0, rel=1e-6)
     with pytest.raises(UnitsError, match="leave out --units"):
         to_mm(mesh, "m", str(tmp_path / name))
@@ -131,7 +132,7 @@ def test_loose_iges_faces_are_sewn(tmp_path: Path) -> None:
     while explorer.More():
         build.Add(loose, lib.BRepBuilderAPI.BRepBuilderAPI_Copy(explorer.Current()).Shape())
         explorer.Next()
-    assert is_closed(mesh_in(write(loose, tmp_path / "loose.iges")))
+    assert is_closed(read_and_tessellate(write(loose, tmp_path / "loose.iges")))
 
 
 def test_curves_without_surfaces_are_refused(tmp_path: Path) -> None:
@@ -161,9 +162,9 @@ def test_a_bad_file_is_refused_in_one_line_that_names_it(
 
 def test_opencascade_says_nothing_on_the_terminal(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     read_mesh(write(cylinder(), tmp_path / "a.step"))
-    mesh_in(tmp_path / "a.step")
+    read_and_tessellate(tmp_path / "a.step")
     with pytest.raises(FileError):
-        mesh_in(tmp_path / "none.step")
+        read_and_tessellate(tmp_path / "none.step")
     assert capfd.readouterr() == ("", "")
 
 
@@ -178,4 +179,4 @@ def test_a_file_that_ends_opencascade_is_one_line(tmp_path: Path, monkeypatch: p
 
 def test_the_child_hands_back_the_same_mesh(tmp_path: Path) -> None:
     file = write(cylinder(), tmp_path / "a part.step")
-    assert read_mesh(file).vertices.tobytes() == mesh_in(file).vertices.tobytes()
+    assert read_mesh(file).vertices.tobytes() == read_and_tessellate(file).vertices.tobytes()

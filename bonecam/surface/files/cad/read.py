@@ -9,7 +9,8 @@ from numpy import ndarray
 
 from bonecam.errors import FileError
 from bonecam.mesh.files.cad_files import in_child
-from bonecam.mesh.files.opencascade import faces_of, occ, read_shape
+from bonecam.mesh.files.cad_shapes import faces_of, read_shape
+from bonecam.mesh.files.opencascade import occ
 from bonecam.surface.files.bspline.bspline_surface import BSplineSurface, Knots
 from bonecam.surface.files.cad.shapes import EDGE
 
@@ -18,7 +19,7 @@ def read_bsplines(path: str | Path) -> tuple[BSplineSurface, ...]:
     """The bicubic (or lower) B-spline surfaces under the faces of a STEP or IGES file, in mm, untrimmed and
     in the file's order.
 
-    Raises FileError as `mesh.cad_files` does, and where a face lies on another kind of surface: read such a
+    Raises FileError as `mesh.files.cad_files` does, and where a face lies on another kind of surface: read such a
     part with `read_mesh`.
     """
     found = in_child(f"{__name__}:bspline_arrays", Path(path))

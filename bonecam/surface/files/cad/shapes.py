@@ -8,7 +8,8 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import SurfaceError
-from bonecam.mesh.files.opencascade import occ, sewn
+from bonecam.mesh.files.cad_shapes import sew
+from bonecam.mesh.files.opencascade import occ
 from bonecam.surface.files.bspline.bspline_surface import BSplineSurface
 from bonecam.surface.files.bspline.from_tspline import to_bspline
 from bonecam.surface.tspline import TSpline
@@ -97,7 +98,7 @@ def _bezier_shell(surface: TSpline) -> Any:
     for patch in surface.patches.reshape(-1, 4, 4, 4).swapaxes(1, 2):
         weights = _grid(lib.collections.Array2_double, patch[..., 3].tolist())
         faces.append(_face_of(lib.Geom.Geom_BezierSurface(_points(patch[..., :3] / patch[..., 3:]), weights)))
-    shape = sewn(_compose("Compound", faces), max(EDGE, JOINED * size))
+    shape = sew(_compose("Compound", faces), max(EDGE, JOINED * size))
     if shape.ShapeType() != lib.TopAbs.TopAbs_ShapeEnum.TopAbs_SHELL or not lib.BRep.BRep_Tool.IsClosed_s(
         shape
     ):

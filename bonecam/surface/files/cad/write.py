@@ -17,7 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from bonecam.files import write_whole
-from bonecam.mesh.files.opencascade import faces_of, occ
+from bonecam.mesh.files.cad_shapes import faces_of
+from bonecam.mesh.files.opencascade import occ
 from bonecam.surface.files.cad.shapes import shape_of
 from bonecam.surface.tspline import TSpline
 

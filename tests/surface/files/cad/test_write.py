@@ -11,8 +11,10 @@ import pytest
 from numpy import ndarray
 
 from bonecam.errors import FileError
+from bonecam.mesh.files.cad_shapes import faces_of, read_shape
+from bonecam.mesh.files.cad_tessellation import tessellate_shape
 from bonecam.mesh.files.mesh_files import read_mesh
-from bonecam.mesh.files.opencascade import faces_of, occ, read_shape, tessellated
+from bonecam.mesh.files.opencascade import occ
 from bonecam.surface.files.cad import shapes
 from bonecam.surface.files.cad.read import bsplines_in, read_bsplines
 from bonecam.surface.files.cad.shapes import shape_of
@@ -145,7 +147,7 @@ def test_the_written_solid_is_read_as_a_watertight_outward_mesh_within_the_toler
     surface = bone_like(8, 6, 2)
     write_iges(surface, tmp_path / "a.igs")
     for tolerance in (0.1, 0.05, 0.03):
-        mesh = tessellated(read_shape(tmp_path / "a.igs"), tolerance)
+        mesh = tessellate_shape(read_shape(tmp_path / "a.igs"), tolerance)
         edges = np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
         assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
         assert len(mesh.vertices) - len(mesh.faces) // 2 == 2
@@ -200,4 +202,4 @@ def test_general_t_meshes_come_back_with_the_same_area(
         surface.area, rel=2e-5
     )  # folded models: both integrate |S_s x S_t| near its zeros
     assert is_valid(shape)
-    assert tessellated(shape).area == pytest.approx(surface.area, rel=2e-3)
+    assert tessellate_shape(shape).area == pytest.approx(surface.area, rel=2e-3)

@@ -1,0 +1,96 @@
+"""STEP and IGES files as OpenCASCADE shapes: read, taken apart into faces, sewn together.
+
+Both kinds state their unit, and OpenCASCADE converts it: a shape is in mm. Loose faces, which are usual in
+IGES, are joined by `sew`.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bonecam.errors import FileError
+from bonecam.mesh.files.opencascade import kind_of, occ
+
+
+def read_shape(path: str | Path) -> Any:
+    """The content of a STEP or IGES file as one OpenCASCADE shape in mm. FileError where it cannot be read."""
+    file = Path(path)
+    refuse_foreign(file)
+    kind = kind_of(file)
+    lib = occ(f"{file}: reading {kind}")
+    reader = lib.STEPControl.STEPControl_Reader() if kind == "STEP" else lib.IGESControl.IGESControl_Reader()
+    try:
+        status = reader.ReadFile(str(file))
+        found = reader.TransferRoots() if status == lib.IFSelect.IFSelect_ReturnStatus.IFSelect_RetDone else 0
+        shape = reader.OneShape() if found else None
+    except lib.Standard.Standard_Failure as error:
+        raise _unreadable(file, str(error)) from error
+    if shape is None or shape.IsNull():
+        raise _unreadable(file, "cut short, or nothing in it")
+    return shape
+
+
+def _unreadable(file: Path, reason: str) -> FileError:
+    kind = kind_of(file)
+    message = f"{file}: is no readable {kind} file ({reason}): export the part as {kind} again"
+    return FileError(message, file=str(file))
+
+
+def refuse_foreign(file: Path) -> None:
+    """FileError where a file does not begin and end as STEP or IGES files do."""
+    kind = kind_of(file)
+    try:
+        data = file.read_bytes()
+    except OSError as error:
+        message = f"{file}: cannot be read ({error.strerror}): give the path of a readable file"
+        raise FileError(message, file=str(file)) from error
+    if kind == "STEP":
+        begins = b"ISO-10303-21" in data[:256]
+        ends = b"END-ISO-10303-21" in data[-256:]
+    else:
+        begins = data[72:73] in (b"S", b"C")
+        ends = data.rstrip()[-8:-7] == b"T"
+    if not (begins and ends):
+        what = "is empty" if not data else f"is no {kind} file" if not begins else "is cut short"
+        raise FileError(f"{file}: {what}: export the part as {kind} again", file=str(file))
+
+
+def faces_of(shape: Any) -> list[Any]:
+    """The faces of a shape, in the order of OpenCASCADE's explorer."""
+    lib = occ()
+    explorer = lib.TopExp.TopExp_Explorer(shape, lib.TopAbs.TopAbs_ShapeEnum.TopAbs_FACE)
+    found = []
+    while explorer.More():
+        found.append(lib.TopoDS.TopoDS.Face(explorer.Current()))
+        explorer.Next()
+    return found
+
+
+def has_solids(shape: Any) -> bool:
+    """Whether a shape holds a solid, not loose faces alone."""
+    lib = occ()
+    return bool(lib.TopExp.TopExp_Explorer(shape, lib.TopAbs.TopAbs_ShapeEnum.TopAbs_SOLID).More())
+
+
+def diagonal_of(shape: Any) -> float:
+    """Length of the diagonal of the bounding box of a shape, mm; 0 where the shape is empty."""
+    lib = occ()
+    box = lib.Bnd.Bnd_Box()
+    lib.BRepBndLib.BRepBndLib.Add_s(shape, box, False)
+    return 0.0 if box.IsVoid() else float(np.sqrt(box.SquareExtent()))
+
+
+def area_of(shape: Any) -> float:
+    """Area of all faces of a shape, mm^2."""
+    found = occ().GProp.GProp_GProps()
+    occ().BRepGProp.BRepGProp.SurfaceProperties_s(shape, found)
+    return float(found.Mass())
+
+
+def sew(shape: Any, tolerance: float) -> Any:
+    """The shape with its loose faces joined along edges that are nearer than `tolerance`, mm."""
+    sewing = occ().BRepBuilderAPI.BRepBuilderAPI_Sewing(tolerance)
+    sewing.Add(shape)
+    sewing.Perform()
+    return sewing.SewedShape()
