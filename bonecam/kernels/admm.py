@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.bezier import CONTRACT
+from bonecam.kernels.fastmath import CONTRACT
 
 ALONE = 15
 PARALLEL = 1e-3  # of 1 - cos^2 between slab and wall: below this they are one direction

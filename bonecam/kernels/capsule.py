@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.bezier import CONTRACT
+from bonecam.kernels.fastmath import CONTRACT
 
 ON_AXIS = 1e5 * np.finfo(np.float64).eps
 """Points so near to the axis segment, as a share of the capsule's size and its way from the origin, have no

@@ -14,10 +14,11 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.bezier import CONTRACT, bernstein
-from bonecam.kernels.closest_point import descend
+from bonecam.kernels.bezier.bicubic import bernstein
+from bonecam.kernels.bezier.element_search import locate_one
+from bonecam.kernels.closest.newton import descend
+from bonecam.kernels.fastmath import CONTRACT
 from bonecam.kernels.hulls import DEEPEST, box_distance, copy, extents, halve
-from bonecam.kernels.locate import locate_one
 
 SIX = 7  # control points along a side at degree six
 TURN = 0.4  # of a turn in s: feet of corners that are farther apart lie round a pole
@@ -31,7 +32,7 @@ UNIT = np.array([0.0, 1.0, 0.0, 1.0])
 
 
 class Target(NamedTuple):
-    """The surface that depths are measured to, as kernels.closest_point takes it: patches (e, 16, 4) whose
+    """The surface that depths are measured to, as kernels.closest.newton takes it: patches (e, 16, 4) whose
     weights are all one, over `boxes` in `strips`, s closed with the period 1. `seeds` (e, k, 5) are s, t, x,
     y, z of points on each element, `hulls` (e, 6) boxes round the elements as `kernels.hulls.box_of` makes
     them."""

@@ -5,7 +5,7 @@ w_i D_i^T D_i, into a lower band.
 import numpy as np
 from numba import njit
 
-from bonecam.kernels.bezier import CONTRACT
+from bonecam.kernels.fastmath import CONTRACT
 
 
 @njit(cache=True)

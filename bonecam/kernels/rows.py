@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.bezier import CONTRACT
+from bonecam.kernels.fastmath import CONTRACT
 
 
 @njit(cache=True, fastmath=CONTRACT)

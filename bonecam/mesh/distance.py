@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from bonecam.kernels.nearest import boxes_of, distances_within, tree_order
+from bonecam.kernels.closest.triangle_tree import boxes_of, distances_within, tree_order
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.threads import in_pieces
 

@@ -15,7 +15,7 @@ from numpy import ndarray
 
 from bonecam.arrays import frozen
 from bonecam.errors import SurfaceError
-from bonecam.kernels import bezier, bezier_any, locate, rational_basis
+from bonecam.kernels.bezier import any_degree, bicubic, element_search, rational_basis
 
 SLICES = 256
 """Even slices of the t-range for which a table tells where the search for a strip starts."""
@@ -33,7 +33,7 @@ class Elements:
     e.
 
     coefficients[k] belongs to functions[k]: 4 x 4 Bernstein coefficients, s fastest ((d + 1) x (d + 1) where
-    elements of another degree d come from a file; kernels.bezier_any evaluates them). `period` is the length
+    elements of another degree d come from a file; kernels.bezier.any_degree evaluates them). `period` is the length
     of a closed direction (s, t), 0 where it is open. Functions are increasing within an element.
     """
 
@@ -66,7 +66,7 @@ class Elements:
     @cached_property
     def strips(self) -> tuple[ndarray, ...]:
         """The boxes in strips of t, each sorted by s, with tables of where to start searching: see
-        kernels.locate."""
+        kernels.bezier.element_search."""
         knots = np.unique(self.boxes[:, 2:])
         order = np.argsort(self.boxes[:, 0], kind="stable")
         first, last = (
@@ -105,7 +105,7 @@ class Elements:
         s, t = self._into(s, 0), self._into(t, 1)
         if s.ndim != 1 or s.shape != t.shape:
             raise ValueError(f"s {s.shape} and t {t.shape}: give one of each for every sample, shape (n,)")
-        found = locate.locate(*self.strips, s, t)
+        found = element_search.locate(*self.strips, s, t)
         if len(found) and found.min() < 0:
             n = int(np.argmin(found))
             raise ValueError(f"(s, t) = ({s[n]}, {t[n]}) of sample {n} lies outside the domain")
@@ -141,13 +141,13 @@ class Elements:
         given elements."""
         found = np.empty(((1, 3, 6)[order], len(s), 3))
         if self.degree != 3:
-            bezier_any.derivatives(patches, self.boxes, element, s, t, self.degree, found)
+            any_degree.derivatives(patches, self.boxes, element, s, t, self.degree, found)
         elif order == 0:
-            bezier.positions(patches, self.boxes, element, s, t, found[0])
+            bicubic.positions(patches, self.boxes, element, s, t, found[0])
         elif order == 1:
-            bezier.first_derivatives(patches, self.boxes, element, s, t, *found)
+            bicubic.first_derivatives(patches, self.boxes, element, s, t, *found)
         else:
-            bezier.second_derivatives(patches, self.boxes, element, s, t, found)
+            bicubic.second_derivatives(patches, self.boxes, element, s, t, found)
         return found
 
     def basis(
@@ -178,4 +178,4 @@ class Elements:
     ) -> Float[ndarray, "e c 4"]:
         """Homogeneous Bezier control points of every element."""
         weighted = np.column_stack([control_points * weights[:, None], weights])
-        return bezier.homogeneous_patches(self.starts, self.functions, self.coefficients, weighted)
+        return bicubic.homogeneous_patches(self.starts, self.functions, self.coefficients, weighted)

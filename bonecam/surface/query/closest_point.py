@@ -1,6 +1,6 @@
 """Closest points on a T-spline: of any points, of points near the surface, and of points followed by a fit.
 
-All three take the steps of `kernels.closest_point`, and go over a pole, round a closed direction and along an
+All three take the steps of `kernels.closest.newton`, and go over a pole, round a closed direction and along an
 open border by its one rule. They differ in the start and in when they stop:
 
     project                 from the nearest seeds, damped Newton until rounding; of several the nearest
@@ -20,7 +20,7 @@ from scipy.spatial import cKDTree
 
 from bonecam.arrays import dots
 from bonecam.errors import SurfaceError
-from bonecam.kernels import closest_point, near_closest_point
+from bonecam.kernels.closest import gauss_newton, newton
 from bonecam.surface.tmesh.surface import Surface
 
 CANDIDATES = 12
@@ -82,12 +82,12 @@ def project(surface: Surface, points: Float[ndarray, "n 3"]) -> Projection:
     t = np.empty(len(points))
     squared = np.empty(len(points))
     parts = (surface.patches, elements.boxes, elements.strips, *_topology(surface), seeds.step_limit)
-    closest_point.closest_of_seeds(*parts, points, nearest, s, t, squared)
+    newton.closest_of_seeds(*parts, points, nearest, s, t, squared)
     return Projection(np.column_stack([s, t]), surface.positions(s, t), np.sqrt(squared))
 
 
 def _topology(surface: Surface) -> tuple[ndarray, ndarray, ndarray]:
-    """Domain, period and poles, as `kernels.closest_point.into_domain` takes them."""
+    """Domain, period and poles, as `kernels.closest.newton.into_domain` takes them."""
     return surface.domain, np.array(surface.elements().period), np.array(surface.poles)
 
 
@@ -120,9 +120,7 @@ def closest_points_near(
     enough = np.zeros(len(points)) if near_enough is None else near_enough
     parts = surface.patches, elements.boxes, elements.strips, surface.domain[1], rings(surface)
     # one thread: among two the levels of a phalanx took a fifth longer
-    near_closest_point.walk(
-        *parts, np.ascontiguousarray(points), steps, s, t, found, normals, CLEAR_OF, enough
-    )
+    gauss_newton.walk(*parts, np.ascontiguousarray(points), steps, s, t, found, normals, CLEAR_OF, enough)
     return ClosestPoints(s, t, found, normals)
 
 
@@ -162,7 +160,7 @@ def follow_closest_points(
         away = points - S
         nearest = _nearer(nearest, (s, t, np.linalg.norm(away, axis=1)))
         products = dots(S_s, S_s), dots(S_s, S_t), dots(S_t, S_t), dots(away, S_s), dots(away, S_t)
-        s, t = near_closest_point.advance(*products, *topology, s, t)
+        s, t = gauss_newton.advance(*products, *topology, s, t)
     distances = np.linalg.norm(points - surface.positions(s, t), axis=1)
     return _nearer(nearest, (s, t, distances))
 

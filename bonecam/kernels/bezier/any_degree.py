@@ -1,4 +1,4 @@
-"""Rational Bezier patches of any degree, compiled; `kernels.bezier` is faster, for bicubic ones only.
+"""Rational Bezier patches of any degree, compiled; `kernels.bezier.bicubic` is faster, for bicubic ones only.
 
 A patch is (d + 1)^2 homogeneous control points, s fastest.
 """
@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.bezier import CONTRACT
+from bonecam.kernels.fastmath import CONTRACT
 
 
 @njit(cache=True, fastmath=CONTRACT)

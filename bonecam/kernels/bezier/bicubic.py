@@ -10,7 +10,8 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
-CONTRACT = {"contract", "nsz"}
+from bonecam.kernels.fastmath import CONTRACT
+
 Three: TypeAlias = tuple[float, float, float]
 Four: TypeAlias = tuple[float, float, float, float]
 

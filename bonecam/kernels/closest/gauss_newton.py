@@ -2,16 +2,17 @@
 
 `walk` is for points next to a level: s is periodic over [0, 1), t is held between two rings `ends` next to
 the poles, within which the surface is as good as straight. `advance` is one step for many points, over the
-poles. Both take the step of `kernels.closest_point`; they differ in how it is damped and when it ends.
+poles. Both take the step of `kernels.closest.newton`; they differ in how it is damped and when it ends.
 """
 
 import numpy as np
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.bezier import CONTRACT, Three, first_jet
-from bonecam.kernels.closest_point import gauss_newton_step, into_domain
-from bonecam.kernels.locate import locate_one
+from bonecam.kernels.bezier.bicubic import Three, first_jet
+from bonecam.kernels.bezier.element_search import locate_one
+from bonecam.kernels.closest.newton import gauss_newton_step, into_domain
+from bonecam.kernels.fastmath import CONTRACT
 
 STEP_LIMIT_S = 0.05
 """Longest step of `walk` in s, turns."""

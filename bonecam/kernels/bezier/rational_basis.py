@@ -3,7 +3,8 @@
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.bezier import CONTRACT, bernstein, bernstein_first, bernstein_second
+from bonecam.kernels.bezier.bicubic import bernstein, bernstein_first, bernstein_second
+from bonecam.kernels.fastmath import CONTRACT
 
 
 @njit(cache=True, fastmath=CONTRACT)

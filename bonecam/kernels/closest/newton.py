@@ -9,8 +9,9 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.bezier import CONTRACT, jet
-from bonecam.kernels.locate import locate_one
+from bonecam.kernels.bezier.bicubic import jet
+from bonecam.kernels.bezier.element_search import locate_one
+from bonecam.kernels.fastmath import CONTRACT
 
 MAX_STEPS = 60
 """Steps from one seed: Newton needs under ten but where it starts far away on a folded surface."""

@@ -1,0 +1,1 @@
+"""Rational Bezier patches and their basis: find the element, evaluate, differentiate."""

@@ -1,0 +1,1 @@
+"""Closest points on a surface and on triangles."""
