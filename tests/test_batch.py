@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -19,6 +20,8 @@ from bonecam.errors import BonecamError, FileError, JobError
 from bonecam.job import Job
 
 ROWS = list(Outcome.__dataclass_fields__)
+MAX_WAIT = 600.0
+"""Longest wait, s, for what takes some seconds on an idle machine."""
 
 
 def work(mesh: Path, folder: Path, job: Job) -> Outcome:
@@ -32,7 +35,7 @@ def work(mesh: Path, folder: Path, job: Job) -> Outcome:
         raise FileError(f'{mesh}: is "bad", and\nmore: mend it')
     if "sleep" in orders:
         (folder / f"{mesh.stem}.began").touch()
-        time.sleep(60)
+        time.sleep(3600)  # until it is killed, however slow the others are
     report = {
         "levels": [{}, {}, {}],
         "nc": {"time_min": 1.5, "file": ""},
@@ -143,10 +146,13 @@ def test_a_run_that_is_killed_leaves_no_process_and_goes_on_where_it_stopped(
     (tmp_path / "orders.py").write_text(ORDERS + inspect.getsource(work), encoding="utf-8")
     (tmp_path / "run.py").write_text(SCRIPT, encoding="utf-8")
     with subprocess.Popen([sys.executable, tmp_path / "run.py", out, *files]) as run:
-        until(lambda: (out / "b.began").exists() and (out / "c.began").exists())
-        workers = children(run.pid)
-        run.send_signal(kind)
-        assert run.wait() == code
+        try:
+            until(lambda: (out / "b.began").exists() and (out / "c.began").exists())
+            workers = children(run.pid)
+            run.send_signal(kind)
+            assert run.wait(MAX_WAIT) == code
+        finally:
+            run.kill()
     until(lambda: not any(alive(worker) for worker in workers))
     assert sorted(path.name for path in out.iterdir()) == ["a.h", "a.json", "b.began", "batch.csv", "c.began"]
     assert [row["state"] for row in table(out)] == ["done"]
@@ -160,11 +166,11 @@ def test_a_run_that_is_killed_leaves_no_process_and_goes_on_where_it_stopped(
     ]
 
 
-def until(answer: object, seconds: float = 120.0) -> None:
-    """Wait until `answer()` holds."""
-    end = time.monotonic() + seconds
-    while not answer():  # type: ignore[operator]
-        assert time.monotonic() < end
+def until(answer: Callable[[], bool]) -> None:
+    """Wait until `answer()` holds; an AssertionError where it does not within MAX_WAIT."""
+    end = time.monotonic() + MAX_WAIT
+    while not answer():
+        assert time.monotonic() < end, f"still waiting after {MAX_WAIT:g} s"
         time.sleep(0.05)
 
 
