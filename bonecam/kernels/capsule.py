@@ -1,4 +1,4 @@
-"""Distance of points from a capsule, and the way out of it, compiled."""
+"""Signed distances of points from a capsule and its normals there, compiled."""
 
 import numpy as np
 from numba import njit
@@ -7,8 +7,8 @@ from numpy import ndarray
 from bonecam.kernels.fastmath import CONTRACT
 
 ON_AXIS = 1e5 * np.finfo(np.float64).eps
-"""Points so near to the axis segment, as a share of the capsule's size and its way from the origin, have no
-direction but rounding's."""
+"""Points nearer to the axis segment have a direction that is rounding alone: share of the capsule's size and
+its distance from the origin."""
 
 
 @njit(cache=True, fastmath=CONTRACT, nogil=True)
@@ -21,8 +21,11 @@ def distances_and_normals(
     distance: ndarray,
     out: ndarray,
 ) -> None:
-    """Signed distance (negative inside) and unit direction away from the axis segment; `sideways` for points
-    on the segment itself."""
+    """Write the signed distances (negative inside) into `distance` (n,) and the outward unit normals into
+    `out` (n, 3).
+
+    The axis segment goes from `start` to `start + axis`; points on it take the normal `sideways`.
+    """
     square = axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2]
     away = start[0] * start[0] + start[1] * start[1] + start[2] * start[2]
     least = ON_AXIS * (radius + np.sqrt(square) + np.sqrt(away))

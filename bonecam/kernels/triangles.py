@@ -1,4 +1,5 @@
-"""Distances of points from their own segment or triangle, compiled."""
+"""Distances of points from a given segment or triangle each, parameters inside a triangle, and the edges to
+cut where triangles are bisected; compiled."""
 
 import numpy as np
 from numba import njit
@@ -21,7 +22,7 @@ def _segment(px: float, py: float, pz: float, vertices: ndarray, a: int, b: int)
 
 @njit(cache=True)
 def segment_distances(points: ndarray, vertices: ndarray, edges: ndarray) -> ndarray:
-    """Largest distance of points[n, :] from the segment edges[n]: (n,)."""
+    """Largest distance (n,) of the points[n] (k, 3) from the segment between the vertices edges[n]."""
     result = np.zeros(len(edges))
     for n in range(len(edges)):
         worst = 0.0
@@ -56,7 +57,7 @@ def triangle_distances(points: ndarray, vertices: ndarray, faces: ndarray) -> nd
 
 
 @njit(cache=True)
-def between(
+def interpolate_parameters(
     parameters: ndarray,
     poles: ndarray,
     corners: ndarray,
@@ -64,10 +65,10 @@ def between(
     origin: tuple[float, float],
     period: tuple[float, float],
 ) -> tuple[ndarray, ndarray]:
-    """s and t between the corners (n, c) at each of the barycentric shares (k, c): (n k,); a pole has no s of
-    its own.
+    """s and t (n k,) at the barycentric coordinates `shares` (k, c) between the vertices `corners` (n, c).
 
-    A direction with a period closes: [origin, origin + period).
+    `parameters` (v, 2) are s and t of the vertices. A pole has no s of its own and counts for t alone. A
+    direction with a period is closed: its results lie in [origin, origin + period).
     """
     count = len(shares)
     s, t = np.empty(len(corners) * count), np.empty(len(corners) * count)
@@ -104,7 +105,8 @@ def between(
 
 @njit(cache=True)
 def mark_longest(marked: ndarray, edge_of_face: ndarray, longest: ndarray) -> None:
-    """Mark the longest edge of every face that has a marked edge, until all have it (in place)."""
+    """Mark, in place, the longest edge of every face that has a marked edge, until every such face has it
+    marked (Rivara 1984)."""
     changed = True
     while changed:
         changed = False

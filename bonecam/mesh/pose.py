@@ -12,6 +12,11 @@ from numpy import ndarray
 from bonecam.errors import MeshError
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
+INSIDE = 1e-12
+"""Share of the radius by which rounding may put a point outside the smallest circle."""
+THROUGH = 1e-10
+"""Share of the radius by which rounding may put a candidate outside a circle that holds it."""
+
 
 def upright(mesh: TriangleMesh) -> tuple[TriangleMesh, Float[ndarray, "4 4"]]:
     """The closed `mesh` with its long axis along +Z, and the rigid motion (4, 4) that turned it.
@@ -22,7 +27,8 @@ def upright(mesh: TriangleMesh) -> tuple[TriangleMesh, Float[ndarray, "4 4"]]:
     """
     centroid, covariance = solid_moments(mesh)
     _, axes = np.linalg.eigh(covariance)
-    long, middle = axes[:, 2], axes[:, 1]
+    long = axes[:, 2]
+    middle = axes[:, 1]
     heights = (mesh.vertices - centroid) @ long
     if heights.max() < -heights.min():  # the centroid is nearer to the thicker end
         long = -long
@@ -31,7 +37,8 @@ def upright(mesh: TriangleMesh) -> tuple[TriangleMesh, Float[ndarray, "4 4"]]:
     turned = mesh.vertices @ rotation.T
     shift = -np.append(enclosing_circle(turned[:, :2])[0], turned[:, 2].min())
     transform = np.eye(4)
-    transform[:3, :3], transform[:3, 3] = rotation, shift
+    transform[:3, :3] = rotation
+    transform[:3, 3] = shift
     return TriangleMesh(turned + shift, mesh.faces), transform
 
 
@@ -55,18 +62,19 @@ def solid_moments(mesh: TriangleMesh) -> tuple[Float[ndarray, "3"], Float[ndarra
 
 
 def enclosing_circle(points: Float[ndarray, "n 2"]) -> tuple[Float[ndarray, "2"], float]:
-    """Centre and radius of the smallest circle round `points` (Badoiu & Clarkson 2003, then the exact active
-    set).
+    """Centre and radius of the smallest circle round `points`.
 
-    Walks to the smallest circle of the hull's points by adding the farthest point to the set that defines the
-    circle.
+    An active set holds the two or three points that the circle passes through. As long as a point lies
+    outside, the farthest one joins the set and the circle grows (the order is that of Badoiu & Clarkson
+    2003).
     """
     active = [int(np.argmax(np.linalg.norm(points - points[0], axis=1)))]
-    centre, radius = points[active[0]], 0.0
+    centre = points[active[0]]
+    radius = 0.0
     while True:
         distances = np.linalg.norm(points - centre, axis=1)
         far = int(np.argmax(distances))
-        if distances[far] <= radius * (1 + 1e-12) + np.finfo(float).eps * np.abs(points).max():
+        if distances[far] <= radius * (1 + INSIDE) + np.finfo(float).eps * np.abs(points).max():
             return centre, radius
         active, centre, radius = _smallest_through(points, [*active, far])
 
@@ -85,7 +93,7 @@ def _smallest_through(
         offset, *_ = np.linalg.lstsq(system, ((corners[1:] - corners[0]) ** 2).sum(1), rcond=None)
         centre = corners[0] + offset
         radius = float(np.linalg.norm(offset))
-        if radius < best[0] and (np.linalg.norm(chosen - centre, axis=1) <= radius * (1 + 1e-10)).all():
+        if radius < best[0] and (np.linalg.norm(chosen - centre, axis=1) <= radius * (1 + THROUGH)).all():
             best = radius, [candidates[k] for k in subset], centre
     return best[1], best[2], best[0]
 
@@ -97,7 +105,7 @@ def _subsets(count: int) -> list[list[int]]:
 
 
 def rotation(x_deg: float, y_deg: float, z_deg: float) -> Float[ndarray, "3 3"]:
-    """The rotation about X, then Y, then Z by these angles in degrees."""
+    """The rotation matrix of turns about X, then Y, then Z by these angles in degrees."""
     found = np.eye(3)
     for axis, angle in enumerate(np.radians([x_deg, y_deg, z_deg])):
         u = (axis + 1) % 3

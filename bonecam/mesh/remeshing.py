@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool
 from numpy import ndarray
 
+from bonecam.mesh.healing.topology import half_edges
 from bonecam.mesh.meshlab import from_meshset, meshlab, to_meshset
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
@@ -50,7 +51,7 @@ def bisect_faces(mesh: TriangleMesh, chosen: Bool[ndarray, " f"]) -> TriangleMes
 
     Angles stay at least half as wide (Rivara 1984). New vertices come last.
     """
-    ends = np.sort(mesh.faces[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
+    ends = np.sort(half_edges(mesh).reshape(-1, 2), axis=1)
     edges, index = np.unique(ends, axis=0, return_inverse=True)
     edge_of = index.reshape(-1, 3)
     length = np.linalg.norm(mesh.vertices[edges[:, 0]] - mesh.vertices[edges[:, 1]], axis=1)

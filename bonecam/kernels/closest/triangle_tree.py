@@ -1,5 +1,4 @@
-"""The distance to the nearest of many triangles, as far as a limit: a tree of boxes, halved along the longest
-side.
+"""The distance to the nearest of many triangles, up to a limit, compiled: a tree of bounding boxes.
 
 The tree is complete: node n has the children 2n + 1 and 2n + 2, its last row are the leaves, which share the
 triangles evenly. Each search begins with the triangle that was nearest to the point before, so points in the
@@ -11,12 +10,15 @@ from numba import njit
 from numpy import ndarray
 
 DEEPEST = 64
+"""Room on the stack of a search: nodes that wait, at most one a level of the tree and one more."""
 
 
 @njit(cache=True)
 def tree_order(middles: ndarray, leaves: int) -> ndarray:
-    """The order of triangles (by their middles (n, 3)) in which `leaves`, a power of two, share them: halved
-    along the longest side."""
+    """The order of triangles, given by their middles (n, 3), in which the leaves of the tree share them.
+
+    Each part is halved along the longest side of the box round its middles. `leaves` is a power of two.
+    """
     n = len(middles)
     order = np.arange(n)
     parts = leaves
@@ -48,7 +50,7 @@ def tree_order(middles: ndarray, leaves: int) -> ndarray:
 @njit(cache=True)
 def boxes_of(triangles: ndarray, leaves: int) -> ndarray:
     """Boxes (2 leaves - 1, 6) of the tree over ordered triangles (n, 9): lowest x, y, z, highest x, y, z;
-    empty ones are nowhere."""
+    the box of a node without triangles is from infinity to minus infinity."""
     n = len(triangles)
     boxes = np.empty((2 * leaves - 1, 6))
     boxes[:, :3], boxes[:, 3:] = np.inf, -np.inf
@@ -71,7 +73,7 @@ def _squared(x: float, y: float, z: float) -> float:
 
 
 @njit(inline="always")
-def _to_box(px: float, py: float, pz: float, boxes: ndarray, n: int) -> float:
+def _squared_box_distance(px: float, py: float, pz: float, boxes: ndarray, n: int) -> float:
     """Squared distance from a box; infinite where it is empty."""
     x = max(max(boxes[n, 0] - px, px - boxes[n, 3]), 0.0)
     y = max(max(boxes[n, 1] - py, py - boxes[n, 4]), 0.0)
@@ -80,7 +82,7 @@ def _to_box(px: float, py: float, pz: float, boxes: ndarray, n: int) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _to_triangle(px: float, py: float, pz: float, t: ndarray) -> float:
+def _squared_triangle_distance(px: float, py: float, pz: float, t: ndarray) -> float:
     """Squared distance from a triangle (Ericson 2005, section 5.1.5)."""
     abx, aby, abz = t[3] - t[0], t[4] - t[1], t[5] - t[2]
     acx, acy, acz = t[6] - t[0], t[7] - t[1], t[8] - t[2]
@@ -118,14 +120,17 @@ def _to_triangle(px: float, py: float, pz: float, t: ndarray) -> float:
 @njit(cache=True, nogil=True)
 def distances_within(points: ndarray, limits: ndarray, triangles: ndarray, boxes: ndarray) -> ndarray:
     """Distance of each point from the nearest triangle, or its limit where none is nearer."""
-    n, found, leaves = len(triangles), np.empty(len(points)), (len(boxes) + 1) // 2
-    stack, reach = np.empty(DEEPEST, dtype=np.int64), np.empty(DEEPEST)
+    n = len(triangles)
+    leaves = (len(boxes) + 1) // 2
+    found = np.empty(len(points))
+    stack = np.empty(DEEPEST, dtype=np.int64)
+    reach = np.empty(DEEPEST)
     last = 0
     for i in range(len(points)):
         px, py, pz = points[i, 0], points[i, 1], points[i, 2]
         best = limits[i] * limits[i]
-        best = min(best, _to_triangle(px, py, pz, triangles[last]))
-        stack[0], reach[0], height = 0, _to_box(px, py, pz, boxes, 0), 1
+        best = min(best, _squared_triangle_distance(px, py, pz, triangles[last]))
+        stack[0], reach[0], height = 0, _squared_box_distance(px, py, pz, boxes, 0), 1
         while height:
             height -= 1
             if reach[height] >= best:
@@ -134,12 +139,13 @@ def distances_within(points: ndarray, limits: ndarray, triangles: ndarray, boxes
             if node >= leaves - 1:
                 leaf = node - leaves + 1
                 for k in range(leaf * n // leaves, (leaf + 1) * n // leaves):
-                    d = _to_triangle(px, py, pz, triangles[k])
+                    d = _squared_triangle_distance(px, py, pz, triangles[k])
                     if d < best:
                         best, last = d, k
                 continue
             a, b = 2 * node + 1, 2 * node + 2
-            to_a, to_b = _to_box(px, py, pz, boxes, a), _to_box(px, py, pz, boxes, b)
+            to_a = _squared_box_distance(px, py, pz, boxes, a)
+            to_b = _squared_box_distance(px, py, pz, boxes, b)
             if to_a < to_b:
                 a, b, to_a, to_b = b, a, to_b, to_a
             # the nearer child comes off the stack first

@@ -22,7 +22,9 @@ from bonecam.mesh.files.opencascade import kind_of, missing
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 REFUSED = 2
+"""Exit code of the child where it raised FileError, whose message is the last line of its stderr."""
 CHILD = "from bonecam.mesh.files.cad_files import serve; serve()"
+"""Python code that the child runs."""
 
 
 def read_cad_mesh(path: str | Path, chord_tolerance: float | None = None) -> TriangleMesh:
@@ -37,16 +39,16 @@ def read_cad_mesh(path: str | Path, chord_tolerance: float | None = None) -> Tri
 
 
 def mesh_arrays(file: Path, chord_tolerance: str) -> dict[str, ndarray]:
-    """What the child makes of a file for `read_cad_mesh`."""
+    """Vertices and faces of the part in a STEP or IGES file; `read_cad_mesh` runs this in the child."""
     mesh = read_and_tessellate(file, float(chord_tolerance) or None)
     return {"vertices": mesh.vertices, "faces": mesh.faces}
 
 
 def in_child(work: str, file: Path, *words: str) -> dict[str, ndarray]:
-    """The arrays that `work`, a "module:function" of (file, *words), makes of a STEP or IGES file in a
-    process of its own.
+    """The arrays that a function returns for a STEP or IGES file, run in a process of its own.
 
-    FileError where it raised one, or the process ended.
+    `work` names the function as "module:function"; it is called with the file and `words`. FileError where
+    the function raised one, or the process broke down.
     """
     refuse_foreign(file)
     if find_spec("OCP") is None:
@@ -72,8 +74,11 @@ def in_child(work: str, file: Path, *words: str) -> dict[str, ndarray]:
 
 
 def serve() -> None:
-    """The child: the arrays of argv[1], called with the file and words behind argv[2], into argv[2]; a
-    FileError to stderr."""
+    """The child's main function. Its arguments are a "module:function", the file to write, the file to read
+    and further words.
+
+    The arrays that the function returns are written as .npz; the message of a FileError goes to stderr.
+    """
     _, work, target, file, *words = sys.argv
     module, _, function = work.partition(":")
     try:

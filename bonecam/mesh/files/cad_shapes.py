@@ -14,7 +14,8 @@ from bonecam.mesh.files.opencascade import kind_of, occ
 
 
 def read_shape(path: str | Path) -> Any:
-    """The content of a STEP or IGES file as one OpenCASCADE shape in mm. FileError where it cannot be read."""
+    """The content of a STEP or IGES file as one OpenCASCADE shape in mm. FileError where it cannot be
+    read."""
     file = Path(path)
     refuse_foreign(file)
     kind = kind_of(file)

@@ -1,9 +1,9 @@
 """Triangles of OpenCASCADE shapes, within a chord tolerance of their faces.
 
-OpenCASCADE sometimes loses a part of a face, most often of a face that closes on itself. So the distance of each
-triangle from its face and the area of all of them are measured, and a result that misses is computed again,
-finer and with other faces. The triangles of neighbouring faces share the points of their common edge and are
-welded there; triangles that collapse at a pole are dropped.
+OpenCASCADE sometimes loses a part of a face, most often of a face that closes on itself. So the distance of
+each triangle from its face and the area of all of them are measured, and a result that misses is computed
+again, finer and with other faces. The triangles of neighbouring faces share the points of their common edge
+and are welded there; triangles that collapse at a pole are dropped.
 """
 
 from collections.abc import Iterable
@@ -26,7 +26,8 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 DEFAULT_CHORD_TOLERANCE = 5e-4
 """Chord tolerance where none is given, share of the diagonal."""
 DEFLECTION = 0.6
-"""Linear deflection that OpenCASCADE is given, share of the chord tolerance: it exceeds the one it is given."""
+"""Linear deflection that OpenCASCADE is given, share of the chord tolerance: its triangles exceed what it is
+given."""
 DEFLECTION_FACTORS = (1.0, 0.7, 0.4)
 """Factors on the deflection, tried in this order until the result keeps the tolerance."""
 ANGULAR_DEFLECTION = 0.35
@@ -36,8 +37,8 @@ AREA_TOLERANCE = 0.03
 CLOSED_FACE_CUTS = 3
 """Cuts of a face that closes on itself."""
 MEASURED_POINTS = np.array([[1, 1, 1], [1, 1, 0], [0, 1, 1], [1, 0, 1]]) / [[3], [2], [2], [2]]
-"""Barycentric coordinates of the points of a triangle whose distance from the face is measured: its middle and
-the middles of its edges."""
+"""Barycentric coordinates of the points of a triangle whose distance from the face is measured: its middle
+and the middles of its edges."""
 SEWING_TOLERANCE = 1e-5
 """Largest distance of loose edges that are joined, share of the diagonal."""
 WELDING_TOLERANCE = 1e-7
@@ -87,8 +88,8 @@ def _cut_closed_faces(shape: Any) -> Any:
 
 
 def _mesh_of(shape: Any, tolerance: float, welding: float) -> TriangleMesh | None:
-    """The triangles of a tessellated shape, points nearer than `welding` (mm) made one; None where a face has no
-    triangles or is further than `tolerance` (mm) from one of them."""
+    """The triangles of a tessellated shape, points nearer than `welding` (mm) made one; None where a face has
+    no triangles or is further than `tolerance` (mm) from one of them."""
     faces = faces_of(shape)
     parts = [part for face in faces if (part := _triangles(face, tolerance))]
     if len(parts) < len(faces):
@@ -100,7 +101,8 @@ def _mesh_of(shape: Any, tolerance: float, welding: float) -> TriangleMesh | Non
 
 
 def _triangles(face: Any, tolerance: float) -> tuple[Float[ndarray, "n 3"], Int64[ndarray, "m 3"]] | None:
-    """Nodes and triangles of one face; None where it has none, or is further than `tolerance` (mm) from one."""
+    """Nodes and triangles of one face; None where it has none, or is further than `tolerance` (mm) from
+    one."""
     lib = occ()
     place = lib.TopLoc.TopLoc_Location()
     mesh = lib.BRep.BRep_Tool.Triangulation_s(face, place)

@@ -1,9 +1,8 @@
-"""What the bytes of a mesh file tell before MeshLab reads it.
+"""Checks of the bytes of a mesh file before MeshLab reads it.
 
-MeshLab drops vertices that are not numbers without a word, takes a word for the number 0, and a face of an
-OFF or OBJ file that names a vertex that is not there, an OFF face cut short or a damaged PLY header end the
-whole process (measured with pymeshlab 2025.7). So all of them are looked for here. `trouble_in` answers (what
-is wrong, the remedy), or None.
+MeshLab drops vertices that are not numbers without a message, and reads a word as the number 0. A face of an
+OFF or OBJ file with a vertex that does not exist, an OFF face cut short or a damaged PLY header end the whole
+process (measured with pymeshlab 2025.7). All of them are found here first.
 """
 
 import math
@@ -13,12 +12,17 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 Trouble = tuple[str, str]
-_STL_HEADER, _STL_FACET = 84, 50
+"""What is wrong with a file, and the remedy."""
+_STL_HEADER = 84
+"""Bytes before the triangles of a binary STL."""
+_STL_FACET = 50
+"""Bytes of a triangle in a binary STL."""
 _STL_VERTEX = re.compile(rb"^[ \t]*vertex\b([^\n]*)", re.IGNORECASE | re.MULTILINE)
 _NOT_A_NUMBER = re.compile(rb"(?<![\w./#-])[+-]?(nan|inf|infinity)(?![\w./-])", re.IGNORECASE)
 _OBJ_NAMES = {b"v": "vertex", b"vt": "texture corner", b"vn": "normal"}
 _OBJ_WORDS = tuple(b"vp l p g o s mg usemtl mtllib usemap maplib".split())
-_CUT_SHORT, _ANEW = "copy or export it again", "export the mesh again"
+_CUT_SHORT = "copy or export it again"
+_ANEW = "export the mesh again"
 
 
 def trouble_in(ending: str, data: bytes) -> Trouble | None:
@@ -64,7 +68,7 @@ def _trouble_in_binary_stl(data: bytes) -> Trouble | None:
 
 
 def _trouble_in_ply(data: bytes) -> Trouble | None:
-    """Every line of the header, and no more elements than the file has bytes."""
+    """Checks every line of a PLY header, and that it names no more elements than the file has bytes."""
     end = data.find(b"end_header")
     if end < 0:
         return "is no PLY, or cut short: its header has no end", _CUT_SHORT
@@ -84,11 +88,12 @@ def _trouble_in_ply(data: bytes) -> Trouble | None:
 
 
 def _line_at(data: bytes, place: int) -> int:
+    """The number of the line, from 1, that the byte at `place` is in."""
     return data.count(b"\n", 0, place) + 1
 
 
 def _no_point(words: Iterable[bytes], size: int = 3) -> str | None:
-    """What is wrong where x y z (or fewer numbers) should stand."""
+    """A phrase for words that are not `size` finite numbers, or None."""
     texts = [word.decode(errors="replace") for word in words][:size]
     for text in texts:
         try:
@@ -107,7 +112,8 @@ def _numbered_words(data: bytes) -> Iterator[tuple[int, list[bytes]]]:
 
 
 def _trouble_in_off(data: bytes) -> Trouble | None:
-    """Faces behind the vertices: `k i1 .. ik`, from 0, then nothing or a colour of 3 or 4 numbers."""
+    """Checks an OFF. Its faces follow the vertices: `k i1 .. ik`, counted from 0, then nothing or a colour of
+    3 or 4 numbers."""
     lines = _numbered_words(data)
     _, words = next(lines, (0, []))
     if not words or not words[0].endswith(b"OFF"):
@@ -115,7 +121,8 @@ def _trouble_in_off(data: bytes) -> Trouble | None:
     counts = words[1:] or next(lines, (0, []))[1]
     if len(counts) < 2:
         return "is cut short: the counts behind OFF are missing", _CUT_SHORT
-    vertices, faces = max(0, int(counts[0])), max(0, int(counts[1]))
+    vertices = max(0, int(counts[0]))
+    faces = max(0, int(counts[1]))
     body = list(lines)
     for number, words in body[:vertices]:
         if what := _no_point(words):
@@ -137,7 +144,8 @@ def _trouble_in_off(data: bytes) -> Trouble | None:
 
 
 def _trouble_in_obj(data: bytes) -> Trouble | None:
-    """Faces anywhere: `f i1[/t1[/n1]] .. ik[/..]`, from 1; negative ones count back."""
+    """Checks an OBJ. Its faces stand anywhere: `f i1[/t1[/n1]] .. ik[/..]`, counted from 1; negative ones
+    count back."""
     found = {b"v": 0, b"vt": 0, b"vn": 0}
     highest = dict.fromkeys(found, (0, 0))
     for number, words in _numbered_words(data):

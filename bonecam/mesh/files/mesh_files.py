@@ -2,8 +2,7 @@
 
 `read_mesh` reads every kind of part file: for STEP, IGES, SAT, DXF and point clouds it asks the modules that
 know them. Coordinates are read and written as they stand in the file; `bonecam.mesh.units` gives them their
-unit. What MeshLab mends in silence (vertices that are not numbers are dropped, duplicate STL corners are
-merged) is looked at first: the former is an error here, the latter is wanted.
+unit. MeshLab drops vertices that are not numbers without a message; here they are an error.
 """
 
 import os
@@ -27,10 +26,15 @@ from bonecam.mesh.meshlab import from_meshset, meshlab, quality_colours
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 MESHES = (".stl", ".ply", ".obj", ".off")
+"""Endings of the files that MeshLab reads."""
 CAD = (*STEP, *IGES, *ACIS, *DXF)
+"""Endings of CAD files, which need the extra `cad`."""
 READABLE = (*MESHES, *CAD, *POINTS)
+"""Endings of the files that `read_mesh` reads."""
 WRITABLE = (".ply", ".stl")
+"""Endings of the files that `write_mesh` writes."""
 LARGEST_COORDINATE = 1e9
+"""Larger coordinates, in the file's own unit, are refused as damaged."""
 
 
 def read_mesh(path: str | Path, also: tuple[str, ...] = ()) -> TriangleMesh:
@@ -52,7 +56,7 @@ def read_mesh(path: str | Path, also: tuple[str, ...] = ()) -> TriangleMesh:
     try:
         if file.suffix.lower() == ".stl":
             meshset.load_new_mesh(str(file), unify_vertices=False)
-            mesh = _welded(from_meshset(meshset))
+            mesh = _weld(from_meshset(meshset))
         else:
             meshset.load_new_mesh(str(file))
             mesh = from_meshset(meshset)
@@ -66,7 +70,7 @@ def read_mesh(path: str | Path, also: tuple[str, ...] = ()) -> TriangleMesh:
 
 
 def _read_other(file: Path) -> TriangleMesh:
-    """The triangles of what MeshLab does not read."""
+    """The triangles of a CAD file or of text with points, which MeshLab does not read."""
     ending = file.suffix.lower()
     if ending in (*STEP, *IGES):
         return read_cad_mesh(file)
@@ -83,7 +87,8 @@ def _read_other(file: Path) -> TriangleMesh:
 
 
 def _round_points(file: Path, points: Float[ndarray, "n 3"]) -> TriangleMesh:
-    """The surface round a point cloud; FileError where it is none."""
+    """The surface round a point cloud; FileError where the points are too few, MeshError where it misses
+    them."""
     if len(points) < FEWEST:
         raise _refusal(
             file,
@@ -136,8 +141,9 @@ def write_mesh(
         ) from error
 
 
-def _welded(mesh: TriangleMesh) -> TriangleMesh:
-    """Equal corners made one vertex (MeshLab's own way drops the faces that become null, unsaid)."""
+def _weld(mesh: TriangleMesh) -> TriangleMesh:
+    """The mesh with equal corners made one vertex. (MeshLab's own filter drops null faces without a
+    message.)"""
     vertices, index = np.unique(mesh.vertices + 0.0, axis=0, return_inverse=True)
     return TriangleMesh(vertices, index.ravel()[mesh.faces].astype(np.int32))
 
@@ -164,9 +170,10 @@ def _bytes_of(file: Path, also: tuple[str, ...]) -> bytes:
 
 
 def _refuse_lost_elements(file: Path, data: bytes, mesh: TriangleMesh) -> None:
-    """FileError where a PLY names more vertices than MeshLab kept: it drops those that are not numbers. Or
-    where a number is absurd."""
-    if (largest := np.abs(mesh.vertices).max(initial=0.0)) > LARGEST_COORDINATE:
+    """FileError where a coordinate is larger than LARGEST_COORDINATE, or a PLY names more vertices than
+    MeshLab kept: it drops those that are not numbers."""
+    largest = np.abs(mesh.vertices).max(initial=0.0)
+    if largest > LARGEST_COORDINATE:
         raise _refusal(file, f"has a coordinate of {largest:.3g}", "export it again")
     if (
         file.suffix.lower() == ".ply"

@@ -14,10 +14,15 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.meshlab import from_meshset, meshlab
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
-FEWEST = 200  # points
-NEIGHBOURS = 12  # that a normal is fitted to
-DEPTH = 8  # of the octree
-MISSED = 0.02  # of the diagonal: further from a point than this, the surface is refused
+FEWEST = 200
+"""Least number of points of a cloud."""
+NEIGHBOURS = 12
+"""Number of neighbours that the normal of a point is fitted to."""
+DEPTH = 8
+"""Depth of the octree of the reconstruction."""
+MAX_DISTANCE = 0.02
+"""Largest distance of a point from the surface, share of the diagonal: a surface that misses more is
+refused."""
 
 
 def reconstruct(points: Float[ndarray, "n 3"]) -> TriangleMesh:
@@ -38,7 +43,7 @@ def reconstruct(points: Float[ndarray, "n 3"]) -> TriangleMesh:
     faces = found.faces if found.volume >= 0 else found.faces[:, ::-1]
     mesh = TriangleMesh(found.vertices * size + middle, faces)
     distances = MeshDistance(mesh).unsigned(points) if len(mesh.faces) else np.full(1, np.inf)
-    if not distances.max() <= MISSED * size:
+    if not distances.max() <= MAX_DISTANCE * size:
         place = points[np.argmax(distances)] if len(mesh.faces) else middle
         what = f"the surface round the points misses one by {distances.max():.3g} at {np.round(place, 3).tolist()}"
         raise MeshError(f"{what}: give a denser cloud that covers the whole part, or a mesh", place=place)

@@ -17,6 +17,7 @@ from numpy import ndarray
 from bonecam.errors import FileError
 
 POINTS = (".xyz", ".csv", ".asc", ".pts", ".txt", ".dat")
+"""Endings of text files of points."""
 
 
 def read_blocks(path: str | Path) -> tuple[Float[ndarray, "_ 3"], ...]:
@@ -64,6 +65,7 @@ def read_blocks(path: str | Path) -> tuple[Float[ndarray, "_ 3"], ...]:
 
 
 def _words(line: str) -> list[str]:
+    """The words of a line, decimal commas made points; none for a comment."""
     text = line.strip()
     if text.startswith(("#", "//")):
         return []
@@ -77,7 +79,8 @@ def _names_axes(words: list[str]) -> bool:
 
 
 def _is_head(values: list[float]) -> bool:
-    """A line with the number of points that follow, alone or before the dimension 3."""
+    """Whether a line is the head of a block: the number of points that follow, alone or before the dimension
+    3."""
     return values[0] == int(values[0]) and values[0] > 0 and values[1:] in ([], [3.0])
 
 

@@ -15,8 +15,12 @@ import numpy as np
 from bonecam.errors import FileError
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
-ACIS, DXF = (".sat", ".sab"), (".dxf",)
+ACIS = (".sat", ".sab")
+"""Endings of ACIS files."""
+DXF = (".dxf",)
+"""Endings of DXF files."""
 SOLIDS = ("3DSOLID", "BODY", "REGION", "SURFACE")
+"""Entities of a DXF that hold an ACIS body."""
 
 Polygon = Sequence[Any]
 
@@ -51,7 +55,8 @@ def read_polyhedra(path: str | Path) -> TriangleMesh:
             file, f"cannot be read ({error.strerror})", "give the path of a readable file"
         ) from error
     except troubles as error:
-        kind, reason = file.suffix[1:].upper(), " ".join(str(error).split()) or type(error).__name__
+        kind = file.suffix[1:].upper()
+        reason = " ".join(str(error).split()) or type(error).__name__
         raise _refusal(
             file, f"is no readable {kind} file ({reason})", "export the part again, or as STEP"
         ) from error
@@ -67,8 +72,10 @@ def read_polyhedra(path: str | Path) -> TriangleMesh:
 
 
 def _triangles(polygons: Iterable[Polygon]) -> Iterator[Polygon]:
-    """Ears of each polygon, concave ones too. (ezdxf returns turned copies of the corners: the corners
-    themselves are put back.)"""
+    """The triangles of each polygon, concave ones too, by ear clipping.
+
+    ezdxf returns rotated copies of the corners, with rounding errors; the corners themselves are put back.
+    """
     from ezdxf.math.triangulation import mapbox_earcut_3d
 
     for polygon in polygons:
@@ -99,10 +106,8 @@ def _body_polygons(file: Path, bodies: Iterable[Any]) -> Iterator[Polygon]:
     for body in bodies:
         found = [polygon for lump in flat_polygon_faces_from_body(body) for polygon in lump]
         faces = list(_faces(body))
-        curved, holed = (
-            len(faces) - len(found),
-            sum(not face.loop.is_none and not face.loop.next_loop.is_none for face in faces),
-        )
+        curved = len(faces) - len(found)
+        holed = sum(not face.loop.is_none and not face.loop.next_loop.is_none for face in faces)
         if curved or holed:
             what = f"has {curved} curved faces of {len(faces)}" if curved else f"has {holed} faces with holes"
             raise _refusal(
@@ -116,6 +121,7 @@ def _body_polygons(file: Path, bodies: Iterable[Any]) -> Iterator[Polygon]:
 
 
 def _faces(body: Any) -> Iterator[Any]:
+    """The faces of all shells of an ACIS body."""
     lump = body.lump
     while not lump.is_none:
         shell = lump.shell

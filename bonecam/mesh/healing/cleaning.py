@@ -1,4 +1,5 @@
-"""Cleaning a mesh: debris, duplicates, fins, non-manifold places, orientation, holes, in the order that works."""
+"""Cleaning a mesh: debris, duplicates, fins, non-manifold places, orientation, holes, in the order that
+works."""
 
 import numpy as np
 
@@ -6,7 +7,7 @@ from bonecam.arrays import dots
 from bonecam.errors import MeshError, counted, place_name
 from bonecam.mesh.healing.faults import holes_of
 from bonecam.mesh.healing.repair_state import RepairState, apply_filter, apply_filters
-from bonecam.mesh.healing.topology import edges_of, pieces_of
+from bonecam.mesh.healing.topology import edges_of, half_edges, pieces_of
 from bonecam.mesh.meshlab import from_meshset, to_meshset
 from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces
 
@@ -31,7 +32,8 @@ def tidy(state: RepairState) -> RepairState:
 
 
 def clean(state: RepairState) -> RepairState:
-    """Non-manifold places cut apart, then faces oriented alike, then holes closed, then all turned outwards."""
+    """Non-manifold places cut apart, then faces oriented alike, then holes closed, then all turned
+    outwards."""
     cut = keep_largest_piece(apply_filters(state, CUTTING))
     return orient_outwards(close_holes(orient_coherently(cut)))
 
@@ -73,7 +75,7 @@ def drop_fins(state: RepairState) -> RepairState:
     (MeshLab would remove the smallest face of the edge instead.)
     """
     edges, counts = edges_of(state.mesh)
-    sides = np.sort(state.mesh.faces[:, [[0, 1], [1, 2], [2, 0]]], axis=2).astype(np.int64)
+    sides = np.sort(half_edges(state.mesh), axis=2).astype(np.int64)
     names = edges.astype(np.int64) @ [len(state.mesh.vertices), 1]
     found = counts[np.searchsorted(names, sides @ [len(state.mesh.vertices), 1])]
     fins = (found == 1).any(1) & (found > 2).any(1)

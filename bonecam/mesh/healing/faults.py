@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from bonecam.mesh.healing.topology import edges_of, genus, pieces_of
+from bonecam.mesh.healing.topology import edges_of, genus, half_edges, pieces_of
 from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
@@ -54,7 +54,7 @@ def _edge_faults(mesh: TriangleMesh) -> tuple[Fault, ...]:
             found.append(
                 Fault(kind, f"{wrong.sum()} {phrase}", mesh.vertices[edges[np.argmax(wrong)]].mean(0))
             )
-    halves = mesh.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    halves = half_edges(mesh).reshape(-1, 2)
     _, first, same = np.unique(halves, axis=0, return_index=True, return_counts=True)
     if not found and (same > 1).any():
         place = mesh.vertices[halves[first[np.argmax(same)], 0]]

@@ -19,10 +19,9 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 REACH = 0.2
 """How far (as a share of its radius) the ball may reach into the part: facets and fillets are no pits."""
 SHALLOW = 0.02
-"""Where the membrane is nowhere farther (mm) from the mesh there is no pit: the normal of a vertex among
-slivers misled."""
-ROUNDS = 10
-"""Most times that what was filled grows by a ring of neighbours."""
+"""Depth in mm below which there is no pit: the wrong normal of a vertex among slivers looks like one."""
+MAX_RINGS = 10
+"""Largest number of rings of neighbours by which the filled region grows."""
 
 
 def intrusion(
@@ -38,17 +37,24 @@ def intrusion(
 
 
 def fill_pits(mesh: TriangleMesh, radius: float) -> tuple[TriangleMesh, tuple[str, ...]]:
-    """The closed mesh (mm) with its pits filled, and a sentence that tells how deep, where, and what stayed;
-    none where there are none."""
+    """The closed mesh (mm) without pits that a ball of `radius` mm cannot enter, and sentences for the
+    report.
+
+    A sentence names the depth, the place and the vertices still out of reach. A mesh without pits comes back
+    unchanged, with no sentence.
+    """
     found = intrusion(mesh, radius) > REACH * radius
     if not found.any():
         return mesh, ()
-    free, filled, left = np.zeros(len(mesh.vertices), dtype=bool), mesh, found.copy()
-    for _ in range(ROUNDS):
+    free = np.zeros(len(mesh.vertices), dtype=bool)
+    filled = mesh
+    left = found
+    for _ in range(MAX_RINGS):
         free[np.unique(mesh.faces[left[mesh.faces].any(axis=1)])] = True
         filled = _membrane(mesh, free)
         near = _reached(filled, free, radius)
-        left[:], left[near] = found, intrusion(filled, radius, near) > REACH * radius
+        left = found.copy()
+        left[near] = intrusion(filled, radius, near) > REACH * radius
         if not left.any():
             break
     moved = np.linalg.norm(filled.vertices - mesh.vertices, axis=1)
@@ -63,7 +69,7 @@ def fill_pits(mesh: TriangleMesh, radius: float) -> tuple[TriangleMesh, tuple[st
 
 
 def _reached(mesh: TriangleMesh, free: Bool[ndarray, " v"], radius: float) -> Int[ndarray, " k"]:
-    """Vertices whose ball may touch a face with a free vertex: for all others nothing has changed."""
+    """Vertices whose ball may touch a face with a free vertex; elsewhere the last measurement still holds."""
     faces = mesh.faces[free[mesh.faces].any(axis=1)]
     corners = mesh.vertices[faces]
     longest = float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max())
@@ -73,7 +79,8 @@ def _reached(mesh: TriangleMesh, free: Bool[ndarray, " v"], radius: float) -> In
     return np.flatnonzero(np.isfinite(away))
 
 
-def _membrane(mesh: TriangleMesh, free: ndarray) -> TriangleMesh:
+def _membrane(mesh: TriangleMesh, free: Bool[ndarray, " v"]) -> TriangleMesh:
+    """The mesh with its free vertices moved to where Laplace's equation holds; the others stay."""
     import igl
 
     fixed = np.flatnonzero(~free)

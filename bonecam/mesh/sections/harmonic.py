@@ -13,8 +13,8 @@ from numpy import ndarray
 
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
-CAP = 1.0
-"""Mean radii that the end of a part reaches in."""
+END_LENGTH = 1.0
+"""Length of the end of a part along Z, in mean radii."""
 WEIGHT_FLOOR = 0.02
 """Least edge weight; a regular triangle pair has 2 / sqrt(3) / 2 = 0.58."""
 
@@ -22,16 +22,18 @@ WEIGHT_FLOOR = 0.02
 def end_poles(mesh: TriangleMesh) -> Int[ndarray, "2"]:
     """The vertices in the middle of the lower and of the upper end along Z.
 
-    An end is what lies within CAP mean radii of the lowest or the highest point; its middle is the vertex
-    nearest to where the axis through its centroid leaves the mesh. (A pole at the very lowest point, often a
-    corner at the rim, would crowd the rows on one side.)
+    An end is the part of the mesh within END_LENGTH mean radii of the lowest or the highest point; its middle
+    is the vertex nearest to where the axis through its centroid leaves the mesh. (A pole at the very lowest
+    point, often a corner at the rim, would crowd the rows on one side.)
     """
-    heights, corners = mesh.vertices[:, 2], mesh.vertices[mesh.faces]
+    heights = mesh.vertices[:, 2]
+    corners = mesh.vertices[mesh.faces]
     radius = mesh.area / (2 * np.pi * np.ptp(heights))
-    centres, areas = corners.mean(axis=1), np.linalg.norm(mesh.face_vectors, axis=1)
+    centres = corners.mean(axis=1)
+    areas = np.linalg.norm(mesh.face_vectors, axis=1)
     found = []
     for sign, end in ((-1.0, heights.min()), (1.0, heights.max())):
-        cap = (end - centres[:, 2]) * sign < CAP * radius
+        cap = (end - centres[:, 2]) * sign < END_LENGTH * radius
         middle = np.average(centres[cap], axis=0, weights=areas[cap])
         outward = cap & (mesh.face_vectors[:, 2] * sign > 0)
         candidates = np.unique(mesh.faces[outward if outward.any() else cap])
@@ -41,7 +43,7 @@ def end_poles(mesh: TriangleMesh) -> Int[ndarray, "2"]:
 
 
 def harmonic_field(mesh: TriangleMesh, poles: Int[ndarray, "2"]) -> Float[ndarray, " v"]:
-    """u at each vertex: 0 at poles[0], 1 at poles[1], harmonic between."""
+    """The field at each vertex: 0 at the vertex poles[0], 1 at poles[1], harmonic between."""
     laplacian = positive_laplacian(mesh)
     count = len(mesh.vertices)
     free = np.setdiff1d(np.arange(count), poles)
@@ -55,10 +57,14 @@ def positive_laplacian(mesh: TriangleMesh) -> sp.csr_array:
     """The (v, v) cotangent Laplacian, rows summing to zero, off-diagonals at most -WEIGHT_FLOOR."""
     count = len(mesh.vertices)
     corners = mesh.vertices[mesh.faces]
-    starts, ends, cotangents = [], [], []
+    starts = []
+    ends = []
+    cotangents = []
     for k in range(3):
-        one, two = corners[:, (k + 1) % 3] - corners[:, k], corners[:, (k + 2) % 3] - corners[:, k]
-        cotangents.append(0.5 * (one * two).sum(1) / np.linalg.norm(np.cross(one, two), axis=1))
+        to_next = corners[:, (k + 1) % 3] - corners[:, k]
+        to_last = corners[:, (k + 2) % 3] - corners[:, k]
+        sines = np.linalg.norm(np.cross(to_next, to_last), axis=1)
+        cotangents.append(0.5 * (to_next * to_last).sum(1) / sines)
         starts.append(mesh.faces[:, (k + 1) % 3])
         ends.append(mesh.faces[:, (k + 2) % 3])
     half = sp.coo_array(

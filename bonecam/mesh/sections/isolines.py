@@ -19,7 +19,8 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 
 @dataclass(frozen=True, eq=False)
 class Isolines:
-    """Traces isolines of `field` (v,), a number at each vertex of a closed `mesh`."""
+    """The isolines of `field`, a number at each vertex of a closed `mesh`; `neighbours` are those of its
+    faces."""
 
     mesh: TriangleMesh
     field: Float[ndarray, " v"]
@@ -80,14 +81,16 @@ class Isolines:
     def _edges(
         self, above: Bool[ndarray, " v"], faces: Int[ndarray, " k"], *, rises: bool
     ) -> Int[ndarray, " k"]:
+        """The local edge of each crossed face where the field rises through the value, or falls."""
         corners = above[self.mesh.faces[faces]]
         following = np.roll(corners, -1, axis=1)
         return np.argmax((~corners & following) if rises else (corners & ~following), axis=1)
 
     def _walk(self, faces: Int[ndarray, " k"], rising: Int[ndarray, " k"]) -> Int[ndarray, " n"]:
-        """The faces met from the first one on, until it comes round again."""
+        """The crossed faces in the order of the loop that begins at the first of them."""
         successor = np.searchsorted(faces, self.neighbours[faces, rising]).tolist()
-        order, here = [0], successor[0]
+        order = [0]
+        here = successor[0]
         while here != 0:
             order.append(here)
             here = successor[here]
@@ -97,7 +100,8 @@ class Isolines:
         self, faces: Int[ndarray, " k"], edges: Int[ndarray, " k"], value: float
     ) -> Float[ndarray, "k 3"]:
         """Where the isoline crosses one edge of each face."""
-        start, end = self.mesh.faces[faces, edges], self.mesh.faces[faces, (edges + 1) % 3]
+        start = self.mesh.faces[faces, edges]
+        end = self.mesh.faces[faces, (edges + 1) % 3]
         share = (value - self.field[start]) / (self.field[end] - self.field[start])
         return self.mesh.vertices[start] + share[:, None] * (
             self.mesh.vertices[end] - self.mesh.vertices[start]

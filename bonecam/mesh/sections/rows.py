@@ -3,8 +3,8 @@
 Field values crowd at the poles (the field is logarithmic there), so rows are spaced by the mean distance
 between neighbouring loops: an area dA between two loops of length l lies dA / l apart. Points on a row are
 equally spaced by arc length from the seam, the line from pole to pole that crosses the loops squarely. Gan et
-al. 2014 begin with such rows ("17 rows x 100 points arranged along the directrix") without telling where they
-come from.
+al. 2014 begin with such rows ("17 rows x 100 points arranged along the directrix") and do not say how they
+are made.
 """
 
 from dataclasses import dataclass
@@ -28,6 +28,8 @@ POLE_SPACING = 0.5
 most."""
 STRIPS = 400
 """Isolines that measure the distance from pole to pole."""
+EDGE = 0.013
+"""Target edge of the even remesh, share of the diagonal."""
 GUIDES = 8
 """Loops a row that lead the seam and the vertex parameters from row to row."""
 
@@ -38,8 +40,8 @@ class Rows:
 
     points[i, 0] is on the seam; points run counter-clockwise seen from above (so that S_s x S_t points
     outward). `mesh` is the even remesh whose isolines the rows are. `heights` (m,) are the mean distances of
-    the rows from the lower pole in shares of the whole way, in (0, 1); `field_heights` (v,) the same of each
-    vertex of `mesh`.
+    the rows from the lower pole in shares of the whole way, in (0, 1); `field_heights` (v,) are those
+    of the vertices of `mesh`. `guides` are finer loops, GUIDES a row.
     """
 
     points: Float[ndarray, "m p 3"]
@@ -53,7 +55,7 @@ class Rows:
     def vertex_parameters(self) -> Float[ndarray, "v 2"]:
         """(s, t) of each vertex of `mesh`: t its height in [0, 1], s its share of the arc length round its
         loop from the seam."""
-        return np.stack([_around(self), self.field_heights], axis=1)
+        return np.stack([_arc_shares(self), self.field_heights], axis=1)
 
 
 def harmonic_rows(
@@ -65,13 +67,13 @@ def harmonic_rows(
 ) -> Rows:
     """Rows of points on a closed genus-0 mesh that stands upright (see `pose.upright`).
 
-    `edge` is the target edge of the remesh in mm (default: 1.3 % of the diagonal). MeshError where an isoline
+    `edge` is the target edge of the remesh in mm (default: EDGE of the diagonal). MeshError where an isoline
     is not one loop.
     """
     if rows < 2 or points < 3:
         raise ValueError(f"{rows} rows of {points} points: give at least 2 rows of 3 points")
     report(progress, 0.0, "remeshing evenly")
-    even = remesh(mesh, mesh.diagonal * 0.013 if edge is None else edge)
+    even = remesh(mesh, mesh.diagonal * EDGE if edge is None else edge)
     report(progress, 0.5, "solving the harmonic field")
     poles = end_poles(even)
     isolines = Isolines.of(even, harmonic_field(even, poles))
@@ -82,7 +84,7 @@ def harmonic_rows(
     )
     report(progress, 0.6, "tracing the rows")
     values = np.interp(guide_heights, heights, field_values)
-    guides = _aligned([isolines.loop(float(value)) for value in values], points)
+    guides = _align_loops([isolines.loop(float(value)) for value in values], points)
     chosen = guides[GUIDES - 1 :: GUIDES]
     on_mesh, _ = exact_closest(mesh, np.concatenate([chosen.reshape(-1, 3), even.vertices[poles]]))
     return Rows(
@@ -96,15 +98,14 @@ def harmonic_rows(
 
 
 def row_heights(rows: int) -> Float[ndarray, " m"]:
-    """Shares of the way from pole to pole: spacing smoothly falls to POLE_SPACING of the even one at the
-    poles."""
+    """Heights of the rows in (0, 1): evenly spaced in the middle, POLE_SPACING as far apart at the poles."""
     x = np.arange(1, rows + 1) / (rows + 1)
     return np.asarray(x - (1 - POLE_SPACING) * np.sin(2 * np.pi * x) / (2 * np.pi))
 
 
 def measured_heights(isolines: Isolines) -> tuple[Float[ndarray, " k"], Float[ndarray, " k"]]:
-    """Heights in [0, 1] and the field values there: the mean distance from the lower pole over that of the
-    upper one.
+    """Heights in [0, 1] and the field values there. A height is the mean distance from the lower pole,
+    divided by that of the upper pole.
 
     Between two isolines of mean length l with the area dA between them the distance is dA / l; a cap of area
     A in a loop of length l is a disc of radius 2 A / l.
@@ -122,7 +123,7 @@ def measured_heights(isolines: Isolines) -> tuple[Float[ndarray, " k"], Float[nd
     return heights / heights[-1], np.concatenate([[0.0], values, [1.0]])
 
 
-def _aligned(loops: list[ndarray], points: int) -> Float[ndarray, "g p 3"]:
+def _align_loops(loops: list[ndarray], points: int) -> Float[ndarray, "g p 3"]:
     """Each loop as `points` equally spaced points from the seam.
 
     The seam starts on the middle loop where it lies farthest out along +X and goes to the nearest place of
@@ -161,8 +162,9 @@ def equally_spaced(
     return np.stack([np.interp(wanted, along, chain[:, axis]) for axis in range(3)], axis=1)
 
 
-def _around(rows: Rows) -> Float[ndarray, " v"]:
-    """s of each vertex, from the nearest side of the nearest points of the guide loops."""
+def _arc_shares(rows: Rows) -> Float[ndarray, " v"]:
+    """The share of the arc length round its loop at which each vertex lies, by the nearest point of the
+    guides."""
     count = rows.guides.shape[1]
     _, nearest = cKDTree(rows.guides.reshape(-1, 3)).query(rows.mesh.vertices)
     loop, index = np.divmod(nearest, count)

@@ -12,6 +12,7 @@ from bonecam.errors import StockError, place_name, require_type
 from bonecam.job import StockJob
 from bonecam.mesh.distance import exact_closest
 from bonecam.mesh.files.mesh_files import read_mesh
+from bonecam.mesh.healing.topology import half_edges
 from bonecam.mesh.hull import convex_hull
 from bonecam.mesh.remeshing import split_edges
 from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces
@@ -127,8 +128,8 @@ class ConvexStock(Stock):
     ) -> tuple[Float[ndarray, "n"], Float[ndarray, "n 3"]]:
         """Signed distances (mm) and outward normals in one pass.
 
-        A point outside lies on the other side of its nearest point than the body's middle does; a point inside
-        on the same side.
+        A point outside lies on the other side of its nearest point than the body's middle does; a point
+        inside on the same side.
         """
         closest, face = exact_closest(self.surface, points)
         away = points - closest
@@ -143,8 +144,8 @@ class ConvexStock(Stock):
         return self.distances_and_normals(points)[0]
 
     def normals(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
-        """Unit outward normals at the nearest points; from the edge or corner to the point where the nearest is
-        on one."""
+        """Unit outward normals at the nearest points; from the edge or corner to the point where the nearest
+        is on one."""
         return self.distances_and_normals(points)[1]
 
     def mesh(self, chord_tolerance: float) -> TriangleMesh:
@@ -152,12 +153,8 @@ class ConvexStock(Stock):
         return split_edges(self.surface, float(np.sqrt(8 * chord_tolerance * self.diameter)))
 
 
-def _edges(mesh: TriangleMesh) -> ndarray:
-    return np.vstack([mesh.faces[:, [i, (i + 1) % 3]] for i in range(3)])
-
-
 def _require_closed(mesh: TriangleMesh) -> None:
-    edges = _edges(mesh)
+    edges = half_edges(mesh).reshape(-1, 2)
     forward = edges[:, 0].astype(np.int64) * len(mesh.vertices) + edges[:, 1]
     backward = edges[:, 1].astype(np.int64) * len(mesh.vertices) + edges[:, 0]
     lonely = np.flatnonzero(~np.isin(forward, backward))
@@ -180,7 +177,7 @@ def _require_closed(mesh: TriangleMesh) -> None:
 
 def _require_convex(mesh: TriangleMesh) -> None:
     """Every vertex, edge middle and face middle lies on the convex hull, and the volumes agree."""
-    edges = _edges(mesh)
+    edges = half_edges(mesh).reshape(-1, 2)
     hull = convex_hull(mesh.vertices)
     probes = np.vstack([mesh.vertices, mesh.vertices[edges].mean(1), mesh.vertices[mesh.faces].mean(1)])
     inside = np.linalg.norm(probes - exact_closest(hull, probes)[0], axis=1)
@@ -197,8 +194,8 @@ def _require_convex(mesh: TriangleMesh) -> None:
 
 
 def _make(job: StockJob, part: LyingPart, schedule: Schedule) -> ConvexStock:
-    """The body of the job's file with the middle of its box on the axis; scale 0: the smallest copy that leaves
-    the allowance."""
+    """The body of the job's file with the middle of its box on the axis; scale 0: the smallest copy that
+    leaves the allowance."""
     if not job.mesh:
         raise StockError(
             "a stock of kind 'mesh' needs a file: give stock.mesh = \"block.stl\" (mm, Z upright)"

@@ -33,8 +33,8 @@ class Elements:
     e.
 
     coefficients[k] belongs to functions[k]: 4 x 4 Bernstein coefficients, s fastest ((d + 1) x (d + 1) where
-    elements of another degree d come from a file; kernels.bezier.any_degree evaluates them). `period` is the length
-    of a closed direction (s, t), 0 where it is open. Functions are increasing within an element.
+    elements of another degree d come from a file; kernels.bezier.any_degree evaluates them). `period` is the
+    length of a closed direction (s, t), 0 where it is open. Functions are increasing within an element.
     """
 
     boxes: Float[ndarray, "e 4"]

@@ -1,7 +1,7 @@
 """Closest points on a T-spline: of any points, of points near the surface, and of points followed by a fit.
 
-All three take the steps of `kernels.closest.newton`, and go over a pole, round a closed direction and along an
-open border by its one rule. They differ in the start and in when they stop:
+All three take the steps of `kernels.closest.newton`, and go over a pole, round a closed direction and along
+an open border by its one rule. They differ in the start and in when they stop:
 
     project                 from the nearest seeds, damped Newton until rounding; of several the nearest
     closest_points_near     from given parameters, few Gauss-Newton steps, each damped; with normals
@@ -105,7 +105,8 @@ def closest_points_near(
     steps: int,
     near_enough: Float[ndarray, " n"] | None = None,
 ) -> ClosestPoints:
-    """The closest points that `steps` Gauss-Newton steps from (s, t) pass, on a surface closed in s with poles.
+    """The closest points that `steps` Gauss-Newton steps from (s, t) pass, on a surface closed in s with
+    poles.
 
     A surface point no farther than `near_enough` (mm) ends the search, where that is given. The distance to
     the whole surface is never understated, as the nearest point that was passed is returned. Farther than

@@ -58,7 +58,7 @@ class _Draft:
     def between(self, corners: Int[ndarray, "n c"], shares: Float[ndarray, "k c"]) -> tuple[ndarray, ndarray]:
         """s and t at barycentric shares of vertices, round a closed direction the short way."""
         (s_low, _), (t_low, _) = self.surface.domain
-        found = triangles.between(
+        found = triangles.interpolate_parameters(
             self.parameters, self.poles, corners, shares, (s_low, t_low), self.surface.elements().period
         )
         return found[0], found[1]
