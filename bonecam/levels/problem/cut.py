@@ -13,12 +13,14 @@ class StepParameters:
 
     `stiffness` is that of the moves, `bending` that of the new surface at a depth of ROUGH mm. `uniform` is how
     much of the pull every sample has alike, against what goes by its area: samples are dense where control
-    points are.
+    points are. A sample with less way to the stock than the farthest is pulled by less of the depth, but by
+    `least_share` of it at least: below 1 all come to the stock together.
     """
 
     stiffness: float
     bending: float
     uniform: float
+    least_share: float = 1.0
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,9 @@
 """The pull on the level itself: its samples along a smoothed field of directions (`attraction.py`), as far as
 they should go.
 
-A sample should go as far as it may, and is pulled beyond. In narrow hollows walls go less (`medial_ball.py`).
+A sample should go as far as it may, and is pulled beyond; with a `least_share` below 1 one with less way to the
+stock than the farthest goes less, so that all come to the stock together: where some come early, levels crowd into
+what is left between them and fold. In narrow hollows walls go less (`medial_ball.py`).
 Nothing is pulled farther than the stock's wall: what lies at it already would be drawn along it, and waves of one
 level would no longer fit into those of the next.
 """
@@ -43,7 +45,10 @@ def pull(given: Given) -> Pulled:
     field = samples.R.T @ (weights[:, None] * discretisation.attraction(x, normals, discretisation.stock))
     field = unit(samples.R @ factorise(SMOOTHING * discretisation.M, samples.R, weights).solve(field))
     narrow = NARROW * np.sqrt(area @ samples.weights / len(x))
-    share = medial_ball_share(x, normals, narrow)
+    gap = -discretisation.stock.signed_distance(x)
+    share = np.clip(gap / given.rest.left, given.parameters.least_share, 1.0) * medial_ball_share(
+        x, normals, narrow
+    )
     target = targets(given, x, samples.s, samples.t, normals, field, share)
     return Pulled(samples.s, samples.t, samples.R, x, weights, target, 1 + (OVERSHOOT - 1) * share**ALL_OUT)
 
