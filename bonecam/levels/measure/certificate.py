@@ -43,18 +43,32 @@ from bonecam.setup.stock import Stock
 from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tspline import TSpline
 
-CLOSE, ACCURACY, SMALLEST, ROUNDING = 1e-4, 1e-4, 1e-4, 1e-8
-"""Bounds are good enough so far (mm) over a limit, so far over a distance that there is, and on pieces so
-small."""
+CLOSE = 1e-4
+"""A depth bound is good enough up to so many mm over the limit of the cut."""
+ACCURACY = 1e-4
+"""A bound is good enough up to so many mm over a distance that is reached at some point."""
+SMALLEST = 1e-4
+"""Pieces of patches no larger than this (mm) are not halved again."""
+ROUNDING = 1e-8
+"""Added to every bound (mm) for the rounding of floating point sums."""
 INWARDS = (0.001, 0.0015, 0.003, 0.01, 0.03)
 """How far (mm) a level is moved inwards before it must not meet the next; the first that does it is taken."""
-SMALL, MOST_PAIRS = 0.02, 4_000_000
-"""Pieces of this size (mm) need not be a whole move apart; so many pairs are looked at."""
-SEEDS, GRID, HALVINGS, WHOLE = 5, 7, 20, 0.1
-"""Points each way on an element where feet are sought and where winding numbers are summed up; how far these
-may be off a whole number."""
-SAGITTAS, FARTHEST = (0.02, 0.005, 0.001), 50
-"""Chord tolerances of the mesh of the stock, mm; so many of its faces are looked at first."""
+SMALL = 0.02
+"""Pieces of this size (mm) need not be a whole move apart."""
+MOST_PAIRS = 4_000_000
+"""Most pairs of pieces that are compared for one move inwards."""
+SEEDS = 5
+"""Points each way on an element that searches for feet start from."""
+GRID = 7
+"""Points each way on an element whose triangles the winding number is summed over."""
+HALVINGS = 20
+"""Most passes over the patches in which the doubtful ones are halved both ways."""
+WHOLE = 0.1
+"""How far a winding number summed over triangles may be off one."""
+SAGITTAS = (0.02, 0.005, 0.001)
+"""Chord tolerances (mm) of the stock's mesh, tried in this order until the last cut is certified."""
+FARTHEST = 50
+"""So many faces of the stock's mesh, those farthest from the level, are bounded first."""
 HALVES = (
     np.array(
         [
@@ -64,6 +78,8 @@ HALVES = (
     )
     / 8
 )
+"""Two 4 x 4 matrices that lead the control points of a cubic Bezier curve to those of its first and second half
+(de Casteljau's algorithm at 1/2)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -283,7 +299,8 @@ def _inside(points: Float[ndarray, "n 3"], nets: Float[ndarray, "e 16 3"]) -> bo
 
 
 def _solid_angles(a: ndarray, b: ndarray, c: ndarray) -> ndarray:
-    """Of triangles seen from the origin, signed (van Oosterom & Strackee 1983)."""
+    """Signed solid angles (steradians) of triangles with corners a, b, c (n, 3) seen from the origin (van Oosterom &
+    Strackee 1983)."""
     p, q, r = lengths(a), lengths(b), lengths(c)
     return np.asarray(
         2 * np.arctan2(dots(a, np.cross(b, c)), p * q * r + dots(a, b) * r + dots(b, c) * p + dots(c, a) * q)
