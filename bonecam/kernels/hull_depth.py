@@ -210,7 +210,8 @@ def foot(point: ndarray, s: float, t: float, on: Target, D: ndarray) -> tuple[fl
 
 @njit(cache=True)
 def nearest_foot(point: ndarray, s: float, t: float, on: Target, D: ndarray) -> tuple[float, float, float]:
-    """As `foot`, but also sought from the nearest seed of every element that may come nearer."""
+    """Parameters and distance (mm) of the nearest foot found from (s, t) and from the nearest seed of every
+    element whose box is nearer than the best foot so far."""
     s, t, distance = foot(point, s, t, on, D)
     for e in range(len(on.seeds)):
         if box_distance(on.hulls[e], point) >= distance:
