@@ -12,12 +12,12 @@ it larger than at one of them.
 - *Stock*: the signed distance of a convex body is convex, so its largest value at control points bounds how
   far level k leaves the stock. (A stock given as a mesh may be off convex by 1e-5 of its diagonal, and the
   bound by as much.)
-- *Nesting*: no point of level k - 1 is farther outside level k than -`gap`. Let A be level k - 1 moved
+- *Nesting*: no point of level k - 1 is farther outside level k than -`nesting`. Let A be level k - 1 moved
   inwards by tau N, N a spline over the same blending functions with |N_i| = 1, so that A is within tau of
   level k - 1. Where the hulls of all pieces of A are g > 0 apart from those of level k the two do not meet. A
   is connected, so the winding number of level k is the same round all of A; it is found to be one round one
-  point far from level k. So A is g deep inside level k, and `gap` is g - tau. "Inside" is winding number one:
-  the solid itself while level k does not cut itself, which `measure_cut.py` looks for in its tessellation.
+  point far from level k. So A is g deep inside level k, and `nesting` is g - tau. "Inside" is winding number
+  one: the solid itself while level k does not cut itself, which `measure_cut.py` looks for in its tessellation.
 - *The last cut* (`certificate_of_last`) goes to the stock itself: every point of its surface is the nearest
   one to a point of its mesh, no farther from it than the mesh's faces are deep; the faces are bounded as
   patches are. Patches of level K - 1 are bounded by planes.
@@ -85,7 +85,7 @@ HALVES = (
 @dataclass(frozen=True, eq=False)
 class Certificate:
     """What holds everywhere on one cut, mm, and where that is worst: no point of either level is farther than
-    `depth` from the other, no point of the inner farther than -`gap` outside the outer (-inf where that is
+    `depth` from the other, no point of the inner farther than -`nesting` outside the outer (-inf where that is
     not known), no point of the outer farther than `outside` out of the stock. `too_deep` are parameters of
     pieces of either that may be deeper than allowed."""
 

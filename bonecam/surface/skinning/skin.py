@@ -1,5 +1,5 @@
 """Skinning: one row-structured T-spline through section curves (Yang & Zheng 2012; Gan et al. 2014, section
-4.1).
+3.2).
 
 Every row of points is interpolated by a C2 cubic, closed or open, on its own parameters. The sections are
 interpolated along t by a clamped cubic: the control curves Q_j come from one banded system,
