@@ -114,8 +114,8 @@ def _wanted(given: float | TriangleMesh, points: ndarray, normals: ndarray) -> F
 
 
 def _above(surface: TSpline, points: ndarray) -> tuple[Float[ndarray, "n 3"], Projection]:
-    """Those of the points that stand straight above or below the surface, and their feet: beyond its edges
-    none does."""
+    """The points that stand straight above or below the surface, and their closest points on it: a point beyond
+    its edges does not."""
     found = surface.project(points)
     heights = np.abs(dots(points - found.points, surface.normals(*found.parameters.T)))
     kept = heights >= ABOVE * found.distances

@@ -31,8 +31,8 @@ def remesh(mesh: TriangleMesh, edge: float, *, iterations: int = 8) -> TriangleM
 
 
 def split_edges(mesh: TriangleMesh, edge: float) -> TriangleMesh:
-    """The same surface with every edge that is longer than `edge` (mm) split in the middle until none is.
-    ValueError: edge <= 0."""
+    """The mesh with every edge that is longer than `edge` (mm) split in the middle until none is; its surface
+    stays where it was. ValueError: edge <= 0."""
     if not edge > 0:
         raise ValueError(f"edge {edge} mm: give a positive length")
     corners = mesh.vertices[mesh.faces]
@@ -46,8 +46,8 @@ def split_edges(mesh: TriangleMesh, edge: float) -> TriangleMesh:
 
 
 def bisect_faces(mesh: TriangleMesh, chosen: Bool[ndarray, " f"]) -> TriangleMesh:
-    """The same surface, the longest edge of every chosen face cut in the middle, and that of every face an
-    edge of which is.
+    """The mesh with the longest edge of every chosen face cut in the middle, and that of every face an edge of
+    which is cut; its surface stays where it was.
 
     Angles stay at least half as wide (Rivara 1984). New vertices come last.
     """

@@ -55,7 +55,7 @@ class TriangleMesh:
         return float(np.einsum("ij,ij->", self.vertices[self.faces[:, 0]], self.face_vectors) / 6)
 
     def move(self, transform: Float[ndarray, "4 4"]) -> "TriangleMesh":
-        """The same mesh under a rigid transform (4, 4)."""
+        """The mesh under a rigid transform (4, 4), in mm."""
         return TriangleMesh(self.vertices @ transform[:3, :3].T + transform[:3, 3], self.faces)
 
 

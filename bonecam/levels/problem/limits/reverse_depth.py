@@ -43,10 +43,10 @@ def reverse_depths(
     far: Float[ndarray, " n"],
     steps: int,
 ) -> ReverseDepths:
-    """Those of the places at x, parameters (s, t), that are farther than `far` from the new level, on which
-    they are at y.
+    """The places of the level before that are farther than `far` (mm) from the new level.
 
-    (foot_s, foot_t) are the feet of y on the level before.
+    A place with parameters (s, t) lies at x on the level before and at y on the new one; (foot_s, foot_t) are
+    the parameters of the closest point to y on the level before.
     """
     which = np.flatnonzero(lengths(y - x) > far)
     _, _, foot, _ = closest_points_near(after, x[which], (2 * s - foot_s)[which], (2 * t - foot_t)[which], 0)
