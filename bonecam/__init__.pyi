@@ -15,6 +15,7 @@ from .job import Job as Job
 from .job import read_job as read_job
 from .job import write_job as write_job
 from .mesh.part import Part as Part
+from .mesh.triangle_mesh import TriangleMesh as TriangleMesh
 from .outputs.kept_folder import keep_levels as keep_levels
 from .outputs.result import Morphed as Morphed
 from .outputs.result import Result as Result

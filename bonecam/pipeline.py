@@ -9,7 +9,7 @@ from pathlib import Path
 from bonecam.job import Job
 from bonecam.levels.job_levels import check_method, make_levels
 from bonecam.levels.measure.level import morph_surfaces
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
 from bonecam.nc.dialect import Dialect, read_dialect
 from bonecam.nc.kinematics import axis_limits
 from bonecam.nc.machine import Machine, read_machine
@@ -34,7 +34,7 @@ from bonecam.verify.readback import Tolerances
 
 
 def convert(
-    mesh: str | Path | TriangleMesh,
+    mesh: str | Path | MeshLike,
     job: Job | None = None,
     *,
     program: File = None,
@@ -45,7 +45,8 @@ def convert(
 ) -> Result:
     """The verified NC program of a part: all stages from the mesh to the proof.
 
-    `mesh` is a file, or a TriangleMesh in the unit `job.mesh.units`. The files `program`, `report` and
+    `mesh` is a file, or a mesh in memory in the unit `job.mesh.units`: (vertices, faces), a TriangleMesh, or a
+    mesh of open3d, trimesh or pymeshlab. The files `program`, `report` and
     `surface` (its ending says its kind) and the folder `keep` are written at the end, all or none. Only a
     level that fails its check is written to `keep` all the same. Raises a BonecamError that names the trouble
     and the remedy.
@@ -55,11 +56,11 @@ def convert(
     dialect = read_dialect(job.nc.controller)
     check_job(job, machine)
     outputs = Outputs(program, keep, report, surface)
-    source = _file_of(mesh)
+    given, source = _given(mesh)
     outputs.check(source, dialect)
     times = StageTimes()
 
-    made = _morph(mesh, job, machine, keep, times, part(progress, 0.0, 0.3))
+    made = _morph(given, job, machine, keep, times, part(progress, 0.0, 0.3))
     result = _machine(made, job, machine, dialect, source, program, times, part(progress, 0.3, 0.97))
     with times.stage("files"):
         outputs.write(result, job.holding, result.paths, result.program.text, part(progress, 0.97, 1.0))
@@ -67,7 +68,7 @@ def convert(
 
 
 def morph_levels(
-    mesh: str | Path | TriangleMesh,
+    mesh: str | Path | MeshLike,
     job: Job | None = None,
     *,
     keep: File = None,
@@ -75,14 +76,18 @@ def morph_levels(
     surface: File = None,
     progress: Progress = silent,
 ) -> Morphed:
-    """The measured levels of a part: the stages of `convert` from the mesh to the levels, for any machine."""
+    """The measured levels of a part: the stages of `convert` from the mesh to the levels, for any machine.
+
+    `mesh`, `job`, `keep`, `report` and `surface` are those of `convert`.
+    """
     job = _require_job(job)
     check_method(job.levels)
     outputs = Outputs(keep=keep, report=report, surface=surface)
-    outputs.check(_file_of(mesh))
+    given, source = _given(mesh)
+    outputs.check(source)
     times = StageTimes()
 
-    made = _morph(mesh, job, None, keep, times, part(progress, 0.0, 0.95))
+    made = _morph(given, job, None, keep, times, part(progress, 0.0, 0.95))
     with times.stage("files"):
         outputs.write(made, job.holding, progress=part(progress, 0.95, 1.0))
     return made
@@ -166,5 +171,8 @@ def _require_job(job: Job | None) -> Job:
     return job or Job()
 
 
-def _file_of(mesh: str | Path | TriangleMesh) -> File:
-    return None if isinstance(mesh, TriangleMesh) else mesh
+def _given(mesh: str | Path | MeshLike) -> tuple[str | Path | TriangleMesh, File]:
+    """The part as a file or a TriangleMesh, and the file if it is one."""
+    if isinstance(mesh, str | Path):
+        return mesh, mesh
+    return mesh_from(mesh), None

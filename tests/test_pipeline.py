@@ -234,6 +234,19 @@ def test_repair_troubles_name_the_file(tmp_path: Path) -> None:
         bonecam.convert(tmp_path / "flat.ply")
 
 
+def test_a_result_is_shown_in_a_line(chain: tuple[bonecam.Result, Path]) -> None:
+    result = chain[0]
+    for value in (result, result.program, result.surface):
+        assert len(repr(value)) < 200
+    assert f"{result.levels.cuts} cuts" in repr(result)
+
+
+def test_a_mesh_in_memory_is_taken_as_its_file_is(chain: tuple[bonecam.Result, Path]) -> None:
+    mesh = bonecam.mesh.read_mesh(shipped("phalanx"))
+    same = bonecam.morph_levels((mesh.vertices, mesh.faces), COARSE)
+    assert np.array_equal(same.surface.control_points, chain[0].surface.control_points)
+
+
 def test_a_call_with_no_job_or_no_mesh_says_so() -> None:
     with pytest.raises(TypeError, match=r"job 'fast\.toml': give a bonecam\.Job, such as bonecam\.read_job"):
         bonecam.convert(shipped("phalanx"), "fast.toml")  # type: ignore[arg-type]
@@ -241,3 +254,5 @@ def test_a_call_with_no_job_or_no_mesh_says_so() -> None:
         bonecam.convert(TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32)))
     with pytest.raises(FileError, match="is no name of a file"):
         bonecam.convert("")
+    with pytest.raises(TypeError, match="a mesh is a dict: give"):
+        bonecam.convert({})  # type: ignore[arg-type]

@@ -13,5 +13,7 @@ from .pose import upright as upright
 from .remeshing import remesh as remesh
 from .sections.rows import Rows as Rows
 from .sections.rows import harmonic_rows as harmonic_rows
+from .triangle_mesh import MeshLike as MeshLike
 from .triangle_mesh import TriangleMesh as TriangleMesh
+from .triangle_mesh import mesh_from as mesh_from
 from .units import to_mm as to_mm

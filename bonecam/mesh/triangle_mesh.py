@@ -1,13 +1,53 @@
-"""The mesh that passes between stages: vertices (n, 3) in mm and faces (m, 3), outward by the right hand."""
+"""The mesh that passes between stages: vertices (n, 3) in mm and faces (m, 3), outward by the right hand.
+
+Meshes of open3d, trimesh and pymeshlab come in by `mesh_from` and go out by the methods `to_...`.
+"""
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float, Int32
 from numpy import ndarray
+from numpy.typing import ArrayLike
 
 from bonecam.arrays import frozen
+
+
+@runtime_checkable
+class Open3dMesh(Protocol):
+    """What is read of an open3d.geometry.TriangleMesh."""
+
+    vertices: Any
+    triangles: Any
+
+
+@runtime_checkable
+class Open3dTensorMesh(Protocol):
+    """What is read of an open3d.t.geometry.TriangleMesh."""
+
+    vertex: Any
+    triangle: Any
+
+
+@runtime_checkable
+class TrimeshMesh(Protocol):
+    """What is read of a trimesh.Trimesh."""
+
+    vertices: Any
+    faces: Any
+
+
+@runtime_checkable
+class PymeshlabMesh(Protocol):
+    """What is read of a pymeshlab.Mesh."""
+
+    def vertex_matrix(self) -> Any:
+        """Vertices (n, 3)."""
+
+    def face_matrix(self) -> Any:
+        """Faces (m, 3)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +97,69 @@ class TriangleMesh:
     def move(self, transform: Float[ndarray, "4 4"]) -> "TriangleMesh":
         """The mesh under a rigid transform (4, 4), in mm."""
         return TriangleMesh(self.vertices @ transform[:3, :3].T + transform[:3, 3], self.faces)
+
+    def __repr__(self) -> str:
+        size = (
+            " x ".join(f"{length:.4g}" for length in np.ptp(self.bounds, axis=0))
+            if len(self.vertices)
+            else "0"
+        )
+        return f"TriangleMesh({len(self.vertices)} vertices, {len(self.faces)} faces, {size} mm)"
+
+    def to_open3d(self) -> Any:
+        """An open3d.geometry.TriangleMesh with copies of vertices and faces."""
+        from open3d import geometry, utility
+
+        vertices = utility.Vector3dVector(self.vertices.copy())
+        return geometry.TriangleMesh(vertices, utility.Vector3iVector(self.faces.copy()))
+
+    def to_trimesh(self) -> Any:
+        """A trimesh.Trimesh with copies of vertices and faces, in their order; needs the package trimesh."""
+        from trimesh import Trimesh
+
+        return Trimesh(self.vertices.copy(), self.faces.copy(), process=False)
+
+
+MeshLike = (
+    TriangleMesh | Open3dMesh | Open3dTensorMesh | TrimeshMesh | PymeshlabMesh | tuple[ArrayLike, ArrayLike]
+)
+"""A mesh in memory: vertices and faces as two arrays, or a mesh of one of these libraries."""
+
+
+def mesh_from(source: object) -> TriangleMesh:
+    """The triangles of a mesh in memory (`MeshLike`), in its own unit.
+
+    TypeError where `source` is no such mesh, ValueError where its arrays are no triangles between its vertices.
+    """
+    if isinstance(source, TriangleMesh):
+        return source
+    given = _arrays_of(source)
+    vertices, faces = (np.asarray(array) for array in given)
+    for name, array in (("vertices", vertices), ("faces", faces)):
+        if array.ndim != 2 or array.shape[1] != 3:
+            raise ValueError(f"{name} have the shape {array.shape}: give three numbers a row")
+    if faces.dtype.kind not in "iu":
+        raise ValueError(f"faces hold {faces.dtype} numbers: give the indices of vertices as whole numbers")
+    indices = faces.clip(-1, len(vertices))  # what is no index stays none as a number of 32 bits
+    return TriangleMesh(vertices.astype(float), indices.astype(np.int32))
+
+
+def _arrays_of(source: Any) -> tuple[Any, Any]:
+    """Vertices and faces of a mesh in memory, as its library keeps them."""
+    if isinstance(source, tuple | list) and len(source) == 2:
+        return source[0], source[1]
+    if isinstance(source, PymeshlabMesh):
+        return source.vertex_matrix(), source.face_matrix()
+    if isinstance(source, TrimeshMesh):  # before open3d's: it has `triangles` too, as coordinates
+        return source.vertices, source.faces
+    if isinstance(source, Open3dMesh):
+        return source.vertices, source.triangles
+    if isinstance(source, Open3dTensorMesh):
+        return source.vertex.positions.numpy(), source.triangle.indices.numpy()
+    raise TypeError(
+        f"a mesh is a {type(source).__name__}: give (vertices, faces), a bonecam.TriangleMesh, or a mesh of "
+        "open3d, trimesh or pymeshlab"
+    )
 
 
 def probes(mesh: TriangleMesh) -> Float[ndarray, "n 3"]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Program:
     """An NC program as text, ending with a newline.
 
@@ -27,6 +27,9 @@ class Program:
     tools: tuple[int, ...]
     time_min: float
     rotary_max_deg_per_block: float
+
+    def __repr__(self) -> str:
+        return f"<Program {self.name} for {self.machine} and {self.controller}: {self.blocks} blocks, {self.time_min:.1f} min>"
 
 
 def program_name(file: str | Path) -> str:

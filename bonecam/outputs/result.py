@@ -12,7 +12,7 @@ from bonecam.toolpath.path import ToolPath
 from bonecam.verify.report import summary_of
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Morphed:
     """The result of `bonecam.morph_levels`. `report` is the content of the file of --report."""
 
@@ -22,16 +22,29 @@ class Morphed:
     levels: Morph
     report: dict[str, Any]
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} of {self.part.file}: {self._told}>"
+
+    @property
+    def _told(self) -> str:
+        """What was made, in a few words."""
+        return f"{self.levels.cuts} cuts, K_min {self.levels.lower_bound}"
+
     @property
     def summary(self) -> str:
         """The report in a few lines of text."""
         return summary_of(self.report)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Result(Morphed):
     """The result of `bonecam.convert`: levels, the tool path of each level in machining order, and the
     program."""
 
     paths: tuple[ToolPath, ...]
     program: Program
+
+    @property
+    def _told(self) -> str:
+        """What was made, in a few words."""
+        return f"{super()._told}, {self.program!r}"

@@ -31,7 +31,7 @@ LARGEST = 1e30
 """Coordinates (mm), weights and their inverses must be smaller, so that no product overflows a double."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class TSpline(Surface[M], Generic[M]):
     """Control points (n, 3) in mm and positive weights (n,) over a T-mesh, row-structured or general."""
 
@@ -44,6 +44,9 @@ class TSpline(Surface[M], Generic[M]):
         object.__setattr__(self, "weights", frozen(self.weights))
         _check_counts(self.control_points, self.weights, self.tmesh.size)
         _check_values(self.control_points, self.weights)
+
+    def __repr__(self) -> str:
+        return f"<TSpline of {len(self.control_points)} control points over a {type(self.tmesh).__name__}>"
 
     @cached_property
     def domain(self) -> Float[ndarray, "2 2"]:

@@ -1,0 +1,71 @@
+"""Meshes of other libraries come in and go out."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import open3d
+import pymeshlab
+import pytest
+import trimesh
+
+from bonecam import TriangleMesh
+from bonecam.mesh import mesh_from
+
+CORNERS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], dtype=np.int32)
+MADE_BY: dict[str, Callable[[], Any]] = {
+    "arrays": lambda: (CORNERS, FACES),
+    "lists": lambda: (CORNERS.tolist(), FACES.tolist()),
+    "ours": lambda: TriangleMesh(CORNERS, FACES),
+    "open3d": lambda: TriangleMesh(CORNERS, FACES).to_open3d(),
+    "open3d tensors": lambda: open3d.t.geometry.TriangleMesh.from_legacy(
+        TriangleMesh(CORNERS, FACES).to_open3d()
+    ),
+    "trimesh": lambda: TriangleMesh(CORNERS, FACES).to_trimesh(),
+    "pymeshlab": lambda: pymeshlab.Mesh(CORNERS, FACES),
+}
+
+
+@pytest.mark.parametrize("library", MADE_BY)
+def test_the_mesh_of_a_library_becomes_ours(library: str) -> None:
+    mesh = mesh_from(MADE_BY[library]())
+    assert np.array_equal(mesh.vertices, CORNERS)
+    assert np.array_equal(mesh.faces, FACES)
+
+
+def test_our_mesh_leaves_as_copies_that_may_be_changed() -> None:
+    mesh = TriangleMesh(CORNERS, FACES)
+    given = mesh.to_trimesh()
+    assert isinstance(given, trimesh.Trimesh)
+    given.vertices[0] = 5.0
+    given.faces[0] = [0, 1, 2]
+    mesh.to_open3d().translate((1.0, 0.0, 0.0))
+    assert np.array_equal(mesh.vertices, CORNERS)
+    assert np.array_equal(mesh.faces, FACES)
+
+
+@pytest.mark.parametrize(
+    ("source", "error", "told"),
+    [
+        ({"vertices": CORNERS}, TypeError, r"a mesh is a dict: give \(vertices, faces\)"),
+        (3, TypeError, "a mesh is a int: give"),
+        ((CORNERS, FACES.astype(float)), ValueError, "faces hold float64 numbers: give the indices"),
+        ((CORNERS[:, :2], FACES), ValueError, r"vertices have the shape \(4, 2\): give three numbers a row"),
+        ((CORNERS, FACES[0]), ValueError, r"faces have the shape \(3,\)"),
+        ((CORNERS, FACES + 1), ValueError, "faces name vertices outside 0..3"),
+        ((CORNERS, FACES.astype(np.int64) + 2**32), ValueError, "faces name vertices outside 0..3"),
+        ((np.where(CORNERS == 1, np.inf, CORNERS), FACES), ValueError, "is not finite"),
+    ],
+)
+def test_what_is_no_mesh_is_refused(source: Any, error: type[Exception], told: str) -> None:
+    with pytest.raises(error, match=told):
+        mesh_from(source)
+
+
+def test_a_mesh_is_shown_in_a_line() -> None:
+    assert repr(TriangleMesh(CORNERS * 3, FACES)) == "TriangleMesh(4 vertices, 4 faces, 3 x 3 x 3 mm)"
+    assert (
+        repr(TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32)))
+        == "TriangleMesh(0 vertices, 0 faces, 0 mm)"
+    )
