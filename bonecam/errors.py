@@ -5,6 +5,7 @@ subclass of BonecamError: its message is one line that names the place and the r
 `evidence` holds the data (face ids, level number, contact indices, axis, ...).
 """
 
+import difflib
 from collections.abc import Iterable
 from typing import Any
 
@@ -28,6 +29,12 @@ def place_name(place: Iterable[float]) -> str:
 def counted(number: int, noun: str) -> str:
     """So many things as messages name them, like 1 hole, 3 holes, 2 vertices."""
     return f"{number} {noun if number == 1 else noun.removesuffix('ex') + 'ices' if noun.endswith('vertex') else noun + 's'}"
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """A remark on an unknown word, such as " (did you mean 'levels'?)", where a known one is close, else nothing."""
+    close = difflib.get_close_matches(word, list(known), n=1)
+    return f" (did you mean {close[0]!r}?)" if close else ""
 
 
 def require_type(value: object, kind: type, name: str, wanted: str) -> None:

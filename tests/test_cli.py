@@ -112,6 +112,44 @@ def test_an_unknown_command_exits_2(capsys: pytest.CaptureFixture[str]) -> None:
     assert "melt" in capsys.readouterr().err
 
 
+def test_no_command_prints_the_help(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([]) == 0
+    assert "convert" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("call", "told"),
+    [
+        (["conver"], "'conver' is unknown (did you mean 'convert'?)"),
+        (["job", "--unit", "mm", "--machin3", "x"], "--machin3 x (did you mean '--machine'?)"),
+        (["filters", "generate_morph_level"], "(did you mean 'generate_morph_levels'?)"),
+    ],
+)
+def test_a_misspelt_word_is_told_with_the_nearest(
+    call: list[str], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    try:
+        code = main(call)
+    except SystemExit as stop:
+        code = int(stop.code or 0)
+    assert code == 2
+    error = capsys.readouterr().err
+    assert told in error
+    assert error.count("\n") == 1
+
+
+def test_a_script_may_make_its_mesh_and_stdout_holds_file_names_only(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "cube.mlx").write_text(
+        '<FilterScript><filter name="create_cube"/><filter name="get_geometric_measures"/></FilterScript>'
+    )
+    assert main(["script", str(tmp_path / "cube.mlx"), "-o", str(tmp_path / "out")]) == 0
+    printed = capfd.readouterr().out.splitlines()
+    assert [Path(line).parent for line in printed] == [tmp_path / "out"]
+    assert Path(printed[0]).is_file()
+
+
 def test_an_unknown_option_points_to_the_help_of_its_command(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as caught:
         main(["batch", "bone.stl", "-o", "programs", "-v"])

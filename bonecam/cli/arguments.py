@@ -1,11 +1,13 @@
 """The commands of the command line with their arguments and help texts."""
 
 import argparse
+from collections.abc import Sequence
 from typing import Any, NoReturn
 
 import bonecam
 from bonecam.cli import commands
 from bonecam.cli.job_options import add_job_options
+from bonecam.errors import did_you_mean
 
 EXIT_CODES = "Exit codes: 0 done; 1 a part of a batch failed; 2 wrong input, job or call (one line on stderr); 130 stopped."
 PART = "STL, PLY, OBJ or OFF mesh; STEP, IGES, SAT or DXF part; point cloud; rows of points; saved .tspline"
@@ -35,13 +37,28 @@ class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"{self.prog}: {message}: see {self.prog} --help\n")
 
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        """argparse's check of a choice, with the nearest one in the message."""
+        if action.choices is not None and value not in action.choices:
+            known = [str(choice) for choice in action.choices]
+            close = did_you_mean(str(value), known)
+            raise argparse.ArgumentError(
+                action, f"{value!r} is unknown{close}: use one of {', '.join(known)}"
+            )
 
-def make_parser() -> argparse.ArgumentParser:
+    def refuse_unknown(self, arguments: Sequence[str]) -> NoReturn:
+        """End with one line that names the arguments that this command does not know."""
+        close = did_you_mean(arguments[0].partition("=")[0], self._option_string_actions)
+        self.error(f"unrecognized arguments: {' '.join(arguments)}{close}")
+
+
+def make_parser() -> "_Parser":
     """The parser of all commands; each sets `run`, which takes the options and returns the exit code."""
     text = "From a bone mesh to a verified five-axis NC program."
     parser = _Parser(prog="bonecam", description=text, epilog=EXIT_CODES)
-    parser.add_argument("--version", action="version", version=f"bonecam {bonecam.__version__}")
-    parsers = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=_Parser)
+    parser.add_argument("-V", "--version", action="version", version=f"bonecam {bonecam.__version__}")
+    parser.set_defaults(run=None, refuse_unknown=parser.refuse_unknown)
+    parsers = parser.add_subparsers(metavar="COMMAND", parser_class=_Parser)
     _add_convert(parsers)
     _add_demo(parsers)
     _add_levels(parsers)
@@ -105,8 +122,8 @@ def _add_script(parsers: Any) -> None:
     script = _add_command(parsers, "script", text, commands.run_script)
     file = "filter script; it is checked as a whole before its first filter runs"
     script.add_argument("script", metavar="SCRIPT.mlx", help=file)
-    mesh = "mesh to load as a layer (repeat for more)"
-    script.add_argument("-i", "--input", action="append", required=True, metavar="MESH", help=mesh)
+    mesh = "mesh to load as a layer (repeat for more; none where the script makes its meshes)"
+    script.add_argument("-i", "--input", action="append", default=[], metavar="MESH", help=mesh)
     script.add_argument(
         "-o", "--output", metavar="DIR", required=True, help="folder for the resulting layers"
     )
@@ -127,14 +144,14 @@ def _add_job(parsers: Any) -> None:
 
 def _add_command(parsers: Any, name: str, text: str, run: Any) -> argparse.ArgumentParser:
     """A command with defaults for the options that not every command has."""
-    command: argparse.ArgumentParser = parsers.add_parser(
+    command: _Parser = parsers.add_parser(
         name,
         help=text,
         description=text,
         epilog=f"examples:{EXAMPLES[name]}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    command.set_defaults(run=run, refuse=command.error, stopped="nothing was written")
+    command.set_defaults(run=run, refuse_unknown=command.refuse_unknown, stopped="nothing was written")
     command.set_defaults(quiet=False, verbose=False, machine=None, controller=None)
     return command
 

@@ -14,9 +14,13 @@ from bonecam.errors import BonecamError
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
-    options, unknown = make_parser().parse_known_args(arguments)
+    parser = make_parser()
+    options, unknown = parser.parse_known_args(arguments)
     if unknown:
-        options.refuse(f"unrecognized arguments: {' '.join(unknown)}")
+        options.refuse_unknown(unknown)
+    if options.run is None:
+        parser.print_help()
+        return 0
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # SIGTERM cleans up like Ctrl-C
     try:
         code = int(options.run(options))

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import bonecam
 from bonecam.cli.job_options import job_of
-from bonecam.cli.progress_display import shown_progress
+from bonecam.cli.progress_display import native_output_to_stderr, shown_progress
 from bonecam.files import check_files
 from bonecam.job import write_job
 
@@ -67,7 +67,7 @@ def run_batch(options: argparse.Namespace) -> int:
 
 def run_script(options: argparse.Namespace) -> int:
     """`bonecam script`: a MeshLab filter script on meshes; prints the files of the resulting layers."""
-    with shown_progress(options) as progress:
+    with shown_progress(options) as progress, native_output_to_stderr():
         written = bonecam.filters.run_script(options.script, options.input, options.output, progress=progress)
     if not options.quiet:
         print("\n".join(str(path) for path in written))

@@ -1,6 +1,8 @@
 """Progress on stderr: one line that is written over on a terminal, or a line for each message."""
 
 import argparse
+import ctypes
+import os
 import sys
 import time
 from collections.abc import Iterator
@@ -10,6 +12,8 @@ from bonecam.progress import Progress, silent
 
 LINE_WIDTH = 100
 """A progress line is cut off after this many characters."""
+STDOUT, STDERR = 1, 2
+"""Numbers of the process's streams (POSIX)."""
 
 
 @contextmanager
@@ -58,3 +62,17 @@ class ProgressLog:
             seconds = time.perf_counter() - self.began
             print(f"{seconds:7.1f} s {fraction:4.0%}  {message}", file=sys.stderr, flush=True)
         self.message = message
+
+
+@contextmanager
+def native_output_to_stderr() -> Iterator[None]:
+    """What libraries write to the process's stdout (MeshLab's filters do) goes to its stderr."""
+    sys.stdout.flush()
+    stdout = os.dup(STDOUT)
+    os.dup2(STDERR, STDOUT)
+    try:
+        yield
+    finally:
+        ctypes.CDLL(None).fflush(None)  # what C keeps for stdout
+        os.dup2(stdout, STDOUT)
+        os.close(stdout)

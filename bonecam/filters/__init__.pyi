@@ -3,8 +3,9 @@ from .filter import Registry as Registry
 from .filter import installed as installed
 from .layers import Layers as Layers
 from .meshset import MeshSet as MeshSet
+from .meshset import MeshSetError as MeshSetError
 from .parameter import FilterParameter as FilterParameter
 from .parameter import Kind as Kind
 from .parameter import Percentage as Percentage
-from .script import apply_script as apply_script
 from .script import run_script as run_script
+from .script_steps import apply_script as apply_script

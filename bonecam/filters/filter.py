@@ -8,6 +8,7 @@ records:
     my_family = "my_package.my_module:FILTERS"
 """
 
+import logging
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -15,14 +16,18 @@ from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
-from bonecam.errors import FilterError
+from bonecam.errors import FilterError, did_you_mean
 from bonecam.filters import meshlab_names
 from bonecam.filters.layers import Layers
 from bonecam.filters.parameter import FilterParameter
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.progress import Progress
 
+log = logging.getLogger(__name__)
+
 GROUP = "bonecam.filters"
+OURS = "bonecam_plugins."
+"""What the entry points of bonecam's own filters begin with; they are loaded first."""
 VERBS = ("generate", "meshing", "compute", "apply", "save")
 
 Act = Callable[[Layers, Mapping[str, Any], Progress], dict[str, Any]]
@@ -114,7 +119,10 @@ class Registry:
     def __getitem__(self, name: str) -> Filter:
         """By name or display name; FilterError where there is none."""
         if name not in self:
-            raise FilterError(f"there is no filter {name!r}: `bonecam filters` lists them", filter=name)
+            close = did_you_mean(name, self._filters)
+            raise FilterError(
+                f"there is no filter {name!r}{close}: `bonecam filters` lists them", filter=name
+            )
         return self._filters.get(name) or self._display[name]
 
     @property
@@ -128,7 +136,7 @@ def filters_of(plugin: EntryPoint) -> tuple[Filter, ...]:
     place = f"plugin {plugin.name!r} ({plugin.value}{f' of {plugin.dist.name}' if plugin.dist else ''})"
     try:
         found = tuple(plugin.load())
-    except Exception as error:  # whatever a stranger's module raises while it is imported
+    except (Exception, SystemExit) as error:  # whatever a stranger's module raises while it is imported
         raise FilterError(
             f"{place} cannot be loaded: {type(error).__name__}: {error}: mend or uninstall it",
             plugin=plugin.name,
@@ -143,8 +151,22 @@ def filters_of(plugin: EntryPoint) -> tuple[Filter, ...]:
 
 @cache
 def installed() -> Registry:
-    """Every filter of the entry points, ours and third parties'; loaded once."""
-    plugins = sorted(entry_points(group=GROUP), key=lambda plugin: (plugin.name, plugin.value))
-    return Registry(
-        [item for plugin in plugins for item in filters_of(plugin)], taken=meshlab_names.all_names()
+    """Every filter of the entry points, ours and third parties'; loaded once.
+
+    A plugin that cannot be loaded, or whose filters have names that are taken, is left out with a warning.
+    """
+    plugins = sorted(
+        entry_points(group=GROUP),
+        key=lambda plugin: (not plugin.value.startswith(OURS), plugin.name, plugin.value),
     )
+    reserved = meshlab_names.all_names()
+    found: tuple[Filter, ...] = ()
+    for plugin in plugins:
+        try:
+            more = (*found, *filters_of(plugin))
+            Registry(more, taken=reserved)
+        except FilterError as error:
+            log.warning("bonecam: %s", error)
+            continue
+        found = more
+    return Registry(found, taken=reserved)

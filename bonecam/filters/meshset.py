@@ -14,17 +14,21 @@ layers as they were.
 import sys
 import tempfile
 from collections.abc import Mapping
-from functools import cache
 from pathlib import Path
 from typing import Any
 
-from bonecam.errors import FilterError
+from bonecam.errors import FilterError, did_you_mean
 from bonecam.filters.catalogue import parameter_list
 from bonecam.filters.filter import Filter, Registry, installed
 from bonecam.filters.layers import Layers
 from bonecam.filters.mlx import FilterCall, ScriptParameter, read_calls, write_script
-from bonecam.mesh.meshlab import meshlab
+from bonecam.filters.script_steps import Step, apply_steps, read_script
+from bonecam.mesh.meshlab import meshlab, meshlab_filters
 from bonecam.progress import Progress, silent
+
+
+class MeshSetError(FilterError, meshlab().PyMeshLabException):  # type: ignore[misc]
+    """A filter of a MeshSet is unknown, has a wrong parameter, or failed: also a PyMeshLabException."""
 
 
 class MeshSet(meshlab().MeshSet):  # type: ignore[misc]
@@ -44,6 +48,8 @@ class MeshSet(meshlab().MeshSet):  # type: ignore[misc]
         self.layers = Layers(self, Path(folder))
         self._history: list[int | FilterCall] = []
         self._native_calls = 0
+        self._loaded: tuple[Step, ...] = ()
+        self._loaded_from = ""
 
     def __getattr__(self, name: str) -> Any:
         registry = self.__dict__.get("registry")
@@ -62,15 +68,17 @@ class MeshSet(meshlab().MeshSet):  # type: ignore[misc]
     def apply_filter(self, filter_name: str, **values: Any) -> dict[str, Any]:
         """Apply a filter of MeshLab's or ours by its Python name; the results by name.
 
-        FilterError names an unknown filter or parameter; of MeshLab's own filters it carries MeshLab's words.
+        MeshSetError names an unknown filter or parameter; of MeshLab's own filters it carries MeshLab's words.
         """
-        if filter_name in self.registry.names:
-            return self._apply_ours(self.registry[filter_name], values)
-        if filter_name not in known_to_meshlab():
-            raise FilterError(
-                f"there is no filter {filter_name!r}: `bonecam filters` lists them", filter=filter_name
-            )
-        result = self.apply_native(filter_name, **values)
+        try:
+            if filter_name in self.registry.names:
+                return self._apply_ours(self.registry[filter_name], values)
+            if filter_name not in meshlab_filters():
+                remedy = f"{did_you_mean(filter_name, self.filter_list())}: `bonecam filters` lists them"
+                raise FilterError(f"there is no filter {filter_name!r}{remedy}", filter=filter_name)
+            result = self.apply_native(filter_name, **values)
+        except FilterError as error:
+            raise MeshSetError(str(error), **error.evidence) from error
         self._history.append(self._native_calls - 1)
         return result
 
@@ -98,7 +106,7 @@ class MeshSet(meshlab().MeshSet):  # type: ignore[misc]
 
     def filter_list(self) -> list[str]:
         """Python names of all filters, MeshLab's and ours."""
-        return sorted({*known_to_meshlab(), *self.registry.names})
+        return sorted({*meshlab_filters(), *self.registry.names})
 
     def filter_parameter_values(self, filter_name: str, **values: Any) -> dict[str, Any]:
         """What `apply_filter` would use on the current layer: the given values and the defaults."""
@@ -129,24 +137,25 @@ class MeshSet(meshlab().MeshSet):  # type: ignore[misc]
         )
 
     def load_filter_script(self, filter_script_name: str) -> None:
-        """Not offered: a script is run whole, checked before anything runs. Raises TypeError."""
-        raise TypeError("use bonecam.filters.script.run_script, or apply_script on this MeshSet")
+        """Read a script of MeshLab's filters and ours in place of what was applied so far.
+
+        FileError or FilterError with the line of what is wrong in it.
+        """
+        steps = read_script(filter_script_name, self.registry)
+        self.clear_filter_script()
+        self._loaded = tuple(steps)
+        self._loaded_from = filter_script_name
 
     def apply_filter_script(self) -> None:
-        """Not offered: see `load_filter_script`."""
-        self.load_filter_script("")
+        """Apply the script that was loaded; an error names its line."""
+        apply_steps(self, self._loaded, self._loaded_from, self.progress)
 
     def clear_filter_script(self) -> None:
         """Forget what was applied so far."""
         super().clear_filter_script()
         self._history.clear()
         self._native_calls = 0
-
-
-@cache
-def known_to_meshlab() -> frozenset[str]:
-    """The Python names of the filters that this pymeshlab has."""
-    return frozenset(meshlab().filter_list())
+        self._loaded = ()
 
 
 def _written(item: Filter, given: Mapping[str, Any]) -> tuple[ScriptParameter, ...]:

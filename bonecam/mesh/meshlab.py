@@ -25,6 +25,12 @@ def meshlab() -> Any:
     return pymeshlab
 
 
+@cache
+def meshlab_filters() -> frozenset[str]:
+    """The Python names of the filters that this pymeshlab has."""
+    return frozenset(meshlab().filter_list())
+
+
 def to_meshset(mesh: TriangleMesh) -> Any:
     """A pymeshlab.MeshSet with `mesh` as its one layer."""
     meshset = meshlab().MeshSet()

@@ -59,14 +59,27 @@ def test_third_party_filter_is_found_through_its_entry_point(plugin_folder: Path
         ("FILTERS = ['generate']\n", "'generate', which is no Filter"),
     ],
 )
-def test_broken_plugin_is_an_error_with_its_name(plugin_folder: Path, text: str, reason: str) -> None:
+def test_broken_plugin_is_left_out_with_a_warning_that_names_it(
+    plugin_folder: Path, text: str, reason: str, caplog: pytest.LogCaptureFixture
+) -> None:
     plugin = install(plugin_folder, "stranger_broken", text)
     with pytest.raises(FilterError, match="stranger_broken") as caught:
         filters_of(plugin)
     assert reason in str(caught.value)
     installed.cache_clear()
-    with pytest.raises(FilterError, match="stranger_broken"):
-        installed()
+    assert "generate_morph_levels" in installed()
+    assert "stranger_broken" in caplog.text
+    assert reason in caplog.text
+
+
+def test_a_plugin_with_a_name_of_ours_is_left_out(
+    plugin_folder: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    ours = installed()["generate_morph_levels"]
+    install(plugin_folder, "stranger_double", PLUGIN.replace("generate_offset", ours.name))
+    installed.cache_clear()
+    assert installed()["generate_morph_levels"].act is ours.act
+    assert "two filters are called 'generate_morph_levels'" in caplog.text
 
 
 def test_two_filters_of_one_name_are_an_error(offset_filter: Filter) -> None:

@@ -156,6 +156,23 @@ def test_the_saved_script_gives_the_same_layers_again(
         == (tmp_path / "all.mlx").read_text().count("<filter")
         == 4
     )
+    loaded = MeshSet(registry=registry)
+    loaded.load_new_mesh(str(phalanx))
+    loaded.load_filter_script(str(tmp_path / "all.mlx"))
+    loaded.apply_filter_script()
+    assert np.array_equal(loaded.current_mesh().vertex_matrix(), again.current_mesh().vertex_matrix())
     meshes.clear_filter_script()
     meshes.save_filter_script(str(tmp_path / "none.mlx"))
     assert "<filter" not in (tmp_path / "none.mlx").read_text()
+
+
+def test_errors_of_filters_are_pymeshlab_s_too(meshes: MeshSet) -> None:
+    for name, values in (
+        ("generate_offset", {"nope": 1}),
+        ("create_cube", {"nope": 1}),
+        ("apply_coord_taubin_smothing", {}),
+    ):
+        with pytest.raises(pymeshlab.PyMeshLabException) as caught:
+            meshes.apply_filter(name, **values)
+        assert isinstance(caught.value, FilterError)
+    assert "did you mean 'apply_coord_taubin_smoothing'?" in str(caught.value)
