@@ -4,9 +4,7 @@ Each mesh NAME writes NAME.<ending> and, last, NAME.json with the report and a f
 version. A run that was killed resumes: a mesh whose NAME.json carries today's fingerprint is not done again.
 """
 
-import csv
 import hashlib
-import io
 import json
 import multiprocessing
 import os
@@ -14,7 +12,7 @@ import signal
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from threading import Thread
@@ -23,24 +21,12 @@ import bonecam
 from bonecam.errors import BonecamError, JobError
 from bonecam.files import check_folder, write_whole
 from bonecam.job import Job, write_job
+from bonecam.mesh.files.mesh_files import READABLE
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.machine import read_machine
+from bonecam.outputs.batch_table import Outcome, read_rows, table_text
 from bonecam.pipeline import check_job
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What came of one mesh: state `done`, `kept` (from an earlier run, as its seconds are) or `failed` with
-    its message."""
-
-    mesh: str
-    state: str
-    program: str
-    levels: int
-    time_min: float
-    seconds: float
-    message: str
-
+from bonecam.surface.files.save import TEXTS
 
 Work = Callable[[Path, Path, Job], Outcome]
 
@@ -57,21 +43,27 @@ def convert_many(
 ) -> list[Outcome]:
     """Convert every mesh into `folder`, `jobs` at a time; also writes `batch.csv` there after each mesh.
 
+    A folder among the meshes stands for the parts in it. Rows that `batch.csv` has of other meshes stay.
+
     `work` (default `convert_one`) is what each new process does. A process ends with this one, however that
     ends. Raises JobError where two meshes have one name (their programs would overwrite each other) or there
     is none.
     """
     job, target = job or Job(), Path(folder)
-    files = [Path(mesh) for mesh in meshes]
+    files = [file for mesh in meshes for file in _parts_in(Path(mesh))]
     _check_names(files, jobs)
     read_dialect(job.nc.controller)
     check_job(job, read_machine(job.nc.machine))
     check_folder(target)
+    table = target / "batch.csv"
+    rows = read_rows(table)
+    place = {str(file): index for index, file in enumerate(files)}
     target.mkdir(parents=True, exist_ok=True)
     outcomes: dict[int, Outcome] = {}
     for index, outcome in _outcomes(files, target, job, jobs, resume, work or convert_one):
         outcomes[index] = outcome
-        write_whole(target / "batch.csv", _table([outcomes[i] for i in sorted(outcomes)]))
+        rows[outcome.mesh] = asdict(outcome)
+        write_whole(table, table_text(sorted(rows.values(), key=lambda row: place.get(row["mesh"], -1))))
         told(outcome, len(files) - len(outcomes))
     return [outcomes[i] for i in sorted(outcomes)]
 
@@ -151,6 +143,19 @@ def _end_with_parent() -> None:
     os._exit(1)
 
 
+def _parts_in(place: Path) -> list[Path]:
+    """The files of parts in a folder, in alphabetical order; a file is its own part. JobError where there are none."""
+    if not place.is_dir():
+        return [place]
+    endings = (*READABLE, *TEXTS)
+    files = sorted(file for file in place.iterdir() if file.suffix.lower() in endings)
+    if not files:
+        raise JobError(
+            f"{place}: holds no part: give files that end in one of {', '.join(endings)}", file=str(place)
+        )
+    return files
+
+
 def _check_names(files: Sequence[Path], jobs: int) -> None:
     if not files:
         raise JobError("no mesh given: name at least one")
@@ -207,11 +212,3 @@ def _kept(mesh: Path, folder: Path, job: Job) -> Outcome | None:
         seconds,
         "",
     )
-
-
-def _table(outcomes: Sequence[Outcome]) -> str:
-    text = io.StringIO()
-    writer = csv.DictWriter(text, list(Outcome.__dataclass_fields__), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(asdict(outcome) for outcome in outcomes)
-    return text.getvalue()

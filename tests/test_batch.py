@@ -15,9 +15,10 @@ from types import SimpleNamespace
 import pytest
 
 import bonecam
-from bonecam.batch import Outcome, convert_many, convert_one
+from bonecam.batch import convert_many, convert_one
 from bonecam.errors import BonecamError, FileError, JobError
 from bonecam.job import Job
+from bonecam.outputs.batch_table import Outcome
 
 ROWS = list(Outcome.__dataclass_fields__)
 MAX_WAIT = 600.0
@@ -121,6 +122,7 @@ import bonecam
 from bonecam.batch import Outcome, convert_one
 from bonecam.errors import FileError
 from bonecam.job import Job
+from bonecam.outputs.batch_table import Outcome
 
 """
 SCRIPT = """
@@ -214,3 +216,29 @@ def test_a_batch_that_is_done_already_ends_at_once(tmp_path: Path) -> None:
         "kept",
         "kept",
     ]
+
+
+def test_a_folder_stands_for_its_parts_and_rows_of_other_meshes_stay(tmp_path: Path) -> None:
+    scans = tmp_path / "scans"
+    scans.mkdir()
+    meshes(scans, b="good", a="refuse")
+    (scans / "notes.txt.bak").write_text("none")
+    out = tmp_path / "out"
+    convert_many(meshes(tmp_path, z="good"), out, work=work)
+    outcomes = convert_many([scans], out, work=work)
+    assert [Path(one.mesh).name for one in outcomes] == ["a.stl", "b.stl"]
+    assert [Path(row["mesh"]).name for row in table(out)] == ["z.stl", "a.stl", "b.stl"]
+    meshes(scans, a="good")
+    convert_many([scans / "a.stl"], out, work=work)
+    assert [row["state"] for row in table(out)] == ["done"] * 3
+
+
+def test_a_folder_without_parts_and_a_foreign_table_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(JobError, match=r"empty: holds no part: give files that end in one of \.stl"):
+        convert_many([tmp_path / "empty"], tmp_path / "out", work=work)
+    for text in ("name,price\nbone,3\n", "mesh\0,state", '"mesh'):
+        (tmp_path / "batch.csv").write_text(text, encoding="utf-8")
+        with pytest.raises(FileError, match=r"batch\.csv: .*: move it away"):
+            convert_many(meshes(tmp_path, a="good"), tmp_path, work=work)
+        assert (tmp_path / "batch.csv").read_text(encoding="utf-8") == text

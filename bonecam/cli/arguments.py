@@ -106,7 +106,7 @@ def _add_batch(parsers: Any) -> None:
     text = "Make the NC programs of several parts, each in a process of its own."
     batch = _add_command(parsers, "batch", text, commands.run_batch)
     batch.set_defaults(stopped="finished programs are kept, --resume continues from there")
-    parts = "parts as for `convert`, all with the same job"
+    parts = "parts as for `convert`, or folders of parts, all with the same job"
     batch.add_argument("meshes", metavar="PART", nargs="+", help=parts)
     folder = "folder for programs, reports and batch.csv"
     batch.add_argument("-o", "--output", metavar="DIR", required=True, help=folder)
