@@ -2,8 +2,8 @@ from .closed_morph import Morph as Morph
 from .closed_morph import morph as morph
 from .edge_rounding import levels_in as levels_in
 from .equal_depths import even_levels as even_levels
-from .measure.certificate import Certificate as Certificate
-from .measure.certificate import certify as certify
+from .measure.certificates.certificate import Certificate as Certificate
+from .measure.certificates.certify import certify as certify
 from .measure.cut_measures import Measures as Measures
 from .measure.level import Level as Level
 from .measure.level import MorphLevel as MorphLevel

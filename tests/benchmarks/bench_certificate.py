@@ -27,7 +27,7 @@ from threadpoolctl import threadpool_limits
 
 from bonecam.job import Job, MeshJob
 from bonecam.levels.closed_morph import morph
-from bonecam.levels.measure.certificate import certify
+from bonecam.levels.measure.certificates.certify import certify
 from bonecam.mesh.part import prepare_part
 from bonecam.setup.placement import place
 from bonecam.setup.stock import Stock

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bonecam.levels.measure.certificate import certificate_of_last
+from bonecam.levels.measure.certificates.certify import certify_last_cut
 from bonecam.levels.measure.inspection import Inspection, Rules, excess_bound, inspect, trouble
 from bonecam.levels.problem.cut import StepParameters
 from bonecam.levels.problem.discretisation import discretise
@@ -186,7 +186,7 @@ def test_a_slit_that_the_points_measured_missed_takes_one_more_level(
     )
     assert not inspection.failed
     last = inspection.levels[-1]
-    sure = certificate_of_last(inspection.levels[-2].surface, capsule, last.limit)
+    sure = certify_last_cut(inspection.levels[-2].surface, capsule, last.limit)
     deep = replace(last, certificate=replace(sure, depth=last.limit + 0.05))
     inspection = replace(inspection, levels=(*inspection.levels[:-1], deep))
     again = restore_certificates(inspection, maker)

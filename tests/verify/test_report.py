@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from bonecam.levels.measure.certificate import Certificate
+from bonecam.levels.measure.certificates.certificate import Certificate
 from bonecam.levels.measure.cut_measures import NO_CUT
 from bonecam.levels.measure.level import RoundedLevel, StockLevel
 from bonecam.mesh.triangle_mesh import TriangleMesh

@@ -14,7 +14,8 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import LevelError, SurfaceError
-from bonecam.levels.measure.certificate import certifiable, certificate, certificate_of_last
+from bonecam.levels.measure.certificates.certify import certify_cut, certify_last_cut
+from bonecam.levels.measure.certificates.nets import certifiable
 from bonecam.levels.measure.cut_measures import NO_CUT
 from bonecam.levels.measure.grid import LevelGrid, level_grid
 from bonecam.levels.measure.level import Level, MorphLevel, PartLevel, StockLevel, machined_levels
@@ -184,7 +185,7 @@ def measure_level(k: int, inner: MeasuredSurface, outer: MeasuredSurface, rules:
     if not _certifies(inner, rules):
         return level
 
-    proof = certificate(inner.surface, outer.surface, stock, limit)
+    proof = certify_cut(inner.surface, outer.surface, stock, limit)
     doubted = proof.too_deep[:MOST_DOUBTED]
     if proof.nesting < -NESTING_TOLERANCE:
         nearest = outer.surface.project(proof.nesting_place[None]).parameters
@@ -198,7 +199,7 @@ def measure_stock(k: int, inner: MeasuredSurface, rules: Rules) -> StockLevel:
     stock, limit = rules.stock, rules.schedule.limit(k)
     mesh = stock.mesh(rules.chord_tolerance)
     measures = measure_last_cut(inner, mesh, stock, limit)
-    proof = certificate_of_last(inner.surface, stock, limit) if _certifies(inner, rules) else None
+    proof = certify_last_cut(inner.surface, stock, limit) if _certifies(inner, rules) else None
     return StockLevel(k, mesh, limit, measures, proof)
 
 

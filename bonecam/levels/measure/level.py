@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.levels.measure.certificate import Certificate
+from bonecam.levels.measure.certificates.certificate import Certificate
 from bonecam.levels.measure.cut_measures import Measures
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.stock import Stock

@@ -10,13 +10,20 @@ import pytest
 from numpy import ndarray
 
 from bonecam.job import Job, MeshJob
-from bonecam.kernels import hull_depth, hulls
+from bonecam.kernels.hulls.mapped_distance import mapped_distance_bound
+from bonecam.kernels.hulls.net import halve
+from bonecam.kernels.hulls.separation import separation
 from bonecam.levels.body_surface import body_surfaces
 from bonecam.levels.closed_morph import Morph, morph
 from bonecam.levels.edge_rounding import levels_in
 from bonecam.levels.job_levels import make_levels
-from bonecam.levels.measure import certificate
-from bonecam.levels.measure.certificate import Certificate, certify
+from bonecam.levels.measure.certificates.accuracy import ROUNDING
+from bonecam.levels.measure.certificates.certificate import Certificate
+from bonecam.levels.measure.certificates.certify import certify, certify_cut, certify_last_cut
+from bonecam.levels.measure.certificates.depth import MARGIN, depth_target
+from bonecam.levels.measure.certificates.nets import HALVES, bezier_nets
+from bonecam.levels.measure.certificates.stock_depth import bound_mesh_depth, faces_of_stock, triangle_nets
+from bonecam.levels.measure.certificates.stock_distance import bound_inside, bound_outside
 from bonecam.levels.measure.grid import level_grid
 from bonecam.levels.measure.inspection import Rules, excess_bound, inspect
 from bonecam.levels.measure.level import RoundedLevel
@@ -114,34 +121,29 @@ def test_the_bounds_of_concentric_capsules_are_their_distance() -> None:
 def test_a_level_moved_along_the_axis_is_bounded_by_the_move_and_does_not_enclose() -> None:
     surface = waisted()
     moved = surface.with_control_points(surface.control_points + np.array([0.0, 0.0, 0.3]))
-    found = certificate.certificate(surface, moved, STOCK, 0.3)
-    assert 0.3 <= found.depth <= 0.3 + certificate.CLOSE + 2 * certificate.ROUNDING
+    found = certify_cut(surface, moved, STOCK, 0.3)
+    assert 0.3 <= found.depth <= 0.3 + MARGIN + 2 * ROUNDING
     assert found.nesting == -np.inf
-    assert (
-        certificate.certificate(surface, surface, STOCK, 0.3).depth
-        <= 0.3 + certificate.CLOSE + certificate.ROUNDING
-    )
+    assert certify_cut(surface, surface, STOCK, 0.3).depth <= 0.3 + MARGIN + ROUNDING
 
 
 def test_a_level_on_the_one_before_falls_no_farther_behind_than_the_tolerance() -> None:
     surface = waisted()
-    found = certificate.certificate(surface, surface, STOCK, 0.0)
+    found = certify_cut(surface, surface, STOCK, 0.0)
     assert found.depth <= 2e-4
     assert -NESTING_TOLERANCE <= found.nesting <= 0.0
 
 
 def test_levels_that_swap_places_are_not_nested() -> None:
     surface = waisted()
-    assert certificate.certificate(surface, grown(surface, 0.05), STOCK, 0.5).nesting == pytest.approx(
-        0.0, abs=1e-7
-    )
-    assert certificate.certificate(grown(surface, 0.05), surface, STOCK, 0.5).nesting == -np.inf
+    assert certify_cut(surface, grown(surface, 0.05), STOCK, 0.5).nesting == pytest.approx(0.0, abs=1e-7)
+    assert certify_cut(grown(surface, 0.05), surface, STOCK, 0.5).nesting == -np.inf
 
 
 def test_a_level_far_off_does_not_enclose_although_nothing_meets() -> None:
     surface = waisted()
     away = surface.with_control_points(surface.control_points + np.array([50.0, 0.0, 0.0]))
-    assert certificate.certificate(surface, away, STOCK, 60.0).nesting == -np.inf
+    assert certify_cut(surface, away, STOCK, 60.0).nesting == -np.inf
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -151,7 +153,7 @@ def test_no_sample_exceeds_a_bound_on_levels_moved_at_random(seed: int) -> None:
     moves = rng.normal(scale=0.15, size=inner.control_points.shape)
     moves[:11], moves[-11:] = moves[0], moves[-1]  # poles stay smooth
     outer = grown(inner, 0.06).with_control_points(grown(inner, 0.06).control_points + moves)
-    found = certificate.certificate(inner, outer, STOCK, 0.3)
+    found = certify_cut(inner, outer, STOCK, 0.3)
     points = outer.positions(*dense(seed))
     sampled = inner.project(points).distances.max()
     assert sampled <= found.depth <= sampled + 0.01
@@ -195,7 +197,7 @@ def test_a_bump_with_its_peak_between_the_samples_passes_the_check_but_not_the_c
     limit = measure_cut(inner, outer, STOCK, 0.5).depth_max - 0.001
     measured = measure_cut(inner, outer, STOCK, limit)
     require_none(1, violations(measured, limit, outer.mesh), outer.mesh)
-    found = certificate.certificate(part, bump, STOCK, limit)
+    found = certify_cut(part, bump, STOCK, limit)
     assert measured.depth_max <= limit + DEPTH_TOLERANCE < found.depth
     places = np.vstack([surface.positions(*found.too_deep.T) for surface in (part, bump)])
     assert np.linalg.norm(places - found.depth_place, axis=1).min() < 0.1
@@ -204,7 +206,7 @@ def test_a_bump_with_its_peak_between_the_samples_passes_the_check_but_not_the_c
 
 def test_depths_are_bounded_both_ways(grooved: Callable[[float], TSpline]) -> None:
     inner, outer = grooved(0.4), grooved(1.0)
-    found, s, t = certificate.certificate(inner, outer, STOCK, 0.1), *dense(5, 40_000)
+    found, s, t = certify_cut(inner, outer, STOCK, 0.1), *dense(5, 40_000)
     there, back = (
         to.project(of.positions(s, t)).distances.max() for of, to in ((outer, inner), (inner, outer))
     )
@@ -215,18 +217,18 @@ def test_depths_are_bounded_both_ways(grooved: Callable[[float], TSpline]) -> No
 @pytest.mark.parametrize("limit", [0.1, 2.0, 5.0])
 def test_the_last_cut_is_bounded_from_the_bottoms_of_hollows(limit: float) -> None:
     part = waisted(waist=0.5)
-    bound, place = certificate._farthest_inside(certificate._nets(part), STOCK, limit)
+    bound, place = bound_inside(bezier_nets(part), STOCK, limit)
     sampled = -STOCK.signed_distance(part.positions(*dense(4, 40_000))).min()
     assert sampled <= bound
     assert bound <= max(limit, sampled + 0.001)
     assert bound <= limit or -STOCK.signed_distance(place[None])[0] > sampled - 0.1
-    assert certificate.certificate_of_last(part, STOCK, limit).depth >= sampled
+    assert certify_last_cut(part, STOCK, limit).depth >= sampled
 
 
 @pytest.mark.parametrize("stock", [STOCK, Box(np.array([-4.0, -4.0, 0.5]), np.array([4.0, 4.0, 19.5]))])
 def test_what_leaves_the_stock_is_bounded_tightly(stock: Stock) -> None:
     outer = grown(waisted(), 0.5)
-    bound, place = certificate._outside(certificate._nets(outer), stock)
+    bound, place = bound_outside(bezier_nets(outer), stock)
     sampled = stock.signed_distance(outer.positions(*dense(1, 40_000))).max()
     assert sampled <= bound <= sampled + 0.005
     assert stock.signed_distance(place[None])[0] == pytest.approx(bound, abs=0.05)
@@ -234,13 +236,13 @@ def test_what_leaves_the_stock_is_bounded_tightly(stock: Stock) -> None:
 
 def test_what_is_not_certain_is_named_with_its_place() -> None:
     surface = waisted()
-    found = certificate.certificate(surface, grown(surface, 0.5), STOCK, 0.5)
+    found = certify_cut(surface, grown(surface, 0.5), STOCK, 0.5)
     deep, leaves = found.shortfalls(0.5)
     assert deep.startswith(f"may be {found.depth:.4f} mm deep, more than 0.5 mm, at (")
     assert leaves.startswith(f"may leave the stock by {found.outside:.4f} mm at (")
-    (behind,) = certificate.certificate(grown(surface, 0.05), surface, STOCK, 0.5).shortfalls(0.5)
+    (behind,) = certify_cut(grown(surface, 0.05), surface, STOCK, 0.5).shortfalls(0.5)
     assert behind.startswith("is not proven to hold the level before at (")
-    assert certificate.certificate(surface, grown(surface, 0.05), STOCK, 0.5).shortfalls(0.5) == ()
+    assert certify_cut(surface, grown(surface, 0.05), STOCK, 0.5).shortfalls(0.5) == ()
 
 
 def test_the_levels_of_a_bar_are_certified_up_to_the_body_they_round_it_from() -> None:
@@ -279,7 +281,7 @@ def test_surfaces_that_are_not_polynomial_are_refused() -> None:
     surface = waisted()
     rational = TSpline(surface.tmesh, surface.control_points, np.linspace(1, 2, surface.tmesh.size))
     with pytest.raises(ValueError, match="weights of one"):
-        certificate.certificate(surface, rational, STOCK, 0.5)
+        certify_cut(surface, rational, STOCK, 0.5)
     with pytest.raises(ValueError, match="as many limits"):
         certify([surface], STOCK, [])
 
@@ -293,7 +295,7 @@ def test_no_point_is_farther_from_its_image_than_the_bound_where_maps_cross_elem
     rough = surface.control_points + rng.normal(scale=0.5, size=surface.control_points.shape)
     rough[0], rough[-1] = surface.control_points[0], surface.control_points[-1]
     surface = surface.with_control_points(rough)
-    on, net = certificate._target(surface), certificate._nets(surface)[70]
+    on, net = depth_target(surface), bezier_nets(surface)[70]
     (s, t), u, v = on.boxes[70][::2], *rng.random((2, 2000))
     B = [np.column_stack([(1 - x) ** 3, 3 * x * (1 - x) ** 2, 3 * x**2 * (1 - x), x**3]) for x in (u, v)]
     points = np.einsum("ni,nj,jix->nx", *B, net.reshape(4, 4, 3))
@@ -309,7 +311,7 @@ def test_no_point_is_farther_from_its_image_than_the_bound_where_maps_cross_elem
         at = low + v[:, None] * (high - low)
         assert (
             np.linalg.norm(points - surface.positions(*at.T), axis=1).max()
-            <= hull_depth.apart(net, feet, on)[0]
+            <= mapped_distance_bound(net, feet, on)[0]
         )
 
 
@@ -319,30 +321,28 @@ def test_the_stock_between_the_vertices_of_its_mesh_is_bounded() -> None:
         moved = inner.with_control_points(
             inner.control_points + np.array([np.cos(angle), np.sin(angle), 0.0])
         )
-        coarse = certificate._depth_of_stock(certificate._target(moved), *certificate._faces(STOCK, 0.4))[0]
+        coarse = bound_mesh_depth(depth_target(moved), *faces_of_stock(STOCK, 0.4))[0]
         assert 2.5 - FITTED <= coarse <= 2.5 + 0.5
 
 
 def test_hulls_of_parallel_planes_are_as_far_apart_as_the_planes() -> None:
     corners = np.array([[[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [0.0, 2.0, 0.0]]])
-    low, high = certificate._raised(corners), certificate._raised(corners + np.array([0.4, 0.3, 0.25]))
-    assert hulls.separation(low, high, 9.0, 0.0, 0.02, 1e-3, 10**6)[0] == pytest.approx(0.25)
-    assert hulls.separation(low, low, 9.0, 0.0, 0.02, 1e-3, 10**6)[0] <= 0
+    low, high = triangle_nets(corners), triangle_nets(corners + np.array([0.4, 0.3, 0.25]))
+    assert separation(low, high, 9.0, 0.0, 0.02, 1e-3, 10**6)[0] == pytest.approx(0.25)
+    assert separation(low, low, 9.0, 0.0, 0.02, 1e-3, 10**6)[0] <= 0
 
 
 def test_halves_of_a_net_are_the_patch() -> None:
     surface = waisted()
-    net = certificate._nets(surface)[40]
+    net = bezier_nets(surface)[40]
     low, high = np.empty((16, 3)), np.empty((16, 3))
     for axis in (0, 1):
-        hulls.halve(net, axis, low, high)
-        quarters = np.einsum(
-            "aik,bjl,klx->abijx", certificate.HALVES, certificate.HALVES, net.reshape(4, 4, 3)
-        )
+        halve(net, axis, low, high)
+        quarters = np.einsum("aik,bjl,klx->abijx", HALVES, HALVES, net.reshape(4, 4, 3))
         assert np.allclose(low[0], net[0])
         assert np.allclose(high[15], net[15])
         assert np.allclose(quarters[0, 0, 0, 0], low[0])
-        hulls.halve(low.copy(), 1 - axis, low, high)
+        halve(low.copy(), 1 - axis, low, high)
         assert np.allclose(low.reshape(4, 4, 3), quarters[0, 0])
 
 
