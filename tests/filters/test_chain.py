@@ -135,3 +135,16 @@ def metres(phalanx: Path) -> MeshSet:
     meshes.load_new_mesh(str(phalanx))
     meshes.compute_matrix_from_scaling_or_normalization(axisx=0.001)
     return meshes
+
+
+def test_the_recipe_of_the_tutorial_fits_the_bone_that_pymeshlab_ships() -> None:
+    meshes = MeshSet()
+    meshes.load_new_mesh(str(Path(pymeshlab.__file__).parent / "tests" / "sample_meshes" / "bone.ply"))
+    meshes.compute_matrix_from_scaling_or_normalization(axisx=35.0, uniformflag=True)
+    meshes.apply_filter("apply_units_in_mm", units="mm")
+    meshes.apply_filter("meshing_repair_bone")
+    meshes.apply_filter("meshing_fill_pits")
+    meshes.apply_filter("apply_upright_pose")
+    meshes.apply_filter("generate_stock", diameter=pymeshlab.PercentageValue(50), length=45.0)
+    found = meshes.apply_filter("compute_tspline_surface")
+    assert found["deviation_max_mm"] < 0.1
