@@ -56,7 +56,8 @@ def morph_levels(layers: Layers, values: Mapping[str, Any], progress: Progress) 
     morph = make_levels(surface, stock, job, progress)
     source = layers.meshset.current_mesh_id()
     kept = {"morph": morph, "job": job}
-    part, deepest = source, max(level.limit for level in morph.levels)
+    part = source
+    deepest = max(level.limit for level in morph.levels)
     for level, depth in zip(morph.levels, step_depths(morph.levels), strict=True):
         layers.select(source)
         own = {"level": level} if level.surface is None else {"level": level, "surface": level.surface}

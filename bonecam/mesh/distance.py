@@ -75,7 +75,8 @@ class MeshDistance:
         """Distance of each point to the closed surface, mm, negative inside; where it exceeds `wanted`, that:
         it is the cheaper bound."""
         limits = _limits(wanted, len(points))
-        distance, inside = self._within(points, limits), self.inside(points)
+        distance = self._within(points, limits)
+        inside = self.inside(points)
         deep = np.flatnonzero(inside & (distance >= limits) & np.isfinite(limits))
         distance[deep] = self._within(points[deep], np.full(len(deep), np.inf))
         return np.where(inside, -distance, distance)
@@ -126,6 +127,8 @@ def _exact_tree(mesh: TriangleMesh) -> tuple[Any, ndarray, ndarray]:
 
     if not len(mesh.faces):
         raise ValueError("the mesh has no faces: there is nothing to measure the distance to")
-    tree, vertices, faces = igl.AABB(), np.array(mesh.vertices), mesh.faces.astype(np.int64)
+    tree = igl.AABB()
+    vertices = np.array(mesh.vertices)
+    faces = mesh.faces.astype(np.int64)
     tree.init(vertices, faces)
     return tree, vertices, faces

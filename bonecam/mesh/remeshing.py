@@ -57,7 +57,8 @@ def bisect_faces(mesh: TriangleMesh, chosen: Bool[ndarray, " f"]) -> TriangleMes
     length = np.linalg.norm(mesh.vertices[edges[:, 0]] - mesh.vertices[edges[:, 1]], axis=1)
     first = np.argmax(length[edge_of], axis=1)
     longest = edge_of[np.arange(len(edge_of)), first]
-    cut, hit = np.zeros(len(edges), dtype=bool), chosen
+    cut = np.zeros(len(edges), dtype=bool)
+    hit = chosen
     while not cut[longest[hit]].all():
         cut[longest[hit]] = True
         hit = np.any(cut[edge_of], axis=1)

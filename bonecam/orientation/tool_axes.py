@@ -73,7 +73,8 @@ def _replace(
 
     FCL is asked only where no axis is proven free by distances: it takes a hundred times as long.
     """
-    axes, centres = preferred.copy(), path.centres
+    axes = preferred.copy()
+    centres = path.centres
     reasons = np.where(admissible, "", "collision").astype(object)
     if admissible.all():
         return axes, reasons.tolist()

@@ -74,7 +74,8 @@ def checked_post(part: TriangleMesh, stock: Stock, holding: HoldingJob, lying: t
 def _lower_end(part: TriangleMesh, height: float) -> Float[ndarray, "2"]:
     """The (x, y) of the face that lies most in the middle of what is within `height` mm of the part's lowest
     one, walls left out."""
-    middles, normals = part.vertices[part.faces].mean(axis=1), part.face_vectors
+    middles = part.vertices[part.faces].mean(axis=1)
+    normals = part.face_vectors
     flat = np.abs(normals[:, 2]) > FLAT * np.linalg.norm(normals, axis=1)
     low = middles[flat & (middles[:, 2] <= middles[flat, 2].min() + height)][:, :2]
     return np.asarray(low[np.argmin(np.linalg.norm(low - low.mean(axis=0), axis=1))])
@@ -90,7 +91,8 @@ def _undersides(part: TriangleMesh, places: ndarray) -> ndarray:
     lowest = np.full(len(places), np.inf)
     for i, place in enumerate(places):
         w = place - a[:, :2]
-        p, q = (w[:, 0] * v[:, 1] - w[:, 1] * v[:, 0]) / area, (u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0]) / area
+        p = (w[:, 0] * v[:, 1] - w[:, 1] * v[:, 0]) / area
+        q = (u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0]) / area
         hit = ~steep & (p >= 0) & (q >= 0) & (p + q <= 1)
         if hit.any():
             lowest[i] = (a[hit, 2] + p[hit] * (b - a)[hit, 2] + q[hit] * (c - a)[hit, 2]).min()

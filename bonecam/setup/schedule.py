@@ -104,7 +104,8 @@ def check_cuts(part: TriangleMesh, stock: Stock, job: LevelsJob) -> None:
     """JobError where the stock is so far from the part that more than `most_cuts` cuts are needed."""
     mesh = stock.mesh(max(STOCK_CHORD, STOCK_CHORD_SHARE * stock.diameter))
     distances = MeshDistance(part).unsigned(mesh.vertices)
-    place, farthest = mesh.vertices[np.argmax(distances)], float(distances.max())
+    place = mesh.vertices[np.argmax(distances)]
+    farthest = float(distances.max())
     cuts = schedule_of(job).lower_bound(farthest)
     if cuts > job.most_cuts:
         what = f"the stock at {place_name(place)} is {farthest:.1f} mm from the part, which takes {cuts} cuts or more"

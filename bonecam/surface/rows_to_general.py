@@ -20,7 +20,8 @@ def as_general(surface: TSpline) -> TSpline[TMesh]:
     """
     if isinstance(surface.tmesh, OpenRowTMesh):
         return _of_open_rows(surface)
-    rows, t = surface.tmesh, surface.tmesh.t_knots
+    rows = surface.tmesh
+    t = surface.tmesh.t_knots
     if not (t[:4] == t[0]).all() or not (t[-4:] == t[-1]).all():
         raise SurfaceError("the t-knots are not clamped: a general T-mesh repeats its end knots")
     closed = aligned(
@@ -34,11 +35,9 @@ def as_general(surface: TSpline) -> TSpline[TMesh]:
         [np.concatenate(place), np.repeat(np.arange(len(knots)), [len(row) for row in knots])]
     )
     a, b = len(lines), len(knots)
-    along_s, along_t, inside = (
-        np.ones((a, b), dtype=bool),
-        np.zeros((a, b - 1), dtype=bool),
-        np.ones((a, b - 1), dtype=bool),
-    )
+    along_s = np.ones((a, b), dtype=bool)
+    along_t = np.zeros((a, b - 1), dtype=bool)
+    inside = np.ones((a, b - 1), dtype=bool)
     mesh = TMesh(lines, t[2:-2], vertices, along_s, along_t, inside, (1.0, 0.0))
     index = np.concatenate(
         [
@@ -61,7 +60,8 @@ def _of_open_rows(surface: TSpline) -> TSpline[TMesh]:
     a, b = len(lines), len(place)
     along_t = np.zeros((a, b - 1), dtype=bool)
     along_t[[0, 1, -2, -1]] = True
-    along_s, inside = np.ones((a - 1, b), dtype=bool), np.ones((a - 1, b - 1), dtype=bool)
+    along_s = np.ones((a - 1, b), dtype=bool)
+    inside = np.ones((a - 1, b - 1), dtype=bool)
     return TSpline(
         TMesh(lines, rows.t_knots[2:-2], vertices, along_s, along_t, inside),
         surface.control_points,

@@ -127,7 +127,8 @@ def _lacking(
     Measured in the middle of the move; where the bound between the middle and the ends (which are at least
     `at_contact` away) does not rule a lack out, at INNER_FRACTIONS too.
     """
-    starts, ends = centres[moves], centres[moves + 1]
+    starts = centres[moves]
+    ends = centres[moves + 1]
     half = np.linalg.norm(ends - starts, axis=1) / 2
     # a move that is shorter than the distance of its end from the surface cannot cross the surface
     distance = obstacle.unsigned if (half < at_contact).all() else obstacle.signed

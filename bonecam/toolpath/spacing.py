@@ -104,7 +104,9 @@ def _rings(across: Float[ndarray, " a"], passes: Float[ndarray, "f a"], step: fl
     """Rings half a step from a pole, whole steps from one another, and half a step or less from the other
     pole."""
     lines: list[float] = []
-    cell, here, ahead = 1, passes[:, 0], step / 2
+    cell = 1
+    here = passes[:, 0]
+    ahead = step / 2
     while (passes[:, -1] - here).max() > step / 2 or not lines:
         cell, place, here = _next_line(across, passes, cell, here, ahead)
         lines.append(place)
@@ -117,7 +119,9 @@ def _meridians(
     across: Float[ndarray, " a"], passes: Float[ndarray, "f a"], step: float
 ) -> Float[ndarray, " k"]:
     """Lines from s = 0 by whole steps until the seam is one step away or less."""
-    cell, lines, here = 1, [0.0], passes[:, 0]
+    cell = 1
+    lines = [0.0]
+    here = passes[:, 0]
     while (passes[:, -1] - here).max() > step:
         cell, place, here = _next_line(across, passes, cell, here, step)
         lines.append(place)
@@ -143,7 +147,8 @@ def _next_line(
 ) -> tuple[int, float, Float[ndarray, " f"]]:
     """The cell (from `start` on) and the parameter at which the pass count has grown by `step` since `here`
     at one place along the feed and nowhere by more, and the counts there."""
-    last, window = len(across) - 1, WINDOW
+    last = len(across) - 1
+    window = WINDOW
     while start + window < last and (passes[:, start + window] - here).max() < step:
         window *= 2
     # the search begins one cell before `start`: the line before may lie in it
@@ -159,13 +164,15 @@ def _next_line(
 
 def _even_out(lines_of: Callable[[float], Float[ndarray, " k"]]) -> Float[ndarray, " k"]:
     """The lines of the smallest step that needs no more of them than the full step does."""
-    low, high = MIN_FULLNESS, FULLNESS
+    low = MIN_FULLNESS
+    high = FULLNESS
     best = lines_of(high)
     for _ in range(6):
         middle = (low + high) / 2
         lines = lines_of(middle)
         if len(lines) <= len(best):
-            best, high = lines, middle
+            best = lines
+            high = middle
         else:
             low = middle
     return best

@@ -138,7 +138,8 @@ def _place(point: Float[ndarray, "3"]) -> tuple[float, float, float]:
 def _refine(run: _Run, centres: Float[ndarray, "n 3"], distance: Float[ndarray, "n"], best: Gouge) -> Gouge:
     """The deepest gouge with the moves of `run` sampled until it is bounded; VerifyError where it cannot
     be."""
-    moves, radius = run.moves, run.control.radius
+    moves = run.moves
+    radius = run.control.radius
     count = len(moves)
     ends = centres[moves - 1], centres[moves], distance[moves - 1], distance[moves]
     spans = _Spans(np.arange(count), np.zeros(count), np.ones(count), *ends)

@@ -142,7 +142,8 @@ def _check_tools(motions: Motions, posted: Bool[ndarray, "n"], tools: Int[ndarra
     if wrong.any():
         move = int(np.argmax(wrong))
         line = int(motions.lines[move])
-        found, meant = int(motions.tools[move]), int(tools[move])
+        found = int(motions.tools[move])
+        meant = int(tools[move])
         raise VerifyError(
             f"line {line}: tool {found} cuts what tool {meant} was meant to: write it again",
             line=line,

@@ -59,7 +59,8 @@ def levels_report(levels: Sequence[Level]) -> list[dict[str, Any]]:
 def _certified(level: Level) -> dict[str, Any]:
     """What holds everywhere on a level, also between the points measured; null where nothing is known, or
     nothing has to be."""
-    found, names = level.certificate, ("depth_certified_mm", "nesting_certified_mm", "outside_certified_mm")
+    found = level.certificate
+    names = ("depth_certified_mm", "nesting_certified_mm", "outside_certified_mm")
     if found is None:
         return {**dict.fromkeys(names), "not_certified": None}
     values = (
@@ -160,7 +161,8 @@ def _program_lines(toolpath: Sequence[Mapping[str, Any]], nc: Mapping[str, Any])
     """Paths, program and proof."""
     yield f"toolpath  {sum(row['contacts'] for row in toolpath)} contacts"
     yield f"uncut     {uncut_text(toolpath)}"
-    file, machine = nc["file"] or "not written", f"{nc['machine']} / {nc['controller']}"
+    file = nc["file"] or "not written"
+    machine = f"{nc['machine']} / {nc['controller']}"
     yield f"nc        {file}: {nc['blocks']} blocks for {machine}, about {nc['time_min']:.0f} min"
     tip_um, gouge_um = nc["readback_tip_error_mm"] * 1000, nc["gouge_max_mm"] * 1000
     axis_deg = nc["readback_axis_error_deg"]

@@ -86,7 +86,8 @@ def _check_reach(machine: Machine, found: ndarray) -> None:
     excess = np.maximum(np.maximum(bounds[:, 0] - solutions, solutions - bounds[:, 1]), 0)
     solution = int(np.argmin(excess.max(1)))
     column = int(np.argmax(excess[solution]))
-    letter, value = machine.rotary[column].letter, float(np.degrees(solutions[solution, column]))
+    letter = machine.rotary[column].letter
+    value = float(np.degrees(solutions[solution, column]))
     limit = float(
         np.degrees(bounds[column, 0] if np.radians(value) < bounds[column, 0] else bounds[column, 1])
     )
@@ -148,10 +149,13 @@ def _follows(
     A turn by T (rad, the sum of both joints) leaves the middle by at most T^2 / 8, which settles most moves.
     False where a state is NaN.
     """
-    turn, chord = np.abs(change).sum(1), lengths(after - before)
+    turn = np.abs(change).sum(1)
+    chord = lengths(after - before)
     near = (turn < SMALL_TURN) & (turn**2 / 8 <= 0.7 * chord)
     ask = np.flatnonzero(~near & np.isfinite(turn))
-    middle, before, after = tool_axes(machine, start[ask] + change[ask] / 2), before[ask], after[ask]
+    middle = tool_axes(machine, start[ask] + change[ask] / 2)
+    before = before[ask]
+    after = after[ask]
     straight = before + after
     # opposite axes have no middle: then no linear way follows them
     straight = straight / np.maximum(np.linalg.norm(straight, axis=1), np.finfo(float).tiny)[:, None]

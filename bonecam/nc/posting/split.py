@@ -98,7 +98,9 @@ def between(
     """Tips and axes of the path at fractions of the moves from the rows `before` to the next; exact at 0 and
     1."""
     after = np.minimum(before + 1, len(tips) - 1)
-    a, b, part = axes[before], axes[after], fractions[:, None]
+    a = axes[before]
+    b = axes[after]
+    part = fractions[:, None]
     angle = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), dots(a, b))[:, None]
     sine = np.sin(angle)
     small = sine < 1e-9

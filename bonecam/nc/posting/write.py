@@ -159,7 +159,9 @@ class _Writer:
 
     def _run(self, posted: Posted, run: tuple[int, int], approach: ndarray) -> list[str]:
         words = _words(self.machine.letters, approach, self)
-        rotary, linear, plane = " ".join(words[3:]), " ".join(words[:3]), " ".join(words[:2])
+        rotary = " ".join(words[3:])
+        linear = " ".join(words[:3])
+        plane = " ".join(words[:2])
         lines = (
             self._moving("position", rotary=rotary)
             + self.on
@@ -174,7 +176,8 @@ class _Writer:
 
     def _rows(self, posted: Posted, run: tuple[int, int]) -> list[str]:
         rows = slice(*run)
-        kinds, words = posted.moves.kinds[rows], self._written(posted.words[rows])
+        kinds = posted.moves.kinds[rows]
+        words = self._written(posted.words[rows])
         form = " ".join(
             f"{letter}{(self.length if i < 3 else self.angle).spec}"
             for i, letter in enumerate(self.machine.letters)

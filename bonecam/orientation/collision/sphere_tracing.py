@@ -34,7 +34,9 @@ STEP_SHARE = 0.999
 SURE_SHARE = 0.9
 """A distance below this part of the radius is a collision, well inside the section's ends."""
 
-FREE, UNDECIDED, COLLIDING = 0, 1, 2
+FREE = 0
+UNDECIDED = 1
+COLLIDING = 2
 """What is known of a pose: no collision, moves included; nothing; a collision."""
 
 

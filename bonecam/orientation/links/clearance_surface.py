@@ -82,7 +82,8 @@ class ClearanceSurface:
         """Azimuth (NaN on the axis), arc length and height above the surface of a point outside the stock's
         axis."""
         local = self._frame.T @ (point - self._low)
-        across, up = float(np.hypot(local[0], local[1])), float(local[2])
+        across = float(np.hypot(local[0], local[1]))
+        up = float(local[2])
         azimuth = float(np.arctan2(local[1], local[0])) if across > 1e-9 * self.radius else np.nan
         along = float(np.clip(up, 0.0, self._span))
         above = up - np.clip(up, 0.0, self._span)

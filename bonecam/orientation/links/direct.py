@@ -25,7 +25,8 @@ Contacts = tuple[Float[ndarray, "k 3"], Float[ndarray, "k 3"], Float[ndarray, "k
 def direct_links(space: LinkSpace, ends: Contacts, starts: Contacts, max_length: float) -> list[Moves | None]:
     """The link from each end to its start, both left out; None where it is longer than `max_length` (mm),
     turns too far, passes the singularity, or is not proven free."""
-    (a, normals_a, axes_a), (b, normals_b, axes_b) = ends, starts
+    a, normals_a, axes_a = ends
+    b, normals_b, axes_b = starts
     turns_far = angles_between(axes_a, axes_b) > MAX_TURN
     target_axes = np.where(turns_far[:, None], axes_a, axes_b)
     centres, axes = interpolate_poses(a + LIFT * normals_a, b + LIFT * normals_b, axes_a, target_axes, STEPS)

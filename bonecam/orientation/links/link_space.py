@@ -47,7 +47,8 @@ class LinkSpace:
     @cached_property
     def safe_pose(self) -> Pose:
         """Ball centre and axis of the point above the stock where a level begins and ends."""
-        top, height = np.array([self.surface.top]), np.array([self.clearance])
+        top = np.array([self.surface.top])
+        height = np.array([self.clearance])
         centre, _ = self.surface.frames(np.zeros(1), top, height)
         return centre[0], np.array([0.0, 0.0, 1.0])
 
@@ -66,7 +67,8 @@ class LinkSpace:
         ends = np.vstack([centres[1:] for centres, _ in polylines])
         first = np.vstack([axes[:-1] for _, axes in polylines])
         last = np.vstack([axes[1:] for _, axes in polylines])
-        start_tips, end_tips = starts - self.ball_radius * first, ends - self.ball_radius * last
+        start_tips = starts - self.ball_radius * first
+        end_tips = ends - self.ball_radius * last
         tips, axes = interpolate_poses(start_tips, end_tips, first, last, CHECK_STEPS)
 
         joined = np.tile(np.r_[np.ones(CHECK_STEPS, dtype=bool), False], len(first))

@@ -131,7 +131,8 @@ def _polyline(pose: Pose, departure: Departure, lengths: Float[ndarray, " r"]) -
 def _standoffs(space: LinkSpace, lines: Sequence[Float[ndarray, "_ 3"]]) -> list[int]:
     """The point of each retract from which on the ball stays STANDOFF away from the material: links turn to
     rapids there."""
-    scene, radius = space.checker.scene, space.ball_radius
+    scene = space.checker.scene
+    radius = space.ball_radius
     centres = np.vstack(lines)
     wanted = np.full(len(centres), radius + STANDOFF)
     air = scene.distance_bound(centres, wanted, "material", scene.post) - radius

@@ -61,7 +61,8 @@ def traverse(
     axes = np.einsum("nij,nj->ni", frames, lean)
     angles = np.clip(polar_angles(axes), limits.smallest, limits.largest)
     axes = unit(with_polar_angles(axes, angles))
-    centres[[0, -1]], axes[[0, -1]] = [first[0], last[0]], [first[1], last[1]]
+    centres[[0, -1]] = [first[0], last[0]]
+    axes[[0, -1]] = [first[1], last[1]]
     return _thin_out(centres, axes)
 
 

@@ -217,7 +217,8 @@ def smallest_scale(stock: ConvexStock, points: Float[ndarray, "n 3"], allowance:
     low = 0.0
     high = 1.0
     while not holds(high):
-        low, high = high, 2 * high
+        low = high
+        high = 2 * high
         if high > LARGEST_SCALE:
             raise StockError(
                 f"{stock.file}: no copy of this body on the Z axis holds the part: move the part with stock.offset_x, offset_y"

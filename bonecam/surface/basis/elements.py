@@ -69,10 +69,8 @@ class Elements:
         kernels.bezier.element_search."""
         knots = np.unique(self.boxes[:, 2:])
         order = np.argsort(self.boxes[:, 0], kind="stable")
-        first, last = (
-            np.searchsorted(knots, self.boxes[order, 2]),
-            np.searchsorted(knots, self.boxes[order, 3]),
-        )
+        first = np.searchsorted(knots, self.boxes[order, 2])
+        last = np.searchsorted(knots, self.boxes[order, 3])
         members = [order[(first <= k) & (k < last)] for k in range(len(knots) - 1)]
         starts = np.concatenate([[0], np.cumsum([len(m) for m in members])]).astype(np.int64)
         ids = np.concatenate(members).astype(np.int32)
@@ -87,7 +85,8 @@ class Elements:
         )
         tables = np.empty((len(members), SLOTS), dtype=np.int32)
         for k in range(len(members)):
-            a, b = starts[k], starts[k + 1]
+            a = starts[k]
+            b = starts[k + 1]
             slots = np.linspace(lows[a], highs[b - 1], SLOTS, endpoint=False) - 1e-9 * (
                 highs[b - 1] - lows[a]
             )

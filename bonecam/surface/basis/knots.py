@@ -20,7 +20,8 @@ def _lifted(lower: ndarray, knots: ndarray, x: ndarray, degree: int) -> ndarray:
     vectorised."""
     functions = np.zeros((len(x), degree + 1))
     for i in range(degree):
-        left, right = knots[:, 4 - degree + i], knots[:, 4 + i]
+        left = knots[:, 4 - degree + i]
+        right = knots[:, 4 + i]
         ratio = lower[:, i] / (right - left)
         functions[:, i] += ratio * (right - x)
         functions[:, i + 1] += ratio * (x - left)

@@ -51,7 +51,8 @@ def _cut(faces: ndarray, s: ndarray, t: ndarray) -> ndarray:
     """Each face cut into a grid by the knots of the functions that reach it."""
     function, face = _overlaps(faces, s, t)
     order = np.argsort(face, kind="stable")
-    function, starts = function[order], np.searchsorted(face[order], np.arange(len(faces) + 1))
+    function = function[order]
+    starts = np.searchsorted(face[order], np.arange(len(faces) + 1))
     lines = [_lines(faces[:, :2], s), _lines(faces[:, 2:], t)]
     boxes = []
     for k, (s_low, s_high, t_low, t_high) in enumerate(faces):

@@ -49,7 +49,8 @@ def _strip(
     values = [
         (t[None, None, :, None] * s[:, :, None, :]).reshape(len(low), -1, 16) for s, t in zip(around, along)
     ]
-    functions, coefficients = np.concatenate(ids, axis=1), np.concatenate(values, axis=1)
+    functions = np.concatenate(ids, axis=1)
+    coefficients = np.concatenate(values, axis=1)
     order = np.argsort(functions, axis=1)
     functions = np.take_along_axis(functions, order, axis=1)
     coefficients = np.take_along_axis(coefficients, order[:, :, None], axis=1)
@@ -60,7 +61,9 @@ def _strip(
 def _row(knots: ndarray, breaks: ndarray) -> tuple[ndarray, ...]:
     """The eight knots round each of a row's elements (n, 8), where these begin and end, and their functions
     (n, f); of a pole the last."""
-    low, high, count = breaks[:-1], breaks[1:], len(knots)
+    low = breaks[:-1]
+    high = breaks[1:]
+    count = len(knots)
     if count == 1:
         return np.empty((0, 8)), low[:0], high[:0], np.zeros((len(low), 1), dtype=np.int64)
     span = np.searchsorted(knots, (low + high) / 2, side="right") - 1

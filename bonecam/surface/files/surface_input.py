@@ -63,13 +63,12 @@ def read_surface(path: str | Path, scale: float, tolerance: float, max_control_p
                 f"{path}: states its unit itself and was read in mm: leave out --units (mesh.units)",
                 file=str(path),
             )
-        surface, points = read_tsm(path), np.empty((0, 3))
+        surface = read_tsm(path)
+        points = np.empty((0, 3))
     else:
         rows = read_rows(path).scaled(scale)
-        surface, points = (
-            rows.skin(tolerance),
-            np.vstack([*rows.rows, *([] if rows.poles is None else [rows.poles])]),
-        )
+        surface = rows.skin(tolerance)
+        points = np.vstack([*rows.rows, *([] if rows.poles is None else [rows.poles])])
     if not (isinstance(surface.tmesh, RowTMesh) and all(surface.tmesh.poles)):
         remedy = (
             "give a pole (one point) as the first and the last block"
@@ -127,7 +126,8 @@ def move_with_part(given: Fit, transform: Float[ndarray, "4 4"]) -> Fit:
     """The given surface under the rigid transform (4, 4) of its part, with t from the lower to the upper
     pole.
     """
-    rotation, shift = transform[:3, :3], transform[:3, 3]
+    rotation = transform[:3, :3]
+    shift = transform[:3, 3]
     surface = given.surface.with_control_points(given.surface.control_points @ rotation.T + shift)
     if surface.control_points[0, 2] > surface.control_points[-1, 2]:
         surface = reverse_parameters(surface)

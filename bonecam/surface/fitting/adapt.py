@@ -86,7 +86,8 @@ def refine(tmesh: RowTMesh, votes: Votes, room: int) -> RowTMesh:
     left."""
     cuts = sorted(_cuts(tmesh, votes), key=lambda cut: (-cut.worth, cut.row, cut.place))
     wanted = min(room, max(FEWEST_ADDED, round((MIN_GROWTH + GROWTH_BY_MISS * votes.missed) * tmesh.size)))
-    refined, rows = tmesh, [list(row) for row in tmesh.s_knots]
+    refined = tmesh
+    rows = [list(row) for row in tmesh.s_knots]
     t_cuts: list[float] = []
     for cut in cuts:
         if refined.size - tmesh.size >= wanted or cut.worth < LEAST_WORTH * cuts[0].worth:
@@ -95,7 +96,9 @@ def refine(tmesh: RowTMesh, votes: Votes, room: int) -> RowTMesh:
         tried_t = [*t_cuts, cut.place] if cut.row < 0 else t_cuts
         finer = with_t_knots(tmesh.t_knots, [np.sort(np.array(row)) for row in tried], np.array(tried_t))
         if finer.size - tmesh.size <= (room if refined is tmesh else min(room, 2 * wanted)):
-            refined, rows, t_cuts = finer, tried, tried_t
+            refined = finer
+            rows = tried
+            t_cuts = tried_t
     return refined
 
 

@@ -123,7 +123,9 @@ def _fit_rows(mesh: TriangleMesh, rows: Rows, aim: Aim, progress: Progress) -> F
     surface, target = first_surface(rows, Target.of(mesh, rows, SAMPLES), aim)
     surface, target = settle(surface, target, aim)
     found: list[tuple[bool, float, int, TSpline, Deviation]] = []
-    size, why, progress = 0, OFTEN, rising(progress)
+    size = 0
+    why = OFTEN
+    progress = rising(progress)
     for number in range(MEASUREMENTS):
         done, then = (1 - AFTER**k for k in (number, number + 1))
         surface, target = grow(surface, target, aim, part(progress, done, then))

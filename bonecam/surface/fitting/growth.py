@@ -5,17 +5,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.sparse as sp
-from jaxtyping import Float
-from numpy import ndarray
 
 from bonecam.mesh.sections.rows import Rows
 from bonecam.progress import Progress, report, silent
-from bonecam.surface.basis.gauss import element_points
-from bonecam.surface.basis.periodic import FEWEST
 from bonecam.surface.fitting.adapt import Votes, miss_votes, refine
+from bonecam.surface.fitting.initial_surface import first_tmesh, through_loops, transfer
 from bonecam.surface.fitting.prune import prune
-from bonecam.surface.fitting.quadratic import Form, Term
 from bonecam.surface.fitting.steps import LEAST_FACING, OFF, flatten_poles, fold_grid, step
 from bonecam.surface.fitting.target import Target
 from bonecam.surface.tmesh.rows import RowTMesh
@@ -62,12 +57,6 @@ MAX_STALLED = 3
 LEAST_POINTS = FIRST[-1][0]
 """Fewest control points that a fit can be limited to."""
 
-LOOP_DAMPING = 1e-9
-"""Weight of a control point's place between the rows' points, where these do not reach it."""
-
-TRANSFER_DAMPING = 1e-6
-"""Weight of a control point's place at its anchor, shared among them, where a surface moves to a T-mesh."""
-
 Refine = Callable[[RowTMesh, Votes, int], RowTMesh]
 """A finer T-mesh from the votes for it and the number of control points it may have more."""
 Prune = Callable[[TSpline, Target, float, int], RowTMesh]
@@ -94,7 +83,8 @@ def grow(surface: TSpline, target: Target, aim: Aim, progress: Progress = silent
     """
     first = target.worst / (GOAL * aim.tolerance)
     while target.worst > GOAL * aim.tolerance and surface.tmesh.size < aim.most:
-        size, worst = surface.tmesh.size, target.worst
+        size = surface.tmesh.size
+        worst = target.worst
         way = 1 - np.log(worst / (GOAL * aim.tolerance)) / np.log(first)
         report(
             progress,
@@ -127,9 +117,12 @@ def thin(surface: TSpline, target: Target, aim: Aim) -> tuple[TSpline, Target]:
 
     Rounds go on as long as they leave clearly fewer control points, or a clearly smaller distance.
     """
-    share, folded = 1.0, target.folded(surface)
+    share = 1.0
+    folded = target.folded(surface)
     while share > LEAST_SHARE[target.worst <= aim.tolerance]:
-        reached, size, worst = target.worst <= aim.tolerance, surface.tmesh.size, target.worst
+        reached = target.worst <= aim.tolerance
+        size = surface.tmesh.size
+        worst = target.worst
         tmesh = aim.prune(
             surface,
             target,
@@ -142,7 +135,8 @@ def thin(surface: TSpline, target: Target, aim: Aim) -> tuple[TSpline, Target]:
         better = found.worst <= (aim.tolerance if reached else worst) and (folded or not found.folded(fewer))
         gained = fewer.tmesh.size / size if reached else found.worst / worst
         if better:
-            surface, target = fewer, found
+            surface = fewer
+            target = found
         if not better or gained > GAIN:
             share /= 2
     return surface, target
@@ -165,78 +159,19 @@ def first_surface(rows: Rows, target: Target, aim: Aim) -> tuple[TSpline, Target
         finer = aim.refine(tmesh, votes, round(FIRST_SHARE * aim.most) - tmesh.size)
         if finer.size == tmesh.size:
             break
-        tmesh, surface = finer, through_loops(rows, finer)
+        tmesh = finer
+        surface = through_loops(rows, finer)
         folded = folded_places(surface, target)
         stalled = 0 if folded < GAIN * fewest else stalled + 1
         if folded < fewest:
-            best, fewest = surface, folded
+            best = surface
+            fewest = folded
     return best, target.on(best, aim.tolerance)
 
 
 def folded_places(surface: TSpline, target: Target) -> int:
     """How many places of the fold grid do not face as the mesh does; the tip of a cone never does."""
     return int((target.shape.facing(surface, *fold_grid(surface)) <= LEAST_FACING).sum())
-
-
-def through_loops(rows: Rows, tmesh: RowTMesh) -> TSpline:
-    """The surface that meets the rows' loops and poles best, each at its parameters; faintly held by them at
-    its anchors."""
-    loops, count = rows.guides.shape[:2]
-    order = np.arange(1, loops + 1) * (len(rows.heights) + 1) / (loops + 1)
-    heights = np.interp(order, np.arange(len(rows.heights) + 2), [0.0, *rows.heights, 1.0])
-    s, t = np.tile(np.arange(count) / count, loops), np.repeat(heights, count)
-    weights = np.repeat(np.gradient(heights), count)
-    basis = tmesh.blending(np.append(s, [0.0, 0.0]), np.append(t, [0.0, 1.0]), 0)[0]
-    weighted = sp.diags_array(np.append(weights, [1.0, 1.0])) @ basis
-    points = np.vstack([rows.guides.reshape(-1, 3), rows.poles])
-    nets = np.concatenate(
-        [
-            np.repeat(rows.poles[:1, None], count, axis=1),
-            rows.guides,
-            np.repeat(rows.poles[1:, None], count, axis=1),
-        ]
-    )
-    anchor_s, anchor_t = anchors(tmesh)
-    column, place = (
-        np.rint(anchor_s * count).astype(int) % count,
-        np.interp(anchor_t, [0.0, *heights, 1.0], np.arange(loops + 2)),
-    )
-    level = np.minimum(place.astype(int), loops)
-    share = (place - level)[:, None]
-    held = nets[level, column] * (1 - share) + nets[level + 1, column] * share
-    normal = (basis.T @ weighted).toarray() + LOOP_DAMPING * np.eye(tmesh.size)
-    return TSpline(
-        tmesh, np.linalg.solve(normal, weighted.T @ points + LOOP_DAMPING * held), np.ones(tmesh.size)
-    )
-
-
-def first_tmesh(spans: int, knots: int) -> RowTMesh:
-    """Even spans in t, `knots` even knots a row, four in the rows next to the poles."""
-    t_knots = np.concatenate([np.zeros(3), np.linspace(0, 1, spans + 1), np.ones(3)])
-    rows = [np.arange(knots) / knots for _ in range(spans + 3)]
-    rows[0] = rows[-1] = np.zeros(1)
-    rows[1] = rows[-2] = np.arange(FEWEST) / FEWEST
-    return RowTMesh.from_rows(t_knots, rows)
-
-
-def transfer(surface: TSpline, tmesh: RowTMesh) -> TSpline:
-    """A surface on `tmesh` like `surface`: least squares in the Gauss points, faintly held at the anchors."""
-    size = tmesh.size
-    draft = TSpline(tmesh, surface.positions(*anchors(tmesh)), np.ones(size))
-    s, t, share = element_points(draft.elements().boxes, 2)
-    data = Term(draft.basis(s, t)[0], share[:, None, None] * np.eye(3), surface.positions(s, t))
-    held = Term(
-        sp.eye_array(size, format="csr"),
-        np.broadcast_to(TRANSFER_DAMPING / size * np.eye(3), (size, 3, 3)),
-        draft.control_points,
-    )
-    return TSpline(tmesh, Form.of([data, held], size).least(), np.ones(size))
-
-
-def anchors(tmesh: RowTMesh) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
-    """(s, t) of each control point: its knot and its row's Greville point."""
-    t = [tmesh.t_knots[j + 1 : j + 4].mean() for j in range(len(tmesh.s_knots))]
-    return np.concatenate(tmesh.s_knots), np.repeat(t, [len(row) for row in tmesh.s_knots])
 
 
 def settle(

@@ -16,7 +16,8 @@ def sample_mesh(mesh: TriangleMesh, count: int) -> tuple[Float[ndarray, "n 3"], 
     """
     areas = np.linalg.norm(mesh.face_vectors, axis=1) / 2
     parts = np.ceil(np.sqrt(count * areas / areas.sum()) - 0.2).clip(1).astype(np.int64)
-    points, weights = [mesh.vertices], [_vertex_areas(mesh, areas) / 4]
+    points = [mesh.vertices]
+    weights = [_vertex_areas(mesh, areas) / 4]
     for k in np.unique(parts):
         chosen = parts == k
         corners = mesh.vertices[mesh.faces[chosen]]
@@ -34,7 +35,8 @@ def _vertex_areas(mesh: TriangleMesh, areas: ndarray) -> ndarray:
 def _centres(k: int) -> Float[ndarray, "q 3"]:
     """Barycentric centres of the k^2 similar parts of a triangle."""
     i, j = (v.ravel() for v in np.meshgrid(np.arange(k), np.arange(k)))
-    up, down = i + j < k, i + j < k - 1
+    up = i + j < k
+    down = i + j < k - 1
     first = np.column_stack([i[up] + 1 / 3, j[up] + 1 / 3])
     second = np.column_stack([i[down] + 2 / 3, j[down] + 2 / 3])
     two = np.vstack([first, second]) / k

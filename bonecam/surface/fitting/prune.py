@@ -86,13 +86,15 @@ def _row(surface: TSpline, basis: sp.csc_array, normals: ndarray, now: ndarray, 
     """All knots of one row."""
     tmesh = surface.tmesh
     assert isinstance(tmesh, RowTMesh)
-    knots, start = tmesh.s_knots[row], int(tmesh.row_starts[row])
+    knots = tmesh.s_knots[row]
+    start = int(tmesh.row_starts[row])
     if len(knots) <= FEWEST:
         return []
     points = surface.control_points[start : start + len(knots)]
     part = sp.csr_array(basis[:, start : start + len(knots)])
     moved = np.flatnonzero(np.diff(part.indptr))
-    part, whole = part[moved], la.inv(collocation(knots, knots))
+    part = part[moved]
+    whole = la.inv(collocation(knots, knots))
     found = []
     for k in range(len(knots)):
         matrix = whole @ collocation(np.delete(knots, k), knots)

@@ -86,7 +86,8 @@ def step(surface: TSpline, target: Target, tolerance: float, plane: float, off: 
         + pole_planes(surface, plane * share)
         + pole_rings(surface, RING * share, off)
     )
-    damping, found = np.full(len(quadrature.s), DAMPING), surface
+    damping = np.full(len(quadrature.s), DAMPING)
+    found = surface
     grid = fold_grid(surface)
     before = surface.normals(*grid), target.shape.facing(surface, *grid)
     folded = _round(surface, quadrature, grid, before[1] < LEAST_FACING)
@@ -99,7 +100,8 @@ def step(surface: TSpline, target: Target, tolerance: float, plane: float, off: 
         damping = np.where(
             _round(surface, quadrature, grid, folded), np.maximum(FIRMER * damping, 1.0), damping
         )
-    (basis,), moving = surface.basis(*grid), np.ones(surface.tmesh.size, dtype=bool)
+    (basis,) = surface.basis(*grid)
+    moving = np.ones(surface.tmesh.size, dtype=bool)
     for _ in range(TRIES):
         moving[basis[np.flatnonzero(folded)].indices] = False
         points = np.where(moving[:, None], found.control_points, surface.control_points)
@@ -169,7 +171,9 @@ class Ring:
 
 def rings(surface: TSpline) -> list[Ring]:
     """The rings of control points round the lower and the upper pole."""
-    starts, size, knots = surface.tmesh.row_starts, surface.tmesh.size, surface.tmesh.s_knots
+    starts = surface.tmesh.row_starts
+    size = surface.tmesh.size
+    knots = surface.tmesh.s_knots
     found = []
     for pole, row in ((0, 1), (size - 1, len(knots) - 2)):
         points = np.arange(starts[row], starts[row + 1])
@@ -216,7 +220,8 @@ def pole_rings(surface: TSpline, weight: float, free: float) -> list[Term]:
         ellipse = np.column_stack([np.cos(2 * np.pi * ring.knots), np.sin(2 * np.pi * ring.knots)])
         off = np.eye(len(ellipse)) - ellipse @ np.linalg.pinv(ellipse)
         arms = ring.arms @ surface.control_points
-        now, within = off @ arms, free * np.sqrt((arms**2).sum(axis=1).mean())
+        now = off @ arms
+        within = free * np.sqrt((arms**2).sum(axis=1).mean())
         far = np.linalg.norm(now, axis=1)
         nearer = now * np.minimum(1.0, within / np.maximum(far, np.finfo(float).tiny))[:, None]
         terms.append(

@@ -47,7 +47,8 @@ class Shape:
     """The mesh, asked for the normal nearest to a point."""
 
     def __init__(self, mesh: TriangleMesh) -> None:
-        self.mesh, self.distance = mesh, MeshDistance(mesh)
+        self.mesh = mesh
+        self.distance = MeshDistance(mesh)
         self._normals = mesh.face_vectors / np.maximum(
             np.linalg.norm(mesh.face_vectors, axis=1, keepdims=True), np.finfo(float).tiny
         )
@@ -199,7 +200,9 @@ def harmonic_parameters(
 
 def barycentric(corners: Float[ndarray, "n 3 3"], points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
     """Weights of the corners of each triangle at a point in it, clipped to it."""
-    a, b, c = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], points - corners[:, 0]
+    a = corners[:, 1] - corners[:, 0]
+    b = corners[:, 2] - corners[:, 0]
+    c = points - corners[:, 0]
     aa, ab, bb, ac, bc = (dots(x, y) for x, y in ((a, a), (a, b), (b, b), (a, c), (b, c)))
     scale = 1 / np.maximum(aa * bb - ab * ab, np.finfo(float).tiny)
     v, w = (bb * ac - ab * bc) * scale, (aa * bc - ab * ac) * scale

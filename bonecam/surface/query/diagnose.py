@@ -76,7 +76,8 @@ class Diagnosis:
 
 def diagnose(surface: Surface) -> Diagnosis:
     """Measure what kind of T-spline the surface is; weights and control points play no part."""
-    elements, tmesh = surface.elements(), surface.tmesh
+    elements = surface.elements()
+    tmesh = surface.tmesh
     matrix = _coefficients(elements, tmesh.size)
     errors = _sum_errors(elements, matrix @ np.ones(tmesh.size))
     gram = (matrix.T @ matrix).toarray()

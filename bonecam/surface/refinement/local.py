@@ -50,7 +50,9 @@ def refine_locally(surface: S, draft: Draft, lines: tuple[Int64[ndarray, " a"], 
 
 def insertion_matrix(terms: Terms, crossings: ndarray, size: tuple[int, int]) -> sp.csr_array:
     """New control points from old ones: row n holds the coefficients of the term at vertex n."""
-    rows, columns, values = [], [], []
+    rows = []
+    columns = []
+    values = []
     for (s, t), coefficients in terms.items():
         rows += [int(crossings[s[2], t[2]])] * len(coefficients)
         columns += list(coefficients.keys())

@@ -53,7 +53,8 @@ def _face_at(tmesh: TMesh, s: float, t: float) -> int:
 
 
 def _cut(surface: S, chosen: list[int], directions: str) -> S:
-    tmesh, draft = surface.tmesh, Draft.of(surface.tmesh)
+    tmesh = surface.tmesh
+    draft = Draft.of(tmesh)
     boxes = tmesh.face_boxes[chosen]
     middles = [boxes[:, :2].mean(axis=1), boxes[:, 2:].mean(axis=1)]
     numbers = [np.arange(len(tmesh.s_lines)), np.arange(len(tmesh.t_lines))]

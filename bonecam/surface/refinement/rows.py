@@ -66,7 +66,8 @@ def _surface_of(surface: S, t_knots: ndarray, rows: Sequence[Row]) -> S:
 def _rows(surface: Surface) -> list[Row]:
     """The rows with homogeneous points; knots of different rows that differ by rounding only are made
     equal."""
-    starts, weights = surface.tmesh.row_starts, surface.weights[:, None]
+    starts = surface.tmesh.row_starts
+    weights = surface.weights[:, None]
     points = np.split(np.hstack([surface.control_points * weights, weights]), starts[1:-1])
     if isinstance(surface.tmesh, OpenRowTMesh):
         return list(zip(aligned(surface.tmesh.s_knots), points))
@@ -85,10 +86,12 @@ def _middles(row: Row, s: ndarray, known: ndarray) -> ndarray:
     knots = row[0]
     if _is_open(row):
         k = np.unique(np.clip(np.searchsorted(knots, s, side="right") - 1, 3, len(knots) - 5))
-        middles, period = (knots[k] + knots[k + 1]) / 2, 2.0
+        middles = (knots[k] + knots[k + 1]) / 2
+        period = 2.0
     else:
         k = np.unique((np.searchsorted(knots, np.mod(s, 1.0), side="right") - 1) % len(knots))
-        middles, period = np.mod((knots[k] + np.append(knots, knots[0] + 1)[k + 1]) / 2, 1.0), 1.0
+        middles = np.mod((knots[k] + np.append(knots, knots[0] + 1)[k + 1]) / 2, 1.0)
+        period = 1.0
     apart = np.abs(np.mod(middles[:, None] - known + period / 2, period) - period / 2)
     nearest = apart.argmin(axis=1)
     return np.asarray(np.where(apart.min(axis=1) < NEAREST, known[nearest], middles))
@@ -118,7 +121,8 @@ def _blend_points(first: ndarray, second: ndarray, ratio: float) -> ndarray:
 def _insert_periodic(knots: ndarray, points: ndarray, x: float) -> Row:
     """One more knot. Control point i is centred on knot i; between its new neighbours a point divides an old
     leg."""
-    count, k = len(knots), int(np.searchsorted(knots, x, side="right")) - 1
+    count = len(knots)
+    k = int(np.searchsorted(knots, x, side="right")) - 1
 
     def old(i: int) -> float:
         return float(knots[i % count] + i // count)
@@ -152,7 +156,8 @@ def _blend_rows(first: Row, second: Row, ratio: float) -> Row:
     """(1 - ratio) first + ratio second, on the knots of both."""
     if len(first[0]) == 1 and len(second[0]) == 1:
         return first[0], first[1] * (1 - ratio) + second[1] * ratio
-    a, b = with_knots(first, _lacking(first, second)), with_knots(second, _lacking(second, first))
+    a = with_knots(first, _lacking(first, second))
+    b = with_knots(second, _lacking(second, first))
     return a[0], a[1] * (1 - ratio) + b[1] * ratio
 
 

@@ -39,10 +39,8 @@ class Sight:
     @classmethod
     def of(cls, tmesh: TMesh) -> "Sight":
         """The lines that the vertices of this T-mesh see."""
-        lines, turns = (
-            (tmesh.knot_lines[0].tolist(), tmesh.knot_lines[1].tolist()),
-            np.append(np.arange(TURNS + 1), np.arange(-TURNS, 0)),
-        )
+        lines = (tmesh.knot_lines[0].tolist(), tmesh.knot_lines[1].tolist())
+        turns = np.append(np.arange(TURNS + 1), np.arange(-TURNS, 0))
         pairs = zip((tmesh.s_lines, tmesh.t_lines), tmesh.period)
         s_knots, t_knots = ((turns[:, None] * period + knots).ravel().tolist() for knots, period in pairs)
         return cls(
@@ -147,12 +145,10 @@ def _split(lines: Lines, new: int, sight: Sight, axis: int) -> list[tuple[Lines,
 
 def reaches_domain(s: Lines, t: Lines, sight: Sight, faces: ndarray) -> bool:
     """Whether the function is not zero everywhere on the domain."""
-    s_low, s_high, t_low, t_high = (
-        sight.knots[0][s[0]],
-        sight.knots[0][s[4]],
-        sight.knots[1][t[0]],
-        sight.knots[1][t[4]],
-    )
+    s_low = sight.knots[0][s[0]]
+    s_high = sight.knots[0][s[4]]
+    t_low = sight.knots[1][t[0]]
+    t_high = sight.knots[1][t[4]]
     if s_low == s_high or t_low == t_high:
         return False
     for a in (-sight.period[0], 0.0, sight.period[0]):

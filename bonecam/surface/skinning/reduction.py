@@ -29,7 +29,8 @@ class Reduction:
     their ends."""
 
     def __init__(self, fine: Float[ndarray, " k"], candidates: Float[ndarray, " c"], closed: bool) -> None:
-        self.candidates, self.closed = candidates, closed
+        self.candidates = candidates
+        self.closed = closed
         self._sites = sites(fine, closed)
         self._weights = _closed_steps(self._sites) if closed else np.gradient(self._sites)
         self._to_fine = la.inv(collocation(fine, self._sites, closed))
@@ -40,7 +41,8 @@ class Reduction:
 
         Several curves (n, c, d) keep the same knots, which suffice for each: what a tensor product needs.
         """
-        flat, curves = points.reshape(len(points), -1), points.size // len(points) // points.shape[-1]
+        flat = points.reshape(len(points), -1)
+        curves = points.size // len(points) // points.shape[-1]
         kept = self._removed(self._inserted(flat, curves, tolerance), flat, curves, tolerance)
         return self.candidates[kept], self._fitted(kept, flat, curves, tolerance)[0].reshape(
             -1, *points.shape[1:]
@@ -57,13 +59,16 @@ class Reduction:
         """
         matrix = self._to_fine @ collocation(self.candidates[kept], self._sites, self.closed)
         weights = self._weights
-        best, least = self._solved(matrix, points, weights), np.inf
+        best = self._solved(matrix, points, weights)
+        least = np.inf
         found = best
         for _ in range(1 + SHARPENED):
             difference = (matrix @ found - points).reshape(len(points), curves, -1)
             now = np.linalg.norm(difference, axis=2).max(axis=1)
             if now.max() < least:
-                best, error, least = found, now, now.max()
+                best = found
+                error = now
+                least = now.max()
             if not tolerance <= least < NARROW * tolerance:
                 break
             weights = weights * (now / now.max() + 1e-3)
@@ -103,7 +108,8 @@ class Reduction:
         for knot in kept[np.argsort(lacks, kind="stable")]:
             tried = kept[kept != knot]
             if self._fitted(tried, points, curves, tolerance)[1].max() < tolerance:
-                kept, needed = tried, 0
+                kept = tried
+                needed = 0
             else:
                 needed += 1
             if needed == PATIENCE or len(kept) <= (FEWEST if self.closed else 0):

@@ -149,7 +149,8 @@ def _pole(pole: ndarray, count: int) -> ndarray:
 
 def control_curves(curves: RowCurves, poles: Float[ndarray, "2 3"] | None = None) -> ControlCurves:
     """The control curves that meet all sections."""
-    closed, t = curves.closed, row_parameters(curves, poles)
+    closed = curves.closed
+    t = row_parameters(curves, poles)
     candidates = curves.union if poles is None else _add_opposite(curves.union)
     fine = _halve(candidates, closed) if len(candidates) < SPARSE else candidates
     at = sites(fine, closed)
@@ -158,9 +159,11 @@ def control_curves(curves: RowCurves, poles: Float[ndarray, "2 3"] | None = None
         ends = [_pole(pole, len(at)) for pole in poles]
         opposite = np.concatenate([ends[0], curves.at(np.mod(at + 0.5, 1.0)), ends[1]])
         sections = np.concatenate([ends[0], sections, ends[1]])
-        knots, found = clamped(t[1:-1]), _to_poles(t, sections, opposite)
+        knots = clamped(t[1:-1])
+        found = _to_poles(t, sections, opposite)
     elif len(t) < 4:
-        knots, found = clamped(t[1:-1]), _solve(t, sections, 2)
+        knots = clamped(t[1:-1])
+        found = _solve(t, sections, 2)
     else:
         knots = clamped(np.array([t[j : j + 3].mean() for j in range(1, len(t) - 3)]))
         found = np.linalg.solve(_values(knots, t), sections.reshape(len(t), -1)).reshape(sections.shape)
@@ -221,7 +224,8 @@ def _too_many(control: ControlCurves, tolerance: float, size: int, allowed: int)
             f"the rows need {control.least} control points at least: allow more than {allowed}",
             needed=control.least,
         )
-    reached, found = tolerance, size
+    reached = tolerance
+    found = size
     while found > allowed:
         reached *= LOOSER
         found = control.reduce(reached).tmesh.size

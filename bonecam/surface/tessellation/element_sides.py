@@ -44,7 +44,8 @@ class Net:
 
     def positions(self, element: int, uv: Float[ndarray, "n 2"]) -> Float[ndarray, "n 3"]:
         """Points of one element at places in its square."""
-        elements, (s, t) = self.surface.elements(), self._parameters(element, uv).T
+        elements = self.surface.elements()
+        s, t = self._parameters(element, uv).T
         which = np.full(len(uv), element, dtype=np.int32)
         found: ndarray = elements.derivatives(self.surface.patches, which, s, t, 0)[0]
         return found
@@ -77,14 +78,18 @@ class Net:
 
 def pieces_of_sides(surface: Surface, same: float) -> list[list[Piece]]:
     """The pieces of the four sides of every element, counter-clockwise."""
-    net, count = Net(surface), len(surface.elements().boxes)
+    net = Net(surface)
+    count = len(surface.elements().boxes)
     corners = np.concatenate([net.positions(e, SQUARE) for e in range(count)])
     vertex = _merge_points(corners, same)
     places = corners[np.unique(vertex, return_index=True)[1]]
-    tree, raw, middles = cKDTree(places), [], []
+    tree = cKDTree(places)
+    raw = []
+    middles = []
     for e in range(count):
         for side in range(4):
-            a, b = vertex[4 * e + side], vertex[4 * e + (side + 1) % 4]
+            a = vertex[4 * e + side]
+            b = vertex[4 * e + (side + 1) % 4]
             if (
                 a == b
                 and np.ptp(net.positions(e, along_side(side, np.linspace(0, 1, 9))), axis=0).max() <= same

@@ -76,7 +76,9 @@ def _triangulate(
             key = _unordered(piece)
             fine[key] = max(fine.get(key, 1), int(cells[e]))
     vertices: dict[int, int] = {}
-    faces, worst, bent = [], np.zeros(len(pieces)), np.zeros(len(pieces), dtype=bool)
+    faces = []
+    worst = np.zeros(len(pieces))
+    bent = np.zeros(len(pieces), dtype=bool)
     for e, around in enumerate(pieces):
         uv, ids = _loop(net, e, around, fine, vertices)
         inner = np.arange(1, cells[e]) / cells[e]
@@ -105,9 +107,11 @@ def _loop(
 ) -> tuple[ndarray, ndarray]:
     """Places in the square and vertices of an element's border, each corner once for each side that starts
     there."""
-    uv, ids = [], []
+    uv = []
+    ids = []
     for piece in around:
-        key, n = _unordered(piece), fine[_unordered(piece)]
+        key = _unordered(piece)
+        n = fine[key]
         share = np.arange(n + 1) / n
         here = along_side(piece.side, piece.start + share * (piece.end - piece.start))
         places = net.positions(e, here)
@@ -132,7 +136,8 @@ def _loop(
 
 def _distance(net: Net, e: int, uv: ndarray, cut: ndarray) -> float:
     """How far the surface is from the faces, at the middles of their sides and their own."""
-    points, faces = net.positions(e, uv), cut.astype(np.int32)
+    points = net.positions(e, uv)
+    faces = cut.astype(np.int32)
     found = [
         triangles.triangle_distances(net.positions(e, np.einsum("c,fcd->fd", share, uv[cut])), points, faces)
         for share in MIDDLES

@@ -23,7 +23,8 @@ def patch_mesh(surface: Surface) -> tuple[Float[ndarray, "n 2"], Bool[ndarray, "
     elements = surface.elements()
     boxes = _narrow(elements.boxes, elements.period)
     corners = boxes[:, [0, 2, 1, 2, 1, 3, 0, 3]].reshape(-1, 2)
-    places, low = corners.copy(), elements.domain[:, 0]
+    places = corners.copy()
+    low = elements.domain[:, 0]
     for axis in (0, 1):
         if elements.period[axis]:
             end = elements.domain[axis, 1]
@@ -42,7 +43,8 @@ def _narrow(boxes: ndarray, period: tuple[float, float]) -> ndarray:
     """Boxes halved until none is too wide for a closed direction; neighbours need not agree."""
     for axis in (0, 1):
         while period[axis]:
-            low, high = boxes[:, 2 * axis], boxes[:, 2 * axis + 1]
+            low = boxes[:, 2 * axis]
+            high = boxes[:, 2 * axis + 1]
             wide = high - low > WIDEST * period[axis]
             if not wide.any():
                 break
@@ -66,7 +68,8 @@ def _triangles(
     for box, corner in zip(boxes, vertex.tolist()):
         loop: list[int] = []
         for side, axis in enumerate((1, 0, 1, 0)):  # bottom, right, top, left
-            start, end = box[2 * (1 - axis)], box[2 * (1 - axis) + 1]
+            start = box[2 * (1 - axis)]
+            end = box[2 * (1 - axis) + 1]
             level = float(parameters[corner[(0, 1, 2, 0)[side]], axis])
             here = on_line[axis][level]
             along = parameters[here, 1 - axis]
@@ -91,7 +94,8 @@ def _with_poles(surface: Surface, parameters: ndarray, faces: ndarray) -> tuple[
         here = np.flatnonzero(parameters[:, 1] == level)
         points = surface.positions(*parameters[here].T)
         if len(here) > 1 and np.ptp(points, axis=0).max() <= ONE_POINT * size:
-            target[here], poles[here[0]] = here[0], True
+            target[here] = here[0]
+            poles[here[0]] = True
     faces = target[faces]
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
     used, index = np.unique(faces, return_inverse=True)

@@ -70,7 +70,8 @@ def _rings(surface: Surface, chord_tolerance: float) -> tuple[ndarray, list[int]
 def _sag(surface: Surface, t: ndarray, which: int) -> ndarray:
     """A typical |n.S_ss| (which = 3) or |n.S_tt| (5) on each line t = const."""
     inside = np.clip(t, *(surface.domain[1] + np.array([1e-6, -1e-6]) * np.ptp(surface.domain[1])))
-    s, along = np.tile(np.arange(AROUND) / AROUND, len(t)), np.repeat(inside, AROUND)
+    s = np.tile(np.arange(AROUND) / AROUND, len(t))
+    along = np.repeat(inside, AROUND)
     derivatives = surface.derivatives(s, along, 2)
     normals = np.cross(derivatives[1], derivatives[2])
     length = np.linalg.norm(normals, axis=1)

@@ -39,7 +39,8 @@ def shared_parameters(
         np.ones(len(faces), dtype=bool),
     )
     for surface in surfaces:
-        draft.surface, draft.points = surface, surface.positions(*draft.parameters.T)
+        draft.surface = surface
+        draft.points = surface.positions(*draft.parameters.T)
         draft.fresh = np.ones(len(draft.faces), dtype=bool)
         for _ in range(ROUNDS):
             edges, edge_of_face = _edges(draft.faces)

@@ -125,7 +125,8 @@ def _edges_to_split(
     marked[fresh] = along > chord_tolerance
     if angle_tolerance is not None:
         marked[fresh] |= _too_bent(draft, edges[fresh], chord_tolerance, angle_tolerance)
-    faces, sides = draft.faces[draft.fresh], edge_of_face[draft.fresh]
+    faces = draft.faces[draft.fresh]
+    sides = edge_of_face[draft.fresh]
     s, t = draft.between(faces, CENTRE)
     centre, S_s, S_t = draft.surface.derivatives(s, t, 1)
     inside = triangles.triangle_distances(centre, draft.points, faces)
@@ -186,10 +187,8 @@ def _cut_faces(points: ndarray, faces: ndarray, middle: ndarray) -> ndarray:
         count == 1, np.argmax(marked, axis=1), np.where(count == 2, (np.argmin(marked, axis=1) + 1) % 3, 0)
     )
     order = (turn[:, None] + np.arange(3)) % 3
-    (a, b, c), (m, n, o) = (
-        np.take_along_axis(faces, order, axis=1).T,
-        np.take_along_axis(middle, order, axis=1).T,
-    )
+    a, b, c = np.take_along_axis(faces, order, axis=1).T
+    m, n, o = np.take_along_axis(middle, order, axis=1).T
     shorter = np.linalg.norm(points[a] - points[b], axis=1) <= np.linalg.norm(points[b] - points[c], axis=1)
     two = count == 2
     pieces = [
@@ -217,5 +216,6 @@ def _check_mesh(surface: Surface, parameters: ndarray, points: ndarray, faces: n
 def _closed(faces: ndarray) -> bool:
     """Whether every edge has a face on both sides."""
     following = faces[:, [1, 2, 0]].astype(np.int64)
-    there, back = faces.astype(np.int64) << 32 | following, following << 32 | faces
+    there = faces.astype(np.int64) << 32 | following
+    back = following << 32 | faces
     return np.array_equal(np.sort(there, axis=None), np.sort(back, axis=None))

@@ -69,16 +69,19 @@ class Draft:
     def cut(self, axis: int, line: int, piece: int) -> None:
         """Draw an edge on `line` of `axis` (0: s = const) from its piece `piece` to the next edges, and on
         through empty intervals."""
-        count, closed = self.inside.shape[1 - axis], bool(self.period[1 - axis])
+        count = self.inside.shape[1 - axis]
+        closed = bool(self.period[1 - axis])
         if not self._between(axis, line, piece):
             return
         self._draw(axis, line, piece)
         for sign in (-1, 1):
-            k, walked = piece, 0
+            k = piece
+            walked = 0
             while walked < count:
                 end = (k if sign < 0 else k + 1) % self.crossings.shape[1 - axis]
                 stopped = self._touch(axis, line, end)
-                k, walked = k + sign, walked + 1
+                k = k + sign
+                walked += 1
                 if closed:
                     k %= count
                 elif not 0 <= k < count:
@@ -116,7 +119,8 @@ class Draft:
     def _close(self, axis: int, line: int, row: int) -> None:
         """Cut the empty intervals on both sides of a new vertex, so that all lines of a clamped border have
         it."""
-        count, closed = self.inside.shape[1 - axis], bool(self.period[1 - axis])
+        count = self.inside.shape[1 - axis]
+        closed = bool(self.period[1 - axis])
         for piece in (row - 1, row):
             if (closed or 0 <= piece < count) and self._length(1 - axis, piece % count) == 0:
                 self.cut(axis, line, piece % count)
@@ -150,7 +154,8 @@ class Draft:
         """Whether an edge on `line` of `axis` runs through its crossing with `row`."""
         pieces = self.edges[1 - axis] if axis == 0 else self.edges[0].T
         count = pieces.shape[1]
-        before, after = (row - 1) % count if self.period[1 - axis] else row - 1, row
+        before = (row - 1) % count if self.period[1 - axis] else row - 1
+        after = row
         return before >= 0 and after < count and bool(pieces[line, before] and pieces[line, after])
 
     def _put(self, place: Sequence[int]) -> None:

@@ -29,7 +29,8 @@ def face_rectangles(
     counted = inside & (widths > 0)[:, None] & (heights > 0)
     i, j = np.nonzero(counted)
     kinds, group = np.unique(label[counted], return_inverse=True)
-    low, high = np.full((2, len(kinds)), p + q), np.full((2, len(kinds)), -1)
+    low = np.full((2, len(kinds)), p + q)
+    high = np.full((2, len(kinds)), -1)
     for k, index in enumerate((i, j)):
         np.minimum.at(low[k], group, index)
         np.maximum.at(high[k], group, index + 1)

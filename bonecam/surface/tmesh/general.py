@@ -138,10 +138,8 @@ class TMesh:
     def face_boxes(self) -> Float[ndarray, "f 4"]:
         """(s_low, s_high, t_low, t_high) of the faces."""
         f = self.faces
-        s, t = (
-            knots_of_lines(f[:, :2], self.s_lines, self.period[0]),
-            knots_of_lines(f[:, 2:], self.t_lines, self.period[1]),
-        )
+        s = knots_of_lines(f[:, :2], self.s_lines, self.period[0])
+        t = knots_of_lines(f[:, 2:], self.t_lines, self.period[1])
         return np.column_stack([s, t])
 
     @cached_property
@@ -152,7 +150,8 @@ class TMesh:
         sums = np.add.reduceat(found.coefficients, found.starts[:-1], axis=0)
         if not sums.min() > 0:
             e, c = np.unravel_index(np.argmin(sums), sums.shape)
-            s, t = found.boxes[e, c % 4 // 2], found.boxes[e, 2 + c // 4 // 2]
+            s = found.boxes[e, c % 4 // 2]
+            t = found.boxes[e, 2 + c // 4 // 2]
             message = (
                 f"all functions vanish at s = {s:.6g}, t = {t:.6g}: a clamped border needs its end "
                 "knot on two lines of control points"

@@ -87,9 +87,12 @@ def extensions(tmesh: TMesh) -> tuple[Extensions, Extensions]:
     found = []
     for axis in (0, 1):
         here = directions % 2 == axis
-        v, forward = vertices[here], directions[here] < 2
-        knots, other = tmesh.local_knots[axis][v], tmesh.local_knots[1 - axis][v]
-        low, high = np.where(forward, knots[:, 1], knots[:, 0]), np.where(forward, knots[:, 4], knots[:, 3])
+        v = vertices[here]
+        forward = directions[here] < 2
+        knots = tmesh.local_knots[axis][v]
+        other = tmesh.local_knots[1 - axis][v]
+        low = np.where(forward, knots[:, 1], knots[:, 0])
+        high = np.where(forward, knots[:, 4], knots[:, 3])
         found.append(Extensions(other[:, 2], low, high, v))
     return found[0], found[1]
 
@@ -98,10 +101,12 @@ def meetings(tmesh: TMesh) -> tuple[Int64[ndarray, "c 2"], Int64[ndarray, "d 2"]
     """Pairs of T-junctions whose extensions cross (inside both) and those that only touch (at an end of
     one)."""
     along_s, along_t = extensions(tmesh)
-    crossing, touching = [np.zeros((0, 2), dtype=np.int64)], [np.zeros((0, 2), dtype=np.int64)]
+    crossing = [np.zeros((0, 2), dtype=np.int64)]
+    touching = [np.zeros((0, 2), dtype=np.int64)]
     for ds in _turns(tmesh.period[0]):
         for dt in _turns(tmesh.period[1]):
-            x, y = (along_t.across + ds)[None], along_s.across[:, None]
+            x = (along_t.across + ds)[None]
+            y = along_s.across[:, None]
             low, high = along_s.low[:, None], along_s.high[:, None]
             below, above = (along_t.low + dt)[None], (along_t.high + dt)[None]
             meet = (low <= x) & (x <= high) & (below <= y) & (y <= above)

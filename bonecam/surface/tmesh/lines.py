@@ -38,7 +38,8 @@ def tmesh_lines(tmesh: Any) -> TMeshLines:
 def _of_rows(tmesh: RowTMesh) -> TMeshLines:
     t = tmesh.t_knots[2:-2]
     middle = np.concatenate([t[:1], (t[1:] + t[:-1]) / 2, t[-1:]])
-    pieces, vertices = [], []
+    pieces = []
+    vertices = []
     for j, knots in enumerate(tmesh.s_knots):
         if len(knots) > 1:
             ends = np.append(knots, knots[0] + 1)

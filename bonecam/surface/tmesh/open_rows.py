@@ -94,13 +94,15 @@ class OpenRowTMesh:
 
     def _strip(self, k: int) -> tuple[ndarray, ...]:
         """Boxes, function counts, function ids and coefficients of the elements on t-span k."""
-        rows, starts = range(k - 3, k + 1), self.row_starts
+        rows = range(k - 3, k + 1)
+        starts = self.row_starts
         breaks = distinct(np.concatenate([self.s_knots[j] for j in rows]))
         low, high = breaks[:-1], breaks[1:]
         along = bernstein_coefficients(
             self.t_knots[None, k - 3 : k + 5], self.t_knots[[k]], self.t_knots[[k + 1]]
         )[0]
-        ids, values = [], []
+        ids = []
+        values = []
         for j in rows:
             span = _span(self.s_knots[j], (low + high) / 2)
             around = bernstein_coefficients(self.s_knots[j][span[:, None] + np.arange(-3, 5)], low, high)

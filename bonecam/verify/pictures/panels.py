@@ -18,7 +18,11 @@ MAX_WIDTH = 12.0
 """Inches that all panels are wide together at most."""
 MIN_SIZE = (1.7, 1.5)
 """Inches that a panel is wide and high at least."""
-LEFT, GAP, RIGHT, ABOVE, BELOW = 0.8, 0.2, 0.2, 0.6, 0.6
+LEFT = 0.8
+GAP = 0.2
+RIGHT = 0.2
+ABOVE = 0.6
+BELOW = 0.6
 """Inches left of, between, right of, above and below panels, without legends and colour bars."""
 TICK_WIDTH = 0.45
 """Inches that a tick's label takes."""

@@ -10,7 +10,8 @@ from bonecam.verify.pictures.views import corner_normals
 
 LIGHT = np.array([1.0, -2.0, 1.0]) / np.sqrt(6)
 """Direction to the light, seen from -y."""
-AMBIENT, DIFFUSE = 0.55, 0.4
+AMBIENT = 0.55
+DIFFUSE = 0.4
 """Brightness of a face that turns away from the light, and what is added where it faces the light."""
 
 

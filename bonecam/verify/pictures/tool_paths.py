@@ -12,7 +12,9 @@ from bonecam.verify.pictures.level_sections import draw_post
 from bonecam.verify.pictures.panels import BELOW, Plot, lay_out, new_figure, save_figure
 from bonecam.verify.pictures.shading import draw_shaded
 
-CUT_COLOUR, LINK_COLOUR, AXIS_COLOUR = "#1f5fa8", "#e07b00", "#b03030"
+CUT_COLOUR = "#1f5fa8"
+LINK_COLOUR = "#e07b00"
+AXIS_COLOUR = "#b03030"
 MAX_AXES = 60
 """Tool axes shown on a level at most."""
 AXIS_LENGTH = 3.0

@@ -14,7 +14,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.fitting.adapt import LOWEST, Votes, refine, with_t_knots
 from bonecam.surface.fitting.deviation import deviation
 from bonecam.surface.fitting.fit import Fit, fit
-from bonecam.surface.fitting.growth import first_tmesh
+from bonecam.surface.fitting.initial_surface import first_tmesh
 from bonecam.surface.fitting.steps import OFF, pole_rings
 from bonecam.surface.skinning.skin import skin
 from bonecam.surface.tspline import TSpline

@@ -5,7 +5,8 @@ import pytest
 
 from bonecam.mesh.sections.rows import Rows, harmonic_rows
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.surface.fitting.growth import Aim, first_tmesh, settle, through_loops, transfer
+from bonecam.surface.fitting.growth import Aim, settle
+from bonecam.surface.fitting.initial_surface import first_tmesh, through_loops, transfer
 from bonecam.surface.fitting.prune import prune
 from bonecam.surface.fitting.target import Target, harmonic_parameters
 from bonecam.surface.skinning.skin import skin

@@ -56,7 +56,9 @@ class Knots:
         """The four functions that live at each x inside [values[0], values[-1]], and the poles they belong
         to."""
         low, high = self.values[0], self.values[-1]
-        period, flat, count = high - low, self.flat, self.poles
+        period = high - low
+        flat = self.flat
+        count = self.poles
         if self.closed:
             x = low + np.mod(x - low, period)
             flat = np.concatenate([flat, flat[4:8] + period]) if count >= 4 else _unroll(flat, count, period)

@@ -118,7 +118,8 @@ def _knots(
 ) -> Knots:
     """Multiplicity 1 where the grid is C2 across a line of its first index, 2 where C1, 3 where C0; 4 at open
     ends."""
-    cells, width = len(breaks) - 1, np.diff(breaks)
+    cells = len(breaks) - 1
+    width = np.diff(breaks)
     lines = range(cells) if closed else range(1, cells)
     inner = [_multiplicity(grid[k - 1], grid[k], width[k - 1], width[k], scale) for k in lines]
     for k, multiplicity in zip(lines, inner):
@@ -154,7 +155,9 @@ def _multiplicity(
 
 def _poles(knots: Knots, grid: ndarray) -> ndarray:
     """Poles [pole, other, ...] of Bezier points [cell, other, index, ...]."""
-    places, flat, cells = knots.places, knots.flat, len(knots.values) - 1
+    places = knots.places
+    flat = knots.flat
+    cells = len(knots.values) - 1
     i = np.arange(knots.poles)
     a, b, c = (flat[i + k] for k in (1, 2, 3))
     first = b - a >= c - b
@@ -163,7 +166,8 @@ def _poles(knots: Knots, grid: ndarray) -> ndarray:
     length = np.where(single, 1.0, np.where(first, b - a, c - b))
     x = np.where(first, c - a, a - b) / length
     last = single & (cell == cells)
-    low, high = np.where(single, np.where(last, 3, 0), 1), np.where(single, np.where(last, 3, 0), 2)
+    low = np.where(single, np.where(last, 3, 0), 1)
+    high = np.where(single, np.where(last, 3, 0), 2)
     cell = np.where(last, cells - 1, cell) % cells
     share = x.reshape(-1, *[1] * (grid.ndim - 2))
     found: ndarray = (1 - share) * grid[cell, :, low] + share * grid[cell, :, high]

@@ -41,7 +41,8 @@ def shape_of(surface: TSpline) -> Any:
 
 def _geometry(spline: BSplineSurface) -> Any:
     """OpenCASCADE's B-spline surface with u = s and v = t."""
-    lib, knots = occ(), (spline.s_knots, spline.t_knots)
+    lib = occ()
+    knots = (spline.s_knots, spline.t_knots)
     values = [_list(lib.collections.Array1_double, k.values) for k in knots]
     counts = [_list(lib.collections.Array1_int, k.multiplicities) for k in knots]
     closed = [k.closed for k in knots]
@@ -78,7 +79,8 @@ def _face_of(geometry: Any) -> Any:
 def _compose(kind: str, parts: Iterable[Any]) -> Any:
     """The parts in a Compound, a Shell or a Solid."""
     lib = occ()
-    build, whole = lib.BRep.BRep_Builder(), getattr(lib.TopoDS, f"TopoDS_{kind}")()
+    build = lib.BRep.BRep_Builder()
+    whole = getattr(lib.TopoDS, f"TopoDS_{kind}")()
     getattr(build, f"Make{kind}")(whole)
     for part in parts:
         build.Add(whole, part)
@@ -94,7 +96,8 @@ def _solid_in(shell: Any) -> Any:
 def _bezier_shell(surface: TSpline) -> Any:
     """The Bezier elements as faces, sewn; a solid where no edge is free."""
     lib = occ()
-    faces, size = [], float(np.linalg.norm(np.ptp(surface.control_points, axis=0)))
+    faces = []
+    size = float(np.linalg.norm(np.ptp(surface.control_points, axis=0)))
     for patch in surface.patches.reshape(-1, 4, 4, 4).swapaxes(1, 2):
         weights = _grid(lib.collections.Array2_double, patch[..., 3].tolist())
         faces.append(_face_of(lib.Geom.Geom_BezierSurface(_points(patch[..., :3] / patch[..., 3:]), weights)))

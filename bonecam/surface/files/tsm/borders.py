@@ -49,11 +49,14 @@ def _turned(mesh: TMesh, axis: int) -> TMesh:
 
 def _mirrored(mesh: TMesh, points: ndarray) -> tuple[TMesh, ndarray]:
     """Both borders across s."""
-    crossings, last = mesh.crossings, len(mesh.s_lines) - 1
-    new, rows = [], []
+    crossings = mesh.crossings
+    last = len(mesh.s_lines) - 1
+    new = []
+    rows = []
     for border, step in ((0, 1), (last, -1)):
         near = [border, border + step, border + 2 * step][: last + 1]
-        outer, inner = crossings[border], crossings[border + step]
+        outer = crossings[border]
+        inner = crossings[border + step]
         if not mesh.along_t[near].all() or ((outer >= 0) != (inner >= 0)).any():
             raise SurfaceError(
                 f"a line ends beside its open border at s- or t-line {border}: let two lines run along "
@@ -64,11 +67,10 @@ def _mirrored(mesh: TMesh, points: ndarray) -> tuple[TMesh, ndarray]:
     added = [np.column_stack([np.full(len(row), line), row]) for row, line in zip(rows, (1, last + 3))]
     vertices = np.vstack([mesh.vertices + np.array([2, 0]), *added])
     steps = np.diff(mesh.s_lines)
-    low, high = steps[:2], steps[::-1][:2]
-    before, behind = (
-        mesh.s_lines[0] - np.cumsum(np.resize(low, 2)),
-        mesh.s_lines[-1] + np.cumsum(np.resize(high, 2)),
-    )
+    low = steps[:2]
+    high = steps[::-1][:2]
+    before = mesh.s_lines[0] - np.cumsum(np.resize(low, 2))
+    behind = mesh.s_lines[-1] + np.cumsum(np.resize(high, 2))
     lines = np.concatenate([before[::-1], mesh.s_lines, behind])
     along_s, along_t = (
         np.pad(edges, ((2, 2), (0, 0)), mode="edge") for edges in (mesh.along_s, mesh.along_t)

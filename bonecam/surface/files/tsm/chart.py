@@ -39,7 +39,8 @@ def chart_of(records: Records) -> Chart:
     directions = _directions(records)
     places, period = _places(records, directions)
     used = np.flatnonzero([vertex is not None for vertex in records.vertices])
-    lines, knots = np.zeros((len(places), 2), dtype=np.int64), []
+    lines = np.zeros((len(places), 2), dtype=np.int64)
+    knots = []
     for axis in (0, 1):
         values, number = _lines(places[used, axis], SLACK * np.ptp(places[used]), period[axis])
         lines[used, axis] = number
@@ -91,7 +92,9 @@ def _places(records: Records, directions: list[int]) -> tuple[ndarray, tuple[flo
             out.setdefault(link[3], []).append((n, following[3], STEPS[directions[n]] * edge[1]))
     places = np.zeros((len(records.vertices), 2))
     start = min(out)
-    seen, queue, misses = {start}, deque([start]), []
+    seen = {start}
+    queue = deque([start])
+    misses = []
     while queue:
         v = queue.popleft()
         for n, w, step in out[v]:

@@ -31,7 +31,8 @@ def graph_of(mesh: TMesh) -> Graph:
         for other in joined:
             label = np.where(other >= 0, np.minimum(label, label[other]), label)
     kinds, vertex_of = np.unique(label, return_inverse=True)
-    own, offsets = [], np.zeros((mesh.size, 2), dtype=np.int64)
+    own = []
+    offsets = np.zeros((mesh.size, 2), dtype=np.int64)
     for v in range(len(kinds)):
         members = np.flatnonzero(vertex_of == v)
         own.append(_own(members, mesh, joined))
@@ -49,10 +50,16 @@ def graph_of(mesh: TMesh) -> Graph:
 
 def _neighbours(mesh: TMesh, direction: int) -> ndarray:
     """The control point next to each one along the edges of a direction, -1 where no edge starts."""
-    grid, (i, j) = mesh.crossings, mesh.vertices.T
-    axis, sign = direction % 2, 1 if direction < 2 else -1
-    edges, count, closed = (mesh.along_s, mesh.along_t)[axis], grid.shape[axis], bool(mesh.period[axis])
-    place, found, walking = [i.copy(), j.copy()], np.full(mesh.size, -1), np.ones(mesh.size, dtype=bool)
+    grid = mesh.crossings
+    i, j = mesh.vertices.T
+    axis = direction % 2
+    sign = 1 if direction < 2 else -1
+    edges = (mesh.along_s, mesh.along_t)[axis]
+    count = grid.shape[axis]
+    closed = bool(mesh.period[axis])
+    place = [i.copy(), j.copy()]
+    found = np.full(mesh.size, -1)
+    walking = np.ones(mesh.size, dtype=bool)
     for _ in range(count):
         piece = place[axis] if sign > 0 else place[axis] - 1
         possible = walking & (closed | ((piece >= 0) & (piece < edges.shape[axis])))
@@ -89,7 +96,8 @@ def _own(members: ndarray, mesh: TMesh, joined: list[ndarray]) -> int:
 
 def _leaves(nodes: ndarray, mesh: TMesh, axis: int, sign: int) -> bool:
     """Whether the domain ends beside these control points."""
-    place, shape = mesh.vertices[nodes], mesh.inside.shape
+    place = mesh.vertices[nodes]
+    shape = mesh.inside.shape
     cells = []
     for across in (0, -1):
         cell = place.copy()

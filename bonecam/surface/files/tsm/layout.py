@@ -29,7 +29,8 @@ def _nodes(records: Records, chart: Chart) -> tuple[ndarray, list[int]]:
     in the file."""
     if not records.owners:
         return _plain(records)
-    nodes, grips = [], []
+    nodes = []
+    grips = []
     own = {vertex: grip for grip, (primary, vertex) in enumerate(records.owners) if primary}
     for v, vertex in enumerate(records.vertices):
         if vertex is None:
@@ -66,7 +67,9 @@ def _corner(records: Records, v: int) -> list[tuple[int, tuple[int, int]]]:
     """The further control points of a vertex: number and offset in the vertex' own frame."""
     if v not in records.corners:
         return []
-    valence, extents, grips = records.corners[v][0], records.corners[v][1:5], records.corners[v][5:]
+    valence = records.corners[v][0]
+    extents = records.corners[v][1:5]
+    grips = records.corners[v][5:]
     around = ((0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0), (1, 1))
     sides = [k // 2 if k % 2 == 0 else -1 for k in range(8)]
     offsets = [
@@ -84,7 +87,9 @@ def _corner(records: Records, v: int) -> list[tuple[int, tuple[int, int]]]:
 
 def _grid(records: Records, chart: Chart, nodes: ndarray) -> TMesh:
     """The index grid: one line for every knot and offset in use."""
-    knots, vertices, principal = [], [], []
+    knots = []
+    vertices = []
+    principal = []
     for axis in (0, 1):
         line = chart.lines[nodes[:, 0], axis]
         keys = np.column_stack([line, nodes[:, 1 + axis]])
@@ -126,7 +131,8 @@ def _edges(
         if link is not None and chart.directions[n] == axis:
             following = records.links[link[1]]
             assert following is not None
-            first, last = _facing(groups[link[3]], max), _facing(groups[following[3]], min)
+            first = _facing(groups[link[3]], max)
+            last = _facing(groups[following[3]], min)
             for across in first.keys() & last.keys():
                 (start, row), (end, _) = first[across], last[across]
                 edges[start : (end if end > start else None), row] = True
@@ -142,7 +148,8 @@ def _facing(group: dict[tuple[int, int], tuple[int, int]], extreme: Callable) ->
 
 def _fill(inside: ndarray, records: Records, chart: Chart, own: ndarray, k: int, start: int) -> None:
     """Mark the cells of face k; its sides are the lines of its corners' own control points."""
-    corners, n = [], start
+    corners = []
+    n = start
     for _ in range(len(records.links)):
         link = records.links[n]
         assert link is not None

@@ -111,7 +111,8 @@ def _take(records: Records, n: int, kind: str, words: list[str]) -> None:
 
 def _entity(path: Path, n: int, kind: str, words: list[str]) -> tuple:
     if kind == "e":
-        link, interval = _numbers(path, n, words[:1], int, 1)[0], _numbers(path, n, words[1:], float, 1)[0]
+        link = _numbers(path, n, words[:1], int, 1)[0]
+        interval = _numbers(path, n, words[1:], float, 1)[0]
         if interval < 0:
             raise FileError(
                 f"{path} line {n}: knot interval {interval} is negative: knots must not decrease",

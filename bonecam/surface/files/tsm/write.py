@@ -97,7 +97,8 @@ def _topology(mesh: TMesh, graph: Graph, links: list, ids: dict, following: list
     knots = (mesh.s_lines, mesh.t_lines)
     records = [f"f {n} 0" for n in faces]
     for n in range(0, len(links), 2):
-        (v, direction), w = links[n], links[n + 1][0]
+        v, direction = links[n]
+        w = links[n + 1][0]
         low, high = (knots[direction][mesh.vertices[graph.own[k], direction]] for k in (v, w))
         records.append(f"e {n} {float(high - low if high > low else high + mesh.period[direction] - low)!r}")
     for v, row in enumerate(graph.neighbours):
