@@ -12,7 +12,8 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.orientation.collision.fcl_model import FclModel, build_fcl_model
 from bonecam.orientation.collision.scene import Scene
-from bonecam.orientation.collision.sphere_tracing import FREE, Poses, classify_poses
+from bonecam.orientation.collision.sphere_tracing import COLLIDING, FREE, UNDECIDED, Poses, classify_poses
+from bonecam.orientation.collision.thick_tool import classify_thick_tool
 from bonecam.orientation.collision.tool_mesh import SIDES, tool_meshes
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.holding import Post
@@ -44,13 +45,17 @@ def proven(finishing_cutter: Cutter, scene: Scene, tip: np.ndarray, axis: np.nda
     return bool(classify_poses(scene, finishing_cutter, Poses.at_rest(tip[None], axis[None]))[0] == FREE)
 
 
+def colliding_section(model: FclModel, tip: np.ndarray, axis: np.ndarray) -> str:
+    return model.colliding_sections(tip[None], axis[None])[0]
+
+
 def both_free(
     finishing_cutter: Cutter, scene: Scene, model: FclModel, tip: np.ndarray, axis: np.ndarray
 ) -> bool:
-    assert not (proven(finishing_cutter, scene, tip, axis) and model.colliding_section(tip, axis)), (
+    assert not (proven(finishing_cutter, scene, tip, axis) and colliding_section(model, tip, axis)), (
         "the proof by distance contradicts FCL"
     )
-    return proven(finishing_cutter, scene, tip, axis) and not model.colliding_section(tip, axis)
+    return proven(finishing_cutter, scene, tip, axis) and not colliding_section(model, tip, axis)
 
 
 def test_a_tangent_contact_is_free(finishing_cutter: Cutter, scene: Scene, model: FclModel) -> None:
@@ -61,7 +66,7 @@ def test_a_ball_sunk_into_the_level_is_caught(
     finishing_cutter: Cutter, scene: Scene, model: FclModel
 ) -> None:
     tip = np.array([0.0, 0.0, top_of(scene) - 0.1])
-    assert model.colliding_section(tip, UP) == "cutter"
+    assert colliding_section(model, tip, UP) == "cutter"
     assert not proven(finishing_cutter, scene, tip, UP)
 
 
@@ -69,7 +74,7 @@ def test_an_axis_through_the_material_is_caught(
     finishing_cutter: Cutter, scene: Scene, model: FclModel
 ) -> None:
     tip, axis = np.array([0.0, 0.0, top_of(scene)]), -UP
-    assert model.colliding_section(tip, axis)
+    assert colliding_section(model, tip, axis)
     assert not proven(finishing_cutter, scene, tip, axis)
 
 
@@ -78,7 +83,7 @@ def test_a_shank_that_cuts_the_material_but_not_the_level_is_caught(
 ) -> None:
     material = float(np.hypot(*scene.material.vertices[:, :2].T).max())
     tip = np.array([material - 0.1 + finishing_cutter.radius, 0.0, 37.0 - 10.0])
-    assert model.colliding_section(tip, UP) in {"shank", "holder"}
+    assert colliding_section(model, tip, UP) in {"shank", "holder"}
     assert not proven(finishing_cutter, scene, tip, UP)
 
 
@@ -88,7 +93,7 @@ def test_a_cutter_wholly_inside_the_material_is_caught(
     big = revolve(np.full(2, 200.0), np.array([0.0, 400.0]), (0.0, 400.0), SIDES)
     scene = Scene(big, big, upright_capsule, Post(1.0, 1.0))
     tip = np.array([0.0, 0.0, 200.0])
-    assert build_fcl_model(scene, finishing_cutter).colliding_section(tip, UP) == "cutter"
+    assert colliding_section(build_fcl_model(scene, finishing_cutter), tip, UP) == "cutter"
     wide = replace(scene, stock=replace(upright_capsule, radius=500.0))
     assert not proven(finishing_cutter, wide, tip, UP)
 
@@ -97,7 +102,7 @@ def test_material_wholly_inside_the_holder_is_caught(finishing_cutter: Cutter, s
     crumb = revolve(np.full(2, 0.3), np.array([60.0, 61.0]), (60.0, 61.0), SIDES)
     inside = replace(scene, material=crumb, level=crumb, post=Post(0.2, 5.0))
     tip = np.array([2.0, 0.0, 10.0])
-    assert build_fcl_model(inside, finishing_cutter).colliding_section(tip, UP) == "holder"
+    assert colliding_section(build_fcl_model(inside, finishing_cutter), tip, UP) == "holder"
 
 
 def test_a_thin_post_in_the_holder_s_way_is_caught(
@@ -106,14 +111,14 @@ def test_a_thin_post_in_the_holder_s_way_is_caught(
     crumb = revolve(np.full(2, 0.3), np.array([60.0, 61.0]), (60.0, 61.0), SIDES)
     scene = Scene(crumb, crumb, upright_capsule, Post(0.05, 55.0))
     tip, axis = np.array([40.0, 3.0, 40.0]), np.array([-1.0, 0.0, 0.0])
-    assert build_fcl_model(scene, finishing_cutter).colliding_section(tip, axis)
+    assert colliding_section(build_fcl_model(scene, finishing_cutter), tip, axis)
     assert not proven(finishing_cutter, scene, tip, axis)
 
 
 def test_a_holder_in_the_table_is_caught(finishing_cutter: Cutter, scene: Scene, model: FclModel) -> None:
     axis = unit(np.array([[1.0, 0.0, -0.8]]))[0]
     tip = np.array([10.0, 0.0, 33.0])
-    assert model.colliding_section(tip, axis) == "holder"
+    assert colliding_section(model, tip, axis) == "holder"
     assert not proven(finishing_cutter, scene, tip, axis)
 
 
@@ -128,7 +133,7 @@ def test_the_proof_never_passes_a_tool_that_touches(
     solid = {name: mesh.vertices for name, mesh in tool_meshes(finishing_cutter).items()}
     level, material = MeshDistance(scene.level), MeshDistance(scene.material)
     for i in np.flatnonzero(free)[:80]:
-        assert not model.colliding_section(tips[i], axes[i])
+        assert not colliding_section(model, tips[i], axes[i])
         side = np.eye(3)[int(np.argmin(np.abs(axes[i])))]
         x = unit(np.cross(side, axes[i])[None])[0]
         turn = np.column_stack([x, np.cross(axes[i], x), axes[i]])
@@ -146,3 +151,23 @@ def test_a_margin_that_moves_need_is_asked_for(finishing_cutter: Cutter, scene: 
     swung = classify_poses(scene, finishing_cutter, Poses.in_motion(tips, axes, np.array([True, False])))
     assert alone[0] == FREE
     assert swung[0] != FREE
+
+
+@pytest.mark.parametrize("cutting", [True, False])
+@pytest.mark.parametrize("shank_diameter", [1.4, 3.0])
+def test_what_distances_tell_of_the_thick_tool_is_what_fcl_finds(
+    finishing_cutter: Cutter, scene: Scene, shank_diameter: float, cutting: bool
+) -> None:
+    cutter = replace(finishing_cutter, flute_length=1.5, shank_diameter=shank_diameter)
+    rng = np.random.default_rng(5)
+    tips = scene.level.vertices[rng.integers(len(scene.level.vertices), size=1500)]
+    tips = tips + rng.normal(size=tips.shape) * 0.2 + (0.0 if cutting else 2.0) * UP
+    axes = unit(rng.normal(size=tips.shape) * [1, 1, 1.5] + UP)
+
+    at_rest = classify_poses(scene, cutter, Poses.at_rest(tips, axes), cutting=cutting)
+    tips, axes = tips[at_rest == UNDECIDED], axes[at_rest == UNDECIDED]
+    state = classify_thick_tool(scene, cutter, 0.2, tips, axes, cutting=cutting)
+    hit = build_fcl_model(scene, cutter, 0.2).colliding_sections(tips, axes, cutting=cutting)
+    assert not any(name for name, known in zip(hit, state) if known == FREE)
+    assert all(name for name, known in zip(hit, state) if known == COLLIDING)
+    assert (state != UNDECIDED).mean() > 0.3

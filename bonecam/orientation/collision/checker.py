@@ -11,6 +11,7 @@ from bonecam.arrays import angles_between
 from bonecam.orientation.collision.fcl_model import FclModel, build_fcl_model
 from bonecam.orientation.collision.scene import Scene
 from bonecam.orientation.collision.sphere_tracing import COLLIDING, FREE, UNDECIDED, Poses, classify_poses
+from bonecam.orientation.collision.thick_tool import classify_thick_tool
 from bonecam.orientation.interpolation import interpolate_poses
 from bonecam.toolpath.cutter import Cutter
 
@@ -46,8 +47,8 @@ class CollisionChecker:
         (in hollows hardly wider than the ball), by FCL."""
         tips = centres - self.cutter.radius * axes
         state = self._classify_at_rest(centres, axes)
-        for i in np.flatnonzero(state == UNDECIDED):
-            state[i] = COLLIDING if self.fcl.colliding_section(tips[i], axes[i]) else FREE
+        undecided = np.flatnonzero(state == UNDECIDED)
+        state[undecided] = np.where(self._colliding(tips[undecided], axes[undecided]), COLLIDING, FREE)
         return np.asarray(state == FREE)
 
     def free_in_motion(
@@ -108,9 +109,22 @@ class CollisionChecker:
         poses = Poses.in_motion(places, turned, joined)
         state = classify_poses(self.scene, self.cutter, poses, cutting=cutting)
         worst = np.maximum.reduceat(state, starts[:-1])
-        for k in np.flatnonzero(worst == UNDECIDED):
-            undecided = starts[k] + np.flatnonzero(state[starts[k] : starts[k + 1]] == UNDECIDED)
-            hits = (self.fcl.colliding_section(places[j], turned[j], cutting=cutting) for j in undecided)
-            if any(hits):
-                worst[k] = COLLIDING
-        return worst != COLLIDING
+        owner = np.repeat(np.arange(len(moves)), steps + 1)
+        undecided = np.flatnonzero((state == UNDECIDED) & (worst[owner] == UNDECIDED))
+        hit = self._colliding(places[undecided], turned[undecided], cutting=cutting)
+        worst[owner[undecided[hit]]] = COLLIDING
+        return np.asarray(worst != COLLIDING)
+
+    def _colliding(
+        self, tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], *, cutting: bool = True
+    ) -> Bool[ndarray, " n"]:
+        """Whether FCL's tool with SWEEP_MARGIN collides; FCL itself is asked only where distances leave it
+        undecided."""
+        if not len(tips):
+            return np.zeros(0, dtype=bool)
+        margin = SWEEP_MARGIN + self.scene.material_deviation
+        state = classify_thick_tool(self.scene, self.cutter, margin, tips, axes, cutting=cutting)
+        undecided = np.flatnonzero(state == UNDECIDED)
+        names = self.fcl.colliding_sections(tips[undecided], axes[undecided], cutting=cutting)
+        state[undecided] = [COLLIDING if name else FREE for name in names]
+        return np.asarray(state == COLLIDING)

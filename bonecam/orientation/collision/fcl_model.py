@@ -5,7 +5,7 @@ FCL reports surfaces that intersect, never containment; so points of the tool ar
 obstacles, and a point of each obstacle for being inside the tool.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from bonecam.arrays import dots, lengths, unit
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.orientation.collision.scene import Scene
 from bonecam.orientation.collision.sphere_tracing import TANGENT_SLACK
@@ -38,18 +39,42 @@ class FclModel:
     cutting_obstacles: Mapping[str, tuple[FclObject, ...]]
     air_obstacles: Mapping[str, tuple[FclObject, ...]]
 
-    def colliding_section(
-        self, tip: Float[ndarray, "3"], axis: Float[ndarray, "3"], *, cutting: bool = True
-    ) -> str:
-        """The name of the first section of the tool that collides, or an empty string."""
-        transform = fcl.Transform(_rotation(axis), tip)
-        request = fcl.CollisionRequest(num_max_contacts=1, enable_contact=False)
+    def colliding_sections(
+        self, tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], *, cutting: bool = True
+    ) -> list[str]:
+        """The name of a section of the tool that collides in each pose, or an empty string."""
         obstacles = self.cutting_obstacles if cutting else self.air_obstacles
-        for name, tool in self.tools.items():
-            tool.setTransform(transform)
-            if any(fcl.collide(tool, o, request, fcl.CollisionResult()) for o in obstacles[name]):
-                return name
-        return _contained_section(self.scene, self.cutter, tip, axis, cutting)
+        tried = [(name, tool, obstacles[name]) for name, tool in self.tools.items()]
+        poses = zip(_rotations(axes), tips, strict=True)
+        found = [_crossing(fcl.Transform(turn, tip), tried) for turn, tip in poses]
+
+        open_ = np.array([k for k, name in enumerate(found) if not name], dtype=np.int64)
+        contained = self._contained_sections(tips[open_], axes[open_], cutting)
+        for k, name in zip(open_, contained, strict=True):
+            found[k] = name
+        return found
+
+    def _contained_sections(
+        self, tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], cutting: bool
+    ) -> list[str]:
+        """The first section in each pose that lies wholly inside an obstacle, or contains one; an empty string
+        where none does."""
+        scene = self.scene
+        found = np.full(len(tips), "", dtype=object)
+        for name, start, end, radius in reversed(self.cutter.sections):
+            tangent = cutting and name == "cutter"
+            middles = tips + (start + end) / 2 * axes
+            distance = scene.level_distance if tangent else scene.material_distance
+            post = scene.post if name == "cutter" else scene.post_with_fillet(self.cutter.radius)
+            caught = (distance.signed(middles) < 0) | (post.distance(middles) < 0) | (middles[:, 2] < 0)
+
+            mesh = scene.level if tangent else scene.material
+            for point in (mesh.vertices[0], np.array([0.0, 0.0, post.top])):
+                heights = dots(point - tips, axes)
+                away = lengths(point - tips - heights[:, None] * axes)
+                caught |= (start < heights) & (heights < end) & (away < radius - TANGENT_SLACK)
+            found[caught] = name
+        return found.tolist()
 
 
 def build_fcl_model(scene: Scene, cutter: Cutter, margin: float = 0.0) -> FclModel:
@@ -68,25 +93,14 @@ def build_fcl_model(scene: Scene, cutter: Cutter, margin: float = 0.0) -> FclMod
     )
 
 
-def _contained_section(
-    scene: Scene, cutter: Cutter, tip: Float[ndarray, "3"], axis: Float[ndarray, "3"], cutting: bool
-) -> str:
-    """The first section that lies wholly inside an obstacle, or contains one; an empty string where none
-    does."""
-    for name, start, end, radius in cutter.sections:
-        tangent = cutting and name == "cutter"
-        middle = (tip + (start + end) / 2 * axis)[None]
-        distance = scene.level_distance if tangent else scene.material_distance
-        post = scene.post if name == "cutter" else scene.post_with_fillet(cutter.radius)
-        if distance.signed(middle)[0] < 0 or post.distance(middle)[0] < 0 or middle[0, 2] < 0:
+def _crossing(transform: Any, tried: Sequence[tuple[str, FclObject, tuple[FclObject, ...]]]) -> str:
+    """The name of the first section (name, tool, obstacles) whose surface, so placed, crosses that of an
+    obstacle, or an empty string."""
+    request = fcl.CollisionRequest(num_max_contacts=1, enable_contact=False)
+    for name, tool, obstacles in tried:
+        tool.setTransform(transform)
+        if any(fcl.collide(tool, obstacle, request, fcl.CollisionResult()) for obstacle in obstacles):
             return name
-
-        mesh = scene.level if tangent else scene.material
-        for point in (mesh.vertices[0], np.array([0.0, 0.0, post.top])):
-            height = (point - tip) @ axis
-            away = np.linalg.norm(point - tip - height * axis)
-            if start < height < end and away < radius - TANGENT_SLACK:
-                return name
     return ""
 
 
@@ -99,9 +113,8 @@ def _object(mesh: TriangleMesh) -> FclObject:
     return fcl.CollisionObject(model, fcl.Transform())
 
 
-def _rotation(axis: Float[ndarray, "3"]) -> Float[ndarray, "3 3"]:
-    """A rotation that takes +Z to `axis`."""
-    side = np.eye(3)[int(np.argmin(np.abs(axis)))]
-    x = np.cross(side, axis)
-    x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(axis, x), axis])
+def _rotations(axes: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3 3"]:
+    """Rotations that take +Z to each axis."""
+    side = np.eye(3)[np.argmin(np.abs(axes), axis=1)]
+    x = unit(np.cross(side, axes))
+    return np.stack([x, np.cross(axes, x), axes], axis=2)

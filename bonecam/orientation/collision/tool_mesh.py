@@ -10,6 +10,8 @@ from bonecam.toolpath.cutter import Cutter
 
 SIDES = 48
 """Sides of the polygons that stand for circles."""
+CIRCUMSCRIBED = 1 / np.cos(np.pi / SIDES)
+"""Radius of the corners of a polygon of SIDES that contains the circle of radius 1."""
 BALL_RINGS = 8
 """Rings of vertices that stand for the half ball of the cutter."""
 TABLE_HALF_WIDTH = 2000.0
@@ -28,15 +30,14 @@ def tool_meshes(cutter: Cutter, margin: float = 0.0) -> dict[str, TriangleMesh]:
     radii = np.append(thin * np.sin(angle), thin)
     heights = np.append(cutter.radius - thin * np.cos(angle), ball[2])
     meshes = {"cutter": revolve(radii, heights, (cutter.radius - thin, ball[2]), SIDES)}
-    circumscribed = 1 / np.cos(np.pi / SIDES)
     for name, start, end, radius in (shank, holder):
-        meshes[name] = _prism((radius + margin) * circumscribed, start - margin, end + margin)
+        meshes[name] = _prism((radius + margin) * CIRCUMSCRIBED, start - margin, end + margin)
     return meshes
 
 
 def post_mesh(post: Post) -> TriangleMesh:
     """A prism about the post, from the table up to its top."""
-    return _prism(post.radius / np.cos(np.pi / SIDES), 0.0, post.top)
+    return _prism(post.radius * CIRCUMSCRIBED, 0.0, post.top)
 
 
 def _prism(radius: float, bottom: float, top: float) -> TriangleMesh:
