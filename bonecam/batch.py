@@ -19,7 +19,7 @@ from threading import Thread
 
 import bonecam
 from bonecam.errors import BonecamError, JobError
-from bonecam.files import check_folder, write_whole
+from bonecam.files import check_folder, input_text, write_whole
 from bonecam.job import Job, write_job
 from bonecam.mesh.files.mesh_files import READABLE
 from bonecam.nc.dialect import read_dialect
@@ -197,7 +197,7 @@ def convert_one(mesh: Path, folder: Path, job: Job) -> Outcome:
 def _kept(mesh: Path, folder: Path, job: Job) -> Outcome | None:
     """The outcome of an earlier run with the same mesh, job and version, if its files are still there."""
     try:
-        report = json.loads((folder / f"{mesh.stem}.json").read_text(encoding="utf-8"))
+        report = json.loads(input_text(folder / f"{mesh.stem}.json"))
         if report["fingerprint"] != fingerprint(mesh, job) or not (folder / report["nc"]["file"]).is_file():
             return None
     except (OSError, ValueError, KeyError, TypeError):

@@ -1,9 +1,11 @@
-"""Output files are written whole or not at all, and what cannot be written is refused before the work."""
+"""Files in and out: special files are refused before they are opened; output files are written whole or not at
+all, and what cannot be written is refused before the work."""
 
 import errno
 import os
 import re
 import shutil
+import stat
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -12,6 +14,40 @@ from pathlib import Path
 from bonecam.errors import FileError
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+LARGEST_INPUT = 2**30
+"""Most bytes of a file that is read: what is larger does not fit into 2 GB of memory with what is made of it."""
+SPECIAL = {
+    stat.S_IFIFO: "a pipe",
+    stat.S_IFSOCK: "a socket",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+    stat.S_IFDIR: "a folder",
+}
+"""Kinds of files that are never opened."""
+
+
+def input_bytes(path: str | Path) -> bytes:
+    """The bytes of a regular file. Every input file is read here.
+
+    OSError where it cannot be read; its strerror says so too of a folder, a pipe, a socket or a device, which
+    are not opened (a pipe would wait for ever, /dev/zero never ends), and of a file above LARGEST_INPUT.
+    """
+    found = os.stat(path)
+    if not stat.S_ISREG(found.st_mode):
+        kind = SPECIAL.get(stat.S_IFMT(found.st_mode), "no regular file")
+        raise OSError(errno.EINVAL, f"it is {kind}", str(path))
+    if found.st_size > LARGEST_INPUT:
+        size = f"it has {found.st_size / 2**30:.1f} GiB, {LARGEST_INPUT / 2**30:.0f} are allowed"
+        raise OSError(errno.EFBIG, size, str(path))
+    with open(path, "rb") as file:
+        return file.read(found.st_size)
+
+
+def input_text(path: str | Path) -> str:
+    """The text of a regular file in UTF-8, with or without its mark, line ends made LF. OSError as
+    `input_bytes`, UnicodeDecodeError where it is no text."""
+    text = input_bytes(path).decode("utf-8-sig")
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 @contextmanager

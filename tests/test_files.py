@@ -10,7 +10,16 @@ from pathlib import Path
 import pytest
 
 from bonecam.errors import FileError
-from bonecam.files import check_files, check_folder, whole_file, whole_folder, write_whole
+from bonecam.files import (
+    LARGEST_INPUT,
+    check_files,
+    check_folder,
+    input_bytes,
+    input_text,
+    whole_file,
+    whole_folder,
+    write_whole,
+)
 
 
 @pytest.fixture
@@ -114,3 +123,21 @@ def test_a_folder_in_the_place_of_a_file_is_told_before_any_file_is_moved(folder
         two_files()
     assert (folder / "file").read_text() == "old"
     assert names(folder) == ["file", "inner"]
+
+
+def test_only_regular_files_of_a_bounded_size_are_opened(folder: Path) -> None:
+    os.mkfifo(folder / "pipe")
+    with open(folder / "large", "wb") as file:
+        file.truncate(LARGEST_INPUT + 1)
+    for name, reason in (
+        ("pipe", "a pipe"),
+        ("inner", "a folder"),
+        ("large", "1.0 GiB"),
+        ("none", "No such"),
+    ):
+        with pytest.raises(OSError, match=reason):
+            input_bytes(folder / name)
+    with pytest.raises(OSError, match="a device"):
+        input_bytes("/dev/zero")
+    (folder / "text").write_bytes(b"\xef\xbb\xbfone\r\ntwo\rthree\n")
+    assert input_text(folder / "text") == "one\ntwo\nthree\n"

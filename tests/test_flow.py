@@ -36,6 +36,7 @@ DOORS = {
     "OCP": {"mesh/files/opencascade.py"},
     "pymeshlab": {"mesh/meshlab.py"},
     "ezdxf": {"mesh/files/polyhedra.py"},
+    "plyfile": {"mesh/files/formats/ply.py"},
 }
 
 

@@ -15,7 +15,7 @@ from xml.parsers import expat
 from xml.sax.saxutils import quoteattr
 
 from bonecam.errors import FileError, FilterError
-from bonecam.files import write_whole
+from bonecam.files import input_bytes, write_whole
 
 SHOWN_ONLY = ("tooltip", "description", "label")
 """Attributes that MeshLab adds for its dialogs; they say nothing about the value and are not kept."""
@@ -45,7 +45,7 @@ def read_calls(path: str | Path) -> list[FilterCall]:
     """The filters of a script. FileError names a missing or malformed file, FilterError an element that is
     none of a script's, by line."""
     try:
-        data = Path(path).read_bytes()
+        data = input_bytes(path)
     except OSError as error:
         raise FileError(f"{path}: {error.strerror}: give a readable .mlx script", file=str(path)) from error
     return _Reader(str(path)).read(data)

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from bonecam.errors import JobError
+from bonecam.files import input_text
 from bonecam.job.parameter import record
 from bonecam.job.sections import Job
 
@@ -17,7 +18,7 @@ def read_job(path: str | Path, base: Job | None = None) -> Job:
     JobError names the file and what is wrong in it.
     """
     try:
-        values = tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
+        values = tomllib.loads(input_text(path))
     except OSError as error:
         raise JobError(f"{path}: {error.strerror}: give a readable job file", file=str(path)) from error
     except ValueError as error:

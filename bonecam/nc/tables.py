@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from bonecam.errors import MachineError
+from bonecam.files import input_text
 
 
 def names_in(folder: Path) -> tuple[str, ...]:
@@ -19,7 +20,7 @@ def read_table(kind: str, name: str | Path, folder: Path) -> tuple[Path, dict[st
     """
     path = Path(name) if str(name).endswith(".toml") else folder / f"{name}.toml"
     try:
-        return path, tomllib.loads(path.read_text(encoding="utf-8"))
+        return path, tomllib.loads(input_text(path))
     except FileNotFoundError as error:
         known = ", ".join(names_in(folder))
         if path == Path(name):

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from bonecam.errors import FileError
+from bonecam.files import input_bytes
 from bonecam.mesh.files.opencascade import kind_of, occ
 
 
@@ -42,7 +43,7 @@ def refuse_foreign(file: Path) -> None:
     """FileError where a file does not begin and end as STEP or IGES files do."""
     kind = kind_of(file)
     try:
-        data = file.read_bytes()
+        data = input_bytes(file)
     except OSError as error:
         message = f"{file}: cannot be read ({error.strerror}): give the path of a readable file"
         raise FileError(message, file=str(file)) from error

@@ -1,12 +1,11 @@
-"""Mesh files through MeshLab: STL (binary, ASCII), PLY, OBJ, OFF in; PLY and STL out.
+"""Mesh files: STL (binary, ASCII), PLY, OBJ, OFF in; PLY and STL out, through MeshLab.
 
 `read_mesh` reads every kind of part file: for STEP, IGES, SAT, DXF and point clouds it asks the modules that
 know them. Coordinates are read and written as they stand in the file; `bonecam.mesh.units` gives them their
-unit. MeshLab drops vertices that are not numbers without a message; here they are an error.
+unit.
 """
 
 import os
-import re
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -16,17 +15,24 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import FileError, MeshError
+from bonecam.files import input_bytes
 from bonecam.mesh.files.cad_files import read_cad_mesh
-from bonecam.mesh.files.file_content import trouble_in
+from bonecam.mesh.files.formats.content import ContentError
+from bonecam.mesh.files.formats.obj import parse_obj
+from bonecam.mesh.files.formats.off import parse_off
+from bonecam.mesh.files.formats.ply import parse_ply
+from bonecam.mesh.files.formats.polygons import triangles_of
+from bonecam.mesh.files.formats.stl import parse_stl
 from bonecam.mesh.files.opencascade import IGES, STEP
 from bonecam.mesh.files.point_cloud import FEWEST, reconstruct
 from bonecam.mesh.files.point_files import POINTS, read_blocks
 from bonecam.mesh.files.polyhedra import ACIS, DXF, read_polyhedra
-from bonecam.mesh.meshlab import from_meshset, meshlab, quality_colours
+from bonecam.mesh.meshlab import meshlab, quality_colours
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
-MESHES = (".stl", ".ply", ".obj", ".off")
-"""Endings of the files that MeshLab reads."""
+PARSERS = {".stl": parse_stl, ".ply": parse_ply, ".obj": parse_obj, ".off": parse_off}
+MESHES = tuple(PARSERS)
+"""Endings of mesh files."""
 CAD = (*STEP, *IGES, *ACIS, *DXF)
 """Endings of CAD files, which need the extra `cad`."""
 READABLE = (*MESHES, *CAD, *POINTS)
@@ -48,25 +54,20 @@ def read_mesh(path: str | Path, also: tuple[str, ...] = ()) -> TriangleMesh:
     """
     file = Path(path)
     data = _bytes_of(file, also)
-    if file.suffix.lower() not in MESHES:
+    ending = file.suffix.lower()
+    if ending not in MESHES:
         return _read_other(file)
-    if trouble := trouble_in(file.suffix.lower(), data):
-        raise _refusal(file, *trouble)
-    meshset = meshlab().MeshSet()
     try:
-        if file.suffix.lower() == ".stl":
-            meshset.load_new_mesh(str(file), unify_vertices=False)
-            mesh = _weld(from_meshset(meshset))
-        else:
-            meshset.load_new_mesh(str(file))
-            mesh = from_meshset(meshset)
-    except (meshlab().PyMeshLabException, ValueError, MemoryError) as error:
-        reason = " ".join(str(error).split()).split("Error details: ")[-1]
-        raise _refusal(
-            file, f"is no readable {_kind(file)} file ({reason})", "write it anew from its source"
-        ) from error
-    _refuse_lost_elements(file, data, mesh)
-    return mesh if len(mesh.faces) else _round_points(file, mesh.vertices)
+        content = PARSERS[ending](data)
+        largest = np.abs(content.vertices).max(initial=0.0)
+        if not largest <= LARGEST_COORDINATE:
+            raise ContentError(f"has a coordinate of {largest:.3g}", "export it again")
+        mesh = TriangleMesh(content.vertices, triangles_of(content).astype(np.int32))
+    except ContentError as error:
+        raise FileError(f"{file}: {error}", file=str(file), **error.evidence) from error
+    if not len(mesh.faces):
+        return _round_points(file, mesh.vertices)
+    return _weld(mesh) if ending == ".stl" else mesh
 
 
 def _read_other(file: Path) -> TriangleMesh:
@@ -142,8 +143,7 @@ def write_mesh(
 
 
 def _weld(mesh: TriangleMesh) -> TriangleMesh:
-    """The mesh with equal corners made one vertex. (MeshLab's own filter drops null faces without a
-    message.)"""
+    """The mesh with equal corners made one vertex."""
     vertices, index = np.unique(mesh.vertices + 0.0, axis=0, return_inverse=True)
     return TriangleMesh(vertices, index.ravel()[mesh.faces].astype(np.int32))
 
@@ -159,7 +159,7 @@ def _bytes_of(file: Path, also: tuple[str, ...]) -> bytes:
         )
         raise _refusal(file, ending, f"give a file that ends in one of {', '.join((*READABLE, *also))}")
     try:
-        data = file.read_bytes()
+        data = input_bytes(file)
     except OSError as error:
         raise _refusal(
             file, f"cannot be read ({error.strerror})", "give the path of a readable mesh file"
@@ -167,30 +167,6 @@ def _bytes_of(file: Path, also: tuple[str, ...]) -> bytes:
     if not data:
         raise _refusal(file, "is empty", "write it anew from its source")
     return data
-
-
-def _refuse_lost_elements(file: Path, data: bytes, mesh: TriangleMesh) -> None:
-    """FileError where a coordinate is larger than LARGEST_COORDINATE, or a PLY names more vertices than
-    MeshLab kept: it drops those that are not numbers."""
-    largest = np.abs(mesh.vertices).max(initial=0.0)
-    if largest > LARGEST_COORDINATE:
-        raise _refusal(file, f"has a coordinate of {largest:.3g}", "export it again")
-    if (
-        file.suffix.lower() == ".ply"
-        and (match := re.search(rb"element vertex (\d+)", data))
-        and len(mesh.vertices) < int(match[1])
-    ):
-        lost = int(match[1]) - len(mesh.vertices)
-        raise _refusal(
-            file,
-            f"has {lost} of {int(match[1])} vertices with coordinates that are not numbers",
-            "export it again",
-            lost=lost,
-        )
-
-
-def _kind(file: Path) -> str:
-    return file.suffix[1:].upper()
 
 
 def _refusal(file: Path, what: str, remedy: str, **evidence: Any) -> FileError:

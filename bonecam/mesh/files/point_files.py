@@ -15,6 +15,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import FileError
+from bonecam.files import input_text
 
 POINTS = (".xyz", ".csv", ".asc", ".pts", ".txt", ".dat")
 """Endings of text files of points."""
@@ -25,7 +26,7 @@ def read_blocks(path: str | Path) -> tuple[Float[ndarray, "_ 3"], ...]:
     wrong with it."""
     file = Path(path)
     try:
-        lines = file.read_text(encoding="utf-8-sig").splitlines()
+        lines = input_text(file).splitlines()
     except OSError as error:
         raise FileError(
             f"{file}: cannot be read ({error.strerror}): give the path of a readable file", file=str(file)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from bonecam.errors import FileError
+from bonecam.files import input_bytes
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 ACIS = (".sat", ".sab")
@@ -90,7 +91,7 @@ def _from_acis(file: Path) -> tuple[list[Polygon], float]:
     """Polygons of a .sat or .sab file and the mm of its unit."""
     from ezdxf.acis import api, sab, sat
 
-    data = file.read_bytes()
+    data = input_bytes(file)
     if file.suffix.lower() == ".sab":
         bodies, header = api.load(data), sab.parse_sab(data).header
     else:

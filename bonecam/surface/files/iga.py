@@ -20,7 +20,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import FileError
-from bonecam.files import write_whole
+from bonecam.files import input_bytes, write_whole
 from bonecam.surface.tmesh.extracted import ExtractedTMesh
 from bonecam.surface.tspline import LARGEST, TSpline
 
@@ -32,7 +32,7 @@ def read_iga(path: str | Path) -> TSpline[ExtractedTMesh]:
     above."""
     path = Path(path)
     try:
-        text = path.read_bytes().decode("utf-8", errors="replace")
+        text = input_bytes(path).decode("utf-8", errors="replace")
     except OSError as error:
         raise FileError(f"{path} cannot be read as text: {error}", file=str(path)) from error
     numbered = [(n, line.split("#", 1)[0].split()) for n, line in enumerate(text.splitlines(), 1)]

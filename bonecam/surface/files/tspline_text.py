@@ -15,7 +15,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import FileError, SurfaceError
-from bonecam.files import write_whole
+from bonecam.files import input_bytes, write_whole
 from bonecam.surface.files import rows_file
 from bonecam.surface.files.tsm.borders import MIRRORED, with_mirrored_borders
 from bonecam.surface.files.tsm.layout import tmesh_of
@@ -40,7 +40,7 @@ def read_tsm(path: str | Path, *, homogeneous: bool = False, to_mm: bool = False
     """
     path = Path(path)
     try:
-        text = path.read_bytes().decode("utf-8", errors="replace")
+        text = input_bytes(path).decode("utf-8", errors="replace")
     except OSError as error:
         raise FileError(f"{path} cannot be read as text: {error}", file=str(path)) from error
     first = text.split("\n", 1)[0].strip()

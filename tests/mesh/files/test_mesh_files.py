@@ -88,8 +88,8 @@ BAD = {
     "nan.off": (OFF.replace("1 0 0", "1 nan 0").encode(), "line 4: 'nan' is not a number"),
     "inf.obj": (OBJ.replace("v 1 0 0", "v -inf 0 0").encode(), "line 2: '-inf' is not a number"),
     "nan.ply": (
-        (PLY + TETRAHEDRON.replace("1 0 0", "1 0 NaN") + "3 0 2 1\n").encode(),
-        "'NaN' is not a number",
+        GOOD["a.ply"].replace("\n1 0 0", "\n1 0 NaN").encode(),
+        "1 of 4 vertices with coordinates that are not numbers, first vertex 1",
     ),
     "far.off": (OFF.replace("1 2 3", "1 2 9").encode(), "line 9: a face names a vertex outside 0..3"),
     "far.obj": (OBJ.replace("f 2 3 4", "f 2 3 99999").encode(), "line 7: a face names vertex 99999 of 4"),

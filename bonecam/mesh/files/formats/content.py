@@ -1,0 +1,84 @@
+"""What is common to the formats of mesh files: what a file holds, what may be wrong with it, its lines."""
+
+import io
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import isfinite
+
+import numpy as np
+from jaxtyping import Float, Int64
+from numpy import ndarray
+
+ANEW = "export the mesh again"
+CUT_SHORT = "copy or export it again"
+
+
+class ContentError(ValueError):
+    """What is wrong with the content of a file, and the remedy; `evidence` holds `line` (from 1) where it is
+    known."""
+
+    def __init__(self, what: str, remedy: str = ANEW, line: int = 0) -> None:
+        super().__init__(f"line {line}: {what}: {remedy}" if line else f"{what}: {remedy}")
+        self.evidence = {"line": line} if line else {}
+
+
+@dataclass(frozen=True, eq=False)
+class Content:
+    """Vertices in the file's own unit, and polygons: `corners` are the vertices of one after another, each as
+    many as `counts` says.
+
+    Nothing is checked yet: coordinates may be infinite, corners may name vertices that are not there.
+    """
+
+    vertices: Float[ndarray, "n 3"]
+    corners: Int64[ndarray, " c"]
+    counts: Int64[ndarray, " p"]
+
+
+def numbered_words(data: bytes) -> Iterator[tuple[int, list[str]]]:
+    """(line number from 1, words) of each line that has words before its comment (#). Lines end in LF, CR or
+    both; bytes beyond ASCII become the replacement character."""
+    text = io.TextIOWrapper(io.BytesIO(data), encoding="ascii", errors="replace", newline=None)
+    for number, line in enumerate(text, 1):
+        words = (line.split("#", 1)[0] if "#" in line else line).split()
+        if words:
+            yield number, words
+
+
+def point(words: Sequence[str], line: int, size: int = 3) -> list[float]:
+    """The first `size` words as finite numbers; ContentError names the line and the word."""
+    try:
+        found = list(map(float, words[:size]))
+    except ValueError:
+        found = []
+    if len(found) == size and isfinite(sum(found)) and not any("_" in word for word in words[:size]):
+        return found
+    for word in words[:size]:
+        if not _is_number(word):
+            raise ContentError(f"{word[:40]!r} is not a number", line=line)
+    if len(words) < size:
+        raise ContentError(f"{len(words)} numbers are no point", line=line)
+    raise ContentError(f"a coordinate of {max(found, key=abs):.3g}", line=line)
+
+
+def _is_number(word: str) -> bool:
+    try:
+        return isfinite(float(word)) and "_" not in word
+    except ValueError:
+        return False
+
+
+def whole_numbers(words: Sequence[str], line: int) -> list[int]:
+    """The words as whole numbers of at most 64 bits; ContentError names the line and the word."""
+    found = []
+    for word in words:
+        if len(word) > 18 or not word.removeprefix("-").removeprefix("+").isdigit():
+            raise ContentError(f"has a word where a number should stand ({word[:40]!r})", line=line)
+        found.append(int(word))
+    return found
+
+
+def filled(points: Sequence[float], corners: Sequence[int], counts: Sequence[int]) -> Content:
+    """The content of coordinates, corners and counts that were collected one by one."""
+    vertices = np.array(points).astype(np.float64).reshape(-1, 3)
+    return Content(vertices, np.array(corners).astype(np.int64), np.array(counts).astype(np.int64))

@@ -1,0 +1,124 @@
+"""PLY through plyfile: ASCII, binary of either byte order, polygons and triangle strips.
+
+plyfile makes room for as many elements as the header tells of, so the header is held against the size of the
+file first.
+"""
+
+import io
+import re
+import warnings
+from typing import Any
+
+import numpy as np
+from jaxtyping import Int64
+from numpy import ndarray
+
+from bonecam.mesh.files.formats.content import CUT_SHORT, Content, ContentError
+
+INDICES = ("vertex_indices", "vertex_index")
+"""Names of the property that holds the corners of a face or strip."""
+END = re.compile(rb"end_header[ \t]*(\r\n|\n|\r)")
+WORDS = (b"ply", b"format", b"comment", b"obj_info", b"element", b"property")
+
+
+class _Stream(io.BytesIO):
+    """Bytes of which no negative number can be read: plyfile would take the rest of the file for a list of -1
+    numbers."""
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        if size is not None and size < 0:
+            raise ValueError(f"a list of {size} bytes")
+        return super().read(size)
+
+
+def parse_ply(data: bytes) -> Content:
+    """The vertices, polygons and triangle strips of a PLY. Faces of fewer than three corners are left out."""
+    import plyfile
+
+    header, body = _header_of(data)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # numpy's, of empty lists and of numbers beyond their type
+        try:
+            found = plyfile.PlyData.read(_Stream(header + body))
+        except plyfile.PlyParseError as error:
+            what = f"is no readable PLY file ({' '.join(str(error).split())})"
+            raise ContentError(what, CUT_SHORT) from error
+        except (ValueError, OverflowError, TypeError) as error:
+            reason = " ".join(str(error).split())
+            raise ContentError(f"has a word where a number should stand ({reason})") from error
+    tables = {element.name: element for element in found.elements}
+    if "vertex" not in tables or not {"x", "y", "z"} <= set(tables["vertex"].data.dtype.names or ()):
+        raise ContentError("holds no vertices with x, y and z")
+    columns = [tables["vertex"].data[axis] for axis in "xyz"]
+    if any(column.dtype.kind == "O" for column in columns):
+        raise ContentError("has lists where coordinates should stand")
+    vertices = np.column_stack(columns).astype(np.float64)
+    bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
+    if len(bad):
+        what = f"has {len(bad)} of {len(vertices)} vertices with coordinates that are not numbers"
+        raise ContentError(f"{what}, first vertex {bad[0]}")
+    polygons = [*_lists(tables.get("face")), *_strip_triangles(_lists(tables.get("tristrips")))]
+    return _content(vertices, polygons)
+
+
+def _header_of(data: bytes) -> tuple[bytes, bytes]:
+    """The header with single blanks and line feeds, and what follows it; ContentError names what is wrong
+    with a line, or tells that the file is too short for what the header tells of."""
+    match = END.search(data)
+    if not match:
+        raise ContentError("is no PLY, or cut short: its header has no end", CUT_SHORT)
+    lines = [b" ".join(line.split()) for line in data[: match.start()].splitlines()]
+    room = len(data) - match.end()  # a value takes one byte or more
+    count = 0
+    told = 0
+    for number, line in enumerate(lines, 1):
+        words = line.split()
+        kind = words[0] if words else b""
+        if kind == b"element":
+            if len(words) != 3 or not words[2].isdigit():
+                raise ContentError("an element without its name or number", line=number)
+            count = int(words[2][:20])
+            told = number
+        if kind == b"property" and len(words) != (5 if words[1:2] == [b"list"] else 3):
+            raise ContentError("a property without its type or name", line=number)
+        if kind not in WORDS:
+            raise ContentError(
+                f"{kind[:40].decode(errors='replace')!r} is no word of a PLY header", line=number
+            )
+        room -= count if kind == b"property" else 0
+        if min(room, len(data) - count) < 0:
+            what = f"is cut short: line {told} tells of more elements than the file has bytes"
+            raise ContentError(what, CUT_SHORT)
+    return b"\n".join([*lines, b"end_header", b""]), data[match.end() :]
+
+
+def _lists(element: Any) -> list[ndarray]:
+    """The lists of vertex numbers of an element; none where there is no such element."""
+    if element is None or not element.count:
+        return []
+    name = next((name for name in INDICES if name in (element.data.dtype.names or ())), None)
+    if name is None or element.data[name].dtype.kind != "O":
+        raise ContentError(f"its element {element.name!r} has no list {INDICES[0]!r}")
+    return list(element.data[name])
+
+
+def _strip_triangles(strips: list[ndarray]) -> list[ndarray]:
+    """The triangles of strips of vertex numbers; -1 begins a strip anew, every other triangle is turned."""
+    found = []
+    for strip in strips:
+        pieces = np.split(strip, np.flatnonzero(strip == -1))
+        for piece in pieces:
+            run = piece[piece != -1]
+            for k in range(len(run) - 2):
+                found.append(run[k : k + 3] if k % 2 == 0 else run[[k + 1, k, k + 2]])
+    return found
+
+
+def _content(vertices: ndarray, polygons: list[ndarray]) -> Content:
+    counts: Int64[ndarray, " p"] = np.array([len(polygon) for polygon in polygons], dtype=np.int64)
+    joined = np.concatenate([*polygons, np.empty(0, dtype=np.int64)])
+    if not (joined == np.rint(joined)).all():
+        raise ContentError("has faces whose corners are no whole numbers")
+    corners = joined.clip(-1, len(vertices)).astype(np.int64)
+    kept = counts >= 3
+    return Content(vertices, corners[np.repeat(kept, counts)], counts[kept])
