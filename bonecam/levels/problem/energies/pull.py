@@ -3,9 +3,8 @@ they should go.
 
 A sample should go as far as it may, and is pulled beyond; with a `least_share` below 1 one with less way to the
 stock than the farthest goes less, so that all come to the stock together: where some come early, levels crowd into
-what is left between them and fold. In narrow hollows walls go less (`medial_ball.py`).
-Nothing is pulled farther than the stock's wall: what lies at it already would be drawn along it, and waves of one
-level would no longer fit into those of the next.
+what is left between them and fold. Nothing is pulled farther than the stock's wall: what lies at it already would
+be drawn along it, and waves of one level would no longer fit into those of the next.
 """
 
 import numpy as np
@@ -14,7 +13,6 @@ from numpy import ndarray
 
 from bonecam.arrays import dots, lengths, unit
 from bonecam.levels.problem.energies.energy import Given, Pulled
-from bonecam.levels.problem.energies.medial_ball import medial_ball_share
 from bonecam.levels.problem.factorisation import factorise
 from bonecam.levels.problem.limits.planes import heights
 from bonecam.levels.problem.limits.wall import inside
@@ -27,8 +25,6 @@ OVERSHOOT = 2.0
 ALL_OUT = 8
 """How sharply the pull beyond the depth sets in."""
 LONGEST, LEAST_COSINE = 2.0, 0.3
-NARROW = 5.0
-"""Hollows are narrow where a ball of so many spacings between samples does not fit in."""
 
 
 def pull(given: Given) -> Pulled:
@@ -44,11 +40,8 @@ def pull(given: Given) -> Pulled:
     normals = area_vectors / np.maximum(area, np.finfo(float).tiny)[:, None]
     field = samples.R.T @ (weights[:, None] * discretisation.attraction(x, normals, discretisation.stock))
     field = unit(samples.R @ factorise(SMOOTHING * discretisation.M, samples.R, weights).solve(field))
-    narrow = NARROW * np.sqrt(area @ samples.weights / len(x))
     gap = -discretisation.stock.signed_distance(x)
-    share = np.clip(gap / given.rest.left, given.parameters.least_share, 1.0) * medial_ball_share(
-        x, normals, narrow
-    )
+    share = np.clip(gap / given.rest.left, given.parameters.least_share, 1.0)
     target = targets(given, x, samples.s, samples.t, normals, field, share)
     return Pulled(samples.s, samples.t, samples.R, x, weights, target, 1 + (OVERSHOOT - 1) * share**ALL_OUT)
 
