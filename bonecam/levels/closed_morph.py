@@ -19,10 +19,10 @@ from bonecam.levels.problem.discretisation import discretise
 from bonecam.levels.problem.energies.attraction import ATTRACTIONS
 from bonecam.levels.problem.remaining import remaining, whole
 from bonecam.levels.problem.tolerances import NESTING_TOLERANCE, STOCK_TOLERANCE
-from bonecam.levels.published_morph import distance_left, published_sequence
 from bonecam.levels.refine_for_depth import refine_for_depth
-from bonecam.levels.restore_feasibility import ACCEPTED, restore_certificates, restore_feasibility
-from bonecam.levels.sequence import SequenceMaker
+from bonecam.levels.sequences.published_sequence import distance_left, published_sequence
+from bonecam.levels.sequences.restore_feasibility import ACCEPTED, restore_certificates, restore_feasibility
+from bonecam.levels.sequences.sequence_maker import SequenceMaker
 from bonecam.levels.solvers.solver import SOLVERS
 from bonecam.mesh.distance import MeshDistance
 from bonecam.progress import Progress, part, rising, silent
@@ -95,13 +95,12 @@ def morph(
     """All levels, measured on tessellations within `chord_tolerance` mm.
 
     `stiffness` is c_int / c_ext (parameters in [0, 1]). `method` is `qp`, whose programs `solver` solves (`admm`,
-    or as a reference `osqp` or `clarabel`), or `qcqp`, the published program solved exactly (`published_morph.py`):
+    or as a reference `osqp` or `clarabel`), or `qcqp`, the published program solved exactly (`published_sequence.py`):
     slow. SurfaceError where the surface is no closed body's between two poles, StockError where it leaves the
     stock, JobError where a number is out of range, LevelError where a level cannot be made or fails its check.
     """
     require_types(surface, schedule, stock)
-    _require_choices(attraction, method, solver)
-    LevelsJob(stiffness=stiffness, chord_tolerance=chord_tolerance)  # raises where they are out of range
+    _require_parameters(attraction, method, solver, stiffness, chord_tolerance)
     _require_closed_inside(surface, stock, schedule)
     started = time.perf_counter()
     progress = rising(progress)
@@ -165,8 +164,10 @@ def _first_within_limits(
     return nearly, checking
 
 
-def _require_choices(attraction: str, method: str, solver: str) -> None:
-    """ValueError where one of them is not among its choices."""
+def _require_parameters(
+    attraction: str, method: str, solver: str, stiffness: float, chord_tolerance: float
+) -> None:
+    """ValueError where a name is not among its choices, JobError where a number is out of its range."""
     for name, value, choices in (
         ("attraction", attraction, ATTRACTIONS),
         ("method", method, METHODS),
@@ -174,6 +175,7 @@ def _require_choices(attraction: str, method: str, solver: str) -> None:
     ):
         if value not in tuple(choices):
             raise ValueError(f"{name} {value!r}: choose one of {', '.join(choices)}")
+    LevelsJob(stiffness=stiffness, chord_tolerance=chord_tolerance)
 
 
 def _require_closed_inside(surface: TSpline, stock: Stock, schedule: Schedule) -> None:

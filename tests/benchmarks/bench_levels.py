@@ -163,7 +163,10 @@ def recorded(surface: TSpline, stock: Capsule) -> Case:
         )
         return calls[-1].step
 
-    with patch("time.perf_counter", time.process_time), patch("bonecam.levels.sequence.next_level", noted):
+    with (
+        patch("time.perf_counter", time.process_time),
+        patch("bonecam.levels.sequences.sequence_maker.next_level", noted),
+    ):
         made = morph(surface, stock, SCHEDULE)
     nets = [level.surface.control_points for level in made.levels if level.surface is not None]
     made_by = {

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from bonecam.errors import Cancelled, JobError, LevelError, StockError, SurfaceError
-from bonecam.levels import sequence
 from bonecam.levels.closed_morph import Morph, morph
 from bonecam.levels.edge_rounding import levels_in
 from bonecam.levels.measure.grid import level_grid
@@ -20,6 +19,7 @@ from bonecam.levels.measure.measured_surface import MeasuredSurface
 from bonecam.levels.measure.violations import require_none, violations
 from bonecam.levels.problem.samples import integration_points, samples_of, thin_plate
 from bonecam.levels.problem.tolerances import DEPTH_TOLERANCE, NESTING_TOLERANCE, STOCK_TOLERANCE
+from bonecam.levels.sequences import sequence_maker
 from bonecam.mesh.distance import MeshDistance
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.schedule import Schedule
@@ -242,7 +242,7 @@ def test_a_level_that_cannot_keep_its_limits_ends_its_sequence_with_the_place(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(
-        sequence, "LARGEST_VIOLATION", -1.0
+        sequence_maker, "LARGEST_VIOLATION", -1.0
     )  # a level's worst place is never a millimetre inside its limits
     with pytest.raises(LevelError, match=r"level 1 breaks its limits by .* mm at \(") as caught:
         morph(waisted(), STOCK, SCHEDULE, chord_tolerance=0.02)

@@ -12,7 +12,7 @@ from bonecam.levels.closed_morph import morph
 from bonecam.levels.measure.inspection import Rules
 from bonecam.levels.problem.cones import Cones, Planes
 from bonecam.levels.problem.published import PublishedProgram
-from bonecam.levels.published_morph import published_sequence
+from bonecam.levels.sequences.published_sequence import published_sequence
 from bonecam.levels.solvers.clarabel import solve_cones
 from bonecam.levels.solvers.published import next_moves
 from bonecam.progress import silent
@@ -155,7 +155,7 @@ def test_levels_that_get_no_nearer_end_soon_and_tell_another_attraction(
     def outwards(program: PublishedProgram, P: np.ndarray, depth: float, stiffness: float) -> np.ndarray:
         return depth * P / np.linalg.norm(P, axis=1, keepdims=True)
 
-    monkeypatch.setattr("bonecam.levels.published_morph.next_moves", outwards)
+    monkeypatch.setattr("bonecam.levels.sequences.published_sequence.next_moves", outwards)
     with pytest.raises(
         LevelError,
         match=r"^level 11 gets no nearer to the stock than 3\.000 mm at .*, or take levels\.attraction stock$",

@@ -16,8 +16,8 @@ from bonecam.levels.problem.energies.attraction import ATTRACTIONS
 from bonecam.levels.problem.remaining import remaining, whole
 from bonecam.levels.problem.samples import creases
 from bonecam.levels.problem.tolerances import DEPTH_TOLERANCE
-from bonecam.levels.restore_feasibility import _runs, restore_certificates, restore_feasibility
-from bonecam.levels.sequence import LANDING, MOST_CREEP, RESTORED_MARGIN, SequenceMaker
+from bonecam.levels.sequences.restore_feasibility import _runs, restore_certificates, restore_feasibility
+from bonecam.levels.sequences.sequence_maker import LANDING, MOST_CREEP, RESTORED_MARGIN, SequenceMaker
 from bonecam.levels.solvers.exchange import project_level
 from bonecam.progress import silent
 from bonecam.setup.capsule import Capsule
@@ -219,7 +219,7 @@ def test_a_broken_limit_names_the_edge_that_the_part_follows_there(
         place=place,
     )
     assert str(maker._broken(1, step)).endswith("give more control points or a larger stock")
-    monkeypatch.setattr("bonecam.levels.sequence.CREASED", 10.0)
+    monkeypatch.setattr("bonecam.levels.sequences.sequence_maker.CREASED", 10.0)
     found = part.curvature(np.linspace(0.2, 0.4, 30), np.full(30, 0.5))
     radius = float(str(maker._broken(1, step)).partition("a radius of ")[2].partition(" mm")[0])
     assert 0.3 < radius * np.abs([found.k1, found.k2]).max() <= 1.1

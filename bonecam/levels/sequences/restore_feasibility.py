@@ -12,7 +12,7 @@ from numpy import ndarray
 
 from bonecam.errors import LevelError
 from bonecam.levels.measure.inspection import Inspection, excess_bound, inspect_again, trouble, with_cuts_of
-from bonecam.levels.sequence import SequenceMaker
+from bonecam.levels.sequences.sequence_maker import SequenceMaker
 from bonecam.progress import Progress, silent
 
 RESTORATIONS = 5

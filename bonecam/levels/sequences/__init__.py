@@ -1,0 +1,1 @@
+"""Sequences of levels from the part to the last one below the stock."""
