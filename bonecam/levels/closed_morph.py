@@ -20,7 +20,7 @@ from bonecam.levels.problem.energies.attraction import ATTRACTIONS
 from bonecam.levels.problem.remaining import remaining, whole
 from bonecam.levels.problem.tolerances import NESTING_TOLERANCE, STOCK_TOLERANCE
 from bonecam.levels.refine_for_depth import refine_for_depth
-from bonecam.levels.sequences.published_sequence import distance_left, published_sequence
+from bonecam.levels.sequences.published_sequence import published_sequence
 from bonecam.levels.sequences.restore_feasibility import ACCEPTED, restore_certificates, restore_feasibility
 from bonecam.levels.sequences.sequence_maker import SequenceMaker
 from bonecam.levels.solvers.solver import SOLVERS
@@ -115,8 +115,7 @@ def morph(
     rules = Rules(stock, schedule, *METHODS[method], chord_tolerance)
     maker = None
     if method == "qcqp":
-        left = distance_left(surface, stock)
-        sequences = iter([published_sequence(surface, stock, schedule, stiffness, attraction, left, solving)])
+        sequences = iter([published_sequence(surface, stock, schedule, stiffness, attraction, solving)])
     else:
         maker = SequenceMaker(discretisation, around, schedule, lower_bound, solving, solver, stiffness)
         sequences = maker.all(rest)

@@ -14,30 +14,31 @@ given stock is met at its nearest points. Fixed edges keep their control points:
 edges, and the stock bends down to them.
 """
 
-from collections.abc import Sequence
-from dataclasses import replace
-from itertools import pairwise
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from bonecam.arrays import ROUNDING
 from bonecam.errors import JobError, LevelError, StockError, SurfaceError, place_name
 from bonecam.job import LevelsJob
 from bonecam.levels.closed_morph import Morph, require_types
+from bonecam.levels.measure.cut_measures import Measures
 from bonecam.levels.measure.grid import LevelGrid, open_level_grid
 from bonecam.levels.measure.inspection import measure_part
-from bonecam.levels.measure.level import Level, MorphLevel, StockLevel
+from bonecam.levels.measure.level import Level, MachinedLevel, MorphLevel, StockLevel
 from bonecam.levels.measure.measure_open_cut import distances_to, measure_open_cut
 from bonecam.levels.measure.measured_surface import MeasuredSurface
 from bonecam.levels.measure.violations import require_none, violations
 from bonecam.levels.open_stock import OpenStock, open_stock
 from bonecam.levels.problem.element_matrices import ElementMatrices, element_matrices
 from bonecam.levels.problem.limits.linear_limits import LinearLimits
+from bonecam.levels.sequences.loop import Stop, levels_to_stock
 from bonecam.levels.solvers.osqp import solve_qp
-from bonecam.progress import Progress, report, silent
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.progress import Progress, silent
 from bonecam.setup.schedule import Schedule
 from bonecam.surface.tspline import TSpline
 from bonecam.threads import on_one_blas_thread
@@ -52,7 +53,7 @@ STRIDE = 50
 """One of so many points is measured first to see whether a level is still too far from the stock."""
 LEAST_MOVE = 0.01
 """A level whose control points all move by less than this share of its depth gets no nearer to the stock."""
-REMEDY = "give a higher stiffness or other edges"
+REMEDY, SOFTER = "give a higher stiffness or other edges", "give a lower stiffness"
 
 
 @on_one_blas_thread
@@ -90,13 +91,8 @@ def morph_open(
     lower_bound = schedule.lower_bound(max(distance, deepest))
     _require_near(target, schedule.limit(lower_bound))
 
-    made = [surface]
-    while not _reaches(made[-1], target, grid, schedule.limit(len(made))):
-        k = len(made)
-        report(progress, min(1.0, k / lower_bound), f"level {k}")
-        made.append(_next_level(made[-1], k, target, matrices, schedule.limit(k), stiffness, fixed))
-
-    levels = _measured_levels([*made, target.surface], target, grid, schedule)
+    held = matrices.edge & fixed
+    levels = _sequence(surface, target, matrices, grid, schedule, stiffness, held, progress, lower_bound)
     return Morph(levels, lower_bound, distance, 0.0, 0.0)
 
 
@@ -115,60 +111,98 @@ def _require_open(
         raise SurfaceError(f"the surface is closed: morph it into a stock with {way}")
 
 
-def _reaches(level: TSpline, target: OpenStock, grid: LevelGrid, limit: float) -> bool:
-    """Whether no point of the level is farther than `limit` mm from the stock, nor of the stock from it."""
-    own_points = grid.points(level.control_points)
-    if _exceeds(target.surface, own_points, grid.sample_parameters, limit):
-        return False
-    points = np.vstack([target.points, grid.points(target.surface.control_points)])
-    parameters = np.vstack([target.parameters, grid.sample_parameters])
-    return not _exceeds(level, points, parameters, limit)
+def _sequence(
+    surface: TSpline,
+    target: OpenStock,
+    matrices: ElementMatrices,
+    grid: LevelGrid,
+    schedule: Schedule,
+    stiffness: float,
+    held: Bool[ndarray, " c"],
+    progress: Progress,
+    lower_bound: int,
+) -> tuple[Level, ...]:
+    """The levels from a surface to its stock, each measured when it is made; control points `held` stay."""
 
+    def next_level(level: MachinedLevel, k: int, _: _Rest) -> MachinedLevel:
+        limit = schedule.limit(k)
+        made = _next_surface(level.surface, target, matrices, limit, stiffness, held)
+        measures, mesh = _measured(k, level.surface, made, target, grid, limit)
+        return MorphLevel(k, made, mesh, limit, measures)
 
-def _exceeds(
-    surface: TSpline, points: Float[ndarray, "n 3"], parameters: Float[ndarray, "n 2"], limit: float
-) -> bool:
-    """Whether one of the points lies farther than `limit` mm from a surface; a few are measured first."""
-    return any(
-        bool((distances_to(surface, points[some], parameters[some]) > limit + ROUNDING).any())
-        for some in (slice(None, None, STRIDE), slice(None))
+    def rest_above(level: MachinedLevel, k: int, _: _Rest | None = None) -> _Rest:
+        return _rest(level.surface, target, grid, schedule.limit(k + 1))
+
+    first: MachinedLevel = measure_part(MeasuredSurface(surface, grid))
+    rest, stop = rest_above(first, 0), Stop(SOFTER)
+    levels = levels_to_stock(
+        [first], rest, schedule, next_level, rest_above, stop, progress, lower_bound=lower_bound
     )
+    return *levels, _stock_level(levels[-1], target, grid, schedule.limit(len(levels)))
 
 
-def _next_level(
+@dataclass(frozen=True, eq=False)
+class _Rest:
+    """The largest distance found between a level and the stock, less what rounding adds: `left` mm at `place`."""
+
+    left: float
+    place: Float[ndarray, "3"]
+
+
+def _rest(level: TSpline, target: OpenStock, grid: LevelGrid, limit: float) -> _Rest:
+    """What is left between a level and the stock, from either to the other: as soon as more than `limit` mm are
+    found no more is sought."""
+    its = np.vstack([target.points, grid.points(target.surface.control_points)])
+    at = np.vstack([target.parameters, grid.sample_parameters])
+    own = grid.points(level.control_points)
+    found = _Rest(0.0, own[0])
+    for surface, points, parameters in (
+        (target.surface, own, grid.sample_parameters),
+        (level, its, at),
+    ):
+        for some in (slice(None, None, STRIDE), slice(None)):
+            distances = distances_to(surface, points[some], parameters[some]) - ROUNDING
+            worst = int(np.argmax(distances))
+            if distances[worst] > found.left:
+                found = _Rest(float(distances[worst]), points[some][worst])
+            if found.left > limit:
+                return found
+    return found
+
+
+def _next_surface(
     level: TSpline,
-    k: int,
     target: OpenStock,
     matrices: ElementMatrices,
     limit: float,
     stiffness: float,
-    fixed: bool,
+    held: ndarray,
 ) -> TSpline:
-    """Level k from the one before it; LevelError where it hardly moves."""
+    """The surface of the level above one; LevelError where it hardly moves."""
     P = level.control_points
-    held = matrices.edge & fixed
     moves = _moves(matrices, P, target.surface.control_points, limit, stiffness, held)
     if np.linalg.norm(moves, axis=1).max() < LEAST_MOVE * limit:
-        raise LevelError(f"level {k} gets no nearer to the stock: give a lower stiffness", level=k)
+        raise LevelError(f"no control point gets nearer to the stock: {SOFTER}")
     return level.with_control_points(P + moves)
 
 
-def _measured_levels(
-    surfaces: Sequence[TSpline], stock: OpenStock, grid: LevelGrid, schedule: Schedule
-) -> tuple[Level, ...]:
-    """The levels as measured, the last as the stock; LevelError where a cut is out of tolerance."""
-    measured = [MeasuredSurface(surface, grid) for surface in surfaces]
-    levels: list[Level] = [measure_part(measured[0])]
-    for k, (inner, outer) in enumerate(pairwise(measured), start=1):
-        limit = schedule.limit(k)
-        measures = measure_open_cut(inner, outer, stock.surface, stock.side, limit)
-        require_none(k, violations(measures, limit, outer.mesh), outer.mesh, REMEDY)
-        if k < len(surfaces) - 1:
-            levels.append(MorphLevel(k, outer.surface, outer.mesh, limit, measures))
-        else:
-            fitted = replace(measures, outside=stock.deviation, outside_place=stock.place)
-            levels.append(StockLevel(k, outer.mesh, limit, fitted))
-    return tuple(levels)
+def _measured(
+    k: int, inner: TSpline, outer: TSpline, stock: OpenStock, grid: LevelGrid, limit: float
+) -> tuple[Measures, TriangleMesh]:
+    """What is measured on cut k, and the tessellation of its outer level; LevelError where it is out of
+    tolerance."""
+    below, above = MeasuredSurface(inner, grid), MeasuredSurface(outer, grid)
+    measures = measure_open_cut(below, above, stock.surface, stock.side, limit)
+    require_none(k, violations(measures, limit, above.mesh), above.mesh, REMEDY)
+    return measures, above.mesh
+
+
+def _stock_level(below: MachinedLevel, stock: OpenStock, grid: LevelGrid, limit: float) -> StockLevel:
+    """The stock as the last level, with what is measured on its cut; LevelError where that is out of tolerance."""
+    k = below.index + 1
+    measures, mesh = _measured(k, below.surface, stock.surface, stock, grid, limit)
+    fitted = replace(measures, outside=stock.deviation, outside_place=stock.place)
+    return StockLevel(k, mesh, limit, fitted)
 
 
 def _require_near(stock: OpenStock, limit: float) -> None:

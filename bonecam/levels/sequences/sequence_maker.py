@@ -12,6 +12,7 @@ from bonecam.errors import LevelError, place_name
 from bonecam.levels.problem.cut import Cut, StepParameters
 from bonecam.levels.problem.discretisation import Discretisation
 from bonecam.levels.problem.remaining import Remaining, remaining
+from bonecam.levels.sequences.loop import Stop, levels_to_stock
 from bonecam.levels.solvers.exchange import LARGEST_VIOLATION, Step, next_level, project_level
 from bonecam.progress import Progress, report
 from bonecam.setup.schedule import Schedule
@@ -28,8 +29,6 @@ hollows stay wide: a femur's end (87 mm, cuts of 2 mm) has no levels otherwise. 
 0.43 of their depth instead of 0.61.)"""
 STILL = 1e-6
 """A level stays as it is where no control point would move by more (mm) to restore its limits."""
-STALL = 0.25
-"""A level stalls that brings the stock nearer by less than this share of its depth."""
 MAX_STALLED = 4
 """So many levels in turn may stall."""
 MOST_EXTRA = 5
@@ -107,23 +106,17 @@ class SequenceMaker:
     ) -> list[ndarray]:
         """The levels made already, from the last of which `rest` is left to the stock, and those above them:
         so many in all at least."""
-        made, stalled = [*made], 0
-        while len(made) < least or rest.left > self.schedule.limit(len(made)):
-            k, before = len(made), rest.left
-            report(self.progress, min(1.0, k / self.lower_bound), f"level {k}")
-            step = self._next(made[-1], k, rest, parameters)
-            if step.broken > LARGEST_VIOLATION:
-                raise self._broken(k, step)
-            made.append(made[-1] + step.moves)
-            rest = remaining(self.discretisation, made[-1], rest)
-            stalled = stalled + 1 if rest.left > before - STALL * self.schedule.limit(k) else 0
-            if stalled > MAX_STALLED or k >= self.lower_bound + self._most_extra:
-                raise LevelError(
-                    f"level {k} gets no nearer to the stock than {rest.left:.3f} mm at {place_name(rest.place)}: give more control points",
-                    level=k,
-                    place=rest.place,
-                )
-        return made
+        return levels_to_stock(
+            made,
+            rest,
+            self.schedule,
+            lambda P, k, rest: self._next(P, k, rest, parameters),
+            lambda P, k, before: remaining(self.discretisation, P, before),
+            Stop("give more control points", MAX_STALLED, self.lower_bound + self._most_extra),
+            self.progress,
+            lower_bound=self.lower_bound,
+            least=least,
+        )
 
     def restore_limits(
         self,
@@ -190,9 +183,9 @@ class SequenceMaker:
         """How many levels more than K_min a sequence may have."""
         return max(MOST_EXTRA, self.lower_bound // 3)
 
-    def _next(self, P: ndarray, k: int, rest: Remaining, parameters: StepParameters) -> Step:
-        """The step from P to level k; where it folds or breaks its limits the pull is eased (if it still
-        does, the check decides)."""
+    def _next(self, P: ndarray, k: int, rest: Remaining, parameters: StepParameters) -> ndarray:
+        """Level k above the one with control points P; where it folds or breaks its limits the pull is eased (if
+        it still does, the check decides). LevelError where it breaks a limit by more than LARGEST_VIOLATION."""
         cut = self.cut(k)
         ease = np.ones(len(P))
         tried: list[Step] = []
@@ -202,4 +195,7 @@ class SequenceMaker:
             if not step.infeasible.any():
                 break
             ease[step.infeasible] *= EASED
-        return min(tried, key=lambda step: int(step.infeasible.sum()))
+        step = min(tried, key=lambda step: int(step.infeasible.sum()))
+        if step.broken > LARGEST_VIOLATION:
+            raise self._broken(k, step)
+        return P + step.moves

@@ -156,11 +156,14 @@ def test_levels_that_get_no_nearer_end_soon_and_tell_another_attraction(
         return depth * P / np.linalg.norm(P, axis=1, keepdims=True)
 
     monkeypatch.setattr("bonecam.levels.sequences.published_sequence.next_moves", outwards)
+    monkeypatch.setattr(
+        "bonecam.levels.sequences.published_sequence.distance_left", lambda grid, P, targets: (3.0, P[0])
+    )
     with pytest.raises(
         LevelError,
         match=r"^level 11 gets no nearer to the stock than 3\.000 mm at .*, or take levels\.attraction stock$",
     ):
-        published_sequence(waisted(), capsule, schedule, STIFFNESS, "sphere", lambda P: (3.0, P[0]), silent)
+        published_sequence(waisted(), capsule, schedule, STIFFNESS, "sphere", silent)
 
 
 def test_an_unknown_method_is_refused(
