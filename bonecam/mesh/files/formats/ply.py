@@ -52,7 +52,8 @@ def parse_ply(data: bytes) -> Content:
     columns = [tables["vertex"].data[axis] for axis in "xyz"]
     if any(column.dtype.kind == "O" for column in columns):
         raise ContentError("has lists where coordinates should stand")
-    vertices = np.column_stack(columns).astype(np.float64)
+    with np.errstate(invalid="ignore"):  # of a signalling NaN
+        vertices = np.column_stack(columns).astype(np.float64)
     bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
     if len(bad):
         what = f"has {len(bad)} of {len(vertices)} vertices with coordinates that are not numbers"

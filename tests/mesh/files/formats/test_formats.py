@@ -64,6 +64,10 @@ DAMAGED = {
         "more elements",
     ),
     "types.ply": (ply(rows("<Biii"), "uchar quaternion"), "is no readable PLY file"),
+    "signal.ply": (
+        ply(rows("<Biii")).replace(b"end_header\n\0\0\0\0", b"end_header\n\x01\x00\x80\x7f", 1),
+        "1 of 4 vertices with coordinates that are not numbers",
+    ),
     "reals.ply": (
         ply(b"".join(struct.pack("<ifff", 3, *face) for face in ((0, 0.5, 1), *FACES[1:])), "int float"),
         "no whole numbers",
