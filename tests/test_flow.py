@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 ORDER = [
-    *"errors progress timing arrays threads files job kernels mesh setup surface levels toolpath orientation nc verify".split(),
+    *"errors progress timing arrays threads files text job kernels mesh setup surface levels toolpath orientation nc verify".split(),
     *"outputs pipeline filters batch cli __main__".split(),
 ]
 ROOMS = {
@@ -35,6 +35,8 @@ DOORS = {
     "open3d": {"mesh/distance.py", "mesh/triangle_mesh.py"},
     "OCP": {"mesh/files/opencascade.py"},
     "pymeshlab": {"mesh/meshlab.py"},
+    "pydantic": {"text/record.py", "nc/schema"},
+    "re2": {"text/pattern.py"},
     "ezdxf": {"mesh/files/polyhedra.py"},
     "plyfile": {"mesh/files/formats/ply.py"},
 }

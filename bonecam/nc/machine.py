@@ -21,16 +21,11 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
-from bonecam.errors import MachineError
-from bonecam.nc.tables import names_in, read_table
+from bonecam.nc.schema.machine_file import LINEAR, LinearTable, MachineFile, RotaryTable
+from bonecam.nc.schema.tables import names_in, read_table
 
 FOLDER = Path(__file__).parent / "machines"
-LINEAR = "XYZ"
-_KEYS = {"title", "chain", "part_zero", "programmed_point", "tool_centre_control", "spindle_speed", *"XYZ"}
-_LINEAR_KEYS = {"speed", "limits", "travel"}
-_ROTARY_KEYS = {"direction", "pivot", "sign", "limits_deg", "endless", "speed_deg_s"}
 Vector = tuple[float, float, float]
 
 
@@ -101,138 +96,51 @@ def machine_names() -> tuple[str, ...]:
 
 
 def read_machine(name: str | Path) -> Machine:
-    """The machine of a name, or of a path to a TOML file; MachineError names file and key."""
-    path, values = read_table("machine", name, FOLDER)
-    return _Reader(path).machine(values)
+    """The machine of a name, or of a path to a TOML file; MachineError names file and every key that is wrong."""
+    path, table = read_table("machine", name, FOLDER, MachineFile)
+    chain: list[str] = list(table.chain)
+    place = chain.index(LINEAR)
+    x, y, z = (_linear(letter, getattr(table, letter)) for letter in LINEAR)
+    part_axes, tool_axes = (
+        tuple(_rotary(letter, getattr(table, letter)) for letter in side)
+        for side in (chain[:place], chain[place + 1 :])
+    )
+    return Machine(
+        name=path.stem,
+        title=table.title,
+        linear=(x, y, z),
+        part_axes=part_axes,
+        tool_axes=tool_axes,
+        part_zero=_vector(table.part_zero),
+        programmed_point=table.programmed_point,
+        tool_centre_control=table.tool_centre_control,
+        spindle_speed=math.inf if table.spindle_speed is None else table.spindle_speed,
+    )
 
 
-class _Reader:
-    """Reads the values of a machine file; errors name the file and the key."""
+def _vector(values: list[float]) -> Vector:
+    x, y, z = values
+    return x, y, z
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
 
-    def wrong(self, key: str, why: str) -> MachineError:
-        return MachineError(f"{self.path}: {key}: {why}", file=str(self.path), key=key)
+def _linear(letter: str, table: LinearTable) -> LinearAxis:
+    if table.limits is not None:
+        low, high = table.limits
+        return LinearAxis(letter, (low, high), high - low, table.speed)
+    assert table.travel is not None  # the schema asks for one of both
+    return LinearAxis(letter, (-math.inf, math.inf), table.travel, table.speed)
 
-    def machine(self, values: dict[str, Any]) -> Machine:
-        before, after = self.chain(values)
-        self.known("", values, _KEYS | set(before) | set(after))
-        point = values.get("programmed_point", "tip")
-        if point not in ("tip", "centre"):
-            raise self.wrong("programmed_point", f"{point!r}: choose tip or centre")
-        x, y, z = (self.linear(letter, self.table(values, letter)) for letter in LINEAR)
-        part_axes, tool_axes = (
-            tuple(self.rotary(letter, self.table(values, letter)) for letter in side)
-            for side in (before, after)
-        )
-        first, second = (axis.direction for axis in part_axes + tool_axes)
-        if abs(sum(a * b for a, b in zip(first, second, strict=True))) > 1 - 1e-9:
-            raise self.wrong("chain", "the two rotary axes are parallel: give different directions")
-        return Machine(
-            name=self.path.stem,
-            title=self.text(values, "title"),
-            linear=(x, y, z),
-            part_axes=part_axes,
-            tool_axes=tool_axes,
-            part_zero=self.vector("part_zero", values.get("part_zero", [0.0, 0.0, 0.0])),
-            programmed_point=point,
-            tool_centre_control=values.get("tool_centre_control", ""),
-            spindle_speed=self.number("spindle_speed", values["spindle_speed"], 0.0)
-            if "spindle_speed" in values
-            else math.inf,
-        )
 
-    def chain(self, values: dict[str, Any]) -> tuple[list[str], list[str]]:
-        chain = values.get("chain")
-        if (
-            not isinstance(chain, list)
-            or len(chain) != 3
-            or chain.count(LINEAR) != 1
-            or not set(chain) - {LINEAR} <= set("ABC")
-        ):
-            raise self.wrong("chain", 'give three items from the part to the tool, such as ["C", "B", "XYZ"]')
-        if len(set(chain)) != 3:
-            raise self.wrong("chain", "an axis stands there twice: name two different rotary axes")
-        place = chain.index(LINEAR)
-        return chain[:place], chain[place + 1 :]
-
-    def table(self, values: dict[str, Any], letter: str) -> dict[str, Any]:
-        if not isinstance(values.get(letter), dict):
-            raise self.wrong(f"[{letter}]", "the axis is missing: add its table")
-        table: dict[str, Any] = values[letter]
-        return table
-
-    def known(self, where: str, values: dict[str, Any], keys: set[str]) -> None:
-        for key in values:
-            if key not in keys:
-                raise self.wrong(f"{where}{key}", f"unknown key: use one of {', '.join(sorted(keys))}")
-
-    def text(self, values: dict[str, Any], key: str) -> str:
-        if not isinstance(values.get(key), str):
-            raise self.wrong(key, "give a text")
-        return str(values[key])
-
-    def number(self, key: str, value: Any, low: float = -math.inf) -> float:
-        if (
-            isinstance(value, bool)
-            or not isinstance(value, int | float)
-            or not math.isfinite(value)
-            or value <= low
-        ):
-            raise self.wrong(
-                key, f"{value!r}: give a number" + (f" above {low:g}" if math.isfinite(low) else "")
-            )
-        return float(value)
-
-    def vector(self, key: str, value: Any) -> Vector:
-        if not isinstance(value, list) or len(value) != 3:
-            raise self.wrong(key, "give three numbers")
-        x, y, z = (self.number(key, item) for item in value)
-        return x, y, z
-
-    def limits(self, key: str, value: Any) -> tuple[float, float]:
-        if not isinstance(value, list) or len(value) != 2:
-            raise self.wrong(key, "give the lowest and the highest value")
-        low, high = (self.number(key, item) for item in value)
-        if low >= high:
-            raise self.wrong(key, f"{low:g} is not below {high:g}")
-        return low, high
-
-    def linear(self, letter: str, values: dict[str, Any]) -> LinearAxis:
-        self.known(f"{letter}.", values, _LINEAR_KEYS)
-        speed = self.number(f"{letter}.speed", values.get("speed"), 0.0)
-        if "limits" in values:
-            low, high = self.limits(f"{letter}.limits", values["limits"])
-            return LinearAxis(letter, (low, high), high - low, speed)
-        return LinearAxis(
-            letter, (-math.inf, math.inf), self.number(f"{letter}.travel", values.get("travel"), 0.0), speed
-        )
-
-    def rotary(self, letter: str, values: dict[str, Any]) -> RotaryAxis:
-        self.known(f"{letter}.", values, _ROTARY_KEYS)
-        x, y, z = self.vector(f"{letter}.direction", values.get("direction"))
-        length = math.hypot(x, y, z)
-        sign = values.get("sign")
-        if abs(length - 1) > 1e-6:
-            raise self.wrong(f"{letter}.direction", f"has length {length:g}: give a unit vector")
-        if sign not in (1, -1):
-            raise self.wrong(f"{letter}.sign", f"{sign!r}: give 1 or -1")
-        endless = values.get("endless", False)
-        if not isinstance(endless, bool):
-            raise self.wrong(f"{letter}.endless", "give true or false")
-        if not endless and "limits_deg" not in values:
-            raise self.wrong(f"{letter}.limits_deg", "missing: give limits, or endless = true")
-        low, high = (
-            self.limits(f"{letter}.limits_deg", values["limits_deg"])
-            if "limits_deg" in values
-            else (-math.inf, math.inf)
-        )
-        return RotaryAxis(
-            letter=letter,
-            direction=(sign * x / length, sign * y / length, sign * z / length),
-            pivot=self.vector(f"{letter}.pivot", values.get("pivot")),
-            limits=(math.radians(low), math.radians(high)),
-            endless=endless,
-            speed=math.radians(self.number(f"{letter}.speed_deg_s", values.get("speed_deg_s"), 0.0)) * 60,
-        )
+def _rotary(letter: str, table: RotaryTable) -> RotaryAxis:
+    x, y, z = table.direction
+    length = math.hypot(x, y, z)
+    sign = table.sign
+    low, high = table.limits_deg or (-math.inf, math.inf)
+    return RotaryAxis(
+        letter=letter,
+        direction=(sign * x / length, sign * y / length, sign * z / length),
+        pivot=_vector(table.pivot),
+        limits=(math.radians(low), math.radians(high)),
+        endless=table.endless,
+        speed=math.radians(table.speed_deg_s) * 60,
+    )

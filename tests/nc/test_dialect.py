@@ -1,9 +1,11 @@
 import pytest
 
 from bonecam.errors import MachineError
-from bonecam.nc.dialect import FOLDER, TEMPLATES, dialect_names, read_dialect
+from bonecam.nc.dialect import FOLDER, dialect_names, read_dialect
+from bonecam.nc.schema.dialect_file import TEMPLATES
 
 GOOD = (FOLDER / "linuxcnc.toml").read_text()
+KLARTEXT = (FOLDER / "heidenhain.toml").read_text()
 
 
 @pytest.mark.parametrize("name", dialect_names())
@@ -38,6 +40,75 @@ def test_a_wrong_dialect_file_is_refused_with_file_and_key(text, key, tmp_path):
         read_dialect(path)
     assert str(path) in str(caught.value)
     assert key in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key"),
+    [
+        (
+            'comment = "({text})"',
+            'comment = "{text.__class__}"',
+            "comment: field 'text.__class__' is unknown",
+        ),
+        ('comment = "({text})"', 'comment = "({text:>20000000000})"', "comment: field 'text' has the format"),
+        ('comment = "({text})"', 'comment = "({text!r})"', "comment: field 'text' has the format '!r'"),
+        ('comment = "({text})"', 'comment = "({text:{text}})"', "comment: field 'text' has the format"),
+        ('comment = "({text})"', 'comment = "({text"', "comment: expected '}'"),
+        ("T{tool} M6", "T{tool[0]} M6", "templates.tool: field 'tool[0]' is unknown"),
+        ("T{tool} M6", "T{tool:.99} M6", "templates.tool: field 'tool' has the format ':.99'"),
+        ("T{tool} M6", "T{words} M6", "templates.tool: field 'words' is unknown"),
+        ("G1 {words} F{feed}", "G1 F{feed} {words}", "templates.feed: give {words} and then {feed}"),
+        ("G1 {words} F{feed}", "G1 {words}", "templates.feed: give {words} and then {feed}"),
+        ("G0 {words}", "G0 {words:>40}", "templates.rapid: give {words}"),
+        ('coolant_on = "M8"', 'coolant_on = "M8\\u0007"', "templates.coolant_on: has the character"),
+        ('extension = ".ngc"', 'extension = "/../x.ngc"', "extension: '/../x.ngc'"),
+        ('"G17", ', '"17", ', "codes.none[0]: '17'"),
+        ("decimals = 5", "decimals = 99999999999", "numbers.length.decimals: 99999999999: give at most 8"),
+        ("highest = 99999.0", "highest = inf", "numbers.feed.highest: inf: give a finite number"),
+        ("[codes]", "[numbering]\nformat = '{number}'\n[codes]", "numbering.format"),
+        ("[codes]", "[numbering]\nfirst = -1\n[codes]", "numbering.first: -1: give 0 or more"),
+    ],
+)
+def test_templates_and_numbers_hold_data_only(old, new, key, tmp_path):
+    assert old in GOOD
+    path = tmp_path / "mine.toml"
+    path.write_text(GOOD.replace(old, new))
+    with pytest.raises(MachineError) as caught:
+        read_dialect(path)
+    assert f"{path}: {key}" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_statements_are_matched_in_linear_time(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(KLARTEXT.replace("pattern = 'M30'", "pattern = '(M+)+30'"))
+    (pattern,) = (pattern for pattern, effect in read_dialect(path).patterns if effect == "program end")
+    assert pattern.match("M" * 100_000) is None
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("';(?P<comment>.*)'", "';.*'"),
+        ("(?P<tool>\\d+)", "(?P<number>\\d+)"),
+        ("pattern = 'M30'", "pattern = '(a)\\1'"),
+        ("pattern = 'M30'", "pattern = 'a{1000000}'"),
+        ("pattern = 'M30'", f"pattern = '{'a' * 501}'"),
+    ],
+)
+def test_a_statement_that_cannot_be_read_is_refused(old, new, tmp_path):
+    assert old in KLARTEXT
+    path = tmp_path / "mine.toml"
+    path.write_text(KLARTEXT.replace(old, new))
+    with pytest.raises(MachineError, match=r"statements\[\d+\]\.pattern: "):
+        read_dialect(path)
+
+
+def test_a_percent_sign_in_a_template_of_moves_is_written_as_it_is(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(GOOD.replace("G0 {words}", "G0 {words} %d"))
+    (line,) = read_dialect(path).move_lines("rapid", words="X%.1f")
+    assert line % (1.0,) == "G0 X1.0 %d"
 
 
 def test_an_unknown_controller_is_refused_with_the_known_ones():

@@ -76,6 +76,41 @@ def test_a_machine_file_without_an_axis_or_with_an_unknown_point_is_refused(
     )
 
 
+def test_all_faults_of_a_machine_file_are_told_at_once(chains, write_machine, tmp_path):
+    text = (
+        chains["table-table"]
+        .replace("speed = 10000.0", 'speed = "fast"', 1)
+        .replace("endless = true", "endless = 1")
+    )
+    path = write_machine(tmp_path, text.replace("sign = -1", "sign = 2", 1) + "colour = 3\n")
+    with pytest.raises(MachineError) as caught:
+        read_machine(path)
+    assert str(caught.value) == (
+        f"{path}: X.speed: 'fast': give a number; A.colour: unknown key: use one of direction, endless, limits_deg, "
+        "pivot, sign, speed_deg_s; C.sign: 2: give 1 or -1; C.endless: 1: give true or false"
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        (b"chain = " + b"[\n" * 10_000, "nest deeper than 10"),
+        (b"a." * 4000 + b"a = 1", "nest deeper than 10"),
+        (b"title = " + b"9" * 30, "title: a whole number of more than 64 bits: give a number that fits"),
+        (b"title = " + b"9" * 5000, "correct the file"),
+        (b"title = '" + b"x" * 20_000 + b"'", "line 1 has 20010 characters: 10000 are allowed"),
+        (b"\n" * 200_000, "the text has 200000 characters"),
+        (b"title = '\xff'", "correct the file"),
+        (b"title = 1979-05-27", "title: datetime.date(1979, 5, 27): give a text"),
+    ],
+    ids=["arrays", "dotted", "bits", "digits", "line", "size", "latin", "date"],
+)
+def test_a_machine_file_that_is_no_sane_text_is_refused(text, why, tmp_path):
+    path = tmp_path / "test.toml"
+    path.write_bytes(text)
+    check_refused(path, why)
+
+
 def check_refused(path, key):
     """Reading the file fails in one line that names the file and the key."""
     with pytest.raises(MachineError) as caught:

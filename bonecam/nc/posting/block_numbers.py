@@ -5,8 +5,9 @@ from bonecam.nc.dialect import Dialect
 
 def number_blocks(lines: list[str], dialect: Dialect) -> tuple[str, int]:
     """The text with block numbers where the dialect has them, and the number of blocks."""
-    form, mark = dialect.numbering.get("format"), dialect.numbering.get("continuation")
-    number = int(dialect.numbering.get("first", 0))
+    form = dialect.numbering.format
+    mark = dialect.numbering.continuation
+    number = dialect.numbering.first
     blocks = 0
     continued = False
     texts = []
@@ -17,5 +18,5 @@ def number_blocks(lines: list[str], dialect: Dialect) -> tuple[str, int]:
             texts.append(form.format(number=number, text=line))
             number += 1
         blocks += not continued
-        continued = bool(mark) and line.endswith(str(mark))
+        continued = mark is not None and line.endswith(mark)
     return "\n".join(texts) + "\n", blocks

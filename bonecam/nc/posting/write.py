@@ -182,8 +182,8 @@ class _Writer:
             f"{letter}{(self.length if i < 3 else self.angle).spec}"
             for i, letter in enumerate(self.machine.letters)
         )
-        rapid = "\n".join(self.dialect.lines("rapid", words=form))
-        feed = "\n".join(self.dialect.lines("feed", words=form, feed=self.feed.spec))
+        rapid = "\n".join(self.dialect.move_lines("rapid", words=form))
+        feed = "\n".join(self.dialect.move_lines("feed", words=form, feed=self.feed.spec))
         rates = np.clip(self._rates(posted, rows), self.feed.lowest, self.feed.highest)
         rates = self.feed.rounded(rates)
         fast = kinds == Kind.RAPID

@@ -11,7 +11,7 @@ from bonecam.nc.reading.modal_state import ModalState, line_error
 def run_klartext(lines: Sequence[str], state: ModalState) -> None:
     """Run the blocks of a program; ProgramError names the line of a block that is unknown or out of order."""
     move = _move_pattern(state.dialect, state.machine.letters)
-    number = int(state.dialect.numbering.get("first", 0))
+    number = state.dialect.numbering.first
     at = 0
     while at < len(lines):
         count = state.run_full_moves(lines, at, number)
@@ -65,9 +65,9 @@ def _block(lines: Sequence[str], at: int, number: int) -> tuple[str, int]:
 
 def _run_statement(block: str, state: ModalState, line: int) -> None:
     for pattern, effect in state.dialect.patterns:
-        found = pattern.fullmatch(block)
-        if found:
-            _apply(effect, found.groupdict(), state, line)
+        found = pattern.match(block)
+        if found is not None:
+            _apply(effect, found, state, line)
             return
     raise line_error(line, f"unknown block {block!r}")
 

@@ -1,0 +1,1 @@
+"""The schemas of machine and dialect files, told once."""

@@ -1,0 +1,51 @@
+"""TOML texts, bounded: one of a few kilobytes can neither take all memory nor all time nor exhaust the stack."""
+
+import tomllib
+from typing import Any
+
+from bonecam.text.faults import Faults
+
+LARGEST = 100_000
+"""Most characters of a text: machines and jobs have below 10,000."""
+LONGEST_LINE = 10_000
+"""Most characters of a line: the time that tomllib takes for a dotted name is quadratic in its parts (0.3 s for this)."""
+DEEPEST = 10
+"""Most tables and lists within one another; machines, dialects and jobs have three."""
+BITS = 64
+"""Whole numbers of TOML have this many bits with their sign (TOML 1.0, section Integer)."""
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """The tables of a TOML text. Raises Faults (a ValueError), with the line where the text is no TOML."""
+    if len(text) > LARGEST:
+        raise Faults([("", f"the text has {len(text)} characters: {LARGEST} are allowed")])
+    for number, line in enumerate(text.splitlines(), 1):
+        if len(line) > LONGEST_LINE:
+            why = f"line {number} has {len(line)} characters: {LONGEST_LINE} are allowed"
+            raise Faults([("", why)])
+    try:
+        values = tomllib.loads(text)
+    except RecursionError as error:
+        raise Faults([("", f"tables and lists nest deeper than {DEEPEST}")]) from error
+    except ValueError as error:
+        raise Faults([("", str(error))]) from error
+    _check_bounds(values)
+    return values
+
+
+def _check_bounds(values: dict[str, Any]) -> None:
+    """Faults where values nest too deep, or a whole number is none of TOML's."""
+    found = []
+    waiting: list[tuple[str, Any, int]] = [("", values, 0)]
+    while waiting:
+        key, value, depth = waiting.pop()
+        if depth > DEEPEST:
+            raise Faults([(key, f"tables and lists nest deeper than {DEEPEST}")])
+        if isinstance(value, dict):
+            waiting += [(f"{key}.{name}".lstrip("."), item, depth + 1) for name, item in value.items()]
+        elif isinstance(value, list):
+            waiting += [(f"{key}[{index}]", item, depth + 1) for index, item in enumerate(value)]
+        elif isinstance(value, int) and value.bit_length() >= BITS:
+            found.append((key, f"a whole number of more than {BITS} bits: give a number that fits"))
+    if found:
+        raise Faults(sorted(found))
