@@ -3,17 +3,15 @@ all, and what cannot be written is refused before the work."""
 
 import errno
 import os
-import re
-import shutil
 import stat
-import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from bonecam.errors import FileError
+from bonecam.runtime.staging import FULL, staged, unwritable
+from bonecam.runtime.temporary import temporary_folder
 
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 LARGEST_INPUT = 2**30
 """Most bytes of a file that is read: what is larger does not fit into 2 GB of memory with what is made of it."""
 SPECIAL = {
@@ -24,6 +22,8 @@ SPECIAL = {
     stat.S_IFDIR: "a folder",
 }
 """Kinds of files that are never opened."""
+PROBE = bytes(4096)
+"""What is written to see whether a folder takes files: one block."""
 
 
 def input_bytes(path: str | Path) -> bytes:
@@ -56,18 +56,8 @@ def whole_file(path: str | Path) -> Iterator[Path]:
 
     A link is followed: what it leads to is written. FileError names the file and the reason.
     """
-    target = Path(os.path.realpath(path))
-    try:
-        work = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name[:40]}."))
-    except OSError as error:
-        raise _unwritable(path, error) from error
-    try:
-        yield work / target.name
-        os.replace(work / target.name, target)
-    except OSError as error:
-        raise _unwritable(path, error) from error
-    finally:
-        shutil.rmtree(work, ignore_errors=True)
+    with staged() as staging:
+        yield staging.file(path)
 
 
 def write_whole(path: str | Path, text: str) -> None:
@@ -77,59 +67,15 @@ def write_whole(path: str | Path, text: str) -> None:
 
 
 @contextmanager
-def whole_folder(path: str | Path, own: str = "(?!)") -> Iterator[Path]:
+def whole_folder(path: str | Path, own: str | None = None) -> Iterator[Path]:
     """A temporary folder whose files move into `path` when the block ends well; nothing is left where it
     fails.
 
-    Files there whose whole names match `own` (a regular expression) are of an earlier run: they go where no
-    new one takes their place.
+    Where `own` (a regular expression) is given, files that an earlier run wrote there, unchanged since, and
+    whose whole names match it, go where no new one takes their place.
     """
-    target = Path(path)
-    made = missing_folders(target.parent)
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        work = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name[:40]}."))
-    except OSError as error:
-        raise _unwritable(path, error) from error
-    try:
-        yield work
-        target.mkdir(exist_ok=True)
-        items = sorted(work.iterdir())
-        _require_free(target / item.name for item in items)
-        for item in items:
-            os.replace(item, target / item.name)
-        for item in {*target.iterdir()} - {target / item.name for item in items}:
-            if re.fullmatch(own, item.name) and not item.is_dir():
-                item.unlink()
-    except FileExistsError as error:
-        raise FileError(f"{target}: is a file: name a folder", file=str(target)) from error
-    except OSError as error:
-        raise _unwritable(path, error) from error
-    finally:
-        shutil.rmtree(work, ignore_errors=True)
-        remove_empty(made)
-
-
-def _require_free(places: Iterable[Path]) -> None:
-    """FileError where a folder has the name of a file to be written."""
-    for place in places:
-        if place.is_dir():
-            raise FileError(
-                f"{place}: is a folder, and a file is to be written there: remove it or name another folder",
-                file=str(place),
-            )
-
-
-def missing_folders(folder: Path) -> list[Path]:
-    """What `mkdir(parents=True)` would make, the innermost first."""
-    return [place for place in (folder, *folder.parents) if not place.exists()]
-
-
-def remove_empty(folders: Iterable[Path]) -> None:
-    """Remove those of the folders that hold nothing."""
-    for folder in folders:
-        if folder.is_dir() and not any(folder.iterdir()):
-            folder.rmdir()
+    with staged() as staging:
+        yield staging.folder(path, own)
 
 
 def check_files(outputs: Iterable[str | Path], inputs: Iterable[str | Path] = ()) -> None:
@@ -152,14 +98,14 @@ def check_folder(path: str | Path) -> None:
     """FileError, before any work is done for it, where a folder cannot be made or written to."""
     if not str(path).strip():
         raise FileError("'': is an empty name: name a folder", file=str(path))
+    target = Path(os.path.realpath(path))
     try:
-        place = next(place for place in (Path(path), *Path(path).absolute().parents) if place.exists())
+        place = next(place for place in (target, *target.parents) if place.exists())
     except OSError as error:
         raise FileError(f"{path}: {error.strerror}: name another folder", file=str(path)) from error
     if not place.is_dir():
-        raise FileError(
-            f"{path}: {'' if place == Path(path) else f'{place} '}is a file: name a folder", file=str(path)
-        )
+        what = "" if place == target else f"{place} "
+        raise FileError(f"{path}: {what}is a file: name a folder", file=str(path))
     _probe(path, place)
 
 
@@ -179,20 +125,12 @@ def _trouble_of(path: str | Path, target: Path) -> str | None:
 
 
 def _probe(path: str | Path, folder: Path) -> None:
-    """FileError where nothing can be made in the folder."""
+    """FileError where no file can be written in the folder. Temporary files of killed runs there are removed."""
     try:
-        tempfile.TemporaryFile(dir=folder).close()
+        with temporary_folder(folder) as work:
+            (work / "probe").write_bytes(PROBE)
     except OSError as error:
         if error.errno in FULL:
-            raise _unwritable(path, error) from error
+            raise unwritable(path, error) from error
         what = f"no file can be made in {folder} ({error.strerror or error})"
         raise FileError(f"{path}: {what}: choose a folder that may be written", file=str(path)) from error
-
-
-def _unwritable(path: str | Path, error: OSError) -> FileError:
-    remedy = (
-        "make room there or choose another folder"
-        if error.errno in FULL
-        else "choose a folder that exists and may be written"
-    )
-    return FileError(f"{path}: {error.strerror or error}: {remedy}", file=str(path))

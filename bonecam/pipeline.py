@@ -47,7 +47,7 @@ def convert(
 
     `mesh` is a file, or a mesh in memory in the unit `job.mesh.units`: (vertices, faces), a TriangleMesh, or a
     mesh of open3d, trimesh or pymeshlab. The files `program`, `report` and
-    `surface` (its ending says its kind) and the folder `keep` are written at the end, all or none. Only a
+    `surface` (its ending says its kind) and the folder `keep` are written at the end, together. Only a
     level that fails its check is written to `keep` all the same. Raises a BonecamError that names the trouble
     and the remedy.
     """

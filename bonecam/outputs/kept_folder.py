@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from bonecam.errors import LevelError
+from bonecam.errors import FileError, LevelError
 from bonecam.files import whole_folder, write_whole
 from bonecam.levels.measure.level import Level
 from bonecam.levels.measure.line_depths import LINE, line_depths, step_depths
@@ -23,30 +23,25 @@ from bonecam.verify.pictures.tool_paths import draw_toolpath
 FAILED = r"failed_level_\d{2,}\.ply"
 """Name of the file that shows where a level failed its check, as a regular expression."""
 SERIES = rf"level_\d{{2,}}\.ply|toolpath\.(csv|png)|{FAILED}"
-"""Names of the files of levels and paths, which a later run in the same folder removes, as a regular
-expression."""
+"""Names of the files of levels and paths, as a regular expression. A later run in the same folder removes those
+that an earlier one wrote there."""
 
 
-def write_kept_folder(
-    folder: str | Path,
+def fill_kept_folder(
+    work: Path,
     surface: TSpline,
     levels: Sequence[Level],
     stock: Stock,
     paths: Sequence[ToolPath],
     post: tuple[float, float],
 ) -> None:
-    """Write surface.tspline, the files of `keep_levels`, and toolpath.csv and toolpath.png where there are
-    paths.
-
-    All files are written or none; levels and paths of an earlier run are removed. `post` is (diameter, top
-    z), mm.
-    """
-    with whole_folder(folder, SERIES) as work:
-        write_tsm(surface, work / "surface.tspline")
-        _write_levels(work, levels, stock, post, LINE)
-        if paths:
-            write_whole(work / "toolpath.csv", toolpath_csv(paths))
-            draw_toolpath(paths, levels, work / "toolpath.png", post)
+    """Write into `work` surface.tspline, the files of `keep_levels`, and toolpath.csv and toolpath.png where
+    there are paths. `post` is (diameter, top z), mm."""
+    write_tsm(surface, work / "surface.tspline")
+    _write_levels(work, levels, stock, post, LINE)
+    if paths:
+        write_whole(work / "toolpath.csv", toolpath_csv(paths))
+        draw_toolpath(paths, levels, work / "toolpath.png", post)
 
 
 def keep_levels(
@@ -83,7 +78,7 @@ def _write_levels(
 def keep_failed_level(folder: str | Path | None) -> Iterator[None]:
     """Where the block raises a LevelError with a patch of the level, write the patch as failed_level_NN.ply.
 
-    The error then names the file. Nothing is written where `folder` is None.
+    The error then names the file, or why it cannot be written. Nothing is written where `folder` is None.
     """
     try:
         yield
@@ -92,7 +87,10 @@ def keep_failed_level(folder: str | Path | None) -> Iterator[None]:
         if folder is None or not isinstance(patch, TriangleMesh):
             raise
         name = f"failed_level_{error.evidence['level']:02d}.ply"
-        with whole_folder(folder, FAILED) as work:
-            write_mesh(patch, work / name)
+        try:
+            with whole_folder(folder, FAILED) as work:
+                write_mesh(patch, work / name)
+        except FileError as trouble:
+            raise LevelError(f"{error} ({trouble})", **error.evidence) from error
         file = Path(folder) / name
         raise LevelError(f"{error} ({file} shows it)", **error.evidence, file=str(file)) from error

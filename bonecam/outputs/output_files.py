@@ -1,19 +1,20 @@
-"""The files that a run writes. Their names are checked before the work; all files are written or none."""
+"""The files that a run writes. Their places are tried before the work; each file is written whole, the program
+even where another cannot be."""
 
 import json
-from collections.abc import Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from bonecam.errors import FileError
-from bonecam.files import check_files, check_folder, whole_file
+from bonecam.errors import BonecamError, FileError
+from bonecam.files import check_files, check_folder
 from bonecam.job import HoldingJob
 from bonecam.mesh.files.mesh_files import CAD, MESHES
 from bonecam.nc.dialect import Dialect, dialect_names, read_dialect
-from bonecam.outputs.kept_folder import write_kept_folder
+from bonecam.outputs.kept_folder import SERIES, fill_kept_folder
 from bonecam.outputs.result import Morphed
 from bonecam.progress import Progress, report, silent
+from bonecam.runtime.staging import Staging, staged, unwritable
 from bonecam.setup.holding import post_below
 from bonecam.surface.files.save import TEXTS, check_target, save_surface
 from bonecam.toolpath.path import ToolPath
@@ -53,20 +54,59 @@ class Outputs:
         program: str = "",
         progress: Progress = silent,
     ) -> None:
-        """Write the wanted files of a run, whole; the program is the last to appear."""
+        """Write the wanted files of a run, each whole; together they take their places.
+
+        What cannot be written keeps neither the program nor the other files from being written: FileError then
+        names it, and what was. Where the program itself cannot be written, nothing is.
+        """
         report(progress, 0.0, "writing the files")
-        post = (holding.diameter, post_below(made.part.mesh, holding).top)
-        with ExitStack() as files:
+        troubles: list[Exception] = []
+        with staged() as staging:
             if self.program is not None:
-                file = files.enter_context(whole_file(self.program))
-                file.write_text(program, encoding="utf-8", newline="")
-            if self.report is not None:
-                file = files.enter_context(whole_file(self.report))
-                file.write_text(json.dumps(made.report, indent=2) + "\n", encoding="utf-8")
-            if self.surface is not None:
-                save_surface(made.surface, files.enter_context(whole_file(self.surface)))
-            if self.keep is not None:
-                write_kept_folder(self.keep, made.surface, made.levels.levels, made.stock, paths, post)
+                _write(staging.file(self.program), self.program, program)
+            for path, write in self._beside(made, holding, paths, staging):
+                try:
+                    write()
+                except Exception as error:  # it is raised once the program is written
+                    troubles.append(staging.told(error))
+                    staging.drop(path)
+        if troubles:
+            raise _incomplete(troubles[0], self.program)
+
+    def _beside(
+        self, made: Morphed, holding: HoldingJob, paths: Sequence[ToolPath], staging: Staging
+    ) -> list[tuple[str | Path, Callable[[], None]]]:
+        """The wanted outputs beside the program, and what writes each."""
+        found: list[tuple[str | Path, Callable[[], None]]] = []
+        if (file := self.report) is not None:
+            text = json.dumps(made.report, indent=2) + "\n"
+            found.append((file, lambda: _write(staging.file(file), file, text)))
+        if (surface := self.surface) is not None:
+            found.append((surface, lambda: save_surface(made.surface, staging.file(surface))))
+        if (keep := self.keep) is not None:
+            post = (holding.diameter, post_below(made.part.mesh, holding).top)
+            kept = (made.surface, made.levels.levels, made.stock, paths, post)
+            found.append((keep, lambda: fill_kept_folder(staging.folder(keep, SERIES), *kept)))
+        return found
+
+
+def _write(work: Path, path: str | Path, text: str) -> None:
+    """Write the text of the output `path` to its temporary place `work`."""
+    try:
+        work.write_text(text, encoding="utf-8", newline="")
+    except OSError as error:
+        raise unwritable(path, error) from error
+
+
+def _incomplete(trouble: Exception, program: File) -> Exception:
+    """The trouble with an output, with the remark that the program is there."""
+    if program is None:
+        return trouble
+    remark = f"{program} is written and complete"
+    if isinstance(trouble, BonecamError):
+        return type(trouble)(f"{trouble} ({remark})", **trouble.evidence)
+    trouble.add_note(remark)
+    return trouble
 
 
 def check_ending(program: Path, dialect: Dialect) -> None:

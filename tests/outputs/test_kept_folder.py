@@ -17,6 +17,7 @@ from bonecam.levels.open_morph import morph_open
 from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
 from bonecam.mesh.meshlab import meshlab
 from bonecam.outputs.kept_folder import keep_failed_level, keep_levels
+from bonecam.runtime.own_files import OWN_FILES
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.schedule import Schedule
 from bonecam.setup.stocks.cylinder import Cylinder
@@ -24,6 +25,11 @@ from bonecam.surface.skinning.skin import skin
 from bonecam.surface.tspline import TSpline
 
 PATCH = Cylinder(2.0, 0.0, 3.0).mesh(0.1)
+
+
+def seen(folder: Path) -> set[str]:
+    """Names of the files in a kept folder but for the list of what is bonecam's."""
+    return {item.name for item in folder.iterdir()} - {OWN_FILES}
 
 
 def failing(*_: object, **__: object) -> None:
@@ -42,7 +48,7 @@ def test_the_patch_of_a_failed_level_is_written_and_named(tmp_path: Path) -> Non
     ):
         failing()
     assert caught.value.evidence["level"] == 7
-    assert [item.name for item in (tmp_path / "keep").iterdir()] == ["failed_level_07.ply"]
+    assert seen(tmp_path / "keep") == {"failed_level_07.ply"}
     assert np.allclose(read_mesh(caught.value.evidence["file"]).bounds, PATCH.bounds, atol=1e-6)
 
 
@@ -70,7 +76,7 @@ def test_levels_are_kept_with_their_pictures_before_there_is_a_path(
     made = levels_in(grooved_pebble(0.2), upright_capsule, Schedule((), 1.5), chord_tolerance=0.1)
     keep_levels(tmp_path / "levels", made.levels, upright_capsule)
     levels = {f"level_{level.index:02d}.ply" for level in made.levels}
-    assert {item.name for item in (tmp_path / "levels").iterdir()} == {
+    assert seen(tmp_path / "levels") == {
         *levels,
         "levels.png",
         "coloured.png",
@@ -90,7 +96,7 @@ def test_open_levels_are_kept_with_their_pictures_without_a_stock(tmp_path: Path
     made = morph_open(skin(rows, 0.01, closed=closed), 1.0, Schedule((0.1,), 0.5), chord_tolerance=0.05)
     keep_levels(tmp_path / "blade", made.levels, line=0.4)
     levels = {f"level_{level.index:02d}.ply" for level in made.levels}
-    assert {item.name for item in (tmp_path / "blade").iterdir()} == {
+    assert seen(tmp_path / "blade") == {
         *levels,
         "levels.png",
         "coloured.png",
@@ -125,26 +131,45 @@ def test_kept_levels_are_coloured_on_one_scale(tmp_path: Path) -> None:
     assert np.abs(colours["shallow"][0] - colours["deep"][-1]).max() > 0.5
 
 
-def test_levels_of_an_earlier_run_do_not_stay_among_those_kept(
+def test_levels_of_an_earlier_run_go_and_what_is_another_s_stays(
     level_of: Callable[..., Level], pebble: Callable[..., TSpline], upright_capsule: Capsule, tmp_path: Path
 ) -> None:
-    folder, levels = tmp_path / "levels", [level_of(pebble(0.5 * k), k, 0.5) for k in range(3)]
-    levels[-1] = StockLevel(2, levels[-1].mesh, 0.5, levels[-1].measures)
-    folder.mkdir()
-    mine = {"level_notes.ply", "level_09.stl", "my_level_09.ply"}
-    for name in (*mine, "level_02.ply", "level_03.ply", "level_104.ply", "failed_level_03.ply"):
-        (folder / name).write_text("old")
+    folder, levels = tmp_path / "levels", [level_of(pebble(0.5 * k), k, 0.5) for k in range(4)]
+    levels[-1] = StockLevel(3, levels[-1].mesh, 0.5, levels[-1].measures)
+    keep_levels(folder, levels, upright_capsule)
+    mine = {"level_notes.ply", "level_09.stl", "level_104.ply", "failed_level_03.ply"}
+    for name in mine:
+        (folder / name).write_text("mine")
+    levels[2:] = [StockLevel(2, levels[2].mesh, 0.5, levels[2].measures)]
     keep_levels(folder, levels, upright_capsule)
     pictures = {"levels.png", "coloured.png", "depths.png"}
-    assert {item.name for item in folder.iterdir()} == {
-        *mine,
-        *pictures,
-        "level_00.ply",
-        "level_01.ply",
-        "level_02.ply",
-    }
-    (folder / "failed_level_03.ply").write_text("old")
-    with pytest.raises(LevelError, match="failed_level_07"), keep_failed_level(folder):
+    assert seen(folder) == {*mine, *pictures, "level_00.ply", "level_01.ply", "level_02.ply"}
+    assert (folder / "failed_level_03.ply").read_text() == "mine"
+
+
+def test_a_level_that_a_person_has_changed_stays(
+    level_of: Callable[..., Level], pebble: Callable[..., TSpline], upright_capsule: Capsule, tmp_path: Path
+) -> None:
+    levels = [level_of(pebble(0.5 * k), k, 0.5) for k in range(2)]
+    keep_levels(tmp_path, [*levels, StockLevel(2, levels[1].mesh, 0.5, levels[1].measures)], upright_capsule)
+    (tmp_path / "level_02.ply").write_text("mine")
+    keep_levels(
+        tmp_path, [levels[0], StockLevel(1, levels[1].mesh, 0.5, levels[1].measures)], upright_capsule
+    )
+    assert (tmp_path / "level_02.ply").read_text() == "mine"
+
+
+def test_the_patch_of_an_earlier_run_goes(tmp_path: Path) -> None:
+    for number in (3, 7):
+        with pytest.raises(LevelError, match=f"failed_level_0{number}"), keep_failed_level(tmp_path):
+            raise LevelError("level fails", level=number, patch=PATCH)
+    assert seen(tmp_path) == {"failed_level_07.ply"}
+
+
+def test_a_patch_that_cannot_be_written_hides_no_error(tmp_path: Path) -> None:
+    (tmp_path / "keep").touch()
+    with (
+        pytest.raises(LevelError, match=r"give more \(.*keep: is a file: name a folder\)$"),
+        keep_failed_level(tmp_path / "keep"),
+    ):
         failing()
-    assert [item.name for item in folder.glob("failed_level_*")] == ["failed_level_07.ply"]
-    assert len(list(folder.glob("level_0?.ply"))) == 3

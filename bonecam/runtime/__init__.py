@@ -1,0 +1,1 @@
+"""The process that runs: its signals, its temporary files, and how outputs take their place."""

@@ -1,0 +1,53 @@
+"""Which files of a folder an earlier run wrote: the list `.bonecam-files` in it, as `sha256sum` writes them.
+
+A later run may remove what stands there only with the content that it was written with. A file that a person
+put there, or has changed since, is theirs.
+"""
+
+import hashlib
+import re
+from collections.abc import Collection, Iterable
+from pathlib import Path
+
+OWN_FILES = ".bonecam-files"
+"""Name of the list."""
+
+
+def stale_files(folder: Path, own: str, new: Collection[str]) -> list[Path]:
+    """The files of an earlier run that no file of `new` replaces, and whose names match `own`."""
+    return [
+        folder / name
+        for name, content in _listed(folder).items()
+        if name not in new and re.fullmatch(own, name) and _is_unchanged(folder / name, content)
+    ]
+
+
+def list_of_own(folder: Path, work: Path, new: Iterable[str], stale: Collection[Path]) -> str:
+    """The text of the list once the files `new` have moved from `work` into the folder, and `stale` are gone."""
+    written = {name: digest(work / name) for name in new}
+    left = {name: content for name, content in _listed(folder).items() if folder / name not in stale}
+    kept = {name: content for name, content in left.items() if (folder / name).is_file()}
+    return "".join(f"{content}  {name}\n" for name, content in sorted({**kept, **written}.items()))
+
+
+def digest(file: Path) -> str:
+    """The SHA-256 of a file's bytes."""
+    with open(file, "rb") as content:
+        return hashlib.file_digest(content, "sha256").hexdigest()
+
+
+def _listed(folder: Path) -> dict[str, str]:
+    """The content of each file by its name, as the list tells it; nothing where there is no list of ours."""
+    try:
+        text = (folder / OWN_FILES).read_text(encoding="utf-8")
+    except (OSError, ValueError):
+        return {}
+    lines = re.findall(r"^([0-9a-f]{64})  ([^/\n]+)$", text, re.MULTILINE)
+    return {name: content for content, name in lines}
+
+
+def _is_unchanged(file: Path, content: str) -> bool:
+    try:
+        return not file.is_symlink() and file.is_file() and digest(file) == content
+    except OSError:
+        return False

@@ -1,0 +1,33 @@
+"""Signals that stop a run, put off while files take their place."""
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""The signals that ask a run to stop: Ctrl-C, `kill`, and the end of the terminal."""
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """Signals that stop a run take effect when the block has ended, not inside it.
+
+    Blocks may stand inside each other. Python handles signals in the main thread only, so that in another
+    thread nothing has to be put off. Handlers that were not set from Python, and ignored signals, stay.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    arrived: list[int] = []
+    handlers = {kind: signal.getsignal(kind) for kind in STOPPING}
+    handlers = {kind: found for kind, found in handlers.items() if found not in (None, signal.SIG_IGN)}
+    try:
+        for kind in handlers:
+            signal.signal(kind, lambda number, frame: arrived.append(number))
+        yield
+    finally:
+        for kind, found in handlers.items():
+            signal.signal(kind, found)
+        if arrived:
+            signal.raise_signal(arrived[0])

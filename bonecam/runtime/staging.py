@@ -1,0 +1,221 @@
+"""Outputs are written in temporary folders on the file system where they belong, and take their places together.
+
+A file is made beside the one it replaces, the files of a folder inside that folder: so a folder may be a mount
+point, a link to another file system, or lie in a folder that cannot be written. Each file is replaced in one
+step (`os.replace`). Runs that write into one folder take their turns, so that what stands there in the end is
+of one run.
+"""
+
+import errno
+import fcntl
+import os
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from bonecam.errors import BonecamError, FileError
+from bonecam.runtime.own_files import OWN_FILES, list_of_own, stale_files
+from bonecam.runtime.signals import undisturbed
+from bonecam.runtime.temporary import make_temporary, remove_temporary
+
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+MAX_WAIT = 10.0
+"""Longest wait for another run that is putting its files in place, s. That takes milliseconds; a run that was
+stopped in between must not hold up this one."""
+
+
+@dataclass(frozen=True)
+class _Output:
+    """A file or folder on its way: its temporary folder `work`, the `names` of the files in it (None: all), the
+    folder they go to, the name that the user gave."""
+
+    given: str | Path
+    work: Path
+    target: Path
+    names: tuple[str, ...] | None
+    made: tuple[Path, ...] = ()
+    own: str | None = None
+
+    def moves(self) -> list[tuple[Path, Path]]:
+        """Each file in its temporary place, and its place."""
+        names = self.names or sorted(item.name for item in self.work.iterdir())
+        return [(self.work / name, self.target / name) for name in names]
+
+
+class Staging:
+    """Outputs on their way. `staged` makes one."""
+
+    def __init__(self) -> None:
+        self._outputs: list[_Output] = []
+
+    def file(self, path: str | Path) -> Path:
+        """A name to write to, for the file `path`; a link is followed: what it leads to is written. FileError
+        where nothing can be made there."""
+        target = Path(os.path.realpath(path))
+        return self._add(path, target.parent, (target.name,)) / target.name
+
+    def folder(self, path: str | Path, own: str | None = None) -> Path:
+        """A folder to write to, for files of the folder `path`, which is made if it is not there.
+
+        Where `own` (a regular expression) is given, files of an earlier run whose whole names match it go when
+        no new ones take their places. FileError where nothing can be made there.
+        """
+        return self._add(path, Path(os.path.realpath(path)), None, own)
+
+    def _add(
+        self, path: str | Path, target: Path, names: tuple[str, ...] | None, own: str | None = None
+    ) -> Path:
+        made: list[Path] = []
+        with undisturbed():
+            try:
+                if names is None:
+                    made = missing_folders(target)
+                    target.mkdir(parents=True, exist_ok=True)
+                work = make_temporary(target)
+            except OSError as error:
+                remove_empty(made)
+                raise unwritable(path, error) from error
+            self._outputs.append(_Output(path, work, target, names, tuple(made), own))
+        return work
+
+    def drop(self, path: str | Path) -> None:
+        """Give up the output `path`: nothing of it is written."""
+        for output in [output for output in self._outputs if output.given == path]:
+            self._outputs.remove(output)
+            _discard(output)
+
+    def told(self, error: Exception) -> Exception:
+        """The error with the names that the user gave in place of the temporary ones; an OSError as FileError
+        of the output whose place it names, else of the last."""
+        if isinstance(error, OSError) and self._outputs:
+            named = [output for output in self._outputs if str(output.work) in str(error.filename)]
+            return unwritable((named or self._outputs)[-1].given, error)
+        if not isinstance(error, BonecamError):
+            return error
+        message, file = str(error), str(error.evidence.get("file", ""))
+        for output in self._outputs:
+            work = output.work / output.names[0] if output.names else output.work
+            message = message.replace(str(work), str(output.given))
+            file = file.replace(str(work), str(output.given))
+        changed = {"file": file} if file else {}
+        return error if message == str(error) else type(error)(message, **{**error.evidence, **changed})
+
+    def commit(self) -> None:
+        """Put the files in their places, in the order of the outputs. An output that cannot be placed does not
+        keep the others from theirs; FileError then names the first."""
+        moves = {id(output): output.moves() for output in self._outputs}
+        _require_free(target for pairs in moves.values() for _, target in pairs)
+        troubles: list[FileError] = []
+        with locked([output.target for output in self._outputs]):
+            for output in self._outputs:
+                try:
+                    _place(output, moves[id(output)])
+                except OSError as error:
+                    troubles.append(unwritable(output.given, error))
+        if troubles:
+            raise troubles[0]
+
+    def discard(self) -> None:
+        """Remove what is temporary, and the folders that were made for nothing."""
+        for output in self._outputs:
+            _discard(output)
+
+
+@contextmanager
+def staged() -> Iterator[Staging]:
+    """Outputs that take their places when the block ends well; nothing of them is left where it fails."""
+    staging = Staging()
+    try:
+        yield staging
+        with undisturbed():
+            staging.commit()
+            staging.discard()
+    except (BonecamError, OSError) as error:
+        told = staging.told(error)
+        if told is error:
+            raise
+        raise told from error
+    finally:
+        with undisturbed():
+            staging.discard()
+
+
+def _place(output: _Output, moves: Sequence[tuple[Path, Path]]) -> None:
+    """Replace the files of one output, and remove the stale ones of its folder."""
+    stale: list[Path] = []
+    if output.own is not None:
+        new = [target.name for _, target in moves]
+        stale = stale_files(output.target, output.own, new)
+        listed = list_of_own(output.target, output.work, new, stale)
+        (output.work / OWN_FILES).write_text(listed, encoding="utf-8")
+        moves = [*moves, (output.work / OWN_FILES, output.target / OWN_FILES)]
+    for work, target in moves:
+        os.replace(work, target)
+    for item in stale:
+        item.unlink()
+
+
+def _discard(output: _Output) -> None:
+    remove_temporary(output.work)
+    remove_empty(output.made)
+
+
+@contextmanager
+def locked(folders: Iterable[Path]) -> Iterator[None]:
+    """Keep other runs from placing files in the folders; without it where the file system knows no locks, or
+    another run holds one for longer than MAX_WAIT."""
+    with ExitStack() as held:
+        for folder in sorted(set(folders)):
+            handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+            held.callback(os.close, handle)
+            _lock(handle)
+        yield
+
+
+def _lock(handle: int) -> None:
+    end = time.monotonic() + MAX_WAIT
+    while time.monotonic() < end:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            time.sleep(0.01)
+        except OSError:
+            return
+        else:
+            return
+
+
+def _require_free(places: Iterable[Path]) -> None:
+    """FileError where a folder has the name of a file to be written."""
+    for place in places:
+        if place.is_dir():
+            raise FileError(
+                f"{place}: is a folder, and a file is to be written there: remove it or name another folder",
+                file=str(place),
+            )
+
+
+def missing_folders(folder: Path) -> list[Path]:
+    """What `mkdir(parents=True)` would make, the innermost first."""
+    return [place for place in (folder, *folder.parents) if not place.exists()]
+
+
+def remove_empty(folders: Iterable[Path]) -> None:
+    """Remove those of the folders that hold nothing."""
+    for folder in folders:
+        if folder.is_dir() and not any(folder.iterdir()):
+            folder.rmdir()
+
+
+def unwritable(path: str | Path, error: OSError) -> FileError:
+    """FileError of an output that cannot be written, with the remedy."""
+    if isinstance(error, FileExistsError | NotADirectoryError):
+        return FileError(f"{path}: is a file: name a folder", file=str(path))
+    remedy = (
+        "make room there or choose another folder"
+        if error.errno in FULL
+        else "choose a folder that exists and may be written"
+    )
+    return FileError(f"{path}: {error.strerror or error}: {remedy}", file=str(path))

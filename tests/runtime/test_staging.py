@@ -1,0 +1,171 @@
+"""Outputs take their places together, on any file system, and a side output never costs the program."""
+
+import multiprocessing
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from bonecam.errors import FileError
+from bonecam.files import check_folder, whole_folder, write_whole
+from bonecam.outputs import output_files
+from bonecam.outputs.output_files import Outputs
+from bonecam.runtime.own_files import OWN_FILES
+from bonecam.runtime.staging import staged
+
+SHM = Path("/dev/shm")
+
+
+@pytest.fixture
+def other_file_system(tmp_path: Path) -> Iterator[Path]:
+    """A folder on another file system than `tmp_path`."""
+    if not SHM.is_dir() or SHM.stat().st_dev == tmp_path.stat().st_dev:
+        pytest.skip("/dev/shm is no other file system here")
+    with TemporaryDirectory(dir=SHM) as folder:
+        yield Path(folder)
+
+
+def write_two(folder: Path) -> None:
+    check_folder(folder)
+    with whole_folder(folder, "two") as work:
+        (work / "one").write_text("1")
+        write_whole(work / "two", "2")
+
+
+def test_a_link_to_a_folder_of_another_file_system_is_written(
+    tmp_path: Path, other_file_system: Path
+) -> None:
+    (tmp_path / "kept").symlink_to(other_file_system)
+    (tmp_path / "none").symlink_to(other_file_system / "made")
+    for name in ("kept", "none"):
+        write_two(tmp_path / name)
+    (tmp_path / "one.h").symlink_to(other_file_system / "one.h")
+    write_whole(tmp_path / "one.h", "new")
+    found = {item.name for item in other_file_system.iterdir()}
+    assert found == {"one", "two", OWN_FILES, "made", "one.h"}
+    assert {item.name for item in (other_file_system / "made").iterdir()} == {"one", "two", OWN_FILES}
+    assert (tmp_path / "kept").is_symlink()
+
+
+@contextmanager
+def without_privileges() -> Iterator[None]:
+    """Root may write anywhere; nobody may not."""
+    before = os.geteuid()
+    if before == 0:
+        os.seteuid(65534)
+    try:
+        yield
+    finally:
+        os.seteuid(before)
+
+
+def test_a_folder_below_one_that_cannot_be_written_is_written() -> None:
+    with TemporaryDirectory() as folder:
+        kept = Path(folder) / "closed" / "kept"
+        kept.mkdir(parents=True)
+        kept.chmod(0o777)
+        kept.parent.chmod(0o555)
+        Path(folder).chmod(0o755)
+        with without_privileges():
+            write_two(kept)
+            with pytest.raises(FileError, match=r"no file can be made in .*closed \(Permission denied\)"):
+                check_folder(kept.parent / "other")
+        assert (kept / "one").read_text() == "1"
+        kept.parent.chmod(0o755)
+
+
+def made() -> Any:
+    """What stands for a run's result where nothing of it is looked at."""
+    levels = SimpleNamespace(levels=())
+    return SimpleNamespace(
+        report={"a": 1}, surface=None, levels=levels, stock=None, part=SimpleNamespace(mesh=None)
+    )
+
+
+@pytest.fixture
+def outputs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Outputs:
+    """Program, report, surface and kept folder, whose writers are replaced by small ones."""
+    monkeypatch.setattr(output_files, "post_below", lambda mesh, holding: SimpleNamespace(top=0.0))
+    monkeypatch.setattr(output_files, "save_surface", lambda surface, path: write_whole(path, "surface"))
+    monkeypatch.setattr(output_files, "fill_kept_folder", lambda work, *_: write_whole(work / "a.png", "x"))
+    return Outputs(tmp_path / "p.h", tmp_path / "keep", tmp_path / "r.json", tmp_path / "s.iga")
+
+
+def write(outputs: Outputs) -> None:
+    outputs.write(made(), SimpleNamespace(diameter=2.0), program="BEGIN\n")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("writer", ["save_surface", "fill_kept_folder"])
+@pytest.mark.parametrize("error", [OSError(28, os.strerror(28)), ZeroDivisionError("a bug")])
+def test_what_cannot_be_written_costs_nothing_else(
+    writer: str, error: Exception, outputs: Outputs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise error
+
+    monkeypatch.setattr(output_files, writer, fail)
+    with pytest.raises((FileError, ZeroDivisionError)) as caught:
+        write(outputs)
+    failed = {"save_surface": "s.iga", "fill_kept_folder": "keep"}[writer]
+    assert {item.name for item in tmp_path.iterdir()} == {"p.h", "r.json", "s.iga", "keep"} - {failed}
+    assert (tmp_path / "p.h").read_text() == "BEGIN\n"
+    if isinstance(caught.value, FileError):
+        assert str(caught.value).startswith(f"{tmp_path / failed}: No space left on device: make room")
+        assert str(caught.value).endswith(f"({tmp_path / 'p.h'} is written and complete)")
+    else:
+        assert "is written and complete" in caught.value.__notes__[0]
+
+
+def test_without_a_place_for_the_program_nothing_is_written(outputs: Outputs, tmp_path: Path) -> None:
+    (tmp_path / "p.h").mkdir()
+    with pytest.raises(FileError, match=r"p\.h: is a folder"):
+        write(outputs)
+    assert [item.name for item in tmp_path.iterdir()] == ["p.h"]
+
+
+def test_a_run_that_is_stopped_writes_nothing(
+    outputs: Outputs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stopped(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(output_files, "fill_kept_folder", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        write(outputs)
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_error_names_the_file_of_the_user(tmp_path: Path) -> None:
+    def fail() -> None:
+        with staged() as staging:
+            write_whole(staging.file(tmp_path / "a.h") / "inner", "x")
+
+    with pytest.raises(FileError) as caught:
+        fail()
+    assert str(caught.value).startswith(f"{tmp_path / 'a.h'}")
+    assert ".part" not in str(caught.value)
+
+
+def write_often(folder: Path, count: int) -> None:
+    """Write a set of files again and again, so many in each, all with the count as their text."""
+    for _ in range(60):
+        with whole_folder(folder, r"level_\d+") as work:
+            for index in range(count):
+                (work / f"level_{index}").write_text(str(count))
+
+
+def test_of_two_runs_that_write_into_one_folder_one_is_there_in_the_end(tmp_path: Path) -> None:
+    fork = multiprocessing.get_context("spawn")
+    runs = [fork.Process(target=write_often, args=(tmp_path, count)) for count in (3, 12)]
+    for run in runs:
+        run.start()
+    for run in runs:
+        run.join()
+    assert [run.exitcode for run in runs] == [0, 0]
+    levels = [item for item in tmp_path.iterdir() if item.name != OWN_FILES]
+    assert {item.read_text() for item in levels} == {str(len(levels))}

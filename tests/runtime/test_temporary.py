@@ -1,0 +1,59 @@
+"""Temporary folders of killed runs go, those of running ones and of other hosts stay."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from bonecam.runtime.temporary import HOST, is_running, make_temporary, remove_abandoned, temporary_folder
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from bonecam.runtime.temporary import make_temporary
+(make_temporary(Path(sys.argv[1])) / "half").write_text("half")
+os.kill(os.getpid(), getattr(signal, sys.argv[2]))
+"""
+
+
+def test_the_folder_of_a_killed_process_goes_with_the_next_that_is_made(tmp_path: Path) -> None:
+    subprocess.run([sys.executable, "-c", KILLED, tmp_path, "SIGKILL"], check=False)
+    (left,) = tmp_path.iterdir()
+    assert left.name.startswith(f".bonecam-{HOST}-")
+    with temporary_folder(tmp_path) as work:
+        assert [item.name for item in tmp_path.iterdir()] == [work.name]
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_process_that_ends_by_itself_leaves_nothing(tmp_path: Path) -> None:
+    run = subprocess.run([sys.executable, "-c", KILLED, tmp_path, "SIGINT"], stderr=subprocess.DEVNULL)
+    assert run.returncode != 0
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_runs_is_of_another_host_or_another_name_stays(tmp_path: Path) -> None:
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    assert is_running(1)
+    assert not is_running(gone.pid)
+    mine = {
+        f".bonecam-{HOST}-1-abcdefgh.part",
+        f".bonecam-another-{gone.pid}-abcdefgh.part",
+        f".bonecam-{HOST}-{gone.pid}-abcdefgh.part.txt",
+        "bone.h.part",
+        f"{HOST}-{gone.pid}.part",
+    }
+    for name in mine:
+        (tmp_path / name).mkdir()
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / f".bonecam-{HOST}-{gone.pid}-linklink.part").symlink_to("elsewhere")
+    with temporary_folder(tmp_path) as work:
+        remove_abandoned(tmp_path)
+        found = {item.name for item in tmp_path.iterdir()}
+    assert found == {*mine, "elsewhere", f".bonecam-{HOST}-{gone.pid}-linklink.part", work.name}
+
+
+def test_a_folder_that_cannot_be_made_is_an_os_error() -> None:
+    with pytest.raises(OSError, match="proc"):
+        make_temporary(Path("/proc"))
