@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bonecam.arrays import unit
 from bonecam.errors import LevelError, StockError
 from bonecam.job import Job, MeshJob, StockJob
 from bonecam.levels.body_surface import TOLERANCE, body_surfaces
@@ -195,11 +196,8 @@ def test_the_spline_of_a_large_box_with_sharp_edges_lies_on_it_and_turns_nowhere
     assert (surface.normals(s, t) * body.normals(points)).sum(1).min() > 0.99
 
 
-def test_a_spline_that_cannot_follow_its_body_is_refused_with_distance_and_place(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr("bonecam.levels.body_surface.TRIES", 1)
-    body = RoundedStock(Box(np.full(3, -18.0), np.full(3, 18.0)), 0.3)
+def test_a_spline_that_cannot_follow_its_body_is_refused_with_distance_and_place() -> None:
+    body = RoundedStock(Box(np.full(3, -4.0), np.full(3, 4.0)), 0.005)
     with pytest.raises(
         LevelError, match=r"mm off it at \(.*\), more than 0\.002 mm: give a larger stock"
     ) as caught:
@@ -282,10 +280,11 @@ def test_every_level_can_be_followed_on_the_parts_tmesh(waisted: Callable[..., T
     )
 
 
-def test_a_mesh_that_cannot_be_made_true_is_refused_with_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("bonecam.setup.rounding.rounded_stock.BISECTIONS", 1)
-    with pytest.raises(StockError, match="no mesh of the rounded stock"):
-        Box(np.full(3, -5.0), np.full(3, 5.0)).round_edges(2.0).mesh(0.001)
+def test_a_mesh_that_cannot_be_made_true_is_refused_with_its_place() -> None:
+    body = RoundedStock(Box(np.full(3, -1.0), np.full(3, 1.0)), 0.001)
+    with pytest.raises(StockError, match=r"no mesh of the rounded stock is within 0\.02 mm") as caught:
+        body.mesh(0.02)
+    assert np.abs(body.signed_distance(caught.value.evidence["place"][None])).max() < 1e-9
 
 
 def test_a_part_that_leaves_the_bar_is_refused_at_once_with_its_place(
@@ -297,14 +296,17 @@ def test_a_part_that_leaves_the_bar_is_refused_at_once_with_its_place(
     assert caught.value.evidence["place"].shape == (3,)
 
 
-def test_a_part_in_the_edges_of_a_bar_is_refused_at_once(
-    waisted: Callable[..., TSpline], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("bonecam.setup.rounding.largest_rounding.round_most", lambda *_: None)
+def test_a_part_in_the_edges_of_a_bar_is_refused_at_once(waisted: Callable[..., TSpline]) -> None:
+    diagonal = unit(np.array([[4.5, 4.0, 0.0]]))
+    across = np.array([[-diagonal[0, 1], diagonal[0, 0], 0.0]])
+    points = waisted().control_points
+    flat = 2.24 * points[:, :1] * diagonal + 0.3 * points[:, 1:2] * across + points[:, 2:] * [0.0, 0.0, 1.0]
+    part = waisted().with_control_points(flat)
     with pytest.raises(
         StockError, match=r"too near to the edges of the stock \(box 9\.00 x 8\.00 x 20\.00 mm\) at"
-    ):
-        levels_in(waisted(), BOX, SCHEDULE)
+    ) as caught:
+        levels_in(part, BOX, SCHEDULE)
+    assert part.project(caught.value.evidence["place"][None]).distances[0] < 0.02
 
 
 @pytest.mark.parametrize(

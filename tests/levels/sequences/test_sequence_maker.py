@@ -208,21 +208,25 @@ def test_a_last_cut_that_is_measured_too_deep_takes_one_more_level(
     assert not again.failed
 
 
+@pytest.mark.parametrize(("flat", "sharp"), [(1.0, False), (0.1, True)], ids=["round", "sharp"])
 def test_a_broken_limit_names_the_edge_that_the_part_follows_there(
-    maker: SequenceMaker, monkeypatch: pytest.MonkeyPatch
+    capsule: Capsule, waisted: Callable[..., TSpline], maker: SequenceMaker, flat: float, sharp: bool
 ) -> None:
-    part = maker.discretisation.surface
-    place = part.positions(np.array([0.3]), np.array([0.5]))[0]
+    """A flat part has an edge along each side, of which the radius is its curvature's."""
+    part = waisted().with_control_points(waisted().control_points * [1.0, flat, 1.0])
+    place = part.positions(np.array([0.0]), np.array([0.5]))[0]
+    discretisation = discretise(part, capsule, ATTRACTIONS["stock"])
     step = replace(
-        project_level(maker.discretisation, part.control_points, part.control_points, maker.cut(1)),
+        project_level(discretisation, part.control_points, part.control_points, maker.cut(1)),
         broken=0.05,
         place=place,
     )
-    assert str(maker._broken(1, step)).endswith("give more control points or a larger stock")
-    monkeypatch.setattr("bonecam.levels.sequences.sequence_maker.CREASED", 10.0)
-    found = part.curvature(np.linspace(0.2, 0.4, 30), np.full(30, 0.5))
-    radius = float(str(maker._broken(1, step)).partition("a radius of ")[2].partition(" mm")[0])
-    assert 0.3 < radius * np.abs([found.k1, found.k2]).max() <= 1.1
+    message = str(replace(maker, discretisation=discretisation)._broken(1, step))
+    assert message.endswith("smooth the mesh" if sharp else "give more control points or a larger stock")
+    if sharp:
+        found = part.curvature(np.linspace(-0.05, 0.05, 41) % 1, np.full(41, 0.5))
+        radius = float(message.partition("a radius of ")[2].partition(" mm")[0])
+        assert 0.3 < radius * np.abs([found.k1, found.k2]).max() <= 1.1
 
 
 def test_runs_are_numbers_that_follow_each_other() -> None:
