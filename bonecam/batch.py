@@ -52,8 +52,7 @@ def convert_many(
     job, target = job or Job(), Path(folder)
     files = [file for mesh in meshes for file in _parts_in(Path(mesh))]
     _check_names(files, jobs)
-    read_dialect(job.nc.controller)
-    check_job(job, read_machine(job.nc.machine))
+    check_job(job, read_machine(job.nc.machine), read_dialect(job.nc.controller))
     check_folder(target)
     table = target / "batch.csv"
     rows = read_rows(table)

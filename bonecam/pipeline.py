@@ -31,6 +31,7 @@ from bonecam.timing import StageTimes
 from bonecam.toolpath.ball_depth import check_depths
 from bonecam.verify.proof import verify
 from bonecam.verify.readback import Tolerances
+from bonecam.verify.trial_program import check_posting
 
 
 def convert(
@@ -54,7 +55,7 @@ def convert(
     job = _require_job(job)
     machine = read_machine(job.nc.machine)
     dialect = read_dialect(job.nc.controller)
-    check_job(job, machine)
+    check_job(job, machine, dialect)
     outputs = Outputs(program, keep, report, surface)
     given, source = _given(mesh)
     outputs.check(source, dialect)
@@ -93,12 +94,14 @@ def morph_levels(
     return made
 
 
-def check_job(job: Job, machine: Machine) -> None:
-    """JobError where sizes, cutters, depths and solver do not fit one another or the machine."""
+def check_job(job: Job, machine: Machine, dialect: Dialect) -> None:
+    """JobError where sizes, cutters, depths and solver do not fit one another or the machine; MachineError where
+    no program can be written for the machine in the dialect."""
     check_sizes(job.stock)
     check_tools(job, machine)
     check_depths(job)
     check_method(job.levels)
+    check_posting(job, machine, dialect)
 
 
 def _morph(

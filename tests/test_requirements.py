@@ -11,10 +11,11 @@ from bonecam_meshes import path as shipped
 import bonecam
 from bonecam import pipeline
 from bonecam.batch import convert_many
-from bonecam.errors import BonecamError, JobError, ToolPathError
+from bonecam.errors import BonecamError, JobError, MachineError, ToolPathError
 from bonecam.job import Job
 from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.mesh.part import prepare_part
+from bonecam.nc.dialect import FOLDER, read_dialect
 from bonecam.nc.machine import machine_names, read_machine
 from bonecam.pipeline import check_job
 from bonecam.setup.placement import place
@@ -116,9 +117,68 @@ def test_a_solver_that_is_not_installed_is_named_before_the_surface_is_fitted(
         bonecam.morph_levels(shipped("phalanx"), job)
 
 
-@pytest.mark.parametrize("name", machine_names())
-def test_the_default_job_suits_every_machine(name: str) -> None:
-    check_job(Job(), read_machine(name))
+@pytest.mark.parametrize(
+    ("machine", "controller"), [("mikron-ucp600", "heidenhain"), ("linuxcnc-xyzbc", "linuxcnc")]
+)
+def test_the_default_job_suits_every_machine(machine: str, controller: str) -> None:
+    assert {"mikron-ucp600", "linuxcnc-xyzbc"} == {*machine_names()}
+    check_job(Job(), read_machine(machine), read_dialect(controller))
+
+
+HEIDENHAIN = (FOLDER / "heidenhain.toml").read_text()
+
+
+@pytest.mark.usefixtures("no_work")
+@pytest.mark.parametrize(
+    ("old", "new", "named"),
+    [
+        ("length = { decimals = 3", "length = { decimals = 0", "trial program"),
+        (
+            "length = { decimals = 3, sign = true",
+            "length = { decimals = 3, sign = false",
+            "unknown block 'BLK FORM",
+        ),
+        (
+            "length = { decimals = 3, sign = true",
+            "length = { decimals = 3, sign = true, highest = 20.0",
+            "leaves the",
+        ),
+        (
+            "angle = { decimals = 3, sign = true",
+            "angle = { decimals = 3, sign = true, lowest = 1.0",
+            "leaves the",
+        ),
+        (
+            "feed = { decimals = 0, sign = false, lowest = 1.0, highest = 99999.0",
+            "feed = { decimals = 0, sign = false, highest = 500.0",
+            "feed is 500 mm/min, meant",
+        ),
+        ('tool_end = ""', 'tool_end = "M99"', "line .*unknown block 'M99'"),
+        ("; {text}", "(* {text} *)", "line .*unknown block"),
+        ('format = "{number} {text}"', 'format = "N{number} {text}"', "block number 0 expected, found 'N0'"),
+    ],
+)
+def test_a_dialect_that_cannot_write_the_job_is_refused_before_the_surface_is_fitted(
+    old: str, new: str, named: str, tmp_path: Path
+) -> None:
+    assert old in HEIDENHAIN
+    file = tmp_path / "mine.toml"
+    file.write_text(HEIDENHAIN.replace(old, new))
+    with pytest.raises(MachineError, match=named) as caught:
+        bonecam.convert(shipped("phalanx"), Job().with_values(nc={"controller": file}))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.usefixtures("no_work")
+def test_a_machine_that_the_dialect_does_not_know_is_refused_before_the_surface_is_fitted(
+    tmp_path: Path,
+) -> None:
+    job = Job().with_values(nc={"machine": "linuxcnc-xyzbc"})
+    with pytest.raises(MachineError, match="tool_centre_control '' is none of heidenhain's"):
+        bonecam.convert(shipped("phalanx"), job)
+    with pytest.raises(MachineError, match="tool_centre_control '' is none of heidenhain's"):
+        convert_many([shipped("phalanx")], tmp_path / "out", job)
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_batch_refuses_an_absurd_job_before_its_first_mesh(tmp_path: Path) -> None:

@@ -41,13 +41,19 @@ class NumberFormat:
         """The values as the control will read them."""
         return np.asarray(self.steps(values) / 10.0**self.decimals)
 
-    def text(self, value: float) -> str:
-        """One number; ProgramError outside the control's range."""
-        if not self.lowest <= value <= self.highest:
+    def check(self, values: Float[ndarray, "*n"]) -> None:
+        """ProgramError where a value leaves the control's range."""
+        outside = ~((values >= self.lowest) & (values <= self.highest))
+        if outside.any():
+            value = float(values[outside].flat[0])
             raise ProgramError(
                 f"{value:g} leaves the control's range {self.lowest:g} .. {self.highest:g}: change the job",
                 value=value,
             )
+
+    def text(self, value: float) -> str:
+        """One number; ProgramError outside the control's range."""
+        self.check(np.array([value], dtype=np.float64))
         # whole steps divided have no negative zero
         return self.spec % float(self.rounded(np.array([value], dtype=np.float64))[0])
 

@@ -212,6 +212,8 @@ class _Writer:
         for column, axis in enumerate(self.machine.rotary, start=3):
             if axis.endless and self.dialect.endless_words == "wrapped":
                 written[:, column] = self.angle.rounded(wrapped(words[:, column]))
+        self.length.check(written[:, :3])
+        self.angle.check(written[:, 3:])
         # whole steps and no negative zero
         return written + 0.0
 
