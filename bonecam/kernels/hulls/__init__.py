@@ -1,1 +1,2 @@
-"""Bounds that hold between the points: a bicubic patch lies in the convex hull of its Bezier control points."""
+"""Bounds that hold between the points: a bicubic patch lies in the convex hull of its Bezier control
+points."""

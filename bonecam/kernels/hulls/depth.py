@@ -1,7 +1,7 @@
 """How far patches are at most from a surface: a bound that holds between the points, compiled.
 
-A patch is bounded along a map of its parameters (`kernels.hulls.mapped_distance`), or by the distance of its net
-from one point, and halved until the bound is good enough.
+A patch is bounded along a map of its parameters (`kernels.hulls.mapped_distance`), or by the distance of its
+net from one point, and halved until the bound is good enough.
 """
 
 import math
@@ -40,9 +40,9 @@ CORNERS = np.array([0, 3, 12, 15])
 def _bound_from_middle(
     net: ndarray, corners: ndarray, bound: float, on: Target, D: ndarray
 ) -> tuple[float, float]:
-    """A bound (mm) no larger than `bound`, and the distance of the net's middle from the surface. From the nearest
-    footpoint of the middle are taken: the largest distance of a control point from it, and the map whose
-    corners are footpoints reached from it; a map that bounds better replaces `corners` (4, 2)."""
+    """A bound (mm) no larger than `bound`, and the distance of the net's middle from the surface. From the
+    nearest footpoint of the middle are taken: the largest distance of a control point from it, and the map
+    whose corners are footpoints reached from it; a map that bounds better replaces `corners` (4, 2)."""
     middle, other = np.empty(3), np.empty((4, 2))
     middle[0], middle[1], middle[2] = patch_point(net, UNIT_BOX, 0.5, 0.5)
     s, t = middle_parameters(corners)
@@ -65,8 +65,8 @@ def _bound_from_middle(
 def _divide(
     nets: ndarray, corners: ndarray, parts: ndarray, k: int, axis: int, on: Target, D: ndarray
 ) -> None:
-    """Replace piece k by its two halves, k and k + 1: their nets, the parameters of their corners' footpoints, and
-    the part of the first net that they are."""
+    """Replace piece k by its two halves, k and k + 1: their nets, the parameters of their corners'
+    footpoints, and the part of the first net that they are."""
     halve(nets[k], axis, nets[k], nets[k + 1])
     copy(corners[k], corners[k + 1])
     for i in range(4):
@@ -89,9 +89,9 @@ def _divide(
 def depth_bound(
     nets: ndarray, starts: ndarray, on: Target, goal: float, alarm: float, accuracy: float, smallest: float
 ) -> tuple[float, ndarray, ndarray, int]:  # fmt: skip
-    """How far (mm) points of the patches with these nets (n, 16, 3) are at most from a surface; the piece where
-    that is; pieces (k, 3) with a bound over `alarm` mm; and how many pieces were bounded. A piece is told by the
-    number of its net and the parameters of its middle there.
+    """How far (mm) points of the patches with these nets (n, 16, 3) are at most from a surface; the piece
+    where that is; pieces (k, 3) with a bound over `alarm` mm; and how many pieces were bounded. A piece is
+    told by the number of its net and the parameters of its middle there.
 
     `starts` (n, 4, 2) are parameters of the surface near the footpoints of the nets' corners. A piece is not
     halved again where its bound is no larger than `goal` mm or than that of another, or at most `accuracy` mm

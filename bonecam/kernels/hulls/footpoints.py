@@ -1,5 +1,5 @@
-"""Footpoints on the surface that depths are measured to, compiled: from parameters near them, and the nearest of all
-that are found from seeds all over the surface.
+"""Footpoints on the surface that depths are measured to, compiled: from parameters near them, and the nearest
+of all that are found from seeds all over the surface.
 """
 
 import math
@@ -14,9 +14,10 @@ from bonecam.kernels.hulls.net import box_distance
 
 
 class Target(NamedTuple):
-    """The surface that depths are measured to, as `kernels.closest.newton.descend` takes it: patches (e, 16, 4)
-    whose weights are all one, over `boxes` in `strips`, s closed with the period 1. `seeds` (e, k, 5) are s, t,
-    x, y, z of points on each element; `hulls` (e, 6) are boxes round its elements, lowest x, y, z first."""
+    """The surface that depths are measured to, as `kernels.closest.newton.descend` takes it: patches (e, 16,
+    4) whose weights are all one, over `boxes` in `strips`, s closed with the period 1. `seeds` (e, k, 5) are
+    s, t, x, y, z of points on each element; `hulls` (e, 6) are boxes round its elements, lowest x, y, z
+    first."""
 
     patches: ndarray
     boxes: ndarray
@@ -46,8 +47,8 @@ def footpoint(point: ndarray, s: float, t: float, on: Target, D: ndarray) -> tup
 def nearest_footpoint(
     point: ndarray, s: float, t: float, on: Target, D: ndarray
 ) -> tuple[float, float, float]:
-    """Parameters and distance (mm) of the nearest footpoint found from (s, t) and from the nearest seed of every
-    element whose box is nearer than the best footpoint so far. `D` (6, 3) is overwritten."""
+    """Parameters and distance (mm) of the nearest footpoint found from (s, t) and from the nearest seed of
+    every element whose box is nearer than the best footpoint so far. `D` (6, 3) is overwritten."""
     s, t, distance = footpoint(point, s, t, on, D)
     for e in range(len(on.seeds)):
         if box_distance(on.hulls[e], point) >= distance:

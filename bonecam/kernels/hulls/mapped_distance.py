@@ -1,10 +1,11 @@
-"""A bound of the distance between a net's patch and a surface, along a map of the patch's parameters, compiled.
+"""A bound of the distance between a net's patch and a surface, along a map of the patch's parameters,
+compiled.
 
-The map is bilinear and takes the corners of the patch to footpoints of theirs on the surface. The difference of
-the patch and the image of the map is a polynomial of degree six in both parameters, no larger anywhere than the
-largest of its control points. Where the map leaves one element of the surface, that element's polynomial is
-extended, and a bound of what the extension is off there is added. The bound is true whatever the map; good
-footpoints make it tight.
+The map is bilinear and takes the corners of the patch to footpoints of theirs on the surface. The difference
+of the patch and the image of the map is a polynomial of degree six in both parameters, no larger anywhere
+than the largest of its control points. Where the map leaves one element of the surface, that element's
+polynomial is extended, and a bound of what the extension is off there is added. The bound is true whatever
+the map; good footpoints make it tight.
 """
 
 import math
@@ -19,7 +20,8 @@ from bonecam.kernels.fastmath import CONTRACT
 from bonecam.kernels.hulls.footpoints import Target
 
 SAMPLES = 7
-"""Places along a side at which the difference is taken: as many as a polynomial of degree six has control points."""
+"""Places along a side at which the difference is taken: as many as a polynomial of degree six has control
+points."""
 
 WIDEST_MAP = 0.4
 """Turns in s: footpoints of corners that are farther apart lie round a pole."""
@@ -32,8 +34,8 @@ UNIT_BOX = np.array([0.0, 1.0, 0.0, 1.0])
 
 
 def _control_points_from_values(degree: int) -> ndarray:
-    """The matrix that leads the values of a polynomial at `degree` + 1 even places on [0, 1], both ends included,
-    to its Bezier control points."""
+    """The matrix that leads the values of a polynomial at `degree` + 1 even places on [0, 1], both ends
+    included, to its Bezier control points."""
     x = np.arange(degree + 1) / degree
     return np.linalg.inv(
         np.array(
@@ -63,8 +65,9 @@ def patch_point(p: ndarray, box: ndarray, s: float, t: float) -> tuple[float, fl
 
 @njit(cache=True, fastmath=CONTRACT)
 def _largest_control_point(values: ndarray, T: ndarray) -> float:
-    """The largest norm of the control points of the polynomial with these values (k, k, 3) at even places, which
-    are overwritten by the control points; `T` (k, k) leads values to control points along one parameter."""
+    """The largest norm of the control points of the polynomial with these values (k, k, 3) at even places,
+    which are overwritten by the control points; `T` (k, k) leads values to control points along one
+    parameter."""
     k = len(T)
     half = np.zeros((k, k, 3))
     for j in range(k):
@@ -142,9 +145,10 @@ def middle_parameters(corners: ndarray) -> tuple[float, float]:
 
 @njit(cache=True, fastmath=CONTRACT)
 def mapped_distance_bound(net: ndarray, corners: ndarray, on: Target) -> tuple[float, float, int]:
-    """How far (mm) the points of a net's patch are at most from their images on the surface under the bilinear map
-    that takes its corners to the parameters `corners` (4, 2); how far the farthest corner is from its image;
-    and the axis along which the difference bends more, -1 where the extension of an element bounds it."""
+    """How far (mm) the points of a net's patch are at most from their images on the surface under the
+    bilinear map that takes its corners to the parameters `corners` (4, 2); how far the farthest corner is
+    from its image; and the axis along which the difference bends more, -1 where the extension of an element
+    bounds it."""
     a = b = corners[0, 0]
     c = d = corners[0, 1]
     for k in range(1, 4):

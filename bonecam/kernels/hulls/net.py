@@ -1,7 +1,7 @@
 """Nets of control points, compiled: their halves, sizes and bounding boxes.
 
-A net is the 16 control points (16, 3) of a bicubic Bezier patch, s fastest. The patch lies in the convex hull of
-its net; the nets of its halves (de Casteljau's algorithm at 1/2) are closer to it.
+A net is the 16 control points (16, 3) of a bicubic Bezier patch, s fastest. The patch lies in the convex hull
+of its net; the nets of its halves (de Casteljau's algorithm at 1/2) are closer to it.
 """
 
 import math
@@ -10,12 +10,14 @@ from numba import njit
 from numpy import ndarray
 
 STACK_SIZE = 128
-"""Room for nets on the stack of one search that halves them: one net for each halving of the first, and one more."""
+"""Room for nets on the stack of one search that halves them: one net for each halving of the first, and one
+more."""
 
 
 @njit(cache=True)
 def halve(net: ndarray, axis: int, low: ndarray, high: ndarray) -> None:
-    """Write the two halves of a net along s (axis 0) or t (1) into `low` and `high`; `low` may be the net itself."""
+    """Write the two halves of a net along s (axis 0) or t (1) into `low` and `high`; `low` may be the net
+    itself."""
     step, other = (1, 4) if axis == 0 else (4, 1)
     for k in range(4):
         a = k * other

@@ -73,8 +73,8 @@ def _net_separation(a: ndarray, b: ndarray, enough: float) -> float:
 def separation(
     inner: ndarray, outer: ndarray, goal: float, enough: float, small: float, smallest: float, most: int
 ) -> tuple[float, ndarray, int]:  # fmt: skip
-    """A distance (mm) that two sets of patches, given by their nets (n, 16, 3), have at least, up to `goal`; the
-    point of `inner` near which that is; and how many pairs of pieces were compared.
+    """A distance (mm) that two sets of patches, given by their nets (n, 16, 3), have at least, up to `goal`;
+    the point of `inner` near which that is; and how many pairs of pieces were compared.
 
     Pieces are halved until their hulls are `goal` apart, or no larger than `small` and more than `enough`
     apart, or no larger than `smallest` (all mm). Where such pieces still overlap, or `most` pairs have been

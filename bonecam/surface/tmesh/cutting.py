@@ -20,8 +20,8 @@ FEWEST = 4
 
 @dataclass(eq=False)
 class Draft:
-    """A T-mesh in the making: as TMesh, with a grid of vertex numbers instead of the vertices. Axis 0 is s,
-    axis 1 is t."""
+    """A T-mesh that is being changed: the fields of `TMesh`, with a grid of vertex numbers (`crossings`, -1:
+    none) instead of the vertices. Axis 0 is s, axis 1 is t."""
 
     knots: list[Float[ndarray, " _"]]
     edges: list[Bool[ndarray, "_ _"]]
@@ -71,24 +71,24 @@ class Draft:
         through empty intervals."""
         count = self.inside.shape[1 - axis]
         closed = bool(self.period[1 - axis])
-        if not self._between(axis, line, piece):
+        if not self._has_domain_beside(axis, line, piece):
             return
-        self._draw(axis, line, piece)
+        self._add_edge(axis, line, piece)
         for sign in (-1, 1):
             k = piece
             walked = 0
             while walked < count:
                 end = (k if sign < 0 else k + 1) % self.crossings.shape[1 - axis]
-                stopped = self._touch(axis, line, end)
+                stopped = self._join_edge(axis, line, end)
                 k = k + sign
                 walked += 1
                 if closed:
                     k %= count
                 elif not 0 <= k < count:
                     break
-                if not self._between(axis, line, k) or (stopped and self._length(1 - axis, k) > 0):
+                if not self._has_domain_beside(axis, line, k) or (stopped and self._length(1 - axis, k) > 0):
                     break
-                self._draw(axis, line, k)
+                self._add_edge(axis, line, k)
 
     def add_vertex(self, axis: int, line: int, row: int) -> None:
         """A vertex where `line` of `axis` meets the other axis' line `row`, on an edge there or by cutting
@@ -96,9 +96,9 @@ class Draft:
         place = (line, row) if axis == 0 else (row, line)
         if self.crossings[place] >= 0:
             return
-        if self._through(1 - axis, row, line) or self._through(axis, line, row):
-            self._put(place)
-            self._close(axis, line, row)
+        if self._edge_passes(1 - axis, row, line) or self._edge_passes(axis, line, row):
+            self._number_vertex(place)
+            self._cut_empty_intervals(axis, line, row)
         else:
             self.cut(axis, line, row % self.inside.shape[1 - axis])
 
@@ -114,9 +114,9 @@ class Draft:
                 self.edges[axis][(slice(None), row) if axis == 0 else (row, slice(None))] = True
                 for line in (k * len(hits) // FEWEST for k in range(FEWEST)):
                     if not hits[line, row]:
-                        self._put((line, row) if axis == 0 else (row, line))
+                        self._number_vertex((line, row) if axis == 0 else (row, line))
 
-    def _close(self, axis: int, line: int, row: int) -> None:
+    def _cut_empty_intervals(self, axis: int, line: int, row: int) -> None:
         """Cut the empty intervals on both sides of a new vertex, so that all lines of a clamped border have
         it."""
         count = self.inside.shape[1 - axis]
@@ -126,31 +126,34 @@ class Draft:
                 self.cut(axis, line, piece % count)
 
     def _length(self, axis: int, piece: int) -> float:
+        """The knot interval of a piece between two lines of `axis`."""
         knots = self.knots[axis]
         after = knots[piece + 1] if piece + 1 < len(knots) else knots[0] + self.period[axis]
         return float(after - knots[piece])
 
-    def _between(self, axis: int, line: int, piece: int) -> bool:
+    def _has_domain_beside(self, axis: int, line: int, piece: int) -> bool:
         """Whether a piece of a line has the domain on either side."""
         cells = self.inside if axis == 0 else self.inside.T
         beside = [k % cells.shape[0] if self.period[axis] else k for k in (line - 1, line)]
         return all(0 <= k < cells.shape[0] and bool(cells[k, piece]) for k in beside)
 
-    def _draw(self, axis: int, line: int, piece: int) -> None:
-        """An edge on s-line `line` runs along t, and the other way round."""
+    def _add_edge(self, axis: int, line: int, piece: int) -> None:
+        """Add the edge on a piece of `line` of `axis`: one on an s-line runs along t, one on a t-line along
+        s."""
         self.edges[1 - axis][(line, piece) if axis == 0 else (piece, line)] = True
 
-    def _touch(self, axis: int, line: int, row: int) -> bool:
-        """Put a vertex where the cut meets an edge; whether it does."""
+    def _join_edge(self, axis: int, line: int, row: int) -> bool:
+        """Add a vertex where a cut along `line` meets an edge on the other axis' line `row`; whether it
+        does."""
         place = (line, row) if axis == 0 else (row, line)
         if self.crossings[place] >= 0:
             return True
-        if self._through(1 - axis, row, line):
-            self._put(place)
+        if self._edge_passes(1 - axis, row, line):
+            self._number_vertex(place)
             return True
         return False
 
-    def _through(self, axis: int, line: int, row: int) -> bool:
+    def _edge_passes(self, axis: int, line: int, row: int) -> bool:
         """Whether an edge on `line` of `axis` runs through its crossing with `row`."""
         pieces = self.edges[1 - axis] if axis == 0 else self.edges[0].T
         count = pieces.shape[1]
@@ -158,5 +161,6 @@ class Draft:
         after = row
         return before >= 0 and after < count and bool(pieces[line, before] and pieces[line, after])
 
-    def _put(self, place: Sequence[int]) -> None:
+    def _number_vertex(self, place: Sequence[int]) -> None:
+        """Add a vertex at a crossing, with the next number."""
         self.crossings[place[0], place[1]] = self.crossings.max() + 1

@@ -16,6 +16,7 @@ from numpy import ndarray
 from bonecam.surface.tmesh.general import TMesh, beside
 
 STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
+"""Steps in lines of s and t of the directions 0 +s, 1 +t, 2 -s, 3 -t."""
 
 
 class Junctions(NamedTuple):
@@ -26,13 +27,13 @@ class Junctions(NamedTuple):
 
 
 def edge_table(tmesh: TMesh) -> ndarray:
-    """(n, 4): whether an edge leaves each vertex in the directions +s, +t, -s, -t."""
+    """Whether an edge leaves each vertex in the directions +s, +t, -s, -t, (n, 4)."""
     return _around(tmesh, tmesh.along_s, tmesh.along_t)
 
 
 def _around(tmesh: TMesh, pieces_s: ndarray, pieces_t: ndarray) -> ndarray:
-    """What the pieces between crossings say on the four sides of each vertex; False where there is no
-    piece."""
+    """The values of the pieces between crossings on the four sides of each vertex, (n, 4); False where there
+    is no piece. `pieces_s` run along s, `pieces_t` along t."""
     found = np.zeros((tmesh.size, 4), dtype=bool)
     for direction, (di, dj) in enumerate(STEPS):
         pieces = (pieces_s, pieces_t)[direction % 2]
@@ -55,15 +56,15 @@ def junctions(tmesh: TMesh) -> Junctions:
     s, t = tmesh.s_lines[tmesh.vertices[:, 0]], tmesh.t_lines[tmesh.vertices[:, 1]]
     place = np.unique(np.column_stack([s, t]), axis=0, return_inverse=True)[1].ravel()
     leaving = np.zeros((int(place.max()) + 1, 4), dtype=bool)
-    np.logical_or.at(leaving, place, edges & _long(tmesh))
+    np.logical_or.at(leaving, place, edges & _positive_intervals(tmesh))
     missing = ~edges & inside & (edges.sum(axis=1) == 3)[:, None] & ~leaving[place]
     vertices, directions = np.nonzero(missing)
     first = np.sort(np.unique(4 * place[vertices] + directions, return_index=True)[1])
     return Junctions(vertices[first], directions[first])
 
 
-def _long(tmesh: TMesh) -> ndarray:
-    """(n, 4): whether the interval beside a vertex is not empty."""
+def _positive_intervals(tmesh: TMesh) -> ndarray:
+    """Whether the knot intervals on the four sides of each vertex are positive, (n, 4)."""
     s, t = tmesh.intervals
     return _around(
         tmesh,
@@ -73,7 +74,8 @@ def _long(tmesh: TMesh) -> ndarray:
 
 
 class Extensions(NamedTuple):
-    """Segments on a line `across`, from `low` to `high`, in knots; `vertices` says whose they are."""
+    """Extensions of T-junctions: segments from `low` to `high` on the line `across`, all knots; `vertices`
+    are the T-junctions."""
 
     across: Float[ndarray, " e"]
     low: Float[ndarray, " e"]
@@ -98,13 +100,13 @@ def extensions(tmesh: TMesh) -> tuple[Extensions, Extensions]:
 
 
 def meetings(tmesh: TMesh) -> tuple[Int64[ndarray, "c 2"], Int64[ndarray, "d 2"]]:
-    """Pairs of T-junctions whose extensions cross (inside both) and those that only touch (at an end of
-    one)."""
+    """Pairs of T-junctions whose extensions cross inside both, and pairs whose extensions only touch at an
+    end of one; the extension along s comes first."""
     along_s, along_t = extensions(tmesh)
     crossing = [np.zeros((0, 2), dtype=np.int64)]
     touching = [np.zeros((0, 2), dtype=np.int64)]
-    for ds in _turns(tmesh.period[0]):
-        for dt in _turns(tmesh.period[1]):
+    for ds in _shifts(tmesh.period[0]):
+        for dt in _shifts(tmesh.period[1]):
             x = (along_t.across + ds)[None]
             y = along_s.across[:, None]
             low, high = along_s.low[:, None], along_s.high[:, None]
@@ -117,5 +119,6 @@ def meetings(tmesh: TMesh) -> tuple[Int64[ndarray, "c 2"], Int64[ndarray, "d 2"]
     return np.concatenate(crossing), np.concatenate(touching)
 
 
-def _turns(period: float) -> list[float]:
+def _shifts(period: float) -> list[float]:
+    """Shifts by whole periods at which extensions may meet; none but 0 in an open direction."""
     return [-period, 0.0, period] if period else [0.0]

@@ -13,9 +13,9 @@ from bonecam.levels.problem.tolerances import DEPTH_TOLERANCE, NESTING_TOLERANCE
 @dataclass(frozen=True, eq=False)
 class Certificate:
     """What holds everywhere on one cut, mm, and where that is worst: no point of either level is farther than
-    `depth` from the other, no point of the inner farther than -`nesting` outside the outer (-inf where that is not
-    known), no point of the outer farther than `outside` out of the stock. `too_deep` are parameters (s, t) of pieces
-    of either level that may be deeper than allowed; `pieces` is how many were bounded."""
+    `depth` from the other, no point of the inner farther than -`nesting` outside the outer (-inf where that
+    is not known), no point of the outer farther than `outside` out of the stock. `too_deep` are parameters
+    (s, t) of pieces of either level that may be deeper than allowed; `pieces` is how many were bounded."""
 
     depth: float
     nesting: float
@@ -27,8 +27,8 @@ class Certificate:
     pieces: int
 
     def shortfalls(self, limit: float) -> tuple[str, ...]:
-        """What is not certain to be within the tolerances of the check, and where, for a cut of at most `limit` mm;
-        nothing where the cut is certified."""
+        """What is not certain to be within the tolerances of the check, and where, for a cut of at most
+        `limit` mm; nothing where the cut is certified."""
         found = []
         if self.depth > limit + DEPTH_TOLERANCE:
             place = place_name(self.depth_place)

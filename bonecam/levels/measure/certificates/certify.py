@@ -36,7 +36,8 @@ def certify(
 
 
 def certify_cut(inner: TSpline, outer: TSpline, stock: Stock, limit: float) -> Certificate:
-    """The certificate of the cut from level k (`outer`) down to level k - 1 (`inner`), at most `limit` mm deep."""
+    """The certificate of the cut from level k (`outer`) down to level k - 1 (`inner`), at most `limit` mm
+    deep."""
     nets = bezier_nets(outer)
     of_outer = bound_depth(outer, inner, limit)
     of_inner = bound_depth(inner, outer, limit)
@@ -56,7 +57,8 @@ def certify_cut(inner: TSpline, outer: TSpline, stock: Stock, limit: float) -> C
 
 
 def certify_last_cut(inner: TSpline, stock: Stock, limit: float) -> Certificate:
-    """The certificate of the last cut, from the stock down to level K - 1 (`inner`), at most `limit` mm deep."""
+    """The certificate of the last cut, from the stock down to level K - 1 (`inner`), at most `limit` mm
+    deep."""
     nets = bezier_nets(inner)
     stock_depth, stock_place, pieces = bound_stock_depth(inner, stock, limit)
     inside, inside_place = bound_inside(nets, stock, limit)

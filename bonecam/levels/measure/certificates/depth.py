@@ -1,9 +1,9 @@
 """How deep a cut is at most, between two levels.
 
-No point of level k is farther from level k - 1 than the depth, and none of level k - 1 from level k. A piece of the
-one is compared with the other along the bilinear map of parameters that leads the piece's corners to their footpoints
-(`kernels.hulls.mapped_distance`). Any map gives a true bound, this one a tight one: where the footpoint of a point at
-the distance d is off by e, the bound is e^2 / 2d too large.
+No point of level k is farther from level k - 1 than the depth, and none of level k - 1 from level k. A piece
+of the one is compared with the other along the bilinear map of parameters that leads the piece's corners to
+their footpoints (`kernels.hulls.mapped_distance`). Any map gives a true bound, this one a tight one: where
+the footpoint of a point at the distance d is off by e, the bound is e^2 / 2d too large.
 """
 
 from dataclasses import dataclass
@@ -32,7 +32,8 @@ LONGEST_STEPS = (0.02, 0.05)
 @dataclass(frozen=True, eq=False)
 class DepthBound:
     """No point of a level is farther from another than `distance`, mm; `place` is where the bound is largest;
-    `too_deep` are parameters (s, t) of pieces that may be deeper than allowed; `pieces` is how many were bounded."""
+    `too_deep` are parameters (s, t) of pieces that may be deeper than allowed; `pieces` is how many were
+    bounded."""
 
     distance: float
     place: Float[ndarray, "3"]
@@ -41,8 +42,8 @@ class DepthBound:
 
 
 def bound_depth(level: TSpline, other: TSpline, limit: float) -> DepthBound:
-    """How far points of a level are at most from another one over the same T-mesh; good enough where it is within
-    `limit` mm."""
+    """How far points of a level are at most from another one over the same T-mesh; good enough where it is
+    within `limit` mm."""
     boxes = level.elements().boxes
     corners = boxes[:, [[0, 2], [1, 2], [0, 3], [1, 3]]]
     distance, deepest, too_deep, pieces = depth_bound(

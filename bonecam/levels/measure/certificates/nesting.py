@@ -1,11 +1,11 @@
 """How far a level lies inside the next one at least.
 
-Let A be level k - 1 moved inwards by tau N, N a spline over the same blending functions with |N_i| = 1, so that A is
-within tau of level k - 1. Where the hulls of all pieces of A are g > 0 apart from those of level k the two do not
-meet. A is connected, so the winding number of level k is the same round all of A; it is found to be one round one
-point far from level k. So A is g deep inside level k, and level k - 1 is g - tau inside. "Inside" is winding number
-one: the solid itself while level k does not cut itself, which `levels.measure.measure_cut` looks for in its
-tessellation.
+Let A be level k - 1 moved inwards by tau N, N a spline over the same blending functions with |N_i| = 1, so
+that A is within tau of level k - 1. Where the hulls of all pieces of A are g > 0 apart from those of level k
+the two do not meet. A is connected, so the winding number of level k is the same round all of A; it is found
+to be one round one point far from level k. So A is g deep inside level k, and level k - 1 is g - tau inside.
+"Inside" is winding number one: the solid itself while level k does not cut itself, which
+`levels.measure.measure_cut` looks for in its tessellation.
 """
 
 import numpy as np
@@ -36,8 +36,8 @@ WINDING_TOLERANCE = 0.1
 
 
 def bound_nesting(inner: TSpline, outer: Float[ndarray, "e 16 3"]) -> tuple[float, Float[ndarray, "3"]]:
-    """How far inside the outer level, given by its nets, the inner one is at least (mm, -inf where that is not
-    known), and about where it is least."""
+    """How far inside the outer level, given by its nets, the inner one is at least (mm, -inf where that is
+    not known), and about where it is least."""
     boxes = inner.elements().boxes
     s = boxes[:, :2].mean(1)
     t = boxes[:, 2:].mean(1)
@@ -56,8 +56,8 @@ def bound_nesting(inner: TSpline, outer: Float[ndarray, "e 16 3"]) -> tuple[floa
 
 
 def _encloses(nets: Float[ndarray, "e 16 3"], points: Float[ndarray, "n 3"]) -> bool:
-    """Whether the winding number of the patches is one round the point that is farthest from them: the sum of the
-    solid angles of triangles on them."""
+    """Whether the winding number of the patches is one round the point that is farthest from them: the sum of
+    the solid angles of triangles on them."""
     x = np.arange(SAMPLES) / (SAMPLES - 1)
     B = np.column_stack([(1 - x) ** 3, 3 * x * (1 - x) ** 2, 3 * x**2 * (1 - x), x**3])
     grid = np.einsum("ai,bj,nijx->nabx", B, B, nets.reshape(-1, 4, 4, 3))

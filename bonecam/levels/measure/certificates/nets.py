@@ -1,4 +1,5 @@
-"""The patches that certificates bound: their nets of Bezier control points, and the nets of their quarters."""
+"""The patches that certificates bound: their nets of Bezier control points, and the nets of their
+quarters."""
 
 import numpy as np
 from jaxtyping import Float
@@ -16,8 +17,8 @@ HALVES = (
     )
     / 8
 )
-"""Two 4 x 4 matrices that lead the control points of a cubic Bezier curve to those of its first and second half
-(de Casteljau's algorithm at 1/2)."""
+"""Two 4 x 4 matrices that lead the control points of a cubic Bezier curve to those of its first and second
+half (de Casteljau's algorithm at 1/2)."""
 
 CORNERS = [0, 3, 12, 15]
 """Control points of a net at the corners of its patch."""

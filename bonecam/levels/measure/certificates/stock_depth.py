@@ -1,8 +1,8 @@
 """How deep the last cut is at most, from the stock down to a level.
 
-Every point of the stock's surface is the nearest one to a point of its mesh, and no farther from it than the mesh's
-faces are inside the stock. The faces are bounded as patches are (`kernels.hulls.depth`); finer meshes decide where
-coarse ones leave doubt.
+Every point of the stock's surface is the nearest one to a point of its mesh, and no farther from it than the
+mesh's faces are inside the stock. The faces are bounded as patches are (`kernels.hulls.depth`); finer meshes
+decide where coarse ones leave doubt.
 """
 
 import numpy as np
@@ -41,8 +41,8 @@ def bound_stock_depth(inner: TSpline, stock: Stock, limit: float) -> tuple[float
 def bound_mesh_depth(
     target: Target, faces: Float[ndarray, "f 3 3"], sagitta: float
 ) -> tuple[float, Float[ndarray, "3"], int]:
-    """How far the stock's surface, at most `sagitta` mm over these faces, is from a level at most, mm; about where;
-    how many pieces were bounded."""
+    """How far the stock's surface, at most `sagitta` mm over these faces, is from a level at most, mm; about
+    where; how many pieces were bounded."""
     middles = faces.mean(1)
     seeds = target.seeds.reshape(-1, 5)
     near, nearest_seed = (np.asarray(found) for found in cKDTree(seeds[:, 2:]).query(middles))

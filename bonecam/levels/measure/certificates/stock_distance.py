@@ -1,8 +1,8 @@
 """How far a level is out of the stock at most, and how far inside it.
 
-The signed distance of a convex body is convex. So its largest value at control points bounds it from above on their
-patch, and its tangent plane at one point bounds it from below. (A stock given as a mesh may be off convex by 1e-5 of
-its diagonal, and the bounds by as much.)
+The signed distance of a convex body is convex. So its largest value at control points bounds it from above on
+their patch, and its tangent plane at one point bounds it from below. (A stock given as a mesh may be off
+convex by 1e-5 of its diagonal, and the bounds by as much.)
 """
 
 import numpy as np
@@ -15,8 +15,8 @@ from bonecam.setup.stock import Stock
 
 
 def bound_outside(nets: Float[ndarray, "e 16 3"], stock: Stock) -> tuple[float, Float[ndarray, "3"]]:
-    """How far patches leave the stock at most (mm, negative: inside) and about where; better than zero only where
-    zero is in doubt."""
+    """How far patches leave the stock at most (mm, negative: inside) and about where; better than zero only
+    where zero is in doubt."""
     worst = reached = -np.inf
     place = np.zeros(3)
     for halving in range(MAX_HALVINGS):
@@ -37,8 +37,8 @@ def bound_outside(nets: Float[ndarray, "e 16 3"], stock: Stock) -> tuple[float, 
 def bound_inside(
     nets: Float[ndarray, "e 16 3"], stock: Stock, limit: float
 ) -> tuple[float, Float[ndarray, "3"]]:
-    """How far inside the stock points of patches are at most (mm) and about where; better than `limit` only where
-    that is in doubt."""
+    """How far inside the stock points of patches are at most (mm) and about where; better than `limit` only
+    where that is in doubt."""
     worst = reached = 0.0
     place = np.zeros(3)
     for halving in range(MAX_HALVINGS):

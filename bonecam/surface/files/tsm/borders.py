@@ -1,11 +1,11 @@
-"""Open borders of files that name `end-conditions SUBD_CREASES` (Fusion): borders as a subdivision surface
-with creases has them.
+"""Open borders of .tsm files that name `end-conditions SUBD_CREASES` (Fusion writes them): the borders of a
+subdivision surface with creases.
 
-There is no clamped border: knots and control points go on mirrored, P_{-1} = 2 P_0 - P_1, so that the border
-is the cubic B-spline of the control points on it, the corners are met and the second derivative across the
-border vanishes (Catmull & Clark 1978 with the crease rules of Hoppe et al. 1994, on any knots). The mirrored
-points are vertices outside the domain. Only rectangular T-meshes are treated, and the two lines next to a
-border must run along all of it.
+Such a border is not clamped: knots and control points are mirrored beyond it, P_{-1} = 2 P_0 - P_1, so that
+the border is the cubic B-spline of the control points on it, the corners are met and the second derivative
+across the border vanishes (Catmull & Clark 1978 with the crease rules of Hoppe et al. 1994, on any knots).
+The mirrored points are vertices outside the domain. Only rectangular T-meshes are treated, and the two lines
+next to a border must run along all of it.
 """
 
 import numpy as np
@@ -29,8 +29,8 @@ def with_mirrored_borders(tmesh: TMesh, points: Float[ndarray, "n 4"]) -> tuple[
         raise SurfaceError("its open border is no rectangle: give clamped borders ('0m cg' records)")
     for axis in (0, 1):
         if not tmesh.period[axis]:
-            tmesh, points = _mirrored(_turned(tmesh, axis), points)
-            tmesh = _turned(tmesh, axis)
+            tmesh, points = _mirror_across_s(_with_axis_first(tmesh, axis), points)
+            tmesh = _with_axis_first(tmesh, axis)
     wrong = np.flatnonzero(~(points[:, 3] > 0))
     if len(wrong):
         raise SurfaceError(
@@ -39,16 +39,17 @@ def with_mirrored_borders(tmesh: TMesh, points: Float[ndarray, "n 4"]) -> tuple[
     return tmesh, points
 
 
-def _turned(mesh: TMesh, axis: int) -> TMesh:
-    """With s and t exchanged where axis is 1."""
+def _with_axis_first(mesh: TMesh, axis: int) -> TMesh:
+    """The T-mesh with s and t exchanged where `axis` is 1, so that `axis` comes first."""
     if axis == 0:
         return mesh
     edges = mesh.along_t.T, mesh.along_s.T
     return TMesh(mesh.t_lines, mesh.s_lines, mesh.vertices[:, ::-1], *edges, mesh.inside.T, mesh.period[::-1])
 
 
-def _mirrored(mesh: TMesh, points: ndarray) -> tuple[TMesh, ndarray]:
-    """Both borders across s."""
+def _mirror_across_s(mesh: TMesh, points: ndarray) -> tuple[TMesh, ndarray]:
+    """The T-mesh and its homogeneous control points (m, 4) with mirrored ones beyond both borders across
+    s."""
     crossings = mesh.crossings
     last = len(mesh.s_lines) - 1
     new = []

@@ -16,8 +16,7 @@ from numpy import ndarray
 from bonecam.surface.files.tsm.records import Records
 
 STEPS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
-"""East, north, west, south."""
-
+"""Steps in s and t of the directions 0 east, 1 north, 2 west, 3 south."""
 
 SLACK = 1e-9
 """Share of the widest knot range: knots nearer to each other are one."""
@@ -25,7 +24,9 @@ SLACK = 1e-9
 
 @dataclass(eq=False)
 class Chart:
-    """Direction of every link, position and line number of every vertex, knots of the lines, period."""
+    """The T-mesh of a file in one chart: `directions` of all links (0 east, 1 north, 2 west, 3 south),
+    `places` (s, t) and numbers of the `lines` of all vertices, `knots` of the lines in s and t, and the
+    `period` in s and t (0: open)."""
 
     directions: list[int]
     places: Float[ndarray, "n 2"]
@@ -44,14 +45,14 @@ def chart_of(records: Records) -> Chart:
     for axis in (0, 1):
         values, number = _lines(places[used, axis], SLACK * np.ptp(places[used]), period[axis])
         lines[used, axis] = number
-        knots.append(_stated(records, "st"[axis], values))
+        knots.append(_exact_knots(records, "st"[axis], values))
     stated = [records.knots.get(f"{letter}-period", [length])[0] for letter, length in zip("st", period)]
     return Chart(directions, places, lines, (knots[0], knots[1]), (stated[0], stated[1]))
 
 
 def _directions(records: Records) -> list[int]:
-    """0 east, 1 north, 2 west, 3 south, for every link; the first face's own link runs east (the vertices'
-    frames need not agree)."""
+    """The direction of every link: 0 east, 1 north, 2 west, 3 south. The link that the first face names runs
+    east; the directions that `v` records state need not agree with it."""
     found = [-1] * len(records.links)
     start = next((face[0] for face in records.faces if face is not None), -1)
     if start < 0:
@@ -81,8 +82,8 @@ def _directions(records: Records) -> list[int]:
 
 
 def _places(records: Records, directions: list[int]) -> tuple[ndarray, tuple[float, float]]:
-    """Positions from knot intervals, and the periods. The least position is 0, in a closed direction the
-    first vertex'."""
+    """Positions (s, t) of the vertices, summed from knot intervals, and the periods in s and t (0: open). In
+    an open direction the least position is 0, in a closed one that of the first vertex."""
     out: dict[int, list[tuple[int, int, ndarray]]] = {}
     for n, link in enumerate(records.links):
         if link is not None:
@@ -116,7 +117,7 @@ def _places(records: Records, directions: list[int]) -> tuple[ndarray, tuple[flo
 
 
 def _check_faces(steps: dict[int, ndarray], records: Records, slack: float) -> None:
-    """Knot intervals must add up to nothing round every face."""
+    """FileError where the knot intervals round a face do not add up to zero."""
     total = np.zeros((len(records.faces), 2))
     for n, step in steps.items():
         link = records.links[n]
@@ -133,7 +134,8 @@ def _check_faces(steps: dict[int, ndarray], records: Records, slack: float) -> N
 
 
 def _period(records: Records, misses: list[tuple[int, ndarray]], slack: float) -> tuple[float, float]:
-    """By how much walks round the surface miss their start."""
+    """The periods in s and t: by how much walks round the surface miss their start. FileError where two walks
+    miss it by different lengths, or in s and t at once."""
     period = [0.0, 0.0]
     for n, miss in misses:
         for axis in (0, 1):
@@ -152,7 +154,8 @@ def _period(records: Records, misses: list[tuple[int, ndarray]], slack: float) -
 
 
 def _lines(values: ndarray, slack: float, period: float) -> tuple[ndarray, ndarray]:
-    """Distinct knots, the first vertex' value standing for all of a line, and the line of each value."""
+    """The knots of the lines in ascending order, and the number of the line that each value lies on. A line
+    has the value of its first vertex; values nearer than `slack` are one."""
     values = np.mod(values + slack, period) - slack if period else values
     order = np.argsort(values, kind="stable")
     new = np.concatenate([[True], np.diff(values[order]) > slack])
@@ -163,9 +166,9 @@ def _lines(values: ndarray, slack: float, period: float) -> tuple[ndarray, ndarr
     return np.maximum(values[first], 0.0), number
 
 
-def _stated(records: Records, letter: str, knots: ndarray) -> ndarray:
-    """The knots as the file's #s-knots or #t-knots comment has them, all digits; the walked ones where there
-    is none."""
+def _exact_knots(records: Records, letter: str, knots: ndarray) -> ndarray:
+    """The knots with all digits, from the file's comment #s-knots or #t-knots; `knots`, summed from
+    intervals, where it has none. FileError where the two differ."""
     stated = np.array(records.knots.get(f"{letter}-knots", knots))
     if len(stated) != len(knots) or (np.abs(stated - stated[0] - knots) > 1e-6 * np.ptp(knots)).any():
         raise records.error(

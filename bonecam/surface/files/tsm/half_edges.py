@@ -12,8 +12,10 @@ from bonecam.surface.tmesh.general import TMesh
 
 @dataclass(eq=False)
 class Graph:
-    """Vertices of the file: own control point of each, members with offsets, and the vertex next to each in
-    the four directions (-1)."""
+    """The vertices of a .tsm file, each of which joins the control points with its knots: `own` is the
+    control point that stands for the vertex, `vertex_of` the vertex of each control point, `offsets` its
+    place (lines in s and t) from the vertex' own one, `neighbours` the next vertex to the east, north, west
+    and south (-1: none)."""
 
     own: list[int]
     vertex_of: Int64[ndarray, " n"]
@@ -22,7 +24,9 @@ class Graph:
 
 
 def graph_of(mesh: TMesh) -> Graph:
-    """Control points that are joined by edges of no length, as vertices."""
+    """The vertices: control points that are joined by edges of no length are one.
+
+    Raises SurfaceError where more than three lines with one knot meet."""
     label = np.arange(mesh.size)
     steps = [_neighbours(mesh, direction) for direction in range(4)]
     s, t = mesh.s_lines[mesh.vertices[:, 0]], mesh.t_lines[mesh.vertices[:, 1]]
@@ -35,7 +39,7 @@ def graph_of(mesh: TMesh) -> Graph:
     offsets = np.zeros((mesh.size, 2), dtype=np.int64)
     for v in range(len(kinds)):
         members = np.flatnonzero(vertex_of == v)
-        own.append(_own(members, mesh, joined))
+        own.append(_own_point(members, mesh, joined))
         offsets[members] = mesh.vertices[members] - mesh.vertices[own[-1]]
     if (np.abs(offsets) > 1).any():
         raise SurfaceError("more than three lines with one knot meet at a vertex: a .tsm file cannot hold it")
@@ -49,7 +53,8 @@ def graph_of(mesh: TMesh) -> Graph:
 
 
 def _neighbours(mesh: TMesh, direction: int) -> ndarray:
-    """The control point next to each one along the edges of a direction, -1 where no edge starts."""
+    """The next control point of each along the edges in a direction (0 east, 1 north, 2 west, 3 south), -1
+    where no edge starts."""
     grid = mesh.crossings
     i, j = mesh.vertices.T
     axis = direction % 2
@@ -75,7 +80,7 @@ def _neighbours(mesh: TMesh, direction: int) -> ndarray:
     return found
 
 
-def _own(members: ndarray, mesh: TMesh, joined: list[ndarray]) -> int:
+def _own_point(members: ndarray, mesh: TMesh, joined: list[ndarray]) -> int:
     """The control point of a vertex that lies outermost; the middle one where three lines meet."""
     place = mesh.vertices[members]
     wanted = []
@@ -84,7 +89,9 @@ def _own(members: ndarray, mesh: TMesh, joined: list[ndarray]) -> int:
         if len(lines) < 3:
             low, high = (members[place[:, axis] == line] for line in (lines[0], lines[-1]))
             wanted.append(
-                lines[0] if _leaves(low, mesh, axis, -1) and not _leaves(high, mesh, axis, 1) else lines[-1]
+                lines[0]
+                if _at_border(low, mesh, axis, -1) and not _at_border(high, mesh, axis, 1)
+                else lines[-1]
             )
         else:
             wanted.append(lines[1])
@@ -94,8 +101,8 @@ def _own(members: ndarray, mesh: TMesh, joined: list[ndarray]) -> int:
     return int(found[0])
 
 
-def _leaves(nodes: ndarray, mesh: TMesh, axis: int, sign: int) -> bool:
-    """Whether the domain ends beside these control points."""
+def _at_border(nodes: ndarray, mesh: TMesh, axis: int, sign: int) -> bool:
+    """Whether the domain ends beside these control points, on the side `sign` along `axis`."""
     place = mesh.vertices[nodes]
     shape = mesh.inside.shape
     cells = []
@@ -112,7 +119,7 @@ def _leaves(nodes: ndarray, mesh: TMesh, axis: int, sign: int) -> bool:
 
 
 def links_of(graph: Graph) -> tuple[list[tuple[int, int]], dict[tuple[int, int], int]]:
-    """Half edges (vertex, direction), the two of an edge one after the other, and their numbers."""
+    """The half edges (vertex, direction), the two of an edge one after the other, and the number of each."""
     links = []
     for v, row in enumerate(graph.neighbours):
         for direction, w in enumerate(row.tolist()):
@@ -128,7 +135,7 @@ def links_of(graph: Graph) -> tuple[list[tuple[int, int]], dict[tuple[int, int],
 
 
 def next_links(graph: Graph, links: list[tuple[int, int]], ids: dict[tuple[int, int], int]) -> list[int]:
-    """The next link of each: the one that turns left most."""
+    """The next half edge of each round its face: the one that turns left most."""
     following = []
     for v, direction in links:
         end = int(graph.neighbours[v, direction])

@@ -1,4 +1,4 @@
-"""From half edges to index space: the T-mesh of a .tsm file and its control points.
+"""The T-mesh of a .tsm file on its index grid, and which control point belongs to which vertex.
 
 A border vertex has further control points beside its own one, which lies outermost. `cg` says to which sides
 (D0..D3 = 1: to its north, west, south and east in its own frame) and lists them counter-clockwise from the
@@ -21,14 +21,14 @@ def tmesh_of(records: Records) -> tuple[TMesh, list[int]]:
     """The T-mesh and, for each of its vertices, the number of its control point in the file."""
     chart = chart_of(records)
     nodes, grips = _nodes(records, chart)
-    return _grid(records, chart, nodes), grips
+    return _index_grid(records, chart, nodes), grips
 
 
 def _nodes(records: Records, chart: Chart) -> tuple[ndarray, list[int]]:
-    """Per control point in use: vertex and offset (di, dj) from the vertex' own control point; and its number
-    in the file."""
+    """The control points in use, in the order of the file: the vertex of each and its offset (di, dj) in
+    lines from the vertex' own control point, (n, 3); and their numbers in the file."""
     if not records.owners:
-        return _plain(records)
+        return _one_a_vertex(records)
     nodes = []
     grips = []
     own = {vertex: grip for grip, (primary, vertex) in enumerate(records.owners) if primary}
@@ -40,7 +40,7 @@ def _nodes(records: Records, chart: Chart) -> tuple[ndarray, list[int]]:
         nodes.append((v, 0, 0))
         grips.append(own[v])
         turn = chart.directions[vertex[0]] - vertex[1]
-        for grip, offset in _corner(records, v):
+        for grip, offset in _further_points(records, v):
             if grip >= 0:
                 for _ in range(turn % 4):
                     offset = (-offset[1], offset[0])
@@ -55,16 +55,17 @@ def _nodes(records: Records, chart: Chart) -> tuple[ndarray, list[int]]:
     return np.array(nodes)[order], [grips[k] for k in order]
 
 
-def _plain(records: Records) -> tuple[ndarray, list[int]]:
-    """Files without `0m` (Fusion): one control point a vertex, in order."""
+def _one_a_vertex(records: Records) -> tuple[ndarray, list[int]]:
+    """The control points of a file without `0m` records (Fusion): one a vertex, in order."""
     used = [v for v, vertex in enumerate(records.vertices) if vertex is not None]
     if len(used) != len(records.grips):
         raise records.error("0g", len(records.grips), f"{len(used)} vertices need as many control points")
     return np.array([(v, 0, 0) for v in used]), list(range(len(used)))
 
 
-def _corner(records: Records, v: int) -> list[tuple[int, tuple[int, int]]]:
-    """The further control points of a vertex: number and offset in the vertex' own frame."""
+def _further_points(records: Records, v: int) -> list[tuple[int, tuple[int, int]]]:
+    """The control points of a vertex beside its own one: number (-1: not there) and offset (di, dj) in the
+    vertex' own frame."""
     if v not in records.corners:
         return []
     valence = records.corners[v][0]
@@ -85,8 +86,8 @@ def _corner(records: Records, v: int) -> list[tuple[int, tuple[int, int]]]:
     return list(zip(grips, offsets))
 
 
-def _grid(records: Records, chart: Chart, nodes: ndarray) -> TMesh:
-    """The index grid: one line for every knot and offset in use."""
+def _index_grid(records: Records, chart: Chart, nodes: ndarray) -> TMesh:
+    """The T-mesh on its index grid, which has one line for every knot and offset in use."""
     knots = []
     vertices = []
     principal = []
@@ -104,7 +105,7 @@ def _grid(records: Records, chart: Chart, nodes: ndarray) -> TMesh:
     inside = np.zeros(shape, dtype=bool)
     for k, face in enumerate(records.faces):
         if face is not None:
-            _fill(inside, records, chart, own, k, face[0])
+            _mark_face(inside, records, chart, own, k, face[0])
     return TMesh(knots[0], knots[1], index, edges[0], edges[1].T.copy(), inside, chart.period)
 
 
@@ -146,7 +147,7 @@ def _facing(group: dict[tuple[int, int], tuple[int, int]], extreme: Callable) ->
     return {across: place for (along, across), place in group.items() if along == side}
 
 
-def _fill(inside: ndarray, records: Records, chart: Chart, own: ndarray, k: int, start: int) -> None:
+def _mark_face(inside: ndarray, records: Records, chart: Chart, own: ndarray, k: int, start: int) -> None:
     """Mark the cells of face k; its sides are the lines of its corners' own control points."""
     corners = []
     n = start

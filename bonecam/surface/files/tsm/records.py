@@ -1,13 +1,16 @@
 """The records of a .tsm file (`#TS0200`), read and checked one by one.
 
-    f LINK FLAG                                    a face and one of its links
-    e LINK INTERVAL                                an edge and its knot interval
-    v LINK NORTH|WEST|SOUTH|EAST                   a vertex, a link that starts there and its direction
-    l PREVIOUS NEXT OPPOSITE VERTEX FACE EDGE FLAG a half edge; face -1: outside; flag: 0 turns left at its
-    start, 1 straight, 2 right ec EDGE 0                                      a border edge with a Bezier end
-    condition 0m gvp VERTEX | 0m gv VERTEX                   the next control point is the vertex' own | one
-    of its others (-1: not in use) 0m cg VERTEX 4 D0 D1 D2 D3 GRIPS...            control points of a border
-    vertex, see surface.files.tsm.layout 0g X Y Z W                                     a control point
+    f LINK FLAG                         a face and one of its links
+    e LINK INTERVAL                     an edge and its knot interval
+    v LINK NORTH|WEST|SOUTH|EAST        a vertex, a link that starts there, and its direction
+    l PREVIOUS NEXT OPPOSITE VERTEX FACE EDGE FLAG
+                                        a half edge; face -1: outside; flag: 0 turns left at its start,
+                                        1 goes straight on, 2 turns right
+    ec EDGE 0                           a border edge with a Bezier end condition
+    0m gvp VERTEX                       the next control point is the vertex' own one
+    0m gv VERTEX                        ... is another one of the vertex (-1: not in use)
+    0m cg VERTEX 4 D0 D1 D2 D3 GRIPS... the control points of a border vertex, see surface.files.tsm.layout
+    0g X Y Z W                          a control point
 
 The n-th record of a kind has the number n - 1; a bare `f`, `e`, `v`, `l` or `0g` is a deleted one that keeps
 its number. What follows a # is a comment; records of other kinds (100..., 105..., 50000..., tol, ver) carry
@@ -22,12 +25,9 @@ from bonecam.errors import FileError
 
 DIRECTIONS = ("EAST", "NORTH", "WEST", "SOUTH")
 TSM_HEADER = "#TS0200"
-COMMENTS = (
-    "#s-knots ",
-    "#t-knots ",
-    "#s-period ",
-    "#t-period ",
-)  # our own: all digits, which sums of intervals lose
+COMMENTS = ("#s-knots ", "#t-knots ", "#s-period ", "#t-period ")
+"""Comments that `surface.files.tsm.write` adds: knots and periods with all digits, which sums of intervals
+lose."""
 
 LARGEST = 1e18
 """No number is as large: record numbers fit 64 bits, and nothing overflows."""
@@ -53,7 +53,7 @@ class Records:
     lines: dict[tuple[str, int], int] = field(default_factory=dict)
 
     def error(self, kind: str, number: int, message: str) -> FileError:
-        """A complaint about one record."""
+        """The FileError that names the line of one record and what is wrong with it."""
         line = self.lines.get((kind, number))
         place = f"{self.path} line {line}" if line else str(self.path)
         return FileError(
@@ -71,13 +71,13 @@ def parse_tsm(text: str, path: Path) -> Records:
             continue
         words = line.split("#", 1)[0].split()
         if words:
-            _take(records, n, words[0], words[1:])
+            _add_record(records, n, words[0], words[1:])
     _check_references(records)
     return records
 
 
-def _take(records: Records, n: int, kind: str, words: list[str]) -> None:
-    """File one record away."""
+def _add_record(records: Records, n: int, kind: str, words: list[str]) -> None:
+    """Add the record in line n to its table."""
     path = records.path
     if kind in HEADER_WORDS:
         records.header[kind] = words
@@ -110,6 +110,7 @@ def _take(records: Records, n: int, kind: str, words: list[str]) -> None:
 
 
 def _entity(path: Path, n: int, kind: str, words: list[str]) -> tuple:
+    """The numbers of a record f, e, v or l in line n; FileError where they are not as they should be."""
     if kind == "e":
         link = _numbers(path, n, words[:1], int, 1)[0]
         interval = _numbers(path, n, words[1:], float, 1)[0]
@@ -132,6 +133,7 @@ def _entity(path: Path, n: int, kind: str, words: list[str]) -> tuple:
 
 
 def _numbers(path: Path, n: int, words: list[str], kind: Callable[[str], float], count: int | None) -> list:
+    """The words of line n as `count` numbers (None: any number of them); FileError where they are not."""
     try:
         values = [kind(word) for word in words]
     except ValueError as error:
@@ -148,7 +150,7 @@ def _numbers(path: Path, n: int, words: list[str], kind: Callable[[str], float],
 
 
 def _check_references(records: Records) -> None:
-    """Every number a record names must be a record that exists, and links must agree with one another."""
+    """FileError where a record names one that does not exist, or where links contradict one another."""
     if records.header.get("degree", ["3"]) != ["3"]:
         degree = " ".join(records.header["degree"])
         raise FileError(
@@ -181,10 +183,12 @@ def _check_references(records: Records) -> None:
 
 
 def _exists(table: list, number: int) -> bool:
+    """Whether the table has a record of that number which is not deleted."""
     return 0 <= number < len(table) and table[number] is not None
 
 
 def _check_link(records: Records, n: int, link: tuple[int, ...]) -> None:
+    """FileError where link n and the links before, after and opposite to it do not name one another."""
     previous, following, opposite = (records.links[k] for k in link[:3])
     assert previous is not None
     assert following is not None

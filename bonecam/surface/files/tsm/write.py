@@ -1,5 +1,5 @@
-"""A general T-mesh as half edges: the `#TS0200` text that `read_tsm` and other programs read (record forms:
-surface.tsm).
+"""The text of a .tsm file (`#TS0200`) for a general T-spline; `surface.files.tsm.records` has the forms of
+the records.
 
 Control points with the same knots that touch are one vertex; the outermost is its own, the others become its
 `cg` record. Walking the edges, always turning left, gives the loops: faces, and the outside. Comments keep
@@ -16,16 +16,9 @@ from bonecam.surface.files.tsm.records import DIRECTIONS, TSM_HEADER
 from bonecam.surface.tmesh.general import TMesh
 from bonecam.surface.tspline import TSpline
 
-AROUND = (
-    (0, 1),
-    (-1, 1),
-    (-1, 0),
-    (-1, -1),
-    (0, -1),
-    (1, -1),
-    (1, 0),
-    (1, 1),
-)  # from the north, counter-clockwise
+AROUND = ((0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0), (1, 1))
+"""Offsets (lines in s and t) of the control points round a vertex' own one, from the north,
+counter-clockwise."""
 
 
 def tsm_text(surface: TSpline[TMesh], homogeneous: bool = False) -> str:
@@ -47,13 +40,15 @@ def tsm_text(surface: TSpline[TMesh], homogeneous: bool = False) -> str:
     lines += [*_knot_comments(mesh), *_topology(mesh, graph, links, ids, loops), *_grips(graph)]
     points = surface.control_points
     if homogeneous:
-        points = _products(points, surface.weights[:, None])
+        points = _homogeneous(points, surface.weights[:, None])
     lines += ["0g " + " ".join(repr(float(x)) for x in (*p, w)) for p, w in zip(points, surface.weights)]
     return "\n".join([*lines, "", "tol 1e-05", ""])
 
 
-def _products(points: Float[ndarray, "n 3"], weights: Float[ndarray, "n 1"]) -> ndarray:
-    """Numbers that give `points` when they are divided by `weights`, to the last bit."""
+def _homogeneous(points: Float[ndarray, "n 3"], weights: Float[ndarray, "n 1"]) -> ndarray:
+    """Homogeneous coordinates (n, 3): numbers that give `points` to the last bit when divided by `weights`.
+
+    Raises SurfaceError where there are none."""
     found = points * weights
     for other in (np.nextafter(points * weights, -np.inf), np.nextafter(points * weights, np.inf)):
         found = np.where(found / weights == points, found, other)
@@ -66,6 +61,7 @@ def _products(points: Float[ndarray, "n 3"], weights: Float[ndarray, "n 1"]) -> 
 
 
 def _knot_comments(mesh: TMesh) -> list[str]:
+    """The comments with the knots and the periods to all digits."""
     found = []
     for letter, lines, period in (("s", mesh.s_lines, mesh.period[0]), ("t", mesh.t_lines, mesh.period[1])):
         knots = lines[np.concatenate([[True], np.diff(lines) > 0])]
