@@ -54,7 +54,7 @@ class PathJob(Section):
         "Gouge tolerance",
         "Largest depth by which the ball may enter the part.",
         unit="mm",
-        low=0.001,
+        low=0.002,
         high=0.5,
     )
 

@@ -21,13 +21,14 @@ from bonecam.setup.capsule import enclosing_capsule
 from bonecam.setup.holding import Post, post_below
 from bonecam.setup.stock import Stock
 from bonecam.toolpath.cutter import Cutter
+from bonecam.toolpath.gouge import MESH_SHARE, planned_tolerance
 from bonecam.toolpath.material import DEVIATION, remove_material, uncut_material
 from bonecam.toolpath.path import ToolPath
 from bonecam.toolpath.zigzag import CandidateContacts, candidate_contacts, contact_path
 
 PART_CHORD = 0.002
-"""Chord tolerance (mm) of the tessellated part that balls are kept out of; with the share of the gouge
-tolerance that contacts use (`toolpath/gouge.py`) it stays below the 0.01 mm allowed by default."""
+"""Largest chord tolerance (mm) of the tessellated part that balls are kept out of: MESH_SHARE of the gouge
+tolerance by default."""
 LEVEL_CHORD = 0.01
 """Chord tolerance (mm) of the other tessellated levels: a ball that enters one of them leaves the part
 alone."""
@@ -55,7 +56,9 @@ def plan_paths(
     for cutter in (roughing, finishing):
         check_lead(cutter, job.path.lead_deg)
 
-    part = MeshDistance(morph_surfaces(levels)[0].tessellate(PART_CHORD))
+    gouge_tolerance = planned_tolerance(job.path.gouge_tolerance)
+    part_chord = min(PART_CHORD, MESH_SHARE * gouge_tolerance)
+    part = MeshDistance(morph_surfaces(levels)[0].tessellate(part_chord))
     post = post_below(part.mesh, job.holding)
 
     def contacts_of(level: MachinedLevel) -> LevelContacts:
@@ -68,7 +71,8 @@ def plan_paths(
     for found in _one_ahead(contacts_of, machined_levels(levels)[::-1]):
         level = found.level
         report(progress, len(paths) / (len(levels) - 1), f"path of level {level.index}")
-        scene = Scene(found.distance.mesh, material.mesh, capsule, post, DEVIATION, found.distance)
+        own = part if level.index else None
+        scene = Scene(found.distance.mesh, material.mesh, capsule, post, DEVIATION, found.distance, own)
         path = orient(contact_path(found.candidates, material), scene, limits, job.path, job.nc)
         material = remove_material(material, level, path)
         paths.append(path)

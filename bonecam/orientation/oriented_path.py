@@ -19,6 +19,7 @@ from bonecam.orientation.links.moves import Feeds, Moves, join_moves, moves_of
 from bonecam.orientation.links.sequence import LinkedRuns, link_runs
 from bonecam.orientation.singularity import SINGULAR_ANGLE, least_polar_angles
 from bonecam.orientation.tool_axes import ToolAxes, choose_axes
+from bonecam.toolpath.gouge import planned_tolerance
 from bonecam.toolpath.path import ContactPath, Kind, ToolPath
 
 MAX_TURN = np.radians(15.0)
@@ -34,9 +35,14 @@ def orient(path: ContactPath, scene: Scene, limits: AxisLimits, job: PathJob, nc
     """Tool axes for the contacts of one level, and safe moves before, between and behind its passes.
 
     Contacts without an admissible axis, and passes that cannot be reached, are left out and listed in `uncut`
-    (`limits`, `collision`). Raises OrientationError where nothing can be reached.
+    (`limits`, `collision`). A path without contacts only visits the safe point. Raises OrientationError where
+    none of the contacts can be reached.
     """
     checker = CollisionChecker(scene, path.cutter)
+    feeds = Feeds(nc.link_feed, nc.plunge_feed, nc.rapid_feed)
+    space = LinkSpace(checker, limits, feeds, job.clearance, planned_tolerance(job.gouge_tolerance))
+    if not len(path.contacts):
+        return _idle_path(path, space)
     chosen = choose_axes(path, checker, limits, job)
     if not chosen.found.any():
         remedy = "use a longer overhang, a longer post or a slimmer holder"
@@ -44,8 +50,6 @@ def orient(path: ContactPath, scene: Scene, limits: AxisLimits, job: PathJob, nc
             f"level {path.level}: no contact has a free tool axis: {remedy}", level=path.level
         )
 
-    feeds = Feeds(nc.link_feed, nc.plunge_feed, nc.rapid_feed)
-    space = LinkSpace(checker, limits, feeds, job.clearance, job.gouge_tolerance)
     runs = _runs(path, chosen, checker)
     poses = list(zip(path.centres, chosen.axes))
     linked = link_runs(space, poses, runs, _direct_links(space, path, chosen.axes, runs))
@@ -54,6 +58,25 @@ def orient(path: ContactPath, scene: Scene, limits: AxisLimits, job: PathJob, nc
             f"level {path.level}: no pass can be reached safely: give more clearance", level=path.level
         )
     return _tool_path(path, chosen, space, runs, linked)
+
+
+def _idle_path(path: ContactPath, space: LinkSpace) -> ToolPath:
+    """The tool path of a level that is left as it is: the tool stands at the safe point."""
+    centre, axis = space.safe_pose
+    nan = np.full((1, 3), np.nan)
+    return ToolPath(
+        path.level,
+        path.cutter,
+        np.array([int(Kind.RAPID)]),
+        np.array([-1]),
+        nan[:, :2],
+        nan,
+        (centre - path.cutter.radius * axis)[None],
+        axis[None],
+        np.array([space.feeds.rapid]),
+        path.uncut,
+        path.reasons,
+    )
 
 
 def _runs(path: ContactPath, chosen: ToolAxes, checker: CollisionChecker) -> list[Run]:

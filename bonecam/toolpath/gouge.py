@@ -22,11 +22,28 @@ CONTACT_SHARE = 0.2
 """Part of the gouge tolerance that a ball at rest on a contact may use up."""
 MOVE_SHARE = 0.5
 """Part of the gouge tolerance that a ball may use up on a move between two contacts."""
+MESH_SHARE = 0.2
+"""Part of the gouge tolerance that the mesh of the part may take, which balls are kept out of."""
+POSTING_SHARE = 0.2
+"""Part of the gouge tolerance by which the control may leave the path."""
+WORD_ROUNDING = 0.001
+"""Words with three decimals put the ball no further off than this, mm."""
+BETWEEN_FACTOR = 1.2
+"""Between the places where `_lacking` measures a move it may enter this much deeper: what the rounding of words
+leaves of the tolerance."""
 INNER_FRACTIONS = (0.25, 0.75)
 """Fractions of a move at which it is measured besides its ends and its middle."""
 OVERLIFT = 1.2
 """A lift is the distance lacking times this: where the normal leans to the obstacle, the distance grows by
 less than the lift."""
+
+
+def planned_tolerance(allowed: float) -> float:
+    """The gouge tolerance (mm) that paths are planned with where `allowed` mm are: the shares above leave a
+    tenth for the rounding of words, so below ten times that the paths are planned with less."""
+    if allowed >= 10 * WORD_ROUNDING:
+        return allowed
+    return (allowed - WORD_ROUNDING) / (MOVE_SHARE + MESH_SHARE + POSTING_SHARE)
 
 
 def gouge_free_lifts(
@@ -42,10 +59,9 @@ def gouge_free_lifts(
     fits.
 
     `joined[i]` says that the tool moves straight from contact i to contact i + 1 (the last entry is False):
-    the moves are kept free too. NaN where more than `max_lift` mm would be needed.
+    the moves are kept free too, all along. NaN where more than `max_lift` mm would be needed.
     """
     at_contact = radius - CONTACT_SHARE * tolerance
-    on_move = radius - MOVE_SHARE * tolerance
     lifts = np.zeros(len(contacts))
     changed = np.arange(len(contacts))
     moves = np.flatnonzero(joined)
@@ -56,7 +72,7 @@ def gouge_free_lifts(
         )
         centres = contacts + (radius + lifts)[:, None] * normals
         moves = moves[np.isfinite(lifts[moves]) & np.isfinite(lifts[moves + 1])]
-        lacking = np.max([_lacking(o, centres, moves, at_contact, on_move) for o in obstacles], axis=0)
+        lacking = _most_lacking(centres, moves, radius, tolerance, obstacles)
         gouging = lacking > 0
         if not gouging.any():
             return lifts
@@ -115,6 +131,23 @@ def moves_gouge_free(
     return free
 
 
+def _most_lacking(
+    centres: Float[ndarray, "n 3"],
+    moves: Int[ndarray, " m"],
+    radius: float,
+    tolerance: float,
+    obstacles: Sequence[MeshDistance],
+) -> Float[ndarray, " m"]:
+    """How far (mm) the worst place of each move from centre i to i + 1 has to rise; 0 where the move is
+    free."""
+    at_contact = radius - CONTACT_SHARE * tolerance
+    on_move = radius - MOVE_SHARE * tolerance
+    lacking = np.max([_lacking(o, centres, moves, at_contact, on_move) for o in obstacles], axis=0)
+    unproven = _unproven(centres, moves, lacking, radius, tolerance, obstacles)
+    lacking[unproven] = CONTACT_SHARE * tolerance
+    return np.asarray(lacking)
+
+
 def _lacking(
     obstacle: MeshDistance,
     centres: Float[ndarray, "n 3"],
@@ -142,6 +175,27 @@ def _lacking(
         places = (1 - fraction) * starts[unsure] + fraction * ends[unsure]
         lacking[unsure] = np.maximum(lacking[unsure], on_move - distance(places, on_move))
     return lacking
+
+
+def _unproven(
+    centres: Float[ndarray, "n 3"],
+    moves: Int[ndarray, " m"],
+    lacking: Float[ndarray, " m"],
+    radius: float,
+    tolerance: float,
+    obstacles: Sequence[MeshDistance],
+) -> Int[ndarray, " k"]:
+    """Which of the moves that lack nothing where `_lacking` measures them enter an obstacle in between: only
+    long ones can, the others are proven by the distances there."""
+    measured = radius - MOVE_SHARE * tolerance
+    between = BETWEEN_FACTOR * tolerance
+    bounded = radius - (MOVE_SHARE + CONTACT_SHARE) * between
+    quarters = np.linalg.norm(centres[moves + 1] - centres[moves], axis=1) / 4
+    long = (quarters / 2) ** 2 > measured**2 - bounded**2
+    doubtful = np.flatnonzero((lacking <= 0) & long)
+    starts, ends = centres[moves[doubtful]], centres[moves[doubtful] + 1]
+    free = [moves_gouge_free(starts, ends, radius, between, obstacle) for obstacle in obstacles]
+    return doubtful[~np.all(free, axis=0)]
 
 
 def _lift_contacts(

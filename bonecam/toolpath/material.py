@@ -54,8 +54,11 @@ def uncut_material(levels: Sequence[Level], stock: Stock) -> Material:
 
 def remove_material(material: Material, level: MachinedLevel, path: ToolPath) -> Material:
     """The material after `path` has machined `level`: down to the level, or to where the ball was lifted."""
-    floor = material.grid.R @ level.control_points
     rows = np.flatnonzero(path.kinds == Kind.CUT)
+    if not len(rows):
+        return material
+
+    floor = material.grid.R @ level.control_points
     contacts = path.contacts[rows]
     centres = path.tips[rows] + path.cutter.radius * path.axes[rows]
 

@@ -20,7 +20,7 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.setup.holding import Post
 from bonecam.toolpath.ball_depth import MAX_DEPTH_RADII
 from bonecam.toolpath.cutter import Cutter
-from bonecam.toolpath.gouge import gouge_free_lifts
+from bonecam.toolpath.gouge import gouge_free_lifts, planned_tolerance
 from bonecam.toolpath.material import Material
 from bonecam.toolpath.path import ContactPath
 from bonecam.toolpath.sampling import contact_frames, sample_lines
@@ -32,6 +32,14 @@ MIN_THICKNESS = 0.002
 """Less material than this (mm) above a contact is air: a fifth of the gouge allowed by default."""
 MAX_LIFT_RADII = 0.5
 """A ball lifted by more than this many radii does not machine the level any more: its contact is left out."""
+
+WHY_NOTHING = {
+    "post": "are too near the post: take a thinner post (holding.diameter) or a smaller cutter",
+    "gouge": "lie where the ball does not fit: take a smaller cutter",
+    "covered": "lie under what the levels round it left uncut: give the tool more room there, by a longer "
+    "overhang, a slimmer holder, a longer or thinner post",
+}
+"""What to do where a level cannot be cut at all, by the reason that most of its contacts have."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,9 +93,8 @@ def candidate_contacts(
 
     joined = np.r_[line[1:] == line[:-1], False]
     max_lift = MAX_LIFT_RADII * cutter.radius
-    lifts = gouge_free_lifts(
-        contacts, normals, cutter.radius, job.gouge_tolerance, obstacles, joined, max_lift
-    )
+    tolerance = planned_tolerance(job.gouge_tolerance)
+    lifts = gouge_free_lifts(contacts, normals, cutter.radius, tolerance, obstacles, joined, max_lift)
     centres = contacts + (cutter.radius + np.nan_to_num(lifts))[:, None] * normals
     at_post = post.distance(centres) < cutter.radius + post_clearance
     in_air = _in_air(level, contacts)
@@ -102,8 +109,8 @@ def contact_path(candidates: CandidateContacts, material: Material | None = None
     Left out are contacts too near the post (`post`), under more material than MAX_DEPTH_RADII (`covered`: an
     outer level was left uncut there), or where the ball does not fit (`gouge`). Those lifted by more than the
     scallop are listed as uncut (`gouge`) though the lifted ball still passes over them. Of a level that
-    rounds the edges of the stock only what lies inside the stock is covered. Raises ToolPathError where
-    nothing is left.
+    rounds the edges of the stock only what lies inside the stock is covered, which may be nothing. Raises
+    ToolPathError where nothing is left of another level.
     """
     level, cutter, lifts = candidates.level, candidates.cutter, candidates.lifts
     blocked = np.isnan(lifts)
@@ -114,14 +121,10 @@ def contact_path(candidates: CandidateContacts, material: Material | None = None
 
     left_out = candidates.at_post | blocked | covered | candidates.in_air
     kept, passes = _split_passes(candidates.line, ~left_out, candidates.closed)
-    if not len(kept):
-        raise ToolPathError(
-            f"level {level.index}: nothing can be cut: take a smaller cutter or a thinner post",
-            level=level.index,
-        )
-
     uncut = ~candidates.in_air & (left_out | (lifts > cutter.scallop))
     reasons = np.select([candidates.at_post[uncut], covered[uncut]], ["post", "covered"], "gouge")
+    if not len(kept) and not isinstance(level, RoundedLevel):
+        raise _nothing_to_cut(level, reasons)
     return ContactPath(
         level.index,
         cutter,
@@ -135,6 +138,14 @@ def contact_path(candidates: CandidateContacts, material: Material | None = None
         candidates.contacts[uncut],
         tuple(reasons.tolist()),
     )
+
+
+def _nothing_to_cut(level: MachinedLevel, reasons: Int[ndarray, " n"] | ndarray) -> ToolPathError:
+    """The error of a level none of whose contacts can be machined, for these reasons."""
+    names, counts = np.unique(reasons, return_counts=True)
+    most = str(names[np.argmax(counts)])
+    what = f"{counts.max()} of its {len(reasons)} contacts {WHY_NOTHING[most]}"
+    return ToolPathError(f"level {level.index}: nothing can be cut: {what}", level=level.index, reason=most)
 
 
 def _in_air(level: MachinedLevel, contacts: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:

@@ -18,7 +18,10 @@ from bonecam.verify.gouge import Distances, Gouge, measure_gouge
 from bonecam.verify.readback import Tolerances, compare_moves
 
 DESIGN_CHORD = 0.001
-"""Chord tolerance (mm) of the tessellated design surface: a tenth of the gouge allowed by default."""
+"""Largest chord tolerance (mm) of the tessellated design surface: DESIGN_SHARE of the gouge allowed by
+default."""
+DESIGN_SHARE = 0.1
+"""Part of the gouge allowed that the tessellated design surface may deviate by."""
 
 
 @dataclass(frozen=True)
@@ -43,8 +46,9 @@ def verify(
 ) -> Verification:
     """Prove `text` against the paths and the design surface; errors as in `verify_program`."""
     report(progress, 0.0, "reading the program back")
-    part = MeshDistance(design.tessellate(DESIGN_CHORD))
-    return verify_program(text, paths, machine, dialect, part, tolerances)
+    allowed = tolerances or Tolerances()
+    part = MeshDistance(design.tessellate(min(DESIGN_CHORD, DESIGN_SHARE * allowed.gouge)))
+    return verify_program(text, paths, machine, dialect, part, allowed)
 
 
 def verify_program(
@@ -68,7 +72,7 @@ def verify_program(
         place = ", ".join(f"{value:.3f}" for value in gouge.place)
         raise VerifyError(
             f"line {gouge.line}: the ball enters the part by {gouge.depth:.4f} mm at ({place}), "
-            f"allowed {allowed.gouge:g}: lift the path there",
+            f"allowed {allowed.gouge:g}: make path.chord_tolerance and path.max_step smaller",
             line=gouge.line,
             place=gouge.place,
             error=gouge.depth,

@@ -9,7 +9,7 @@ import pytest
 from bonecam.arrays import angles_between, unit
 from bonecam.errors import MachineError, OrientationError
 from bonecam.job import HoldingJob, NcJob, PathJob
-from bonecam.levels.measure.level import Level
+from bonecam.levels.measure.level import Level, RoundedLevel
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.orientation.admissible import candidate_directions
@@ -236,6 +236,46 @@ def test_a_direct_link_between_opposite_axes_is_refused(
     space = LinkSpace(checker, MIKRON, Feeds(500.0, 200.0, 5000.0), job.clearance, job.gouge_tolerance)
     place, x = np.array([[0.0, 0.0, 60.0]]), np.array([[1.0, 0.0, 0.0]])
     assert direct_links(space, (place, x, x), (place + 0.1, x, -x), 1.0) == [None]
+
+
+def test_a_level_that_rounds_no_material_is_passed_over(
+    pebble: Callable[..., TSpline],
+    mesh_of: Callable[..., TriangleMesh],
+    level_of: Callable[..., Level],
+    upright_capsule: Capsule,
+    holding: HoldingJob,
+    roughing_cutter: Cutter,
+) -> None:
+    """A body that rounds the edges of a stock may lie outside the stock all round."""
+    surface = pebble(0.5)
+    mesh, stock = mesh_of(surface), replace(upright_capsule, radius=1.0)
+    level = RoundedLevel(2, surface, mesh, 0.5, level_of(surface).measures, stock, surface.control_points)
+    post = post_below(mesh, holding)
+    contacts = contact_path(candidate_contacts(level, [MeshDistance(mesh)], roughing_cutter, post, PathJob()))
+    assert not len(contacts.contacts)
+    assert not len(contacts.uncut)
+    path = orient(contacts, Scene(mesh, mesh, upright_capsule, post), MIKRON, PathJob(), NcJob())
+    assert path.kinds.tolist() == [Kind.RAPID]
+    assert upright_capsule.signed_distance(path.tips)[0] > 0
+
+
+def test_a_link_keeps_out_of_the_part_too(
+    mesh_of: Callable[..., TriangleMesh],
+    pebble: Callable[..., TSpline],
+    upright_capsule: Capsule,
+    holding: HoldingJob,
+    roughing_cutter: Cutter,
+) -> None:
+    """Where a level touches the part, its coarser mesh lies inside the part."""
+    level, part = mesh_of(pebble(), 24, 30), mesh_of(pebble(0.05))
+    scene = Scene(level, mesh_of(pebble(1.0)), upright_capsule, post_below(level, holding))
+    feeds = Feeds(500.0, 200.0, 5000.0)
+    height = level.bounds[1, 2] + roughing_cutter.radius + 0.01
+    start, end = np.array([[-0.1, 0.0, height]]), np.array([[0.1, 0.0, height]])
+    for known, free in ((None, True), (MeshDistance(part), False)):
+        checker = CollisionChecker(replace(scene, part_distance=known), roughing_cutter)
+        space = LinkSpace(checker, MIKRON, feeds, 2.0, 0.01)
+        assert space.ball_free(start, end).tolist() == [free]
 
 
 def test_no_reach_at_all_is_an_error(made: Callable[..., tuple[ContactPath, Scene, ToolPath]]) -> None:

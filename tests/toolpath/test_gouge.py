@@ -5,7 +5,16 @@ import pytest
 
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.toolpath.gouge import CONTACT_SHARE, MOVE_SHARE, moves_gouge_free
+from bonecam.toolpath.gouge import (
+    CONTACT_SHARE,
+    MESH_SHARE,
+    MOVE_SHARE,
+    POSTING_SHARE,
+    WORD_ROUNDING,
+    gouge_free_lifts,
+    moves_gouge_free,
+    planned_tolerance,
+)
 
 TOLERANCE = 0.01
 
@@ -39,3 +48,37 @@ def test_each_move_is_judged_for_itself() -> None:
 def test_a_way_that_leads_into_the_part_is_no_way_out() -> None:
     starts, ends = np.array([[0.0, 0.0, 1.0]]), np.array([[0.0, 0.0, -6.0]])
     assert not moves_gouge_free(starts, ends, 1.0, TOLERANCE, roof()).any()
+
+
+def bump(place: float) -> MeshDistance:
+    """A block with a flat top at z = 0 and a blunt ridge across it, 0.05 mm high, at x = `place`."""
+    x = np.array([-20.0, place - 0.05, place, place + 0.05, 20.0, 20.0, -20.0])
+    z = np.array([0.0, 0.0, 0.05, 0.0, 0.0, -10.0, -10.0])
+    vertices = np.vstack([np.column_stack([x, np.full(7, y), z]) for y in (-20.0, 20.0)])
+    around = [
+        [a, b, c] for i in range(7) for j in [(i + 1) % 7] for a, b, c in ((i, j, j + 7), (i, j + 7, i + 7))
+    ]
+    cap = [(0, 1, 6), (1, 3, 6), (1, 2, 3), (3, 5, 6), (3, 4, 5)]
+    ends = [(c, b, a) for a, b, c in cap] + [(a + 7, b + 7, c + 7) for a, b, c in cap]
+    faces = np.array(around + ends, dtype=np.int32)
+    mesh = TriangleMesh(vertices, faces)
+    return MeshDistance(mesh if mesh.volume > 0 else TriangleMesh(vertices, faces[:, ::-1]))
+
+
+@pytest.mark.parametrize("place", [0.5, 1.0, 1.25, 2.0, 2.4, 3.9])
+def test_a_long_move_is_lifted_over_a_ridge_wherever_it_lies(place: float) -> None:
+    contacts, up = np.array([[-5.0, 0.0, 0.0], [5.0, 0.0, 0.0]]), np.array([[0.0, 0.0, 1.0]] * 2)
+    obstacle = bump(place)
+    lifts = gouge_free_lifts(contacts, up, 0.5, TOLERANCE, [obstacle], np.array([True, False]), 0.2)
+    centres = contacts + (0.5 + lifts)[:, None] * up
+    way = np.linspace(centres[0], centres[1], 2001)
+    assert (0.5 - obstacle.signed(way)).max() <= TOLERANCE * (MOVE_SHARE + CONTACT_SHARE)
+
+
+def test_a_smaller_tolerance_leaves_room_for_the_rounding_of_words() -> None:
+    assert planned_tolerance(0.01) == 0.01
+    for allowed in (0.002, 0.005, 0.00999):
+        planned = planned_tolerance(allowed)
+        used = (MOVE_SHARE + MESH_SHARE + POSTING_SHARE) * planned
+        assert 0 < planned <= 0.01
+        assert used + WORD_ROUNDING <= allowed * (1 + 1e-9)

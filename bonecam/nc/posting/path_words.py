@@ -9,13 +9,14 @@ from numpy import ndarray
 
 from bonecam.arrays import dots
 from bonecam.errors import MachineError
-from bonecam.job import Job
+from bonecam.job import Job, PathJob
 from bonecam.nc.control import Control
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.kinematics import inverse_linear
 from bonecam.nc.machine import Machine
 from bonecam.nc.posting.split import Moves, split_moves
 from bonecam.toolpath.cutter import Cutter
+from bonecam.toolpath.gouge import POSTING_SHARE, planned_tolerance
 from bonecam.toolpath.path import Kind, ToolPath
 
 APPROACH_HEIGHT = 10.0
@@ -64,7 +65,7 @@ def post_path(
     # a tilt below half the last decimal of its word is written as zero: the other angle is free there
     hold_cone = np.radians(dialect.numbers["angle"].step) / 2
     try:
-        moves = split_moves(path, control, job.path.chord_tolerance / 2, hold_cone, before)
+        moves = split_moves(path, control, _path_tolerance(job.path), hold_cone, before)
     except MachineError as error:
         row = min(error.evidence.get("row", 0), len(path.tips) - 1)
         raise MachineError(
@@ -87,6 +88,12 @@ def post_path(
     )
     approaches = round_words(dialect, control, above, angles[starts])
     return Posted(path, control, moves, words, runs, approaches, _minutes(control, moves, words, starts, job))
+
+
+def _path_tolerance(job: PathJob) -> float:
+    """How far (mm) the control may leave the path: half of the chord tolerance, but no more than gouges
+    allow."""
+    return min(job.chord_tolerance / 2, POSTING_SHARE * planned_tolerance(job.gouge_tolerance))
 
 
 def round_words(

@@ -33,7 +33,8 @@ class Scene:
     holds the part.
 
     `material_deviation` (mm) is how far the material may reach out of its mesh. `known_level_distance` saves
-    building the distances to `level` again.
+    building the distances to `level` again. `part_distance`: the ball must stay out of the part as well, whose
+    mesh is finer: a level may touch it.
     """
 
     level: TriangleMesh
@@ -42,11 +43,18 @@ class Scene:
     post: Post
     material_deviation: float = 0.0
     known_level_distance: MeshDistance | None = None
+    part_distance: MeshDistance | None = None
 
     @cached_property
     def level_distance(self) -> MeshDistance:
         """Distances to the level."""
         return self.known_level_distance or MeshDistance(self.level)
+
+    @property
+    def remaining(self) -> tuple[MeshDistance, ...]:
+        """Distances to what the ball must not enter."""
+        part = self.part_distance
+        return (self.level_distance,) if part is None else (self.level_distance, part)
 
     @cached_property
     def material_distance(self) -> MeshDistance:

@@ -55,8 +55,12 @@ class LinkSpace:
     def ball_free(self, starts: Float[ndarray, "m 3"], ends: Float[ndarray, "m 3"]) -> Bool[ndarray, " m"]:
         """Whether the ball keeps the gouge tolerance on straight moves of its centre: the collision checks
         hold a thinner one against the level."""
-        level = self.checker.scene.level_distance
-        return moves_gouge_free(starts, ends, self.ball_radius, self.gouge_tolerance, level)
+        free = np.ones(len(starts), dtype=bool)
+        for obstacle in self.checker.scene.remaining:
+            free[free] = moves_gouge_free(
+                starts[free], ends[free], self.ball_radius, self.gouge_tolerance, obstacle
+            )
+        return free
 
     def polylines_free(self, polylines: Sequence[Polyline], *, cutting: bool) -> Bool[ndarray, " k"]:
         """Whether all moves of each polyline are proven free; `cutting` as in
