@@ -33,7 +33,7 @@ def generate_stock(layers: Layers, values: Mapping[str, Any], progress: Progress
     )
     mesh = layers.bone()
     try:
-        setup = place(Part(mesh, layers.name, len(mesh.faces), "mm", (), np.eye(4)), job)
+        setup = place(Part(mesh, layers.name, len(mesh.faces), "mm", (), np.eye(4), mesh), job)
     except (StockError, ToolPathError) as error:
         raise type(error)(
             f"{error} (stock and post stand on the Z axis: was apply_upright_pose applied?)", **error.evidence

@@ -25,7 +25,7 @@ def fit_tspline(layers: Layers, values: Mapping[str, Any], progress: Progress) -
     before = layers.job()
     job = replace(before, mesh=section_of(before.mesh, values), surface=section_of(SurfaceJob(), values))
     mesh = layers.bone()
-    part = Part(mesh, layers.name, len(mesh.faces), "mm", (), np.eye(4))
+    part = Part(mesh, layers.name, len(mesh.faces), "mm", (), np.eye(4), mesh)
     fit = fit_surface(part, job, progress)
     layers.add(
         fit.surface.tessellate(values["chord_tolerance"]),

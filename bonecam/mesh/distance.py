@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from bonecam.kernels.closest.triangle_tree import boxes_of, distances_within, tree_order
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.mesh.triangle_mesh import TriangleMesh, probes
 from bonecam.threads import in_pieces
 
 LEAF = 4
@@ -93,6 +93,14 @@ class MeshDistance:
 
 def _limits(wanted: float | ndarray, count: int) -> Float[ndarray, " n"]:
     return np.maximum(np.broadcast_to(np.asarray(wanted, dtype=np.float64), count), 0.0)
+
+
+def hausdorff(one: TriangleMesh, other: TriangleMesh) -> tuple[float, float]:
+    """The largest distance (mm) of the vertices and face middles of the first mesh from the second, and of the
+    second from the first; ValueError where one has no faces."""
+    there = MeshDistance(other).unsigned(probes(one)).max()
+    back = MeshDistance(one).unsigned(probes(other)).max()
+    return float(there), float(back)
 
 
 def lowest_between(

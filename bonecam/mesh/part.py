@@ -1,6 +1,7 @@
 """The part: a bone's mesh, read, scaled to mm, repaired, its pits filled, turned upright."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,9 @@ from numpy import ndarray
 
 from bonecam.errors import MeshError
 from bonecam.job import MeshJob
+from bonecam.mesh.distance import hausdorff
 from bonecam.mesh.files.mesh_files import read_mesh
+from bonecam.mesh.healing.decimation import decimate
 from bonecam.mesh.healing.pits import fill_pits
 from bonecam.mesh.healing.repair import repair
 from bonecam.mesh.pose import upright
@@ -24,7 +27,7 @@ class Part:
     """The closed mesh to be machined, mm, and where it came from.
 
     `file`, `faces` and `units` are those of the input, `repairs` the sentences that tell what was changed.
-    `transform` (4, 4) leads from the input, scaled to mm, to `mesh`.
+    `given` is the input scaled to mm, and `transform` (4, 4) leads from it to the frame of `mesh`.
     """
 
     mesh: TriangleMesh
@@ -33,6 +36,18 @@ class Part:
     units: str
     repairs: tuple[str, ...]
     transform: Float[ndarray, "4 4"]
+    given: TriangleMesh
+
+    @cached_property
+    def placed_given(self) -> TriangleMesh:
+        """The mesh as given, in the frame of `mesh`."""
+        return self.given.move(self.transform)
+
+    @cached_property
+    def repair_deviation(self) -> float:
+        """Largest distance (mm, both ways) between the mesh as given and `mesh`; 0 where nothing was
+        changed."""
+        return max(hausdorff(self.placed_given, self.mesh)) if self.repairs else 0.0
 
     def move(self, pose: Float[ndarray, "4 4"]) -> "Part":
         """The part after a rigid transform (4, 4)."""
@@ -45,7 +60,7 @@ def prepare_part(
     progress: Progress = silent,
     also: tuple[str, ...] = (),
 ) -> Part:
-    """Read a mesh, scale it to mm, repair it, fill its pits and turn it upright, as the job says.
+    """Read a mesh, scale it to mm, decimate it where it has too many faces, repair it, fill its pits and turn it upright, as the job says.
 
     `also` are endings of part files that the caller reads itself: a refusal names them too. MeshError,
     FileError and UnitsError name the file.
@@ -59,10 +74,11 @@ def prepare_part(
     report(progress, 0.3, "repairing the mesh")
     scaled = to_mm(raw, job.units, file=name)
     try:
-        repaired, repairs = repair(scaled, progress=share(progress, 0.3, 1.0))
+        fewer, decimated = decimate(scaled, progress=share(progress, 0.3, 0.7))
+        repaired, repairs = repair(fewer, progress=share(progress, 0.7, 1.0))
     except MeshError as error:
         raise MeshError(f"{name}: {error}", file=name, **error.evidence) from error
 
     filled, pits = fill_pits(repaired, job.pit_radius) if job.pit_radius else (repaired, ())
     posed, transform = upright(filled) if job.upright else (filled, np.eye(4))
-    return Part(posed, name, len(raw.faces), job.units, repairs + pits, transform)
+    return Part(posed, name, len(raw.faces), job.units, decimated + repairs + pits, transform, scaled)

@@ -7,6 +7,7 @@ from bonecam.levels.closed_morph import Morph
 from bonecam.mesh.part import Part
 from bonecam.nc.program import Program
 from bonecam.setup.stock import Stock, stock_figures
+from bonecam.surface.fitting.deviation import distance_both_ways
 from bonecam.surface.fitting.fit import Fit
 from bonecam.toolpath.path import ToolPath
 from bonecam.verify.proof import Verification
@@ -21,13 +22,29 @@ def report_to_levels(part: Part, fitted: Fit, stock: Stock, morph: Morph, method
             "faces": part.faces,
             "units": part.units,
             "repairs": list(part.repairs),
+            "repair_deviation_max_mm": round(part.repair_deviation, 6),
         },
-        "surface": surface_report(fitted),
+        "surface": {**surface_report(fitted), **_given_report(part, fitted)},
         "stock": stock_figures(stock),
         "levels": levels_report(morph.levels),
         "levels_lower_bound": morph.lower_bound,
         "levels_break_mm": round(morph.breaks, 6),
         "levels_method": method,
+    }
+
+
+def _given_report(part: Part, fitted: Fit) -> dict[str, float]:
+    """How far the surface and the mesh as given are from each other; where nothing was repaired or filled that
+    is the deviation of the fit."""
+    found = fitted.deviation
+    surface_to_given = found.surface_to_mesh_max
+    given_to_surface = found.mesh_to_surface_max
+    if part.repairs:
+        surface_to_given, given_to_surface = distance_both_ways(fitted.surface, part.placed_given)
+    return {
+        "given_deviation_max_mm": round(max(surface_to_given, given_to_surface), 6),
+        "surface_to_given_max_mm": round(surface_to_given, 6),
+        "given_to_surface_max_mm": round(given_to_surface, 6),
     }
 
 

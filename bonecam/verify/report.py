@@ -126,6 +126,7 @@ def summary_of(report: Mapping[str, Any]) -> str:
     lines = [
         *_mesh_lines(report["input"]),
         _surface_line(report["surface"]),
+        *_given_lines(report),
         f"stock     {stock_text(report['stock'])}",
         _levels_line(report),
         f"certified {certified_text(report['levels'], report['levels_method'])}",
@@ -146,6 +147,14 @@ def _surface_line(surface: Mapping[str, Any]) -> str:
     """Size and deviation of the surface."""
     deviation = f"max {surface['deviation_max_mm']:.3f} rms {surface['deviation_rms_mm']:.3f} mm"
     return f"surface   {surface['control_points']} control points, deviation {deviation}"
+
+
+def _given_lines(report: Mapping[str, Any]) -> Iterator[str]:
+    """Where the mesh was repaired, how far the surface is from it as it was given."""
+    if report["input"]["repairs"]:
+        given = f"{report['surface']['given_deviation_max_mm']:.3f} mm to the mesh as given"
+        moved = f"{report['input']['repair_deviation_max_mm']:.3f} mm of repair and filling"
+        yield f"as given  max {given}, with {moved}"
 
 
 def _levels_line(report: Mapping[str, Any]) -> str:

@@ -33,8 +33,18 @@ def test_what_was_left_uncut_is_told_by_reason_apart_for_the_part() -> None:
 def test_the_summary_tells_each_repair() -> None:
     level = {"depth_max_mm": 0.5, "depth_back_max_mm": 0.5, "not_certified": [], "rounding": False}
     report = {
-        "input": {"faces": 993, "units": "mm", "repairs": ["closed 1 hole with 33 faces, 9.66 mm across"]},
-        "surface": {"control_points": 190, "deviation_max_mm": 0.07, "deviation_rms_mm": 0.02},
+        "input": {
+            "faces": 993,
+            "units": "mm",
+            "repairs": ["closed 1 hole with 33 faces, 9.66 mm across"],
+            "repair_deviation_max_mm": 1.079,
+        },
+        "surface": {
+            "control_points": 190,
+            "deviation_max_mm": 0.07,
+            "deviation_rms_mm": 0.02,
+            "given_deviation_max_mm": 1.083,
+        },
         "stock": {"kind": "capsule", "diameter_mm": 9.3, "length_mm": 22.3},
         "levels": [{**level, "depth_max_mm": 0.0, "depth_back_max_mm": 0.0, "not_certified": None}, level],
         "levels_lower_bound": 1,
@@ -52,8 +62,9 @@ def test_the_summary_tells_each_repair() -> None:
         "mesh      993 faces, mm; 1 repair",
         "repair    closed 1 hole with 33 faces, 9.66 mm across",
     ]
+    assert "as given  max 1.083 mm to the mesh as given, with 1.079 mm of repair and filling" in told
     assert "levels    1 cut, no schedule needs fewer than 1; depth max 0.5000 mm" in told
-    assert "hold everywhere on 1 of 1 cut" in told[5]
+    assert "hold everywhere on 1 of 1 cut" in told[6]
     broken = summary_of({**report, "levels_break_mm": 0.0042})
     assert (
         "levels    1 cut, no schedule needs fewer than 1; depth max 0.5000 mm; a limit is broken by 0.0042 mm"

@@ -42,7 +42,7 @@ def read_surface_part(file: str | Path, job: MeshJob, surface: SurfaceJob) -> tu
     found = read_surface(file, MM_OF[job.units], surface.tolerance, surface.max_control_points)
     mesh = closed_mesh(found.surface, str(file))
     posed, transform = upright(mesh) if job.upright else (mesh, np.eye(4))
-    return Part(posed, str(file), len(mesh.faces), job.units, (), transform), found
+    return Part(posed, str(file), len(mesh.faces), job.units, (), transform, mesh), found
 
 
 def holds_surface(path: str | Path) -> bool:

@@ -7,12 +7,14 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.distance import MeshDistance, hausdorff
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.fitting.mesh_samples import sample_mesh
 from bonecam.surface.query.closest_point import follow_closest_points, grid_parameters, nearest_on_grid
 from bonecam.surface.tspline import TSpline
 
+CHORD = 0.002
+"""Chord tolerance of the tessellation that stands for the surface, mm."""
 DOUBTFUL = 50
 """One in so many samples, the farthest, is projected with more care."""
 
@@ -74,6 +76,12 @@ class Measured:
 def deviation(surface: TSpline, mesh: TriangleMesh, samples: int = 20000) -> Deviation:
     """How far surface and mesh are from each other."""
     return measure(surface, mesh, MeshDistance(mesh), samples).deviation
+
+
+def distance_both_ways(surface: TSpline, mesh: TriangleMesh) -> tuple[float, float]:
+    """The largest distance (mm) of the surface from a mesh, which may be open, and of the mesh from the
+    surface, within CHORD: for meshes of any size, of which `deviation` projects every vertex."""
+    return hausdorff(surface.tessellate(CHORD), mesh)
 
 
 def measure(surface: TSpline, mesh: TriangleMesh, distance: MeshDistance, samples: int = 20000) -> Measured:

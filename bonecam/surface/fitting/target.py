@@ -12,7 +12,6 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 from scipy.spatial import cKDTree
-from scipy.spatial.distance import cdist
 
 from bonecam.arrays import dots
 from bonecam.mesh.distance import MeshDistance, exact_closest
@@ -88,7 +87,7 @@ class Samples:
         s, t, distances = follow_closest_points(surface, self.points, self.s, self.t, steps=3)
         far = np.flatnonzero(distances > tolerance)
         if 0 < len(far) < len(s) / DOUBTFUL:
-            nearest = cdist(self.points[far], surface.positions(s, t)).argmin(axis=1)
+            nearest = cKDTree(surface.positions(s, t)).query(self.points[far])[1]
             found = follow_closest_points(surface, self.points[far], s[nearest], t[nearest], steps=6)
             met = found[2] < np.minimum(tolerance, distances[far])
             for now, new in zip((s, t, distances), found):
