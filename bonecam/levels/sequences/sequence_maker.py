@@ -73,7 +73,6 @@ class SequenceMaker:
         LevelError where there is none.
         """
         made: list[list[ndarray]] = []
-        yielded = False
         failure: LevelError | None = None
         for parameters in (self._parameters(DEEP), self._parameters(STIFF)):
             try:
@@ -81,16 +80,14 @@ class SequenceMaker:
             except LevelError as error:
                 failure = failure or error
                 continue
+            made.append(levels)
             if len(levels) <= self.lower_bound:
-                yielded = True
                 yield levels
-            else:
-                made.append(levels)
-        yield from sorted(made, key=len)
+        yield from sorted((levels for levels in made if len(levels) > self.lower_bound), key=len)
         try:
             yield self.sequence(self._parameters(TOGETHER), rest)
         except LevelError as error:
-            if not (made or yielded):
+            if not made:
                 raise failure or error from error
 
     def _parameters(self, values: dict[str, float]) -> StepParameters:
