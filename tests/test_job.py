@@ -4,6 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from bonecam.errors import JobError, LevelError
 from bonecam.job import Job, read_job, write_job
@@ -15,6 +17,75 @@ def test_a_written_job_reads_back_equal(tmp_path: Path) -> None:
     file = tmp_path / "job.toml"
     file.write_text(write_job(job), encoding="utf-8")
     assert read_job(file) == job
+
+
+TEXT = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"))
+
+
+@settings(max_examples=1000, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    mesh=TEXT
+    | st.sampled_from(["C:\\bones\\new", 'the "left" one.stl', "a'b#c=d", "\r\n\t\x7f\u2028", '"""']),
+    diameter=st.floats(0.0, 500.0),
+    control_points=st.integers(40, 20000),
+    coolant=st.booleans(),
+)
+def test_any_value_of_a_written_job_reads_back_equal(
+    tmp_path: Path, mesh: str, diameter: float, control_points: int, coolant: bool
+) -> None:
+    job = Job().with_values(
+        stock={"mesh": mesh, "diameter": diameter},
+        surface={"max_control_points": control_points},
+        nc={"coolant": coolant, "machine": mesh},
+    )
+    file = tmp_path / "job.toml"
+    file.write_text(write_job(job), encoding="utf-8")
+    assert read_job(file) == job
+
+
+def test_a_name_of_a_file_that_is_no_unicode_is_refused() -> None:
+    with pytest.raises(JobError, match=r"\[stock\] mesh = '\\udcff.stl': rename the file"):
+        write_job(Job().with_values(stock={"mesh": "\udcff.stl"}))
+    with pytest.raises(JobError, match=r"\[stock\] mesh = 'a\\x00b': leave the zero character out"):
+        Job().with_values(stock={"mesh": "a\0b"})
+
+
+def test_all_faults_of_a_job_file_are_told_with_their_lines(tmp_path: Path) -> None:
+    file = tmp_path / "job.toml"
+    file.write_text(
+        "colour = 1\n[stock]\ndiameter = -1\nbreadth = 2\n\n[nc]\ncoolant = 1\n[nocs]\nx = 1\n"
+        '[levels]\ndepths = "0.1 x"\n[finishing]\nfeed = inf\n'
+    )
+    with pytest.raises(JobError) as caught:
+        read_job(file)
+    place, *told = str(caught.value).removeprefix(f"{file}: ").split("; ")
+    assert place == "line 1: 'colour' stands outside a section: put it below one like [path]"
+    assert [text.split(":")[0] for text in told] == [f"line {n}" for n in (3, 4, 7, 8, 11, 13)]
+    assert "line 3: [stock] diameter = -1.0: keep it within 0 .. 500 mm" in told
+    assert "line 7: [nc] coolant = 1: give true or false" in [text.replace("'1'", "1") for text in told]
+    assert len(caught.value.evidence["faults"]) == 7
+
+
+def test_a_section_may_be_given_as_a_table_to_a_job() -> None:
+    made = Job(stock={"diameter": 15.0}, finishing={"feed": 800})  # type: ignore[arg-type]
+    assert made == Job().with_values(stock={"diameter": 15.0}, finishing={"feed": 800})
+    for wrong in ({"diameter": -1.0}, {"breadth": 1.0}, 15.0, Job().nc, None):
+        with pytest.raises(JobError, match=r"^\[stock\] .*: (keep it|use one|give its values)"):
+            Job(stock=wrong)  # type: ignore[arg-type]
+
+
+def test_a_job_file_that_is_no_sane_text_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "job.toml"
+    for text in (
+        "a = " + "[\n" * 10_000,
+        "[stock]\nlength = " + "9" * 30,
+        "a = '" + "x" * 20_000,
+        "\n" * 200_000,
+    ):
+        file.write_text(text)
+        with pytest.raises(JobError, match=r"job\.toml: .*correct the TOML there") as caught:
+            read_job(file)
+        assert len(str(caught.value)) < 300
 
 
 def test_every_parameter_states_label_tooltip_and_a_default_within_its_range() -> None:
@@ -70,9 +141,9 @@ def test_depths_are_a_text_or_numbers(given: object, cuts: object) -> None:
 
 
 def test_depths_that_are_no_numbers_are_refused_with_an_example() -> None:
-    for given in ([0.1, "x"], [[0.1]], True):
+    for depths in ([0.1, "x"], [[0.1]], True):
         with pytest.raises(JobError, match=r"\[levels\] depths = .*: give numbers like '0\.1 0\.1 0\.5'"):
-            Job().with_values(levels={"depths": given})
+            Job().with_values(levels={"depths": depths})
 
 
 def test_numbers_of_numpy_and_paths_are_taken_for_python_s() -> None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from bonecam.errors import JobError
 from bonecam.job.parameter import Section, check, parameter
+from bonecam.text.faults import shown
 
 
 @dataclass(frozen=True)
@@ -115,4 +116,4 @@ class LevelsJob(Section):
         return (self.finishing_depth,) * count, self.roughing_depth
 
     def _depths_error(self, why: str) -> JobError:
-        return JobError(f"depths = {self.depths!r}: {why}", field="depths")
+        return JobError(f"depths = {shown(self.depths)}: {why}", field="depths")

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from bonecam.errors import JobError
+from bonecam.text.faults import shown
 
 
 @dataclass(frozen=True)
@@ -37,30 +38,36 @@ KINDS = {bool: "true or false", int: "a whole number", float: "a number", str: "
 
 
 def check(section: Any) -> None:
-    """JobError where a field of `section` has the wrong type or leaves its range.
+    """JobError where fields of `section` have the wrong type or leave their range; it tells all of them (`faults`).
 
     Numpy scalars, whole numbers for decimal ones, and paths become the type of the field.
     """
+    faults = []
     for item in fields(section):
         if "parameter" not in item.metadata:
             continue
-        given, known = getattr(section, item.name), record(item)
+        given = getattr(section, item.name)
         value = _plain(given, float if isinstance(item.default, float) else type(item.default))
         if value is not given:
             object.__setattr__(section, item.name, value)
-        if type(value) is not type(item.default):
-            raise JobError(
-                f"{item.name} = {str(value)[:40]!r}: give {KINDS[type(item.default)]}", field=item.name
-            )
-        if known.choices and value not in known.choices:
-            raise JobError(
-                f"{item.name} = {value!r}: choose one of {', '.join(known.choices)}", field=item.name
-            )
-        if isinstance(value, int | float) and not (known.low <= value <= known.high):
-            raise JobError(
-                f"{item.name} = {value}: keep it within {known.low:g} .. {known.high:g} {known.unit}".rstrip(),
-                field=item.name,
-            )
+        why = _fault(value, type(item.default), record(item))
+        if why:
+            faults.append((item.name, f"{item.name} = {why}"))
+    if faults:
+        raise JobError("; ".join(text for _, text in faults), field=faults[0][0], faults=faults)
+
+
+def _fault(value: object, kind: type, known: Parameter) -> str | None:
+    """The value, what is wrong with it, and the remedy; None where it is of the `kind` and in its range."""
+    if type(value) is not kind:
+        return f"{str(value)[:40]!r}: give {KINDS[kind]}"
+    if known.choices and value not in known.choices:
+        return f"{shown(value)}: choose one of {', '.join(known.choices)}"
+    if isinstance(value, int | float) and not (known.low <= value <= known.high):
+        return f"{value}: keep it within {known.low:g} .. {known.high:g} {known.unit}".rstrip()
+    if isinstance(value, str) and "\0" in value:
+        return f"{shown(value)}: leave the zero character out"
+    return None
 
 
 def _plain(value: Any, kind: type) -> Any:

@@ -1,5 +1,6 @@
 """The job with all its sections."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
@@ -8,15 +9,20 @@ from bonecam.job.holding_section import HoldingJob
 from bonecam.job.levels_section import LevelsJob
 from bonecam.job.mesh_section import MeshJob
 from bonecam.job.nc_section import NcJob
+from bonecam.job.parameter import Section
 from bonecam.job.path_section import PathJob
 from bonecam.job.stock_section import StockJob
 from bonecam.job.surface_section import SurfaceJob
 from bonecam.job.tool_section import FINISHING, ROUGHING, ToolJob
+from bonecam.text.faults import Faults, shown
 
 
 @dataclass(frozen=True)
 class Job:
-    """All parameters of a run: everything but the part."""
+    """All parameters of a run: everything but the part.
+
+    A section may be given as a table of values by name; those that it leaves out have their defaults.
+    """
 
     mesh: MeshJob = field(default_factory=MeshJob)
     surface: SurfaceJob = field(default_factory=SurfaceJob)
@@ -28,15 +34,33 @@ class Job:
     path: PathJob = field(default_factory=PathJob)
     nc: NcJob = field(default_factory=NcJob)
 
+    def __post_init__(self) -> None:
+        given = {item.name: (getattr(self, item.name), item.type) for item in fields(self)}
+        tables = {name: value for name, (value, kind) in given.items() if type(value) is not kind}
+        if tables:
+            made = Job().with_values(**tables)
+            for name in tables:
+                object.__setattr__(self, name, getattr(made, name))
+
     def with_values(self, **changes: dict[str, Any]) -> "Job":
-        """A job with other values, given as `section={name: value}`; JobError names an unknown section or
-        name."""
+        """A job with other values, given as `section={name: value}`.
+
+        JobError names every unknown section or name and every wrong value (`faults`: section, field, text).
+        """
         known = [item.name for item in fields(self)]
-        for section in changes:
-            if section not in known:
+        faults: list[tuple[str, str, str]] = []
+        sections = {}
+        for name, values in changes.items():
+            if name not in known:
                 remedy = f"use one of {', '.join(known)}"
-                raise JobError(f"[{section}] is no section of a job: {remedy}", section=section)
-        sections = {name: _changed(name, getattr(self, name), values) for name, values in changes.items()}
+                faults.append((name, "", f"[{name}] is no section of a job: {remedy}"))
+                continue
+            try:
+                sections[name] = _changed(name, getattr(self, name), values)
+            except JobError as error:
+                faults += error.evidence["faults"]
+        if faults:
+            raise job_error(faults)
         return replace(self, **sections)
 
     def is_finishing(self, level: int) -> bool:
@@ -55,21 +79,37 @@ class Job:
 
 def _changed(name: str, section: Any, values: object) -> Any:
     """A section of a job with other values by name; JobError names the section."""
+    if isinstance(values, Section) and type(values) is type(section):
+        return values
     if not isinstance(values, dict):
         remedy = f"give its values by name, like {name}={{name: value}}"
-        raise JobError(f"[{name}] = {values!r}: {remedy}", section=name)
+        raise job_error([(name, "", f"[{name}] = {shown(values)}: {remedy}")])
     known = [item.name for item in fields(section)]
-    unknown = sorted(set(values) - set(known))
-    if unknown:
-        remedy = f"use one of {', '.join(known)}"
-        raise JobError(f"[{name}] knows no {unknown[0]!r}: {remedy}", section=name)
+    remedy = f"use one of {', '.join(known)}"
+    unknown = [str(key) for key in values if key not in known]
+    faults = [(name, key, f"[{name}] knows no {key!r}: {remedy}") for key in unknown]
     try:
-        return replace(section, **values)
+        made = replace(section, **{key: value for key, value in values.items() if key in known})
     except JobError as error:
-        raise JobError(f"[{name}] {error}", section=name, **error.evidence) from error
+        told = error.evidence.get("faults") or [(error.evidence.get("field", ""), str(error))]
+        faults += [(name, field, f"[{name}] {text}") for field, text in told]
+    if faults:
+        raise job_error(faults)
+    return made
+
+
+def job_error(faults: Sequence[tuple[str, str, str]], place: str = "") -> JobError:
+    """The error of all faults of a job, each as (section, field, text); the evidence has section and field of the
+    first."""
+    section, field, _ = faults[0]
+    told = Faults([("", text) for _, _, text in faults])
+    evidence: dict[str, Any] = {"section": section, "faults": list(faults)}
+    if field:
+        evidence["field"] = field
+    return JobError(f"{place}{told}", **evidence)
 
 
 def field_error(section: str, name: str, value: object, why: str) -> JobError:
     """The error of a field of a job: the field with its value, then `why` with the bound and the remedy."""
-    shown = f"{value:g}" if isinstance(value, float) else repr(value)
-    return JobError(f"[{section}] {name} = {shown}: {why}", section=section, field=name)
+    told = f"{value:g}" if isinstance(value, float) else shown(value)
+    return JobError(f"[{section}] {name} = {told}: {why}", section=section, field=name)

@@ -1,7 +1,11 @@
 """TOML texts, bounded: one of a few kilobytes can neither take all memory nor all time nor exhaust the stack."""
 
+import re
 import tomllib
+from collections.abc import Mapping
 from typing import Any
+
+import tomli_w
 
 from bonecam.text.faults import Faults
 
@@ -14,12 +18,15 @@ DEEPEST = 10
 BITS = 64
 """Whole numbers of TOML have this many bits with their sign (TOML 1.0, section Integer)."""
 
+_SECTION = re.compile(r"\s*\[\s*(\w+)\s*\]")
+_KEY = re.compile(r"\s*(?:(\w+)\s*\.\s*)?(\w+)\s*=")
+
 
 def parse_toml(text: str) -> dict[str, Any]:
     """The tables of a TOML text. Raises Faults (a ValueError), with the line where the text is no TOML."""
     if len(text) > LARGEST:
         raise Faults([("", f"the text has {len(text)} characters: {LARGEST} are allowed")])
-    for number, line in enumerate(text.splitlines(), 1):
+    for number, line in enumerate(text.split("\n"), 1):
         if len(line) > LONGEST_LINE:
             why = f"line {number} has {len(line)} characters: {LONGEST_LINE} are allowed"
             raise Faults([("", why)])
@@ -31,6 +38,29 @@ def parse_toml(text: str) -> dict[str, Any]:
         raise Faults([("", str(error))]) from error
     _check_bounds(values)
     return values
+
+
+def lines_of_keys(text: str) -> dict[tuple[str, str], int]:
+    """The line (from 1) on which each key of each section is written, and each section itself (its key is empty).
+
+    Keys are (section, key); in unusual spellings, quoted or in a table within a line, they are not found.
+    """
+    found: dict[tuple[str, str], int] = {}
+    section = ""
+    for number, line in enumerate(text.split("\n"), 1):
+        head = _SECTION.match(line)
+        key = _KEY.match(line)
+        if head:
+            section = head[1]
+            found.setdefault((section, ""), number)
+        elif key:
+            found.setdefault((key[1] or section, key[2]), number)
+    return found
+
+
+def toml_lines(values: Mapping[str, bool | int | float | str]) -> list[str]:
+    """The lines `key = value` of a table of plain values."""
+    return tomli_w.dumps(dict(values)).removesuffix("\n").split("\n")
 
 
 def _check_bounds(values: dict[str, Any]) -> None:
