@@ -1,5 +1,4 @@
-"""Frozen arrays (what a value that exists holds, nobody changes), sums row by row, and how exact lengths
-are."""
+"""Read-only arrays, products and lengths row by row, and how exact sums of lengths are."""
 
 from typing import Any
 
@@ -31,7 +30,8 @@ def unit(vectors: Float[ndarray, "n d"]) -> Float[ndarray, "n d"]:
 
 
 def angles_between(a: Float[ndarray, "n 3"], b: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
-    """Angles between unit vectors row by row, radians: 2 atan2(|a - b|, |a + b|), exact for small ones too."""
+    """Angles between unit vectors row by row, radians: 2 atan2(|a - b|, |a + b|), exact for small ones
+    too."""
     return 2 * np.arctan2(np.linalg.norm(a - b, axis=1), np.linalg.norm(a + b, axis=1))
 
 

@@ -1,4 +1,5 @@
-"""Progress is a parameter: `progress(fraction, message)`, silent by default; False cancels."""
+"""The progress of long work, reported to a function `progress(fraction, message)`, the fraction from 0 to 1;
+where it returns False the work is cancelled."""
 
 from collections.abc import Callable
 
@@ -8,28 +9,28 @@ Progress = Callable[[float, str], bool | None]
 
 
 def silent(fraction: float, message: str) -> None:
-    """Report nothing."""
+    """Ignore the report: the progress of work that nobody watches."""
 
 
 def report(progress: Progress, fraction: float, message: str) -> None:
-    """Tell `progress`, and raise Cancelled where it answers False."""
+    """Call `progress`; raises Cancelled where it returns False."""
     if progress(fraction, message) is False:
         raise Cancelled(f"cancelled at {message}")
 
 
 def part(progress: Progress, start: float, end: float) -> Progress:
-    """A progress for one stage that fills [start, end] of the whole."""
+    """A progress for one stage, whose fractions from 0 to 1 fill [start, end] of the whole."""
     return lambda fraction, message: progress(start + (end - start) * fraction, message)
 
 
 def rising(progress: Progress) -> Progress:
-    """The same progress, told the largest fraction so far: of work whose rounds cannot be counted
+    """A progress that reports the largest fraction so far, for work whose rounds cannot be counted
     beforehand."""
     highest = 0.0
 
-    def told(fraction: float, message: str) -> bool | None:
+    def report_highest(fraction: float, message: str) -> bool | None:
         nonlocal highest
         highest = max(highest, fraction)
         return progress(highest, message)
 
-    return told
+    return report_highest

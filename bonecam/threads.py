@@ -1,4 +1,4 @@
-"""Compiled work on all the cores this process may use, and matrices on one."""
+"""Compiled work on all cores that this process may use; linear algebra on one."""
 
 import os
 from collections.abc import Callable
@@ -23,18 +23,19 @@ def _pool() -> ThreadPoolExecutor:
 
 
 def in_pieces(work: Callable[[slice], A], count: int, size: int) -> list[A]:
-    """What `work` answers of each `size` of `count` items, in their order. It must leave the interpreter's
-    lock, and not come here again.
+    """What `work` returns for each slice of `size` of `count` items, in their order, worked on in parallel.
+    `work` must release the interpreter's lock, and not call this function.
 
-    The pieces are the same whatever the number of cores; of no items there is one, which is empty.
+    The slices are the same whatever the number of cores; without items there is one, which is empty.
     """
     pieces = [slice(first, first + size) for first in range(0, max(count, 1), size)]
     return list(_pool().map(work, pieces)) if len(pieces) > 1 else [work(piece) for piece in pieces]
 
 
 def on_one_blas_thread(work: Callable[P, A]) -> Callable[P, A]:
-    """The same work on small matrices: threads would only wait for each other (a factor of 0.2 ms took 240),
-    and their number would change the last digits."""
+    """A function that does `work` with one thread of the linear algebra library. On small matrices threads
+    only wait for each other (a factorisation of 0.2 ms took 240 ms), and their number changes the last
+    digits."""
 
     @wraps(work)
     def alone(*args: P.args, **keywords: P.kwargs) -> A:

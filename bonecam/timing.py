@@ -6,7 +6,8 @@ from contextlib import contextmanager
 
 
 class StageTimes:
-    """`seconds`: the wall time (s, to a millisecond) of each stage that has ended, by its name."""
+    """The wall times of stages: `seconds` holds that of each stage that has ended, by its name, rounded to a
+    millisecond."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}

@@ -1,7 +1,7 @@
 """The loops of one morph level's program, compiled: an iteration of ADMM, a sweep of projections.
 
-Both hold samples x_l + sum_i R_li D_i between two planes (low <= n . (y - c) <= high, from the foot c on the
-level before) and behind a third (m . y <= h, the stock's wall). R is in CSR form.
+Both hold samples x_l + sum_i R_li D_i between two planes (low <= n . (y - c) <= high, from the footpoint c on
+the level before) and behind a third (m . y <= h, the stock's wall). R is in CSR form.
 """
 
 import numpy as np
@@ -10,15 +10,18 @@ from numpy import ndarray
 
 from bonecam.kernels.fastmath import CONTRACT
 
-ALONE = 15
-PARALLEL = 1e-3  # of 1 - cos^2 between slab and wall: below this they are one direction
+BROKEN_SWEEPS = 15
+"""Most sweeps over the samples with broken limits alone after each sweep over all samples."""
+
+PARALLEL = 1e-3
+"""Least squared sine of the angle between slab and wall: below it the two count as parallel."""
 
 
 @njit(inline="always")
 def correction(d: float, low: float, high: float, e: float, g: float) -> tuple[float, float]:
-    """How far to go along n and along m to the nearest point of the slab behind the wall.
+    """How far to go along n and along m to the nearest point of the slab behind the wall, mm.
 
-    d is the height over the foot, e the distance outside the wall, g = n . m.
+    d is the height over the footpoint, e the distance outside the wall, g = n . m.
     """
     p = min(max(d, low), high) - d
     if e + p * g <= 0.0:
@@ -41,9 +44,9 @@ def sweep(
     """One iteration for samples that y has moved: z = the point of the limits nearest to (H + rho (x + y +
     u)) / (1 + rho), u += x + y - z, and y = W (z - u - x), whose moments the control points are fitted to.
 
-    Answers what is unsettled: the weighed sum of squares of how far z went and how far it is from x + y.
+    Returns the residual: the weighted sum of squares of how far z moved and how far it is from x + y.
     """
-    keep, share, unsettled = 1.0 - relaxation, 1.0 / (1.0 + rho), 0.0
+    keep, share, residual = 1.0 - relaxation, 1.0 / (1.0 + rho), 0.0
     for l in range(len(x)):
         e0, e1, e2, w = x[l, 0] + y[l, 0], x[l, 1] + y[l, 1], x[l, 2] + y[l, 2], weights[l]
         y0 = relaxation * e0 + keep * z[l, 0] + u[l, 0]
@@ -54,21 +57,22 @@ def sweep(
         d = n0 * (a0 - c[l, 0]) + n1 * (a1 - c[l, 1]) + n2 * (a2 - c[l, 2])
         p, q = correction(d, low[l], high[l], m0 * a0 + m1 * a1 + m2 * a2 - h[l], n0 * m0 + n1 * m1 + n2 * m2)
         a0, a1, a2 = a0 + p * n0 + q * m0, a1 + p * n1 + q * m1, a2 + p * n2 + q * m2
-        unsettled += w * ((e0 - a0) ** 2 + (e1 - a1) ** 2 + (e2 - a2) ** 2)
-        unsettled += w * ((z[l, 0] - a0) ** 2 + (z[l, 1] - a1) ** 2 + (z[l, 2] - a2) ** 2)
+        residual += w * ((e0 - a0) ** 2 + (e1 - a1) ** 2 + (e2 - a2) ** 2)
+        residual += w * ((z[l, 0] - a0) ** 2 + (z[l, 1] - a1) ** 2 + (z[l, 2] - a2) ** 2)
         y0, y1, y2 = y0 - a0, y1 - a1, y2 - a2
         z[l, 0], z[l, 1], z[l, 2], u[l, 0], u[l, 1], u[l, 2] = a0, a1, a2, y0, y1, y2
         y[l, 0], y[l, 1], y[l, 2] = w * (a0 - y0 - x[l, 0]), w * (a1 - y1 - x[l, 1]), w * (a2 - y2 - x[l, 2])
-    return unsettled
+    return residual
 
 
 @njit(inline="always")
-def _onto(
+def _sweep_onto(
     indptr: ndarray, indices: ndarray, data: ndarray, x: ndarray, D: ndarray, c: ndarray, n: ndarray, low: ndarray, high: ndarray,
     m: ndarray, h: ndarray, rows: ndarray, broken: ndarray, least: float,
 ) -> tuple[float, int]:  # fmt: skip
-    """Move D onto the limits of some samples, one after the other: how far the worst broke them, and how many
-    by more than `least`, which are listed in `broken` (may be `rows` itself)."""
+    """Move D onto the limits of the samples `rows`, one after the other (Kaczmarz). Returns how far the worst
+    broke them, mm, and how many did by more than `least`; those are listed in `broken` (may be `rows`
+    itself)."""
     worst, count = 0.0, 0
     for l in rows:
         y0, y1, y2, square = x[l, 0], x[l, 1], x[l, 2], 0.0
@@ -100,19 +104,21 @@ def project(
     indptr: ndarray, indices: ndarray, data: ndarray, x: ndarray, D: ndarray, c: ndarray, n: ndarray, low: ndarray, high: ndarray,
     m: ndarray, h: ndarray, sweeps: int, enough: float,
 ) -> None:  # fmt: skip
-    """Move D onto the limits of one sample after the other (Kaczmarz), until all hold to `enough` or for
-    `sweeps` rounds.
+    """Move D onto the limits of one sample after the other (Kaczmarz), until all hold to `enough` mm or for
+    `sweeps` sweeps over all samples.
 
-    After each round those that broke theirs, which are few, are gone through alone, until they hold or ALONE
-    times.
+    After each sweep the samples that broke their limits, which are few, are swept alone, until they hold or
+    BROKEN_SWEEPS times.
     """
     every, broken = np.arange(len(x)), np.empty(len(x), np.int64)
     for _ in range(sweeps):
-        worst, count = _onto(indptr, indices, data, x, D, c, n, low, high, m, h, every, broken, 0.01 * enough)
+        worst, count = _sweep_onto(
+            indptr, indices, data, x, D, c, n, low, high, m, h, every, broken, 0.01 * enough
+        )
         if worst < enough:
             break
-        for _ in range(ALONE):
-            worst, count = _onto(
+        for _ in range(BROKEN_SWEEPS):
+            worst, count = _sweep_onto(
                 indptr, indices, data, x, D, c, n, low, high, m, h, broken[:count], broken, 0.01 * enough
             )
             if worst < enough:

@@ -1,17 +1,19 @@
-"""Laying the moves read back from a program along the rows of the tool paths: which move reaches which row,
-and which lie between two rows."""
+"""Align the moves read back from a program with the rows of the tool paths: which move reaches which row, and
+which lie between two rows; compiled."""
 
 import numpy as np
 from numba import njit
 
-# between two rows the fraction of a move is told by its axis where that turns by more than a radian in this
-# many mm, else by its ball centre: with words of 0.001 mm and 0.001 deg both then tell it to within those
-# roundings
 AXIS_WEIGHT = 80.0
-# angles below this (rad) are interpolated on the straight line
+"""mm a radian: between two rows the fraction of a move is found from its tool axis where that turns by more
+than a radian in this length, else from its ball centre. Words of 0.001 mm and 0.001 degrees are about as
+exact there."""
+
 SMALL_ANGLE = 1e-9
-# a move between two rows may fall behind the one before by this fraction: the rounding of the words
+"""Angles below this (rad) are interpolated on the straight line."""
+
 FRACTION_ROUNDING = 1e-3
+"""A move between two rows may fall behind the one before by this fraction: the rounding of the words."""
 
 
 @njit(cache=True)

@@ -1,5 +1,5 @@
-"""The cheapest sequence of states along a chain (Viterbi 1967): it chooses rotary angles along a tool
-path."""
+"""The cheapest sequence of states along a chain (Viterbi 1967), compiled; rotary angles along a tool path are
+chosen by it."""
 
 import numpy as np
 from numba import njit

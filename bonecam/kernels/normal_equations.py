@@ -62,7 +62,7 @@ def width(starts: np.ndarray, columns: np.ndarray) -> int:
 
 
 @njit(cache=True, fastmath=CONTRACT)
-def add_weighed(
+def add_weighted(
     band: np.ndarray, starts: np.ndarray, columns: np.ndarray, values: np.ndarray, weights: np.ndarray
 ) -> None:
     """Add w_i v_ij v_ik to the band, for the rows i of a CSR matrix v; band[p, q - p] holds H[q, p] for q >=

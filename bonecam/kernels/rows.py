@@ -1,5 +1,5 @@
-"""Products of sparse matrices (CSR) and points (n, 3), compiled: a third of the time of scipy's, which take
-any number of columns.
+"""Products of sparse matrices (CSR) and points (n, 3), compiled: they take a third of the time of scipy's,
+which are for any number of columns.
 
 Indices are read as unsigned: with signed ones each access would test whether it counts from the end.
 """

@@ -1,5 +1,5 @@
-"""Distances of points from a given segment or triangle each, parameters inside a triangle, and the edges to
-cut where triangles are bisected; compiled."""
+"""Distances of points from one segment or triangle each, parameters inside a triangle, and the edges to cut
+where triangles are bisected; compiled."""
 
 import numpy as np
 from numba import njit
@@ -35,8 +35,8 @@ def segment_distances(points: ndarray, vertices: ndarray, edges: ndarray) -> nda
 
 @njit(cache=True)
 def triangle_distances(points: ndarray, vertices: ndarray, faces: ndarray) -> ndarray:
-    """Distance of points[n] from the triangle faces[n]: to its plane where the foot lies inside, else to its
-    nearest edge."""
+    """Distance of points[n] from the triangle faces[n]: to its plane where the footpoint lies inside, else to
+    its nearest edge."""
     result = np.zeros(len(faces))
     for n in range(len(faces)):
         a, b, c = faces[n, 0], faces[n, 1], faces[n, 2]

@@ -26,10 +26,11 @@ AXIS_MARGIN = np.radians(1.0)
 """Kept from the machine's tilt limit, radians: a turn of up to 30 degrees between two axes at the limit
 bulges past it by less."""
 LIMIT_GUARD = 1e-8
-"""A solution beyond a limit by less than this (rad) is at the limit: far below the last decimal of any word."""
+"""A solution beyond a limit by less than this (rad) is at the limit: far below the last decimal of any
+word."""
 
 
-def turn(
+def rotate(
     vectors: Float[ndarray, "n 3"], direction: Float[ndarray, "3"], angles: Float[ndarray, "n"]
 ) -> Float[ndarray, "n 3"]:
     """Rotate each vector by its angle (rad), right-handed about the unit direction (Rodrigues' formula)."""
@@ -42,18 +43,19 @@ def turn(
     )
 
 
-def _carried(points: ndarray, axis: RotaryAxis, angles: ndarray) -> ndarray:
+def _rotate_about(points: ndarray, axis: RotaryAxis, angles: ndarray) -> ndarray:
+    """The points (n, 3) rotated about a rotary axis through its pivot, each by its angle (rad)."""
     pivot = np.array(axis.pivot)
-    return pivot + turn(points - pivot, np.array(axis.direction), angles)
+    return pivot + rotate(points - pivot, np.array(axis.direction), angles)
 
 
 def tool_axes(machine: Machine, rotary: Float[ndarray, "n 2"]) -> Float[ndarray, "n 3"]:
     """Unit tool axes in the part's frame, tip to spindle, from the rotary joints (rad)."""
     axes = np.tile(UP, (len(rotary), 1))
     for axis in reversed(machine.tool_axes):
-        axes = turn(axes, np.array(axis.direction), rotary[:, machine.column(axis) - 3])
+        axes = rotate(axes, np.array(axis.direction), rotary[:, machine.column(axis) - 3])
     for axis in reversed(machine.part_axes):
-        axes = turn(axes, np.array(axis.direction), -rotary[:, machine.column(axis) - 3])
+        axes = rotate(axes, np.array(axis.direction), -rotary[:, machine.column(axis) - 3])
     return axes
 
 
@@ -64,7 +66,7 @@ def _head_offset(machine: Machine, rotary: ndarray, tool_length: float) -> ndarr
     """
     tip = np.tile(-tool_length * UP, (len(rotary), 1))
     for axis in reversed(machine.tool_axes):
-        tip = _carried(tip, axis, rotary[:, machine.column(axis) - 3])
+        tip = _rotate_about(tip, axis, rotary[:, machine.column(axis) - 3])
     return tip + tool_length * UP
 
 
@@ -75,7 +77,7 @@ def forward(
     rotary = joints[:, 3:]
     points = joints[:, :3] + _head_offset(machine, rotary, tool_length)
     for axis in reversed(machine.part_axes):
-        points = _carried(points, axis, -rotary[:, machine.column(axis) - 3])
+        points = _rotate_about(points, axis, -rotary[:, machine.column(axis) - 3])
     return points - np.array(machine.part_zero), tool_axes(machine, rotary)
 
 
@@ -85,7 +87,7 @@ def inverse_linear(
     """The joints that bring the tip to `tips` (part frame, mm) at the given rotary angles (rad)."""
     points = tips + np.array(machine.part_zero)
     for axis in machine.part_axes:
-        points = _carried(points, axis, rotary[:, machine.column(axis) - 3])
+        points = _rotate_about(points, axis, rotary[:, machine.column(axis) - 3])
     return np.column_stack([points - _head_offset(machine, rotary, tool_length), rotary])
 
 
@@ -100,6 +102,7 @@ def _subproblem(machine: Machine, axes: ndarray) -> tuple[RotaryAxis, RotaryAxis
 
 
 def _angle_about(direction: ndarray, start: ndarray, end: ndarray) -> ndarray:
+    """The angle (rad) about a unit direction that leads the part of `start` across it to that of `end`."""
     sine = np.cross(start, end) @ direction
     cosine = dots(start, end) - (start @ direction) * (end @ direction)
     return np.arctan2(sine, cosine)

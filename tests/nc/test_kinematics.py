@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bonecam.nc.kinematics import UP, forward, inverse_linear, inverse_rotary, tilt_limit, tool_axes, turn
+from bonecam.nc.kinematics import UP, forward, inverse_linear, inverse_rotary, rotate, tilt_limit, tool_axes
 from bonecam.nc.machine import machine_names, read_machine
 
 CHAIN_KINDS = ("table-table", "head-table", "head-head", "nutating")
@@ -82,6 +82,6 @@ def test_a_turn_keeps_lengths_and_is_undone_by_its_opposite(angle, vector, direc
     axis = np.array(direction) + 3.0 * UP
     axis /= np.linalg.norm(axis)
     start, angles = np.array([vector]), np.array([angle])
-    turned = turn(start, axis, angles)
+    turned = rotate(start, axis, angles)
     assert np.linalg.norm(turned) == pytest.approx(np.linalg.norm(start), abs=1e-12)
-    assert np.allclose(turn(turned, axis, -angles), start, atol=1e-12)
+    assert np.allclose(rotate(turned, axis, -angles), start, atol=1e-12)

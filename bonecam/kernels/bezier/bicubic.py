@@ -86,6 +86,7 @@ def _four(p: ndarray, d: int, a: Four) -> Four:
 
 @njit(inline="always")
 def _one(b: Four, r: Four) -> float:
+    """The sum of four values, each times its polynomial."""
     return b[0] * r[0] + b[1] * r[1] + b[2] * r[2] + b[3] * r[3]
 
 

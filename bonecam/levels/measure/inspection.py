@@ -1,4 +1,4 @@
-"""A sequence of levels as measured: measure and certify every cut, and tell which are out of tolerance.
+"""Inspect a sequence of levels: measure and certify every cut, and list those that are out of tolerance.
 
 `measure_level` and `measure_stock` measure one cut. `inspect` measures all cuts of a sequence on one grid;
 `inspect_again` measures some of them again when their levels have moved by microns, on the same grid.
@@ -30,14 +30,15 @@ from bonecam.setup.stock import Stock
 from bonecam.surface.tspline import TSpline
 from bonecam.threads import cores
 
-MOST_DOUBTED = 100
-"""So many places of a level that its certificate doubts are watched at most when the level is solved again."""
+MAX_DOUBTED_PLACES = 100
+"""Most places of a level at which its certificate leaves depth in doubt that become samples when the level is
+solved again."""
 
 
 @dataclass(frozen=True, eq=False)
 class Rules:
-    """What levels are measured against: the stock, the depths of the cuts, how far (mm) a level may lie outside
-    the next one and leave the stock, and the chord tolerance of their tessellations, mm."""
+    """What levels are measured against: the stock, the depths of the cuts, how far (mm) a level may lie
+    outside the next one and leave the stock, and the chord tolerance of their tessellations, mm."""
 
     stock: Stock
     schedule: Schedule
@@ -102,7 +103,8 @@ def excess(level: Level) -> float:
 
 
 def excess_bound(level: Level) -> float:
-    """A bound of the same at every place of the cut where there is a certificate; else the measured excess."""
+    """An upper bound (mm) of by how much any place of a cut breaks depth, nesting or stock, from its
+    certificate; the measured excess where there is none."""
     bounds = level.certificate
     if bounds is None:
         return excess(level)
@@ -110,8 +112,8 @@ def excess_bound(level: Level) -> float:
 
 
 def trouble(levels: Iterable[Level], *, doubts: bool) -> tuple[int, float]:
-    """How many faces of these levels cut others, and the largest excess, mm; with `doubts` the largest bound of
-    the excess."""
+    """How many faces of these levels cut others, and the largest excess, mm; with `doubts` the largest of its
+    bounds instead."""
     some = list(levels)
     crossing = sum(level.measures.self_intersections for level in some)
     return crossing, max((excess_bound if doubts else excess)(level) for level in some)
@@ -171,7 +173,7 @@ def with_cuts_of(inspection: Inspection, other: Inspection, cuts: Collection[int
 
 
 def measure_part(part: MeasuredSurface) -> PartLevel:
-    """Level 0."""
+    """The part as level 0, with the faces of its tessellation that cut others."""
     crossing_faces = self_intersections(part.mesh)
     return PartLevel(part.surface, part.mesh, replace(NO_CUT, crossing_faces=crossing_faces))
 
@@ -186,7 +188,7 @@ def measure_level(k: int, inner: MeasuredSurface, outer: MeasuredSurface, rules:
         return level
 
     proof = certify_cut(inner.surface, outer.surface, stock, limit)
-    doubted = proof.too_deep[:MOST_DOUBTED]
+    doubted = proof.too_deep[:MAX_DOUBTED_PLACES]
     if proof.nesting < -NESTING_TOLERANCE:
         nearest = outer.surface.project(proof.nesting_place[None]).parameters
         doubted = np.vstack([doubted, nearest])
@@ -194,8 +196,8 @@ def measure_level(k: int, inner: MeasuredSurface, outer: MeasuredSurface, rules:
 
 
 def measure_stock(k: int, inner: MeasuredSurface, rules: Rules) -> StockLevel:
-    """The stock as level k, the last, with its cut down to level k - 1 (`inner`) measured, and certified where
-    that is possible."""
+    """The stock as level k, the last, with its cut down to level k - 1 (`inner`) measured, and certified
+    where that is possible."""
     stock, limit = rules.stock, rules.schedule.limit(k)
     mesh = stock.mesh(rules.chord_tolerance)
     measures = measure_last_cut(inner, mesh, stock, limit)

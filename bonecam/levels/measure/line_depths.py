@@ -13,7 +13,11 @@ from bonecam.mesh.distance import MeshDistance, exact_closest
 from bonecam.setup.stock import Stock
 from bonecam.surface.tspline import TSpline
 
-LINE, POINTS = 0.7, 1000
+LINE = 0.7
+"""Parameter s of the line along which depths are drawn."""
+
+POINTS = 1000
+"""Points on the line."""
 
 
 def step_depths(levels: Sequence[Level]) -> list[Float[ndarray, " n"]]:

@@ -1,4 +1,4 @@
-"""Measure one cut: sample both of its levels and find depths, nesting and what leaves the stock.
+"""Measure one cut: sample both of its levels and find depths, nesting and how far it leaves the stock.
 
 All points are measured by few Newton steps from the parameters of the same place on the other level, which
 finds distances that are true or too large. Only points that look too deep or not nested are measured again,
@@ -24,7 +24,7 @@ def measure_cut(inner: MeasuredSurface, outer: MeasuredSurface, stock: Stock, li
 
     nesting = -outer.signed_distances_near(inner.points, inner.parameters)
     behind = np.flatnonzero(nesting < 0)
-    fallen, feet_behind = outer.closest(inner.points[behind], inner.parameters[behind])
+    fallen, footpoints_behind = outer.closest(inner.points[behind], inner.parameters[behind])
     nesting[behind] = -fallen
     deep = np.flatnonzero(nesting > limit)
     nesting[deep] = -outer.closest(inner.points[deep], inner.parameters[deep])[0]
@@ -35,7 +35,7 @@ def measure_cut(inner: MeasuredSurface, outer: MeasuredSurface, stock: Stock, li
         [
             outer.parameters[too_far],
             inner.parameters[nesting > limit + DEPTH_TOLERANCE / 2],
-            feet_behind[fallen > NESTING_TOLERANCE / 2],
+            footpoints_behind[fallen > NESTING_TOLERANCE / 2],
             outer.grid.parameters[np.unique(outer.mesh.faces[crossing_faces])],
         ]
     )
@@ -45,7 +45,8 @@ def measure_cut(inner: MeasuredSurface, outer: MeasuredSurface, stock: Stock, li
 
 
 def measure_last_cut(inner: MeasuredSurface, mesh: TriangleMesh, stock: Stock, limit: float) -> Measures:
-    """The cut from the stock, tessellated as `mesh`, down to the last level below it; `limit` is its depth, mm.
+    """The cut from the stock, tessellated as `mesh`, down to the last level below it; `limit` is its depth,
+    mm.
 
     No part of it counts as cut at full depth: nothing is left above the stock.
     """

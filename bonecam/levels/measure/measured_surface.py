@@ -21,14 +21,16 @@ from bonecam.surface.query.closest_point import closest_points_near
 from bonecam.surface.tspline import TSpline
 
 STEPS = 3
-"""Newton steps from parameters that are near the footpoint already: those of the same place on the next level."""
+"""Newton steps from parameters that are near the footpoint already: those of the same place on the next
+level."""
 CLOSEST_STEPS = 20
 """Newton steps where the distance decides whether a level passes."""
 UNSURE = 0.1
-"""mm: the side of points that are farther off is decided by rays, not by the normal at the footpoint."""
+"""mm: rays decide on which side of the surface points lie that are farther off; the normal at the footpoint
+where they are nearer."""
 UNSURE_CHORDS = 2.0
-"""... if they are also so many chord tolerances off, so that the mesh lies on the same side of them as the
-surface."""
+"""Rays decide it only for points that are also more than so many chord tolerances off: then they lie on the
+same side of the mesh as of the surface."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,14 +63,15 @@ class MeasuredSurface:
     def distances_near(
         self, points: Float[ndarray, "n 3"], parameters: Float[ndarray, "n 2"]
     ) -> Float[ndarray, " n"]:
-        """Distances (mm) of points from the footpoints that few Newton steps find from these parameters; never
-        less than the true ones."""
+        """Distances (mm) of points from the footpoints that few Newton steps find from these parameters;
+        never less than the true ones."""
         return np.abs(self._newton(points, parameters, STEPS)[0])
 
     def signed_distances_near(
         self, points: Float[ndarray, "n 3"], parameters: Float[ndarray, "n 2"]
     ) -> Float[ndarray, " n"]:
-        """As `distances_near`, negative inside the surface."""
+        """Signed distances (mm, negative inside) of points from the footpoints that few Newton steps find
+        from these parameters; never nearer than the true ones."""
         return self._with_sides(points, self._newton(points, parameters, STEPS)[0])
 
     def closest(
@@ -94,7 +97,8 @@ class MeasuredSurface:
         return signed, np.column_stack([s, t])
 
     def _newton_from_mesh(self, points: ndarray) -> tuple[ndarray, ndarray]:
-        """As `_newton`, from the nearest corner of the nearest face of the mesh."""
+        """Distances and parameters as `_newton` finds them from the nearest corner of the nearest face of the
+        mesh."""
         nearest, face = self.mesh_distance.closest(points)
         corners = self.grid.faces[face]
         away = np.linalg.norm(self.mesh.vertices[corners] - nearest[:, None], axis=2)

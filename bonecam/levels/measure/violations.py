@@ -10,7 +10,7 @@ from bonecam.levels.problem.tolerances import DEPTH_TOLERANCE, NESTING_TOLERANCE
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 PATCH = 2.0
-"""mm: the faces so near to the place of a violation are kept with its error."""
+"""The faces within this distance (mm) of a violation are kept with its error, so that it can be looked at."""
 REMEDY = "give a higher stiffness or more control points there"
 
 Violation = tuple[str, Float[ndarray, "3"]]
@@ -37,8 +37,8 @@ def violations(
             found.append((f"is {depth:.4f} mm deep, more than {limit} mm,", place))
 
     if measures.nesting_min < -nesting_tolerance:
-        told = f"falls {-measures.nesting_min:.4f} mm behind the level before"
-        found.append((told, measures.nesting_place))
+        what = f"falls {-measures.nesting_min:.4f} mm behind the level before"
+        found.append((what, measures.nesting_place))
 
     if measures.outside > stock_tolerance:
         found.append((f"leaves the stock by {measures.outside:.4f} mm", measures.outside_place))
@@ -51,8 +51,8 @@ def violations(
 
 
 def require_none(index: int, found: list[Violation], mesh: TriangleMesh, remedy: str = REMEDY) -> None:
-    """Raise LevelError for the first violation of level `index`, with its place and the patch of the mesh round
-    it; without violations nothing is raised."""
+    """Raise LevelError for the first violation of level `index`, with its place and the patch of the mesh
+    round it; without violations nothing is raised."""
     if found:
         trouble, place = found[0]
         raise LevelError(
@@ -64,7 +64,8 @@ def require_none(index: int, found: list[Violation], mesh: TriangleMesh, remedy:
 
 
 def patch_of(mesh: TriangleMesh, place: Float[ndarray, "3"]) -> TriangleMesh:
-    """The faces of a mesh within PATCH mm of a place (at least the nearest one), without the other vertices."""
+    """The faces of a mesh within PATCH mm of a place (at least the nearest one), without the other
+    vertices."""
     distance = np.linalg.norm(mesh.vertices[mesh.faces] - place, axis=2).min(1)
     faces = mesh.faces[distance <= max(PATCH, float(distance.min()))]
     kept, faces = np.unique(faces, return_inverse=True)

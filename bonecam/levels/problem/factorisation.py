@@ -39,7 +39,7 @@ def factorise(
     band = np.zeros((matrix.shape[0], diagonals))
     band[entries.col[lower_half], below[lower_half]] = entries.data[lower_half]
     if R is not None:
-        kernel.add_weighed(band, R.indptr, R.indices, R.data, weights)
+        kernel.add_weighted(band, R.indptr, R.indices, R.data, weights)
 
     lower, failed = dpbtrf(band.T, lower=True, overwrite_ab=True)
     if failed:

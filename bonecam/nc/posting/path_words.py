@@ -1,4 +1,5 @@
-"""One tool path in the words of one control: split, rounded, timed, and checked against the axis limits."""
+"""Post one tool path: its words for one control, split into moves, rounded, timed, checked against the limits
+of the axes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -30,8 +31,8 @@ class Posted:
     `runs` are the ranges of rows (first, end) between two retracts.
 
     `approaches` (r, 5) are the words from which each run is approached along the tool axis, above everything
-    machined. `minutes` (n,) is the time of the move that arrives at each row (where a run begins: of turning
-    the rotary axes there).
+    machined. `minutes` (n,) is the time of the move that arrives at each row; where a run begins, the time in
+    which the rotary axes get there.
     """
 
     path: ToolPath
@@ -87,7 +88,9 @@ def post_path(
         + np.maximum(lift, APPROACH_HEIGHT)[:, None] * control.poses(np.radians(words[starts]))[1]
     )
     approaches = round_words(dialect, control, above, angles[starts])
-    return Posted(path, control, moves, words, runs, approaches, _minutes(control, moves, words, starts, job))
+    return Posted(
+        path, control, moves, words, runs, approaches, _move_minutes(control, moves, words, starts, job)
+    )
 
 
 def _path_tolerance(job: PathJob) -> float:
@@ -100,9 +103,9 @@ def round_words(
     dialect: Dialect, control: Control, tips: Float[ndarray, "n 3"], angles: Float[ndarray, "n 2"]
 ) -> Float[ndarray, "n 5"]:
     """Words (mm, deg) as written: angles are rounded first, and the linear words fit the rounded angles."""
-    turned = dialect.numbers["angle"].rounded(np.degrees(angles))
-    linear = dialect.numbers["length"].rounded(control.words(tips, np.radians(turned))[:, :3])
-    return np.column_stack([linear, turned])
+    rounded_angles = dialect.numbers["angle"].rounded(np.degrees(angles))
+    linear = dialect.numbers["length"].rounded(control.words(tips, np.radians(rounded_angles))[:, :3])
+    return np.column_stack([linear, rounded_angles])
 
 
 def joints_of(posted: Posted, words: Float[ndarray, "n 5"]) -> Float[ndarray, "n 5"]:
@@ -114,9 +117,10 @@ def joints_of(posted: Posted, words: Float[ndarray, "n 5"]) -> Float[ndarray, "n
     return inverse_linear(posted.control.machine, tips, radians[:, 3:], posted.control.tool_length)
 
 
-def _minutes(
+def _move_minutes(
     control: Control, moves: Moves, words: ndarray, starts: ndarray, job: Job
 ) -> Float[ndarray, "n"]:
+    """Minutes of the move that arrives at each row: at its feed, or as long as its slowest axis takes."""
     machine = control.machine
     joints = inverse_linear(machine, moves.tips, np.radians(words[:, 3:]), control.tool_length)
     speeds = np.array([axis.speed for axis in machine.linear] + [axis.speed for axis in machine.rotary])
@@ -124,8 +128,8 @@ def _minutes(
     length = np.linalg.norm(np.diff(moves.tips, axis=0), axis=1)
     feed = np.where(moves.kinds[1:] == Kind.RAPID, job.nc.rapid_feed, moves.feed_rates[1:])
     minutes = np.r_[0.0, np.maximum(slowest, length / feed)]
-    turns = np.abs(np.diff(words[:, 3:], axis=0, prepend=words[:1, 3:])) / np.degrees(speeds[3:])
-    minutes[starts] = turns[starts].max(1)
+    rotary = np.abs(np.diff(words[:, 3:], axis=0, prepend=words[:1, 3:])) / np.degrees(speeds[3:])
+    minutes[starts] = rotary[starts].max(1)
     return minutes
 
 
@@ -140,7 +144,8 @@ def check_travel(machine: Machine, paths: Sequence[Posted]) -> None:
                 posted.control.tool_length if axis.letter == "Z" else 0.0
             )
             _check_limits(axis.letter, axis.limits, nose, posted, machine)
-            low, high = min(low, float(nose.min())), max(high, float(nose.max()))
+            low = min(low, float(nose.min()))
+            high = max(high, float(nose.max()))
             if high - low > axis.travel:
                 raise MachineError(
                     f"level {posted.path.level}: {axis.letter} runs over {high - low:.1f} mm, travel {axis.travel:.1f} mm "
@@ -155,6 +160,7 @@ def check_travel(machine: Machine, paths: Sequence[Posted]) -> None:
 def _check_limits(
     letter: str, limits: tuple[float, float], nose: ndarray, posted: Posted, machine: Machine
 ) -> None:
+    """MachineError where the spindle nose (mm along one axis) leaves the limits of the axis."""
     for value, limit, off in (
         (nose.min(), limits[0], nose.min() < limits[0]),
         (nose.max(), limits[1], nose.max() > limits[1]),

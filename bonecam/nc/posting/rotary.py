@@ -22,11 +22,13 @@ from bonecam.toolpath.path import Kind
 
 FULL_TURN = 2 * np.pi
 REWIND_COST = 100 * FULL_TURN
-"""The cost of a rewind in rotary travel (rad): more than the travel that any rewind saves."""
+"""The cost of a rewind, as rotary travel in rad: so large that the fewest rewinds come first, and the least
+travel second."""
 MAX_TURNS = 4
-"""An axis with limits further apart than this many turns is taken without whole turns to choose from."""
-SMALL_TURN = 0.5
-"""Turn (rad) below which the bound T^2 / 8 of `_follows` is used."""
+"""An axis whose limits are more than this many turns apart keeps the turn it is in: the states of the dynamic
+program grow with the number of turns."""
+SMALL_ROTATION = 0.5
+"""Rotation (rad) below which the bound T^2 / 8 of `_stays_near` is used."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +59,7 @@ def choose_angles(
     rewinds = np.zeros(len(axes), dtype=bool)
     if len(fixed):
         states = _states(machine, found[fixed])
-        angles[fixed], rewinds[fixed] = _travel(machine, states, axes, kinds, fixed)
+        angles[fixed], rewinds[fixed] = _least_travel(machine, states, axes, kinds, fixed)
     held = np.flatnonzero(free.any(1))
     if len(held):
         angles[held] = _first_within_limits(machine, found[held])
@@ -73,6 +75,7 @@ def choose_angles(
 
 
 def _check_reach(machine: Machine, found: ndarray) -> None:
+    """MachineError for the first row with no solution within the limits of the rotary axes."""
     reached = within_limits(machine, found).any(1)
     if reached.all():
         return
@@ -107,7 +110,8 @@ def _first_within_limits(machine: Machine, found: ndarray) -> ndarray:
     return np.take_along_axis(found, first[:, None, None], axis=1)[:, 0]
 
 
-def _turns(machine: Machine, column: int) -> ndarray:
+def _whole_turns(machine: Machine, column: int) -> ndarray:
+    """The whole turns (rad) that may be added to the solutions of a rotary axis within its limits."""
     low, high = machine.rotary[column].limits
     if machine.rotary[column].endless or high - low > MAX_TURNS * FULL_TURN:
         return np.zeros(1)
@@ -119,8 +123,8 @@ def _states(machine: Machine, found: ndarray) -> ndarray:
 
     States that no row can use are left out.
     """
-    first = _turns(machine, 0)
-    second = _turns(machine, 1)
+    first = _whole_turns(machine, 0)
+    second = _whole_turns(machine, 1)
     shifts = np.array([[a, b] for a in first for b in second])
     states = (found[:, :, None, :] + shifts).reshape(len(found), -1, 2)
     for column, axis in enumerate(machine.rotary):
@@ -133,7 +137,7 @@ def _states(machine: Machine, found: ndarray) -> ndarray:
 
 
 def _changes(machine: Machine, start: ndarray, end: ndarray) -> ndarray:
-    """The signed turn (rad) of both joints between two states; the short way where a joint is endless."""
+    """The signed rotation (rad) of both joints between two states; the short way where a joint is endless."""
     change = end - start
     for column, axis in enumerate(machine.rotary):
         if axis.endless:
@@ -141,18 +145,19 @@ def _changes(machine: Machine, start: ndarray, end: ndarray) -> ndarray:
     return change
 
 
-def _follows(
+def _stays_near(
     machine: Machine, start: ndarray, change: ndarray, before: ndarray, after: ndarray
 ) -> Bool[ndarray, "n"]:
-    """Whether the tool axis at half of a linear turn is near the great circle from `before` to `after`.
+    """Whether the tool axis halfway, with both joints running linearly from `start` by `change`, stays near
+    the great circle between the tool axes `before` and `after`.
 
-    A turn by T (rad, the sum of both joints) leaves the middle by at most T^2 / 8, which settles most moves.
-    False where a state is NaN.
+    A rotation by T (rad, the sum of both joints) leads the axis halfway off by at most T^2 / 8, which settles
+    most moves. False where a state is NaN.
     """
-    turn = np.abs(change).sum(1)
+    rotation = np.abs(change).sum(1)
     chord = lengths(after - before)
-    near = (turn < SMALL_TURN) & (turn**2 / 8 <= 0.7 * chord)
-    ask = np.flatnonzero(~near & np.isfinite(turn))
+    near = (rotation < SMALL_ROTATION) & (rotation**2 / 8 <= 0.7 * chord)
+    ask = np.flatnonzero(~near & np.isfinite(rotation))
     middle = tool_axes(machine, start[ask] + change[ask] / 2)
     before = before[ask]
     after = after[ask]
@@ -165,9 +170,12 @@ def _follows(
     return np.asarray(near)
 
 
-def _travel(
+def _least_travel(
     machine: Machine, states: ndarray, axes: ndarray, kinds: ndarray, fixed: ndarray
 ) -> tuple[Float[ndarray, "m 2"], Bool[ndarray, "m"]]:
+    """The angles (rad) of the rows `fixed` with the least rotary travel, by dynamic programming over their
+    `states`; and which of these rows a rewind leads to. MachineError where no sequence stays within the
+    limits."""
     count, k = states.shape[:2]
     steps = np.full((count - 1, k, k), np.inf)
     jumps = np.zeros((count - 1, k, k), dtype=bool)
@@ -178,7 +186,7 @@ def _travel(
             start = states[:-1, a]
             end = states[1:, b]
             change = _changes(machine, start, end)
-            good = gap | _follows(machine, start, change, axes[fixed[:-1]], axes[fixed[1:]])
+            good = gap | _stays_near(machine, start, change, axes[fixed[:-1]], axes[fixed[1:]])
             cost = np.abs(change).sum(1) + np.where(good, 0.0, np.where(rapid, REWIND_COST, np.inf))
             steps[:, a, b] = np.where(np.isnan(cost), np.inf, cost)
             jumps[:, a, b] = ~good

@@ -24,12 +24,12 @@ MAX_ROUNDS = 40
 MAX_MOVE = 1.0
 """The longest feed move without tool-centre control, mm."""
 MAX_TURN = np.radians(9.99)
-"""The largest turn of a joint in a feed move, rad: 10 degrees less the rounding of the words."""
+"""The largest rotation of a joint in a feed move, rad: 10 degrees less the rounding of the words."""
 MAX_RAPID_TURN = np.pi / 2
-"""The largest turn of a joint in a rapid, and in a feed move through the pole, rad."""
+"""The largest rotation of a joint in a rapid, and in a feed move through the pole, rad."""
 POLE_PASS = np.radians(0.01)
-"""A feed move whose tool axis turns by less (rad) passes the pole itself, where splits do not lessen the
-turn."""
+"""A feed move whose tool axis turns by less (rad) while a joint rotates passes the pole itself, where splits
+do not lessen the rotation."""
 RAPID_FACTOR = 20.0
 """Rapids may leave the path by this many times the tolerance of feed moves."""
 AXIS_TOLERANCE = np.radians(1.0)
@@ -77,7 +77,7 @@ def split_moves(
             return Moves(
                 kinds, tips, axes, choice.angles, np.asarray(path.feed_rates)[rows], rows, choice.rewinds
             )
-        earlier, fractions, after = _spread(pieces)
+        earlier, fractions, after = _new_rows(pieces)
         tips, axes = between(tips, axes, control.radius, earlier, fractions)
         kinds = kinds[after]
         rows = rows[after]
@@ -118,7 +118,7 @@ def between(
     return meant, turned
 
 
-def _spread(pieces: ndarray) -> tuple[ndarray, ndarray, ndarray]:
+def _new_rows(pieces: ndarray) -> tuple[ndarray, ndarray, ndarray]:
     """For each new row: the old row before it, its fraction of the move, and the old row at the end of the
     move."""
     move = np.repeat(np.arange(len(pieces)), pieces)
@@ -139,25 +139,29 @@ def _pieces(
     worst = np.zeros(len(words) - 1)
     starts = tips[:-1] + control.radius * axes[:-1]
     ends = tips[1:] + control.radius * axes[1:]
-    middle = _bisected(axes[:-1], axes[1:])
-    quarters = (0.25, _bisected(axes[:-1], middle)), (0.5, middle), (0.75, _bisected(middle, axes[1:]))
+    middle = _axis_halfway(axes[:-1], axes[1:])
+    quarters = (
+        (0.25, _axis_halfway(axes[:-1], middle)),
+        (0.5, middle),
+        (0.75, _axis_halfway(middle, axes[1:])),
+    )
     for fraction, turned in quarters:
         tip, axis = control.between(words[:-1], words[1:], fraction)
-        leant = axis - turned
+        tilted = axis - turned
         centre = tip + control.radius * axis - (1 - fraction) * starts - fraction * ends
-        off = np.maximum(lengths(centre), lengths(centre - control.radius * leant))
-        worst = np.maximum(worst, np.maximum(off / allowed, lengths(leant) / AXIS_TOLERANCE))
+        off = np.maximum(lengths(centre), lengths(centre - control.radius * tilted))
+        worst = np.maximum(worst, np.maximum(off / allowed, lengths(tilted) / AXIS_TOLERANCE))
     pieces = np.where(worst > 1, np.ceil(np.sqrt(1.1 * np.minimum(worst, 1e4))), 1)
     at_pole = lengths(np.diff(axes, axis=0)) < POLE_PASS
-    turn = np.abs(np.diff(angles, axis=0)).max(1) / np.where(rapid | at_pole, MAX_RAPID_TURN, MAX_TURN)
-    pieces = np.maximum(pieces, np.ceil(turn - 1e-9))
+    rotation = np.abs(np.diff(angles, axis=0)).max(1) / np.where(rapid | at_pole, MAX_RAPID_TURN, MAX_TURN)
+    pieces = np.maximum(pieces, np.ceil(rotation - 1e-9))
     if not control.tool_centre:
         length = lengths(np.diff(tips, axis=0))
         pieces = np.maximum(pieces, np.where(rapid, 1, np.ceil(length / MAX_MOVE - 1e-9)))
     return np.maximum(pieces, 1).astype(np.int64)
 
 
-def _bisected(a: Float[ndarray, "n 3"], b: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+def _axis_halfway(a: Float[ndarray, "n 3"], b: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
     """The unit vector halfway on the great circle; zero between opposite axes."""
     middle = a + b
     return middle / np.maximum(lengths(middle), np.finfo(float).tiny)[:, None]

@@ -16,15 +16,16 @@ from bonecam.job import Job
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.machine import Machine
 from bonecam.nc.posting.block_numbers import number_blocks
+from bonecam.nc.posting.header import comment, header_lines
 from bonecam.nc.posting.path_words import APPROACH_HEIGHT, Posted, check_travel, joints_of, post_path
 from bonecam.nc.program import Program
-from bonecam.nc.words import plain_text, wrapped
+from bonecam.nc.words import wrapped
 from bonecam.progress import Progress, report, silent
-from bonecam.toolpath.cutter import Cutter
 from bonecam.toolpath.path import Kind, ToolPath
 
 TOLERANCE_FACTOR = 1.3
-"""The control's contour tolerance as a multiple of the chord tolerance of the path."""
+"""The control's contour tolerance as a multiple of the chord tolerance of the path: a control smooths best
+between 1.1 and 2 of it (Heidenhain, iTNC 530 cycle programming, section 12.5 on cycle 32)."""
 
 
 def write_program(
@@ -56,12 +57,12 @@ def write_program(
         posted.append(post_path(path, machine, dialect, job, around, before))
     check_travel(machine, posted)
     bounds = np.array([around.min(0), around.max(0)]) if stock_bounds is None else stock_bounds
-    writer = _Writer(machine, dialect, job, name.upper(), posted)
+    writer = ProgramWriter(machine, dialect, job, name.upper(), posted)
     return writer.program(bounds, comments)
 
 
-class _Writer:
-    """Writes the blocks of one program; used for one program."""
+class ProgramWriter:
+    """Writes the blocks of one program from its posted paths; `moves` counts those written so far."""
 
     def __init__(
         self, machine: Machine, dialect: Dialect, job: Job, name: str, posted: Sequence[Posted]
@@ -79,7 +80,8 @@ class _Writer:
         self.moves = 0
 
     def program(self, bounds: ndarray, comments: Sequence[str]) -> Program:
-        lines = self._header(bounds, comments)
+        """The whole program; `bounds` (mm) is the blank in the control's simulation."""
+        lines = header_lines(self.machine, self.dialect, self.job, self.name, self.posted, bounds, comments)
         tool = None
         for posted in self.posted:
             cutter = posted.path.cutter
@@ -92,18 +94,21 @@ class _Writer:
                     retract=self.retract,
                 )
                 tool = cutter.number
-            lines += [self._comment(f"level {posted.path.level}"), *self._level(posted)]
+            lines += [comment(f"level {posted.path.level}", self.dialect), *self._level(posted)]
             for run, approach in zip(posted.runs, posted.approaches, strict=True):
                 lines += self._run(posted, run, approach)
         lines += self.dialect.lines("tool_end") + self.dialect.lines("footer", name=self.name)
-        return self._finished(lines)
+        return self._finish(lines)
 
-    def _finished(self, lines: list[str]) -> Program:
+    def _finish(self, lines: list[str]) -> Program:
+        """The program of these blocks, numbered, with its counts and its time."""
         text, blocks = number_blocks(lines, self.dialect)
         feeds = [posted.moves.kinds != Kind.RAPID for posted in self.posted]
-        turns = [np.abs(np.diff(p.words[:, 3:], axis=0, prepend=p.words[:1, 3:])).max(1) for p in self.posted]
-        for posted, turn in zip(self.posted, turns, strict=True):
-            turn[[run[0] for run in posted.runs]] = 0.0
+        rotations = [
+            np.abs(np.diff(p.words[:, 3:], axis=0, prepend=p.words[:1, 3:])).max(1) for p in self.posted
+        ]
+        for posted, rotation in zip(self.posted, rotations, strict=True):
+            rotation[[run[0] for run in posted.runs]] = 0.0
         return Program(
             text=text,
             name=self.name,
@@ -117,47 +122,25 @@ class _Writer:
             tools=tuple(dict.fromkeys(posted.path.cutter.number for posted in self.posted)),
             time_min=float(sum(posted.minutes.sum() for posted in self.posted)),
             rotary_max_deg_per_block=max(
-                float(t[f].max(initial=0.0)) for t, f in zip(turns, feeds, strict=True)
+                float(r[f].max(initial=0.0)) for r, f in zip(rotations, feeds, strict=True)
             ),
         )
 
-    def _comment(self, text: str) -> str:
-        return self.dialect.comment.format(text=plain_text(text, self.dialect.comment_characters))
-
-    def _header(self, bounds: ndarray, comments: Sequence[str]) -> list[str]:
-        corners = dict(
-            zip(
-                "low_x low_y low_z high_x high_y high_z".split(),
-                map(self.length.text, bounds.ravel()),
-                strict=True,
-            )
-        )
-        point = "BALL CENTRE" if self.posted[0].control.programs_centre else "TOOL TIP"
-        where = "IN THE PART" if self.dialect.tool_centre else "IN MACHINE COORDINATES"
-        texts = [
-            f"machine {self.machine.title}",
-            f"control {self.dialect.title}",
-            f"programmed point: {point} {where}",
-        ]
-        texts += ["program zero: on the table, on the axis of the part", *comments]
-        cutters = {posted.path.cutter.number: posted for posted in self.posted}
-        texts += [tool_text(posted.path.cutter, posted.control.tool_length) for posted in cutters.values()]
-        tolerance = self.length.text(self.job.path.chord_tolerance / 2)
-        marked = "\n".join(self._comment(text) for text in texts)
-        return self.dialect.lines("header", name=self.name, comments=marked, tolerance=tolerance, **corners)
-
     def _level(self, posted: Posted) -> list[str]:
+        """The blocks that begin a level: its contour tolerance and whether it is roughed."""
         tolerance = self.length.text(TOLERANCE_FACTOR * self.job.path.chord_tolerance)
         return self.dialect.lines(
             "level", tolerance=tolerance, hsc_mode=int(not self.job.is_finishing(posted.path.level))
         )
 
     def _moving(self, template: str, **fields: object) -> list[str]:
+        """The blocks of a template, whose moves are counted."""
         lines = self.dialect.lines(template, **fields)
         self.moves += sum(line.startswith(("L ", "G0 ")) for line in lines)
         return lines
 
     def _run(self, posted: Posted, run: tuple[int, int], approach: ndarray) -> list[str]:
+        """The blocks of one run: turn the rotary axes, approach along the tool axis, machine, retract."""
         words = _words(self.machine.letters, approach, self)
         rotary = " ".join(words[3:])
         linear = " ".join(words[:3])
@@ -175,6 +158,7 @@ class _Writer:
         return lines + self.off + self._moving("retract", retract=self.retract)
 
     def _rows(self, posted: Posted, run: tuple[int, int]) -> list[str]:
+        """The blocks of the moves of one run, one a row of its words."""
         rows = slice(*run)
         kinds = posted.moves.kinds[rows]
         words = self._written(posted.words[rows])
@@ -197,17 +181,20 @@ class _Writer:
         ]
 
     def _rates(self, posted: Posted, rows: slice) -> Float[ndarray, "n"]:
+        """The feed of each move as the dialect writes it: mm/min, or 1/min (inverse time)."""
         moves = posted.moves
         if self.dialect.feed_mode == "per-minute":
             return moves.feed_rates[rows]
         length = np.linalg.norm(np.diff(moves.tips[rows], axis=0, prepend=moves.tips[rows][:1]), axis=1)
         with np.errstate(divide="ignore"):
             by_length = moves.feed_rates[rows] / length
-            # a turn on the spot has no length: it takes what the rotary axes need
+            # a rotation on the spot has no length: it takes what the rotary axes need
             by_axes = 1 / posted.minutes[rows]
         return np.where(length > self.length.step, by_length, np.minimum(by_length, by_axes))
 
     def _written(self, words: Float[ndarray, "n 5"]) -> Float[ndarray, "n 5"]:
+        """The words (mm, deg) as numbers of the text: endless axes wrapped where the dialect does, no
+        negative zero."""
         written = words.copy()
         for column, axis in enumerate(self.machine.rotary, start=3):
             if axis.endless and self.dialect.endless_words == "wrapped":
@@ -233,12 +220,8 @@ class _Writer:
         return float(np.ceil(max(max(heights), pivot[2] + max(reach)) + APPROACH_HEIGHT))
 
 
-def tool_text(cutter: Cutter, tool_length: float) -> str:
-    """The comment of the header that describes a cutter, mm; `reading.modal_state` reads it."""
-    return f"TOOL {cutter.number} BALL RADIUS {cutter.radius:.4f} LENGTH {tool_length:.4f}"
-
-
-def _words(letters: str, values: ndarray, writer: _Writer) -> list[str]:
+def _words(letters: str, values: ndarray, writer: ProgramWriter) -> list[str]:
+    """The words of one position (mm, deg), each with its letter."""
     row = writer._written(values[None, :])[0]
     return [
         f"{letter}{(writer.length if i < 3 else writer.angle).spec % value}"

@@ -18,7 +18,7 @@ from bonecam.nc.reading.full_moves import Blocks, full_move, read_full_moves, un
 from bonecam.nc.reading.motions import Motions, Tool
 
 TOOL_COMMENT = re.compile(r"\s*TOOL (\d+) BALL RADIUS (\d+\.\d+) LENGTH (\d+\.\d+)\s*")
-"""The comment of the header that describes a cutter, as `posting.write.tool_text` writes it; mm."""
+"""The comment of the header that describes a cutter, as `posting.header.tool_text` writes it; mm."""
 AMBIGUOUS_TURN_DEG = 179.0
 """A wrapped word that turns an endless axis by more than this is refused: by half a turn, either way is
 short."""
