@@ -7,15 +7,13 @@ version. A run that was killed resumes: a mesh whose NAME.json carries today's f
 import hashlib
 import json
 import multiprocessing
-import os
-import signal
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
-from threading import Thread
 
 import bonecam
 from bonecam.errors import BonecamError, JobError
@@ -26,6 +24,9 @@ from bonecam.nc.dialect import read_dialect
 from bonecam.nc.machine import read_machine
 from bonecam.outputs.batch_table import Outcome, read_rows, table_text
 from bonecam.pipeline import check_job
+from bonecam.runtime.parent import end_with_parent
+from bonecam.runtime.signals import kept_from_children, undisturbed
+from bonecam.runtime.temporary import remove_abandoned
 from bonecam.surface.files.save import TEXTS
 
 Work = Callable[[Path, Path, Job], Outcome]
@@ -81,16 +82,19 @@ def _outcomes(
                 if resume and (kept := _kept(file, folder, job)):
                     yield index, kept
                 else:
-                    one = _Running(index, work, file, folder, job)
-                    running[one.ending] = one
+                    with undisturbed():
+                        one = _Running(index, work, file, folder, job)
+                        running[one.ending] = one
             ready = wait(list(running)) if running else []  # an empty wait never ends
             for ending in [ending for ending in running if ending in ready]:
                 one = running.pop(ending)
                 yield one.index, one.outcome()
     finally:
-        for one in running.values():
-            one.process.kill()
-            one.process.join()
+        with undisturbed():
+            for one in running.values():
+                one.process.kill()
+                one.process.join()
+            remove_abandoned(folder)
 
 
 class _Running:
@@ -101,7 +105,9 @@ class _Running:
         spawn = multiprocessing.get_context("spawn")
         self.ending, answer = spawn.Pipe(duplex=False)
         self.process = spawn.Process(target=_answer, args=(answer, work, mesh, folder, job))
-        self.process.start()
+        resource_tracker.ensure_running()  # it lets the signals in again that are kept out below
+        with kept_from_children():
+            self.process.start()
         answer.close()
 
     def outcome(self) -> Outcome:
@@ -122,24 +128,18 @@ class _Running:
 
 def _answer(answer: Connection, work: Work, mesh: Path, folder: Path, job: Job) -> None:
     """In the new process: the Outcome of a mesh, or what went wrong."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to the parent, which ends us
-    Thread(target=_end_with_parent, daemon=True).start()
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    assert parent.pid is not None
+    end_with_parent(parent.pid)
     try:
         answer.send(work(mesh, folder, job))
     except BonecamError as error:
         answer.send(" ".join(str(error).splitlines()))
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         answer.send(
             f"internal error {type(error).__name__}: {' '.join(str(error).split())}: please report it with the mesh"
         )
-
-
-def _end_with_parent() -> None:
-    """End this process as soon as its parent is gone, killed for instance: nobody waits for the outcome."""
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    parent.join()
-    os._exit(1)
 
 
 def _parts_in(place: Path) -> list[Path]:

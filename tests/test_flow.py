@@ -10,7 +10,7 @@ ORDER = [
     *"outputs pipeline filters batch cli __main__".split(),
 ]
 ROOMS = {
-    "runtime": "signals temporary own_files staging".split(),
+    "runtime": "parent signals temporary own_files staging".split(),
     "surface": "basis tmesh query tessellation refinement tspline rows_to_general fitting skinning files part_surface".split(),
     "levels": [
         *"problem solvers measure refine_for_depth sequences".split(),

@@ -1,5 +1,26 @@
 """The command line: `bonecam convert | demo | levels | batch | script | filters | job`."""
 
-from bonecam.cli.call import main
+from collections.abc import Sequence
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code.
+
+    Without arguments those of the process are taken, and the process is the command's: SIGINT, SIGTERM and
+    SIGHUP stop it with one line and the exit code 130, 143 or 129, while modules are imported too.
+    """
+    if arguments is None:
+        from bonecam.cli.stopping import run_stoppable
+
+        return run_stoppable(_call)
+    return _call(arguments)
+
+
+def _call(arguments: Sequence[str]) -> int:
+    """`call`, whose modules take a while to import."""
+    from bonecam.cli.call import call
+
+    return call(arguments)
+
 
 __all__ = ["main"]

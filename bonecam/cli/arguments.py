@@ -7,9 +7,11 @@ from typing import Any, NoReturn
 import bonecam
 from bonecam.cli import commands
 from bonecam.cli.job_options import add_job_options
+from bonecam.cli.stopping import NOTHING
 from bonecam.errors import did_you_mean
 
-EXIT_CODES = "Exit codes: 0 done; 1 a part of a batch failed; 2 wrong input, job or call (one line on stderr); 130 stopped."
+EXIT_CODES = """Exit codes: 0 done; 1 a part of a batch failed; 2 wrong input, job or call (one line on stderr);
+129, 130, 143 stopped by SIGHUP, Ctrl-C, SIGTERM."""
 PART = "STL, PLY, OBJ or OFF mesh; STEP, IGES, SAT or DXF part; point cloud; rows of points; saved .tspline"
 EXAMPLES = {
     "convert": """
@@ -105,7 +107,8 @@ def _add_levels(parsers: Any) -> None:
 def _add_batch(parsers: Any) -> None:
     text = "Make the NC programs of several parts, each in a process of its own."
     batch = _add_command(parsers, "batch", text, commands.run_batch)
-    batch.set_defaults(stopped="finished programs are kept, --resume continues from there")
+    kept = "finished programs are kept, --resume continues from there"
+    batch.set_defaults(stopped=kept, stopped_late=kept)
     parts = "parts as for `convert`, or folders of parts, all with the same job"
     batch.add_argument("meshes", metavar="PART", nargs="+", help=parts)
     folder = "folder for programs, reports and batch.csv"
@@ -151,7 +154,8 @@ def _add_command(parsers: Any, name: str, text: str, run: Any) -> argparse.Argum
         epilog=f"examples:{EXAMPLES[name]}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    command.set_defaults(run=run, refuse_unknown=command.refuse_unknown, stopped="nothing was written")
+    command.set_defaults(run=run, refuse_unknown=command.refuse_unknown, stopped=NOTHING)
+    command.set_defaults(stopped_late="what it writes was written already")
     command.set_defaults(quiet=False, verbose=False, machine=None, controller=None)
     return command
 

@@ -1,19 +1,24 @@
 """One call of the command line: parse, run, and turn errors into one line on stderr and an exit code.
 
-Exit codes: 0 done; 1 some part of a batch failed; 2 wrong input, job or call; 130 stopped by Ctrl-C.
+Exit codes: 0 done; 1 some part of a batch failed; 2 wrong input, job or call; 129, 130, 143 stopped by SIGHUP,
+SIGINT (Ctrl-C), SIGTERM.
 """
 
 import os
-import signal
 import sys
 from collections.abc import Sequence
 
 from bonecam.cli.arguments import make_parser
+from bonecam.cli.stopping import arrived, tell
 from bonecam.errors import BonecamError
+from bonecam.runtime.staging import placed
+
+STOPPED = 130
+"""Exit code after Ctrl-C: 128 and the number of the signal, as shells have it."""
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line and return its exit code."""
+def call(arguments: Sequence[str]) -> int:
+    """Run the command with these arguments; its exit code."""
     parser = make_parser()
     options, unknown = parser.parse_known_args(arguments)
     if unknown:
@@ -21,17 +26,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.run is None:
         parser.print_help()
         return 0
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # SIGTERM cleans up like Ctrl-C
+    before = len(placed)
     try:
         code = int(options.run(options))
         sys.stdout.flush()
-        return code
-    except BonecamError as error:
-        print(f"bonecam: {' '.join(str(error).splitlines())}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print(f"bonecam: stopped; {options.stopped}", file=sys.stderr)
-        return 130
     except BrokenPipeError:  # the reader of the output has closed it, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except (Exception, KeyboardInterrupt) as error:
+        if isinstance(error, KeyboardInterrupt) or arrived:
+            tell(options.stopped if len(placed) == before else options.stopped_late)
+            return STOPPED
+        if not isinstance(error, BonecamError):
+            raise
+        print(f"bonecam: {' '.join(str(error).splitlines())}", file=sys.stderr)
+        return 2
+    if arrived:
+        tell(options.stopped_late)
+    return code

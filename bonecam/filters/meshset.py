@@ -12,7 +12,6 @@ layers as they were.
 """
 
 import sys
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -25,6 +24,7 @@ from bonecam.filters.mlx import FilterCall, ScriptParameter, read_calls, write_s
 from bonecam.filters.script_steps import Step, apply_steps, read_script
 from bonecam.mesh.meshlab import meshlab, meshlab_filters
 from bonecam.progress import Progress, silent
+from bonecam.runtime.temporary import temporary_folder
 
 
 class MeshSetError(FilterError, meshlab().PyMeshLabException):  # type: ignore[misc]
@@ -93,11 +93,17 @@ class MeshSet(meshlab().MeshSet):  # type: ignore[misc]
 
     def _apply_ours(self, item: Filter, given: Mapping[str, Any]) -> dict[str, Any]:
         mesh = self.layers.mesh() if item.needs_layer else None
-        values = item.values(given, mesh)
+        try:
+            values = item.values(given, mesh)
+        except SystemExit as error:
+            raise _ending(item, error) from error
         keys = self.layers.keys()
         current = self.current_mesh_id() if keys else None
         try:
             result = item.act(self.layers, values, self.progress)
+        except SystemExit as error:
+            self.layers.restore(keys, current)
+            raise _ending(item, error) from error
         except BaseException:
             self.layers.restore(keys, current)
             raise
@@ -128,8 +134,8 @@ class MeshSet(meshlab().MeshSet):  # type: ignore[misc]
 
     def save_filter_script(self, filter_script_name: str) -> None:
         """Write what was applied so far as a script; MeshLab writes its own filters, we ours between them."""
-        with tempfile.TemporaryDirectory() as folder:
-            native = str(Path(folder) / "native.mlx")
+        with temporary_folder() as folder:
+            native = str(folder / "native.mlx")
             super().save_filter_script(native)
             calls = read_calls(native)
         write_script(
@@ -165,3 +171,9 @@ def _written(item: Filter, given: Mapping[str, Any]) -> tuple[ScriptParameter, .
         known = item.parameter(name)
         found.append(ScriptParameter(known.name, known.kind.value, {"value": known.written(value)}))
     return tuple(found)
+
+
+def _ending(item: Filter, error: SystemExit) -> FilterError:
+    """The error of a filter that calls sys.exit."""
+    what = f"it would end the program (sys.exit({error.code!r}))"
+    return FilterError(f"{item.name}: {what}: mend or uninstall its plugin", filter=item.name)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from bonecam.errors import FileError
-from bonecam.files import check_folder, whole_folder
+from bonecam.files import check_folder, require_room, whole_folder
 from bonecam.filters.filter import Registry, installed
 from bonecam.filters.meshset import MeshSet
 from bonecam.filters.script_steps import apply_steps, read_script
@@ -71,7 +71,13 @@ def save_layers(meshes: MeshSet, folder: Path) -> None:
         meshes.set_current_mesh(key)
         layer = meshes.current_mesh()
         lines = layer.edge_number() > 0 and layer.face_number() == 0
-        meshes.save_current_mesh(str(_free_name(folder, layer.label(), ".obj" if lines else ".ply")))
+        file = _free_name(folder, layer.label(), ".obj" if lines else ".ply")
+        try:
+            meshes.save_current_mesh(str(file))
+        except meshlab().PyMeshLabException as error:
+            what = f"{file}: cannot be written (is the disk full?): make room there or choose another folder"
+            raise FileError(what, file=str(file)) from error
+        require_room(file)
 
 
 def _free_name(folder: Path, label: str, ending: str) -> Path:

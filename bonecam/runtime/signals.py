@@ -1,4 +1,4 @@
-"""Signals that stop a run, put off while files take their place."""
+"""Signals that stop a run: put off while files take their place, and kept from the processes that work for it."""
 
 import signal
 import threading
@@ -31,3 +31,14 @@ def undisturbed() -> Iterator[None]:
             signal.signal(kind, found)
         if arrived:
             signal.raise_signal(arrived[0])
+
+
+@contextmanager
+def kept_from_children() -> Iterator[None]:
+    """Processes that are started in the block never see the signals that stop a run: Ctrl-C and the end of a
+    terminal reach a whole group of processes, and the one that started them decides."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, STOPPING)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -21,6 +21,8 @@ from bonecam.runtime.signals import undisturbed
 from bonecam.runtime.temporary import make_temporary, remove_temporary
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+placed: list[str] = []
+"""What this process has put in its place so far."""
 MAX_WAIT = 10.0
 """Longest wait for another run that is putting its files in place, s. That takes milliseconds; a run that was
 stopped in between must not hold up this one."""
@@ -153,6 +155,7 @@ def _place(output: _Output, moves: Sequence[tuple[Path, Path]]) -> None:
         moves = [*moves, (output.work / OWN_FILES, output.target / OWN_FILES)]
     for work, target in moves:
         os.replace(work, target)
+        placed.append(str(target))
     for item in stale:
         item.unlink()
 

@@ -176,3 +176,15 @@ def test_errors_of_filters_are_pymeshlab_s_too(meshes: MeshSet) -> None:
             meshes.apply_filter(name, **values)
         assert isinstance(caught.value, FilterError)
     assert "did you mean 'apply_coord_taubin_smoothing'?" in str(caught.value)
+
+
+def test_a_filter_cannot_end_the_program(phalanx: Path) -> None:
+    def leave(*_: object) -> dict[str, object]:
+        raise SystemExit(3)
+
+    item = Filter("apply_leave", "Leave", "Calls sys.exit.", "Test", (), leave)
+    meshes = MeshSet(registry=Registry([item]))
+    meshes.load_new_mesh(str(phalanx))
+    with pytest.raises(FilterError, match=r"apply_leave: it would end the program \(sys\.exit\(3\)\): mend"):
+        meshes.apply_leave()
+    assert meshes.layers.count == 1

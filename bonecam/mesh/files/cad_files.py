@@ -4,10 +4,10 @@ OpenCASCADE ends its process on some damaged files (measured: about one in ten t
 So that a bad file is one line and not a crash, it works in a child, which hands back arrays.
 """
 
+import io
 import os
 import subprocess
 import sys
-import tempfile
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -23,7 +23,15 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 
 REFUSED = 2
 """Exit code of the child where it raised FileError, whose message is the last line of its stderr."""
-CHILD = "from bonecam.mesh.files.cad_files import serve; serve()"
+STDOUT, STDERR = 1, 2
+"""Numbers of the child's streams (POSIX)."""
+CHILD = """
+import sys
+from bonecam.runtime.parent import end_with_parent
+end_with_parent(int(sys.argv[1]))
+from bonecam.mesh.files.cad_files import serve
+serve()
+"""
 """Python code that the child runs."""
 
 
@@ -53,37 +61,42 @@ def in_child(work: str, file: Path, *words: str) -> dict[str, ndarray]:
     refuse_foreign(file)
     if find_spec("OCP") is None:
         raise missing(f"{file}: reading {kind_of(file)}")
-    with tempfile.TemporaryDirectory(prefix="bonecam.") as folder:
-        target = Path(folder) / "arrays.npz"
-        paths = os.pathsep.join(path for path in sys.path if path)
-        done = subprocess.run(
-            [sys.executable, "-c", CHILD, work, str(target), str(file), *words],
-            env={**os.environ, "PYTHONPATH": paths},
-            capture_output=True,
-            text=True,
+    paths = os.pathsep.join(path for path in sys.path if path)
+    done = subprocess.run(
+        [sys.executable, "-c", CHILD, str(os.getpid()), work, str(file), *words],
+        env={**os.environ, "PYTHONPATH": paths},
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+    )
+    if done.returncode == REFUSED:
+        told = done.stderr.decode(errors="replace").strip().splitlines()
+        raise FileError(told[-1], file=str(file))
+    if done.returncode or not done.stdout:
+        what = f"OpenCASCADE broke down on it (exit {done.returncode})"
+        raise FileError(
+            f"{file}: {what}: it is damaged: export the part as {kind_of(file)} again", file=str(file)
         )
-        if done.returncode == REFUSED:
-            raise FileError(done.stderr.strip().splitlines()[-1], file=str(file))
-        if done.returncode or not target.is_file():
-            what = f"OpenCASCADE broke down on it (exit {done.returncode})"
-            raise FileError(
-                f"{file}: {what}: it is damaged: export the part as {kind_of(file)} again", file=str(file)
-            )
-        with np.load(target) as found:
-            return dict(found)
+    with np.load(io.BytesIO(done.stdout)) as found:
+        return dict(found)
 
 
 def serve() -> None:
-    """The child's main function. Its arguments are a "module:function", the file to write, the file to read
-    and further words.
+    """The child's main function. Its arguments are the number of its parent's process, a "module:function", the
+    file to read and further words.
 
-    The arrays that the function returns are written as .npz; the message of a FileError goes to stderr.
+    The arrays that the function returns go to stdout as .npz, the message of a FileError to stderr, as does what
+    OpenCASCADE prints.
     """
-    _, work, target, file, *words = sys.argv
+    _, _, work, file, *words = sys.argv
+    answer = os.dup(STDOUT)
+    os.dup2(STDERR, STDOUT)
     module, _, function = work.partition(":")
     try:
         arrays = getattr(import_module(module), function)(Path(file), *words)
     except FileError as error:
         sys.stderr.write(f"{error}\n")
         sys.exit(REFUSED)
-    np.savez(target, **arrays)
+    content = io.BytesIO()
+    np.savez(content, **arrays)
+    with open(answer, "wb") as pipe:
+        pipe.write(content.getbuffer())

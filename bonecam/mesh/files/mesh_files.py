@@ -6,7 +6,6 @@ unit.
 """
 
 import os
-import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import FileError, MeshError
-from bonecam.files import input_bytes
+from bonecam.files import input_bytes, require_room
 from bonecam.mesh.files.cad_files import read_cad_mesh
 from bonecam.mesh.files.formats.content import ContentError
 from bonecam.mesh.files.formats.obj import parse_obj
@@ -29,6 +28,7 @@ from bonecam.mesh.files.point_files import POINTS, read_blocks
 from bonecam.mesh.files.polyhedra import ACIS, DXF, read_polyhedra
 from bonecam.mesh.meshlab import meshlab, quality_colours
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.runtime.temporary import temporary_folder
 
 PARSERS = {".stl": parse_stl, ".ply": parse_ply, ".obj": parse_obj, ".off": parse_off}
 MESHES = tuple(PARSERS)
@@ -132,13 +132,24 @@ def write_mesh(
     if shown:
         meshset.compute_color_from_scalar_per_vertex(**quality_colours(largest))
     try:
-        with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}.") as folder:
-            work = Path(folder) / f"mesh{target.suffix.lower()}"
-            meshset.save_current_mesh(str(work), binary=True, **options)
+        with temporary_folder(target.parent) as folder:
+            work = folder / f"mesh{target.suffix.lower()}"
+            _save(meshset, work, target, binary=True, **options)
+            require_room(work)
             os.replace(work, target)
     except OSError as error:
         raise _refusal(
             target, f"cannot be written ({error.strerror})", "choose a folder that exists and may be written"
+        ) from error
+
+
+def _save(meshset: Any, work: Path, target: Path, **options: Any) -> None:
+    """Save the layer to `work`, on its way to `target`. MeshLab says only that the output failed: the disk is full."""
+    try:
+        meshset.save_current_mesh(str(work), **options)
+    except meshlab().PyMeshLabException as error:
+        raise _refusal(
+            target, "cannot be written (is the disk full?)", "make room there or choose another folder"
         ) from error
 
 

@@ -1,9 +1,11 @@
+import resource
 import struct
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from bonecam_meshes import path as shipped
 
 from bonecam.errors import FileError
 from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
@@ -182,3 +184,20 @@ def test_faces_without_area_survive_reading_so_that_repair_can_tell_of_them(
     mesh = solid(np.eye(3), np.array([[0, 1, 2], [0, 1, 1]]))
     write_mesh(mesh, tmp_path / "null.stl")
     assert len(read_mesh(tmp_path / "null.stl").faces) == 2
+
+
+@pytest.mark.parametrize("ending", [".ply", ".stl"])
+@pytest.mark.parametrize("lost", [1, 33, 5000])
+def test_a_disk_that_is_full_leaves_no_mesh_cut_short(ending: str, lost: int, tmp_path: Path) -> None:
+    mesh, file = read_mesh(shipped("phalanx")), tmp_path / f"bone{ending}"
+    write_mesh(mesh, file)
+    before, most = file.read_bytes(), resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (len(before) - lost, most[1]))
+    try:
+        with pytest.raises(FileError, match=rf"bone\{ending}: cannot be written \(.*\): ") as caught:
+            write_mesh(mesh, file)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, most)
+    assert "\n" not in str(caught.value)
+    assert file.read_bytes() == before
+    assert [item.name for item in tmp_path.iterdir()] == [file.name]

@@ -1,0 +1,53 @@
+"""A stop counts wherever it comes: where it is lost, turned into another error, or not heeded at all."""
+
+import subprocess
+import sys
+import time
+
+import pytest
+
+RUN = """
+import os, signal, sys, time
+from bonecam.cli import stopping
+from bonecam.runtime.temporary import make_temporary
+from pathlib import Path
+make_temporary(Path(sys.argv.pop()))
+def stop():
+    os.kill(os.getpid(), signal.SIGTERM)
+    time.sleep(0.01)
+class Lost:
+    def __del__(self):
+        stop()
+def lost():
+    Lost()
+    time.sleep(60)
+def turned():
+    try:
+        stop()
+    except KeyboardInterrupt as error:
+        raise ImportError("numpy is broken") from error
+def not_heeded():
+    stopping.GRACE = 0.3
+    while True:
+        try:
+            stop()
+            time.sleep(60)
+        except KeyboardInterrupt:
+            pass
+sys.exit(stopping.run_stoppable(lambda arguments: {work}()))
+"""
+
+
+@pytest.mark.parametrize("work", ["stop", "lost", "turned", "not_heeded"])
+def test_a_stop_is_one_line_and_leaves_nothing(work: str, tmp_path) -> None:
+    began = time.monotonic()
+    run = subprocess.run(
+        [sys.executable, "-c", RUN.replace("{work}", work), tmp_path],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert run.stderr == "bonecam: stopped; nothing was written\n"
+    assert run.returncode == 143
+    assert time.monotonic() < began + 5.0
+    assert not list(tmp_path.iterdir())
