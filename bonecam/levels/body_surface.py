@@ -21,8 +21,16 @@ from bonecam.surface.tspline import TSpline
 
 TOLERANCE = 0.002
 """How far (mm) a surface may be off its body, measured between the points it is fitted to."""
-ROW_STEP, LEAST_ROWS, MOST_ROWS = 0.4, 40, 160
-AROUND_ROUND, AROUND_OTHER, SAMPLES, CHECKS = 32, 96, 3, 2
+ROW_STEP = 0.4
+"""Distance (mm) of rows along a meridian at first."""
+ROWS = (40, 160)
+"""Rows at least and at most."""
+AROUND_ROUND, AROUND_OTHER = 32, 96
+"""Control points on a row at first: of bodies without flats, and of others."""
+SAMPLES = 3
+"""Fitted points from each knot to the next, each way."""
+CHECKS = 2
+"""Places in a patch, each way, at which its distance from the body is measured: between the fitted points."""
 FINER, TRIES = 1.3, 4
 """So many times as many control points each way are tried next where a surface is off; so often."""
 FEW = 0.3
@@ -30,6 +38,7 @@ FEW = 0.3
 SMOOTH = SAMPLES / 2
 """Standard deviation, in points, of the smoothing of the steps between them."""
 POLE_WEIGHT = 100.0
+"""Weight of the poles, beside one of every other point: a single control point shapes each."""
 
 
 def meridians(capsule: Capsule, s: Float[ndarray, " n"], t: Float[ndarray, " n"]) -> Float[ndarray, "n 3"]:
@@ -57,7 +66,7 @@ def body_surfaces(bodies: Sequence[Stock]) -> list[TSpline]:
     around = AROUND_OTHER if any(body.has_flats for body in bodies) else AROUND_ROUND
     capsules = [enclosing_capsule(body) for body in bodies]
     arc = max(np.pi * capsule.radius + capsule.length for capsule in capsules)
-    rows = int(np.clip(np.ceil(arc / ROW_STEP), LEAST_ROWS, MOST_ROWS))
+    rows = int(np.clip(np.ceil(arc / ROW_STEP), *ROWS))
     distance, place = np.inf, np.zeros(3)
     for s_knots, t_knots, smooth in _tries(bodies, capsules, around, rows):
         made = _fitted(bodies, capsules, s_knots, t_knots, smooth)

@@ -11,7 +11,12 @@ from bonecam.setup.schedule import Schedule, even_out
 from bonecam.setup.stock import Stock
 from bonecam.surface.tspline import TSpline
 
-TRIES, SPARE, ENOUGH = 3, 1.004, 0.9
+TRIES = 3
+"""Depths that are tried before the given ones are kept."""
+SPARE = 1.004
+"""The first is deeper than even cuts by this factor: levels use a little less than all of their depth."""
+ENOUGH = 0.9
+"""An outermost cut that uses this share of its depth is even enough."""
 
 
 def even_levels(surface: TSpline, stock: Stock, schedule: Schedule, **options: Any) -> Morph:

@@ -54,6 +54,7 @@ STRIDE = 50
 LEAST_MOVE = 0.01
 """A level whose control points all move by less than this share of its depth gets no nearer to the stock."""
 REMEDY, SOFTER = "give a higher stiffness or other edges", "give a lower stiffness"
+"""What to do about a level that breaks its limits, and about one that gets no nearer to the stock."""
 
 
 @on_one_blas_thread

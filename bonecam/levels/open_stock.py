@@ -26,7 +26,12 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.query.closest_point import Projection
 from bonecam.surface.tspline import TSpline
 
-FIT_STIFFNESS, CHORD, ABOVE = 1e-16, 0.01, 1 - 1e-6
+FIT_STIFFNESS = 1e-16
+"""Weight of the thin plate beside the squared distances of the fit: only what no Gauss point shapes follows it."""
+CHORD = 0.01
+"""Chord tolerance (mm) of the points of part and stock that are compared, the default of levels."""
+ABOVE = 1 - 1e-6
+"""Least cosine between the normal and the way to a point that stands straight above the surface."""
 
 
 @dataclass(frozen=True, eq=False)

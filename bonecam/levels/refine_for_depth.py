@@ -29,7 +29,10 @@ the time, and 5 of them were not certified.)"""
 STRETCHED = 4.0
 """Neighbours on both sides of the stock's axis have their nearest points on the stock far apart, however near
 they are."""
-AROUND, ALONG = 64, 4
+AROUND = 64
+"""Lines round the surface on which the distance between two rows is taken; their mean counts."""
+ALONG = 4
+"""Pieces in which the length of a span is taken."""
 
 
 def refine_for_depth(surface: TSpline, stock: Stock, depth: float) -> TSpline:

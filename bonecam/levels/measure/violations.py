@@ -12,6 +12,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 PATCH = 2.0
 """The faces within this distance (mm) of a violation are kept with its error, so that it can be looked at."""
 REMEDY = "give a higher stiffness or more control points there"
+"""What to do about a level that breaks its limits."""
 
 Violation = tuple[str, Float[ndarray, "3"]]
 """What is out of tolerance, in words, and where that is worst."""

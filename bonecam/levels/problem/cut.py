@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 SPARE = 0.02
+"""How much nearer to the wall samples may come than they aim at, mm."""
 ROUGH = 0.5
 """The depth (mm) `StepParameters.bending` is stated for."""
 

@@ -23,8 +23,10 @@ from bonecam.levels.problem.samples import (
 from bonecam.setup.stock import Stock
 from bonecam.surface.tspline import TSpline
 
-ALONG, AROUND = 3, 3
-WATCH_ALONG, WATCH_AROUND = 5, 5
+ENERGY_PATTERN = (3, 3)
+"""Samples of the energy: rings in every t-span, and points on each for every knot of its densest control row."""
+WATCH_PATTERN = (5, 5)
+"""Watched samples, counted alike: denser than those of the energy, between which levels break their limits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +63,7 @@ class Discretisation:
 
 def discretise(surface: TSpline, stock: Stock, attraction: Attraction) -> Discretisation:
     """The samples and matrices of one morph."""
-    samples, watch = ring_pattern(surface, ALONG, AROUND), ring_pattern(surface, WATCH_ALONG, WATCH_AROUND)
+    samples, watch = ring_pattern(surface, *ENERGY_PATTERN), ring_pattern(surface, *WATCH_PATTERN)
     none = places_at(surface, np.empty((0, 2)))
     return Discretisation(
         surface, stock, attraction, samples, watch, none, thin_plate(surface), free_moves(surface)

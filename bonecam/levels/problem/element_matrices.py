@@ -12,7 +12,12 @@ from bonecam.surface.basis.gauss import element_points
 from bonecam.surface.query.thin_plate import thin_plate_matrix
 from bonecam.surface.tspline import TSpline
 
-GAUSS, BORDER, ON_BORDER = 4, 400, 1e-6
+GAUSS = 4
+"""Gauss points each way on an element: exact to degree seven, the squares of bicubics have six."""
+BORDER = 400
+"""Points along an edge on which control points are looked for that move it."""
+ON_BORDER = 1e-6
+"""Control points move an edge where they have a larger share than this of one of its points: rounding has less."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,6 +29,7 @@ from bonecam.levels.problem.remaining import Remaining
 from bonecam.levels.problem.samples import gram
 
 NET, SAMPLED = (plate,), (pull, farthest)
+"""The energies of a program: those of the control net, and those of samples."""
 TOO_FAR = 0.001
 """A sample is in a hollow once it is so much (mm) farther from the new level than the cut is deep. (Without this
 limit a bone of 17 cuts takes 18.)"""

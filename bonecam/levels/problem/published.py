@@ -41,9 +41,9 @@ INTERIOR = 2e-4
 otherwise."""
 PER_POINT = 3
 """Of the watched samples near a control point so many of the worst join the program in a round."""
-WATCH_ALONG, WATCH_AROUND = 8, 6
+WATCH_PATTERN = (8, 6)
 """Watched samples: rings in a t-span, points for each knot of the densest row."""
-SPARSE_ALONG, SPARSE_AROUND = 4, 5
+SPARSE_PATTERN = (4, 5)
 """Of the watched samples every so many rings, and every so many points on a ring, are in the first program."""
 Source = Callable[[ndarray, Stock], ndarray]
 
@@ -63,6 +63,7 @@ def nearest_stock(points: Float[ndarray, "n 3"], stock: Stock) -> Float[ndarray,
 
 
 SOURCES: dict[str, Source] = {"sphere": bounding_sphere, "stock": nearest_stock}
+"""By the name that `levels.attraction` has in a job."""
 
 
 class PublishedProgram:
@@ -85,7 +86,7 @@ class PublishedProgram:
         self.M = thin_plate(surface)
         self._source = SOURCES[attraction]
         self._hull = hull
-        even = ring_pattern(surface, WATCH_ALONG, WATCH_AROUND)
+        even = ring_pattern(surface, *WATCH_PATTERN)
         s, t = creases(even, surface.control_points).T
         self._watch = join(Samples, even, samples_of(surface, s, t, np.zeros(len(s))))
         self._main = np.asarray(self._watch.R.argmax(axis=1)).ravel()
@@ -167,8 +168,9 @@ class PublishedProgram:
 
 
 def _sparse(watch: Samples) -> Int[ndarray, " k"]:
-    """Every SPARSE_ALONG-th ring of the watched samples, on it every SPARSE_AROUND-th; and both ends of t."""
+    """The rings of the watched samples that SPARSE_PATTERN tells, and the points on them; and both ends of t."""
+    every_ring, every_point = SPARSE_PATTERN
     _, ring, count = np.unique(watch.t[:-2], return_inverse=True, return_counts=True)
     place = np.round(watch.s[:-2] * count[ring])
-    kept = np.flatnonzero((ring % SPARSE_ALONG == SPARSE_ALONG // 2) & (place % SPARSE_AROUND == 0))
+    kept = np.flatnonzero((ring % every_ring == every_ring // 2) & (place % every_point == 0))
     return np.append(kept, [len(watch.s) - 2, len(watch.s) - 1])

@@ -21,7 +21,14 @@ from bonecam.setup.stock import Stock
 from bonecam.surface.query.closest_point import closest_points_near
 from bonecam.surface.tspline import TSpline
 
-CHORD, FIRST, EVERY, STEPS = 0.01, 200, 10, 4
+CHORD = 0.01
+"""Chord tolerance (mm) of the stock's mesh, whose points are measured from."""
+FIRST = 200
+"""So many points, the farthest from the level before, are measured first: their largest distance bounds the others."""
+EVERY = 10
+"""At the part, from which nothing was measured yet, one in so many points is measured first."""
+STEPS = 4
+"""Newton steps to a closest point on a level, from that on the level before or from the nearest sample."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,9 +24,17 @@ from bonecam.surface.basis.gauss import span_points
 from bonecam.surface.query.thin_plate import thin_plate_matrix
 from bonecam.surface.tspline import TSpline
 
-GAUSS, AROUND, MOST_AROUND, LEAST_AROUND = 3, 3, 400, 12
+GAUSS = 3
+"""Gauss points in every t-span; points round s for every knot of the densest row, too. Three integrate polynomials of
+degree five exactly; the squares of cubics have six."""
+MOST_AROUND = 400
+"""Points round s of an integral at most."""
+LEAST_AROUND = 12
+"""Points on a ring of a pattern at least: one every 30 degrees near the poles, where rows have few knots."""
 NEAR_POLE = 1e-3
+"""How far from a pole the normal there is taken, as a share of the range of t: at it S_s vanishes."""
 CLOSE_TO_POLE = (0.005, 0.02, 0.05)
+"""More rings close to the poles, where a level may fold over the pole, as shares of the span there."""
 BENT, HOLLOW, MOST_BETWEEN = 0.0005, 0.001, 8
 """Between neighbours of a ring pattern a level may sag by so much (mm) more than the one before, and by so
 much in a hollow; there are so many more places there at most."""
@@ -97,7 +105,7 @@ def gram(R: sp.csr_array, weights: Float[ndarray, "n"]) -> sp.csc_array:
 
 def integration_points(surface: TSpline) -> tuple[ndarray, ndarray, ndarray]:
     """s, t and weights of the integrals."""
-    around = min(MOST_AROUND, AROUND * max(len(knots) for knots in surface.tmesh.s_knots))
+    around = min(MOST_AROUND, GAUSS * max(len(knots) for knots in surface.tmesh.s_knots))
     t, across = span_points(np.unique(surface.tmesh.t_knots[3:-3]), GAUSS)
     ss, tt = np.meshgrid(np.arange(around) / around, t)
     return ss.ravel(), tt.ravel(), np.repeat(across / around, around)

@@ -20,6 +20,8 @@ from bonecam.arrays import unit
 from bonecam.setup.stock import Stock
 
 BLEND = 4.0
+"""Distance (mm) from the stock from which on the shortest way to it counts, as much as the normal where it is
+reached."""
 
 Attraction = Callable[[ndarray, ndarray, Stock], ndarray]
 

@@ -25,6 +25,8 @@ OVERSHOOT = 2.0
 ALL_OUT = 8
 """How sharply the pull beyond the depth sets in."""
 LONGEST, LEAST_COSINE = 2.0, 0.3
+"""A sample that is pulled obliquely goes a longer way to its height: so many heights at most; and cosines between its
+way and the normal count as no less than this."""
 
 
 def pull(given: Given) -> Pulled:

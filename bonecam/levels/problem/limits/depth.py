@@ -8,6 +8,8 @@ from numpy import ndarray
 from bonecam.levels.problem.cut import Cut
 
 MARGIN, SHARE = 0.001, 0.005
+"""The margin: so many mm (half of what a depth may exceed its limit by), or this share of the depth where that is
+less."""
 
 
 def depth(cut: Cut, gap: Float[ndarray, " k"]) -> tuple[Float[ndarray, " k"], Float[ndarray, " k"]]:

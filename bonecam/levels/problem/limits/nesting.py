@@ -7,6 +7,8 @@ from numpy import ndarray
 from bonecam.levels.problem.cut import Cut
 
 MARGIN, SHARE = 0.001, 0.05
+"""The margin: so many mm (as much as a level may fall behind when it is measured), or this share of the room to the
+wall where that is less."""
 
 
 def nesting(cut: Cut, gap: Float[ndarray, " k"]) -> tuple[Float[ndarray, " k"], Float[ndarray, " k"]]:

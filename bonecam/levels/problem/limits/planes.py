@@ -30,6 +30,7 @@ from bonecam.surface.query.closest_point import closest_points_near
 from bonecam.surface.tspline import TSpline
 
 SLABS, WALLS = (depth, nesting), (wall,)
+"""The limits of a program: those of heights over the level before, and those of the stock."""
 
 
 def heights(cut: Cut, gap: Float[ndarray, " k"]) -> tuple[Float[ndarray, " k"], Float[ndarray, " k"]]:
