@@ -42,6 +42,10 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
             r"\[levels\] most_cuts = 250: the stock at .* takes 2\d\d cuts or more: give a smaller",
         ),
         (
+            {"stock": {"diameter": 200.0, "length": 220.0}, "levels": {"roughing_depth": 1.0}},
+            r"the stock at .* mm from the part, more than 3 times the part's diagonal of 3\d\.\d mm: give a smaller",
+        ),
+        (
             {"stock": {"width": 20.0}},
             r"\[stock\] width = 20: a capsule has none: give diameter and length, or kind = box",
         ),

@@ -12,7 +12,7 @@ from numbers import Real
 import numpy as np
 
 from bonecam.arrays import ROUNDING
-from bonecam.errors import LevelError, place_name
+from bonecam.errors import LevelError, StockError, place_name
 from bonecam.job import LevelsJob, field_error
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -26,6 +26,10 @@ STOCK_CHORD = 0.1
 """Chord tolerance of the stock's mesh that the number of cuts is counted on, mm."""
 STOCK_CHORD_SHARE = 0.002
 """That chord tolerance as a share of the stock's diameter, where that is more."""
+
+FARTHEST_DIAGONALS = 3.0
+"""A stock further from the part than so many of its diagonals is refused. Levels are meshed as finely as the
+part: those of a ball of 3 mm in a cube of 60 mm, ten diagonals away, were not made in 40 s of computing."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +105,8 @@ def even_out(schedule: Schedule, distance: float, cuts: int, rest: float) -> Sch
 
 
 def check_cuts(part: TriangleMesh, stock: Stock, job: LevelsJob) -> None:
-    """JobError where the stock is so far from the part that more than `most_cuts` cuts are needed."""
+    """JobError where the stock is so far from the part that more than `most_cuts` cuts are needed, StockError
+    where it is more than FARTHEST_DIAGONALS away."""
     mesh = stock.mesh(max(STOCK_CHORD, STOCK_CHORD_SHARE * stock.diameter))
     distances = MeshDistance(part).unsigned(mesh.vertices)
     place = mesh.vertices[np.argmax(distances)]
@@ -114,4 +119,11 @@ def check_cuts(part: TriangleMesh, stock: Stock, job: LevelsJob) -> None:
             "most_cuts",
             job.most_cuts,
             f"{what}: give a smaller stock or a greater roughing_depth, or allow more",
+        )
+    if farthest > FARTHEST_DIAGONALS * part.diagonal:
+        raise StockError(
+            f"the stock at {place_name(place)} is {farthest:.1f} mm from the part, more than {FARTHEST_DIAGONALS:g} times "
+            f"the part's diagonal of {part.diagonal:.1f} mm: give a smaller stock, or a smaller offset of the part in it",
+            distance=farthest,
+            place=place,
         )
