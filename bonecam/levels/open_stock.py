@@ -27,19 +27,22 @@ from bonecam.surface.query.closest_point import Projection
 from bonecam.surface.tspline import TSpline
 
 FIT_STIFFNESS = 1e-16
-"""Weight of the thin plate beside the squared distances of the fit: only what no Gauss point shapes follows it."""
+"""Weight of the thin-plate energy in the fit of the stock: only what no Gauss
+point shapes follows it."""
+
 CHORD = 0.01
-"""Chord tolerance (mm) of the points of part and stock that are compared, the default of levels."""
+"""Chord tolerance (mm) of the tessellations on which part and stock are compared, the default of levels."""
+
 ABOVE = 1 - 1e-6
-"""Least cosine between the normal and the way to a point that stands straight above the surface."""
+"""Least cosine of the angle between a normal of the part and the direction to a point straight above it."""
 
 
 @dataclass(frozen=True, eq=False)
 class OpenStock:
-    """The stock over the part's T-mesh (`surface`), on which `side` of the part it lies (1: where the normals
-    point), `points` of it as given (bent to the edges where they are fixed) with the parameters of their
-    feet, the largest distance of the stock as given from the part, and how far the two stocks lie apart:
-    `deviation`, largest at `place`."""
+    """The stock of an open surface: its `surface` over the part's T-mesh; the `side` of the part on which it
+    lies (1: where the normals point); `points` of the stock as given (bent to the edges where they are fixed)
+    and the `parameters` of their footpoints; the distance (mm) of the stock as given from the part where it
+    is `farthest`; and the largest distance (mm) of the two stocks, the `deviation`, at `place`."""
 
     surface: TSpline
     side: float
@@ -51,8 +54,8 @@ class OpenStock:
 
 
 def open_stock(surface: TSpline, matrices: ElementMatrices, stock: object, fixed: bool) -> OpenStock:
-    """The stock fitted, with the part's edges `fixed` or not; StockError where it is none or not on one side
-    of the part."""
+    """The stock as given (an offset in mm, a mesh or a T-spline) fitted over the T-mesh of the part, with the
+    part's edges `fixed` or not; StockError where it is no stock, or not on one side of the part."""
     given = _given(stock)
     at = np.vstack([surface.seeds.parameters, surface.tessellate_with_parameters(CHORD).parameters])
     points, normals = surface.positions(*at.T), surface.normals(*at.T)
@@ -61,40 +64,44 @@ def open_stock(surface: TSpline, matrices: ElementMatrices, stock: object, fixed
     if isinstance(given, float):
         known = wanted[distances_to(surface, wanted, at) >= abs(given) - NESTING_TOLERANCE]
     else:
-        vertices, feet = _above(surface, given.vertices)
-        known, places = np.vstack([wanted, vertices]), np.vstack([points, vertices])
+        vertices, footpoints = _above(surface, given.vertices)
+        known = np.vstack([wanted, vertices])
+        places = np.vstack([points, vertices])
         ahead = dots(
-            known - np.vstack([points, feet.points]),
-            np.vstack([normals, surface.normals(*feet.parameters.T)]),
+            known - np.vstack([points, footpoints.points]),
+            np.vstack([normals, surface.normals(*footpoints.parameters.T)]),
         )
         _require_ahead(side * ahead, places, -NESTING_TOLERANCE if fixed else NESTING_TOLERANCE)
     free, bent = _fits(surface, matrices, given, fixed)
-    fitted, reached = free.positions(*at.T), bent.positions(*at.T)
+    fitted = free.positions(*at.T)
+    reached = bent.positions(*at.T)
     _require_upright(bent, at, normals)
     _require_ahead(side * dots(reached - points, normals), points, -NESTING_TOLERANCE)
-    known, feet = _above(free, known)
+    known, footpoints = _above(free, known)
     off = (
         distances_to(surface, fitted, at) - abs(given)
         if isinstance(given, float)
         else lengths(fitted - exact_closest(given, fitted)[0])
     )
-    off, places = np.append(np.abs(off), feet.distances), np.vstack([fitted, known])
-    moved, moved_feet = (
-        free.basis(*which.T)[0] @ (matrices.edge & fixed) > 0 for which in (at, feet.parameters)
+    off = np.append(np.abs(off), footpoints.distances)
+    places = np.vstack([fitted, known])
+    worst = int(np.argmax(off))
+    moved, moved_footpoints = (
+        free.basis(*which.T)[0] @ (matrices.edge & fixed) > 0 for which in (at, footpoints.parameters)
     )
-    worst, farthest = (
-        int(np.argmax(off)),
-        float(distances_to(surface, known, feet.parameters).max(initial=0.0)),
+    return OpenStock(
+        surface=bent,
+        side=side,
+        points=np.vstack([known[~moved_footpoints], reached[moved]]),
+        parameters=np.vstack([footpoints.parameters[~moved_footpoints], at[moved]]),
+        farthest=float(distances_to(surface, known, footpoints.parameters).max(initial=0.0)),
+        deviation=float(off[worst]),
+        place=places[worst],
     )
-    as_given, its = (
-        np.vstack([known[~moved_feet], reached[moved]]),
-        np.vstack([feet.parameters[~moved_feet], at[moved]]),
-    )
-    return OpenStock(bent, side, as_given, its, farthest, float(off[worst]), places[worst])
 
 
 def _given(stock: object) -> float | TriangleMesh:
-    """An offset in mm, or a mesh."""
+    """The stock as given, as an offset in mm or as a mesh; StockError where it is neither."""
     if isinstance(stock, Real):
         if not (np.isfinite(float(stock)) and stock != 0):
             raise StockError(
@@ -119,8 +126,8 @@ def _wanted(given: float | TriangleMesh, points: ndarray, normals: ndarray) -> F
 
 
 def _above(surface: TSpline, points: ndarray) -> tuple[Float[ndarray, "n 3"], Projection]:
-    """The points that stand straight above or below the surface, and their closest points on it: a point beyond
-    its edges does not."""
+    """The points that stand straight above or below the surface, and their closest points on it: a point
+    beyond its edges does not."""
     found = surface.project(points)
     heights = np.abs(dots(points - found.points, surface.normals(*found.parameters.T)))
     kept = heights >= ABOVE * found.distances

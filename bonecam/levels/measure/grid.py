@@ -100,7 +100,8 @@ def _middles(parameters: ndarray, faces: ndarray, first: ndarray, own: ndarray) 
 
 def _open_middles(parameters: ndarray, faces: ndarray, period: tuple[float, float]) -> Float[ndarray, "f 2"]:
     """(s, t) in the middle of each face, also where it lies across a seam; a period of 0 means none."""
-    first, turn = parameters[faces[:, 0]], np.array(period)
+    first = parameters[faces[:, 0]]
+    turn = np.array(period)
     offset = parameters[faces] - first[:, None]
     offset -= turn * np.round(offset / np.where(turn > 0, turn, 1.0))
     return np.asarray(first + offset.mean(1))

@@ -147,9 +147,13 @@ def inspect_again(
     cuts stay as measured."""
     began = time.perf_counter()
     measured = {level.index: level for level in inspection.levels}
-    surface, grid, rules = measured[0].surface, inspection.grid, inspection.rules
+    surface = measured[0].surface
+    grid = inspection.grid
+    rules = inspection.rules
     assert surface is not None
-    waiting, threads, surfaces = list(cuts), cores(), dict[int, MeasuredSurface]()
+    waiting = list(cuts)
+    threads = cores()
+    surfaces = dict[int, MeasuredSurface]()
     with ThreadPoolExecutor(threads) as pool:
         for some in (waiting[first : first + threads] for first in range(0, len(waiting), threads)):
             report(progress, some[0] / (len(made) + 1), f"checking level {some[0]}")
@@ -181,7 +185,8 @@ def measure_part(part: MeasuredSurface) -> PartLevel:
 def measure_level(k: int, inner: MeasuredSurface, outer: MeasuredSurface, rules: Rules) -> MorphLevel:
     """Level k (`outer`) with its cut down to level k - 1 (`inner`) measured, and certified where that is
     possible."""
-    stock, limit = rules.stock, rules.schedule.limit(k)
+    stock = rules.stock
+    limit = rules.schedule.limit(k)
     measures = measure_cut(inner, outer, stock, limit)
     level = MorphLevel(k, outer.surface, outer.mesh, limit, measures)
     if not _certifies(inner, rules):
@@ -198,7 +203,8 @@ def measure_level(k: int, inner: MeasuredSurface, outer: MeasuredSurface, rules:
 def measure_stock(k: int, inner: MeasuredSurface, rules: Rules) -> StockLevel:
     """The stock as level k, the last, with its cut down to level k - 1 (`inner`) measured, and certified
     where that is possible."""
-    stock, limit = rules.stock, rules.schedule.limit(k)
+    stock = rules.stock
+    limit = rules.schedule.limit(k)
     mesh = stock.mesh(rules.chord_tolerance)
     measures = measure_last_cut(inner, mesh, stock, limit)
     proof = certify_last_cut(inner.surface, stock, limit) if _certifies(inner, rules) else None

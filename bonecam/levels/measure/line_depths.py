@@ -50,7 +50,8 @@ def line_depths(
     surfaces = morph_surfaces(levels)
     across, t = _on_line(surfaces[0], s, points)
     found = [before.project(level.positions(across, t)).distances for before, level in pairwise(surfaces)]
-    last, end = surfaces[-1].positions(across, t), morph_end(levels)
+    last = surfaces[-1].positions(across, t)
+    end = morph_end(levels)
     if isinstance(end, RoundedLevel):
         ends = end.surface.project(last).points
     else:
