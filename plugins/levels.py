@@ -85,7 +85,8 @@ def level_check(layers: Layers, values: Mapping[str, Any], progress: Progress) -
         nested = level.nesting_min >= -values["nesting_tolerance"]
         if not (deep and nested and level.measures.self_intersections == 0):
             raise LevelError(
-                f"level {level.index}: depth {level.deepest:.4f} of {level.limit:g} mm, nesting {level.nesting_min:.4f} mm, "
+                f"level {level.index}: depth {level.deepest:.4f} of {level.limit:g} mm, nesting "
+                f"{level.nesting_min:.4f} mm, "
                 f"{level.measures.self_intersections} self-intersections: lower the stiffness or the depth",
                 level=level.index,
             )
@@ -112,8 +113,10 @@ FILTERS = (
     Filter(
         "generate_stock_capsule",
         "Generate Stock Capsule",
-        "The capsule the part is cut from, given or found round it (of those little larger than the smallest the one with the fewest "
-        "cuts), standing on its post: adds the stock and the part moved onto the post (program zero is the table, z = 0) as layers. "
+        "The capsule the part is cut from, given or found round it (of those little larger than the "
+        "smallest the one with the fewest "
+        "cuts), standing on its post: adds the stock and the part moved onto the post (program zero is "
+        "the table, z = 0) as layers. "
         "The part's layer becomes the current one and keeps the stock.",
         CATEGORY,
         (
@@ -126,8 +129,10 @@ FILTERS = (
     Filter(
         "generate_stock",
         "Generate Stock",
-        "What the part is cut from: a capsule, a cylinder or box bar, or any closed convex mesh, given or found round the "
-        "part, which may lie anywhere in it. Adds the stock and the part moved onto its post (program zero is the table, z = 0) as "
+        "What the part is cut from: a capsule, a cylinder or box bar, or any closed convex mesh, given "
+        "or found round the "
+        "part, which may lie anywhere in it. Adds the stock and the part moved onto its post (program "
+        "zero is the table, z = 0) as "
         "layers. The part's layer becomes the current one and keeps the stock.",
         CATEGORY,
         (
@@ -140,23 +145,29 @@ FILTERS = (
     Filter(
         "generate_morph_levels",
         "Generate Morph Levels",
-        "Morphs the T-spline into the stock in levels that keep their cutting depth, lie inside the stock and enclose one another; adds "
-        "them as layers level_00 (the part) ... level_K (the stock), coloured by depth on one scale. Layer level_00 becomes the "
-        "current one. The stock is that of generate_stock or generate_stock_capsule. By default their quadratic programs "
+        "Morphs the T-spline into the stock in levels that keep their cutting depth, lie inside the "
+        "stock and enclose one another; adds "
+        "them as layers level_00 (the part) ... level_K (the stock), coloured by depth on one scale. "
+        "Layer level_00 becomes the "
+        "current one. The stock is that of generate_stock or generate_stock_capsule. By default their "
+        "quadratic programs "
         "are solved by ADMM.",
         CATEGORY,
         parameters_of(LevelsJob()),
         morph_levels,
         after=("generate_stock", "compute_tspline_surface"),
         references=(
-            "Gan, Fu, Shen, Lin: A morphing machining strategy for artificial bone. JZUS-A 2014, doi:10.1631/jzus.A1300274, section 4.2",
-            "Boyd et al.: Distributed optimization and statistical learning via ADMM. Found. Trends Mach. Learn. 3 (2011).",
+            "Gan, Fu, Shen, Lin: A morphing machining strategy for artificial bone. JZUS-A 2014, "
+            "doi:10.1631/jzus.A1300274, section 4.2",
+            "Boyd et al.: Distributed optimization and statistical learning via ADMM. Found. Trends "
+            "Mach. Learn. 3 (2011).",
         ),
     ),
     Filter(
         "compute_level_check",
         "Compute Level Check",
-        "Depth, nesting and self-intersections of every level as measured on its tessellation; a level beyond the tolerance is an error.",
+        "Depth, nesting and self-intersections of every level as measured on its tessellation; a level "
+        "beyond the tolerance is an error.",
         CATEGORY,
         (
             FilterParameter(

@@ -78,7 +78,8 @@ FILTERS = (
     Filter(
         "apply_units_in_mm",
         "Apply Units in Millimetres",
-        "Scales the layer from its file's unit to mm, which all bonecam filters work in. A size that is no bone's in the stated unit "
+        "Scales the layer from its file's unit to mm, which all bonecam filters work in. A size that is "
+        "no bone's in the stated unit "
         "is refused, with the unit that would fit.",
         CATEGORY,
         parameters_of(MeshJob(), only=("units",)),
@@ -88,7 +89,8 @@ FILTERS = (
     Filter(
         "meshing_repair_bone",
         "Repair Bone",
-        "Makes one closed genus-0 mesh of the layer, as a new layer: duplicates, null faces, non-manifold edges, orientation, holes, "
+        "Makes one closed genus-0 mesh of the layer, as a new layer: duplicates, null faces, "
+        "non-manifold edges, orientation, holes, "
         "in that order. What was changed is in the result; what cannot be mended is an error with the place.",
         CATEGORY,
         (),
@@ -97,7 +99,8 @@ FILTERS = (
     Filter(
         "meshing_fill_pits",
         "Fill Pits",
-        "Fills pits and clefts that a ball of the given radius cannot enter with a membrane, as a new layer: the cutter leaves that "
+        "Fills pits and clefts that a ball of the given radius cannot enter with a membrane, as a new "
+        "layer: the cutter leaves that "
         "material anyway, and levels over a pit would fold. The layer is closed and in mm.",
         CATEGORY,
         parameters_of(MeshJob(), only=("pit_radius",)),
@@ -115,13 +118,15 @@ FILTERS = (
     Filter(
         "compute_harmonic_rows",
         "Compute Harmonic Rows",
-        "Rows of points round the bone: isolines of the harmonic field that is 0 at the one end and 1 at the other. On a closed genus-0 "
+        "Rows of points round the bone: isolines of the harmonic field that is 0 at the one end and 1 at "
+        "the other. On a closed genus-0 "
         "mesh each isoline is one loop. They come as a layer of closed polylines coloured by row.",
         CATEGORY,
         parameters_of(MeshJob(), only=("rows", "row_points", "edge_percent")),
         harmonic_rows_layer,
         references=(
-            "Dong, Kircher, Garland: Harmonic functions for quadrilateral remeshing of arbitrary manifolds. CAGD 22 (2005).",
+            "Dong, Kircher, Garland: Harmonic functions for quadrilateral remeshing of arbitrary "
+            "manifolds. CAGD 22 (2005).",
         ),
     ),
 )

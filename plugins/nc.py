@@ -49,7 +49,8 @@ FILTERS = (
     Filter(
         "save_nc_program",
         "Save NC Program",
-        "Posts the kept tool paths for the machine they were planned on, reads the text back through forward kinematics, checks that no "
+        "Posts the kept tool paths for the machine they were planned on, reads the text back through "
+        "forward kinematics, checks that no "
         "move enters the part, and writes the program only where that holds.",
         CATEGORY,
         (

@@ -49,7 +49,8 @@ FILTERS = (
     Filter(
         "compute_tspline_surface",
         "Compute T-Spline Surface",
-        "Fits one row-structured bicubic T-spline to the layer, periodic round the bone with a pole at either end, and adds its "
+        "Fits one row-structured bicubic T-spline to the layer, periodic round the bone with a pole at "
+        "either end, and adds its "
         "tessellation as a layer, which keeps the T-spline for the filters after it.",
         CATEGORY,
         (
@@ -59,15 +60,19 @@ FILTERS = (
         ),
         fit_tspline,
         references=(
-            "Yang, Zheng: Approximate T-spline surface skinning. Computer-Aided Design 44 (2012) 1269-1276, doi:10.1016/j.cad.2012.07.003",
-            "Gan, Fu, Shen, Lin: A morphing machining strategy for artificial bone. JZUS-A 2014, doi:10.1631/jzus.A1300274, section 3",
+            "Yang, Zheng: Approximate T-spline surface skinning. Computer-Aided Design 44 (2012) "
+            "1269-1276, doi:10.1016/j.cad.2012.07.003",
+            "Gan, Fu, Shen, Lin: A morphing machining strategy for artificial bone. JZUS-A 2014, "
+            "doi:10.1631/jzus.A1300274, section 3",
         ),
     ),
     Filter(
         "save_tspline_surface",
         "Save T-Spline Surface",
-        "Writes the T-spline that is kept with the layer. The ending decides: .tspline is bonecam's own text form, bit for bit; "
-        ".step, .stp, .iges and .igs hold one exact periodic B-spline face in mm, for CAD systems (needs the extra bonecam[cad]).",
+        "Writes the T-spline that is kept with the layer. The ending decides: .tspline is bonecam's own "
+        "text form, bit for bit; "
+        ".step, .stp, .iges and .igs hold one exact periodic B-spline face in mm, for CAD systems (needs "
+        "the extra bonecam[cad]).",
         CATEGORY,
         (FilterParameter("file", Kind.SAVE_FILE, "surface.tspline", "File", "The file to write."),),
         save_tspline,

@@ -67,9 +67,12 @@ FILTERS = (
     Filter(
         "generate_toolpath",
         "Generate Tool Path",
-        "Five-axis paths on every level from the stock inwards: zig-zag with the exact side step for the scallop limit, a lead angle "
-        "tilted away where a collision or the machine forbids it, links clear of the stock. Adds the way of the tip on each level as a "
-        f"polyline layer toolpath_NN with the kind of each move as quality ({MOVES}). What stays unreachable is left uncut and counted.",
+        "Five-axis paths on every level from the stock inwards: zig-zag with the exact side step for the "
+        "scallop limit, a lead angle "
+        "tilted away where a collision or the machine forbids it, links clear of the stock. Adds the way "
+        "of the tip on each level as a "
+        f"polyline layer toolpath_NN with the kind of each move as quality ({MOVES}). What stays "
+        "unreachable is left uncut and counted.",
         CATEGORY,
         (
             *parameters_of(PathJob()),
@@ -80,7 +83,8 @@ FILTERS = (
         plan_toolpath,
         after=("generate_stock", "compute_tspline_surface", "generate_morph_levels"),
         references=(
-            "Gan, Fu, Shen, Lin: A morphing machining strategy for artificial bone. JZUS-A 2014, doi:10.1631/jzus.A1300274, section 4.3",
+            "Gan, Fu, Shen, Lin: A morphing machining strategy for artificial bone. JZUS-A 2014, "
+            "doi:10.1631/jzus.A1300274, section 4.3",
         ),
     ),
 )

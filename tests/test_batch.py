@@ -131,7 +131,8 @@ from pathlib import Path
 from bonecam.batch import convert_many
 from orders import work
 if __name__ == "__main__":
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell starts what runs in its background with SIGINT ignored
+    # a shell starts what runs in its background with SIGINT ignored
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         convert_many(sys.argv[2:], sys.argv[1], jobs=2, resume=True, work=work)
     except KeyboardInterrupt:

@@ -6,12 +6,16 @@ from pathlib import Path
 import pytest
 
 ORDER = [
-    *"errors progress timing arrays threads runtime files text job kernels mesh setup surface levels toolpath orientation nc verify".split(),
+    *"errors progress timing arrays threads runtime files text job kernels".split(),
+    *"mesh setup surface levels toolpath orientation nc verify".split(),
     *"outputs pipeline filters batch cli __main__".split(),
 ]
 ROOMS = {
     "runtime": "parent signals temporary own_files staging".split(),
-    "surface": "basis tmesh query tessellation refinement tspline rows_to_general fitting skinning files part_surface".split(),
+    "surface": [
+        *"basis tmesh query tessellation refinement tspline".split(),
+        *"rows_to_general fitting skinning files part_surface".split(),
+    ],
     "levels": [
         *"problem solvers measure refine_for_depth sequences".split(),
         *"closed_morph open_stock open_morph body_surface edge_rounding equal_depths job_levels".split(),

@@ -60,7 +60,10 @@ def row(item: FilterParameter) -> str:
     """One line of the table of parameters."""
     default = "from the mesh" if item.computed is not None else f"`{item.written(item.default)}`"
     unit = f"{item.unit or '-'} or %" if item.kind is Kind.LENGTH else item.unit or "-"
-    return f"| `{item.name}` | {item.kind.name.lower()} | {default} | {unit} | {limits(item)} | **{item.label}.** {item.tooltip} |"
+    return (
+        f"| `{item.name}` | {item.kind.name.lower()} | {default} | {unit} | {limits(item)} | "
+        f"**{item.label}.** {item.tooltip} |"
+    )
 
 
 def limits(item: FilterParameter) -> str:

@@ -227,4 +227,5 @@ def section_of(section: Section, values: Mapping[str, Any], prefix: str = "") ->
     """
     known = {item.name for item in fields(section)}  # type: ignore[arg-type]
     changes = {name.removeprefix(prefix): value for name, value in values.items() if name.startswith(prefix)}
-    return replace(section, **{name: value for name, value in changes.items() if name in known})  # type: ignore[type-var]
+    kept = {name: value for name, value in changes.items() if name in known}
+    return replace(section, **kept)  # type: ignore[type-var]

@@ -38,7 +38,8 @@ def correction(d: float, low: float, high: float, e: float, g: float) -> tuple[f
 
 @njit(cache=True, fastmath=CONTRACT)
 def sweep(
-    x: ndarray, y: ndarray, H: ndarray, c: ndarray, n: ndarray, low: ndarray, high: ndarray, m: ndarray, h: ndarray, weights: ndarray,
+    x: ndarray, y: ndarray, H: ndarray, c: ndarray, n: ndarray, low: ndarray, high: ndarray, m: ndarray,
+    h: ndarray, weights: ndarray,
     rho: float, relaxation: float, z: ndarray, u: ndarray,
 ) -> float:  # fmt: skip
     """One iteration for samples that y has moved: z = the point of the limits nearest to (H + rho (x + y +
@@ -67,7 +68,8 @@ def sweep(
 
 @njit(inline="always")
 def _sweep_onto(
-    indptr: ndarray, indices: ndarray, data: ndarray, x: ndarray, D: ndarray, c: ndarray, n: ndarray, low: ndarray, high: ndarray,
+    indptr: ndarray, indices: ndarray, data: ndarray, x: ndarray, D: ndarray, c: ndarray, n: ndarray,
+    low: ndarray, high: ndarray,
     m: ndarray, h: ndarray, rows: ndarray, broken: ndarray, least: float,
 ) -> tuple[float, int]:  # fmt: skip
     """Move D onto the limits of the samples `rows`, one after the other (Kaczmarz). Returns how far the worst
@@ -101,7 +103,8 @@ def _sweep_onto(
 
 @njit(cache=True, fastmath=CONTRACT)
 def project(
-    indptr: ndarray, indices: ndarray, data: ndarray, x: ndarray, D: ndarray, c: ndarray, n: ndarray, low: ndarray, high: ndarray,
+    indptr: ndarray, indices: ndarray, data: ndarray, x: ndarray, D: ndarray, c: ndarray, n: ndarray,
+    low: ndarray, high: ndarray,
     m: ndarray, h: ndarray, sweeps: int, enough: float,
 ) -> None:  # fmt: skip
     """Move D onto the limits of one sample after the other (Kaczmarz), until all hold to `enough` mm or for

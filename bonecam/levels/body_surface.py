@@ -96,7 +96,8 @@ def body_surfaces(bodies: Sequence[Stock]) -> list[TSpline]:
         if distance <= TOLERANCE:
             return made
     raise LevelError(
-        f"the surface of the rounded stock is {distance:.4f} mm off it at {place_name(place)}, more than {TOLERANCE} mm: give a larger "
+        f"the surface of the rounded stock is {distance:.4f} mm off it at {place_name(place)}, more than "
+        f"{TOLERANCE} mm: give a larger "
         "stock, whose edges can be rounder, or a capsule",
         distance=distance,
         place=place,

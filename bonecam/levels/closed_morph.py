@@ -42,7 +42,8 @@ of the one, and holds the other at samples only."""
 STIFFNESS = 5e-7
 """c_int / c_ext, parameters in [0, 1]."""
 COARSE = 0.02
-"""Chord tolerance (mm) at which the part is looked at first, and the mesh of the stock as a share of its diameter."""
+"""Chord tolerance (mm) at which the part is looked at first, and the mesh of the stock as a share of its
+diameter."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,9 +51,9 @@ class Morph:
     """Levels 0 (the part) to K (the stock), and K_min, the fewest cuts any sequence of these depths needs.
 
     K_min counts the largest distance between part and stock, from a point of either to the other, as the
-    depths of the cuts are limited both ways. `distance` is that from the stock to the part, mm. The seconds are for benchmarks and
-    reports. `breaks` is by how much (mm, ACCEPTED at most) a level exceeds its depth, falls behind or leaves
-    the stock where no sequence keeps every tolerance; else 0.
+    depths of the cuts are limited both ways. `distance` is that from the stock to the part, mm. The seconds
+    are for benchmarks and reports. `breaks` is by how much (mm, ACCEPTED at most) a level exceeds its depth,
+    falls behind or leaves the stock where no sequence keeps every tolerance; else 0.
     """
 
     levels: tuple[Level, ...]
@@ -94,10 +95,11 @@ def morph(
 ) -> Morph:
     """All levels, measured on tessellations within `chord_tolerance` mm.
 
-    `stiffness` is c_int / c_ext (parameters in [0, 1]). `method` is `qp`, whose programs `solver` solves (`admm`,
-    or as a reference `osqp` or `clarabel`), or `qcqp`, the published program solved exactly (`published_sequence.py`):
-    slow. SurfaceError where the surface is no closed body's between two poles, StockError where it leaves the
-    stock, JobError where a number is out of range, LevelError where a level cannot be made or fails its check.
+    `stiffness` is c_int / c_ext (parameters in [0, 1]). `method` is `qp`, whose programs `solver` solves
+    (`admm`, or as a reference `osqp` or `clarabel`), or `qcqp`, the published program solved exactly
+    (`published_sequence.py`): slow. SurfaceError where the surface is no closed body's between two poles,
+    StockError where it leaves the stock, JobError where a number is out of range, LevelError where a level
+    cannot be made or fails its check.
     """
     require_types(surface, schedule, stock)
     _require_parameters(attraction, method, solver, stiffness, chord_tolerance)
@@ -182,7 +184,8 @@ def _require_closed_inside(surface: TSpline, stock: Stock, schedule: Schedule) -
     it takes too many cuts."""
     if not all(surface.poles):
         raise SurfaceError(
-            "the surface is not closed between two poles: morph an open one with bonecam.levels.open_morph.morph_open, or close its ends"
+            "the surface is not closed between two poles: morph an open one with "
+            "bonecam.levels.open_morph.morph_open, or close its ends"
         )
     require_seeds_inside(stock, surface)
     mesh = require_valid(surface, COARSE, "the part")

@@ -210,7 +210,8 @@ def _require_near(stock: OpenStock, limit: float) -> None:
     """StockError where the stock over the part's T-mesh lies more than `limit` mm off the one given."""
     if stock.deviation > limit:
         raise StockError(
-            f"the stock over the part's control points lies {stock.deviation:.3f} mm off the one given at {place_name(stock.place)}, "
+            f"the stock over the part's control points lies {stock.deviation:.3f} mm off the one given at "
+            f"{place_name(stock.place)}, "
             f"more than one cut ({limit:.3f} mm): give a smoother stock or more control points",
             distance=stock.deviation,
             place=stock.place,

@@ -60,7 +60,8 @@ def prepare_part(
     progress: Progress = silent,
     also: tuple[str, ...] = (),
 ) -> Part:
-    """Read a mesh, scale it to mm, decimate it where it has too many faces, repair it, fill its pits and turn it upright, as the job says.
+    """Read a mesh, scale it to mm, decimate it where it has too many faces, repair it, fill its pits and turn
+    it upright, as the job says.
 
     `also` are endings of part files that the caller reads itself: a refusal names them too. MeshError,
     FileError and UnitsError name the file.

@@ -92,7 +92,8 @@ class Dialect:
         if machine.tool_centre_control not in self.tool_centre_control:
             known = ", ".join(self.tool_centre_control)
             raise MachineError(
-                f"{machine.name}: tool_centre_control {machine.tool_centre_control!r} is none of {self.name}'s: use one of {known}",
+                f"{machine.name}: tool_centre_control {machine.tool_centre_control!r} is none of "
+                f"{self.name}'s: use one of {known}",
                 machine=machine.name,
                 dialect=self.name,
             )

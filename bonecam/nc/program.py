@@ -29,7 +29,10 @@ class Program:
     rotary_max_deg_per_block: float
 
     def __repr__(self) -> str:
-        return f"<Program {self.name} for {self.machine} and {self.controller}: {self.blocks} blocks, {self.time_min:.1f} min>"
+        return (
+            f"<Program {self.name} for {self.machine} and {self.controller}: {self.blocks} blocks, "
+            f"{self.time_min:.1f} min>"
+        )
 
 
 def program_name(file: str | Path) -> str:

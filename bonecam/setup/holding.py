@@ -45,8 +45,10 @@ def post_below(part: TriangleMesh, holding: HoldingJob, lying: tuple[float, floa
     if not len(met):
         x, y = np.array(lying) - _lower_end(part, holding.diameter)
         raise ToolPathError(
-            f"the post of diameter {holding.diameter:g} mm on the Z axis misses the part: bring the part's lower end over it with "
-            f"stock.offset_x = {x:.2f} and stock.offset_y = {y:.2f} (or mesh.upright), or give a larger holding.diameter",
+            f"the post of diameter {holding.diameter:g} mm on the Z axis misses the part: bring the "
+            "part's lower end over it with "
+            f"stock.offset_x = {x:.2f} and stock.offset_y = {y:.2f} (or mesh.upright), or give a larger "
+            "holding.diameter",
             diameter=holding.diameter,
             offset=(x, y),
         )

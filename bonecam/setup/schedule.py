@@ -74,7 +74,8 @@ class Schedule:
             if self.reach(k) >= distance - ROUNDING:
                 return k
         raise LevelError(
-            f"{distance:.1f} mm of material need more than {MOST_LEVELS} cuts, which take {self.reach(MOST_LEVELS):.1f} mm: "
+            f"{distance:.1f} mm of material need more than {MOST_LEVELS} cuts, which take "
+            f"{self.reach(MOST_LEVELS):.1f} mm: "
             "give deeper cuts or a smaller stock",
             level=MOST_LEVELS,
             distance=distance,
@@ -122,8 +123,10 @@ def check_cuts(part: TriangleMesh, stock: Stock, job: LevelsJob) -> None:
         )
     if farthest > FARTHEST_DIAGONALS * part.diagonal:
         raise StockError(
-            f"the stock at {place_name(place)} is {farthest:.1f} mm from the part, more than {FARTHEST_DIAGONALS:g} times "
-            f"the part's diagonal of {part.diagonal:.1f} mm: give a smaller stock, or a smaller offset of the part in it",
+            f"the stock at {place_name(place)} is {farthest:.1f} mm from the part, more than "
+            f"{FARTHEST_DIAGONALS:g} times "
+            f"the part's diagonal of {part.diagonal:.1f} mm: give a smaller stock, or a smaller offset of "
+            "the part in it",
             distance=farthest,
             place=place,
         )

@@ -12,7 +12,8 @@ from bonecam.text.faults import Faults
 LARGEST = 100_000
 """Most characters of a text: machines and jobs have below 10,000."""
 LONGEST_LINE = 10_000
-"""Most characters of a line: the time that tomllib takes for a dotted name is quadratic in its parts (0.3 s for this)."""
+"""Most characters of a line: the time that tomllib takes for a dotted name is quadratic in its parts (0.3 s for
+this)."""
 DEEPEST = 10
 """Most tables and lists within one another; machines, dialects and jobs have three."""
 BITS = 64

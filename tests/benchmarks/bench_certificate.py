@@ -107,11 +107,13 @@ def main() -> None:
     parser.add_argument("--samples", type=int, default=20_000)
     given = parser.parse_args()
     print(
-        f"{'':33} | depth over the limit, um | outside the next level   | out of the stock         | last cut, over the limit | seconds"
+        f"{'':33} | depth over the limit, um | outside the next level   | out of the stock         | last "
+        "cut, over the limit | seconds"
     )
     three = "measured sampled certif."
     print(
-        f"{'bone':22} {'c.p.':>5} {'cuts':>4} | {three} | {three} | {three} | {three} |  check  certify  a cut | not certified"
+        f"{'bone':22} {'c.p.':>5} {'cuts':>4} | {three} | {three} | {three} | {three} |  check  certify  "
+        "a cut | not certified"
     )
     with threadpool_limits(1):
         for mesh in given.meshes:

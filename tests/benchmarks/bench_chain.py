@@ -41,7 +41,9 @@ try:
     answer = {"report": result.report}
 except bonecam.BonecamError as error:
     answer = {"error": str(error)}
-seconds, cpu, most = time.perf_counter() - began, time.process_time() - cpu, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+seconds = time.perf_counter() - began
+cpu = time.process_time() - cpu
+most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 print(json.dumps({**answer, "seconds": seconds, "cpu": cpu, "MB": most}))
 """
 

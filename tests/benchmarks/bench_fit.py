@@ -124,7 +124,8 @@ def main(tolerance: float, most: int, names: list[str]) -> None:
             found, seconds = one(mesh, asked, 2 * fits[0].control_points if fits else most, how)
             fits.append(found)
             cells.append(
-                f"{found.control_points:6d} {found.deviation.max:6.3f} {found.deviation.rms:6.4f} {seconds:6.1f} {found.reached!s:>7}"
+                f"{found.control_points:6d} {found.deviation.max:6.3f} {found.deviation.rms:6.4f} "
+                f"{seconds:6.1f} {found.reached!s:>7}"
             )
         share = f"{' ' if fits[1].reached else '<'}{fits[0].control_points / fits[1].control_points:.0%}"
         print(

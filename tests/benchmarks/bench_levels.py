@@ -206,9 +206,8 @@ def growth(found: list[Case]) -> None:
         )
     exponents = [exponent(np.array(rows)[:, 0], np.array(rows)[:, k]) for k in range(1, 6)]
     print(
-        "growth n^     |                 | {:7.2f} {:7.2f} | {:9.2f} | {:7.2f} {:7.2f}    (aim: solve at most n^1.7)\n".format(
-            *exponents
-        )
+        "growth n^     |                 | {:7.2f} {:7.2f} | {:9.2f} | {:7.2f} {:7.2f}"
+        "    (aim: solve at most n^1.7)\n".format(*exponents)
     )
 
 
@@ -257,10 +256,12 @@ def optimum(call: Call, program: Program, start: ndarray, watched: bool) -> floa
 def energies(case: Case) -> None:
     """Each level's energy beside the optimum of the same program."""
     print(
-        f"Energy / Clarabel's optimum of the same program, {len(case.surface.control_points)} control points (aim: within 1 %)"
+        f"Energy / Clarabel's optimum of the same program, {len(case.surface.control_points)} control "
+        "points (aim: within 1 %)"
     )
     print(
-        "level | ADMM, its      samples' planes  (broken by mm) | level, the watched samples' planes too  (broken by mm)"
+        "level | ADMM, its      samples' planes  (broken by mm) | level, the watched samples' planes too "
+        " (broken by mm)"
     )
     ratios, last = [], max(case.calls)
     for k in sorted({*range(1, last + 1, EVERY), last} & set(case.calls)):
@@ -310,7 +311,8 @@ def published(case: Case) -> None:
     """How many cuts the program takes as the paper prints it, by what attracts: the bounding sphere or the
     nearest stock point."""
     print(
-        "Cuts of the program as printed (depth as displacement, at samples; no nesting; stiffness 1e-6 throughout), Clarabel"
+        "Cuts of the program as printed (depth as displacement, at samples; no nesting; stiffness 1e-6 "
+        "throughout), Clarabel"
     )
     first, targets = case.made.levels[0], case.stock.mesh(0.02).vertices
     grid = level_grid(case.surface, [first.surface.control_points], 0.02)  # type: ignore[union-attr]
@@ -334,7 +336,8 @@ def beside_cvxpy(case: Case) -> None:
     )
     samples, times = case.surface.basis(s, t)[0], level_seconds(case)
     print(
-        f"CVXPY, the paper's formulation, {len(case.surface.control_points)} control points, {len(s)} samples (aim: 20 x)"
+        f"CVXPY, the paper's formulation, {len(case.surface.control_points)} control points, {len(s)} "
+        "samples (aim: 20 x)"
     )
     print("level | ours s | CVXPY s | times")
     rows = []
@@ -347,7 +350,8 @@ def beside_cvxpy(case: Case) -> None:
     print(f"  all | {ours:6.3f} | {spent:7.2f} | {spent / ours:5.0f}  ({name})")
     whole = case.made.solve_seconds
     print(
-        f"our whole sequence with all that is solved beside the levels: {whole:.2f} s: {spent / whole:.0f} times as fast\n"
+        f"our whole sequence with all that is solved beside the levels: {whole:.2f} s: "
+        f"{spent / whole:.0f} times as fast\n"
     )
 
 

@@ -59,7 +59,8 @@ def _on_fine(curves: RowCurves, fine: np.ndarray) -> np.ndarray:
 def main(folder: Path) -> None:
     """Print the table and check it."""
     print(
-        "body        tolerance    mm      T-spline  B union  B together  published T / B   points/tol  skin/tol  T CPU s"
+        "body        tolerance    mm      T-spline  B union  B together  published T / B   points/tol  "
+        "skin/tol  T CPU s"
     )
     for name, share, published, published_b in CASES:
         rows = sections(folder, name)
@@ -79,7 +80,8 @@ def main(folder: Path) -> None:
         union, together = b_splines(rows, tolerance)
         size = surface.tmesh.size
         print(
-            f"{name:12s} {share:7.0e} {tolerance:8.4f} {size:9d} {union:8d} {together:11d}      {published:4d} / {published_b:<4d} "
+            f"{name:12s} {share:7.0e} {tolerance:8.4f} {size:9d} {union:8d} {together:11d}      "
+            f"{published:4d} / {published_b:<4d} "
             f"{miss / tolerance:12.2f} {away / tolerance:9.2f} {seconds:8.2f}"
         )
         assert max(miss, away) <= tolerance

@@ -140,7 +140,8 @@ def main() -> None:
     print(f"S, S_s, S_t, {ROWS} x {AROUND} control points, rational, {SAMPLES} random parameters, one core")
     print(f"  bonecam, knots of every row its own   {uneven / 1e6:8.2f} M points/s")
     print(
-        f"  bonecam, one knot vector              {own / 1e6:8.2f} M points/s   {own / nurbs:6.1f} x splinepy   {own / scipy:6.1f} x scipy"
+        f"  bonecam, one knot vector              {own / 1e6:8.2f} M points/s   {own / nurbs:6.1f} x "
+        f"splinepy   {own / scipy:6.1f} x scipy"
     )
     print(f"  bonecam, as a general T-mesh          {general / 1e6:8.2f} M points/s")
     print(

@@ -71,8 +71,13 @@ for call in (
     lambda: Schedule(0.1, 0.5),
     lambda: Schedule([0.1], 0.5),
     lambda: Schedule((0.1,), None),
-    lambda: print(Schedule((Fraction(1, 2),), np.int8(100)).reach(3), Capsule(np.zeros(3), [0, 0, 1], np.uint8(200)).length),
-    lambda: print(Cylinder(np.int8(100), np.int8(-100), np.int8(100)).length, Cylinder(1, 2, 3, (np.int8(4), 5)).centre),
+    lambda: print(
+        Schedule((Fraction(1, 2),), np.int8(100)).reach(3),
+        Capsule(np.zeros(3), [0, 0, 1], np.uint8(200)).length,
+    ),
+    lambda: print(
+        Cylinder(np.int8(100), np.int8(-100), np.int8(100)).length, Cylinder(1, 2, 3, (np.int8(4), 5)).centre
+    ),
     lambda: ConvexStock(np.zeros((4, 3))),
     lambda: morph(part, STOCK, SCHEDULE, attraction=["stock"]),
     lambda: morph(part, STOCK, SCHEDULE, method=["qp"]),

@@ -23,7 +23,10 @@ def machine_text() -> Callable[..., str]:
     """Makes the TOML of a machine; `rotary` gives direction, pivot, sign and limits_deg or endless by letter."""
 
     def build(chain: list[str], rotary: dict[str, dict[str, object]], extra: str = "") -> str:
-        text = f'title = "test"\nchain = {chain}\npart_zero = [1.0, -2.0, 3.0]\ntool_centre_control = "M128"\n{extra}\n{AXES}'
+        text = (
+            f'title = "test"\nchain = {chain}\npart_zero = [1.0, -2.0, 3.0]\n'
+            f'tool_centre_control = "M128"\n{extra}\n{AXES}'
+        )
         for letter, values in rotary.items():
             text += f"[{letter}]\nspeed_deg_s = 60.0\n" + "".join(
                 f"{key} = {str(value).lower()}\n" for key, value in values.items()

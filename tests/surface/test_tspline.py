@@ -67,8 +67,8 @@ def test_derivatives_agree_with_finite_differences(
     first = lambda a, b: surface.evaluate(a, b, 1)  # noqa: E731
     right, left, up, down = first(s + h, t), first(s - h, t), first(s, t + h), first(s, t - h)
     for exact, ahead, back in (
-        (Ss, right[0], left[0]), (St, up[0], down[0]), (Sss, right[1], left[1]), (Sst, up[1], down[1]), (Sst, right[2], left[2]),
-        (Stt, up[2], down[2]),
+        (Ss, right[0], left[0]), (St, up[0], down[0]), (Sss, right[1], left[1]),
+        (Sst, up[1], down[1]), (Sst, right[2], left[2]), (Stt, up[2], down[2]),
     ):  # fmt: skip
         np.testing.assert_allclose((ahead - back) / (2 * h), exact, atol=2e-4 * abs(exact).max())
 

@@ -91,7 +91,8 @@ def test_a_cut_that_is_not_certified_is_told_with_its_place_although_it_measures
     assert rows[3]["nesting_certified_mm"] is None
     told = certified_text(rows)
     assert told.startswith(
-        "depth, nesting and stock hold everywhere on 1 of 3 cuts; cut 2 may be 0.5035 mm deep, more than 0.5 mm, at (1.00, 2.00"
+        "depth, nesting and stock hold everywhere on 1 of 3 cuts; cut 2 may be 0.5035 mm deep, more than "
+        "0.5 mm, at (1.00, 2.00"
     )
     assert "cut 3 is not proven to hold the level before at (1.00" in told
 
@@ -109,7 +110,10 @@ def test_why_cuts_have_no_certificate_is_told_as_it_is(pebble: Callable[..., TSp
     levels = [made[0], *(replace(level, certificate=sure) for level in made[1:3]), *made[3:]]
     rows = levels_report(levels)
     assert [row["rounding"] for row in rows] == [False, False, False, True, True]
-    told = "depth, nesting and stock hold everywhere on 2 of 2 cuts; 2 more cuts only to round the stock, exact by construction"
+    told = (
+        "depth, nesting and stock hold everywhere on 2 of 2 cuts; 2 more cuts only to round the stock, "
+        "exact by construction"
+    )
     assert certified_text(rows) == told
     by_cones = certified_text(levels_report(made), "qcqp")
     assert by_cones.startswith("nothing on 2 cuts: levels by qcqp may fall 0.02 mm behind one another")

@@ -30,7 +30,8 @@ def _slot(strip_starts: ndarray, lows: ndarray, highs: ndarray, tables: ndarray,
 
 @njit(cache=True)
 def locate_one(
-    strip_knots: ndarray, strip_table: ndarray, strip_starts: ndarray, lows: ndarray, highs: ndarray, ids: ndarray, tables: ndarray,
+    strip_knots: ndarray, strip_table: ndarray, strip_starts: ndarray, lows: ndarray, highs: ndarray,
+    ids: ndarray, tables: ndarray,
     s: float, t: float,
 ) -> int:  # fmt: skip
     """The element that holds (s, t), its borders included; -1 where there is none.
@@ -52,7 +53,8 @@ def locate_one(
 
 @njit(cache=True)
 def locate(
-    strip_knots: ndarray, strip_table: ndarray, strip_starts: ndarray, lows: ndarray, highs: ndarray, ids: ndarray, tables: ndarray,
+    strip_knots: ndarray, strip_table: ndarray, strip_starts: ndarray, lows: ndarray, highs: ndarray,
+    ids: ndarray, tables: ndarray,
     s: ndarray, t: ndarray,
 ) -> ndarray:  # fmt: skip
     """The element of each sample, as `locate_one` finds it, without a call where the first guess is right."""

@@ -83,7 +83,8 @@ def _pole_normal(patches: ndarray, boxes: ndarray, strips: tuple, end: float) ->
 
 @njit(cache=True, fastmath=CONTRACT, nogil=True)
 def walk(
-    patches: ndarray, boxes: ndarray, strips: tuple, domain: tuple, ends: tuple, y: ndarray, steps: int, s: ndarray, t: ndarray,
+    patches: ndarray, boxes: ndarray, strips: tuple, domain: tuple, ends: tuple, y: ndarray, steps: int,
+    s: ndarray, t: ndarray,
     foot: ndarray, normal: ndarray, clear_of: float, enough: ndarray,
 ) -> None:  # fmt: skip
     """Write into s and t the parameters of the nearest of the surface points that `steps` steps from (s, t)

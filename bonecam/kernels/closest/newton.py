@@ -113,7 +113,8 @@ def _step_along(D: ndarray, p: ndarray, axis: int) -> tuple[float, float]:
 
 @njit(cache=True, fastmath=CONTRACT)
 def descend(
-    patches: ndarray, boxes: ndarray, strips: tuple, domain: ndarray, period: ndarray, poles: ndarray, limit: ndarray, p: ndarray,
+    patches: ndarray, boxes: ndarray, strips: tuple, domain: ndarray, period: ndarray, poles: ndarray,
+    limit: ndarray, p: ndarray,
     s: float, t: float, D: ndarray,
 ) -> tuple[float, float, float]:  # fmt: skip
     """Parameters of the closest point reached from one seed (s, t), and half the squared distance."""
@@ -182,7 +183,8 @@ def descend(
 
 @njit(cache=True)
 def closest_of_seeds(
-    patches: ndarray, boxes: ndarray, strips: tuple, domain: ndarray, period: ndarray, poles: ndarray, limit: ndarray, points: ndarray,
+    patches: ndarray, boxes: ndarray, strips: tuple, domain: ndarray, period: ndarray, poles: ndarray,
+    limit: ndarray, points: ndarray,
     seeds: ndarray, s: ndarray, t: ndarray, squared: ndarray,
 ) -> None:  # fmt: skip
     """s, t and the squared distance of the closest point that is reached from the seeds (n, k, 2) of each point.

@@ -78,7 +78,8 @@ def levels_to_stock(
         stalled = stalled + 1 if stalls(before, rest, schedule.limit(k)) else 0
         if stalled > stop.max_stalled or k >= stop.most:
             raise LevelError(
-                f"level {k} gets no nearer to the stock than {rest.left:.3f} mm at {place_name(rest.place)}: {stop.remedy}",
+                f"level {k} gets no nearer to the stock than {rest.left:.3f} mm at "
+                f"{place_name(rest.place)}: {stop.remedy}",
                 level=k,
                 place=rest.place,
             )

@@ -38,5 +38,8 @@ def next_moves(
     if broken.max() <= DEPTH_TOLERANCE:
         return moves
     place = program.watched(P + moves)[np.argmax(broken)]
-    what = f"the published program leaves its limits by {broken.max():.4f} mm at {place_name(place)} after {ROUNDS} rounds"
+    what = (
+        f"the published program leaves its limits by {broken.max():.4f} mm at {place_name(place)} after "
+        f"{ROUNDS} rounds"
+    )
     raise LevelError(f"{what}: raise surface.max_control_points", place=place)

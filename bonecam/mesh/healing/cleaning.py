@@ -65,7 +65,10 @@ def keep_largest_piece(state: RepairState) -> RepairState:
         raise MeshError(
             f"{what}: save the one to machine by itself", parts=len(areas), areas=areas, place=place
         )
-    told = f"dropped {counted(len(others), 'loose piece')} of at most {others.max() / areas[largest]:.2%} of the part's area"
+    told = (
+        f"dropped {counted(len(others), 'loose piece')} of at most {others.max() / areas[largest]:.2%} of "
+        "the part's area"
+    )
     return state.then(keep_faces(welded, pieces == largest), told)
 
 

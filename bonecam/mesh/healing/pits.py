@@ -61,7 +61,10 @@ def fill_pits(mesh: TriangleMesh, radius: float) -> tuple[TriangleMesh, tuple[st
     worst = int(np.argmax(moved))
     if moved[worst] < SHALLOW and not left.any():
         return mesh, ()
-    told = f"pits that a ball of {radius:g} mm cannot enter, up to {moved[worst]:.2f} mm deep at {place_name(mesh.vertices[worst])} mm"
+    told = (
+        f"pits that a ball of {radius:g} mm cannot enter, up to {moved[worst]:.2f} mm deep at "
+        f"{place_name(mesh.vertices[worst])} mm"
+    )
     if len(self_intersections(filled)):
         return mesh, (f"left {told}, open: a membrane over them would cut the part",)
     rest = f"; {counted(int(left.sum()), 'vertex')} still out of its reach" if left.any() else ""

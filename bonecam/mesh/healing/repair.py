@@ -106,5 +106,8 @@ def _refuse_flat(mesh: TriangleMesh) -> None:
     ).min()
     if thickness < FLAT * size:
         faces = "one triangle" if len(mesh.faces) == 1 else f"{len(mesh.faces)} triangles"
-        what = f"the mesh ({faces}) is flat: {round(float(thickness), 9):.3g} mm thick, {size:.3g} mm from corner to corner"
+        what = (
+            f"the mesh ({faces}) is flat: {round(float(thickness), 9):.3g} mm thick, {size:.3g} mm from "
+            "corner to corner"
+        )
         raise MeshError(f"{what}: give a solid part", thickness=float(thickness))

@@ -41,7 +41,10 @@ class Isolines:
         if len(order) != len(faces):
             place = self.mesh.vertices[self.mesh.faces[np.setdiff1d(faces, order)[0], 0]]
             where = ", ".join(f"{x:.2f}" for x in place)
-            message = f"the isoline at {value:.6g} falls into several loops, one near ({where}): the mesh has a handle or badly shaped faces"
+            message = (
+                f"the isoline at {value:.6g} falls into several loops, one near ({where}): the mesh has a "
+                "handle or badly shaped faces"
+            )
             raise MeshError(f"{message}; repair it or remesh it finer", value=value, place=place)
         return self._crossings(order, rising[np.searchsorted(faces, order)], value)
 

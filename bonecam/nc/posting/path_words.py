@@ -148,7 +148,8 @@ def check_travel(machine: Machine, paths: Sequence[Posted]) -> None:
             high = max(high, float(nose.max()))
             if high - low > axis.travel:
                 raise MachineError(
-                    f"level {posted.path.level}: {axis.letter} runs over {high - low:.1f} mm, travel {axis.travel:.1f} mm "
+                    f"level {posted.path.level}: {axis.letter} runs over {high - low:.1f} mm, travel "
+                    f"{axis.travel:.1f} mm "
                     f"of {machine.title}: take a machine with more travel, a shorter post or part",
                     axis=axis.letter,
                     value=high - low,
@@ -170,7 +171,8 @@ def _check_limits(
         row = int(np.argmin(np.abs(nose - value)))
         source = int(posted.moves.rows[row]) if row < len(posted.words) else 0
         raise MachineError(
-            f"level {posted.path.level}, pass {int(posted.path.pass_index[source])}: {letter} {value:.1f} mm leaves the limit "
+            f"level {posted.path.level}, pass {int(posted.path.pass_index[source])}: {letter} {value:.1f} "
+            "mm leaves the limit "
             f"{limit:.1f} mm of {machine.title}: take a machine with more travel, or move part_zero",
             axis=letter,
             value=float(value),

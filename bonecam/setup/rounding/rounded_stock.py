@@ -107,7 +107,8 @@ class RoundedStock(Stock):
             mesh = self._project(bisect_faces(mesh, coarse), len(mesh.vertices))
         place = mesh.vertices[mesh.faces[np.argmax(coarse), 0]]
         raise StockError(
-            f"no mesh of the rounded stock is within {chord_tolerance:g} mm of it at {place_name(place)}: give a stock with rounder "
+            f"no mesh of the rounded stock is within {chord_tolerance:g} mm of it at {place_name(place)}: "
+            "give a stock with rounder "
             "edges, or raise levels.chord_tolerance",
             distance=chord_tolerance,
             place=place,

@@ -64,11 +64,15 @@ def capsule_of_size(diameter: float, length: float, middle: float) -> Capsule:
     none."""
     if diameter <= 0:
         raise StockError(
-            f"stock.diameter = {diameter:g}: a capsule {length:g} mm long needs one: give the diameter, or no stock.length",
+            f"stock.diameter = {diameter:g}: a capsule {length:g} mm long needs one: give the diameter, "
+            "or no stock.length",
             distance=0.0,
         )
     if length < diameter:
-        what = f"stock.length = {length:g}: a capsule of diameter {diameter:g} mm is no shorter than that over both caps"
+        what = (
+            f"stock.length = {length:g}: a capsule of diameter {diameter:g} mm is no shorter than that "
+            "over both caps"
+        )
         raise StockError(
             f"{what}: give at least {diameter:g}, or a smaller stock.diameter", distance=diameter - length
         )

@@ -184,12 +184,16 @@ def _require_convex(mesh: TriangleMesh) -> None:
     worst = int(np.argmax(inside))
     if inside[worst] > FLAT * mesh.diagonal:
         raise StockError(
-            f"the stock is not convex: it lies {inside[worst]:.3f} mm inside its convex hull at {place_name(probes[worst])}: give the hull",
+            f"the stock is not convex: it lies {inside[worst]:.3f} mm inside its convex hull at "
+            f"{place_name(probes[worst])}: give the hull",
             distance=float(inside[worst]),
             place=probes[worst],
         )
     if abs(mesh.volume - hull.volume) > FLAT * mesh.diagonal * mesh.area:
-        told = f"the stock is no single convex body: its faces hold {mesh.volume:.1f} mm3, their convex hull {hull.volume:.1f}"
+        told = (
+            f"the stock is no single convex body: its faces hold {mesh.volume:.1f} mm3, their convex hull "
+            f"{hull.volume:.1f}"
+        )
         raise StockError(f"{told}: give the hull", distance=0.0, place=probes[worst])
 
 
@@ -221,7 +225,8 @@ def smallest_scale(stock: ConvexStock, points: Float[ndarray, "n 3"], allowance:
         high = 2 * high
         if high > LARGEST_SCALE:
             raise StockError(
-                f"{stock.file}: no copy of this body on the Z axis holds the part: move the part with stock.offset_x, offset_y"
+                f"{stock.file}: no copy of this body on the Z axis holds the part: move the part with "
+                "stock.offset_x, offset_y"
             )
     for _ in range(HALVINGS):
         between = (low + high) / 2

@@ -193,7 +193,8 @@ def _cut_faces(points: ndarray, faces: ndarray, middle: ndarray) -> ndarray:
     two = count == 2
     pieces = [
         (count == 1, (a, m, c)), (count == 1, (m, b, c)),
-        (two, (m, b, n)), (two & shorter, (a, m, n)), (two & shorter, (a, n, c)), (two & ~shorter, (a, m, c)), (two & ~shorter, (m, n, c)),
+        (two, (m, b, n)), (two & shorter, (a, m, n)), (two & shorter, (a, n, c)),
+        (two & ~shorter, (a, m, c)), (two & ~shorter, (m, n, c)),
         (count == 3, (a, m, o)), (count == 3, (m, b, n)), (count == 3, (o, n, c)), (count == 3, (m, n, o)),
     ]  # fmt: skip
     return np.vstack([np.column_stack(corners)[which] for which, corners in pieces])
