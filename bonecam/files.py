@@ -67,15 +67,16 @@ def write_whole(path: str | Path, text: str) -> None:
 
 
 @contextmanager
-def whole_folder(path: str | Path, own: str | None = None) -> Iterator[Path]:
+def whole_folder(path: str | Path, own: str | None = None, *, replace: bool = True) -> Iterator[Path]:
     """A temporary folder whose files move into `path` when the block ends well; nothing is left where it
     fails.
 
     Where `own` (a regular expression) is given, files that an earlier run wrote there, unchanged since, and
-    whose whole names match it, go where no new one takes their place.
+    whose whole names match it, go where no new one takes their place. Without `replace`, FileError where a file
+    would be written over that no earlier run wrote.
     """
     with staged() as staging:
-        yield staging.folder(path, own)
+        yield staging.folder(path, own, replace)
 
 
 def require_room(path: Path) -> None:

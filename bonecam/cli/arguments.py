@@ -130,6 +130,9 @@ def _add_script(parsers: Any) -> None:
     script.add_argument(
         "-o", "--output", metavar="DIR", required=True, help="folder for the resulting layers"
     )
+    outside = "let the script write outside DIR, and read what is not beside it or an input"
+    script.add_argument("--allow-outside", action="store_true", help=outside)
+    script.add_argument("--force", action="store_true", help="write over files that no earlier run wrote")
     _add_verbosity(script)
 
 

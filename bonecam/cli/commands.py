@@ -68,7 +68,14 @@ def run_batch(options: argparse.Namespace) -> int:
 def run_script(options: argparse.Namespace) -> int:
     """`bonecam script`: a MeshLab filter script on meshes; prints the files of the resulting layers."""
     with shown_progress(options) as progress, native_output_to_stderr():
-        written = bonecam.filters.run_script(options.script, options.input, options.output, progress=progress)
+        written = bonecam.filters.run_script(
+            options.script,
+            options.input,
+            options.output,
+            progress=progress,
+            allow_outside=options.allow_outside,
+            force=options.force,
+        )
     if not options.quiet:
         print("\n".join(str(path) for path in written))
     return 0

@@ -11,6 +11,9 @@ from bonecam.errors import FilterError
 from bonecam.filters.mlx import ScriptParameter
 from bonecam.mesh.meshlab import meshlab
 
+CAMERAS = frozenset({"set_camera_per_mesh", "set_camera_per_raster", "raster_alignment_mutual_information"})
+"""MeshLab's filters with a parameter of a type that pymeshlab does not know; asked for it, it calls exit()
+(measured, pymeshlab 2025.7)."""
 Attributes = Mapping[str, str]
 
 
@@ -36,8 +39,25 @@ def checked_value(filter_name: str, item: ScriptParameter) -> tuple[str, Any]:
 
 @cache
 def parameters(filter_name: str) -> dict[str, str]:
-    """pymeshlab's parameter names of one of MeshLab's filters, by their plain letters."""
+    """pymeshlab's parameter names of one of MeshLab's filters (none of CAMERAS), by their plain letters."""
     return {_plain(name): name for name in _scratch().filter_parameter_values(filter_name)}
+
+
+@cache
+def free_texts(filter_name: str) -> dict[str, str]:
+    """The defaults of those parameters of one of MeshLab's filters that take any text: a formula, a name or a
+    file, not a choice."""
+    defaults = _scratch().filter_parameter_values(filter_name)
+    texts = {name: value for name, value in defaults.items() if isinstance(value, str)}
+    return {name: value for name, value in texts.items() if _takes(filter_name, name, "no choice")}
+
+
+def _takes(filter_name: str, parameter: str, value: str) -> bool:
+    try:
+        _scratch().filter_parameter_values(filter_name, **{parameter: value})
+    except (meshlab().PyMeshLabException, RuntimeError, ValueError):
+        return False
+    return True
 
 
 def _plain(name: str) -> str:

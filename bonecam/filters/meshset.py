@@ -12,7 +12,7 @@ layers as they were.
 """
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from bonecam.filters.catalogue import parameter_list
 from bonecam.filters.filter import Filter, Registry, installed
 from bonecam.filters.layers import Layers
 from bonecam.filters.mlx import FilterCall, ScriptParameter, read_calls, write_script
+from bonecam.filters.script_files import ScriptFiles
 from bonecam.filters.script_steps import Step, apply_steps, read_script
 from bonecam.mesh.meshlab import meshlab, meshlab_filters
 from bonecam.progress import Progress, silent
@@ -33,7 +34,7 @@ class MeshSetError(FilterError, meshlab().PyMeshLabException):  # type: ignore[m
 
 class MeshSet(meshlab().MeshSet):  # type: ignore[misc]
     """pymeshlab.MeshSet plus the filters of `registry`. `folder`: where relative names of files that filters
-    write lead."""
+    write lead. A script may write and read elsewhere with `allow_outside`, and over files with `force`."""
 
     def __init__(
         self,
@@ -41,11 +42,16 @@ class MeshSet(meshlab().MeshSet):  # type: ignore[misc]
         progress: Progress = silent,
         registry: Registry | None = None,
         folder: str | Path = ".",
+        *,
+        allow_outside: bool = False,
+        force: bool = False,
     ) -> None:
         super().__init__(verbose)
         self.registry = installed() if registry is None else registry
         self.progress = progress
         self.layers = Layers(self, Path(folder))
+        self.allow_outside = allow_outside
+        self.force = force
         self._history: list[int | FilterCall] = []
         self._native_calls = 0
         self._loaded: tuple[Step, ...] = ()
@@ -153,8 +159,18 @@ class MeshSet(meshlab().MeshSet):  # type: ignore[misc]
         self._loaded_from = filter_script_name
 
     def apply_filter_script(self) -> None:
-        """Apply the script that was loaded; an error names its line."""
-        apply_steps(self, self._loaded, self._loaded_from, self.progress)
+        """Apply the script that was loaded; an error names its line.
+
+        It writes into the folder of this MeshSet and over no file that is there, and reads files beside the
+        script, but for `allow_outside` and `force`.
+        """
+        apply_steps(self, self.placed(self._loaded, self._loaded_from), self._loaded_from, self.progress)
+
+    def placed(self, steps: Sequence[Step], script: str) -> list[Step]:
+        """The steps with the names of their files in the folders that a script may use."""
+        folder, beside = self.layers.folder, Path(script).absolute().parent
+        files = ScriptFiles(folder, folder, (beside,), self.allow_outside, self.force)
+        return files.placed(steps, script, self.registry)
 
     def clear_filter_script(self) -> None:
         """Forget what was applied so far."""

@@ -1,5 +1,6 @@
 """Run a filter script (.mlx) on mesh files: its layers go to files of a folder, all or none."""
 
+import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,10 +9,14 @@ from bonecam.errors import FileError
 from bonecam.files import check_folder, require_room, whole_folder
 from bonecam.filters.filter import Registry, installed
 from bonecam.filters.meshset import MeshSet
+from bonecam.filters.script_files import ScriptFiles
 from bonecam.filters.script_steps import apply_steps, read_script
 from bonecam.mesh.files.mesh_files import CAD, MESHES, READABLE, read_mesh
 from bonecam.mesh.meshlab import meshlab
 from bonecam.progress import Progress, silent
+
+NOTHING_STALE = "(?!)"
+"""A regular expression of no name: layers of earlier runs stay."""
 
 
 def run_script(
@@ -20,31 +25,41 @@ def run_script(
     output_dir: str | Path,
     progress: Progress = silent,
     registry: Registry | None = None,
+    *,
+    allow_outside: bool = False,
+    force: bool = False,
 ) -> list[Path]:
     """Load `inputs` as layers, run `script`, write every layer into `output_dir`; the files written, in the
-    order of the layers.
+    order of their names.
 
-    Layers go to PLY, lines without faces to OBJ; files that filters write by a relative name go there too.
-    All of them are written or none. Raises FileError (a file), FilterError (the script, with its line) or
+    Layers go to PLY, lines without faces to OBJ; files that filters write go there too. All of them are written
+    or none. A script that writes outside `output_dir`, or reads what is not beside it or an input, is refused
+    unless `allow_outside`; files that are there, and were not written by an earlier run, are written over with
+    `force` only. Raises FileError (a file), FilterError (the script, with its line) or
     what a stage raises, with the line.
     """
     known = installed() if registry is None else registry
     steps = read_script(script, known)
     check_folder(output_dir)
-    with whole_folder(output_dir) as folder:
+    target = Path(os.path.realpath(output_dir))
+    readable = tuple(Path(file).absolute().parent for file in (script, *inputs))
+    with whole_folder(output_dir, own=NOTHING_STALE, replace=force) as folder:
+        files = ScriptFiles(folder, target, readable, allow_outside, force)
+        steps = files.placed(steps, str(script), known)
         meshes = MeshSet(registry=known, folder=folder)
         for file in inputs:
             load(meshes, file)
         apply_steps(meshes, steps, str(script), progress)
         save_layers(meshes, folder)
-        names = sorted(item.name for item in folder.iterdir())
+        names = sorted(str(item.relative_to(folder)) for item in folder.rglob("*") if item.is_file())
     return [Path(output_dir) / name for name in names]
 
 
 def apply_script(meshes: MeshSet, script: str | Path, progress: Progress = silent) -> None:
     """Run a script on the layers of `meshes`; FilterError with the line, before anything ran, where it is
     wrong."""
-    apply_steps(meshes, read_script(script, meshes.registry), str(script), progress)
+    steps = meshes.placed(read_script(script, meshes.registry), str(script))
+    apply_steps(meshes, steps, str(script), progress)
 
 
 def load(meshes: MeshSet, file: str | Path) -> None:

@@ -15,7 +15,7 @@ from typing import Any, Protocol
 from bonecam.errors import BonecamError, FilterError, did_you_mean
 from bonecam.filters import meshlab_names
 from bonecam.filters.filter import Registry
-from bonecam.filters.meshlab_values import checked_value
+from bonecam.filters.meshlab_values import CAMERAS, checked_value
 from bonecam.filters.mlx import FilterCall, ScriptParameter, read_calls
 from bonecam.mesh.meshlab import meshlab_filters
 from bonecam.progress import Progress, part, report, silent
@@ -38,12 +38,6 @@ class Applies(Protocol):
 
     def apply_filter(self, filter_name: str, **values: Any) -> dict[str, Any]:
         """Apply a filter by its Python name."""
-
-
-def apply_script(meshes: Applies, script: str | Path, progress: Progress = silent) -> None:
-    """Run a script on the layers of `meshes`; FilterError with the line, before anything ran, where it is
-    wrong."""
-    apply_steps(meshes, read_script(script, meshes.registry), str(script), progress)
 
 
 def read_script(script: str | Path, registry: Registry) -> list[Step]:
@@ -77,6 +71,11 @@ def _step(call: FilterCall, script: str, registry: Registry) -> Step:
         message = f"{script}, line {call.line}: {what}: `bonecam filters` and MeshLab list them"
         raise FilterError(message, line=call.line, file=script, filter=call.name)
     values: dict[str, Any] = {}
+    if name in CAMERAS:
+        message = (
+            f"{script}, line {call.line}: {name} takes a camera, which pymeshlab cannot pass: leave it out"
+        )
+        raise FilterError(message, line=call.line, file=script, filter=call.name)
     for item in call.parameters:
         try:
             key, value = _ours(item, name, registry) if name in registry else checked_value(name, item)

@@ -30,6 +30,12 @@ def list_of_own(folder: Path, work: Path, new: Iterable[str], stale: Collection[
     return "".join(f"{content}  {name}\n" for name, content in sorted({**kept, **written}.items()))
 
 
+def is_own(folder: Path, name: str) -> bool:
+    """Whether an earlier run wrote this file of the folder, and it is as it was then."""
+    content = _listed(folder).get(name)
+    return content is not None and _is_unchanged(folder / name, content)
+
+
 def digest(file: Path) -> str:
     """The SHA-256 of a file's bytes."""
     with open(file, "rb") as content:
@@ -42,8 +48,8 @@ def _listed(folder: Path) -> dict[str, str]:
         text = (folder / OWN_FILES).read_text(encoding="utf-8")
     except (OSError, ValueError):
         return {}
-    lines = re.findall(r"^([0-9a-f]{64})  ([^/\n]+)$", text, re.MULTILINE)
-    return {name: content for content, name in lines}
+    lines = re.findall(r"^([0-9a-f]{64})  ([^/\n][^\n]*)$", text, re.MULTILINE)
+    return {name: content for content, name in lines if ".." not in Path(name).parts}
 
 
 def _is_unchanged(file: Path, content: str) -> bool:

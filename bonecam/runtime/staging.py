@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bonecam.errors import BonecamError, FileError
-from bonecam.runtime.own_files import OWN_FILES, list_of_own, stale_files
+from bonecam.runtime.own_files import OWN_FILES, is_own, list_of_own, stale_files
 from bonecam.runtime.signals import undisturbed
 from bonecam.runtime.temporary import make_temporary, remove_temporary
 
@@ -39,10 +39,12 @@ class _Output:
     names: tuple[str, ...] | None
     made: tuple[Path, ...] = ()
     own: str | None = None
+    replace: bool = True
 
     def moves(self) -> list[tuple[Path, Path]]:
         """Each file in its temporary place, and its place."""
-        names = self.names or sorted(item.name for item in self.work.iterdir())
+        found = [item for item in self.work.rglob("*") if item.is_file()]
+        names = self.names or sorted(str(item.relative_to(self.work)) for item in found)
         return [(self.work / name, self.target / name) for name in names]
 
 
@@ -58,16 +60,22 @@ class Staging:
         target = Path(os.path.realpath(path))
         return self._add(path, target.parent, (target.name,)) / target.name
 
-    def folder(self, path: str | Path, own: str | None = None) -> Path:
+    def folder(self, path: str | Path, own: str | None = None, replace: bool = True) -> Path:
         """A folder to write to, for files of the folder `path`, which is made if it is not there.
 
         Where `own` (a regular expression) is given, files of an earlier run whose whole names match it go when
-        no new ones take their places. FileError where nothing can be made there.
+        no new ones take their places. Without `replace`, files that no earlier run wrote are not written over.
+        FileError where nothing can be made there.
         """
-        return self._add(path, Path(os.path.realpath(path)), None, own)
+        return self._add(path, Path(os.path.realpath(path)), None, own, replace)
 
     def _add(
-        self, path: str | Path, target: Path, names: tuple[str, ...] | None, own: str | None = None
+        self,
+        path: str | Path,
+        target: Path,
+        names: tuple[str, ...] | None,
+        own: str | None = None,
+        replace: bool = True,
     ) -> Path:
         made: list[Path] = []
         with undisturbed():
@@ -79,7 +87,7 @@ class Staging:
             except OSError as error:
                 remove_empty(made)
                 raise unwritable(path, error) from error
-            self._outputs.append(_Output(path, work, target, names, tuple(made), own))
+            self._outputs.append(_Output(path, work, target, names, tuple(made), own, replace))
         return work
 
     def drop(self, path: str | Path) -> None:
@@ -108,7 +116,9 @@ class Staging:
         """Put the files in their places, in the order of the outputs. An output that cannot be placed does not
         keep the others from theirs; FileError then names the first."""
         moves = {id(output): output.moves() for output in self._outputs}
-        _require_free(target for pairs in moves.values() for _, target in pairs)
+        for output in self._outputs:
+            for _, target in moves[id(output)]:
+                _require_free(target, output)
         troubles: list[FileError] = []
         with locked([output.target for output in self._outputs]):
             for output in self._outputs:
@@ -148,12 +158,13 @@ def _place(output: _Output, moves: Sequence[tuple[Path, Path]]) -> None:
     """Replace the files of one output, and remove the stale ones of its folder."""
     stale: list[Path] = []
     if output.own is not None:
-        new = [target.name for _, target in moves]
+        new = [str(target.relative_to(output.target)) for _, target in moves]
         stale = stale_files(output.target, output.own, new)
         listed = list_of_own(output.target, output.work, new, stale)
         (output.work / OWN_FILES).write_text(listed, encoding="utf-8")
         moves = [*moves, (output.work / OWN_FILES, output.target / OWN_FILES)]
     for work, target in moves:
+        target.parent.mkdir(parents=True, exist_ok=True)
         os.replace(work, target)
         placed.append(str(target))
     for item in stale:
@@ -190,14 +201,21 @@ def _lock(handle: int) -> None:
             return
 
 
-def _require_free(places: Iterable[Path]) -> None:
-    """FileError where a folder has the name of a file to be written."""
-    for place in places:
-        if place.is_dir():
-            raise FileError(
-                f"{place}: is a folder, and a file is to be written there: remove it or name another folder",
-                file=str(place),
-            )
+def _require_free(place: Path, output: _Output) -> None:
+    """FileError where a file of an output cannot, or may not, take its place."""
+    if place.is_dir():
+        raise FileError(
+            f"{place}: is a folder, and a file is to be written there: remove it or name another folder",
+            file=str(place),
+        )
+    inside = Path(os.path.realpath(place.parent))
+    if inside != output.target and output.target not in inside.parents:
+        raise FileError(f"{place}: a link leads out of the folder: remove it", file=str(place))
+    name = str(place.relative_to(output.target))
+    if not output.replace and os.path.lexists(place) and not is_own(output.target, name):
+        raise FileError(
+            f"{place}: exists already: name another folder, or write over it with --force", file=str(place)
+        )
 
 
 def missing_folders(folder: Path) -> list[Path]:

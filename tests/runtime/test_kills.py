@@ -130,6 +130,7 @@ def prove_whole(folder: Path) -> None:
 
 def run_whole(command: str, part: Path, folder: Path) -> float:
     """Run the command to its end in a folder where it was killed before; the seconds that it takes."""
+    folder.mkdir(exist_ok=True)
     began = time.monotonic()
     run = start(arguments(command, part, folder), uuid4().hex)
     _, told = run.communicate(timeout=600)
