@@ -34,9 +34,13 @@ def counted(number: int, noun: str) -> str:
     )
 
 
+SHORT = 2
+"""Words of so many letters, such as units, are close to anything."""
+
+
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """A remark on an unknown word, such as " (did you mean 'levels'?)", where a known one is close, else nothing."""
-    close = difflib.get_close_matches(word, list(known), n=1)
+    close = difflib.get_close_matches(word, list(known), n=1) if len(word) > SHORT else []
     return f" (did you mean {close[0]!r}?)" if close else ""
 
 

@@ -256,5 +256,5 @@ def test_a_call_with_no_job_or_no_mesh_says_so() -> None:
         bonecam.convert(TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32)))
     with pytest.raises(FileError, match="is no name of a file"):
         bonecam.convert("")
-    with pytest.raises(TypeError, match="a mesh is a dict: give"):
+    with pytest.raises(TypeError, match="the mesh is of type dict: give"):
         bonecam.convert({})  # type: ignore[arg-type]

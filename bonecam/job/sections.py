@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
-from bonecam.errors import JobError
+from bonecam.errors import JobError, did_you_mean
 from bonecam.job.holding_section import HoldingJob
 from bonecam.job.levels_section import LevelsJob
 from bonecam.job.mesh_section import MeshJob
@@ -87,7 +87,9 @@ def _changed(name: str, section: Any, values: object) -> Any:
     known = [item.name for item in fields(section)]
     remedy = f"use one of {', '.join(known)}"
     unknown = [str(key) for key in values if key not in known]
-    faults = [(name, key, f"[{name}] knows no {key!r}: {remedy}") for key in unknown]
+    faults = [
+        (name, key, f"[{name}] knows no {key!r}{did_you_mean(key, known)}: {remedy}") for key in unknown
+    ]
     try:
         made = replace(section, **{key: value for key, value in values.items() if key in known})
     except JobError as error:

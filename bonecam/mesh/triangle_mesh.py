@@ -157,7 +157,7 @@ def _arrays_of(source: Any) -> tuple[Any, Any]:
     if isinstance(source, Open3dTensorMesh):
         return source.vertex.positions.numpy(), source.triangle.indices.numpy()
     raise TypeError(
-        f"a mesh is a {type(source).__name__}: give (vertices, faces), a bonecam.TriangleMesh, or a mesh of "
+        f"the mesh is of type {type(source).__name__}: give (vertices, faces), a bonecam.TriangleMesh, or a mesh of "
         "open3d, trimesh or pymeshlab"
     )
 

@@ -48,8 +48,8 @@ def test_our_mesh_leaves_as_copies_that_may_be_changed() -> None:
 @pytest.mark.parametrize(
     ("source", "error", "told"),
     [
-        ({"vertices": CORNERS}, TypeError, r"a mesh is a dict: give \(vertices, faces\)"),
-        (3, TypeError, "a mesh is a int: give"),
+        ({"vertices": CORNERS}, TypeError, r"the mesh is of type dict: give \(vertices, faces\)"),
+        (3, TypeError, "the mesh is of type int: give"),
         ((CORNERS, FACES.astype(float)), ValueError, "faces hold float64 numbers: give the indices"),
         ((CORNERS[:, :2], FACES), ValueError, r"vertices have the shape \(4, 2\): give three numbers a row"),
         ((CORNERS, FACES[0]), ValueError, r"faces have the shape \(3,\)"),

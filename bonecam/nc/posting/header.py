@@ -39,7 +39,7 @@ def header_lines(
         f"machine {machine.title}",
         f"control {dialect.title}",
         f"programmed point: {point} {where}",
-        "program zero: on the table, on the axis of the part",
+        "program zero: on the table, on the axis of the post",
         *comments,
         *(tool_text(one.path.cutter, one.control.tool_length) for one in tools.values()),
     ]

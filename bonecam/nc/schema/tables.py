@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TypeVar
 
-from bonecam.errors import MachineError
+from bonecam.errors import MachineError, did_you_mean
 from bonecam.files import input_text
 from bonecam.text.faults import Faults
 from bonecam.text.record import Record, checked
@@ -45,8 +45,9 @@ def _text(kind: str, name: str | Path, path: Path, folder: Path) -> str:
             raise MachineError(
                 f"{path}: no such file: give a {kind}'s .toml file, or one of {known}", file=str(path)
             ) from error
+        close = did_you_mean(str(name), names_in(folder))
         raise MachineError(
-            f"{kind} {str(name)!r} is unknown: use one of {known}, or the path of a .toml file",
+            f"{kind} {str(name)!r} is unknown{close}: use one of {known}, or the path of a .toml file",
             name=str(name),
         ) from error
     except (OSError, UnicodeDecodeError) as error:

@@ -49,10 +49,11 @@ def capsule_of_diameter(
     inner = diameter / 2 - allowance
     worst = int(np.argmax(reach))
     if reach[worst] >= inner:
+        height = points[worst, 2] - points[:, 2].min()
+        where = f"{reach[worst]:.2f} mm from the axis and {height:.2f} mm above its lower end"
         raise StockError(
-            f"a capsule of diameter {diameter:g} mm does not hold the part {reach[worst]:.2f} mm from the axis "
-            f"and {points[worst, 2] - points[:, 2].min():.2f} mm above its lower end, and {allowance:g} mm round it: "
-            f"give at least {2 * (reach[worst] + allowance):.2f}{otherwise}",
+            f"a capsule of diameter {diameter:g} mm does not hold the part {where}, and {allowance:g} mm "
+            f"(stock.allowance) round it: give at least {2 * (reach[worst] + allowance):.2f}{otherwise}",
             distance=float(reach[worst] - inner),
             place=points[worst],
         )
