@@ -68,6 +68,7 @@ def enclosing_circle(points: Float[ndarray, "n 2"]) -> tuple[Float[ndarray, "2"]
     outside, the farthest one joins the set and the circle grows (the order is that of Badoiu & Clarkson
     2003).
     """
+    # by rounding the circle through a new point may be no larger: then it is the smallest that can be told
     active = [int(np.argmax(np.linalg.norm(points - points[0], axis=1)))]
     centre = points[active[0]]
     radius = 0.0
@@ -76,7 +77,10 @@ def enclosing_circle(points: Float[ndarray, "n 2"]) -> tuple[Float[ndarray, "2"]
         far = int(np.argmax(distances))
         if distances[far] <= radius * (1 + INSIDE) + np.finfo(float).eps * np.abs(points).max():
             return centre, radius
-        active, centre, radius = _smallest_through(points, [*active, far])
+        grown = _smallest_through(points, [*active, far])
+        if far in active or not radius < grown[2] < np.inf:
+            return centre, float(distances[far])
+        active, centre, radius = grown
 
 
 def _smallest_through(

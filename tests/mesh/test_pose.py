@@ -61,3 +61,15 @@ def test_an_inside_out_mesh_has_no_pose(
     mesh = torus()
     with pytest.raises(MeshError, match="outwards"):
         upright(solid(mesh.vertices, mesh.faces[:, ::-1]))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_circle_round_nearly_regular_points_is_found(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    angle = 2 * np.pi * np.arange(24) / 24
+    points = 5.0 * np.column_stack([np.cos(angle), np.sin(angle)])
+    points += 10.0 ** -rng.integers(6, 12) * rng.normal(size=points.shape)
+    centre, radius = enclosing_circle(points)
+    assert np.linalg.norm(points - centre, axis=1).max() <= radius * (1 + 1e-12)
+    assert radius == pytest.approx(5.0, abs=1e-5)
+    assert np.linalg.norm(centre) < 1e-3
