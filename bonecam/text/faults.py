@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
-MOST_TOLD = 8
-"""Faults that a message tells one by one; of more it tells the number."""
+MOST_CHARACTERS = 800
+"""Characters of a message after which it tells only the number of further faults."""
 
 
 class Faults(ValueError):
@@ -11,7 +11,12 @@ class Faults(ValueError):
 
     def __init__(self, found: Sequence[tuple[str, str]]) -> None:
         self.found = tuple(found)
-        told = [f"{key}: {why}" if key else why for key, why in self.found[:MOST_TOLD]]
+        told: list[str] = []
+        for key, why in self.found:
+            text = f"{shortened(key, 200)}: {why}" if key else why
+            if told and len("; ".join([*told, text])) > MOST_CHARACTERS:
+                break
+            told.append(shortened(text, MOST_CHARACTERS))
         more = len(self.found) - len(told)
         super().__init__("; ".join([*told, f"and {more} more"] if more else told))
 
@@ -22,5 +27,9 @@ def shown(value: object) -> str:
         return "a table" if isinstance(value, dict) else f"a list of {len(value)}"
     if isinstance(value, int) and value.bit_length() > 64:
         return f"a number of {value.bit_length()} bits"
-    text = repr(value)
-    return text if len(text) <= 40 else f"{text[:37]}..."
+    return shortened(repr(value), 40)
+
+
+def shortened(text: str, length: int) -> str:
+    """A text cut to a length, with dots where it was cut."""
+    return text if len(text) <= length else f"{text[: length - 3]}..."

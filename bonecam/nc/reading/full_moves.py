@@ -17,7 +17,9 @@ from bonecam.nc.dialect import Dialect
 
 MAX_LINES = 50_000
 """Lines read at once: bounds the memory for long programs."""
-ISO_NUMBER = r"[+-]?\d+(?:\.\d+)?"
+WHOLE = "[0-9]{1,9}"
+"""The pattern of a whole number; it fits 32 bits."""
+ISO_NUMBER = rf"[+-]?{WHOLE}(?:\.[0-9]{{1,9}})?"
 """The pattern of a number of a word, as ISO 6983 writes it."""
 
 
@@ -40,7 +42,7 @@ class Blocks:
 
 def klartext_number(decimals: int) -> str:
     """The pattern of a number as it must be written: sign, digits, all decimals."""
-    return rf"[+-]\d+\.\d{{{decimals}}}"
+    return rf"[+-]{WHOLE}\.[0-9]{{{decimals}}}"
 
 
 def full_move(dialect: Dialect, letters: str) -> re.Pattern[str]:
@@ -48,7 +50,7 @@ def full_move(dialect: Dialect, letters: str) -> re.Pattern[str]:
     if dialect.grammar == "klartext":
         length, angle = (klartext_number(dialect.numbers[key].decimals) for key in ("length", "angle"))
         words = "".join(f" {letter}({length if letter in 'XYZ' else angle})" for letter in letters)
-        return re.compile(rf"(\d+) L{words} R0 F(MAX|\d+)")
+        return re.compile(rf"({WHOLE}) L{words} R0 F(MAX|{WHOLE})")
     codes = "|".join(re.escape(code) for code, effect in dialect.codes.items() if effect in ("rapid", "feed"))
     words = "".join(f" {letter}({ISO_NUMBER})" for letter in letters)
     return re.compile(rf"({codes}){words}(?: F({ISO_NUMBER}))?")

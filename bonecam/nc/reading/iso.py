@@ -5,7 +5,8 @@ from collections.abc import Sequence
 
 from bonecam.errors import ProgramError
 from bonecam.nc.reading.full_moves import ISO_NUMBER
-from bonecam.nc.reading.modal_state import ModalState, line_error
+from bonecam.nc.reading.modal_state import ModalState, line_error, tool_number
+from bonecam.text.faults import shown
 
 COMMENT = re.compile(r"\(([^()]*)\)")
 WORD = re.compile(rf"([A-Z])({ISO_NUMBER})")
@@ -38,7 +39,7 @@ def _words(content: str, line: int) -> list[tuple[str, str]]:
     for item in content.split():
         found = WORD.fullmatch(item)
         if not found:
-            raise line_error(line, f"{item!r} is no word")
+            raise line_error(line, f"{shown(item)} is no word")
         words.append((found[1], found[2]))
     return words
 
@@ -51,7 +52,7 @@ def _run_block(words: list[tuple[str, str]], state: ModalState, line: int) -> No
     if "inverse_time" in effects or "per_minute" in effects:
         state.inverse_time = "inverse_time" in effects
     if "tool_change" in effects:
-        state.change_tool(int(values.get("T", "0")), line)
+        state.change_tool(tool_number(values.get("T", "0"), line), line)
 
     axes = {letter: float(text) for letter, text in values.items() if letter in state.machine.letters}
     if axes:

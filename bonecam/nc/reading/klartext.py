@@ -4,8 +4,9 @@ import re
 from collections.abc import Sequence
 
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.reading.full_moves import klartext_number
-from bonecam.nc.reading.modal_state import ModalState, line_error
+from bonecam.nc.reading.full_moves import WHOLE, klartext_number
+from bonecam.nc.reading.modal_state import ModalState, line_error, tool_number
+from bonecam.text.faults import shown
 
 
 def run_klartext(lines: Sequence[str], state: ModalState) -> None:
@@ -36,7 +37,7 @@ def _move_pattern(dialect: Dialect, letters: str) -> re.Pattern[str]:
     length = klartext_number(dialect.numbers["length"].decimals)
     angle = klartext_number(dialect.numbers["angle"].decimals)
     words = "".join(f"(?: {letter}({length if letter in 'XYZ' else angle}))?" for letter in letters)
-    return re.compile(rf"L{words} R0 F(MAX|\d+)")
+    return re.compile(rf"L{words} R0 F(MAX|{WHOLE})")
 
 
 def _run_move(found: re.Match[str], state: ModalState, line: int) -> None:
@@ -53,7 +54,7 @@ def _block(lines: Sequence[str], at: int, number: int) -> tuple[str, int]:
     next."""
     found, _, block = lines[at].partition(" ")
     if found != str(number):
-        raise line_error(at + 1, f"block number {number} expected, found {found!r}")
+        raise line_error(at + 1, f"block number {number} expected, found {shown(found)}")
     start = at
     while block.endswith("~"):
         at += 1
@@ -69,7 +70,7 @@ def _run_statement(block: str, state: ModalState, line: int) -> None:
         if found is not None:
             _apply(effect, found, state, line)
             return
-    raise line_error(line, f"unknown block {block!r}")
+    raise line_error(line, f"unknown block {shown(block)}")
 
 
 def _apply(effect: str, values: dict[str, str], state: ModalState, line: int) -> None:
@@ -79,7 +80,7 @@ def _apply(effect: str, values: dict[str, str], state: ModalState, line: int) ->
     elif effect == "tool":
         if state.tool_centre:
             raise line_error(line, "tool call while tool-centre control is on")
-        state.change_tool(int(values["tool"]), line)
+        state.change_tool(tool_number(values["tool"], line), line)
     elif effect == "retract":
         state.blocks += 1
         state.forget_tip()

@@ -14,10 +14,11 @@ from bonecam.errors import ProgramError
 from bonecam.nc.control import Control
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.machine import Machine
-from bonecam.nc.reading.full_moves import Blocks, full_move, read_full_moves, unwound
+from bonecam.nc.reading.full_moves import WHOLE, Blocks, full_move, read_full_moves, unwound
 from bonecam.nc.reading.motions import Motions, Tool
+from bonecam.text.faults import shown
 
-TOOL_COMMENT = re.compile(r"\s*TOOL (\d+) BALL RADIUS (\d+\.\d+) LENGTH (\d+\.\d+)\s*")
+TOOL_COMMENT = re.compile(rf"\s*TOOL ({WHOLE}) BALL RADIUS ({WHOLE}\.[0-9]+) LENGTH ({WHOLE}\.[0-9]+)\s*")
 """The comment of the header that describes a cutter, as `posting.header.tool_text` writes it; mm."""
 AMBIGUOUS_TURN_DEG = 179.0
 """A wrapped word that turns an endless axis by more than this is refused: by half a turn, either way is
@@ -27,6 +28,13 @@ short."""
 def line_error(line: int, why: str) -> ProgramError:
     """The error of a line (from 1) of a program."""
     return ProgramError(f"line {line}: {why}", line=line)
+
+
+def tool_number(text: str, line: int) -> int:
+    """The number of a tool call; ProgramError where it is none."""
+    if not re.fullmatch(WHOLE, text):
+        raise line_error(line, f"{shown(text)} is no number of a tool")
+    return int(text)
 
 
 class ModalState:

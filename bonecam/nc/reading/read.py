@@ -12,8 +12,11 @@ from bonecam.nc.dialect import Dialect
 from bonecam.nc.machine import Machine
 from bonecam.nc.reading.iso import run_iso
 from bonecam.nc.reading.klartext import run_klartext
-from bonecam.nc.reading.modal_state import ModalState
+from bonecam.nc.reading.modal_state import ModalState, line_error
 from bonecam.nc.reading.motions import Motions, Tool
+
+LONGEST_LINE = 1000
+"""Most characters of a line: controls take a quarter of this (LinuxCNC 255)."""
 
 
 def read_program(text: str, machine: Machine, dialect: Dialect, tools: Sequence[Tool] = ()) -> Motions:
@@ -21,6 +24,10 @@ def read_program(text: str, machine: Machine, dialect: Dialect, tools: Sequence[
     if not text.endswith("\n"):
         raise ProgramError("the last line is not ended: the file is cut off")
     lines = text[:-1].split("\n")
+    longest = max(range(len(lines)), key=lambda at: len(lines[at]))
+    if len(lines[longest]) > LONGEST_LINE:
+        why = f"it has {len(lines[longest])} characters, {LONGEST_LINE} are allowed: divide it"
+        raise line_error(longest + 1, why)
     state = ModalState(machine, dialect, tools)
     if dialect.grammar == "klartext":
         run_klartext(lines, state)

@@ -14,7 +14,7 @@ from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.part import Part, prepare_part
 from bonecam.mesh.pose import upright
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.mesh.units import MM_OF, to_mm
+from bonecam.mesh.units import LARGEST, MM_OF, to_mm
 from bonecam.progress import Progress, silent
 from bonecam.surface.files.save import TEXTS
 from bonecam.surface.files.tspline_text import read_tsm
@@ -26,6 +26,8 @@ from bonecam.surface.tspline import TSpline
 
 CHORD = 0.01
 """Chord tolerance of the mesh that stands for the surface, mm."""
+SPARE = 2.0
+"""By so much the control points of a surface's Bezier elements may be farther apart than its points."""
 
 
 def read_part(
@@ -65,8 +67,11 @@ def read_surface(path: str | Path, scale: float, tolerance: float, max_control_p
             )
         surface = read_tsm(path)
         points = np.empty((0, 3))
+        patches = surface.patches.reshape(-1, 4)
+        _check_size(patches[:, :3] / patches[:, 3:], path)
     else:
         rows = read_rows(path).scaled(scale)
+        _check_size(np.vstack(rows.rows), path)
         surface = rows.skin(tolerance)
         points = np.vstack([*rows.rows, *([] if rows.poles is None else [rows.poles])])
     if not (isinstance(surface.tmesh, RowTMesh) and all(surface.tmesh.poles)):
@@ -92,6 +97,16 @@ def read_surface(path: str | Path, scale: float, tolerance: float, max_control_p
         )
     found = _deviation(surface, points)
     return Fit(surface, found, tolerance, found.max <= tolerance)
+
+
+def _check_size(points: Float[ndarray, "n 3"], path: str | Path) -> None:
+    """UnitsError where points whose hull holds the surface, or which it passes, are far larger than a part: before
+    the surface is tessellated, which would take a time that grows with its size.
+    """
+    size = float(np.linalg.norm(np.ptp(points, axis=0)))
+    if not size <= SPARE * LARGEST:
+        what = f"{size:.3g} mm from corner to corner: parts have {LARGEST:g} mm at most"
+        raise UnitsError(f"{path}: {what}: scale it first", size_mm=size)
 
 
 def _deviation(surface: TSpline, points: Float[ndarray, "n 3"]) -> Deviation:

@@ -128,9 +128,12 @@ def _loop(
         uv.append(here[:-1])
         ids.append(run[:-1])
     missing = [k for k in range(4) if not any(piece.side == k for piece in around)]
+    sides = [piece.side for piece in around]
     for k in missing:  # a side that is one point: its first corner is the end of the side before
+        if (k + 1) % 4 not in sides:
+            raise SurfaceError(f"element {e}: two sides in succession are points: it has no area")
         uv.append(SQUARE[[k]])
-        ids.append(np.array([ids[[piece.side for piece in around].index((k + 1) % 4)][0]]))
+        ids.append(np.array([ids[sides.index((k + 1) % 4)][0]]))
     return np.vstack(uv), np.concatenate(ids)
 
 

@@ -1,0 +1,200 @@
+"""Damaged text files of all kinds: each gives a result or one typed line, soon."""
+
+import random
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bonecam.errors import BonecamError
+from bonecam.filters.mlx import read_calls
+from bonecam.job import Job, read_job, write_job
+from bonecam.mesh.files.point_files import read_blocks
+from bonecam.nc.dialect import FOLDER as DIALECTS
+from bonecam.nc.dialect import read_dialect
+from bonecam.nc.machine import FOLDER as MACHINES
+from bonecam.nc.machine import read_machine
+from bonecam.nc.posting.write import write_program
+from bonecam.nc.reading.read import read_program
+from bonecam.pipeline import check_job
+from bonecam.surface.files.iga import read_iga, write_iga
+from bonecam.surface.files.surface_input import read_part
+from bonecam.surface.files.tspline_text import read_tsm, write_tsm
+from bonecam.surface.tmesh.general import TMesh
+from bonecam.surface.tspline import TSpline
+from bonecam.toolpath.path import ToolPath
+
+DEFAULT = 25
+"""Damaged files of each kind in the default run."""
+MANY = 1000
+"""And with -m fuzz."""
+CHORD = 0.5
+"""Chord tolerance (mm) of the tessellation of what was read."""
+VALUES = [
+    *(
+        b"true",
+        b"nan",
+        b"-inf",
+        b"1e999",
+        b'"x"',
+        b"'M128'",
+        b"[]",
+        b"{}",
+        b"[1, 2]",
+        b'[["C"]]',
+        b"1979-05-27",
+    ),
+    *(b"0", b"-1", b"1e300", b"9" * 25, b'"{text.__class__}"', b'"{text:>20000000000}"', b"[nan, inf, 1.0]"),
+    *(
+        b"[" * 3000 + b"]" * 3000,
+        b"{a." + b"b." * 50 + b"c = 1}",
+        b'"""\n\n"""',
+        b'"(a+)+b"',
+        b'"\\u0000"',
+        b'""',
+    ),
+]
+"""What is written for a value of a TOML file."""
+SCRIPT = b"""<!DOCTYPE FilterScript>
+<FilterScript>
+ <filter name="Generate Stock">
+  <Param name="kind" type="RichEnum" value="0"/>
+  <Param name="diameter" type="RichFloat" value="15.0" tooltip="x"/>
+ </filter>
+ <filter name="Generate Morph Levels"/>
+</FilterScript>
+"""
+
+
+def patch() -> TSpline:
+    """A bump on a grid of 9 x 8 control points, its border clamped."""
+    lines = [np.r_[0.0, 0.0, np.arange(1, n + 1) / (n + 1), 1.0, 1.0] for n in (5, 4)]
+    a, b = map(len, lines)
+    x, y = (place.ravel() for place in np.indices((a, b)))
+    edges = np.ones((a - 1, b), dtype=bool), np.ones((a, b - 1), dtype=bool)
+    cells = np.ones((a - 1, b - 1), dtype=bool)
+    mesh = TMesh(*lines, np.column_stack([x, y]), *edges, cells, (0.0, 0.0))
+    return TSpline(mesh, np.column_stack([4.0 * x, 4.0 * y, 2 * np.sin(x) * np.cos(y)]), np.ones(a * b))
+
+
+@pytest.fixture(scope="session")
+def sound(
+    pebble: Callable[..., TSpline],
+    capsule_path: Callable[..., ToolPath],
+    tmp_path_factory: pytest.TempPathFactory,
+) -> dict[str, bytes]:
+    """A sound file of every kind."""
+    folder = tmp_path_factory.mktemp("sound")
+    surface = pebble()
+    write_tsm(surface, folder / "a.tspline")
+    write_iga(patch(), folder / "a.iga")
+    write_tsm(patch(), folder / "a.tsm")
+    turn = 2 * np.pi * np.arange(16) / 16
+    angles = np.linspace(0.0, np.pi, 9)
+    rings = [
+        np.column_stack(
+            [5 * np.sin(a) * np.cos(turn), 4 * np.sin(a) * np.sin(turn), np.full(16, -9 * np.cos(a))]
+        )
+        for a in angles[1:-1]
+    ]
+    rows = [np.array([[0.0, 0.0, -9.0]]), *rings, np.array([[0.0, 0.0, 9.0]])]
+    blocks = ["\n".join("{:.5f} {:.5f} {:.5f}".format(*point) for point in row) for row in rows]
+    files = {path.name: path.read_bytes() for path in folder.iterdir()}
+    files |= {
+        "rows.xyz": "\n\n".join(blocks).encode(),
+        "cloud.csv": "\n".join(blocks).replace(" ", ",").encode(),
+    }
+    files |= {"script.mlx": SCRIPT, "job.toml": write_job(Job()).encode()}
+    files |= {f"machine_{path.name}": path.read_bytes() for path in MACHINES.glob("*.toml")}
+    files |= {f"dialect_{path.name}": path.read_bytes() for path in DIALECTS.glob("*.toml")}
+    for name, (machine, dialect) in CONTROLS.items():
+        posted = write_program([capsule_path(count=40)], read_machine(machine), read_dialect(dialect), Job())
+        files[name] = posted.text.encode()
+    return files
+
+
+CONTROLS = {"program.h": ("mikron-ucp600", "heidenhain"), "program.ngc": ("linuxcnc-xyzbc", "linuxcnc")}
+
+
+def named(file: Path, read: Callable[[], object]) -> None:
+    """Messages of what is read from a text name no file: it is put before them."""
+    try:
+        read()
+    except BonecamError as error:
+        raise type(error)(f"{file.name}: {error}") from error
+
+
+def read_as_surface(file: Path, reader: Callable[[Path], TSpline]) -> None:
+    surface = reader(file)
+    named(file, lambda: surface.tessellate(CHORD))
+
+
+def read_as_machine(file: Path) -> None:
+    machine = read_machine(file)
+    dialect = read_dialect("heidenhain" if machine.tool_centre_control else "linuxcnc")
+    named(file, lambda: check_job(Job(), machine, dialect))
+
+
+def read_as_dialect(file: Path) -> None:
+    dialect = read_dialect(file)
+    machine = next(read_machine(machine) for machine, control in CONTROLS.values() if control in file.name)
+    named(file, lambda: check_job(Job(), machine, dialect))
+
+
+def read_as_program(file: Path) -> None:
+    machine, dialect = CONTROLS[file.name]
+    text = file.read_bytes().decode(errors="replace")
+    named(file, lambda: read_program(text, read_machine(machine), read_dialect(dialect)))
+
+
+READERS: dict[str, Callable[[Path], object]] = {
+    "a.tspline": lambda file: read_part(file, Job()),
+    "a.tsm": lambda file: read_as_surface(file, read_tsm),
+    "a.iga": lambda file: read_as_surface(file, read_iga),
+    "rows.xyz": lambda file: read_part(file, Job()),
+    "cloud.csv": read_blocks,
+    "script.mlx": read_calls,
+    "job.toml": read_job,
+    "machine_mikron-ucp600.toml": read_as_machine,
+    "machine_linuxcnc-xyzbc.toml": read_as_machine,
+    "dialect_heidenhain.toml": read_as_dialect,
+    "dialect_linuxcnc.toml": read_as_dialect,
+    "program.h": read_as_program,
+    "program.ngc": read_as_program,
+}
+
+
+def retype_value(rng: random.Random, data: bytes) -> bytes:
+    """One value of a TOML file replaced by one of another type or size."""
+    found = list(re.finditer(rb"= *([^\n]+)", data))
+    if not found:
+        return data
+    match = rng.choice(found)
+    return data[: match.start(1)] + rng.choice(VALUES) + data[match.end(1) :]
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_the_sound_files_are_read(
+    name: str, sound: dict[str, bytes], outcome: Callable, tmp_path: Path
+) -> None:
+    (tmp_path / name).write_bytes(sound[name])
+    assert outcome(READERS[name], tmp_path / name) == ""
+
+
+@pytest.mark.parametrize(
+    "count", [pytest.param(DEFAULT, id="few"), pytest.param(MANY, id="many", marks=pytest.mark.fuzz)]
+)
+@pytest.mark.parametrize("name", READERS)
+def test_a_damaged_text_gives_a_result_or_one_line(
+    name: str, count: int, sound: dict[str, bytes], mutate: Callable, outcome: Callable, tmp_path: Path
+) -> None:
+    rng = random.Random(name)
+    file = tmp_path / name
+    refused = 0
+    for _ in range(count):
+        retyped = name.endswith(".toml") and rng.random() < 0.5
+        file.write_bytes((retype_value if retyped else mutate)(rng, sound[name]))
+        refused += bool(outcome(READERS[name], file))
+    assert refused > 0
