@@ -23,7 +23,7 @@ class Faults(ValueError):
 
 def shown(value: object) -> str:
     """A value as messages show it: one short line, however long or deep the value is."""
-    if isinstance(value, dict | list | tuple):
+    if isinstance(value, dict | list | tuple) and value:
         return "a table" if isinstance(value, dict) else f"a list of {len(value)}"
     if isinstance(value, int) and value.bit_length() > 64:
         return f"a number of {value.bit_length()} bits"
