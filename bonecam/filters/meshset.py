@@ -13,16 +13,18 @@ layers as they were.
 
 import sys
 from collections.abc import Mapping, Sequence
+from itertools import count
 from pathlib import Path
 from typing import Any
 
-from bonecam.errors import FilterError, did_you_mean
+from bonecam.errors import FileError, FilterError, did_you_mean
 from bonecam.filters.catalogue import parameter_list
 from bonecam.filters.filter import Filter, Registry, installed
 from bonecam.filters.layers import Layers
 from bonecam.filters.mlx import FilterCall, ScriptParameter, read_calls, write_script
 from bonecam.filters.script_files import ScriptFiles
 from bonecam.filters.script_steps import Step, apply_steps, read_script
+from bonecam.mesh.files.meshlab_files import layers_of
 from bonecam.mesh.meshlab import meshlab, meshlab_filters
 from bonecam.progress import Progress, silent
 from bonecam.runtime.temporary import temporary_folder
@@ -30,6 +32,10 @@ from bonecam.runtime.temporary import temporary_folder
 
 class MeshSetError(FilterError, meshlab().PyMeshLabException):  # type: ignore[misc]
     """A filter of a MeshSet is unknown, has a wrong parameter, or failed: also a PyMeshLabException."""
+
+
+class MeshSetFileError(FileError, meshlab().PyMeshLabException):  # type: ignore[misc]
+    """A file that a MeshSet cannot read: also a PyMeshLabException."""
 
 
 class MeshSet(meshlab().MeshSet):  # type: ignore[misc]
@@ -70,6 +76,28 @@ class MeshSet(meshlab().MeshSet):  # type: ignore[misc]
 
     def __dir__(self) -> list[str]:
         return sorted({*super().__dir__(), *self.registry.names})
+
+    def load_new_mesh(self, file_name: str, **options: Any) -> None:
+        """Add the layers of a file, the last of them current; `options` are those of MeshLab's reader.
+
+        MeshLab reads it in a process of its own (`mesh.files.meshlab_files`). MeshSetFileError names the file
+        and what is wrong with it.
+        """
+        try:
+            with layers_of(Path(file_name), options) as found:
+                for file, label in found:
+                    super().load_new_mesh(str(file))
+                    self.current_mesh().set_label(self._free_label(label))
+        except (FileError, meshlab().PyMeshLabException) as error:
+            evidence = error.evidence if isinstance(error, FileError) else {}
+            raise MeshSetFileError(str(error), **evidence) from error
+
+    def _free_label(self, label: str) -> str:
+        """The label, with a number in it where another layer has it, as MeshLab numbers them."""
+        name = Path(label)
+        taken = {layer.label() for layer in self}
+        numbered = (f"{name.stem}({k}){name.suffix}" for k in count(1))
+        return label if label not in taken else next(free for free in numbered if free not in taken)
 
     def apply_filter(self, filter_name: str, **values: Any) -> dict[str, Any]:
         """Apply a filter of MeshLab's or ours by its Python name; the results by name.

@@ -11,7 +11,7 @@ from bonecam.filters.filter import Registry, installed
 from bonecam.filters.meshset import MeshSet
 from bonecam.filters.script_files import ScriptFiles
 from bonecam.filters.script_steps import apply_steps, read_script
-from bonecam.mesh.files.mesh_files import CAD, MESHES, READABLE, read_mesh
+from bonecam.mesh.files.mesh_files import CAD, READABLE, read_mesh
 from bonecam.mesh.meshlab import meshlab
 from bonecam.progress import Progress, silent
 
@@ -65,19 +65,11 @@ def apply_script(meshes: MeshSet, script: str | Path, progress: Progress = silen
 def load(meshes: MeshSet, file: str | Path) -> None:
     """Load a mesh file as a layer, as it stands in the file; a CAD part as its triangles, in mm. FileError
     names what is wrong with it."""
-    ending = Path(file).suffix.lower()
-    if ending in CAD:
+    if Path(file).suffix.lower() in CAD:
         mesh = read_mesh(file)
         meshes.add_mesh(meshlab().Mesh(mesh.vertices, mesh.faces), Path(file).name)
         return
-    if ending in MESHES or Path(file).is_dir():
-        read_mesh(file)
-    try:
-        meshes.load_new_mesh(str(file))
-    except meshlab().PyMeshLabException as error:
-        raise FileError(
-            f"{file}: {' '.join(str(error).split()).rstrip(':')}: give a readable mesh file", file=str(file)
-        ) from error
+    meshes.load_new_mesh(str(file))
 
 
 def save_layers(meshes: MeshSet, folder: Path) -> None:

@@ -1,6 +1,8 @@
 """The door to pymeshlab: MeshLab's module, and triangle meshes into and out of its mesh sets."""
 
+import json
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 from bonecam.errors import FileError
@@ -47,3 +49,25 @@ def from_meshset(meshset: Any) -> TriangleMesh:
 def quality_colours(largest: float) -> dict[str, Any]:
     """Parameters of MeshLab's filter that colours vertices by quality: from dark at 0 to light at `largest`."""
     return {"minval": 0.0, "maxval": largest, "colormap": "Viridis"}
+
+
+def write_layers(file: str, folder: str, options: str) -> bytes:
+    """Write the layers that MeshLab reads from a file, by `options` (JSON) of its reader, into a folder; their
+    labels by the names of the files, as JSON.
+
+    FileError where MeshLab refuses the file. A damaged one may end the process.
+    """
+    meshset = meshlab().MeshSet()
+    try:
+        meshset.load_new_mesh(file, **json.loads(options))
+    except meshlab().PyMeshLabException as error:
+        reason = " ".join(str(error).split()).rstrip(":")
+        raise FileError(f"{file}: {reason}: give a readable mesh file", file=file) from error
+    labels = {}
+    for k, layer in enumerate(meshset):
+        meshset.set_current_mesh(layer.id())
+        lines = layer.edge_number() > 0 and layer.face_number() == 0
+        name = f"{k}.obj" if lines else f"{k}.ply"
+        meshset.save_current_mesh(str(Path(folder) / name), **({} if lines else {"save_vertex_normal": True}))
+        labels[name] = layer.label()
+    return json.dumps(labels).encode()

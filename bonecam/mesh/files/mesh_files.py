@@ -53,21 +53,28 @@ def read_mesh(path: str | Path, also: tuple[str, ...] = ()) -> TriangleMesh:
     cut short, of an unknown kind, holds coordinates that are not numbers, or no triangles.
     """
     file = Path(path)
-    data = _bytes_of(file, also)
+    _require_readable(file, also)
+    data = bytes_of(file)
     ending = file.suffix.lower()
     if ending not in MESHES:
         return _read_other(file)
-    try:
-        content = PARSERS[ending](data)
-        largest = np.abs(content.vertices).max(initial=0.0)
-        if not largest <= LARGEST_COORDINATE:
-            raise ContentError(f"has a coordinate of {largest:.3g}", "export it again")
-        mesh = TriangleMesh(content.vertices, triangles_of(content).astype(np.int32))
-    except ContentError as error:
-        raise FileError(f"{file}: {error}", file=str(file), **error.evidence) from error
+    mesh = read_content(file, data)
     if not len(mesh.faces):
         return _round_points(file, mesh.vertices)
     return _weld(mesh) if ending == ".stl" else mesh
+
+
+def read_content(file: Path, data: bytes) -> TriangleMesh:
+    """The vertices and triangles of an STL, PLY, OBJ or OFF as they stand in its bytes `data`; corners of an STL
+    are not merged, there may be no triangles. FileError as `read_mesh`."""
+    try:
+        content = PARSERS[file.suffix.lower()](data)
+        largest = np.abs(content.vertices).max(initial=0.0)
+        if not largest <= LARGEST_COORDINATE:
+            raise ContentError(f"has a coordinate of {largest:.3g}", "export it again")
+        return TriangleMesh(content.vertices, triangles_of(content).astype(np.int32))
+    except ContentError as error:
+        raise FileError(f"{file}: {error}", file=str(file), **error.evidence) from error
 
 
 def _read_other(file: Path) -> TriangleMesh:
@@ -159,16 +166,22 @@ def _weld(mesh: TriangleMesh) -> TriangleMesh:
     return TriangleMesh(vertices, index.ravel()[mesh.faces].astype(np.int32))
 
 
-def _bytes_of(file: Path, also: tuple[str, ...]) -> bytes:
-    if not file.name:
-        raise _refusal(file, "is no name of a file", "give the path of a mesh file")
-    if os.path.isdir(file):  # that of a path raises where the name is too long
-        raise _refusal(file, "is a folder", "give a file in it, or all of them to `bonecam batch`")
-    if file.suffix.lower() not in READABLE:
+def _require_readable(file: Path, also: tuple[str, ...]) -> None:
+    """FileError where a file's ending is of no kind that is read."""
+    if file.suffix.lower() not in READABLE and file.name and not os.path.isdir(file):
         ending = (
             f"has the unknown ending {file.suffix!r}" if file.suffix else "has no ending that tells its kind"
         )
         raise _refusal(file, ending, f"give a file that ends in one of {', '.join((*READABLE, *also))}")
+
+
+def bytes_of(file: Path) -> bytes:
+    """The bytes of a part's file; FileError where it is a folder or another special file, empty or cannot be
+    read."""
+    if not file.name:
+        raise _refusal(file, "is no name of a file", "give the path of a mesh file")
+    if os.path.isdir(file):  # that of a path raises where the name is too long
+        raise _refusal(file, "is a folder", "give a file in it, or all of them to `bonecam batch`")
     try:
         data = input_bytes(file)
     except OSError as error:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bonecam.errors import FileError, UnitsError
-from bonecam.mesh.files import cad_files, cad_tessellation
+from bonecam.mesh.files import cad_tessellation, child
 from bonecam.mesh.files.cad_tessellation import read_and_tessellate, tessellate_shape
 from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.mesh.files.opencascade import occ
@@ -170,7 +170,7 @@ def test_opencascade_says_nothing_on_the_terminal(tmp_path: Path, capfd: pytest.
 
 def test_a_file_that_ends_opencascade_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write(cylinder(), tmp_path / "a.step")
-    monkeypatch.setattr(cad_files, "CHILD", "import os; os.abort()")
+    monkeypatch.setattr(child, "CHILD", "import os; os.abort()")
     with pytest.raises(
         FileError, match=r"a\.step: OpenCASCADE broke down on it[^\n]*: export the part as STEP again$"
     ):

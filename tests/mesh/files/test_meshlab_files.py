@@ -1,0 +1,99 @@
+"""MeshLab reads files in a child: with all that it knows of them, and never to the harm of this process."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pymeshlab
+import pytest
+
+from bonecam.errors import FileError
+from bonecam.filters.meshset import MeshSet
+from bonecam.mesh import meshlab
+from bonecam.mesh.files import child
+from bonecam.mesh.files.child import call_in_child
+
+OBJ = "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nv 0 0 1 1 1 1\n"
+OBJ += "f 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
+
+
+BROKEN = """
+import os
+
+def hang(file):
+    while file:
+        pass
+
+def fill_memory(file):
+    bytearray(2**40)
+
+def end_process(file):
+    os.abort()
+"""
+
+
+@pytest.mark.parametrize(
+    ("work", "what"),
+    [
+        ("hang", "took more than 2 s"),
+        ("fill_memory", r"broke down on it \(exit 1\)"),
+        ("end_process", "exit -6"),
+    ],
+)
+def test_a_child_that_breaks_down_is_one_line(
+    work: str, what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "broken.py").write_text(BROKEN)
+    monkeypatch.syspath_prepend(tmp_path)
+    seconds = 2.0 if work == "hang" else 60.0
+    with pytest.raises(FileError, match=f"^a.3ds: MeshLab .*{what}.*: try again$"):
+        call_in_child(
+            f"broken:{work}", "a.3ds", library="MeshLab", remedy="try again", seconds=seconds, memory=2**31
+        )
+
+
+def test_layers_have_the_colours_and_labels_that_meshlab_gives_them(tmp_path: Path) -> None:
+    (tmp_path / "a.obj").write_text(OBJ)
+    native = pymeshlab.MeshSet()
+    ours = MeshSet()
+    for meshset in (native, ours):
+        meshset.load_new_mesh(str(tmp_path / "a.obj"))
+        meshset.load_new_mesh(str(tmp_path / "a.obj"))
+    assert [layer.label() for layer in ours] == [layer.label() for layer in native] == ["a.obj", "a(1).obj"]
+    for name in ("vertex_matrix", "face_matrix", "vertex_color_matrix", "vertex_normal_matrix"):
+        assert np.array_equal(getattr(ours.current_mesh(), name)(), getattr(native.current_mesh(), name)()), (
+            name
+        )
+
+
+def test_options_of_meshlabs_reader_are_taken(tmp_path: Path) -> None:
+    corners = "vertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\n"
+    facet = f"facet normal 0 0 1\nouter loop\n{corners}endloop\nendfacet\n"
+    (tmp_path / "a.stl").write_text(f"solid a\n{facet}{facet}endsolid a\n")
+    meshes = MeshSet()
+    meshes.load_new_mesh(str(tmp_path / "a.stl"), unify_vertices=False)
+    assert meshes.current_mesh().vertex_number() == 6
+
+
+def test_damaged_and_special_files_are_refused_before_meshlab_sees_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(child, "CHILD", "import os; os.abort()")
+    (tmp_path / "far.obj").write_text(OBJ.replace("f 2 3 4", "f 2 3 1000000000"))
+    (tmp_path / "device.obj").write_text("mtllib /dev/zero\n" + OBJ)
+    os.mkfifo(tmp_path / "pipe.gltf")
+    for name, what in (
+        ("far.obj", "line 7: a face names vertex 1000000000 of 4"),
+        ("device.obj", "line 1: '/dev/zero' is no regular file: remove the line"),
+        ("pipe.gltf", "it is a pipe"),
+        ("none.dae", "No such file"),
+    ):
+        with pytest.raises(pymeshlab.PyMeshLabException, match=what) as caught:
+            MeshSet().load_new_mesh(str(tmp_path / name))
+        assert isinstance(caught.value, FileError)
+
+
+def test_what_meshlab_refuses_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "a.unknown").write_text("0 0 0")
+    with pytest.raises(FileError, match=r"a\.unknown: .*: give a readable mesh file"):
+        meshlab.write_layers(str(tmp_path / "a.unknown"), str(tmp_path), "{}")
