@@ -175,14 +175,6 @@ def retype_value(rng: random.Random, data: bytes) -> bytes:
     return data[: match.start(1)] + rng.choice(VALUES) + data[match.end(1) :]
 
 
-@pytest.mark.parametrize("name", READERS)
-def test_the_sound_files_are_read(
-    name: str, sound: dict[str, bytes], outcome: Callable, tmp_path: Path
-) -> None:
-    (tmp_path / name).write_bytes(sound[name])
-    assert outcome(READERS[name], tmp_path / name) == ""
-
-
 @pytest.mark.parametrize(
     "count", [pytest.param(DEFAULT, id="few"), pytest.param(MANY, id="many", marks=pytest.mark.fuzz)]
 )
@@ -192,6 +184,9 @@ def test_a_damaged_text_gives_a_result_or_one_line(
 ) -> None:
     rng = random.Random(name)
     file = tmp_path / name
+    file.write_bytes(sound[name])
+    READERS[name](file)  # without a limit of time: what it needs may be compiled here
+
     refused = 0
     for _ in range(count):
         retyped = name.endswith(".toml") and rng.random() < 0.5
