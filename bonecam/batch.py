@@ -26,6 +26,7 @@ from bonecam.outputs.batch_table import Outcome, read_rows, table_text
 from bonecam.pipeline import check_job
 from bonecam.runtime.parent import end_with_parent
 from bonecam.runtime.signals import kept_from_children, undisturbed
+from bonecam.runtime.staging import locked
 from bonecam.runtime.temporary import remove_abandoned
 from bonecam.surface.files.save import TEXTS
 
@@ -56,16 +57,22 @@ def convert_many(
     check_job(job, read_machine(job.nc.machine), read_dialect(job.nc.controller))
     check_folder(target)
     table = target / "batch.csv"
-    rows = read_rows(table)
+    read_rows(table)  # a table that is none is refused before the work
     place = {str(file): index for index, file in enumerate(files)}
     target.mkdir(parents=True, exist_ok=True)
     outcomes: dict[int, Outcome] = {}
     for index, outcome in _outcomes(files, target, job, jobs, resume, work or convert_one):
         outcomes[index] = outcome
-        rows[outcome.mesh] = asdict(outcome)
-        write_whole(table, table_text(sorted(rows.values(), key=lambda row: place.get(row["mesh"], -1))))
+        _tell(table, outcome, place)
         told(outcome, len(files) - len(outcomes))
     return [outcomes[i] for i in sorted(outcomes)]
+
+
+def _tell(table: Path, outcome: Outcome, place: dict[str, int]) -> None:
+    """Add an outcome to the table. Rows of other meshes stay, those that another batch has written since too."""
+    with locked([table.parent]):
+        rows = {**read_rows(table), outcome.mesh: asdict(outcome)}
+        write_whole(table, table_text(sorted(rows.values(), key=lambda row: place.get(row["mesh"], -1))))
 
 
 def _outcomes(

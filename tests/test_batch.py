@@ -243,3 +243,15 @@ def test_a_folder_without_parts_and_a_foreign_table_are_refused(tmp_path: Path) 
         with pytest.raises(FileError, match=r"batch\.csv: .*: move it away"):
             convert_many(meshes(tmp_path, a="good"), tmp_path, work=work)
         assert (tmp_path / "batch.csv").read_text(encoding="utf-8") == text
+
+
+def test_two_batches_that_write_into_one_folder_keep_each_other_s_rows(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    first, second = meshes(tmp_path, a="good", b="good"), meshes(tmp_path, c="good")
+
+    def other(outcome: Outcome, left: int) -> None:
+        if left:  # while the first batch runs
+            convert_many(second, out, work=work)
+
+    convert_many(first, out, jobs=1, told=other, work=work)
+    assert {Path(row["mesh"]).stem for row in table(out)} == {"a", "b", "c"}

@@ -179,13 +179,19 @@ def _discard(output: _Output) -> None:
 @contextmanager
 def locked(folders: Iterable[Path]) -> Iterator[None]:
     """Keep other runs from placing files in the folders; without it where the file system knows no locks, or
-    another run holds one for longer than MAX_WAIT."""
+    another run holds one for longer than MAX_WAIT. Blocks may stand inside each other."""
     with ExitStack() as held:
-        for folder in sorted(set(folders)):
+        for folder in sorted({Path(os.path.realpath(folder)) for folder in folders} - _held):
             handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
             held.callback(os.close, handle)
             _lock(handle)
+            _held.add(folder)
+            held.callback(_held.discard, folder)
         yield
+
+
+_held: set[Path] = set()
+"""The folders that this process has locked."""
 
 
 def _lock(handle: int) -> None:

@@ -1,5 +1,6 @@
 """What is kept for a person to look at where a level fails its check."""
 
+import resource
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,7 +10,7 @@ from bonecam_meshes import path as shipped
 
 from bonecam import pipeline
 from bonecam.cli import main
-from bonecam.errors import LevelError
+from bonecam.errors import FileError, LevelError
 from bonecam.levels.edge_rounding import levels_in
 from bonecam.levels.measure.level import Level, StockLevel
 from bonecam.levels.measure.line_depths import line_depths
@@ -173,3 +174,25 @@ def test_a_patch_that_cannot_be_written_hides_no_error(tmp_path: Path) -> None:
         keep_failed_level(tmp_path / "keep"),
     ):
         failing()
+
+
+@pytest.mark.parametrize("room", [0, 500, 5000, 60000])
+def test_a_disk_that_is_full_leaves_the_folder_as_it_was(
+    room: int,
+    level_of: Callable[..., Level],
+    pebble: Callable[..., TSpline],
+    upright_capsule: Capsule,
+    tmp_path: Path,
+) -> None:
+    levels = [level_of(pebble(0.5 * k), k, 0.5) for k in range(2)]
+    levels[-1] = StockLevel(1, levels[-1].mesh, 0.5, levels[-1].measures)
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (room, before[1]))
+    try:
+        with pytest.raises(FileError, match="make room there") as caught:
+            keep_levels(tmp_path / "keep", levels, upright_capsule)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert str(tmp_path / "keep") in str(caught.value)
+    assert ".part" not in str(caught.value)
+    assert not list(tmp_path.iterdir())
