@@ -45,7 +45,7 @@ def orient(path: ContactPath, scene: Scene, limits: AxisLimits, job: PathJob, nc
         return _idle_path(path, space)
     chosen = choose_axes(path, checker, limits, job)
     if not chosen.found.any():
-        remedy = "use a longer overhang, a longer post or a slimmer holder"
+        remedy = "use a longer overhang, a longer post (holding.length) or a slimmer holder"
         raise OrientationError(
             f"level {path.level}: no contact has a free tool axis: {remedy}", level=path.level
         )
@@ -55,7 +55,8 @@ def orient(path: ContactPath, scene: Scene, limits: AxisLimits, job: PathJob, nc
     linked = link_runs(space, poses, runs, _direct_links(space, path, chosen.axes, runs))
     if linked.home is None:
         raise OrientationError(
-            f"level {path.level}: no pass can be reached safely: give more clearance", level=path.level
+            f"level {path.level}: no pass can be reached safely: raise path.clearance or the tool's overhang",
+            level=path.level,
         )
     return _tool_path(path, chosen, space, runs, linked)
 

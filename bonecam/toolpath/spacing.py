@@ -133,7 +133,7 @@ def _require_progress(lines: list[float]) -> None:
     """ToolPathError where the last line did not move on, or there are too many."""
     if len(lines) > MAX_LINES or (len(lines) > 1 and not lines[-1] > lines[-2]):
         raise ToolPathError(
-            f"passes crowd without end at parameter {lines[-1]:.6f}: smooth the level there",
+            f"passes crowd without end at parameter {lines[-1]:.6f}: change path.direction, or raise surface.tolerance",
             parameter=lines[-1],
         )
 

@@ -83,7 +83,8 @@ def _check_reach(machine: Machine, found: ndarray) -> None:
     solutions = found[row][np.isfinite(found[row]).all(1)]
     if not len(solutions):
         raise MachineError(
-            f"point {row}: no rotary angles of {machine.title} reach this tool axis: tilt it less", row=row
+            f"point {row}: no rotary angles of {machine.title} reach this tool axis: make path.max_tilt_deg smaller",
+            row=row,
         )
     bounds = np.array([axis.limits for axis in machine.rotary])
     excess = np.maximum(np.maximum(bounds[:, 0] - solutions, solutions - bounds[:, 1]), 0)
@@ -95,7 +96,8 @@ def _check_reach(machine: Machine, found: ndarray) -> None:
         np.degrees(bounds[column, 0] if np.radians(value) < bounds[column, 0] else bounds[column, 1])
     )
     raise MachineError(
-        f"point {row}: {letter} {value:.3f} deg leaves the limit {limit:.3f} deg of {machine.title}: limit the tilt",
+        f"point {row}: {letter} {value:.3f} deg leaves the limit {limit:.3f} deg of {machine.title}: "
+        "make path.max_tilt_deg smaller",
         row=row,
         axis=letter,
         value_deg=value,
@@ -195,7 +197,8 @@ def _least_travel(
     if (chain < 0).any():
         row = int(fixed[np.argmax(chain < 0)])
         raise MachineError(
-            f"point {row}: the rotary axes of {machine.title} reach their limits within a cut: limit the tilt",
+            f"point {row}: the rotary axes of {machine.title} reach their limits within a cut: "
+            "make path.max_tilt_deg smaller",
             row=row,
         )
     picked = states[np.arange(count), chain]
@@ -228,7 +231,9 @@ def _unwind(
             limit = float(np.degrees(low if angles[row, column] < low else high))
             bound = f"{axis.letter} winds to {value:.3f} deg, limit {limit:.3f} deg of {machine.title}"
             evidence = {"row": row, "axis": axis.letter, "value_deg": value, "limit_deg": limit}
-            raise MachineError(f"point {row}: {bound}: split the pass by a rapid", **evidence)
+            raise MachineError(
+                f"point {row}: {bound}: make path.max_tilt_deg smaller, or change path.direction", **evidence
+            )
         begin = int(rapids[-1])
         angles[begin:, column] -= FULL_TURN * turns
         rewinds[begin] = True

@@ -83,7 +83,8 @@ def split_moves(
         rows = rows[after]
     row = int(rows[1 + np.argmax(pieces)])
     raise MachineError(
-        f"point {row}: the move passes too near the machine's singular axis to be split: tilt it away",
+        f"point {row}: the move passes too near the machine's singular axis to be split: "
+        "change path.lead_deg or path.direction",
         row=row,
     )
 
