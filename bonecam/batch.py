@@ -7,6 +7,8 @@ version. A run that was killed resumes: a mesh whose NAME.json carries today's f
 import hashlib
 import json
 import multiprocessing
+import os
+import pickle
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -24,7 +26,7 @@ from bonecam.nc.dialect import read_dialect
 from bonecam.nc.machine import read_machine
 from bonecam.outputs.batch_table import Outcome, read_rows, table_text
 from bonecam.pipeline import check_job
-from bonecam.runtime.parent import end_with_parent
+from bonecam.runtime.parent import work_for
 from bonecam.runtime.signals import kept_from_children, undisturbed
 from bonecam.runtime.staging import locked
 from bonecam.runtime.temporary import remove_abandoned
@@ -111,7 +113,8 @@ class _Running:
         self.index, self.mesh, self.began = index, mesh, time.perf_counter()
         spawn = multiprocessing.get_context("spawn")
         self.ending, answer = spawn.Pipe(duplex=False)
-        self.process = spawn.Process(target=_answer, args=(answer, work, mesh, folder, job))
+        order = pickle.dumps((_answer, (work, mesh, folder, job)))
+        self.process = spawn.Process(target=work_for, args=(os.getpid(), answer, order))
         resource_tracker.ensure_running()  # it lets the signals in again that are kept out below
         with kept_from_children():
             self.process.start()
@@ -135,10 +138,6 @@ class _Running:
 
 def _answer(answer: Connection, work: Work, mesh: Path, folder: Path, job: Job) -> None:
     """In the new process: the Outcome of a mesh, or what went wrong."""
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    assert parent.pid is not None
-    end_with_parent(parent.pid)
     try:
         answer.send(work(mesh, folder, job))
     except BonecamError as error:

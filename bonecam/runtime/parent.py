@@ -2,8 +2,10 @@
 
 import ctypes
 import os
+import pickle
 import signal
 import time
+from multiprocessing.connection import Connection
 from threading import Thread
 from typing import NoReturn
 
@@ -24,6 +26,16 @@ def end_with_parent(parent: int) -> None:
     if os.getppid() != parent:  # it has ended before the kernel was told
         os._exit(1)
     Thread(target=_watch, args=(parent,), daemon=True).start()
+
+
+def work_for(parent: int, answer: Connection, work: bytes) -> None:
+    """In a new process: call a function with `answer` and its other arguments, all pickled as `work`.
+
+    It is unpickled, which imports its modules, once this process ends with its parent.
+    """
+    end_with_parent(parent)
+    function, arguments = pickle.loads(work)
+    function(answer, *arguments)
 
 
 def _watch(parent: int) -> NoReturn:

@@ -62,8 +62,14 @@ def start(words: list[str], mark: str) -> "subprocess.Popen[str]":
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL) and None,
+        preexec_fn=heed_signals,
     )
+
+
+def heed_signals() -> None:
+    """Under nohup, or in the background of a shell, signals are ignored."""
+    for kind in STOPS:
+        signal.signal(kind, signal.SIG_DFL)
 
 
 def processes(mark: str) -> list[int]:
