@@ -193,3 +193,25 @@ def test_a_damaged_text_gives_a_result_or_one_line(
         file.write_bytes((retype_value if retyped else mutate)(rng, sound[name]))
         refused += bool(outcome(READERS[name], file))
     assert refused > 0
+
+
+HOSTILE = {
+    "rows.xyz": "0 0 -9\n\n5 0 0\n0 5 0\n-5 0 0\n0 -5 0\n\n5 0 5\n0 5 5\n-5 0 5\n0 -5 5\n\n0 0 9\n",
+    "cloud.csv": "x,y,z\n1,2,3\nnan,1,2\n",
+    "script.mlx": '<!DOCTYPE a [<!ENTITY x "ha"><!ENTITY y "&x;&x;">]><FilterScript>&y;</FilterScript>',
+    "a.tspline": "#bonecam-tspline 1\ndegree 3\nunits mm\nt-knots 0 1\nrow 0 1000000000000\n",
+    "a.iga": "type surface\nnodeN 9000000000000\nelemN 1\n",
+    "a.tsm": "#TS0200\n0g 9e18 0 0 1\n",
+    "job.toml": "[mesh]\nrows = " + "[" * 9000,
+    "machine_mikron-ucp600.toml": "chain = " + "[" * 9000,
+    "dialect_linuxcnc.toml": "title = " + "9" * 30,
+    "program.h": "0 BEGIN PGM " + "A" * 100_000 + " MM\n",
+    "program.ngc": "%\n" + "G0 X1 " * 100_000 + "\n%\n",
+}
+"""What damage does not hit on by itself: rows of four points, entities, counts of what is not there, depth, length."""
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_a_hostile_text_gives_one_line(name: str, outcome: Callable, tmp_path: Path) -> None:
+    (tmp_path / name).write_text(HOSTILE[name])
+    assert outcome(READERS[name], tmp_path / name)

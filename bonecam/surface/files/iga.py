@@ -23,8 +23,11 @@ from bonecam.errors import FileError
 from bonecam.files import input_bytes, write_whole
 from bonecam.surface.tmesh.extracted import ExtractedTMesh
 from bonecam.surface.tspline import LARGEST, TSpline
+from bonecam.text.faults import shown
 
 LARGEST_DEGREE = 9
+LARGEST_COEFFICIENT = 100.0
+"""Bernstein coefficients of blending functions lie in 0 .. 1; this leaves room for functions of another scale."""
 
 
 def read_iga(path: str | Path) -> TSpline[ExtractedTMesh]:
@@ -98,12 +101,12 @@ class _Reader:
             elif words[0] in ("nodeN", "elemN"):
                 counts[words[0]] = int(self._numbers(n, words[1:], 1)[0])
             elif words[0] == "type" and words[1:] not in (["plane"], ["surface"]):
-                raise self._error(n, f"type '{' '.join(words[1:])}': only plane and surface are read")
+                raise self._error(n, f"type {shown(' '.join(words[1:]))}: only plane and surface are read")
             elif words[0] == "domain":
                 for _ in range(2 + int(self._numbers(n, words[1:], 2)[0])):
                     self._take()
             elif words[0] not in ("type", "set"):
-                raise self._error(n, f"unknown record '{words[0]}'")
+                raise self._error(n, f"unknown record {shown(words[0])}")
         if not elements or counts.get("nodeN") != len(nodes) or counts.get("elemN") != len(elements):
             raise self._error(
                 None, f"{len(nodes)} nodes and {len(elements)} elements, but it announces {counts or 'none'}"
@@ -126,6 +129,11 @@ class _Reader:
                 line, "function numbers must be whole, not negative and different from one another"
             )
         rows = [self._numbers(*self._take(), (p + 1) * (q + 1)) for _ in range(count)]
+        largest = float(np.abs(rows).max())
+        if largest > LARGEST_COEFFICIENT:
+            raise self._error(
+                line, f"a coefficient of {largest:g}: those of blending functions lie in 0 .. 1"
+            )
         order = np.argsort(functions)
         return functions[order].astype(np.int64), np.array(rows)[order].reshape(count, q + 1, p + 1)
 

@@ -60,20 +60,9 @@ def read_surface(path: str | Path, scale: float, tolerance: float, max_control_p
     enclose a part.
     """
     if Path(path).suffix.lower() in TEXTS:
-        if scale != 1:
-            raise UnitsError(
-                f"{path}: states its unit itself and was read in mm: leave out --units (mesh.units)",
-                file=str(path),
-            )
-        surface = read_tsm(path)
-        points = np.empty((0, 3))
-        patches = surface.patches.reshape(-1, 4)
-        _check_size(patches[:, :3] / patches[:, 3:], path)
+        surface, points = _saved(path, scale)
     else:
-        rows = read_rows(path).scaled(scale)
-        _check_size(np.vstack(rows.rows), path)
-        surface = rows.skin(tolerance)
-        points = np.vstack([*rows.rows, *([] if rows.poles is None else [rows.poles])])
+        surface, points = _skinned(path, scale, tolerance)
     if not (isinstance(surface.tmesh, RowTMesh) and all(surface.tmesh.poles)):
         remedy = (
             "give a pole (one point) as the first and the last block"
@@ -97,6 +86,30 @@ def read_surface(path: str | Path, scale: float, tolerance: float, max_control_p
         )
     found = _deviation(surface, points)
     return Fit(surface, found, tolerance, found.max <= tolerance)
+
+
+def _saved(path: str | Path, scale: float) -> tuple[TSpline, Float[ndarray, "0 3"]]:
+    """The T-spline of a file, and no points."""
+    if scale != 1:
+        raise UnitsError(
+            f"{path}: states its unit itself and was read in mm: leave out --units (mesh.units)",
+            file=str(path),
+        )
+    surface = read_tsm(path)
+    patches = surface.patches.reshape(-1, 4)
+    _check_size(patches[:, :3] / patches[:, 3:], path)
+    return surface, np.empty((0, 3))
+
+
+def _skinned(path: str | Path, scale: float, tolerance: float) -> tuple[TSpline, Float[ndarray, "n 3"]]:
+    """The surface through the rows of a file, and their points, mm."""
+    rows = read_rows(path).scaled(scale)
+    points = np.vstack([*rows.rows, *([] if rows.poles is None else [rows.poles])])
+    _check_size(points, path)
+    try:
+        return rows.skin(tolerance), points
+    except ValueError as error:
+        raise SurfaceError(f"{path}: {error}", file=str(path)) from error
 
 
 def _check_size(points: Float[ndarray, "n 3"], path: str | Path) -> None:

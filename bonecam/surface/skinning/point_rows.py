@@ -16,6 +16,7 @@ from numpy import ndarray
 
 from bonecam.errors import FileError
 from bonecam.mesh.files.point_files import POINTS, read_blocks
+from bonecam.surface.skinning.row_curves import FEWEST
 from bonecam.surface.skinning.skin import skin
 from bonecam.surface.tspline import TSpline
 
@@ -72,9 +73,10 @@ def read_rows(path: str | Path) -> PointRows:
     rows = [row[:-1] if closed and touches else row for row, touches in zip(rows, touching)]
     for number, row in enumerate(rows):
         steps = np.linalg.norm(np.roll(row, -1, axis=0) - row, axis=1)[: None if closed else -1]
-        if len(row) < 4:
+        if len(row) < FEWEST[closed]:
+            remedy = f"give {FEWEST[closed]} or more"
             raise FileError(
-                f"{path}: row {number} has {len(row)} points: give four or more", file=str(path), row=number
+                f"{path}: row {number} has {len(row)} points: {remedy}", file=str(path), row=number
             )
         if steps.min() <= least:
             place = int(np.argmin(steps))
