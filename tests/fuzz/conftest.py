@@ -14,7 +14,7 @@ from bonecam.errors import BonecamError
 
 Mutate = Callable[[random.Random, bytes], bytes]
 SECONDS = 10
-"""Longest time that reading a damaged file may take."""
+"""Longest processor time that reading a damaged file may take: other work on the machine does not count."""
 NUMBER = re.compile(rb"(?<![\w.])[-+]?\d+(\.\d*)?([eE][-+]?\d+)?")
 HOSTILE = (
     *b"nan inf -inf NaN 1e999 -1e308 1e-320 9e18 -0 0 1 2 3 -1 -2 255 256 65536 1000000000 2147483647".split(),
@@ -144,18 +144,18 @@ def mutate() -> Mutate:
 
 @contextmanager
 def time_limit(seconds: float) -> Iterator[None]:
-    """TimeoutError in this thread where the block takes longer."""
+    """TimeoutError in this thread where the block takes more processor time."""
 
     def stop(*_: object) -> None:
         raise TimeoutError(f"not done in {seconds} s")
 
-    before = signal.signal(signal.SIGALRM, stop)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    before = signal.signal(signal.SIGPROF, stop)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.signal(signal.SIGPROF, before)
 
 
 @pytest.fixture(scope="session")
