@@ -25,7 +25,7 @@ ROOMS = {
         *"limits interpolation collision lead singularity admissible tool_axes links".split(),
         *"oriented_path level_paths".split(),
     ],
-    "verify": "gouge readback trial_program proof report pictures".split(),
+    "verify": "gouge readback trial_program proof removal report pictures".split(),
 }
 """The order of the modules and sub-packages inside a stage."""
 ROOT = Path(__file__).parents[1] / "bonecam"

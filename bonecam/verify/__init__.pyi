@@ -9,6 +9,14 @@ from .proof import Verification as Verification
 from .proof import verify as verify
 from .proof import verify_program as verify_program
 from .readback import Tolerances as Tolerances
+from .removal.result import Clearance as Clearance
+from .removal.result import Left as Left
+from .removal.result import LevelRemoval as LevelRemoval
+from .removal.result import Removal as Removal
+from .removal.result import Spot as Spot
+from .removal.simulate import Accuracy as Accuracy
+from .removal.simulate import simulate_removal as simulate_removal
+from .removal.verdicts import check_removal as check_removal
 from .report import levels_report as levels_report
 from .report import nc_report as nc_report
 from .report import summary_of as summary_of

@@ -124,7 +124,7 @@ def measure_gouge(motions: Motions, part: Distances, slack: float = SLACK) -> Go
     for number, control in sorted(motions.controls.items()):
         moves = np.flatnonzero((motions.tools == number) & motions.known_start)
         if len(moves):
-            bows = _bows(control, motions.words[moves - 1], motions.words[moves])
+            bows = centre_bows(control, motions.words[moves - 1], motions.words[moves])
             run = _Run(motions, control, moves, bows, part, slack)
             best = _refine(run, centres, distance, best)
     return best
@@ -219,7 +219,9 @@ def _divide(spans: _Spans, run: _Run) -> tuple[_Spans, Float[ndarray, "p"], Floa
     return _Spans(move, start, end, first, last, near, far), run.control.radius - far, last
 
 
-def _bows(control: Control, start: Float[ndarray, "n 5"], end: Float[ndarray, "n 5"]) -> Float[ndarray, "n"]:
+def centre_bows(
+    control: Control, start: Float[ndarray, "n 5"], end: Float[ndarray, "n 5"]
+) -> Float[ndarray, "n"]:
     """An upper bound of |c''| of the ball centre over each move (words at its start and end), u in [0, 1];
     mm.
 

@@ -1,0 +1,108 @@
+"""Nails on a surface, cut by the capsules that a ball sweeps, compiled.
+
+A nail stands on a point of the surface along its normal; its height is that of the lowest cut above the
+surface, or below it (negative) where the ball went in.
+"""
+
+import numpy as np
+from numba import njit
+from numpy import ndarray
+
+from bonecam.kernels.removal.rays import TINY
+
+
+@njit(cache=True, nogil=True)
+def _ball(px: float, py: float, pz: float, n: ndarray, square: float) -> tuple[float, float]:
+    """Where a line through (px, py, pz), told from the ball's centre, along the unit n lies in the ball."""
+    along = px * n[0] + py * n[1] + pz * n[2]
+    rest = square - (px * px + py * py + pz * pz - along * along)
+    if rest <= 0.0:
+        return np.inf, -np.inf
+    half = np.sqrt(rest)
+    return -along - half, -along + half
+
+
+@njit(cache=True, nogil=True)
+def line_chord(p: ndarray, n: ndarray, start: ndarray, end: ndarray, radius: float) -> tuple[float, float]:
+    """Where the line p + t n, n being unit, lies in a capsule: t; the first is larger where it misses."""
+    square = radius * radius
+    px, py, pz = p[0] - start[0], p[1] - start[1], p[2] - start[2]
+    dx, dy, dz = end[0] - start[0], end[1] - start[1], end[2] - start[2]
+    low, high = _ball(px, py, pz, n, square)
+    length = np.sqrt(dx * dx + dy * dy + dz * dz)
+    if length <= 0.0:
+        return low, high
+    first, last = _ball(px - dx, py - dy, pz - dz, n, square)
+    low, high = min(low, first), max(high, last)
+    dx, dy, dz = dx / length, dy / length, dz / length
+    turn = n[0] * dx + n[1] * dy + n[2] * dz
+    along = px * dx + py * dy + pz * dz
+    across = 1.0 - turn * turn
+    if across > TINY:
+        half = px * n[0] + py * n[1] + pz * n[2] - along * turn
+        rest = half * half - across * (px * px + py * py + pz * pz - along * along - square)
+        if rest > 0.0:
+            root = np.sqrt(rest)
+            first, last = (-half - root) / across, (-half + root) / across
+            if 0.0 <= along + first * turn <= length:
+                low = min(low, first)
+            if 0.0 <= along + last * turn <= length:
+                high = max(high, last)
+    return low, high
+
+
+@njit(cache=True, nogil=True)
+def cut_nails(
+    points: ndarray,
+    normals: ndarray,
+    cell_starts: ndarray,
+    corner: ndarray,
+    size: float,
+    reach: float,
+    starts: ndarray,
+    ends: ndarray,
+    radii: ndarray,
+    names: ndarray,
+    heights: ndarray,
+    owners: ndarray,
+) -> None:
+    """Lower `heights` (n,) to where capsules cut the nails, and set `owners` (n,) to the name of the one that
+    did.
+
+    Nails are ordered by cell (i, j, k) of a grid of cubes of side `size` from `corner` on; those of a cell
+    begin at cell_starts[i, j, k] and end where those of the next one begin. Cuts more than `reach` above the
+    surface are left out.
+    """
+    shape = cell_starts.shape
+    flat = cell_starts.ravel()
+    low, high = np.empty(3, dtype=np.int64), np.empty(3, dtype=np.int64)
+    for c in range(len(starts)):
+        radius = radii[c]
+        beside = False
+        for k in range(3):
+            least = min(starts[c, k], ends[c, k]) - radius - reach - corner[k]
+            most = max(starts[c, k], ends[c, k]) + radius + reach - corner[k]
+            low[k] = max(int(np.floor(least / size)), 0)
+            high[k] = min(int(np.floor(most / size)), shape[k] - 1 - (k == 2))
+            beside = beside or low[k] > high[k]
+        if beside:
+            continue
+        half = 0.0
+        mx = (starts[c, 0] + ends[c, 0]) / 2
+        my = (starts[c, 1] + ends[c, 1]) / 2
+        mz = (starts[c, 2] + ends[c, 2]) / 2
+        for k in range(3):
+            half += (ends[c, k] - starts[c, k]) ** 2 / 4
+        ball = radius + np.sqrt(half)
+        for i in range(low[0], high[0] + 1):
+            for j in range(low[1], high[1] + 1):
+                row = (i * shape[1] + j) * shape[2]
+                for m in range(flat[row + low[2]], flat[row + high[2] + 1]):
+                    # no point of the capsule is nearer to the nail's foot than this ball about its middle
+                    far = (points[m, 0] - mx) ** 2 + (points[m, 1] - my) ** 2 + (points[m, 2] - mz) ** 2
+                    if far >= (ball + max(heights[m], 0.0)) ** 2:
+                        continue
+                    enter, leave = line_chord(points[m], normals[m], starts[c], ends[c], radius)
+                    if enter < leave and leave > 0.0 and enter < heights[m]:
+                        heights[m] = enter
+                        owners[m] = names[c]

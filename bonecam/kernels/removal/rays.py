@@ -1,0 +1,135 @@
+"""Material as intervals on parallel rays (a dexel model), compiled: what one set of rays is, and its chords.
+
+A set has one direction w and a square lattice of rays across it, u and v. Rays are kept in tiles of TILE x
+TILE, tile by tile in memory, and only where there was material once. Material on a ray is a list of [low,
+high], rising.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy import ndarray
+
+TILE = 8
+"""Rays along the side of a tile: with 4 a cut takes 5 % longer, with 16 45 %."""
+BINS = 64
+"""Parts of a ray's length whose material is told by one bit each."""
+SLIVER = 1e-4
+"""Material thinner than this on a ray is taken away, mm: what rounding leaves between two cuts."""
+TINY = 1e-12
+"""Squared lengths below this are rounding, mm^2."""
+
+
+class RaySet(NamedTuple):
+    """One set of rays in its own coordinates u, v, w (mm, from the corner of the grid).
+
+    `tile_of` (m, n): index of the tile, -1 where there never was material. `spans` (t, 64, 2 c) float32: low
+    and high ends of the intervals of ray 8 j + i of a tile (i along u), of which `counts` (t, 64) are in use.
+    `low`, `high` (t,): bounds of the material of a tile; `mask` (t,): bit b tells that there may be material
+    in bin b of BINS. Ray number i lies at (i + 1/2) `cell`; rays are `length` long.
+    """
+
+    tile_of: ndarray
+    spans: ndarray
+    counts: ndarray
+    low: ndarray
+    high: ndarray
+    mask: ndarray
+    cell: float
+    length: float
+
+
+@njit(cache=True, nogil=True)
+def bits(low: float, high: float, length: float) -> np.uint64:
+    """The bits of the bins that [low, high] meets."""
+    first = min(max(int(low * BINS / length), 0), BINS - 1)
+    last = min(max(int(high * BINS / length), 0), BINS - 1)
+    found = np.uint64(0xFFFFFFFFFFFFFFFF) >> np.uint64(BINS - 1 - (last - first))
+    return found << np.uint64(first)
+
+
+@njit(cache=True, nogil=True)
+def summarise_tile(rays: RaySet, tile: int) -> None:
+    """Set the bounds and the mask of a tile from its intervals."""
+    low, high, mask = np.inf, -np.inf, np.uint64(0)
+    for ray in range(TILE * TILE):
+        count = rays.counts[tile, ray]
+        if count:
+            low = min(low, rays.spans[tile, ray, 0])
+            high = max(high, rays.spans[tile, ray, 2 * count - 1])
+            for k in range(count):
+                mask |= bits(rays.spans[tile, ray, 2 * k], rays.spans[tile, ray, 2 * k + 1], rays.length)
+    rays.low[tile] = low
+    rays.high[tile] = high
+    rays.mask[tile] = mask
+
+
+@njit(cache=True, nogil=True)
+def summarise(rays: RaySet) -> None:
+    """Set the bounds and masks of all tiles."""
+    for tile in range(len(rays.counts)):
+        summarise_tile(rays, tile)
+
+
+@njit(cache=True, nogil=True)
+def capsule_chord(
+    x: float, y: float, dx: float, dy: float, dz: float, length: float, radius: float
+) -> tuple[float, float]:
+    """Where a ray along w lies in a capsule: w from its start's; the first is larger where it misses.
+
+    The ray is at (x, y) from the capsule's start, whose axis has the unit direction (dx, dy, dz) and
+    `length`.
+    """
+    low, high = np.inf, -np.inf
+    square = radius * radius
+    rest = square - x * x - y * y
+    if rest > 0.0:
+        half = np.sqrt(rest)
+        low, high = -half, half
+    if length <= 0.0:
+        return low, high
+    ex, ey, ez = x - length * dx, y - length * dy, length * dz
+    rest = square - ex * ex - ey * ey
+    if rest > 0.0:
+        half = np.sqrt(rest)
+        low, high = min(low, ez - half), max(high, ez + half)
+    across = 1.0 - dz * dz
+    if across > TINY:
+        along = x * dx + y * dy
+        rest = along * along * dz * dz - across * (x * x + y * y - along * along - square)
+        if rest > 0.0:
+            root = np.sqrt(rest)
+            first, last = (along * dz - root) / across, (along * dz + root) / across
+            if 0.0 <= along + first * dz <= length:
+                low = min(low, first)
+            if 0.0 <= along + last * dz <= length:
+                high = max(high, last)
+    return low, high
+
+
+@njit(cache=True, nogil=True)
+def flat_distance(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> float:
+    """Distance of (x, y) from the segment from a to b."""
+    sx, sy = bx - ax, by - ay
+    square = sx * sx + sy * sy
+    share = 0.0
+    if square > TINY:
+        share = min(max(((x - ax) * sx + (y - ay) * sy) / square, 0.0), 1.0)
+    px, py = x - ax - share * sx, y - ay - share * sy
+    return np.sqrt(px * px + py * py)
+
+
+@njit(cache=True, nogil=True)
+def part_near(x: float, y: float, dx: float, dy: float, length: float, radius: float) -> tuple[float, float]:
+    """From where to where a segment is within `radius` of the ray at (x, y) from its start, seen along the
+    rays; lengths along it. (dx, dy) is what its unit direction has across the rays; it comes so near
+    somewhere."""
+    square = dx * dx + dy * dy
+    if square <= TINY:
+        return 0.0, length
+    middle = (x * dx + y * dy) / square
+    off = (x * dy - y * dx) ** 2 / square
+    half = np.sqrt(max(radius * radius - off, 0.0) / square)
+    first, last = min(max(middle - half, 0.0), length), min(max(middle + half, 0.0), length)
+    return first, last

@@ -1,0 +1,126 @@
+"""The moves of a program through one set of rays, in their order, compiled."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy import ndarray
+
+from bonecam.kernels.removal.cut import cut_capsule
+from bonecam.kernels.removal.cylinder import cylinder_clearance
+from bonecam.kernels.removal.rays import RaySet
+
+FLUTE_STEP = 0.1
+"""The flutes stand this far apart (mm) where they are taken out of the material: between two cuts of a
+cylinder of radius R they leave a ridge of FLUTE_STEP^2 / (8 R), 1.3 um for 1 mm."""
+TOOL_STEP = 0.05
+"""Shank and holder stand this far apart (mm), or an eighth of their distance, where that is taken; half of it
+is subtracted, for what lies between."""
+
+
+class Pieces(NamedTuple):
+    """Straight pieces of moves of one tool, in the coordinates of the rays.
+
+    Piece i runs from `starts` to `ends` (n, 3) of the ball's centre, while the axis turns from `start_axes`
+    to `end_axes`; `moves` (n,) is the move it belongs to. `reach` (n,): height above the ball's centre up to
+    which the flutes may meet material, 0 for none. `bounds` (n, 2): lower bounds of the distance of shank and
+    holder from material, `near` (n, 2, 2): the heights between which that is nearest; mm.
+    """
+
+    starts: ndarray
+    ends: ndarray
+    start_axes: ndarray
+    end_axes: ndarray
+    moves: ndarray
+    reach: ndarray
+    bounds: ndarray
+    near: ndarray
+
+
+class Found(NamedTuple):
+    """What a sweep finds. `volumes` (moves,): removed by each move, mm^3. `least` (2,): least distance of
+    shank and holder from material so far, mm; `where` (2,): its move. `touched` (2,): first move in which the
+    distance is below the one allowed, -1 for none; nothing is measured after it."""
+
+    volumes: ndarray
+    least: ndarray
+    where: ndarray
+    touched: ndarray
+
+
+@njit(cache=True, nogil=True)
+def _pose(pieces: Pieces, i: int, share: float, foot: ndarray, axis: ndarray) -> None:
+    size = 0.0
+    for k in range(3):
+        foot[k] = (1 - share) * pieces.starts[i, k] + share * pieces.ends[i, k]
+        axis[k] = (1 - share) * pieces.start_axes[i, k] + share * pieces.end_axes[i, k]
+        size += axis[k] * axis[k]
+    size = np.sqrt(size)
+    for k in range(3):
+        axis[k] /= size
+
+
+@njit(cache=True, nogil=True)
+def _travel(pieces: Pieces, i: int, height: float) -> float:
+    """How far a point of the axis at this height above the ball's centre travels at most, mm."""
+    shift, turn = 0.0, 0.0
+    for k in range(3):
+        shift += (pieces.ends[i, k] - pieces.starts[i, k]) ** 2
+        turn += (pieces.end_axes[i, k] - pieces.start_axes[i, k]) ** 2
+    return np.sqrt(shift) + np.sqrt(turn) * height
+
+
+@njit(cache=True, nogil=True)
+def sweep(
+    rays: RaySet,
+    pieces: Pieces,
+    radius: float,
+    sections: ndarray,
+    allowed: float,
+    uncertainty: float,
+    first: int,
+    found: Found,
+) -> int:
+    """Take what ball and flutes sweep out of the material, piece by piece from `first` on, and measure shank
+    and holder against what stands then; returns the piece at which a ray has no room for one more interval,
+    or the number of pieces.
+
+    `sections` (2, 3): from, to, radius of shank and holder; `allowed` is the signed distance (mm) that they
+    may have, `uncertainty` what bounds may be below it.
+    """
+    foot, axis, top = np.empty(3), np.empty(3), np.empty(3)
+    for i in range(first, len(pieces.starts)):
+        volume, full = cut_capsule(rays, pieces.starts[i], pieces.ends[i], radius)
+        found.volumes[pieces.moves[i]] += volume
+        if full:
+            return i
+        if pieces.reach[i] > 0.0:
+            steps = max(int(np.ceil(_travel(pieces, i, pieces.reach[i]) / FLUTE_STEP)), 1)
+            for k in range(1, steps + 1):
+                _pose(pieces, i, k / steps, foot, axis)
+                for n in range(3):
+                    top[n] = foot[n] + pieces.reach[i] * axis[n]
+                volume, full = cut_capsule(rays, foot, top, radius)
+                found.volumes[pieces.moves[i]] += volume
+                if full:
+                    return i
+        for s in range(2):
+            if found.touched[s] >= 0 or pieces.bounds[i, s] >= found.least[s]:
+                continue
+            low, high = pieces.near[i, s, 0], pieces.near[i, s, 1]
+            near = min(found.least[s], pieces.bounds[i, s] + uncertainty)
+            travel = _travel(pieces, i, high)
+            steps = max(int(np.ceil(travel / max(TOOL_STEP, near / 8))), 1)
+            slack = travel / steps / 2
+            for k in range(steps):
+                _pose(pieces, i, (k + 0.5) / steps, foot, axis)
+                free = cylinder_clearance(rays, foot, axis, low, high, sections[s, 2], near + slack)
+                near = min(near, free - slack)
+                if near < allowed:
+                    break
+            if near < allowed:
+                found.touched[s] = pieces.moves[i]
+            if near < found.least[s]:
+                found.least[s] = near
+                found.where[s] = pieces.moves[i]
+    return len(pieces.starts)

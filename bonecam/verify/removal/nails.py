@@ -1,0 +1,114 @@
+"""Gouges and leftovers on the part: nails on its exact surface, cut by every ball.
+
+A nail is a line along the normal. What is left on it is the height of the lowest cut, exact to rounding;
+where no ball came within REACH the material that stands is measured along the nail.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+
+from bonecam.kernels.removal.air import in_material
+from bonecam.kernels.removal.nails import cut_nails
+from bonecam.kernels.removal.rays import RaySet
+from bonecam.kernels.removal.sweep import Pieces
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.surface.tspline import TSpline
+from bonecam.verify.removal.rays import RayGrid
+
+CHORD = 0.002
+"""Chord tolerance, mm, of the tessellation at whose vertices nails stand: about 0.15 mm apart on a small
+bone."""
+REACH = 0.3
+"""Cuts up to this height above the surface are exact, mm."""
+HIGHEST = 5.0
+"""What is left is told up to this height, mm."""
+STEP = 0.02
+"""Higher material is measured in steps of this, mm."""
+CELL = 0.5
+"""Side of the cells that nails are found by, mm."""
+
+
+@dataclass(eq=False)
+class Nails:
+    """Nails at `points` (n, 3) along unit `normals`, each standing for `areas` (n,) mm^2 of `mesh`'s surface.
+
+    `heights` (mm) and `owners` (the move that cut a nail lowest, -1 for none) change while moves are taken.
+    """
+
+    mesh: TriangleMesh
+    points: Float[ndarray, "n 3"]
+    normals: Float[ndarray, "n 3"]
+    areas: Float[ndarray, " n"]
+    heights: Float[ndarray, " n"] = field(init=False)
+    owners: Int[ndarray, " n"] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.corner = self.points.min(0)
+        cells = np.floor((self.points - self.corner) / CELL).astype(np.int64)
+        shape = cells.max(0) + 1
+        flat = np.ravel_multi_index(tuple(cells.T), tuple(shape))
+        self.by_cell = np.argsort(flat, kind="stable")
+        counts = np.bincount(flat, minlength=int(shape.prod()))
+        ends = np.cumsum(counts).reshape(tuple(shape))
+        first = np.zeros((shape[0], shape[1], shape[2] + 1), dtype=np.int64)
+        first[:, :, 1:] = ends
+        first[:, :, 0] = np.r_[0, ends[:, :, -1].ravel()[:-1]].reshape(shape[0], shape[1])
+        self.cell_starts = first
+        self.heights = np.full(len(self.points), REACH)
+        self.owners = np.full(len(self.points), -1)
+
+    def cut(self, pieces: Pieces, radius: float) -> None:
+        """Cut the nails by a ball on its pieces, and by the flutes above it where they may reach material."""
+        fluted = pieces.reach > 0
+        tops = pieces.ends[fluted] + pieces.reach[fluted, None] * pieces.end_axes[fluted]
+        starts = np.vstack([pieces.starts, pieces.ends[fluted]])
+        ends = np.vstack([pieces.ends, tops])
+        names = np.r_[pieces.moves, pieces.moves[fluted]]
+        heights = self.heights[self.by_cell]
+        owners = self.owners[self.by_cell]
+        cut_nails(
+            self.points[self.by_cell],
+            self.normals[self.by_cell],
+            self.cell_starts,
+            self.corner,
+            CELL,
+            REACH,
+            starts,
+            ends,
+            np.full(len(starts), radius),
+            names,
+            heights,
+            owners,
+        )
+        self.heights[self.by_cell] = heights
+        self.owners[self.by_cell] = owners
+
+    def measure_the_uncut(self, sets: Sequence[RaySet], grid: RayGrid) -> None:
+        """Set the heights of nails that no ball came near to those of the material that stands on them."""
+        uncut = np.flatnonzero(self.owners < 0)
+        standing = uncut
+        self.heights[uncut] = 0.0
+        for height in np.arange(STEP, HIGHEST + STEP / 2, STEP):
+            points = grid.of_points(self.points[standing] + height * self.normals[standing])
+            held = np.zeros(len(standing), dtype=bool)
+            in_material(*sets, points, held)
+            standing = standing[held]
+            if not len(standing):
+                return
+            self.heights[standing] = height
+
+
+def nails_on(part: TSpline) -> Nails:
+    """Nails at the vertices of a fine tessellation, on the exact surface and along its exact normals."""
+    made = part.tessellate_with_parameters(CHORD)
+    s, t = made.parameters.T
+    corners = made.mesh.faces
+    thirds = np.linalg.norm(made.mesh.face_vectors, axis=1) / 6
+    areas = np.zeros(len(made.mesh.vertices))
+    for k in range(3):
+        np.add.at(areas, corners[:, k], thirds)
+    return Nails(made.mesh, part.positions(s, t), part.normals(s, t), areas)

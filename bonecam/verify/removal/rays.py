@@ -1,0 +1,227 @@
+"""The material as three sets of rays that cross one another (tri-dexels, Benouamer & Michelucci 1997): built,
+copied and enlarged.
+
+The grid is turned so that its directions are even to the axis of the part: faces of a bar, which are parallel
+to the coordinate axes, then lie across no set of rays, and no ray runs along one.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy import ndarray
+from scipy.spatial import ConvexHull
+
+from bonecam.errors import JobError
+from bonecam.kernels.removal.rays import TILE, RaySet, summarise
+from bonecam.setup.stock import Stock
+from bonecam.threads import in_pieces
+
+ROOM = 4
+"""Intervals on a ray to begin with: more are made room for where a cut needs them."""
+CHORD = 0.02
+"""Chord tolerance (mm) of the outline in which rays are laid."""
+MARGIN = 0.5
+"""The grid is larger than the stock by this much to each side, mm."""
+AZIMUTH = np.radians(15.0)
+"""Azimuth of the first direction: all three are then at least 15 degrees from the planes of X and of Y."""
+SURE = 1e-6
+"""Where a ray enters a body is found to this, mm: float32 has no more digits at 30 mm."""
+MOST_STEPS = 80
+"""Newton steps at most: where a ray grazes a body each step halves the distance that is left."""
+PIECE = 512
+"""Tiles whose rays are laid at once."""
+
+
+@dataclass(frozen=True, eq=False)
+class RayGrid:
+    """The coordinates of the rays: a point of the part's frame is at rotation (p - corner), mm.
+
+    `rotation` has the grid's directions as rows, `size` (3,) is the extent of the grid, `cell` the distance
+    of rays.
+    """
+
+    rotation: Float[ndarray, "3 3"]
+    corner: Float[ndarray, "3"]
+    size: Float[ndarray, "3"]
+    cell: float
+
+    def of_points(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+        """Points of the part's frame in the grid's coordinates."""
+        return np.asarray((points - self.corner) @ self.rotation.T)
+
+    def of_vectors(self, vectors: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+        """Directions of the part's frame in the grid's."""
+        return np.asarray(vectors @ self.rotation.T)
+
+    def in_part(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+        """Points in the grid's coordinates in the part's frame."""
+        return np.asarray(points @ self.rotation + self.corner)
+
+
+def order(direction: int) -> list[int]:
+    """The grid's coordinates that are u, v and w of the rays along one of its directions."""
+    return [(direction + 1) % 3, (direction + 2) % 3, direction]
+
+
+def lay_grid(bodies: Sequence[Stock], cell: float) -> RayGrid:
+    """The grid that holds all bodies, its directions even to the Z axis and 120 degrees apart about it."""
+    azimuths = AZIMUTH + np.radians([0.0, 120.0, 240.0])
+    flat = np.sqrt(2 / 3)
+    rotation = np.column_stack([flat * np.cos(azimuths), flat * np.sin(azimuths), np.full(3, np.sqrt(1 / 3))])
+    points = np.vstack([body.mesh(CHORD).vertices for body in bodies]) @ rotation.T
+    low = points.min(0) - MARGIN
+    return RayGrid(rotation, low @ rotation, points.max(0) + MARGIN - low, cell)
+
+
+def lay_rays(bodies: Sequence[Stock], grid: RayGrid, memory_mb: float) -> list[RaySet]:
+    """The union of convex bodies on the three sets of rays; JobError where they and a copy need more
+    memory."""
+    outlines = [[_outline(body, grid, k) for body in bodies] for k in range(3)]
+    area = sum(hull.volume for of_set in outlines for hull in of_set)
+    needed = 2 * area / grid.cell**2 * (8 * ROOM + 1) / 1e6
+    if needed > memory_mb:
+        fits = np.ceil(100 * grid.cell * np.sqrt(needed / memory_mb)) / 100
+        raise JobError(
+            f"rays {grid.cell:g} mm apart need {needed:.0f} MB, {memory_mb:g} are allowed: "
+            f"give a cell of at least {fits:.2f} mm",
+            cell=float(fits),
+        )
+    return [_lay_set(bodies, outlines[k], grid, k) for k in range(3)]
+
+
+def _outline(body: Stock, grid: RayGrid, direction: int) -> ConvexHull:
+    """The outline of a body, seen along a direction of the grid."""
+    points = grid.of_points(body.mesh(CHORD).vertices)
+    return ConvexHull(points[:, order(direction)[:2]])
+
+
+def _lay_set(
+    bodies: Sequence[Stock], outlines: Sequence[ConvexHull], grid: RayGrid, direction: int
+) -> RaySet:
+    """One set of rays, tile by tile where a body's outline is."""
+    across = order(direction)
+    side = TILE * grid.cell
+    counts = np.ceil(grid.size[across[:2]] / side).astype(int)
+    middles = [(np.arange(count) + 0.5) * side for count in counts]
+    u, v = (x.ravel() for x in np.meshgrid(*middles, indexing="ij"))
+    met = np.zeros(len(u), dtype=bool)
+    for hull in outlines:
+        outside = hull.equations[:, :2] @ np.vstack([u, v]) + hull.equations[:, 2:]
+        met |= outside.max(0) <= side * np.sqrt(0.5) + CHORD
+    tile_of = np.full(len(u), -1, dtype=np.int32)
+    tile_of[met] = np.arange(met.sum())
+
+    rays = RaySet(
+        tile_of.reshape(tuple(counts)),
+        np.zeros((met.sum(), TILE * TILE, 2 * ROOM), dtype=np.float32),
+        np.zeros((met.sum(), TILE * TILE), dtype=np.uint8),
+        np.zeros(met.sum()),
+        np.zeros(met.sum()),
+        np.zeros(met.sum(), dtype=np.uint64),
+        grid.cell,
+        float(grid.size[direction]),
+    )
+    corners = np.column_stack([u[met], v[met]]) - side / 2
+
+    def fill(tiles: slice) -> None:
+        _fill(rays, bodies, grid, direction, corners[tiles], tiles)
+
+    in_pieces(fill, len(corners), PIECE)
+    summarise(rays)
+    return rays
+
+
+def _fill(
+    rays: RaySet,
+    bodies: Sequence[Stock],
+    grid: RayGrid,
+    direction: int,
+    corners: Float[ndarray, "t 2"],
+    tiles: slice,
+) -> None:
+    """Write the material of some tiles, whose low corners are given."""
+    ray = np.arange(TILE * TILE)
+    within = grid.cell * (np.column_stack([ray % TILE, ray // TILE]) + 0.5)
+    places = np.zeros((len(corners) * len(ray), 3))
+    places[:, order(direction)[:2]] = (corners[:, None] + within).reshape(-1, 2)
+    starts = grid.in_part(places)
+    along = grid.rotation[direction]
+    length = float(grid.size[direction])
+    low = np.full((len(starts), len(bodies)), np.inf)
+    high = np.full((len(starts), len(bodies)), -np.inf)
+    for k, body in enumerate(bodies):
+        enter = _entries(body, starts, along, length)
+        leave = _entries(body, starts + length * along, -along, length)
+        hit = np.isfinite(enter) & np.isfinite(leave) & (enter < length - leave)
+        low[hit, k] = enter[hit]
+        high[hit, k] = length - leave[hit]
+    _store(rays, tiles, low, high)
+
+
+def _store(rays: RaySet, tiles: slice, low: Float[ndarray, "n b"], high: Float[ndarray, "n b"]) -> None:
+    """Write intervals, which may overlap or be empty, as their unions."""
+    rows = np.arange(len(low))
+    by_low = np.argsort(low, axis=1)
+    spans = np.zeros((len(low), 2 * ROOM), dtype=np.float32)
+    counts = np.zeros(len(low), dtype=np.uint8)
+    for k in range(low.shape[1]):
+        start = low[rows, by_low[:, k]]
+        end = high[rows, by_low[:, k]]
+        full = start < end
+        last = np.maximum(counts.astype(int) - 1, 0)
+        joins = full & (counts > 0) & (start <= spans[rows, 2 * last + 1])
+        spans[rows[joins], 2 * last[joins] + 1] = np.maximum(spans[rows, 2 * last + 1], end)[joins]
+        begins = full & ~joins
+        spans[rows[begins], 2 * counts[begins]] = start[begins]
+        spans[rows[begins], 2 * counts[begins] + 1] = end[begins]
+        counts[begins] += 1
+    rays.spans[tiles] = spans.reshape(-1, TILE * TILE, 2 * ROOM)
+    rays.counts[tiles] = counts.reshape(-1, TILE * TILE)
+
+
+def _entries(
+    body: Stock, starts: Float[ndarray, "n 3"], along: Float[ndarray, "3"], length: float
+) -> Float[ndarray, " n"]:
+    """How far from its start, outside the body, each ray enters it; infinite where it passes by.
+
+    The distance from a convex body is convex along a ray, so Newton's steps never pass the entry.
+    """
+    at = np.zeros(len(starts))
+    found = np.full(len(starts), np.inf)
+    going = np.arange(len(starts))
+    for _ in range(MOST_STEPS):
+        distance, normals = body.distances_and_normals(starts[going] + at[going, None] * along)
+        inside = distance <= SURE
+        found[going[inside]] = at[going[inside]]
+        slope = normals @ along
+        on: Bool[ndarray, " g"] = ~inside & (slope < 0)
+        going = going[on]
+        if not len(going):
+            break
+        at[going] -= distance[on] / slope[on]
+        going = going[at[going] < length]
+    return found
+
+
+def copy_of(rays: RaySet) -> RaySet:
+    """A copy of the material; where rays lie is shared."""
+    return rays._replace(spans=rays.spans.copy(), counts=rays.counts.copy())
+
+
+def with_more_room(rays: RaySet) -> RaySet:
+    """The same material, with room for twice as many intervals on a ray."""
+    spans = np.zeros((*rays.spans.shape[:2], 2 * rays.spans.shape[2]), dtype=np.float32)
+    spans[:, :, : rays.spans.shape[2]] = rays.spans
+    return rays._replace(spans=spans)
+
+
+def volumes(sets: Sequence[RaySet]) -> list[float]:
+    """The volume of the material as each set tells it, mm^3."""
+    found = []
+    for rays in sets:
+        used = np.arange(rays.spans.shape[2] // 2) < rays.counts[:, :, None]
+        lengths = (rays.spans[:, :, 1::2] - rays.spans[:, :, ::2])[used]
+        found.append(float(lengths.sum(dtype=np.float64)) * rays.cell**2)
+    return found

@@ -1,0 +1,125 @@
+"""What a simulation tells: values, and the section `removal` of the report."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.mesh.triangle_mesh import TriangleMesh
+
+
+@dataclass(frozen=True)
+class Spot:
+    """A figure (mm or mm^3), and the line of the text and the place (mm, part's frame) where it was found."""
+
+    value: float
+    line: int
+    place: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class LevelRemoval:
+    """What the moves of one level removed; `index` is None where the text names no level.
+
+    `deepest` is the largest depth of cut (None where nothing was cut), `depth_p99` the one that 99 % of the
+    surface cut stay below, mm; `over_limit` is what the deepest exceeds its limit by, mm (None where no limit
+    is known). `removed` in mm^3; `air_time_share`: share of the feed time whose moves remove less than AIR.
+    """
+
+    index: int | None
+    tool: int
+    removed: float
+    deepest: Spot | None
+    depth_p99: float
+    over_limit: float | None
+    air_time_share: float
+
+
+@dataclass(frozen=True)
+class Clearance:
+    """Least signed distance (mm) of a part of the tool from what stands, `None` where nothing came near;
+    `touched` is the first line in which it enters material, 0 for none."""
+
+    least: Spot | None
+    touched: int
+
+
+@dataclass(frozen=True, eq=False)
+class Left:
+    """What stays on the part: `heights` (n,) over the vertices of `mesh`, mm (negative: gouged).
+
+    `highest` and `deepest_gouge` are the largest leftover away from the post and the deepest gouge. `area`:
+    mm^2 that keep more than LEFT away from the post, `post_area` at the post and in the fillet that the
+    cutter leaves round it.
+    """
+
+    mesh: TriangleMesh
+    heights: Float[ndarray, " n"]
+    highest: Spot
+    deepest_gouge: Spot
+    area: float
+    post_area: float
+
+
+@dataclass(frozen=True, eq=False)
+class Removal:
+    """What a program does to its stock. `cell` is the distance of the rays, mm.
+
+    `rapid_volume` (mm^3) is what rapids remove, `rapid_contact` the first of them that removes more than is
+    allowed. `left` is None where no part was given. `volume` is what stands in the end, `volume_error` how
+    far the three sets of rays differ in it, mm^3. `move_volumes` (mm^3) has one row a move of the text.
+    """
+
+    cell: float
+    levels: tuple[LevelRemoval, ...]
+    rapid_volume: float
+    rapid_contact: Spot | None
+    shank: Clearance
+    holder: Clearance
+    table: Spot
+    left: Left | None
+    volume: float
+    volume_error: float
+    move_volumes: Float[ndarray, " m"]
+
+    @property
+    def report(self) -> dict[str, Any]:
+        """The section `removal` of the report."""
+        clearances = {"shank": self.shank.least, "holder": self.holder.least, "table": self.table}
+        return {
+            "cell_mm": self.cell,
+            "levels": [_level_figures(level) for level in self.levels],
+            "rapid_contact_mm3": _rounded(self.rapid_volume),
+            "clearance_mm": {
+                name: _rounded(spot.value) if spot else None for name, spot in clearances.items()
+            },
+            "left": _left_figures(self.left) if self.left else None,
+        }
+
+
+def _level_figures(level: LevelRemoval) -> dict[str, Any]:
+    deepest = level.deepest
+    return {
+        "index": level.index,
+        "removed_mm3": _rounded(level.removed),
+        "depth_max_mm": _rounded(deepest.value) if deepest else 0.0,
+        "depth_max_line": deepest.line if deepest else None,
+        "depth_p99_mm": _rounded(level.depth_p99),
+        "over_limit_mm": None if level.over_limit is None else _rounded(level.over_limit),
+        "air_time_share": _rounded(level.air_time_share),
+    }
+
+
+def _left_figures(left: Left) -> dict[str, Any]:
+    return {
+        "area_over_0_02_mm2": round(left.area, 3),
+        "max_mm": _rounded(max(left.highest.value, 0.0)),
+        "place": [round(value, 3) for value in left.highest.place],
+        "by_reason": {"post": round(left.post_area, 3), "cutter": round(left.area, 3)},
+        "gouge_max_mm": _rounded(max(left.deepest_gouge.value, 0.0)),
+    }
+
+
+def _rounded(value: float) -> float:
+    return round(float(value), 4)

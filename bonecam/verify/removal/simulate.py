@@ -1,0 +1,188 @@
+"""Material removal simulated from the posted text.
+
+The text is read back and run through the machine's kinematics. Between blocks the control moves as
+`nc/control.py` says; the path of the ball's centre is divided until it is straight within 1 um, and each
+piece removes its capsule from the stock, which is held as intervals on three sets of rays (Benouamer &
+Michelucci 1997). The stock stands on its post, which is part of the material. Of a move from an unknown
+place, after a retract or a tool change, only the end is run.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bonecam.errors import ProgramError
+from bonecam.nc.dialect import Dialect
+from bonecam.nc.machine import Machine
+from bonecam.nc.reading.motions import Motions
+from bonecam.nc.reading.read import read_program
+from bonecam.progress import Progress, report, silent
+from bonecam.setup.holding import Post
+from bonecam.setup.stock import Stock
+from bonecam.setup.stocks.cylinder import Cylinder
+from bonecam.surface.tspline import TSpline
+from bonecam.toolpath.cutter import Cutter
+from bonecam.verify.removal.depths import cut_depths, move_through
+from bonecam.verify.removal.groups import Group, feed_minutes, groups_of
+from bonecam.verify.removal.left import measure_left
+from bonecam.verify.removal.nails import Nails, nails_on
+from bonecam.verify.removal.pieces import straight_pieces
+from bonecam.verify.removal.rays import RayGrid, copy_of, lay_grid, lay_rays, volumes
+from bonecam.verify.removal.result import Clearance, LevelRemoval, Removal, Spot
+from bonecam.verify.removal.sweeping import Sweeping
+from bonecam.verify.removal.table import table_clearance
+
+AIR = 1e-4
+"""A feed move that removes less is in air, mm^3: a hundredth of what a move of 0.2 mm removes at a depth of
+0.1."""
+RAPID_ALLOWED = 1e-4
+"""A rapid that removes no more is not said to cut, mm^3: a cube of 0.05 mm, the default cell."""
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """Distance of the rays (`cell`, mm) and the memory that they and a copy of them may take (MB)."""
+
+    cell: float = 0.05
+    memory_mb: float = 500.0
+
+    def __post_init__(self) -> None:
+        if not 0 < self.cell < np.inf:
+            raise ValueError(f"a cell of {self.cell} mm: give a positive one, such as 0.05")
+
+
+def simulate_removal(
+    text: str,
+    machine: Machine,
+    dialect: Dialect,
+    stock: Stock,
+    post: Post,
+    cutters: Sequence[Cutter],
+    *,
+    part: TSpline | None = None,
+    limits: Mapping[int, float] | None = None,
+    accuracy: Accuracy | None = None,
+    progress: Progress = silent,
+) -> Removal:
+    """What the program `text` removes from `stock` on its `post`, what it leaves on `part`, and what its
+    tools touch.
+
+    `cutters` are the tools with shank and holder, by number; `limits` the largest depth (mm) of the cut on
+    each level. ProgramError where the text cannot be read or calls another tool, JobError where the rays need
+    too much memory.
+    """
+    told = accuracy or Accuracy()
+    report(progress, 0.0, "reading the program for the simulation")
+    motions = read_program(text, machine, dialect)
+    tools = _tools(motions, cutters)
+    bodies = [stock, Cylinder(post.radius, 0.0, post.top)]
+    grid = lay_grid(bodies, told.cell)
+    sweeping = Sweeping(lay_rays(bodies, grid, told.memory_mb), grid, bodies, len(motions.tips))
+    nails = nails_on(part) if part is not None else None
+    simulation = _Simulation(motions, sweeping, grid, nails, dict(limits or {}))
+    groups = list(groups_of(text, motions, dialect))
+    levels = []
+    for count, group in enumerate(groups):
+        report(progress, count / len(groups), f"simulating level {group.level}")
+        levels.append(simulation.run(group, tools[group.tool]))
+    return simulation.result(levels, tools, post)
+
+
+def _tools(motions: Motions, cutters: Sequence[Cutter]) -> dict[int, Cutter]:
+    """The cutters by number; ProgramError where the text describes one otherwise."""
+    if not len(motions.tips):
+        raise ProgramError("the program moves nothing: there is no removal to simulate", line=0)
+    known = {cutter.number: cutter for cutter in cutters}
+    for number in np.unique(motions.tools).tolist():
+        radius = motions.controls[number].radius
+        if number not in known or abs(known[number].radius - radius) > 1e-4:
+            have = f"of radius {known[number].radius:g} mm" if number in known else "not there"
+            raise ProgramError(
+                f"the text calls tool {number} with a ball of radius {radius:g} mm, which is {have} in the job: "
+                "give the job that the program was made with",
+                tool=number,
+            )
+    return known
+
+
+@dataclass(eq=False)
+class _Simulation:
+    """One program being run; what stands lies in `sweeping`."""
+
+    motions: Motions
+    sweeping: Sweeping
+    grid: RayGrid
+    nails: Nails | None
+    limits: dict[int, float]
+
+    def run(self, group: Group, cutter: Cutter) -> LevelRemoval:
+        """Run the moves of one level."""
+        before = [copy_of(rays) for rays in self.sweeping.sets]
+        pieces = self.sweeping.run(straight_pieces(self.motions, group.moves, cutter), cutter)
+        if self.nails is not None:
+            self.nails.cut(pieces, cutter.radius)
+        depths = cut_depths(self.sweeping.sets, before, self.grid)
+        deepest = None
+        if len(depths.depths):
+            place = depths.places[depths.deepest]
+            move = move_through(place, pieces, cutter.radius)
+            deepest = self._spot(float(depths.depths[depths.deepest]), move, place)
+        limit = self.limits.get(group.level) if group.level is not None else None
+        return LevelRemoval(
+            index=group.level,
+            tool=group.tool,
+            removed=float(self.sweeping.volumes[group.moves].sum()),
+            deepest=deepest,
+            depth_p99=float(np.percentile(depths.depths, 99)) if deepest else 0.0,
+            over_limit=None if limit is None else max((deepest.value if deepest else 0.0) - limit, 0.0),
+            air_time_share=self._air_time_share(group),
+        )
+
+    def result(self, levels: Sequence[LevelRemoval], tools: Mapping[int, Cutter], post: Post) -> Removal:
+        """What was found over all levels."""
+        removed = self.sweeping.volumes
+        rapid = np.where(self.motions.rapid, removed, 0.0)
+        over = np.flatnonzero(rapid > RAPID_ALLOWED)
+        contact = self._spot(float(rapid[over[0]]), int(over[0])) if len(over) else None
+        finest = min(
+            cutter.radius for number, cutter in tools.items() if (self.motions.tools == number).any()
+        )
+        left = None
+        if self.nails is not None:
+            self.nails.measure_the_uncut(self.sweeping.sets, self.grid)
+            left = measure_left(self.nails, post, finest, self.motions)
+        standing = volumes(self.sweeping.sets)
+        return Removal(
+            cell=self.grid.cell,
+            levels=tuple(levels),
+            rapid_volume=float(rapid.sum()),
+            rapid_contact=contact,
+            shank=self._clearance(0),
+            holder=self._clearance(1),
+            table=table_clearance(self.motions, tools),
+            left=left,
+            volume=float(np.mean(standing)),
+            volume_error=float(np.ptp(standing)),
+            move_volumes=removed,
+        )
+
+    def _clearance(self, section: int) -> Clearance:
+        """What the rays tell of the shank (0) or the holder (1)."""
+        value, move = self.sweeping.clearance(section)
+        touched = self.sweeping.touched(section)
+        line = int(self.motions.lines[touched]) if touched >= 0 else 0
+        return Clearance(self._spot(value, move) if move >= 0 else None, line)
+
+    def _air_time_share(self, group: Group) -> float:
+        minutes = self.minutes[group.moves]
+        air = self.sweeping.volumes[group.moves] < AIR
+        total = float(minutes.sum())
+        return float(minutes[air].sum()) / total if total > 0 else 0.0
+
+    def __post_init__(self) -> None:
+        self.minutes = feed_minutes(self.motions)
+
+    def _spot(self, value: float, move: int, place: np.ndarray | None = None) -> Spot:
+        x, y, z = (float(v) for v in (self.motions.tips[move] if place is None else place))
+        return Spot(value, int(self.motions.lines[move]), (x, y, z))

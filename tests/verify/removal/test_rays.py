@@ -1,0 +1,175 @@
+"""Material on rays against volumes, distances and scallops that are known."""
+
+import numpy as np
+import pytest
+
+from bonecam.errors import JobError
+from bonecam.kernels.removal.air import air_distances
+from bonecam.kernels.removal.cut import cut_capsule
+from bonecam.kernels.removal.cylinder import cylinder_clearance
+from bonecam.kernels.removal.sweep import Pieces
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.setup.capsule import Capsule
+from bonecam.setup.stocks.box import Box
+from bonecam.setup.stocks.cylinder import Cylinder
+from bonecam.verify.removal.nails import Nails
+from bonecam.verify.removal.rays import copy_of, lay_grid, lay_rays, order, volumes, with_more_room
+
+BLOCK = Box(np.array([-5.0, -4.0, 10.0]), np.array([5.0, 4.0, 18.0]))
+
+
+def in_set(grid, direction, points):
+    return np.ascontiguousarray(grid.of_points(np.atleast_2d(points))[:, order(direction)])
+
+
+def cut(sets, grid, start, end, radius):
+    """Cut a capsule out of all sets; the volume each of them tells."""
+    told = []
+    for direction, rays in enumerate(sets):
+        total, full = cut_capsule(
+            rays, in_set(grid, direction, start)[0], in_set(grid, direction, end)[0], radius
+        )
+        while full:
+            rays = sets[direction] = with_more_room(rays)
+            more, full = cut_capsule(
+                rays, in_set(grid, direction, start)[0], in_set(grid, direction, end)[0], radius
+            )
+            total += more
+        told.append(total)
+    return told
+
+
+@pytest.mark.parametrize(
+    ("body", "volume"),
+    [
+        (BLOCK, 640.0),
+        (Cylinder(4.0, 0.0, 7.0), np.pi * 16 * 7),
+        (Capsule(np.array([0.0, 0.0, 5.0]), np.array([0.0, 0.0, 12.0]), 3.0), np.pi * 9 * 7 + 36 * np.pi),
+    ],
+    ids=str,
+)
+def test_every_set_holds_the_volume_of_the_body(body, volume):
+    grid = lay_grid([body], 0.1)
+    assert volumes(lay_rays([body], grid, 500.0)) == pytest.approx([volume] * 3, rel=5e-4)
+
+
+def test_bodies_that_overlap_are_one():
+    both = [Cylinder(4.0, 0.0, 7.0), Cylinder(1.0, -5.0, 3.0)]
+    sets = lay_rays(both, lay_grid(both, 0.1), 500.0)
+    assert volumes(sets) == pytest.approx([np.pi * 16 * 7 + np.pi * 5] * 3, rel=1e-3)
+
+
+def capsule_errors(cell):
+    """Errors of the volume of a ball's way through the block, at places that differ by a share of a cell."""
+    start = np.array([-2.0, -1.0, 13.0])
+    end = np.array([1.5, 0.7, 14.4])
+    volume = np.pi * 1.5**2 * np.linalg.norm(end - start) + 4 / 3 * np.pi * 1.5**3
+    grid = lay_grid([BLOCK], cell)
+    sets = lay_rays([BLOCK], grid, 500.0)
+    errors = []
+    for shift in np.linspace(0, 1, 4):
+        off = shift * np.array([0.11, 0.07, 0.05])
+        errors += cut([copy_of(rays) for rays in sets], grid, start + off, end + off, 1.5)
+    return np.array(errors) - volume, volume
+
+
+def test_a_ball_through_a_block_removes_its_capsule():
+    errors, volume = capsule_errors(0.1)
+    assert np.abs(errors).max() < 2e-3 * volume
+
+
+def test_half_the_cell_at_most_halves_the_error():
+    coarse, fine = (np.sqrt((capsule_errors(cell)[0] ** 2).mean()) for cell in (0.2, 0.1))
+    assert fine < coarse / 2
+
+
+def test_the_order_of_cuts_does_not_change_the_body():
+    random = np.random.default_rng(3)
+    starts = random.uniform([-5, -4, 10], [5, 4, 18], (40, 3))
+    ends = starts + random.uniform(-1, 1, (40, 3))
+    grid = lay_grid([BLOCK], 0.2)
+    laid = lay_rays([BLOCK], grid, 500.0)
+    bodies = []
+    for way in (range(40), random.permutation(40)):
+        sets = [copy_of(rays) for rays in laid]
+        removed = sum(cut(sets, grid, starts[i], ends[i], 0.8)[0] for i in way)
+        bodies.append(volumes(sets))
+        assert bodies[-1][0] + removed == pytest.approx(volumes(laid)[0], rel=1e-5)
+    assert bodies[0] == pytest.approx(bodies[1], rel=1e-6)
+
+
+def test_the_distance_to_air_is_that_of_the_nearest_face():
+    grid = lay_grid([BLOCK], 0.1)
+    sets = lay_rays([BLOCK], grid, 500.0)
+    points = np.array([[0.0, 0.0, 17.3], [4.6, 1.0, 14.0], [0.0, 0.0, 14.0], [0.0, 0.0, 19.0]])
+    found = np.empty(4)
+    air_distances(*sets, grid.of_points(points), found)
+    assert found == pytest.approx([0.7, 0.4, 4.0, 0.0], abs=0.02)
+
+
+def test_the_clearance_of_a_cylinder_is_its_distance_from_the_block():
+    grid = lay_grid([BLOCK], 0.1)
+    sets = lay_rays([BLOCK], grid, 500.0)
+    for foot, lean, truth in (([7.0, 0.0, 14.0], 0.0, 1.0), ([0.0, 0.0, 18.7], 0.4, 0.7 - np.sin(0.4))):
+        axis = np.array([np.sin(lean), 0.0, np.cos(lean)])
+        told = [
+            cylinder_clearance(
+                rays,
+                in_set(grid, direction, np.array(foot))[0],
+                np.ascontiguousarray(grid.of_vectors(axis[None])[0][order(direction)]),
+                0.0,
+                6.0,
+                1.0,
+                3.0,
+            )
+            for direction, rays in enumerate(sets)
+        ]
+        assert min(told) == pytest.approx(truth, abs=0.06)
+
+
+def test_a_cell_too_small_for_the_memory_names_one_that_fits():
+    grid = lay_grid([BLOCK], 0.005)
+    with pytest.raises(JobError, match="give a cell of at least") as refused:
+        lay_rays([BLOCK], grid, 50.0)
+    fits = refused.value.evidence["cell"]
+    assert lay_rays([BLOCK], lay_grid([BLOCK], fits), 50.0)
+
+
+def ball_pieces(starts, ends):
+    """Pieces of a ball below an upright axis, its flutes clear of all material."""
+    n = len(starts)
+    up = np.tile([0.0, 0.0, 1.0], (n, 1))
+    return Pieces(
+        starts, ends, up, up, np.arange(n), np.zeros(n), np.full((n, 2), np.inf), np.zeros((n, 2, 2))
+    )
+
+
+def nails_at(points, normals):
+    mesh = TriangleMesh(points, np.array([[0, 1, 2]], dtype=np.int32))
+    return Nails(mesh, points, normals, np.ones(len(points)))
+
+
+def test_a_raster_leaves_scallops_of_the_formula_on_a_plane():
+    radius, step = 1.0, 0.3
+    x = np.linspace(-1, 1, 201)
+    points = np.column_stack([x, np.zeros((201, 2))])
+    nails = nails_at(points, np.tile([0.0, 0.0, 1.0], (201, 1)))
+    passes = np.arange(-5, 6) * step
+    starts = np.column_stack([passes, np.full(11, -2.0), np.full(11, radius)])
+    nails.cut(ball_pieces(starts, starts + np.array([0.0, 4.0, 0.0])), radius)
+    away = (x + step / 2) % step - step / 2
+    assert nails.heights == pytest.approx(radius - np.sqrt(radius**2 - away**2), abs=1e-9)
+
+
+def test_balls_round_a_sphere_leave_the_scallop_of_a_convex_section():
+    radius, sphere, turn = 1.0, 4.0, 0.1
+    angles = np.linspace(-0.3, 0.3, 121)
+    normals = np.column_stack([np.sin(angles), np.zeros(121), np.cos(angles)])
+    nails = nails_at(sphere * normals, normals)
+    at = np.arange(-5, 6) * turn
+    centres = (sphere + radius) * np.column_stack([np.sin(at), np.zeros(11), np.cos(at)])
+    nails.cut(ball_pieces(centres, centres), radius)
+    out = sphere + radius
+    scallop = out * np.cos(turn / 2) - np.sqrt(radius**2 - (out * np.sin(turn / 2)) ** 2) - sphere
+    assert nails.heights.max() == pytest.approx(scallop, abs=1e-6)
+    assert nails.heights.min() == pytest.approx(0.0, abs=1e-9)

@@ -1,0 +1,218 @@
+"""Programs whose removal is known, and programs with one fault each, which is found with its block."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bonecam.errors import JobError, ProgramError, VerifyError
+from bonecam.job import Job
+from bonecam.nc.dialect import read_dialect
+from bonecam.nc.machine import read_machine
+from bonecam.nc.posting.write import write_program
+from bonecam.setup.capsule import Capsule
+from bonecam.setup.holding import Post
+from bonecam.toolpath.path import Kind
+from bonecam.verify.removal.simulate import Accuracy, simulate_removal
+from bonecam.verify.removal.verdicts import check_removal
+
+PAIR = read_machine("mikron-ucp600"), read_dialect("heidenhain")
+OTHER = read_machine("linuxcnc-xyzbc"), read_dialect("linuxcnc")
+POST = Post(1.0, 32.0)
+COARSE = Accuracy(0.1)
+LEAN = np.radians(30.0)
+CHORDS = 0.008
+"""mm: straight moves between 90 centres round an oval of up to 6.5 mm radius, flatter on its sides, bow by up
+to this."""
+
+
+@pytest.fixture(scope="module")
+def finishing_cutter(finishing_cutter):
+    """A ball of 1 mm whose flutes are longer than the cuts here are deep."""
+    return replace(finishing_cutter, flute_length=8.0)
+
+
+@pytest.fixture(scope="module")
+def part(pebble):
+    return pebble()
+
+
+@pytest.fixture(scope="module")
+def ring_path(path_of, finishing_cutter):
+    """Makes rings of contacts on a surface, the axis leant up from the normal, between approaches of 12
+    mm."""
+
+    def build(surface, level=0, tool=finishing_cutter, rings=24, around=90):
+        rows = []
+        for t in np.linspace(0.9, 0.35, rings):
+            s = np.linspace(0, 1, around, endpoint=False)
+            points = surface.positions(s, np.full(around, t))
+            normals = surface.normals(s, np.full(around, t))
+            up = np.array([0.0, 0.0, 1.0]) - normals[:, 2:] * normals
+            axes = np.cos(LEAN) * normals + np.sin(LEAN) * up / np.linalg.norm(up, axis=1, keepdims=True)
+            tips = points + tool.radius * (normals - axes)
+            rows += list(zip(tips, axes, [Kind.CUT] * around))
+        first, last = rows[0], rows[-1]
+        rows.insert(0, (first[0] + 12 * first[1], first[1], Kind.RAPID))
+        rows.append((last[0] + 12 * last[1], last[1], Kind.LINK))
+        tips, axes, kinds = (np.array(column) for column in zip(*rows))
+        return path_of(tips, axes, kinds=kinds.astype(np.int64), tool=tool, level=level)
+
+    return build
+
+
+@pytest.fixture(scope="module")
+def stock(upright_capsule):
+    return upright_capsule
+
+
+@pytest.fixture(scope="module")
+def text(ring_path, part):
+    return write_program([ring_path(part)], *PAIR, Job()).text
+
+
+@pytest.fixture(scope="module")
+def simulate(stock, part, finishing_cutter, roughing_cutter):
+    def run(text, pair=PAIR, finishing=finishing_cutter, roughing=roughing_cutter, accuracy=COARSE, **given):
+        cutters = [roughing, finishing]
+        return simulate_removal(
+            text, *pair, stock, POST, cutters, accuracy=accuracy, **{"part": part, **given}
+        )
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def sound(simulate, text):
+    return simulate(text, limits={0: 3.0})
+
+
+def words_of(text, line):
+    return text.split("\n")[line - 1]
+
+
+def changed(text, letter, by, share=0.5):
+    """The text with one word of one cutting block changed, and the line of that block."""
+    lines = text.split("\n")
+    cuts = [k for k, line in enumerate(lines) if f" {letter}" in line and re.search(r"R0 F\d", line)]
+    at = cuts[int(share * len(cuts))]
+    lines[at] = re.sub(
+        rf" {letter}([+-]\d+\.\d+)", lambda found: f" {letter}{float(found[1]) + by:+.3f}", lines[at]
+    )
+    return "\n".join(lines), at + 1
+
+
+def test_a_sound_program_is_accepted(sound):
+    check_removal(sound)
+    assert sound.rapid_volume == 0
+    assert sound.left.deepest_gouge.value < CHORDS
+    assert sound.volume_error < 0.2
+
+
+def test_what_is_removed_and_what_stands_is_the_stock(sound, stock):
+    capsule = stock.volume
+    # the post's top lies inside the stock: what of it is below
+    below = stock.bounds[0, 2]
+    assert sound.volume + sound.move_volumes.sum() == pytest.approx(capsule + np.pi * below, rel=2e-3)
+    assert sound.levels[0].removed == pytest.approx(sound.move_volumes.sum())
+
+
+def test_both_dialects_remove_the_same(ring_path, part, simulate, sound):
+    other = simulate(write_program([ring_path(part)], *OTHER, Job()).text, OTHER)
+    assert other.volume == pytest.approx(sound.volume, abs=0.05)
+    assert other.levels[0].air_time_share == pytest.approx(sound.levels[0].air_time_share, abs=0.05)
+
+
+def test_a_turned_cylinder_is_what_stands(capsule_path, path_capsule):
+    bottom, top, radius = path_capsule
+    path = capsule_path(turns=40.0, count=3000)
+    blank = Capsule(np.array([0, 0, bottom]), np.array([0, 0, top]), radius + 0.4)
+    text = write_program([path], *PAIR, Job()).text
+    made = simulate_removal(text, *PAIR, blank, Post(0.5, bottom), [path.cutter], accuracy=COARSE)
+    turned = Capsule(blank.start, blank.end, radius)
+    # the spiral begins a little below the lower cap's edge: the rest of that cap keeps its 0.4 mm
+    lower_cap = 2 / 3 * np.pi * ((radius + 0.4) ** 3 - radius**3)
+    post = np.pi * 0.25 * (bottom - radius - 0.4)
+    assert made.volume == pytest.approx(turned.volume + lower_cap + post, rel=0.02)
+    assert made.levels[0].deepest.value == pytest.approx(0.4, abs=0.04)
+
+
+def test_the_report_has_its_keys(sound):
+    assert set(sound.report) == {"cell_mm", "levels", "rapid_contact_mm3", "clearance_mm", "left"}
+    assert set(sound.report["clearance_mm"]) == {"shank", "holder", "table"}
+    assert sound.report["levels"][0]["index"] == 0
+
+
+def test_a_rapid_through_stock_is_found(path_of, finishing_cutter, simulate):
+    tips = np.array([[0, 0, 70.0], [15, 0, 50.0], [15, 0, 41.0], [-15, 0, 41.0], [-15, 0, 60.0]])
+    kinds = np.array([Kind.RAPID] * 5, dtype=np.int64)
+    path = path_of(tips, np.tile([0, 0, 1.0], (5, 1)), kinds=kinds, tool=finishing_cutter)
+    text = write_program([path], *PAIR, Job()).text
+    found = simulate(text, part=None)
+    assert "X-15.000" in words_of(text, found.rapid_contact.line)
+    with pytest.raises(VerifyError, match="a rapid removes"):
+        check_removal(found)
+
+
+def test_a_shank_of_9_mm_over_a_ball_of_1_is_found(simulate, text, finishing_cutter):
+    found = simulate(text, finishing=replace(finishing_cutter, flute_length=3.0, shank_diameter=9.0))
+    assert found.shank.touched > 0
+    with pytest.raises(VerifyError, match="the shank enters material"):
+        check_removal(found)
+
+
+def test_a_lowered_holder_is_found(simulate, text, finishing_cutter):
+    short = replace(finishing_cutter, overhang=10.0)
+    assert simulate(text, finishing=replace(short, overhang=20.0)).holder.touched == 0
+    found = simulate(text, finishing=short)
+    assert found.holder.touched > 0
+    with pytest.raises(VerifyError, match="the holder enters material"):
+        check_removal(found)
+
+
+def test_a_word_changed_by_1_mm_is_found(simulate, text):
+    wrong, line = changed(text, "X", -1.0)
+    found = simulate(wrong)
+    assert found.left.deepest_gouge.value > 0.5
+    assert abs(found.left.deepest_gouge.line - line) <= 1
+    with pytest.raises(VerifyError, match="mm into the part"):
+        check_removal(found)
+
+
+def test_an_angle_changed_by_5_degrees_is_found(simulate, text):
+    found = [(simulate(wrong), line) for wrong, line in (changed(text, "B", by) for by in (5.0, -5.0))]
+    deepest, line = max(found, key=lambda made: made[0].left.deepest_gouge.value)
+    assert deepest.left.deepest_gouge.value > 0.02
+    assert abs(deepest.left.deepest_gouge.line - line) <= 1
+
+
+def test_two_levels_swapped_are_found(ring_path, part, pebble, simulate):
+    outer, inner = ring_path(pebble(1.2), 1), ring_path(part)
+    limits = {0: 1.5, 1: 2.5}
+    right = simulate(write_program([outer, inner], *PAIR, Job()).text, limits=limits)
+    wrong = simulate(write_program([inner, outer], *PAIR, Job()).text, limits=limits)
+    over = {level.index: level.over_limit for level in wrong.levels}
+    assert over[0] > {level.index: level.over_limit for level in right.levels}[0] + 0.3
+    assert wrong.levels[1].removed < 0.05 * right.levels[0].removed
+
+
+def test_a_tool_call_exchanged_is_found(ring_path, part, simulate, roughing_cutter, finishing_cutter):
+    paths = [ring_path(part, 1, roughing_cutter), ring_path(part, 0, finishing_cutter)]
+    text = write_program(paths, *PAIR, Job()).text
+    wrong = text.replace("TOOL CALL 1", "TOOL CALL 9").replace("TOOL CALL 2", "TOOL CALL 1")
+    wrong = wrong.replace("TOOL CALL 9", "TOOL CALL 2")
+    assert simulate(text).left.deepest_gouge.value < CHORDS
+    found = simulate(wrong)
+    assert found.left.deepest_gouge.value > 0.1
+    assert found.left.deepest_gouge.line > text[: text.index("TOOL CALL 2")].count("\n")
+
+
+def test_a_cutter_of_another_job_is_refused(simulate, text, finishing_cutter):
+    with pytest.raises(ProgramError, match="give the job"):
+        simulate(text, finishing=replace(finishing_cutter, radius=1.1))
+
+
+def test_too_small_a_cell_is_refused(simulate, text):
+    with pytest.raises(JobError, match="give a cell of at least"):
+        simulate(text, accuracy=Accuracy(0.004))
