@@ -18,6 +18,9 @@ from bonecam.kernels.removal.rays import (
 FULL = -1.0
 """Told instead of a length or volume where a ray has no room for one more interval."""
 
+FLAT = 1e-9
+"""Rays that rise along the axis by less than this lie across it."""
+
 
 @njit(cache=True, nogil=True)
 def cut_ray(rays: RaySet, tile: int, ray: int, start: float, end: float) -> float:
@@ -61,8 +64,11 @@ def cut_ray(rays: RaySet, tile: int, ray: int, start: float, end: float) -> floa
 
 
 @njit(cache=True, nogil=True)
-def cut_capsule(rays: RaySet, start: ndarray, end: ndarray, radius: float) -> tuple[float, bool]:
-    """Take the capsule of `radius` about the segment from `start` to `end` (u, v, w) out of the material.
+def cut_capsule(
+    rays: RaySet, start: ndarray, end: ndarray, radius: float, flat: bool = False
+) -> tuple[float, bool]:
+    """Take the capsule of `radius` about the segment from `start` to `end` (u, v, w) out of the material; one
+    that is `flat` ends at `end`, as flutes do.
 
     Returns the volume removed (mm^3), and whether a ray has no room for one more interval: then part of the
     capsule is still to be cut, and cutting it again with more room completes it.
@@ -113,6 +119,13 @@ def cut_capsule(rays: RaySet, start: ndarray, end: ndarray, radius: float) -> tu
                 if (x - mx) ** 2 + (y - my) ** 2 + z * z >= reach:
                     continue
                 low, high = capsule_chord(x, y, dx, dy, dz, length, radius)
+                if flat:
+                    # the plane across the axis at its end
+                    rest = length - x * dx - y * dy
+                    if abs(dz) > FLAT:
+                        low, high = (low, min(high, rest / dz)) if dz > 0.0 else (max(low, rest / dz), high)
+                    elif rest < 0.0:
+                        continue
                 if low >= high:
                     continue
                 gone = cut_ray(rays, tile, ray, start[2] + low, start[2] + high)

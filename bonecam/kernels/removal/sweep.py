@@ -100,7 +100,7 @@ def sweep(
                 _pose(pieces, i, k / steps, foot, axis)
                 for n in range(3):
                     top[n] = foot[n] + pieces.reach[i] * axis[n]
-                volume, full = cut_capsule(rays, foot, top, radius)
+                volume, full = cut_capsule(rays, foot, top, radius, True)
                 found.volumes[pieces.moves[i]] += volume
                 if full:
                     return i

@@ -64,7 +64,9 @@ class Nails:
     def cut(self, pieces: Pieces, radius: float) -> None:
         """Cut the nails by a ball on its pieces, and by the flutes above it where they may reach material."""
         fluted = pieces.reach > 0
-        tops = pieces.ends[fluted] + pieces.reach[fluted, None] * pieces.end_axes[fluted]
+        # the ball at the top of a capsule must end where the flutes do
+        heights = np.maximum(pieces.reach[fluted] - radius, 0.0)
+        tops = pieces.ends[fluted] + heights[:, None] * pieces.end_axes[fluted]
         starts = np.vstack([pieces.starts, pieces.ends[fluted]])
         ends = np.vstack([pieces.ends, tops])
         names = np.r_[pieces.moves, pieces.moves[fluted]]

@@ -130,7 +130,5 @@ def _bounded(pieces: Pieces, sections: Float[ndarray, "3 3"], bricks: Bricks) ->
         bound_clearances(*(pose[some] for pose in poses), sections, bricks, bounds[some], near[some])
 
     in_pieces(bound, len(bounds), BOUNDED)
-    # the ball at the top of a capsule ends where the flutes do
-    highest = max(sections[0, 1] - sections[0, 2], 0.0)
-    reach = np.where(bounds[:, 0] < 0, np.minimum(near[:, 0, 1], highest), 0.0)
+    reach = np.where(bounds[:, 0] < 0, near[:, 0, 1], 0.0)
     return pieces._replace(reach=reach, bounds=bounds[:, 1:].copy(), near=near[:, 1:].copy())

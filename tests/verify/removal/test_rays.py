@@ -78,6 +78,15 @@ def test_a_ball_through_a_block_removes_its_capsule():
     assert np.abs(errors).max() < 2e-3 * volume
 
 
+def test_flutes_end_flat():
+    grid = lay_grid([BLOCK], 0.1)
+    start, end = np.array([-2.0, -1.0, 13.0]), np.array([1.5, 0.7, 14.4])
+    volume = np.pi * 1.5**2 * np.linalg.norm(end - start) + 2 / 3 * np.pi * 1.5**3
+    for direction, rays in enumerate(lay_rays([BLOCK], grid, 500.0)):
+        places = [in_set(grid, direction, point)[0] for point in (start, end)]
+        assert cut_capsule(rays, *places, 1.5, True)[0] == pytest.approx(volume, rel=3e-3)
+
+
 def test_half_the_cell_at_most_halves_the_error():
     coarse, fine = (np.sqrt((capsule_errors(cell)[0] ** 2).mean()) for cell in (0.2, 0.1))
     assert fine < coarse / 2
