@@ -19,7 +19,7 @@ from pathlib import Path
 
 import bonecam
 from bonecam.errors import BonecamError, JobError
-from bonecam.files import check_folder, input_text, write_whole
+from bonecam.files import check_folder, input_text, require_name, write_whole
 from bonecam.job import Job, write_job
 from bonecam.mesh.files.mesh_files import READABLE
 from bonecam.nc.dialect import read_dialect
@@ -168,6 +168,7 @@ def _check_names(files: Sequence[Path], jobs: int) -> None:
         raise JobError(f"--jobs {jobs}: give 1 or more")
     seen: dict[str, Path] = {}
     for file in files:
+        require_name(file)
         if file.stem in seen:
             raise JobError(
                 f"{seen[file.stem]} and {file} would both write {file.stem}: rename one or use two folders",

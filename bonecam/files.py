@@ -89,6 +89,28 @@ def require_room(path: Path) -> None:
         file.truncate(size)
 
 
+def require_name(path: object) -> None:
+    """TypeError where a value is no name of a file; FileError where no table or report could tell the name."""
+    if not isinstance(path, str | os.PathLike):
+        raise TypeError(
+            f"{path!r} is of type {type(path).__name__}: give the name of a file as text or a Path"
+        )
+    name = os.fspath(path)
+    if not isinstance(name, str):
+        raise TypeError(f"{name!r} are bytes: give the name of a file as text or a Path")
+    if "\0" in name or not is_unicode(name):
+        raise FileError(f"{name!a}: is no name in UTF-8: rename the file", file=ascii(name))
+
+
+def is_unicode(text: str) -> bool:
+    """Whether a text can be written as UTF-8: a name of a file with other bytes cannot."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
 def check_files(outputs: Iterable[str | Path], inputs: Iterable[str | Path] = ()) -> None:
     """FileError, before any work is done for them, where a file cannot be written, is named twice, or would
     overwrite an input."""
@@ -97,6 +119,7 @@ def check_files(outputs: Iterable[str | Path], inputs: Iterable[str | Path] = ()
         for path in inputs
     }
     for path in outputs:
+        require_name(path)
         place = os.path.realpath(path)
         trouble = named.get(place) or _trouble_of(path, Path(place))
         if trouble:
@@ -107,6 +130,7 @@ def check_files(outputs: Iterable[str | Path], inputs: Iterable[str | Path] = ()
 
 def check_folder(path: str | Path) -> None:
     """FileError, before any work is done for it, where a folder cannot be made or written to."""
+    require_name(path)
     if not str(path).strip():
         raise FileError("'': is an empty name: name a folder", file=str(path))
     target = Path(os.path.realpath(path))

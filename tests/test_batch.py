@@ -255,3 +255,9 @@ def test_two_batches_that_write_into_one_folder_keep_each_other_s_rows(tmp_path:
 
     convert_many(first, out, jobs=1, told=other, work=work)
     assert {Path(row["mesh"]).stem for row in table(out)} == {"a", "b", "c"}
+
+
+def test_a_name_that_no_table_can_tell_is_refused_before_the_work(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match=r"x\\udcff\.stl': is no name in UTF-8: rename the file"):
+        convert_many([*meshes(tmp_path, a="good"), tmp_path / "x\udcff.stl"], tmp_path / "out", work=work)
+    assert not (tmp_path / "out").exists()

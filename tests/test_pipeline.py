@@ -258,3 +258,15 @@ def test_a_call_with_no_job_or_no_mesh_says_so() -> None:
         bonecam.convert("")
     with pytest.raises(TypeError, match="the mesh is of type dict: give"):
         bonecam.convert({})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("outputs", [{"program": 3}, {"program": b"x.h"}, {"keep": 5}, {"report": [1]}])
+def test_a_name_of_another_type_is_a_wrong_call(outputs: dict[str, Any]) -> None:
+    with pytest.raises(TypeError, match="give the name of a file as text or a Path"):
+        bonecam.convert(shipped("phalanx"), COARSE, **outputs)
+
+
+@pytest.mark.parametrize("outputs", [{"program": "x\0.h"}, {"keep": "\0"}, {"program": "\ud800.h"}])
+def test_a_name_that_no_file_can_have_is_refused(outputs: dict[str, Any]) -> None:
+    with pytest.raises(FileError, match="is no name in UTF-8: rename the file"):
+        bonecam.convert(shipped("phalanx"), COARSE, **outputs)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from bonecam.errors import FileError
-from bonecam.files import check_folder, require_room, whole_folder
+from bonecam.files import check_folder, require_name, require_room, whole_folder
 from bonecam.filters.filter import Registry, installed
 from bonecam.filters.meshset import MeshSet
 from bonecam.filters.script_files import ScriptFiles
@@ -48,6 +48,7 @@ def run_script(
         steps = files.placed(steps, str(script), known)
         meshes = MeshSet(registry=known, folder=folder)
         for file in inputs:
+            require_name(file)
             load(meshes, file)
         apply_steps(meshes, steps, str(script), progress)
         save_layers(meshes, folder)

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from bonecam.errors import JobError
-from bonecam.files import input_text
+from bonecam.files import input_text, is_unicode
 from bonecam.job.parameter import record
 from bonecam.job.sections import Job, job_error
 from bonecam.text.toml import lines_of_keys, parse_toml, toml_lines
@@ -62,18 +62,9 @@ def _lines(name: str, section: Any) -> list[str]:
     """The lines of the values of a section."""
     values = {item.name: getattr(section, item.name) for item in fields(section)}
     for key, value in values.items():
-        if isinstance(value, str) and not _is_unicode(value):
+        if isinstance(value, str) and not is_unicode(value):
             remedy = "rename the file, so that its name is UTF-8"
             raise JobError(f"[{name}] {key} = {value!a}: {remedy}", section=name, field=key)
     records = map(record, fields(section))
     comments = [f"{known.tooltip} [{known.unit}]" if known.unit else known.tooltip for known in records]
     return [f"{line}  # {comment}" for line, comment in zip(toml_lines(values), comments, strict=True)]
-
-
-def _is_unicode(text: str) -> bool:
-    """Whether a text can be written as UTF-8: a name of a file with other bytes cannot."""
-    try:
-        text.encode()
-    except UnicodeEncodeError:
-        return False
-    return True

@@ -54,19 +54,19 @@ class PymeshlabMesh(Protocol):
 class TriangleMesh:
     """Triangles with shared vertices; mm; counter-clockwise seen from outside.
 
-    Raises ValueError where a face names a vertex that is not there or a coordinate is not finite.
+    Raises ValueError where the arrays have another shape or type, a face names a vertex that is not there, or a
+    coordinate is not finite.
     """
 
     vertices: Float[ndarray, "n 3"]
     faces: Int32[ndarray, "m 3"]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "vertices", frozen(self.vertices).reshape(-1, 3))
-        object.__setattr__(self, "faces", frozen(self.faces, np.int32).reshape(-1, 3))
+        vertices, faces = _checked(self.vertices, self.faces)
+        object.__setattr__(self, "vertices", frozen(vertices))
+        object.__setattr__(self, "faces", frozen(faces, np.int32))
         if not np.isfinite(self.vertices).all():
             raise ValueError(f"vertex {int(np.argmin(np.isfinite(self.vertices).all(1)))} is not finite")
-        if len(self.faces) and not (self.faces.min() >= 0 and self.faces.max() < len(self.vertices)):
-            raise ValueError(f"faces name vertices outside 0..{len(self.vertices) - 1}")
 
     @cached_property
     def bounds(self) -> Float[ndarray, "2 3"]:
@@ -133,18 +133,28 @@ def mesh_from(source: object) -> TriangleMesh:
     """
     if isinstance(source, TriangleMesh):
         return source
-    given = _arrays_of(source)
-    vertices, faces = (np.asarray(array) for array in given)
-    for name, array in (("vertices", vertices), ("faces", faces)):
+    vertices, faces = _checked(*_arrays_of(source))
+    return TriangleMesh(vertices, faces)
+
+
+def _checked(vertices: Any, faces: Any) -> tuple[Float[ndarray, "n 3"], Int32[ndarray, "m 3"]]:
+    """The two arrays of a mesh as numbers of the right type. ValueError where they are no triangles between its
+    vertices."""
+    given = {"vertices": np.asarray(vertices), "faces": np.asarray(faces)}
+    for name, array in given.items():
         if array.ndim != 2 or array.shape[1] != 3:
             raise ValueError(f"{name} have the shape {array.shape}: give three numbers a row")
-    if faces.dtype.kind not in "iu":
-        raise ValueError(f"faces hold {faces.dtype} numbers: give the indices of vertices as whole numbers")
-    indices = faces.clip(-1, len(vertices))  # what is no index stays none as a number of 32 bits
-    return TriangleMesh(vertices.astype(float), indices.astype(np.int32))
+    points, corners = given.values()
+    if points.dtype.kind not in "fiu":
+        raise ValueError(f"vertices hold {points.dtype} values: give numbers")
+    if corners.size and corners.dtype.kind not in "iu":
+        raise ValueError(f"faces hold {corners.dtype} numbers: give the indices of vertices as whole numbers")
+    if corners.size and not (corners.min() >= 0 and corners.max() < len(points)):
+        raise ValueError(f"faces name vertices outside 0..{len(points) - 1}")
+    return points.astype(np.float64), corners.astype(np.int32)
 
 
-def _arrays_of(source: Any) -> tuple[Any, Any]:
+def _arrays_of(source: Any) -> tuple[Any, ...]:
     """Vertices and faces of a mesh in memory, as its library keeps them."""
     if isinstance(source, tuple | list) and len(source) == 2:
         return source[0], source[1]
@@ -155,7 +165,8 @@ def _arrays_of(source: Any) -> tuple[Any, Any]:
     if isinstance(source, Open3dMesh):
         return source.vertices, source.triangles
     if isinstance(source, Open3dTensorMesh):
-        return source.vertex.positions.numpy(), source.triangle.indices.numpy()
+        stored = ((source.vertex, "positions"), (source.triangle, "indices"))
+        return tuple(table[key].numpy() if key in table else np.zeros((0, 3)) for table, key in stored)
     raise TypeError(
         f"the mesh is of type {type(source).__name__}: give (vertices, faces), a bonecam.TriangleMesh, or a mesh of "
         "open3d, trimesh or pymeshlab"

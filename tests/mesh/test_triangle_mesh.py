@@ -51,6 +51,8 @@ def test_our_mesh_leaves_as_copies_that_may_be_changed() -> None:
         ({"vertices": CORNERS}, TypeError, r"the mesh is of type dict: give \(vertices, faces\)"),
         (3, TypeError, "the mesh is of type int: give"),
         ((CORNERS, FACES.astype(float)), ValueError, "faces hold float64 numbers: give the indices"),
+        ((CORNERS.astype(complex), FACES), ValueError, "vertices hold complex128 values: give numbers"),
+        ((CORNERS.astype(str), FACES), ValueError, "vertices hold <U.* values: give numbers"),
         ((CORNERS[:, :2], FACES), ValueError, r"vertices have the shape \(4, 2\): give three numbers a row"),
         ((CORNERS, FACES[0]), ValueError, r"faces have the shape \(3,\)"),
         ((CORNERS, FACES + 1), ValueError, "faces name vertices outside 0..3"),
@@ -69,3 +71,8 @@ def test_a_mesh_is_shown_in_a_line() -> None:
         repr(TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32)))
         == "TriangleMesh(0 vertices, 0 faces, 0 mm)"
     )
+
+
+def test_a_tensor_mesh_of_nothing_has_no_faces() -> None:
+    mesh = mesh_from(open3d.t.geometry.TriangleMesh())
+    assert len(mesh.vertices) == len(mesh.faces) == 0

@@ -120,3 +120,8 @@ def test_evened_cuts_share_what_the_last_had_left(
     even = even_out(Schedule(first, beyond), distance, 2 + count + 1, rest)
     assert even.beyond <= beyond
     assert distance - sum(first) - count * share * even.beyond == pytest.approx(min(even.beyond, distance))
+
+
+def test_a_list_of_too_many_depths_is_refused() -> None:
+    with pytest.raises(JobError, match="give at most 2000; the last holds for all others"):
+        LevelsJob(depths="0.1 " * 2001)

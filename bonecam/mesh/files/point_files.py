@@ -51,12 +51,12 @@ def read_blocks(path: str | Path) -> tuple[Float[ndarray, "_ 3"], ...]:
             raise _refusal(
                 file, number, f"{line.strip()[:40]!r} is no point", "write x y z in columns of that order"
             ) from error
+        if not np.isfinite(values[:3]).all():
+            raise _refusal(file, number, f"{line.strip()[:40]!r} is not finite", "export the points again")
         if len(values) < 3:
             if not _is_head(values):
                 raise _refusal(file, number, f"{len(values)} numbers are no point", "write x y z")
             blocks.append([])
-        elif not np.isfinite(values[:3]).all():
-            raise _refusal(file, number, f"{line.strip()[:40]!r} is not finite", "export the points again")
         else:
             blocks[-1].append(values[:3])
     found = tuple(np.array(block) for block in blocks if block)

@@ -40,6 +40,8 @@ BAD = {
     "polar.txt": (b"X R*THETA R\n1 2 3\n", "polar.txt line 1: 'X R*THETA R' is no point: write x y z"),
     "short.csv": (b"1,2,3\n4,5\n", "short.csv line 2: 2 numbers are no point"),
     "nan.xyz": (b"1 2 nan\n", "is not finite"),
+    "inf head.xyz": (b"inf\n1 2 3\n", "line 1: .* is not finite"),
+    "nan head.xyz": (b"nan 3\n1 2 3\n", "line 1: .* is not finite"),
     "binary.xyz": (b"\xff\xfe\x00\x80", "is no text"),
     "rows.csv": (b"1 2 3\n4 5 6\n\n1 2 4\n4 5 7\n", "holds 2 rows of points, no mesh"),
     "few.xyz": (b"1 2 3\n4 5 6\n", "2 points are no cloud"),
