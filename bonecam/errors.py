@@ -27,7 +27,7 @@ def place_name(place: Iterable[float]) -> str:
 
 
 def counted(number: int, noun: str) -> str:
-    """So many things as messages name them, like 1 hole, 3 holes, 2 vertices."""
+    """A number with its noun as messages have it, like 1 hole, 3 holes, 2 vertices."""
     return (
         f"{number} "
         f"{noun if number == 1 else noun.removesuffix('ex') + 'ices' if noun.endswith('vertex') else noun + 's'}"

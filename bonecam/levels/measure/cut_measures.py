@@ -58,7 +58,7 @@ class Measures:
         return len(self.crossing_faces)
 
     def watching(self, parameters: Float[ndarray, "n 2"]) -> "Measures":
-        """These measures with more parameters among `near_limits`."""
+        """The measures with more parameters among `near_limits`."""
         return replace(self, near_limits=np.vstack([self.near_limits, parameters]))
 
 

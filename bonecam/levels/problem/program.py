@@ -35,7 +35,7 @@ TOO_FAR = 0.001
 limit a bone of 17 cuts takes 18.)"""
 MOST_BENT = 2.5
 """Bending alone takes no sample farther than so many depths. It grows with the part: that of a femur would
-sweep its neck out of all limits, the more so the more the pull is eased. (Of small bones it takes none
+sweep its neck out of all limits, the more so the more the pull is reduced. (Of small bones it takes none
 farther than 2, and that fills their hollows; without it the levels of a talus are others, with as many cuts and
 certificates.)"""
 PRESS = 0.1
@@ -110,15 +110,15 @@ def program_of(
     rest: Remaining,
     cut: Cut,
     parameters: StepParameters,
-    ease: Float[ndarray, " c"] | None = None,
+    pull_factor: Float[ndarray, " c"] | None = None,
 ) -> Program:
-    """The program of the level above P, from which `rest` is left to the stock; `ease` is a factor of the
+    """The program of the level above P, from which `rest` is left to the stock; `pull_factor` is a factor of the
     pull, a control point each."""
     stock, before = discretisation.stock, discretisation.surface.with_control_points(P)
     given = Given(discretisation, before, rest, cut, parameters)
     net, pulled = add([energy(given) for energy in NET]), stack([energy(given) for energy in SAMPLED])
     x, target = pulled.x, pulled.target
-    weights = pulled.weights if ease is None else pulled.weights * (pulled.R @ ease)
+    weights = pulled.weights if pull_factor is None else pulled.weights * (pulled.R @ pull_factor)
     R, gap = sp.csr_array(pulled.R @ discretisation.free), -stock.signed_distance(x)
     limits = limits_at(before, stock, cut, gap, target, pulled.s, pulled.t, 2)
     H = inside(

@@ -36,8 +36,8 @@ MOST_EXTRA = 5
 RESTORED_MARGIN = -0.5
 """Share of the limits' margins that restored levels keep: those above follow less and less, where with all of it
 they follow all the way, and farther and farther along the level."""
-EASINGS, EASED = 6, 0.3
-"""How often the pull is eased where a level folds or breaks its limits, each time to this share. (Without it the
+MAX_REDUCTIONS, REDUCTION = 6, 0.3
+"""How often the pull is reduced where a level folds or breaks its limits, each time to this share. (Without it the
 levels of a scaphoid use 0.57 of their depth instead of 0.96, and take 2.3 times as long.)"""
 CREASED, AROUND = 0.05, 1.0
 """Bends of the part with a smaller radius (mm) are edges that its mesh has, if they are so near (mm) to where
@@ -181,17 +181,17 @@ class SequenceMaker:
         return max(MOST_EXTRA, self.lower_bound // 3)
 
     def _next(self, P: ndarray, k: int, rest: Remaining, parameters: StepParameters) -> ndarray:
-        """Level k above the one with control points P; where it folds or breaks its limits the pull is eased (if
+        """Level k above the one with control points P; where it folds or breaks its limits the pull is reduced (if
         it still does, the check decides). LevelError where it breaks a limit by more than LARGEST_VIOLATION."""
         cut = self.cut(k)
-        ease = np.ones(len(P))
+        pull_factor = np.ones(len(P))
         tried: list[Step] = []
-        for _ in range(EASINGS):
-            step = next_level(self.discretisation, P, rest, cut, parameters, ease, self.solver)
+        for _ in range(MAX_REDUCTIONS):
+            step = next_level(self.discretisation, P, rest, cut, parameters, pull_factor, self.solver)
             tried.append(step)
             if not step.infeasible.any():
                 break
-            ease[step.infeasible] *= EASED
+            pull_factor[step.infeasible] *= REDUCTION
         step = min(tried, key=lambda step: int(step.infeasible.sum()))
         if step.broken > LARGEST_VIOLATION:
             raise self._broken(k, step)

@@ -58,15 +58,15 @@ def next_level(
     rest: Remaining,
     cut: Cut,
     parameters: StepParameters,
-    ease: Float[ndarray, " c"] | None = None,
+    pull_factor: Float[ndarray, " c"] | None = None,
     solver: str = "admm",
 ) -> Step:
     """The moves of the control points to the next level; what is nearer to the stock than `cut.landing`
     already stays.
 
-    `ease` is a factor of the pull on each control point (1 unless given), less where the level would fold.
+    `pull_factor` is a factor of the pull on each control point (1 unless given), less where the level would fold.
     """
-    program = program_of(discretisation, P, rest, cut, parameters, ease)
+    program = program_of(discretisation, P, rest, cut, parameters, pull_factor)
     return _project_onto_limits(discretisation, P, solve(program, solver), cut)
 
 

@@ -41,7 +41,7 @@ class Transfers:
     found: Mapping[tuple[int, int], Moves | None]
 
     def extend(self, pairs: Sequence[tuple[int, int]]) -> "Transfers":
-        """With those of more pairs of contacts; all at once is much quicker than one after the other."""
+        """The transfers, with those of more pairs of contacts; all pairs at once are quicker than one by one."""
         fresh = [pair for pair in dict.fromkeys(pairs) if pair not in self.found]
         contacts = dict.fromkeys(contact for pair in fresh for contact in pair)
         new = [contact for contact in contacts if contact not in self.retracts]

@@ -50,7 +50,7 @@ class Box(Stock):
 
     @property
     def sizes(self) -> dict[str, float]:
-        """Its sides along X, Y and Z, mm."""
+        """The sides of the stock along X, Y and Z, mm."""
         return box_sizes(self.bounds)
 
     @property

@@ -76,7 +76,7 @@ class ConvexStock(Stock):
 
     @property
     def sizes(self) -> dict[str, float]:
-        """Its extents along X, Y and Z, mm."""
+        """The extents of the stock along X, Y and Z, mm."""
         return box_sizes(self.bounds)
 
     @property

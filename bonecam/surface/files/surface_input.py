@@ -123,7 +123,7 @@ def _check_size(points: Float[ndarray, "n 3"], path: str | Path) -> None:
 
 
 def _deviation(surface: TSpline, points: Float[ndarray, "n 3"]) -> Deviation:
-    """Of the points from the surface."""
+    """The largest and the RMS distance of the points from the surface, mm, and the place of the largest."""
     if not len(points):
         return Deviation(0.0, 0.0, 0.0, 0.0, surface.control_points[0])
     distances = surface.project(points).distances

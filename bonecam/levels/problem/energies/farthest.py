@@ -12,13 +12,17 @@ from bonecam.levels.problem.energies.energy import Given, Pulled
 from bonecam.levels.problem.energies.pull import OVERSHOOT, targets
 from bonecam.surface.query.closest_point import closest_points_near
 
-FARTHEST, MOST, WEIGHT = 1.0, 600, 0.3
-"""Points of the stock less than so many depths nearer than the farthest pull at their feet; so many of them;
-with so much of the weight."""
+FARTHEST = 1.0
+"""Points of the stock pull at their closest points where they are less than this number of depths nearer than the
+farthest one."""
+MOST = 600
+"""Points of the stock that pull at most."""
+WEIGHT = 0.3
+"""Their share of the weight of all pulls."""
 
 
 def farthest(given: Given) -> Pulled:
-    """The feet are samples of their own, the farther the point the heavier."""
+    """The closest points are samples of their own, the farther the point the heavier."""
     before, rest = given.before, given.rest
     least = rest.farthest - FARTHEST * given.cut.depth
     candidates = np.flatnonzero(rest.at_most > least)

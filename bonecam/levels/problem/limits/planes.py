@@ -1,11 +1,11 @@
-"""The limits of one level's program, as planes at each sample; each holds where the sample's foot and nearest
-stock point say.
+"""The limits of one level's program, as planes at each sample, given by its closest points on the level before and
+on the stock.
 
-A sample y = S_new(l) has the foot c on the level before, with the outward normal n there, and y - c is along
-n. So
+A sample y = S_new(l) has the closest point c on the level before, with the outward normal n there, and y - c is
+along n. So
 
-    slabs    low <= n . (y - c) <= high     heights over the level before, not over where the sample came
-    from: it may slide walls    m . y <= h                     planes that are found anew as the sample moves
+    slabs    low <= n . (y - c) <= high    (heights over the level before: the sample may slide)
+    walls    m . y <= h                    (computed again as the sample moves)
 
 and of several of a kind the tightest holds. A new one is a new file here with one function, and its
 name in SLABS or WALLS. The planes are exact at y itself; `Limits.at` sets them up again when y has moved on.
