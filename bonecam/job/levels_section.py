@@ -8,8 +8,8 @@ from bonecam.errors import JobError
 from bonecam.job.parameter import Section, check, parameter
 from bonecam.text.faults import shown
 
-MOST_DEPTHS = 2000
-"""As many depths as a list may have: as many cuts as a sequence may have."""
+MOST_LEVELS = 2000
+"""A number of cuts, or of depths in a list, beyond this is refused: a mistaken depth or unit."""
 
 
 @dataclass(frozen=True)
@@ -112,8 +112,8 @@ class LevelsJob(Section):
                 *first, beyond = (float(word) for word in self.depths.replace(",", " ").split())
             except ValueError as error:
                 raise self._depths_error("give numbers like '0.1 0.1 0.5'") from error
-            if len(first) >= MOST_DEPTHS:
-                raise self._depths_error(f"give at most {MOST_DEPTHS}; the last holds for all others")
+            if len(first) >= MOST_LEVELS:
+                raise self._depths_error(f"give at most {MOST_LEVELS}; the last holds for all others")
             if not all(0 < depth < math.inf for depth in (*first, beyond)):
                 raise self._depths_error("give positive depths (mm), like '0.1 0.1 0.5'")
             return tuple(first), beyond

@@ -151,7 +151,7 @@ def _checked(vertices: Any, faces: Any) -> tuple[Float[ndarray, "n 3"], Int32[nd
         raise ValueError(f"faces hold {corners.dtype} numbers: give the indices of vertices as whole numbers")
     if corners.size and not (corners.min() >= 0 and corners.max() < len(points)):
         raise ValueError(f"faces name vertices outside 0..{len(points) - 1}")
-    return points.astype(np.float64), corners.astype(np.int32)
+    return points.astype(np.float64, copy=False), corners.astype(np.int32, copy=False)
 
 
 def _arrays_of(source: Any) -> tuple[Any, ...]:

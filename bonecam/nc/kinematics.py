@@ -111,7 +111,7 @@ def _angle_about(direction: ndarray, start: ndarray, end: ndarray) -> ndarray:
 def inverse_rotary(
     machine: Machine, axes: Float[ndarray, "n 3"], hold_cone: float = 0.0
 ) -> tuple[Float[ndarray, "n 2 2"], Bool[ndarray, "n 2"]]:
-    """Both solutions of each tool axis, (row, solution, rotary joint), and which joints are free, (row,
+    """The two solutions of each tool axis, (row, solution, rotary joint), and which joints are free, (row,
     joint).
 
     Angles are radians within [-pi, pi], NaN where the axis cannot be reached. A joint is free, and its angle

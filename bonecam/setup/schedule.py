@@ -14,12 +14,11 @@ import numpy as np
 from bonecam.arrays import ROUNDING
 from bonecam.errors import LevelError, StockError, place_name
 from bonecam.job import LevelsJob, field_error
+from bonecam.job.levels_section import MOST_LEVELS
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.stock import Stock
 
-MOST_LEVELS = 2000
-"""A number of cuts beyond this is refused: a mistaken depth or unit."""
 LEAST = 1e-4
 """Least depth of a cut, mm."""
 STOCK_CHORD = 0.1

@@ -5,7 +5,7 @@ import random
 import re
 import signal
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 import pytest
@@ -143,19 +143,27 @@ def mutate() -> Mutate:
 
 
 @contextmanager
-def time_limit(seconds: float) -> Iterator[None]:
-    """TimeoutError in this thread where the block takes more processor time."""
+def time_limit(seconds: float, *, wall: bool = False) -> Iterator[None]:
+    """TimeoutError in this thread where the block takes more processor time, or with `wall` more time."""
 
     def stop(*_: object) -> None:
-        raise TimeoutError(f"not done in {seconds} s")
+        raise TimeoutError(f"not done in {seconds:g} s")
 
-    before = signal.signal(signal.SIGPROF, stop)
-    signal.setitimer(signal.ITIMER_PROF, seconds)
+    kind = signal.SIGALRM if wall else signal.SIGPROF
+    clock = signal.ITIMER_REAL if wall else signal.ITIMER_PROF
+    before = signal.signal(kind, stop)
+    signal.setitimer(clock, seconds)
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_PROF, 0)
-        signal.signal(signal.SIGPROF, before)
+        signal.setitimer(clock, 0)
+        signal.signal(kind, before)
+
+
+@pytest.fixture(scope="session")
+def within() -> Callable[[float], AbstractContextManager[None]]:
+    """A limit (s) on the time that a block takes: TimeoutError where it takes longer."""
+    return lambda seconds: time_limit(seconds, wall=True)
 
 
 @pytest.fixture(scope="session")

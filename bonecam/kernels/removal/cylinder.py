@@ -12,13 +12,41 @@ SEARCH_STEPS = 24
 
 @njit(cache=True, nogil=True)
 def _cylinder_distance(
-    x: float, y: float, z: float, a: float, b: float, c: float, start: float, end: float, radius: float
+    u: float, v: float, w: float, foot: ndarray, axis: ndarray, start: float, end: float, radius: float
 ) -> float:
-    """Signed distance of a point, told from the foot of the axis (a, b, c), to a cylinder."""
-    along = x * a + y * b + z * c
+    """Signed distance of the point (u, v, w) to a cylinder about the unit `axis` from `foot`."""
+    x, y, z = u - foot[0], v - foot[1], w - foot[2]
+    along = x * axis[0] + y * axis[1] + z * axis[2]
     out = np.sqrt(max(x * x + y * y + z * z - along * along, 0.0)) - radius
     up = max(start - along, along - end)
     return min(max(out, up), 0.0) + np.sqrt(max(out, 0.0) ** 2 + max(up, 0.0) ** 2)
+
+
+@njit(cache=True, nogil=True)
+def _least_distance(
+    u: float,
+    v: float,
+    low: float,
+    high: float,
+    foot: ndarray,
+    axis: ndarray,
+    start: float,
+    end: float,
+    radius: float,
+) -> float:
+    """The least signed distance to the cylinder on the interval [low, high] of the ray through (u, v), by thirds."""
+    for _ in range(SEARCH_STEPS):
+        if high - low < 1e-3:
+            break
+        one, two = low + (high - low) / 3, high - (high - low) / 3
+        at_one = _cylinder_distance(u, v, one, foot, axis, start, end, radius)
+        at_two = _cylinder_distance(u, v, two, foot, axis, start, end, radius)
+        if at_one < at_two:
+            high = two
+        else:
+            low = one
+    at_low = _cylinder_distance(u, v, low, foot, axis, start, end, radius)
+    return min(at_low, _cylinder_distance(u, v, high, foot, axis, start, end, radius))
 
 
 @njit(cache=True, nogil=True)
@@ -76,47 +104,6 @@ def cylinder_clearance(
                     high = min(rays.spans[tile, ray, 2 * k + 1], pz + leave)
                     if low > high:
                         continue
-                    for _ in range(SEARCH_STEPS):
-                        if high - low < 1e-3:
-                            break
-                        one, two = low + (high - low) / 3, high - (high - low) / 3
-                        at_one = _cylinder_distance(
-                            u - foot[0],
-                            v - foot[1],
-                            one - foot[2],
-                            axis[0],
-                            axis[1],
-                            axis[2],
-                            start,
-                            end,
-                            radius,
-                        )
-                        at_two = _cylinder_distance(
-                            u - foot[0],
-                            v - foot[1],
-                            two - foot[2],
-                            axis[0],
-                            axis[1],
-                            axis[2],
-                            start,
-                            end,
-                            radius,
-                        )
-                        if at_one < at_two:
-                            high = two
-                        else:
-                            low = one
-                    for w in (low, high):
-                        found = _cylinder_distance(
-                            u - foot[0],
-                            v - foot[1],
-                            w - foot[2],
-                            axis[0],
-                            axis[1],
-                            axis[2],
-                            start,
-                            end,
-                            radius,
-                        )
-                        best = min(best, found)
+                    found = _least_distance(u, v, low, high, foot, axis, start, end, radius)
+                    best = min(best, found)
     return best

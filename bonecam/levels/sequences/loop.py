@@ -9,8 +9,9 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import LevelError, place_name
+from bonecam.job.levels_section import MOST_LEVELS
 from bonecam.progress import Progress, report
-from bonecam.setup.schedule import MOST_LEVELS, Schedule
+from bonecam.setup.schedule import Schedule
 
 STALL = 0.25
 """A level stalls that brings the stock nearer by less than this share of its depth."""

@@ -211,7 +211,7 @@ def copy_of(rays: RaySet) -> RaySet:
 
 
 def with_more_room(rays: RaySet) -> RaySet:
-    """The same material, with room for twice as many intervals on a ray."""
+    """A copy of the rays with room for twice as many intervals on a ray."""
     spans = np.zeros((*rays.spans.shape[:2], 2 * rays.spans.shape[2]), dtype=np.float32)
     spans[:, :, : rays.spans.shape[2]] = rays.spans
     return rays._replace(spans=spans)
