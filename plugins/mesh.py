@@ -8,11 +8,12 @@ import numpy as np
 
 from bonecam.filters.filter import Filter
 from bonecam.filters.layers import Layers
-from bonecam.filters.parameter import parameters_of, section_of
+from bonecam.filters.parameter import FilterParameter, Kind, parameters_of, section_of
 from bonecam.job import MeshJob
 from bonecam.progress import Progress
 
 CATEGORY = "Bonecam: Mesh"
+MEASURES = ("mean", "gaussian", "k1", "k2", "shape")
 
 
 def scale_to_mm(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
@@ -74,6 +75,18 @@ def harmonic_rows_layer(layers: Layers, values: Mapping[str, Any], progress: Pro
     return {"rows": count, "row_points": points, "poles": np.asarray(rows.poles)}
 
 
+def curvature_layer(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
+    """Filter `compute_mls_curvature`: the mesh as a new layer, coloured by its curvature."""
+    from bonecam.mesh.facets.mls_curvature import mls_curvature
+
+    mesh = layers.mesh()
+    found = mls_curvature(mesh, values["radius"] or None)
+    measured = (found.mean, found.gaussian, found.k1, found.k2, found.shapes)
+    shown = np.asarray(dict(zip(MEASURES, measured))[values["measure"]], dtype=np.float64)
+    layers.add(mesh, "curvature", quality=shown)
+    return {"minimum": float(shown.min()), "maximum": float(shown.max())}
+
+
 FILTERS = (
     Filter(
         "apply_units_in_mm",
@@ -127,6 +140,39 @@ FILTERS = (
         references=(
             "Dong, Kircher, Garland: Harmonic functions for quadrilateral remeshing of arbitrary "
             "manifolds. CAGD 22 (2005).",
+        ),
+    ),
+    Filter(
+        "compute_mls_curvature",
+        "Compute Curvature by Moving Least Squares",
+        "Principal curvatures at the vertices from quadratic patches, as a new layer with the chosen measure as "
+        "quality and colour. Curvatures are in 1/mm, positive where the surface bulges outward.",
+        CATEGORY,
+        (
+            FilterParameter(
+                "measure",
+                Kind.ENUM,
+                "mean",
+                "Measure",
+                "Principal curvatures k1 >= k2, their mean, their product, or the shape (0 convex, 1 concave, "
+                "2 saddle, 3 parabolic, 4 planar).",
+                choices=MEASURES,
+            ),
+            FilterParameter(
+                "radius",
+                Kind.FLOAT,
+                0.0,
+                "Radius",
+                "Radius of a patch, 2.5 edges or more; 0: two edges from vertex to vertex.",
+                unit="mm",
+                low=0.0,
+                high=1000.0,
+            ),
+        ),
+        curvature_layer,
+        references=(
+            "Xu, Zhang, Tan, Liu: Collisionless tool orientation smoothing above blade stream surface using NURBS "
+            "envelope. JZUS-A 2013, section 4",
         ),
     ),
 )

@@ -1,5 +1,12 @@
 from .distance import MeshDistance as MeshDistance
 from .distance import exact_closest as exact_closest
+from .facets.curvature import Curvature as Curvature
+from .facets.curvature import Shape as Shape
+from .facets.delaunay import delaunay as delaunay
+from .facets.mls_curvature import mls_curvature as mls_curvature
+from .facets.side import above_contacts as above_contacts
+from .facets.side import heights_above as heights_above
+from .facets.vertex_normals import vertex_normals as vertex_normals
 from .files.mesh_files import read_mesh as read_mesh
 from .files.mesh_files import write_mesh as write_mesh
 from .healing.faults import Fault as Fault

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
+from bonecam.arrays import dots
 from bonecam.kernels.closest.triangle_tree import boxes_of, distances_within, tree_order
 from bonecam.mesh.triangle_mesh import TriangleMesh, probes
 from bonecam.threads import in_pieces
@@ -140,3 +141,15 @@ def _exact_tree(mesh: TriangleMesh) -> tuple[Any, ndarray, ndarray]:
     faces = mesh.faces.astype(np.int64)
     tree.init(vertices, faces)
     return tree, vertices, faces
+
+
+def barycentric(corners: Float[ndarray, "n 3 3"], points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+    """Weights of the corners of each triangle at a point in it, clipped to it."""
+    a = corners[:, 1] - corners[:, 0]
+    b = corners[:, 2] - corners[:, 0]
+    c = points - corners[:, 0]
+    aa, ab, bb, ac, bc = (dots(x, y) for x, y in ((a, a), (a, b), (b, b), (a, c), (b, c)))
+    scale = 1 / np.maximum(aa * bb - ab * ab, np.finfo(float).tiny)
+    v, w = (bb * ac - ab * bc) * scale, (aa * bc - ab * ac) * scale
+    weights = np.clip(np.column_stack([1 - v - w, v, w]), 0, 1)
+    return np.asarray(weights / weights.sum(axis=1, keepdims=True))

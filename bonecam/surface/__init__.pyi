@@ -10,7 +10,6 @@ from .fitting.fit import Fit as Fit
 from .fitting.fit import fit as fit
 from .query.closest_point import Projection as Projection
 from .query.closest_point import project as project
-from .query.curvature import Curvature as Curvature
 from .query.diagnose import Diagnosis as Diagnosis
 from .query.diagnose import diagnose as diagnose
 from .refinement.refine import refine as refine

@@ -10,11 +10,12 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.arrays import frozen
+from bonecam.mesh.facets.curvature import Curvature
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.basis.elements import Elements
 from bonecam.surface.query import measures
 from bonecam.surface.query.closest_point import Projection, project
-from bonecam.surface.query.curvature import Curvature, curvature_at, normals_at
+from bonecam.surface.query.curvature import curvature_at, normals_at
 from bonecam.surface.query.diagnose import Diagnosis, diagnose
 from bonecam.surface.query.seeds import seeds_on
 from bonecam.surface.refinement.refine import refine

@@ -148,3 +148,15 @@ def test_the_recipe_of_the_tutorial_fits_the_bone_that_pymeshlab_ships() -> None
     meshes.apply_filter("generate_stock", diameter=pymeshlab.PercentageValue(50), length=45.0)
     found = meshes.apply_filter("compute_tspline_surface")
     assert found["deviation_max_mm"] < 0.1
+
+
+def test_curvature_of_a_ball_is_a_layer_coloured_by_it() -> None:
+    meshes = MeshSet()
+    meshes.create_sphere(radius=4.0, subdiv=4)
+    found = meshes.compute_mls_curvature(measure="mean")
+    layer = meshes.current_mesh()
+    np.testing.assert_allclose(layer.vertex_scalar_array(), 0.25, rtol=0.02)
+    assert layer.has_vertex_color()
+    assert found["minimum"] <= found["maximum"]
+    meshes.compute_mls_curvature(measure="shape", radius=1.5)
+    assert set(meshes.current_mesh().vertex_scalar_array()) == {0.0}

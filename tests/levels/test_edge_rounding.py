@@ -20,7 +20,7 @@ from bonecam.levels.measure.measure_cut import measure_last_cut
 from bonecam.levels.measure.measured_surface import MeasuredSurface
 from bonecam.levels.measure.violations import require_none, violations
 from bonecam.mesh.distance import exact_closest
-from bonecam.mesh.hull import convex_hull
+from bonecam.mesh.facets.hull import convex_hull
 from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.part import prepare_part
 from bonecam.mesh.triangle_mesh import TriangleMesh

@@ -6,7 +6,7 @@ from numpy import ndarray
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 
-from bonecam.mesh.hull import convex_hull
+from bonecam.mesh.facets.hull import convex_hull
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 COPLANAR = 1e-7

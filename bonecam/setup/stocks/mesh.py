@@ -11,9 +11,9 @@ from numpy import ndarray
 from bonecam.errors import StockError, place_name, require_type
 from bonecam.job import StockJob
 from bonecam.mesh.distance import exact_closest
+from bonecam.mesh.facets.hull import convex_hull
 from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.mesh.healing.topology import half_edges
-from bonecam.mesh.hull import convex_hull
 from bonecam.mesh.remeshing import split_edges
 from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces
 from bonecam.setup.rounding.half_spaces import deepest_point, half_spaces_of, offset_polyhedron

@@ -14,7 +14,7 @@ from numpy import ndarray
 from scipy.spatial import cKDTree
 
 from bonecam.arrays import dots
-from bonecam.mesh.distance import MeshDistance, exact_closest
+from bonecam.mesh.distance import MeshDistance, barycentric, exact_closest
 from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.sections.rows import Rows
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -195,15 +195,3 @@ def harmonic_parameters(
     return np.mod(base[:, 0] + (weights * turned).sum(axis=1), 1.0), np.clip(
         (weights * t).sum(axis=1), 0.0, 1.0
     )
-
-
-def barycentric(corners: Float[ndarray, "n 3 3"], points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
-    """Weights of the corners of each triangle at a point in it, clipped to it."""
-    a = corners[:, 1] - corners[:, 0]
-    b = corners[:, 2] - corners[:, 0]
-    c = points - corners[:, 0]
-    aa, ab, bb, ac, bc = (dots(x, y) for x, y in ((a, a), (a, b), (b, b), (a, c), (b, c)))
-    scale = 1 / np.maximum(aa * bb - ab * ab, np.finfo(float).tiny)
-    v, w = (bb * ac - ab * bc) * scale, (aa * bc - ab * ac) * scale
-    weights = np.clip(np.column_stack([1 - v - w, v, w]), 0, 1)
-    return np.asarray(weights / weights.sum(axis=1, keepdims=True))

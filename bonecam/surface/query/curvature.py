@@ -10,13 +10,12 @@ normal curvatures -n.S_tt / S_t.S_t in those directions are met by one quadratic
 sense: exact where the surface is C2 at the pole.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import SurfaceError
+from bonecam.mesh.facets.curvature import Curvature, principal, surface_curvature, tangent_axes
 from bonecam.surface.tmesh.surface import Surface
 
 POLE_RANGE = 1e-9
@@ -24,26 +23,6 @@ POLE_RANGE = 1e-9
 
 POLE_DIRECTIONS = 256
 """Parameters s, evenly spaced, from which the limits at a pole are taken."""
-
-
-@dataclass(frozen=True, eq=False)
-class Curvature:
-    """Principal curvatures k1 >= k2 in 1/mm (positive: bulges outward) and their unit directions."""
-
-    k1: Float[ndarray, " n"]
-    k2: Float[ndarray, " n"]
-    direction1: Float[ndarray, "n 3"]
-    direction2: Float[ndarray, "n 3"]
-
-    @property
-    def mean(self) -> Float[ndarray, " n"]:
-        """H = (k1 + k2) / 2."""
-        return (self.k1 + self.k2) / 2
-
-    @property
-    def gaussian(self) -> Float[ndarray, " n"]:
-        """K = k1 k2."""
-        return self.k1 * self.k2
 
 
 def unit(vectors: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
@@ -61,30 +40,6 @@ def pole_normal(S_t: Float[ndarray, "n 3"], upper: bool) -> Float[ndarray, "3"]:
     """Outward unit normal of a pole from the derivatives S_t at n parameters s round it."""
     area = np.cross(S_t, np.roll(S_t, -1, axis=0)).sum(axis=0)
     return unit((area if upper else -area)[None])[0]
-
-
-def principal(forms: Float[ndarray, "n 2 2"], axes: Float[ndarray, "n 2 3"]) -> Curvature:
-    """Principal curvatures of second forms given in orthonormal tangent axes."""
-    values, vectors = np.linalg.eigh(forms)
-    directions = np.einsum("nki,nkd->nid", vectors, axes)
-    return Curvature(values[:, 1], values[:, 0], directions[:, 1], directions[:, 0])
-
-
-def tangent_axes(normals: Float[ndarray, "n 3"], along: Float[ndarray, "n 3"]) -> Float[ndarray, "n 2 3"]:
-    """Orthonormal axes of the tangent planes, the first one in the direction of `along`."""
-    first = unit(along - np.einsum("ni,ni->n", along, normals)[:, None] * normals)
-    return np.stack([first, np.cross(normals, first)], axis=1)
-
-
-def surface_curvature(derivatives: tuple[ndarray, ...], normals: Float[ndarray, "n 3"]) -> Curvature:
-    """Curvature where S_s and S_t are independent, from S, S_s, S_t, S_ss, S_st, S_tt."""
-    _, S_s, S_t, S_ss, S_st, S_tt = derivatives
-    axes = tangent_axes(normals, S_t)
-    J = np.stack([np.einsum("nki,ni->nk", axes, S_s), np.einsum("nki,ni->nk", axes, S_t)], axis=2)
-    L, M, N = (-np.einsum("ni,ni->n", normals, v) for v in (S_ss, S_st, S_tt))
-    second = np.stack([np.stack([L, M], axis=1), np.stack([M, N], axis=1)], axis=1)
-    inverse = np.linalg.inv(J)
-    return principal(np.swapaxes(inverse, 1, 2) @ second @ inverse, axes)
 
 
 def pole_curvature(
@@ -117,7 +72,7 @@ def curvature_at(surface: Surface, s: Float[ndarray, " n"], t: Float[ndarray, " 
     if poles:
         regular = np.setdiff1d(regular, np.concatenate([here for _, here in poles]))
     normals = unit(np.cross(derivatives[1][regular], derivatives[2][regular]))
-    found = [(regular, surface_curvature(tuple(d[regular] for d in derivatives), normals))]
+    found = [(regular, surface_curvature(tuple(d[regular] for d in derivatives[1:]), normals))]
     for end, here in poles:
         normal, S_t, S_tt = _pole_limits(surface, end)
         found.append((here, pole_curvature(S_t, S_tt, normal)))

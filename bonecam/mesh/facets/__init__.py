@@ -1,0 +1,1 @@
+"""Facets between points: triangulation, normals, curvature, and which side of them a point is on."""
