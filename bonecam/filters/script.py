@@ -11,12 +11,16 @@ from bonecam.filters.filter import Registry, installed
 from bonecam.filters.meshset import MeshSet
 from bonecam.filters.script_files import ScriptFiles
 from bonecam.filters.script_steps import apply_steps, read_script
-from bonecam.mesh.files.mesh_files import CAD, READABLE, read_mesh
+from bonecam.mesh.files.mesh_files import CAD, READABLE, bytes_of, read_mesh
+from bonecam.mesh.files.named_files import refuse_names_outside
 from bonecam.mesh.meshlab import meshlab
 from bonecam.progress import Progress, silent
 
 NOTHING_STALE = "(?!)"
 """A regular expression of no name: layers of earlier runs stay."""
+
+NAMING = frozenset(".3ds .3mf .ctm .dae .fbx .glb .gltf .qobj .vmi .wrl .x3d .x3dv".split())
+"""Endings of files, besides PLY and OBJ, that MeshLab reads and that name others: textures, buffers, parts."""
 
 
 def run_script(
@@ -49,6 +53,8 @@ def run_script(
         meshes = MeshSet(registry=known, folder=folder)
         for file in inputs:
             require_name(file)
+            if not allow_outside:
+                _refuse_outside(Path(file), readable)
             load(meshes, file)
         apply_steps(meshes, steps, str(script), progress)
         save_layers(meshes, folder)
@@ -71,6 +77,14 @@ def load(meshes: MeshSet, file: str | Path) -> None:
         meshes.add_mesh(meshlab().Mesh(mesh.vertices, mesh.faces), Path(file).name)
         return
     meshes.load_new_mesh(str(file))
+
+
+def _refuse_outside(file: Path, readable: Sequence[Path]) -> None:
+    """FileError where an input names files in other folders, or may do so in ways that are not known."""
+    if file.suffix.lower() in NAMING:
+        what = "may name files anywhere: give a PLY, OBJ, STL or OFF, or allow it with --allow-outside"
+        raise FileError(f"{file}: files of this kind {what}", file=str(file))
+    refuse_names_outside(file, bytes_of(file), readable)
 
 
 def save_layers(meshes: MeshSet, folder: Path) -> None:

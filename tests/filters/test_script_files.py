@@ -3,6 +3,7 @@ read what is beside the script or an input."""
 
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import pymeshlab
@@ -145,6 +146,70 @@ def test_a_texture_beside_the_script_is_read(folder: Path, tmp_path: Path, regis
     (folder / "t.png").write_bytes((tmp_path / "first" / "t.png").read_bytes())
     run_script(script(folder, PICTURE.format("t.png")), [], tmp_path / "out", registry=registry)
     assert "t.png" in files(tmp_path / "out")
+
+
+PAINTED = """ply
+format ascii 1.0
+comment TextureFile {}
+element vertex 3
+property float x
+property float y
+property float z
+element face 1
+property list uchar int vertex_indices
+property list uchar float texcoord
+end_header
+0 0 0
+1 0 0
+0 1 0
+3 0 1 2 6 0 0 1 0 0 1
+"""
+TRIANGLE = "mtllib {}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl skin\nf 1/1 2/1 3/1\n"
+
+
+@pytest.mark.parametrize("kind", ["ply", "materials", "texture"])
+@pytest.mark.parametrize("name", ["../t.png", "..\\t.png", "{}/t.png", "link.png", "cwd.png"])
+def test_an_input_brings_no_file_of_another_folder(
+    kind: str, name: str, folder: Path, tmp_path: Path, registry: Registry, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "first").mkdir()
+    run_script(script(tmp_path, TEXTURE.format("t.png")), [], tmp_path / "first", registry=registry)
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    for place in (tmp_path / "t.png", tmp_path / "elsewhere" / "cwd.png"):
+        place.write_bytes((tmp_path / "first" / "t.png").read_bytes())
+    (folder / "link.png").symlink_to(tmp_path / "t.png")
+    named = name.format(tmp_path)
+    given = folder / ("a.ply" if kind == "ply" else "a.obj")
+    given.write_text(PAINTED.format(named) if kind == "ply" else TRIANGLE.format("a.mtl"))
+    (folder / "a.mtl").write_text(f"newmtl skin\nmap_Kd {named}\n")
+    if kind == "materials":
+        given.write_text(TRIANGLE.format(named))
+    run = partial(run_script, script(folder), [given], tmp_path / "out", registry=registry)
+    with pytest.raises(FileError, match=r"line \d: '.*' is not in the folder of the script or of an input"):
+        run()
+    assert not (tmp_path / "out").exists()
+    if kind == "ply":
+        run(allow_outside=True)
+        assert any(name.endswith(".png") for name in files(tmp_path / "out"))
+
+
+def test_an_input_of_a_kind_that_names_files_is_allowed_by_name_only(
+    folder: Path, tmp_path: Path, registry: Registry
+) -> None:
+    (folder / "a.gltf").write_text("{}")
+    for allowed, what in (
+        (False, "may name files anywhere: .*--allow-outside"),
+        (True, "Failed opening gltf"),
+    ):
+        with pytest.raises(FileError, match=rf"a\.gltf: .*{what}"):
+            run_script(
+                script(folder),
+                [folder / "a.gltf"],
+                tmp_path / "out",
+                registry=registry,
+                allow_outside=allowed,
+            )
 
 
 def test_the_command_line_allows_both(

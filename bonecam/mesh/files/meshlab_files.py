@@ -11,10 +11,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from bonecam.errors import FileError
 from bonecam.mesh.files.child import call_in_child
-from bonecam.mesh.files.formats.content import numbered_words
 from bonecam.mesh.files.mesh_files import MESHES, bytes_of, read_content
+from bonecam.mesh.files.named_files import refuse_special_names
 from bonecam.mesh.meshlab import write_layers
 from bonecam.runtime.temporary import temporary_folder
 
@@ -34,8 +33,7 @@ def layers_of(file: Path, options: Mapping[str, Any]) -> Iterator[list[tuple[Pat
     data = bytes_of(file)
     if file.suffix.lower() in MESHES:
         read_content(file, data)
-    if file.suffix.lower() == ".obj":
-        _refuse_special_materials(file, data)
+    refuse_special_names(file, data)
     with temporary_folder() as folder:
         answer = call_in_child(
             f"{write_layers.__module__}:{write_layers.__name__}",
@@ -48,13 +46,3 @@ def layers_of(file: Path, options: Mapping[str, Any]) -> Iterator[list[tuple[Pat
             memory=MEMORY + 50 * len(data),
         )
         yield [(folder / name, label) for name, label in json.loads(answer).items()]
-
-
-def _refuse_special_materials(file: Path, data: bytes) -> None:
-    """FileError where an OBJ names a device, a pipe or a folder as its materials, which MeshLab would open."""
-    for number, words in numbered_words(data):
-        if words[0] == "mtllib":
-            place = file.parent / " ".join(words[1:])
-            if place.exists() and not place.is_file():
-                what = f"{file}: line {number}: {str(place)!r} is no regular file: remove the line"
-                raise FileError(what, file=str(file), line=number)

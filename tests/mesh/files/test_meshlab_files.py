@@ -17,6 +17,24 @@ OBJ = "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nv 0 0 1 1 1 1\n"
 OBJ += "f 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
 
 
+PAINTED = """ply
+format ascii 1.0
+comment TextureFile {}
+element vertex 3
+property float x
+property float y
+property float z
+element face 1
+property list uchar int vertex_indices
+property list uchar float texcoord
+end_header
+0 0 0
+1 0 0
+0 1 0
+3 0 1 2 6 0 0 1 0 0 1
+"""
+
+
 BROKEN = """
 import os
 
@@ -81,10 +99,16 @@ def test_damaged_and_special_files_are_refused_before_meshlab_sees_them(
     monkeypatch.setattr(child, "CHILD", "import os; os.abort()")
     (tmp_path / "far.obj").write_text(OBJ.replace("f 2 3 4", "f 2 3 1000000000"))
     (tmp_path / "device.obj").write_text("mtllib /dev/zero\n" + OBJ)
+    (tmp_path / "painted.obj").write_text("mtllib none.mtl skin.mtl\n" + OBJ)
+    (tmp_path / "skin.mtl").write_text("newmtl skin\nmap_Kd .\\paint.png\n")
+    (tmp_path / "painted.ply").write_text(PAINTED.format("paint.png"))
+    os.mkfifo(tmp_path / "paint.png")
     os.mkfifo(tmp_path / "pipe.gltf")
     for name, what in (
         ("far.obj", "line 7: a face names vertex 1000000000 of 4"),
         ("device.obj", "line 1: '/dev/zero' is no regular file: remove the line"),
+        ("painted.obj", r"skin\.mtl: line 2: '.*paint\.png' is no regular file: remove the line"),
+        ("painted.ply", r"painted\.ply: line 3: '.*paint\.png' is no regular file: remove the line"),
         ("pipe.gltf", "it is a pipe"),
         ("none.dae", "No such file"),
     ):
