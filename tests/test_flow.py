@@ -22,7 +22,7 @@ ROOMS = {
     ],
     "toolpath": "ball_depth cutter path gouge material scallop sampling spacing zigzag".split(),
     "orientation": [
-        *"limits interpolation collision lead singularity admissible tool_axes links".split(),
+        *"limits interpolation cones collision lead singularity admissible tool_axes links".split(),
         *"oriented_path level_paths".split(),
     ],
     "verify": "gouge readback trial_program proof removal report pictures".split(),

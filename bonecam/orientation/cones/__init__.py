@@ -1,0 +1,1 @@
+"""Cones of tool axes: their surface, and where it meets others."""
