@@ -12,6 +12,7 @@ STAGES = ("mesh", "setup", "surface", "levels", "toolpath", "orientation", "nc",
 install_import_hook([f"bonecam.{stage}" for stage in STAGES], "beartype.beartype")
 
 from bonecam.job import FINISHING, ROUGHING, HoldingJob  # noqa: E402
+from bonecam.job.frustum import Frustum  # noqa: E402
 from bonecam.levels.measure.cut_measures import NO_CUT  # noqa: E402
 from bonecam.levels.measure.level import MorphLevel, PartLevel  # noqa: E402
 from bonecam.mesh.triangle_mesh import TriangleMesh  # noqa: E402
@@ -150,8 +151,11 @@ def path_capsule() -> tuple[float, float, float]:
     return CAPSULE_BOTTOM, CAPSULE_TOP, CAPSULE_RADIUS
 
 
+HOLDER = (Frustum(50.0, 20.0, 20.0),)
+
+
 def ball_cutter(number: int = 1, radius: float = 1.0) -> Cutter:
-    return Cutter(number, "ball", radius, 4 * radius, 2 * radius, 25.0, 20.0, 50.0, 12000.0, 900.0, 0.02)
+    return Cutter(number, "ball", radius, 4 * radius, 2 * radius, 25.0, HOLDER, 12000.0, 900.0, 0.02)
 
 
 def capsule_points(turns: float, count: int, offset: float = 0.0) -> tuple[np.ndarray, np.ndarray]:

@@ -2,12 +2,13 @@
 
 from dataclasses import dataclass
 
-from bonecam.job.parameter import Section, parameter
+from bonecam.errors import JobError
+from bonecam.job.parameter import Section, check, parameter
 
 
 @dataclass(frozen=True)
 class HoldingJob(Section):
-    """The post that holds the part at its lower end, on the table."""
+    """The post that holds the part at its lower end, and the chuck or collet on the table that holds the post."""
 
     diameter: float = parameter(
         4.0,
@@ -20,3 +21,39 @@ class HoldingJob(Section):
     length: float = parameter(
         40.0, "Post length", "From the table to the lower end of the stock.", unit="mm", low=1.0, high=500.0
     )
+    chuck_diameter: float = parameter(
+        0.0,
+        "Chuck diameter",
+        "Diameter of the chuck or collet round the post; 0: the post stands on the table.",
+        unit="mm",
+        low=0.0,
+        high=1000.0,
+    )
+    chuck_height: float = parameter(
+        0.0,
+        "Chuck height",
+        "From the table to the top of the chuck or collet.",
+        unit="mm",
+        low=0.0,
+        high=500.0,
+    )
+    clearance: float = parameter(
+        5.0,
+        "Clearance",
+        "Distance that the whole tool keeps from table and chuck, and holder and spindle from the post.",
+        unit="mm",
+        low=0.0,
+        high=100.0,
+    )
+
+    def __post_init__(self) -> None:
+        check(self)
+        if (self.chuck_diameter > 0) != (self.chuck_height > 0):
+            missing = "chuck_diameter" if self.chuck_height > 0 else "chuck_height"
+            raise JobError(f"{missing} = 0: give both sizes of the chuck, or none", field=missing)
+        if 0 < self.chuck_diameter <= self.diameter:
+            bound = f"give more than the post's diameter ({self.diameter:g} mm)"
+            raise JobError(f"chuck_diameter = {self.chuck_diameter:g}: {bound}", field="chuck_diameter")
+        if self.chuck_height >= self.length:
+            bound = f"give less than the post's length ({self.length:g} mm), or a longer post"
+            raise JobError(f"chuck_height = {self.chuck_height:g}: {bound}", field="chuck_height")

@@ -1,13 +1,20 @@
 """The sections [roughing] and [finishing] of a job: one cutter each."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
-from bonecam.job.parameter import Section, parameter
+from bonecam.errors import JobError
+from bonecam.job.frustum import Frustum, stack_as_text, stack_from_text
+from bonecam.job.parameter import Section, check, parameter
+from bonecam.text.faults import shown
 
 
 @dataclass(frozen=True)
 class ToolJob(Section):
-    """One ball-end cutter in its holder, from the tip up: ball and flutes, shank, holder."""
+    """One ball-end cutter in its holder, from the tip up: ball and flutes, shank, holder.
+
+    `holder` may also be given as a list of [length, diameter] or [length, diameter, upper diameter] (mm).
+    """
 
     radius: float = parameter(2.0, "Radius", "Ball radius.", unit="mm", low=0.05, high=50.0)
     flute_length: float = parameter(
@@ -17,19 +24,47 @@ class ToolJob(Section):
         4.0, "Shank diameter", "Diameter of the shank above the flutes.", unit="mm", low=0.1, high=100.0
     )
     overhang: float = parameter(
-        30.0, "Overhang", "From the tip to the holder's nose.", unit="mm", low=1.0, high=500.0
+        30.0, "Overhang", "Stick-out: from the tip to the holder's nose.", unit="mm", low=1.0, high=500.0
     )
     holder_diameter: float = parameter(
         20.0, "Holder diameter", "Diameter of the holder.", unit="mm", low=1.0, high=200.0
     )
     holder_length: float = parameter(
-        50.0, "Holder length", "Length of the holder above its nose.", unit="mm", low=1.0, high=500.0
+        50.0,
+        "Holder length",
+        "From the holder's nose to the gauge line, where the spindle begins.",
+        unit="mm",
+        low=1.0,
+        high=500.0,
+    )
+    holder: str = parameter(
+        "",
+        "Holder",
+        "Cylinders and cones of the holder instead, from its nose to the gauge line: length, diameter and, of a "
+        "cone, upper diameter (mm), like '35 10 17, 20 40'.",
     )
     spindle: float = parameter(12000.0, "Spindle", "Spindle speed.", unit="1/min", low=1.0, high=100000.0)
     feed: float = parameter(900.0, "Feed", "Cutting feed of the tip.", unit="mm/min", low=1.0, high=30000.0)
     scallop: float = parameter(
         0.05, "Scallop", "Largest scallop height between passes.", unit="mm", low=0.0005, high=2.0
     )
+
+    def __post_init__(self) -> None:
+        if isinstance(self.holder, Iterable) and not isinstance(self.holder, str):
+            rows = [row if isinstance(row, Iterable) else [row] for row in self.holder]
+            object.__setattr__(self, "holder", stack_as_text(rows))
+        check(self)
+        _ = self.holder_stack
+
+    @property
+    def holder_stack(self) -> tuple[Frustum, ...]:
+        """The holder from its nose to the gauge line. JobError where `holder` is no stack."""
+        try:
+            stack = stack_from_text(self.holder)
+        except ValueError as error:
+            why = f"{error}: give rows like '35 10 17, 20 40'"
+            raise JobError(f"holder = {shown(self.holder)}: {why}", field="holder") from error
+        return stack or (Frustum(self.holder_length, self.holder_diameter, self.holder_diameter),)
 
 
 ROUGHING = ToolJob()

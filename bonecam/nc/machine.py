@@ -8,6 +8,15 @@ fill in
 - `part_zero` (mm): the program's zero in the machine's frame, all axes at zero; `programmed_point`: "tip" or
   "centre"; `tool_centre_control`: the dialect's name of it where the dialect has several; `spindle_speed`
   (1/min, optional): the highest;
+- [spindle]: `nose`, the cylinders and cones of the spindle behind the gauge line, where the holder ends, from there
+  up: rows [length, diameter] or [length, diameter, upper diameter] (mm). What is farther up than the last row is
+  taken to be out of reach: give as much of it as could come near table and chuck;
+- [table] (optional): what the part stands on, z = 0 of the program being its top: `diameter` of a disc about the
+  program's Z axis, or `width` and `depth` (along X and Y) of a plate in whose middle the program's zero is (mm);
+  `beside`: "closed" (default), nothing of the tool goes below its plane, or "open", what is below the plane beside
+  the table is free: only where no cradle, yoke or bed is in the way there; `standing`: what stands on the table
+  round the Z axis all the time, rows as those of the nose, from the table up. Everything turns with the part; what
+  does not (a cradle's cheek) must be inside a body of revolution given here, or below a closed plane;
 - [X] [Y] [Z]: `speed` mm/min and either `limits` (lowest and highest mm of the spindle nose) or, where the
   place of the part on the machine is not known, `travel` (mm): then only the span of the program is checked;
 - one table a rotary letter: `direction` (unit vector) and `pivot` (mm, any point on the axis; of a head axis:
@@ -18,12 +27,14 @@ No formula belongs to a machine: `kinematics.py` composes the chain.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
-from bonecam.nc.schema.machine_file import LINEAR, LinearTable, MachineFile, RotaryTable
+from bonecam.job.frustum import Frustum, stack_of
+from bonecam.nc.schema.machine_file import LINEAR, BodiesTable, LinearTable, MachineFile, RotaryTable
 from bonecam.nc.schema.tables import names_in, read_table
+from bonecam.setup.table import Table
 
 FOLDER = Path(__file__).parent / "machines"
 Vector = tuple[float, float, float]
@@ -61,7 +72,8 @@ class Machine:
     """A five-axis machine. Joint arrays are (n, 5): X, Y, Z in mm, then the rotary axes in alphabetical order
     in radians.
 
-    `part_axes` carry the part, from the part outward; `tool_axes` carry the tool, from the base outward.
+    `part_axes` carry the part, from the part outward; `tool_axes` carry the tool, from the base outward. `nose`
+    is the spindle's stack behind the gauge line, empty where the file does not know it.
     """
 
     name: str
@@ -73,6 +85,8 @@ class Machine:
     programmed_point: str
     tool_centre_control: str
     spindle_speed: float = math.inf
+    nose: tuple[Frustum, ...] = ()
+    table: Table = field(default_factory=Table)
 
     @cached_property
     def rotary(self) -> tuple[RotaryAxis, RotaryAxis]:
@@ -115,12 +129,22 @@ def read_machine(name: str | Path) -> Machine:
         programmed_point=table.programmed_point,
         tool_centre_control=table.tool_centre_control,
         spindle_speed=math.inf if table.spindle_speed is None else table.spindle_speed,
+        nose=stack_of(table.spindle.nose) if table.spindle else (),
+        table=_table(table.table or BodiesTable()),
     )
 
 
 def _vector(values: list[float]) -> Vector:
     x, y, z = values
     return x, y, z
+
+
+def _table(table: BodiesTable) -> Table:
+    def half(size: float | None) -> float:
+        return math.inf if size is None else size / 2
+
+    sides = half(table.diameter), half(table.width), half(table.depth)
+    return Table(*sides, table.beside == "open", stack_of(table.standing))
 
 
 def _linear(letter: str, table: LinearTable) -> LinearAxis:

@@ -3,7 +3,9 @@ import math
 import pytest
 
 from bonecam.errors import MachineError
+from bonecam.job.frustum import Frustum
 from bonecam.nc.machine import FOLDER, machine_names, read_machine
+from bonecam.setup.table import Table
 
 
 def test_the_mikron_is_the_one_whose_post_could_be_read(axis):
@@ -74,6 +76,48 @@ def test_a_machine_file_without_an_axis_or_with_an_unknown_point_is_refused(
     check_refused(
         write_machine(tmp_path, machine_text(chain, {}, 'programmed_point = "top"')), "programmed_point"
     )
+
+
+def test_a_machine_file_holds_spindle_nose_and_table(write_machine, chains, tmp_path):
+    bodies = """
+[spindle]
+nose = [[30, 80], [60, 80, 160]]
+[table]
+diameter = 280
+beside = "open"
+standing = [[20, 120.5]]
+"""
+    machine = read_machine(write_machine(tmp_path, chains["table-table"] + bodies))
+    assert machine.nose == (Frustum(30.0, 80.0, 80.0), Frustum(60.0, 80.0, 160.0))
+    assert machine.table == Table(radius=140.0, open_beside=True, standing=(Frustum(20.0, 120.5, 120.5),))
+    plate = read_machine(write_machine(tmp_path, chains["table-table"] + "[table]\nwidth = 500\ndepth = 300"))
+    assert plate.table == Table(half_width=250.0, half_depth=150.0)
+    assert plate.nose == ()
+
+
+@pytest.mark.parametrize("name", machine_names())
+def test_every_shipped_machine_has_a_nose_and_a_table(name):
+    machine = read_machine(name)
+    assert machine.nose
+    assert math.isfinite(machine.table.radius)
+
+
+@pytest.mark.parametrize(
+    ("bodies", "key"),
+    [
+        ("[spindle]\nnose = []", "spindle.nose"),
+        ("[spindle]\nnose = [[30]]", r"spindle.nose[0]"),
+        ("[spindle]\nnose = [[30, 80, 160, 3]]", r"spindle.nose[0]"),
+        ("[spindle]\nnose = [[30, -80]]", r"spindle.nose[0][1]: -80: give a number above 0"),
+        ("[spindle]\nface = 3", "spindle.face"),
+        ("[table]\nwidth = 300", "table.depth: missing: a plate has width and depth"),
+        ("[table]\nwidth = 300\ndepth = 300\ndiameter = 3", "table.diameter: a disc has no width and depth"),
+        ('[table]\nbeside = "open"', "table.beside: 'open': give diameter"),
+        ('[table]\nbeside = "shut"', "table.beside: 'shut': choose one of"),
+    ],
+)
+def test_bodies_that_are_none_are_refused_with_file_and_key(write_machine, chains, bodies, key, tmp_path):
+    check_refused(write_machine(tmp_path, chains["table-table"] + "\n" + bodies), key)
 
 
 def test_all_faults_of_a_machine_file_are_told_at_once(chains, write_machine, tmp_path):

@@ -9,6 +9,7 @@ import pytest
 from bonecam.arrays import angles_between, unit
 from bonecam.errors import MachineError, OrientationError
 from bonecam.job import HoldingJob, NcJob, PathJob
+from bonecam.job.frustum import Frustum
 from bonecam.levels.measure.level import Level, RoundedLevel
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -213,7 +214,7 @@ def test_narrow_limits_turn_axes_up_and_list_the_rest(
 def test_a_stubby_tool_leaves_what_its_holder_cannot_reach(
     made: Callable[..., tuple[ContactPath, Scene, ToolPath]], roughing_cutter: Cutter
 ) -> None:
-    stubby = replace(roughing_cutter, overhang=12.0, holder_diameter=16.0)
+    stubby = replace(roughing_cutter, overhang=12.0, holder=(Frustum(50.0, 16.0, 16.0),))
     _, scene, path = made(stubby)
     material = MeshDistance(scene.material)
     tips, axes, _ = between(path)

@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
+from bonecam.job.frustum import MOST_FRUSTUMS
 from bonecam.text.record import KeyFault, Record
 from bonecam.text.template import check_printable
 
@@ -47,6 +48,9 @@ Direction = Annotated[
     list[Annotated[float, Field(ge=-1, le=1)]], Field(min_length=3, max_length=3), AfterValidator(_unit)
 ]
 Speed = Annotated[float, Field(ge=SLOWEST, le=FASTEST)]
+Size = Annotated[float, Field(gt=0, le=FARTHEST)]
+FrustumRow = Annotated[list[Size], Field(min_length=2, max_length=3)]
+Stack = Annotated[list[FrustumRow], Field(max_length=MOST_FRUSTUMS)]
 Name = Annotated[str, Field(max_length=200), AfterValidator(check_printable)]
 
 
@@ -81,6 +85,36 @@ class RotaryTable(Record):
         return self
 
 
+class SpindleTable(Record):
+    """The table of the spindle: `nose`, its cylinders and cones behind the gauge line, mm."""
+
+    nose: Annotated[Stack, Field(min_length=1)]
+
+
+class BodiesTable(Record):
+    """The table of what the part stands on: `diameter` of a disc about the program's Z axis, or `width` and `depth`
+    (along X and Y) of a plate in whose middle it is; `beside`, what is below its plane beside it; `standing`, the
+    cylinders and cones that stand on it round the Z axis; mm."""
+
+    diameter: Size | None = None
+    width: Size | None = None
+    depth: Size | None = None
+    beside: Literal["closed", "open"] = "closed"
+    standing: Stack = Field(default_factory=list)
+
+    @model_validator(mode="after")
+    def _has_one_shape(self) -> "BodiesTable":
+        if (self.width is None) != (self.depth is None):
+            raise KeyFault("depth" if self.depth is None else "width", "missing: a plate has width and depth")
+        if self.diameter is not None and self.width is not None:
+            raise KeyFault("diameter", "a disc has no width and depth: give the one or the other")
+        if self.beside == "open" and self.diameter is None and self.width is None:
+            raise KeyFault(
+                "beside", "'open': give diameter, or width and depth: nothing is beside a table without end"
+            )
+        return self
+
+
 class MachineFile(Record):
     """A machine file."""
 
@@ -90,6 +124,8 @@ class MachineFile(Record):
     programmed_point: Literal["tip", "centre"] = "tip"
     tool_centre_control: Name = ""
     spindle_speed: Speed | None = None
+    spindle: SpindleTable | None = None
+    table: BodiesTable | None = None
     X: LinearTable
     Y: LinearTable
     Z: LinearTable

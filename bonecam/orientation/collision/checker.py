@@ -98,7 +98,7 @@ class CollisionChecker:
         """Whether moves are free in steps: proven by distances, or by FCL at the poses that those leave
         undecided."""
         turn = angles_between(axes[moves], axes[moves + 1])
-        reach = np.hypot(self.cutter.length, self.cutter.holder_diameter / 2)
+        reach = np.hypot(self.cutter.length, self.cutter.sections[-1][-1])
         displacement = np.linalg.norm(tips[moves + 1] - tips[moves], axis=1) + turn * reach
         steps = np.maximum(MIN_STEPS, np.ceil(displacement / SWEEP_MARGIN)).astype(int)
         places, turned = interpolate_poses(tips[moves], tips[moves + 1], axes[moves], axes[moves + 1], steps)
