@@ -4,6 +4,7 @@ All stages work in one frame, mm: the part's long axis is +Z, the table is z = 0
 the post stands on it.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 from bonecam.job import Job
@@ -13,6 +14,7 @@ from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
 from bonecam.nc.dialect import Dialect, read_dialect
 from bonecam.nc.kinematics import axis_limits
 from bonecam.nc.machine import Machine, read_machine
+from bonecam.nc.posting.header import record_checks
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import program_name
 from bonecam.nc.requirements import check_room, check_tools
@@ -155,7 +157,7 @@ def _machine(
             job,
             name=program_name(file or source or ""),
             comments=[f"part: {Path(source).name}"] if source else [],
-            stock_bounds=made.stock.bounds,
+            stock=made.stock,
             progress=part(progress, 0.82, 0.9),
         )
 
@@ -163,6 +165,7 @@ def _machine(
         tolerances = Tolerances(gouge=job.path.gouge_tolerance)
         proof = verify(program.text, paths, machine, dialect, design, tolerances, part(progress, 0.9, 1.0))
 
+    program = replace(program, text=record_checks(program.text, dialect, str(proof)))
     name = Path(file).name if file else ""
     figures = {**made.report, **report_to_program(name, paths, program, proof)}
     return Result(made.part, made.surface, made.stock, made.levels, figures, paths, program)

@@ -21,6 +21,7 @@ def save_program(layers: Layers, values: Mapping[str, Any], progress: Progress) 
     from bonecam.levels.measure.level import morph_surfaces
     from bonecam.nc.dialect import read_dialect
     from bonecam.nc.machine import read_machine
+    from bonecam.nc.posting.header import record_checks
     from bonecam.nc.posting.write import write_program
     from bonecam.setup.stock import Stock
     from bonecam.verify.proof import verify
@@ -34,14 +35,12 @@ def save_program(layers: Layers, values: Mapping[str, Any], progress: Progress) 
     machine = read_machine(job.nc.machine)
     dialect = read_dialect(job.nc.controller)
 
-    program = write_program(
-        paths, machine, dialect, job, stock_bounds=stock.bounds, progress=part(progress, 0.0, 0.5)
-    )
+    program = write_program(paths, machine, dialect, job, stock=stock, progress=part(progress, 0.0, 0.5))
     design = morph_surfaces(morph.levels)[0]
     tolerances = Tolerances(gouge=job.path.gouge_tolerance)
     proof = verify(program.text, paths, machine, dialect, design, tolerances, part(progress, 0.5, 1.0))
     target = layers.target(values["file"])
-    write_whole(target, program.text)
+    write_whole(target, record_checks(program.text, dialect, str(proof)))
     return {**nc_report(program, proof), "file": str(target)}
 
 

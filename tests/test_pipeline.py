@@ -111,6 +111,7 @@ def test_the_program_moves_the_tool_where_the_path_says(chain: tuple[bonecam.Res
     assert text == result.program.text
     assert text.startswith("0 BEGIN PGM BONE MM\n")
     assert "; PART PHALANX" in text.upper().replace(":", "")
+    assert "; CHECKS PASSED: TEXT READ BACK, TIP WITHIN 0." in text
     motions = read_program(text, read_machine("mikron-ucp600"), read_dialect("heidenhain"))
     tips = np.vstack([path.tips for path in result.paths])
     from scipy.spatial import KDTree

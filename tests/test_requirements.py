@@ -148,7 +148,7 @@ HEIDENHAIN = (FOLDER / "heidenhain.toml").read_text()
             "leaves the",
         ),
         (
-            "angle = { decimals = 3, sign = true",
+            "angle = { decimals = 3, sign = true, lowest = -99999.999",
             "angle = { decimals = 3, sign = true, lowest = 1.0",
             "leaves the",
         ),

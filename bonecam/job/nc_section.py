@@ -32,6 +32,20 @@ class NcJob(Section):
         low=1.0,
         high=100000.0,
     )
+    roughing_tolerance: float = parameter(
+        0.02,
+        "Roughing tolerance",
+        "How far the control may leave the path while roughing; finishing follows path.chord_tolerance.",
+        unit="mm",
+        low=0.001,
+        high=0.2,
+    )
+    endless_words: str = parameter(
+        "controller",
+        "Endless words",
+        "Words of endless axes: wrapped to -180..180, wound up over many turns, or as the controller's file says.",
+        choices=("controller", "wrapped", "wound"),
+    )
     coolant: bool = parameter(True, "Coolant", "Switch the coolant on while cutting.")
     part_zero: str = parameter(
         "table", "Part zero", "The program's zero: on the table under the part.", choices=("table",)

@@ -3,16 +3,25 @@
 How to add a dialect: copy a file of `bonecam/nc/dialects/` (name it, or give its path) and fill in
 - `grammar`: "klartext" (statements by pattern, moves as `L` blocks) or "iso" (letter and number words);
   `interpolation`: "tool-centre" (the control keeps the tip: X Y Z in the part) or "joints" (machine
-  coordinates by our inverse kinematics); `feed_mode`: "per-minute" or "inverse-time"; `endless_words`:
-  "wrapped" (-180..180, the control takes the short way) or "wound";
+  coordinates by our inverse kinematics); `feed_mode`: "per-minute" or "inverse-time";
+- `endless_words`: how endless axes are written where the job does not choose: "wrapped" (-180..180, the control
+  takes the short way) or "wound"; `short_way`: the blocks that switch the short way `on` and `off`, where there
+  are any: then the job may choose;
+- `straight_rapids`: true where the control drives rapids on a straight line (all axes arrive together); where it
+  is false or not stated, what would be a rapid beside the part is written as a feed move at the rapid rate;
+- `tolerance_factor`: the control's contour tolerance as a multiple of the path's chord tolerance; `needs`: what
+  the machine must have, as lines of the header;
 - [numbers]: decimals, sign and range of lengths (mm), angles (deg), feeds and spindle speeds;
 - [templates]: header, tool, level, position, approach, rapid, feed, coolant_on, coolant_off, retract,
   tool_end, footer. One line is one block; an empty template writes nothing. Fields, by template: header {name}
-  {comments} {low_x}..{high_z} {tolerance} (a length); tool {tool} {spindle} {retract} (height above everything);
-  level {tolerance} {hsc_mode}; position {rotary}; approach {linear} {plane} (X and Y); rapid {words} (all five);
-  feed {words} {feed}; retract {retract}; footer {name}. A field may have a width, like {tool:02d};
-- [tool_centre_control]: on and off blocks by name, the machine file picks one; [numbering]: `format`,
-  `first`, `continuation`;
+  {comments} {low_x}..{high_z} {tolerance} (a length) {rotary_tolerance} (degrees) {tool_centre_off}; tool {tool}
+  {spindle} {retract} (height above everything) {endless} (the short way on or off) {over_zero} (X and Y of the
+  program's zero); level {tolerance} {rotary_tolerance} {hsc_mode} (1: roughing); position {rotary}; approach
+  {above} (X Y Z at the retract height), {plane} (X and Y of the approach) {linear} (its X Y Z); rapid {words} (all
+  five); feed {words} {feed}; retract {retract}; footer {name}. A field may have a width, like {tool:02d};
+- [tool_centre_control]: `on` and `off` blocks by name, the machine file picks one, and lines for the header that
+  say which point it keeps, `tip` or `centre` by the machine's programmed_point; [numbering]: `format`, `first`,
+  `continuation`;
 - the reader's grammar: [[statements]] (klartext: `pattern`, a
   regular expression of RE2, and `effect`) or [codes] (iso: what each G and M code
   does).
@@ -20,7 +29,7 @@ Say in the file which words are proved and which were only read.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -34,6 +43,8 @@ from bonecam.nc.schema.dialect_file import (
     NumberingTable,
     NumbersTable,
     NumberTable,
+    SwitchTable,
+    ToolCentreTable,
 )
 from bonecam.nc.schema.tables import names_in, read_table
 from bonecam.nc.words import NumberFormat
@@ -54,11 +65,15 @@ class Dialect:
     interpolation: str
     feed_mode: str
     endless_words: str
+    short_way: SwitchTable | None
+    straight_rapids: bool
+    tolerance_factor: float
+    needs: tuple[str, ...]
     comment: str
     comment_characters: str
     numbers: dict[str, NumberFormat]
     numbering: NumberingTable
-    tool_centre_control: dict[str, dict[str, str]]
+    tool_centre_control: dict[str, ToolCentreTable]
     templates: dict[str, str]
     statements: tuple[tuple[str, str], ...]
     codes: dict[str, str]
@@ -84,11 +99,31 @@ class Dialect:
         text = self.templates[template].replace("%", "%%").format(**forms)
         return [line for line in text.split("\n") if line]
 
-    def tool_centre_blocks(self, machine: Machine) -> tuple[list[str], list[str]]:
-        """The blocks that switch tool-centre control on and off; MachineError where the machine names none of
-        ours."""
+    def writing_endless_words(self, choice: str) -> "Dialect":
+        """This dialect with endless axes written as the job chooses: "wrapped", "wound", or "controller" as the
+        dialect says; MachineError where the control knows one way only."""
+        if choice in ("controller", self.endless_words):
+            return self
+        if self.short_way is None:
+            what = f"{self.name} has no blocks that switch the short way of endless axes"
+            raise MachineError(
+                f"{what}: leave nc.endless_words = {choice!r} out, or add short_way to its file",
+                dialect=self.name,
+            )
+        return replace(self, endless_words=choice)
+
+    @property
+    def endless_block(self) -> str:
+        """The block by which the control reads the words of endless axes as they are written; "" without one."""
+        if self.short_way is None:
+            return ""
+        return self.short_way.on if self.endless_words == "wrapped" else self.short_way.off
+
+    def tool_centre_switch(self, machine: Machine) -> ToolCentreTable | None:
+        """The blocks that switch tool-centre control on and off, None where the control has none; MachineError where
+        the machine names none of ours."""
         if not self.tool_centre:
-            return [], []
+            return None
         if machine.tool_centre_control not in self.tool_centre_control:
             known = ", ".join(self.tool_centre_control)
             raise MachineError(
@@ -97,8 +132,7 @@ class Dialect:
                 machine=machine.name,
                 dialect=self.name,
             )
-        chosen = self.tool_centre_control[machine.tool_centre_control]
-        return [chosen["on"]], [chosen["off"]]
+        return self.tool_centre_control[machine.tool_centre_control]
 
 
 def dialect_names() -> tuple[str, ...]:
@@ -109,7 +143,6 @@ def dialect_names() -> tuple[str, ...]:
 def read_dialect(name: str | Path) -> Dialect:
     """The dialect of a name, or of a path to a TOML file; MachineError names file and every key that is wrong."""
     path, table = read_table("controller", name, FOLDER, DialectFile)
-    switches = {key: {"on": item.on, "off": item.off} for key, item in table.tool_centre_control.items()}
     return Dialect(
         name=path.stem,
         title=table.title,
@@ -118,11 +151,15 @@ def read_dialect(name: str | Path) -> Dialect:
         interpolation=table.interpolation,
         feed_mode=table.feed_mode,
         endless_words=table.endless_words,
+        short_way=table.short_way,
+        straight_rapids=table.straight_rapids,
+        tolerance_factor=table.tolerance_factor,
+        needs=tuple(table.needs),
         comment=table.comment,
         comment_characters=table.comment_characters,
         numbers={key: _format(getattr(table.numbers, key)) for key in NumbersTable.model_fields},
         numbering=table.numbering,
-        tool_centre_control=switches,
+        tool_centre_control=dict(table.tool_centre_control),
         templates={key: getattr(table.templates, key) for key in TEMPLATES},
         statements=tuple((item.pattern, item.effect) for item in table.statements),
         codes={word: effect for effect in CODES for word in getattr(table.codes, effect)},

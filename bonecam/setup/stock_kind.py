@@ -33,13 +33,15 @@ class LyingPart:
 class StockKind:
     """A kind of stock.
 
-    `sizes` are the fields of [stock] that give its size. `make` gives the stock round a part. `turn` gives an
-    angle about Z (degrees) and the middle (x, y) of the part's base then, where the kind finds them itself.
-    `centres` tells whether a part is shifted across the axis to the best place in a stock of given sizes.
+    `sizes` are the fields of [stock] that give its size. `make` gives the stock round a part. `shape` is what must
+    be mounted, in words for the program's header. `turn` gives an angle about Z (degrees) and the middle (x, y) of
+    the part's base then, where the kind finds them itself. `centres` tells whether a part is shifted across the
+    axis to the best place in a stock of given sizes.
     """
 
     sizes: tuple[str, ...]
     make: Callable[[StockJob, LyingPart, Schedule], Stock]
+    shape: str
     turn: Callable[[StockJob, Float[ndarray, "n 3"]], tuple[float, Float[ndarray, "2"]] | None] = (
         lambda job, points: None
     )

@@ -34,6 +34,12 @@ class Verification:
     readback_axis_error_deg: float
     gouge: Gouge
 
+    def __str__(self) -> str:
+        """What was proved, in the words of the program's header."""
+        tip = f"tip within {1000 * self.readback_tip_error_mm:.2f} um"
+        axis = f"axis within {self.readback_axis_error_deg:.4f} deg of the path"
+        return f"text read back, {tip}, {axis}, gouge {1000 * max(self.gouge.depth, 0.0):.2f} um"
+
 
 def verify(
     text: str,

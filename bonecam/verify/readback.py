@@ -161,8 +161,8 @@ def _check_feeds(
     dialect: Dialect,
 ) -> None:
     """VerifyError where a rapid is none, or a feed is not what its path says within the rounding of its word;
-    a move that begins a path may be a rapid."""
-    rapid = kinds == Kind.RAPID
+    a move that begins a path may be a rapid. Rapids that the control may bend are feeds at the rapid rate."""
+    rapid = (kinds == Kind.RAPID) & dialect.straight_rapids
     length = np.r_[0.0, np.linalg.norm(np.diff(motions.tips, axis=0), axis=1)]
     written = np.where(motions.inverse_time, motions.feed_rates * length, motions.feed_rates)
     feed = dialect.numbers["feed"]

@@ -1,4 +1,5 @@
-"""The header of a program: what it is for, its tools, its zero and its blank, as comments and blocks."""
+"""The header of a program: what must be mounted, how the control must be set, and what the program will do, as
+comments; the blank; the safe start."""
 
 from collections.abc import Sequence
 
@@ -8,9 +9,15 @@ from numpy import ndarray
 from bonecam.job import Job
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.machine import Machine
+from bonecam.nc.posting.header_texts import axis_texts, control_texts, setup_texts, tool_texts
 from bonecam.nc.posting.path_words import Posted
+from bonecam.nc.posting.tolerances import contour_tolerance, rotary_tolerance_deg
+from bonecam.nc.posting.travel import Travel
 from bonecam.nc.words import plain_text
-from bonecam.toolpath.cutter import Cutter
+from bonecam.setup.stock import Stock
+
+UNCHECKED = "checks passed: none, this text was not read back"
+"""The line of a program before its proof; `record_checks` replaces it."""
 
 
 def header_lines(
@@ -21,31 +28,40 @@ def header_lines(
     posted: Sequence[Posted],
     bounds: Float[ndarray, "2 3"],
     comments: Sequence[str],
+    stock: Stock | None,
+    travel: Travel,
 ) -> list[str]:
-    """The first blocks of a program: machine, control, zero and tools as comments, then the job's `comments`;
-    the blank, which fills `bounds` (mm) in the control's simulation; the tolerance."""
+    """The first blocks of a program: its comments with the job's `comments`, the blank, which fills `bounds` (mm) in
+    the control's simulation, and the safe start with the finest tolerances."""
     length = dialect.numbers["length"]
-    corners = dict(
-        zip(
-            "low_x low_y low_z high_x high_y high_z".split(),
-            map(length.text, bounds.ravel()),
-            strict=True,
-        )
-    )
-    point = "BALL CENTRE" if posted[0].control.programs_centre else "TOOL TIP"
-    where = "IN THE PART" if dialect.tool_centre else "IN MACHINE COORDINATES"
-    tools = {one.path.cutter.number: one for one in posted}
+    places = "low_x low_y low_z high_x high_y high_z".split()
+    corners = dict(zip(places, map(length.text, bounds.ravel()), strict=True))
     texts = [
         f"machine {machine.title}",
         f"control {dialect.title}",
-        f"programmed point: {point} {where}",
-        "program zero: on the table, on the axis of the post",
         *comments,
-        *(tool_text(one.path.cutter, one.control.tool_length) for one in tools.values()),
+        *setup_texts(job, stock),
+        *tool_texts(posted),
+        *control_texts(machine, dialect, posted),
+        *axis_texts(machine, travel, posted),
+        UNCHECKED,
     ]
-    marked = "\n".join(comment(text, dialect) for text in texts)
-    tolerance = length.text(job.path.chord_tolerance / 2)
-    return dialect.lines("header", name=name, comments=marked, tolerance=tolerance, **corners)
+    smallest = min(one.path.cutter.radius for one in posted)
+    switch = dialect.tool_centre_switch(machine)
+    return dialect.lines(
+        "header",
+        name=name,
+        comments="\n".join(comment(text, dialect) for text in texts),
+        tolerance=length.text(contour_tolerance(dialect, job, finishing=True)),
+        rotary_tolerance=rotary_text(dialect, rotary_tolerance_deg(dialect, job, True, smallest)),
+        tool_centre_off=switch.off if switch else "",
+        **corners,
+    )
+
+
+def rotary_text(dialect: Dialect, angle: float) -> str:
+    """An angle of a tolerance, degrees, with the decimals of the dialect's angles and no sign."""
+    return f"{angle:.{dialect.numbers['angle'].decimals}f}"
 
 
 def comment(text: str, dialect: Dialect) -> str:
@@ -53,6 +69,9 @@ def comment(text: str, dialect: Dialect) -> str:
     return dialect.comment.format(text=plain_text(text, dialect.comment_characters))
 
 
-def tool_text(cutter: Cutter, tool_length: float) -> str:
-    """The comment of the header that describes a cutter, mm; `reading.modal_state` reads it."""
-    return f"TOOL {cutter.number} BALL RADIUS {cutter.radius:.4f} LENGTH {tool_length:.4f}"
+def record_checks(text: str, dialect: Dialect, checks: str) -> str:
+    """The text of a program whose header names the `checks` that it passed; no block moves, no line is added."""
+    before = comment(UNCHECKED, dialect)
+    if text.count(before) != 1:
+        raise ValueError("the program has no line for its checks: give the text as it was written")
+    return text.replace(before, comment(f"checks passed: {checks}", dialect))

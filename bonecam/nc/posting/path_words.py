@@ -1,7 +1,5 @@
-"""Post one tool path: its words for one control, split into moves, rounded, timed, checked against the limits
-of the axes."""
+"""Post one tool path: its words for one control, split into moves, rounded and timed."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,6 +34,7 @@ class Posted:
     """
 
     path: ToolPath
+    dialect: Dialect
     control: Control
     moves: Moves
     words: Float[ndarray, "n 5"]
@@ -88,9 +87,8 @@ def post_path(
         + np.maximum(lift, APPROACH_HEIGHT)[:, None] * control.poses(np.radians(words[starts]))[1]
     )
     approaches = round_words(dialect, control, above, angles[starts])
-    return Posted(
-        path, control, moves, words, runs, approaches, _move_minutes(control, moves, words, starts, job)
-    )
+    minutes = _move_minutes(control, moves, words, starts, job)
+    return Posted(path, dialect, control, moves, words, runs, approaches, minutes)
 
 
 def _path_tolerance(job: PathJob) -> float:
@@ -131,51 +129,3 @@ def _move_minutes(
     rotary = np.abs(np.diff(words[:, 3:], axis=0, prepend=words[:1, 3:])) / np.degrees(speeds[3:])
     minutes[starts] = rotary[starts].max(1)
     return minutes
-
-
-def check_travel(machine: Machine, paths: Sequence[Posted]) -> None:
-    """MachineError with axis, value, limit and level where the spindle nose leaves its limits or the program
-    its travel."""
-    for column, axis in enumerate(machine.linear):
-        low, high = np.inf, -np.inf
-        for posted in paths:
-            words = np.vstack([posted.words, posted.approaches])
-            nose = joints_of(posted, words)[:, column] + (
-                posted.control.tool_length if axis.letter == "Z" else 0.0
-            )
-            _check_limits(axis.letter, axis.limits, nose, posted, machine)
-            low = min(low, float(nose.min()))
-            high = max(high, float(nose.max()))
-            if high - low > axis.travel:
-                raise MachineError(
-                    f"level {posted.path.level}: {axis.letter} runs over {high - low:.1f} mm, travel "
-                    f"{axis.travel:.1f} mm "
-                    f"of {machine.title}: take a machine with more travel, a shorter post or part",
-                    axis=axis.letter,
-                    value=high - low,
-                    limit=axis.travel,
-                    level=posted.path.level,
-                )
-
-
-def _check_limits(
-    letter: str, limits: tuple[float, float], nose: ndarray, posted: Posted, machine: Machine
-) -> None:
-    """MachineError where the spindle nose (mm along one axis) leaves the limits of the axis."""
-    for value, limit, off in (
-        (nose.min(), limits[0], nose.min() < limits[0]),
-        (nose.max(), limits[1], nose.max() > limits[1]),
-    ):
-        if not off:
-            continue
-        row = int(np.argmin(np.abs(nose - value)))
-        source = int(posted.moves.rows[row]) if row < len(posted.words) else 0
-        raise MachineError(
-            f"level {posted.path.level}, pass {int(posted.path.pass_index[source])}: {letter} {value:.1f} "
-            "mm leaves the limit "
-            f"{limit:.1f} mm of {machine.title}: take a machine with more travel, or move part_zero",
-            axis=letter,
-            value=float(value),
-            limit=float(limit),
-            level=posted.path.level,
-        )

@@ -16,16 +16,16 @@ from bonecam.job import Job
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.machine import Machine
 from bonecam.nc.posting.block_numbers import number_blocks
-from bonecam.nc.posting.header import comment, header_lines
-from bonecam.nc.posting.path_words import APPROACH_HEIGHT, Posted, check_travel, joints_of, post_path
+from bonecam.nc.posting.header import comment, header_lines, rotary_text
+from bonecam.nc.posting.path_words import Posted, post_path
+from bonecam.nc.posting.tolerances import contour_tolerance, rotary_tolerance_deg
+from bonecam.nc.posting.travel import Travel, above, travel_of
 from bonecam.nc.program import Program
 from bonecam.nc.words import wrapped
 from bonecam.progress import Progress, report, silent
+from bonecam.setup.stock import Stock
+from bonecam.toolpath.cutter import Cutter
 from bonecam.toolpath.path import Kind, ToolPath
-
-TOLERANCE_FACTOR = 1.3
-"""The control's contour tolerance as a multiple of the chord tolerance of the path: a control smooths best
-between 1.1 and 2 of it (Heidenhain, iTNC 530 cycle programming, section 12.5 on cycle 32)."""
 
 
 def write_program(
@@ -36,67 +36,71 @@ def write_program(
     *,
     name: str = "BONE",
     comments: Sequence[str] = (),
-    stock_bounds: Float[ndarray, "2 3"] | None = None,
+    stock: Stock | None = None,
     progress: Progress = silent,
 ) -> Program:
     """The program that machines `paths` in their order.
 
-    `name` has letters, digits and underscores. `stock_bounds` (mm) is the blank in the control's simulation;
-    without it the box of the tips is taken. MachineError where an axis leaves its limits or travel,
-    ProgramError where a number cannot be written.
+    `name` has letters, digits and underscores. The header describes the `stock`, whose box is the blank in the
+    control's simulation; without it that is the box of the tips. MachineError where an axis leaves its limits or
+    travel, or endless axes cannot be written as the job says; ProgramError where a number cannot be written.
     """
     if not paths:
         raise ValueError("no tool path: give at least one")
     if not name or not all(letter.isascii() and (letter.isalnum() or letter == "_") for letter in name):
         raise ProgramError(f"program name {name!r}: use letters, digits and _", name=name)
+    dialect = dialect.writing_endless_words(job.nc.endless_words)
     around = np.vstack([path.tips for path in paths])
     posted: list[Posted] = []
     for index, path in enumerate(paths):
         report(progress, index / len(paths), f"level {path.level}: angles and words")
         before = posted[-1].moves.angles[-1] if posted else None
         posted.append(post_path(path, machine, dialect, job, around, before))
-    check_travel(machine, posted)
-    bounds = np.array([around.min(0), around.max(0)]) if stock_bounds is None else stock_bounds
-    writer = ProgramWriter(machine, dialect, job, name.upper(), posted)
-    return writer.program(bounds, comments)
+    travel = travel_of(machine, posted)
+    bounds = np.array([around.min(0), around.max(0)]) if stock is None else stock.bounds
+    header = header_lines(machine, dialect, job, name.upper(), posted, bounds, comments, stock, travel)
+    return ProgramWriter(machine, dialect, job, name.upper(), posted, travel).program(header)
 
 
 class ProgramWriter:
     """Writes the blocks of one program from its posted paths; `moves` counts those written so far."""
 
     def __init__(
-        self, machine: Machine, dialect: Dialect, job: Job, name: str, posted: Sequence[Posted]
+        self,
+        machine: Machine,
+        dialect: Dialect,
+        job: Job,
+        name: str,
+        posted: Sequence[Posted],
+        travel: Travel,
     ) -> None:
         self.machine = machine
         self.dialect = dialect
         self.job = job
         self.name = name
         self.posted = posted
+        self.travel = travel
         self.length = dialect.numbers["length"]
         self.angle = dialect.numbers["angle"]
         self.feed = dialect.numbers["feed"]
-        self.on, self.off = dialect.tool_centre_blocks(machine)
-        self.retract = self.length.text(self._retract_height())
+        switch = dialect.tool_centre_switch(machine)
+        self.on, self.off = ([switch.on], [switch.off]) if switch else ([], [])
+        self.retract = self.length.text(travel.retract)
         self.moves = 0
 
-    def program(self, bounds: ndarray, comments: Sequence[str]) -> Program:
-        """The whole program; `bounds` (mm) is the blank in the control's simulation."""
-        lines = header_lines(self.machine, self.dialect, self.job, self.name, self.posted, bounds, comments)
+    def program(self, header: list[str]) -> Program:
+        """The whole program, which begins with the blocks of the `header`."""
+        lines = list(header)
         tool = None
         for posted in self.posted:
             cutter = posted.path.cutter
             if cutter.number != tool:
                 lines += self.dialect.lines("tool_end") if tool is not None else []
-                lines += self._moving(
-                    "tool",
-                    tool=cutter.number,
-                    spindle=self.dialect.numbers["spindle"].text(cutter.spindle),
-                    retract=self.retract,
-                )
+                lines += self._tool(cutter)
                 tool = cutter.number
             lines += [comment(f"level {posted.path.level}", self.dialect), *self._level(posted)]
-            for run, approach in zip(posted.runs, posted.approaches, strict=True):
-                lines += self._run(posted, run, approach)
+            for index in range(len(posted.runs)):
+                lines += self._run(posted, index)
         lines += self.dialect.lines("tool_end") + self.dialect.lines("footer", name=self.name)
         return self._finish(lines)
 
@@ -126,11 +130,29 @@ class ProgramWriter:
             ),
         )
 
+    def _tool(self, cutter: Cutter) -> list[str]:
+        """The blocks that bring a cutter into the spindle and over the program's zero."""
+        zero = self.length.text(0.0)
+        return self._moving(
+            "tool",
+            tool=cutter.number,
+            spindle=self.dialect.numbers["spindle"].text(cutter.spindle),
+            retract=self.retract,
+            endless=self.dialect.endless_block,
+            over_zero=f"X{zero} Y{zero}",
+        )
+
     def _level(self, posted: Posted) -> list[str]:
-        """The blocks that begin a level: its contour tolerance and whether it is roughed."""
-        tolerance = self.length.text(TOLERANCE_FACTOR * self.job.path.chord_tolerance)
+        """The blocks that begin a level: its tolerances and whether it is roughed."""
+        finishing = self.job.is_finishing(posted.path.level)
+        radius = posted.path.cutter.radius
         return self.dialect.lines(
-            "level", tolerance=tolerance, hsc_mode=int(not self.job.is_finishing(posted.path.level))
+            "level",
+            tolerance=self.length.text(contour_tolerance(self.dialect, self.job, finishing)),
+            rotary_tolerance=rotary_text(
+                self.dialect, rotary_tolerance_deg(self.dialect, self.job, finishing, radius)
+            ),
+            hsc_mode=int(not finishing),
         )
 
     def _moving(self, template: str, **fields: object) -> list[str]:
@@ -139,16 +161,17 @@ class ProgramWriter:
         self.moves += sum(line.startswith(("L ", "G0 ")) for line in lines)
         return lines
 
-    def _run(self, posted: Posted, run: tuple[int, int], approach: ndarray) -> list[str]:
+    def _run(self, posted: Posted, index: int) -> list[str]:
         """The blocks of one run: turn the rotary axes, approach along the tool axis, machine, retract."""
-        words = _words(self.machine.letters, approach, self)
-        rotary = " ".join(words[3:])
-        linear = " ".join(words[:3])
-        plane = " ".join(words[:2])
+        run = posted.runs[index]
+        words = _words(self.machine.letters, posted.approaches[index], self)
+        high = _words(self.machine.letters, above(posted, index, self.travel.retract), self)
         lines = (
-            self._moving("position", rotary=rotary)
+            self._moving("position", rotary=" ".join(words[3:]))
             + self.on
-            + self._moving("approach", linear=linear, plane=plane)
+            + self._moving(
+                "approach", linear=" ".join(words[:3]), plane=" ".join(words[:2]), above=" ".join(high[:3])
+            )
         )
         if self.job.nc.coolant:
             lines += self.dialect.lines("coolant_on")
@@ -170,8 +193,8 @@ class ProgramWriter:
         feed = "\n".join(self.dialect.move_lines("feed", words=form, feed=self.feed.spec))
         rates = np.clip(self._rates(posted, rows), self.feed.lowest, self.feed.highest)
         rates = self.feed.rounded(rates)
-        fast = kinds == Kind.RAPID
-        # the first row of a run is reached from the approach height
+        # the first row of a run is reached along the tool axis from the approach height
+        fast = (kinds == Kind.RAPID) & self.dialect.straight_rapids
         fast[0] = True
         self.moves += len(kinds)
         table = np.column_stack([words, rates]).tolist()
@@ -203,21 +226,6 @@ class ProgramWriter:
         self.angle.check(written[:, 3:])
         # whole steps and no negative zero
         return written + 0.0
-
-    def _retract_height(self) -> float:
-        """Machine Z above everything the program does, whatever the rotary axes do meanwhile."""
-        heights = []
-        reach = []
-        pivot = np.array(self.machine.part_axes[-1].pivot) if self.machine.part_axes else np.zeros(3)
-        for posted in self.posted:
-            heights.append(joints_of(posted, posted.approaches)[:, 2].max())
-            # while the table swings under the tool, the part sweeps at most this ball about the pivot
-            reach.append(
-                np.linalg.norm(joints_of(posted, posted.words)[:, :3] - pivot, axis=1).max()
-                if self.machine.part_axes
-                else 0.0
-            )
-        return float(np.ceil(max(max(heights), pivot[2] + max(reach)) + APPROACH_HEIGHT))
 
 
 def _words(letters: str, values: ndarray, writer: ProgramWriter) -> list[str]:

@@ -21,8 +21,8 @@ from bonecam.text.faults import shown
 TOOL_COMMENT = re.compile(rf"\s*TOOL ({WHOLE}) BALL RADIUS ({WHOLE}\.[0-9]+) LENGTH ({WHOLE}\.[0-9]+)\s*")
 """The comment of the header that describes a cutter, as `posting.header.tool_text` writes it; mm."""
 AMBIGUOUS_TURN_DEG = 179.0
-"""A wrapped word that turns an endless axis by more than this is refused: by half a turn, either way is
-short."""
+"""A word that turns an endless axis by more than this in one block is refused: by half a turn, either way is
+short, and an axis that is wound goes the wrong way round."""
 
 
 def line_error(line: int, why: str) -> ProgramError:
@@ -41,8 +41,8 @@ class ModalState:
     """What a control knows after the blocks that it has read: position, tool, and the modes that are on.
 
     `position`: X, Y, Z in mm and the rotary axes in degrees, unwound; None where it is not known.
-    `tool_centre`: tool-centre control (TCPM, RTCP) is on. `short_way`: endless axes turn the short way.
-    `inverse_time`: F is in 1/min. Used for one program.
+    `tool_centre`: tool-centre control (TCPM, RTCP) is on. `short_way`: endless axes turn the short way, or as
+    their words say; None before the program has said which. `inverse_time`: F is in 1/min. Used for one program.
     """
 
     def __init__(self, machine: Machine, dialect: Dialect, tools: Sequence[Tool]) -> None:
@@ -53,11 +53,10 @@ class ModalState:
         self.position: list[float | None] = [None] * 5
         self.tool = 0
         self.tool_centre = False
-        self.short_way = False
+        self.short_way: bool | None = None if dialect.short_way else dialect.endless_words == "wrapped"
         self.inverse_time = False
         self.ended = False
         self.blocks = 0
-        self.wraps = dialect.endless_words == "wrapped"
         self.rows: list[tuple[float, ...]] = []
         self.tables: list[ndarray] = []
         self.full_move = full_move(dialect, machine.letters)
@@ -93,7 +92,10 @@ class ModalState:
             raise line_error(line, "a move before any tool call")
         linear = any(letter in "XYZ" for letter in words)
         if linear and self.dialect.tool_centre and not self.tool_centre:
-            raise line_error(line, "X, Y, Z are programmed without tool-centre control")
+            if not rapid or before[2] is not None or "Z" in words:
+                raise line_error(line, "X, Y, Z are programmed without tool-centre control")
+            # retracted, across the spindle: where the tip stands in the part is not known
+            self.forget_tip()
         if not rapid and not feed > 0:
             raise line_error(line, "a cutting move without feed")
         if None not in self.position:
@@ -122,13 +124,13 @@ class ModalState:
         doubtful = ~found.rapid & ~(found.feeds > 0)
         if number >= 0:
             doubtful |= found.numbers != number + np.arange(len(found.numbers))
-        if self.wraps:
-            for column, axis in enumerate(self.machine.rotary, start=3):
-                if axis.endless:
-                    found.words[:, column], turns = unwound(
-                        float(self.position[column] or 0.0), found.words[:, column]
-                    )
-                    doubtful |= (np.abs(turns) > AMBIGUOUS_TURN_DEG) | (not self.short_way)
+        for column, axis in enumerate(self.machine.rotary, start=3):
+            if axis.endless:
+                before = float(self.position[column] or 0.0)
+                turns = np.diff(found.words[:, column], prepend=before)
+                if self.short_way:
+                    found.words[:, column], turns = unwound(before, found.words[:, column])
+                doubtful |= (np.abs(turns) > AMBIGUOUS_TURN_DEG) | (self.short_way is None)
         count = int(np.argmax(doubtful)) if doubtful.any() else len(doubtful)
         if count:
             self._take(found.first(count), start + 1)
@@ -151,18 +153,21 @@ class ModalState:
 
     def _unwound(self, column: int, value: float, line: int) -> float:
         """The angle (degrees) that an axis reaches by its word: the short way where the axis is endless and
-        the control wraps its words."""
+        the control turns it so."""
         before = self.position[column]
         axis = self.machine.rotary[column - 3]
-        if not (axis.endless and self.wraps) or before is None:
+        if not axis.endless:
             return value
-        if not self.short_way:
-            raise line_error(line, f"{axis.letter} turns without the short way switched on")
-        turn = (value - before + 180.0) % 360.0 - 180.0
+        if self.short_way is None:
+            raise line_error(line, f"{axis.letter} turns before the short way is switched on or off")
+        if before is None:
+            return value
+        turn = value - before
+        if self.short_way:
+            turn = (turn + 180.0) % 360.0 - 180.0
         if abs(turn) > AMBIGUOUS_TURN_DEG and self.position[0] is not None:
-            raise line_error(
-                line, f"{axis.letter} turns by {turn:.3f} deg in one block: either way is possible"
-            )
+            why = "either way is possible" if self.short_way else "half a turn is allowed"
+            raise line_error(line, f"{axis.letter} turns by {turn:.3f} deg in one block: {why}")
         # whole turns are added to the word, so that no rounding builds up over many turns
         return value + 360.0 * round((before + turn - value) / 360.0)
 

@@ -15,11 +15,18 @@ LARGEST_NUMBER = 1e9
 """No number of a program is larger."""
 _CORNERS = dict.fromkeys("low_x low_y low_z high_x high_y high_z".split(), "+1.0")
 FIELDS: Mapping[str, Mapping[str, str | int]] = {
-    "header": {"name": "BONE", "comments": "; X", "tolerance": "0.01", **_CORNERS},
-    "tool": {"tool": 1, "spindle": "1", "retract": "1.0"},
-    "level": {"tolerance": "0.01", "hsc_mode": 1},
+    "header": {
+        "name": "BONE",
+        "comments": "; X",
+        "tolerance": "0.01",
+        "rotary_tolerance": "0.1",
+        "tool_centre_off": "M129",
+        **_CORNERS,
+    },
+    "tool": {"tool": 1, "spindle": "1", "retract": "1.0", "endless": "M126", "over_zero": "X+0.0 Y+0.0"},
+    "level": {"tolerance": "0.01", "rotary_tolerance": "0.1", "hsc_mode": 1},
     "position": {"rotary": "B+1.0 C+1.0"},
-    "approach": {"linear": "X+1.0 Y+1.0 Z+1.0", "plane": "X+1.0 Y+1.0"},
+    "approach": {"linear": "X+1.0 Y+1.0 Z+1.0", "plane": "X+1.0 Y+1.0", "above": "X+1.0 Y+1.0 Z+9.0"},
     "rapid": {"words": "X+1.0"},
     "feed": {"words": "X+1.0", "feed": "1"},
     "coolant_on": {},
@@ -77,6 +84,7 @@ def _block(text: str) -> str:
 
 
 Block = Annotated[str, Field(max_length=200), AfterValidator(_block)]
+Lines = Annotated[list[Block], Field(max_length=20)]
 
 
 class NumberingTable(Record):
@@ -88,10 +96,18 @@ class NumberingTable(Record):
 
 
 class SwitchTable(Record):
-    """The blocks that switch tool-centre control."""
+    """The blocks that switch a function of the control on and off."""
 
     on: Block
     off: Block
+
+
+class ToolCentreTable(SwitchTable):
+    """The blocks that switch tool-centre control, and what the header says of the point that it keeps: where the
+    machine programs the tip, and where it programs the ball's centre."""
+
+    tip: Lines = Field(default_factory=list)
+    centre: Lines = Field(default_factory=list)
 
 
 class TemplatesTable(Record):
@@ -181,11 +197,17 @@ class DialectFile(Record):
     interpolation: Literal["tool-centre", "joints"]
     feed_mode: Literal["per-minute", "inverse-time"]
     endless_words: Literal["wrapped", "wound"]
+    short_way: SwitchTable | None = None
+    straight_rapids: bool = False
+    tolerance_factor: Annotated[float, Field(gt=0, le=10)] = 1.0
+    needs: Lines = Field(default_factory=list)
     comment: Annotated[str, Field(max_length=100), AfterValidator(_comment)]
     comment_characters: Annotated[str, Field(max_length=1000), AfterValidator(_block)]
     numbers: NumbersTable
     numbering: NumberingTable = NumberingTable()
-    tool_centre_control: Annotated[dict[str, SwitchTable], Field(max_length=50)] = Field(default_factory=dict)
+    tool_centre_control: Annotated[dict[str, ToolCentreTable], Field(max_length=50)] = Field(
+        default_factory=dict
+    )
     templates: TemplatesTable
     statements: Annotated[list[StatementTable], Field(max_length=200)] = Field(default_factory=list)
     codes: CodesTable = CodesTable()
@@ -195,6 +217,8 @@ class DialectFile(Record):
         if self.interpolation == "tool-centre" and not self.tool_centre_control:
             why = "a tool-centre dialect needs at least one table with on and off: add it"
             raise KeyFault("tool_centre_control", why)
+        if self.grammar == "klartext" and self.endless_words == "wrapped" and self.short_way is None:
+            raise KeyFault("short_way", "missing: add the blocks that switch the short way on and off")
         return self
 
 

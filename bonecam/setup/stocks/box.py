@@ -148,4 +148,9 @@ def smallest_base(points: Float[ndarray, "n 2"], allowance: float) -> tuple[floa
     return float(turns[least]), (bases[least].min(0) + bases[least].max(0)) / 2
 
 
-KIND = StockKind(("width", "depth", "length"), _make, turn=_turn)
+KIND = StockKind(
+    ("width", "depth", "length"),
+    _make,
+    "a square bar, its sides along X and Y, both ends faced flat",
+    turn=_turn,
+)

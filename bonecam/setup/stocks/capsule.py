@@ -90,4 +90,6 @@ def _make(job: StockJob, part: LyingPart, schedule: Schedule) -> Capsule:
     return capsule_of_size(job.diameter, job.length, part.middle)
 
 
-KIND = StockKind(("diameter", "length"), _make, centres=True)
+KIND = StockKind(
+    ("diameter", "length"), _make, "a bar turned to a cylinder with half a ball at either end", centres=True
+)

@@ -136,4 +136,4 @@ def _make(job: StockJob, part: LyingPart, schedule: Schedule) -> Cylinder:
     return Cylinder(radius, part.middle - half, part.middle + half)
 
 
-KIND = StockKind(("diameter", "length"), _make)
+KIND = StockKind(("diameter", "length"), _make, "a round bar, both ends faced flat")

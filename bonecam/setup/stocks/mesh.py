@@ -234,4 +234,4 @@ def smallest_scale(stock: ConvexStock, points: Float[ndarray, "n 3"], allowance:
     return high
 
 
-KIND = StockKind(("mesh", "scale"), _make)
+KIND = StockKind(("mesh", "scale"), _make, "the body of its file, made before")

@@ -86,8 +86,26 @@ def test_a_cut_without_tool_centre_control_is_refused(texts):
 
 def test_the_short_way_must_be_switched_on(texts):
     text = texts["heidenhain"].replace(" M126\n", " M3\n")
-    with pytest.raises(ProgramError, match="without the short way"):
+    with pytest.raises(ProgramError, match="C turns before the short way is switched on or off"):
         read_program(text, *PAIRS["heidenhain"])
+
+
+def test_words_of_the_short_way_are_refused_where_the_control_drives_them_as_they_are(texts):
+    text = texts["heidenhain"]
+    turned = re.sub(r"( M126\n)", " M127\n", text)
+    lines = [line for line in turned.splitlines() if "F900" in line]
+    jump = re.sub(r" C[+-]\d+\.\d{3}", " C+179.500", lines[5])
+    back = re.sub(r" C[+-]\d+\.\d{3}", " C-179.500", lines[6])
+    with pytest.raises(ProgramError, match=r"C turns by -?\d+\.\d+ deg in one block: half a turn is allowed"):
+        read_program(turned.replace(lines[5], jump).replace(lines[6], back), *PAIRS["heidenhain"])
+
+
+def test_across_the_retracted_spindle_only_rapids_need_no_tool_centre_control(texts):
+    text = texts["heidenhain"]
+    assert "L X+0.000 Y+0.000 R0 FMAX" in text
+    for wrong in ("L X+0.000 Y+0.000 R0 F900", "L X+0.000 Y+0.000 Z+9.000 R0 FMAX"):
+        with pytest.raises(ProgramError, match="without tool-centre control"):
+            read_program(text.replace("L X+0.000 Y+0.000 R0 FMAX", wrong), *PAIRS["heidenhain"])
 
 
 def test_given_tools_replace_those_of_the_comments(texts):

@@ -1,0 +1,120 @@
+"""The comments of a program's header, as plain texts: what a machinist must know before the start."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from bonecam.job import Job
+from bonecam.nc.dialect import Dialect
+from bonecam.nc.machine import Machine
+from bonecam.nc.posting.path_words import Posted
+from bonecam.nc.posting.travel import Travel
+from bonecam.setup.stock import Stock
+from bonecam.setup.stock_kind import kind_of
+from bonecam.toolpath.cutter import Cutter
+
+
+def setup_texts(job: Job, stock: Stock | None) -> list[str]:
+    """What must be mounted and where the zero is; `stock` is None where only the paths are known."""
+    post = f"post below it: diameter {job.holding.diameter:.2f} mm, from Z 0.00 to Z {job.holding.length:.2f}"
+    texts = [f"{post}, turned before, left uncut"]
+    if stock is not None:
+        low, high = stock.bounds[:, 2].tolist()
+        sizes = ", ".join(f"{name} {size:.2f}" for name, size in stock.sizes.items())
+        texts = [
+            f"stock: {stock.kind}, {sizes} mm, from Z {low:.2f} to Z {high:.2f}",
+            f"stock: {kind_of(job.stock).shape}, mounted so before the start",
+            *texts,
+        ]
+    return [
+        *texts,
+        "clamping: nothing of chuck, collet or vice may stand above Z 0.00",
+        "program zero: X 0 Y 0 on the axis of the post, Z 0 on the table or on top of the clamping",
+    ]
+
+
+def tool_texts(posted: Sequence[Posted]) -> list[str]:
+    """Every tool: a line that the reader takes, its shapes, its time; and where its length is measured."""
+    texts = []
+    for number, one in {one.path.cutter.number: one for one in posted}.items():
+        minutes = sum(float(each.minutes.sum()) for each in posted if each.path.cutter.number == number)
+        cutter = one.path.cutter
+        texts += [
+            tool_text(cutter, one.control.tool_length),
+            f"tool {number}: {_shapes(cutter)}",
+            f"tool {number}: stick-out {cutter.overhang:.2f} mm, S{cutter.spindle:.0f}, F{cutter.feed:.0f}, "
+            f"about {minutes:.1f} min",
+        ]
+    return [
+        *texts,
+        "tool lengths: planned, from the spindle nose to the tip of the ball; enter the measured ones",
+        "holders and shanks: none wider, no stick-out shorter than above",
+    ]
+
+
+def _shapes(cutter: Cutter) -> str:
+    """The cylinders of a cutter from the tip up, mm."""
+    return ", ".join(
+        f"{name} to {end:.2f} diameter {2 * radius:.2f}" for name, _, end, radius in cutter.sections
+    )
+
+
+def tool_text(cutter: Cutter, tool_length: float) -> str:
+    """The comment of the header that describes a cutter, mm; `reading.modal_state` reads it."""
+    return f"TOOL {cutter.number} BALL RADIUS {cutter.radius:.4f} LENGTH {tool_length:.4f}"
+
+
+def control_texts(machine: Machine, dialect: Dialect, posted: Sequence[Posted]) -> list[str]:
+    """What the control must have and how it must be set: the programmed point, rapids, words of endless axes."""
+    centre = posted[0].control.programs_centre
+    point = "BALL CENTRE" if centre else "TOOL TIP"
+    where = "IN THE PART" if dialect.tool_centre else "IN MACHINE COORDINATES"
+    switch = dialect.tool_centre_switch(machine)
+    notes = (switch.centre if centre else switch.tip) if switch else []
+    rapids = "rapids: the control must drive them straight, all axes arriving together"
+    if not dialect.straight_rapids:
+        rapids = "rapids: only above the part, elsewhere feeds, as the control may bend them"
+    return [
+        *(f"needs: {need}" for need in dialect.needs),
+        f"programmed point: {point} {where}",
+        *notes,
+        rapids,
+    ]
+
+
+def axis_texts(machine: Machine, travel: Travel, posted: Sequence[Posted]) -> list[str]:
+    """The room that the program takes, how endless axes are written, and the time."""
+    linear = ", ".join(
+        f"{axis.letter} {high - low:.1f} of {axis.travel:.1f}"
+        for axis, (low, high) in zip(machine.linear, travel.ranges.tolist(), strict=False)
+    )
+    rotary = ", ".join(
+        f"{axis.letter} {low:+.3f} to {high:+.3f}"
+        for axis, (low, high) in zip(machine.rotary, travel.ranges[3:].tolist(), strict=True)
+    )
+    minutes = sum(float(np.sum(one.minutes)) for one in posted)
+    return [
+        f"travel, mm: {linear}, pivots and tool lengths as assumed",
+        f"rotary axes, degrees unwound: {rotary}",
+        *(
+            text
+            for axis in machine.rotary
+            if axis.endless
+            for text in _endless_texts(axis.letter, posted[0].dialect)
+        ),
+        f"time about {minutes:.1f} min, without accelerations and tool changes",
+    ]
+
+
+def _endless_texts(letter: str, dialect: Dialect) -> list[str]:
+    """How the words of an endless axis are written, and what the control must do with them."""
+    block = f" under {dialect.endless_block}" if dialect.endless_block else ""
+    if dialect.endless_words == "wrapped":
+        return [
+            f"{letter} words: wrapped to -180..180{block}, the control takes the short way",
+            f"{letter} must be a modulo axis, its display reduced to 360 degrees",
+        ]
+    return [
+        f"{letter} words: wound up over many turns{block}, the control drives them as they are",
+        f"{letter} must not be a modulo axis, its display not reduced to 360 degrees",
+    ]

@@ -1,0 +1,99 @@
+"""The room that a program takes: the range of every axis, and the height above all that it does."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.arrays import lengths
+from bonecam.errors import MachineError
+from bonecam.nc.machine import Machine
+from bonecam.nc.posting.path_words import APPROACH_HEIGHT, Posted, joints_of, round_words
+
+
+@dataclass(frozen=True, eq=False)
+class Travel:
+    """Lowest and highest value of every axis in a program, (5, 2): X, Y, Z of the spindle nose in mm, rotary axes in
+    degrees, unwound; and `retract`, the machine Z (mm, of the tip) above everything that the program does."""
+
+    ranges: Float[ndarray, "5 2"]
+    retract: float
+
+
+def travel_of(machine: Machine, paths: Sequence[Posted]) -> Travel:
+    """The room that the posted paths take; MachineError with axis, value, limit and level where the spindle nose
+    leaves its limits or the program its travel."""
+    retract = _retract_height(machine, paths)
+    ranges = np.column_stack([np.full(5, np.inf), np.full(5, -np.inf)])
+    for posted in paths:
+        nose = joints_of(posted, np.vstack([posted.words, posted.approaches]))
+        nose[:, 3:] = np.degrees(nose[:, 3:])
+        nose[:, 2] += posted.control.tool_length
+        for column, axis in enumerate(machine.linear):
+            _check_limits(axis.letter, axis.limits, nose[:, column], posted, machine)
+        top = np.array([[-np.inf] * 2 + [retract + posted.control.tool_length] + [-np.inf] * 2])
+        ranges[:, 0] = np.minimum(ranges[:, 0], nose.min(0))
+        ranges[:, 1] = np.maximum(ranges[:, 1], np.vstack([nose, top]).max(0))
+        _check_travel(machine, ranges, posted.path.level)
+    return Travel(ranges, retract)
+
+
+def above(posted: Posted, run: int, retract: float) -> Float[ndarray, "5"]:
+    """Words (mm, deg) of the place on the tool axis over the approach of a run, at the retract height."""
+    words = posted.approaches[run][None]
+    lift = max(retract - float(joints_of(posted, words)[0, 2]), 0.0)
+    radians = np.column_stack([words[:, :3], np.radians(words[:, 3:])])
+    if not posted.control.tool_centre:
+        return np.asarray(words[0] + [0.0, 0.0, lift, 0.0, 0.0])
+    tips, axes = posted.control.poses(radians)
+    return np.asarray(round_words(posted.dialect, posted.control, tips + lift * axes, radians[:, 3:])[0])
+
+
+def _retract_height(machine: Machine, paths: Sequence[Posted]) -> float:
+    """Machine Z (mm, of the tip) above everything the program does, whatever the rotary axes do meanwhile."""
+    pivot = np.array(machine.part_axes[-1].pivot) if machine.part_axes else np.zeros(3)
+    heights = [joints_of(posted, posted.approaches)[:, 2].max() for posted in paths]
+    if machine.part_axes:
+        # while the table swings under the tool, the part sweeps at most this ball about the pivot
+        reach = [lengths(joints_of(posted, posted.words)[:, :3] - pivot).max() for posted in paths]
+        heights.append(pivot[2] + max(reach))
+    return float(np.ceil(max(heights) + APPROACH_HEIGHT))
+
+
+def _check_travel(machine: Machine, ranges: Float[ndarray, "5 2"], level: int) -> None:
+    """MachineError where a linear axis runs over more than its travel."""
+    for axis, (low, high) in zip(machine.linear, ranges.tolist(), strict=False):
+        if high - low > axis.travel:
+            raise MachineError(
+                f"level {level}: {axis.letter} runs over {high - low:.1f} mm, travel {axis.travel:.1f} mm "
+                f"of {machine.title}: take a machine with more travel, a shorter post or part",
+                axis=axis.letter,
+                value=high - low,
+                limit=axis.travel,
+                level=level,
+            )
+
+
+def _check_limits(
+    letter: str, limits: tuple[float, float], nose: ndarray, posted: Posted, machine: Machine
+) -> None:
+    """MachineError where the spindle nose (mm along one axis) leaves the limits of the axis."""
+    for value, limit, off in (
+        (nose.min(), limits[0], nose.min() < limits[0]),
+        (nose.max(), limits[1], nose.max() > limits[1]),
+    ):
+        if not off:
+            continue
+        row = int(np.argmin(np.abs(nose - value)))
+        source = int(posted.moves.rows[row]) if row < len(posted.words) else 0
+        raise MachineError(
+            f"level {posted.path.level}, pass {int(posted.path.pass_index[source])}: {letter} {value:.1f} "
+            "mm leaves the limit "
+            f"{limit:.1f} mm of {machine.title}: take a machine with more travel, or move part_zero",
+            axis=letter,
+            value=float(value),
+            limit=float(limit),
+            level=posted.path.level,
+        )

@@ -1,0 +1,170 @@
+"""What a machinist reads before the start, the safe start, and the end."""
+
+import math
+import re
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bonecam.errors import MachineError
+from bonecam.job import Job
+from bonecam.nc.dialect import read_dialect
+from bonecam.nc.machine import read_machine
+from bonecam.nc.posting.header import record_checks
+from bonecam.nc.posting.tolerances import contour_tolerance, rotary_tolerance_deg
+from bonecam.nc.posting.write import write_program
+from bonecam.nc.reading.read import read_program
+from bonecam.setup.capsule import Capsule
+from bonecam.toolpath.path import Kind, ToolPath
+from bonecam.verify.readback import Tolerances, compare_moves
+
+MIKRON, HEIDENHAIN = read_machine("mikron-ucp600"), read_dialect("heidenhain")
+
+
+@pytest.fixture(scope="module")
+def paths(capsule_path: Callable[..., ToolPath]) -> tuple[ToolPath, ToolPath]:
+    return (
+        capsule_path(level=5, radius=2.0, offset=1.5, number=1, count=150),
+        capsule_path(level=0, radius=1.0, number=2, count=150),
+    )
+
+
+@pytest.fixture(scope="module")
+def text(paths: tuple[ToolPath, ToolPath], upright_capsule: Capsule) -> str:
+    return write_program(paths, MIKRON, HEIDENHAIN, Job(), stock=upright_capsule).text
+
+
+def blocks(text: str) -> list[str]:
+    """The blocks without numbers and comments."""
+    plain = [re.sub(r"^\d+ ", "", line) for line in text.splitlines()]
+    return [line for line in plain if not line.startswith(";")]
+
+
+def test_the_header_says_what_to_mount_and_how_to_set_the_control(text: str) -> None:
+    head = text[: text.index("TOOL CALL")]
+    for said in (
+        "STOCK: CAPSULE, DIAMETER 13.20, LENGTH 15.20 MM, FROM Z 29.40 TO Z 44.60",
+        "A BAR TURNED TO A CYLINDER WITH HALF A BALL AT EITHER END",
+        "POST BELOW IT: DIAMETER 4.00 MM, FROM Z 0.00 TO Z 40.00, TURNED BEFORE",
+        "NOTHING OF CHUCK, COLLET OR VICE MAY STAND ABOVE Z 0.00",
+        "X 0 Y 0 ON THE AXIS OF THE POST",
+        "TOOL 1: CUTTER TO 8.00 DIAMETER 4.00, SHANK TO 25.00 DIAMETER 4.00, HOLDER TO 75.00 DIAMETER 20.00",
+        "TOOL 2: STICK-OUT 25.00 MM, S12000, F900, ABOUT",
+        "NEEDS: FUNCTION TCPM OR M128",
+        "FUNCTION TCPM KEEPS THE TIP",
+        "TOOL TABLE: L FROM THE SPINDLE NOSE TO THE TIP",
+        "RAPIDS: THE CONTROL MUST DRIVE THEM STRAIGHT",
+        "C WORDS: WRAPPED TO -180..180 UNDER M126",
+        "C MUST BE A MODULO AXIS",
+        "CHECKS PASSED: NONE, THIS TEXT WAS NOT READ BACK",
+    ):
+        assert said in head, said
+    assert max(map(len, head.splitlines())) <= 110
+
+
+def test_the_extents_in_the_header_are_those_of_the_blocks(text: str) -> None:
+    motions = read_program(text, MIKRON, HEIDENHAIN)
+    found = re.search(r"ROTARY AXES, DEGREES UNWOUND: B (\S+) TO (\S+), C (\S+) TO (\S+)", text)
+    assert found
+    told = np.array([float(value) for value in found.groups()]).reshape(2, 2)
+    angles = np.degrees(motions.words[:, 3:])
+    # a wound axis is known up to whole turns from the text
+    assert told[0].tolist() == pytest.approx([angles[:, 0].min(), angles[:, 0].max()], abs=1e-6)
+    assert np.ptp(told[1]) == pytest.approx(np.ptp(angles[:, 1]), abs=1e-6)
+
+
+def test_the_program_starts_and_ends_with_nothing_switched_on(text: str) -> None:
+    body = blocks(text)
+    start = body[3 : body.index("TOOL CALL 1 Z S12000")]
+    assert start[0] == "FUNCTION RESET TCPM"
+    assert start[1:3] == ["CYCL DEF 247 DATUM SETTING ~", "  Q339=1 ; DATUM NUMBER"]
+    assert "PLANE RESET STAY" in start
+    assert [f"CYCL DEF 7.{k} {letter}+0" for k, letter in enumerate("XYZ", 1)] == start[4:7]
+    assert start[-2:] == ["CYCL DEF 32.1 T+0.005", "CYCL DEF 32.2 HSC-MODE:0 TA0.229"]
+    assert body[-6:] == ["CYCL DEF 32.0 TOLERANCE", "CYCL DEF 32.1", "M5", "M127", "M30", "END PGM BONE MM"]
+
+
+def test_after_a_tool_call_x_and_y_come_first_and_the_way_down_is_along_the_tool(text: str) -> None:
+    body = blocks(text)
+    calls = [i for i, line in enumerate(body) if line.startswith("TOOL CALL")]
+    assert len(calls) == 2
+    motions = read_program(text, MIKRON, HEIDENHAIN)
+    for call in calls:
+        moves = [line for line in body[call:] if line.startswith("L ")][:5]
+        assert moves[0] == "L M140 MB MAX"
+        assert moves[1] == "L X+0.000 Y+0.000 R0 FMAX"
+        assert re.fullmatch(r"L B\S+ C\S+ R0 FMAX", moves[2])
+        assert all(re.fullmatch(r"L X\S+ Y\S+ Z\S+ R0 FMAX", move) for move in moves[3:])
+    starts = np.flatnonzero(~motions.known_start)
+    assert len(starts) == 2
+    for row in starts:
+        down = motions.tips[row] - motions.tips[row + 1]
+        assert down @ motions.axes[row] == pytest.approx(np.linalg.norm(down), abs=2e-3)
+        assert down @ motions.axes[row] > 9.9
+
+
+@pytest.mark.parametrize(("radius", "finishing", "angle"), [(2.0, True, 0.114), (1.0, True, 0.229)])
+def test_the_rotary_tolerance_swings_the_ball_by_no_more_than_the_tolerance(radius, finishing, angle) -> None:
+    job = Job()
+    assert rotary_tolerance_deg(HEIDENHAIN, job, finishing, radius) == pytest.approx(angle)
+    assert radius * math.sin(math.radians(angle)) <= job.path.chord_tolerance
+    assert radius * math.sin(math.radians(angle + 0.001)) > job.path.chord_tolerance
+
+
+def test_roughing_has_its_own_tolerance_and_never_a_finer_one_than_finishing() -> None:
+    job = Job().with_values(nc={"roughing_tolerance": 0.05})
+    assert contour_tolerance(HEIDENHAIN, job, finishing=False) == 0.05
+    assert contour_tolerance(HEIDENHAIN, job, finishing=True) == pytest.approx(1.3 * 0.004)
+    coarse = Job().with_values(path={"chord_tolerance": 0.1})
+    assert contour_tolerance(HEIDENHAIN, coarse, finishing=False) == pytest.approx(0.13)
+    assert rotary_tolerance_deg(HEIDENHAIN, job, False, 2.0) == pytest.approx(1.432)
+
+
+def test_wound_words_make_the_same_moves_without_the_short_way(paths: tuple[ToolPath, ToolPath]) -> None:
+    job = Job().with_values(nc={"endless_words": "wound"})
+    text = write_program(paths, MIKRON, HEIDENHAIN, job).text
+    assert "M126" not in text
+    assert "C WORDS: WOUND UP OVER MANY TURNS UNDER M127" in text
+    assert max(abs(float(word)) for word in re.findall(r" C([+-]\d+\.\d+)", text)) > 1000
+    wound = read_program(text, MIKRON, HEIDENHAIN)
+    compare_moves(wound, paths, HEIDENHAIN, Tolerances())
+    wrapped = read_program(write_program(paths, MIKRON, HEIDENHAIN, Job()).text, MIKRON, HEIDENHAIN)
+    assert np.allclose(np.diff(wound.words, axis=0)[:200], np.diff(wrapped.words, axis=0)[:200], atol=1e-9)
+
+
+def test_a_control_that_knows_one_way_only_refuses_the_other(paths: tuple[ToolPath, ToolPath]) -> None:
+    job = Job().with_values(nc={"endless_words": "wrapped"})
+    with pytest.raises(MachineError, match="linuxcnc has no blocks that switch the short way"):
+        write_program(paths, read_machine("linuxcnc-xyzbc"), read_dialect("linuxcnc"), job)
+
+
+@pytest.mark.parametrize("name", ["heidenhain", "linuxcnc"])
+def test_where_rapids_may_be_bent_they_are_feeds_beside_the_part(paths, name: str) -> None:
+    machine = MIKRON if name == "heidenhain" else read_machine("linuxcnc-xyzbc")
+    dialect = replace(read_dialect(name), straight_rapids=False)
+    program = write_program(paths, machine, dialect, Job())
+    assert "RAPIDS: ONLY ABOVE THE PART" in program.text
+    motions = read_program(program.text, machine, dialect)
+    checked = compare_moves(motions, paths, dialect, Tolerances())
+    kinds = np.concatenate([path.kinds for path in paths])
+    reached = checked.source >= 0
+    begins = (
+        ~motions.known_start
+        | np.r_[False, ~motions.known_start[:-1]]
+        | np.r_[[False] * 2, ~motions.known_start[:-2]]
+    )
+    assert (kinds[checked.source[reached & ~begins]] == Kind.RAPID).any()
+    assert not motions.rapid[reached & ~begins].any()
+    with pytest.raises(Exception, match="meant rapid"):
+        compare_moves(motions, paths, read_dialect(name), Tolerances())
+
+
+def test_the_checks_are_written_into_their_line_and_nowhere_else(text: str) -> None:
+    proved = record_checks(text, HEIDENHAIN, "text read back, gouge 1.00 um")
+    changed = [(a, b) for a, b in zip(text.splitlines(), proved.splitlines(), strict=True) if a != b]
+    assert len(changed) == 1
+    assert changed[0][1].endswith("; CHECKS PASSED: TEXT READ BACK, GOUGE 1.00 UM")
+    with pytest.raises(ValueError, match="no line for its checks"):
+        record_checks(proved, HEIDENHAIN, "again")
