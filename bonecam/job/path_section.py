@@ -10,11 +10,11 @@ from bonecam.job.parameter import Section, check, parameter
 class PathJob(Section):
     """The passes on a level, the tool axis, and the links between passes."""
 
-    direction: str = parameter(
-        "around",
-        "Direction",
-        "Passes round the bone (t = const) or from pole to pole (s = const).",
-        choices=("around", "along"),
+    pattern: str = parameter(
+        "round",
+        "Pattern",
+        "Passes round the bone (t = const) or along it, from pole to pole (s = const).",
+        choices=("round", "along"),
     )
     chord_tolerance: float = parameter(
         0.004,

@@ -31,11 +31,11 @@ class LineSamples:
     """Samples on iso-parametric lines: sample i lies on line `line[i]` (which never decreases) at parameter
     `u[i]` (which increases along a line).
 
-    `across` (k,) is the fixed parameter of each line. Lines `around` run in s at fixed t, lines `along` run
+    `across` (k,) is the fixed parameter of each line. Lines `round` run in s at fixed t, lines `along` run
     in t at fixed s.
     """
 
-    direction: str
+    pattern: str
     across: Float[ndarray, " k"]
     line: Int[ndarray, " n"]
     u: Float[ndarray, " n"]
@@ -44,11 +44,11 @@ class LineSamples:
     def parameters(self) -> Float[ndarray, "n 2"]:
         """(s, t) of every sample."""
         fixed = self.across[self.line]
-        return np.column_stack([self.u, fixed] if self.direction == "around" else [fixed, self.u])
+        return np.column_stack([self.u, fixed] if self.pattern == "round" else [fixed, self.u])
 
 
 def contact_frames(
-    surface: TSpline, direction: str, parameters: Float[ndarray, "n 2"]
+    surface: TSpline, pattern: str, parameters: Float[ndarray, "n 2"]
 ) -> tuple[Float[ndarray, "n 3"], Float[ndarray, "n 3"], Float[ndarray, "n 3"]]:
     """Points, outward unit normals and unit feed directions (of growing u) at (s, t); at poles their
     limits."""
@@ -56,13 +56,13 @@ def contact_frames(
     edge = POLE * (high - low)
     t = np.clip(parameters[:, 1], low + edge, high - edge)
     points, Ss, St = surface.evaluate(np.mod(parameters[:, 0], 1.0), t, 1)
-    feeds = Ss if direction == "around" else St
+    feeds = Ss if pattern == "round" else St
     return points, unit(np.cross(Ss, St)), unit(feeds)
 
 
 def sample_lines(
     surface: TSpline,
-    direction: str,
+    pattern: str,
     across: Float[ndarray, " k"],
     radius: float,
     chord_tolerance: float,
@@ -70,7 +70,7 @@ def sample_lines(
 ) -> LineSamples:
     """The contacts of all lines for a ball of `radius`; a ring has its first contact again at its end (u = 0
     and u = 1)."""
-    lines = _spread(surface, direction, across, radius, chord_tolerance, max_step)
+    lines = _spread(surface, pattern, across, radius, chord_tolerance, max_step)
     unchecked = np.ones(len(lines.u), dtype=bool)
     for _ in range(MAX_HALVINGS):
         lines, unchecked = _halve(surface, lines, unchecked, radius, chord_tolerance, max_step)
@@ -81,19 +81,19 @@ def sample_lines(
 
 def _spread(
     surface: TSpline,
-    direction: str,
+    pattern: str,
     across: Float[ndarray, " k"],
     radius: float,
     chord_tolerance: float,
     max_step: float,
 ) -> LineSamples:
     """First samples, spread by the curvature of the densely sampled offset curves."""
-    start, end = (0.0, 1.0) if direction == "around" else surface.domain[1]
+    start, end = (0.0, 1.0) if pattern == "round" else surface.domain[1]
     dense = np.linspace(start, end, DENSE_MOVES + 1)
     count = len(across)
     line = np.repeat(np.arange(count), DENSE_MOVES + 1)
-    even = LineSamples(direction, across, line, np.tile(dense, count))
-    points, normals, _ = contact_frames(surface, direction, even.parameters)
+    even = LineSamples(pattern, across, line, np.tile(dense, count))
+    points, normals, _ = contact_frames(surface, pattern, even.parameters)
     centres = (points + radius * normals).reshape(count, DENSE_MOVES + 1, 3)
 
     moves = np.diff(centres, axis=1)
@@ -107,7 +107,7 @@ def _spread(
 
     steps = np.maximum(MIN_MOVES, np.ceil(counted[:, -1])).astype(int)
     u = [np.interp(np.linspace(0, row[-1], n + 1), row, dense) for row, n in zip(counted, steps)]
-    return LineSamples(direction, across, np.repeat(np.arange(count), steps + 1), np.concatenate(u))
+    return LineSamples(pattern, across, np.repeat(np.arange(count), steps + 1), np.concatenate(u))
 
 
 def _halve(
@@ -125,8 +125,8 @@ def _halve(
     first = np.flatnonzero(unchecked[:-1] & (lines.line[:-1] == lines.line[1:]))
     middle = (lines.u[first] + lines.u[first + 1]) / 2
     u = np.r_[lines.u[first], lines.u[first + 1], middle]
-    probes = LineSamples(lines.direction, lines.across, np.tile(lines.line[first], 3), u)
-    points, normals, _ = contact_frames(surface, lines.direction, probes.parameters)
+    probes = LineSamples(lines.pattern, lines.across, np.tile(lines.line[first], 3), u)
+    points, normals, _ = contact_frames(surface, lines.pattern, probes.parameters)
     a, b, m = np.split(points + radius * normals, 3)
 
     chord = b - a
@@ -139,5 +139,5 @@ def _halve(
     fresh = np.zeros(len(lines.u), dtype=bool)
     fresh[first[split]] = True
     line = np.insert(lines.line, at, lines.line[first[split]])
-    halved = LineSamples(lines.direction, lines.across, line, np.insert(lines.u, at, middle[split]))
+    halved = LineSamples(lines.pattern, lines.across, line, np.insert(lines.u, at, middle[split]))
     return halved, np.insert(fresh, at, True)

@@ -41,54 +41,54 @@ MIN_CLEARANCE = 0.05
 counts as flat."""
 
 
-def line_positions(surface: TSpline, direction: str, radius: float, scallop: float) -> Float[ndarray, " k"]:
-    """Increasing t of the rings (`around`) or s of the pole-to-pole lines (`along`).
+def line_positions(surface: TSpline, pattern: str, radius: float, scallop: float) -> Float[ndarray, " k"]:
+    """Increasing t of the rings (`round`) or s of the pole-to-pole lines (`along`).
 
     The first and last ring lie within half a side step of their pole, so that the pole itself is cut.
     """
-    across, passes = _count_passes(surface, direction, radius, scallop)
-    lines_of = _rings if direction == "around" else _meridians
+    across, passes = _count_passes(surface, pattern, radius, scallop)
+    lines_of = _rings if pattern == "round" else _meridians
     return _even_out(lambda step: lines_of(across, passes, step))
 
 
 def _count_passes(
-    surface: TSpline, direction: str, radius: float, scallop: float
+    surface: TSpline, pattern: str, radius: float, scallop: float
 ) -> tuple[Float[ndarray, " a"], Float[ndarray, "f a"]]:
     """The parameter across the feed (a,), and the passes from its start up to there at f places along the
     feed."""
-    around = direction == "around"
+    is_round = pattern == "round"
     low, high = surface.domain[1]
     edge = POLE * (high - low)
-    s_count, t_count = (FEED_SAMPLES, ACROSS_SAMPLES) if around else (ACROSS_SAMPLES, FEED_SAMPLES)
+    s_count, t_count = (FEED_SAMPLES, ACROSS_SAMPLES) if is_round else (ACROSS_SAMPLES, FEED_SAMPLES)
     s = np.linspace(0, 1, s_count)
     t = np.linspace(low + edge, high - edge, t_count)
     grid_s, grid_t = (v.ravel() for v in np.meshgrid(s, t, indexing="ij"))
-    height, curvature = across_feed(surface, direction, grid_s, grid_t)
+    height, curvature = across_feed(surface, pattern, grid_s, grid_t)
 
-    cell_width = (high - low) / t_count if around else 1 / s_count
+    cell_width = (high - low) / t_count if is_round else 1 / s_count
     cell = np.maximum(height, np.finfo(float).eps) * cell_width
     fits = 1 + curvature * radius > MIN_CLEARANCE
     bounded = np.where(fits, np.minimum(curvature, MAX_TURN / cell), 0.0)
     rate = (height / side_step(radius, scallop, bounded)).reshape(s_count, t_count)
 
-    across = np.linspace(low, high, t_count) if around else s
-    if not around:
+    across = np.linspace(low, high, t_count) if is_round else s
+    if not is_round:
         rate = rate.T
     passes = np.cumsum((rate[:, 1:] + rate[:, :-1]) / 2 * np.diff(across), axis=1)
     return across, np.column_stack([np.zeros(len(passes)), passes])
 
 
 def across_feed(
-    surface: TSpline, direction: str, s: Float[ndarray, " n"], t: Float[ndarray, " n"]
+    surface: TSpline, pattern: str, s: Float[ndarray, " n"], t: Float[ndarray, " n"]
 ) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
     """Distance across the feed per unit of the parameter across it (mm), and the normal curvature of the
     section across the feed (1/mm, > 0: convex); both 0 where the surface has no tangent plane.
     """
-    around = direction == "around"
+    is_round = pattern == "round"
     _, Ss, St, Sss, Sst, Stt = surface.evaluate(s, t, 2)
-    Sf, Sa, Sff, Saa = (Ss, St, Sss, Stt) if around else (St, Ss, Stt, Sss)
+    Sf, Sa, Sff, Saa = (Ss, St, Sss, Stt) if is_round else (St, Ss, Stt, Sss)
     E, F = dots(Sf, Sf), dots(Sf, Sa)
-    normal = np.cross(Sf, Sa) if around else np.cross(Sa, Sf)
+    normal = np.cross(Sf, Sa) if is_round else np.cross(Sa, Sf)
     area = np.linalg.norm(normal, axis=1)
     inverse = np.divide(1.0, area, out=np.full(len(area), np.nan), where=area > 0)
     e, f, g = (dots(second, normal) * inverse for second in (Sff, Sst, Saa))
@@ -133,7 +133,7 @@ def _require_progress(lines: list[float]) -> None:
     """ToolPathError where the last line did not move on, or there are too many."""
     if len(lines) > MAX_LINES or (len(lines) > 1 and not lines[-1] > lines[-2]):
         raise ToolPathError(
-            f"passes crowd without end at parameter {lines[-1]:.6f}: change path.direction, or raise surface.tolerance",
+            f"passes crowd without end at parameter {lines[-1]:.6f}: change path.pattern, or raise surface.tolerance",
             parameter=lines[-1],
         )
 

@@ -1,7 +1,7 @@
 """Zig-zag on a level: iso-parametric lines cut to and fro (Gan et al. 2014, section 4.3), as contacts with
 ball centres.
 
-`around`: rings t = const from the free end down to the post; spacing stays nearly even on a closed bone.
+`round`: rings t = const from the free end down to the post; spacing stays nearly even on a closed bone.
 `along`: lines s = const from pole to pole, as published; they crowd at the poles.
 """
 
@@ -80,15 +80,15 @@ def candidate_contacts(
     `obstacles` are what the ball must not enter: the level and the part.
     """
     surface = level.surface
-    closed = job.direction == "around"
-    across = line_positions(surface, job.direction, cutter.radius, cutter.scallop)
+    closed = job.pattern == "round"
+    across = line_positions(surface, job.pattern, cutter.radius, cutter.scallop)
     if closed:
         across = across[::-1]
-    lines = sample_lines(surface, job.direction, across, cutter.radius, job.chord_tolerance, job.max_step)
+    lines = sample_lines(surface, job.pattern, across, cutter.radius, job.chord_tolerance, job.max_step)
 
     order = _zigzag_order(lines.line)
     line, parameters = lines.line[order], lines.parameters[order]
-    contacts, normals, feeds = contact_frames(surface, job.direction, parameters)
+    contacts, normals, feeds = contact_frames(surface, job.pattern, parameters)
     feeds = np.where((line % 2 == 1)[:, None], -feeds, feeds)
 
     joined = np.r_[line[1:] == line[:-1], False]

@@ -166,7 +166,7 @@ def _refine(run: _Run, centres: Float[ndarray, "n 3"], distance: Float[ndarray, 
     line = int(run.motions.lines[moves[spans.move[0]]])
     raise VerifyError(
         f"line {line}: the move turns too far in one block to bound the gouge between its ends: "
-        "change path.lead_deg or path.direction",
+        "change path.lead_deg or path.pattern",
         line=line,
     )
 

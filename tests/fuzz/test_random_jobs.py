@@ -168,7 +168,7 @@ def random_job(seed: int) -> tuple[str, Job | BonecamError]:
             "length": pick(random, (10.0, 25.0, 40.0, 80.0)),
         },
         "path": {
-            "direction": pick(random, ("around", "around", "along")),
+            "pattern": pick(random, ("round", "round", "along")),
             "lead_deg": lead,
             "max_tilt_deg": pick(random, (30.0, 60.0, 75.0, 85.0)),
             "clearance": pick(random, (0.5, 2.0, 5.0)),

@@ -69,11 +69,11 @@ def made(
     return make
 
 
-@pytest.fixture(scope="module", params=["around", "along"])
+@pytest.fixture(scope="module", params=["round", "along"])
 def case(
     made: Callable[..., tuple[ContactPath, Scene, ToolPath]], request: pytest.FixtureRequest
 ) -> tuple[ContactPath, Scene, ToolPath]:
-    return made(direction=request.param)
+    return made(pattern=request.param)
 
 
 def between(path: ToolPath, parts: int = 4) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -128,7 +128,7 @@ def test_bent_retracts_and_approaches_stay_clear_and_slow_near_the_part(
         return [Departure(0.5, unit((axis + np.array([0.3, 0.2, 0.1]))[None])[0])]
 
     monkeypatch.setattr(retract, "departures", bent)
-    _, scene, path = made(direction="along")
+    _, scene, path = made(pattern="along")
     assert_nothing_is_entered(scene, path)
     last_in = np.flatnonzero(
         (path.kinds[1:] == Kind.CUT)

@@ -9,29 +9,29 @@ from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.spacing import line_positions
 
 
-@pytest.mark.parametrize("direction", ["around", "along"])
+@pytest.mark.parametrize("pattern", ["round", "along"])
 @pytest.mark.parametrize("radius", [1.0, 2.0])
 def test_lines_increase_within_the_domain(
-    grooved_pebble: Callable[..., TSpline], direction: str, radius: float
+    grooved_pebble: Callable[..., TSpline], pattern: str, radius: float
 ) -> None:
-    lines = line_positions(grooved_pebble(1.0), direction, radius, 0.02)
+    lines = line_positions(grooved_pebble(1.0), pattern, radius, 0.02)
     assert (np.diff(lines) > 0).all()
     assert 0 <= lines[0] < lines[-1] < 1
 
 
-@pytest.mark.parametrize("direction", ["around", "along"])
-def test_a_crease_does_not_crowd_lines_without_end(pebble: Callable[..., TSpline], direction: str) -> None:
+@pytest.mark.parametrize("pattern", ["round", "along"])
+def test_a_crease_does_not_crowd_lines_without_end(pebble: Callable[..., TSpline], pattern: str) -> None:
     smooth = pebble()
     points = np.array(smooth.control_points)
     points[25:29] = points[25]
     points[37:41] = points[25]
     points[49:53] = points[25]
     creased = TSpline(smooth.tmesh, points, smooth.weights)
-    assert len(line_positions(creased, direction, 2.0, 0.05)) < 6 * len(
-        line_positions(smooth, direction, 2.0, 0.05)
+    assert len(line_positions(creased, pattern, 2.0, 0.05)) < 6 * len(
+        line_positions(smooth, pattern, 2.0, 0.05)
     )
 
 
 def test_a_smaller_scallop_takes_more_lines_by_its_root(pebble: Callable[..., TSpline]) -> None:
-    counts = [len(line_positions(pebble(), "around", 1.0, scallop)) for scallop in (0.04, 0.01)]
+    counts = [len(line_positions(pebble(), "round", 1.0, scallop)) for scallop in (0.04, 0.01)]
     assert counts[1] / counts[0] == pytest.approx(2.0, rel=0.1)

@@ -19,19 +19,19 @@ from bonecam.toolpath.cutter import Cutter
 from bonecam.toolpath.path import ContactPath
 from bonecam.toolpath.zigzag import POST_CLEARANCE, candidate_contacts, contact_path
 
-DIRECTIONS = ("around", "along")
+PATTERNS = ("round", "along")
 
 
 @pytest.fixture(scope="module")
 def covered(
     level_of: Callable[..., Level], holding: HoldingJob, finishing_cutter: Cutter
 ) -> Callable[..., ContactPath]:
-    """Covers a surface with contacts of the finishing cutter, lines running in `direction`."""
+    """Covers a surface with contacts of the finishing cutter, lines running in `pattern`."""
 
-    def cover(surface: TSpline, direction: str, post_clearance: float = POST_CLEARANCE) -> ContactPath:
+    def cover(surface: TSpline, pattern: str, post_clearance: float = POST_CLEARANCE) -> ContactPath:
         level = level_of(surface)
         post = post_below(level.mesh, holding)
-        job = PathJob(direction=direction)
+        job = PathJob(pattern=pattern)
         return contact_path(
             candidate_contacts(
                 level, [MeshDistance(level.mesh)], finishing_cutter, post, job, post_clearance=post_clearance
@@ -69,12 +69,12 @@ def heights_left(surface: TSpline, path: ContactPath, count: int) -> tuple[np.nd
     return points, left
 
 
-@pytest.mark.parametrize("direction", DIRECTIONS)
+@pytest.mark.parametrize("pattern", PATTERNS)
 def test_no_cusp_exceeds_the_scallop(
-    covered: Callable[..., ContactPath], pebble: Callable[..., TSpline], direction: str
+    covered: Callable[..., ContactPath], pebble: Callable[..., TSpline], pattern: str
 ) -> None:
     surface = pebble()
-    path = covered(surface, direction)
+    path = covered(surface, pattern)
     points, left = heights_left(surface, path, 1500)
     reached = KDTree(path.uncut).query(points)[0] > 0.6
     assert reached.mean() > 0.85
@@ -83,12 +83,12 @@ def test_no_cusp_exceeds_the_scallop(
     assert left[reached].min() >= -PathJob().gouge_tolerance
 
 
-@pytest.mark.parametrize("direction", DIRECTIONS)
+@pytest.mark.parametrize("pattern", PATTERNS)
 def test_straight_moves_follow_the_offset_curve(
-    covered: Callable[..., ContactPath], pebble: Callable[..., TSpline], direction: str
+    covered: Callable[..., ContactPath], pebble: Callable[..., TSpline], pattern: str
 ) -> None:
     surface, job = pebble(), PathJob()
-    path = covered(surface, direction)
+    path = covered(surface, pattern)
     i = joined(path)
     length = np.linalg.norm(path.centres[i + 1] - path.centres[i], axis=1)
     assert length.max() <= job.max_step + 1e-9
@@ -105,15 +105,15 @@ def test_straight_moves_follow_the_offset_curve(
         assert np.linalg.norm(true - a - ratio[:, None] * chord, axis=1).max() <= 1.25 * job.chord_tolerance
 
 
-@pytest.mark.parametrize("direction", DIRECTIONS)
+@pytest.mark.parametrize("pattern", PATTERNS)
 def test_the_ball_never_enters_the_level(
     covered: Callable[..., ContactPath],
     grooved_pebble: Callable[..., TSpline],
     mesh_of: Callable[..., TriangleMesh],
-    direction: str,
+    pattern: str,
 ) -> None:
     surface = grooved_pebble(1.6)
-    path = covered(surface, direction)
+    path = covered(surface, pattern)
     fine = MeshDistance(mesh_of(surface))
     assert path.lifts.max() > path.cutter.scallop, (
         "the groove must be too sharp for the ball, else this proves nothing"
@@ -125,7 +125,7 @@ def test_the_ball_never_enters_the_level(
 def test_a_convex_body_needs_no_lift(
     covered: Callable[..., ContactPath], pebble: Callable[..., TSpline]
 ) -> None:
-    path = covered(pebble(), "around")
+    path = covered(pebble(), "round")
     assert path.lifts.max() == 0
     assert set(path.reasons) == {"post"}
     assert np.allclose(path.centres, path.contacts + path.cutter.radius * path.normals)
@@ -138,7 +138,7 @@ def test_balls_keep_clear_of_the_post(
     mesh_of: Callable[..., TriangleMesh],
 ) -> None:
     surface = pebble()
-    path = covered(surface, "around", post_clearance=0.3)
+    path = covered(surface, "round", post_clearance=0.3)
     post = post_below(mesh_of(surface), holding)
     assert post.distance(path.centres).min() >= path.cutter.radius + 0.3
     assert path.reasons.count("post") > 10
@@ -147,7 +147,7 @@ def test_balls_keep_clear_of_the_post(
 def test_neighbouring_passes_run_opposite_ways(
     covered: Callable[..., ContactPath], pebble: Callable[..., TSpline]
 ) -> None:
-    path = covered(pebble(), "around")
+    path = covered(pebble(), "round")
     i = joined(path)
     round_ = np.cross(path.centres[i], path.centres[i + 1])[:, 2]
     sense = np.array(
@@ -166,7 +166,7 @@ def test_neighbouring_passes_run_opposite_ways(
 def test_two_runs_are_identical(
     covered: Callable[..., ContactPath], grooved_pebble: Callable[..., TSpline]
 ) -> None:
-    first, second = (covered(grooved_pebble(0.5), "around") for _ in range(2))
+    first, second = (covered(grooved_pebble(0.5), "round") for _ in range(2))
     assert first.centres.tobytes() == second.centres.tobytes()
     assert first.pass_index.tobytes() == second.pass_index.tobytes()
 
@@ -195,4 +195,4 @@ def test_nothing_to_cut_is_an_error(
     covered: Callable[..., ContactPath], pebble: Callable[..., TSpline]
 ) -> None:
     with pytest.raises(ToolPathError, match="nothing"):
-        covered(pebble(), "around", post_clearance=50.0)
+        covered(pebble(), "round", post_clearance=50.0)
