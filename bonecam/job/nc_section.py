@@ -46,6 +46,12 @@ class NcJob(Section):
         "Words of endless axes: wrapped to -180..180, wound up over many turns, or as the controller's file says.",
         choices=("controller", "wrapped", "wound"),
     )
+    tool_change: str = parameter(
+        "changer",
+        "Tool change",
+        "changer: the machine puts the tools in; stop: the program halts (M0) at each tool call, for a change by hand.",
+        choices=("changer", "stop"),
+    )
     coolant: bool = parameter(True, "Coolant", "Switch the coolant on while cutting.")
     part_zero: str = parameter(
         "table", "Part zero", "The program's zero: on the table under the part.", choices=("table",)

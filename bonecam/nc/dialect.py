@@ -12,19 +12,21 @@ How to add a dialect: copy a file of `bonecam/nc/dialects/` (name it, or give it
 - `tolerance_factor`: the control's contour tolerance as a multiple of the path's chord tolerance; `needs`: what
   the machine must have, as lines of the header;
 - [numbers]: decimals, sign and range of lengths (mm), angles (deg), feeds and spindle speeds;
-- [templates]: header, tool, level, position, approach, rapid, feed, coolant_on, coolant_off, retract,
-  tool_end, footer. One line is one block; an empty template writes nothing. Fields, by template: header {name}
-  {comments} {low_x}..{high_z} {tolerance} (a length) {rotary_tolerance} (degrees) {tool_centre_off}; tool {tool}
-  {spindle} {retract} (height above everything) {endless} (the short way on or off) {over_zero} (X and Y of the
-  program's zero); level {tolerance} {rotary_tolerance} {hsc_mode} (1: roughing); position {rotary}; approach
-  {above} (X Y Z at the retract height), {plane} (X and Y of the approach) {linear} (its X Y Z); rapid {words} (all
-  five); feed {words} {feed}; retract {retract}; footer {name}. A field may have a width, like {tool:02d};
+- [templates]: header, tool, stop, level, position, approach, rapid, feed, coolant_on, coolant_off, retract,
+  tool_end, footer. One line is one block; an empty template writes nothing. Fields, by template:
+  header {name} {comments} {low_x}..{high_z} {tolerance} (a length) {rotary_tolerance} (degrees) {tool_centre_off};
+  tool {tool} {spindle} {retract} (height above everything) {endless} (the short way on or off) {over_zero} (X and Y
+  of the program's zero) {stop} (the template stop, where the job asks for one); stop {tool};
+  level {tolerance} {rotary_tolerance} {hsc_mode} (1: roughing); position {rotary};
+  approach {above} (X Y Z at the retract height) {plane} (X and Y of the approach) {linear} (its X Y Z);
+  rapid {words} (all five); feed {words} {feed}; retract {retract}; footer {name}. A field may have a width, like
+  {tool:02d};
 - [tool_centre_control]: `on` and `off` blocks by name, the machine file picks one, and lines for the header that
   say which point it keeps, `tip` or `centre` by the machine's programmed_point; [numbering]: `format`, `first`,
   `continuation`;
 - the reader's grammar: [[statements]] (klartext: `pattern`, a
   regular expression of RE2, and `effect`) or [codes] (iso: what each G and M code
-  does).
+  does; where there are codes of `tool_length`, every tool must have its length, by H, before it moves).
 Say in the file which words are proved and which were only read.
 """
 

@@ -41,7 +41,7 @@ def header_lines(
         f"control {dialect.title}",
         *comments,
         *setup_texts(job, stock),
-        *tool_texts(posted),
+        *tool_texts(job, posted),
         *control_texts(machine, dialect, posted),
         *axis_texts(machine, travel, posted),
         UNCHECKED,

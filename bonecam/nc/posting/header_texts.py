@@ -13,6 +13,12 @@ from bonecam.setup.stock import Stock
 from bonecam.setup.stock_kind import kind_of
 from bonecam.toolpath.cutter import Cutter
 
+_CHANGES = {
+    "changer": "by the machine, every length measured in its tool table before the start",
+    "stop": "by hand where the program stops, every length measured in the tool table before the start",
+}
+"""What the header says of each `nc.tool_change`."""
+
 
 def setup_texts(job: Job, stock: Stock | None) -> list[str]:
     """What must be mounted and where the zero is; `stock` is None where only the paths are known."""
@@ -33,7 +39,7 @@ def setup_texts(job: Job, stock: Stock | None) -> list[str]:
     ]
 
 
-def tool_texts(posted: Sequence[Posted]) -> list[str]:
+def tool_texts(job: Job, posted: Sequence[Posted]) -> list[str]:
     """Every tool: a line that the reader takes, its shapes, its time; and where its length is measured."""
     texts = []
     for number, one in {one.path.cutter.number: one for one in posted}.items():
@@ -48,6 +54,7 @@ def tool_texts(posted: Sequence[Posted]) -> list[str]:
     return [
         *texts,
         "tool lengths: planned, from the spindle nose to the tip of the ball; enter the measured ones",
+        f"tool change: {_CHANGES[job.nc.tool_change]}",
         "holders and shanks: none wider, no stick-out shorter than above",
     ]
 

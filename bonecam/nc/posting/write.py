@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.errors import ProgramError
+from bonecam.errors import MachineError, ProgramError
 from bonecam.job import Job
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.machine import Machine
@@ -50,6 +50,9 @@ def write_program(
     if not name or not all(letter.isascii() and (letter.isalnum() or letter == "_") for letter in name):
         raise ProgramError(f"program name {name!r}: use letters, digits and _", name=name)
     dialect = dialect.writing_endless_words(job.nc.endless_words)
+    if job.nc.tool_change == "stop" and not dialect.templates["stop"]:
+        remedy = 'take nc.tool_change = "changer", or add the template to its file'
+        raise MachineError(f"{dialect.name} has no template stop: {remedy}", dialect=dialect.name)
     around = np.vstack([path.tips for path in paths])
     posted: list[Posted] = []
     for index, path in enumerate(paths):
@@ -133,6 +136,7 @@ class ProgramWriter:
     def _tool(self, cutter: Cutter) -> list[str]:
         """The blocks that bring a cutter into the spindle and over the program's zero."""
         zero = self.length.text(0.0)
+        stop = self.dialect.lines("stop", tool=cutter.number) if self.job.nc.tool_change == "stop" else []
         return self._moving(
             "tool",
             tool=cutter.number,
@@ -140,6 +144,7 @@ class ProgramWriter:
             retract=self.retract,
             endless=self.dialect.endless_block,
             over_zero=f"X{zero} Y{zero}",
+            stop="\n".join(stop),
         )
 
     def _level(self, posted: Posted) -> list[str]:

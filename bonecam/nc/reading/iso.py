@@ -53,6 +53,8 @@ def _run_block(words: list[tuple[str, str]], state: ModalState, line: int) -> No
         state.inverse_time = "inverse_time" in effects
     if "tool_change" in effects:
         state.change_tool(tool_number(values.get("T", "0"), line), line)
+    if "tool_length" in effects or "tool_length_off" in effects:
+        state.take_length(tool_number(values.get("H", "0"), line), line)
 
     axes = {letter: float(text) for letter, text in values.items() if letter in state.machine.letters}
     if axes:
@@ -69,7 +71,7 @@ def _values(words: list[tuple[str, str]], letters: str, line: int) -> dict[str, 
     if len(values) != len(rest):
         raise line_error(line, "a letter stands twice in one block")
     for letter in values:
-        if letter not in letters + "FSTP":
+        if letter not in letters + "FHSTP":
             raise line_error(line, f"unknown word {letter}{values[letter]}")
     return values
 

@@ -42,7 +42,8 @@ class ModalState:
 
     `position`: X, Y, Z in mm and the rotary axes in degrees, unwound; None where it is not known.
     `tool_centre`: tool-centre control (TCPM, RTCP) is on. `short_way`: endless axes turn the short way, or as
-    their words say; None before the program has said which. `inverse_time`: F is in 1/min. Used for one program.
+    their words say; None before the program has said which. `inverse_time`: F is in 1/min. `length_of`: the tool
+    whose length is compensated. Used for one program.
     """
 
     def __init__(self, machine: Machine, dialect: Dialect, tools: Sequence[Tool]) -> None:
@@ -52,6 +53,8 @@ class ModalState:
         self.tools = {tool.number: tool for tool in tools}
         self.position: list[float | None] = [None] * 5
         self.tool = 0
+        self.needs_length = "tool_length" in dialect.codes.values()
+        self.length_of = 0
         self.tool_centre = False
         self.short_way: bool | None = None if dialect.short_way else dialect.endless_words == "wrapped"
         self.inverse_time = False
@@ -75,6 +78,14 @@ class ModalState:
         if number not in self.tools:
             raise line_error(line, f"tool {number} is called but not described: give its radius and length")
         self.tool = number
+        self.length_of = 0 if self.needs_length else number
+        self.forget_tip()
+
+    def take_length(self, number: int, line: int) -> None:
+        """Compensate the length of a tool, 0: of none; it must be the tool in the spindle."""
+        if number not in (0, self.tool):
+            raise line_error(line, f"tool {self.tool} is in the spindle, not tool {number} of this length")
+        self.length_of = number
         self.forget_tip()
 
     def forget_tip(self) -> None:
@@ -90,6 +101,8 @@ class ModalState:
         self.blocks += 1
         if not self.tool:
             raise line_error(line, "a move before any tool call")
+        if self.length_of != self.tool:
+            raise line_error(line, f"tool {self.tool} moves without its length")
         linear = any(letter in "XYZ" for letter in words)
         if linear and self.dialect.tool_centre and not self.tool_centre:
             if not rapid or before[2] is not None or "Z" in words:

@@ -23,7 +23,15 @@ FIELDS: Mapping[str, Mapping[str, str | int]] = {
         "tool_centre_off": "M129",
         **_CORNERS,
     },
-    "tool": {"tool": 1, "spindle": "1", "retract": "1.0", "endless": "M126", "over_zero": "X+0.0 Y+0.0"},
+    "tool": {
+        "tool": 1,
+        "spindle": "1",
+        "retract": "1.0",
+        "endless": "M126",
+        "over_zero": "X+0.0 Y+0.0",
+        "stop": "M0",
+    },
+    "stop": {"tool": 1},
     "level": {"tolerance": "0.01", "rotary_tolerance": "0.1", "hsc_mode": 1},
     "position": {"rotary": "B+1.0 C+1.0"},
     "approach": {"linear": "X+1.0 Y+1.0 Z+1.0", "plane": "X+1.0 Y+1.0", "above": "X+1.0 Y+1.0 Z+9.0"},
@@ -115,6 +123,7 @@ class TemplatesTable(Record):
 
     header: str
     tool: str
+    stop: str = ""
     level: str
     position: str
     approach: str
@@ -178,6 +187,8 @@ class CodesTable(Record):
     inverse_time: Codes = Field(default_factory=list)
     per_minute: Codes = Field(default_factory=list)
     tool_change: Codes = Field(default_factory=list)
+    tool_length: Codes = Field(default_factory=list)
+    tool_length_off: Codes = Field(default_factory=list)
     program_end: Codes = Field(default_factory=list)
 
 

@@ -3,62 +3,136 @@
 import re
 import shutil
 import subprocess
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from bonecam.job import Job
 from bonecam.nc.dialect import read_dialect
+from bonecam.nc.kinematics import forward
 from bonecam.nc.machine import read_machine
 from bonecam.nc.posting.write import write_program
+from bonecam.nc.program import Program
 from bonecam.nc.reading.read import read_program
+from bonecam.toolpath.path import ToolPath
 
-MOVE = re.compile(r"(STRAIGHT_TRAVERSE|STRAIGHT_FEED)\(([^)]*)\)")
+MACHINE, DIALECT = read_machine("linuxcnc-xyzbc"), read_dialect("linuxcnc")
+STATE = re.compile(
+    r"(STRAIGHT_TRAVERSE|STRAIGHT_FEED)\(([^)]*)\)|CHANGE_TOOL\((\d)\)|USE_TOOL_LENGTH_OFFSET\(\S+ \S+ ([\d.]+),"
+)
+LENGTHS = {1: 80.0, 2: 75.0}
+"""What the tools in the spindle measure, mm from the nose to the tip."""
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A program, what the interpreter printed, and its moves: rapid, X Y Z B C as programmed, where the tip stands on
+    the machine (mm) with the length that the interpreter compensates and the tool that it has in the spindle."""
+
+    program: Program
+    done: "subprocess.CompletedProcess[str]"
+    rapid: list[bool]
+    words: np.ndarray
+    joints: np.ndarray
+
+
+def run_text(program: Program, folder: Path) -> Run:
+    """Run a program with a tool table of two lengths, which standalone rs274 reads in inches."""
+    (folder / "bone.ngc").write_text(program.text)
+    rows = [f"T{tool} P{tool} Z{length / 25.4:.12f} D0.1" for tool, length in LENGTHS.items()]
+    (folder / "tool.tbl").write_text("\n".join(rows) + "\n")
+    call = ["rs274", "-g", "-t", "tool.tbl", "bone.ngc"]
+    done = subprocess.run(call, cwd=folder, capture_output=True, text=True, timeout=60, check=False)
+    tool, compensated = 0, 0.0
+    rapid, words, joints = [], [], []
+    for found in STATE.finditer(done.stdout):
+        if found[3]:
+            tool = int(found[3])
+        elif found[4]:
+            compensated = float(found[4])
+        else:
+            x, y, z, _, b, c = (float(value) for value in found[2].split(","))
+            rapid.append(found[1] == "STRAIGHT_TRAVERSE")
+            words.append([x, y, z, b, c])
+            joints.append([x, y, z + compensated - LENGTHS[tool], *np.radians([b, c])])
+    return Run(program, done, rapid, np.array(words), np.array(joints))
 
 
 @pytest.fixture(scope="module")
-def run(capsule_path, tmp_path_factory):
+def paths(capsule_path: Callable[..., ToolPath]) -> list[ToolPath]:
     if not shutil.which("rs274"):
         pytest.skip("rs274 (package linuxcnc-uspace) is absent")
-    machine, dialect = read_machine("linuxcnc-xyzbc"), read_dialect("linuxcnc")
-    paths = [
+    return [
         capsule_path(level=5, radius=2.0, offset=1.5, count=600),
         capsule_path(level=0, radius=1.0, number=2, count=600),
     ]
-    program = write_program(paths, machine, dialect, Job())
-    folder = tmp_path_factory.mktemp("rs274")
-    (folder / "bone.ngc").write_text(program.text)
-    done = subprocess.run(
-        ["rs274", "-g", "bone.ngc"], cwd=folder, capture_output=True, text=True, timeout=60, check=False
-    )
-    return program, read_program(program.text, machine, dialect), done
 
 
-def test_the_interpreter_runs_to_the_end(run):
-    _, _, done = run
-    assert done.returncode == 0, done.stderr
-    assert "PROGRAM_END()" in done.stdout
+@pytest.fixture(scope="module", params=["changer", "stop"])
+def run(
+    request: pytest.FixtureRequest, paths: list[ToolPath], tmp_path_factory: pytest.TempPathFactory
+) -> Run:
+    job = Job().with_values(nc={"tool_change": request.param})
+    return run_text(write_program(paths, MACHINE, DIALECT, job), tmp_path_factory.mktemp("rs274"))
 
 
-def test_the_interpreter_makes_as_many_moves_as_were_written(run):
-    program, motions, done = run
-    assert len(MOVE.findall(done.stdout)) == program.moves == motions.blocks
+def test_the_interpreter_runs_to_the_end(run: Run) -> None:
+    assert run.done.returncode == 0, run.done.stderr
+    assert "PROGRAM_END()" in run.done.stdout
 
 
-def test_the_interpreters_positions_agree_to_its_four_decimals(run):
-    program, motions, done = run
-    moves = [
-        (kind, [float(value) for value in values.split(",")]) for kind, values in MOVE.findall(done.stdout)
-    ]
-    places = np.array([values for _, values in moves])[:, [0, 1, 2, 4, 5]]
+def test_the_interpreter_makes_as_many_moves_as_were_written(run: Run) -> None:
+    motions = read_program(run.program.text, MACHINE, DIALECT)
+    assert len(run.rapid) == run.program.moves == motions.blocks
+
+
+def test_the_interpreter_stops_at_each_tool_where_the_job_says_so(run: Run) -> None:
+    assert run.done.stdout.count("PROGRAM_STOP()") == run.program.text.count("\nM0\n")
+    assert run.program.text.count("\nM0\n") in (0, 2)
+
+
+def rows_of(run: Run, motions) -> np.ndarray:
+    """The rows of the interpreter's moves that are ours: blocks that only bring an axis to a known place, after a
+    tool change, are none."""
+    lines = run.program.text.split("\n")
+    moving = [number for number, line in enumerate(lines, start=1) if line.startswith(("G0 ", "G1 "))]
+    return np.searchsorted(moving, motions.lines)
+
+
+def test_the_interpreters_positions_agree_to_its_four_decimals(run: Run) -> None:
+    motions = read_program(run.program.text, MACHINE, DIALECT)
+    rows = rows_of(run, motions)
     ours = np.column_stack([motions.words[:, :3], np.degrees(motions.words[:, 3:])])
-    # blocks that only bring an axis to a known place, after a tool change, are no rows of ours
-    moving = [
-        number
-        for number, line in enumerate(program.text.split("\n"), start=1)
-        if line.startswith(("G0 ", "G1 "))
-    ]
-    rows = np.searchsorted(moving, motions.lines)
-    assert len(rows) > 0.99 * len(places)
-    assert np.abs(places[rows] - ours).max() <= 0.5e-4 + 1e-9
-    assert [kind == "STRAIGHT_TRAVERSE" for kind, _ in (moves[row] for row in rows)] == motions.rapid.tolist()
+    assert len(rows) > 0.99 * len(run.rapid)
+    assert np.abs(run.words[rows] - ours).max() <= 0.5e-4 + 1e-9
+    assert [run.rapid[row] for row in rows] == motions.rapid.tolist()
+
+
+def test_both_balls_are_on_their_paths_whatever_the_lengths_of_their_tools(
+    run: Run, paths: list[ToolPath]
+) -> None:
+    from scipy.spatial import KDTree
+
+    motions = read_program(run.program.text, MACHINE, DIALECT)
+    rows = rows_of(run, motions)
+    tips, axes = forward(MACHINE, run.joints[rows])
+    for path in paths:
+        mine = motions.tools == path.cutter.number
+        centres = tips[mine] + path.cutter.radius * axes[mine]
+        meant = path.tips + path.cutter.radius * path.axes
+        assert KDTree(centres).query(meant)[0].max() <= 0.001
+
+
+def test_without_g43_the_second_ball_would_be_off_by_the_difference_of_the_lengths(
+    paths: list[ToolPath], tmp_path: Path
+) -> None:
+    program = write_program(paths, MACHINE, DIALECT, Job())
+    wrong = Program(**{**program.__dict__, "text": program.text.replace("G43 H2\n", "")})
+    run = run_text(wrong, tmp_path)
+    right = run_text(program, tmp_path)
+    off = run.joints[:, 2] - right.joints[:, 2]
+    assert np.allclose(off[-50:], LENGTHS[1] - LENGTHS[2], atol=1e-3)
+    assert np.allclose(off[:50], 0.0)

@@ -61,6 +61,7 @@ def broken(texts: dict[str, str], name: str, pattern: str, replacement: str) -> 
         ("linuxcnc", r"^G93$", "G95"),
         ("linuxcnc", r"^T1 M6", "T3 M6"),
         ("linuxcnc", r"^M8$", "M8 N"),
+        ("linuxcnc", r"^G43 H1$", "G43 H2"),
     ],
 )
 def test_what_the_dialect_does_not_know_is_refused_with_its_line(texts, name, pattern, replacement):
@@ -106,6 +107,13 @@ def test_across_the_retracted_spindle_only_rapids_need_no_tool_centre_control(te
     for wrong in ("L X+0.000 Y+0.000 R0 F900", "L X+0.000 Y+0.000 Z+9.000 R0 FMAX"):
         with pytest.raises(ProgramError, match="without tool-centre control"):
             read_program(text.replace("L X+0.000 Y+0.000 R0 FMAX", wrong), *PAIRS["heidenhain"])
+
+
+@pytest.mark.parametrize("instead", ["", "G49\n", "G43\n"])
+def test_a_tool_must_not_move_without_its_length(texts, instead):
+    text = texts["linuxcnc"].replace("G43 H1\n", instead)
+    with pytest.raises(ProgramError, match="tool 1 moves without its length"):
+        read_program(text, *PAIRS["linuxcnc"])
 
 
 def test_given_tools_replace_those_of_the_comments(texts):
