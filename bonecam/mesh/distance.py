@@ -71,13 +71,17 @@ class MeshDistance:
         return self._within(points, _limits(wanted, len(points)))
 
     def signed(
-        self, points: Float[ndarray, "n 3"], wanted: float | Float[ndarray, " n"] = np.inf
+        self,
+        points: Float[ndarray, "n 3"],
+        wanted: float | Float[ndarray, " n"] = np.inf,
+        may_be_inside: bool | Bool[ndarray, " n"] = True,
     ) -> Float[ndarray, " n"]:
         """Distance of each point to the closed surface, mm, negative inside; where it exceeds `wanted`, that:
-        it is the cheaper bound."""
+        it is the cheaper bound. Only points that `may_be_inside` are tested for that."""
         limits = _limits(wanted, len(points))
         distance = self._within(points, limits)
-        inside = self.inside(points)
+        inside = np.array(np.broadcast_to(may_be_inside, len(points)))
+        inside[inside] = self.inside(points[inside])
         deep = np.flatnonzero(inside & (distance >= limits) & np.isfinite(limits))
         distance[deep] = self._within(points[deep], np.full(len(deep), np.inf))
         return np.where(inside, -distance, distance)

@@ -24,6 +24,15 @@ def test_signed_distance_is_negative_inside_and_that_of_the_ball(ball: TriangleM
     assert np.allclose(distance.unsigned(POINTS), np.abs(distance.signed(POINTS)))
 
 
+def test_only_points_that_may_be_inside_are_asked_for_that(ball: TriangleMesh) -> None:
+    distance = MeshDistance(ball)
+    true = distance.signed(POINTS)
+    inside = true < 0
+    assert inside.any()
+    assert (distance.signed(POINTS, may_be_inside=inside) == true).all()
+    assert (distance.signed(POINTS, may_be_inside=False) == np.abs(true)).all()
+
+
 def test_bulk_and_exact_closest_points_agree_to_single_precision(ball: TriangleMesh) -> None:
     places, faces = MeshDistance(ball).closest(POINTS)
     exact, _ = exact_closest(ball, POINTS)

@@ -3,11 +3,13 @@ containment too."""
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from bonecam.arrays import unit
+from bonecam.job.frustum import Frustum
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.orientation.collision.fcl_model import FclModel, build_fcl_model
@@ -151,6 +153,34 @@ def test_a_margin_that_moves_need_is_asked_for(finishing_cutter: Cutter, scene: 
     swung = classify_poses(scene, finishing_cutter, Poses.in_motion(tips, axes, np.array([True, False])))
     assert alone[0] == FREE
     assert swung[0] != FREE
+
+
+def test_where_only_proofs_count_the_same_poses_are_free(finishing_cutter: Cutter, scene: Scene) -> None:
+    rng = np.random.default_rng(4)
+    tips = np.array([0.0, 0.0, 37.0]) + rng.normal(size=(600, 3)) * [6, 6, 8]
+    poses = Poses.at_rest(tips, unit(rng.normal(size=(600, 3)) + UP))
+    whole = classify_poses(scene, finishing_cutter, poses)
+    proofs = classify_poses(scene, finishing_cutter, poses, settled=UNDECIDED)
+    assert {FREE, UNDECIDED, COLLIDING} <= set(whole)
+    assert ((whole == FREE) == (proofs == FREE)).all()
+
+
+def test_a_wide_holder_close_above_the_part_is_proven_free_by_few_distances(
+    finishing_cutter: Cutter, scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cutter = replace(finishing_cutter, overhang=22.0, holder=(Frustum(80.0, 50.0, 50.0),))
+    tip, up = np.array([[0.0, 0.0, top_of(scene) + 0.5]]), UP[None]
+    assert classify_poses(scene, cutter, Poses.at_rest(tip, up))[0] == UNDECIDED
+    asked = []
+    bound = Scene.distance_bound
+
+    def counted(self: Scene, points: np.ndarray, *others: Any, **named: Any) -> np.ndarray:
+        asked.append(len(points))
+        return bound(self, points, *others, **named)
+
+    monkeypatch.setattr(Scene, "distance_bound", counted)
+    assert classify_thick_tool(scene, cutter, 0.2, tip, up, cutting=True)[0] == FREE
+    assert sum(asked) <= 2 * (1 + len(cutter.sections))
 
 
 @pytest.mark.parametrize("cutting", [True, False])

@@ -40,13 +40,13 @@ class CollisionChecker:
         self, centres: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"]
     ) -> Bool[ndarray, " n"]:
         """Whether poses at rest with these ball centres are proven free by distances alone."""
-        return self._classify_at_rest(centres, axes) == FREE
+        return self._classify_at_rest(centres, axes, UNDECIDED) == FREE
 
     def free(self, centres: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
         """Whether poses at rest with these ball centres are free, by distances or, where those do not decide
         (in hollows hardly wider than the ball), by FCL."""
         tips = centres - self.cutter.radius * axes
-        state = self._classify_at_rest(centres, axes)
+        state = self._classify_at_rest(centres, axes, COLLIDING)
         undecided = np.flatnonzero(state == UNDECIDED)
         state[undecided] = np.where(self._colliding(tips[undecided], axes[undecided]), COLLIDING, FREE)
         return np.asarray(state == FREE)
@@ -57,7 +57,7 @@ class CollisionChecker:
         """Whether each pose and its halves of the moves to its neighbours are proven free by distances;
         `joined` as in `moves_free`."""
         poses = Poses.in_motion(tips, axes, joined)
-        return classify_poses(self.scene, self.cutter, poses) == FREE
+        return classify_poses(self.scene, self.cutter, poses, settled=UNDECIDED) == FREE
 
     def moves_free(
         self,
@@ -76,17 +76,19 @@ class CollisionChecker:
         state = np.full(len(tips), FREE)
         asked = np.arange(len(tips)) if known_free is None else np.flatnonzero(~known_free)
         poses = Poses.in_motion(tips, axes, joined).take(asked)
-        state[asked] = classify_poses(self.scene, self.cutter, poses, cutting=cutting)
+        state[asked] = classify_poses(self.scene, self.cutter, poses, cutting=cutting, settled=UNDECIDED)
         free = joined & (state == FREE) & (np.r_[state[1:], COLLIDING] == FREE)
         doubtful = np.flatnonzero(joined & ~free)
         if len(doubtful):
             free[doubtful] = self._subdivided_free(tips, axes, doubtful, cutting)
         return free
 
-    def _classify_at_rest(self, centres: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"]) -> ndarray:
-        """State of poses with REST_MARGIN."""
+    def _classify_at_rest(
+        self, centres: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], settled: int
+    ) -> Int[ndarray, " n"]:
+        """State of poses with REST_MARGIN; `settled` as in `classify_poses`."""
         poses = Poses.at_rest(centres - self.cutter.radius * axes, axes, REST_MARGIN)
-        return classify_poses(self.scene, self.cutter, poses)
+        return classify_poses(self.scene, self.cutter, poses, settled=settled)
 
     def _subdivided_free(
         self,

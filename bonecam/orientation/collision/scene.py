@@ -84,6 +84,7 @@ class Scene:
         if len(close):
             mesh = self.level_distance if obstacle == "level" else self.material_distance
             deviation = 0.0 if obstacle == "level" else self.material_deviation
-            measure = mesh.unsigned if outside else mesh.signed
-            distance[close] = measure(points[close], wanted[close] + FAR + deviation) - deviation
+            may_be_inside = (distance[close] < FAR) & (not outside)
+            limits = wanted[close] + FAR + deviation
+            distance[close] = mesh.signed(points[close], limits, may_be_inside) - deviation
         return np.minimum(distance, post.distance(points))

@@ -86,15 +86,18 @@ def _largest_beside(
     return largest
 
 
-def classify_poses(scene: Scene, cutter: Cutter, poses: Poses, *, cutting: bool = True) -> Int[ndarray, " n"]:
+def classify_poses(
+    scene: Scene, cutter: Cutter, poses: Poses, *, cutting: bool = True, settled: int = COLLIDING
+) -> Int[ndarray, " n"]:
     """FREE (proven, moves included), UNDECIDED or COLLIDING for every pose.
 
     `cutting`: the cutter is held against the level, less TANGENT_SLACK; else against the material, as shank
-    and holder always are.
+    and holder always are. A pose is left as soon as it is `settled`: UNDECIDED where only proofs count. The
+    sections are tried from the spindle down: the wide ones decide soonest.
     """
     state = _table_state(cutter, poses)
-    for name, start, end, radius in cutter.sections:
-        open_ = np.flatnonzero(state != COLLIDING)
+    for name, start, end, radius in cutter.sections[::-1]:
+        open_ = np.flatnonzero(state < settled)
         tangent = cutting and name == "cutter"
         post = scene.post if name == "cutter" else scene.post_with_fillet(cutter.radius)
         found = _trace(scene, poses.take(open_), (start, end, radius), tangent, post, cutter.radius)
