@@ -13,9 +13,6 @@ from bonecam.kernels.removal.rays import TILE, RaySet
 
 SAMPLES = 4
 """Points on a brick's length of material: what lies between two of them is `spare` of a brick."""
-UNCERTAINTY = 2.5
-"""Sides of a brick that a bound may be below the distance: half diagonals of two bricks, and what is
-spared."""
 WATCHED = 5.0
 """Larger bounds are not looked into, mm."""
 
@@ -107,11 +104,10 @@ def bound_clearances(
     near: ndarray,
 ) -> None:
     """Write lower bounds of the distance (mm) between material and each section over each piece of a move
-    into `bounds` (n, s), and the heights between which the nearest material must lie into `near` (n, s, 2);
-    of section 0, the flutes, those between which they may meet material.
+    into `bounds` (n, s), and the heights between which material may be nearer than WATCHED into `near` (n, s,
+    2); of section 0, the flutes, those between which they may meet material.
 
-    Pieces as in `sweep.Pieces`, in the part's frame. `sections` (s, 3): from, to, radius. Elsewhere the
-    distance is larger than bound + UNCERTAINTY bricks.
+    Pieces as in `sweep.Pieces`, in the part's frame. `sections` (s, 3): from, to, radius.
     A cylinder lies in the balls about points of its axis that reach half-way to the next; over the
     piece it moves by half of what it travels at most from its middle.
     """
@@ -143,7 +139,7 @@ def bound_clearances(
                     free -= ball + shift + turn * (u + step / 2)
                     if both == 0:
                         least = min(least, free)
-                    elif free <= (0.0 if s == 0 else least + UNCERTAINTY * bricks.size):
+                    elif free <= (0.0 if s == 0 else WATCHED):
                         near[i, s, 1] = start + (m + 1) * step
                         if near[i, s, 0] < 0.0:
                             near[i, s, 0] = start + m * step

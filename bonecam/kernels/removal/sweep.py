@@ -77,7 +77,6 @@ def sweep(
     radius: float,
     sections: ndarray,
     allowed: float,
-    uncertainty: float,
     first: int,
     found: Found,
 ) -> int:
@@ -86,7 +85,7 @@ def sweep(
     or the number of pieces.
 
     `sections` (2, 3): from, to, radius of shank and holder; `allowed` is the signed distance (mm) that they
-    may have, `uncertainty` what bounds may be below it.
+    may have.
     """
     foot, axis, top = np.empty(3), np.empty(3), np.empty(3)
     for i in range(first, len(pieces.starts)):
@@ -108,7 +107,7 @@ def sweep(
             if found.touched[s] >= 0 or pieces.bounds[i, s] >= found.least[s]:
                 continue
             low, high = pieces.near[i, s, 0], pieces.near[i, s, 1]
-            near = min(found.least[s], pieces.bounds[i, s] + uncertainty)
+            near = found.least[s]
             travel = _travel(pieces, i, high)
             steps = max(int(np.ceil(travel / max(TOOL_STEP, near / 8))), 1)
             slack = travel / steps / 2

@@ -10,7 +10,6 @@ from scipy.ndimage import distance_transform_edt
 
 from bonecam.kernels.removal.bricks import (
     SAMPLES,
-    UNCERTAINTY,
     WATCHED,
     Bricks,
     bound_clearances,
@@ -64,14 +63,12 @@ class Sweeping:
         bounded = _bounded(pieces, sections, bricks)
 
         def along(directions: slice) -> None:
-            self._sweep(bounded, sections, UNCERTAINTY * bricks.size, directions.start)
+            self._sweep(bounded, sections, directions.start)
 
         in_pieces(along, 3, 1)
         return bounded
 
-    def _sweep(
-        self, pieces: Pieces, sections: Float[ndarray, "3 3"], uncertainty: float, direction: int
-    ) -> None:
+    def _sweep(self, pieces: Pieces, sections: Float[ndarray, "3 3"], direction: int) -> None:
         """Take the pieces out of one set of rays, with more room on them where it is needed."""
         turned = in_grid(pieces, self.grid, direction)
         radius = float(sections[0, 2])
@@ -79,7 +76,7 @@ class Sweeping:
         at = 0
         while at < len(pieces.starts):
             rays = self.sets[direction]
-            at = sweep(rays, turned, radius, sections[1:], ALLOWED_TOUCH, uncertainty, at, found)
+            at = sweep(rays, turned, radius, sections[1:], ALLOWED_TOUCH, at, found)
             if at < len(pieces.starts):
                 self.sets[direction] = with_more_room(rays)
 

@@ -14,6 +14,7 @@ from bonecam.setup.stocks.box import Box
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.verify.removal.nails import Nails
 from bonecam.verify.removal.rays import copy_of, lay_grid, lay_rays, order, volumes, with_more_room
+from bonecam.verify.removal.sweeping import Sweeping
 
 BLOCK = Box(np.array([-5.0, -4.0, 10.0]), np.array([5.0, 4.0, 18.0]))
 
@@ -151,6 +152,16 @@ def ball_pieces(starts, ends):
     return Pieces(
         starts, ends, up, up, np.arange(n), np.zeros(n), np.full((n, 2), np.inf), np.zeros((n, 2, 2))
     )
+
+
+def test_a_shank_that_passes_by_on_a_long_piece_does_not_touch(finishing_cutter):
+    grid = lay_grid([BLOCK], 0.1)
+    sweeping = Sweeping(lay_rays([BLOCK], grid, 500.0), grid, [BLOCK], 1)
+    pieces = ball_pieces(np.array([[8.0, -4.0, 9.0]]), np.array([[8.0, 4.0, 9.0]]))
+    sweeping.run(pieces, finishing_cutter)
+    shank = finishing_cutter.shank_diameter / 2
+    assert sweeping.clearance(0)[0] == pytest.approx(8.0 - shank - 5.0, abs=0.15)
+    assert sweeping.touched(0) == -1
 
 
 def nails_at(points, normals):
