@@ -41,6 +41,20 @@ class PathJob(Section):
         low=-60.0,
         high=60.0,
     )
+    orientation: str = parameter(
+        "lead",
+        "Orientation",
+        "Tool axes: leaning forward by the lead angle (lead), or a field that turns the machine smoothly (smooth).",
+        choices=("smooth", "lead"),
+    )
+    least_lead_deg: float = parameter(
+        10.0,
+        "Least lead",
+        "Angle from the surface normal that a smooth field keeps where it can: the tip of a ball does not cut.",
+        unit="deg",
+        low=0.0,
+        high=60.0,
+    )
     max_tilt_deg: float = parameter(
         75.0,
         "Largest tilt",

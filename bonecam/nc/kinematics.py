@@ -160,8 +160,10 @@ def tilt_limit(machine: Machine) -> float:
 
 
 def axis_limits(machine: Machine) -> AxisLimits:
-    """The polar angles that tool paths for the machine may use: up to AXIS_MARGIN below its tilt limit."""
-    return AxisLimits(tilt_limit(machine) - AXIS_MARGIN)
+    """The polar angles that tool paths for the machine may use: up to AXIS_MARGIN below its tilt limit. The rotary
+    axis nearer to Z changes the azimuth, the other one the polar angle."""
+    turn, tilt = sorted(machine.rotary, key=lambda axis: -abs(axis.direction[2]))
+    return AxisLimits(tilt_limit(machine) - AXIS_MARGIN, tilt_speed=tilt.speed, turn_speed=turn.speed)
 
 
 def within_limits(machine: Machine, found: Float[ndarray, "n 2 2"]) -> Bool[ndarray, "n 2"]:

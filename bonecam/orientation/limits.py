@@ -1,5 +1,6 @@
 """The polar angle of tool axes (their angle from +Z), and its limits on a machine."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,10 +16,13 @@ ANGLE_ROUNDING = 1e-9
 @dataclass(frozen=True)
 class AxisLimits:
     """Smallest and largest polar angle of the tool axis, radians (B -115..30 with an endless C: 0 .. 115
-    degrees). MachineError where they do not lie in order within 0 .. 180 degrees."""
+    degrees), and how fast the machine changes its polar angle and azimuth, rad/min. MachineError where the
+    angles do not lie in order within 0 .. 180 degrees."""
 
     largest: float
     smallest: float = 0.0
+    tilt_speed: float = math.inf
+    turn_speed: float = math.inf
 
     def __post_init__(self) -> None:
         if not 0 <= self.smallest < self.largest <= np.pi:
