@@ -13,8 +13,8 @@ class PathJob(Section):
     pattern: str = parameter(
         "round",
         "Pattern",
-        "Passes round the bone (t = const) or along it, from pole to pole (s = const).",
-        choices=("round", "along"),
+        "Passes round the bone (t = const), along it from pole to pole (s = const), or on each level the faster ones.",
+        choices=("fastest", "along", "round"),
     )
     chord_tolerance: float = parameter(
         0.004,

@@ -7,12 +7,15 @@ depend on that material (the contacts of the next level) is made in a second thr
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from bonecam.job import Job
+from bonecam.job import Job, PathJob
 from bonecam.levels.measure.level import Level, MachinedLevel, machined_levels, morph_surfaces
 from bonecam.mesh.distance import MeshDistance
+from bonecam.orientation.collision.checker import CollisionChecker
 from bonecam.orientation.collision.scene import Scene
+from bonecam.orientation.field.axis_field import AxisField
+from bonecam.orientation.field.fit import fit_axis_field
 from bonecam.orientation.lead import check_lead
 from bonecam.orientation.limits import AxisLimits
 from bonecam.orientation.oriented_path import orient
@@ -24,6 +27,7 @@ from bonecam.toolpath.cutter import Cutter
 from bonecam.toolpath.gouge import MESH_SHARE, planned_tolerance
 from bonecam.toolpath.material import DEVIATION, remove_material, uncut_material
 from bonecam.toolpath.path import ToolPath
+from bonecam.toolpath.pattern import fastest_pattern
 from bonecam.toolpath.zigzag import CandidateContacts, candidate_contacts, contact_path
 
 PART_CHORD = 0.002
@@ -63,30 +67,40 @@ def plan_paths(
 
     def contacts_of(level: MachinedLevel) -> LevelContacts:
         cutter = finishing if job.is_finishing(level.index) else roughing
-        return _contacts_of(level, part, cutter, post, job)
+        pattern = job.path.pattern
+        if pattern == "fastest":
+            pattern = fastest_pattern(level.surface, cutter, limits.turn_speed)
+        return _contacts_of(level, part, cutter, post, replace(job.path, pattern=pattern))
 
     capsule = enclosing_capsule(stock)
     material = uncut_material(levels, stock)
     paths: list[ToolPath] = []
+    field: AxisField | None = None
     for found in _one_ahead(contacts_of, machined_levels(levels)[::-1]):
         level = found.level
         report(progress, len(paths) / (len(levels) - 1), f"path of level {level.index}")
         own = part if level.index else None
         scene = Scene(found.distance.mesh, material.mesh, capsule, post, DEVIATION, found.distance, own)
-        path = orient(contact_path(found.candidates, material), scene, limits, job.path, job.nc)
+        contacts = contact_path(found.candidates, material)
+        wanted = None
+        if job.path.orientation == "smooth" and len(contacts.contacts):
+            checker = CollisionChecker(scene, contacts.cutter)
+            field = fit_axis_field(contacts, level.surface.domain[1], checker, limits, job.path, field)
+            wanted = field.axes(contacts.parameters)
+        path = orient(contacts, scene, limits, job.path, job.nc, wanted)
         material = remove_material(material, level, path)
         paths.append(path)
     return tuple(paths)
 
 
 def _contacts_of(
-    level: MachinedLevel, part: MeshDistance, cutter: Cutter, post: Post, job: Job
+    level: MachinedLevel, part: MeshDistance, cutter: Cutter, post: Post, job: PathJob
 ) -> LevelContacts:
     """The contacts of a level; its balls stay out of the level and of the part."""
     if level.index == 0:
-        return LevelContacts(level, part, candidate_contacts(level, [part], cutter, post, job.path))
+        return LevelContacts(level, part, candidate_contacts(level, [part], cutter, post, job))
     distance = MeshDistance(level.surface.tessellate(LEVEL_CHORD))
-    return LevelContacts(level, distance, candidate_contacts(level, [distance, part], cutter, post, job.path))
+    return LevelContacts(level, distance, candidate_contacts(level, [distance, part], cutter, post, job))
 
 
 def _one_ahead(

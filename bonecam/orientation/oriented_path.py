@@ -31,10 +31,18 @@ Run = Int[ndarray, " _"]
 """Contacts, by index, that are cut without lifting the tool."""
 
 
-def orient(path: ContactPath, scene: Scene, limits: AxisLimits, job: PathJob, nc: NcJob) -> ToolPath:
+def orient(
+    path: ContactPath,
+    scene: Scene,
+    limits: AxisLimits,
+    job: PathJob,
+    nc: NcJob,
+    wanted: Float[ndarray, "n 3"] | None = None,
+) -> ToolPath:
     """Tool axes for the contacts of one level, and safe moves before, between and behind its passes.
 
-    Contacts without an admissible axis, and passes that cannot be reached, are left out and listed in `uncut`
+    `wanted` are the axes to start from; without them they lean by the lead angle. Contacts without an
+    admissible axis, and passes that cannot be reached, are left out and listed in `uncut`
     (`limits`, `collision`). A path without contacts only visits the safe point. Raises OrientationError where
     none of the contacts can be reached.
     """
@@ -43,7 +51,7 @@ def orient(path: ContactPath, scene: Scene, limits: AxisLimits, job: PathJob, nc
     space = LinkSpace(checker, limits, feeds, job.clearance, planned_tolerance(job.gouge_tolerance))
     if not len(path.contacts):
         return _idle_path(path, space)
-    chosen = choose_axes(path, checker, limits, job)
+    chosen = choose_axes(path, checker, limits, job, wanted)
     if not chosen.found.any():
         remedy = "use a longer overhang, a longer post (holding.length) or a slimmer holder"
         raise OrientationError(

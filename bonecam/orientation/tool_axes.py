@@ -39,12 +39,20 @@ class ToolAxes:
         return np.array([not reason for reason in self.reasons], dtype=bool)
 
 
-def choose_axes(path: ContactPath, checker: CollisionChecker, limits: AxisLimits, job: PathJob) -> ToolAxes:
-    """An axis for every contact that is within limits and free of collision."""
+def choose_axes(
+    path: ContactPath,
+    checker: CollisionChecker,
+    limits: AxisLimits,
+    job: PathJob,
+    wanted: Float[ndarray, "n 3"] | None = None,
+) -> ToolAxes:
+    """An axis for every contact that is within limits and free of collision; `wanted` are the axes to start from,
+    by default those that lean forward by the lead angle."""
     cutter, centres, passes = path.cutter, path.centres, path.pass_index
     max_tilt = np.radians(job.max_tilt_deg)
-    leaning = lead_axes(path.normals, path.feeds, np.radians(job.lead_deg))
-    bounded = bound_polar_angles(leaning, centres, cutter, limits)
+    if wanted is None:
+        wanted = lead_axes(path.normals, path.feeds, np.radians(job.lead_deg))
+    bounded = bound_polar_angles(wanted, centres, cutter, limits)
     preferred = avoid_singularity(bounded, centres, passes)
 
     same_pass = np.r_[passes[1:] == passes[:-1], False]

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
+from scipy.linalg import solve
 
 from bonecam.job import PathJob
 from bonecam.orientation.admissible import nearest_free_axes
@@ -25,7 +26,7 @@ SPACING = 0.6
 """Distance of the samples along the passes, mm."""
 MAX_STEPS = 40
 """Steps of the minimisation at most; it needs 10 to 30 from the normals, 3 to 10 from another level's field."""
-LEAST_DROP = 1e-3
+LEAST_DROP = 5e-3
 """A step that lowers the energy by a smaller share is the last one."""
 FIRST_DAMPING, LARGEST_DAMPING = 1e-3, 1e6
 """Of the steps, in diagonal entries of the normal equations."""
@@ -165,7 +166,7 @@ def _first(energy: AxisEnergy) -> Float[ndarray, "2 c"]:
 
 def _solve(matrix: Any, right: Float[ndarray, " c"]) -> Float[ndarray, " c"]:
     dense = matrix.toarray()
-    return np.asarray(np.linalg.solve(dense + 1e-9 * np.trace(dense) * np.eye(len(dense)), right))
+    return np.asarray(solve(dense + 1e-9 * np.trace(dense) * np.eye(len(dense)), right, assume_a="pos"))
 
 
 def _with_targets(energy: AxisEnergy, hit: Int[ndarray, " k"], targets: Float[ndarray, "k 3"]) -> AxisEnergy:
@@ -188,7 +189,7 @@ def _minimise(energy: AxisEnergy, values: Float[ndarray, "2 c"]) -> Float[ndarra
         gradient = J.T @ residual
         diagonal = normal.diagonal() + 1e-3 * normal.diagonal().mean()
         while damping < LARGEST_DAMPING:
-            step = np.linalg.solve(normal + np.diag(damping * diagonal), gradient)
+            step = solve(normal + np.diag(damping * diagonal), gradient, assume_a="pos")
             tried = values - step.reshape(values.shape)
             residual, new_J = energy.terms(tried)
             if residual @ residual < least:

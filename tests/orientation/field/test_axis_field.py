@@ -1,0 +1,72 @@
+"""The splines of a field of axes, and the derivatives of its energy."""
+
+import numpy as np
+import pytest
+
+from bonecam.orientation.field.axis_field import ALONG, AROUND, AxisField, basis
+from bonecam.orientation.field.energy import AxisBounds, AxisEnergy
+
+RANDOM = np.random.default_rng(2)
+DOMAIN = (0.0, 3.0)
+PLACES = RANDOM.random((300, 2)) * [1.0, 3.0]
+ONCE_ROUND = np.array([1.0, 0.0])
+VALUES = RANDOM.normal(0.8, 0.3, (2, AROUND * ALONG))
+
+
+def field(winding: int = 1) -> AxisField:
+    return AxisField(DOMAIN, winding, VALUES[0], VALUES[1])
+
+
+def test_the_basis_sums_to_one_and_is_periodic_in_s() -> None:
+    matrix = basis(PLACES, DOMAIN)
+    np.testing.assert_allclose(matrix.sum(axis=1), 1.0, rtol=1e-12)
+    np.testing.assert_allclose(matrix.toarray(), basis(PLACES + ONCE_ROUND, DOMAIN).toarray(), atol=1e-12)
+
+
+def test_axes_are_unit_and_come_round_to_themselves() -> None:
+    axes = field().axes(PLACES)
+    np.testing.assert_allclose(np.linalg.norm(axes, axis=1), 1.0, rtol=1e-12)
+    np.testing.assert_allclose(axes, field().axes(PLACES + ONCE_ROUND), atol=1e-12)
+
+
+@pytest.mark.parametrize("winding", [1, -1])
+def test_the_azimuth_winds_once(winding: int) -> None:
+    ring = np.column_stack([np.linspace(0, 1, 400), np.full(400, 1.2)])
+    axes = AxisField(DOMAIN, winding, 0 * VALUES[0], 0 * VALUES[1] + 1.0).axes(ring)
+    azimuth = np.unwrap(np.arctan2(axes[:, 1], axes[:, 0]))
+    assert azimuth[-1] - azimuth[0] == pytest.approx(winding * 2 * np.pi)
+
+
+def energy() -> AxisEnergy:
+    """Samples whose every bound is broken somewhere, and some targets."""
+    normals = RANDOM.normal(size=(300, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    moves = np.delete(np.arange(299), [99, 199])
+    bounds = AxisBounds(0.6, np.full(300, 1.0), 0.3, np.full(300, 0.9))
+    targets = RANDOM.normal(size=(20, 3))
+    places = PLACES[np.argsort(PLACES[:, 1])]
+    times = RANDOM.uniform(0.01, 0.3, len(moves))
+    return AxisEnergy(
+        places, normals, DOMAIN, 1, moves, times, (8.0, 5.0), bounds, np.arange(0, 300, 15), targets
+    )
+
+
+def test_derivatives_of_the_energy_are_those_of_differences() -> None:
+    made = energy()
+    residual, J = made.terms(VALUES)
+    assert (residual != 0).mean() > 0.5
+    for _ in range(3):
+        step = RANDOM.normal(size=VALUES.shape)
+        ahead, behind = (made.terms(VALUES + sign * 1e-7 * step)[0] for sign in (1, -1))
+        np.testing.assert_allclose(J @ step.ravel(), (ahead - behind) / 2e-7, rtol=1e-4, atol=1e-4)
+
+
+def test_a_field_within_its_bounds_has_no_energy_of_bounds() -> None:
+    normals = np.tile([0.0, 0.0, 1.0], (300, 1))
+    bounds = AxisBounds(0.1, np.full(300, 2.0), 0.2, np.full(300, 1.2))
+    none = np.zeros(0, dtype=np.int64)
+    made = AxisEnergy(
+        PLACES, normals, DOMAIN, 1, none, np.zeros(0), (np.inf, np.inf), bounds, none, np.zeros((0, 3))
+    )
+    even = np.stack([np.zeros(AROUND * ALONG), np.full(AROUND * ALONG, 0.7)])
+    assert np.abs(made.terms(even)[0]).max() < 1e-12
