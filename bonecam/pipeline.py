@@ -14,6 +14,7 @@ from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
 from bonecam.nc.dialect import Dialect, read_dialect
 from bonecam.nc.kinematics import axis_limits
 from bonecam.nc.machine import Machine, read_machine
+from bonecam.nc.posting.feeds import drivable_paths
 from bonecam.nc.posting.header import record_checks
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import program_name
@@ -147,9 +148,10 @@ def _machine(
     levels = made.levels.levels
     design = morph_surfaces(levels)[0]
     with times.stage("toolpath"):
-        paths = plan_paths(levels, made.stock, job, axis_limits(machine), part(progress, 0.0, 0.82))
+        planned = plan_paths(levels, made.stock, job, axis_limits(machine), part(progress, 0.0, 0.82))
 
     with times.stage("nc"):
+        paths = drivable_paths(planned, machine, dialect, job)
         program = write_program(
             paths,
             machine,

@@ -21,6 +21,7 @@ def save_program(layers: Layers, values: Mapping[str, Any], progress: Progress) 
     from bonecam.levels.measure.level import morph_surfaces
     from bonecam.nc.dialect import read_dialect
     from bonecam.nc.machine import read_machine
+    from bonecam.nc.posting.feeds import drivable_paths
     from bonecam.nc.posting.header import record_checks
     from bonecam.nc.posting.write import write_program
     from bonecam.setup.stock import Stock
@@ -28,13 +29,14 @@ def save_program(layers: Layers, values: Mapping[str, Any], progress: Progress) 
     from bonecam.verify.readback import Tolerances
     from bonecam.verify.report import nc_report
 
-    paths = layers.kept("toolpath", tuple, "generate_toolpath")
+    planned = layers.kept("toolpath", tuple, "generate_toolpath")
     morph = layers.kept("morph", Morph, "generate_morph_levels")
     stock = layers.kept("stock", Stock, "generate_stock")  # type: ignore[type-abstract]
     job = replace(layers.job(), nc=section_of(layers.job().nc, values))
     machine = read_machine(job.nc.machine)
     dialect = read_dialect(job.nc.controller)
 
+    paths = drivable_paths(planned, machine, dialect, job)
     program = write_program(paths, machine, dialect, job, stock=stock, progress=part(progress, 0.0, 0.5))
     design = morph_surfaces(morph.levels)[0]
     tolerances = Tolerances(gouge=job.path.gouge_tolerance)

@@ -83,7 +83,8 @@ def test_the_report_has_the_names_that_stay(chain: tuple[bonecam.Result, Path]) 
         "surface": "control_points deviation_max_mm deviation_rms_mm given_deviation_max_mm",
         "stock": "kind diameter_mm length_mm",
         "nc": "file machine controller blocks readback_tip_error_mm readback_axis_error_deg gouge_max_mm "
-        "rotary_max_deg_per_block time_min",
+        "rotary_max_deg_per_block time_min feed_median_mm_min feed_low_mm_min feed_axis_limited_share "
+        "feed_beyond_axes_share",
         "seconds": "mesh surface levels toolpath nc verify",
     }
     for section, names in wanted.items():

@@ -5,6 +5,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 
+@dataclass(frozen=True)
+class FeedFigures:
+    """The feeds of a program's cutting blocks: median and what a tenth of them are below, mm/min, as the axes drive
+    them; `limited` is the share of them on which the cutter's feed asks more than an axis can, `beyond` the share
+    whose own feed does."""
+
+    median: float
+    low: float
+    limited: float
+    beyond: float
+
+
 @dataclass(frozen=True, repr=False)
 class Program:
     """An NC program as text, ending with a newline.
@@ -26,6 +38,7 @@ class Program:
     rewinds: int
     tools: tuple[int, ...]
     time_min: float
+    feeds: FeedFigures
     rotary_max_deg_per_block: float
 
     def __repr__(self) -> str:

@@ -118,6 +118,10 @@ def nc_report(program: Program, proof: Verification) -> dict[str, Any]:
         "gouge_max_mm": _mm(max(proof.gouge.depth, 0.0)),
         "rotary_max_deg_per_block": _mm(program.rotary_max_deg_per_block),
         "time_min": round(program.time_min, 2),
+        "feed_median_mm_min": round(program.feeds.median, 1),
+        "feed_low_mm_min": round(program.feeds.low, 1),
+        "feed_axis_limited_share": round(program.feeds.limited, 4),
+        "feed_beyond_axes_share": round(program.feeds.beyond, 4),
     }
 
 
@@ -173,6 +177,9 @@ def _program_lines(toolpath: Sequence[Mapping[str, Any]], nc: Mapping[str, Any])
     file = nc["file"] or "not written"
     machine = f"{nc['machine']} / {nc['controller']}"
     yield f"nc        {file}: {nc['blocks']} blocks for {machine}, about {nc['time_min']:.0f} min"
+    median, low = nc["feed_median_mm_min"], nc["feed_low_mm_min"]
+    share = f"an axis limits {nc['feed_axis_limited_share']:.0%} of the cutting blocks"
+    yield f"feed      median {median:.0f}, a tenth below {low:.0f} mm/min; {share}"
     tip_um, gouge_um = nc["readback_tip_error_mm"] * 1000, nc["gouge_max_mm"] * 1000
     axis_deg = nc["readback_axis_error_deg"]
     yield f"proof     tip {tip_um:.2f} um, axis {axis_deg:.4f} deg, gouge {gouge_um:.2f} um"

@@ -54,10 +54,12 @@ def test_the_summary_tells_each_repair() -> None:
         "nc": dict.fromkeys(
             ("blocks", "time_min", "readback_tip_error_mm", "readback_axis_error_deg", "gouge_max_mm"), 1
         )
+        | {"feed_median_mm_min": 500.0, "feed_low_mm_min": 250.0, "feed_axis_limited_share": 0.95}
         | {"file": "half.h", "machine": "mill", "controller": "heidenhain"},
         "seconds": {"mesh": 1.0},
     }
     told = summary_of(report).splitlines()
+    assert "feed      median 500, a tenth below 250 mm/min; an axis limits 95% of the cutting blocks" in told
     assert told[:2] == [
         "mesh      993 faces, mm; 1 repair",
         "repair    closed 1 hole with 33 faces, 9.66 mm across",

@@ -1,5 +1,6 @@
 """The comments of a program's header, as plain texts: what a machinist must know before the start."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -7,6 +8,7 @@ import numpy as np
 from bonecam.job import Job
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.machine import Machine
+from bonecam.nc.posting.feeds import feed_figures
 from bonecam.nc.posting.path_words import Posted
 from bonecam.nc.posting.travel import Travel
 from bonecam.setup.stock import Stock
@@ -32,10 +34,19 @@ def setup_texts(job: Job, stock: Stock | None) -> list[str]:
             f"stock: {kind_of(job.stock).shape}, mounted so before the start",
             *texts,
         ]
+    chuck = (
+        f"diameter {job.holding.chuck_diameter:.2f} mm round the post, up to Z {job.holding.chuck_height:.2f}"
+    )
+    if not job.holding.chuck_height:
+        return [
+            *texts,
+            "clamping: nothing of chuck, collet or vice may stand above Z 0.00",
+            "program zero: X 0 Y 0 on the axis of the post, Z 0 on the table or on top of the clamping",
+        ]
     return [
         *texts,
-        "clamping: nothing of chuck, collet or vice may stand above Z 0.00",
-        "program zero: X 0 Y 0 on the axis of the post, Z 0 on the table or on top of the clamping",
+        f"clamping: a chuck or collet of at most {chuck}",
+        "program zero: X 0 Y 0 on the axis of the post, Z 0 on the table under the chuck",
     ]
 
 
@@ -47,23 +58,29 @@ def tool_texts(job: Job, posted: Sequence[Posted]) -> list[str]:
         cutter = one.path.cutter
         texts += [
             tool_text(cutter, one.control.tool_length),
-            f"tool {number}: {_shapes(cutter)}",
-            f"tool {number}: stick-out {cutter.overhang:.2f} mm, S{cutter.spindle:.0f}, F{cutter.feed:.0f}, "
+            *(f"tool {number}: {text}" for text in _shapes(cutter)),
+            f"tool {number}: stick-out {cutter.overhang:.2f} mm, S{cutter.spindle:.0f}, F{cutter.feed:.0f} at most, "
             f"about {minutes:.1f} min",
         ]
+    figures = feed_figures(posted)
     return [
         *texts,
         "tool lengths: planned, from the spindle nose to the tip of the ball; enter the measured ones",
         f"tool change: {_CHANGES[job.nc.tool_change]}",
         "holders and shanks: none wider, no stick-out shorter than above",
+        f"cutting feeds: median {figures.median:.0f}, a tenth below {figures.low:.0f} mm/min: "
+        f"an axis limits {100 * figures.limited:.0f} percent",
     ]
 
 
-def _shapes(cutter: Cutter) -> str:
-    """The cylinders of a cutter from the tip up, mm."""
-    return ", ".join(
-        f"{name} to {end:.2f} diameter {2 * radius:.2f}" for name, _, end, radius in cutter.sections
-    )
+def _shapes(cutter: Cutter) -> list[str]:
+    """The shapes of a cutter from the tip up, mm, two cylinders or cones a line; without the spindle."""
+    told = []
+    for section in cutter.profile:
+        end = f" to {2 * section.end_radius:.2f}" if section.end_radius != section.radius else ""
+        if section.name != "spindle":
+            told.append(f"{section.name} to {section.end:.2f} diameter {2 * section.radius:.2f}{end}")
+    return [", ".join(told[at : at + 2]) for at in range(0, len(told), 2)]
 
 
 def tool_text(cutter: Cutter, tool_length: float) -> str:
@@ -86,7 +103,23 @@ def control_texts(machine: Machine, dialect: Dialect, posted: Sequence[Posted]) 
         f"programmed point: {point} {where}",
         *notes,
         rapids,
+        *_body_texts(machine),
     ]
+
+
+def _body_texts(machine: Machine) -> list[str]:
+    """The bodies of the machine that the paths were kept clear of."""
+    nose = ", ".join(
+        f"{piece.length:.0f} mm of diameter {max(piece.diameter, piece.top_diameter):.0f}"
+        for piece in machine.nose
+    )
+    table = machine.table
+    size = "of any size"
+    if math.isfinite(table.radius):
+        size = f"of diameter {2 * table.radius:.0f}"
+    elif math.isfinite(table.half_width):
+        size = f"of {2 * table.half_width:.0f} x {2 * table.half_depth:.0f}"
+    return [f"kept clear of: a spindle nose of {nose or 'no known size'}; a table {size} mm"]
 
 
 def axis_texts(machine: Machine, travel: Travel, posted: Sequence[Posted]) -> list[str]:

@@ -1,6 +1,7 @@
 """Post one tool path: its words for one control, split into moves, rounded and timed."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -30,7 +31,7 @@ class Posted:
 
     `approaches` (r, 5) are the words from which each run is approached along the tool axis, above everything
     machined. `minutes` (n,) is the time of the move that arrives at each row; where a run begins, the time in
-    which the rotary axes get there.
+    which the rotary axes get there. `axis_minutes` (n,) is what its slowest axis needs at least.
     """
 
     path: ToolPath
@@ -41,6 +42,12 @@ class Posted:
     runs: tuple[tuple[int, int], ...]
     approaches: Float[ndarray, "r 5"]
     minutes: Float[ndarray, "n"]
+    axis_minutes: Float[ndarray, "n"]
+
+    @cached_property
+    def lengths(self) -> Float[ndarray, "n"]:
+        """How far the tip moves to arrive at each row, mm in the part's frame."""
+        return np.linalg.norm(np.diff(self.moves.tips, axis=0, prepend=self.moves.tips[:1]), axis=1)
 
 
 def control_of(machine: Machine, dialect: Dialect, cutter: Cutter) -> Control:
@@ -87,8 +94,9 @@ def post_path(
         + np.maximum(lift, APPROACH_HEIGHT)[:, None] * control.poses(np.radians(words[starts]))[1]
     )
     approaches = round_words(dialect, control, above, angles[starts])
-    minutes = _move_minutes(control, moves, words, starts, job)
-    return Posted(path, dialect, control, moves, words, runs, approaches, minutes)
+    fastest = _axis_minutes(control, words, starts)
+    minutes = _move_minutes(moves, fastest, starts, job)
+    return Posted(path, dialect, control, moves, words, runs, approaches, minutes, fastest)
 
 
 def _path_tolerance(job: PathJob) -> float:
@@ -108,24 +116,34 @@ def round_words(
 
 def joints_of(posted: Posted, words: Float[ndarray, "n 5"]) -> Float[ndarray, "n 5"]:
     """The joints (mm, rad) of the machine at words (mm, deg)."""
+    return _joints(posted.control, words)
+
+
+def _joints(control: Control, words: Float[ndarray, "n 5"]) -> Float[ndarray, "n 5"]:
+    """The joints (mm, rad) at words (mm, deg)."""
     radians = np.column_stack([words[:, :3], np.radians(words[:, 3:])])
-    if not posted.control.tool_centre:
+    if not control.tool_centre:
         return radians
-    tips, _ = posted.control.poses(radians)
-    return inverse_linear(posted.control.machine, tips, radians[:, 3:], posted.control.tool_length)
+    tips, _ = control.poses(radians)
+    return inverse_linear(control.machine, tips, radians[:, 3:], control.tool_length)
 
 
-def _move_minutes(
-    control: Control, moves: Moves, words: ndarray, starts: ndarray, job: Job
-) -> Float[ndarray, "n"]:
-    """Minutes of the move that arrives at each row: at its feed, or as long as its slowest axis takes."""
+def _axis_minutes(control: Control, words: ndarray, starts: ndarray) -> Float[ndarray, "n"]:
+    """Minutes that the slowest axis needs for the move that arrives at each row; where a run begins, the slower
+    rotary axis."""
     machine = control.machine
-    joints = inverse_linear(machine, moves.tips, np.radians(words[:, 3:]), control.tool_length)
     speeds = np.array([axis.speed for axis in machine.linear] + [axis.speed for axis in machine.rotary])
-    slowest = (np.abs(np.diff(joints, axis=0)) / speeds).max(1, initial=0.0)
+    joints = _joints(control, words)
+    slowest = np.r_[0.0, (np.abs(np.diff(joints, axis=0)) / speeds).max(1, initial=0.0)]
+    rotary = np.abs(np.diff(joints[:, 3:], axis=0, prepend=joints[:1, 3:])) / speeds[3:]
+    slowest[starts] = rotary[starts].max(1)
+    return slowest
+
+
+def _move_minutes(moves: Moves, fastest: ndarray, starts: ndarray, job: Job) -> Float[ndarray, "n"]:
+    """Minutes of the move that arrives at each row: at its feed, or as long as its slowest axis takes."""
     length = np.linalg.norm(np.diff(moves.tips, axis=0), axis=1)
     feed = np.where(moves.kinds[1:] == Kind.RAPID, job.nc.rapid_feed, moves.feed_rates[1:])
-    minutes = np.r_[0.0, np.maximum(slowest, length / feed)]
-    rotary = np.abs(np.diff(words[:, 3:], axis=0, prepend=words[:1, 3:])) / np.degrees(speeds[3:])
-    minutes[starts] = rotary[starts].max(1)
+    minutes = np.r_[0.0, np.maximum(fastest[1:], length / feed)]
+    minutes[starts] = fastest[starts]
     return minutes

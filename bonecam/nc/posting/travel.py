@@ -9,6 +9,7 @@ from numpy import ndarray
 
 from bonecam.arrays import lengths
 from bonecam.errors import MachineError
+from bonecam.job import Job
 from bonecam.nc.machine import Machine
 from bonecam.nc.posting.path_words import APPROACH_HEIGHT, Posted, joints_of, round_words
 
@@ -22,10 +23,10 @@ class Travel:
     retract: float
 
 
-def travel_of(machine: Machine, paths: Sequence[Posted]) -> Travel:
+def travel_of(machine: Machine, job: Job, paths: Sequence[Posted]) -> Travel:
     """The room that the posted paths take; MachineError with axis, value, limit and level where the spindle nose
     leaves its limits or the program its travel."""
-    retract = _retract_height(machine, paths)
+    retract = _retract_height(machine, job, paths)
     ranges = np.column_stack([np.full(5, np.inf), np.full(5, -np.inf)])
     for posted in paths:
         nose = joints_of(posted, np.vstack([posted.words, posted.approaches]))
@@ -51,15 +52,32 @@ def above(posted: Posted, run: int, retract: float) -> Float[ndarray, "5"]:
     return np.asarray(round_words(posted.dialect, posted.control, tips + lift * axes, radians[:, 3:])[0])
 
 
-def _retract_height(machine: Machine, paths: Sequence[Posted]) -> float:
-    """Machine Z (mm, of the tip) above everything the program does, whatever the rotary axes do meanwhile."""
+def _retract_height(machine: Machine, job: Job, paths: Sequence[Posted]) -> float:
+    """Machine Z (mm, of the tip) above everything the program does, and above table and chuck, whatever the rotary
+    axes do meanwhile."""
     pivot = np.array(machine.part_axes[-1].pivot) if machine.part_axes else np.zeros(3)
     heights = [joints_of(posted, posted.approaches)[:, 2].max() for posted in paths]
     if machine.part_axes:
         # while the table swings under the tool, the part sweeps at most this ball about the pivot
         reach = [lengths(joints_of(posted, posted.words)[:, :3] - pivot).max() for posted in paths]
-        heights.append(pivot[2] + max(reach))
+        heights.append(pivot[2] + max(*reach, _table_reach(machine, job, pivot)))
     return float(np.ceil(max(heights) + APPROACH_HEIGHT))
+
+
+def _table_reach(machine: Machine, job: Job, pivot: Float[ndarray, "3"]) -> float:
+    """The farthest that table, chuck and what else stands there reach from a pivot, mm, as far as they are known."""
+    table = machine.table
+    edges = [(0.0, radius) for radius in (table.radius, np.hypot(table.half_width, table.half_depth))]
+    edges.append((job.holding.chuck_height, job.holding.chuck_diameter / 2))
+    height = 0.0
+    for piece in table.standing:
+        height += piece.length
+        edges.append((height, max(piece.diameter, piece.top_diameter) / 2))
+    zero = np.array(machine.part_zero) - pivot
+    up = np.array([0.0, 0.0, 1.0])
+    return max(
+        float(np.linalg.norm(zero + high * up)) + radius for high, radius in edges if np.isfinite(radius)
+    )
 
 
 def _check_travel(machine: Machine, ranges: Float[ndarray, "5 2"], level: int) -> None:

@@ -16,6 +16,7 @@ from bonecam.job import Job
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.machine import Machine
 from bonecam.nc.posting.block_numbers import number_blocks
+from bonecam.nc.posting.feeds import feed_figures
 from bonecam.nc.posting.header import comment, header_lines, rotary_text
 from bonecam.nc.posting.path_words import Posted, post_path
 from bonecam.nc.posting.tolerances import contour_tolerance, rotary_tolerance_deg
@@ -59,7 +60,7 @@ def write_program(
         report(progress, index / len(paths), f"level {path.level}: angles and words")
         before = posted[-1].moves.angles[-1] if posted else None
         posted.append(post_path(path, machine, dialect, job, around, before))
-    travel = travel_of(machine, posted)
+    travel = travel_of(machine, job, posted)
     bounds = np.array([around.min(0), around.max(0)]) if stock is None else stock.bounds
     header = header_lines(machine, dialect, job, name.upper(), posted, bounds, comments, stock, travel)
     return ProgramWriter(machine, dialect, job, name.upper(), posted, travel).program(header)
@@ -128,6 +129,7 @@ class ProgramWriter:
             rewinds=sum(len(posted.runs) - 1 for posted in self.posted),
             tools=tuple(dict.fromkeys(posted.path.cutter.number for posted in self.posted)),
             time_min=float(sum(posted.minutes.sum() for posted in self.posted)),
+            feeds=feed_figures(self.posted),
             rotary_max_deg_per_block=max(
                 float(r[f].max(initial=0.0)) for r, f in zip(rotations, feeds, strict=True)
             ),
@@ -196,8 +198,9 @@ class ProgramWriter:
         )
         rapid = "\n".join(self.dialect.move_lines("rapid", words=form))
         feed = "\n".join(self.dialect.move_lines("feed", words=form, feed=self.feed.spec))
-        rates = np.clip(self._rates(posted, rows), self.feed.lowest, self.feed.highest)
-        rates = self.feed.rounded(rates)
+        # rounded down: a feed that is rounded up may be beyond what an axis can
+        whole = np.floor(self._rates(posted, rows) / self.feed.step + 1e-6) * self.feed.step
+        rates = self.feed.rounded(np.clip(whole, self.feed.lowest, self.feed.highest))
         # the first row of a run is reached along the tool axis from the approach height
         fast = (kinds == Kind.RAPID) & self.dialect.straight_rapids
         fast[0] = True
@@ -213,7 +216,8 @@ class ProgramWriter:
         moves = posted.moves
         if self.dialect.feed_mode == "per-minute":
             return moves.feed_rates[rows]
-        length = np.linalg.norm(np.diff(moves.tips[rows], axis=0, prepend=moves.tips[rows][:1]), axis=1)
+        length = posted.lengths[rows].copy()
+        length[0] = 0.0
         with np.errstate(divide="ignore"):
             by_length = moves.feed_rates[rows] / length
             # a rotation on the spot has no length: it takes what the rotary axes need

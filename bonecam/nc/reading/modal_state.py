@@ -56,6 +56,7 @@ class ModalState:
         self.needs_length = "tool_length" in dialect.codes.values()
         self.length_of = 0
         self.tool_centre = False
+        self.bounded_turns = dialect.short_way is not None or dialect.endless_words == "wrapped"
         self.short_way: bool | None = None if dialect.short_way else dialect.endless_words == "wrapped"
         self.inverse_time = False
         self.ended = False
@@ -143,7 +144,8 @@ class ModalState:
                 turns = np.diff(found.words[:, column], prepend=before)
                 if self.short_way:
                     found.words[:, column], turns = unwound(before, found.words[:, column])
-                doubtful |= (np.abs(turns) > AMBIGUOUS_TURN_DEG) | (self.short_way is None)
+                too_far = self.bounded_turns & (np.abs(turns) > AMBIGUOUS_TURN_DEG)
+                doubtful |= too_far | (self.short_way is None)
         count = int(np.argmax(doubtful)) if doubtful.any() else len(doubtful)
         if count:
             self._take(found.first(count), start + 1)
@@ -178,7 +180,7 @@ class ModalState:
         turn = value - before
         if self.short_way:
             turn = (turn + 180.0) % 360.0 - 180.0
-        if abs(turn) > AMBIGUOUS_TURN_DEG and self.position[0] is not None:
+        if self.bounded_turns and abs(turn) > AMBIGUOUS_TURN_DEG and self.position[0] is not None:
             why = "either way is possible" if self.short_way else "half a turn is allowed"
             raise line_error(line, f"{axis.letter} turns by {turn:.3f} deg in one block: {why}")
         # whole turns are added to the word, so that no rounding builds up over many turns

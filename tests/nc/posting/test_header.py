@@ -11,12 +11,14 @@ import pytest
 from bonecam.errors import MachineError
 from bonecam.job import Job
 from bonecam.nc.dialect import read_dialect
+from bonecam.nc.kinematics import inverse_linear
 from bonecam.nc.machine import read_machine
 from bonecam.nc.posting.header import record_checks
 from bonecam.nc.posting.tolerances import contour_tolerance, rotary_tolerance_deg
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.read import read_program
 from bonecam.setup.capsule import Capsule
+from bonecam.toolpath.cutter import Cutter
 from bonecam.toolpath.path import Kind, ToolPath
 from bonecam.verify.readback import Tolerances, compare_moves
 
@@ -50,8 +52,11 @@ def test_the_header_says_what_to_mount_and_how_to_set_the_control(text: str) -> 
         "POST BELOW IT: DIAMETER 4.00 MM, FROM Z 0.00 TO Z 40.00, TURNED BEFORE",
         "NOTHING OF CHUCK, COLLET OR VICE MAY STAND ABOVE Z 0.00",
         "X 0 Y 0 ON THE AXIS OF THE POST",
-        "TOOL 1: CUTTER TO 8.00 DIAMETER 4.00, SHANK TO 25.00 DIAMETER 4.00, HOLDER TO 75.00 DIAMETER 20.00",
-        "TOOL 2: STICK-OUT 25.00 MM, S12000, F900, ABOUT",
+        "TOOL 1: CUTTER TO 8.00 DIAMETER 4.00, SHANK TO 25.00 DIAMETER 4.00",
+        "TOOL 1: HOLDER TO 75.00 DIAMETER 20.00",
+        "TOOL 2: STICK-OUT 25.00 MM, S12000, F900 AT MOST, ABOUT",
+        "CUTTING FEEDS: MEDIAN",
+        "KEPT CLEAR OF: A SPINDLE NOSE OF 100 MM OF DIAMETER 80; A TABLE OF DIAMETER 280 MM",
         "NEEDS: FUNCTION TCPM OR M128",
         "FUNCTION TCPM KEEPS THE TIP",
         "TOOL TABLE: L FROM THE SPINDLE NOSE TO THE TIP",
@@ -62,6 +67,20 @@ def test_the_header_says_what_to_mount_and_how_to_set_the_control(text: str) -> 
     ):
         assert said in head, said
     assert max(map(len, head.splitlines())) <= 110
+
+
+def test_a_chuck_and_a_conical_holder_are_told(paths, upright_capsule: Capsule) -> None:
+    job = Job().with_values(
+        holding={"chuck_diameter": 30.0, "chuck_height": 12.0}, roughing={"holder": "35 10 17, 20 40"}
+    )
+    cutter = Cutter.from_job(1, "roughing", job.roughing, MIKRON.nose)
+    told = write_program(
+        [replace(paths[0], cutter=cutter)], MIKRON, HEIDENHAIN, job, stock=upright_capsule
+    ).text
+    assert "A CHUCK OR COLLET OF AT MOST DIAMETER 30.00 MM ROUND THE POST, UP TO Z 12.00" in told
+    assert "Z 0 ON THE TABLE UNDER THE CHUCK" in told
+    assert "TOOL 1: HOLDER TO 65.00 DIAMETER 10.00 TO 17.00, HOLDER TO 85.00 DIAMETER 40.00\n" in told
+    assert max(map(len, told[: told.index("TOOL CALL")].splitlines())) <= 110
 
 
 def test_the_extents_in_the_header_are_those_of_the_blocks(text: str) -> None:
@@ -99,6 +118,10 @@ def test_after_a_tool_call_x_and_y_come_first_and_the_way_down_is_along_the_tool
         assert all(re.fullmatch(r"L X\S+ Y\S+ Z\S+ R0 FMAX", move) for move in moves[3:])
     starts = np.flatnonzero(~motions.known_start)
     assert len(starts) == 2
+    # the table's edge, 140 mm from the pivot, may stand upright beside the part
+    assert (
+        inverse_linear(MIKRON, motions.tips[starts], motions.words[starts, 3:])[:, 2] >= 150.0 - 0.002
+    ).all()
     for row in starts:
         down = motions.tips[row] - motions.tips[row + 1]
         assert down @ motions.axes[row] == pytest.approx(np.linalg.norm(down), abs=2e-3)

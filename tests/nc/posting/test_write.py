@@ -58,7 +58,7 @@ def test_the_program_counts_what_it_holds(paths, posted):
 
 
 def test_the_header_says_which_point_is_programmed_and_what_the_tools_are(posted):
-    head = posted[2].text[:1500]
+    head = posted[2].text
     assert "PROGRAMMED POINT: TOOL TIP" in head
     assert "TOOL 1 BALL RADIUS 2.0000 LENGTH 75.0000" in head
     assert "TEST  OF  A PART" in head

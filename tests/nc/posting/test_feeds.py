@@ -1,0 +1,122 @@
+"""Feeds that the axes can follow, even along each pass."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bonecam.errors import VerifyError
+from bonecam.job import Job
+from bonecam.nc.control import Control
+from bonecam.nc.dialect import Dialect, read_dialect
+from bonecam.nc.kinematics import inverse_linear
+from bonecam.nc.machine import Machine, read_machine
+from bonecam.nc.posting.feeds import FEED_PER_MM, LARGEST_RATIO, drivable_paths
+from bonecam.nc.posting.write import write_program
+from bonecam.nc.reading.motions import Motions
+from bonecam.nc.reading.read import read_program
+from bonecam.toolpath.path import Kind, ToolPath
+from bonecam.verify.readback import Tolerances, compare_moves
+
+PAIRS = {
+    "heidenhain": (read_machine("mikron-ucp600"), read_dialect("heidenhain")),
+    "linuxcnc": (read_machine("linuxcnc-xyzbc"), read_dialect("linuxcnc")),
+}
+
+
+@pytest.fixture(params=PAIRS)
+def pair(request: pytest.FixtureRequest) -> tuple[Machine, Dialect]:
+    return PAIRS[request.param]
+
+
+@pytest.fixture(scope="module")
+def paths(capsule_path: Callable[..., ToolPath]) -> tuple[ToolPath, ToolPath]:
+    return (
+        capsule_path(level=5, radius=2.0, offset=1.5, number=1, count=600),
+        capsule_path(level=0, radius=1.0, number=2, count=900),
+    )
+
+
+def axis_shares(motions: Motions, machine: Machine) -> np.ndarray:
+    """What each feed move of a text asks of its slowest axis, as a share of the axis's speed; by moves between known
+    places."""
+    control: Control = next(iter(motions.controls.values()))
+    joints = motions.words
+    if control.tool_centre:
+        joints = inverse_linear(machine, motions.tips, motions.words[:, 3:], control.tool_length)
+    speeds = np.array([axis.speed for axis in (*machine.linear, *machine.rotary)])
+    needed = (np.abs(np.diff(joints, axis=0)) / speeds).max(1)
+    length = np.linalg.norm(np.diff(motions.tips, axis=0), axis=1)
+    feeds = motions.feed_rates[1:]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        given = np.where(motions.inverse_time[1:], 1 / feeds, length / feeds)
+    used = ~motions.rapid[1:] & motions.known_start[1:] & (length > 0.02)
+    return np.asarray(needed[used] / given[used])
+
+
+def test_every_feed_of_the_text_is_one_that_the_axes_can_follow(paths, pair) -> None:
+    machine, dialect = pair
+    raw = read_program(write_program(paths, machine, dialect, Job()).text, machine, dialect)
+    assert (axis_shares(raw, machine) > 1.01).mean() > 0.3
+    lowered = drivable_paths(paths, machine, dialect, Job())
+    program = write_program(lowered, machine, dialect, Job())
+    motions = read_program(program.text, machine, dialect)
+    # words of three decimals move the tip by up to 1 um more or less
+    assert axis_shares(motions, machine).max() <= 1.0 + 0.002 / 0.02
+    assert np.percentile(axis_shares(motions, machine), 99) <= 1.01
+    assert program.feeds.beyond == 0.0
+    assert program.feeds.limited > 0.3
+
+
+def test_the_text_is_proved_against_the_lowered_feeds_only(paths, pair) -> None:
+    machine, dialect = pair
+    lowered = drivable_paths(paths, machine, dialect, Job())
+    text = write_program(lowered, machine, dialect, Job()).text
+    compare_moves(read_program(text, machine, dialect), lowered, dialect, Tolerances())
+    with pytest.raises(VerifyError, match=r"feed is .* meant"):
+        compare_moves(read_program(text, machine, dialect), paths, dialect, Tolerances())
+
+
+def test_only_feeds_change_and_none_rises(paths, pair) -> None:
+    for before, after in zip(paths, drivable_paths(paths, *pair, Job()), strict=True):
+        assert np.array_equal(before.tips, after.tips)
+        assert (after.feed_rates <= before.feed_rates).all()
+        assert (after.feed_rates > 0).all()
+        rapid = before.kinds == Kind.RAPID
+        assert np.array_equal(before.feed_rates[rapid], after.feed_rates[rapid])
+
+
+def test_along_a_pass_the_feed_changes_evenly(paths, pair) -> None:
+    rounding = pair[1].numbers["feed"].step if pair[1].feed_mode == "per-minute" else 1e-3
+    changed = 0
+    for path in drivable_paths(paths, *pair, Job()):
+        step = np.linalg.norm(np.diff(path.tips, axis=0), axis=1)
+        cutting = path.kinds == Kind.CUT
+        both = cutting[1:] & cutting[:-1] & (np.diff(path.pass_index) == 0)
+        both[1:] &= both[:-1].copy()
+        both[0] = False
+        longest = np.maximum(step, np.r_[0.0, step[:-1]])
+        rise = np.abs(np.diff(path.feed_rates))
+        low = np.minimum(path.feed_rates[1:], path.feed_rates[:-1])
+        assert (rise <= FEED_PER_MM * path.cutter.feed * longest + rounding)[both].all()
+        assert (rise <= (LARGEST_RATIO - 1) * (low + rounding) + rounding)[both].all()
+        changed += int((rise[both] > rounding).sum())
+    assert changed > 100
+
+
+def test_feeds_that_every_axis_can_follow_are_left_alone(path_of: Callable[..., ToolPath], pair) -> None:
+    tips = np.column_stack([np.linspace(0, 20, 60), np.zeros(60), np.full(60, 60.0)])
+    path = path_of(tips, np.tile([0.0, 0.0, 1.0], (60, 1)))
+    (same,) = drivable_paths([path], *pair, Job())
+    assert np.array_equal(same.feed_rates, path.feed_rates)
+
+
+def test_rapids_that_are_written_as_feeds_are_lowered_too(paths) -> None:
+    machine, dialect = PAIRS["linuxcnc"]
+    bent = replace(dialect, straight_rapids=False)
+    lowered = drivable_paths(paths, machine, bent, Job())
+    rapid = lowered[0].kinds == Kind.RAPID
+    assert (lowered[0].feed_rates[rapid] < paths[0].feed_rates[rapid]).any()
+    program = write_program(lowered, machine, bent, Job())
+    assert axis_shares(read_program(program.text, machine, bent), machine).max() <= 1.1
