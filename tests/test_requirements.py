@@ -91,7 +91,11 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
         ),
         ({"holding": {"length": 0.0}}, r"\[holding\] length = 0\.0: keep it within"),
         ({"roughing": {"feed": -900.0}}, r"\[roughing\] feed = -900\.0: keep it within"),
-        ({"roughing": {"overhang": 400.0}}, "mm are needed along Z, its travel is 450 mm"),
+        (
+            {"roughing": {"overhang": 400.0}},
+            r"Z runs over 485\.5 mm, travel 450\.0 mm of Mikron UCP 600 Vario: .* a shorter tool",
+        ),
+        ({"stock": {"length": 390.0, "diameter": 20.0}}, "mm are needed along Z, its travel is 450 mm"),
         (
             {"stock": {"offset_x": 40.0}},
             r"the post of diameter 4 mm on the Z axis misses the part: .*stock\.offset_x",

@@ -86,7 +86,7 @@ def _check_travel(machine: Machine, ranges: Float[ndarray, "5 2"], level: int) -
         if high - low > axis.travel:
             raise MachineError(
                 f"level {level}: {axis.letter} runs over {high - low:.1f} mm, travel {axis.travel:.1f} mm "
-                f"of {machine.title}: take a machine with more travel, a shorter post or part",
+                f"of {machine.title}: take a machine with more travel, a shorter tool, post or part",
                 axis=axis.letter,
                 value=high - low,
                 limit=axis.travel,

@@ -109,6 +109,13 @@ def test_across_the_retracted_spindle_only_rapids_need_no_tool_centre_control(te
             read_program(text.replace("L X+0.000 Y+0.000 R0 FMAX", wrong), *PAIRS["heidenhain"])
 
 
+def test_a_wound_axis_may_turn_far_above_the_part(texts):
+    text = texts["linuxcnc"]
+    assert text.count("\nM5\n") == 1
+    motions = read_program(text.replace("\nM5\n", "\nG0 C999.00000\nM5\n"), *PAIRS["linuxcnc"])
+    assert motions.words[-1, 4] == pytest.approx(999 * 0.017453292519943295)
+
+
 @pytest.mark.parametrize("instead", ["", "G49\n", "G43\n"])
 def test_a_tool_must_not_move_without_its_length(texts, instead):
     text = texts["linuxcnc"].replace("G43 H1\n", instead)
