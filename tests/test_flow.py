@@ -8,10 +8,10 @@ import pytest
 ORDER = [
     *"errors progress timing arrays threads runtime files text job kernels".split(),
     *"mesh setup surface levels toolpath orientation nc verify".split(),
-    *"outputs pipeline filters batch cli __main__".split(),
+    *"outputs pipeline script_run filters batch cli __main__".split(),
 ]
 ROOMS = {
-    "runtime": "parent signals temporary own_files staging".split(),
+    "runtime": "parent signals temporary worker own_files staging".split(),
     "surface": [
         *"basis tmesh query tessellation refinement tspline".split(),
         *"rows_to_general fitting skinning files part_surface".split(),

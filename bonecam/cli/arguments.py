@@ -1,6 +1,7 @@
 """The commands of the command line with their arguments and help texts."""
 
 import argparse
+import math
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
@@ -9,6 +10,7 @@ from bonecam.cli import commands
 from bonecam.cli.job_options import add_job_options
 from bonecam.cli.stopping import NOTHING
 from bonecam.errors import did_you_mean
+from bonecam.script_run import MEMORY, SECONDS
 
 EXIT_CODES = """Exit codes: 0 done; 1 a part of a batch failed; 2 wrong input, job or call (one line on stderr);
 129, 130, 143 stopped by SIGHUP, Ctrl-C, SIGTERM."""
@@ -52,6 +54,17 @@ class _Parser(argparse.ArgumentParser):
         """End with one line that names the arguments that this command does not know."""
         close = did_you_mean(arguments[0].partition("=")[0], self._option_string_actions)
         self.error(f"unrecognized arguments: {' '.join(arguments)}{close}")
+
+
+def _positive(text: str) -> float:
+    """A number above 0, as argparse's type; ValueError where it is none."""
+    value = float(text)
+    if not 0 < value < math.inf:
+        raise ValueError(text)
+    return value
+
+
+_positive.__name__ = "number above 0"  # as argparse's message has it
 
 
 def make_parser() -> "_Parser":
@@ -133,6 +146,11 @@ def _add_script(parsers: Any) -> None:
     outside = "let the script write outside DIR, and read what is not beside it or an input"
     script.add_argument("--allow-outside", action="store_true", help=outside)
     script.add_argument("--force", action="store_true", help="write over files that no earlier run wrote")
+    for name, unit, limit, what in (
+        ("--time-limit", "S", SECONDS, "seconds that the script may take"),
+        ("--memory-limit", "GB", MEMORY, "memory that its data may take"),
+    ):
+        script.add_argument(name, metavar=unit, type=_positive, default=limit, help=f"{what} ({limit:g})")
     _add_verbosity(script)
 
 

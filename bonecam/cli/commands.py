@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import bonecam
+from bonecam import script_run
 from bonecam.cli.job_options import job_of
 from bonecam.cli.progress_display import native_output_to_stderr, shown_progress
 from bonecam.files import check_files
@@ -68,13 +69,15 @@ def run_batch(options: argparse.Namespace) -> int:
 def run_script(options: argparse.Namespace) -> int:
     """`bonecam script`: a MeshLab filter script on meshes; prints the files of the resulting layers."""
     with shown_progress(options) as progress, native_output_to_stderr():
-        written = bonecam.filters.run_script(
+        written = script_run.run_script(
             options.script,
             options.input,
             options.output,
             progress=progress,
             allow_outside=options.allow_outside,
             force=options.force,
+            seconds=options.time_limit,
+            memory=options.memory_limit,
         )
     if not options.quiet:
         print("\n".join(str(path) for path in written))

@@ -12,7 +12,8 @@ layers as they were.
 """
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -24,10 +25,13 @@ from bonecam.filters.layers import Layers
 from bonecam.filters.mlx import FilterCall, ScriptParameter, read_calls, write_script
 from bonecam.filters.script_files import ScriptFiles
 from bonecam.filters.script_steps import Step, apply_steps, read_script
-from bonecam.mesh.files.meshlab_files import layers_of
+from bonecam.mesh.files.meshlab_files import ENDING, layers_of, try_filter, try_reading
 from bonecam.mesh.meshlab import meshlab, meshlab_filters
 from bonecam.progress import Progress, silent
 from bonecam.runtime.temporary import temporary_folder
+
+FULL = "wanted more memory than it may have: give it less to do, or a script more with --memory-limit"
+"""What is told of a filter for which MeshLab found no memory."""
 
 
 class MeshSetError(FilterError, meshlab().PyMeshLabException):  # type: ignore[misc]
@@ -83,14 +87,23 @@ class MeshSet(meshlab().MeshSet):  # type: ignore[misc]
         MeshLab reads it in a process of its own (`mesh.files.meshlab_files`). MeshSetFileError names the file
         and what is wrong with it.
         """
-        try:
-            with layers_of(Path(file_name), options) as found:
-                for file, label in found:
-                    super().load_new_mesh(str(file))
-                    self.current_mesh().set_label(self._free_label(label))
-        except (FileError, meshlab().PyMeshLabException) as error:
-            evidence = error.evidence if isinstance(error, FileError) else {}
-            raise MeshSetFileError(str(error), **evidence) from error
+        with _as_ours(), layers_of(Path(file_name), options) as found:
+            for file, label in found:
+                super().load_new_mesh(str(file))
+                self.current_mesh().set_label(self._free_label(label))
+
+    def load_project(self, file_name: str | Sequence[str]) -> None:
+        """Add the layers and rasters of a project of MeshLab's, which is read in a process of its own first.
+        MeshSetFileError names the file and what is wrong with it."""
+        with _as_ours():
+            try_reading("load_project", file_name, {"file_name": file_name})
+        super().load_project(file_name)
+
+    def load_new_raster(self, file_name: str, **options: Any) -> None:
+        """Add a picture as a raster, as `load_project`."""
+        with _as_ours():
+            try_reading("load_new_raster", file_name, {"file_name": file_name, **options})
+        super().load_new_raster(file_name, **options)
 
     def _free_label(self, label: str) -> str:
         """The label, with a number in it where another layer has it, as MeshLab numbers them."""
@@ -118,10 +131,15 @@ class MeshSet(meshlab().MeshSet):  # type: ignore[misc]
 
     def apply_native(self, filter_name: str, **values: Any) -> dict[str, Any]:
         """Apply a filter of MeshLab's without a line in the script; FilterError carries MeshLab's words."""
+        if filter_name in ENDING:
+            with _as_ours():
+                try_filter(filter_name, values, self.filter_parameter_values(filter_name, **values))
         try:
             result: dict[str, Any] = super().apply_filter(filter_name, **values)
         except (meshlab().PyMeshLabException, RuntimeError, ValueError) as error:
-            raise FilterError(f"{filter_name}: {' '.join(str(error).split())}", filter=filter_name) from error
+            reason = " ".join(str(error).split())
+            reason = FULL if "bad_alloc" in reason else reason
+            raise FilterError(f"{filter_name}: {reason}", filter=filter_name) from error
         self._native_calls += 1
         return result
 
@@ -206,6 +224,15 @@ class MeshSet(meshlab().MeshSet):  # type: ignore[misc]
         self._history.clear()
         self._native_calls = 0
         self._loaded = ()
+
+
+@contextmanager
+def _as_ours() -> Iterator[None]:
+    """What is wrong with a file is told as MeshSetFileError."""
+    try:
+        yield
+    except (FileError, meshlab().PyMeshLabException) as error:
+        raise MeshSetFileError(str(error), **getattr(error, "evidence", {})) from error
 
 
 def _written(item: Filter, given: Mapping[str, Any]) -> tuple[ScriptParameter, ...]:

@@ -1,12 +1,11 @@
-"""Run a filter script (.mlx) on mesh files: its layers go to files of a folder, all or none."""
+"""What a filter script (.mlx) does in its process: load meshes as layers, apply filters, write the layers."""
 
-import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
 
 from bonecam.errors import FileError
-from bonecam.files import check_folder, require_name, require_room, whole_folder
+from bonecam.files import require_room
 from bonecam.filters.filter import Registry, installed
 from bonecam.filters.meshset import MeshSet
 from bonecam.filters.script_files import ScriptFiles
@@ -15,51 +14,27 @@ from bonecam.mesh.files.mesh_files import CAD, READABLE, bytes_of, read_mesh
 from bonecam.mesh.files.named_files import refuse_names_outside
 from bonecam.mesh.meshlab import meshlab
 from bonecam.progress import Progress, silent
-
-NOTHING_STALE = "(?!)"
-"""A regular expression of no name: layers of earlier runs stay."""
+from bonecam.script_run import Run
+from bonecam.script_run import run_script as run_script
 
 NAMING = frozenset(".3ds .3mf .ctm .dae .fbx .glb .gltf .qobj .vmi .wrl .x3d .x3dv".split())
 """Endings of files, besides PLY and OBJ, that MeshLab reads and that name others: textures, buffers, parts."""
 
 
-def run_script(
-    script: str | Path,
-    inputs: Sequence[str | Path],
-    output_dir: str | Path,
-    progress: Progress = silent,
-    registry: Registry | None = None,
-    *,
-    allow_outside: bool = False,
-    force: bool = False,
-) -> list[Path]:
-    """Load `inputs` as layers, run `script`, write every layer into `output_dir`; the files written, in the
-    order of their names.
-
-    Layers go to PLY, lines without faces to OBJ; files that filters write go there too. All of them are written
-    or none. A script that writes outside `output_dir`, or reads what is not beside it or an input, is refused
-    unless `allow_outside`; files that are there, and were not written by an earlier run, are written over with
-    `force` only. Raises FileError (a file), FilterError (the script, with its line) or
-    what a stage raises, with the line.
-    """
+def apply_run(run: Run, registry: Registry | None, progress: Progress) -> None:
+    """Run a script on its inputs in this process, and write all layers into its folder."""
     known = installed() if registry is None else registry
-    steps = read_script(script, known)
-    check_folder(output_dir)
-    target = Path(os.path.realpath(output_dir))
-    readable = tuple(Path(file).absolute().parent for file in (script, *inputs))
-    with whole_folder(output_dir, own=NOTHING_STALE, replace=force) as folder:
-        files = ScriptFiles(folder, target, readable, allow_outside, force)
-        steps = files.placed(steps, str(script), known)
-        meshes = MeshSet(registry=known, folder=folder)
-        for file in inputs:
-            require_name(file)
-            if not allow_outside:
-                _refuse_outside(Path(file), readable)
-            load(meshes, file)
-        apply_steps(meshes, steps, str(script), progress)
-        save_layers(meshes, folder)
-        names = sorted(str(item.relative_to(folder)) for item in folder.rglob("*") if item.is_file())
-    return [Path(output_dir) / name for name in names]
+    steps = read_script(run.script, known)
+    readable = tuple(Path(file).absolute().parent for file in (run.script, *run.inputs))
+    files = ScriptFiles(run.folder, run.target, readable, run.allow_outside, run.force)
+    steps = files.placed(steps, run.script, known)
+    meshes = MeshSet(registry=known, folder=run.folder)
+    for file in run.inputs:
+        if not run.allow_outside:
+            _refuse_outside(Path(file), readable)
+        load(meshes, file)
+    apply_steps(meshes, steps, run.script, progress)
+    save_layers(meshes, run.folder)
 
 
 def apply_script(meshes: MeshSet, script: str | Path, progress: Progress = silent) -> None:

@@ -1,12 +1,13 @@
 """The door to pymeshlab: MeshLab's module, and triangle meshes into and out of its mesh sets."""
 
-import json
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from bonecam.errors import FileError
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.progress import Progress, silent
 
 
 @cache
@@ -51,15 +52,17 @@ def quality_colours(largest: float) -> dict[str, Any]:
     return {"minval": 0.0, "maxval": largest, "colormap": "Viridis"}
 
 
-def write_layers(file: str, folder: str, options: str) -> bytes:
-    """Write the layers that MeshLab reads from a file, by `options` (JSON) of its reader, into a folder; their
-    labels by the names of the files, as JSON.
+def write_layers(
+    file: str, folder: str, options: Mapping[str, Any], progress: Progress = silent
+) -> dict[str, str]:
+    """Write the layers that MeshLab reads from a file, by `options` of its reader, into a folder; their labels by
+    the names of the files.
 
     FileError where MeshLab refuses the file. A damaged one may end the process.
     """
     meshset = meshlab().MeshSet()
     try:
-        meshset.load_new_mesh(file, **json.loads(options))
+        meshset.load_new_mesh(file, **options)
     except meshlab().PyMeshLabException as error:
         reason = " ".join(str(error).split()).rstrip(":")
         raise FileError(f"{file}: {reason}: give a readable mesh file", file=file) from error
@@ -70,4 +73,16 @@ def write_layers(file: str, folder: str, options: str) -> bytes:
         name = f"{k}.obj" if lines else f"{k}.ply"
         meshset.save_current_mesh(str(Path(folder) / name), **({} if lines else {"save_vertex_normal": True}))
         labels[name] = layer.label()
-    return json.dumps(labels).encode()
+    return labels
+
+
+def call_on_cube(file: str, method: str, values: Mapping[str, Any], progress: Progress = silent) -> None:
+    """Call a method of a pymeshlab.MeshSet, with a cube in it, that reads or writes `file`. FileError where MeshLab
+    refuses it; it may end the process."""
+    meshset = meshlab().MeshSet()
+    meshset.create_cube()
+    try:
+        getattr(meshset, method)(**values)
+    except meshlab().PyMeshLabException as error:
+        reason = " ".join(str(error).split()).rstrip(":")
+        raise FileError(f"{file}: {reason}: give a readable file", file=file) from error

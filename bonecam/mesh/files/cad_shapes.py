@@ -39,8 +39,8 @@ def _unreadable(file: Path, reason: str) -> FileError:
     return FileError(message, file=str(file))
 
 
-def refuse_foreign(file: Path) -> None:
-    """FileError where a file does not begin and end as STEP or IGES files do."""
+def refuse_foreign(file: Path) -> bytes:
+    """The bytes of a file; FileError where a file does not begin and end as STEP or IGES files do."""
     kind = kind_of(file)
     try:
         data = input_bytes(file)
@@ -56,6 +56,7 @@ def refuse_foreign(file: Path) -> None:
     if not (begins and ends):
         what = "is empty" if not data else f"is no {kind} file" if not begins else "is cut short"
         raise FileError(f"{file}: {what}: export the part as {kind} again", file=str(file))
+    return data
 
 
 def faces_of(shape: Any) -> list[Any]:

@@ -3,10 +3,12 @@
 Its readers end their process on some damaged files, so they work in a child with limits of time and memory,
 which hands back layers that MeshLab wrote itself. STL, PLY, OBJ and OFF are read by `mesh.files.formats` first:
 what is wrong with them is told with its line.
+
+What else of MeshLab may end its process, or take all its time, is tried in a child before it is done here: it cannot
+hand over a project or a raster as it can a mesh, and a snapshot needs its window.
 """
 
-import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -14,13 +16,20 @@ from typing import Any
 from bonecam.mesh.files.child import call_in_child
 from bonecam.mesh.files.mesh_files import MESHES, bytes_of, read_content
 from bonecam.mesh.files.named_files import refuse_special_names
-from bonecam.mesh.meshlab import write_layers
+from bonecam.mesh.meshlab import call_on_cube, write_layers
 from bonecam.runtime.temporary import temporary_folder
 
 SECONDS = 60.0
 """Time that MeshLab has for a file, and one second more for each MB."""
 MEMORY = 2**31
-"""Address space that MeshLab has, bytes, and 50 more for each byte of the file."""
+"""Memory that MeshLab has for its data, bytes, and 50 more for each byte of the file."""
+ENDING = {
+    "save_snapshot": ("", "imagefilename"),
+    "nxs_build": ("input_file", "output_file"),
+    "nxs_compress": ("input_file", "output_file"),
+}
+"""MeshLab's filters that end the process without a display, or on damaged files, and the parameters of each that are
+the file it reads and the one it writes."""
 
 
 @contextmanager
@@ -29,7 +38,7 @@ def layers_of(file: Path, options: Mapping[str, Any]) -> Iterator[list[tuple[Pat
 
     `options` are those of MeshLab's reader of this kind of file. FileError names the file and what is wrong.
     """
-    remedy = "write it anew from its source"
+    remedy = "it may be damaged: write it anew from its source"
     data = bytes_of(file)
     if file.suffix.lower() in MESHES:
         read_content(file, data)
@@ -39,10 +48,43 @@ def layers_of(file: Path, options: Mapping[str, Any]) -> Iterator[list[tuple[Pat
             f"{write_layers.__module__}:{write_layers.__name__}",
             str(file),
             str(folder),
-            json.dumps(dict(options)),
+            dict(options),
             library="MeshLab",
             remedy=remedy,
             seconds=SECONDS + len(data) / 1e6,
             memory=MEMORY + 50 * len(data),
         )
-        yield [(folder / name, label) for name, label in json.loads(answer).items()]
+        yield [(folder / name, label) for name, label in answer.items()]
+
+
+def try_reading(method: str, names: str | Sequence[str], values: Mapping[str, Any]) -> None:
+    """Call a method of MeshLab's that reads files, on a scratch cube. FileError names the first of them where it
+    breaks down, takes longer than a mesh of their size may, or is refused."""
+    files = [names] if isinstance(names, str) else names
+    _try(method, files[0], files, values, "they may be damaged: write them anew from their source")
+
+
+def try_filter(name: str, given: Mapping[str, Any], values: Mapping[str, Any]) -> None:
+    """Apply a filter of ENDING to a scratch cube and the files that it reads. `values` are those that are given, and
+    defaults. FileError names the file that it would write where it breaks down."""
+    reads, writes = ENDING[name]
+    read = [str(values[reads])] if reads else []
+    written = Path(str(values[writes]))
+    remedy = "leave it out: it needs a display with OpenGL" if not read else "give it another file"
+    with temporary_folder() as folder:
+        work = {**given, writes: str(folder / written.name)}
+        _try(name, str(written), read, work, remedy)
+
+
+def _try(method: str, named: str, read: Sequence[str], values: Mapping[str, Any], remedy: str) -> None:
+    size = sum(len(bytes_of(Path(file))) for file in read)
+    call_in_child(
+        f"{call_on_cube.__module__}:{call_on_cube.__name__}",
+        named,
+        method,
+        dict(values),
+        library=f"MeshLab's {method}",
+        remedy=remedy,
+        seconds=SECONDS + size / 1e6,
+        memory=MEMORY + 50 * size,
+    )

@@ -10,8 +10,8 @@ import pytest
 from bonecam.errors import FileError
 from bonecam.filters.meshset import MeshSet
 from bonecam.mesh import meshlab
-from bonecam.mesh.files import child
 from bonecam.mesh.files.child import call_in_child
+from bonecam.runtime import worker
 
 OBJ = "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nv 0 0 1 1 1 1\n"
 OBJ += "f 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
@@ -38,14 +38,14 @@ end_header
 BROKEN = """
 import os
 
-def hang(file):
+def hang(file, progress):
     while file:
         pass
 
-def fill_memory(file):
+def fill_memory(file, progress):
     bytearray(2**40)
 
-def end_process(file):
+def end_process(file, progress):
     os.abort()
 """
 
@@ -54,7 +54,7 @@ def end_process(file):
     ("work", "what"),
     [
         ("hang", "took more than 2 s"),
-        ("fill_memory", r"broke down on it \(exit 1\)"),
+        ("fill_memory", "wanted more than 2 GB of memory"),
         ("end_process", "exit -6"),
     ],
 )
@@ -96,7 +96,7 @@ def test_options_of_meshlabs_reader_are_taken(tmp_path: Path) -> None:
 def test_damaged_and_special_files_are_refused_before_meshlab_sees_them(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(child, "CHILD", "import os; os.abort()")
+    monkeypatch.setattr(worker, "CHILD", "import os; os.abort()")
     (tmp_path / "far.obj").write_text(OBJ.replace("f 2 3 4", "f 2 3 1000000000"))
     (tmp_path / "device.obj").write_text("mtllib /dev/zero\n" + OBJ)
     (tmp_path / "painted.obj").write_text("mtllib none.mtl skin.mtl\n" + OBJ)
@@ -120,4 +120,4 @@ def test_damaged_and_special_files_are_refused_before_meshlab_sees_them(
 def test_what_meshlab_refuses_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "a.unknown").write_text("0 0 0")
     with pytest.raises(FileError, match=r"a\.unknown: .*: give a readable mesh file"):
-        meshlab.write_layers(str(tmp_path / "a.unknown"), str(tmp_path), "{}")
+        meshlab.write_layers(str(tmp_path / "a.unknown"), str(tmp_path), {})

@@ -1,16 +1,15 @@
 """B-spline surfaces from the faces of STEP and IGES files, through OpenCASCADE (optional extra `cad`)."""
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy import ndarray
 
 from bonecam.errors import FileError
 from bonecam.mesh.files.cad_files import in_child
 from bonecam.mesh.files.cad_shapes import faces_of, read_shape
 from bonecam.mesh.files.opencascade import occ
+from bonecam.progress import Progress, silent
 from bonecam.surface.files.bspline.bspline_surface import BSplineSurface, Knots
 from bonecam.surface.files.cad.shapes import EDGE
 
@@ -22,38 +21,13 @@ def read_bsplines(path: str | Path) -> tuple[BSplineSurface, ...]:
     Raises FileError as `mesh.files.cad_files` does, and where a face lies on another kind of surface: read such a
     part with `read_mesh`.
     """
-    found = in_child(f"{__name__}:bspline_arrays", Path(path))
-    return tuple(
-        BSplineSurface(
-            _knots_of(found, f"{n} s"), _knots_of(found, f"{n} t"), found[f"{n} poles"], found[f"{n} weights"]
-        )
-        for n in range(len(found) // 8)
-    )
-
-
-def bspline_arrays(file: Path) -> dict[str, ndarray]:
-    """The B-spline surfaces of a file as arrays, eight a surface, which a child process returns to
-    `read_bsplines`.
-    """
-    found: dict[str, ndarray] = {}
-    for n, surface in enumerate(bsplines_in(file)):
-        found |= {f"{n} poles": surface.poles, f"{n} weights": surface.weights}
-        for way, knots in (("s", surface.s_knots), ("t", surface.t_knots)):
-            found |= {
-                f"{n} {way} values": knots.values,
-                f"{n} {way} counts": knots.multiplicities,
-                f"{n} {way} closed": np.array(knots.closed),
-            }
+    found: tuple[BSplineSurface, ...] = in_child(f"{__name__}:bsplines_in", Path(path))
     return found
 
 
-def _knots_of(found: Mapping[str, ndarray], name: str) -> Knots:
-    return Knots(found[f"{name} values"], found[f"{name} counts"], bool(found[f"{name} closed"]))
-
-
-def bsplines_in(file: Path) -> tuple[BSplineSurface, ...]:
+def bsplines_in(file: str | Path, progress: Progress = silent) -> tuple[BSplineSurface, ...]:
     """As `read_bsplines`, in this process, which a damaged file may end."""
-    return tuple(_bspline_of(face, file) for face in faces_of(read_shape(file)))
+    return tuple(_bspline_of(face, Path(file)) for face in faces_of(read_shape(file)))
 
 
 def _bspline_of(face: Any, file: Path) -> BSplineSurface:

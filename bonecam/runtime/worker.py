@@ -1,0 +1,144 @@
+"""Work in a process of its own, with limits of time and memory: for libraries that end their process, or never come
+back, and for work that a stranger asks for. It ends with this process, however that ends."""
+
+import os
+import pickle
+import subprocess
+import sys
+import tempfile
+import time
+import traceback
+from collections.abc import Callable
+from contextlib import suppress
+from importlib import import_module
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import IO, Any
+
+from bonecam.progress import Progress, report, silent
+from bonecam.runtime.parent import end_with_parent
+from bonecam.runtime.signals import kept_from_children
+from bonecam.runtime.temporary import remove_abandoned
+
+CHILD = "from bonecam.runtime.worker import serve; serve()"
+"""Python code that the process runs."""
+STDOUT, STDERR = 1, 2
+"""Numbers of the process's streams (POSIX)."""
+
+
+class WorkerError(Exception):
+    """The process gave no answer; the message tells what it did, like "took more than 2 s"."""
+
+
+def call_in_worker(
+    work: str,
+    *arguments: Any,
+    seconds: float | None = None,
+    memory: int = 0,
+    progress: Progress = silent,
+    heard: bool = False,
+) -> Any:
+    """What the function `work`, named "module:function", returns for the arguments and a progress, in a new process.
+
+    An error that it raises is raised here. WorkerError where the process broke down, took longer than `seconds`, or
+    wanted more than `memory` bytes for its data (0: as many as there are). What it prints goes to stderr where it is
+    to be `heard`, once it has answered.
+    """
+    here, there = Pipe()
+    process: subprocess.Popen[bytes] | None = None
+    with here, tempfile.TemporaryFile() as said:
+        try:
+            with there, kept_from_children():
+                process = _start(there, said, memory)
+            with suppress(OSError):  # it is gone already: its end is told below
+                here.send((work, arguments))
+            answer = _answer(here, process, seconds, progress)
+        finally:
+            if process is not None:
+                process.kill()
+                process.wait()
+                remove_abandoned(Path(tempfile.gettempdir()))
+        if heard:
+            said.seek(0)
+            sys.stderr.write(said.read().decode(errors="replace"))
+    if isinstance(answer, BaseException):
+        raise answer
+    return answer
+
+
+def _start(answer: Connection, said: IO[bytes], memory: int) -> "subprocess.Popen[bytes]":
+    """The new process, with Python's path as it is here."""
+    paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
+    order = (str(os.getpid()), str(memory), str(answer.fileno()))
+    return subprocess.Popen(
+        [sys.executable, "-P", "-c", CHILD, *order],
+        env={**os.environ, "PYTHONPATH": paths},
+        stdin=subprocess.DEVNULL,
+        stdout=said,
+        stderr=said,
+        pass_fds=(answer.fileno(),),
+    )
+
+
+def _answer(
+    here: Connection, process: "subprocess.Popen[bytes]", seconds: float | None, progress: Progress
+) -> Any:
+    """What the process answers, an error among it; WorkerError where it does not."""
+    end = None if seconds is None else time.monotonic() + seconds
+    while True:
+        if not here.poll(None if end is None else max(0.0, end - time.monotonic())):
+            raise WorkerError(f"took more than {seconds:.0f} s")
+        try:
+            done, found = here.recv()
+        except (EOFError, OSError) as error:
+            raise WorkerError(f"broke down (exit {process.wait()})") from error
+        if done:
+            return found
+        report(progress, *found)
+
+
+def function_of(work: str) -> Callable[..., Any]:
+    """The function that is named "module:function"."""
+    module, _, function = work.partition(":")
+    found: Callable[..., Any] = getattr(import_module(module), function)
+    return found
+
+
+def serve() -> None:
+    """The process's main function. Its arguments are the number of its parent's process, the bytes of memory that
+    its data may take, and the number of the connection over which it is told what to do, and answers."""
+    parent, memory, connection = map(int, sys.argv[1:])
+    end_with_parent(parent)
+    if memory:
+        _limit_memory(memory)
+    answer = Connection(connection)
+    work, arguments = answer.recv()
+    try:
+        found = function_of(work)(*arguments, lambda *step: answer.send((False, step)))
+    except MemoryError:
+        found = WorkerError(f"wanted more than {memory / 2**30:.3g} GB of memory")
+    except Exception as error:
+        error.add_note(traceback.format_exc())
+        found = error
+    sys.stdout.flush()
+    answer.send_bytes(_packed(found))
+
+
+def _packed(found: Any) -> bytes:
+    """The last answer; an error that cannot be sent becomes its text."""
+    try:
+        return pickle.dumps((True, found))
+    except Exception as error:
+        return pickle.dumps((True, RuntimeError(f"{found!r} cannot be sent: {error}")))
+
+
+def _limit_memory(size: int) -> None:
+    """Limit the memory of the process's data where the system can. Address space that is only reserved, as that of
+    threads is, does not count."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return
+    most = resource.getrlimit(resource.RLIMIT_DATA)[1]
+    resource.setrlimit(resource.RLIMIT_DATA, (size if most < 0 else min(size, most), most))

@@ -1,0 +1,114 @@
+"""A script has its time and its memory, and what ends its process is one line; so is it for a MeshSet."""
+
+import os
+import re
+from pathlib import Path
+
+import pymeshlab
+import pytest
+
+from bonecam.cli import main
+from bonecam.errors import Cancelled, FileError, FilterError
+from bonecam.filters.meshset import MeshSet
+from bonecam.script_run import run_script
+
+CUBE = '<filter name="create_cube"/>'
+ENDLESS = '<filter name="create_sphere"><Param type="RichInt" value="11" name="subdiv"/></filter>'
+"""84 million triangles: half a minute and tens of GB."""
+
+
+def script(folder: Path, *filters: str) -> Path:
+    path = folder / "script.mlx"
+    path.write_text("<FilterScript>\n" + "\n".join(filters) + "\n</FilterScript>\n")
+    return path
+
+
+def test_a_script_works_in_a_process_of_its_own(tmp_path: Path) -> None:
+    seen: list[str] = []
+    written = run_script(
+        script(tmp_path, CUBE), [], tmp_path / "out", progress=lambda share, what: seen.append(what)
+    )
+    assert [path.name for path in written] == ["Box_Cube.ply"]
+    assert seen == ["create_cube"]
+
+
+def test_a_script_that_takes_too_long_is_stopped(tmp_path: Path) -> None:
+    with pytest.raises(FilterError, match=r"create_sphere: took more than 4 s: .*--time-limit"):
+        run_script(script(tmp_path, CUBE, ENDLESS), [], tmp_path / "out", seconds=4.0)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_script_that_wants_too_much_memory_is_stopped(tmp_path: Path) -> None:
+    with pytest.raises(FilterError, match=r"line 3: create_sphere: wanted more memory .*--memory-limit"):
+        run_script(script(tmp_path, CUBE, ENDLESS), [], tmp_path / "out", memory=0.6)
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_command_line_tells_and_takes_the_limits(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        main(["script", "--help"])
+    told = " ".join(capsys.readouterr().out.split())
+    assert "seconds that the script may take (900)" in told
+    assert "memory that its data may take (4)" in told
+    call = ["script", str(script(tmp_path, CUBE)), "-o", str(tmp_path / "out"), "-q"]
+    assert main([*call, "--memory-limit", "0.01"]) == 2
+    assert re.fullmatch(r"bonecam: .*script\.mlx: .*--memory-limit\n", capsys.readouterr().err)
+    for value in ("0", "nan", "inf", "much"):
+        with pytest.raises(SystemExit):
+            main([*call, "--time-limit", value])
+        assert f"invalid number above 0 value: '{value}'" in capsys.readouterr().err
+    assert main(call) == 0
+
+
+def test_a_script_is_cancelled_by_its_progress(tmp_path: Path) -> None:
+    with pytest.raises(Cancelled):
+        run_script(script(tmp_path, CUBE, ENDLESS), [], tmp_path / "out", progress=lambda share, what: False)
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_ends_meshlab_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    meshes = MeshSet()
+    meshes.create_cube()
+    with pytest.raises(
+        pymeshlab.PyMeshLabException, match=r"MeshLab's save_snapshot broke down \(exit -\d+\)"
+    ):
+        meshes.save_snapshot(imagefilename=str(tmp_path / "a.png"))
+    with pytest.raises(
+        FileError, match=r"line 3: .*gpu_generated_image.png: MeshLab's save_snapshot broke down"
+    ):
+        run_script(script(tmp_path, CUBE, '<filter name="save_snapshot"/>'), [], tmp_path / "out")
+    assert sorted(os.listdir(tmp_path)) == ["script.mlx"]
+
+
+def test_projects_and_rasters_are_tried_in_a_process_of_their_own(tmp_path: Path) -> None:
+    meshes = MeshSet()
+    meshes.create_cube()
+    meshes.save_current_mesh(str(tmp_path / "cube.ply"))
+    project = '<MeshLabProject><MeshGroup><MLMesh label="a" filename="{}"/></MeshGroup></MeshLabProject>'
+    (tmp_path / "sound.mlp").write_text("<!DOCTYPE MeshLabDocument>" + project.format("cube.ply"))
+    meshes.load_project(str(tmp_path / "sound.mlp"))
+    assert meshes.mesh_number() == 2
+
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "no.mlp").write_text("<!DOCTYPE MeshLabDocument>" + project.format("none.ply"))
+    for load, name, what in (
+        (meshes.load_project, "pipe", "it is a pipe"),
+        (meshes.load_project, "no.mlp", "none.ply mesh file not found"),
+        (meshes.load_new_raster, "pipe", "it is a pipe"),
+        (meshes.load_new_raster, "cube.ply", "Unknown format"),
+    ):
+        with pytest.raises(pymeshlab.PyMeshLabException, match=what) as caught:
+            load(str(tmp_path / name))
+        assert isinstance(caught.value, FileError)
+    assert meshes.mesh_number() == 2
+
+
+def test_a_filter_that_may_end_the_process_works_where_it_does_not(tmp_path: Path) -> None:
+    meshes = MeshSet()
+    meshes.create_cube()
+    meshes.save_current_mesh(str(tmp_path / "cube.ply"))
+    meshes.nxs_build(input_file=str(tmp_path / "cube.ply"), output_file=str(tmp_path / "cube.nxs"))
+    assert (tmp_path / "cube.nxs").stat().st_size > 0
