@@ -47,8 +47,9 @@ class CollisionChecker:
         (in hollows hardly wider than the ball), by FCL."""
         tips = centres - self.cutter.radius * axes
         state = self._classify_at_rest(centres, axes, COLLIDING)
-        undecided = np.flatnonzero(state == UNDECIDED)
-        state[undecided] = np.where(self._colliding(tips[undecided], axes[undecided]), COLLIDING, FREE)
+        for decide in (self._thick_tool, self._by_fcl):
+            undecided = np.flatnonzero(state == UNDECIDED)
+            state[undecided] = decide(tips[undecided], axes[undecided], True)
         return np.asarray(state == FREE)
 
     def free_in_motion(
@@ -109,24 +110,26 @@ class CollisionChecker:
         joined = np.ones(len(places), dtype=bool)
         joined[starts[1:] - 1] = False
         poses = Poses.in_motion(places, turned, joined)
-        state = classify_poses(self.scene, self.cutter, poses, cutting=cutting)
-        worst = np.maximum.reduceat(state, starts[:-1])
+        state = classify_poses(self.scene, self.cutter, poses, cutting=cutting, settled=UNDECIDED)
         owner = np.repeat(np.arange(len(moves)), steps + 1)
-        undecided = np.flatnonzero((state == UNDECIDED) & (worst[owner] == UNDECIDED))
-        hit = self._colliding(places[undecided], turned[undecided], cutting=cutting)
-        worst[owner[undecided[hit]]] = COLLIDING
-        return np.asarray(worst != COLLIDING)
+        for decide in (self._thick_tool, self._by_fcl):
+            worst = np.maximum.reduceat(state, starts[:-1])
+            undecided = np.flatnonzero((state == UNDECIDED) & (worst[owner] == UNDECIDED))
+            state[undecided] = decide(places[undecided], turned[undecided], cutting)
+        return np.asarray(np.maximum.reduceat(state, starts[:-1]) == FREE)
 
-    def _colliding(
-        self, tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], *, cutting: bool = True
-    ) -> Bool[ndarray, " n"]:
-        """Whether FCL's tool with SWEEP_MARGIN collides; FCL itself is asked only where distances leave it
-        undecided."""
-        if not len(tips):
-            return np.zeros(0, dtype=bool)
+    def _thick_tool(
+        self, tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], cutting: bool
+    ) -> Int[ndarray, " n"]:
+        """The state of FCL's tool with SWEEP_MARGIN, as far as distances tell."""
         margin = SWEEP_MARGIN + self.scene.material_deviation
-        state = classify_thick_tool(self.scene, self.cutter, margin, tips, axes, cutting=cutting)
-        undecided = np.flatnonzero(state == UNDECIDED)
-        names = self.fcl.colliding_sections(tips[undecided], axes[undecided], cutting=cutting)
-        state[undecided] = [COLLIDING if name else FREE for name in names]
-        return np.asarray(state == COLLIDING)
+        return classify_thick_tool(self.scene, self.cutter, margin, tips, axes, cutting=cutting)
+
+    def _by_fcl(
+        self, tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], cutting: bool
+    ) -> Int[ndarray, " n"]:
+        """FREE or COLLIDING, as FCL finds its tool with SWEEP_MARGIN."""
+        if not len(tips):
+            return np.zeros(0, dtype=np.int64)
+        names = self.fcl.colliding_sections(tips, axes, cutting=cutting)
+        return np.array([COLLIDING if name else FREE for name in names])
