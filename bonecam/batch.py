@@ -206,7 +206,7 @@ def _kept(mesh: Path, folder: Path, job: Job) -> Outcome | None:
         report = json.loads(input_text(folder / f"{mesh.stem}.json"))
         if report["fingerprint"] != fingerprint(mesh, job) or not (folder / report["nc"]["file"]).is_file():
             return None
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
     seconds = round(sum(report["seconds"].values()), 2)
     return Outcome(

@@ -5,6 +5,7 @@ put there, or has changed since, is theirs.
 """
 
 import hashlib
+import os
 import re
 from collections.abc import Collection, Iterable
 from pathlib import Path
@@ -43,13 +44,16 @@ def digest(file: Path) -> str:
 
 
 def _listed(folder: Path) -> dict[str, str]:
-    """The content of each file by its name, as the list tells it; nothing where there is no list of ours."""
+    """The content of each file by its name, as the list tells it; nothing where there is no list of ours. Names that
+    lead out of the folder, by `..` or by a link, are left out: anybody may have written the list."""
     try:
         text = (folder / OWN_FILES).read_text(encoding="utf-8")
     except (OSError, ValueError):
         return {}
     lines = re.findall(r"^([0-9a-f]{64})  ([^/\n][^\n]*)$", text, re.MULTILINE)
-    return {name: content for content, name in lines if ".." not in Path(name).parts}
+    root = Path(os.path.realpath(folder))
+    places = [(name, content, Path(os.path.realpath((root / name).parent))) for content, name in lines]
+    return {name: content for name, content, place in places if root == place or root in place.parents}
 
 
 def _is_unchanged(file: Path, content: str) -> bool:

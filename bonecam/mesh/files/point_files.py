@@ -43,7 +43,7 @@ def read_blocks(path: str | Path) -> tuple[Float[ndarray, "_ 3"], ...]:
             blocks.append([])
             continue
         try:
-            values = [float(word) for word in words]
+            values = [float(_plain(word)) for word in words]
         except ValueError as error:
             if not names and not any(blocks) and _names_axes(words):
                 names = True
@@ -71,6 +71,13 @@ def _words(line: str) -> list[str]:
     if text.startswith(("#", "//")):
         return []
     return text.replace(",", ".").replace(";", " ").split() if ";" in text else text.replace(",", " ").split()
+
+
+def _plain(word: str) -> str:
+    """The word; ValueError where it holds an underscore, which only Python has in numbers."""
+    if "_" in word:
+        raise ValueError(word)
+    return word
 
 
 def _names_axes(words: list[str]) -> bool:

@@ -31,21 +31,11 @@ def read_polyhedra(path: str | Path) -> TriangleMesh:
     and what is wrong with it."""
     file = Path(path)
     try:
-        import ezdxf
-        from ezdxf.acis.api import AcisException
+        import ezdxf  # noqa: F401
     except ImportError as error:
         raise _refusal(
             file, f"reading {file.suffix[1:].upper()} needs ezdxf", "pip install 'bonecam[cad]'"
         ) from error
-    troubles = (
-        OSError,
-        ValueError,
-        TypeError,
-        IndexError,
-        AttributeError,
-        ezdxf.DXFError,
-        AcisException,
-    )  # what ezdxf raises on broken files
     try:
         polygons, scale = _from_dxf(file) if file.suffix.lower() in DXF else _from_acis(file)
         corners = np.array(
@@ -55,7 +45,11 @@ def read_polyhedra(path: str | Path) -> TriangleMesh:
         raise _refusal(
             file, f"cannot be read ({error.strerror})", "give the path of a readable file"
         ) from error
-    except troubles as error:
+    except FileError:
+        raise
+    except (
+        Exception
+    ) as error:  # ezdxf raises all kinds on damaged files: StopIteration, ZeroDivisionError, KeyError
         kind = file.suffix[1:].upper()
         reason = " ".join(str(error).split()) or type(error).__name__
         raise _refusal(

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bonecam.errors import MeshError
+from bonecam.errors import FileError, MeshError
 from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.mesh.files.point_cloud import reconstruct
 from bonecam.mesh.files.point_files import read_blocks
@@ -89,3 +89,9 @@ def test_a_ply_without_faces_is_a_cloud(ellipsoid: Callable[..., TriangleMesh], 
 def test_a_cloud_whose_surface_misses_a_point_is_refused() -> None:
     with pytest.raises(MeshError, match="misses one by"):
         reconstruct(np.vstack([cloud(400), [[0.0, 0.0, 0.0]]]))
+
+
+def test_a_number_with_an_underscore_is_none(tmp_path: Path) -> None:
+    (tmp_path / "a.xyz").write_text("0 0 0\n1_0 0 0\n")
+    with pytest.raises(FileError, match=r"a\.xyz line 2: '1_0 0 0' is no point"):
+        read_blocks(tmp_path / "a.xyz")

@@ -1,0 +1,28 @@
+"""The list of own files may be forged: nothing outside the folder, and nothing changed, is ever taken for ours."""
+
+from pathlib import Path
+
+import pytest
+
+from bonecam.runtime.own_files import OWN_FILES, digest, is_own, stale_files
+
+
+@pytest.mark.parametrize("name", ["../victim", "a/../../victim", "/{}/victim", "link/victim", "./../victim"])
+def test_a_list_that_names_what_is_outside_names_nothing(name: str, tmp_path: Path) -> None:
+    folder = tmp_path / "kept"
+    folder.mkdir()
+    (folder / "link").symlink_to(tmp_path)
+    victim = tmp_path / "victim"
+    victim.write_text("mine")
+    written = name.format(tmp_path)
+    (folder / OWN_FILES).write_text(f"{digest(victim)}  {written}\n")
+    assert stale_files(folder, ".*", []) == []
+    assert not is_own(folder, written)
+
+
+def test_only_what_has_the_content_that_the_list_tells_is_ours(tmp_path: Path) -> None:
+    for name in ("same", "other"):
+        (tmp_path / name).write_text(name)
+    content = digest(tmp_path / "same")
+    (tmp_path / OWN_FILES).write_text("".join(f"{content}  {name}\n" for name in ("same", "other")))
+    assert stale_files(tmp_path, ".*", []) == [tmp_path / "same"]
