@@ -10,7 +10,7 @@ import numpy as np
 from bonecam.filters.filter import Filter
 from bonecam.filters.layers import Layers
 from bonecam.filters.parameter import parameters_of, section_of
-from bonecam.job import FINISHING, ROUGHING, NcJob, PathJob
+from bonecam.job import FINISHING, ROUGHING, MaterialJob, NcJob, PathJob
 from bonecam.progress import Progress
 from bonecam.toolpath.path import Kind as MoveKind
 from bonecam.toolpath.path import ToolPath
@@ -32,6 +32,7 @@ def plan_toolpath(layers: Layers, values: Mapping[str, Any], progress: Progress)
     job = replace(
         layers.job(),
         path=section_of(PathJob(), values),
+        material=section_of(MaterialJob(), values, prefix="material_"),
         roughing=section_of(ROUGHING, values, prefix="roughing_"),
         finishing=section_of(FINISHING, values, prefix="finishing_"),
         nc=replace(layers.job().nc, machine=values["machine"]),
@@ -76,6 +77,7 @@ FILTERS = (
         CATEGORY,
         (
             *parameters_of(PathJob()),
+            *parameters_of(MaterialJob(), prefix="material_"),
             *parameters_of(ROUGHING, prefix="roughing_"),
             *parameters_of(FINISHING, prefix="finishing_"),
             *parameters_of(NcJob(), only=("machine",)),

@@ -11,7 +11,7 @@ from numpy import ndarray
 STAGES = ("mesh", "setup", "surface", "levels", "toolpath", "orientation", "nc", "verify")
 install_import_hook([f"bonecam.{stage}" for stage in STAGES], "beartype.beartype")
 
-from bonecam.job import FINISHING, ROUGHING, HoldingJob  # noqa: E402
+from bonecam.job import HoldingJob, Job  # noqa: E402
 from bonecam.job.frustum import Frustum  # noqa: E402
 from bonecam.levels.measure.cut_measures import NO_CUT  # noqa: E402
 from bonecam.levels.measure.level import MorphLevel, PartLevel  # noqa: E402
@@ -128,12 +128,12 @@ def upright_capsule() -> Capsule:
 
 @pytest.fixture(scope="session")
 def roughing_cutter() -> Cutter:
-    return Cutter.from_job(1, "roughing", ROUGHING)
+    return Cutter.from_job(1, "roughing", Job().tool("roughing"))
 
 
 @pytest.fixture(scope="session")
 def finishing_cutter() -> Cutter:
-    return Cutter.from_job(2, "finishing", FINISHING)
+    return Cutter.from_job(2, "finishing", Job().tool("finishing"))
 
 
 @pytest.fixture(scope="session")

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 ORDER = [
-    *"errors progress timing arrays threads runtime files text job kernels".split(),
+    *"errors progress timing arrays threads runtime files text materials job kernels".split(),
     *"mesh setup surface levels toolpath orientation nc verify".split(),
     *"outputs pipeline script_run filters batch cli __main__".split(),
 ]

@@ -11,4 +11,5 @@ from .stock_section import StockJob as StockJob
 from .surface_section import SurfaceJob as SurfaceJob
 from .tool_section import FINISHING as FINISHING
 from .tool_section import ROUGHING as ROUGHING
+from .tool_section import MaterialJob as MaterialJob
 from .tool_section import ToolJob as ToolJob

@@ -13,7 +13,8 @@ from bonecam.job.parameter import Section
 from bonecam.job.path_section import PathJob
 from bonecam.job.stock_section import StockJob
 from bonecam.job.surface_section import SurfaceJob
-from bonecam.job.tool_section import FINISHING, ROUGHING, ToolJob
+from bonecam.job.tool_section import FINISHING, ROUGHING, MaterialJob, ToolJob
+from bonecam.materials.preset import read_material
 from bonecam.text.faults import Faults, shown
 
 
@@ -29,6 +30,7 @@ class Job:
     stock: StockJob = field(default_factory=StockJob)
     holding: HoldingJob = field(default_factory=HoldingJob)
     levels: LevelsJob = field(default_factory=LevelsJob)
+    material: MaterialJob = field(default_factory=MaterialJob)
     roughing: ToolJob = ROUGHING
     finishing: ToolJob = FINISHING
     path: PathJob = field(default_factory=PathJob)
@@ -62,6 +64,15 @@ class Job:
         if faults:
             raise job_error(faults)
         return replace(self, **sections)
+
+    def tool(self, name: str) -> ToolJob:
+        """The cutter "roughing" or "finishing", with the material's spindle speed and feed where its section leaves
+        them 0; JobError where the material cannot be read or asks for a speed out of range."""
+        tool: ToolJob = getattr(self, name)
+        if tool.spindle and tool.feed:
+            return tool
+        spindle, feed = read_material(self.material.name).speeds(tool.radius, tool.spindle)
+        return replace(tool, spindle=spindle, feed=tool.feed or feed)
 
     def is_finishing(self, level: int) -> bool:
         """Whether the finishing cutter machines a level: level 0 (the part), and cuts of at most the

@@ -1,4 +1,4 @@
-"""The sections [roughing] and [finishing] of a job: one cutter each."""
+"""The sections [material], [roughing] and [finishing] of a job: what is cut, and one cutter each."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -7,6 +7,17 @@ from bonecam.errors import JobError
 from bonecam.job.frustum import Frustum, stack_as_text, stack_from_text
 from bonecam.job.parameter import Section, check, parameter
 from bonecam.text.faults import shown
+
+
+@dataclass(frozen=True)
+class MaterialJob(Section):
+    """The material of the stock, which gives spindle speed and feed where a cutter's section leaves them 0."""
+
+    name: str = parameter(
+        "aluminium",
+        "Material",
+        "aluminium, cortical-bone, peek, titanium, or the path of a material's .toml file.",
+    )
 
 
 @dataclass(frozen=True)
@@ -43,8 +54,12 @@ class ToolJob(Section):
         "Cylinders and cones of the holder instead, from its nose to the gauge line: length, diameter and, of a "
         "cone, upper diameter (mm), like '35 10 17, 20 40'.",
     )
-    spindle: float = parameter(12000.0, "Spindle", "Spindle speed.", unit="1/min", low=1.0, high=100000.0)
-    feed: float = parameter(900.0, "Feed", "Cutting feed of the tip.", unit="mm/min", low=1.0, high=30000.0)
+    spindle: float = parameter(
+        0.0, "Spindle", "Spindle speed; 0: that of the material.", unit="1/min", low=0.0, high=100000.0
+    )
+    feed: float = parameter(
+        0.0, "Feed", "Cutting feed of the tip; 0: that of the material.", unit="mm/min", low=0.0, high=30000.0
+    )
     scallop: float = parameter(
         0.05, "Scallop", "Largest scallop height between passes.", unit="mm", low=0.0005, high=2.0
     )
@@ -69,5 +84,5 @@ class ToolJob(Section):
 
 ROUGHING = ToolJob()
 """The default roughing cutter: a ball of 4 mm diameter."""
-FINISHING = ToolJob(radius=1.0, flute_length=4.0, shank_diameter=2.0, overhang=25.0, feed=900.0, scallop=0.01)
+FINISHING = ToolJob(radius=1.0, flute_length=4.0, shank_diameter=2.0, overhang=25.0, scallop=0.01)
 """The default finishing cutter: a ball of 2 mm diameter."""

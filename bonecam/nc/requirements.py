@@ -12,7 +12,8 @@ from bonecam.toolpath.cutter import Cutter
 def check_tools(job: Job, machine: Machine) -> None:
     """JobError where a cutter cannot be made, is driven faster than the machine can, or enters a flat
     part."""
-    for section, tool in (("roughing", job.roughing), ("finishing", job.finishing)):
+    for section in ("roughing", "finishing"):
+        tool = job.tool(section)
         cutter = Cutter.from_job(0, section, tool)
         _check_speeds(section, tool, machine)
         check_lead(cutter, job.path.lead_deg)

@@ -55,8 +55,8 @@ def plan_paths(
     `levels` begin at the part and end at the stock. Raises JobError where a cutter cannot be used at the
     job's lead angle, ToolPathError or OrientationError (with the level's number) where a level has no path.
     """
-    roughing = Cutter.from_job(1, "roughing", job.roughing)
-    finishing = Cutter.from_job(2, "finishing", job.finishing)
+    roughing = Cutter.from_job(1, "roughing", job.tool("roughing"))
+    finishing = Cutter.from_job(2, "finishing", job.tool("finishing"))
     for cutter in (roughing, finishing):
         check_lead(cutter, job.path.lead_deg)
 

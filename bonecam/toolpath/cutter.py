@@ -68,6 +68,10 @@ class Cutter:
                 self.scallop,
                 f"give less than the ball's radius ({self.radius:g} mm), and more than 0",
             )
+        if not (self.spindle > 0 and self.feed > 0):
+            raise ValueError(
+                f"{self.name}: no spindle speed or feed: take the cutter of Job.tool({self.name!r})"
+            )
         nose = self.holder[0].diameter
         if not self.shank_diameter <= nose:
             raise field_error(
@@ -79,7 +83,7 @@ class Cutter:
 
     @classmethod
     def from_job(cls, number: int, name: str, job: ToolJob, nose: Iterable[Frustum] = ()) -> "Cutter":
-        """The cutter a job states, with its place in the tool changer, in a spindle with this nose."""
+        """The cutter of a job (`Job.tool`), with its place in the tool changer, in a spindle with this nose."""
         return cls(
             number,
             name,

@@ -30,7 +30,10 @@ ABOVE = (12.3456, 2.3457)
 
 def check_posting(job: Job, machine: Machine, dialect: Dialect) -> None:
     """MachineError where no program of this job can be written for the machine in the dialect, or not be read back."""
-    cutters = (Cutter.from_job(1, "roughing", job.roughing), Cutter.from_job(2, "finishing", job.finishing))
+    cutters = (
+        Cutter.from_job(1, "roughing", job.tool("roughing")),
+        Cutter.from_job(2, "finishing", job.tool("finishing")),
+    )
     paths = [
         _path(cutter, level, axis, job)
         for cutter, level, axis in zip(cutters, (1, 0), _reachable_axes(machine), strict=True)

@@ -26,7 +26,7 @@ def test_a_holder_without_a_stack_is_one_cylinder() -> None:
 
 def test_the_sections_of_a_tool_follow_each_other_up_into_the_spindle() -> None:
     nose = (Frustum(30.0, 80.0, 80.0), Frustum(50.0, 80.0, 120.0))
-    cutter = Cutter.from_job(1, "roughing", ToolJob(holder=SHRINK_FIT), nose)
+    cutter = Cutter.from_job(1, "roughing", ToolJob(holder=SHRINK_FIT, spindle=9000.0, feed=900.0), nose)
     assert cutter.length == 30.0 + 55.0
     assert cutter.profile[2:] == (
         Section("holder", 30.0, 65.0, 5.0, 8.5),
@@ -70,3 +70,8 @@ def test_a_holder_that_is_no_stack_is_refused(holder: Any, message: str) -> None
 def test_a_chuck_that_cannot_hold_the_post_is_refused(values: dict[str, Any], message: str) -> None:
     with pytest.raises(JobError, match=message):
         HoldingJob(**values)
+
+
+def test_a_cutter_without_speeds_is_a_wrong_call() -> None:
+    with pytest.raises(ValueError, match=r"take the cutter of Job\.tool\('roughing'\)"):
+        Cutter.from_job(1, "roughing", ToolJob())

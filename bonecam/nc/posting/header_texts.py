@@ -1,11 +1,13 @@
 """The comments of a program's header, as plain texts: what a machinist must know before the start."""
 
 import math
+import textwrap
 from collections.abc import Sequence
 
 import numpy as np
 
 from bonecam.job import Job
+from bonecam.materials.preset import read_material
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.machine import Machine
 from bonecam.nc.posting.feeds import feed_figures
@@ -14,6 +16,10 @@ from bonecam.nc.posting.travel import Travel
 from bonecam.setup.stock import Stock
 from bonecam.setup.stock_kind import kind_of
 from bonecam.toolpath.cutter import Cutter
+
+WIDEST = 96
+"""Most characters of a comment that is divided between words."""
+
 
 _CHANGES = {
     "changer": "by the machine, every length measured in its tool table before the start",
@@ -66,11 +72,21 @@ def tool_texts(job: Job, posted: Sequence[Posted]) -> list[str]:
     return [
         *texts,
         "tool lengths: planned, from the spindle nose to the tip of the ball; enter the measured ones",
+        *_material_texts(job),
         f"tool change: {_CHANGES[job.nc.tool_change]}",
         "holders and shanks: none wider, no stick-out shorter than above",
         f"cutting feeds: median {figures.median:.0f}, a tenth below {figures.low:.0f} mm/min: "
         f"an axis limits {100 * figures.limited:.0f} percent",
     ]
+
+
+def _material_texts(job: Job) -> list[str]:
+    """The material, where spindle speeds or feeds are its, with their source."""
+    if all(tool.spindle and tool.feed for tool in (job.roughing, job.finishing)):
+        return []
+    material = read_material(job.material.name)
+    source = f"speeds not in the job are of {material.title}: {material.source}; {material.note}"
+    return textwrap.wrap(source, WIDEST)
 
 
 def _shapes(cutter: Cutter) -> list[str]:

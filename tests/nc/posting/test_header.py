@@ -73,7 +73,7 @@ def test_a_chuck_and_a_conical_holder_are_told(paths, upright_capsule: Capsule) 
     job = Job().with_values(
         holding={"chuck_diameter": 30.0, "chuck_height": 12.0}, roughing={"holder": "35 10 17, 20 40"}
     )
-    cutter = Cutter.from_job(1, "roughing", job.roughing, MIKRON.nose)
+    cutter = Cutter.from_job(1, "roughing", job.tool("roughing"), MIKRON.nose)
     told = write_program(
         [replace(paths[0], cutter=cutter)], MIKRON, HEIDENHAIN, job, stock=upright_capsule
     ).text

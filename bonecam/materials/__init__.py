@@ -1,0 +1,1 @@
+"""Cutting data of materials, one TOML file each, and their reading."""

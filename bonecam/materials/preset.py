@@ -1,0 +1,107 @@
+"""Spindle speed and feed of a cutter in a material.
+
+A material is data: a TOML file with `title`, `source`, `range` (what others give) and `note`, and either `spindle`
+(1/min) and `feed` (mm/min) for every cutter, or `cutting_speed` v (m/min, at the ball's full diameter D),
+`feed_per_tooth` f (a share of D) and `teeth` z:
+
+    spindle = 1000 v / (pi D),    feed = f D z spindle.
+"""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+from bonecam.errors import JobError, did_you_mean
+from bonecam.files import input_text
+from bonecam.text.faults import Faults
+from bonecam.text.record import Record, checked
+from bonecam.text.toml import parse_toml
+
+FOLDER = Path(__file__).parent
+SPINDLE_STEP = 10.0
+"""Computed spindle speeds are rounded down to multiples of this, 1/min."""
+
+
+class MaterialFile(Record):
+    """The schema of a material file."""
+
+    title: str
+    source: str
+    range: str
+    note: str
+    spindle: float | None = None
+    feed: float | None = None
+    cutting_speed: float | None = None
+    feed_per_tooth: float | None = None
+    teeth: int | None = None
+
+
+@dataclass(frozen=True)
+class Material:
+    """A material and its cutting data, as its file states them; the text of the module says what they mean."""
+
+    name: str
+    title: str
+    source: str
+    range: str
+    note: str
+    spindle: float
+    feed: float
+    cutting_speed: float
+    feed_per_tooth: float
+    teeth: int
+
+    def speeds(self, radius: float, spindle: float = 0.0) -> tuple[float, float]:
+        """Spindle speed (1/min) and feed (mm/min) of a ball of `radius` mm; the feed at another `spindle` speed where
+        that is given."""
+        if self.spindle:
+            return spindle or self.spindle, self.feed
+        turns = 1000 * self.cutting_speed / (2 * math.pi * radius)
+        turns = spindle or max(math.floor(turns / SPINDLE_STEP), 1) * SPINDLE_STEP
+        return turns, float(max(math.floor(2 * radius * self.feed_per_tooth * self.teeth * turns), 1))
+
+
+def material_names() -> tuple[str, ...]:
+    """The materials that come with bonecam."""
+    return tuple(sorted(path.stem for path in FOLDER.glob("*.toml")))
+
+
+def read_material(name: str) -> Material:
+    """The material of a name, or of a path to a TOML file; JobError names file and key of what is wrong."""
+    own = name.endswith(".toml")
+    if not own and name not in material_names():
+        known = ", ".join(material_names())
+        raise JobError(
+            f"[material] name = {name!r} is unknown{did_you_mean(name, material_names())}: use one of {known}, or the "
+            "path of a .toml file",
+            section="material",
+            field="name",
+        )
+    path = Path(name) if own else FOLDER / f"{name}.toml"
+    try:
+        table = checked(MaterialFile, parse_toml(input_text(path)))
+        return _material(path.stem, table)
+    except (Faults, ValueError) as error:
+        raise JobError(f"{path}: {error}", file=str(path)) from error
+    except OSError as error:
+        raise JobError(f"{path}: {error.strerror}: give a readable material file", file=str(path)) from error
+
+
+def _material(name: str, table: MaterialFile) -> Material:
+    """The material of a file; ValueError where a number is not positive or the numbers of neither way are whole."""
+    fixed = {"spindle": table.spindle, "feed": table.feed}
+    scaled = {
+        "cutting_speed": table.cutting_speed,
+        "feed_per_tooth": table.feed_per_tooth,
+        "teeth": table.teeth,
+    }
+    given = {key: value for key, value in {**fixed, **scaled}.items() if value is not None}
+    if set(given) not in (set(fixed), set(scaled)):
+        raise ValueError(
+            f"has {', '.join(given) or 'no numbers'}: give {' and '.join(fixed)}, or {', '.join(scaled)}"
+        )
+    for key, value in given.items():
+        if value <= 0:
+            raise ValueError(f"{key} = {value:g}: give a positive number")
+    numbers = {key: value or 0.0 for key, value in {**fixed, **scaled}.items()}
+    return Material(name, table.title, table.source, table.range, table.note, **numbers)  # type: ignore[arg-type]

@@ -1,0 +1,111 @@
+"""Spindle speeds and feeds that come from the material."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from bonecam.errors import JobError
+from bonecam.job import Job
+from bonecam.materials.preset import FOLDER, material_names, read_material
+from bonecam.nc.dialect import read_dialect
+from bonecam.nc.machine import read_machine
+from bonecam.nc.posting.write import write_program
+from bonecam.toolpath.path import ToolPath
+
+
+def test_the_default_is_the_papers_aluminium() -> None:
+    for name in ("roughing", "finishing"):
+        tool = Job().tool(name)
+        assert (tool.spindle, tool.feed) == (4500.0, 900.0)
+    assert "Gan et al. 2014" in read_material("aluminium").source
+
+
+@pytest.mark.parametrize("name", material_names())
+def test_every_material_says_where_it_is_from_and_suits_the_shipped_machine(name: str) -> None:
+    material = read_material(name)
+    assert material.note == "not measured on your machine"
+    assert len(material.source) > 30
+    assert len(material.range) > 30
+    job = Job().with_values(material={"name": name})
+    for section in ("roughing", "finishing"):
+        tool = job.tool(section)
+        assert 1000 <= tool.spindle <= read_machine("mikron-ucp600").spindle_speed
+        assert 100 <= tool.feed <= 2000
+
+
+def test_the_four_materials_are_there() -> None:
+    assert material_names() == ("aluminium", "cortical-bone", "peek", "titanium")
+
+
+def test_speeds_follow_from_cutting_speed_and_feed_a_tooth() -> None:
+    titanium = read_material("titanium")
+    spindle, feed = titanium.speeds(2.0)
+    assert spindle == 10 * math.floor(1000 * 60.0 / (math.pi * 4.0) / 10)
+    assert feed == math.floor(4.0 * 0.005 * 2 * spindle)
+    assert titanium.speeds(1.0)[0] == 9540.0
+
+
+def test_values_of_the_job_win_each_for_itself() -> None:
+    job = Job().with_values(roughing={"spindle": 9000.0}, finishing={"feed": 500.0})
+    assert (job.tool("roughing").spindle, job.tool("roughing").feed) == (9000.0, 900.0)
+    assert (job.tool("finishing").spindle, job.tool("finishing").feed) == (4500.0, 500.0)
+    in_titanium = job.with_values(material={"name": "titanium"})
+    assert (in_titanium.tool("roughing").spindle, in_titanium.tool("roughing").feed) == (9000.0, 360.0)
+    assert (in_titanium.tool("finishing").spindle, in_titanium.tool("finishing").feed) == (9540.0, 500.0)
+
+
+def test_a_material_may_be_a_file(tmp_path: Path) -> None:
+    file = tmp_path / "wax.toml"
+    file.write_text(
+        (FOLDER / "peek.toml").read_text().replace("cutting_speed = 100.0", "cutting_speed = 50.0")
+    )
+    job = Job().with_values(material={"name": str(file)})
+    assert job.tool("roughing").spindle == 3970.0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("teeth = 2", "teeth = 0", "teeth = 0: give a positive number"),
+        ("teeth = 2", "", "give spindle and feed, or cutting_speed, feed_per_tooth, teeth"),
+        ("teeth = 2", "teeth = 2\nspindle = 10.0", "give spindle and feed, or"),
+        ("teeth = 2", 'teeth = "two"', "teeth: .*give a whole number"),
+        ("teeth = 2", "teeth = 2\ncoolant = 1", "coolant: unknown key"),
+        ("teeth = 2", "teeth = ", "wrong.toml: "),
+    ],
+)
+def test_a_wrong_material_file_is_refused_with_file_and_key(
+    old: str, new: str, told: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "wrong.toml"
+    file.write_text((FOLDER / "peek.toml").read_text().replace(old, new))
+    with pytest.raises(JobError, match=told) as caught:
+        Job().with_values(material={"name": str(file)}).tool("roughing")
+    assert str(file) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_an_unknown_material_is_refused_with_the_known_ones() -> None:
+    with pytest.raises(
+        JobError, match=r"'titan' is unknown.*use one of aluminium, cortical-bone, peek, titanium"
+    ):
+        Job().with_values(material={"name": "titan"}).tool("roughing")
+    with pytest.raises(JobError, match="give a readable material file"):
+        Job().with_values(material={"name": "nowhere/none.toml"}).tool("finishing")
+
+
+def test_the_header_tells_the_source_of_speeds_that_the_job_does_not_give(
+    capsule_path: Callable[..., ToolPath],
+) -> None:
+    machine, dialect = read_machine("mikron-ucp600"), read_dialect("heidenhain")
+    path = capsule_path(count=60)
+    job = Job().with_values(material={"name": "titanium"})
+    text = write_program([replace(path)], machine, dialect, job).text
+    assert "SPEEDS NOT IN THE JOB ARE OF TITANIUM ALLOY TI-6AL-4V: TUNGALOY" in text
+    assert "NOT MEASURED ON YOUR MACHINE" in text
+    given = {"spindle": 9000.0, "feed": 400.0}
+    own = write_program([path], machine, dialect, job.with_values(roughing=given, finishing=given)).text
+    assert "SPEEDS NOT IN THE JOB" not in own
