@@ -11,6 +11,7 @@ from .machine import Machine as Machine
 from .machine import RotaryAxis as RotaryAxis
 from .machine import machine_names as machine_names
 from .machine import read_machine as read_machine
+from .posting.feeds import drivable_paths as drivable_paths
 from .posting.write import write_program as write_program
 from .program import Program as Program
 from .reading.motions import Motions as Motions
