@@ -46,8 +46,8 @@ class Posted:
 
     @cached_property
     def lengths(self) -> Float[ndarray, "n"]:
-        """How far the tip moves to arrive at each row, mm in the part's frame."""
-        return np.linalg.norm(np.diff(self.moves.tips, axis=0, prepend=self.moves.tips[:1]), axis=1)
+        """How far the tip moves to arrive at each row by the words as they are written, mm in the part's frame."""
+        return _lengths(self.control, self.words)
 
 
 def control_of(machine: Machine, dialect: Dialect, cutter: Cutter) -> Control:
@@ -95,7 +95,7 @@ def post_path(
     )
     approaches = round_words(dialect, control, above, angles[starts])
     fastest = _axis_minutes(control, words, starts)
-    minutes = _move_minutes(moves, fastest, starts, job)
+    minutes = _move_minutes(moves, _lengths(control, words), fastest, starts, job)
     return Posted(path, dialect, control, moves, words, runs, approaches, minutes, fastest)
 
 
@@ -140,10 +140,18 @@ def _axis_minutes(control: Control, words: ndarray, starts: ndarray) -> Float[nd
     return slowest
 
 
-def _move_minutes(moves: Moves, fastest: ndarray, starts: ndarray, job: Job) -> Float[ndarray, "n"]:
+def _lengths(control: Control, words: Float[ndarray, "n 5"]) -> Float[ndarray, "n"]:
+    """How far the tip moves to arrive at each row of words (mm, deg), mm in the part's frame."""
+    tips, _ = control.poses(np.column_stack([words[:, :3], np.radians(words[:, 3:])]))
+    return np.asarray(np.linalg.norm(np.diff(tips, axis=0, prepend=tips[:1]), axis=1))
+
+
+def _move_minutes(
+    moves: Moves, lengths: ndarray, fastest: ndarray, starts: ndarray, job: Job
+) -> Float[ndarray, "n"]:
     """Minutes of the move that arrives at each row: at its feed, or as long as its slowest axis takes."""
-    length = np.linalg.norm(np.diff(moves.tips, axis=0), axis=1)
-    feed = np.where(moves.kinds[1:] == Kind.RAPID, job.nc.rapid_feed, moves.feed_rates[1:])
-    minutes = np.r_[0.0, np.maximum(fastest[1:], length / feed)]
+    feed = np.where(moves.kinds == Kind.RAPID, job.nc.rapid_feed, moves.feed_rates)
+    minutes = np.maximum(fastest, lengths / feed)
+    minutes[0] = 0.0
     minutes[starts] = fastest[starts]
     return minutes
