@@ -33,6 +33,14 @@ class PathJob(Section):
         low=0.2,
         high=50.0,
     )
+    least_depth: float = parameter(
+        0.03,
+        "Least depth",
+        "Roughing passes over what a cut would remove less of; 0: they cut everywhere.",
+        unit="mm",
+        low=0.0,
+        high=1.0,
+    )
     lead_deg: float = parameter(
         10.0,
         "Lead",

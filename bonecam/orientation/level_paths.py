@@ -28,6 +28,7 @@ from bonecam.toolpath.gouge import MESH_SHARE, planned_tolerance
 from bonecam.toolpath.material import DEVIATION, remove_material, uncut_material
 from bonecam.toolpath.path import ToolPath
 from bonecam.toolpath.pattern import fastest_pattern
+from bonecam.toolpath.stretches import Allowed
 from bonecam.toolpath.zigzag import CandidateContacts, candidate_contacts, contact_path
 
 PART_CHORD = 0.002
@@ -81,7 +82,7 @@ def plan_paths(
         report(progress, len(paths) / (len(levels) - 1), f"path of level {level.index}")
         own = part if level.index else None
         scene = Scene(found.distance.mesh, material.mesh, capsule, post, DEVIATION, found.distance, own)
-        contacts = contact_path(found.candidates, material)
+        contacts = contact_path(found.candidates, material, _allowed(levels, level.index, job))
         wanted = None
         if job.path.orientation == "smooth" and len(contacts.contacts):
             checker = CollisionChecker(scene, contacts.cutter)
@@ -91,6 +92,18 @@ def plan_paths(
         material = remove_material(material, level, path)
         paths.append(path)
     return tuple(paths)
+
+
+def _allowed(levels: Sequence[Level], level: int, job: Job) -> Allowed:
+    """The depths of the cut that leaves a level. Too thin a cut is left only to a roughing one."""
+    outermost = level == len(levels) - 2
+    before = job.finishing if job.is_finishing(level + 1) else job.roughing
+    to_roughing = level > 0 and not job.is_finishing(level) and not job.is_finishing(level - 1)
+    return Allowed(
+        levels[level + 1].limit,
+        0.0 if outermost else before.scallop,
+        job.path.least_depth if to_roughing else 0.0,
+    )
 
 
 def _contacts_of(

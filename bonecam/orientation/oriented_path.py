@@ -22,7 +22,7 @@ from bonecam.orientation.tool_axes import ToolAxes, choose_axes
 from bonecam.toolpath.gouge import planned_tolerance
 from bonecam.toolpath.path import ContactPath, Kind, ToolPath
 
-MAX_TURN = np.radians(15.0)
+MAX_TURN = np.radians(30.0)
 """A cutting move turns the tool axis by no more, radians: else the tool retracts and comes back."""
 DIRECT_RADII = 2.5
 """A direct link is no longer than this many radii of the ball."""

@@ -24,7 +24,7 @@ class ContactPath:
     Consecutive points of one pass (`pass_index`) are joined by cutting moves. `parameters` are (s, t) on the
     surface of the level, `normals` point outward, `feeds` are unit feed directions. `centres` of the ball are
     contact + (radius + lift) * normal; `lifts` (mm) are 0 but where the ball would gouge. `uncut` are the
-    contacts that were left out, `reasons` one word for each (post, gouge, covered).
+    contacts that were left out, `reasons` one word for each (post, gouge, covered, short).
     """
 
     level: int

@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
+from bonecam.arrays import unit
 from bonecam.errors import ToolPathError
 from bonecam.job import PathJob
 from bonecam.levels.measure.level import MachinedLevel, RoundedLevel
@@ -23,8 +24,18 @@ from bonecam.toolpath.cutter import Cutter
 from bonecam.toolpath.gouge import gouge_free_lifts, planned_tolerance
 from bonecam.toolpath.material import Material
 from bonecam.toolpath.path import ContactPath
+from bonecam.toolpath.post_ring import post_ring
 from bonecam.toolpath.sampling import contact_frames, sample_lines
 from bonecam.toolpath.spacing import line_positions
+from bonecam.toolpath.stretches import (
+    ANYTHING,
+    Allowed,
+    Lines,
+    Stretches,
+    line_bounds,
+    stepped_passes,
+    whole_passes,
+)
 
 POST_CLEARANCE = 0.1
 """The ball keeps this far from the post, mm."""
@@ -90,6 +101,13 @@ def candidate_contacts(
     line, parameters = lines.line[order], lines.parameters[order]
     contacts, normals, feeds = contact_frames(surface, job.pattern, parameters)
     feeds = np.where((line % 2 == 1)[:, None], -feeds, feeds)
+    ring = post_ring(surface, post, cutter.radius, cutter.radius + post_clearance) if closed else None
+    if ring is not None:
+        line = np.r_[line, np.full(len(ring.parameters), line[-1] + 1)]
+        parameters = np.vstack([parameters, ring.parameters])
+        contacts = np.vstack([contacts, ring.contacts])
+        normals = np.vstack([normals, ring.normals])
+        feeds = np.vstack([feeds, ring.feeds])
 
     joined = np.r_[line[1:] == line[:-1], False]
     max_lift = MAX_LIFT_RADII * cutter.radius
@@ -103,8 +121,13 @@ def candidate_contacts(
     )
 
 
-def contact_path(candidates: CandidateContacts, material: Material | None = None) -> ContactPath:
-    """The contacts of a level that can be machined while `material` is left on it.
+def contact_path(
+    candidates: CandidateContacts,
+    material: Material | None = None,
+    allowed: Allowed = ANYTHING,
+) -> ContactPath:
+    """The contacts of a level that can be machined while `material` is left on it, the ball never sunk deeper
+    into it than `allowed`, nor where it would remove too little (`stretches.py`).
 
     Left out are contacts too near the post (`post`), under more material than MAX_DEPTH_RADII (`covered`: an
     outer level was left uncut there), or where the ball does not fit (`gouge`). Those lifted by more than the
@@ -120,24 +143,40 @@ def contact_path(candidates: CandidateContacts, material: Material | None = None
         covered = ~candidates.at_post & ~blocked & (depth > MAX_DEPTH_RADII * cutter.radius)
 
     left_out = candidates.at_post | blocked | covered | candidates.in_air
-    kept, passes = _split_passes(candidates.line, ~left_out, candidates.closed)
     uncut = ~candidates.in_air & (left_out | (lifts > cutter.scallop))
     reasons = np.select([candidates.at_post[uncut], covered[uncut]], ["post", "covered"], "gouge")
-    if not len(kept) and not isinstance(level, RoundedLevel):
+    if left_out.all() and not isinstance(level, RoundedLevel):
         raise _nothing_to_cut(level, reasons)
+    made = _stretches(candidates, ~left_out, material, allowed)
+    kept = made.index
     return ContactPath(
         level.index,
         cutter,
-        passes,
+        made.passes,
         candidates.parameters[kept],
         candidates.contacts[kept],
         candidates.normals[kept],
         candidates.feeds[kept],
-        candidates.centres[kept],
+        candidates.centres[kept] + made.raised,
         lifts[kept],
-        candidates.contacts[uncut],
-        tuple(reasons.tolist()),
+        np.vstack([candidates.contacts[uncut], candidates.contacts[made.short]]),
+        (*reasons.tolist(), *("short",) * len(made.short)),
     )
+
+
+def _stretches(
+    candidates: CandidateContacts,
+    usable: Bool[ndarray, " n"],
+    material: Material | None,
+    allowed: Allowed,
+) -> Stretches:
+    """The passes over the usable contacts, in steps where the material is deeper than allowed."""
+    lines = Lines(candidates.line, candidates.centres, candidates.normals, candidates.closed)
+    if material is None or not np.isfinite(allowed.limit):
+        return whole_passes(lines, usable)
+    distance, nearest = material.nearest(candidates.centres)
+    away = unit(candidates.centres - nearest)
+    return stepped_passes(lines, usable, candidates.cutter.radius - distance, away, allowed)
 
 
 def _nothing_to_cut(level: MachinedLevel, reasons: Int[ndarray, " n"] | ndarray) -> ToolPathError:
@@ -155,34 +194,9 @@ def _in_air(level: MachinedLevel, contacts: Float[ndarray, "n 3"]) -> Bool[ndarr
     return np.asarray(level.stock.signed_distance(contacts) > -MIN_THICKNESS)
 
 
-def _line_bounds(line: Int[ndarray, " n"]) -> Int[ndarray, " k"]:
-    """First sample of each line, and the number of samples behind the last; `line` never decreases."""
-    return np.searchsorted(line, np.arange(line[-1] + 2))
-
-
 def _zigzag_order(line: Int[ndarray, " n"]) -> Int[ndarray, " n"]:
     """The order of the samples in which every other line runs backwards."""
-    bounds = _line_bounds(line)
+    bounds = line_bounds(line)
     return np.concatenate(
         [np.arange(a, b)[:: -1 if k % 2 else 1] for k, (a, b) in enumerate(pairwise(bounds))]
     )
-
-
-def _split_passes(
-    line: Int[ndarray, " n"], kept: Bool[ndarray, " n"], closed: bool
-) -> tuple[Int[ndarray, " m"], Int[ndarray, " m"]]:
-    """The contacts that are kept, and the number of the pass of each.
-
-    A line breaks into passes where contacts are left out; a closed line then begins behind the first gap.
-    """
-    passes: list[ndarray] = []
-    for a, b in pairwise(_line_bounds(line)):
-        here = np.arange(a, b)
-        gap = np.flatnonzero(~kept[here])
-        if closed and len(gap) and kept[here[0]]:
-            here = np.r_[here[gap[0] : -1], here[: gap[0]]]
-        pieces = np.split(here, np.flatnonzero(~kept[here]))
-        passes += [piece[kept[piece]] for piece in pieces if kept[piece].any()]
-    if not passes:
-        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-    return np.concatenate(passes), np.repeat(np.arange(len(passes)), [len(run) for run in passes])

@@ -20,6 +20,7 @@ WHY = {
     "post": "at the post",
     "gouge": "ball too large for the hollow",
     "covered": "behind what a larger ball left",
+    "short": "too short for a plunge",
     "collision": "no free way for the tool",
     "limits": "beyond the machine's tilt",
 }

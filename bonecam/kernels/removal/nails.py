@@ -106,3 +106,18 @@ def cut_nails(
                     if enter < leave and leave > 0.0 and enter < heights[m]:
                         heights[m] = enter
                         owners[m] = names[c]
+
+
+def nail_cells(points: ndarray, size: float) -> tuple[ndarray, ndarray, ndarray]:
+    """The order (n,) of points (n, 3) by cells of side `size`, where each cell begins in it, and the corner of
+    the first cell: as `cut_nails` has them."""
+    corner = points.min(0)
+    cells = np.floor((points - corner) / size).astype(np.int64)
+    shape = cells.max(0) + 1
+    flat = np.ravel_multi_index(tuple(cells.T), tuple(shape))
+    counts = np.bincount(flat, minlength=int(shape.prod()))
+    ends = np.cumsum(counts).reshape(tuple(shape))
+    first = np.zeros((shape[0], shape[1], shape[2] + 1), dtype=np.int64)
+    first[:, :, 1:] = ends
+    first[:, :, 0] = np.r_[0, ends[:, :, -1].ravel()[:-1]].reshape(shape[0], shape[1])
+    return np.argsort(flat, kind="stable"), first, corner

@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from bonecam.kernels.removal.air import in_material
-from bonecam.kernels.removal.nails import cut_nails
+from bonecam.kernels.removal.nails import cut_nails, nail_cells
 from bonecam.kernels.removal.rays import RaySet
 from bonecam.kernels.removal.sweep import Pieces
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -47,17 +47,7 @@ class Nails:
     owners: Int[ndarray, " n"] = field(init=False)
 
     def __post_init__(self) -> None:
-        self.corner = self.points.min(0)
-        cells = np.floor((self.points - self.corner) / CELL).astype(np.int64)
-        shape = cells.max(0) + 1
-        flat = np.ravel_multi_index(tuple(cells.T), tuple(shape))
-        self.by_cell = np.argsort(flat, kind="stable")
-        counts = np.bincount(flat, minlength=int(shape.prod()))
-        ends = np.cumsum(counts).reshape(tuple(shape))
-        first = np.zeros((shape[0], shape[1], shape[2] + 1), dtype=np.int64)
-        first[:, :, 1:] = ends
-        first[:, :, 0] = np.r_[0, ends[:, :, -1].ravel()[:-1]].reshape(shape[0], shape[1])
-        self.cell_starts = first
+        self.by_cell, self.cell_starts, self.corner = nail_cells(self.points, CELL)
         self.heights = np.full(len(self.points), REACH)
         self.owners = np.full(len(self.points), -1)
 

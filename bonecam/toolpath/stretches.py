@@ -1,0 +1,219 @@
+"""What of a level's lines is cut, in which steps: stretches that would only rub are left out, those that are
+deeper than allowed are cut in steps before, and every stretch is entered on a ramp.
+
+The depth at a contact is how far the ball enters the material that stands, R - |C - M|, with C its centre and
+M the nearest place of the material: also in a hollow or beside the post, where a larger ball has left a
+fillet. A step k has its centres at C + k h g, with h the depth allowed and g the direction from M to C, in
+which the ball leaves the material by the shortest way.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+
+from bonecam.arrays import unit
+
+UNCERTAIN = 0.01
+"""The depth at a contact is known to this, mm: places of the material are 0.25 mm apart."""
+SHORT_GAP = 8.0
+"""A gap of a pass that is shorter is not worth a retract, mm: 0.5 s at 900 mm/min."""
+SHORT_STEP_GAP = 6.0
+"""A gap of a step that is shorter is not worth a retract, mm."""
+BESIDE = 2
+"""A stretch begins and ends so many contacts beside the depth that asks for it: in air."""
+LEAST_CONTACTS = 3
+"""A stretch of fewer contacts is not worth a plunge."""
+SMOOTHING = 3
+"""Rounds in which the directions of steps are averaged along their lines."""
+SLOPE = 0.3
+"""Slope of the ramps: 17 degrees, what solid ball cutters are allowed in solid material."""
+LEAST_RAMP = 0.03
+"""No ramp is made for less depth, mm."""
+
+
+@dataclass(frozen=True, eq=False)
+class Lines:
+    """The contacts of a level's lines in machining order: number of the line, ball centre and outward normal of
+    each; `closed` lines end where they begin."""
+
+    line: Int[ndarray, " n"]
+    centres: Float[ndarray, "n 3"]
+    normals: Float[ndarray, "n 3"]
+    closed: bool
+
+
+@dataclass(frozen=True)
+class Allowed:
+    """The largest depth (`limit`) of a cut, what it may be deeper where the cutter before left a `scallop`, and
+    the `least` depth that is worth a cut, mm."""
+
+    limit: float = np.inf
+    scallop: float = 0.0
+    least: float = 0.0
+
+
+Run = tuple[Int[ndarray, " _"], Float[ndarray, "_ 3"]]
+"""Contacts by index, and what their centres are moved by, mm."""
+ANYTHING = Allowed()
+"""Every depth is allowed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stretches:
+    """Passes in machining order: contacts by `index`, what their centres are moved by (mm), and the number of
+    the pass of each. `short` are the contacts of stretches that are not worth a plunge."""
+
+    index: Int[ndarray, " m"]
+    raised: Float[ndarray, "m 3"]
+    passes: Int[ndarray, " m"]
+    short: Int[ndarray, " k"]
+
+
+def whole_passes(lines: Lines, usable: Bool[ndarray, " n"]) -> Stretches:
+    """One pass over every stretch that is usable."""
+    runs = split_runs(lines, usable)
+    return _stretches([(run, np.zeros((len(run), 3))) for run in runs], [])
+
+
+def stepped_passes(
+    lines: Lines,
+    usable: Bool[ndarray, " n"],
+    depth: Float[ndarray, " n"],
+    away: Float[ndarray, "n 3"],
+    allowed: Allowed,
+) -> Stretches:
+    """The passes over what is usable and deep enough, first in steps where it is too deep. `away` are unit
+    directions from the material to the ball's centres."""
+    limit = allowed.limit
+    cut = filled(lines, _beside(lines, usable & (depth >= allowed.least)) & usable, usable, SHORT_GAP)
+    away = _smooth(lines, away)
+    too_deep = cut & (depth > limit + allowed.scallop + UNCERTAIN)
+    steps = np.where(too_deep, np.ceil((depth - limit) / limit), 0).astype(np.int64)
+    found: list[Run] = []
+    for k in range(int(steps.max(initial=0)), 0, -1):
+        here = filled(lines, _beside(lines, steps >= k) & usable, usable, SHORT_STEP_GAP)
+        found += _in_turn(
+            lines, _entered_runs(lines, split_runs(lines, here), depth, k * limit * away, limit)
+        )
+
+    runs = split_runs(lines, cut)
+    short = [run for run in runs if len(run) < LEAST_CONTACTS]
+    found += _in_turn(lines, _entered_runs(lines, runs, depth, np.zeros_like(away), limit))
+    return _stretches(found, short)
+
+
+def split_runs(lines: Lines, kept: Bool[ndarray, " n"]) -> list[Int[ndarray, " _"]]:
+    """The stretches of contacts that are kept. A closed line with a gap begins behind its first one."""
+    runs: list[ndarray] = []
+    for a, b in pairwise(line_bounds(lines.line)):
+        here = np.arange(a, b)
+        gap = np.flatnonzero(~kept[here])
+        if lines.closed and len(gap) and kept[here[0]]:
+            here = np.r_[here[gap[0] : -1], here[: gap[0]]]
+        pieces = np.split(here, np.flatnonzero(~kept[here]))
+        runs += [piece[kept[piece]] for piece in pieces if kept[piece].any()]
+    return runs
+
+
+def filled(
+    lines: Lines, kept: Bool[ndarray, " n"], usable: Bool[ndarray, " n"], length: float
+) -> Bool[ndarray, " n"]:
+    """`kept` with the gaps between two kept contacts of a line that are usable throughout and shorter than
+    `length` mm."""
+    index = np.flatnonzero(kept)
+    after = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(lines.centres, axis=0), axis=1))]
+    unusable = np.cumsum(~usable)
+    first, last = index[:-1], index[1:]
+    short = (last > first + 1) & (after[last] - after[first] < length)
+    short &= (lines.line[first] == lines.line[last]) & (unusable[first] == unusable[last])
+    change = np.zeros(len(kept) + 1, dtype=np.int64)
+    np.add.at(change, first[short], 1)
+    np.add.at(change, last[short], -1)
+    return np.asarray(kept | (np.cumsum(change)[:-1] > 0))
+
+
+def _beside(lines: Lines, kept: Bool[ndarray, " n"]) -> Bool[ndarray, " n"]:
+    """`kept` with BESIDE contacts on both sides of each on its line."""
+    same = lines.line[1:] == lines.line[:-1]
+    for _ in range(BESIDE):
+        wider = kept.copy()
+        wider[:-1] |= same & kept[1:]
+        wider[1:] |= same & kept[:-1]
+        kept = wider
+    return kept
+
+
+def _smooth(lines: Lines, away: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+    """Directions averaged with those beside them on their line."""
+    same = (lines.line[1:] == lines.line[:-1])[:, None]
+    for _ in range(SMOOTHING):
+        mean = 2 * away
+        mean[:-1] += np.where(same, away[1:], away[:-1])
+        mean[1:] += np.where(same, away[:-1], away[1:])
+        away = unit(mean)
+    return away
+
+
+def _entered_runs(
+    lines: Lines,
+    runs: list[Int[ndarray, " _"]],
+    depth: Float[ndarray, " n"],
+    raised: Float[ndarray, "n 3"],
+    limit: float,
+) -> list[Run]:
+    """The runs that are worth a plunge, raised and with their ramps."""
+    rest = np.clip(depth - np.linalg.norm(raised, axis=1), 0.0, limit)
+    return [
+        _entered(lines, run, raised[run], float(rest[run[0]])) for run in runs if len(run) >= LEAST_CONTACTS
+    ]
+
+
+def _in_turn(lines: Lines, runs: list[Run]) -> list[Run]:
+    """The runs from the first one on, each followed by the one that begins nearest to its end."""
+    if not runs:
+        return []
+    begins = np.array([lines.centres[index[0]] + raised[0] for index, raised in runs])
+    ends = np.array([lines.centres[index[-1]] + raised[-1] for index, raised in runs])
+    order = [0]
+    open_ = np.ones(len(runs), dtype=bool)
+    open_[0] = False
+    while open_.any():
+        away = np.linalg.norm(begins - ends[order[-1]], axis=1)
+        order.append(int(np.argmin(np.where(open_, away, np.inf))))
+        open_[order[-1]] = False
+    return [runs[k] for k in order]
+
+
+def _entered(lines: Lines, run: Int[ndarray, " r"], raised: Float[ndarray, "r 3"], depth: float) -> Run:
+    """A run with a ramp before it where it begins in material of this depth (mm): along the end of a whole
+    closed line, else from further on back to the run's begin."""
+    if depth <= LEAST_RAMP or len(run) < 2:
+        return run, raised
+    whole = lines.closed and np.allclose(lines.centres[run[0]], lines.centres[run[-1]], atol=1e-6)
+    back = np.arange(len(run))[-1:0:-1] if whole else np.arange(len(run))
+    places = lines.centres[run[back]]
+    behind = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))]
+    count = min(int(np.searchsorted(behind, depth / SLOPE)) + 1, len(back))
+    # from far to near; the run's own begin follows
+    ramp = back[1:count][::-1]
+    share = behind[1:count][::-1] / max(behind[count - 1], np.finfo(float).tiny)
+    up = (share * depth)[:, None] * lines.normals[run[ramp]]
+    return np.r_[run[ramp], run], np.vstack([raised[ramp] + up, raised])
+
+
+def _stretches(found: list[Run], short: list[ndarray]) -> Stretches:
+    none = np.zeros(0, dtype=np.int64)
+    return Stretches(
+        np.concatenate([none, *(index for index, _ in found)]),
+        np.vstack([np.zeros((0, 3)), *(raised for _, raised in found)]),
+        np.repeat(np.arange(len(found)), [len(index) for index, _ in found]),
+        np.concatenate([none, *short]),
+    )
+
+
+def line_bounds(line: Int[ndarray, " n"]) -> Int[ndarray, " k"]:
+    """First contact of each line, and the number of contacts behind the last; `line` never decreases."""
+    return np.searchsorted(line, np.arange(line[-1] + 2))
