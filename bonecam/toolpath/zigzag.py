@@ -101,7 +101,7 @@ def candidate_contacts(
     line, parameters = lines.line[order], lines.parameters[order]
     contacts, normals, feeds = contact_frames(surface, job.pattern, parameters)
     feeds = np.where((line % 2 == 1)[:, None], -feeds, feeds)
-    ring = post_ring(surface, post, cutter.radius, cutter.radius + post_clearance) if closed else None
+    ring = post_ring(surface, post, cutter.radius, cutter.radius + post_clearance)
     if ring is not None:
         line = np.r_[line, np.full(len(ring.parameters), line[-1] + 1)]
         parameters = np.vstack([parameters, ring.parameters])
