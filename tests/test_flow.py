@@ -20,7 +20,10 @@ ROOMS = {
         *"problem solvers measure refine_for_depth sequences".split(),
         *"closed_morph open_stock open_morph body_surface edge_rounding equal_depths job_levels".split(),
     ],
-    "toolpath": "ball_depth cutter path gouge material scallop sampling spacing pattern zigzag".split(),
+    "toolpath": [
+        *"ball_depth cutter path gouge material scallop sampling spacing pattern".split(),
+        *"post_ring stretches zigzag".split(),
+    ],
     "orientation": [
         *"limits interpolation cones collision lead singularity admissible field tool_axes links".split(),
         *"oriented_path level_paths".split(),
