@@ -99,13 +99,14 @@ def bound_clearances(
     start_axes: ndarray,
     end_axes: ndarray,
     sections: ndarray,
+    watched: ndarray,
     bricks: Bricks,
     bounds: ndarray,
     near: ndarray,
 ) -> None:
     """Write lower bounds of the distance (mm) between material and each section over each piece of a move
-    into `bounds` (n, s), and the heights between which material may be nearer than WATCHED into `near` (n, s,
-    2); of section 0, the flutes, those between which they may meet material.
+    into `bounds` (n, s), and the heights between which material may be nearer than `watched` (s,) into `near`
+    (n, s, 2).
 
     Pieces as in `sweep.Pieces`, in the part's frame. `sections` (s, 3): from, to, radius.
     A cylinder lies in the balls about points of its axis that reach half-way to the next; over the
@@ -139,12 +140,12 @@ def bound_clearances(
                     free -= ball + shift + turn * (u + step / 2)
                     if both == 0:
                         least = min(least, free)
-                    elif free <= (0.0 if s == 0 else WATCHED):
+                    elif free <= watched[s]:
                         near[i, s, 1] = start + (m + 1) * step
                         if near[i, s, 0] < 0.0:
                             near[i, s, 0] = start + m * step
                 if both == 0:
                     bounds[i, s] = least
                     near[i, s, 0] = -1.0
-                    if least > WATCHED:
+                    if least > watched[s]:
                         break

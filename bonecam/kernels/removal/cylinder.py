@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.removal.rays import TILE, RaySet, bits, capsule_chord, flat_distance, part_near
+from bonecam.kernels.removal.rays import TILE, RaySet, bits, capsule_chord, cylinder_chord
 
 SEARCH_STEPS = 24
 """Thirds that the interval of the least distance is divided into: to 1e-4 of its length."""
@@ -79,16 +79,12 @@ def cylinder_clearance(
             tile = rays.tile_of[i, j]
             if tile < 0 or rays.low[tile] > rays.high[tile]:
                 continue
-            near = flat_distance((i + 0.5) * side, (j + 0.5) * side, px, py, qx, qy) - half_diagonal
-            near = max(near, 0.0)
-            if near >= wide:
-                continue
-            half = np.sqrt(wide * wide - near * near)
+            # the ray through the tile's middle, with all as much larger as the tile is wide
+            more = best + half_diagonal
             x, y = (i + 0.5) * side - px, (j + 0.5) * side - py
-            first, last = part_near(x, y, dx, dy, length, wide + half_diagonal)
-            lowest = pz + min(first * dz, last * dz) - half
-            highest = pz + max(first * dz, last * dz) + half
-            if lowest > rays.high[tile] or highest < rays.low[tile]:
+            lowest, highest = cylinder_chord(x, y, dx, dy, dz, -more, length + more, radius + more)
+            lowest, highest = pz + lowest, pz + highest
+            if lowest >= highest or lowest > rays.high[tile] or highest < rays.low[tile]:
                 continue
             if not rays.mask[tile] & bits(lowest, highest, rays.length):
                 continue
@@ -98,12 +94,15 @@ def cylinder_clearance(
                     continue
                 u = (i * TILE + ray % TILE + 0.5) * cell
                 v = (j * TILE + ray // TILE + 0.5) * cell
-                enter, leave = capsule_chord(u - px, v - py, axis[0], axis[1], axis[2], length, wide)
+                # nearer than the nearest so far: else the ray cannot tell more
+                thick = radius + best
+                if thick <= 0.0:
+                    return best
+                enter, leave = capsule_chord(u - px, v - py, axis[0], axis[1], axis[2], length, thick)
                 for k in range(count):
                     low = max(rays.spans[tile, ray, 2 * k], pz + enter)
                     high = min(rays.spans[tile, ray, 2 * k + 1], pz + leave)
-                    if low > high:
-                        continue
-                    found = _least_distance(u, v, low, high, foot, axis, start, end, radius)
-                    best = min(best, found)
+                    if low <= high:
+                        found = _least_distance(u, v, low, high, foot, axis, start, end, radius)
+                        best = min(best, found)
     return best

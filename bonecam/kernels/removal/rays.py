@@ -19,6 +19,10 @@ SLIVER = 1e-4
 """Material thinner than this on a ray is taken away, mm: what rounding leaves between two cuts."""
 TINY = 1e-12
 """Squared lengths below this are rounding, mm^2."""
+FLAT = 1e-9
+"""Rays that rise along an axis by less than this lie across it."""
+ROUNDING = 1e-5
+"""Lengths below this are rounding, mm: float32 has steps of 4e-6 at 50 mm."""
 
 
 class RaySet(NamedTuple):
@@ -27,7 +31,8 @@ class RaySet(NamedTuple):
     `tile_of` (m, n): index of the tile, -1 where there never was material. `spans` (t, 64, 2 c) float32: low
     and high ends of the intervals of ray 8 j + i of a tile (i along u), of which `counts` (t, 64) are in use.
     `low`, `high` (t,): bounds of the material of a tile; `mask` (t,): bit b tells that there may be material
-    in bin b of BINS. Ray number i lies at (i + 1/2) `cell`; rays are `length` long.
+    in bin b of BINS; where `stale` (t,) is set both tell of what was there before. Ray number i lies at
+    (i + 1/2) `cell`; rays are `length` long.
     """
 
     tile_of: ndarray
@@ -36,6 +41,7 @@ class RaySet(NamedTuple):
     low: ndarray
     high: ndarray
     mask: ndarray
+    stale: ndarray
     cell: float
     length: float
 
@@ -63,6 +69,7 @@ def summarise_tile(rays: RaySet, tile: int) -> None:
     rays.low[tile] = low
     rays.high[tile] = high
     rays.mask[tile] = mask
+    rays.stale[tile] = False
 
 
 @njit(cache=True, nogil=True)
@@ -106,6 +113,31 @@ def capsule_chord(
             if 0.0 <= along + last * dz <= length:
                 high = max(high, last)
     return low, high
+
+
+@njit(cache=True, nogil=True)
+def cylinder_chord(
+    x: float, y: float, dx: float, dy: float, dz: float, low: float, high: float, radius: float
+) -> tuple[float, float]:
+    """Where a ray along w lies in a cylinder with flat ends: w from its foot's; the first is larger where it
+    misses.
+
+    The ray is at (x, y) from the foot of the axis, whose unit direction is (dx, dy, dz); the cylinder runs
+    from `low` to `high` along it.
+    """
+    along = x * dx + y * dy
+    across = max(1.0 - dz * dz, TINY)
+    rest = along * along * dz * dz - across * (x * x + y * y - along * along - radius * radius)
+    if rest <= 0.0:
+        return np.inf, -np.inf
+    root = np.sqrt(rest)
+    first, last = (along * dz - root) / across, (along * dz + root) / across
+    if abs(dz) > FLAT:
+        one, other = (low - along) / dz, (high - along) / dz
+        return max(first, min(one, other)), min(last, max(one, other))
+    if low <= along <= high:
+        return first, last
+    return np.inf, -np.inf
 
 
 @njit(cache=True, nogil=True)

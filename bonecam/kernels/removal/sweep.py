@@ -6,13 +6,15 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.removal.cut import cut_capsule
+from bonecam.kernels.removal.cut import cut_capsule, cylinder_meets
 from bonecam.kernels.removal.cylinder import cylinder_clearance
 from bonecam.kernels.removal.rays import RaySet
 
 FLUTE_STEP = 0.1
 """The flutes stand this far apart (mm) where they are taken out of the material: between two cuts of a
 cylinder of radius R they leave a ridge of FLUTE_STEP^2 / (8 R), 1.3 um for 1 mm."""
+SETS = 3
+"""Sets of rays."""
 TOOL_STEP = 0.05
 """Shank and holder stand this far apart (mm), or an eighth of their distance, where that is taken; half of it
 is subtracted, for what lies between."""
@@ -71,6 +73,48 @@ def _travel(pieces: Pieces, i: int, height: float) -> float:
 
 
 @njit(cache=True, nogil=True)
+def _flutes_meet(rays: RaySet, pieces: Pieces, i: int, radius: float, foot: ndarray, axis: ndarray) -> bool:
+    """Whether the flutes may meet material: those in the middle of the piece, larger by half of their
+    travel."""
+    reach = pieces.reach[i]
+    half = _travel(pieces, i, reach) / 2
+    _pose(pieces, i, 0.5, foot, axis)
+    for k in range(3):
+        foot[k] -= half * axis[k]
+    return bool(cylinder_meets(rays, foot, axis, reach + 2 * half, radius + half))
+
+
+@njit(cache=True, nogil=True)
+def _clearance(
+    rays: RaySet,
+    pieces: Pieces,
+    i: int,
+    section: int,
+    radius: float,
+    least: float,
+    foot: ndarray,
+    axis: ndarray,
+) -> float:
+    """The distance that a section keeps from material over a piece, or `least` where it is more: that at poses
+    along it, less half of the way from one to the next, which is made smaller until it hardly counts."""
+    low, high = pieces.near[i, section, 0], pieces.near[i, section, 1]
+    travel = _travel(pieces, i, high)
+    step = max(travel, TOOL_STEP)
+    while True:
+        steps = max(int(np.ceil(travel / step)), 1)
+        slack = travel / steps / 2
+        near = least
+        for k in range(steps):
+            _pose(pieces, i, (k + 0.5) / steps, foot, axis)
+            near = min(near, cylinder_clearance(rays, foot, axis, low, high, radius, near + slack) - slack)
+            if near < -slack:
+                break
+        if near >= least or step <= max(TOOL_STEP, near / 8):
+            return near
+        step = max(TOOL_STEP, step / 4)
+
+
+@njit(cache=True, nogil=True)
 def sweep(
     rays: RaySet,
     pieces: Pieces,
@@ -79,13 +123,14 @@ def sweep(
     allowed: float,
     first: int,
     found: Found,
+    turn: int,
 ) -> int:
     """Take what ball and flutes sweep out of the material, piece by piece from `first` on, and measure shank
     and holder against what stands then; returns the piece at which a ray has no room for one more interval,
     or the number of pieces.
 
     `sections` (2, 3): from, to, radius of shank and holder; `allowed` is the signed distance (mm) that they
-    may have.
+    may have. Each of the SETS of rays measures every third piece, from piece `turn` on.
     """
     foot, axis, top = np.empty(3), np.empty(3), np.empty(3)
     for i in range(first, len(pieces.starts)):
@@ -93,7 +138,7 @@ def sweep(
         found.volumes[pieces.moves[i]] += volume
         if full:
             return i
-        if pieces.reach[i] > 0.0:
+        if pieces.reach[i] > 0.0 and _flutes_meet(rays, pieces, i, radius, foot, axis):
             steps = max(int(np.ceil(_travel(pieces, i, pieces.reach[i]) / FLUTE_STEP)), 1)
             for k in range(1, steps + 1):
                 _pose(pieces, i, k / steps, foot, axis)
@@ -103,20 +148,10 @@ def sweep(
                 found.volumes[pieces.moves[i]] += volume
                 if full:
                     return i
-        for s in range(2):
+        for s in range(2 if i % SETS == turn else 0):
             if found.touched[s] >= 0 or pieces.bounds[i, s] >= found.least[s]:
                 continue
-            low, high = pieces.near[i, s, 0], pieces.near[i, s, 1]
-            near = found.least[s]
-            travel = _travel(pieces, i, high)
-            steps = max(int(np.ceil(travel / max(TOOL_STEP, near / 8))), 1)
-            slack = travel / steps / 2
-            for k in range(steps):
-                _pose(pieces, i, (k + 0.5) / steps, foot, axis)
-                free = cylinder_clearance(rays, foot, axis, low, high, sections[s, 2], near + slack)
-                near = min(near, free - slack)
-                if near < allowed:
-                    break
+            near = _clearance(rays, pieces, i, s, sections[s, 2], found.least[s], foot, axis)
             if near < allowed:
                 found.touched[s] = pieces.moves[i]
             if near < found.least[s]:

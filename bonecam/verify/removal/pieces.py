@@ -13,9 +13,12 @@ from bonecam.verify.removal.rays import RayGrid, order
 
 STRAIGHT = 0.001
 """The path of the ball's centre deviates from its pieces by this at most, mm."""
-MOST_TURN = np.radians(2.0)
-"""The axis turns by this at most on a piece: the way it takes then differs from a great circle by less than
-0.01 mm at the end of a holder 60 mm away."""
+SWAY = 0.02
+"""The far end of the holder is at most so far (mm) from where it would be if the axis turned along great
+circles between the ends of a piece; flutes, ten times nearer, a tenth of it."""
+SMALL_TURN = 0.5
+"""While the rotary words turn by less (radians), the axis turns by the angle between its ends; else by that
+of the words at most."""
 
 
 def straight_pieces(motions: Motions, moves: Int[ndarray, " m"], cutter: Cutter) -> Pieces:
@@ -31,9 +34,11 @@ def straight_pieces(motions: Motions, moves: Int[ndarray, " m"], cutter: Cutter)
     bows = np.where(known, centre_bows(control, start, end), 0.0)
     _, first_axes = control.poses(start)
     _, last_axes = control.poses(end)
-    turns = np.abs(end[:, 3:] - start[:, 3:]).sum(1) / MOST_TURN
-    turns = np.where(angles_between(first_axes, last_axes) > 0, turns, 1.0)
-    counts = np.ceil(np.maximum(np.sqrt(bows / 8 / STRAIGHT), turns)).astype(np.int64).clip(1)
+    # an axis that turns by a, while its words turn by w, sways from a great circle by at most a w / 4
+    words = np.abs(end[:, 3:] - start[:, 3:]).sum(1)
+    turns = np.where(words < SMALL_TURN, angles_between(first_axes, last_axes), words)
+    sways = cutter.length * turns * words / 4
+    counts = np.ceil(np.sqrt(np.maximum(bows / 8 / STRAIGHT, sways / SWAY))).astype(np.int64).clip(1)
 
     owner = np.repeat(np.arange(len(moves)), counts)
     place = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)

@@ -120,6 +120,7 @@ def _lay_set(
         np.zeros(met.sum()),
         np.zeros(met.sum()),
         np.zeros(met.sum(), dtype=np.uint64),
+        np.zeros(met.sum(), dtype=bool),
         grid.cell,
         float(grid.size[direction]),
     )

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bonecam.errors import ProgramError
+from bonecam.kernels.removal.sweep import Pieces
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.machine import Machine
 from bonecam.nc.reading.motions import Motions
@@ -119,9 +120,13 @@ class _Simulation:
     def run(self, group: Group, cutter: Cutter) -> LevelRemoval:
         """Run the moves of one level."""
         before = [copy_of(rays) for rays in self.sweeping.sets]
-        pieces = self.sweeping.run(straight_pieces(self.motions, group.moves, cutter), cutter)
-        if self.nails is not None:
-            self.nails.cut(pieces, cutter.radius)
+
+        def cut_nails(pieces: Pieces) -> None:
+            if self.nails is not None:
+                self.nails.cut(pieces, cutter.radius)
+
+        whole = straight_pieces(self.motions, group.moves, cutter)
+        pieces = self.sweeping.run(whole, cutter, cut_nails)
         depths = cut_depths(self.sweeping.sets, before, self.grid)
         deepest = None
         if len(depths.depths):

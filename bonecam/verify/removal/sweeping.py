@@ -1,7 +1,7 @@
 """The material while a program runs: levels are swept one after the other, the three sets of rays side by
 side."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -52,20 +52,24 @@ class Sweeping:
             Found(np.zeros(moves), np.full(2, WATCHED), np.full(2, -1), np.full(2, -1)) for _ in range(3)
         ]
 
-    def run(self, pieces: Pieces, cutter: Cutter) -> Pieces:
-        """Take the pieces of one cutter out of the material, in their order; returns them with their
-        `reach`."""
+    def run(self, pieces: Pieces, cutter: Cutter, beside: Callable[[Pieces], None]) -> Pieces:
+        """Take the pieces of one cutter out of the material, in their order, while a core that has no set of
+        rays to cut works on them `beside`; returns them with their `reach`."""
         heights = [
             (start - cutter.radius, end - cutter.radius, radius) for _, start, end, radius in cutter.sections
         ]
         sections = np.array(heights)
-        bricks = self._bricks()
-        bounded = _bounded(pieces, sections, bricks)
+        least = np.max([found.least for found in self.found], axis=0)
+        # flutes matter where they may meet material, the others where they may come nearer than they have
+        bounded = _bounded(pieces, sections, np.r_[0.0, least], self._bricks())
 
-        def along(directions: slice) -> None:
-            self._sweep(bounded, sections, directions.start)
+        def work(which: slice) -> None:
+            if which.start < len(self.sets):
+                self._sweep(bounded, sections, which.start)
+            else:
+                beside(bounded)
 
-        in_pieces(along, 3, 1)
+        in_pieces(work, len(self.sets) + 1, 1)
         return bounded
 
     def _sweep(self, pieces: Pieces, sections: Float[ndarray, "3 3"], direction: int) -> None:
@@ -76,7 +80,7 @@ class Sweeping:
         at = 0
         while at < len(pieces.starts):
             rays = self.sets[direction]
-            at = sweep(rays, turned, radius, sections[1:], ALLOWED_TOUCH, at, found)
+            at = sweep(rays, turned, radius, sections[1:], ALLOWED_TOUCH, at, found, direction)
             if at < len(pieces.starts):
                 self.sets[direction] = with_more_room(rays)
 
@@ -117,14 +121,17 @@ class Sweeping:
         return min(moves, default=-1)
 
 
-def _bounded(pieces: Pieces, sections: Float[ndarray, "3 3"], bricks: Bricks) -> Pieces:
+def _bounded(
+    pieces: Pieces, sections: Float[ndarray, "3 3"], watched: Float[ndarray, "3"], bricks: Bricks
+) -> Pieces:
     """The pieces with what the bricks tell of flutes, shank and holder."""
     bounds = np.empty((len(pieces.starts), 3))
     near = np.empty((len(pieces.starts), 3, 2))
 
     def bound(some: slice) -> None:
         poses = (pieces.starts, pieces.ends, pieces.start_axes, pieces.end_axes)
-        bound_clearances(*(pose[some] for pose in poses), sections, bricks, bounds[some], near[some])
+        places = [pose[some] for pose in poses]
+        bound_clearances(*places, sections, watched, bricks, bounds[some], near[some])
 
     in_pieces(bound, len(bounds), BOUNDED)
     reach = np.where(bounds[:, 0] < 0, near[:, 0, 1], 0.0)

@@ -159,7 +159,7 @@ def test_a_shank_that_passes_by_on_a_long_piece_does_not_touch(finishing_cutter)
     grid = lay_grid([BLOCK], 0.1)
     sweeping = Sweeping(lay_rays([BLOCK], grid, 500.0), grid, [BLOCK], 1)
     pieces = ball_pieces(np.array([[8.0, -4.0, 9.0]]), np.array([[8.0, 4.0, 9.0]]))
-    sweeping.run(pieces, finishing_cutter)
+    sweeping.run(pieces, finishing_cutter, lambda pieces: None)
     away = 8.0 - finishing_cutter.shank_diameter / 2 - 5.0
     # half of a step, an eighth of the distance watched, is subtracted
     assert away - WATCHED / 16 <= sweeping.clearance(0)[0] <= away + 0.01

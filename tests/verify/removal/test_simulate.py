@@ -156,16 +156,16 @@ def test_a_rapid_through_stock_is_found(path_of, finishing_cutter, simulate):
 
 
 def test_a_shank_of_9_mm_over_a_ball_of_1_is_found(simulate, text, finishing_cutter):
-    found = simulate(text, finishing=replace(finishing_cutter, flute_length=3.0, shank_diameter=9.0))
+    found = simulate(text, finishing=replace(finishing_cutter, flute_length=2.0, shank_diameter=9.0))
     assert found.shank.touched > 0
     with pytest.raises(VerifyError, match="the shank enters material"):
         check_removal(found)
 
 
 def test_a_lowered_holder_is_found(simulate, text, finishing_cutter):
-    short = replace(finishing_cutter, overhang=10.0)
-    assert simulate(text, finishing=replace(short, overhang=20.0)).holder.touched == 0
-    found = simulate(text, finishing=short)
+    short = replace(finishing_cutter, flute_length=1.2, shank_diameter=0.6)
+    assert simulate(text, finishing=replace(short, overhang=11.5)).holder.touched == 0
+    found = simulate(text, finishing=replace(short, overhang=1.5))
     assert found.holder.touched > 0
     with pytest.raises(VerifyError, match="the holder enters material"):
         check_removal(found)
