@@ -15,6 +15,7 @@ import numpy as np
 from bonecam.errors import FileError
 from bonecam.files import input_bytes
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.text.faults import shortened
 
 ACIS = (".sat", ".sab")
 """Endings of ACIS files."""
@@ -51,7 +52,7 @@ def read_polyhedra(path: str | Path) -> TriangleMesh:
         Exception
     ) as error:  # ezdxf raises all kinds on damaged files: StopIteration, ZeroDivisionError, KeyError
         kind = file.suffix[1:].upper()
-        reason = " ".join(str(error).split()) or type(error).__name__
+        reason = shortened(" ".join(str(error).split()), 200) or type(error).__name__
         raise _refusal(
             file, f"is no readable {kind} file ({reason})", "export the part again, or as STEP"
         ) from error

@@ -97,7 +97,8 @@ class AxisEnergy:
         return np.concatenate([r for r, _ in found]), vstack([J for _, J in found], format="csr")
 
     def _turning(self, values: Float[ndarray, "2 c"]) -> Iterator[Term]:
-        """The rates of both angles, and what they exceed SPEED_SHARE by."""
+        """The rates of both angles, and what they exceed SPEED_SHARE by; a move round the part whose winding alone
+        is faster cannot be helped."""
         share = np.sqrt(self.times / self.times.sum())
         s = self.parameters[:, 0]
         short_way = np.mod(s[self.moves + 1] - s[self.moves] + 0.5, 1.0) - 0.5
@@ -105,7 +106,8 @@ class AxisEnergy:
             scale = share / (self.speeds[angle] * self.times)
             rate = scale * (wound + self.steps @ values[angle])
             yield _term(rate, _scaled(self.steps, scale), angle)
-            over = np.maximum(np.abs(rate) - SPEED_SHARE * share, 0.0)
+            avoidable = np.abs(scale * wound) < SPEED_SHARE * share
+            over = np.where(avoidable, np.maximum(np.abs(rate) - SPEED_SHARE * share, 0.0), 0.0)
             slope = SPEED_WEIGHT * np.sign(rate) * (over > 0)
             yield _term(SPEED_WEIGHT * over, _scaled(self.steps, slope * scale), angle)
 

@@ -59,9 +59,17 @@ def fitted(made: Made, job: PathJob = JOB, limits: AxisLimits = LIMITS) -> np.nd
     return field.axes(contacts.parameters)
 
 
+def on_lines(contacts: ContactPath) -> np.ndarray:
+    """Which contacts lie on passes along the part: not on the ring round the post."""
+    s = contacts.parameters[:, 0]
+    spread = [np.ptp(s[contacts.pass_index == number]) for number in contacts.pass_index]
+    return np.array(spread) < 1e-9
+
+
 def rates(contacts: ContactPath, axes: np.ndarray) -> np.ndarray:
-    """Turn of the slower rotary axis over each move of a pass, as a share of what it can at the feed."""
-    same = contacts.pass_index[1:] == contacts.pass_index[:-1]
+    """Turn of the slower rotary axis over each move of a pass along the part, as a share of what it can at the
+    feed."""
+    same = (contacts.pass_index[1:] == contacts.pass_index[:-1]) & on_lines(contacts)[1:]
     azimuth = np.arctan2(axes[:, 1], axes[:, 0])
     turn = np.abs(np.angle(np.exp(1j * np.diff(azimuth)))) / LIMITS.turn_speed
     tilt = np.abs(np.diff(polar_angles(axes))) / LIMITS.tilt_speed
@@ -74,7 +82,7 @@ def test_the_field_keeps_its_bounds(made: Callable[..., Made]) -> None:
     axes, normals = fitted(case), case[1].normals
     tilt = np.degrees(np.arccos(dots(axes, normals)))
     assert tilt.max() < JOB.max_tilt_deg
-    assert np.mean(tilt < JOB.least_lead_deg - 1) < 0.03
+    assert np.mean(tilt[on_lines(case[1])] < JOB.least_lead_deg - 1) < 0.03
     assert polar_angles(axes).max() < LIMITS.largest
 
 
