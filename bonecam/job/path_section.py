@@ -11,7 +11,7 @@ class PathJob(Section):
     """The passes on a level, the tool axis, and the links between passes."""
 
     pattern: str = parameter(
-        "round",
+        "fastest",
         "Pattern",
         "Passes round the bone (t = const), along it from pole to pole (s = const), or on each level the faster ones.",
         choices=("fastest", "along", "round"),
@@ -50,7 +50,7 @@ class PathJob(Section):
         high=60.0,
     )
     orientation: str = parameter(
-        "lead",
+        "smooth",
         "Orientation",
         "Tool axes: leaning forward by the lead angle (lead), or a field that turns the machine smoothly (smooth).",
         choices=("smooth", "lead"),

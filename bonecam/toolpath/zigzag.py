@@ -24,6 +24,7 @@ from bonecam.toolpath.cutter import Cutter
 from bonecam.toolpath.gouge import gouge_free_lifts, planned_tolerance
 from bonecam.toolpath.material import Material
 from bonecam.toolpath.path import ContactPath
+from bonecam.toolpath.pattern import FULL_TURN
 from bonecam.toolpath.post_ring import post_ring
 from bonecam.toolpath.sampling import contact_frames, sample_lines
 from bonecam.toolpath.spacing import line_positions
@@ -86,10 +87,12 @@ def candidate_contacts(
     post_clearance: float = POST_CLEARANCE,
 ) -> CandidateContacts:
     """The contacts of a level whatever the material: cusps <= cutter.scallop, chords <= job.chord_tolerance,
-    no gouge beyond job.gouge_tolerance.
+    no gouge beyond job.gouge_tolerance. ValueError where `job.pattern` is none of the two patterns.
 
     `obstacles` are what the ball must not enter: the level and the part.
     """
+    if job.pattern not in FULL_TURN:
+        raise ValueError(f"pattern {job.pattern!r}: give one of {', '.join(FULL_TURN)}, such as fastest_pattern(...)")
     surface = level.surface
     closed = job.pattern == "round"
     across = line_positions(surface, job.pattern, cutter.radius, cutter.scallop)
