@@ -92,7 +92,9 @@ def candidate_contacts(
     `obstacles` are what the ball must not enter: the level and the part.
     """
     if job.pattern not in FULL_TURN:
-        raise ValueError(f"pattern {job.pattern!r}: give one of {', '.join(FULL_TURN)}, such as fastest_pattern(...)")
+        raise ValueError(
+            f"pattern {job.pattern!r}: give one of {', '.join(FULL_TURN)}, such as fastest_pattern(...)"
+        )
     surface = level.surface
     closed = job.pattern == "round"
     across = line_positions(surface, job.pattern, cutter.radius, cutter.scallop)

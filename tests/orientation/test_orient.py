@@ -252,7 +252,9 @@ def test_a_level_that_rounds_no_material_is_passed_over(
     mesh, stock = mesh_of(surface), replace(upright_capsule, radius=1.0)
     level = RoundedLevel(2, surface, mesh, 0.5, level_of(surface).measures, stock, surface.control_points)
     post = post_below(mesh, holding)
-    contacts = contact_path(candidate_contacts(level, [MeshDistance(mesh)], roughing_cutter, post, PathJob(pattern="round")))
+    contacts = contact_path(
+        candidate_contacts(level, [MeshDistance(mesh)], roughing_cutter, post, PathJob(pattern="round"))
+    )
     assert not len(contacts.contacts)
     assert not len(contacts.uncut)
     path = orient(contacts, Scene(mesh, mesh, upright_capsule, post), MIKRON, PathJob(), NcJob())

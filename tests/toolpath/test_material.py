@@ -55,7 +55,9 @@ def levels(
 def path_on(stock: Skin, post: Post) -> Callable[[MachinedLevel, Material, Cutter], ToolPath]:
     def build(level: MachinedLevel, material: Material, cutter: Cutter) -> ToolPath:
         meshes = [MeshDistance(level.mesh)]
-        contacts = contact_path(candidate_contacts(level, meshes, cutter, post, PathJob(pattern="round")), material)
+        contacts = contact_path(
+            candidate_contacts(level, meshes, cutter, post, PathJob(pattern="round")), material
+        )
         scene = Scene(level.mesh, material.mesh, stock, post, DEVIATION)
         return orient(contacts, scene, AxisLimits(2.0), PathJob(), NcJob())
 
