@@ -44,8 +44,11 @@ counts as flat."""
 def line_positions(surface: TSpline, pattern: str, radius: float, scallop: float) -> Float[ndarray, " k"]:
     """Increasing t of the rings (`round`) or s of the pole-to-pole lines (`along`).
 
-    The first and last ring lie within half a side step of their pole, so that the pole itself is cut.
+    The first and last ring lie within half a side step of their pole, so that the pole itself is cut. ValueError for
+    another pattern.
     """
+    if pattern not in ("round", "along"):
+        raise ValueError(f"pattern {pattern!r}: give round or along, such as fastest_pattern(...)")
     across, passes = _count_passes(surface, pattern, radius, scallop)
     lines_of = _rings if pattern == "round" else _meridians
     return _even_out(lambda step: lines_of(across, passes, step))

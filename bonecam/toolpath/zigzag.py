@@ -24,7 +24,6 @@ from bonecam.toolpath.cutter import Cutter
 from bonecam.toolpath.gouge import gouge_free_lifts, planned_tolerance
 from bonecam.toolpath.material import Material
 from bonecam.toolpath.path import ContactPath
-from bonecam.toolpath.pattern import FULL_TURN
 from bonecam.toolpath.post_ring import post_ring
 from bonecam.toolpath.sampling import contact_frames, sample_lines
 from bonecam.toolpath.spacing import line_positions
@@ -91,10 +90,6 @@ def candidate_contacts(
 
     `obstacles` are what the ball must not enter: the level and the part.
     """
-    if job.pattern not in FULL_TURN:
-        raise ValueError(
-            f"pattern {job.pattern!r}: give one of {', '.join(FULL_TURN)}, such as fastest_pattern(...)"
-        )
     surface = level.surface
     closed = job.pattern == "round"
     across = line_positions(surface, job.pattern, cutter.radius, cutter.scallop)

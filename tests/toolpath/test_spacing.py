@@ -35,3 +35,8 @@ def test_a_crease_does_not_crowd_lines_without_end(pebble: Callable[..., TSpline
 def test_a_smaller_scallop_takes_more_lines_by_its_root(pebble: Callable[..., TSpline]) -> None:
     counts = [len(line_positions(pebble(), "round", 1.0, scallop)) for scallop in (0.04, 0.01)]
     assert counts[1] / counts[0] == pytest.approx(2.0, rel=0.1)
+
+
+def test_a_pattern_that_is_not_resolved_is_refused(pebble: Callable[..., TSpline]) -> None:
+    with pytest.raises(ValueError, match="'fastest': give round or along"):
+        line_positions(pebble(), "fastest", 1.0, 0.01)

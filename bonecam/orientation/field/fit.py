@@ -20,6 +20,7 @@ from bonecam.orientation.field.axis_field import AxisField
 from bonecam.orientation.field.energy import AxisBounds, AxisEnergy, second_differences
 from bonecam.orientation.lead import table_limits
 from bonecam.orientation.limits import AxisLimits, polar_angles
+from bonecam.threads import on_one_blas_thread
 from bonecam.toolpath.path import ContactPath
 
 SPACING = 0.6
@@ -46,6 +47,7 @@ FIT_ROUGHNESS = 0.02
 """Weight of second differences in the first fit."""
 
 
+@on_one_blas_thread
 def fit_axis_field(
     path: ContactPath,
     domain: Float[ndarray, "2"],
