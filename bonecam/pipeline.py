@@ -20,12 +20,13 @@ from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import program_name
 from bonecam.nc.requirements import check_room, check_tools
 from bonecam.orientation.level_paths import plan_paths
+from bonecam.orientation.post_length import find_post_length
 from bonecam.outputs.kept_folder import keep_failed_level
 from bonecam.outputs.output_files import File, Outputs
 from bonecam.outputs.result import Morphed, Result
 from bonecam.outputs.run_report import report_to_levels, report_to_program
 from bonecam.progress import Progress, part, silent
-from bonecam.setup.placement import place
+from bonecam.setup.placement import Setup, place
 from bonecam.setup.schedule import check_cuts
 from bonecam.setup.stock_kind import check_sizes
 from bonecam.surface.files.surface_input import read_part
@@ -64,7 +65,7 @@ def convert(
     outputs.check(source, dialect)
     times = StageTimes()
 
-    made = _morph(given, job, machine, keep, times, part(progress, 0.0, 0.3))
+    made, job = _morph(given, job, machine, keep, times, part(progress, 0.0, 0.3))
     result = _machine(made, job, machine, dialect, source, program, times, part(progress, 0.3, 0.97))
     with times.stage("files"):
         outputs.write(result, job.holding, result.paths, result.program.text, part(progress, 0.97, 1.0))
@@ -91,7 +92,7 @@ def morph_levels(
     outputs.check(source)
     times = StageTimes()
 
-    made = _morph(given, job, None, keep, times, part(progress, 0.0, 0.95))
+    made, job = _morph(given, job, None, keep, times, part(progress, 0.0, 0.95))
     with times.stage("files"):
         outputs.write(made, job.holding, progress=part(progress, 0.95, 1.0))
     return made
@@ -114,11 +115,11 @@ def _morph(
     keep: File,
     times: StageTimes,
     progress: Progress,
-) -> Morphed:
-    """Part, surface and levels in a stock for which `machine` has room."""
+) -> tuple[Morphed, Job]:
+    """Part, surface and levels in a stock for which `machine` has room, and the job with the post's length."""
     with times.stage("mesh"):
         unplaced, given = read_part(mesh, job, part(progress, 0.0, 0.1))
-        setup = place(unplaced, job)
+        setup, job = stand_on_post(place(unplaced, job), job, machine)
         if machine is not None:
             check_room(setup.stock, job, machine)
         check_cuts(setup.part.mesh, setup.stock, job.levels)
@@ -130,8 +131,18 @@ def _morph(
         morph = make_levels(fitted.surface, setup.stock, job, part(progress, 0.5, 1.0))
 
     figures = report_to_levels(setup.part, fitted, setup.stock, morph, job.levels.method)
+    figures["post"] = {"diameter_mm": job.holding.diameter, "length_mm": job.holding.length}
     figures["seconds"] = times.seconds
-    return Morphed(setup.part, fitted.surface, setup.stock, morph, figures)
+    return Morphed(setup.part, fitted.surface, setup.stock, morph, figures), job
+
+
+def stand_on_post(setup: Setup, job: Job, machine: Machine | None = None) -> tuple[Setup, Job]:
+    """Setup and job with the post's length: where the job leaves it open, the one found for the `machine`, or else
+    the job's."""
+    if job.holding.length:
+        return setup, job
+    machine = machine or read_machine(job.nc.machine)
+    return find_post_length(setup, job, axis_limits(machine), machine.bodies)
 
 
 def _machine(
@@ -148,7 +159,9 @@ def _machine(
     levels = made.levels.levels
     design = morph_surfaces(levels)[0]
     with times.stage("toolpath"):
-        planned = plan_paths(levels, made.stock, job, axis_limits(machine), part(progress, 0.0, 0.82))
+        planned = plan_paths(
+            levels, made.stock, job, axis_limits(machine), machine.bodies, part(progress, 0.0, 0.82)
+        )
 
     with times.stage("nc"):
         paths = drivable_paths(planned, machine, dialect, job)

@@ -23,6 +23,7 @@ def generate_stock(layers: Layers, values: Mapping[str, Any], progress: Progress
     """Filters `generate_stock` and `generate_stock_capsule`: layers of the stock and of the part on its
     post."""
     from bonecam.mesh.part import Part
+    from bonecam.pipeline import stand_on_post
     from bonecam.setup.placement import place
     from bonecam.setup.stock import stock_figures
 
@@ -33,11 +34,12 @@ def generate_stock(layers: Layers, values: Mapping[str, Any], progress: Progress
     )
     mesh = layers.bone()
     try:
-        setup = place(Part(mesh, layers.name, len(mesh.faces), "mm", (), np.eye(4), mesh), job)
+        placed = place(Part(mesh, layers.name, len(mesh.faces), "mm", (), np.eye(4), mesh), job)
     except (StockError, ToolPathError) as error:
         raise type(error)(
             f"{error} (stock and post stand on the Z axis: was apply_upright_pose applied?)", **error.evidence
         ) from error
+    setup, job = stand_on_post(placed, job)
     kept = {"stock": setup.stock, "job": job}
     layers.add(setup.stock.mesh(values["chord_tolerance"]), "stock", keep=kept)
     layers.add(setup.part.mesh, "part on post", keep=kept)

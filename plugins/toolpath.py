@@ -39,7 +39,7 @@ def plan_toolpath(layers: Layers, values: Mapping[str, Any], progress: Progress)
     )
     machine = read_machine(job.nc.machine)
     check_tools(job, machine)
-    paths = plan_paths(morph.levels, stock, job, axis_limits(machine), progress)
+    paths = plan_paths(morph.levels, stock, job, axis_limits(machine), machine.bodies, progress)
     source = layers.meshset.current_mesh_id()
     for path in paths:
         layers.select(source)

@@ -25,8 +25,8 @@ ROOMS = {
         *"post_ring stretches zigzag".split(),
     ],
     "orientation": [
-        *"limits interpolation cones collision lead singularity admissible field tool_axes links".split(),
-        *"oriented_path level_paths".split(),
+        *"limits cones collision lead singularity admissible field tool_axes links".split(),
+        *"oriented_path level_paths post_length".split(),
     ],
     "verify": "gouge readback trial_program proof removal report pictures".split(),
 }

@@ -163,7 +163,7 @@ def test_levels_alone_are_the_chain_s_and_take_the_place_of_its_levels_and_paths
     assert told["levels"] == json.loads(json.dumps(result.report["levels"]))
     assert set(result.report) - set(told) == {"toolpath", "nc"}
     lines = [line.partition(" ")[0] for line in capsys.readouterr().out.splitlines()]
-    assert lines == ["mesh", "surface", "stock", "levels", "certified", "time"]
+    assert lines == ["mesh", "surface", "stock", "post", "levels", "certified", "time"]
     assert {item.name for item in keep.iterdir()} == {item.name for item in (folder / "keep").iterdir()} - {
         "toolpath.csv",
         "toolpath.png",

@@ -89,11 +89,11 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
             {"path": {"lead_deg": 60.0, "max_tilt_deg": 30.0}},
             r"\[path\] lead_deg = 60: keep it within path\.max_tilt_deg \(30\)",
         ),
-        ({"holding": {"length": 0.0}}, r"\[holding\] length = 0\.0: keep it within"),
+        ({"holding": {"length": -1.0}}, r"\[holding\] length = -1\.0: keep it within"),
         ({"roughing": {"feed": -900.0}}, r"\[roughing\] feed = -900\.0: keep it within"),
         (
             {"roughing": {"overhang": 400.0}},
-            r"Z runs over 485\.5 mm, travel 450\.0 mm of Mikron UCP 600 Vario: .* a shorter tool",
+            r"Z runs over 525\.3 mm, travel 450\.0 mm of Mikron UCP 600 Vario: .* a shorter tool",
         ),
         ({"stock": {"length": 390.0, "diameter": 20.0}}, "mm are needed along Z, its travel is 450 mm"),
         (

@@ -19,7 +19,12 @@ class HoldingJob(Section):
         high=100.0,
     )
     length: float = parameter(
-        40.0, "Post length", "From the table to the lower end of the stock.", unit="mm", low=1.0, high=500.0
+        0.0,
+        "Post length",
+        "From the table to the lower end of the stock; 0: the shortest with which all is reached.",
+        unit="mm",
+        low=0.0,
+        high=500.0,
     )
     chuck_diameter: float = parameter(
         0.0,
@@ -54,6 +59,6 @@ class HoldingJob(Section):
         if 0 < self.chuck_diameter <= self.diameter:
             bound = f"give more than the post's diameter ({self.diameter:g} mm)"
             raise JobError(f"chuck_diameter = {self.chuck_diameter:g}: {bound}", field="chuck_diameter")
-        if self.chuck_height >= self.length:
+        if 0 < self.length <= self.chuck_height:
             bound = f"give less than the post's length ({self.length:g} mm), or a longer post"
             raise JobError(f"chuck_height = {self.chuck_height:g}: {bound}", field="chuck_height")

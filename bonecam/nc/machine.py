@@ -34,7 +34,7 @@ from pathlib import Path
 from bonecam.job.frustum import Frustum, stack_of
 from bonecam.nc.schema.machine_file import LINEAR, BodiesTable, LinearTable, MachineFile, RotaryTable
 from bonecam.nc.schema.tables import names_in, read_table
-from bonecam.setup.table import Table
+from bonecam.setup.fixture.table import MachineBodies, Table
 
 FOLDER = Path(__file__).parent / "machines"
 Vector = tuple[float, float, float]
@@ -87,6 +87,11 @@ class Machine:
     spindle_speed: float = math.inf
     nose: tuple[Frustum, ...] = ()
     table: Table = field(default_factory=Table)
+
+    @property
+    def bodies(self) -> MachineBodies:
+        """Spindle nose and table."""
+        return MachineBodies(self.nose, self.table)
 
     @cached_property
     def rotary(self) -> tuple[RotaryAxis, RotaryAxis]:

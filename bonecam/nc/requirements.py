@@ -14,7 +14,7 @@ def check_tools(job: Job, machine: Machine) -> None:
     part."""
     for section in ("roughing", "finishing"):
         tool = job.tool(section)
-        cutter = Cutter.from_job(0, section, tool)
+        cutter = Cutter.from_job(0, section, tool, machine.nose)
         _check_speeds(section, tool, machine)
         check_lead(cutter, job.path.lead_deg)
 

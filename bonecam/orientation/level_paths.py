@@ -21,12 +21,14 @@ from bonecam.orientation.limits import AxisLimits
 from bonecam.orientation.oriented_path import orient
 from bonecam.progress import Progress, report, silent
 from bonecam.setup.capsule import enclosing_capsule
+from bonecam.setup.fixture.clamping import clamping_of
+from bonecam.setup.fixture.table import MachineBodies
 from bonecam.setup.holding import Post, post_below
 from bonecam.setup.stock import Stock
 from bonecam.toolpath.cutter import Cutter
 from bonecam.toolpath.gouge import MESH_SHARE, planned_tolerance
 from bonecam.toolpath.material import DEVIATION, remove_material, uncut_material
-from bonecam.toolpath.path import ToolPath
+from bonecam.toolpath.path import ContactPath, ToolPath
 from bonecam.toolpath.pattern import fastest_pattern
 from bonecam.toolpath.stretches import Allowed
 from bonecam.toolpath.zigzag import CandidateContacts, candidate_contacts, contact_path
@@ -49,30 +51,32 @@ class LevelContacts:
 
 
 def plan_paths(
-    levels: Sequence[Level], stock: Stock, job: Job, limits: AxisLimits, progress: Progress = silent
+    levels: Sequence[Level],
+    stock: Stock,
+    job: Job,
+    limits: AxisLimits,
+    bodies: MachineBodies,
+    progress: Progress = silent,
 ) -> tuple[ToolPath, ...]:
-    """The path of every level in machining order; `limits` are those of the machine's tool axis.
+    """The path of every level in machining order; `limits` are those of the machine's tool axis, its `bodies` are
+    kept clear of.
 
     `levels` begin at the part and end at the stock. Raises JobError where a cutter cannot be used at the
     job's lead angle, ToolPathError or OrientationError (with the level's number) where a level has no path.
     """
-    roughing = Cutter.from_job(1, "roughing", job.tool("roughing"))
-    finishing = Cutter.from_job(2, "finishing", job.tool("finishing"))
+    roughing = Cutter.from_job(1, "roughing", job.tool("roughing"), bodies.nose)
+    finishing = Cutter.from_job(2, "finishing", job.tool("finishing"), bodies.nose)
     for cutter in (roughing, finishing):
         check_lead(cutter, job.path.lead_deg)
 
-    gouge_tolerance = planned_tolerance(job.path.gouge_tolerance)
-    part_chord = min(PART_CHORD, MESH_SHARE * gouge_tolerance)
-    part = MeshDistance(morph_surfaces(levels)[0].tessellate(part_chord))
+    part = _distance_to_part(levels, job.path)
     post = post_below(part.mesh, job.holding)
 
     def contacts_of(level: MachinedLevel) -> LevelContacts:
         cutter = finishing if job.is_finishing(level.index) else roughing
-        pattern = job.path.pattern
-        if pattern == "fastest":
-            pattern = fastest_pattern(level.surface, cutter, limits.turn_speed)
-        return _contacts_of(level, part, cutter, post, replace(job.path, pattern=pattern))
+        return _contacts_of(level, part, cutter, post, _with_pattern(job.path, level, cutter, limits))
 
+    clamping = clamping_of(job.holding, bodies.table)
     capsule = enclosing_capsule(stock)
     material = uncut_material(levels, stock)
     paths: list[ToolPath] = []
@@ -81,17 +85,43 @@ def plan_paths(
         level = found.level
         report(progress, len(paths) / (len(levels) - 1), f"path of level {level.index}")
         own = part if level.index else None
-        scene = Scene(found.distance.mesh, material.mesh, capsule, post, DEVIATION, found.distance, own)
+        around = (material.mesh, capsule, post, DEVIATION, found.distance, own, clamping)
+        scene = Scene(found.distance.mesh, *around)
         contacts = contact_path(found.candidates, material, _allowed(levels, level.index, job))
-        wanted = None
-        if job.path.orientation == "smooth" and len(contacts.contacts):
-            checker = CollisionChecker(scene, contacts.cutter)
-            field = fit_axis_field(contacts, level.surface.domain[1], checker, limits, job.path, field)
-            wanted = field.axes(contacts.parameters)
+        field = _field_of(contacts, level, scene, limits, job.path, field)
+        wanted = field.axes(contacts.parameters) if field is not None else None
         path = orient(contacts, scene, limits, job.path, job.nc, wanted)
         material = remove_material(material, level, path)
         paths.append(path)
     return tuple(paths)
+
+
+def _distance_to_part(levels: Sequence[Level], job: PathJob) -> MeshDistance:
+    """Distances to the part, tessellated as finely as the gouge tolerance asks for."""
+    chord = min(PART_CHORD, MESH_SHARE * planned_tolerance(job.gouge_tolerance))
+    return MeshDistance(morph_surfaces(levels)[0].tessellate(chord))
+
+
+def _with_pattern(job: PathJob, level: MachinedLevel, cutter: Cutter, limits: AxisLimits) -> PathJob:
+    """The job with the pattern of the level's passes."""
+    if job.pattern != "fastest":
+        return job
+    return replace(job, pattern=fastest_pattern(level.surface, cutter, limits.turn_speed))
+
+
+def _field_of(
+    contacts: ContactPath,
+    level: MachinedLevel,
+    scene: Scene,
+    limits: AxisLimits,
+    job: PathJob,
+    before: AxisField | None,
+) -> AxisField | None:
+    """The field of a level from that of the level `before`; None where the job wants no field."""
+    if job.orientation != "smooth" or not len(contacts.contacts):
+        return before
+    checker = CollisionChecker(scene, contacts.cutter)
+    return fit_axis_field(contacts, level.surface.domain[1], checker, limits, job, before)
 
 
 def _allowed(levels: Sequence[Level], level: int, job: Job) -> Allowed:

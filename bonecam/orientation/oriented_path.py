@@ -46,7 +46,7 @@ def orient(
     (`limits`, `collision`). A path without contacts only visits the safe point. Raises OrientationError where
     none of the contacts can be reached.
     """
-    checker = CollisionChecker(scene, path.cutter)
+    checker = CollisionChecker(scene, path.cutter, job.clearance)
     feeds = Feeds(nc.link_feed, nc.plunge_feed, nc.rapid_feed)
     space = LinkSpace(checker, limits, feeds, job.clearance, planned_tolerance(job.gouge_tolerance))
     if not len(path.contacts):

@@ -15,7 +15,7 @@ from numpy import ndarray
 from bonecam.job import PathJob
 from bonecam.orientation.admissible import Free, nearest_free_axes, smooth_axes, within_limits
 from bonecam.orientation.collision.checker import CollisionChecker
-from bonecam.orientation.lead import bound_polar_angles, lead_axes
+from bonecam.orientation.lead import bound_polar_angles, has_room, lead_axes
 from bonecam.orientation.limits import AxisLimits
 from bonecam.orientation.singularity import avoid_singularity, avoid_singularity_where
 from bonecam.toolpath.path import ContactPath
@@ -52,7 +52,7 @@ def choose_axes(
     max_tilt = np.radians(job.max_tilt_deg)
     if wanted is None:
         wanted = lead_axes(path.normals, path.feeds, np.radians(job.lead_deg))
-    bounded = bound_polar_angles(wanted, centres, cutter, limits)
+    bounded = bound_polar_angles(wanted, centres, cutter, checker.scene.clamping, limits)
     preferred = avoid_singularity(bounded, centres, passes)
 
     same_pass = np.r_[passes[1:] == passes[:-1], False]
@@ -79,14 +79,21 @@ def _replace(
     """The axes, those that are not admissible replaced by the nearest free ones and smoothed; for each an
     empty string or why there is none.
 
-    FCL is asked only where no axis is proven free by distances: it takes a hundred times as long.
+    Axes with room to leave the contact come first. FCL is asked only where no axis is proven free by distances: it
+    takes a hundred times as long.
     """
     axes = preferred.copy()
     centres = path.centres
     reasons = np.where(admissible, "", "collision").astype(object)
     if admissible.all():
         return axes, reasons.tolist()
-    for proof in (checker.free_by_distance, checker.free):
+
+    def roomy(balls: Float[ndarray, "k 3"], tried: Float[ndarray, "k 3"]) -> Bool[ndarray, " k"]:
+        free = has_room(tried, balls, path.cutter, checker.scene.clamping)
+        free[free] = checker.free_by_distance(balls[free], tried[free])
+        return free
+
+    for proof in (roomy, checker.free_by_distance, checker.free):
         which = np.flatnonzero(reasons == "collision")
         free = _by_contact(proof, centres)
         axes[which], reasons[which] = nearest_free_axes(
@@ -94,7 +101,7 @@ def _replace(
         )
 
     found = np.flatnonzero(reasons == "")
-    free = _by_contact(checker.free_by_distance, centres[found])
+    free = _by_contact(roomy, centres[found])
     normals, passes = path.normals[found], path.pass_index[found]
     smooth = smooth_axes(axes[found], normals, passes, ~admissible[found], limits, max_tilt, free)
 

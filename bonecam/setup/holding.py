@@ -9,6 +9,7 @@ from numpy import ndarray
 from bonecam.errors import ToolPathError
 from bonecam.job import HoldingJob, field_error
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.setup.fixture.column import Column
 from bonecam.setup.stock import Stock
 
 FLAT = 0.1
@@ -22,11 +23,14 @@ class Post:
     radius: float
     top: float
 
+    @property
+    def column(self) -> Column:
+        """The post as a solid, from the table up."""
+        return Column(self.radius, self.top)
+
     def distance(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
         """Signed distance to the solid cylinder, negative inside, mm."""
-        out = np.hypot(points[:, 0], points[:, 1]) - self.radius
-        up = np.maximum(points[:, 2] - self.top, -points[:, 2])
-        return np.minimum(np.maximum(out, up), 0.0) + np.hypot(np.maximum(out, 0.0), np.maximum(up, 0.0))
+        return self.column.distance(points)
 
 
 def post_below(part: TriangleMesh, holding: HoldingJob, lying: tuple[float, float] = (0.0, 0.0)) -> Post:

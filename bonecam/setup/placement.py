@@ -21,6 +21,9 @@ from bonecam.setup.schedule import Schedule, schedule_of
 from bonecam.setup.stock import Stock
 from bonecam.setup.stock_kind import LyingPart, check_sizes, is_posed, kind_of, pose_remedy
 
+TALL = 300.0
+"""Length of the post (mm) while it is not known: no tool comes down to the table from there."""
+
 
 @dataclass(frozen=True, eq=False)
 class Setup:
@@ -31,21 +34,29 @@ class Setup:
     post: Post
     schedule: Schedule
 
+    def lift(self, by: float) -> "Setup":
+        """The setup that stands higher by so many mm, on a longer post."""
+        pose = np.eye(4)
+        pose[2, 3] = by
+        post = Post(self.post.radius, self.post.top + by)
+        return Setup(self.part.move(pose), self.stock.move(pose[:3, 3]), post, self.schedule)
+
 
 def place(part: Part, job: Job) -> Setup:
-    """The stock round the part, both moved up onto the post.
+    """The stock round the part, both moved up onto the post; one whose length is to be found is TALL.
 
     JobError, StockError and ToolPathError name sizes, places and offsets that do not go together.
     """
     check_sizes(job.stock)
     schedule = schedule_of(job.levels)
-    stock, pose = stock_for(part.mesh.vertices, job.stock, schedule, bottom=job.holding.length)
+    height = job.holding.length or TALL
+    stock, pose = stock_for(part.mesh.vertices, job.stock, schedule, bottom=height)
     if job.mesh.upright and may_centre(job.stock):
         pose = centring_shift(part.mesh.move(pose).vertices, stock, MARGIN) @ pose
 
     middle = part.mesh.bounds.mean(axis=0)
     off_axis = pose[:2, :3] @ middle + pose[:2, 3] - middle[:2]
-    lift = np.array([0.0, 0.0, job.holding.length - stock.bounds[0, 2]])
+    lift = np.array([0.0, 0.0, height - stock.bounds[0, 2]])
     pose[:3, 3] += lift
     placed = part.move(pose)
     standing = stock.move(lift)

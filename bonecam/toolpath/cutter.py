@@ -24,6 +24,11 @@ class Section:
         """The larger radius, mm."""
         return max(self.radius, self.end_radius)
 
+    @property
+    def taper(self) -> float:
+        """Growth of the radius along the axis, mm/mm; 0 of a cylinder."""
+        return (self.end_radius - self.radius) / (self.end - self.start)
+
 
 @dataclass(frozen=True)
 class Cutter:

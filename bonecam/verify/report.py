@@ -27,6 +27,11 @@ WHY = {
 """What each reason for leaving a contact uncut means."""
 
 
+SLENDER = 15.0
+"""A post that is longer than this many diameters is told of: 5 N at its top bend one of aluminium, 4 mm thick and 60
+mm long, by 0.4 mm."""
+
+
 def levels_report(levels: Sequence[Level]) -> list[dict[str, Any]]:
     """`levels` of the report: what was measured on each; shares of the area by depth, in even bins from 0 to
     the limit.
@@ -133,6 +138,7 @@ def summary_of(report: Mapping[str, Any]) -> str:
         _surface_line(report["surface"]),
         *_given_lines(report),
         f"stock     {stock_text(report['stock'])}",
+        *_post_lines(report.get("post")),
         _levels_line(report),
         f"certified {certified_text(report['levels'], report['levels_method'])}",
         *(_program_lines(report["toolpath"], report["nc"]) if "nc" in report else ()),
@@ -160,6 +166,18 @@ def _given_lines(report: Mapping[str, Any]) -> Iterator[str]:
         given = f"{report['surface']['given_deviation_max_mm']:.3f} mm to the mesh as given"
         moved = f"{report['input']['repair_deviation_max_mm']:.3f} mm of repair and filling"
         yield f"as given  max {given}, with {moved}"
+
+
+def _post_lines(post: Mapping[str, Any] | None) -> Iterator[str]:
+    """The post, and a warning where it is so slender that it bends like a spring."""
+    if post is not None:
+        slender = post["length_mm"] > SLENDER * post["diameter_mm"]
+        warning = (
+            "; slender: a thicker post, a chuck below it or a slimmer holder and spindle help"
+            if slender
+            else ""
+        )
+        yield f"post      {post['diameter_mm']:g} x {post['length_mm']:g} mm{warning}"
 
 
 def _levels_line(report: Mapping[str, Any]) -> str:

@@ -5,7 +5,7 @@ import pytest
 from bonecam.errors import MachineError
 from bonecam.job.frustum import Frustum
 from bonecam.nc.machine import FOLDER, machine_names, read_machine
-from bonecam.setup.table import Table
+from bonecam.setup.fixture.table import Table
 
 
 def test_the_mikron_is_the_one_whose_post_could_be_read(axis):

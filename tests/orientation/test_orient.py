@@ -31,6 +31,8 @@ from bonecam.orientation.singularity import (
     least_polar_angles,
 )
 from bonecam.setup.capsule import Capsule
+from bonecam.setup.fixture.clamping import Clamping
+from bonecam.setup.fixture.column import Column
 from bonecam.setup.holding import post_below
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.cutter import Cutter
@@ -52,7 +54,11 @@ def made(
     """Covers a lump with a groove of depth `waist` (mm) and orients its path."""
 
     def make(
-        cutter: Cutter | None = None, limits: AxisLimits = MIKRON, waist: float = 0.8, **job: object
+        cutter: Cutter | None = None,
+        limits: AxisLimits = MIKRON,
+        waist: float = 0.8,
+        clamping: Clamping | None = None,
+        **job: object,
     ) -> tuple[ContactPath, Scene, ToolPath]:
         surface = grooved_pebble(waist)
         level = mesh_of(surface)
@@ -63,7 +69,7 @@ def made(
         contacts = contact_path(
             candidate_contacts(level_of(surface), [MeshDistance(level)], tool, post, settings)
         )
-        scene = Scene(level, material, upright_capsule, post)
+        scene = Scene(level, material, upright_capsule, post, clamping=clamping or Clamping())
         return contacts, scene, orient(contacts, scene, limits, settings, NcJob())
 
     return make
@@ -88,30 +94,41 @@ def between(path: ToolPath, parts: int = 4) -> tuple[np.ndarray, np.ndarray, np.
     )
 
 
-def tool_points(cutter: Cutter) -> dict[str, np.ndarray]:
+def tool_points(cutter: Cutter) -> list[tuple[str, np.ndarray]]:
+    """Points on the walls of each section with the tip at the origin and the axis along +Z."""
     angle = np.arange(12) * (np.pi / 6)
     rim = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
-    return {
-        name: np.vstack([radius * rim + [0, 0, h] for h in np.linspace(start, end, 9)])
-        for name, start, end, radius in cutter.sections
-    }
+    found = []
+    for section in cutter.profile:
+        f = np.linspace(0, 1, 9)
+        heights = section.start + f * (section.end - section.start)
+        radii = section.radius + f * (section.end_radius - section.radius)
+        found.append((section.name, np.vstack([r * rim + [0, 0, h] for r, h in zip(radii, heights)])))
+    return found
 
 
 def assert_nothing_is_entered(scene: Scene, path: ToolPath) -> None:
-    """Ball, shank and holder keep out of level, material, post and table along every move."""
+    """Along every move ball, shank, holder and spindle keep out of level, material and post, and keep the
+    clearance from table, chuck, post (holder and spindle) and, in rapids, from the material."""
     tips, axes, kinds = between(path)
     level, material = MeshDistance(scene.level), MeshDistance(scene.material)
     side = np.where(np.abs(axes[:, :1]) < 0.9, np.array([[1.0, 0, 0]]), np.array([[0.0, 1, 0]]))
     x = unit(np.cross(side, axes))
     frames = np.stack([x, np.cross(axes, x), axes], axis=2)
     centres = tips + path.cutter.radius * axes
+    air, kept = PathJob().clearance, scene.clamping.clearance
     assert (path.cutter.radius - level.signed(centres)).max() <= PathJob().gouge_tolerance
-    assert (path.cutter.radius - material.signed(centres[kinds == Kind.RAPID])).max() < 0
-    for name, points in tool_points(path.cutter).items():
+    assert (material.signed(centres[kinds == Kind.RAPID]) - path.cutter.radius).min() >= air
+    for name, points in tool_points(path.cutter):
         placed = (np.einsum("nij,kj->nki", frames, points) + tips[:, None]).reshape(-1, 3)
-        assert placed[:, 2].min() > 0, f"{name} in the table"
-        assert scene.post.distance(placed).min() > 0, f"{name} in the post"
-        near = np.r_[0, np.flatnonzero(scene.stock.signed_distance(placed) < 0.1)]
+        rapid = np.repeat(kinds == Kind.RAPID, len(points))
+        assert placed[:, 2].min() >= kept, f"{name} near the table"
+        for column in scene.clamping.columns:
+            assert column.distance(placed).min() >= kept, f"{name} near the chuck"
+        from_post = kept if name in ("holder", "spindle") else 0.0
+        assert scene.post.distance(placed).min() > from_post, f"{name} near the post"
+        near = np.r_[0, np.flatnonzero(scene.stock.signed_distance(placed) < air + 0.1)]
+        assert material.signed(placed[near][rapid[near]]).min(initial=np.inf) >= air, f"{name} in a rapid"
         solid = level if name == "cutter" else material
         assert solid.signed(placed[near]).min() > -PathJob().gouge_tolerance, f"{name} in the material"
 
@@ -119,6 +136,29 @@ def assert_nothing_is_entered(scene: Scene, path: ToolPath) -> None:
 def test_the_tool_never_enters_anything(case: tuple[ContactPath, Scene, ToolPath]) -> None:
     _, scene, path = case
     assert_nothing_is_entered(scene, path)
+
+
+CHUCK = Clamping((Column(12.0, 18.0),), clearance=4.0)
+NOSE = (Frustum(30.0, 40.0, 40.0), Frustum(20.0, 40.0, 60.0))
+
+
+def test_spindle_chuck_and_cones_are_kept_clear_of(
+    made: Callable[..., tuple[ContactPath, Scene, ToolPath]], roughing_cutter: Cutter
+) -> None:
+    """By closed forms along every move; a wider nose is held more upright, a higher chuck leaves more uncut, and
+    nothing enters either."""
+    slim = replace(roughing_cutter, holder=(Frustum(40.0, 8.0, 16.0),), nose=NOSE)
+    wide = replace(slim, nose=(Frustum(50.0, 70.0, 70.0),))
+    high = Clamping((Column(12.0, 26.0),), clearance=4.0)
+    left, steepest = [], []
+    for cutter, clamping in ((slim, CHUCK), (wide, CHUCK), (slim, high)):
+        _, scene, path = made(cutter, clamping=clamping)
+        assert_nothing_is_entered(scene, path)
+        left.append(sum(reason == "collision" for reason in path.reasons))
+        steepest.append(np.degrees(polar_angles(path.axes).max()))
+    assert left[0] == left[1] == 0
+    assert steepest[1] < steepest[0] - 2
+    assert left[2] > 0
 
 
 def test_bent_retracts_and_approaches_stay_clear_and_slow_near_the_part(
@@ -138,7 +178,7 @@ def test_bent_retracts_and_approaches_stay_clear_and_slow_near_the_part(
     assert len(last_in), "no pass was entered round a bend"
     tips, axes, kinds = between(path)
     air = MeshDistance(scene.material).signed(tips + path.cutter.radius * axes) - path.cutter.radius
-    assert air[kinds == Kind.RAPID].min() > 0.9 * retract.STANDOFF
+    assert air[kinds == Kind.RAPID].min() > PathJob().clearance
 
 
 def test_every_contact_is_cut_or_listed(case: tuple[ContactPath, Scene, ToolPath]) -> None:

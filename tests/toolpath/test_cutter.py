@@ -62,7 +62,7 @@ def test_a_holder_that_is_no_stack_is_refused(holder: Any, message: str) -> None
             r"chuck_diameter = 3: give more than the post's diameter",
         ),
         (
-            {"chuck_diameter": 30.0, "chuck_height": 40.0},
+            {"length": 40.0, "chuck_diameter": 30.0, "chuck_height": 40.0},
             r"chuck_height = 40: give less than the post's length \(40 mm\), or a longer post",
         ),
     ],

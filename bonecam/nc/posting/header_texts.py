@@ -30,7 +30,8 @@ _CHANGES = {
 
 def setup_texts(job: Job, stock: Stock | None) -> list[str]:
     """What must be mounted and where the zero is; `stock` is None where only the paths are known."""
-    post = f"post below it: diameter {job.holding.diameter:.2f} mm, from Z 0.00 to Z {job.holding.length:.2f}"
+    top = job.holding.length if stock is None else float(stock.bounds[0, 2])
+    post = f"post below it: diameter {job.holding.diameter:.2f} mm, from Z 0.00 to Z {top:.2f}"
     texts = [f"{post}, turned before, left uncut"]
     if stock is not None:
         low, high = stock.bounds[:, 2].tolist()

@@ -9,10 +9,11 @@ from numpy import ndarray
 
 from bonecam.arrays import angles_between
 from bonecam.orientation.collision.fcl_model import FclModel, build_fcl_model
+from bonecam.orientation.collision.interpolation import interpolate_poses
 from bonecam.orientation.collision.scene import Scene
 from bonecam.orientation.collision.sphere_tracing import COLLIDING, FREE, UNDECIDED, Poses, classify_poses
 from bonecam.orientation.collision.thick_tool import classify_thick_tool
-from bonecam.orientation.interpolation import interpolate_poses
+from bonecam.orientation.collision.tool_mesh import reach_to_gauge_line
 from bonecam.toolpath.cutter import Cutter
 
 REST_MARGIN = 0.1
@@ -20,16 +21,20 @@ REST_MARGIN = 0.1
 MIN_STEPS = 3
 """Steps that a move checked by FCL is divided into at least."""
 SWEEP_MARGIN = 0.2
-"""Shank and holder are thicker by this much (mm) while moves are checked by FCL; no point of the tool moves
-further between two poses."""
+"""Shank and holder are thicker by this much (mm) while moves are checked by FCL; none of their points moves
+further between two poses. The spindle, which moves further, is thicker accordingly."""
 
 
 @dataclass(frozen=True, eq=False)
 class CollisionChecker:
-    """Checks of one cutter in one scene; the FCL objects are built when first needed."""
+    """Checks of one cutter in one scene; the FCL objects are built when first needed.
+
+    Between passes the tool keeps `air` mm from the material.
+    """
 
     scene: Scene
     cutter: Cutter
+    air: float = 0.0
 
     @cached_property
     def fcl(self) -> FclModel:
@@ -52,6 +57,14 @@ class CollisionChecker:
             state[undecided] = decide(tips[undecided], axes[undecided], True)
         return np.asarray(state == FREE)
 
+    def free_in_air(
+        self, centres: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], margin: float
+    ) -> Bool[ndarray, " n"]:
+        """Whether the tool is proven to keep `air` + `margin` (mm) from the material in poses with these ball
+        centres."""
+        poses = Poses.at_rest(centres - self.cutter.radius * axes, axes, margin)
+        return classify_poses(self.scene, self.cutter, poses, air=self.air, settled=UNDECIDED) == FREE
+
     def free_in_motion(
         self, tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], joined: Bool[ndarray, " n"]
     ) -> Bool[ndarray, " n"]:
@@ -72,12 +85,14 @@ class CollisionChecker:
         """Whether the move from pose i to i + 1 is free, where `joined[i]`; False elsewhere. Poses that are
         `known_free` were found free in motion before.
 
-        `cutting`: the cutter may touch the level; else it must stay out of the material.
+        `cutting`: the cutter may touch the level; else the whole tool keeps `air` mm from the material.
         """
         state = np.full(len(tips), FREE)
         asked = np.arange(len(tips)) if known_free is None else np.flatnonzero(~known_free)
         poses = Poses.in_motion(tips, axes, joined).take(asked)
-        state[asked] = classify_poses(self.scene, self.cutter, poses, cutting=cutting, settled=UNDECIDED)
+        state[asked] = classify_poses(
+            self.scene, self.cutter, poses, air=self._air(cutting), settled=UNDECIDED
+        )
         free = joined & (state == FREE) & (np.r_[state[1:], COLLIDING] == FREE)
         doubtful = np.flatnonzero(joined & ~free)
         if len(doubtful):
@@ -101,8 +116,8 @@ class CollisionChecker:
         """Whether moves are free in steps: proven by distances, or by FCL at the poses that those leave
         undecided."""
         turn = angles_between(axes[moves], axes[moves + 1])
-        reach = np.hypot(self.cutter.length, self.cutter.sections[-1][-1])
-        displacement = np.linalg.norm(tips[moves + 1] - tips[moves], axis=1) + turn * reach
+        shift = np.linalg.norm(tips[moves + 1] - tips[moves], axis=1)
+        displacement = shift + turn * reach_to_gauge_line(self.cutter)
         steps = np.maximum(MIN_STEPS, np.ceil(displacement / SWEEP_MARGIN)).astype(int)
         places, turned = interpolate_poses(tips[moves], tips[moves + 1], axes[moves], axes[moves + 1], steps)
 
@@ -110,7 +125,7 @@ class CollisionChecker:
         joined = np.ones(len(places), dtype=bool)
         joined[starts[1:] - 1] = False
         poses = Poses.in_motion(places, turned, joined)
-        state = classify_poses(self.scene, self.cutter, poses, cutting=cutting, settled=UNDECIDED)
+        state = classify_poses(self.scene, self.cutter, poses, air=self._air(cutting), settled=UNDECIDED)
         owner = np.repeat(np.arange(len(moves)), steps + 1)
         for decide in (self._thick_tool, self._by_fcl):
             worst = np.maximum.reduceat(state, starts[:-1])
@@ -118,18 +133,22 @@ class CollisionChecker:
             state[undecided] = decide(places[undecided], turned[undecided], cutting)
         return np.asarray(np.maximum.reduceat(state, starts[:-1]) == FREE)
 
+    def _air(self, cutting: bool) -> float | None:
+        return None if cutting else self.air
+
     def _thick_tool(
         self, tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], cutting: bool
     ) -> Int[ndarray, " n"]:
         """The state of FCL's tool with SWEEP_MARGIN, as far as distances tell."""
         margin = SWEEP_MARGIN + self.scene.material_deviation
-        return classify_thick_tool(self.scene, self.cutter, margin, tips, axes, cutting=cutting)
+        return classify_thick_tool(self.scene, self.cutter, margin, tips, axes, air=self._air(cutting))
 
     def _by_fcl(
         self, tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], cutting: bool
     ) -> Int[ndarray, " n"]:
-        """FREE or COLLIDING, as FCL finds its tool with SWEEP_MARGIN."""
-        if not len(tips):
-            return np.zeros(0, dtype=np.int64)
-        names = self.fcl.colliding_sections(tips, axes, cutting=cutting)
+        """FREE or COLLIDING, as FCL finds its tool with SWEEP_MARGIN; between passes, where it knows no clearance,
+        COLLIDING."""
+        if not cutting or not len(tips):
+            return np.full(len(tips), COLLIDING)
+        names = self.fcl.colliding_sections(tips, axes)
         return np.array([COLLIDING if name else FREE for name in names])

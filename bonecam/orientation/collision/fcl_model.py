@@ -1,11 +1,11 @@
-"""Exact collision of the tessellated tool with level, material, post and table, by FCL (python-fcl). The only
+"""Exact collision of the tessellated tool with level, material, post and clamping, by FCL (python-fcl). The only
 importer of fcl.
 
 FCL reports surfaces that intersect, never containment; so points of the tool are tested for being inside the
 obstacles, and a point of each obstacle for being inside the tool.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,91 +16,103 @@ from numpy import ndarray
 
 from bonecam.arrays import dots, lengths, unit
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.orientation.collision.scene import Scene
+from bonecam.orientation.collision.scene import Scene, Surroundings
 from bonecam.orientation.collision.sphere_tracing import TANGENT_SLACK
-from bonecam.orientation.collision.tool_mesh import post_mesh, table_mesh, tool_meshes
-from bonecam.toolpath.cutter import Cutter
+from bonecam.orientation.collision.tool_mesh import (
+    column_mesh,
+    cutter_mesh,
+    section_mesh,
+    sweep_margin,
+    table_mesh,
+)
+from bonecam.setup.fixture.clamping import Clamping
+from bonecam.setup.fixture.column import Column
+from bonecam.toolpath.cutter import Cutter, Section
 
 FclObject = Any
 """An fcl.CollisionObject: fcl has no types."""
 
 
 @dataclass(frozen=True, eq=False)
+class FclSection:
+    """A section of the tool as an FCL object, and those that it must stay out of."""
+
+    section: Section
+    tool: FclObject
+    around: Surroundings
+    obstacles: tuple[FclObject, ...]
+
+
+@dataclass(frozen=True, eq=False)
 class FclModel:
-    """One cutter in one scene as FCL objects, by section of the tool (cutter, shank, holder).
+    """One cutter in one scene while it cuts, as FCL objects."""
 
-    While cutting, the cutter is held against the level; else against the material, as the rest of the tool
-    is.
-    """
+    clamping: Clamping
+    sections: tuple[FclSection, ...]
 
-    scene: Scene
-    cutter: Cutter
-    tools: Mapping[str, FclObject]
-    cutting_obstacles: Mapping[str, tuple[FclObject, ...]]
-    air_obstacles: Mapping[str, tuple[FclObject, ...]]
-
-    def colliding_sections(
-        self, tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], *, cutting: bool = True
-    ) -> list[str]:
+    def colliding_sections(self, tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"]) -> list[str]:
         """The name of a section of the tool that collides in each pose, or an empty string."""
-        obstacles = self.cutting_obstacles if cutting else self.air_obstacles
-        tried = [(name, tool, obstacles[name]) for name, tool in self.tools.items()]
         poses = zip(_rotations(axes), tips, strict=True)
-        found = [_crossing(fcl.Transform(turn, tip), tried) for turn, tip in poses]
+        found = [_crossing(fcl.Transform(turn, tip), self.sections) for turn, tip in poses]
 
         open_ = np.array([k for k, name in enumerate(found) if not name], dtype=np.int64)
-        contained = self._contained_sections(tips[open_], axes[open_], cutting)
+        contained = self._contained_sections(tips[open_], axes[open_])
         for k, name in zip(open_, contained, strict=True):
             found[k] = name
         return found
 
-    def _contained_sections(
-        self, tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], cutting: bool
-    ) -> list[str]:
+    def _contained_sections(self, tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"]) -> list[str]:
         """The first section in each pose that lies wholly inside an obstacle, or contains one; an empty string
         where none does."""
-        scene = self.scene
         found = np.full(len(tips), "", dtype=object)
-        for name, start, end, radius in reversed(self.cutter.sections):
-            tangent = cutting and name == "cutter"
-            middles = tips + (start + end) / 2 * axes
-            distance = scene.level_distance if tangent else scene.material_distance
-            post = scene.post if name == "cutter" else scene.post_with_fillet(self.cutter.radius)
-            caught = (distance.signed(middles) < 0) | (post.distance(middles) < 0) | (middles[:, 2] < 0)
+        for item in reversed(self.sections):
+            section, around = item.section, item.around
+            middles = tips + (section.start + section.end) / 2 * axes
+            caught = around.mesh_distance.signed(middles) < 0
+            if self.clamping.closed:
+                caught |= middles[:, 2] < self.clamping.clearance
+            points = [around.mesh.vertices[0]]
+            for column in around.columns:
+                caught |= column.distance(middles) < 0
+                points.append(np.array([0.0, 0.0, column.top]))
 
-            mesh = scene.level if tangent else scene.material
-            for point in (mesh.vertices[0], np.array([0.0, 0.0, post.top])):
+            for point in points:
                 heights = dots(point - tips, axes)
                 away = lengths(point - tips - heights[:, None] * axes)
-                caught |= (start < heights) & (heights < end) & (away < radius - TANGENT_SLACK)
-            found[caught] = name
+                radius = section.radius + section.taper * (heights - section.start)
+                within = (section.start < heights) & (heights < section.end)
+                caught |= within & (away < radius - TANGENT_SLACK)
+            found[caught] = section.name
         return found.tolist()
 
 
 def build_fcl_model(scene: Scene, cutter: Cutter, margin: float = 0.0) -> FclModel:
-    """The FCL objects of a cutter in a scene; shank and holder are thicker by `margin` (mm)."""
-    meshes = tool_meshes(cutter, margin + scene.material_deviation)
-    level, material, table = (_object(mesh) for mesh in (scene.level, scene.material, table_mesh()))
-    post = _object(post_mesh(scene.post))
-    thick_post = _object(post_mesh(scene.post_with_fillet(cutter.radius)))
-    others = dict.fromkeys(("shank", "holder"), (material, thick_post, table))
-    return FclModel(
-        scene,
-        cutter,
-        tools={name: _object(mesh) for name, mesh in meshes.items()},
-        cutting_obstacles={"cutter": (level, post, table), **others},
-        air_obstacles={"cutter": (material, post, table), **others},
-    )
+    """The FCL objects of a cutter in a scene; above the cutter the tool is thicker by `sweep_margin`s of `margin`
+    (mm)."""
+    meshes = {"level": _object(scene.level), "material": _object(scene.material)}
+    table = (_object(table_mesh(scene.clamping.clearance)),) if scene.clamping.closed else ()
+    columns: dict[Column, FclObject] = {}
+    sections = []
+    for section in cutter.profile:
+        around = scene.around(section.name, cutter.radius)
+        by = sweep_margin(cutter, section, margin) + scene.material_deviation
+        tool = cutter_mesh(cutter) if section.name == "cutter" else section_mesh(section, by)
+        for column in around.columns:
+            columns.setdefault(column, _object(column_mesh(column)))
+        standing = [columns[column] for column in around.columns]
+        obstacles = (meshes[around.obstacle], *standing, *table)
+        sections.append(FclSection(section, _object(tool), around, obstacles))
+    return FclModel(scene.clamping, tuple(sections))
 
 
-def _crossing(transform: Any, tried: Sequence[tuple[str, FclObject, tuple[FclObject, ...]]]) -> str:
-    """The name of the first section (name, tool, obstacles) whose surface, so placed, crosses that of an
-    obstacle, or an empty string."""
+def _crossing(transform: Any, sections: Sequence[FclSection]) -> str:
+    """The name of the first section whose surface, so placed, crosses that of an obstacle, or an empty
+    string."""
     request = fcl.CollisionRequest(num_max_contacts=1, enable_contact=False)
-    for name, tool, obstacles in tried:
-        tool.setTransform(transform)
-        if any(fcl.collide(tool, obstacle, request, fcl.CollisionResult()) for obstacle in obstacles):
-            return name
+    for item in sections:
+        item.tool.setTransform(transform)
+        if any(fcl.collide(item.tool, other, request, fcl.CollisionResult()) for other in item.obstacles):
+            return item.section.name
     return ""
 
 

@@ -1,11 +1,12 @@
-"""The obstacles while one level is machined: the level, the material still on it, the post and the table.
+"""The obstacles while one level is machined: the level, the material still on it, the post, and the clamping.
 
-The cutter may touch the level (what must remain); shank and holder may not touch the material, which is
-everything inside the level before. The post is thicker for shank and holder, because the ball leaves a fillet
-of its radius round it. The table is z = 0.
+The cutter may touch the level (what must remain) and the post; shank, holder and spindle may not touch the
+material, which is everything inside the level before. The post is thicker for them, because the ball leaves a
+fillet of its radius round it. The whole tool keeps the clearance from table and chuck, holder and spindle from
+the post too.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
 
@@ -16,10 +17,10 @@ from numpy import ndarray
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.capsule import Capsule
+from bonecam.setup.fixture.clamping import Clamping
+from bonecam.setup.fixture.column import Column
 from bonecam.setup.holding import Post
 
-TABLE_CLEARANCE = 0.5
-"""Shank and holder keep this far above the table, mm."""
 FAR = 1.0
 """The distance to the stock serves where it exceeds what is asked by this much, mm: it is the cheaper lower
 bound."""
@@ -30,7 +31,7 @@ Obstacle = Literal["level", "material"]
 @dataclass(frozen=True, eq=False)
 class Scene:
     """`level` must remain; `material` (closed, inside `stock`) is there while the level is cut; the `post`
-    holds the part.
+    holds the part, the `clamping` the post.
 
     `material_deviation` (mm) is how far the material may reach out of its mesh. `known_level_distance` saves
     building the distances to `level` again. `part_distance`: the ball must stay out of the part as well, whose
@@ -44,6 +45,7 @@ class Scene:
     material_deviation: float = 0.0
     known_level_distance: MeshDistance | None = None
     part_distance: MeshDistance | None = None
+    clamping: Clamping = field(default_factory=Clamping)
 
     @cached_property
     def level_distance(self) -> MeshDistance:
@@ -61,30 +63,65 @@ class Scene:
         """Distances to the mesh of the material."""
         return MeshDistance(self.material)
 
-    def post_with_fillet(self, radius: float) -> Post:
-        """The post with the fillet that a ball of `radius` (mm) leaves round it."""
-        return Post(self.post.radius + radius, self.post.top)
+    def around(self, section: str, ball_radius: float, air: float | None = None) -> "Surroundings":
+        """What a section of the tool (cutter, shank, holder, spindle) stays out of.
+
+        `air` (mm) is what the tool keeps from material and post while it moves between passes; None while it
+        cuts: the cutter is then held against the level, and touches it.
+        """
+        reserve = air or 0.0
+        tangent = air is None and section == "cutter"
+        post = self.post.column
+        if section == "cutter":
+            kept = post.grown(reserve)
+        elif section == "shank":
+            kept = Column(post.radius + ball_radius, post.top).grown(reserve)
+        else:
+            by = max(reserve, self.clamping.clearance)
+            kept = Column(max(post.radius + by, post.radius + ball_radius + reserve), post.top + by)
+        obstacle: Obstacle = "level" if tangent else "material"
+        return Surroundings(self, obstacle, reserve, (kept, *self.clamping.kept_columns))
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """A mesh of the `scene` that is kept off by `reserve` mm, and columns."""
+
+    scene: Scene
+    obstacle: Obstacle
+    reserve: float
+    columns: tuple[Column, ...]
+
+    @property
+    def mesh(self) -> TriangleMesh:
+        """The mesh."""
+        return self.scene.level if self.obstacle == "level" else self.scene.material
+
+    @property
+    def mesh_distance(self) -> MeshDistance:
+        """Distances to the mesh."""
+        return self.scene.level_distance if self.obstacle == "level" else self.scene.material_distance
+
+    @property
+    def deviation(self) -> float:
+        """How far the obstacle may reach out of its mesh, mm."""
+        return 0.0 if self.obstacle == "level" else self.scene.material_deviation
 
     def distance_bound(
-        self,
-        points: Float[ndarray, "n 3"],
-        wanted: Float[ndarray, " n"],
-        obstacle: Obstacle,
-        post: Post,
-        *,
-        outside: bool = False,
+        self, points: Float[ndarray, "n 3"], wanted: Float[ndarray, " n"], *, outside: bool = False
     ) -> Float[ndarray, " n"]:
-        """A lower bound of the signed distance to the obstacle and the post, mm; exact where it is below
-        `wanted` + FAR.
+        """A lower bound of the signed distance to the columns and to what is within the reserve of the mesh, mm;
+        exact where it is below `wanted` + FAR.
 
         `outside`: no point is inside the obstacle, which makes the answer quicker.
         """
-        distance = self.stock.signed_distance(points)
+        distance = self.scene.stock.signed_distance(points) - self.reserve
         close = np.flatnonzero(distance < wanted + FAR)
         if len(close):
-            mesh = self.level_distance if obstacle == "level" else self.material_distance
-            deviation = 0.0 if obstacle == "level" else self.material_deviation
-            may_be_inside = (distance[close] < FAR) & (not outside)
-            limits = wanted[close] + FAR + deviation
-            distance[close] = mesh.signed(points[close], limits, may_be_inside) - deviation
-        return np.minimum(distance, post.distance(points))
+            off = self.deviation + self.reserve
+            may_be_inside = (distance[close] + self.reserve < FAR) & (not outside)
+            limits = wanted[close] + FAR + off
+            distance[close] = self.mesh_distance.signed(points[close], limits, may_be_inside) - off
+        for column in self.columns:
+            distance = np.minimum(distance, column.distance(points))
+        return distance

@@ -16,9 +16,9 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from bonecam.arrays import angles_between
-from bonecam.orientation.collision.scene import TABLE_CLEARANCE, Scene
-from bonecam.setup.holding import Post
-from bonecam.toolpath.cutter import Cutter
+from bonecam.orientation.collision.scene import Scene, Surroundings
+from bonecam.setup.fixture.clamping import Clamping
+from bonecam.toolpath.cutter import Cutter, Section
 
 TANGENT_SLACK = 0.01
 """The cutter is thinner by this much (mm) against the level: a tangent contact is no collision."""
@@ -87,79 +87,73 @@ def _largest_beside(
 
 
 def classify_poses(
-    scene: Scene, cutter: Cutter, poses: Poses, *, cutting: bool = True, settled: int = COLLIDING
+    scene: Scene, cutter: Cutter, poses: Poses, *, air: float | None = None, settled: int = COLLIDING
 ) -> Int[ndarray, " n"]:
     """FREE (proven, moves included), UNDECIDED or COLLIDING for every pose.
 
-    `cutting`: the cutter is held against the level, less TANGENT_SLACK; else against the material, as shank
-    and holder always are. A pose is left as soon as it is `settled`: UNDECIDED where only proofs count. The
-    sections are tried from the spindle down: the wide ones decide soonest.
+    While cutting (`air` None) the cutter is held against the level, less TANGENT_SLACK; else the whole tool keeps
+    `air` mm from the material, which the rest of it always stays out of. A pose is left as soon as it is
+    `settled`: UNDECIDED where only proofs count. The sections are tried from the spindle down: the wide ones
+    decide soonest.
     """
-    state = _table_state(cutter, poses)
-    for name, start, end, radius in cutter.sections[::-1]:
+    state = _table_state(scene.clamping, cutter, poses)
+    for section in cutter.profile[::-1]:
         open_ = np.flatnonzero(state < settled)
-        tangent = cutting and name == "cutter"
-        post = scene.post if name == "cutter" else scene.post_with_fillet(cutter.radius)
-        found = _trace(scene, poses.take(open_), (start, end, radius), tangent, post, cutter.radius)
+        around = scene.around(section.name, cutter.radius, air)
+        found = _trace(around, poses.take(open_), section, cutter.radius)
         state[open_] = np.maximum(state[open_], found)
     return state
 
 
-def _table_state(cutter: Cutter, poses: Poses) -> Int[ndarray, " n"]:
-    """FREE where the lowest rims of the tool's sections stay above the table, else COLLIDING.
+def _table_state(clamping: Clamping, cutter: Cutter, poses: Poses) -> Int[ndarray, " n"]:
+    """FREE where the table is open, or the lowest rims of the tool's sections keep the clearance above it; else
+    COLLIDING.
 
     On a straight move a rim sinks below its ends by no more than (u + r) turn^2, turn being half of the
     move's angle.
     """
     lowest = np.full(len(poses.tips), np.inf)
+    if not clamping.closed:
+        return np.full(len(lowest), FREE)
     across = np.hypot(poses.axes[:, 0], poses.axes[:, 1])
-    for _, start, end, radius in cutter.sections:
-        for u in (start, end):
+    for section in cutter.profile:
+        for u, radius in ((section.start, section.radius), (section.end, section.end_radius)):
             rim = poses.tips[:, 2] + u * poses.axes[:, 2] - radius * across
             lowest = np.minimum(lowest, rim - (u + radius) * poses.turn**2)
-    return np.where(lowest >= TABLE_CLEARANCE, FREE, COLLIDING)
+    return np.where(lowest >= clamping.clearance, FREE, COLLIDING)
 
 
-def _trace(
-    scene: Scene,
-    poses: Poses,
-    section: tuple[float, float, float],
-    tangent: bool,
-    post: Post,
-    ball_radius: float,
-) -> Int[ndarray, " n"]:
-    """The state of one section (start, end, radius) of the tool, spheres advancing on all axes at once.
-
-    `tangent`: against the level, which the ball touches; else against the material.
-    """
-    start, end, radius = section
-    core = radius - TANGENT_SLACK if tangent else radius
+def _trace(around: Surroundings, poses: Poses, section: Section, ball_radius: float) -> Int[ndarray, " n"]:
+    """The state of one section of the tool in its surroundings, spheres advancing on all axes at once."""
+    tangent = around.obstacle == "level"
+    slack = TANGENT_SLACK if tangent else 0.0
+    taper = section.taper
+    narrowest = min(section.radius, section.end_radius) - slack
     state = np.full(len(poses.tips), UNDECIDED)
     active = np.arange(len(poses.tips))
-    u = np.full(len(active), start)
+    u = np.full(len(active), section.start)
     for sphere in range(MAX_SPHERES):
         if not len(active):
             break
+        radius = section.radius + taper * (u - section.start)
         margin, slope = _margins(poses.take(active), u, radius, ball_radius if tangent else None)
-        needed = core + margin
+        needed = radius - slack + margin
         points = poses.tips[active] + u[:, None] * poses.axes[active]
         # every sphere but the first begins inside the empty one before
-        distance = scene.distance_bound(
-            points, needed, "level" if tangent else "material", post, outside=sphere > 0
-        )
-        step = _provable_step(distance, needed, slope)
+        distance = around.distance_bound(points, needed, outside=sphere > 0)
+        step = _provable_step(distance, needed, slope * np.hypot(1.0, taper) + taper)
         u = u + step
-        state[active[u >= end]] = FREE
-        from_ends = np.minimum(u - step - start, end - u + step)
-        surely_inside = np.maximum(np.minimum(SURE_SHARE * core, from_ends), 0.0)
+        state[active[u >= section.end]] = FREE
+        from_ends = np.minimum(u - step - section.start, section.end - u + step)
+        surely_inside = np.maximum(np.minimum(SURE_SHARE * narrowest, from_ends), 0.0)
         state[active[distance < surely_inside]] = COLLIDING
-        going = (u < end) & (step > MIN_STEP) & (distance > needed)
+        going = (u < section.end) & (step > MIN_STEP) & (distance > needed)
         active, u = active[going], u[going]
     return state
 
 
 def _margins(
-    poses: Poses, u: Float[ndarray, " n"], radius: float, ball_radius: float | None
+    poses: Poses, u: Float[ndarray, " n"], radius: Float[ndarray, " n"], ball_radius: float | None
 ) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
     """Margin (mm) that the moves of each pose need at height u, and how fast it grows with u; bounded by
     NEAR_SLOPE above the centre of a ball that touches the level (`ball_radius`)."""
@@ -173,8 +167,8 @@ def _margins(
 def _provable_step(
     distance: Float[ndarray, " n"], needed: Float[ndarray, " n"], slope: Float[ndarray, " n"]
 ) -> Float[ndarray, " n"]:
-    """The height w at which a disc that grows by `slope` still fits into the sphere: w^2 + (needed + slope
-    w)^2 = distance^2; 0 where none does."""
+    """The height w at which a disc that grows by `slope` (shrinks, where negative) still fits into the sphere:
+    w^2 + (needed + slope w)^2 = distance^2; 0 where none does."""
     spare = np.maximum(distance**2 - needed**2, 0.0)
     root = np.sqrt((needed * slope) ** 2 + (1 + slope**2) * spare)
     return STEP_SHARE * (root - needed * slope) / (1 + slope**2)

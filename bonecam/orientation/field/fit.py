@@ -120,7 +120,12 @@ def _energy(
         moves,
         np.maximum(lengths, SPACING / 100) / path.cutter.feed,
         (limits.turn_speed, limits.tilt_speed),
-        _bounds(normals, np.minimum(limits.largest, table_limits(centres, path.cutter)), limits, job),
+        _bounds(
+            normals,
+            np.minimum(limits.largest, table_limits(centres, path.cutter, checker.scene.clamping.clearance)),
+            limits,
+            job,
+        ),
         np.zeros(0, dtype=np.int64),
         np.zeros((0, 3)),
     )

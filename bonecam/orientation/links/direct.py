@@ -5,7 +5,7 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from bonecam.arrays import angles_between
-from bonecam.orientation.interpolation import interpolate_poses
+from bonecam.orientation.collision.interpolation import interpolate_poses
 from bonecam.orientation.links.link_space import LinkSpace
 from bonecam.orientation.links.moves import Moves, moves_of
 from bonecam.orientation.singularity import SINGULAR_ANGLE, avoid_singularity, least_polar_angles

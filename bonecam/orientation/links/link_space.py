@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from bonecam.orientation.collision.checker import CollisionChecker
-from bonecam.orientation.interpolation import interpolate_poses
+from bonecam.orientation.collision.interpolation import interpolate_poses
 from bonecam.orientation.limits import AxisLimits
 from bonecam.orientation.links.clearance_surface import ClearanceSurface
 from bonecam.orientation.links.moves import Feeds, Pose
@@ -19,14 +19,18 @@ from bonecam.toolpath.gouge import moves_gouge_free
 CHECK_STEPS = 4
 """Steps that a straight move is divided into for its proof."""
 
+SPARE = 0.5
+"""The clearance surface is farther from the stock than the clearance by this much, mm: straight rapids of 3 mm
+between its points dip 0.15 mm below it, and the proof of a step needs half of its length."""
+
 Polyline = tuple[Float[ndarray, "_ 3"], Float[ndarray, "_ 3"]]
 """Ball centres and axes of straight moves."""
 
 
 @dataclass(frozen=True, eq=False)
 class LinkSpace:
-    """`clearance` (mm) is kept between ball and stock on the clearance surface; `gouge_tolerance` (mm) by a
-    ball that moves along the level."""
+    """`clearance` (mm) is kept between tool and material in rapids; `gouge_tolerance` (mm) by a ball that moves
+    along the level."""
 
     checker: CollisionChecker
     limits: AxisLimits
@@ -42,7 +46,7 @@ class LinkSpace:
     @cached_property
     def surface(self) -> ClearanceSurface:
         """The surface that ball centres traverse on."""
-        return ClearanceSurface(self.checker.scene.stock, self.clearance + self.ball_radius)
+        return ClearanceSurface(self.checker.scene.stock, self.clearance + SPARE + self.ball_radius)
 
     @cached_property
     def safe_pose(self) -> Pose:

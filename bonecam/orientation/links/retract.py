@@ -1,5 +1,5 @@
-"""Retracts: from a contact off the surface, at the link feed up to the standoff, then rapid to the clearance
-surface. Backwards they are the approaches, whose last part is at the plunge feed.
+"""Retracts: from a contact off the surface, at the link feed until the whole tool keeps the clearance, then rapid
+to the clearance surface. Backwards they are the approaches, whose last part is at the plunge feed.
 
 A retract runs along the tool axis, or bends off into a direction that is level or rises, so that a drooping
 holder does not sink to the table.
@@ -12,24 +12,25 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from bonecam.orientation.lead import LEAVING
 from bonecam.orientation.limits import polar_angles, with_polar_angles
 from bonecam.orientation.links.link_space import LinkSpace, Polyline
 from bonecam.orientation.links.moves import Feeds, Moves, Pose
 from bonecam.toolpath.path import Kind
 
-STANDOFF = 1.0
-"""Rapid moves begin and end where the ball is this far from the material, mm."""
+RAPID_MARGIN = 0.15
+"""Rapids begin and end where the tool is farther from the material than the clearance by this much, mm."""
 POLAR_ANGLES = np.radians([90.0, 70.0, 45.0])
 """Polar angles (radians) of the directions that a drooping axis is left in."""
-BEND = 1.5
-"""Length along the axis before a retract bends off, where the ball has to leave a hollow first, mm."""
+BENDS = (0.0, 1.5, LEAVING)
+"""Lengths along the axis before a retract bends off, mm: the ball may have to leave a hollow first."""
 MIN_LENGTH = 1.0
 """Length of a retract at least, mm."""
 LENGTHS = np.array(
     [0, 0.1, 0.25, 0.5, 1, 1.5, 2, 3, 4, 5, 6, 8, 10, 13, 16, 20, 26, 34, 45, 60, 80], dtype=np.float64
 )
-"""Lengths of a retract (mm) at which it is checked, and at one of which the rapid part may begin; BEND is
-one."""
+"""Lengths of a retract (mm) at which it is checked, and at one of which the rapid part may begin; BENDS are
+among them."""
 MIN_LAST_STEP = 0.05
 """The last of these lengths is at least this much before the end of the retract, mm."""
 
@@ -68,10 +69,10 @@ def approach(retract: Retract, feeds: Feeds) -> Moves:
 
 def departures(axis: Float[ndarray, "3"]) -> list[Departure]:
     """The ways to leave a contact in the order they are tried: along the axis; then level or rising at once;
-    then the same behind BEND."""
+    then the same behind longer BENDS."""
     angle = float(polar_angles(axis[None])[0])
     rising = [with_polar_angles(axis[None], np.array([limit]))[0] for limit in POLAR_ANGLES if angle > limit]
-    return [Departure(0.0, axis)] + [Departure(bend, d) for bend in (0.0, BEND) for d in rising]
+    return [Departure(0.0, axis)] + [Departure(bend, d) for bend in BENDS for d in rising]
 
 
 def find_retracts(space: LinkSpace, poses: Sequence[Pose]) -> list[Retract | None]:
@@ -95,7 +96,7 @@ def _try_departures(
         return []
     lengths = _lengths(space, poses, chosen)
     lines = [_polyline(*args) for args in zip(poses, chosen, lengths, strict=True)]
-    standoffs = _standoffs(space, [centres for centres, _ in lines])
+    standoffs = _standoffs(space, lines)
 
     links = [(c[: k + 1], v[: k + 1]) for (c, v), k in zip(lines, standoffs, strict=True)]
     free = space.polylines_free(links, cutting=True)
@@ -128,17 +129,14 @@ def _polyline(pose: Pose, departure: Departure, lengths: Float[ndarray, " r"]) -
     return centre + along_axis + beyond, np.repeat(axis[None], len(lengths), axis=0)
 
 
-def _standoffs(space: LinkSpace, lines: Sequence[Float[ndarray, "_ 3"]]) -> list[int]:
-    """The point of each retract from which on the ball stays STANDOFF away from the material: links turn to
-    rapids there."""
-    scene = space.checker.scene
-    radius = space.ball_radius
-    centres = np.vstack(lines)
-    wanted = np.full(len(centres), radius + STANDOFF)
-    air = scene.distance_bound(centres, wanted, "material", scene.post) - radius
+def _standoffs(space: LinkSpace, lines: Sequence[Polyline]) -> list[int]:
+    """The point of each retract from which on the tool keeps the clearance: links turn to rapids there."""
+    centres = np.vstack([line[0] for line in lines])
+    axes = np.vstack([line[1] for line in lines])
+    free = space.checker.free_in_air(centres, axes, RAPID_MARGIN)
     found = []
-    for here in np.split(air, np.cumsum([len(line) for line in lines])[:-1]):
-        near = np.flatnonzero(here < STANDOFF)
+    for here in np.split(free, np.cumsum([len(line[0]) for line in lines])[:-1]):
+        near = np.flatnonzero(~here)
         first_far = int(near[-1]) + 1 if len(near) else 1
         found.append(min(first_far, len(here) - 1))
     return found

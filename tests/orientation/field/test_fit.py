@@ -18,6 +18,7 @@ from bonecam.orientation.lead import lead_axes
 from bonecam.orientation.limits import AxisLimits, polar_angles
 from bonecam.orientation.oriented_path import orient
 from bonecam.setup.capsule import Capsule
+from bonecam.setup.fixture.clamping import Clamping
 from bonecam.setup.holding import post_below
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.cutter import Cutter
@@ -26,6 +27,9 @@ from bonecam.toolpath.zigzag import candidate_contacts, contact_path
 
 LIMITS = AxisLimits(np.radians(115.0), tilt_speed=np.radians(90) * 60, turn_speed=np.radians(120) * 60)
 JOB = PathJob(pattern="along", orientation="smooth")
+
+NEAR = Clamping(clearance=0.5)
+"""Holders may come near the post: the part is what they meet."""
 
 Made = tuple[TSpline, ContactPath, Scene]
 
@@ -47,7 +51,7 @@ def made(
         post = post_below(level, holding)
         tool = cutter or roughing_cutter
         contacts = contact_path(candidate_contacts(level_of(surface), [MeshDistance(level)], tool, post, job))
-        return surface, contacts, Scene(level, material, upright_capsule, post)
+        return surface, contacts, Scene(level, material, upright_capsule, post, clamping=NEAR)
 
     return make
 
