@@ -35,6 +35,8 @@ from bonecam.timing import StageTimes
 from bonecam.toolpath.ball_depth import check_depths
 from bonecam.verify.proof import verify
 from bonecam.verify.readback import Tolerances
+from bonecam.verify.removal.of_job import prove_removal
+from bonecam.verify.summary import NOT_SIMULATED
 from bonecam.verify.trial_program import check_posting
 
 
@@ -46,6 +48,7 @@ def convert(
     keep: File = None,
     report: File = None,
     surface: File = None,
+    simulation: bool = True,
     progress: Progress = silent,
 ) -> Result:
     """The verified NC program of a part: all stages from the mesh to the proof.
@@ -53,8 +56,8 @@ def convert(
     `mesh` is a file, or a mesh in memory in the unit `job.mesh.units`: (vertices, faces), a TriangleMesh, or a
     mesh of open3d, trimesh or pymeshlab. The files `program`, `report` and
     `surface` (its ending says its kind) and the folder `keep` are written at the end, together. Only a
-    level that fails its check is written to `keep` all the same. Raises a BonecamError that names the trouble
-    and the remedy.
+    level that fails its check is written to `keep` all the same. Without `simulation` the removal of material is not
+    simulated from the posted text. Raises a BonecamError that names the trouble and the remedy.
     """
     job = _require_job(job)
     machine = read_machine(job.nc.machine)
@@ -66,7 +69,9 @@ def convert(
     times = StageTimes()
 
     made, job = _morph(given, job, machine, keep, times, part(progress, 0.0, 0.3))
-    result = _machine(made, job, machine, dialect, source, program, times, part(progress, 0.3, 0.97))
+    result = _machine(made, job, machine, dialect, source, program, times, part(progress, 0.3, 0.8))
+    if simulation:
+        result = _simulated(result, job, machine, dialect, times, part(progress, 0.8, 0.97))
     with times.stage("files"):
         outputs.write(result, job.holding, result.paths, result.program.text, part(progress, 0.97, 1.0))
     return result
@@ -182,8 +187,19 @@ def _machine(
 
     program = replace(program, text=record_checks(program.text, dialect, str(proof)))
     name = Path(file).name if file else ""
-    figures = {**made.report, **report_to_program(name, paths, program, proof)}
+    figures = {**made.report, **report_to_program(name, paths, program, proof), "removal": NOT_SIMULATED}
     return Result(made.part, made.surface, made.stock, made.levels, figures, paths, program)
+
+
+def _simulated(
+    result: Result, job: Job, machine: Machine, dialect: Dialect, times: StageTimes, progress: Progress
+) -> Result:
+    """The result with what its posted text removes; VerifyError where that is not what a program may do."""
+    with times.stage("simulation"):
+        levels = result.levels.levels
+        text, mesh = result.program.text, result.part.mesh
+        removal = prove_removal(text, machine, dialect, job, result.stock, levels, mesh, progress)
+    return replace(result, report={**result.report, "removal": removal.report}, removal=removal)
 
 
 def _require_job(job: Job | None) -> Job:

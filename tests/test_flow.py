@@ -28,7 +28,7 @@ ROOMS = {
         *"limits cones collision lead singularity admissible field tool_axes links".split(),
         *"oriented_path level_paths post_length".split(),
     ],
-    "verify": "gouge readback trial_program proof removal report pictures".split(),
+    "verify": "gouge readback trial_program proof removal report summary pictures".split(),
 }
 """The order of the modules and sub-packages inside a stage."""
 ROOT = Path(__file__).parents[1] / "bonecam"

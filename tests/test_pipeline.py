@@ -24,6 +24,7 @@ from bonecam.errors import (
     StockError,
     SurfaceError,
     UnitsError,
+    VerifyError,
 )
 from bonecam.job import Job, write_job
 from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
@@ -36,6 +37,7 @@ from bonecam.runtime.own_files import OWN_FILES
 from bonecam.surface import part_surface
 from bonecam.surface.fitting.deviation import Deviation
 from bonecam.surface.fitting.fit import Fit, fit
+from bonecam.verify import prove_removal
 
 COARSE = Job().with_values(
     surface={"tolerance": 0.2},
@@ -85,7 +87,8 @@ def test_the_report_has_the_names_that_stay(chain: tuple[bonecam.Result, Path]) 
         "nc": "file machine controller blocks readback_tip_error_mm readback_axis_error_deg gouge_max_mm "
         "rotary_max_deg_per_block time_min feed_median_mm_min feed_low_mm_min feed_axis_limited_share "
         "feed_beyond_axes_share",
-        "seconds": "mesh surface levels toolpath nc verify",
+        "seconds": "mesh surface levels toolpath nc verify simulation",
+        "removal": "cell_mm levels rapid_contact_mm3 clearance_mm left",
     }
     for section, names in wanted.items():
         assert set(names.split()) <= set(report[section])
@@ -94,6 +97,41 @@ def test_the_report_has_the_names_that_stay(chain: tuple[bonecam.Result, Path]) 
     assert all(set(level_names.split()) <= set(row) for row in report["levels"])
     assert all(set(path_names.split()) <= set(row) for row in report["toolpath"])
     assert [row["level"] for row in report["toolpath"]] == list(range(len(report["levels"]) - 2, -1, -1))
+
+
+def test_what_the_text_removes_is_told_and_shown(chain: tuple[bonecam.Result, Path]) -> None:
+    result, folder = chain
+    removal = result.report["removal"]
+    assert removal["rapid_contact_mm3"] == 0
+    assert removal["left"]["gouge_max_mm"] <= 0.01
+    assert [row["index"] for row in removal["levels"]] == [path.level for path in result.paths]
+    assert sum(row["removed_mm3"] for row in removal["levels"]) > 0.9 * (
+        result.stock.volume - result.surface.volume
+    )
+    left = read_mesh(folder / "keep" / "left.ply")
+    assert len(left.vertices) == len(result.removal.left.heights)
+
+
+def test_a_rapid_into_the_stock_refuses_the_text(chain: tuple[bonecam.Result, Path]) -> None:
+    result = chain[0]
+    machine, dialect = read_machine(COARSE.nc.machine), read_dialect(COARSE.nc.controller)
+    lines = result.program.text.splitlines(keepends=True)
+    cut = [n for n, line in enumerate(lines) if " R0 F900" in line][200]
+    planted = "".join([*lines[:cut], lines[cut].replace("F900", "FMAX"), *lines[cut + 1 :]])
+    job = COARSE.with_values(holding={"length": result.report["post"]["length_mm"]})
+    levels, mesh = result.levels.levels, result.part.mesh
+    with pytest.raises(VerifyError, match=r"a rapid removes 0\.\d+ mm3") as caught:
+        prove_removal(planted, machine, dialect, job, result.stock, levels, mesh)
+    assert caught.value.evidence["line"] in range(cut, cut + 3)
+
+
+def test_without_simulation_the_report_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    job, report = tmp_path / "job.toml", tmp_path / "r.json"
+    job.write_text(write_job(COARSE), encoding="utf-8")
+    files = ["-o", str(tmp_path / "bone.h"), "--report", str(report)]
+    assert main(["demo", *files, "--job", str(job), "--no-simulation"]) == 0
+    assert "skipped" in json.loads(report.read_text(encoding="utf-8"))["removal"]
+    assert "removal   the removal of material was not simulated" in capsys.readouterr().out
 
 
 def test_what_was_written_holds_its_limits(chain: tuple[bonecam.Result, Path]) -> None:
@@ -126,7 +164,10 @@ def test_keep_writes_levels_path_surface_and_pictures(chain: tuple[bonecam.Resul
     names = {item.name for item in (folder / "keep").iterdir()} - {OWN_FILES}
     pictures = {"levels.png", "coloured.png", "depths.png", "toolpath.png"}
     assert (
-        names == {f"level_{k:02d}.ply" for k in range(count)} | {"surface.tspline", "toolpath.csv"} | pictures
+        names
+        == {f"level_{k:02d}.ply" for k in range(count)}
+        | {"surface.tspline", "toolpath.csv", "left.ply"}
+        | pictures
     )
     with open(folder / "keep" / "toolpath.csv", encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
@@ -161,10 +202,11 @@ def test_levels_alone_are_the_chain_s_and_take_the_place_of_its_levels_and_paths
     )
     told = json.loads((tmp_path / "levels.json").read_text(encoding="utf-8"))
     assert told["levels"] == json.loads(json.dumps(result.report["levels"]))
-    assert set(result.report) - set(told) == {"toolpath", "nc"}
+    assert set(result.report) - set(told) == {"toolpath", "nc", "removal"}
     lines = [line.partition(" ")[0] for line in capsys.readouterr().out.splitlines()]
     assert lines == ["mesh", "surface", "stock", "post", "levels", "certified", "time"]
     assert {item.name for item in keep.iterdir()} == {item.name for item in (folder / "keep").iterdir()} - {
+        "left.ply",
         "toolpath.csv",
         "toolpath.png",
     }

@@ -184,6 +184,8 @@ def _add_command(parsers: Any, name: str, text: str, run: Any) -> argparse.Argum
 def _add_keep(command: argparse.ArgumentParser) -> None:
     folder = "folder for surface, levels, tool path and pictures"
     command.add_argument("--keep", metavar="DIR", help=folder)
+    without = "do not simulate the removal of material from the posted text"
+    command.add_argument("--no-simulation", action="store_true", help=without)
 
 
 def _add_results(command: argparse.ArgumentParser) -> None:

@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import bonecam
@@ -14,7 +15,7 @@ from bonecam.job import write_job
 
 def run_convert(options: argparse.Namespace) -> int:
     """`bonecam convert`: the NC program of a part."""
-    return _run(bonecam.convert, options.mesh, options, program=options.output, keep=options.keep)
+    return _convert(options.mesh, options)
 
 
 def run_demo(options: argparse.Namespace) -> int:
@@ -24,12 +25,17 @@ def run_demo(options: argparse.Namespace) -> int:
     if options.output is None:
         dialect = bonecam.nc.read_dialect(job_of(options).nc.controller)
         options.output = f"phalanx{dialect.extension}"
-    return _run(bonecam.convert, path("phalanx"), options, program=options.output, keep=options.keep)
+    return _convert(path("phalanx"), options)
 
 
 def run_levels(options: argparse.Namespace) -> int:
     """`bonecam levels`: the levels of a part and their pictures."""
     return _run(bonecam.morph_levels, options.mesh, options, keep=options.output)
+
+
+def _convert(mesh: str | Path, options: argparse.Namespace) -> int:
+    make = partial(bonecam.convert, simulation=not options.no_simulation)
+    return _run(make, mesh, options, program=options.output, keep=options.keep)
 
 
 def _run(

@@ -19,10 +19,13 @@ from bonecam.verify.pictures.depth_colours import draw_coloured
 from bonecam.verify.pictures.depth_curves import draw_depths
 from bonecam.verify.pictures.level_sections import draw_levels
 from bonecam.verify.pictures.tool_paths import draw_toolpath
+from bonecam.verify.removal.result import Left
 
 FAILED = r"failed_level_\d{2,}\.ply"
 """Name of the file that shows where a level failed its check, as a regular expression."""
-SERIES = rf"level_\d{{2,}}\.ply|toolpath\.(csv|png)|{FAILED}"
+LEFT_COLOURED = 0.1
+"""Leftovers are coloured from 0 to this height, mm."""
+SERIES = rf"level_\d{{2,}}\.ply|left\.ply|toolpath\.(csv|png)|{FAILED}"
 """Names of the files of levels and paths, as a regular expression. A later run in the same folder removes those
 that an earlier one wrote there."""
 
@@ -34,14 +37,17 @@ def fill_kept_folder(
     stock: Stock,
     paths: Sequence[ToolPath],
     post: tuple[float, float],
+    left: Left | None = None,
 ) -> None:
-    """Write into `work` surface.tspline, the files of `keep_levels`, and toolpath.csv and toolpath.png where
-    there are paths. `post` is (diameter, top z), mm."""
+    """Write into `work` surface.tspline, the files of `keep_levels`, toolpath.csv and toolpath.png where there are
+    paths, and left.ply where it is known what stays on the part. `post` is (diameter, top z), mm."""
     write_tsm(surface, work / "surface.tspline")
     _write_levels(work, levels, stock, post, LINE)
     if paths:
         write_whole(work / "toolpath.csv", toolpath_csv(paths))
         draw_toolpath(paths, levels, work / "toolpath.png", post)
+    if left is not None:
+        write_mesh(left.mesh, work / "left.ply", quality=left.heights, largest=LEFT_COLOURED)
 
 
 def keep_levels(

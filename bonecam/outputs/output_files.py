@@ -12,7 +12,7 @@ from bonecam.job import HoldingJob
 from bonecam.mesh.files.mesh_files import CAD, MESHES
 from bonecam.nc.dialect import Dialect, dialect_names, read_dialect
 from bonecam.outputs.kept_folder import SERIES, fill_kept_folder
-from bonecam.outputs.result import Morphed
+from bonecam.outputs.result import Morphed, Result
 from bonecam.progress import Progress, report, silent
 from bonecam.runtime.staging import Staging, staged, unwritable
 from bonecam.setup.holding import post_below
@@ -85,7 +85,9 @@ class Outputs:
             found.append((surface, lambda: save_surface(made.surface, staging.file(surface))))
         if (keep := self.keep) is not None:
             post = (holding.diameter, post_below(made.part.mesh, holding).top)
-            kept = (made.surface, made.levels.levels, made.stock, paths, post)
+            removal = made.removal if isinstance(made, Result) else None
+            left = removal.left if removal else None
+            kept = (made.surface, made.levels.levels, made.stock, paths, post, left)
             found.append((keep, lambda: fill_kept_folder(staging.folder(keep, SERIES), *kept)))
         return found
 

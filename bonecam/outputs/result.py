@@ -9,7 +9,8 @@ from bonecam.nc.program import Program
 from bonecam.setup.stock import Stock
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.path import ToolPath
-from bonecam.verify.report import summary_of
+from bonecam.verify.removal.result import Removal
+from bonecam.verify.summary import summary_of
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -38,11 +39,12 @@ class Morphed:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Result(Morphed):
-    """The result of `bonecam.convert`: levels, the tool path of each level in machining order, and the
-    program."""
+    """The result of `bonecam.convert`: levels, the tool path of each level in machining order, the program, and what it
+    removes (None where that was not simulated)."""
 
     paths: tuple[ToolPath, ...]
     program: Program
+    removal: Removal | None = None
 
     @property
     def _told(self) -> str:

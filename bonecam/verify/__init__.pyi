@@ -9,6 +9,7 @@ from .proof import Verification as Verification
 from .proof import verify as verify
 from .proof import verify_program as verify_program
 from .readback import Tolerances as Tolerances
+from .removal.of_job import prove_removal as prove_removal
 from .removal.result import Clearance as Clearance
 from .removal.result import Left as Left
 from .removal.result import LevelRemoval as LevelRemoval
@@ -19,6 +20,6 @@ from .removal.simulate import simulate_removal as simulate_removal
 from .removal.verdicts import check_removal as check_removal
 from .report import levels_report as levels_report
 from .report import nc_report as nc_report
-from .report import summary_of as summary_of
 from .report import surface_report as surface_report
 from .report import toolpath_report as toolpath_report
+from .summary import summary_of as summary_of

@@ -11,7 +11,8 @@ from bonecam.levels.measure.level import RoundedLevel, StockLevel
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.capsule import Capsule
 from bonecam.surface.tspline import TSpline
-from bonecam.verify.report import certified_text, levels_report, summary_of, uncut_text
+from bonecam.verify.report import levels_report
+from bonecam.verify.summary import certified_text, summary_of, uncut_text
 
 MEASURES = replace(NO_CUT, depth_max=0.5, depth_mean=0.4)
 

@@ -78,17 +78,21 @@ def lay_grid(bodies: Sequence[Stock], cell: float) -> RayGrid:
 def lay_rays(bodies: Sequence[Stock], grid: RayGrid, memory_mb: float) -> list[RaySet]:
     """The union of convex bodies on the three sets of rays; JobError where they and a copy need more
     memory."""
-    outlines = [[_outline(body, grid, k) for body in bodies] for k in range(3)]
-    area = sum(hull.volume for of_set in outlines for hull in of_set)
-    needed = 2 * area / grid.cell**2 * (8 * ROOM + 1) / 1e6
-    if needed > memory_mb:
-        fits = np.ceil(100 * grid.cell * np.sqrt(needed / memory_mb)) / 100
+    fits = least_cell(bodies, grid, memory_mb)
+    if grid.cell < fits:
         raise JobError(
-            f"rays {grid.cell:g} mm apart need {needed:.0f} MB, {memory_mb:g} are allowed: "
+            f"rays {grid.cell:g} mm apart need more than the {memory_mb:g} MB allowed: "
             f"give a cell of at least {fits:.2f} mm",
-            cell=float(fits),
+            cell=fits,
         )
+    outlines = [[_outline(body, grid, k) for body in bodies] for k in range(3)]
     return [_lay_set(bodies, outlines[k], grid, k) for k in range(3)]
+
+
+def least_cell(bodies: Sequence[Stock], grid: RayGrid, memory_mb: float) -> float:
+    """The distance of rays (mm, in hundredths) that need no more memory, a copy of them included."""
+    area = sum(_outline(body, grid, k).volume for body in bodies for k in range(3))
+    return float(np.ceil(100 * np.sqrt(2 * area * (8 * ROOM + 1) / 1e6 / memory_mb)) / 100)
 
 
 def _outline(body: Stock, grid: RayGrid, direction: int) -> ConvexHull:

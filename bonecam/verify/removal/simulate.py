@@ -29,7 +29,7 @@ from bonecam.verify.removal.groups import Group, feed_minutes, groups_of
 from bonecam.verify.removal.left import measure_left
 from bonecam.verify.removal.nails import Nails, nails_on
 from bonecam.verify.removal.pieces import straight_pieces
-from bonecam.verify.removal.rays import RayGrid, copy_of, lay_grid, lay_rays, volumes
+from bonecam.verify.removal.rays import RayGrid, copy_of, lay_grid, lay_rays, least_cell, volumes
 from bonecam.verify.removal.result import Clearance, LevelRemoval, Removal, Spot
 from bonecam.verify.removal.sweeping import Sweeping
 from bonecam.verify.removal.table import table_clearance
@@ -43,10 +43,12 @@ RAPID_ALLOWED = 1e-4
 
 @dataclass(frozen=True)
 class Accuracy:
-    """Distance of the rays (`cell`, mm) and the memory that they and a copy of them may take (MB)."""
+    """Distance of the rays (`cell`, mm) and the memory that they and a copy of them may take (MB); where that does not
+    suffice, a cell that fits is taken if `coarser`, or else refused."""
 
     cell: float = 0.05
     memory_mb: float = 500.0
+    coarser: bool = False
 
     def __post_init__(self) -> None:
         if not 0 < self.cell < np.inf:
@@ -79,6 +81,8 @@ def simulate_removal(
     tools = _tools(motions, cutters)
     bodies = [stock, Cylinder(post.radius, 0.0, post.top)]
     grid = lay_grid(bodies, told.cell)
+    if told.coarser:
+        grid = lay_grid(bodies, max(told.cell, least_cell(bodies, grid, told.memory_mb)))
     sweeping = Sweeping(lay_rays(bodies, grid, told.memory_mb), grid, bodies, len(motions.tips))
     nails = nails_on(part) if part is not None else None
     simulation = _Simulation(motions, sweeping, grid, nails, dict(limits or {}))

@@ -1,0 +1,56 @@
+"""The removal of the program that a job was posted as."""
+
+from collections.abc import Sequence
+
+from bonecam.job import Job
+from bonecam.levels.measure.level import Level, morph_surfaces
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.nc.dialect import Dialect
+from bonecam.nc.machine import Machine
+from bonecam.progress import Progress, silent
+from bonecam.setup.holding import post_below
+from bonecam.setup.stock import Stock
+from bonecam.toolpath.cutter import Cutter
+from bonecam.verify.removal.result import Removal
+from bonecam.verify.removal.simulate import Accuracy, simulate_removal
+from bonecam.verify.removal.verdicts import check_removal
+
+ACCURACY = Accuracy(cell=0.1, coarser=True)
+"""Of the simulation in `convert`. Against cells of 0.05 mm the phalanx's depths change by 0.01 mm, its clearances by
+0.003 mm, leftovers and gouges not at all, in half of the time."""
+
+
+def prove_removal(
+    text: str,
+    machine: Machine,
+    dialect: Dialect,
+    job: Job,
+    stock: Stock,
+    levels: Sequence[Level],
+    part: TriangleMesh,
+    progress: Progress = silent,
+) -> Removal:
+    """What the posted `text` of a job removes from its stock; `levels` are those it cuts, `part` is the mesh as it
+    stands.
+
+    Errors as in `simulate_removal` and `check_removal`: a rapid that cuts, a shank or holder in material, a tool below
+    the table, a gouge.
+    """
+    cutters = [
+        Cutter.from_job(number, name, job.tool(name), machine.bodies.nose)
+        for number, name in ((1, "roughing"), (2, "finishing"))
+    ]
+    removal = simulate_removal(
+        text,
+        machine,
+        dialect,
+        stock,
+        post_below(part, job.holding),
+        cutters,
+        part=morph_surfaces(levels)[0],
+        limits={index: levels[index + 1].limit for index in range(len(levels) - 1)},
+        accuracy=ACCURACY,
+        progress=progress,
+    )
+    check_removal(removal, job.path.gouge_tolerance)
+    return removal
