@@ -21,5 +21,6 @@ from .outputs.result import Morphed as Morphed
 from .outputs.result import Result as Result
 from .pipeline import convert as convert
 from .pipeline import morph_levels as morph_levels
+from .simulation import simulate as simulate
 
 __version__: str

@@ -8,7 +8,7 @@ import pytest
 ORDER = [
     *"errors progress timing arrays threads runtime files text materials job kernels".split(),
     *"mesh setup surface levels toolpath orientation nc verify".split(),
-    *"outputs pipeline script_run filters batch cli __main__".split(),
+    *"outputs pipeline simulation script_run filters batch cli __main__".split(),
 ]
 ROOMS = {
     "runtime": "parent signals temporary worker own_files staging".split(),

@@ -3,6 +3,7 @@ file."""
 
 import csv
 import json
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -37,7 +38,7 @@ from bonecam.runtime.own_files import OWN_FILES
 from bonecam.surface import part_surface
 from bonecam.surface.fitting.deviation import Deviation
 from bonecam.surface.fitting.fit import Fit, fit
-from bonecam.verify import prove_removal
+from bonecam.verify import check_removal, prove_removal
 
 COARSE = Job().with_values(
     surface={"tolerance": 0.2},
@@ -123,6 +124,45 @@ def test_a_rapid_into_the_stock_refuses_the_text(chain: tuple[bonecam.Result, Pa
     with pytest.raises(VerifyError, match=r"a rapid removes 0\.\d+ mm3") as caught:
         prove_removal(planted, machine, dialect, job, result.stock, levels, mesh)
     assert caught.value.evidence["line"] in range(cut, cut + 3)
+
+
+def test_a_program_alone_is_simulated_from_its_kept_folder(chain: tuple[bonecam.Result, Path]) -> None:
+    result, folder = chain
+    alone = bonecam.simulate(folder / "bone.h", folder / "keep", COARSE).report
+    within = result.report["removal"]
+    assert alone["rapid_contact_mm3"] == 0
+    assert alone["left"]["max_mm"] == pytest.approx(within["left"]["max_mm"], abs=0.002)
+    one, other = (sum(row["removed_mm3"] for row in report["levels"]) for report in (alone, within))
+    assert one == pytest.approx(other, rel=0.02)  # the kept stock is a mesh
+
+
+def test_a_word_changed_by_1_mm_is_found(chain: tuple[bonecam.Result, Path], tmp_path: Path) -> None:
+    """Towards the axis of the part, in the middle of the last level."""
+    lines = (chain[1] / "bone.h").read_text(encoding="utf-8").splitlines(keepends=True)
+    cuts = [n for n, line in enumerate(lines) if re.search(r"X\+[3-9]\.\d+ .*R0 F900", line)]
+    at = cuts[-len(cuts) // 8]
+    moved = re.sub(r"X\+(\d)", lambda found: f"X+{int(found[1]) - 1}", lines[at])
+    (tmp_path / "planted.h").write_text("".join([*lines[:at], moved, *lines[at + 1 :]]), encoding="utf-8")
+    removal = bonecam.simulate(tmp_path / "planted.h", chain[1] / "keep", COARSE)
+    with pytest.raises(VerifyError, match=r"the tool goes .* mm into the part") as caught:
+        check_removal(removal)
+    assert abs(caught.value.evidence["line"] - (at + 1)) <= 2
+
+
+def test_what_cannot_be_simulated_is_one_line(
+    chain: tuple[bonecam.Result, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    program, keep = str(chain[1] / "bone.h"), str(chain[1] / "keep")
+    for arguments, told in (
+        ([program, "--keep", str(tmp_path)], "has no levels"),
+        ([program, "--keep", keep, "--machine", "linuxcnc-xyzbc"], "made for another machine"),
+        ([str(tmp_path / "none.h"), "--keep", keep], "cannot be read (No such file or directory)"),
+        ([program, "--keep", keep, "--cell", "0.0005"], "give a cell of at least"),
+    ):
+        assert main(["simulate", *arguments]) == 2
+        lines = capsys.readouterr().err.splitlines()
+        assert len(lines) == 1
+        assert told in lines[0]
 
 
 def test_without_simulation_the_report_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -24,6 +24,8 @@ EXAMPLES = {
   bonecam demo -o phalanx.h --keep look""",
     "levels": """
   bonecam levels bone.stl --units m -o look --set stock.kind=cylinder --set levels.roughing_depth=1""",
+    "simulate": """
+  bonecam simulate bone.h --keep look --job job.toml""",
     "batch": """
   bonecam batch scans/*.stl -o programs --job job.toml --jobs 4 --resume""",
     "script": """
@@ -77,6 +79,7 @@ def make_parser() -> "_Parser":
     _add_convert(parsers)
     _add_demo(parsers)
     _add_levels(parsers)
+    _add_simulate(parsers)
     _add_batch(parsers)
     _add_script(parsers)
     _add_filters(parsers)
@@ -115,6 +118,20 @@ def _add_levels(parsers: Any) -> None:
     _add_results(levels)
     add_job_options(levels, posted=False)
     _add_verbosity(levels)
+
+
+def _add_simulate(parsers: Any) -> None:
+    text = "Simulate from its text what an NC program removes, and refuse rapids that cut, collisions and gouges."
+    simulate = _add_command(parsers, "simulate", text, commands.run_simulate)
+    simulate.add_argument("program", metavar="PROGRAM", help="the NC program")
+    kept = "the folder that `convert --keep` wrote: its part and its stock"
+    simulate.add_argument("--keep", metavar="DIR", required=True, help=kept)
+    simulate.add_argument(
+        "--cell", metavar="MM", type=_positive, default=0.1, help="distance of the rays (0.1 mm)"
+    )
+    simulate.add_argument("--report", metavar="FILE.json", help="file for the figures")
+    add_job_options(simulate)
+    _add_verbosity(simulate)
 
 
 def _add_batch(parsers: Any) -> None:

@@ -1,6 +1,7 @@
 """The commands. Each takes the options, prints its results to stdout, and returns the exit code."""
 
 import argparse
+import json
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -9,7 +10,7 @@ import bonecam
 from bonecam import script_run
 from bonecam.cli.job_options import job_of
 from bonecam.cli.progress_display import native_output_to_stderr, shown_progress
-from bonecam.files import check_files
+from bonecam.files import check_files, write_whole
 from bonecam.job import write_job
 
 
@@ -55,6 +56,21 @@ def _run(
         made = make(mesh, job, **outputs, progress=progress)
     if not options.quiet:
         print(made.summary)
+    return 0
+
+
+def run_simulate(options: argparse.Namespace) -> int:
+    """`bonecam simulate`: what a program removes, from its text."""
+    from bonecam.verify.summary import removal_text
+
+    job = job_of(options)
+    with shown_progress(options) as progress:
+        removal = bonecam.simulate(options.program, options.keep, job, cell=options.cell, progress=progress)
+    if options.report is not None:
+        write_whole(options.report, json.dumps({"removal": removal.report}, indent=2) + "\n")
+    bonecam.verify.check_removal(removal, job.path.gouge_tolerance)
+    if not options.quiet:
+        print(removal_text(removal.report))
     return 0
 
 

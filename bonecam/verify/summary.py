@@ -99,6 +99,11 @@ def _program_lines(toolpath: Sequence[Mapping[str, Any]], nc: Mapping[str, Any])
     yield f"proof     tip {tip_um:.2f} um, axis {axis_deg:.4f} deg, gouge {gouge_um:.2f} um"
 
 
+def removal_text(removal: Mapping[str, Any]) -> str:
+    """The section `removal` of a report in two lines."""
+    return "\n".join(_removal_lines(removal))
+
+
 def _removal_lines(removal: Mapping[str, Any]) -> Iterator[str]:
     """What the simulation of the posted text found."""
     if "skipped" in removal:

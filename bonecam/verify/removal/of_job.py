@@ -20,6 +20,14 @@ ACCURACY = Accuracy(cell=0.1, coarser=True)
 0.003 mm, leftovers and gouges not at all, in half of the time."""
 
 
+def cutters_of(job: Job, machine: Machine) -> list[Cutter]:
+    """The cutters of a job in the machine's spindle."""
+    return [
+        Cutter.from_job(number, name, job.tool(name), machine.bodies.nose)
+        for number, name in ((1, "roughing"), (2, "finishing"))
+    ]
+
+
 def prove_removal(
     text: str,
     machine: Machine,
@@ -36,17 +44,13 @@ def prove_removal(
     Errors as in `simulate_removal` and `check_removal`: a rapid that cuts, a shank or holder in material, a tool below
     the table, a gouge.
     """
-    cutters = [
-        Cutter.from_job(number, name, job.tool(name), machine.bodies.nose)
-        for number, name in ((1, "roughing"), (2, "finishing"))
-    ]
     removal = simulate_removal(
         text,
         machine,
         dialect,
         stock,
         post_below(part, job.holding),
-        cutters,
+        cutters_of(job, machine),
         part=morph_surfaces(levels)[0],
         limits={index: levels[index + 1].limit for index in range(len(levels) - 1)},
         accuracy=ACCURACY,
