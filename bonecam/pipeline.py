@@ -26,13 +26,13 @@ from bonecam.outputs.output_files import File, Outputs
 from bonecam.outputs.result import Morphed, Result
 from bonecam.outputs.run_report import report_to_levels, report_to_program
 from bonecam.progress import Progress, part, silent
+from bonecam.runtime.timing import StageTimes
 from bonecam.setup.placement import Setup, place
 from bonecam.setup.schedule import check_cuts
 from bonecam.setup.stock_kind import check_sizes
 from bonecam.surface.files.surface_input import read_part
 from bonecam.surface.part_surface import fit_surface
-from bonecam.timing import StageTimes
-from bonecam.toolpath.ball_depth import check_depths
+from bonecam.toolpath.cutters.ball_depth import check_depths
 from bonecam.verify.proof import verify
 from bonecam.verify.readback import Tolerances
 from bonecam.verify.removal.of_job import prove_removal

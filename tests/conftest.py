@@ -19,7 +19,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh  # noqa: E402
 from bonecam.setup.capsule import Capsule  # noqa: E402
 from bonecam.surface.tmesh.rows import RowTMesh  # noqa: E402
 from bonecam.surface.tspline import TSpline  # noqa: E402
-from bonecam.toolpath.cutter import Cutter  # noqa: E402
+from bonecam.toolpath.cutters.cutter import Cutter  # noqa: E402
 from bonecam.toolpath.path import Kind, ToolPath  # noqa: E402
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"

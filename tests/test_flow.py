@@ -6,12 +6,12 @@ from pathlib import Path
 import pytest
 
 ORDER = [
-    *"errors progress timing arrays threads runtime files text materials job kernels".split(),
+    *"errors progress arrays runtime files text materials job kernels".split(),
     *"mesh setup surface levels toolpath orientation nc verify".split(),
     *"outputs pipeline simulation script_run filters batch cli __main__".split(),
 ]
 ROOMS = {
-    "runtime": "parent signals temporary worker own_files staging".split(),
+    "runtime": "threads timing parent signals temporary worker own_files staging".split(),
     "surface": [
         *"basis tmesh query tessellation refinement tspline".split(),
         *"rows_to_general fitting skinning files part_surface".split(),
@@ -20,14 +20,8 @@ ROOMS = {
         *"problem solvers measure refine_for_depth sequences".split(),
         *"closed_morph open_stock open_morph body_surface edge_rounding equal_depths job_levels".split(),
     ],
-    "toolpath": [
-        *"ball_depth cutter path gouge material scallop sampling spacing pattern".split(),
-        *"post_ring stretches zigzag".split(),
-    ],
-    "orientation": [
-        *"limits cones collision lead singularity admissible field tool_axes links".split(),
-        *"oriented_path level_paths post_length".split(),
-    ],
+    "toolpath": "cutters path gouge patterns engagement contacts".split(),
+    "orientation": "limits cones collision axes field links oriented_path level_paths post_length".split(),
     "verify": "gouge readback trial_program proof removal report summary pictures".split(),
 }
 """The order of the modules and sub-packages inside a stage."""

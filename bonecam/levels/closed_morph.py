@@ -26,12 +26,12 @@ from bonecam.levels.sequences.sequence_maker import SequenceMaker
 from bonecam.levels.solvers.solver import SOLVERS
 from bonecam.mesh.distance import MeshDistance
 from bonecam.progress import Progress, part, rising, silent
+from bonecam.runtime.threads import on_one_blas_thread
 from bonecam.setup.containment import MARGIN, require_inside
 from bonecam.setup.schedule import Schedule
 from bonecam.setup.stock import Stock
 from bonecam.surface.tessellation.validity import require_valid
 from bonecam.surface.tspline import TSpline
-from bonecam.threads import on_one_blas_thread
 
 METHODS = {
     "qp": (NESTING_TOLERANCE, STOCK_TOLERANCE),

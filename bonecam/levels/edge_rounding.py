@@ -26,13 +26,13 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.remeshing import split_edges
 from bonecam.mesh.triangle_mesh import TriangleMesh, probes
+from bonecam.runtime.threads import on_one_blas_thread
 from bonecam.setup.containment import MARGIN, require_inside
 from bonecam.setup.rounding.half_spaces import half_spaces_of, intersect
 from bonecam.setup.rounding.largest_rounding import require_roundable
 from bonecam.setup.schedule import Schedule
 from bonecam.setup.stock import Stock
 from bonecam.surface.tspline import TSpline
-from bonecam.threads import on_one_blas_thread
 
 CHORD = 0.02
 """Chord tolerance (mm) of the meshes of part, bodies and stock."""

@@ -39,9 +39,9 @@ from bonecam.levels.sequences.loop import Stop, levels_to_stock
 from bonecam.levels.solvers.osqp import solve_qp
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.progress import Progress, silent
+from bonecam.runtime.threads import on_one_blas_thread
 from bonecam.setup.schedule import Schedule
 from bonecam.surface.tspline import TSpline
-from bonecam.threads import on_one_blas_thread
 
 EDGES = ("free", "fixed")
 """What the edges of the levels do: go with those of the stock, or stay with those of the part."""

@@ -15,7 +15,7 @@ from numpy import ndarray
 from bonecam.arrays import dots
 from bonecam.kernels.closest.triangle_tree import boxes_of, distances_within, tree_order
 from bonecam.mesh.triangle_mesh import TriangleMesh, probes
-from bonecam.threads import in_pieces
+from bonecam.runtime.threads import in_pieces
 
 LEAF = 4
 """Triangles of a leaf of the tree, at most."""

@@ -4,9 +4,9 @@ tool."""
 from bonecam.errors import MachineError
 from bonecam.job import Job, ToolJob, field_error
 from bonecam.nc.machine import Machine
-from bonecam.orientation.lead import check_lead
+from bonecam.orientation.axes.lead import check_lead
 from bonecam.setup.stock import Stock
-from bonecam.toolpath.cutter import Cutter
+from bonecam.toolpath.cutters.cutter import Cutter
 
 
 def check_tools(job: Job, machine: Machine) -> None:

@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 from bonecam.job import Job, PathJob
 from bonecam.levels.measure.level import Level, MachinedLevel, machined_levels, morph_surfaces
 from bonecam.mesh.distance import MeshDistance
+from bonecam.orientation.axes.lead import check_lead
 from bonecam.orientation.collision.checker import CollisionChecker
 from bonecam.orientation.collision.scene import Scene
 from bonecam.orientation.field.axis_field import AxisField
 from bonecam.orientation.field.fit import fit_axis_field
-from bonecam.orientation.lead import check_lead
 from bonecam.orientation.limits import AxisLimits
 from bonecam.orientation.oriented_path import orient
 from bonecam.progress import Progress, report, silent
@@ -25,13 +25,13 @@ from bonecam.setup.fixture.clamping import clamping_of
 from bonecam.setup.fixture.table import MachineBodies
 from bonecam.setup.holding import Post, post_below
 from bonecam.setup.stock import Stock
-from bonecam.toolpath.cutter import Cutter
+from bonecam.toolpath.contacts import CandidateContacts, candidate_contacts, contact_path
+from bonecam.toolpath.cutters.cutter import Cutter
+from bonecam.toolpath.engagement.material import DEVIATION, remove_material, uncut_material
+from bonecam.toolpath.engagement.stretches import Allowed
 from bonecam.toolpath.gouge import MESH_SHARE, planned_tolerance
-from bonecam.toolpath.material import DEVIATION, remove_material, uncut_material
 from bonecam.toolpath.path import ContactPath, ToolPath
-from bonecam.toolpath.pattern import fastest_pattern
-from bonecam.toolpath.stretches import Allowed
-from bonecam.toolpath.zigzag import CandidateContacts, candidate_contacts, contact_path
+from bonecam.toolpath.patterns.fastest import fastest_pattern
 
 PART_CHORD = 0.002
 """Largest chord tolerance (mm) of the tessellated part that balls are kept out of: MESH_SHARE of the gouge

@@ -10,6 +10,8 @@ from numpy import ndarray
 from bonecam.arrays import angles_between
 from bonecam.errors import OrientationError
 from bonecam.job import NcJob, PathJob
+from bonecam.orientation.axes.singularity import SINGULAR_ANGLE, least_polar_angles
+from bonecam.orientation.axes.tool_axes import ToolAxes, choose_axes
 from bonecam.orientation.collision.checker import CollisionChecker
 from bonecam.orientation.collision.scene import Scene
 from bonecam.orientation.limits import AxisLimits
@@ -17,8 +19,6 @@ from bonecam.orientation.links.direct import direct_links
 from bonecam.orientation.links.link_space import LinkSpace
 from bonecam.orientation.links.moves import Feeds, Moves, join_moves, moves_of
 from bonecam.orientation.links.sequence import LinkedRuns, link_runs
-from bonecam.orientation.singularity import SINGULAR_ANGLE, least_polar_angles
-from bonecam.orientation.tool_axes import ToolAxes, choose_axes
 from bonecam.toolpath.gouge import planned_tolerance
 from bonecam.toolpath.path import ContactPath, Kind, ToolPath
 

@@ -18,16 +18,16 @@ from bonecam.errors import OrientationError
 from bonecam.job import Job
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.orientation.admissible import candidate_directions
+from bonecam.orientation.axes.admissible import candidate_directions
+from bonecam.orientation.axes.lead import LEAVING, ROOM
 from bonecam.orientation.collision.checker import CollisionChecker
 from bonecam.orientation.collision.scene import Scene
-from bonecam.orientation.lead import LEAVING, ROOM
 from bonecam.orientation.limits import AxisLimits
 from bonecam.setup.capsule import enclosing_capsule
 from bonecam.setup.fixture.clamping import Clamping, clamping_of
 from bonecam.setup.fixture.table import MachineBodies
 from bonecam.setup.placement import Setup
-from bonecam.toolpath.cutter import Cutter
+from bonecam.toolpath.cutters.cutter import Cutter
 
 SPACING = 0.5
 """One contact is sampled in every cube of this side, mm; of larger parts in larger ones."""

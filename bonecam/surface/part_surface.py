@@ -5,10 +5,10 @@ from bonecam.job import Job
 from bonecam.mesh.part import Part
 from bonecam.mesh.sections.rows import harmonic_rows
 from bonecam.progress import Progress, part, silent
+from bonecam.runtime.threads import on_one_blas_thread
 from bonecam.surface.files import surface_input
 from bonecam.surface.fitting.fit import Fit, fit
 from bonecam.surface.tessellation.validity import require_valid
-from bonecam.threads import on_one_blas_thread
 
 
 def fit_surface(placed: Part, job: Job, progress: Progress = silent, given: Fit | None = None) -> Fit:

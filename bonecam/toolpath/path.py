@@ -6,7 +6,7 @@ from enum import IntEnum
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from bonecam.toolpath.cutter import Cutter
+from bonecam.toolpath.cutters.cutter import Cutter
 
 
 class Kind(IntEnum):

@@ -16,7 +16,7 @@ from bonecam.nc.kinematics import tool_axes
 from bonecam.nc.machine import Machine
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.read import read_program
-from bonecam.toolpath.cutter import Cutter
+from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.toolpath.path import Kind, ToolPath
 from bonecam.verify.readback import Tolerances, compare_moves
 

@@ -24,7 +24,7 @@ from bonecam.setup.fixture.column import Column
 from bonecam.setup.holding import Post
 from bonecam.setup.revolution import revolve
 from bonecam.surface.tspline import TSpline
-from bonecam.toolpath.cutter import Cutter, Section
+from bonecam.toolpath.cutters.cutter import Cutter, Section
 
 UP = np.array([0.0, 0.0, 1.0])
 

@@ -13,10 +13,16 @@ from bonecam.job.frustum import Frustum
 from bonecam.levels.measure.level import Level, RoundedLevel
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.orientation.admissible import candidate_directions
+from bonecam.orientation.axes.admissible import candidate_directions
+from bonecam.orientation.axes.lead import lead_axes
+from bonecam.orientation.axes.singularity import (
+    SINGULAR_ANGLE,
+    SINGULAR_CONE,
+    avoid_singularity,
+    least_polar_angles,
+)
 from bonecam.orientation.collision.checker import CollisionChecker
 from bonecam.orientation.collision.scene import Scene
-from bonecam.orientation.lead import lead_axes
 from bonecam.orientation.limits import AxisLimits, polar_angles
 from bonecam.orientation.links import retract
 from bonecam.orientation.links.direct import direct_links
@@ -24,20 +30,14 @@ from bonecam.orientation.links.link_space import LinkSpace
 from bonecam.orientation.links.moves import Feeds
 from bonecam.orientation.links.retract import Departure
 from bonecam.orientation.oriented_path import MAX_TURN, orient
-from bonecam.orientation.singularity import (
-    SINGULAR_ANGLE,
-    SINGULAR_CONE,
-    avoid_singularity,
-    least_polar_angles,
-)
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.fixture.clamping import Clamping
 from bonecam.setup.fixture.column import Column
 from bonecam.setup.holding import post_below
 from bonecam.surface.tspline import TSpline
-from bonecam.toolpath.cutter import Cutter
+from bonecam.toolpath.contacts import candidate_contacts, contact_path
+from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.toolpath.path import ContactPath, Kind, ToolPath
-from bonecam.toolpath.zigzag import candidate_contacts, contact_path
 
 MIKRON = AxisLimits(np.radians(115.0))
 

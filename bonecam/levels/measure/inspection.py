@@ -25,10 +25,10 @@ from bonecam.levels.measure.violations import Violation, require_none, violation
 from bonecam.levels.problem.tolerances import NESTING_TOLERANCE
 from bonecam.mesh.intersections import self_intersections
 from bonecam.progress import Progress, report, silent
+from bonecam.runtime.threads import cores
 from bonecam.setup.schedule import Schedule
 from bonecam.setup.stock import Stock
 from bonecam.surface.tspline import TSpline
-from bonecam.threads import cores
 
 MAX_DOUBTED_PLACES = 100
 """Most places of a level at which its certificate leaves depth in doubt that become samples when the level is

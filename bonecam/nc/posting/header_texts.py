@@ -15,7 +15,7 @@ from bonecam.nc.posting.path_words import Posted
 from bonecam.nc.posting.travel import Travel
 from bonecam.setup.stock import Stock
 from bonecam.setup.stock_kind import kind_of
-from bonecam.toolpath.cutter import Cutter
+from bonecam.toolpath.cutters.cutter import Cutter
 
 WIDEST = 96
 """Most characters of a comment that is divided between words."""

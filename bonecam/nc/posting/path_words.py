@@ -15,7 +15,7 @@ from bonecam.nc.dialect import Dialect
 from bonecam.nc.kinematics import inverse_linear
 from bonecam.nc.machine import Machine
 from bonecam.nc.posting.split import Moves, split_moves
-from bonecam.toolpath.cutter import Cutter
+from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.toolpath.gouge import POSTING_SHARE, planned_tolerance
 from bonecam.toolpath.path import Kind, ToolPath
 

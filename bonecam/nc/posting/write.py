@@ -25,7 +25,7 @@ from bonecam.nc.program import Program
 from bonecam.nc.words import wrapped
 from bonecam.progress import Progress, report, silent
 from bonecam.setup.stock import Stock
-from bonecam.toolpath.cutter import Cutter
+from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.toolpath.path import Kind, ToolPath
 
 

@@ -14,7 +14,7 @@ from bonecam.orientation.collision.scene import Scene
 from bonecam.orientation.collision.sphere_tracing import COLLIDING, FREE, UNDECIDED, Poses, classify_poses
 from bonecam.orientation.collision.thick_tool import classify_thick_tool
 from bonecam.orientation.collision.tool_mesh import reach_to_gauge_line
-from bonecam.toolpath.cutter import Cutter
+from bonecam.toolpath.cutters.cutter import Cutter
 
 REST_MARGIN = 0.1
 """Margin (mm) of poses checked at rest, for the moves that will begin and end there."""

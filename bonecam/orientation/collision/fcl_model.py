@@ -27,7 +27,7 @@ from bonecam.orientation.collision.tool_mesh import (
 )
 from bonecam.setup.fixture.clamping import Clamping
 from bonecam.setup.fixture.column import Column
-from bonecam.toolpath.cutter import Cutter, Section
+from bonecam.toolpath.cutters.cutter import Cutter, Section
 
 FclObject = Any
 """An fcl.CollisionObject: fcl has no types."""

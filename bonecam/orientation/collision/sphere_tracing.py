@@ -18,7 +18,7 @@ from numpy import ndarray
 from bonecam.arrays import angles_between
 from bonecam.orientation.collision.scene import Scene, Surroundings
 from bonecam.setup.fixture.clamping import Clamping
-from bonecam.toolpath.cutter import Cutter, Section
+from bonecam.toolpath.cutters.cutter import Cutter, Section
 
 TANGENT_SLACK = 0.01
 """The cutter is thinner by this much (mm) against the level: a tangent contact is no collision."""

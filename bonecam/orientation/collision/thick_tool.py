@@ -22,7 +22,7 @@ from bonecam.orientation.collision.scene import Scene, Surroundings
 from bonecam.orientation.collision.sphere_tracing import COLLIDING, FREE, TANGENT_SLACK, UNDECIDED
 from bonecam.orientation.collision.tool_mesh import CIRCUMSCRIBED, sweep_margin
 from bonecam.setup.fixture.column import Column
-from bonecam.toolpath.cutter import Cutter, Section
+from bonecam.toolpath.cutters.cutter import Cutter, Section
 
 LOOK_AHEAD = (4.0, 2.0, 1.0, 0.5, 0.25, 0.0)
 """How far above the proven height spheres are tried, in radii of the section; a far one proves most."""

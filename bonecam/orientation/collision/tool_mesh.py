@@ -6,7 +6,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.orientation.collision.sphere_tracing import TANGENT_SLACK
 from bonecam.setup.fixture.column import Column
 from bonecam.setup.revolution import revolve
-from bonecam.toolpath.cutter import Cutter, Section
+from bonecam.toolpath.cutters.cutter import Cutter, Section
 
 SIDES = 48
 """Sides of the polygons that stand for circles."""

@@ -14,13 +14,13 @@ from numpy import ndarray
 from scipy.linalg import solve
 
 from bonecam.job import PathJob
-from bonecam.orientation.admissible import nearest_free_axes
+from bonecam.orientation.axes.admissible import nearest_free_axes
+from bonecam.orientation.axes.lead import table_limits
 from bonecam.orientation.collision.checker import CollisionChecker
 from bonecam.orientation.field.axis_field import AxisField
 from bonecam.orientation.field.energy import AxisBounds, AxisEnergy, second_differences
-from bonecam.orientation.lead import table_limits
 from bonecam.orientation.limits import AxisLimits, polar_angles
-from bonecam.threads import on_one_blas_thread
+from bonecam.runtime.threads import on_one_blas_thread
 from bonecam.toolpath.path import ContactPath
 
 SPACING = 0.6

@@ -5,10 +5,10 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from bonecam.arrays import angles_between
+from bonecam.orientation.axes.singularity import SINGULAR_ANGLE, avoid_singularity, least_polar_angles
 from bonecam.orientation.collision.interpolation import interpolate_poses
 from bonecam.orientation.links.link_space import LinkSpace
 from bonecam.orientation.links.moves import Moves, moves_of
-from bonecam.orientation.singularity import SINGULAR_ANGLE, avoid_singularity, least_polar_angles
 from bonecam.toolpath.path import Kind
 
 LIFT = 0.2

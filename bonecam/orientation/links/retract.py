@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.orientation.lead import LEAVING
+from bonecam.orientation.axes.lead import LEAVING
 from bonecam.orientation.limits import polar_angles, with_polar_angles
 from bonecam.orientation.links.link_space import LinkSpace, Polyline
 from bonecam.orientation.links.moves import Feeds, Moves, Pose

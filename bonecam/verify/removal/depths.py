@@ -11,7 +11,7 @@ from numpy import ndarray
 from bonecam.kernels.removal.air import air_distances, new_ends
 from bonecam.kernels.removal.rays import RaySet
 from bonecam.kernels.removal.sweep import Pieces
-from bonecam.threads import in_pieces
+from bonecam.runtime.threads import in_pieces
 from bonecam.verify.removal.rays import RayGrid, order
 
 SPACING = 0.2

@@ -10,7 +10,7 @@ from bonecam.nc.machine import Machine
 from bonecam.progress import Progress, silent
 from bonecam.setup.holding import post_below
 from bonecam.setup.stock import Stock
-from bonecam.toolpath.cutter import Cutter
+from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.verify.removal.result import Removal
 from bonecam.verify.removal.simulate import Accuracy, simulate_removal
 from bonecam.verify.removal.verdicts import check_removal

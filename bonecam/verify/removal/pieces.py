@@ -7,7 +7,7 @@ from numpy import ndarray
 from bonecam.arrays import angles_between
 from bonecam.kernels.removal.sweep import Pieces
 from bonecam.nc.reading.motions import Motions
-from bonecam.toolpath.cutter import Cutter
+from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.verify.gouge import centre_bows
 from bonecam.verify.removal.rays import RayGrid, order
 

@@ -15,8 +15,8 @@ from scipy.spatial import ConvexHull
 
 from bonecam.errors import JobError
 from bonecam.kernels.removal.rays import TILE, RaySet, summarise
+from bonecam.runtime.threads import in_pieces
 from bonecam.setup.stock import Stock
-from bonecam.threads import in_pieces
 
 ROOM = 4
 """Intervals on a ray to begin with: more are made room for where a cut needs them."""

@@ -23,7 +23,7 @@ from bonecam.setup.holding import Post
 from bonecam.setup.stock import Stock
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.surface.tspline import TSpline
-from bonecam.toolpath.cutter import Cutter
+from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.verify.removal.depths import cut_depths, move_through
 from bonecam.verify.removal.groups import Group, feed_minutes, groups_of
 from bonecam.verify.removal.left import measure_left

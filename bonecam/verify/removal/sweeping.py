@@ -17,9 +17,9 @@ from bonecam.kernels.removal.bricks import (
 )
 from bonecam.kernels.removal.rays import RaySet
 from bonecam.kernels.removal.sweep import Found, Pieces, sweep
+from bonecam.runtime.threads import in_pieces
 from bonecam.setup.stock import Stock
-from bonecam.threads import in_pieces
-from bonecam.toolpath.cutter import Cutter
+from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.verify.removal.pieces import in_grid
 from bonecam.verify.removal.rays import RayGrid, order, with_more_room
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from bonecam.nc.reading.motions import Motions
-from bonecam.toolpath.cutter import Cutter
+from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.verify.removal.result import Spot
 
 

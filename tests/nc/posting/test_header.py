@@ -18,7 +18,7 @@ from bonecam.nc.posting.tolerances import contour_tolerance, rotary_tolerance_de
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.read import read_program
 from bonecam.setup.capsule import Capsule
-from bonecam.toolpath.cutter import Cutter
+from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.toolpath.path import Kind, ToolPath
 from bonecam.verify.readback import Tolerances, compare_moves
 

@@ -11,19 +11,19 @@ from bonecam.job import HoldingJob, NcJob, PathJob
 from bonecam.levels.measure.level import Level
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.orientation.axes.lead import lead_axes
 from bonecam.orientation.collision.checker import CollisionChecker
 from bonecam.orientation.collision.scene import Scene
 from bonecam.orientation.field.fit import fit_axis_field
-from bonecam.orientation.lead import lead_axes
 from bonecam.orientation.limits import AxisLimits, polar_angles
 from bonecam.orientation.oriented_path import orient
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.fixture.clamping import Clamping
 from bonecam.setup.holding import post_below
 from bonecam.surface.tspline import TSpline
-from bonecam.toolpath.cutter import Cutter
+from bonecam.toolpath.contacts import candidate_contacts, contact_path
+from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.toolpath.path import ContactPath, Kind
-from bonecam.toolpath.zigzag import candidate_contacts, contact_path
 
 LIMITS = AxisLimits(np.radians(115.0), tilt_speed=np.radians(90) * 60, turn_speed=np.radians(120) * 60)
 JOB = PathJob(pattern="along", orientation="smooth")

@@ -17,7 +17,7 @@ from numpy import ndarray
 from bonecam.arrays import dots
 from bonecam.errors import ToolPathError
 from bonecam.surface.tspline import TSpline
-from bonecam.toolpath.scallop import side_step
+from bonecam.toolpath.patterns.scallop import side_step
 
 FEED_SAMPLES = 96
 """Samples of the grid along the feed."""

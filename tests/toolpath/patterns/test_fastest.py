@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 
 from bonecam.surface.tspline import TSpline
-from bonecam.toolpath.cutter import Cutter
-from bonecam.toolpath.pattern import fastest_pattern, pattern_minutes
+from bonecam.toolpath.cutters.cutter import Cutter
+from bonecam.toolpath.patterns.fastest import fastest_pattern, pattern_minutes
 
 
 def test_a_slender_part_is_cut_along_on_a_slow_table_and_round_on_a_fast_one(

@@ -13,8 +13,8 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from bonecam.arrays import angles_between, dots, unit
+from bonecam.orientation.axes.singularity import SINGULAR_CONE
 from bonecam.orientation.limits import AxisLimits, polar_angles, with_polar_angles
-from bonecam.orientation.singularity import SINGULAR_CONE
 
 SUBDIVISIONS = 3
 """Times that the edges of the icosahedron are halved: its directions are then about 8 degrees apart."""

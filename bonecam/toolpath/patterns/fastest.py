@@ -8,9 +8,9 @@ along it.
 import numpy as np
 
 from bonecam.surface.tspline import TSpline
-from bonecam.toolpath.cutter import Cutter
-from bonecam.toolpath.sampling import contact_frames
-from bonecam.toolpath.spacing import line_positions
+from bonecam.toolpath.cutters.cutter import Cutter
+from bonecam.toolpath.patterns.sampling import contact_frames
+from bonecam.toolpath.patterns.spacing import line_positions
 
 SAMPLES = 48
 """Moves into which a line is divided to measure it."""

@@ -8,7 +8,7 @@ import pytest
 from bonecam.errors import JobError
 from bonecam.job import HoldingJob, ToolJob
 from bonecam.job.frustum import Frustum, stack_as_text, stack_from_text
-from bonecam.toolpath.cutter import Cutter, Section
+from bonecam.toolpath.cutters.cutter import Cutter, Section
 
 SHRINK_FIT: Any = [[35, 10, 17], [20, 40]]
 

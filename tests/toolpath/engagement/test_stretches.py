@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bonecam.toolpath.stretches import (
+from bonecam.toolpath.engagement.stretches import (
     BESIDE,
     LEAST_CONTACTS,
     SHORT_GAP,

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from bonecam.arrays import angles_between, unit
-from bonecam.orientation.limits import polar_angles
-from bonecam.orientation.singularity import (
+from bonecam.orientation.axes.singularity import (
     MIN_PASS_ANGLE,
     SINGULAR_CONE,
     avoid_singularity,
     avoid_singularity_where,
 )
+from bonecam.orientation.limits import polar_angles
 
 
 def over_the_top(miss: float, count: int = 101) -> tuple[np.ndarray, np.ndarray]:

@@ -15,7 +15,7 @@ from bonecam.errors import JobError
 from bonecam.job import field_error
 from bonecam.orientation.limits import AxisLimits, polar_angles, with_polar_angles
 from bonecam.setup.fixture.clamping import Clamping
-from bonecam.toolpath.cutter import Cutter, Section
+from bonecam.toolpath.cutters.cutter import Cutter, Section
 
 OUTWARD = 0.3
 """How far an axis that points straight down is leant away from the Z axis before its azimuth is taken (a

@@ -19,15 +19,10 @@ from bonecam.job import PathJob
 from bonecam.levels.measure.level import MachinedLevel, RoundedLevel
 from bonecam.mesh.distance import MeshDistance
 from bonecam.setup.holding import Post
-from bonecam.toolpath.ball_depth import MAX_DEPTH_RADII
-from bonecam.toolpath.cutter import Cutter
-from bonecam.toolpath.gouge import gouge_free_lifts, planned_tolerance
-from bonecam.toolpath.material import Material
-from bonecam.toolpath.path import ContactPath
-from bonecam.toolpath.post_ring import post_ring
-from bonecam.toolpath.sampling import contact_frames, sample_lines
-from bonecam.toolpath.spacing import line_positions
-from bonecam.toolpath.stretches import (
+from bonecam.toolpath.cutters.ball_depth import MAX_DEPTH_RADII
+from bonecam.toolpath.cutters.cutter import Cutter
+from bonecam.toolpath.engagement.material import Material
+from bonecam.toolpath.engagement.stretches import (
     ANYTHING,
     Allowed,
     Lines,
@@ -36,6 +31,11 @@ from bonecam.toolpath.stretches import (
     stepped_passes,
     whole_passes,
 )
+from bonecam.toolpath.gouge import gouge_free_lifts, planned_tolerance
+from bonecam.toolpath.path import ContactPath
+from bonecam.toolpath.patterns.post_ring import post_ring
+from bonecam.toolpath.patterns.sampling import contact_frames, sample_lines
+from bonecam.toolpath.patterns.spacing import line_positions
 
 POST_CLEARANCE = 0.1
 """The ball keeps this far from the post, mm."""

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_info
 
-from bonecam.threads import cores, in_pieces, on_one_blas_thread
+from bonecam.runtime.threads import cores, in_pieces, on_one_blas_thread
 
 
 @pytest.mark.parametrize("count", [0, 1, 7, 8, 9, 100])

@@ -19,10 +19,10 @@ from bonecam.orientation.oriented_path import orient
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.holding import Post, post_below
 from bonecam.surface.tspline import TSpline
-from bonecam.toolpath.cutter import Cutter
-from bonecam.toolpath.material import DEVIATION, Material, remove_material, uncut_material
+from bonecam.toolpath.contacts import candidate_contacts, contact_path
+from bonecam.toolpath.cutters.cutter import Cutter
+from bonecam.toolpath.engagement.material import DEVIATION, Material, remove_material, uncut_material
 from bonecam.toolpath.path import ToolPath
-from bonecam.toolpath.zigzag import candidate_contacts, contact_path
 
 
 class Skin(Capsule):

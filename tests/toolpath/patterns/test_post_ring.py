@@ -5,7 +5,7 @@ import pytest
 
 from bonecam.arrays import dots
 from bonecam.setup.holding import Post, post_below
-from bonecam.toolpath.post_ring import OUTSIDE, post_ring
+from bonecam.toolpath.patterns.post_ring import OUTSIDE, post_ring
 
 
 @pytest.mark.parametrize("radius", [1.0, 2.0])

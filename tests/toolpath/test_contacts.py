@@ -15,9 +15,9 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.holding import post_below
 from bonecam.surface.tspline import TSpline
-from bonecam.toolpath.cutter import Cutter
+from bonecam.toolpath.contacts import POST_CLEARANCE, candidate_contacts, contact_path
+from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.toolpath.path import ContactPath
-from bonecam.toolpath.zigzag import POST_CLEARANCE, candidate_contacts, contact_path
 
 PATTERNS = ("round", "along")
 

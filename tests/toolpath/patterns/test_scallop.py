@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bonecam.errors import ToolPathError
-from bonecam.toolpath.scallop import FLAT, side_step
+from bonecam.toolpath.patterns.scallop import FLAT, side_step
 
 CASES = [
     (R, h, k)

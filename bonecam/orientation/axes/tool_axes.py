@@ -13,11 +13,11 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from bonecam.job import PathJob
-from bonecam.orientation.admissible import Free, nearest_free_axes, smooth_axes, within_limits
+from bonecam.orientation.axes.admissible import Free, nearest_free_axes, smooth_axes, within_limits
+from bonecam.orientation.axes.lead import bound_polar_angles, has_room, lead_axes
+from bonecam.orientation.axes.singularity import avoid_singularity, avoid_singularity_where
 from bonecam.orientation.collision.checker import CollisionChecker
-from bonecam.orientation.lead import bound_polar_angles, has_room, lead_axes
 from bonecam.orientation.limits import AxisLimits
-from bonecam.orientation.singularity import avoid_singularity, avoid_singularity_where
 from bonecam.toolpath.path import ContactPath
 
 

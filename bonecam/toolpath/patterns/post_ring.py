@@ -13,7 +13,7 @@ from numpy import ndarray
 from bonecam.arrays import dots, unit
 from bonecam.setup.holding import Post
 from bonecam.surface.tspline import TSpline
-from bonecam.toolpath.sampling import contact_frames
+from bonecam.toolpath.patterns.sampling import contact_frames
 
 STEP = 0.25
 """Contacts of the ring are about so far apart, mm."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bonecam.surface.tspline import TSpline
-from bonecam.toolpath.spacing import line_positions
+from bonecam.toolpath.patterns.spacing import line_positions
 
 
 @pytest.mark.parametrize("pattern", ["round", "along"])

@@ -1,0 +1,1 @@
+"""Cutters: profiles of revolution with shank, holder and spindle nose."""

@@ -1,0 +1,1 @@
+"""What stands on a level before it is cut, and which stretches of its passes cut it."""
