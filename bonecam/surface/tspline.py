@@ -66,6 +66,11 @@ class TSpline(Surface[M], Generic[M]):
         low, high = (bool(np.ptp(end, axis=0).max() <= ONE_POINT * size) for end in ends)
         return low, high
 
+    @property
+    def closed_in_s(self) -> bool:
+        """Whether s is periodic: lines t = const are rings."""
+        return self.elements().period[0] > 0
+
     @cached_property
     def patches(self) -> Float[ndarray, "e c 4"]:
         """Homogeneous Bezier control points (w x, w y, w z, w) of every element, s fastest."""

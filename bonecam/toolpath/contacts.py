@@ -1,8 +1,8 @@
 """Zig-zag on a level: iso-parametric lines cut to and fro (Gan et al. 2014, section 4.3), as contacts with
 ball centres.
 
-`round`: rings t = const from the free end down to the post; spacing stays nearly even on a closed bone.
-`along`: lines s = const from pole to pole, as published; they crowd at the poles.
+`round`: lines t = const, from the free end down to the post; on a closed bone they are rings, nearly evenly spaced.
+`along`: lines s = const, on a closed bone from pole to pole, as published; they crowd at the poles.
 """
 
 from collections.abc import Sequence
@@ -91,9 +91,9 @@ def candidate_contacts(
     `obstacles` are what the ball must not enter: the level and the part.
     """
     surface = level.surface
-    closed = job.pattern == "round"
+    closed = job.pattern == "round" and surface.closed_in_s
     across = line_positions(surface, job.pattern, cutter.radius, cutter.scallop)
-    if closed:
+    if job.pattern == "round":
         across = across[::-1]
     lines = sample_lines(surface, job.pattern, across, cutter.radius, job.chord_tolerance, job.max_step)
 

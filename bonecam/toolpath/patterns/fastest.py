@@ -26,7 +26,7 @@ def fastest_pattern(surface: TSpline, cutter: Cutter, turn_speed: float) -> str:
 def pattern_minutes(surface: TSpline, pattern: str, cutter: Cutter, turn_speed: float) -> float:
     """Minutes that the passes of a pattern take at least, links left out."""
     across = line_positions(surface, pattern, cutter.radius, cutter.scallop)
-    low, high = (0.0, 1.0) if pattern == "round" else surface.domain[1]
+    low, high = surface.domain[0 if pattern == "round" else 1]
     along = np.tile(np.linspace(low, high, SAMPLES + 1), len(across))
     fixed = np.repeat(across, SAMPLES + 1)
     parameters = np.column_stack([along, fixed] if pattern == "round" else [fixed, along])

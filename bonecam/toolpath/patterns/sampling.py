@@ -47,15 +47,20 @@ class LineSamples:
         return np.column_stack([self.u, fixed] if self.pattern == "round" else [fixed, self.u])
 
 
+def tangent_range(surface: TSpline) -> tuple[float, float]:
+    """The least and the largest t at which tangents are taken: POLE inside the domain at a pole, else its end."""
+    low, high = (float(t) for t in surface.domain[1])
+    first, last = (POLE * (high - low) * pole for pole in surface.poles)
+    return low + first, high - last
+
+
 def contact_frames(
     surface: TSpline, pattern: str, parameters: Float[ndarray, "n 2"]
 ) -> tuple[Float[ndarray, "n 3"], Float[ndarray, "n 3"], Float[ndarray, "n 3"]]:
     """Points, outward unit normals and unit feed directions (of growing u) at (s, t); at poles their
     limits."""
-    low, high = surface.domain[1]
-    edge = POLE * (high - low)
-    t = np.clip(parameters[:, 1], low + edge, high - edge)
-    points, Ss, St = surface.evaluate(np.mod(parameters[:, 0], 1.0), t, 1)
+    t = np.clip(parameters[:, 1], *tangent_range(surface))
+    points, Ss, St = surface.evaluate(parameters[:, 0], t, 1)
     feeds = Ss if pattern == "round" else St
     return points, unit(np.cross(Ss, St)), unit(feeds)
 
@@ -68,8 +73,8 @@ def sample_lines(
     chord_tolerance: float,
     max_step: float,
 ) -> LineSamples:
-    """The contacts of all lines for a ball of `radius`; a ring has its first contact again at its end (u = 0
-    and u = 1)."""
+    """The contacts of all lines for a ball of `radius`; a line in a closed direction has its first contact again at
+    its end."""
     lines = _spread(surface, pattern, across, radius, chord_tolerance, max_step)
     unchecked = np.ones(len(lines.u), dtype=bool)
     for _ in range(MAX_HALVINGS):
@@ -88,7 +93,7 @@ def _spread(
     max_step: float,
 ) -> LineSamples:
     """First samples, spread by the curvature of the densely sampled offset curves."""
-    start, end = (0.0, 1.0) if pattern == "round" else surface.domain[1]
+    start, end = surface.domain[0 if pattern == "round" else 1]
     dense = np.linspace(start, end, DENSE_MOVES + 1)
     count = len(across)
     line = np.repeat(np.arange(count), DENSE_MOVES + 1)

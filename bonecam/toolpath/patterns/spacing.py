@@ -1,5 +1,5 @@
 """Where the iso-parametric lines of a zig-zag lie: each line at the smallest step-over found on the line
-before.
+before. A surface may be closed in s or open, and its t may end at poles or at edges (`LineEnd`).
 
 With the feed along s, the distance to the neighbouring line across the feed grows by h = sqrt(EG - F^2) /
 sqrt(E) per unit of t, E, F, G being the first fundamental form (Eqs. 13-14 of Gan et al. 2014 solved for the
@@ -9,6 +9,7 @@ are exchanged.
 """
 
 from collections.abc import Callable
+from enum import Enum
 
 import numpy as np
 from jaxtyping import Float
@@ -17,6 +18,7 @@ from numpy import ndarray
 from bonecam.arrays import dots
 from bonecam.errors import ToolPathError
 from bonecam.surface.tspline import TSpline
+from bonecam.toolpath.patterns.sampling import tangent_range
 from bonecam.toolpath.patterns.scallop import side_step
 
 FEED_SAMPLES = 96
@@ -34,24 +36,42 @@ MAX_LINES = 20000
 """More lines than this mean that they crowd without end."""
 WINDOW = 16
 """Cells of the grid that are first searched for the next line."""
-POLE = 1e-5
-"""At a pole limits are taken this far (share of the domain) inside."""
 MIN_CLEARANCE = 0.05
 """Where 1 + curvature * radius is less, the ball hardly fits: the contact will be lifted, and the section
 counts as flat."""
 
 
-def line_positions(surface: TSpline, pattern: str, radius: float, scallop: float) -> Float[ndarray, " k"]:
-    """Increasing t of the rings (`round`) or s of the pole-to-pole lines (`along`).
+class LineEnd(Enum):
+    """Where the parameter across the feed begins or ends, and which lines lie there.
 
-    The first and last ring lie within half a side step of their pole, so that the pole itself is cut. ValueError for
-    another pattern.
+    POLE: half a side step away, so that the pole itself is cut. EDGE: on the edge. SEAM: at its beginning, which is
+    its end.
+    """
+
+    POLE = "pole"
+    EDGE = "edge"
+    SEAM = "seam"
+
+
+def line_positions(surface: TSpline, pattern: str, radius: float, scallop: float) -> Float[ndarray, " k"]:
+    """Increasing t of the lines that run in s (`round`), or s of the lines that run in t (`along`).
+
+    ValueError for another pattern.
     """
     if pattern not in ("round", "along"):
         raise ValueError(f"pattern {pattern!r}: give round or along, such as fastest_pattern(...)")
     across, passes = _count_passes(surface, pattern, radius, scallop)
-    lines_of = _rings if pattern == "round" else _meridians
-    return _even_out(lambda step: lines_of(across, passes, step))
+    ends = _line_ends(surface, pattern)
+    return _even_out(lambda step: _lines(across, passes, step, ends))
+
+
+def _line_ends(surface: TSpline, pattern: str) -> tuple[LineEnd, LineEnd]:
+    """What the parameter across the feed begins and ends with."""
+    if pattern == "round":
+        first, last = (LineEnd.POLE if pole else LineEnd.EDGE for pole in surface.poles)
+        return first, last
+    sides = LineEnd.SEAM if surface.closed_in_s else LineEnd.EDGE
+    return sides, sides
 
 
 def _count_passes(
@@ -60,15 +80,14 @@ def _count_passes(
     """The parameter across the feed (a,), and the passes from its start up to there at f places along the
     feed."""
     is_round = pattern == "round"
-    low, high = surface.domain[1]
-    edge = POLE * (high - low)
+    (left, right), (low, high) = surface.domain
     s_count, t_count = (FEED_SAMPLES, ACROSS_SAMPLES) if is_round else (ACROSS_SAMPLES, FEED_SAMPLES)
-    s = np.linspace(0, 1, s_count)
-    t = np.linspace(low + edge, high - edge, t_count)
+    s = np.linspace(left, right, s_count)
+    t = np.linspace(*tangent_range(surface), t_count)
     grid_s, grid_t = (v.ravel() for v in np.meshgrid(s, t, indexing="ij"))
     height, curvature = across_feed(surface, pattern, grid_s, grid_t)
 
-    cell_width = (high - low) / t_count if is_round else 1 / s_count
+    cell_width = (high - low) / t_count if is_round else (right - left) / s_count
     cell = np.maximum(height, np.finfo(float).eps) * cell_width
     fits = 1 + curvature * radius > MIN_CLEARANCE
     bounded = np.where(fits, np.minimum(curvature, MAX_TURN / cell), 0.0)
@@ -103,32 +122,27 @@ def across_feed(
     return np.where(degenerate, 0.0, height), np.where(degenerate, 0.0, curvature)
 
 
-def _rings(across: Float[ndarray, " a"], passes: Float[ndarray, "f a"], step: float) -> Float[ndarray, " k"]:
-    """Rings half a step from a pole, whole steps from one another, and half a step or less from the other
-    pole."""
-    lines: list[float] = []
+def _lines(
+    across: Float[ndarray, " a"],
+    passes: Float[ndarray, "f a"],
+    step: float,
+    ends: tuple[LineEnd, LineEnd],
+) -> Float[ndarray, " k"]:
+    """Lines by whole steps from the first end to the last, as each end asks for."""
+    first, last = ends
+    at_pole = first is LineEnd.POLE
+    lines = [] if at_pole else [float(across[0])]
+    ahead = step / 2 if at_pole else step
+    spare = step / 2 if last is LineEnd.POLE else step
     cell = 1
     here = passes[:, 0]
-    ahead = step / 2
-    while (passes[:, -1] - here).max() > step / 2 or not lines:
+    while (passes[:, -1] - here).max() > spare or not lines:
         cell, place, here = _next_line(across, passes, cell, here, ahead)
         lines.append(place)
         _require_progress(lines)
         ahead = step
-    return np.array(lines)
-
-
-def _meridians(
-    across: Float[ndarray, " a"], passes: Float[ndarray, "f a"], step: float
-) -> Float[ndarray, " k"]:
-    """Lines from s = 0 by whole steps until the seam is one step away or less."""
-    cell = 1
-    lines = [0.0]
-    here = passes[:, 0]
-    while (passes[:, -1] - here).max() > step:
-        cell, place, here = _next_line(across, passes, cell, here, step)
-        lines.append(place)
-        _require_progress(lines)
+    if last is LineEnd.EDGE and lines[-1] < across[-1]:
+        lines.append(float(across[-1]))
     return np.array(lines)
 
 
