@@ -5,11 +5,17 @@ from pathlib import Path as _Path
 
 def names() -> tuple[str, ...]:
     """The shipped meshes, in alphabetical order."""
-    return tuple(sorted(file.stem for file in _Path(__file__).parent.glob("*.ply")))
+    return tuple(sorted(file.stem for file in _files()))
 
 
 def path(name: str) -> _Path:
-    """The PLY file of a shipped mesh. Raises ValueError where there is none of that name."""
+    """The file of a shipped mesh (PLY) or of shipped rows of points (text). Raises ValueError where there is none of
+    that name."""
     if name not in names():
         raise ValueError(f"no mesh {name!r} ships with bonecam: take one of {', '.join(names())}")
-    return _Path(__file__).parent / f"{name}.ply"
+    return next(file for file in _files() if file.stem == name)
+
+
+def _files() -> list[_Path]:
+    """The shipped files."""
+    return [file for file in _Path(__file__).parent.iterdir() if file.suffix in (".ply", ".txt")]

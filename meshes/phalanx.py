@@ -130,10 +130,11 @@ def on_surface(points: Float[ndarray, "n 3"], steps: int = 4) -> Float[ndarray, 
     return points
 
 
-def write(mesh: TriangleMesh, path: str | Path) -> None:
-    """Binary little-endian PLY with float32 coordinates in mm."""
+def write(mesh: TriangleMesh, path: str | Path, recipe: str = "phalanx") -> None:
+    """Binary little-endian PLY with float32 coordinates in mm; `recipe` is the module that made the mesh."""
     header = (
-        "ply\nformat binary_little_endian 1.0\ncomment bonecam phalanx, millimetres, made by bonecam_meshes.phalanx\n"
+        "ply\nformat binary_little_endian 1.0\n"
+        f"comment bonecam {recipe}, millimetres, made by bonecam_meshes.{recipe}\n"
         f"element vertex {len(mesh.vertices)}\nproperty float x\nproperty float y\nproperty float z\n"
         f"element face {len(mesh.faces)}\nproperty list uchar int vertex_indices\nend_header\n"
     )

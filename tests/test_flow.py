@@ -14,7 +14,7 @@ ROOMS = {
     "runtime": "threads timing parent signals temporary worker own_files staging".split(),
     "surface": [
         *"basis tmesh query tessellation refinement tspline".split(),
-        *"rows_to_general fitting skinning files part_surface".split(),
+        *"rows_to_general fitting skinning blades files part_surface".split(),
     ],
     "levels": [
         *"problem solvers measure refine_for_depth sequences".split(),

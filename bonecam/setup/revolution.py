@@ -31,18 +31,32 @@ def revolve(
     return TriangleMesh(np.vstack([points.reshape(-1, 3), poles]), _ring_faces(len(radii), around))
 
 
+def revolve_ring(profile: Float[ndarray, "r 2"], around: int) -> TriangleMesh:
+    """The closed outward mesh that a closed polygon of (radius, height) about the Z axis, counter-clockwise with the
+    radius to the right and the height upward, sweeps in `around` steps; mm."""
+    angle = 2 * np.pi * np.arange(around) / around
+    ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(around)])
+    points = profile[:, :1, None] * ring + profile[:, 1:, None] * np.array([0.0, 0.0, 1.0])
+    index = np.arange(len(profile) * around).reshape(-1, around)
+    return TriangleMesh(
+        points.reshape(-1, 3), _band_faces(index, np.roll(index, -1, axis=0)).astype(np.int32)
+    )
+
+
+def _band_faces(lower: ndarray, upper: ndarray) -> ndarray:
+    """Triangles (m, 3) between rings of vertices (r, around) and the rings above them."""
+    a, b = lower.ravel(), np.roll(lower, -1, axis=1).ravel()
+    c, d = np.roll(upper, -1, axis=1).ravel(), upper.ravel()
+    return np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+
+
 def _ring_faces(rings: int, around: int) -> ndarray:
     """Triangles (m, 3) between neighbouring rings and to the poles, whose vertices follow those of the rings."""
     index = np.arange(rings * around).reshape(rings, around)
     turned = np.roll(index, -1, axis=1)
-    a = index[:-1].ravel()
-    b = turned[:-1].ravel()
-    c = turned[1:].ravel()
-    d = index[1:].ravel()
-
     lower_pole = np.full(around, rings * around)
     upper_pole = lower_pole + 1
     bottom = np.column_stack([lower_pole, turned[0], index[0]])
     top = np.column_stack([upper_pole, index[-1], turned[-1]])
-    faces = np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d]), bottom, top])
+    faces = np.vstack([_band_faces(index[:-1], index[1:]), bottom, top])
     return faces.astype(np.int32)

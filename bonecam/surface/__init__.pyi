@@ -1,4 +1,9 @@
 from .basis.elements import Elements as Elements
+from .blades.blade_solid import blade_solid as blade_solid
+from .blades.flow_path import read_flow_path as read_flow_path
+from .blades.impeller import Impeller as Impeller
+from .blades.impeller import impeller as impeller
+from .blades.section_tables import read_sections as read_sections
 from .files.iga import read_iga as read_iga
 from .files.iga import write_iga as write_iga
 from .files.save import save_surface as save_surface

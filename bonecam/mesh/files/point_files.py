@@ -3,7 +3,7 @@
 One point a line, x y z first (normals, colours and what else follows are left out), separated by blanks,
 tabs, commas or semicolons; where semicolons separate, a comma is a decimal comma. Blocks of points are
 separated by empty lines or comments (# or //), or headed by a line with their number (and `3`). One line of
-column names may stand before them; they must begin with x, y, z.
+column names may stand before them; they must begin with x, y, z (tables of blades have other columns).
 
 One block is a point cloud; several blocks are the rows of a surface (`bonecam.surface.skinning.point_rows`).
 """
@@ -21,12 +21,53 @@ POINTS = (".xyz", ".csv", ".asc", ".pts", ".txt", ".dat")
 """Endings of text files of points."""
 
 
-def read_blocks(path: str | Path) -> tuple[Float[ndarray, "_ 3"], ...]:
+def read_blocks(path: str | Path, columns: str = "xyz") -> tuple[Float[ndarray, "_ c"], ...]:
     """The blocks of points of a text file, in the file's unit. FileError names the file, the line and what is
-    wrong with it."""
+    wrong with it.
+
+    `columns` are the letters that the names of the columns begin with; as many numbers of a line are taken.
+    """
     file = Path(path)
+    blocks: list[list[list[float]]] = [[]]
+    names = False
+    for number, line in enumerate(_lines_of(file), 1):
+        words = _words(line)
+        if not words:
+            blocks.append([])
+            continue
+        try:
+            values = [float(_plain(word)) for word in words]
+        except ValueError as error:
+            if not names and not any(blocks) and _names_columns(words, columns):
+                names = True
+                continue
+            raise _refusal(
+                file,
+                number,
+                f"{line.strip()[:40]!r} is no point",
+                f"write {' '.join(columns)} in columns of that order",
+            ) from error
+        if not np.isfinite(values[: len(columns)]).all():
+            raise _refusal(file, number, f"{line.strip()[:40]!r} is not finite", "export the points again")
+        if len(values) < len(columns):
+            if not _is_head(values):
+                asked = f"write {' '.join(columns)}"
+                raise _refusal(file, number, f"{len(values)} numbers are no point", asked)
+            blocks.append([])
+        else:
+            blocks[-1].append(values[: len(columns)])
+    found = tuple(np.array(block) for block in blocks if block)
+    if not found:
+        raise FileError(
+            f"{file}: holds no points: write {' '.join(columns)}, one point a line", file=str(file)
+        )
+    return found
+
+
+def _lines_of(file: Path) -> list[str]:
+    """The lines of a text file."""
     try:
-        lines = input_text(file).splitlines()
+        return input_text(file).splitlines()
     except OSError as error:
         raise FileError(
             f"{file}: cannot be read ({error.strerror}): give the path of a readable file", file=str(file)
@@ -35,34 +76,6 @@ def read_blocks(path: str | Path) -> tuple[Float[ndarray, "_ 3"], ...]:
         raise FileError(
             f"{file}: is no text: give points as text, or name the file by its true kind", file=str(file)
         ) from error
-    blocks: list[list[list[float]]] = [[]]
-    names = False
-    for number, line in enumerate(lines, 1):
-        words = _words(line)
-        if not words:
-            blocks.append([])
-            continue
-        try:
-            values = [float(_plain(word)) for word in words]
-        except ValueError as error:
-            if not names and not any(blocks) and _names_axes(words):
-                names = True
-                continue
-            raise _refusal(
-                file, number, f"{line.strip()[:40]!r} is no point", "write x y z in columns of that order"
-            ) from error
-        if not np.isfinite(values[:3]).all():
-            raise _refusal(file, number, f"{line.strip()[:40]!r} is not finite", "export the points again")
-        if len(values) < 3:
-            if not _is_head(values):
-                raise _refusal(file, number, f"{len(values)} numbers are no point", "write x y z")
-            blocks.append([])
-        else:
-            blocks[-1].append(values[:3])
-    found = tuple(np.array(block) for block in blocks if block)
-    if not found:
-        raise FileError(f"{file}: holds no points: write x y z, one point a line", file=str(file))
-    return found
 
 
 def _words(line: str) -> list[str]:
@@ -80,10 +93,10 @@ def _plain(word: str) -> str:
     return word
 
 
-def _names_axes(words: list[str]) -> bool:
-    """Whether column names, units between them left out, begin with x, y, z."""
+def _names_columns(words: list[str], columns: str) -> bool:
+    """Whether column names, units between them left out, begin with these letters."""
     names = [name for word in words if (name := word.strip("\"'").lower())[:1].isalpha()]
-    return [name[0] for name in names[:3]] == ["x", "y", "z"]
+    return [name[0] for name in names[: len(columns)]] == list(columns)
 
 
 def _is_head(values: list[float]) -> bool:

@@ -59,8 +59,12 @@ def holds_rows(path: str | Path) -> bool:
 
 def read_rows(path: str | Path) -> PointRows:
     """The rows of points in a file, in the file's unit. FileError names the row that is wrong."""
-    blocks = list(read_blocks(path))
-    poles = _poles(blocks, Path(path))
+    return rows_of(list(read_blocks(path)), Path(path))
+
+
+def rows_of(blocks: list[Float[ndarray, "_ 3"]], path: Path) -> PointRows:
+    """The rows of the blocks of points that came from a file. FileError names the row that is wrong."""
+    poles = _poles(blocks, path)
     rows = blocks if poles is None else blocks[1:-1]
     if len(rows) < 2:
         raise FileError(

@@ -1,0 +1,45 @@
+"""The union of closed meshes as one closed mesh, exact (Zhou et al. 2016)."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from bonecam.errors import MeshError
+from bonecam.mesh.healing.topology import edges_of
+from bonecam.mesh.triangle_mesh import TriangleMesh
+
+
+def solid_union(meshes: Sequence[TriangleMesh]) -> TriangleMesh:
+    """The boundary of everything that lies in one of the closed, outward meshes; it may have several pieces.
+
+    MeshError, with the `number` of the mesh, where one is not closed or encloses no volume.
+    """
+    for number, mesh in enumerate(meshes):
+        _require_solid(mesh, number)
+    import igl.copyleft.cgal as cgal
+
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    vertices = np.vstack([mesh.vertices for mesh in meshes])
+    faces = np.vstack([mesh.faces + start for mesh, start in zip(meshes, starts)])
+    try:
+        points, corners, _ = cgal.mesh_boolean(vertices, faces.astype(np.int64), type_str="union")
+    except RuntimeError as error:
+        raise MeshError(f"the solids cannot be united ({error}): repair them first") from error
+    return TriangleMesh(points, np.asarray(corners, dtype=np.int32))
+
+
+def _require_solid(mesh: TriangleMesh, number: int) -> None:
+    """MeshError where a mesh is open or faces inward."""
+    edges, counts = edges_of(mesh)
+    if not len(mesh.faces) or (counts % 2).any():
+        open_at = mesh.vertices[edges[np.argmax(counts % 2)]].mean(axis=0) if len(mesh.faces) else np.zeros(3)
+        place = ", ".join(f"{x:.2f}" for x in open_at)
+        raise MeshError(
+            f"solid {number} is not closed near ({place}): close it, as the filter meshing_close_holes does",
+            number=number,
+            place=open_at,
+        )
+    if not mesh.volume > 0:
+        raise MeshError(
+            f"solid {number} encloses {mesh.volume:.3g} mm^3: turn its faces outward", number=number
+        )
