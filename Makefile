@@ -7,14 +7,15 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 SYSTEM := libegl1 libgl1 libusb-1.0-0 libopengl0 python3-venv
 CNC := linuxcnc-uspace gcc libc6-dev
+BROWSER := chromium fonts-dejavu-core
 
-.PHONY: demo test docs lint types system cnc clean
+.PHONY: demo test docs lint types system cnc browser clean
 
 demo: $(VENV)/installed
 	mkdir -p out
 	$(BIN)/bonecam demo -o out/phalanx.h --keep out/keep --report out/phalanx.json
 
-test: $(VENV)/developing cnc
+test: $(VENV)/developing cnc browser
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile
 
 docs: $(VENV)/documenting
@@ -28,12 +29,16 @@ lint: $(VENV)/developing
 types: $(VENV)/developing
 	$(BIN)/mypy
 
-# The libraries that open3d and pymeshlab load, and (for tests only) LinuxCNC's interpreter, which runs what we write.
+# The libraries that open3d and pymeshlab load, and (for tests only) LinuxCNC's interpreter, which runs
+# what we write, and a browser, which shows it.
 system:
 	@sh .ci/system-packages $(SYSTEM)
 
 cnc:
 	@sh .ci/system-packages $(CNC) || echo "LinuxCNC's checks will be skipped"
+
+browser:
+	@sh .ci/system-packages $(BROWSER) || echo "the checks of pages in a browser will be skipped"
 
 $(VENV)/installed: pyproject.toml | system
 	$(PYTHON) -m venv $(VENV)

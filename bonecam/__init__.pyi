@@ -17,6 +17,7 @@ from .mesh.part import Part as Part
 from .mesh.triangle_mesh import TriangleMesh as TriangleMesh
 from .outputs.batch_table import Outcome as Outcome
 from .outputs.kept_folder import keep_levels as keep_levels
+from .outputs.kept_view import view as view
 from .outputs.result import Morphed as Morphed
 from .outputs.result import Result as Result
 from .pipeline import convert as convert

@@ -48,6 +48,7 @@ def convert(
     keep: File = None,
     report: File = None,
     surface: File = None,
+    html: File = None,
     simulation: bool = True,
     progress: Progress = silent,
 ) -> Result:
@@ -55,7 +56,7 @@ def convert(
 
     `mesh` is a file, or a mesh in memory in the unit `job.mesh.units`: (vertices, faces), a TriangleMesh, or a
     mesh of open3d, trimesh or pymeshlab. The files `program`, `report` and
-    `surface` (its ending says its kind) and the folder `keep` are written at the end, together. Only a
+    `surface` (its ending says its kind), the page `html` and the folder `keep` are written at the end, together. Only a
     level that fails its check is written to `keep` all the same. Without `simulation` the removal of material is not
     simulated from the posted text. Raises a BonecamError that names the trouble and the remedy.
     """
@@ -63,17 +64,17 @@ def convert(
     machine = read_machine(job.nc.machine)
     dialect = read_dialect(job.nc.controller)
     check_job(job, machine, dialect)
-    outputs = Outputs(program, keep, report, surface)
+    outputs = Outputs(program, keep, report, surface, html)
     given, source = _given(mesh)
     outputs.check(source, dialect)
     times = StageTimes()
 
-    made, job = _morph(given, job, machine, keep, times, part(progress, 0.0, 0.3))
-    result = _machine(made, job, machine, dialect, source, program, times, part(progress, 0.3, 0.8))
+    made = _morph(given, job, machine, keep, times, part(progress, 0.0, 0.3))
+    result = _machine(made, machine, dialect, source, program, times, part(progress, 0.3, 0.8))
     if simulation:
-        result = _simulated(result, job, machine, dialect, times, part(progress, 0.8, 0.97))
+        result = _simulated(result, machine, dialect, times, part(progress, 0.8, 0.97))
     with times.stage("files"):
-        outputs.write(result, job.holding, result.paths, result.program.text, part(progress, 0.97, 1.0))
+        outputs.write(result, part(progress, 0.97, 1.0))
     return result
 
 
@@ -84,22 +85,23 @@ def morph_levels(
     keep: File = None,
     report: File = None,
     surface: File = None,
+    html: File = None,
     progress: Progress = silent,
 ) -> Morphed:
     """The measured levels of a part: the stages of `convert` from the mesh to the levels, for any machine.
 
-    `mesh`, `job`, `keep`, `report` and `surface` are those of `convert`.
+    `mesh`, `job`, `keep`, `report`, `surface` and `html` are those of `convert`.
     """
     job = _require_job(job)
     check_method(job.levels)
-    outputs = Outputs(keep=keep, report=report, surface=surface)
+    outputs = Outputs(keep=keep, report=report, surface=surface, html=html)
     given, source = _given(mesh)
     outputs.check(source)
     times = StageTimes()
 
-    made, job = _morph(given, job, None, keep, times, part(progress, 0.0, 0.95))
+    made = _morph(given, job, None, keep, times, part(progress, 0.0, 0.95))
     with times.stage("files"):
-        outputs.write(made, job.holding, progress=part(progress, 0.95, 1.0))
+        outputs.write(made, part(progress, 0.95, 1.0))
     return made
 
 
@@ -120,8 +122,8 @@ def _morph(
     keep: File,
     times: StageTimes,
     progress: Progress,
-) -> tuple[Morphed, Job]:
-    """Part, surface and levels in a stock for which `machine` has room, and the job with the post's length."""
+) -> Morphed:
+    """Part, surface and levels in a stock for which `machine` has room."""
     with times.stage("mesh"):
         unplaced, given = read_part(mesh, job, part(progress, 0.0, 0.1))
         setup, job = stand_on_post(place(unplaced, job), job, machine)
@@ -138,7 +140,7 @@ def _morph(
     figures = report_to_levels(setup.part, fitted, setup.stock, morph, job.levels.method)
     figures["post"] = {"diameter_mm": job.holding.diameter, "length_mm": job.holding.length}
     figures["seconds"] = times.seconds
-    return Morphed(setup.part, fitted.surface, setup.stock, morph, figures), job
+    return Morphed(setup.part, fitted.surface, setup.stock, morph, figures, job)
 
 
 def stand_on_post(setup: Setup, job: Job, machine: Machine | None = None) -> tuple[Setup, Job]:
@@ -152,7 +154,6 @@ def stand_on_post(setup: Setup, job: Job, machine: Machine | None = None) -> tup
 
 def _machine(
     made: Morphed,
-    job: Job,
     machine: Machine,
     dialect: Dialect,
     source: File,
@@ -161,6 +162,7 @@ def _machine(
     progress: Progress,
 ) -> Result:
     """Tool paths on the levels, the program `file` of the part's file `source`, and its proof."""
+    job = made.job
     levels = made.levels.levels
     design = morph_surfaces(levels)[0]
     with times.stage("toolpath"):
@@ -188,17 +190,17 @@ def _machine(
     program = replace(program, text=record_checks(program.text, dialect, str(proof)))
     name = Path(file).name if file else ""
     figures = {**made.report, **report_to_program(name, paths, program, proof), "removal": NOT_SIMULATED}
-    return Result(made.part, made.surface, made.stock, made.levels, figures, paths, program)
+    return Result(made.part, made.surface, made.stock, made.levels, figures, job, paths, program)
 
 
 def _simulated(
-    result: Result, job: Job, machine: Machine, dialect: Dialect, times: StageTimes, progress: Progress
+    result: Result, machine: Machine, dialect: Dialect, times: StageTimes, progress: Progress
 ) -> Result:
     """The result with what its posted text removes; VerifyError where that is not what a program may do."""
     with times.stage("simulation"):
         levels = result.levels.levels
         text, mesh = result.program.text, result.part.mesh
-        removal = prove_removal(text, machine, dialect, job, result.stock, levels, mesh, progress)
+        removal = prove_removal(text, machine, dialect, result.job, result.stock, levels, mesh, progress)
     return replace(result, report={**result.report, "removal": removal.report}, removal=removal)
 
 

@@ -22,7 +22,7 @@ ROOMS = {
     ],
     "toolpath": "cutters path gouge patterns engagement contacts".split(),
     "orientation": "limits cones collision axes field links oriented_path level_paths post_length".split(),
-    "verify": "gouge readback trial_program proof removal report summary pictures".split(),
+    "verify": "gouge readback trial_program proof removal report summary pictures page sheet".split(),
 }
 """The order of the modules and sub-packages inside a stage."""
 ROOT = Path(__file__).parents[1] / "bonecam"

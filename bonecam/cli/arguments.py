@@ -26,6 +26,8 @@ EXAMPLES = {
   bonecam levels bone.stl --units m -o look --set stock.kind=cylinder --set levels.roughing_depth=1""",
     "simulate": """
   bonecam simulate bone.h --keep look --job job.toml""",
+    "view": """
+  bonecam view look -o bone.html""",
     "batch": """
   bonecam batch scans/*.stl -o programs --job job.toml --jobs 4 --resume""",
     "script": """
@@ -80,6 +82,7 @@ def make_parser() -> "_Parser":
     _add_demo(parsers)
     _add_levels(parsers)
     _add_simulate(parsers)
+    _add_view(parsers)
     _add_batch(parsers)
     _add_script(parsers)
     _add_filters(parsers)
@@ -132,6 +135,13 @@ def _add_simulate(parsers: Any) -> None:
     simulate.add_argument("--report", metavar="FILE.json", help="file for the figures")
     add_job_options(simulate)
     _add_verbosity(simulate)
+
+
+def _add_view(parsers: Any) -> None:
+    text = "Make one HTML file that shows a run in a browser, from the files that --keep kept of it."
+    view = _add_command(parsers, "view", text, commands.run_view)
+    view.add_argument("keep", metavar="DIR", help="the folder of `convert --keep` or `levels -o`")
+    view.add_argument("-o", "--output", metavar="FILE.html", required=True, help="file for the page")
 
 
 def _add_batch(parsers: Any) -> None:
@@ -211,6 +221,8 @@ def _add_results(command: argparse.ArgumentParser) -> None:
     )
     surface = "file for the T-spline: .tspline, .iga, .step or .iges"
     command.add_argument("--surface", metavar="FILE", help=surface)
+    page = "file for a page to look at in a browser: levels, paths, the program played, what is left"
+    command.add_argument("--html", metavar="FILE.html", help=page)
 
 
 def _add_verbosity(command: argparse.ArgumentParser) -> None:

@@ -47,7 +47,7 @@ def _run(
 ) -> int:
     """Call `make` with the part, the job and the files to write, and print the summary of the result."""
     job = job_of(options)
-    outputs |= {"report": options.report, "surface": options.surface}
+    outputs |= {"report": options.report, "surface": options.surface, "html": options.html}
     files = [file for name, file in outputs.items() if file is not None and name != "keep"]
     inputs = [file for file in (options.job, options.machine, options.controller) if file]
     check_files(files, inputs)
@@ -56,6 +56,12 @@ def _run(
         made = make(mesh, job, **outputs, progress=progress)
     if not options.quiet:
         print(made.summary)
+    return 0
+
+
+def run_view(options: argparse.Namespace) -> int:
+    """`bonecam view`: the page of a run, from its kept files."""
+    print(bonecam.view(options.keep, options.output))
     return 0
 
 

@@ -6,48 +6,48 @@ from pathlib import Path
 
 from bonecam.errors import FileError, LevelError
 from bonecam.files import whole_folder, write_whole
+from bonecam.job import write_job
 from bonecam.levels.measure.level import Level
 from bonecam.levels.measure.line_depths import LINE, line_depths, step_depths
 from bonecam.mesh.files.mesh_files import write_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.outputs.kept_view import VIEW
+from bonecam.outputs.result import Morphed, Result
+from bonecam.outputs.run_report import report_text
 from bonecam.outputs.toolpath_csv import toolpath_csv
 from bonecam.setup.stock import Stock
 from bonecam.surface.files.tspline_text import write_tsm
-from bonecam.surface.tspline import TSpline
-from bonecam.toolpath.path import ToolPath
 from bonecam.verify.pictures.depth_colours import draw_coloured
 from bonecam.verify.pictures.depth_curves import draw_depths
 from bonecam.verify.pictures.level_sections import draw_levels
 from bonecam.verify.pictures.tool_paths import draw_toolpath
-from bonecam.verify.removal.result import Left
 
 FAILED = r"failed_level_\d{2,}\.ply"
 """Name of the file that shows where a level failed its check, as a regular expression."""
 LEFT_COLOURED = 0.1
 """Leftovers are coloured from 0 to this height, mm."""
-SERIES = rf"level_\d{{2,}}\.ply|left\.ply|toolpath\.(csv|png)|{FAILED}"
-"""Names of the files of levels and paths, as a regular expression. A later run in the same folder removes those
-that an earlier one wrote there."""
+SERIES = rf"level_\d{{2,}}\.ply|left\.ply|toolpath\.(csv|png)|program\.\w+|view\.gz|job\.toml|report\.json|{FAILED}"
+"""Names of the files of levels, paths and program, as a regular expression. A later run in the same folder
+removes those that an earlier one wrote there."""
 
 
-def fill_kept_folder(
-    work: Path,
-    surface: TSpline,
-    levels: Sequence[Level],
-    stock: Stock,
-    paths: Sequence[ToolPath],
-    post: tuple[float, float],
-    left: Left | None = None,
-) -> None:
-    """Write into `work` surface.tspline, the files of `keep_levels`, toolpath.csv and toolpath.png where there are
-    paths, and left.ply where it is known what stays on the part. `post` is (diameter, top z), mm."""
-    write_tsm(surface, work / "surface.tspline")
-    _write_levels(work, levels, stock, post, LINE)
-    if paths:
-        write_whole(work / "toolpath.csv", toolpath_csv(paths))
-        draw_toolpath(paths, levels, work / "toolpath.png", post)
-    if left is not None:
-        write_mesh(left.mesh, work / "left.ply", quality=left.heights, largest=LEFT_COLOURED)
+def fill_kept_folder(work: Path, made: Morphed, post: tuple[float, float]) -> None:
+    """Write into `work` surface.tspline, the files of `keep_levels`, view.gz, job.toml and report.json; of a program
+    its text, toolpath.csv and toolpath.png, and left.ply where it is known what stays on the part. `post` is
+    (diameter, top z), mm."""
+    levels = made.levels.levels
+    write_tsm(made.surface, work / "surface.tspline")
+    _write_levels(work, levels, made.stock, post, LINE)
+    (work / VIEW).write_bytes(made.packed_view)
+    write_whole(work / "job.toml", write_job(made.job))
+    write_whole(work / "report.json", report_text(made.report))
+    if isinstance(made, Result):
+        write_whole(work / f"program{made.program.extension}", made.program.text)
+        write_whole(work / "toolpath.csv", toolpath_csv(made.paths))
+        draw_toolpath(made.paths, levels, work / "toolpath.png", post)
+        if made.removal and made.removal.left:
+            left = made.removal.left
+            write_mesh(left.mesh, work / "left.ply", quality=left.heights, largest=LEFT_COLOURED)
 
 
 def keep_levels(

@@ -1,35 +1,35 @@
 """The files that a run writes. Their places are tried before the work; each file is written whole, the program
 even where another cannot be."""
 
-import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from bonecam.errors import BonecamError, FileError
 from bonecam.files import check_files, check_folder
-from bonecam.job import HoldingJob
 from bonecam.mesh.files.mesh_files import CAD, MESHES
 from bonecam.nc.dialect import Dialect, dialect_names, read_dialect
 from bonecam.outputs.kept_folder import SERIES, fill_kept_folder
+from bonecam.outputs.kept_view import check_page
 from bonecam.outputs.result import Morphed, Result
+from bonecam.outputs.run_report import report_text
 from bonecam.progress import Progress, report, silent
 from bonecam.runtime.staging import Staging, staged, unwritable
 from bonecam.setup.holding import post_below
 from bonecam.surface.files.save import TEXTS, check_target, save_surface
-from bonecam.toolpath.path import ToolPath
 
 File = str | Path | None
 
 
 @dataclass(frozen=True)
 class Outputs:
-    """The files of program, report and surface, and the folder of --keep; None where one is not wanted."""
+    """The files of program, report, surface and page, and the folder of --keep; None where one is not wanted."""
 
     program: File = None
     keep: File = None
     report: File = None
     surface: File = None
+    html: File = None
 
     def check(self, part: str | Path | None = None, dialect: Dialect | None = None) -> None:
         """FileError where a file cannot be written, has an ending of another kind of file, or is the part's
@@ -37,23 +37,19 @@ class Outputs:
 
         `dialect` is that of the program, where one is wanted.
         """
-        files = [file for file in (self.program, self.report, self.surface) if file is not None]
+        wanted = (self.program, self.report, self.surface, self.html)
+        files = [file for file in wanted if file is not None]
         check_files(files, [] if part is None else [part])
         if self.program is not None and dialect is not None:
             check_ending(Path(self.program), dialect)
         if self.surface is not None:
             check_target(self.surface)
+        if self.html is not None:
+            check_page(self.html)
         if self.keep is not None:
             check_folder(self.keep)
 
-    def write(
-        self,
-        made: Morphed,
-        holding: HoldingJob,
-        paths: Sequence[ToolPath] = (),
-        program: str = "",
-        progress: Progress = silent,
-    ) -> None:
+    def write(self, made: Morphed, progress: Progress = silent) -> None:
         """Write the wanted files of a run, each whole; together they take their places.
 
         What cannot be written keeps neither the program nor the other files from being written: FileError then
@@ -62,9 +58,9 @@ class Outputs:
         report(progress, 0.0, "writing the files")
         troubles: list[Exception] = []
         with staged() as staging:
-            if self.program is not None:
-                _write(staging.file(self.program), self.program, program)
-            for path, write in self._beside(made, holding, paths, staging):
+            if self.program is not None and isinstance(made, Result):
+                _write(staging.file(self.program), self.program, made.program.text)
+            for path, write in self._beside(made, staging):
                 try:
                     write()
                 except Exception as error:  # it is raised once the program is written
@@ -73,22 +69,19 @@ class Outputs:
         if troubles:
             raise _incomplete(troubles[0], self.program)
 
-    def _beside(
-        self, made: Morphed, holding: HoldingJob, paths: Sequence[ToolPath], staging: Staging
-    ) -> list[tuple[str | Path, Callable[[], None]]]:
+    def _beside(self, made: Morphed, staging: Staging) -> list[tuple[str | Path, Callable[[], None]]]:
         """The wanted outputs beside the program, and what writes each."""
         found: list[tuple[str | Path, Callable[[], None]]] = []
         if (file := self.report) is not None:
-            text = json.dumps(made.report, indent=2) + "\n"
-            found.append((file, lambda: _write(staging.file(file), file, text)))
+            found.append((file, lambda: _write(staging.file(file), file, report_text(made.report))))
         if (surface := self.surface) is not None:
             found.append((surface, lambda: save_surface(made.surface, staging.file(surface))))
+        if (page := self.html) is not None:
+            found.append((page, lambda: _write(staging.file(page), page, made.page)))
         if (keep := self.keep) is not None:
+            holding = made.job.holding
             post = (holding.diameter, post_below(made.part.mesh, holding).top)
-            removal = made.removal if isinstance(made, Result) else None
-            left = removal.left if removal else None
-            kept = (made.surface, made.levels.levels, made.stock, paths, post, left)
-            found.append((keep, lambda: fill_kept_folder(staging.folder(keep, SERIES), *kept)))
+            found.append((keep, lambda: fill_kept_folder(staging.folder(keep, SERIES), made, post)))
         return found
 
 

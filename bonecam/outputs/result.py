@@ -1,27 +1,70 @@
 """What a run hands back: part, surface, stock, levels, tool paths, program and report."""
 
+import html
 from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from tempfile import mkdtemp
 from typing import Any
 
+import bonecam
+from bonecam.files import write_whole
+from bonecam.job import Job
 from bonecam.levels.closed_morph import Morph
 from bonecam.mesh.part import Part
 from bonecam.nc.program import Program
+from bonecam.outputs.kept_view import picture_html, show_page
 from bonecam.setup.stock import Stock
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.path import ToolPath
+from bonecam.verify.page.contents import run_contents
+from bonecam.verify.page.packing import pack
+from bonecam.verify.page.page import page_html
 from bonecam.verify.removal.result import Removal
 from bonecam.verify.summary import summary_of
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Morphed:
-    """The result of `bonecam.morph_levels`. `report` is the content of the file of --report."""
+    """The result of `bonecam.morph_levels`. `report` is the content of the file of --report, `job` that of the run with
+    the post's length."""
 
     part: Part
     surface: TSpline
     stock: Stock
     levels: Morph
     report: dict[str, Any]
+    job: Job
+
+    @cached_property
+    def packed_view(self) -> bytes:
+        """What `view` shows, packed as `bonecam.verify.page` has it."""
+        parts = (self.part, self.levels.levels, self.stock, self.job, self.report, bonecam.__version__)
+        return pack(run_contents(*parts, **self._posted))
+
+    @property
+    def page(self) -> str:
+        """The text of the HTML file of `view`."""
+        return page_html(self.packed_view, Path(self.part.file).name)
+
+    def view(self, file: str | Path) -> Path:
+        """Write one HTML file that shows the run in a browser, without network; returns its name. FileError where it
+        cannot be written."""
+        write_whole(file, self.page)
+        return Path(file)
+
+    def show(self) -> Path:
+        """Show the run in the browser; returns the page's file, in a new folder for temporary files."""
+        return show_page(self.view(Path(mkdtemp(prefix="bonecam-")) / "view.html"))
+
+    def _repr_html_(self) -> str:
+        """The summary and a picture, as notebooks show a value."""
+        return f"<pre>{html.escape(self.summary)}</pre>{picture_html(self.levels.levels)}"
+
+    @property
+    def _posted(self) -> dict[str, Any]:
+        """What there is of a program, as `run_contents` takes it."""
+        return {}
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} of {self.part.file}: {self._told}>"
@@ -45,6 +88,11 @@ class Result(Morphed):
     paths: tuple[ToolPath, ...]
     program: Program
     removal: Removal | None = None
+
+    @property
+    def _posted(self) -> dict[str, Any]:
+        """The program with its paths and what it removes."""
+        return {"program": self.program.text, "paths": self.paths, "removal": self.removal}
 
     @property
     def _told(self) -> str:

@@ -1,5 +1,6 @@
 """The report of a run, section by section, as --report writes it."""
 
+import json
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,6 +13,11 @@ from bonecam.surface.fitting.fit import Fit
 from bonecam.toolpath.path import ToolPath
 from bonecam.verify.proof import Verification
 from bonecam.verify.report import levels_report, nc_report, surface_report, toolpath_report
+
+
+def report_text(report: dict[str, Any]) -> str:
+    """The text of a report's file."""
+    return json.dumps(report, indent=2) + "\n"
 
 
 def report_to_levels(part: Part, fitted: Fit, stock: Stock, morph: Morph, method: str) -> dict[str, Any]:

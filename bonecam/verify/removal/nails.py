@@ -11,23 +11,19 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from bonecam.kernels.removal.air import in_material
 from bonecam.kernels.removal.nails import cut_nails, nail_cells
 from bonecam.kernels.removal.rays import RaySet
 from bonecam.kernels.removal.sweep import Pieces
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.tspline import TSpline
 from bonecam.verify.removal.rays import RayGrid
+from bonecam.verify.removal.standing import standing_heights
 
 CHORD = 0.002
 """Chord tolerance, mm, of the tessellation at whose vertices nails stand: about 0.15 mm apart on a small
 bone."""
 REACH = 0.3
 """Cuts up to this height above the surface are exact, mm."""
-HIGHEST = 5.0
-"""What is left is told up to this height, mm."""
-STEP = 0.02
-"""Higher material is measured in steps of this, mm."""
 CELL = 0.5
 """Side of the cells that nails are found by, mm."""
 
@@ -82,16 +78,7 @@ class Nails:
     def measure_the_uncut(self, sets: Sequence[RaySet], grid: RayGrid) -> None:
         """Set the heights of nails that no ball came near to those of the material that stands on them."""
         uncut = np.flatnonzero(self.owners < 0)
-        standing = uncut
-        self.heights[uncut] = 0.0
-        for height in np.arange(STEP, HIGHEST + STEP / 2, STEP):
-            points = grid.of_points(self.points[standing] + height * self.normals[standing])
-            held = np.zeros(len(standing), dtype=bool)
-            in_material(*sets, points, held)
-            standing = standing[held]
-            if not len(standing):
-                return
-            self.heights[standing] = height
+        self.heights[uncut] = standing_heights(self.points[uncut], self.normals[uncut], sets, grid)
 
 
 def nails_on(part: TSpline) -> Nails:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from bonecam.job import Job
-from bonecam.levels.measure.level import Level, morph_surfaces
+from bonecam.levels.measure.level import Level, machined_levels, morph_surfaces
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.machine import Machine
@@ -53,6 +53,7 @@ def prove_removal(
         cutters_of(job, machine),
         part=morph_surfaces(levels)[0],
         limits={index: levels[index + 1].limit for index in range(len(levels) - 1)},
+        surfaces={level.index: level.mesh for level in machined_levels(levels)},
         accuracy=ACCURACY,
         progress=progress,
     )

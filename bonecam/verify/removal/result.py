@@ -7,6 +7,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.verify.removal.standing import Standing
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,8 @@ class Removal:
 
     `rapid_volume` (mm^3) is what rapids remove, `rapid_contact` the first of them that removes more than is
     allowed. `left` is None where no part was given. `volume` is what stands in the end, `volume_error` how
-    far the three sets of rays differ in it, mm^3. `move_volumes` (mm^3) has one row a move of the text.
+    far the three sets of rays differ in it, mm^3. `move_volumes` (mm^3) has one row a move of the text. `standing`
+    is what stood on the surfaces that were given, in machining order.
     """
 
     cell: float
@@ -82,6 +84,7 @@ class Removal:
     volume: float
     volume_error: float
     move_volumes: Float[ndarray, " m"]
+    standing: tuple[Standing, ...] = ()
 
     @property
     def report(self) -> dict[str, Any]:

@@ -11,9 +11,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 
 from bonecam.errors import ProgramError
+from bonecam.kernels.removal.rays import RaySet
 from bonecam.kernels.removal.sweep import Pieces
+from bonecam.mesh.facets.vertex_normals import vertex_normals
+from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.machine import Machine
 from bonecam.nc.reading.motions import Motions
@@ -31,6 +36,7 @@ from bonecam.verify.removal.nails import Nails, nails_on
 from bonecam.verify.removal.pieces import straight_pieces
 from bonecam.verify.removal.rays import RayGrid, copy_of, lay_grid, lay_rays, least_cell, volumes
 from bonecam.verify.removal.result import Clearance, LevelRemoval, Removal, Spot
+from bonecam.verify.removal.standing import Standing, standing_heights
 from bonecam.verify.removal.sweeping import Sweeping
 from bonecam.verify.removal.table import table_clearance
 
@@ -65,6 +71,7 @@ def simulate_removal(
     *,
     part: TSpline | None = None,
     limits: Mapping[int, float] | None = None,
+    surfaces: Mapping[int, TriangleMesh] | None = None,
     accuracy: Accuracy | None = None,
     progress: Progress = silent,
 ) -> Removal:
@@ -72,8 +79,8 @@ def simulate_removal(
     tools touch.
 
     `cutters` are the tools with shank and holder, by number; `limits` the largest depth (mm) of the cut on
-    each level. ProgramError where the text cannot be read or calls another tool, JobError where the rays need
-    too much memory.
+    each level; `surfaces` the meshes that levels leave, on which is told what stands. ProgramError where the
+    text cannot be read or calls another tool, JobError where the rays need too much memory.
     """
     told = accuracy or Accuracy()
     report(progress, 0.0, "reading the program for the simulation")
@@ -85,7 +92,7 @@ def simulate_removal(
         grid = lay_grid(bodies, max(told.cell, least_cell(bodies, grid, told.memory_mb)))
     sweeping = Sweeping(lay_rays(bodies, grid, told.memory_mb), grid, bodies, len(motions.tips))
     nails = nails_on(part) if part is not None else None
-    simulation = _Simulation(motions, sweeping, grid, nails, dict(limits or {}))
+    simulation = _Simulation(motions, sweeping, grid, nails, dict(limits or {}), dict(surfaces or {}))
     groups = list(groups_of(text, motions, dialect))
     levels = []
     for count, group in enumerate(groups):
@@ -120,10 +127,12 @@ class _Simulation:
     grid: RayGrid
     nails: Nails | None
     limits: dict[int, float]
+    surfaces: dict[int, TriangleMesh]
 
     def run(self, group: Group, cutter: Cutter) -> LevelRemoval:
         """Run the moves of one level."""
         before = [copy_of(rays) for rays in self.sweeping.sets]
+        surface = self.surfaces.get(group.level) if group.level is not None else None
 
         def cut_nails(pieces: Pieces) -> None:
             if self.nails is not None:
@@ -131,6 +140,9 @@ class _Simulation:
 
         whole = straight_pieces(self.motions, group.moves, cutter)
         pieces = self.sweeping.run(whole, cutter, cut_nails)
+        if surface is not None and group.level is not None:
+            heights = [self._standing(surface, sets) for sets in (before, self.sweeping.sets)]
+            self.standing.append(Standing(group.level, *heights))
         depths = cut_depths(self.sweeping.sets, before, self.grid)
         deepest = None
         if len(depths.depths):
@@ -174,6 +186,7 @@ class _Simulation:
             volume=float(np.mean(standing)),
             volume_error=float(np.ptp(standing)),
             move_volumes=removed,
+            standing=tuple(self.standing),
         )
 
     def _clearance(self, section: int) -> Clearance:
@@ -189,8 +202,14 @@ class _Simulation:
         total = float(minutes.sum())
         return float(minutes[air].sum()) / total if total > 0 else 0.0
 
+    def _standing(self, surface: TriangleMesh, sets: Sequence[RaySet]) -> Float[ndarray, " n"]:
+        return standing_heights(
+            surface.vertices, vertex_normals(surface), sets, self.grid, self.grid.cell / 2
+        )
+
     def __post_init__(self) -> None:
         self.minutes = feed_minutes(self.motions)
+        self.standing: list[Standing] = []
 
     def _spot(self, value: float, move: int, place: np.ndarray | None = None) -> Spot:
         x, y, z = (float(v) for v in (self.motions.tips[move] if place is None else place))

@@ -1,0 +1,64 @@
+"""What a person sees of a run that is over: the page made from kept files, or opened, and a picture for a notebook."""
+
+import base64
+import webbrowser
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from bonecam.errors import FileError
+from bonecam.files import check_files, input_bytes, write_whole
+from bonecam.levels.measure.level import Level
+from bonecam.verify.page.packing import Contents, unpack
+from bonecam.verify.page.page import page_html
+from bonecam.verify.pictures.depth_colours import draw_coloured
+
+PAGES = (".html", ".htm")
+"""Endings of pages."""
+VIEW = "view.gz"
+"""The file of a kept folder with all that the page shows."""
+
+
+def view(keep: str | Path, file: str | Path) -> Path:
+    """Write the page of the run whose files are in the folder `keep`; returns its name.
+
+    FileError where the folder holds no run, one of another version or damaged files, or the page cannot be written.
+    """
+    check_page(file)
+    packed, contents = kept_contents(Path(keep))
+    write_whole(file, page_html(packed, str(contents.facts["name"])))
+    return Path(file)
+
+
+def check_page(file: str | Path) -> None:
+    """FileError where a page cannot be written, or its name has no ending of one."""
+    check_files([file])
+    if Path(file).suffix.lower() not in PAGES:
+        raise FileError(f"{file}: a page ends in .html: name it {Path(file).name}.html", file=str(file))
+
+
+def kept_contents(keep: Path) -> tuple[bytes, Contents]:
+    """What the page of a kept run shows, packed and unpacked; FileError where it is not there or damaged."""
+    path = keep / VIEW
+    try:
+        packed = input_bytes(path)
+    except OSError as error:
+        trouble = "is no folder" if not keep.is_dir() else f"{VIEW} cannot be read ({error.strerror})"
+        remedy = "give the folder of `convert --keep` or `levels -o`, made by this version"
+        raise FileError(f"{keep}: {trouble}: {remedy}", file=str(path)) from error
+    return packed, unpack(packed, str(path))
+
+
+def show_page(file: Path) -> Path:
+    """Open a page in the browser; returns its name."""
+    webbrowser.open(file.resolve().as_uri())
+    return file
+
+
+def picture_html(levels: Sequence[Level]) -> str:
+    """Some levels, coloured by depth, as an image in HTML."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "coloured.png"
+        draw_coloured(levels, path)
+        data = base64.b64encode(path.read_bytes()).decode("ascii")
+    return f'<img alt="levels, coloured by the depth of their cut" src="data:image/png;base64,{data}">'

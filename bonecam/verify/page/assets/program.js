@@ -1,0 +1,167 @@
+// The view that plays the program: tool, standing stock, blocks.
+const TRAIL = 400, BLOCKS_ABOVE = 2, BLOCKS_BELOW = 3;
+
+function lineText(line) {
+  if (!page.lineStarts) {
+    const text = page.arrays.text;
+    page.lineStarts = [0];
+    for (let i = 0; i < text.length; i++) if (text[i] === 10) page.lineStarts.push(i + 1);
+  }
+  if (line < 1 || line >= page.lineStarts.length) return "";
+  const bytes = page.arrays.text.subarray(page.lineStarts[line - 1], page.lineStarts[line] - 1);
+  return String.fromCharCode(...Array.from(bytes));
+}
+
+function placeTool(i, ghost) {
+  const a = page.arrays;
+  const tool = page.facts.tools.find((one) => one.number === a.move_tool[i]);
+  const body = toolBody(tool);
+  if (ghost) body.traverse((item) => { if (item.material) { item.material.transparent = true; item.material.opacity = Math.min(item.material.opacity, 0.45); } });
+  setTool(body, i);
+  return body;
+}
+
+function setTool(body, i) {
+  const a = page.arrays;
+  body.position.set(a.move_tip[3 * i], a.move_tip[3 * i + 1], a.move_tip[3 * i + 2]);
+  const axis = new THREE.Vector3(a.move_axis[3 * i], a.move_axis[3 * i + 1], a.move_axis[3 * i + 2]).normalize();
+  body.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), axis);
+}
+
+// The stock that stands while a level is cut: each vertex moves from where it stood before to where it stands after
+// when the move that cuts it has come.
+class StandingStock {
+  constructor(k) {
+    const a = page.arrays;
+    this.level = k;
+    this.base = a[`level_${k}`];
+    this.mesh = surface(new Float32Array(this.base), a[page.facts.levels[k].faces], new Float32Array(this.base.length));
+    const normals = this.mesh.geometry.attributes.normal.array;
+    this.normals = new Float32Array(normals);
+    this.before = a[`before_${k}`];
+    this.after = a[`after_${k}`];
+    const cutAt = a[`cut_at_${k}`];
+    this.order = cutAt ? Uint32Array.from(cutAt.keys()).sort((p, q) => cutAt[p] - cutAt[q]) : new Uint32Array(0);
+    this.cutAt = cutAt;
+    this.done = 0;
+    for (let v = 0; v < this.base.length / 3; v++) this.put(v, false);
+    this.refresh();
+  }
+
+  put(v, cut) {
+    const position = this.mesh.geometry.attributes.position.array;
+    const height = this.before ? (cut ? this.after[v] : this.before[v]) : 0;
+    for (let c = 0; c < 3; c++) position[3 * v + c] = this.base[3 * v + c] + height * this.normals[3 * v + c];
+    this.mesh.geometry.attributes.color.array.set(cut ? rgb(CUT) : rgb(BONE), 3 * v);
+  }
+
+  to(step) {
+    const start = this.done;
+    while (this.done < this.order.length && this.cutAt[this.order[this.done]] <= step) this.put(this.order[this.done++], true);
+    while (this.done > 0 && this.cutAt[this.order[this.done - 1]] > step) this.put(this.order[--this.done], false);
+    if (this.done !== start) this.refresh();
+  }
+
+  refresh() {
+    const geometry = this.mesh.geometry;
+    geometry.attributes.position.needsUpdate = geometry.attributes.color.needsUpdate = true;
+    geometry.computeVertexNormals();
+  }
+}
+
+const programMode = {
+  name: "Program",
+  available: () => Boolean(page.arrays.move_tip),
+  build(state) {
+    const a = page.arrays;
+    page.standing = null;
+    page.tool = null;
+    const geometry = new THREE.BufferGeometry();
+    geometry.addAttribute("position", new THREE.BufferAttribute(a.move_tip, 3));
+    page.trail = new THREE.Line(geometry, new THREE.LineBasicMaterial({ color: new THREE.Color("#0072b2") }));
+    page.trail.frustumCulled = false;
+    page.content.add(page.trail);
+    showLegend({ title: "Standing stock", items: [[BONE, "as it stood when the level began"], [CUT, "cut on this level so far"], ["#0072b2", `way of the tip, the last ${TRAIL} moves`], ["#e69f00", "cutter"]] });
+    showStep(state.step);
+  },
+  controls: (state) => [
+    make("p", "The posted program, read back", "big"),
+    make("p", `${page.facts.program.blocks} moving blocks, about ${number(page.facts.program.minutes, 0)} min. ` +
+      (a0("before_0") ? "The stock is as simulated from the text, at the vertices of each level." : "Without a simulation the level that is cut is shown in place of the stock.")),
+    choice("jump", "go to level", cutLevels().map((k) => [String(k), `${k}: ${page.facts.levels[k].name}`]), String(page.arrays.move_level[state.step]), (value) => goTo(firstMoveOf(Number(value)))),
+  ],
+};
+
+const a0 = (name) => page.arrays[name];
+const cutLevels = () => page.facts.levels.map((level) => level.index).filter((k) => firstMoveOf(k) >= 0).reverse();
+const firstMoveOf = (k) => page.arrays.move_level.indexOf(k);
+
+function goTo(step) {
+  const last = page.arrays.move_kind.length - 1;
+  page.state.step = Math.max(0, Math.min(last, step));
+  document.getElementById("step").value = page.state.step;
+  if (page.state.mode === "program") showStep(page.state.step);
+}
+
+function showStep(i) {
+  const a = page.arrays;
+  const k = a.move_level[i];
+  if (!page.standing || page.standing.level !== k) {
+    if (page.standing) { page.content.remove(page.standing.mesh); dispose(page.standing.mesh); }
+    page.standing = a[`level_${k}`] ? new StandingStock(k) : null;
+    if (page.standing) page.content.add(page.standing.mesh);
+    const jump = document.getElementById("jump");
+    if (jump) jump.value = String(k);
+  }
+  if (page.standing) page.standing.to(i);
+  if (!page.tool || page.tool.number !== a.move_tool[i]) {
+    if (page.tool) page.content.remove(page.tool.body);
+    page.tool = { number: a.move_tool[i], body: placeTool(i, false) };
+    page.content.add(page.tool.body);
+  }
+  setTool(page.tool.body, i);
+  const start = Math.max(0, i - TRAIL);
+  page.trail.geometry.setDrawRange(start, i - start + 1);
+  showReadout(i);
+  page.redraw();
+}
+
+function showReadout(i) {
+  const a = page.arrays;
+  const tip = [0, 1, 2].map((c) => number(a.move_tip[3 * i + c], 3));
+  const tilt = (Math.acos(Math.max(-1, Math.min(1, a.move_axis[3 * i + 2]))) * 180) / Math.PI;
+  const tool = page.facts.tools.find((one) => one.number === a.move_tool[i]);
+  const feed = a.move_feed[i] > 0 ? `${number(a.move_feed[i], 0)} mm/min` : "rapid";
+  const told = [
+    ["level", a.move_level[i]], ["tool", `${tool.number}, ball R ${tool.radius}`], ["tip", `X ${tip[0]}  Y ${tip[1]}  Z ${tip[2]}`],
+    ["tilt", `${number(tilt, 1)}°`], [KINDS[a.move_kind[i]], feed], ["time", `${number(a.move_minute[i], 1)} min`],
+  ];
+  const box = document.getElementById("readout");
+  box.replaceChildren(...told.map(([name, value]) => { const item = make("span", `${name} `); item.append(make("b", String(value))); return item; }));
+  const line = a.move_line[i];
+  const blocks = document.getElementById("blocks");
+  blocks.replaceChildren();
+  for (let n = line - BLOCKS_ABOVE; n <= line + BLOCKS_BELOW; n++) {
+    const text = lineText(n) + "\n";
+    blocks.append(n === line ? make("b", text) : text);
+  }
+}
+
+function play(on) {
+  page.playing = on;
+  page.played = 0;
+  page.before = performance.now();
+  document.getElementById("play").innerHTML = on ? "&#10074;&#10074;" : "&#9654;";
+  if (on) requestAnimationFrame(playFrame);
+}
+
+function playFrame(now) {
+  if (!page.playing) return;
+  page.played += ((now - page.before) / 1000) * Number(document.getElementById("speed").value);
+  page.before = now;
+  const steps = Math.floor(page.played);
+  page.played -= steps;
+  if (steps) goTo(page.state.step + steps);
+  if (page.state.step >= page.arrays.move_kind.length - 1) play(false);
+  requestAnimationFrame(playFrame);
+}

@@ -1,0 +1,211 @@
+"""What a page shows of a program: its moves as read back from the text, the tools, what stands after each level, what
+is left."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+from scipy.spatial import cKDTree
+
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.nc.dialect import Dialect
+from bonecam.nc.machine import Machine
+from bonecam.nc.reading.motions import Motions
+from bonecam.nc.reading.read import read_program
+from bonecam.toolpath.cutters.cutter import Cutter
+from bonecam.toolpath.path import Kind, ToolPath
+from bonecam.verify.page.packing import Contents
+from bonecam.verify.page.thinning import thinned
+from bonecam.verify.readback import Tolerances, compare_moves
+from bonecam.verify.removal.groups import feed_minutes, groups_of
+from bonecam.verify.removal.left import LEFT
+from bonecam.verify.removal.result import Left, Removal
+from bonecam.verify.summary import WHY
+
+MOST_MOVES = 150_000
+"""Of programs with more moves those that a line within CHORD does without are left out."""
+CHORD = 0.01
+"""Chord tolerance, mm, of the thinned paths of long programs, at the tip and AXIS_LENGTH up the tool."""
+AXIS_LENGTH = 10.0
+"""mm."""
+UNCUT_SHOWN = 20_000
+"""Uncut contacts shown at most: evenly chosen ones of more."""
+
+
+def program_contents(
+    text: str,
+    surfaces: Mapping[int, TriangleMesh],
+    cutters: Sequence[Cutter],
+    machine: Machine,
+    dialect: Dialect,
+    *,
+    paths: Sequence[ToolPath] = (),
+    removal: Removal | None = None,
+) -> Contents:
+    """The moves of the posted `text`, and what the simulation, if there was one, told of them.
+
+    `surfaces` are the meshes of the levels by number. Without the `paths` that the text was written from, links are
+    not told from cuts, nor contacts from tips.
+    """
+    motions = read_program(text, machine, dialect)
+    groups = list(groups_of(text, motions, dialect))
+    level_of = np.concatenate(
+        [np.full(len(group.moves), -1 if group.level is None else group.level) for group in groups]
+    )
+    kinds, contacts = _of_rows(motions, paths, dialect) if paths else _of_text(motions)
+    moves = _moves(motions, kinds, contacts, level_of)
+    if removal is not None:
+        moves |= _removed(motions, removal, level_of, contacts, surfaces)
+    kept = np.arange(len(kinds))
+    if len(kinds) > MOST_MOVES:
+        changes = np.diff(kinds, append=-1) != 0
+        changes |= (np.diff(level_of, append=-2) != 0) | (np.diff(motions.tools, append=-1) != 0)
+        kept = thinned(motions.tips, motions.axes, changes, CHORD, AXIS_LENGTH)
+    arrays = {f"move_{name}": values[kept] for name, values in moves.items()}
+    arrays["text"] = np.frombuffer(text.encode("latin-1", "replace"), np.uint8)
+    facts: dict[str, Any] = {
+        "tools": [_tool(cutter) for cutter in cutters],
+        "program": {
+            "machine": machine.name,
+            "controller": dialect.name,
+            "blocks": motions.blocks,
+            "minutes": float(moves["minute"][-1]),
+            "moves": len(kinds),
+            "shown": len(kept),
+            "chord": CHORD if len(kept) < len(kinds) else 0.0,
+        },
+    }
+    if paths:
+        facts["uncut"], uncut = _uncut(paths)
+        arrays |= uncut
+    if removal is not None:
+        arrays |= _standing(removal, surfaces, contacts[kept], kinds[kept], level_of[kept])
+        if removal.left is not None:
+            facts["left"], left = _left(removal.left)
+            arrays |= left
+    return Contents(facts, arrays)
+
+
+def _moves(
+    motions: Motions, kinds: Int[ndarray, " n"], contacts: Float[ndarray, "n 3"], levels: Int[ndarray, " n"]
+) -> dict[str, ndarray]:
+    """What is told of every move; a feed of 0 is a rapid."""
+    length = np.r_[0.0, np.linalg.norm(np.diff(motions.tips, axis=0), axis=1)]
+    feeds = np.where(motions.inverse_time, motions.feed_rates * length, motions.feed_rates)
+    return {
+        "tip": motions.tips,
+        "axis": motions.axes,
+        "contact": contacts,
+        "kind": kinds,
+        "level": levels,
+        "tool": motions.tools,
+        "line": motions.lines,
+        "feed": np.where(motions.rapid, 0.0, feeds),
+        "minute": np.cumsum(feed_minutes(motions)),
+    }
+
+
+def _of_rows(
+    motions: Motions, paths: Sequence[ToolPath], dialect: Dialect
+) -> tuple[Int[ndarray, " n"], Float[ndarray, "n 3"]]:
+    """The kind of each move and the place where its ball touches the level (its tip where it does not cut), from the
+    row of the paths that it leads to."""
+    source = compare_moves(motions, paths, dialect, Tolerances()).source
+    rows = np.where(source >= 0, source, np.maximum(-2 - source, 0))
+    radius = np.repeat([path.cutter.radius for path in paths], [len(path.tips) for path in paths])[rows]
+    tips, axes, contacts = (
+        np.vstack([getattr(path, name) for path in paths])[rows] for name in ("tips", "axes", "contacts")
+    )
+    kinds = np.concatenate([path.kinds for path in paths])[rows].astype(np.int64)
+    kinds = np.where(source == -1, int(Kind.RAPID), kinds)
+    outward = tips + radius[:, None] * axes - contacts
+    touches = motions.tips + radius[:, None] * motions.axes - outward
+    cuts = (kinds == Kind.CUT) & np.isfinite(touches).all(1)
+    return kinds, np.where(cuts[:, None], touches, motions.tips)
+
+
+def _of_text(motions: Motions) -> tuple[Int[ndarray, " n"], Float[ndarray, "n 3"]]:
+    """Rapids and feeds, which count as cuts, and the tips."""
+    return np.where(motions.rapid, int(Kind.RAPID), int(Kind.CUT)), motions.tips
+
+
+def _removed(
+    motions: Motions,
+    removal: Removal,
+    level_of: Int[ndarray, " n"],
+    contacts: Float[ndarray, "n 3"],
+    surfaces: Mapping[int, TriangleMesh],
+) -> dict[str, ndarray]:
+    """What each move removes of the material: its section (mm^2: volume a length), and how deep the place where it
+    touches lay (mm) when its level began."""
+    length = np.r_[0.0, np.linalg.norm(np.diff(motions.tips, axis=0), axis=1)]
+    section = np.divide(removal.move_volumes, length, out=np.zeros(len(length)), where=length > LEFT)
+    depth = np.zeros(len(length))
+    for standing in removal.standing:
+        moves = np.flatnonzero(level_of == standing.level)
+        nearest = cKDTree(surfaces[standing.level].vertices).query(contacts[moves])[1]
+        depth[moves] = standing.before[nearest]
+    return {"section": np.minimum(section, np.percentile(section, 99.9)), "depth": depth}
+
+
+def _standing(
+    removal: Removal,
+    surfaces: Mapping[int, TriangleMesh],
+    contacts: Float[ndarray, "n 3"],
+    kinds: Int[ndarray, " n"],
+    level_of: Int[ndarray, " n"],
+) -> dict[str, ndarray]:
+    """For each level the heights of what stands on it before and after its moves, and the move that cuts each vertex:
+    the one that touches nearest to it."""
+    arrays: dict[str, ndarray] = {}
+    for standing in removal.standing:
+        k = standing.level
+        moves = np.flatnonzero((level_of == k) & (kinds == Kind.CUT))
+        nearest = cKDTree(contacts[moves]).query(surfaces[k].vertices)[1] if len(moves) else None
+        arrays[f"before_{k}"] = standing.before
+        arrays[f"after_{k}"] = standing.after
+        if nearest is not None:
+            arrays[f"cut_at_{k}"] = moves[nearest]
+    return arrays
+
+
+def _left(left: Left) -> tuple[dict[str, Any], dict[str, ndarray]]:
+    """The surface of the part with what stays on it."""
+    facts = {"highest": left.highest.value, "area": left.area, "post_area": left.post_area, "over": LEFT}
+    return facts, {"left": left.mesh.vertices, "left_faces": left.mesh.faces, "left_height": left.heights}
+
+
+def _uncut(paths: Sequence[ToolPath]) -> tuple[dict[str, Any], dict[str, ndarray]]:
+    """The contacts that were left out, by level, with the number of their reason."""
+    points = np.vstack([path.uncut for path in paths])
+    reasons = [reason for path in paths for reason in path.reasons]
+    levels = np.repeat([path.level for path in paths], [len(path.uncut) for path in paths])
+    names = sorted(set(reasons))
+    numbers = np.array([names.index(reason) for reason in reasons], dtype=np.int64)
+    on_part = Counter(reason for reason, level in zip(reasons, levels) if level == 0)
+    some = np.unique(np.linspace(0, len(points) - 1, min(len(points), UNCUT_SHOWN)).astype(np.int64))
+    facts = {
+        "reasons": [{"name": name, "why": WHY.get(name, name), "on_part": on_part[name]} for name in names],
+        "contacts": len(points),
+    }
+    return facts, {
+        "uncut": points[some],
+        "uncut_reason": numbers[some],
+        "uncut_level": levels[some].astype(np.int64),
+    }
+
+
+def _tool(cutter: Cutter) -> dict[str, Any]:
+    """A cutter with the cylinders and cones above its ball: (name, start, end, radius, end radius), mm."""
+    return {
+        "number": cutter.number,
+        "name": cutter.name,
+        "radius": cutter.radius,
+        "sections": [
+            [section.name, section.start, section.end, section.radius, section.end_radius]
+            for section in cutter.profile
+        ],
+    }

@@ -1,0 +1,49 @@
+"""A small part that went the whole way, and a browser."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bonecam
+from bonecam.job import Job
+from bonecam.setup.capsule import Capsule
+
+CHROMIUM = Path("/usr/bin/chromium")
+FLAGS = [
+    *("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"),
+    *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
+    *("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"),
+]
+SMALL = Job().with_values(
+    surface={"tolerance": 0.2},
+    stock={"diameter": 7.0, "length": 11.0},
+    holding={"diameter": 3.0, "length": 60.0, "chuck_diameter": 12.0, "chuck_height": 6.0},
+    levels={"roughing_depth": 1.0, "finishing_levels": 1, "finishing_depth": 0.3, "chord_tolerance": 0.05},
+    roughing={"scallop": 0.3},
+    finishing={"scallop": 0.1},
+)
+
+
+@pytest.fixture(scope="session")
+def small_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[bonecam.Result, Path]:
+    """A capsule of 5 x 10 mm converted, and the folder with all that was written."""
+    folder = tmp_path_factory.mktemp("small")
+    mesh = Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 7.5]), 2.5).mesh(0.05)
+    files: dict[str, Any] = {"program": "bone.h", "keep": "keep", "html": "bone.html"}
+    made = bonecam.convert(mesh, SMALL, **{name: folder / file for name, file in files.items()})
+    return made, folder
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Any]:
+    """A headless chromium."""
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    if not CHROMIUM.exists():
+        pytest.skip(f"{CHROMIUM} is not there: apt-get install chromium")
+    with playwright.sync_playwright() as started:
+        opened = started.chromium.launch(executable_path=str(CHROMIUM), args=FLAGS)
+        yield opened
+        opened.close()
