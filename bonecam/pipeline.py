@@ -49,22 +49,23 @@ def convert(
     report: File = None,
     surface: File = None,
     html: File = None,
+    sheet: File = None,
     simulation: bool = True,
     progress: Progress = silent,
 ) -> Result:
     """The verified NC program of a part: all stages from the mesh to the proof.
 
     `mesh` is a file, or a mesh in memory in the unit `job.mesh.units`: (vertices, faces), a TriangleMesh, or a
-    mesh of open3d, trimesh or pymeshlab. The files `program`, `report` and
-    `surface` (its ending says its kind), the page `html` and the folder `keep` are written at the end, together. Only a
-    level that fails its check is written to `keep` all the same. Without `simulation` the removal of material is not
+    mesh of open3d, trimesh or pymeshlab. The files `program`, `report` and `surface` (its ending says its kind),
+    the page `html`, the setup `sheet` and the folder `keep` are written at the end, together. Only a level that
+    fails its check is written to `keep` all the same. Without `simulation` the removal of material is not
     simulated from the posted text. Raises a BonecamError that names the trouble and the remedy.
     """
     job = _require_job(job)
     machine = read_machine(job.nc.machine)
     dialect = read_dialect(job.nc.controller)
     check_job(job, machine, dialect)
-    outputs = Outputs(program, keep, report, surface, html)
+    outputs = Outputs(program, keep, report, surface, html, sheet)
     given, source = _given(mesh)
     outputs.check(source, dialect)
     times = StageTimes()

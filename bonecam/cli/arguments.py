@@ -211,6 +211,8 @@ def _add_command(parsers: Any, name: str, text: str, run: Any) -> argparse.Argum
 def _add_keep(command: argparse.ArgumentParser) -> None:
     folder = "folder for surface, levels, tool path and pictures"
     command.add_argument("--keep", metavar="DIR", help=folder)
+    sheet = "file for the setup sheet, one page to print: clamping, tools, axes, checks, warnings"
+    command.add_argument("--sheet", metavar="FILE.html", help=sheet)
     without = "do not simulate the removal of material from the posted text"
     command.add_argument("--no-simulation", action="store_true", help=without)
 

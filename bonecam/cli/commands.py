@@ -36,7 +36,7 @@ def run_levels(options: argparse.Namespace) -> int:
 
 def _convert(mesh: str | Path, options: argparse.Namespace) -> int:
     make = partial(bonecam.convert, simulation=not options.no_simulation)
-    return _run(make, mesh, options, program=options.output, keep=options.keep)
+    return _run(make, mesh, options, program=options.output, keep=options.keep, sheet=options.sheet)
 
 
 def _run(

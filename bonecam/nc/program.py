@@ -24,7 +24,7 @@ class Program:
     `blocks` are its blocks (comments and continued blocks count once), `moves` the blocks that move an axis.
     `time_min` is from feeds and axis speeds, without accelerations, tool changes and retracts of unknown
     length. `rotary_max_deg_per_block` is the largest turn of one axis in a feed move, `tools` the cutter
-    numbers in their order.
+    numbers in their order, `tool_minutes` the time of each.
     """
 
     text: str
@@ -38,6 +38,7 @@ class Program:
     rewinds: int
     tools: tuple[int, ...]
     time_min: float
+    tool_minutes: tuple[float, ...]
     feeds: FeedFigures
     rotary_max_deg_per_block: float
 

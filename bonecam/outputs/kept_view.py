@@ -24,15 +24,15 @@ def view(keep: str | Path, file: str | Path) -> Path:
 
     FileError where the folder holds no run, one of another version or damaged files, or the page cannot be written.
     """
-    check_page(file)
+    check_files([file])
+    check_page_name(file)
     packed, contents = kept_contents(Path(keep))
     write_whole(file, page_html(packed, str(contents.facts["name"])))
     return Path(file)
 
 
-def check_page(file: str | Path) -> None:
-    """FileError where a page cannot be written, or its name has no ending of one."""
-    check_files([file])
+def check_page_name(file: str | Path) -> None:
+    """FileError where the name of a page has no ending of one."""
     if Path(file).suffix.lower() not in PAGES:
         raise FileError(f"{file}: a page ends in .html: name it {Path(file).name}.html", file=str(file))
 

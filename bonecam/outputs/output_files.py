@@ -10,7 +10,7 @@ from bonecam.files import check_files, check_folder
 from bonecam.mesh.files.mesh_files import CAD, MESHES
 from bonecam.nc.dialect import Dialect, dialect_names, read_dialect
 from bonecam.outputs.kept_folder import SERIES, fill_kept_folder
-from bonecam.outputs.kept_view import check_page
+from bonecam.outputs.kept_view import check_page_name
 from bonecam.outputs.result import Morphed, Result
 from bonecam.outputs.run_report import report_text
 from bonecam.progress import Progress, report, silent
@@ -23,13 +23,14 @@ File = str | Path | None
 
 @dataclass(frozen=True)
 class Outputs:
-    """The files of program, report, surface and page, and the folder of --keep; None where one is not wanted."""
+    """The files of program, report, surface, page and sheet, and the folder of --keep; None where not wanted."""
 
     program: File = None
     keep: File = None
     report: File = None
     surface: File = None
     html: File = None
+    sheet: File = None
 
     def check(self, part: str | Path | None = None, dialect: Dialect | None = None) -> None:
         """FileError where a file cannot be written, has an ending of another kind of file, or is the part's
@@ -37,15 +38,16 @@ class Outputs:
 
         `dialect` is that of the program, where one is wanted.
         """
-        wanted = (self.program, self.report, self.surface, self.html)
+        wanted = (self.program, self.report, self.surface, self.html, self.sheet)
         files = [file for file in wanted if file is not None]
         check_files(files, [] if part is None else [part])
         if self.program is not None and dialect is not None:
             check_ending(Path(self.program), dialect)
         if self.surface is not None:
             check_target(self.surface)
-        if self.html is not None:
-            check_page(self.html)
+        for page in (self.html, self.sheet):
+            if page is not None:
+                check_page_name(page)
         if self.keep is not None:
             check_folder(self.keep)
 
@@ -78,6 +80,8 @@ class Outputs:
             found.append((surface, lambda: save_surface(made.surface, staging.file(surface))))
         if (page := self.html) is not None:
             found.append((page, lambda: _write(staging.file(page), page, made.page)))
+        if (sheet := self.sheet) is not None and isinstance(made, Result):
+            found.append((sheet, lambda: _write(staging.file(sheet), sheet, made.sheet)))
         if (keep := self.keep) is not None:
             holding = made.job.holding
             post = (holding.diameter, post_below(made.part.mesh, holding).top)

@@ -21,6 +21,7 @@ from bonecam.verify.page.contents import run_contents
 from bonecam.verify.page.packing import pack
 from bonecam.verify.page.page import page_html
 from bonecam.verify.removal.result import Removal
+from bonecam.verify.sheet.setup_sheet import setup_sheet
 from bonecam.verify.summary import summary_of
 
 
@@ -88,6 +89,11 @@ class Result(Morphed):
     paths: tuple[ToolPath, ...]
     program: Program
     removal: Removal | None = None
+
+    @property
+    def sheet(self) -> str:
+        """The setup sheet as the text of an HTML file."""
+        return setup_sheet(self.part, self.stock, self.job, self.program, self.report, bonecam.__version__)
 
     @property
     def _posted(self) -> dict[str, Any]:

@@ -117,6 +117,9 @@ class ProgramWriter:
         ]
         for posted, rotation in zip(self.posted, rotations, strict=True):
             rotation[[run[0] for run in posted.runs]] = 0.0
+        minutes = dict.fromkeys((posted.path.cutter.number for posted in self.posted), 0.0)
+        for posted in self.posted:
+            minutes[posted.path.cutter.number] += float(posted.minutes.sum())
         return Program(
             text=text,
             name=self.name,
@@ -127,8 +130,9 @@ class ProgramWriter:
             moves=self.moves,
             split_moves=sum(len(posted.words) - len(posted.path.tips) for posted in self.posted),
             rewinds=sum(len(posted.runs) - 1 for posted in self.posted),
-            tools=tuple(dict.fromkeys(posted.path.cutter.number for posted in self.posted)),
-            time_min=float(sum(posted.minutes.sum() for posted in self.posted)),
+            tools=tuple(minutes),
+            time_min=sum(minutes.values()),
+            tool_minutes=tuple(minutes.values()),
             feeds=feed_figures(self.posted),
             rotary_max_deg_per_block=max(
                 float(r[f].max(initial=0.0)) for r, f in zip(rotations, feeds, strict=True)

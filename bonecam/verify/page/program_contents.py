@@ -31,6 +31,8 @@ CHORD = 0.01
 """Chord tolerance, mm, of the thinned paths of long programs, at the tip and AXIS_LENGTH up the tool."""
 AXIS_LENGTH = 10.0
 """mm."""
+NO_LEVEL = 2**16
+"""Of moves that belong to no level."""
 UNCUT_SHOWN = 20_000
 """Uncut contacts shown at most: evenly chosen ones of more."""
 
@@ -51,19 +53,12 @@ def program_contents(
     not told from cuts, nor contacts from tips.
     """
     motions = read_program(text, machine, dialect)
-    groups = list(groups_of(text, motions, dialect))
-    level_of = np.concatenate(
-        [np.full(len(group.moves), -1 if group.level is None else group.level) for group in groups]
-    )
+    level_of = _levels(text, motions, dialect)
     kinds, contacts = _of_rows(motions, paths, dialect) if paths else _of_text(motions)
     moves = _moves(motions, kinds, contacts, level_of)
     if removal is not None:
         moves |= _removed(motions, removal, level_of, contacts, surfaces)
-    kept = np.arange(len(kinds))
-    if len(kinds) > MOST_MOVES:
-        changes = np.diff(kinds, append=-1) != 0
-        changes |= (np.diff(level_of, append=-2) != 0) | (np.diff(motions.tools, append=-1) != 0)
-        kept = thinned(motions.tips, motions.axes, changes, CHORD, AXIS_LENGTH)
+    kept = _shown(motions, kinds, level_of)
     arrays = {f"move_{name}": values[kept] for name, values in moves.items()}
     arrays["text"] = np.frombuffer(text.encode("latin-1", "replace"), np.uint8)
     facts: dict[str, Any] = {
@@ -87,6 +82,22 @@ def program_contents(
             facts["left"], left = _left(removal.left)
             arrays |= left
     return Contents(facts, arrays)
+
+
+def _levels(text: str, motions: Motions, dialect: Dialect) -> Int[ndarray, " n"]:
+    """The level of each move; NO_LEVEL where no comment names one."""
+    groups = groups_of(text, motions, dialect)
+    return np.concatenate(
+        [np.full(len(group.moves), NO_LEVEL if group.level is None else group.level) for group in groups]
+    )
+
+
+def _shown(motions: Motions, kinds: Int[ndarray, " n"], levels: Int[ndarray, " n"]) -> Int[ndarray, " k"]:
+    """The moves that are shown."""
+    if len(kinds) <= MOST_MOVES:
+        return np.arange(len(kinds))
+    changes = [np.diff(values, append=values[-1]) != 0 for values in (kinds, levels, motions.tools)]
+    return thinned(motions.tips, motions.axes, np.any(changes, axis=0), CHORD, AXIS_LENGTH)
 
 
 def _moves(

@@ -1,0 +1,166 @@
+"""The setup sheet as HTML: what the machinist mounts, sets and checks, on one page of A4."""
+
+import hashlib
+import html
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from string import Template
+from typing import Any
+
+from bonecam.job import Job
+from bonecam.materials.preset import read_material
+from bonecam.mesh.part import Part
+from bonecam.nc.dialect import read_dialect
+from bonecam.nc.machine import Machine, read_machine
+from bonecam.nc.posting.header_texts import setup_texts
+from bonecam.nc.program import Program
+from bonecam.nc.reading.read import read_program
+from bonecam.setup.holding import post_below
+from bonecam.setup.stock import Stock
+from bonecam.toolpath.cutters.cutter import Cutter
+from bonecam.verify.removal.of_job import cutters_of
+from bonecam.verify.sheet.axes import AxisRange, axis_ranges
+from bonecam.verify.sheet.drawing import clamping_drawing
+from bonecam.verify.summary import SLENDER, certified_text, uncut_text
+
+ASSETS = Path(__file__).parent / "assets"
+CHANGES = {
+    "changer": "tools by the changer, lengths measured in the tool table",
+    "stop": "the program stops for every tool; lengths measured in the tool table",
+}
+"""What is told of each `nc.tool_change`."""
+
+
+def setup_sheet(
+    part: Part, stock: Stock, job: Job, program: Program, report: Mapping[str, Any], version: str
+) -> str:
+    """The text of the sheet's HTML file."""
+    machine = read_machine(job.nc.machine)
+    post = post_below(part.mesh, job.holding)
+    motions = read_program(program.text, machine, read_dialect(job.nc.controller))
+    cutters = {cutter.number: cutter for cutter in cutters_of(job, machine)}
+    used = [cutters[number] for number in program.tools]
+    template = Template((ASSETS / "sheet.html").read_text(encoding="utf-8"))
+    return template.substitute(
+        style=(ASSETS / "sheet.css").read_text(encoding="utf-8"),
+        title=html.escape(f"{Path(part.file).name}: setup sheet"),
+        part=html.escape(Path(part.file).name),
+        program=html.escape(report["nc"]["file"] or program.name),
+        machine=html.escape(machine.title),
+        controller=html.escape(program.controller),
+        minutes=f"{program.time_min:.0f}",
+        drawing=clamping_drawing(part.mesh, stock, post, job.holding, machine.table),
+        setup=_items(_sentence(text) for text in setup_texts(job, stock)),
+        tools=_tool_rows(used, program.tool_minutes),
+        cutting=html.escape(_cutting(job, report["nc"])),
+        axes=_axis_rows(axis_ranges(motions, machine)),
+        checks=_items(_checks(report)),
+        left=_items(_left(report)),
+        warnings=_items(_warnings(job, report, machine)),
+        checksum=hashlib.sha256(program.text.encode()).hexdigest(),
+        version=html.escape(version),
+    )
+
+
+def _items(texts: Iterator[str] | Sequence[str]) -> str:
+    """The items of a list."""
+    return "\n".join(f"<li>{html.escape(text)}</li>" for text in texts)
+
+
+def _sentence(text: str) -> str:
+    """A text of the program's header, beginning with a capital."""
+    return text[:1].upper() + text[1:]
+
+
+def _cells(*values: str) -> str:
+    return "<tr>" + "".join(f"<td>{html.escape(value)}</td>" for value in values) + "</tr>"
+
+
+def _tool_rows(cutters: Sequence[Cutter], minutes: Sequence[float]) -> str:
+    """A row a tool: number, ball, shank, stick-out, holder, length, speeds, time."""
+    return "\n".join(
+        _cells(
+            f"T{cutter.number} {cutter.name}",
+            f"{cutter.radius:g}",
+            f"{cutter.flute_length:g}",
+            f"{cutter.shank_diameter:g}",
+            f"{cutter.overhang:g}",
+            _holder(cutter),
+            f"{cutter.length:g}",
+            f"{cutter.spindle:.0f}",
+            f"{cutter.feed:.0f}",
+            f"{time:.1f}",
+        )
+        for cutter, time in zip(cutters, minutes, strict=True)
+    )
+
+
+def _holder(cutter: Cutter) -> str:
+    """The pieces of the holder: diameters x length, from its nose on."""
+    pieces = []
+    for piece in cutter.holder:
+        wide = f"-{piece.top_diameter:g}" if piece.top_diameter != piece.diameter else ""
+        pieces.append(f"\u2300 {piece.diameter:g}{wide} x {piece.length:g}")
+    return ", ".join(pieces)
+
+
+def _axis_rows(ranges: Sequence[AxisRange]) -> str:
+    return "\n".join(
+        _cells(item.letter, f"{item.low:.2f}", f"{item.high:.2f}", f"{item.high - item.low:.2f}", item.room)
+        for item in ranges
+    )
+
+
+def _cutting(job: Job, nc: Mapping[str, Any]) -> str:
+    """Coolant, tool change and feeds in one line."""
+    coolant = "coolant on while cutting" if job.nc.coolant else "no coolant"
+    feeds = f"feeds: median {nc['feed_median_mm_min']:.0f}, a tenth below {nc['feed_low_mm_min']:.0f} mm/min"
+    return f"{_sentence(coolant)}; {CHANGES[job.nc.tool_change]}; {feeds}."
+
+
+def _checks(report: Mapping[str, Any]) -> Iterator[str]:
+    """What was checked, and how well it held."""
+    nc, removal = report["nc"], report["removal"]
+    tip, gouge = 1000 * nc["readback_tip_error_mm"], 1000 * nc["gouge_max_mm"]
+    axis = nc["readback_axis_error_deg"]
+    yield f"Text read back: tip within {tip:.2f} um, axis within {axis:.4f} degrees of the path"
+    yield f"Gouge of the part by the ball: {gouge:.2f} um at most"
+    yield f"Levels: {certified_text(report['levels'], report['levels_method'])}"
+    if "skipped" not in removal:
+        cell = removal["cell_mm"]
+        yield f"Simulated from the text (cells of {cell:g} mm): rapids cut nothing, shank and holder touch nothing"
+    deviation = report["surface"]["given_deviation_max_mm"]
+    yield f"Fitted surface within {deviation:.3f} mm of the mesh as given"
+
+
+def _left(report: Mapping[str, Any]) -> Iterator[str]:
+    """What is left on the part, and which contacts are not cut, with their reasons."""
+    left = report["removal"].get("left")
+    if left:
+        away = f"{left['area_over_0_02_mm2']:.1f} mm2 keep more than 0.02 mm, {left['max_mm']:.2f} mm at most"
+        yield f"On the part {away}; at the post {left['by_reason']['post']:.1f} mm2"
+    for line in uncut_text(report["toolpath"]).split("\n"):
+        yield f"Uncut: {re.sub(' +', ' ', line).strip()}"
+    yield "The stump of the post is removed by hand"
+
+
+def _warnings(job: Job, report: Mapping[str, Any], machine: Machine) -> Iterator[str]:
+    """What the machinist must look at before the start."""
+    yield "The program has not run on a control: run it in the air first, and check datum and tool lengths"
+    if "skipped" in report["removal"]:
+        yield f"{_sentence(report['removal']['skipped'])}: shank and holder are not checked from the text"
+    elif (over := max(level["over_limit_mm"] or 0.0 for level in report["removal"]["levels"])) > OVER_TOLD:
+        yield f"In places the depth of cut is up to {over:.2f} mm above the limit of its level"
+    post = report["post"]
+    if post["length_mm"] > SLENDER * post["diameter_mm"]:
+        yield f"Slender post: {post['diameter_mm']:g} x {post['length_mm']:g} mm bends under the cut"
+    if not machine.nose:
+        yield "The machine's file knows no spindle nose: nothing was kept clear of it"
+    if not all(tool.spindle and tool.feed for tool in (job.roughing, job.finishing)):
+        material = read_material(job.material.name)
+        yield f"Speeds of {material.title}: {material.note}"
+
+
+OVER_TOLD = 0.05
+"""Depths over the limit are told above this, mm: half a cell of the simulation."""
