@@ -13,8 +13,15 @@ class PathJob(Section):
     pattern: str = parameter(
         "fastest",
         "Pattern",
-        "Passes round the bone (t = const), along it from pole to pole (s = const), or on each level the faster ones.",
-        choices=("fastest", "along", "round"),
+        "Passes along the bone (s = const), round it (t = const), along it each at the local step from the one before "
+        "(iso-scallop), in one spiral, in bands of lines of their own, or on each level the fastest of these.",
+        choices=("fastest", "along", "round", "iso-scallop", "spiral", "bands"),
+    )
+    direction: str = parameter(
+        "zigzag",
+        "Direction",
+        "Passes to and fro, or all in the direction of climb or of conventional milling (spindle M3).",
+        choices=("zigzag", "climb", "conventional"),
     )
     chord_tolerance: float = parameter(
         0.004,

@@ -7,7 +7,7 @@ depend on that material (the contacts of the next level) is made in a second thr
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from bonecam.job import Job, PathJob
 from bonecam.levels.measure.level import Level, MachinedLevel, machined_levels, morph_surfaces
@@ -31,7 +31,6 @@ from bonecam.toolpath.engagement.material import DEVIATION, remove_material, unc
 from bonecam.toolpath.engagement.stretches import Allowed
 from bonecam.toolpath.gouge import MESH_SHARE, planned_tolerance
 from bonecam.toolpath.path import ContactPath, ToolPath
-from bonecam.toolpath.patterns.fastest import fastest_pattern
 
 PART_CHORD = 0.002
 """Largest chord tolerance (mm) of the tessellated part that balls are kept out of: MESH_SHARE of the gouge
@@ -74,7 +73,7 @@ def plan_paths(
 
     def contacts_of(level: MachinedLevel) -> LevelContacts:
         cutter = finishing if job.is_finishing(level.index) else roughing
-        return _contacts_of(level, part, cutter, post, _with_pattern(job.path, level, cutter, limits))
+        return _contacts_of(level, part, cutter, post, job.path, limits.turn_speed)
 
     clamping = clamping_of(job.holding, bodies.table)
     capsule = enclosing_capsule(stock)
@@ -100,13 +99,6 @@ def _distance_to_part(levels: Sequence[Level], job: PathJob) -> MeshDistance:
     """Distances to the part, tessellated as finely as the gouge tolerance asks for."""
     chord = min(PART_CHORD, MESH_SHARE * planned_tolerance(job.gouge_tolerance))
     return MeshDistance(morph_surfaces(levels)[0].tessellate(chord))
-
-
-def _with_pattern(job: PathJob, level: MachinedLevel, cutter: Cutter, limits: AxisLimits) -> PathJob:
-    """The job with the pattern of the level's passes."""
-    if job.pattern != "fastest":
-        return job
-    return replace(job, pattern=fastest_pattern(level.surface, cutter, limits.turn_speed))
 
 
 def _field_of(
@@ -137,13 +129,13 @@ def _allowed(levels: Sequence[Level], level: int, job: Job) -> Allowed:
 
 
 def _contacts_of(
-    level: MachinedLevel, part: MeshDistance, cutter: Cutter, post: Post, job: PathJob
+    level: MachinedLevel, part: MeshDistance, cutter: Cutter, post: Post, job: PathJob, turn_speed: float
 ) -> LevelContacts:
     """The contacts of a level; its balls stay out of the level and of the part."""
-    if level.index == 0:
-        return LevelContacts(level, part, candidate_contacts(level, [part], cutter, post, job))
-    distance = MeshDistance(level.surface.tessellate(LEVEL_CHORD))
-    return LevelContacts(level, distance, candidate_contacts(level, [distance, part], cutter, post, job))
+    distance = MeshDistance(level.surface.tessellate(LEVEL_CHORD)) if level.index else part
+    obstacles = [distance, part] if level.index else [part]
+    found = candidate_contacts(level, obstacles, cutter, post, job, turn_speed=turn_speed)
+    return LevelContacts(level, distance, found)
 
 
 def _one_ahead(

@@ -1,13 +1,13 @@
-"""Zig-zag on a level: iso-parametric lines cut to and fro (Gan et al. 2014, section 4.3), as contacts with
-ball centres.
+"""The contacts and ball centres of a level on the curves of a pattern (`patterns/`).
 
-`round`: lines t = const, from the free end down to the post; on a closed bone they are rings, nearly evenly spaced.
-`along`: lines s = const, on a closed bone from pole to pole, as published; they crowd at the poles.
+`along`: lines s = const, on a closed bone from pole to pole, as published (Gan et al. 2014, section 4.3); they
+crowd at the poles. `round`: lines t = const, from the free end down to the post. `iso-scallop`: curves along
+the part, each at the local step from the one before. `spiral`: one curve round the part. `bands`: bands round
+the part with lines of their own.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -27,15 +27,15 @@ from bonecam.toolpath.engagement.stretches import (
     Allowed,
     Lines,
     Stretches,
-    line_bounds,
     stepped_passes,
     whole_passes,
 )
 from bonecam.toolpath.gouge import gouge_free_lifts, planned_tolerance
 from bonecam.toolpath.path import ContactPath
+from bonecam.toolpath.patterns.fastest import pattern_curves
+from bonecam.toolpath.patterns.order import order_curves
 from bonecam.toolpath.patterns.post_ring import post_ring
 from bonecam.toolpath.patterns.sampling import contact_frames, sample_lines
-from bonecam.toolpath.patterns.spacing import line_positions
 
 POST_CLEARANCE = 0.1
 """The ball keeps this far from the post, mm."""
@@ -57,14 +57,13 @@ WHY_NOTHING = {
 class CandidateContacts:
     """All contacts on the lines of a level in machining order, before any is left out.
 
-    `line` is the number of each contact's line; a `closed` line (a ring) has its first contact again at its
-    end. `lifts` as `gouge_free_lifts` has them, NaN where the ball does not fit. `at_post`: too near the
-    post; `in_air`: there is nothing to cut.
+    `line` is the number of each contact's line; a ring has its first contact again at its end. `lifts` as
+    `gouge_free_lifts` has them, NaN where the ball does not fit. `at_post`: too near the post; `in_air`: there
+    is nothing to cut.
     """
 
     level: MachinedLevel
     cutter: Cutter
-    closed: bool
     line: Int[ndarray, " n"]
     parameters: Float[ndarray, "n 2"]
     contacts: Float[ndarray, "n 3"]
@@ -83,24 +82,22 @@ def candidate_contacts(
     post: Post,
     job: PathJob,
     *,
+    turn_speed: float = np.inf,
     post_clearance: float = POST_CLEARANCE,
 ) -> CandidateContacts:
     """The contacts of a level whatever the material: cusps <= cutter.scallop, chords <= job.chord_tolerance,
-    no gouge beyond job.gouge_tolerance. ValueError where `job.pattern` is none of the two patterns.
+    no gouge beyond job.gouge_tolerance. ValueError where `job.pattern` needs a surface of another kind.
 
+    `turn_speed` (rad/min) is that of the axis that changes the azimuth; it decides what is fastest.
     `obstacles` are what the ball must not enter: the level and the part.
     """
     surface = level.surface
-    closed = job.pattern == "round" and surface.closed_in_s
-    across = line_positions(surface, job.pattern, cutter.radius, cutter.scallop)
-    if job.pattern == "round":
-        across = across[::-1]
-    lines = sample_lines(surface, job.pattern, across, cutter.radius, job.chord_tolerance, job.max_step)
-
-    order = _zigzag_order(lines.line)
-    line, parameters = lines.line[order], lines.parameters[order]
-    contacts, normals, feeds = contact_frames(surface, job.pattern, parameters)
-    feeds = np.where((line % 2 == 1)[:, None], -feeds, feeds)
+    curves = pattern_curves(surface, job.pattern, cutter, turn_speed)
+    curves = order_curves(surface, curves, job.direction)
+    lines = sample_lines(surface, curves, cutter.radius, job.chord_tolerance, job.max_step)
+    line = lines.line
+    parameters, directions = curves.at(line, lines.x)
+    contacts, normals, feeds = contact_frames(surface, parameters, directions)
     ring = post_ring(surface, post, cutter.radius, cutter.radius + post_clearance)
     if ring is not None:
         line = np.r_[line, np.full(len(ring.parameters), line[-1] + 1)]
@@ -117,7 +114,7 @@ def candidate_contacts(
     at_post = post.distance(centres) < cutter.radius + post_clearance
     in_air = _in_air(level, contacts)
     return CandidateContacts(
-        level, cutter, closed, line, parameters, contacts, normals, feeds, lifts, centres, at_post, in_air
+        level, cutter, line, parameters, contacts, normals, feeds, lifts, centres, at_post, in_air
     )
 
 
@@ -171,7 +168,7 @@ def _stretches(
     allowed: Allowed,
 ) -> Stretches:
     """The passes over the usable contacts, in steps where the material is deeper than allowed."""
-    lines = Lines(candidates.line, candidates.centres, candidates.normals, candidates.closed)
+    lines = Lines(candidates.line, candidates.centres, candidates.normals)
     if material is None or not np.isfinite(allowed.limit):
         return whole_passes(lines, usable)
     distance, nearest = material.nearest(candidates.centres)
@@ -192,11 +189,3 @@ def _in_air(level: MachinedLevel, contacts: Float[ndarray, "n 3"]) -> Bool[ndarr
     if not isinstance(level, RoundedLevel):
         return np.zeros(len(contacts), dtype=bool)
     return np.asarray(level.stock.signed_distance(contacts) > -MIN_THICKNESS)
-
-
-def _zigzag_order(line: Int[ndarray, " n"]) -> Int[ndarray, " n"]:
-    """The order of the samples in which every other line runs backwards."""
-    bounds = line_bounds(line)
-    return np.concatenate(
-        [np.arange(a, b)[:: -1 if k % 2 else 1] for k, (a, b) in enumerate(pairwise(bounds))]
-    )

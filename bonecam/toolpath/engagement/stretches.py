@@ -30,6 +30,8 @@ SMOOTHING = 3
 """Rounds in which the directions of steps are averaged along their lines."""
 SLOPE = 0.3
 """Slope of the ramps: 17 degrees, what solid ball cutters are allowed in solid material."""
+CLOSED = 1e-6
+"""Contacts of a line that are nearer to each other are one, mm."""
 LEAST_RAMP = 0.03
 """No ramp is made for less depth, mm."""
 
@@ -37,12 +39,15 @@ LEAST_RAMP = 0.03
 @dataclass(frozen=True, eq=False)
 class Lines:
     """The contacts of a level's lines in machining order: number of the line, ball centre and outward normal of
-    each; `closed` lines end where they begin."""
+    each. A closed line ends where it begins."""
 
     line: Int[ndarray, " n"]
     centres: Float[ndarray, "n 3"]
     normals: Float[ndarray, "n 3"]
-    closed: bool
+
+    def closed(self, first: int, last: int) -> bool:
+        """Whether these two contacts are one place, where a line closes."""
+        return bool(np.linalg.norm(self.centres[last] - self.centres[first]) < CLOSED)
 
 
 @dataclass(frozen=True)
@@ -108,10 +113,10 @@ def stepped_passes(
 def split_runs(lines: Lines, kept: Bool[ndarray, " n"]) -> list[Int[ndarray, " _"]]:
     """The stretches of contacts that are kept. A closed line with a gap begins behind its first one."""
     runs: list[ndarray] = []
-    for a, b in pairwise(line_bounds(lines.line)):
+    for a, b in pairwise(line_bounds(lines.line).tolist()):
         here = np.arange(a, b)
         gap = np.flatnonzero(~kept[here])
-        if lines.closed and len(gap) and kept[here[0]]:
+        if len(gap) and kept[a] and kept[b - 1] and lines.closed(a, b - 1):
             here = np.r_[here[gap[0] : -1], here[: gap[0]]]
         pieces = np.split(here, np.flatnonzero(~kept[here]))
         runs += [piece[kept[piece]] for piece in pieces if kept[piece].any()]
@@ -192,7 +197,7 @@ def _entered(lines: Lines, run: Int[ndarray, " r"], raised: Float[ndarray, "r 3"
     closed line, else from further on back to the run's begin."""
     if depth <= LEAST_RAMP or len(run) < 2:
         return run, raised
-    whole = lines.closed and np.allclose(lines.centres[run[0]], lines.centres[run[-1]], atol=1e-6)
+    whole = lines.closed(int(run[0]), int(run[-1]))
     back = np.arange(len(run))[-1:0:-1] if whole else np.arange(len(run))
     places = lines.centres[run[back]]
     behind = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))]

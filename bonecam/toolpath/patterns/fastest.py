@@ -1,36 +1,81 @@
-"""Which way passes run on a level: round the part or along it, whichever the machine does sooner.
+"""The patterns of passes by name, and which of them a machine does soonest on a level.
 
-A pass round the part turns the table once, whatever the axis does, where its normals turn once; a pass along it
-hardly turns it. So a pass of length l takes max(l / feed, 2 pi / turning speed) round the part, and l / feed
-along it.
+The time of a move is that of its way at the feed or, where that is longer, of the turn of the table: the
+azimuth of the axis follows 2 pi s. So a pass round the part takes a whole turn, one along it hardly any. Each
+curve costs a step-over.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.cutters.cutter import Cutter
-from bonecam.toolpath.patterns.sampling import contact_frames
+from bonecam.toolpath.patterns.bands import band_curves
+from bonecam.toolpath.patterns.curves import Curves, curves_of
+from bonecam.toolpath.patterns.iso_scallop import iso_scallop_curves
+from bonecam.toolpath.patterns.sampling import ball_centres, dense_samples
 from bonecam.toolpath.patterns.spacing import line_positions
+from bonecam.toolpath.patterns.spiral import spiral_curves
+from bonecam.toolpath.patterns.step_metric import step_metric
 
-SAMPLES = 48
-"""Moves into which a line is divided to measure it."""
-FULL_TURN = {"round": 2 * np.pi, "along": 0.0}
-"""What a pass turns the table by, radians."""
+ISO_PARAMETRIC = ("along", "round")
+"""Patterns for surfaces of all kinds."""
+CLOSED = ("iso-scallop", "spiral", "bands")
+"""Patterns for surfaces that are closed in s, with poles."""
+SEEDS = (2, 3, 4, 6)
+"""Numbers of meridians from which iso-scallop curves are tried to be counted."""
+MOVES = 48
+"""Moves into which a curve is divided to measure it."""
+STEP_OVER = 0.03 / 60
+"""Time of a link from the end of one curve to the begin of the next, minutes: 0.7 mm at 1500 mm/min."""
 
 
-def fastest_pattern(surface: TSpline, cutter: Cutter, turn_speed: float) -> str:
-    """`round` or `along`; `turn_speed` is that of the axis that changes the azimuth, rad/min."""
-    return min(FULL_TURN, key=lambda pattern: pattern_minutes(surface, pattern, cutter, turn_speed))
+def pattern_curves(surface: TSpline, pattern: str, cutter: Cutter, turn_speed: float = np.inf) -> Curves:
+    """The curves of a pattern, or of the `fastest` one; `turn_speed` is that of the axis that changes the azimuth,
+    rad/min. ValueError for an unknown pattern, or one that needs a surface of another kind."""
+    closed = surface.closed_in_s and all(surface.poles)
+    known = ISO_PARAMETRIC + (CLOSED if closed else ())
+    if pattern != "fastest" and pattern not in known:
+        raise ValueError(f"pattern {pattern!r}: on this surface give fastest, {', '.join(known)}")
+    names = known if pattern == "fastest" else (pattern,)
+    found = [curves for name in names for curves in _candidates(surface, name, cutter, turn_speed)]
+    return min(found, key=lambda curves: curve_minutes(surface, curves, cutter, turn_speed))
 
 
-def pattern_minutes(surface: TSpline, pattern: str, cutter: Cutter, turn_speed: float) -> float:
-    """Minutes that the passes of a pattern take at least, links left out."""
-    across = line_positions(surface, pattern, cutter.radius, cutter.scallop)
-    low, high = surface.domain[0 if pattern == "round" else 1]
-    along = np.tile(np.linspace(low, high, SAMPLES + 1), len(across))
-    fixed = np.repeat(across, SAMPLES + 1)
-    parameters = np.column_stack([along, fixed] if pattern == "round" else [fixed, along])
-    points, normals, _ = contact_frames(surface, pattern, parameters)
-    centres = (points + cutter.radius * normals).reshape(len(across), SAMPLES + 1, 3)
-    lengths = np.linalg.norm(np.diff(centres, axis=1), axis=2).sum(axis=1)
-    return float(np.maximum(lengths / cutter.feed, FULL_TURN[pattern] / turn_speed).sum())
+def curve_minutes(surface: TSpline, curves: Curves, cutter: Cutter, turn_speed: float) -> float:
+    """Minutes that a machine takes for the curves at least."""
+    samples = dense_samples(curves, MOVES)
+    centres = ball_centres(surface, samples, cutter.radius)
+    same = samples.line[1:] == samples.line[:-1]
+    ways = np.linalg.norm(np.diff(centres, axis=0), axis=1)[same]
+    turns = 2 * np.pi * np.abs(np.diff(samples.parameters[:, 0]))[same]
+    if not surface.closed_in_s:
+        turns = np.zeros_like(turns)
+    return float(np.maximum(ways / cutter.feed, turns / turn_speed).sum() + STEP_OVER * len(curves.group))
+
+
+def _candidates(surface: TSpline, pattern: str, cutter: Cutter, turn_speed: float) -> Iterator[Curves]:
+    """The ways to lay a pattern."""
+    radius, scallop = cutter.radius, cutter.scallop
+    if pattern in ISO_PARAMETRIC:
+        yield iso_parametric_curves(surface, pattern, line_positions(surface, pattern, radius, scallop))
+        return
+    metric = step_metric(surface, radius, scallop)
+    if pattern == "spiral":
+        yield spiral_curves(metric)
+    elif pattern == "bands":
+        yield band_curves(metric, cutter.feed, STEP_OVER, 2 * np.pi / turn_speed)
+    else:
+        for seeds in SEEDS:
+            yield iso_scallop_curves(metric, seeds)
+
+
+def iso_parametric_curves(surface: TSpline, pattern: str, across: Float[ndarray, " k"]) -> Curves:
+    """Lines t = const from the upper end down (`round`) or s = const (`along`) at these increasing places."""
+    ends = surface.domain[0 if pattern == "round" else 1]
+    if pattern == "round":
+        return curves_of([np.column_stack([ends, np.full(2, t)]) for t in across[::-1]])
+    return curves_of([np.column_stack([np.full(2, s), ends]) for s in across])

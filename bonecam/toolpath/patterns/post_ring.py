@@ -13,7 +13,7 @@ from numpy import ndarray
 from bonecam.arrays import dots, unit
 from bonecam.setup.holding import Post
 from bonecam.surface.tspline import TSpline
-from bonecam.toolpath.patterns.sampling import contact_frames
+from bonecam.toolpath.patterns.sampling import ROUND, contact_frames
 
 STEP = 0.25
 """Contacts of the ring are about so far apart, mm."""
@@ -44,11 +44,11 @@ def post_ring(surface: TSpline, post: Post, radius: float, away: float) -> PostR
     s = np.linspace(0.0, 1.0, count + 1)
 
     def spare(t: ndarray) -> Float[ndarray, " n"]:
-        points, normals, _ = contact_frames(surface, "round", np.column_stack([np.resize(s, len(t)), t]))
+        points, normals, _ = contact_frames(surface, np.column_stack([np.resize(s, len(t)), t]), ROUND)
         return post.distance(points + radius * normals) - away - OUTSIDE
 
     low, high = surface.domain[1]
-    ends = [contact_frames(surface, "round", np.array([[0.0, t]]))[0][0, 2] for t in (low, high)]
+    ends = [contact_frames(surface, np.array([[0.0, t]]), ROUND)[0][0, 2] for t in (low, high)]
     start, end = (low, high) if ends[0] < ends[1] else (high, low)
     t = np.linspace(start, end, SEARCHED)
     found = spare(np.repeat(t, count + 1)).reshape(SEARCHED, count + 1)
@@ -62,7 +62,7 @@ def post_ring(surface: TSpline, post: Post, radius: float, away: float) -> PostR
         free = spare(middle) > 0
         near, far = np.where(free, near, middle), np.where(free, middle, far)
     parameters = np.column_stack([s, far])
-    points, normals, _ = contact_frames(surface, "round", parameters)
+    points, normals, _ = contact_frames(surface, parameters, ROUND)
     along = np.roll(points[:-1], -1, axis=0) - np.roll(points[:-1], 1, axis=0)
     along = np.vstack([along, along[:1]])
     feeds = unit(along - dots(along, normals)[:, None] * normals)

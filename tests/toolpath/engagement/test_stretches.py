@@ -18,17 +18,17 @@ STEP = 0.5
 UP = np.array([0.0, 0.0, 1.0])
 
 
-def plane(count=120, rows=1, closed=False):
+def plane(count=120, rows=1):
     """Straight lines of contacts 0.5 mm apart on a plane, the lines 1 mm apart."""
     x, line = np.tile(STEP * np.arange(count), rows), np.repeat(np.arange(rows), count)
     centres = np.column_stack([x, 1.0 * line, np.zeros(len(x))])
-    return Lines(line, centres, np.tile(UP, (len(x), 1)), closed)
+    return Lines(line, centres, np.tile(UP, (len(x), 1)))
 
 
 def ring(count=80, radius=5.0):
     angle = np.linspace(0, 2 * np.pi, count + 1)
     centres = radius * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(count + 1)])
-    return Lines(np.zeros(count + 1, dtype=int), centres, np.tile(UP, (count + 1, 1)), True)
+    return Lines(np.zeros(count + 1, dtype=int), centres, np.tile(UP, (count + 1, 1)))
 
 
 def passes(lines, depth, allowed, usable=None, away=None):
