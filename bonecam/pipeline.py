@@ -19,6 +19,7 @@ from bonecam.nc.posting.header import record_checks
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import program_name
 from bonecam.nc.requirements import check_room, check_tools
+from bonecam.orientation.layer_paths import plan_layer_paths
 from bonecam.orientation.level_paths import plan_paths
 from bonecam.orientation.post_length import find_post_length
 from bonecam.outputs.kept_folder import keep_failed_level
@@ -93,7 +94,7 @@ def morph_levels(
 
     `mesh`, `job`, `keep`, `report`, `surface` and `html` are those of `convert`.
     """
-    job = _require_job(job)
+    job = _require_job(job).with_values(path={"strategy": "morph"})
     check_method(job.levels)
     outputs = Outputs(keep=keep, report=report, surface=surface, html=html)
     given, source = _given(mesh)
@@ -139,6 +140,7 @@ def _morph(
         morph = make_levels(fitted.surface, setup.stock, job, part(progress, 0.5, 1.0))
 
     figures = report_to_levels(setup.part, fitted, setup.stock, morph, job.levels.method)
+    figures["strategy"] = job.path.strategy
     figures["post"] = {"diameter_mm": job.holding.diameter, "length_mm": job.holding.length}
     figures["seconds"] = times.seconds
     return Morphed(setup.part, fitted.surface, setup.stock, morph, figures, job)
@@ -167,7 +169,8 @@ def _machine(
     levels = made.levels.levels
     design = morph_surfaces(levels)[0]
     with times.stage("toolpath"):
-        planned = plan_paths(
+        plan = plan_paths if job.path.strategy == "morph" else plan_layer_paths
+        planned = plan(
             levels, made.stock, job, axis_limits(machine), machine.bodies, part(progress, 0.0, 0.82)
         )
 

@@ -17,6 +17,7 @@ from bonecam.progress import Progress, silent
 from bonecam.setup.holding import post_below
 from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.surface.files.tspline_text import read_tsm
+from bonecam.toolpath.layers.limits import layer_limits
 from bonecam.verify.removal.of_job import ACCURACY, cutters_of
 from bonecam.verify.removal.result import Removal
 from bonecam.verify.removal.simulate import simulate_removal
@@ -47,7 +48,6 @@ def simulate(
     text = _text_of(Path(program))
     _require_machine(text, machine, dialect, Path(program))
     part, stock, levels = _kept(Path(keep))
-    first, beyond = job.levels.cuts
     return simulate_removal(
         text,
         machine,
@@ -56,10 +56,18 @@ def simulate(
         post_below(part, job.holding),
         cutters_of(job, machine),
         part=read_tsm(Path(keep) / "surface.tspline"),
-        limits={index: first[index] if index < len(first) else beyond for index in range(levels - 1)},
+        limits=_limits(job, levels),
         accuracy=replace(ACCURACY, cell=cell, coarser=False),
         progress=progress,
     )
+
+
+def _limits(job: Job, levels: int) -> dict[int, float]:
+    """The largest depth (mm) of the cut on each level, or on each layer of a strategy in layers."""
+    if job.path.strategy != "morph":
+        return layer_limits(job)
+    first, beyond = job.levels.cuts
+    return {index: first[index] if index < len(first) else beyond for index in range(levels - 1)}
 
 
 def _text_of(program: Path) -> str:

@@ -20,8 +20,8 @@ ROOMS = {
         *"problem solvers measure refine_for_depth sequences".split(),
         *"closed_morph open_stock open_morph body_surface edge_rounding equal_depths job_levels".split(),
     ],
-    "toolpath": "cutters path gouge patterns engagement contacts".split(),
-    "orientation": "limits cones collision axes field links oriented_path level_paths post_length".split(),
+    "toolpath": "cutters path gouge patterns engagement contacts layers iso_height rotary".split(),
+    "orientation": "limits cones collision axes field links oriented_path level_paths layer_paths post_length".split(),
     "verify": "gouge readback trial_program proof removal report summary pictures page sheet".split(),
 }
 """The order of the modules and sub-packages inside a stage."""
@@ -33,6 +33,7 @@ DOORS = {
     "clarabel": {"levels/solvers/clarabel.py"},
     "fcl": {"orientation/collision/fcl_model.py"},
     "matplotlib": {"verify/pictures"},
+    "contourpy": {"toolpath/iso_height/slices.py"},
     "numba": {"kernels"},
     "open3d": {"mesh/distance.py", "mesh/triangle_mesh.py"},
     "OCP": {"mesh/files/opencascade.py"},

@@ -10,6 +10,13 @@ from bonecam.job.parameter import Section, check, parameter
 class PathJob(Section):
     """The passes on a level, the tool axis, and the links between passes."""
 
+    strategy: str = parameter(
+        "morph",
+        "Strategy",
+        "morph: levels between part and stock; or for comparison iso-height (slices from two sides), or rotary "
+        "(sections of the turning part).",
+        choices=("morph", "iso-height", "rotary"),
+    )
     pattern: str = parameter(
         "fastest",
         "Pattern",

@@ -3,6 +3,7 @@ from .cones.cone import ObliqueEllipticCone as ObliqueEllipticCone
 from .cones.cone import oblique_elliptic_cone as oblique_elliptic_cone
 from .cones.intersection import IntersectionCurve as IntersectionCurve
 from .cones.intersection import intersect as intersect
+from .layer_paths import plan_layer_paths as plan_layer_paths
 from .level_paths import plan_paths as plan_paths
 from .limits import AxisLimits as AxisLimits
 from .oriented_path import orient as orient

@@ -11,7 +11,7 @@ from bonecam.arrays import angles_between
 from bonecam.errors import OrientationError
 from bonecam.job import NcJob, PathJob
 from bonecam.orientation.axes.singularity import SINGULAR_ANGLE, least_polar_angles
-from bonecam.orientation.axes.tool_axes import ToolAxes, choose_axes
+from bonecam.orientation.axes.tool_axes import ToolAxes, choose_axes, fixed_axes
 from bonecam.orientation.collision.checker import CollisionChecker
 from bonecam.orientation.collision.scene import Scene
 from bonecam.orientation.limits import AxisLimits
@@ -38,10 +38,13 @@ def orient(
     job: PathJob,
     nc: NcJob,
     wanted: Float[ndarray, "n 3"] | None = None,
+    *,
+    fixed: Float[ndarray, "n 3"] | None = None,
 ) -> ToolPath:
     """Tool axes for the contacts of one level, and safe moves before, between and behind its passes.
 
-    `wanted` are the axes to start from; without them they lean by the lead angle. Contacts without an
+    `wanted` are the axes to start from; without them they lean by the lead angle. `fixed` axes are taken as they
+    are, or the contact is left out. Contacts without an
     admissible axis, and passes that cannot be reached, are left out and listed in `uncut`
     (`limits`, `collision`). A path without contacts only visits the safe point. Raises OrientationError where
     none of the contacts can be reached.
@@ -51,7 +54,10 @@ def orient(
     space = LinkSpace(checker, limits, feeds, job.clearance, planned_tolerance(job.gouge_tolerance))
     if not len(path.contacts):
         return _idle_path(path, space)
-    chosen = choose_axes(path, checker, limits, job, wanted)
+    if fixed is not None:
+        chosen = fixed_axes(path, checker, fixed)
+    else:
+        chosen = choose_axes(path, checker, limits, job, wanted)
     if not chosen.found.any():
         remedy = "use a longer overhang, a longer post (holding.length) or a slimmer holder"
         raise OrientationError(

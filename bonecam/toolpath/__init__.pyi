@@ -6,8 +6,11 @@ from .engagement.material import Material as Material
 from .engagement.material import remove_material as remove_material
 from .engagement.material import uncut_material as uncut_material
 from .gouge import gouge_free_lifts as gouge_free_lifts
+from .iso_height.plan import iso_height_layers as iso_height_layers
+from .layers.layer import Layer as Layer
 from .path import ContactPath as ContactPath
 from .path import Kind as Kind
 from .path import ToolPath as ToolPath
 from .patterns.scallop import side_step as side_step
 from .patterns.spacing import line_positions as line_positions
+from .rotary.plan import rotary_layers as rotary_layers

@@ -18,6 +18,7 @@ WHY = {
     "short": "too short for a plunge",
     "collision": "no free way for the tool",
     "limits": "beyond the machine's tilt",
+    "hidden": "out of reach of the strategy's tool axes",
 }
 """What each reason for leaving a contact uncut means."""
 SLENDER = 15.0
@@ -33,8 +34,7 @@ def summary_of(report: Mapping[str, Any]) -> str:
         *_given_lines(report),
         f"stock     {stock_text(report['stock'])}",
         *_post_lines(report.get("post")),
-        _levels_line(report),
-        f"certified {certified_text(report['levels'], report['levels_method'])}",
+        *(_levels_lines(report) if report.get("strategy", "morph") == "morph" else _layer_lines(report)),
         *(_program_lines(report["toolpath"], report["nc"]) if "nc" in report else ()),
         *(_removal_lines(report["removal"]) if "removal" in report else ()),
         f"time      {sum(report['seconds'].values()):.1f} s",
@@ -75,13 +75,21 @@ def _post_lines(post: Mapping[str, Any] | None) -> Iterator[str]:
         yield f"post      {post['diameter_mm']:g} x {post['length_mm']:g} mm{warning}"
 
 
-def _levels_line(report: Mapping[str, Any]) -> str:
-    """Cuts, their lower bound, and depths."""
+def _layer_lines(report: Mapping[str, Any]) -> Iterator[str]:
+    """The layers of a strategy that does not morph."""
+    layers = counted(len(report["toolpath"]), "layer")
+    length = sum(row["length_mm"] for row in report["toolpath"])
+    yield f"layers    {layers} by {report['strategy']} milling, {length / 1000:.1f} m of cuts"
+
+
+def _levels_lines(report: Mapping[str, Any]) -> Iterator[str]:
+    """Cuts, their lower bound, depths, and what is certified."""
     levels, breaks = report["levels"], report["levels_break_mm"]
     deepest = max(row[depth] for row in levels for depth in ("depth_max_mm", "depth_back_max_mm"))
     bound = f"no schedule needs fewer than {report['levels_lower_bound']}"
     broken = f"; a limit is broken by {breaks:.4f} mm" if breaks else ""
-    return f"levels    {counted(len(levels) - 1, 'cut')}, {bound}; depth max {deepest:.4f} mm{broken}"
+    yield f"levels    {counted(len(levels) - 1, 'cut')}, {bound}; depth max {deepest:.4f} mm{broken}"
+    yield f"certified {certified_text(levels, report['levels_method'])}"
 
 
 def _program_lines(toolpath: Sequence[Mapping[str, Any]], nc: Mapping[str, Any]) -> Iterator[str]:

@@ -68,6 +68,13 @@ def choose_axes(
     return ToolAxes(axes, tuple(reasons), in_motion & unchanged)
 
 
+def fixed_axes(path: ContactPath, checker: CollisionChecker, axes: Float[ndarray, "n 3"]) -> ToolAxes:
+    """These axes where the tool is free of collision; the other contacts have none (`collision`)."""
+    free = checker.free(path.centres, axes)
+    reasons = np.where(free, "", "collision")
+    return ToolAxes(axes, tuple(reasons.tolist()), np.zeros(len(axes), dtype=bool))
+
+
 def _replace(
     path: ContactPath,
     preferred: Float[ndarray, "n 3"],

@@ -30,13 +30,18 @@ def draw_toolpath(
     post: tuple[float, float] | None = None,
 ) -> None:
     """Write the outermost, a middle and the innermost level from the front (-y): contacts, some tool axes,
-    links by their tips; the `post` (diameter, top z), mm."""
+    links by their tips; the `post` (diameter, top z), mm.
+
+    Layers, which follow no level, are drawn on the part; the innermost is the last one seen from the front.
+    """
     from matplotlib.lines import Line2D
 
-    shown = [paths[k] for k in sorted({0, len(paths) // 2, len(paths) - 1})]
+    last = len(paths) - (2 if paths[-1].axes[:, 1].min() > 0 else 1)
+    shown = [paths[k] for k in sorted({0, len(paths) // 2, max(last, 0)})]
     figure, plots = new_figure(len(shown))
     for plot, item in zip(plots, shown):
-        show_path(plot, item, levels[item.level].mesh)
+        followed = levels[item.level] if paths[0].level == len(levels) - 2 else levels[0]
+        show_path(plot, item, followed.mesh)
         if post:
             draw_post(plot, post, levels)
         cuts = int((item.kinds == Kind.CUT).sum())

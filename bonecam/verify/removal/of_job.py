@@ -11,6 +11,7 @@ from bonecam.progress import Progress, silent
 from bonecam.setup.holding import post_below
 from bonecam.setup.stock import Stock
 from bonecam.toolpath.cutters.cutter import Cutter
+from bonecam.toolpath.layers.limits import layer_limits
 from bonecam.verify.removal.result import Removal
 from bonecam.verify.removal.simulate import Accuracy, simulate_removal
 from bonecam.verify.removal.verdicts import check_removal
@@ -26,6 +27,13 @@ def cutters_of(job: Job, machine: Machine) -> list[Cutter]:
         Cutter.from_job(number, name, job.tool(name), machine.bodies.nose)
         for number, name in ((1, "roughing"), (2, "finishing"))
     ]
+
+
+def depth_limits(job: Job, levels: Sequence[Level]) -> dict[int, float]:
+    """The largest depth (mm) of the cut on each level, or on each layer of a strategy in layers."""
+    if job.path.strategy == "morph":
+        return {index: levels[index + 1].limit for index in range(len(levels) - 1)}
+    return layer_limits(job)
 
 
 def prove_removal(
@@ -52,7 +60,7 @@ def prove_removal(
         post_below(part, job.holding),
         cutters_of(job, machine),
         part=morph_surfaces(levels)[0],
-        limits={index: levels[index + 1].limit for index in range(len(levels) - 1)},
+        limits=depth_limits(job, levels),
         surfaces={level.index: level.mesh for level in machined_levels(levels)},
         accuracy=ACCURACY,
         progress=progress,

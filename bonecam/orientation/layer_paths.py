@@ -1,0 +1,78 @@
+"""The tool paths of a strategy that works in layers, with the tool axes that it fixes: iso-height milling from two
+sides, sectional rotary milling. They are linked and checked for collisions as the levels of a morph are."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from bonecam.errors import OrientationError
+from bonecam.job import Job
+from bonecam.levels.measure.level import Level, morph_surfaces
+from bonecam.mesh.distance import MeshDistance
+from bonecam.orientation.collision.scene import Scene
+from bonecam.orientation.limits import AxisLimits
+from bonecam.orientation.oriented_path import orient
+from bonecam.progress import Progress, report, silent
+from bonecam.setup.capsule import enclosing_capsule
+from bonecam.setup.fixture.clamping import clamping_of
+from bonecam.setup.fixture.table import MachineBodies
+from bonecam.setup.holding import post_below
+from bonecam.setup.stock import Stock
+from bonecam.toolpath.cutters.cutter import Cutter
+from bonecam.toolpath.iso_height.plan import iso_height_layers
+from bonecam.toolpath.layers.material import DEVIATION
+from bonecam.toolpath.path import ToolPath
+from bonecam.toolpath.rotary.plan import rotary_layers
+
+STRATEGIES = {"iso-height": iso_height_layers, "rotary": rotary_layers}
+"""What plans the layers of each strategy (`path.strategy`)."""
+PART_CHORD = 0.002
+"""Chord tolerance (mm) of the tessellated part, as for the paths of levels."""
+LEVEL = np.array([[1.0, 0.0, 0.0]])
+"""A tool axis that is level, as those of both strategies are."""
+
+
+def plan_layer_paths(
+    levels: Sequence[Level],
+    stock: Stock,
+    job: Job,
+    limits: AxisLimits,
+    bodies: MachineBodies,
+    progress: Progress = silent,
+) -> tuple[ToolPath, ...]:
+    """The paths of the layers of `job.path.strategy` in machining order, the last one numbered 0; `levels` begin at
+    the part, `limits` and `bodies` are the machine's.
+
+    OrientationError where the machine cannot lay its tool axis level, or no contact of a layer is reached.
+    """
+    if not limits.allow(LEVEL).all():
+        raise OrientationError(
+            f"path.strategy = {job.path.strategy!r} needs a tool axis at 90 deg to the table, which this machine "
+            f"does not reach ({np.degrees(limits.largest):g} deg): take strategy = 'morph' or another machine"
+        )
+    report(progress, 0.0, "planning layers")
+    distance = MeshDistance(morph_surfaces(levels)[0].tessellate(PART_CHORD))
+    post = post_below(distance.mesh, job.holding)
+    roughing = Cutter.from_job(1, "roughing", job.tool("roughing"), bodies.nose)
+    finishing = Cutter.from_job(2, "finishing", job.tool("finishing"), bodies.nose)
+    layers, unreached = STRATEGIES[job.path.strategy](distance, stock, post, roughing, finishing, job)
+    paths = []
+    for count, layer in enumerate(layers):
+        report(progress, 0.3 + 0.7 * count / len(layers), f"path of layer {len(layers) - 1 - count}")
+        scene = Scene(
+            distance.mesh,
+            layer.material.mesh(),
+            enclosing_capsule(stock),
+            post,
+            DEVIATION,
+            distance,
+            None,
+            clamping_of(job.holding, bodies.table),
+        )
+        path = replace(layer.path, level=len(layers) - 1 - count)
+        if not path.level:
+            near = post.distance(unreached) < 2 * path.cutter.radius
+            path = replace(path, uncut=unreached, reasons=tuple(np.where(near, "post", "hidden").tolist()))
+        paths.append(orient(path, scene, limits, job.path, job.nc, fixed=layer.axes))
+    return tuple(paths)

@@ -1,0 +1,104 @@
+"""Finishing from one direction: parallel passes of a ball that touches the part."""
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy import ndarray
+
+from bonecam.arrays import dots
+from bonecam.job import PathJob
+from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.toolpath.cutters.ball_depth import MAX_DEPTH_RADII
+from bonecam.toolpath.cutters.cutter import Cutter
+from bonecam.toolpath.gouge import gouge_free_lifts, planned_tolerance
+from bonecam.toolpath.layers.chart import Chart
+from bonecam.toolpath.layers.curves import Curves, sample
+from bonecam.toolpath.layers.drop import Ball, drop_balls
+from bonecam.toolpath.layers.layer import Layer, layer_of
+from bonecam.toolpath.layers.material import HeightField
+from bonecam.toolpath.layers.roughing import swept
+from bonecam.toolpath.layers.scan_lines import scan_lines
+
+FACING = 0.02
+"""Places whose normal turns away from the tool by more (its cosine) are on its other side."""
+HIDDEN = 0.02
+"""A ball that rests higher than this above a place does not reach it, mm."""
+PLACES = 8000
+"""About so many places of the part are asked whether a strategy reaches them."""
+
+
+def finish_layer(
+    ball: Ball,
+    cutter: Cutter,
+    material: HeightField,
+    job: PathJob,
+    heights: tuple[float, float],
+    extent: tuple[float, float],
+    width: float,
+) -> tuple[Layer, HeightField]:
+    """The passes over all that the ball touches between its highest and lowest `heights` (centre, mm), and the
+    material behind them; `extent` is that of b, `width` the length (mm) of a unit of a.
+
+    Too much material above a contact leaves it out (MAX_DEPTH_RADII).
+    """
+    chart = material.chart
+    top, floor = heights
+
+    def height_of(a: Float[ndarray, " n"], b: Float[ndarray, " n"]) -> Float[ndarray, " n"]:
+        return drop_balls(chart, a, b, ball, top, floor)
+
+    lines = scan_lines(chart, ball, cutter.scallop, height_of, extent, width)
+    found = sample(lines, chart, height_of, width, job.chord_tolerance)
+    axes = chart.axes(found.a)
+    centres = chart.bases(found.a, found.b) + found.heights[:, None] * axes
+    kept = ball.touches(centres) & (found.heights > floor)
+    lifts = _lifts(centres, axes, ball, kept & np.r_[kept[1:], False] & found.joined(), job.gouge_tolerance)
+    kept &= np.isfinite(lifts)
+    raised = Curves(found.line, found.a, found.b, found.heights + np.nan_to_num(lifts))
+    kept &= _sunk(chart, raised, ball.radius, material) <= MAX_DEPTH_RADII * ball.radius
+    layer = layer_of(raised, kept, chart, cutter, material, ball)
+    return layer, material.lowered(*swept(raised, kept, width), ball.radius) if kept.any() else material
+
+
+def _lifts(
+    centres: Float[ndarray, "n 3"],
+    axes: Float[ndarray, "n 3"],
+    ball: Ball,
+    joined: Bool[ndarray, " n"],
+    gouge_tolerance: float,
+) -> Float[ndarray, " n"]:
+    """How far balls are lifted along their axes so that the moves between them leave the part alone, mm."""
+    tolerance = planned_tolerance(gouge_tolerance)
+    tips = centres - ball.radius * axes
+    return gouge_free_lifts(tips, axes, ball.radius, tolerance, [ball.part], joined, ball.radius / 2)
+
+
+def _sunk(chart: Chart, curves: Curves, radius: float, material: HeightField) -> Float[ndarray, " n"]:
+    """How deep each ball sinks into the material, mm."""
+    centres = chart.bases(curves.a, curves.b) + curves.heights[:, None] * chart.axes(curves.a)
+    return np.asarray(radius - MeshDistance(material.mesh()).signed(centres, radius))
+
+
+def unreached(
+    points: Float[ndarray, "n 3"],
+    normals: Float[ndarray, "n 3"],
+    chart: Chart,
+    ball: Ball,
+    heights: tuple[float, float],
+    extent: tuple[float, float],
+) -> Bool[ndarray, " n"]:
+    """Which places of the part no pass touches, however close passes are."""
+    centres = points + ball.radius * normals
+    a, b, wanted = chart.coordinates(centres)
+    rests = drop_balls(chart, a, b, ball, *heights)
+    facing = dots(normals, chart.axes(a)) >= -FACING
+    inside = (b >= extent[0]) & (b <= extent[1]) & (wanted > heights[1])
+    return ~(facing & inside & (rests - wanted < HIDDEN))
+
+
+def places_of(part: TriangleMesh) -> tuple[Float[ndarray, "n 3"], Float[ndarray, "n 3"]]:
+    """About PLACES places all over the part, and their unit normals."""
+    vectors = part.face_vectors
+    lengths = np.linalg.norm(vectors, axis=1)
+    some = np.flatnonzero(lengths > 0)[:: max(len(lengths) // PLACES, 1)]
+    return part.vertices[part.faces[some]].mean(axis=1), vectors[some] / lengths[some, None]
