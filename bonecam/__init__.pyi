@@ -10,6 +10,8 @@ from . import verify as verify
 from .batch import convert_many as convert_many
 from .errors import BonecamError as BonecamError
 from .filters.meshset import MeshSet as MeshSet
+from .finishing import Finished as Finished
+from .finishing import finish as finish
 from .job import Job as Job
 from .job import read_job as read_job
 from .job import write_job as write_job

@@ -8,7 +8,7 @@ import pytest
 ORDER = [
     *"errors progress arrays runtime files text materials job kernels".split(),
     *"mesh setup surface levels toolpath orientation nc verify".split(),
-    *"outputs pipeline simulation script_run filters batch cli __main__".split(),
+    *"outputs pipeline simulation finishing script_run filters batch cli __main__".split(),
 ]
 ROOMS = {
     "runtime": "threads timing parent signals temporary worker own_files staging".split(),
@@ -21,7 +21,10 @@ ROOMS = {
         *"closed_morph open_stock open_morph body_surface edge_rounding equal_depths job_levels".split(),
     ],
     "toolpath": "cutters path gouge patterns engagement contacts layers iso_height rotary".split(),
-    "orientation": "limits cones collision axes field links oriented_path level_paths layer_paths post_length".split(),
+    "orientation": [
+        *"limits cones collision axes field links oriented_path level_paths layer_paths".split(),
+        *"post_length surface_path".split(),
+    ],
     "verify": "gouge readback trial_program proof removal report summary pictures page sheet".split(),
 }
 """The order of the modules and sub-packages inside a stage."""

@@ -24,6 +24,8 @@ EXAMPLES = {
   bonecam demo -o phalanx.h --keep look""",
     "levels": """
   bonecam levels bone.stl --units m -o look --set stock.kind=cylinder --set levels.roughing_depth=1""",
+    "finish": """
+  bonecam finish blade.txt --part hub.stl --obstacle blades.stl -o blade.h --set finishing.overhang=45""",
     "simulate": """
   bonecam simulate bone.h --keep look --job job.toml""",
     "view": """
@@ -81,6 +83,7 @@ def make_parser() -> "_Parser":
     _add_convert(parsers)
     _add_demo(parsers)
     _add_levels(parsers)
+    _add_finish(parsers)
     _add_simulate(parsers)
     _add_view(parsers)
     _add_batch(parsers)
@@ -123,15 +126,29 @@ def _add_levels(parsers: Any) -> None:
     _add_verbosity(levels)
 
 
+def _add_finish(parsers: Any) -> None:
+    text = "Make the verified NC program that machines one surface alone, open or closed, beside obstacles."
+    finish = _add_command(parsers, "finish", text, commands.run_finish)
+    kinds = "rows of points, .step, .iges, .tsm, .tspline or .iga; normals outward, the table's axis Z"
+    finish.add_argument("surface", metavar="SURFACE", help=kinds)
+    finish.add_argument("--part", metavar="MESH", help="solid that is not gouged; open surfaces need it")
+    beside = "solid to keep clear of: hub, shroud, neighbour, fixture (repeat for more)"
+    finish.add_argument("--obstacle", metavar="MESH", action="append", default=[], help=beside)
+    finish.add_argument("-o", "--output", metavar="PROGRAM", required=True, help="file for the NC program")
+    finish.add_argument("--keep", metavar="DIR", help="folder for surface, solid, tool path and its picture")
+    finish.add_argument("--report", metavar="FILE.json", help="file for the report")
+    add_job_options(finish)
+    _add_verbosity(finish)
+
+
 def _add_simulate(parsers: Any) -> None:
     text = "Simulate from its text what an NC program removes, and refuse rapids that cut, collisions and gouges."
     simulate = _add_command(parsers, "simulate", text, commands.run_simulate)
     simulate.add_argument("program", metavar="PROGRAM", help="the NC program")
     kept = "the folder that `convert --keep` wrote: its part and its stock"
     simulate.add_argument("--keep", metavar="DIR", required=True, help=kept)
-    simulate.add_argument(
-        "--cell", metavar="MM", type=_positive, default=0.1, help="distance of the rays (0.1 mm)"
-    )
+    rays = "distance of the rays (0.1 mm)"
+    simulate.add_argument("--cell", metavar="MM", type=_positive, default=0.1, help=rays)
     simulate.add_argument("--report", metavar="FILE.json", help="file for the figures")
     add_job_options(simulate)
     _add_verbosity(simulate)

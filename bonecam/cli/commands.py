@@ -65,6 +65,27 @@ def run_view(options: argparse.Namespace) -> int:
     return 0
 
 
+def run_finish(options: argparse.Namespace) -> int:
+    """`bonecam finish`: the NC program of one surface."""
+    job = job_of(options)
+    files = [file for file in (options.output, options.report) if file is not None]
+    check_files(files, [file for file in (options.job, options.machine, options.controller) if file])
+    with shown_progress(options) as progress:
+        made = bonecam.finish(
+            options.surface,
+            options.part,
+            options.obstacle,
+            job,
+            program=options.output,
+            keep=options.keep,
+            report=options.report,
+            progress=progress,
+        )
+    if not options.quiet:
+        print(made.summary)
+    return 0
+
+
 def run_simulate(options: argparse.Namespace) -> int:
     """`bonecam simulate`: what a program removes, from its text."""
     from bonecam.verify.summary import removal_text

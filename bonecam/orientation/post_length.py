@@ -61,6 +61,13 @@ def find_post_length(setup: Setup, job: Job, limits: AxisLimits, bodies: Machine
     clamping = clamping_of(job.holding, bodies.table)
     lifts = sampled_lifts(setup, job, limits, bodies)
     height = float(setup.stock.bounds[0, 2])
+    length = shortest_post(lifts, height, clamping)
+    return setup.lift(length - height), replace(job, holding=replace(job.holding, length=length))
+
+
+def shortest_post(lifts: Float[ndarray, " n"], height: float, clamping: Clamping) -> float:
+    """The length, in whole mm, of a post by which all contacts are reached that can be; `lifts` (mm) are those of
+    contacts on a part whose lowest point is at the `height`."""
     standing = max((column.top for column in clamping.columns), default=0.0)
     reached = lifts[np.isfinite(lifts)].max(initial=-height)
     length = float(np.ceil(max(height + reached, standing + clamping.clearance, 1.0)))
@@ -68,7 +75,7 @@ def find_post_length(setup: Setup, job: Job, limits: AxisLimits, bodies: Machine
         needed = f"the part needs a post of {length:g} mm, at most {LONGEST:g} can be given"
         remedy = "take slimmer or longer holders, a lower chuck, or another machine"
         raise OrientationError(f"[holding] length = 0: {needed}: {remedy}", length=length)
-    return setup.lift(length - height), replace(job, holding=replace(job.holding, length=length))
+    return length
 
 
 def sampled_lifts(setup: Setup, job: Job, limits: AxisLimits, bodies: MachineBodies) -> Float[ndarray, " n"]:
@@ -76,7 +83,7 @@ def sampled_lifts(setup: Setup, job: Job, limits: AxisLimits, bodies: MachineBod
     reached; infinite where it is not, however high."""
     clamping = clamping_of(job.holding, bodies.table)
     return np.concatenate(
-        [_lifts(contacts, clamping, job, limits) for contacts in _sampled(setup, job, bodies)]
+        [least_lifts(contacts, clamping, job, limits) for contacts in _sampled(setup, job, bodies)]
     )
 
 
@@ -112,10 +119,10 @@ def _contacts_on(mesh: TriangleMesh, depth: float, cutter: Cutter, setup: Setup,
     return SampledContacts(CollisionChecker(scene, cutter), centres[good], normals[good])
 
 
-def _lifts(
+def least_lifts(
     contacts: SampledContacts, clamping: Clamping, job: Job, limits: AxisLimits
 ) -> Float[ndarray, " n"]:
-    """The least lift (mm) of each contact among its free directions."""
+    """The least lift (mm) of each contact among its free directions; infinite where it has none."""
     directions = candidate_directions()
     directions = directions[limits.allow(directions)]
     needed = needed_lifts(contacts.centres, directions, contacts.checker.cutter, clamping)

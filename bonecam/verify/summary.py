@@ -42,6 +42,19 @@ def summary_of(report: Mapping[str, Any]) -> str:
     return "\n".join(lines)
 
 
+def finished_summary(report: Mapping[str, Any]) -> str:
+    """The report of one surface machined alone in a few lines for a person."""
+    surface, seconds = report["surface"], sum(report["seconds"].values())
+    shape = f"{surface['kind']}, {surface['area_mm2']:.0f} mm2, {surface['control_points']} control points"
+    lines = [
+        f"surface   {shape}; {counted(surface['solids'], 'solid')} kept clear of",
+        *_post_lines(report["post"]),
+        *_program_lines(report["toolpath"], report["nc"]),
+        f"time      {seconds:.1f} s",
+    ]
+    return "\n".join(lines)
+
+
 def _mesh_lines(mesh: Mapping[str, Any]) -> Iterator[str]:
     """The mesh and its repairs."""
     yield f"mesh      {mesh['faces']} faces, {mesh['units']}; {counted(len(mesh['repairs']), 'repair')}"

@@ -1,0 +1,185 @@
+"""One surface machined alone, such as a blade between its neighbours: read, planned, posted, read back."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from bonecam import progress as told
+from bonecam.errors import SurfaceError
+from bonecam.files import check_files
+from bonecam.job import Job
+from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.files.mesh_files import read_mesh
+from bonecam.mesh.healing.union import solid_union
+from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
+from bonecam.mesh.units import to_mm
+from bonecam.nc.dialect import Dialect, read_dialect
+from bonecam.nc.kinematics import axis_limits
+from bonecam.nc.machine import Machine, read_machine
+from bonecam.nc.posting.feeds import drivable_paths
+from bonecam.nc.posting.header import record_checks
+from bonecam.nc.posting.write import write_program
+from bonecam.nc.program import Program, program_name
+from bonecam.orientation.surface_path import Workpiece, plan_surface, stand_workpiece
+from bonecam.outputs.finished_files import write_finished
+from bonecam.outputs.output_files import File, Outputs
+from bonecam.outputs.run_report import report_to_program
+from bonecam.pipeline import check_job
+from bonecam.progress import Progress, silent
+from bonecam.runtime.timing import StageTimes
+from bonecam.surface.blades.blade_solid import blade_solid
+from bonecam.surface.files.machined_surface import read_machined_surface
+from bonecam.surface.tspline import TSpline
+from bonecam.toolpath.gouge import MESH_SHARE, planned_tolerance
+from bonecam.toolpath.path import ToolPath
+from bonecam.verify.proof import Verification, verify_program
+from bonecam.verify.readback import Tolerances
+from bonecam.verify.summary import finished_summary
+
+OWN_CHORD = 0.002
+"""Largest chord tolerance (mm) of the solid that the surface bounds: MESH_SHARE of the gouge allowed by default."""
+
+Solid = str | Path | MeshLike
+"""A closed mesh in a file, or in memory."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Finished:
+    """The result of `bonecam.finish`: surface and solid as they stand on the post, the path, the program. `report` is
+    the content of the file of --report."""
+
+    workpiece: Workpiece
+    path: ToolPath
+    program: Program
+    report: dict[str, Any]
+
+    def __repr__(self) -> str:
+        return f"<Finished of {self.report['surface']['file'] or 'a surface'}: {self.program!r}>"
+
+    @property
+    def summary(self) -> str:
+        """The report in a few lines of text."""
+        return finished_summary(self.report)
+
+
+def finish(
+    surface: str | Path | TSpline,
+    part: Solid | None = None,
+    obstacles: Sequence[Solid] = (),
+    job: Job | None = None,
+    *,
+    program: File = None,
+    keep: File = None,
+    report: File = None,
+    progress: Progress = silent,
+) -> Finished:
+    """The verified program that machines one surface, open or closed, with the job's finishing cutter in one level.
+
+    `surface` is a file (rows of points, STEP, IGES, `.tsm`, `.tspline`) or a TSpline whose normals face outward; `part`
+    and `obstacles` (hub, shroud, neighbours, fixtures) are closed solids that nothing may gouge, in one frame with it
+    and in the unit `job.mesh.units`. Their Z axis is the table's. Where the surface bounds a solid (it is closed round
+    s) that is kept free of gouges as well; an open one needs the part. Everything stands on the post of [holding].
+    Raises a BonecamError that names the trouble and the remedy.
+    """
+    job = job or Job()
+    machine = read_machine(job.nc.machine)
+    dialect = read_dialect(job.nc.controller)
+    check_job(job, machine, dialect)
+    source = surface if isinstance(surface, str | Path) else None
+    Outputs(program, keep, report).check(source, dialect)
+    solids = [solid for solid in (part, *obstacles) if solid is not None]
+    _check_solids(solids, program, report)
+    times = StageTimes()
+    shape, solid = _read(surface, solids, job, times, has_part=part is not None)
+    told.report(progress, 0.2, "planning the path")
+    with times.stage("toolpath"):
+        limits = axis_limits(machine)
+        workpiece = stand_workpiece(shape, solid, job, limits, machine.bodies)
+        job = replace(job, holding=replace(job.holding, length=workpiece.length))
+        path = plan_surface(workpiece, job, limits, machine.bodies)
+    told.report(progress, 0.8, "writing and checking the program")
+    path, posted, proof = _posted(path, workpiece, job, machine, dialect, source, program, times)
+    figures = {
+        **_figures(workpiece, job, source, len(solids)),
+        **report_to_program(Path(program).name if program else "", [path], posted, proof),
+        "seconds": times.seconds,
+    }
+    write_finished(workpiece, path, posted.text, figures, program, keep, report)
+    return Finished(workpiece, path, posted, figures)
+
+
+def _check_solids(solids: Sequence[Solid], program: File, report: File) -> None:
+    """FileError where an output would be written over a solid."""
+    outputs = [file for file in (program, report) if file is not None]
+    check_files(outputs, [file for file in solids if isinstance(file, str | Path)])
+
+
+def _read(
+    surface: str | Path | TSpline, solids: Sequence[Solid], job: Job, times: StageTimes, *, has_part: bool
+) -> tuple[TSpline, TriangleMesh]:
+    """The surface to machine, and the solid that must not be gouged, mm."""
+    with times.stage("surface"):
+        if not isinstance(surface, TSpline):
+            surface = read_machined_surface(surface, job.mesh.units, job.surface.tolerance)
+        return surface, _solid(surface, solids, job, has_part=has_part)
+
+
+def _solid(surface: TSpline, solids: Sequence[Solid], job: Job, *, has_part: bool) -> TriangleMesh:
+    """Everything that must not be gouged: the solids, and what the surface bounds. SurfaceError where an open surface
+    comes without its part, or faces inward."""
+    chord = min(OWN_CHORD, MESH_SHARE * planned_tolerance(job.path.gouge_tolerance))
+    if all(surface.poles):
+        own = [surface.tessellate(chord)]
+    elif surface.closed_in_s:
+        own = [blade_solid(surface, chord)]
+    elif has_part:
+        own = []
+    else:
+        raise SurfaceError("an open surface bounds no solid: give the part that it belongs to (--part)")
+    return solid_union([*own, *(_read_solid(solid, job.mesh.units) for solid in solids)])
+
+
+def _read_solid(solid: Solid, units: str) -> TriangleMesh:
+    """The triangles of a solid, mm."""
+    if isinstance(solid, str | Path):
+        return to_mm(read_mesh(solid), units, str(solid))
+    return to_mm(mesh_from(solid), units)
+
+
+def _posted(
+    path: ToolPath,
+    workpiece: Workpiece,
+    job: Job,
+    machine: Machine,
+    dialect: Dialect,
+    source: File,
+    file: File,
+    times: StageTimes,
+) -> tuple[ToolPath, Program, Verification]:
+    """The path as the machine can drive it, its program, and the proof of that."""
+    with times.stage("nc"):
+        (path,) = drivable_paths([path], machine, dialect, job)
+        name = program_name(file or source or "")
+        comments = [f"surface: {Path(source).name}"] if source else []
+        posted = write_program([path], machine, dialect, job, name=name, comments=comments)
+    with times.stage("verify"):
+        tolerances = Tolerances(gouge=job.path.gouge_tolerance)
+        part = MeshDistance(workpiece.solid)
+        proof = verify_program(posted.text, [path], machine, dialect, part, tolerances)
+    return path, replace(posted, text=record_checks(posted.text, dialect, str(proof))), proof
+
+
+def _figures(workpiece: Workpiece, job: Job, source: File, solids: int) -> dict[str, Any]:
+    """`surface` and `post` of the report."""
+    surface = workpiece.surface
+    kind = "closed" if all(surface.poles) else "closed round s" if surface.closed_in_s else "open"
+    shape = {
+        "file": Path(source).name if source else "",
+        "control_points": len(surface.control_points),
+        "kind": kind,
+        "area_mm2": round(surface.area, 3),
+        "solids": solids,
+    }
+    post = {"diameter_mm": job.holding.diameter, "length_mm": workpiece.length}
+    return {"surface": shape, "post": post}

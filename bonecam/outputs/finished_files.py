@@ -1,0 +1,42 @@
+"""The files of one surface machined alone."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from bonecam.mesh.files.mesh_files import write_mesh
+from bonecam.orientation.surface_path import Workpiece
+from bonecam.outputs.output_files import File
+from bonecam.outputs.toolpath_csv import toolpath_csv
+from bonecam.runtime.staging import staged
+from bonecam.surface.files.iga import write_iga
+from bonecam.toolpath.path import ToolPath
+from bonecam.verify.pictures.surface_axes import draw_axes
+
+SERIES = r"surface\.iga|solid\.ply|toolpath\.(csv|png)"
+"""Names of the files in the kept folder, as a regular expression."""
+
+
+def write_finished(
+    workpiece: Workpiece,
+    path: ToolPath,
+    text: str,
+    figures: Mapping[str, Any],
+    program: File,
+    keep: File,
+    report: File,
+) -> None:
+    """Write the wanted files, all or none: the program, the folder with surface.iga, solid.ply, toolpath.csv and
+    toolpath.png, the report. FileError names what cannot be written."""
+    with staged() as staging:
+        texts = ((program, text), (report, json.dumps(figures, indent=2) + "\n"))
+        for file, content in texts:
+            if file is not None:
+                staging.file(file).write_text(content, encoding="utf-8", newline="")
+        if keep is not None:
+            folder = staging.folder(keep, SERIES)
+            write_iga(workpiece.surface, folder / "surface.iga")
+            write_mesh(workpiece.solid, folder / "solid.ply")
+            (folder / "toolpath.csv").write_text(toolpath_csv([path]), encoding="utf-8")
+            draw_axes(path, workpiece.surface, Path(folder) / "toolpath.png")

@@ -1,0 +1,122 @@
+"""One surface machined alone: open and closed ones are covered, posted, and gouge neither part nor obstacle."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import bonecam
+from bonecam.errors import BonecamError, FileError, SurfaceError
+from bonecam.mesh import MeshDistance, write_mesh
+from bonecam.setup.revolution import revolve
+from bonecam.surface import skin
+from bonecam.surface.tspline import TSpline
+from bonecam.toolpath.path import Kind
+
+JOB = bonecam.Job().with_values(
+    holding={"length": 60.0, "diameter": 10.0},
+    finishing={"radius": 2.0, "flute_length": 6.0, "shank_diameter": 3.6, "overhang": 45.0, "scallop": 0.2},
+    path={"orientation": "lead", "max_tilt_deg": 85.0},
+)
+SIZE = 10.0
+
+
+def height(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    return 8 - x**2 / 60 - y**2 / 90
+
+
+def panel() -> TSpline:
+    """An open surface over a square of 2 SIZE, its normals upward."""
+    x = np.linspace(-SIZE, SIZE, 21)
+    rows = [
+        np.column_stack([x, np.full(21, y), height(x, np.full(21, y))]) for y in np.linspace(-SIZE, SIZE, 9)
+    ]
+    return skin(rows, 1e-4, closed=False)
+
+
+def block(count: int = 49) -> bonecam.TriangleMesh:
+    """The solid below the panel, to z = 0."""
+    x, y = (v.ravel() for v in np.meshgrid(*2 * [np.linspace(-SIZE, SIZE, count)], indexing="ij"))
+    top = np.column_stack([x, y, height(x, y)])
+    index = np.arange(count**2).reshape(count, count)
+    a, b, c, d = (v.ravel() for v in (index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]))
+    upper = np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+    rim = np.r_[index[:-1, 0], index[-1, :-1], index[:0:-1, -1], index[0, :0:-1]]
+    after = np.roll(rim, -1)
+    walls = np.vstack(
+        [
+            np.column_stack([rim + count**2, after + count**2, after]),
+            np.column_stack([rim + count**2, after, rim]),
+        ]
+    )
+    faces = np.vstack([upper, upper[:, ::-1] + count**2, walls])
+    return bonecam.TriangleMesh(np.vstack([top, top * [1, 1, 0]]), faces.astype(np.int32))
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[bonecam.Finished, Path]:
+    folder = tmp_path_factory.mktemp("finished")
+    files = {"program": folder / "panel.h", "keep": folder / "keep", "report": folder / "panel.json"}
+    return bonecam.finish(panel(), block(), job=JOB, **files), folder
+
+
+def test_an_open_surface_is_cut_whole_from_edge_to_edge(
+    finished: tuple[bonecam.Finished, Path],
+) -> None:
+    made, _ = finished
+    assert made.report["surface"]["kind"] == "open"
+    assert not len(made.path.uncut)
+    contacts = made.path.contacts[made.path.kinds == Kind.CUT]
+    found = made.workpiece.surface.project(contacts)
+    assert found.distances.max() < 1e-6
+    for direction in (0, 1):
+        assert found.parameters[:, direction].min() == pytest.approx(0, abs=1e-6)
+        assert found.parameters[:, direction].max() == pytest.approx(1, abs=1e-6)
+
+
+def test_the_text_gouges_nothing_and_its_files_are_there(finished: tuple[bonecam.Finished, Path]) -> None:
+    made, folder = finished
+    assert made.report["nc"]["gouge_max_mm"] <= JOB.path.gouge_tolerance
+    assert "GOUGE" in (folder / "panel.h").read_text()
+    names = {"surface.iga", "solid.ply", "toolpath.csv", "toolpath.png"}
+    assert names <= {file.name for file in (folder / "keep").iterdir()}
+    assert "surface   open" in made.summary
+    assert (folder / "panel.json").stat().st_size > 200
+
+
+def test_an_obstacle_over_the_surface_is_kept_clear_of_by_ball_and_shank() -> None:
+    wall = revolve(np.full(2, 2.0), np.array([2.0, 40.0]), (2.0, 40.0), 32)
+    made = bonecam.finish(panel(), block(), [wall], JOB)
+    cuts = made.path.kinds == Kind.CUT
+    assert len(made.path.uncut)
+    assert set(made.path.reasons) <= {"gouge", "collision"}
+    distance = MeshDistance(made.workpiece.solid)
+    for up, radius in ((0.0, 2.0), (10.0, 1.8), (30.0, 1.8)):
+        points = made.path.tips[cuts] + (2.0 + up) * made.path.axes[cuts]
+        assert distance.signed(points).min() > radius - JOB.path.gouge_tolerance
+
+
+def test_a_closed_surface_needs_no_part_and_finds_its_post() -> None:
+    angle = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    rows = [
+        np.column_stack([6 * np.cos(angle), 3 * np.sin(angle), np.full(24, z)]) for z in np.linspace(0, 12, 5)
+    ]
+    job = replace(JOB, holding=replace(JOB.holding, length=0.0, diameter=4.0))
+    made = bonecam.finish(skin(rows, 0.01), job=job)
+    assert made.report["surface"]["kind"] == "closed round s"
+    assert made.report["post"]["length_mm"] == made.workpiece.solid.bounds[0, 2] > 0
+    assert made.report["nc"]["gouge_max_mm"] <= JOB.path.gouge_tolerance
+
+
+def test_surfaces_that_cannot_be_machined_alone_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(SurfaceError, match="give the part"):
+        bonecam.finish(panel(), job=JOB)
+    write_mesh(block(), tmp_path / "block.stl")
+    with pytest.raises(FileError, match=r"ending '\.stl': give a surface that passes can follow"):
+        bonecam.finish(tmp_path / "block.stl", block(), job=JOB)
+    with pytest.raises(FileError, match=r"missing\.stl"):
+        bonecam.finish(panel(), tmp_path / "missing.stl", job=JOB)
+    inward = bonecam.TriangleMesh(block().vertices, block().faces[:, ::-1])
+    with pytest.raises(BonecamError, match="turn its faces outward"):
+        bonecam.finish(panel(), inward, job=JOB)
