@@ -22,6 +22,8 @@ SPECIAL = {
     stat.S_IFDIR: "a folder",
 }
 """Kinds of files that are never opened."""
+NAME_BYTES = "surrogateescape"
+"""How a text holds names of files that are not in UTF-8: by their bytes, as the system gives them."""
 PROBE = bytes(4096)
 """What is written to see whether a folder takes files: one block."""
 
@@ -61,9 +63,10 @@ def whole_file(path: str | Path) -> Iterator[Path]:
 
 
 def write_whole(path: str | Path, text: str) -> None:
-    """Write `text` (UTF-8) to `path` in one step; FileError names the file and the reason."""
+    """Write `text` (UTF-8, names of files that are not by their bytes) to `path` in one step; FileError names the file
+    and the reason."""
     with whole_file(path) as work:
-        work.write_text(text, encoding="utf-8", newline="")
+        work.write_text(text, encoding="utf-8", errors=NAME_BYTES, newline="")
 
 
 @contextmanager
@@ -90,7 +93,7 @@ def require_room(path: Path) -> None:
 
 
 def require_name(path: object) -> None:
-    """TypeError where a value is no name of a file; FileError where no table or report could tell the name."""
+    """TypeError where a value is no name of a file; FileError where no file can have the name."""
     if not isinstance(path, str | os.PathLike):
         raise TypeError(
             f"{path!r} is of type {type(path).__name__}: give the name of a file as text or a Path"
@@ -98,8 +101,30 @@ def require_name(path: object) -> None:
     name = os.fspath(path)
     if not isinstance(name, str):
         raise TypeError(f"{name!r} are bytes: give the name of a file as text or a Path")
-    if "\0" in name or not is_unicode(name):
-        raise FileError(f"{name!a}: is no name in UTF-8: rename the file", file=ascii(name))
+    try:
+        possible = b"\0" not in os.fsencode(name)
+    except UnicodeEncodeError:
+        possible = False
+    if not possible:
+        raise FileError(f"{name!a}: is no name that a file can have: choose another", file=ascii(name))
+
+
+@contextmanager
+def library_name(file: str | Path) -> Iterator[str]:
+    """The name of a file or folder for libraries, which take names in UTF-8 only: where its own has other bytes, that
+    of a link to it."""
+    if is_unicode(str(file)):
+        yield str(file)
+        return
+    with temporary_folder() as folder:
+        link = folder / in_unicode(Path(file).name)
+        link.symlink_to(Path(file).absolute())
+        yield str(link)
+
+
+def in_unicode(name: str) -> str:
+    """The name with the replacement character for bytes that are not UTF-8."""
+    return os.fsencode(name).decode("utf-8", "replace")
 
 
 def is_unicode(text: str) -> bool:

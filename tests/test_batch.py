@@ -257,7 +257,15 @@ def test_two_batches_that_write_into_one_folder_keep_each_other_s_rows(tmp_path:
     assert {Path(row["mesh"]).stem for row in table(out)} == {"a", "b", "c"}
 
 
-def test_a_name_that_no_table_can_tell_is_refused_before_the_work(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match=r"x\\udcff\.stl': is no name in UTF-8: rename the file"):
-        convert_many([*meshes(tmp_path, a="good"), tmp_path / "x\udcff.stl"], tmp_path / "out", work=work)
+def test_a_name_that_is_not_in_utf_8_stands_in_the_table_by_its_bytes(tmp_path: Path) -> None:
+    file = tmp_path / os.fsdecode(b"bone\xe9.stl")
+    file.write_text("good")
+    for _ in range(2):
+        convert_many([*meshes(tmp_path, a="good"), file], tmp_path / "out", work=work)
+        assert (tmp_path / "out" / "batch.csv").read_bytes().count(b"bone\xe9.stl,done") == 1
+
+
+def test_a_name_that_no_file_can_have_is_refused_before_the_work(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match=r"x\\ud800\.stl': is no name that a file can have: choose another"):
+        convert_many([*meshes(tmp_path, a="good"), tmp_path / "x\ud800.stl"], tmp_path / "out", work=work)
     assert not (tmp_path / "out").exists()

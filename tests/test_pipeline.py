@@ -352,5 +352,5 @@ def test_a_name_of_another_type_is_a_wrong_call(outputs: dict[str, Any]) -> None
 
 @pytest.mark.parametrize("outputs", [{"program": "x\0.h"}, {"keep": "\0"}, {"program": "\ud800.h"}])
 def test_a_name_that_no_file_can_have_is_refused(outputs: dict[str, Any]) -> None:
-    with pytest.raises(FileError, match="is no name in UTF-8: rename the file"):
+    with pytest.raises(FileError, match="is no name that a file can have: choose another"):
         bonecam.convert(shipped("phalanx"), COARSE, **outputs)

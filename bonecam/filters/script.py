@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from bonecam.errors import FileError
-from bonecam.files import require_room
+from bonecam.files import in_unicode, library_name, require_room
 from bonecam.filters.filter import Registry, installed
 from bonecam.filters.meshset import MeshSet
 from bonecam.filters.script_files import ScriptFiles
@@ -49,7 +49,7 @@ def load(meshes: MeshSet, file: str | Path) -> None:
     names what is wrong with it."""
     if Path(file).suffix.lower() in CAD:
         mesh = read_mesh(file)
-        meshes.add_mesh(meshlab().Mesh(mesh.vertices, mesh.faces), Path(file).name)
+        meshes.add_mesh(meshlab().Mesh(mesh.vertices, mesh.faces), in_unicode(Path(file).name))
         return
     meshes.load_new_mesh(str(file))
 
@@ -70,7 +70,8 @@ def save_layers(meshes: MeshSet, folder: Path) -> None:
         lines = layer.edge_number() > 0 and layer.face_number() == 0
         file = _free_name(folder, layer.label(), ".obj" if lines else ".ply")
         try:
-            meshes.save_current_mesh(str(file))
+            with library_name(file.parent) as place:
+                meshes.save_current_mesh(str(Path(place) / file.name))
         except meshlab().PyMeshLabException as error:
             what = f"{file}: cannot be written (is the disk full?): make room there or choose another folder"
             raise FileError(what, file=str(file)) from error

@@ -4,6 +4,8 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from bonecam.text.numbers import number
+
 MOST_FRUSTUMS = 20
 """A stack of more is refused: it would slow every collision check down."""
 
@@ -43,7 +45,7 @@ def stack_from_text(text: str) -> tuple[Frustum, ...]:
     ValueError as of `stack_of`, or where a word is no number.
     """
     rows = [row.split() for row in text.split(",")] if text.strip() else []
-    return stack_of([[float(word) for word in row] for row in rows])
+    return stack_of([[number(word) for word in row] for row in rows])
 
 
 def stack_as_text(rows: Iterable[Iterable[float]]) -> str:

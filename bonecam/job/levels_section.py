@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from bonecam.errors import JobError
 from bonecam.job.parameter import Section, check, parameter
 from bonecam.text.faults import shown
+from bonecam.text.numbers import number
 
 MOST_LEVELS = 2000
 """A number of cuts, or of depths in a list, beyond this is refused: a mistaken depth or unit."""
@@ -109,7 +110,7 @@ class LevelsJob(Section):
         """
         if self.depths.strip():
             try:
-                *first, beyond = (float(word) for word in self.depths.replace(",", " ").split())
+                *first, beyond = (number(word) for word in self.depths.replace(",", " ").split())
             except ValueError as error:
                 raise self._depths_error("give numbers like '0.1 0.1 0.5'") from error
             if len(first) >= MOST_LEVELS:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from bonecam.errors import FileError
+from bonecam.files import library_name
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.progress import Progress, silent
 
@@ -62,7 +63,8 @@ def write_layers(
     """
     meshset = meshlab().MeshSet()
     try:
-        meshset.load_new_mesh(file, **options)
+        with library_name(file) as name:
+            meshset.load_new_mesh(name, **options)
     except meshlab().PyMeshLabException as error:
         reason = " ".join(str(error).split()).rstrip(":")
         raise FileError(f"{file}: {reason}: give a readable mesh file", file=file) from error

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from bonecam.errors import FileError
+from bonecam.files import NAME_BYTES
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,7 @@ def read_rows(table: Path) -> dict[str, dict[str, Any]]:
     if not table.exists():
         return {}
     try:
-        with open(table, encoding="utf-8", newline="") as file:
+        with open(table, encoding="utf-8", errors=NAME_BYTES, newline="") as file:
             reader = csv.DictReader(file, strict=True)
             rows = list(reader)
             ours = reader.fieldnames == COLUMNS and all(None not in {*row, *row.values()} for row in rows)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bonecam.errors import BonecamError, FileError
-from bonecam.files import check_files, check_folder
+from bonecam.files import NAME_BYTES, check_files, check_folder
 from bonecam.mesh.files.mesh_files import CAD, MESHES
 from bonecam.nc.dialect import Dialect, dialect_names, read_dialect
 from bonecam.outputs.kept_folder import SERIES, fill_kept_folder
@@ -92,7 +92,7 @@ class Outputs:
 def _write(work: Path, path: str | Path, text: str) -> None:
     """Write the text of the output `path` to its temporary place `work`."""
     try:
-        work.write_text(text, encoding="utf-8", newline="")
+        work.write_text(text, encoding="utf-8", errors=NAME_BYTES, newline="")
     except OSError as error:
         raise unwritable(path, error) from error
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from bonecam.errors import FileError
-from bonecam.files import input_bytes
+from bonecam.files import input_bytes, library_name
 from bonecam.mesh.files.opencascade import kind_of, occ
 
 
@@ -23,7 +23,8 @@ def read_shape(path: str | Path) -> Any:
     lib = occ(f"{file}: reading {kind}")
     reader = lib.STEPControl.STEPControl_Reader() if kind == "STEP" else lib.IGESControl.IGESControl_Reader()
     try:
-        status = reader.ReadFile(str(file))
+        with library_name(file) as name:
+            status = reader.ReadFile(name)
         found = reader.TransferRoots() if status == lib.IFSelect.IFSelect_ReturnStatus.IFSelect_RetDone else 0
         shape = reader.OneShape() if found else None
     except lib.Standard.Standard_Failure as error:

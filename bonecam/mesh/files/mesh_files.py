@@ -14,9 +14,9 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import FileError, MeshError
-from bonecam.files import input_bytes, require_room
+from bonecam.files import input_bytes, library_name, require_room
 from bonecam.mesh.files.cad_files import read_cad_mesh
-from bonecam.mesh.files.formats.content import ContentError
+from bonecam.mesh.files.formats.content import LARGEST_COORDINATE, ContentError
 from bonecam.mesh.files.formats.obj import parse_obj
 from bonecam.mesh.files.formats.off import parse_off
 from bonecam.mesh.files.formats.ply import parse_ply
@@ -39,8 +39,6 @@ READABLE = (*MESHES, *CAD, *POINTS)
 """Endings of the files that `read_mesh` reads."""
 WRITABLE = (".ply", ".stl")
 """Endings of the files that `write_mesh` writes."""
-LARGEST_COORDINATE = 1e9
-"""Larger coordinates, in the file's own unit, are refused as damaged."""
 
 
 def read_mesh(path: str | Path, also: tuple[str, ...] = ()) -> TriangleMesh:
@@ -153,7 +151,8 @@ def write_mesh(
 def _save(meshset: Any, work: Path, target: Path, **options: Any) -> None:
     """Save the layer to `work`, on its way to `target`. MeshLab says only that the output failed: the disk is full."""
     try:
-        meshset.save_current_mesh(str(work), **options)
+        with library_name(work.parent) as folder:
+            meshset.save_current_mesh(str(Path(folder) / work.name), **options)
     except meshlab().PyMeshLabException as error:
         raise _refusal(
             target, "cannot be written (is the disk full?)", "make room there or choose another folder"

@@ -28,12 +28,15 @@ refused."""
 def reconstruct(points: Float[ndarray, "n 3"]) -> TriangleMesh:
     """The closed, outward surface through a dense cloud, in the cloud's unit. MeshError where the points are
     too few or missed."""
+    points = np.unique(points, axis=0)
     if len(points) < FEWEST:
         raise MeshError(
-            f"{len(points)} points are too few for a surface: give {FEWEST} or more, or rows of points",
+            f"{len(points)} different points are too few for a surface: give {FEWEST} or more, or rows of points",
             points=len(points),
         )
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
+    if not size > 0:
+        raise MeshError("the points are so close together that they have no size: export them in mm")
     middle = points.mean(axis=0)
     meshset = meshlab().MeshSet()
     meshset.add_mesh(meshlab().Mesh((points - middle) / size))

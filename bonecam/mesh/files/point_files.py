@@ -16,6 +16,8 @@ from numpy import ndarray
 
 from bonecam.errors import FileError
 from bonecam.files import input_text
+from bonecam.mesh.files.formats.content import LARGEST_COORDINATE
+from bonecam.text.numbers import number
 
 POINTS = (".xyz", ".csv", ".asc", ".pts", ".txt", ".dat")
 """Endings of text files of points."""
@@ -30,29 +32,32 @@ def read_blocks(path: str | Path, columns: str = "xyz") -> tuple[Float[ndarray, 
     file = Path(path)
     blocks: list[list[list[float]]] = [[]]
     names = False
-    for number, line in enumerate(_lines_of(file), 1):
+    for at, line in enumerate(_lines_of(file), 1):
         words = _words(line)
         if not words:
             blocks.append([])
             continue
         try:
-            values = [float(_plain(word)) for word in words]
+            values = [number(word) for word in words]
         except ValueError as error:
             if not names and not any(blocks) and _names_columns(words, columns):
                 names = True
                 continue
             raise _refusal(
                 file,
-                number,
+                at,
                 f"{line.strip()[:40]!r} is no point",
                 f"write {' '.join(columns)} in columns of that order",
             ) from error
         if not np.isfinite(values[: len(columns)]).all():
-            raise _refusal(file, number, f"{line.strip()[:40]!r} is not finite", "export the points again")
+            raise _refusal(file, at, f"{line.strip()[:40]!r} is not finite", "export the points again")
+        if max(map(abs, values[: len(columns)])) > LARGEST_COORDINATE:
+            what = f"a coordinate of {max(values[: len(columns)], key=abs):.3g}"
+            raise _refusal(file, at, what, "export the points again")
         if len(values) < len(columns):
             if not _is_head(values):
                 asked = f"write {' '.join(columns)}"
-                raise _refusal(file, number, f"{len(values)} numbers are no point", asked)
+                raise _refusal(file, at, f"{len(values)} numbers are no point", asked)
             blocks.append([])
         else:
             blocks[-1].append(values[: len(columns)])
@@ -84,13 +89,6 @@ def _words(line: str) -> list[str]:
     if text.startswith(("#", "//")):
         return []
     return text.replace(",", ".").replace(";", " ").split() if ";" in text else text.replace(",", " ").split()
-
-
-def _plain(word: str) -> str:
-    """The word; ValueError where it holds an underscore, which only Python has in numbers."""
-    if "_" in word:
-        raise ValueError(word)
-    return word
 
 
 def _names_columns(words: list[str], columns: str) -> bool:

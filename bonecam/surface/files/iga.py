@@ -24,6 +24,7 @@ from bonecam.files import input_bytes, write_whole
 from bonecam.surface.tmesh.extracted import ExtractedTMesh
 from bonecam.surface.tspline import LARGEST, TSpline
 from bonecam.text.faults import shown
+from bonecam.text.numbers import number
 
 LARGEST_DEGREE = 9
 LARGEST_COEFFICIENT = 100.0
@@ -145,7 +146,7 @@ class _Reader:
 
     def _numbers(self, n: int, words: list[str], count: int) -> ndarray:
         try:
-            values = np.array([float(word) for word in words])
+            values = np.array([number(word) for word in words])
         except ValueError as error:
             raise self._error(n, str(error)) from error
         if len(values) != count or not (np.abs(values) < LARGEST).all():

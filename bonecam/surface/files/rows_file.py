@@ -26,6 +26,7 @@ import numpy as np
 from bonecam.errors import FileError
 from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tspline import TSpline
+from bonecam.text.numbers import number
 
 HEADER = "#bonecam-tspline 1"
 
@@ -97,7 +98,7 @@ class _RowsReader:
 
     def _numbers(self, line: int, words: list[str], count: int | None) -> np.ndarray:
         try:
-            values = np.array([float(word) for word in words])
+            values = np.array([number(word) for word in words])
         except ValueError as error:
             raise self._error(line, str(error)) from error
         if (count is not None and len(values) != count) or not np.isfinite(values).all():

@@ -1,3 +1,4 @@
+import os
 import resource
 import struct
 from collections.abc import Callable
@@ -201,3 +202,14 @@ def test_a_disk_that_is_full_leaves_no_mesh_cut_short(ending: str, lost: int, tm
     assert "\n" not in str(caught.value)
     assert file.read_bytes() == before
     assert [item.name for item in tmp_path.iterdir()] == [file.name]
+
+
+def test_meshes_are_written_and_read_where_names_are_not_in_utf_8(
+    ellipsoid: Callable[..., TriangleMesh], tmp_path: Path
+) -> None:
+    folder = tmp_path / os.fsdecode(b"a\xff")
+    folder.mkdir()
+    mesh = ellipsoid(3, 2, 1)
+    write_mesh(mesh, folder / os.fsdecode(b"b\xfe.ply"))
+    assert read_mesh(folder / os.fsdecode(b"b\xfe.ply")).vertices.tobytes() == mesh.vertices.tobytes()
+    assert [os.fsencode(path.name) for path in folder.iterdir()] == [b"b\xfe.ply"]

@@ -121,3 +121,11 @@ def test_what_meshlab_refuses_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "a.unknown").write_text("0 0 0")
     with pytest.raises(FileError, match=r"a\.unknown: .*: give a readable mesh file"):
         meshlab.write_layers(str(tmp_path / "a.unknown"), str(tmp_path), {})
+
+
+def test_a_name_that_is_not_in_utf_8_is_read(tmp_path: Path) -> None:
+    file = tmp_path / os.fsdecode(b"bone\xe9.obj")
+    file.write_text(OBJ)
+    meshes = MeshSet()
+    meshes.load_new_mesh(str(file))
+    assert meshes.current_mesh().face_number() == OBJ.count("f ")

@@ -1,5 +1,6 @@
 """STEP and IGES parts as triangles."""
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -178,6 +179,9 @@ def test_a_file_that_ends_opencascade_is_one_line(tmp_path: Path, monkeypatch: p
         read_mesh(tmp_path / "a.step")
 
 
-def test_the_child_hands_back_the_same_mesh(tmp_path: Path) -> None:
-    file = write(cylinder(), tmp_path / "a part.step")
+@pytest.mark.parametrize(
+    "name", ["a part.step", os.fsdecode(b"not in UTF-8 \xe9.step")], ids=["blank", "bytes"]
+)
+def test_the_child_hands_back_the_same_mesh(name: str, tmp_path: Path) -> None:
+    file = write(cylinder(), tmp_path / "a.step").rename(tmp_path / name)
     assert read_mesh(file).vertices.tobytes() == read_and_tessellate(file).vertices.tobytes()

@@ -42,6 +42,7 @@ BAD = {
     "nan.xyz": (b"1 2 nan\n", "is not finite"),
     "inf head.xyz": (b"inf\n1 2 3\n", "line 1: 'inf' is not finite"),
     "nan head.xyz": (b"nan 3\n1 2 3\n", "line 1: 'nan 3' is not finite"),
+    "far.xyz": (b"1 2 3\n4 -1e308 6\n", "far.xyz line 2: a coordinate of -1e+308: export the points again"),
     "binary.xyz": (b"\xff\xfe\x00\x80", "is no text"),
     "rows.csv": (b"1 2 3\n4 5 6\n\n1 2 4\n4 5 7\n", "holds 2 rows of points, no mesh"),
     "few.xyz": (b"1 2 3\n4 5 6\n", "2 points are no cloud"),
@@ -95,3 +96,24 @@ def test_a_number_with_an_underscore_is_none(tmp_path: Path) -> None:
     (tmp_path / "a.xyz").write_text("0 0 0\n1_0 0 0\n")
     with pytest.raises(FileError, match=r"a\.xyz line 2: '1_0 0 0' is no point"):
         read_blocks(tmp_path / "a.xyz")
+
+
+@pytest.mark.parametrize(
+    ("lines", "match"),
+    [
+        (["1 2 3"] * 500, "a.xyz: 1 different points are too few for a surface"),
+        (
+            [f"{k}e-320 1e-320 0" for k in range(300)],
+            "so close together that they have no size: export them in mm",
+        ),
+    ],
+)
+def test_a_cloud_without_extent_is_refused(lines: list[str], match: str, tmp_path: Path) -> None:
+    (tmp_path / "a.xyz").write_text("\n".join(lines))
+    with pytest.raises(MeshError, match=match):
+        read_mesh(tmp_path / "a.xyz")
+
+
+def test_points_that_are_given_twice_count_once(tmp_path: Path) -> None:
+    once = reconstruct(cloud(2000))
+    assert reconstruct(np.repeat(cloud(2000), 2, axis=0)).vertices.tobytes() == once.vertices.tobytes()

@@ -78,6 +78,7 @@ def test_a_round_trip_is_bit_equal(
         ("nodeN 25", "nodeN 26", "announces"),
         ("node 0 0 0 1\n", "node 0 0 0 0\n", "node 0: weight 0"),
         ("node 0 0 0 1\n", "node 0 0 1\n", "expected 4"),
+        ("node 0 0 0 1\n", "node 0 0 0 1_0\n", "'1_0' is no number"),
         ("belem 16 3 3", "belem 15 3 3", "expected 15"),
         ("1 2 3 5 6 7 9", "1 2 3 5 6 7 99", "names function 99"),
         ("1 2 3 5 6 7 9", "1 2 3 5 6 7 7", "different from one another"),

@@ -31,6 +31,7 @@ def test_a_round_trip_is_bit_equal(bone_like: Callable[..., TSpline], tmp_path: 
         ("row 1 6", "row 2 6", 7),
         ("row 1 6", "row 1 x", 7),
         ("row 0 1\n0.0 ", "row 0 1\nnan ", 6),
+        ("row 0 1\n0.0 ", "row 0 1\n0_0 ", 6),
         ("row 0 1\n0.0 ", "row 0 1\n0.0 1.0 ", 6),
         ("\nend\n", "\n", 43),
     ],

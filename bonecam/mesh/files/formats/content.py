@@ -9,8 +9,12 @@ import numpy as np
 from jaxtyping import Float, Int64
 from numpy import ndarray
 
+from bonecam.text.faults import shortened
+
 ANEW = "export the mesh again"
 CUT_SHORT = "copy or export it again"
+LARGEST_COORDINATE = 1e9
+"""Larger coordinates, in the file's own unit, are refused as damaged."""
 
 
 class ContentError(ValueError):
@@ -55,7 +59,7 @@ def point(words: Sequence[str], line: int, size: int = 3) -> list[float]:
         return found
     for word in words[:size]:
         if not _is_number(word):
-            raise ContentError(f"{word[:40]!r} is not a number", line=line)
+            raise ContentError(f"{shortened(word, 40)!r} is not a number", line=line)
     if len(words) < size:
         raise ContentError(f"{len(words)} numbers are no point", line=line)
     raise ContentError(f"a coordinate of {max(found, key=abs):.3g}", line=line)

@@ -22,6 +22,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from bonecam.errors import FileError
+from bonecam.text.numbers import number, whole_number
 
 DIRECTIONS = ("EAST", "NORTH", "WEST", "SOUTH")
 TSM_HEADER = "#TS0200"
@@ -67,7 +68,7 @@ def parse_tsm(text: str, path: Path) -> Records:
     for n, line in enumerate(text.splitlines(), 1):
         if line.startswith(COMMENTS):
             words = line[1:].split()
-            records.knots[words[0]] = _numbers(path, n, words[1:], float, None)
+            records.knots[words[0]] = _numbers(path, n, words[1:], number, None)
             continue
         words = line.split("#", 1)[0].split()
         if words:
@@ -92,15 +93,15 @@ def _add_record(records: Records, n: int, kind: str, words: list[str]) -> None:
         records.lines[kind, len(target)] = n
         target.append(_entity(path, n, kind, words) if words else None)
     elif kind == "ec":
-        records.conditions.append(tuple(_numbers(path, n, words, int, 2)))  # type: ignore[arg-type]
+        records.conditions.append(tuple(_numbers(path, n, words, whole_number, 2)))  # type: ignore[arg-type]
     elif kind == "0g":
         records.lines["0g", len(records.grips)] = n
-        records.grips.append(tuple(_numbers(path, n, words, float, 4)) if words else None)  # type: ignore[arg-type]
+        records.grips.append(tuple(_numbers(path, n, words, number, 4)) if words else None)  # type: ignore[arg-type]
     elif kind == "0m" and words[:1] in (["gv"], ["gvp"]):
         records.lines["0m", len(records.owners)] = n
-        records.owners.append((words[0] == "gvp", _numbers(path, n, words[1:], int, 1)[0]))
+        records.owners.append((words[0] == "gvp", _numbers(path, n, words[1:], whole_number, 1)[0]))
     elif kind == "0m" and words[:1] == ["cg"]:
-        numbers = _numbers(path, n, words[1:], int, None)
+        numbers = _numbers(path, n, words[1:], whole_number, None)
         if len(numbers) < 6:
             raise FileError(
                 f"{path} line {n}: 'cg' needs a vertex, a valence, extents and grips", file=str(path), line=n
@@ -112,8 +113,8 @@ def _add_record(records: Records, n: int, kind: str, words: list[str]) -> None:
 def _entity(path: Path, n: int, kind: str, words: list[str]) -> tuple:
     """The numbers of a record f, e, v or l in line n; FileError where they are not as they should be."""
     if kind == "e":
-        link = _numbers(path, n, words[:1], int, 1)[0]
-        interval = _numbers(path, n, words[1:], float, 1)[0]
+        link = _numbers(path, n, words[:1], whole_number, 1)[0]
+        interval = _numbers(path, n, words[1:], number, 1)[0]
         if interval < 0:
             raise FileError(
                 f"{path} line {n}: knot interval {interval} is negative: knots must not decrease",
@@ -128,8 +129,8 @@ def _entity(path: Path, n: int, kind: str, words: list[str]) -> tuple:
                 file=str(path),
                 line=n,
             )
-        return _numbers(path, n, words[:1], int, 1)[0], DIRECTIONS.index(words[1])
-    return tuple(_numbers(path, n, words, int, 2 if kind == "f" else 7))
+        return _numbers(path, n, words[:1], whole_number, 1)[0], DIRECTIONS.index(words[1])
+    return tuple(_numbers(path, n, words, whole_number, 2 if kind == "f" else 7))
 
 
 def _numbers(path: Path, n: int, words: list[str], kind: Callable[[str], float], count: int | None) -> list:
@@ -168,9 +169,9 @@ def _check_references(records: Records) -> None:
     for n, link in enumerate(records.links):
         if link is None:
             continue
-        for kind, number in zip(kinds, link):
-            if not (kind == "face" and number == -1) and not _exists(tables[kind], number):
-                raise records.error("l", n, f"{kind} {number} does not exist")
+        for kind, named in zip(kinds, link):
+            if not (kind == "face" and named == -1) and not _exists(tables[kind], named):
+                raise records.error("l", n, f"{kind} {named} does not exist")
         if link[6] not in (0, 1, 2):
             raise records.error("l", n, f"flag {link[6]} must be 0, 1 or 2")
     for n, link in enumerate(records.links):
