@@ -18,7 +18,7 @@ from bonecam.nc.posting.feeds import drivable_paths
 from bonecam.nc.posting.header import record_checks
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import program_name
-from bonecam.nc.requirements import check_room, check_tools
+from bonecam.nc.requirements import check_length, check_room, check_tools
 from bonecam.orientation.layer_paths import plan_layer_paths
 from bonecam.orientation.level_paths import plan_paths
 from bonecam.orientation.post_length import find_post_length
@@ -131,6 +131,7 @@ def _morph(
         setup, job = stand_on_post(place(unplaced, job), job, machine)
         if machine is not None:
             check_room(setup.stock, job, machine)
+            check_length(setup.part.mesh, setup.stock, job)
         check_cuts(setup.part.mesh, setup.stock, job.levels)
 
     with times.stage("surface"):

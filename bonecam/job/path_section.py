@@ -39,6 +39,14 @@ class PathJob(Section):
         high=0.5,
     )
     max_step: float = parameter(1.0, "Largest step", "Longest cutting move.", unit="mm", low=0.05, high=10.0)
+    most_length: float = parameter(
+        500.0,
+        "Most length",
+        "A stock with so much material round the part that passes longer than this in all are needed is refused.",
+        unit="m",
+        low=1.0,
+        high=100000.0,
+    )
     clearance: float = parameter(
         2.0,
         "Clearance",

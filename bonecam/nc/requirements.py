@@ -1,12 +1,17 @@
-"""What a machine must have for a job: the speeds of its spindle and axes, and the travel for stock and
-tool."""
+"""What a machine must have for a job: the speeds of its spindle and axes, the travel for stock and tool, and
+the time for the passes."""
+
+import numpy as np
 
 from bonecam.errors import MachineError
 from bonecam.job import Job, ToolJob, field_error
+from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.machine import Machine
 from bonecam.orientation.axes.lead import check_lead
+from bonecam.setup.schedule import STOCK_CHORD_SHARE
 from bonecam.setup.stock import Stock
 from bonecam.toolpath.cutters.cutter import Cutter
+from bonecam.toolpath.patterns.scallop import side_step
 
 
 def check_tools(job: Job, machine: Machine) -> None:
@@ -42,3 +47,33 @@ def check_room(stock: Stock, job: Job, machine: Machine) -> None:
             remedy = "take a larger machine (--machine), or a smaller stock, a shorter post or tool"
             evidence = {"axis": axis.letter, "needed": needed, "travel": axis.travel}
             raise MachineError(f"{machine.name}: {bound}: {remedy}", **evidence)
+
+
+def check_length(part: TriangleMesh, stock: Stock, job: Job) -> None:
+    """JobError where passes longer than `path.most_length` (m) are needed for what the stock has round the part."""
+    mesh = stock.mesh(STOCK_CHORD_SHARE * stock.diameter)
+    length = least_length(part, mesh.volume, job)
+    if length > 1000 * job.path.most_length:
+        around = f"the stock has {mesh.volume - part.volume:.3g} mm3 more than the part"
+        hours = length / job.tool("roughing").feed / 60
+        what = f"{around}, which takes {length / 1000:.0f} m of passes or more, {hours:.0f} h"
+        remedy = "give a smaller stock or deeper roughing cuts, or allow more"
+        raise field_error("path", "most_length", job.path.most_length, f"{what}: {remedy}")
+
+
+def least_length(part: TriangleMesh, volume: float, job: Job) -> float:
+    """About the least length (mm) of all passes that leave `part` of a stock of `volume` (mm^3).
+
+    A cut of depth e whose passes lie L apart takes e L mm^3 a mm; the first cuts have the area of the part. Steps are
+    those on a plane.
+    """
+    first, beyond = job.levels.cuts
+    length = 0.0
+    left = max(volume - part.volume, 0.0)
+    for level, depth in enumerate((*first, beyond)):
+        tool = job.finishing if job.is_finishing(level) else job.roughing
+        taken = left if level == len(first) else min(depth * part.area, left)
+        step = float(side_step(tool.radius, tool.scallop, np.zeros(1))[0])
+        length += taken / (depth * step)
+        left -= taken
+    return length
