@@ -189,7 +189,7 @@ def test_every_command_parses(command: list[str]) -> None:
     assert callable(make_parser().parse_args(command[1:]).run)
 
 
-@pytest.mark.parametrize("command", ["convert", "demo", "levels", "batch", "script", "job"])
+@pytest.mark.parametrize("command", ["convert", "demo", "levels", "finish", "batch", "script", "job"])
 def test_every_option_is_told(command: str) -> None:
     text = (DOCS / "using" / "command-line.md").read_text(encoding="utf-8")
     actions = make_parser()._actions
