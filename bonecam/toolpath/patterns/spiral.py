@@ -13,8 +13,10 @@ from numpy import ndarray
 from bonecam.toolpath.patterns.curves import Curves, curves_of, ranges
 from bonecam.toolpath.patterns.step_metric import StepMetric
 
-ROUNDS = 3
-"""Rounds in which the steps follow the directions of the rings."""
+ROUNDS = 6
+"""Rounds in which the steps follow the directions of the rings, and gaps that smoothing left are closed."""
+MOST_CLOSER = 2.0
+"""Where smoothing leaves gaps, passes are at most so many times closer than asked."""
 SMOOTHING = 0.1
 """Waves of a ring are damped as by a Gaussian of this standard deviation, mm, at each row: they cannot grow."""
 STEEPEST = 0.9
@@ -27,8 +29,12 @@ def spiral_curves(metric: StepMetric) -> Curves:
     """The turns of the spiral as one curve, and its last arcs as further ones."""
     places = len(metric.s)
     a, b = np.zeros_like(metric.E), -np.ones_like(metric.E)
+    closer = np.ones_like(metric.E)
     for _ in range(ROUNDS):
-        passes, a, b = _count_down(metric, metric.slowness(a, b))
+        passes = _count_down(metric, closer * metric.slowness(a, b))
+        around = np.pad(passes, ((1, 1), (0, 0)), mode="wrap")
+        a, b = (around[2:] - around[:-2]) * places / 2, np.gradient(passes, metric.t, axis=1)
+        closer = np.minimum(closer * metric.shortfall(a, b), MOST_CLOSER)
 
     width = passes[:, 0]
     s = np.arange(int(np.ceil((width.max() + 1) * places))) / places
@@ -39,23 +45,18 @@ def spiral_curves(metric: StepMetric) -> Curves:
     return curves_of([knots[first:end] for first, end in ranges(s - 0.5 <= width[side], short)])
 
 
-def _count_down(
-    metric: StepMetric, slowness: Float[ndarray, "a b"]
-) -> tuple[Float[ndarray, "a b"], Float[ndarray, "a b"], Float[ndarray, "a b"]]:
-    """The passes from the upper pole down to each place for |grad psi| = slowness, psi_s and psi_t."""
+def _count_down(metric: StepMetric, slowness: Float[ndarray, "a b"]) -> Float[ndarray, "a b"]:
+    """The passes from the upper pole down to each place for |grad psi| = slowness."""
     places, rows = metric.E.shape
     waves = 2 * np.pi * np.arange(places // 2 + 1)
     cell = metric.t[1] - metric.t[0]
-    passes, a, b = (np.zeros((places, rows)) for _ in range(3))
-    for row in range(rows - 1, -1, -1):
+    passes = np.zeros((places, rows))
+    for row in range(rows - 1, 0, -1):
         E, F, area = metric.E[:, row], metric.F[:, row], metric.area[:, row]
         spectrum = np.fft.rfft(passes[:, row])
         spectrum *= np.exp(-((SMOOTHING * waves / np.sqrt(E).mean()) ** 2) / 2)
-        passes[:, row] = np.fft.irfft(spectrum, places)
         steepest = STEEPEST * np.sqrt(E) * slowness[:, row]
-        a[:, row] = np.clip(np.fft.irfft(1j * waves * spectrum, places), -steepest, steepest)
-        rest = E * slowness[:, row] ** 2 - a[:, row] ** 2
-        b[:, row] = (F * a[:, row] - area * np.sqrt(rest)) / E
-        if row:
-            passes[:, row - 1] = passes[:, row] - cell * np.minimum(b[:, row], 0.0)
-    return passes, a, b
+        a = np.clip(np.fft.irfft(1j * waves * spectrum, places), -steepest, steepest)
+        b = (F * a - area * np.sqrt(E * slowness[:, row] ** 2 - a**2)) / E
+        passes[:, row - 1] = np.fft.irfft(spectrum, places) - cell * np.minimum(b, 0.0)
+    return passes

@@ -27,6 +27,8 @@ FULLNESS = 0.99
 """Part of the exact side step that is used: covers what the grid does not resolve."""
 WINDOW = 5
 """Cells of the grid over which 1 / L is bounded from above."""
+MOST_SHORT = 1.2
+"""Shortfalls count no more: they are mended round by round."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +75,10 @@ class StepMetric:
     def slowness(self, a: Float[ndarray, "a b"], b: Float[ndarray, "a b"]) -> Float[ndarray, "a b"]:
         """1 / L, which |grad psi| has to be for psi_s and psi_t in the ratio of a to b; smoothed from above."""
         return _bound(1 / (FULLNESS * self.steps(a, b)))
+
+    def shortfall(self, a: Float[ndarray, "a b"], b: Float[ndarray, "a b"]) -> Float[ndarray, "a b"]:
+        """1, or what |grad psi| L falls short of 1 by, up to MOST_SHORT; smoothed from above."""
+        return _bound(np.clip(1 / (self.gradient(a, b) * self.steps(a, b)), 1.0, MOST_SHORT))
 
     @property
     def flat_step(self) -> float:
