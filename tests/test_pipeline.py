@@ -94,7 +94,7 @@ def test_the_report_has_the_names_that_stay(chain: tuple[bonecam.Result, Path]) 
     for section, names in wanted.items():
         assert set(names.split()) <= set(report[section])
     level_names = "index limit_mm depth_max_mm depth_mean_mm nesting_min_mm self_intersections"
-    path_names = "level cutter_radius_mm scallop_limit_mm passes contacts length_mm uncut_contacts"
+    path_names = "level cutter_radius_mm scallop_limit_mm passes contacts length_mm trimmed_mm uncut_contacts"
     assert all(set(level_names.split()) <= set(row) for row in report["levels"])
     assert all(set(path_names.split()) <= set(row) for row in report["toolpath"])
     assert [row["level"] for row in report["toolpath"]] == list(range(len(report["levels"]) - 2, -1, -1))

@@ -91,6 +91,7 @@ def _idle_path(path: ContactPath, space: LinkSpace) -> ToolPath:
         np.array([space.feeds.rapid]),
         path.uncut,
         path.reasons,
+        path.trimmed,
     )
 
 
@@ -164,6 +165,7 @@ def _tool_path(
         joined.feeds,
         uncut,
         reasons,
+        path.trimmed,
     )
 
 

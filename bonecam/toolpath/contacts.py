@@ -158,7 +158,17 @@ def contact_path(
         lifts[kept],
         np.vstack([candidates.contacts[uncut], candidates.contacts[made.short]]),
         (*reasons.tolist(), *("short",) * len(made.short)),
+        _trimmed(candidates, ~left_out, made),
     )
+
+
+def _trimmed(candidates: CandidateContacts, usable: Bool[ndarray, " n"], made: Stretches) -> float:
+    """Length of the usable moves that no stretch passes over, mm."""
+    passed = np.zeros(len(usable), dtype=bool)
+    passed[made.index] = True
+    same = candidates.line[1:] == candidates.line[:-1]
+    left = same & usable[1:] & usable[:-1] & ~(passed[1:] & passed[:-1])
+    return float(np.linalg.norm(np.diff(candidates.centres, axis=0), axis=1)[left].sum())
 
 
 def _stretches(

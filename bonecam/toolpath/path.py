@@ -24,7 +24,8 @@ class ContactPath:
     Consecutive points of one pass (`pass_index`) are joined by cutting moves. `parameters` are (s, t) on the
     surface of the level, `normals` point outward, `feeds` are unit feed directions. `centres` of the ball are
     contact + (radius + lift) * normal; `lifts` (mm) are 0 but where the ball would gouge. `uncut` are the
-    contacts that were left out, `reasons` one word for each (post, gouge, covered, short).
+    contacts that were left out, `reasons` one word for each (post, gouge, covered, short). `trimmed` is the length of
+    passes (mm) that were left out because they would hardly have cut.
     """
 
     level: int
@@ -38,6 +39,7 @@ class ContactPath:
     lifts: Float[ndarray, "n"]
     uncut: Float[ndarray, "u 3"]
     reasons: tuple[str, ...]
+    trimmed: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +48,8 @@ class ToolPath:
 
     `axes` are unit, from tip to spindle; `tips` = ball centre - radius * axis; `feed_rates` in mm/min
     (rapid moves: the machine's rapid rate); `contacts` and `parameters` are NaN on links and rapids.
-    `pass_index` is -1 on links and rapids. The first row is a safe point clear of the stock, so is the last.
+    `pass_index` is -1 on links and rapids. `trimmed` is that of the `ContactPath`. The first row is a safe
+    point clear of the stock, so is the last.
     """
 
     level: int
@@ -60,3 +63,4 @@ class ToolPath:
     feed_rates: Float[ndarray, "n"]
     uncut: Float[ndarray, "u 3"]
     reasons: tuple[str, ...]
+    trimmed: float = 0.0

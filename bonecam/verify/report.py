@@ -71,6 +71,8 @@ def toolpath_report(paths: Sequence[ToolPath]) -> list[dict[str, Any]]:
                 "passes": len(np.unique(path.pass_index[cutting])),
                 "contacts": int((~np.isnan(path.contacts[:, 0])).sum()),
                 "length_mm": round(float(steps[cutting].sum()), 1),
+                "trimmed_mm": round(path.trimmed, 1),
+                "trimmed_min": round(path.trimmed / path.cutter.feed, 3),
                 "uncut_contacts": len(path.uncut),
                 "uncut_reasons": reasons,
             }

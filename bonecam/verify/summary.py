@@ -107,7 +107,9 @@ def _levels_lines(report: Mapping[str, Any]) -> Iterator[str]:
 
 def _program_lines(toolpath: Sequence[Mapping[str, Any]], nc: Mapping[str, Any]) -> Iterator[str]:
     """Paths, program and proof."""
-    yield f"toolpath  {sum(row['contacts'] for row in toolpath)} contacts"
+    length, trimmed = (sum(row[name] for row in toolpath) for name in ("length_mm", "trimmed_mm"))
+    contacts = sum(row["contacts"] for row in toolpath)
+    yield f"toolpath  {contacts} contacts, {length:.0f} mm of passes; {trimmed:.0f} mm through air left out"
     yield f"uncut     {uncut_text(toolpath)}"
     file = nc["file"] or "not written"
     machine = f"{nc['machine']} / {nc['controller']}"

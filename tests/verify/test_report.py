@@ -51,7 +51,16 @@ def test_the_summary_tells_each_repair() -> None:
         "levels_lower_bound": 1,
         "levels_method": "qp",
         "levels_break_mm": 0.0,
-        "toolpath": [{"level": 0, "contacts": 5, "uncut_contacts": 0, "uncut_reasons": {}}],
+        "toolpath": [
+            {
+                "level": 0,
+                "contacts": 5,
+                "length_mm": 7.5,
+                "trimmed_mm": 2.0,
+                "uncut_contacts": 0,
+                "uncut_reasons": {},
+            }
+        ],
         "nc": dict.fromkeys(
             ("blocks", "time_min", "readback_tip_error_mm", "readback_axis_error_deg", "gouge_max_mm"), 1
         )

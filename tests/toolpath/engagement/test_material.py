@@ -22,7 +22,8 @@ from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.contacts import candidate_contacts, contact_path
 from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.toolpath.engagement.material import DEVIATION, Material, remove_material, uncut_material
-from bonecam.toolpath.path import ToolPath
+from bonecam.toolpath.engagement.stretches import Allowed
+from bonecam.toolpath.path import Kind, ToolPath
 
 
 class Skin(Capsule):
@@ -129,3 +130,27 @@ def test_contacts_under_uncut_material_stay_uncut(
     assert (heights > 40.0).any()
     assert not ((heights > post.top + 4) & (heights < 37.5)).any()
     assert np.nanmax(below.contacts[:, 2]) < 40.0
+
+
+def test_what_is_trimmed_and_what_is_cut_make_up_the_whole_passes(
+    roughing_cutter: Cutter, machined: tuple[Material, ToolPath], levels, stock: Skin, post: Post
+) -> None:
+    _, path = machined
+    lower = replace(path, kinds=np.where(path.contacts[:, 2] < 35.0, path.kinds, Kind.LINK))
+    material = remove_material(uncut_material(levels, stock), levels[1], lower)
+    meshes = [MeshDistance(levels[1].mesh)]
+    candidates = candidate_contacts(levels[1], meshes, roughing_cutter, post, PathJob(pattern="iso-scallop"))
+
+    def lengths(least: float) -> tuple[float, float]:
+        path = contact_path(candidates, material, Allowed(0.5, least=least))
+        at_level = path.lifts == 0
+        joined = (path.pass_index[1:] == path.pass_index[:-1]) & at_level[1:] & at_level[:-1]
+        steps = np.linalg.norm(np.diff(path.contacts + 2 * path.normals, axis=0), axis=1)
+        return float(steps[joined].sum()), path.trimmed
+
+    whole, none = lengths(-1.0)
+    part, trimmed = lengths(0.1)
+    assert none == 0
+    assert 0 < part < whole
+    assert roughing_cutter.radius == 2.0
+    assert trimmed == pytest.approx(whole - part, rel=0.1)

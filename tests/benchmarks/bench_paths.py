@@ -1,0 +1,172 @@
+"""The patterns of passes on real bones: cusps by rays, length, time, and contacts a second beside OpenCAMLib.
+
+    python tests/benchmarks/bench_paths.py [MESH:UNITS ...]
+
+Cusps: rays along the normals of 40,000 random places of a level, cut by the capsules that the ball sweeps (no side-step
+formula). Columns: curves; length at the contact, beside the area over the mean exact step; seconds by the time model
+at 120 deg/s; mean height beside that of full cusps on a plane, a third of the scallop; largest height; lowest where
+the ball fits. Then candidate contacts of level 0 with the exact gouge check, a second of CPU.
+
+OpenCAMLib (`pip install opencamlib`), where it is installed, drops its 3-axis ball on the same triangles.
+"""
+
+import sys
+import time
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+import bonecam
+from bonecam.kernels.removal.nails import cut_nails, nail_cells
+from bonecam.levels.measure.level import MachinedLevel, machined_levels
+from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.nc.machine import read_machine
+from bonecam.setup.holding import post_below
+from bonecam.surface.tspline import TSpline
+from bonecam.toolpath.contacts import candidate_contacts
+from bonecam.toolpath.cutters.cutter import Cutter
+from bonecam.toolpath.patterns.curves import Curves
+from bonecam.toolpath.patterns.fastest import CLOSED, ISO_PARAMETRIC, curve_minutes, pattern_curves
+from bonecam.toolpath.patterns.sampling import ROUND, ball_centres, contact_frames, sample_lines
+from bonecam.toolpath.patterns.scallop import side_step
+
+BONES = Path(__file__).resolve().parents[3] / "shared" / "meshes" / "bones"
+NAMES = ("3midph", "3distph", "scaphoid", "capitate")
+RAYS = 40_000
+CELL = 0.5
+TURN_SPEED = np.radians(120.0) * 60
+FITS = 0.9
+"""Rays stand where the sharpest hollow has less than this share of the ball's curvature."""
+
+
+def cases() -> list[str]:
+    """What to cut."""
+    import bonecam_meshes
+
+    phalanx = f"{Path(bonecam_meshes.__file__).parent / 'phalanx.ply'}:mm"
+    bones = [f"{BONES / name}_m.stl:m" for name in NAMES] if BONES.is_dir() else []
+    return sys.argv[1:] or [phalanx, *bones]
+
+
+def rays(surface: TSpline, radius: float) -> tuple[ndarray, ndarray]:
+    """Places spread evenly over the area where the ball fits by curvature, and their normals."""
+    rng = np.random.default_rng(1)
+    low, high = surface.domain[1]
+    places = np.column_stack([rng.random(8 * RAYS), low + (high - low) * rng.random(8 * RAYS)])
+    _, Ss, St = surface.derivatives(places[:, 0], places[:, 1], 1)
+    area = np.linalg.norm(np.cross(Ss, St), axis=1)
+    places = places[rng.random(len(area)) < area / area.max()][:RAYS]
+    places = places[-surface.curvature(*places.T).k2 * radius < FITS]
+    points, normals, _ = contact_frames(surface, places, ROUND)
+    return points, normals
+
+
+def heights(
+    points: Float[ndarray, "n 3"],
+    normals: Float[ndarray, "n 3"],
+    centres: ndarray,
+    joined: ndarray,
+    radius: float,
+) -> Float[ndarray, " n"]:
+    """What the swept balls leave above each point, mm."""
+    order, starts, corner = nail_cells(points, CELL)
+    left = np.ones(len(points))
+    owners = np.full(len(points), -1)
+    begins, ends = centres[:-1][joined], centres[1:][joined]
+    names = np.arange(len(begins))
+    radii = np.full(len(begins), radius)
+    cut_nails(
+        points[order], normals[order], starts, corner, CELL, 1.1, begins, ends, radii, names, left, owners
+    )
+    return left
+
+
+def mean_step(surface: TSpline, cutter: Cutter) -> float:
+    """The exact step across lines s = const, mean over the area, mm."""
+    rng = np.random.default_rng(2)
+    s, t = rng.random(20_000), np.interp(rng.random(20_000), [0, 1], surface.domain[1])
+    _, Ss, St, Sss, Sst, Stt = surface.derivatives(s, t, 2)
+    normal = np.cross(Ss, St)
+    area = np.linalg.norm(normal, axis=1)
+    shear = -(Ss * St).sum(1) / (St * St).sum(1)
+    across = Ss + shear[:, None] * St
+    bent = ((Sss + 2 * shear[:, None] * Sst + shear[:, None] ** 2 * Stt) * normal).sum(1) / area
+    curvature = np.maximum(-bent / (across * across).sum(1), -FITS / cutter.radius)
+    return float((side_step(cutter.radius, cutter.scallop, curvature) * area).sum() / area.sum())
+
+
+def report_level(name: str, level: MachinedLevel, cutter: Cutter) -> None:
+    """One line a pattern."""
+    surface, radius = level.surface, cutter.radius
+    points, normals = rays(surface, radius)
+    least = surface.area / mean_step(surface, cutter)
+    print(f"{name} level {level.index}, R {radius:g}, {cutter.scallop:g} mm: area / mean step {least:.0f} mm")
+    for pattern in ISO_PARAMETRIC + CLOSED:
+        began = time.process_time()
+        curves: Curves = pattern_curves(surface, pattern, cutter, TURN_SPEED)
+        seconds = time.process_time() - began
+        lines = sample_lines(surface, curves, radius, 0.0005, 0.5)
+        joined = lines.line[1:] == lines.line[:-1]
+        contacts = contact_frames(surface, lines.parameters, ROUND)[0]
+        length = np.linalg.norm(np.diff(contacts, axis=0), axis=1)[joined].sum()
+        left = heights(points, normals, ball_centres(surface, lines, radius), joined, radius)
+        touched = left[left > -0.001]
+        print(
+            f"  {pattern:12} {len(curves.group):4} curves {length:6.0f} mm {length / least:5.3f}"
+            f" {60 * curve_minutes(surface, curves, cutter, TURN_SPEED):5.0f} s"
+            f" mean {3 * touched.mean() / cutter.scallop:4.2f} max {1000 * left.max():5.1f} um"
+            f" gouged {(left < -0.001).mean():6.2%} made in {seconds:.2f} s",
+            flush=True,
+        )
+
+
+def report_speed(level: MachinedLevel, cutter: Cutter, job: bonecam.Job) -> None:
+    """Contacts a second of CPU with lifts by the exact distance, and OpenCAMLib's on the same triangles."""
+    mesh = level.surface.tessellate(0.002)
+    distance = MeshDistance(mesh)
+    post = post_below(mesh, job.holding)
+    began = time.process_time()
+    found = candidate_contacts(level, [distance], cutter, post, job.path, turn_speed=TURN_SPEED)
+    seconds = time.process_time() - began
+    rate = len(found.line) / seconds
+    print(f"  {len(found.line)} contacts on {len(mesh.faces)} triangles: {rate:.0f} a second of CPU")
+    if find_spec("opencamlib") is None:
+        print("  opencamlib is not installed")
+        return
+    report_opencamlib(mesh, cutter.radius)
+
+
+def report_opencamlib(mesh: TriangleMesh, radius: float) -> None:
+    """Points a second that BatchDropCutter does over the part's plan."""
+    ocl = import_module("opencamlib")
+    surface = ocl.STLSurf()
+    for face in mesh.vertices[mesh.faces]:
+        surface.addTriangle(ocl.Triangle(*(ocl.Point(*map(float, corner)) for corner in face)))
+    batch = ocl.BatchDropCutter()
+    batch.setSTL(surface)
+    batch.setCutter(ocl.BallCutter(2 * radius, 50.0))
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    xy = np.random.default_rng(0).uniform(low[:2], high[:2], (20_000, 2))
+    for x, y in xy.tolist():
+        batch.appendPoint(ocl.CLPoint(x, y, float(low[2])))
+    began = time.process_time()
+    batch.run()
+    print(f"  opencamlib drop cutter: {len(xy) / (time.process_time() - began):.0f} points a second of CPU")
+
+
+if __name__ == "__main__":
+    for case in cases():
+        mesh, units = case.rsplit(":", 1)
+        job = bonecam.Job().with_values(mesh={"units": units})
+        levels = machined_levels(bonecam.morph_levels(mesh, job).levels.levels)
+        nose = read_machine(job.nc.machine).bodies.nose
+        finishing = Cutter.from_job(2, "finishing", job.tool("finishing"), nose)
+        roughing = Cutter.from_job(1, "roughing", job.tool("roughing"), nose)
+        report_level(Path(mesh).stem, levels[0], finishing)
+        report_level(Path(mesh).stem, levels[6], roughing)
+        report_speed(levels[0], finishing, job)
