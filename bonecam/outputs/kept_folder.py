@@ -17,6 +17,7 @@ from bonecam.outputs.run_report import report_text
 from bonecam.outputs.toolpath_csv import toolpath_csv
 from bonecam.setup.stock import Stock
 from bonecam.surface.files.tspline_text import write_tsm
+from bonecam.toolpath.cl_data import apt_text
 from bonecam.verify.pictures.depth_colours import draw_coloured
 from bonecam.verify.pictures.depth_curves import draw_depths
 from bonecam.verify.pictures.level_sections import draw_levels
@@ -26,15 +27,15 @@ FAILED = r"failed_level_\d{2,}\.ply"
 """Name of the file that shows where a level failed its check, as a regular expression."""
 LEFT_COLOURED = 0.1
 """Leftovers are coloured from 0 to this height, mm."""
-SERIES = rf"level_\d{{2,}}\.ply|left\.ply|toolpath\.(csv|png)|program\.\w+|view\.gz|job\.toml|report\.json|{FAILED}"
+SERIES = rf"level_\d{{2,}}\.ply|left\.ply|toolpath\.(csv|apt|png)|program\.\w+|view\.gz|job\.toml|report\.json|{FAILED}"
 """Names of the files of levels, paths and program, as a regular expression. A later run in the same folder
 removes those that an earlier one wrote there."""
 
 
 def fill_kept_folder(work: Path, made: Morphed, post: tuple[float, float]) -> None:
     """Write into `work` surface.tspline, the files of `keep_levels`, view.gz, job.toml and report.json; of a program
-    its text, toolpath.csv and toolpath.png, and left.ply where it is known what stays on the part. `post` is
-    (diameter, top z), mm."""
+    its text, toolpath.csv, toolpath.apt and toolpath.png, and left.ply where it is known what stays on the part.
+    `post` is (diameter, top z), mm."""
     levels = made.levels.levels
     write_tsm(made.surface, work / "surface.tspline")
     _write_levels(work, levels, made.stock, post, LINE)
@@ -44,6 +45,7 @@ def fill_kept_folder(work: Path, made: Morphed, post: tuple[float, float]) -> No
     if isinstance(made, Result):
         write_whole(work / f"program{made.program.extension}", made.program.text)
         write_whole(work / "toolpath.csv", toolpath_csv(made.paths))
+        write_whole(work / "toolpath.apt", apt_text(made.paths, made.program.name))
         draw_toolpath(made.paths, levels, work / "toolpath.png", post)
         if made.removal and made.removal.left:
             left = made.removal.left
