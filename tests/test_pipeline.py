@@ -207,6 +207,7 @@ def test_keep_writes_levels_path_surface_and_pictures(chain: tuple[bonecam.Resul
         names
         == {f"level_{k:02d}.ply" for k in range(count)}
         | {"surface.tspline", "toolpath.csv", "toolpath.apt", "left.ply"}
+        | {"program.h", "view.gz", "job.toml", "report.json"}
         | pictures
     )
     with open(folder / "keep" / "toolpath.csv", encoding="utf-8", newline="") as file:
@@ -247,6 +248,7 @@ def test_levels_alone_are_the_chain_s_and_take_the_place_of_its_levels_and_paths
     assert lines == ["mesh", "surface", "stock", "post", "levels", "certified", "time"]
     assert {item.name for item in keep.iterdir()} == {item.name for item in (folder / "keep").iterdir()} - {
         "left.ply",
+        "program.h",
         "toolpath.apt",
         "toolpath.csv",
         "toolpath.png",
