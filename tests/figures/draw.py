@@ -6,6 +6,7 @@ from pathlib import Path
 from bonecam_meshes import path
 from clamping import draw_clamping
 from matplotlib.figure import Figure
+from page_picture import picture_page
 
 import bonecam
 from bonecam.levels.measure.line_depths import line_depths
@@ -17,11 +18,18 @@ from bonecam.verify.pictures.panels import lay_out
 from bonecam.verify.pictures.tmesh_lines import draw_tmesh, show_tmesh
 from bonecam.verify.pictures.tool_paths import draw_toolpath, show_path
 
+COARSE: dict[str, dict[str, float]] = {
+    "levels": {"roughing_depth": 1.0, "finishing_levels": 1, "finishing_depth": 0.3, "chord_tolerance": 0.05},
+    "roughing": {"scallop": 0.3},
+    "finishing": {"scallop": 0.2},
+}
+"""Of the page that docs embed: coarse, so that it is small."""
 FIGURES = Path(__file__).parents[2] / "docs/pages/figures"
 
 
 def main() -> None:
-    """Write chain.png, clamping.png, coloured.png, depths.png, toolpath.png and tmesh.png for docs/pages."""
+    """Write chain.png, clamping.png, coloured.png, depths.png, toolpath.png, tmesh.png, page.png and
+    page.html for docs/pages."""
     job = bonecam.Job()
     result = bonecam.convert(path("phalanx"), job)
     levels = result.levels.levels
@@ -33,6 +41,8 @@ def main() -> None:
     draw_depths(levels, line_depths(levels, result.stock), FIGURES / "depths.png")
     draw_toolpath(result.paths, levels, FIGURES / "toolpath.png", post)
     draw_tmesh(result.surface, FIGURES / "tmesh.png")
+    picture_page(result.page, FIGURES / "page.png")
+    bonecam.convert(path("phalanx"), job.with_values(**COARSE), html=FIGURES / "page.html")
 
 
 def draw_chain(result: bonecam.Result, post: tuple[float, float], file: Path) -> None:

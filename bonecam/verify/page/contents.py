@@ -46,4 +46,5 @@ def run_contents(
         paths=paths,
         removal=removal,
     )
+    posted.facts["program"]["minutes"] = report["nc"]["time_min"]
     return Contents({**facts, **posted.facts}, {**shape.arrays, **posted.arrays})

@@ -14,7 +14,7 @@ from bonecam.setup.holding import Post
 from bonecam.setup.stock import Stock
 from bonecam.verify.pictures.views import section
 
-WIDTH, HEIGHT = 86.0, 128.0
+WIDTH, HEIGHT = 86.0, 122.0
 """Of the drawing on paper, mm."""
 MARGIN = 5.0
 """Above and below what is drawn, mm on paper."""

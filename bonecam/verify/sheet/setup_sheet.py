@@ -124,8 +124,8 @@ def _checks(report: Mapping[str, Any]) -> Iterator[str]:
     nc, removal = report["nc"], report["removal"]
     tip, gouge = 1000 * nc["readback_tip_error_mm"], 1000 * nc["gouge_max_mm"]
     axis = nc["readback_axis_error_deg"]
-    yield f"Text read back: tip within {tip:.2f} um, axis within {axis:.4f} degrees of the path"
-    yield f"Gouge of the part by the ball: {gouge:.2f} um at most"
+    yield f"Text read back: tip within {tip:.2f} µm, axis within {axis:.4f} degrees of the path"
+    yield f"Gouge of the part by the ball: {gouge:.2f} µm at most"
     yield f"Levels: {certified_text(report['levels'], report['levels_method'])}"
     if "skipped" not in removal:
         cell = removal["cell_mm"]
@@ -138,8 +138,8 @@ def _left(report: Mapping[str, Any]) -> Iterator[str]:
     """What is left on the part, and which contacts are not cut, with their reasons."""
     left = report["removal"].get("left")
     if left:
-        away = f"{left['area_over_0_02_mm2']:.1f} mm2 keep more than 0.02 mm, {left['max_mm']:.2f} mm at most"
-        yield f"On the part {away}; at the post {left['by_reason']['post']:.1f} mm2"
+        away = f"{left['area_over_0_02_mm2']:.1f} mm² keep more than 0.02 mm, {left['max_mm']:.2f} mm at most"
+        yield f"On the part {away}; at the post {left['by_reason']['post']:.1f} mm²"
     for line in uncut_text(report["toolpath"]).split("\n"):
         yield f"Uncut: {re.sub(' +', ' ', line).strip()}"
     yield "The stump of the post is removed by hand"

@@ -10,8 +10,8 @@ function surface(positions, faces, colours, options = {}) {
   const material = new THREE.MeshPhongMaterial({
     color: colours ? 0xffffff : new THREE.Color(options.colour || BONE),
     vertexColors: colours ? THREE.VertexColors : THREE.NoColors,
-    shininess: 18,
-    specular: 0x222222,
+    shininess: colours ? 5 : 18,
+    specular: colours ? 0x080808 : 0x222222,
     side: THREE.DoubleSide,
     transparent: options.opacity !== undefined,
     opacity: options.opacity === undefined ? 1 : options.opacity,

@@ -1,8 +1,8 @@
-// Colours that colour-blind readers tell apart: viridis and cividis (matplotlib), a blue-orange scale for signed
-// values, and the set of Okabe & Ito (2008) for kinds.
+// Colours that colour-blind readers tell apart: viridis (matplotlib), a scale that darkens from bone to brown for
+// what is left, a blue-orange one for signed values, and the set of Okabe & Ito (2008) for kinds.
 const SCALES = {
   viridis: ["440154", "482878", "3e4989", "31688e", "26828e", "1f9e89", "35b779", "6ece58", "b5de2b", "fde725"],
-  cividis: ["00224e", "123570", "3b496c", "575d6d", "707173", "8a8678", "a59c74", "c3b369", "e1cc55", "fee838"],
+  left: ["ece6d8", "f7dd92", "f5b84a", "e58a1f", "c45f0e", "933f0c", "5a2408"],
   signed: ["0a3f73", "2f78b3", "85b7dc", "cfe0ec", "f2f1ee", "f3dcc4", "eda963", "cd6a16", "7e3a05"],
 };
 const KIND_COLOURS = ["#0072b2", "#e69f00", "#cc79a7", "#009e73", "#d55e00", "#56b4e9", "#f0e442"];

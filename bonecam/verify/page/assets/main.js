@@ -52,10 +52,9 @@ function setMode(mode) {
 function firstView() {
   const { low, high } = page.part;
   if (page.state.mode === "program") {
-    page.orbit.fit(low.clone().setZ(low.z - 4), high.clone().setZ(high.z + 22), 0.16);
+    page.orbit.fit(low.clone().setZ(low.z - 12), high.clone().setZ(high.z + 20), 0.24); // above the player
   } else if (page.state.mode === "fit") {
-    const wide = new THREE.Vector3(1.35 * (high.x - low.x), 1.35 * (high.x - low.x), 1);
-    page.orbit.fit(low.clone().sub(wide), high.clone().add(wide));
+    page.orbit.fit(low.clone().setZ(low.z - 1), high.clone().setZ(high.z + 3));
   } else {
     page.orbit.fit(low.clone().setZ(low.z - 4), high.clone().setZ(high.z + 2));
   }
@@ -201,8 +200,8 @@ async function start() {
   page.redraw = () => { if (!page.waiting) { page.waiting = true; requestAnimationFrame(draw); } };
   page.orbit = new Orbit(page.canvas, () => page.redraw());
   page.scene = new THREE.Scene();
-  page.light = new THREE.DirectionalLight(0xffffff, 0.62);
-  page.scene.add(new THREE.HemisphereLight(0xffffff, 0xb5b0a8, 0.52), page.light);
+  page.light = new THREE.DirectionalLight(0xffffff, 0.5);
+  page.scene.add(new THREE.HemisphereLight(0xffffff, 0xc9c5bf, 0.6), page.light);
   page.content = new THREE.Group();
   page.scene.add(page.content);
   const [low, high] = facts.stock_bounds.map((corner) => new THREE.Vector3(...corner));

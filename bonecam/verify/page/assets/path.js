@@ -92,7 +92,7 @@ function axesOf(moves) {
     }
     colours.set([...rgb("#d55e00"), ...rgb("#d55e00")], 6 * n);
   });
-  return lines(positions, colours);
+  return lines(positions, colours, 0.6);
 }
 
 // The move whose contact is seen nearest to a place of the canvas, -1 for none within 12 pixels.

@@ -134,7 +134,7 @@ function showReadout(i) {
   const feed = a.move_feed[i] > 0 ? `${number(a.move_feed[i], 0)} mm/min` : "rapid";
   const told = [
     ["level", a.move_level[i]], ["tool", `${tool.number}, ball R ${tool.radius}`], ["tip", `X ${tip[0]}  Y ${tip[1]}  Z ${tip[2]}`],
-    ["tilt", `${number(tilt, 1)}°`], [KINDS[a.move_kind[i]], feed], ["time", `${number(a.move_minute[i], 1)} min`],
+    ["tilt", `${number(tilt, 1)}°`], [KINDS[a.move_kind[i]], feed], ["time in feed", `${number(a.move_minute[i], 1)} min`],
   ];
   const box = document.getElementById("readout");
   box.replaceChildren(...told.map(([name, value]) => { const item = make("span", `${name} `); item.append(make("b", String(value))); return item; }));

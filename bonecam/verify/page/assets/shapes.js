@@ -80,11 +80,11 @@ const leftMode = {
   build(state) {
     const a = page.arrays;
     const range = 0.1;
-    page.content.add(a.left ? surface(a.left, a.left_faces, coloursOf(a.left_height, "cividis", 0, range)) : levelMesh(0));
+    page.content.add(a.left ? surface(a.left, a.left_faces, coloursOf(a.left_height, "left", 0, range)) : levelMesh(0));
     const reasons = page.facts.uncut ? page.facts.uncut.reasons : [];
     if (state.uncut && a.uncut) page.content.add(uncutPoints(a, state.outer));
     const items = reasons.map((reason, k) => [KIND_COLOURS[(k + 3) % 7], `${reason.why}: ${reason.on_part} on the part`]);
-    if (a.left && !state.uncut) showLegend({ title: "Material left on the part", unit: "mm", scale: "cividis", low: 0, high: range });
+    if (a.left && !state.uncut) showLegend({ title: "Material left on the part", unit: "mm", scale: "left", low: 0, high: range });
     else showLegend({ title: "Contacts left uncut, and why", items });
   },
   controls: (state) => {
