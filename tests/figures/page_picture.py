@@ -5,7 +5,7 @@ from tempfile import TemporaryDirectory
 
 FLAGS = ("--headless", "--no-sandbox", "--disable-gpu", "--use-gl=angle", "--use-angle=swiftshader")
 CHROMIUM = "/usr/bin/chromium"
-SIZE = {"width": 1280, "height": 720}
+WIDTH, HEIGHT = 1280, 720
 LEVEL = 6
 """The level that is cut in the picture."""
 CHOICE = """(level) => {
@@ -28,7 +28,7 @@ def picture_page(page: str, file: Path) -> None:
         place = Path(folder) / "page.html"
         place.write_text(page, encoding="utf-8")
         browser = started.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
-        opened = browser.new_page(viewport=SIZE)
+        opened = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
         opened.goto(place.as_uri())
         while not opened.evaluate("page.ready"):
             opened.wait_for_timeout(100)
