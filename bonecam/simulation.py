@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from bonecam.errors import FileError, ProgramError
-from bonecam.files import input_text
+from bonecam.files import check_files, input_text, write_whole
 from bonecam.job import Job
 from bonecam.mesh.facets.hull import convex_hull
 from bonecam.mesh.files.mesh_files import read_mesh
@@ -13,14 +13,20 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import Dialect, read_dialect
 from bonecam.nc.machine import Machine, read_machine
 from bonecam.nc.posting.header import comment
+from bonecam.outputs.kept_view import check_page_name, kept_contents
 from bonecam.progress import Progress, silent
 from bonecam.setup.holding import post_below
 from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.surface.files.tspline_text import read_tsm
 from bonecam.toolpath.layers.limits import layer_limits
-from bonecam.verify.removal.of_job import ACCURACY, cutters_of
+from bonecam.verify.page.contents import level_meshes, with_program
+from bonecam.verify.page.packing import pack
+from bonecam.verify.page.page import page_html
+from bonecam.verify.page.program_contents import program_contents
+from bonecam.verify.removal.of_job import ACCURACY, cutters_of, followed_surfaces
 from bonecam.verify.removal.result import Removal
 from bonecam.verify.removal.simulate import simulate_removal
+from bonecam.verify.summary import removal_text
 
 LEVEL = re.compile(r"level_(\d{2,})\.ply")
 """Names of the levels in a kept folder: the first is the part, the last the stock."""
@@ -34,10 +40,12 @@ def simulate(
     job: Job | None = None,
     *,
     cell: float = ACCURACY.cell,
+    html: str | Path | None = None,
     progress: Progress = silent,
 ) -> Removal:
     """What the NC text in the file `program` removes, with the part and the stock of the folder `keep` and the cutters,
-    machine and post of the `job` that it was made with; `cell` (mm) is the distance of the rays.
+    machine and post of the `job` that it was made with; `cell` (mm) is the distance of the rays. The page `html` shows
+    the program as simulated, whatever came out.
 
     FileError where a file is not there, ProgramError where the text cannot be read or is for another machine, JobError
     where the cell needs too much memory. `check_removal` refuses what a program may not do.
@@ -45,21 +53,34 @@ def simulate(
     job = job or Job()
     machine = read_machine(job.nc.machine)
     dialect = read_dialect(job.nc.controller)
+    before = kept_contents(Path(keep))[1] if html is not None else None
+    if html is not None:
+        check_files([html], [program])
+        check_page_name(html)
     text = _text_of(Path(program))
     _require_machine(text, machine, dialect, Path(program))
     part, stock, levels = _kept(Path(keep))
-    return simulate_removal(
+    limits = _limits(job, levels)
+    cutters = cutters_of(job, machine)
+    surfaces = followed_surfaces(job, level_meshes(before)) if before else {}
+    removal = simulate_removal(
         text,
         machine,
         dialect,
         ConvexStock(convex_hull(stock.vertices), proven=True),
         post_below(part, job.holding),
-        cutters_of(job, machine),
+        cutters,
         part=read_tsm(Path(keep) / "surface.tspline"),
-        limits=_limits(job, levels),
+        limits=limits,
+        surfaces=surfaces,
         accuracy=replace(ACCURACY, cell=cell, coarser=False),
         progress=progress,
     )
+    if before is not None and html is not None:
+        posted = program_contents(text, level_meshes(before), job, machine, dialect, removal=removal)
+        page = with_program(before, posted, {"removal": removal.report}, removal_text(removal.report))
+        write_whole(html, page_html(pack(page), Path(program).name))
+    return removal
 
 
 def _limits(job: Job, levels: int) -> dict[int, float]:

@@ -150,6 +150,7 @@ def _add_simulate(parsers: Any) -> None:
     rays = "distance of the rays (0.1 mm)"
     simulate.add_argument("--cell", metavar="MM", type=_positive, default=0.1, help=rays)
     simulate.add_argument("--report", metavar="FILE.json", help="file for the figures")
+    simulate.add_argument("--html", metavar="FILE.html", help="file for a page that plays the program")
     add_job_options(simulate)
     _add_verbosity(simulate)
 

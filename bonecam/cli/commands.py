@@ -92,7 +92,9 @@ def run_simulate(options: argparse.Namespace) -> int:
 
     job = job_of(options)
     with shown_progress(options) as progress:
-        removal = bonecam.simulate(options.program, options.keep, job, cell=options.cell, progress=progress)
+        removal = bonecam.simulate(
+            options.program, options.keep, job, cell=options.cell, html=options.html, progress=progress
+        )
     if options.report is not None:
         write_whole(options.report, json.dumps({"removal": removal.report}, indent=2) + "\n")
     bonecam.verify.check_removal(removal, job.path.gouge_tolerance)

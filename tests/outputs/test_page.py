@@ -1,5 +1,6 @@
 """The page in a browser: it draws, answers, and asks the network for nothing."""
 
+import base64
 import json
 import shutil
 from collections.abc import Iterator
@@ -15,6 +16,8 @@ from bonecam.errors import FileError
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.machine import read_machine
 from bonecam.nc.reading.read import read_program
+from bonecam.outputs.kept_view import kept_contents
+from bonecam.verify.page.packing import unpack
 
 Run = tuple[bonecam.Result, Path]
 
@@ -172,6 +175,21 @@ def test_the_page_from_kept_files_is_that_of_the_run(small_run: Run, tmp_path: P
     report = json.loads((folder / "keep" / "report.json").read_text(encoding="utf-8"))
     assert report["levels"] == made.report["levels"]
     assert report["nc"] == made.report["nc"]
+
+
+def test_a_simulated_program_has_a_page_of_its_own(small_run: Run, tmp_path: Path) -> None:
+    made, folder = small_run
+    page = tmp_path / "page.html"
+    keep = folder / "keep"
+    removal = bonecam.simulate(keep / "program.h", keep, made.job, html=page)
+    payload = page.read_text(encoding="utf-8").split('type="text/plain">')[1].split("</script>")[0]
+    shown = unpack(base64.b64decode(payload), "page")
+    whole = kept_contents(keep)[1]
+    assert shown.facts["report"]["removal"] == removal.report
+    assert shown.facts["program"]["blocks"] == whole.facts["program"]["blocks"]
+    assert np.array_equal(shown.arrays["move_tip"], whole.arrays["move_tip"])
+    assert np.allclose(shown.arrays["after_0"], whole.arrays["after_0"], atol=0.051)
+    assert not any(name.startswith("uncut") for name in shown.arrays)
 
 
 def test_bad_folders_and_names_are_one_line(

@@ -206,9 +206,10 @@ def test_the_sections_are_named(pebble: Callable[..., TSpline], drawn: list[Figu
 
 def test_the_coloured_levels_go_out_to_the_stock(pebble: Callable[..., TSpline], drawn: list[Figure]) -> None:
     draw_coloured(boxed(pebble, 8.0, 8.0, 18.0), "")
-    assert texts(drawn[0]) == ["level 1", "level 2", "level 3, rounding", "level 4, the stock"]
+    behind = "from behind"
+    assert texts(drawn[0]) == ["level 1", behind, "level 2", behind, "level 4, the stock", behind]
     draw_coloured([level(k, capsule(5.0 + 0.4 * k)) for k in range(3)], "")
-    assert texts(drawn[1]) == ["level 1", "level 2, the stock"]
+    assert texts(drawn[1]) == ["level 1", behind, "level 2, the stock", behind]
 
 
 def test_a_box_is_shaded_by_its_faces_and_a_round_body_smoothly() -> None:

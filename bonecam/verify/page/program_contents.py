@@ -10,6 +10,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 from scipy.spatial import cKDTree
 
+from bonecam.job import Job
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.machine import Machine
@@ -22,12 +23,13 @@ from bonecam.verify.page.thinning import thinned
 from bonecam.verify.readback import Tolerances, compare_moves
 from bonecam.verify.removal.groups import feed_minutes, groups_of
 from bonecam.verify.removal.left import LEFT
+from bonecam.verify.removal.of_job import cutters_of, followed_surfaces
 from bonecam.verify.removal.result import Left, Removal
 from bonecam.verify.summary import WHY
 
 MOST_MOVES = 150_000
 """Of programs with more moves those that a line within CHORD does without are left out."""
-CHORD = 0.01
+CHORD = 0.05
 """Chord tolerance, mm, of the thinned paths of long programs, at the tip and AXIS_LENGTH up the tool."""
 AXIS_LENGTH = 10.0
 """mm."""
@@ -39,8 +41,8 @@ UNCUT_SHOWN = 20_000
 
 def program_contents(
     text: str,
-    surfaces: Mapping[int, TriangleMesh],
-    cutters: Sequence[Cutter],
+    meshes: Mapping[int, TriangleMesh],
+    job: Job,
     machine: Machine,
     dialect: Dialect,
     *,
@@ -49,10 +51,11 @@ def program_contents(
 ) -> Contents:
     """The moves of the posted `text`, and what the simulation, if there was one, told of them.
 
-    `surfaces` are the meshes of the levels by number. Without the `paths` that the text was written from, links are
+    `meshes` are those of the levels by number. Without the `paths` that the text was written from, links are
     not told from cuts, nor contacts from tips.
     """
     motions = read_program(text, machine, dialect)
+    surfaces = followed_surfaces(job, meshes)
     level_of = _levels(text, motions, dialect)
     kinds, contacts = _of_rows(motions, paths, dialect) if paths else _of_text(motions)
     moves = _moves(motions, kinds, contacts, level_of)
@@ -62,7 +65,7 @@ def program_contents(
     arrays = {f"move_{name}": values[kept] for name, values in moves.items()}
     arrays["text"] = np.frombuffer(text.encode("latin-1", "replace"), np.uint8)
     facts: dict[str, Any] = {
-        "tools": [_tool(cutter) for cutter in cutters],
+        "tools": [_tool(cutter) for cutter in cutters_of(job, machine)],
         "program": {
             "machine": machine.name,
             "controller": dialect.name,
@@ -71,6 +74,7 @@ def program_contents(
             "moves": len(kinds),
             "shown": len(kept),
             "chord": CHORD if len(kept) < len(kinds) else 0.0,
+            "layers": _layers(level_of, surfaces, meshes),
         },
     }
     if paths:
@@ -90,6 +94,15 @@ def _levels(text: str, motions: Motions, dialect: Dialect) -> Int[ndarray, " n"]
     return np.concatenate(
         [np.full(len(group.moves), NO_LEVEL if group.level is None else group.level) for group in groups]
     )
+
+
+def _layers(
+    level_of: Int[ndarray, " n"], surfaces: Mapping[int, TriangleMesh], meshes: Mapping[int, TriangleMesh]
+) -> list[dict[str, int]]:
+    """The levels or layers of the moves in ascending order, and the level whose mesh each follows."""
+    numbers = {id(mesh): index for index, mesh in meshes.items()}
+    levels = [level for level in np.unique(level_of).tolist() if level in surfaces]
+    return [{"level": level, "surface": numbers[id(surfaces[level])]} for level in levels]
 
 
 def _shown(motions: Motions, kinds: Int[ndarray, " n"], levels: Int[ndarray, " n"]) -> Int[ndarray, " k"]:

@@ -12,10 +12,12 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.verify.pictures.colours import colour_scale, colours_of, value_range
 from bonecam.verify.pictures.panels import BAR_BELOW, bar_below, lay_out, new_figure, save_figure
 from bonecam.verify.pictures.shading import draw_shaded
-from bonecam.verify.pictures.views import view
+from bonecam.verify.pictures.views import is_closed, view
 
-MAX_LEVELS = 5
-"""Levels shown in a row at most."""
+MAX_LEVELS = 3
+"""Closed levels shown at most, each from the front and from behind."""
+MAX_OPEN = 5
+"""Open levels shown at most."""
 EDGES_PER_DIAGONAL = 40
 """An edge of a level goes into its diagonal at least this often: its flat faces are few and large, and each
 has one colour."""
@@ -25,23 +27,29 @@ def draw_coloured(levels: Sequence[Level], path: str | Path) -> None:
     """Write some levels, the first and the stock among them, coloured by the depth of their cut in % of its
     limit.
 
-    Closed ones are seen from the front (-y), open ones along the axis from which most of the part is seen.
+    Closed ones are seen from the front (-y) and from behind, open ones along the axis from which most of the
+    part is seen.
     """
     last = len(levels) - 1
-    shown = np.unique(np.linspace(1, last, min(last, MAX_LEVELS)).round().astype(int))
+    frame, closed = view(levels[0].mesh), is_closed(levels[0].mesh)
+    count = min(last, MAX_LEVELS if closed else MAX_OPEN)
+    shown = np.unique(np.linspace(1, last, count).round().astype(int))
+    sides = (1.0, -1.0) if closed else (1.0,)
     rounding = rounding_cuts(levels)
     norm = value_range(0, 100)
-    figure, plots = new_figure(len(shown))
-    frame = view(levels[0].mesh)
+    figure, plots = new_figure(len(shown) * len(sides))
     names = [f"{'-' if row.sum() < 0 else ''}{'xyz'[np.abs(row).argmax()]} (mm)" for row in frame[[0, 2]]]
-    for plot, k in zip(plots, shown):
+    for place, k in enumerate(shown):
         mesh = split_edges(levels[k].mesh, levels[k].mesh.diagonal / EDGES_PER_DIAGONAL)
         depths = depths_from(levels[k - 1], mesh.vertices[mesh.faces].mean(axis=1))
+        colours = colours_of(norm, 100 * depths / levels[k].limit)[:, :3]
         seen = TriangleMesh(mesh.vertices @ frame.T, mesh.faces)
-        draw_shaded(plot, seen, 1.0, colours_of(norm, 100 * depths / levels[k].limit)[:, :3])
-        plot.set_xlabel(names[0])
         kind = ", the stock" if k == last else ", rounding" if k in rounding else ""
-        plot.set_title(f"level {k}{kind}", fontsize="medium")
+        for side, plot in zip(sides, plots[place * len(sides) :]):
+            draw_shaded(plot, seen, side, colours)
+            plot.set_title(f"level {k}{kind}" if side > 0 else "from behind", fontsize="medium")
+            if not closed:
+                plot.set_xlabel(names[0])
     plots[0].set_ylabel(names[1])
 
     lay_out(figure, plots, below=BAR_BELOW)

@@ -13,8 +13,8 @@ CHORD = 0.01
 """Chord tolerance of the shaded surface, mm."""
 EDGE_POINTS = 9
 """Points on each edge of the T-mesh."""
-EDGE_COLOUR = "#1f4e8c"
-VERTEX_COLOUR = "#b03020"
+EDGE_COLOUR = "#0072b2"
+VERTEX_COLOUR = "#d55e00"
 
 
 def draw_tmesh(surface: TSpline, path: str | Path, chord_tolerance: float = CHORD) -> None:

@@ -12,9 +12,10 @@ from bonecam.verify.pictures.level_sections import draw_post
 from bonecam.verify.pictures.panels import BELOW, Plot, lay_out, new_figure, save_figure
 from bonecam.verify.pictures.shading import draw_shaded
 
-CUT_COLOUR = "#1f5fa8"
-LINK_COLOUR = "#e07b00"
-AXIS_COLOUR = "#b03030"
+CUT_COLOUR = "#0072b2"
+LINK_COLOUR = "#e69f00"
+AXIS_COLOUR = "#cc79a7"
+"""Of Okabe & Ito (2008): colour-blind readers tell them apart."""
 MAX_AXES = 60
 """Tool axes shown on a level at most."""
 AXIS_LENGTH = 3.0
@@ -29,23 +30,23 @@ def draw_toolpath(
     path: str | Path,
     post: tuple[float, float] | None = None,
 ) -> None:
-    """Write the outermost, a middle and the innermost level from the front (-y): contacts, some tool axes,
-    links by their tips; the `post` (diameter, top z), mm.
+    """Write the outermost, a middle and the innermost level from the front (-y) and from behind: contacts, some
+    tool axes, links by their tips; the `post` (diameter, top z), mm.
 
-    Layers, which follow no level, are drawn on the part; the innermost is the last one seen from the front.
+    Layers, which follow no level, are drawn on the part.
     """
     from matplotlib.lines import Line2D
 
-    last = len(paths) - (2 if paths[-1].axes[:, 1].min() > 0 else 1)
-    shown = [paths[k] for k in sorted({0, len(paths) // 2, max(last, 0)})]
+    shown = [(paths[k], side) for k in sorted({0, len(paths) // 2, len(paths) - 1}) for side in (1.0, -1.0)]
     figure, plots = new_figure(len(shown))
-    for plot, item in zip(plots, shown):
+    for plot, (item, side) in zip(plots, shown):
         followed = levels[item.level] if paths[0].level == len(levels) - 2 else levels[0]
-        show_path(plot, item, followed.mesh)
+        show_path(plot, item, followed.mesh, side)
         if post:
             draw_post(plot, post, levels)
         cuts = int((item.kinds == Kind.CUT).sum())
-        title = f"level {item.level}, ball R {item.cutter.radius:g} mm\n{cuts} cutting moves"
+        told = f"ball R {item.cutter.radius:g} mm\n{cuts} cuts" if side > 0 else "from behind"
+        title = f"level {item.level}\n{told}"
         plot.set_title(title, fontsize="medium")
     plots[0].set_ylabel("z (mm)")
 
@@ -57,24 +58,25 @@ def draw_toolpath(
     save_figure(figure, path)
 
 
-def show_path(plot: Plot, item: ToolPath, level: TriangleMesh) -> None:
-    """Draw the moves on the side of a level that faces the viewer, by the surface normal at the contact, else
-    by the tool axis."""
+def show_path(plot: Plot, item: ToolPath, level: TriangleMesh, side: float = 1.0) -> None:
+    """Draw the moves on the side of a level that faces the viewer at -y (`side` = 1) or y (-1), by the surface
+    normal at the contact, else by the tool axis."""
     from matplotlib.collections import LineCollection
 
-    draw_shaded(plot, level, 1.0)
+    draw_shaded(plot, level, side)
+    seen = np.array([side, 1.0])
     is_cut = item.kinds == Kind.CUT
     normals = item.tips + item.cutter.radius * item.axes - item.contacts
     outward = np.where(is_cut[:, None], normals, item.axes)
-    front = outward[:, 1] < 0
+    front = side * outward[:, 1] < 0
     shown = ((Kind.CUT, item.contacts, CUT_COLOUR), (Kind.LINK, item.tips, LINK_COLOUR))
     for kind, points, colour in shown:
         from_front = front[1:] & front[:-1] & np.isfinite(points[:-1, 0])
         move = np.flatnonzero((item.kinds[1:] == kind) & from_front) + 1
         ends = np.stack([points[move - 1], points[move]], axis=1)
-        plot.add_collection(LineCollection(list(ends[:, :, [0, 2]]), colors=colour, linewidths=0.35))
+        plot.add_collection(LineCollection(list(ends[:, :, [0, 2]] * seen), colors=colour, linewidths=0.35))
 
     some = np.flatnonzero(is_cut & front)
     some = some[:: max(1, len(some) // MAX_AXES)]
     ends = np.stack([item.contacts[some], item.contacts[some] + AXIS_LENGTH * item.axes[some]], axis=1)
-    plot.add_collection(LineCollection(list(ends[:, :, [0, 2]]), colors=AXIS_COLOUR, linewidths=0.6))
+    plot.add_collection(LineCollection(list(ends[:, :, [0, 2]] * seen), colors=AXIS_COLOUR, linewidths=0.6))

@@ -33,13 +33,17 @@ def section(
     return stacked[~np.isnan(stacked[:, :, 0])].reshape(-1, 2, 3)
 
 
+def is_closed(mesh: TriangleMesh) -> bool:
+    """Whether every edge has a second face."""
+    return not (edges_of(mesh)[1] == 1).any()
+
+
 def view(mesh: TriangleMesh) -> Float[ndarray, "3 3"]:
     """Axes (rows: to the right, away from the viewer, up) to look along: y at a closed mesh, at an open one
     the direction that shows most area."""
     directions = np.vstack([np.eye(3)[1], -np.eye(3), np.eye(3)])
     shown_area = np.maximum(-mesh.face_vectors @ directions.T, 0).sum(axis=0)
-    is_open = (edges_of(mesh)[1] == 1).any()
-    away = directions[shown_area.argmax() if is_open else 0]
+    away = directions[0 if is_closed(mesh) else shown_area.argmax()]
     up = np.eye(3)[1 if away[2] else 2]
     return np.array([np.cross(away, up), away, up])
 

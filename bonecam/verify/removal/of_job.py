@@ -1,9 +1,9 @@
 """The removal of the program that a job was posted as."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from bonecam.job import Job
-from bonecam.levels.measure.level import Level, machined_levels, morph_surfaces
+from bonecam.levels.measure.level import Level, morph_surfaces
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.machine import Machine
@@ -36,6 +36,14 @@ def depth_limits(job: Job, levels: Sequence[Level]) -> dict[int, float]:
     return layer_limits(job)
 
 
+def followed_surfaces(job: Job, meshes: Mapping[int, TriangleMesh]) -> dict[int, TriangleMesh]:
+    """The mesh of each level that a path follows; of layers, which follow no level, that of the part. `meshes` are
+    those of all levels by number."""
+    if job.path.strategy == "morph":
+        return {index: mesh for index, mesh in meshes.items() if index < max(meshes)}
+    return dict.fromkeys(layer_limits(job), meshes[0])
+
+
 def prove_removal(
     text: str,
     machine: Machine,
@@ -61,7 +69,7 @@ def prove_removal(
         cutters_of(job, machine),
         part=morph_surfaces(levels)[0],
         limits=depth_limits(job, levels),
-        surfaces={level.index: level.mesh for level in machined_levels(levels)},
+        surfaces=followed_surfaces(job, {level.index: level.mesh for level in levels}),
         accuracy=ACCURACY,
         progress=progress,
     )

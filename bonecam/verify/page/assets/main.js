@@ -109,6 +109,7 @@ function onKey(event) {
   } else if ((key === "ArrowLeft" || key === "ArrowRight") && !inRange) {
     const by = (key === "ArrowRight" ? 1 : -1) * (event.shiftKey ? 100 : 1);
     if (page.state.mode === "program") goTo(page.state.step + by);
+    else if (page.state.mode === "path") stepLayer(Math.sign(by));
     else change({ level: Math.max(0, Math.min(page.facts.levels.length - 1, page.state.level + Math.sign(by))) });
   } else if (key === "c") change({ mode: "levels", open: !page.state.open });
   else if (key === "v") nextView();
@@ -117,6 +118,12 @@ function onKey(event) {
   else if (key === "+" || key === "=") page.orbit.zoom(0.85);
   else if (key === "-") page.orbit.zoom(1.18);
   else if (key === "?") document.getElementById("help").toggleAttribute("hidden");
+}
+
+function stepLayer(by) {
+  const layers = page.facts.program.layers;
+  const at = layers.indexOf(shownLayer(page.state)) + by;
+  change({ level: layers[Math.max(0, Math.min(layers.length - 1, at))].level });
 }
 
 function nextView() {

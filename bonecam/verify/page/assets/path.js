@@ -2,6 +2,16 @@
 const KINDS = ["cut", "link", "rapid"];
 const MOST_AXES = 400, AXIS_DRAWN = 4;
 
+// The level or layer of the program that is shown: the chosen one, or the next one inside it.
+function shownLayer(state) {
+  const layers = page.facts.program.layers;
+  return layers.filter((layer) => layer.level <= state.level).pop() || layers[0];
+}
+
+function layerTitle(layer) {
+  return layer.surface === layer.level ? levelTitle(layer.level) : `Layer ${layer.level}, on the part`;
+}
+
 function pathColouring(state) {
   const a = page.arrays;
   const tilt = (i) => (Math.acos(Math.max(-1, Math.min(1, a.move_axis[3 * i + 2]))) * 180) / Math.PI;
@@ -25,7 +35,8 @@ const pathMode = {
   available: () => Boolean(page.arrays.move_tip),
   build(state) {
     const a = page.arrays;
-    const k = Math.min(state.level, page.facts.levels.length - 2);
+    const layer = shownLayer(state);
+    const k = layer.level;
     const moves = movesOf(k, state);
     const colouring = pathColouring(state);
     let low = Infinity, high = -Infinity;
@@ -42,18 +53,19 @@ const pathMode = {
       colours.set(colour, 6 * n);
       colours.set(colour, 6 * n + 3);
     });
-    page.content.add(levelMesh(k, null, { colour: "#eef0f2" }), lines(positions, colours));
+    page.content.add(levelMesh(layer.surface, null, { colour: "#eef0f2" }), lines(positions, colours));
     if (state.axes) page.content.add(axesOf(moves));
     if (state.chosen >= 0 && a.move_level[state.chosen] === k) page.content.add(placeTool(state.chosen, true));
     showLegend(colouring.value ? { ...colouring, scale: "viridis", low, high } : colouring);
   },
   controls: (state) => {
-    const k = Math.min(state.level, page.facts.levels.length - 2);
+    const layers = page.facts.program.layers;
+    const layer = shownLayer(state);
     const shown = page.facts.program;
     const thinned = shown.chord ? [make("p", `${shown.shown} of ${shown.moves} moves: the others lie within ${shown.chord} mm of the lines shown`)] : [];
     return [
-      make("p", levelTitle(k), "big"),
-      slider("level", "from the part (0) to the stock", 0, page.facts.levels.length - 2, k, (value) => change({ level: value })),
+      make("p", layerTitle(layer), "big"),
+      slider("level", "from the part to the stock", 0, layers.length - 1, layers.indexOf(layer), (value) => change({ level: layers[value].level })),
       choice("colouring", "colours tell the", pathChoices(), state.colouring, (value) => change({ colouring: value })),
       row(
         check("links", "links", state.links, (value) => change({ links: value })),
@@ -98,7 +110,7 @@ function axesOf(moves) {
 // The move whose contact is seen nearest to a place of the canvas, -1 for none within 12 pixels.
 function pick(x, y) {
   const a = page.arrays;
-  const k = Math.min(page.state.level, page.facts.levels.length - 2);
+  const k = shownLayer(page.state).level;
   const matrix = new THREE.Matrix4().multiplyMatrices(page.orbit.camera.projectionMatrix, page.orbit.camera.matrixWorldInverse);
   const width = page.canvas.clientWidth, height = page.canvas.clientHeight;
   const point = new THREE.Vector3();

@@ -31,11 +31,11 @@ function setTool(body, i) {
 // The stock that stands while a level is cut: each vertex moves from where it stood before to where it stands after
 // when the move that cuts it has come.
 class StandingStock {
-  constructor(k) {
+  constructor({ level: k, surface: followed }) {
     const a = page.arrays;
     this.level = k;
-    this.base = a[`level_${k}`];
-    this.mesh = surface(new Float32Array(this.base), a[page.facts.levels[k].faces], new Float32Array(this.base.length));
+    this.base = a[`level_${followed}`];
+    this.mesh = surface(new Float32Array(this.base), a[page.facts.levels[followed].faces], new Float32Array(this.base.length));
     const normals = this.mesh.geometry.attributes.normal.array;
     this.normals = new Float32Array(normals);
     this.before = a[`before_${k}`];
@@ -87,13 +87,13 @@ const programMode = {
   controls: (state) => [
     make("p", "The posted program, read back", "big"),
     make("p", `${page.facts.program.blocks} moving blocks, about ${number(page.facts.program.minutes, 0)} min. ` +
-      (a0("before_0") ? "The stock is as simulated from the text, at the vertices of each level." : "Without a simulation the level that is cut is shown in place of the stock.")),
-    choice("jump", "go to level", cutLevels().map((k) => [String(k), `${k}: ${page.facts.levels[k].name}`]), String(page.arrays.move_level[state.step]), (value) => goTo(firstMoveOf(Number(value)))),
+      (page.facts.program.layers.some((layer) => a0(`before_${layer.level}`)) ? "The stock is as simulated from the text, at the vertices of each level." : "Without a simulation the level that is cut is shown in place of the stock.")),
+    choice("jump", "go to level", cutLayers().map((layer) => [String(layer.level), layerTitle(layer)]), String(page.arrays.move_level[state.step]), (value) => goTo(firstMoveOf(Number(value)))),
   ],
 };
 
 const a0 = (name) => page.arrays[name];
-const cutLevels = () => page.facts.levels.map((level) => level.index).filter((k) => firstMoveOf(k) >= 0).reverse();
+const cutLayers = () => [...page.facts.program.layers].reverse();
 const firstMoveOf = (k) => page.arrays.move_level.indexOf(k);
 
 function goTo(step) {
@@ -108,7 +108,8 @@ function showStep(i) {
   const k = a.move_level[i];
   if (!page.standing || page.standing.level !== k) {
     if (page.standing) { page.content.remove(page.standing.mesh); dispose(page.standing.mesh); }
-    page.standing = a[`level_${k}`] ? new StandingStock(k) : null;
+    const layer = page.facts.program.layers.find((one) => one.level === k);
+    page.standing = layer ? new StandingStock(layer) : null;
     if (page.standing) page.content.add(page.standing.mesh);
     const jump = document.getElementById("jump");
     if (jump) jump.value = String(k);

@@ -4,6 +4,8 @@ function levelMesh(k, colours, options) {
   return surface(page.arrays[`level_${k}`], page.arrays[level.faces], colours, options);
 }
 
+const shownLevel = (state) => Math.min(state.level, page.facts.levels.length - 1);
+
 function levelTitle(k) {
   const last = page.facts.levels.length - 1;
   const level = page.facts.levels[k];
@@ -49,7 +51,7 @@ const fitMode = {
 const levelsMode = {
   name: "Levels",
   build(state) {
-    const k = state.level;
+    const k = shownLevel(state);
     const deepest = Math.max(...page.facts.levels.map((level) => level.limit));
     if (state.open) {
       const last = page.facts.levels.length - 1;
@@ -67,9 +69,9 @@ const levelsMode = {
     showLegend(k ? { title: "Depth of the cut", unit: "mm", scale: "viridis", low: 0, high: deepest } : null);
   },
   controls: (state) => [
-    make("p", levelTitle(state.level), "big"),
-    slider("level", "from the part (0) to the stock", 0, page.facts.levels.length - 1, state.level, (value) => change({ level: value })),
-    make("p", levelWords(state.level)),
+    make("p", levelTitle(shownLevel(state)), "big"),
+    slider("level", "from the part (0) to the stock", 0, page.facts.levels.length - 1, shownLevel(state), (value) => change({ level: value })),
+    make("p", levelWords(shownLevel(state))),
     check("open", "cut open, with all levels inside", state.open, (value) => change({ open: value })),
   ],
 };
