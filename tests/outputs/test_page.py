@@ -188,10 +188,7 @@ def test_a_simulated_program_has_a_page_of_its_own(small_run: Run, tmp_path: Pat
     assert shown.facts["report"]["removal"] == removal.report
     assert shown.facts["program"]["blocks"] == whole.facts["program"]["blocks"]
     assert np.array_equal(shown.arrays["move_tip"], whole.arrays["move_tip"])
-    away = (
-        np.hypot(*whole.arrays["level_0"][:, :2].T)
-        > made.job.holding.diameter / 2 + 0.5
-    )
+    away = np.hypot(*whole.arrays["level_0"][:, :2].T) > made.job.holding.diameter / 2 + 0.5
     assert away.sum() > 100
     assert np.allclose(shown.arrays["after_0"][away], whole.arrays["after_0"][away], atol=0.051)
     assert not any(name.startswith("uncut") for name in shown.arrays)
