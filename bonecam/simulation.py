@@ -53,32 +53,29 @@ def simulate(
     job = job or Job()
     machine = read_machine(job.nc.machine)
     dialect = read_dialect(job.nc.controller)
-    before = kept_contents(Path(keep))[1] if html is not None else None
     if html is not None:
         check_files([html], [program])
         check_page_name(html)
     text = _text_of(Path(program))
     _require_machine(text, machine, dialect, Path(program))
     part, stock, levels = _kept(Path(keep))
-    limits = _limits(job, levels)
-    cutters = cutters_of(job, machine)
-    surfaces = followed_surfaces(job, level_meshes(before)) if before else {}
+    run = kept_contents(Path(keep))[1] if html is not None else None
     removal = simulate_removal(
         text,
         machine,
         dialect,
         ConvexStock(convex_hull(stock.vertices), proven=True),
         post_below(part, job.holding),
-        cutters,
+        cutters_of(job, machine),
         part=read_tsm(Path(keep) / "surface.tspline"),
-        limits=limits,
-        surfaces=surfaces,
+        limits=_limits(job, levels),
+        surfaces=followed_surfaces(job, level_meshes(run)) if run else {},
         accuracy=replace(ACCURACY, cell=cell, coarser=False),
         progress=progress,
     )
-    if before is not None and html is not None:
-        posted = program_contents(text, level_meshes(before), job, machine, dialect, removal=removal)
-        page = with_program(before, posted, {"removal": removal.report}, removal_text(removal.report))
+    if html is not None and run is not None:
+        posted = program_contents(text, level_meshes(run), job, machine, dialect, removal=removal)
+        page = with_program(run, posted, {"removal": removal.report}, removal_text(removal.report))
         write_whole(html, page_html(pack(page), Path(program).name))
     return removal
 

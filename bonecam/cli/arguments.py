@@ -7,38 +7,11 @@ from typing import Any, NoReturn
 
 import bonecam
 from bonecam.cli import commands
+from bonecam.cli.help_texts import EXAMPLES, EXIT_CODES, PART
 from bonecam.cli.job_options import add_job_options
 from bonecam.cli.stopping import NOTHING
 from bonecam.errors import did_you_mean
 from bonecam.script_run import MEMORY, SECONDS
-
-EXIT_CODES = """Exit codes: 0 done; 1 a part of a batch failed; 2 wrong input, job or call (one line on stderr);
-129, 130, 143 stopped by SIGHUP, Ctrl-C, SIGTERM."""
-PART = "STL, PLY, OBJ or OFF mesh; STEP, IGES, SAT or DXF part; point cloud; rows of points; saved .tspline"
-EXAMPLES = {
-    "convert": """
-  bonecam convert bone.stl --units m -o bone.h
-  bonecam convert bone.stl -o bone.h --set stock.diameter=15 --set stock.length=37 --keep look --report bone.json
-  bonecam convert bone.stl -o bone.ngc --machine linuxcnc-xyzbc --controller linuxcnc""",
-    "demo": """
-  bonecam demo -o phalanx.h --keep look""",
-    "levels": """
-  bonecam levels bone.stl --units m -o look --set stock.kind=cylinder --set levels.roughing_depth=1""",
-    "finish": """
-  bonecam finish blade.txt --part hub.stl --obstacle blades.stl -o blade.h --set finishing.overhang=45""",
-    "simulate": """
-  bonecam simulate bone.h --keep look --job job.toml""",
-    "view": """
-  bonecam view look -o bone.html""",
-    "batch": """
-  bonecam batch scans/*.stl -o programs --job job.toml --jobs 4 --resume""",
-    "script": """
-  bonecam script levels.mlx -i bone.stl -o layers""",
-    "filters": """
-  bonecam filters generate_morph_levels""",
-    "job": """
-  bonecam job --set levels.roughing_depth=1 > job.toml""",
-}
 
 
 class _Parser(argparse.ArgumentParser):

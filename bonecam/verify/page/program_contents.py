@@ -71,8 +71,6 @@ def program_contents(
             "controller": dialect.name,
             "blocks": motions.blocks,
             "minutes": float(moves["minute"][-1]),
-            "moves": len(kinds),
-            "shown": len(kept),
             "chord": CHORD if len(kept) < len(kinds) else 0.0,
             "layers": _layers(level_of, surfaces, meshes),
         },

@@ -62,7 +62,7 @@ const pathMode = {
     const layers = page.facts.program.layers;
     const layer = shownLayer(state);
     const shown = page.facts.program;
-    const thinned = shown.chord ? [make("p", `${shown.shown} of ${shown.moves} moves: the others lie within ${shown.chord} mm of the lines shown`)] : [];
+    const thinned = shown.chord ? [make("p", `${page.arrays.move_kind.length} of ${shown.blocks} moves: the others lie within ${shown.chord} mm of the lines shown`)] : [];
     return [
       make("p", layerTitle(layer), "big"),
       slider("level", "from the part to the stock", 0, layers.length - 1, layers.indexOf(layer), (value) => change({ level: layers[value].level })),
