@@ -20,7 +20,7 @@ ROOMS = {
         *"problem solvers measure refine_for_depth sequences".split(),
         *"closed_morph open_stock open_morph body_surface edge_rounding equal_depths job_levels".split(),
     ],
-    "toolpath": "cutters path gouge patterns engagement contacts layers iso_height rotary cl_data".split(),
+    "toolpath": "cutters path gouge patterns engagement contacts rest layers iso_height rotary cl_data".split(),
     "orientation": [
         *"limits cones collision axes field links oriented_path level_paths layer_paths".split(),
         *"post_length surface_path".split(),

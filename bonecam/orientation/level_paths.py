@@ -5,10 +5,14 @@ Each level needs the material that the level before it left, so the levels follo
 depend on that material (the contacts of the next level) is made in a second thread meanwhile.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
+import numpy as np
+
+from bonecam.errors import OrientationError
 from bonecam.job import Job, PathJob
 from bonecam.levels.measure.level import Level, MachinedLevel, machined_levels, morph_surfaces
 from bonecam.mesh.distance import MeshDistance
@@ -27,10 +31,11 @@ from bonecam.setup.holding import Post, post_below
 from bonecam.setup.stock import Stock
 from bonecam.toolpath.contacts import CandidateContacts, candidate_contacts, contact_path
 from bonecam.toolpath.cutters.cutter import Cutter
-from bonecam.toolpath.engagement.material import DEVIATION, remove_material, uncut_material
+from bonecam.toolpath.engagement.material import DEVIATION, Material, remove_material, uncut_material
 from bonecam.toolpath.engagement.stretches import Allowed
 from bonecam.toolpath.gouge import MESH_SHARE, planned_tolerance
 from bonecam.toolpath.path import ContactPath, ToolPath
+from bonecam.toolpath.rest import rest_contacts, too_deep
 
 PART_CHORD = 0.002
 """Largest chord tolerance (mm) of the tessellated part that balls are kept out of: MESH_SHARE of the gouge
@@ -38,6 +43,9 @@ tolerance by default."""
 LEVEL_CHORD = 0.01
 """Chord tolerance (mm) of the other tessellated levels: a ball that enters one of them leaves the part
 alone."""
+
+SMOOTH_SHARE = 0.15
+"""Scallops of the last roughing cut are no higher than this share of the depth of a finishing cut."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,17 +71,15 @@ def plan_paths(
     `levels` begin at the part and end at the stock. Raises JobError where a cutter cannot be used at the
     job's lead angle, ToolPathError or OrientationError (with the level's number) where a level has no path.
     """
-    roughing = Cutter.from_job(1, "roughing", job.tool("roughing"), bodies.nose)
-    finishing = Cutter.from_job(2, "finishing", job.tool("finishing"), bodies.nose)
-    for cutter in (roughing, finishing):
+    cutters = {level.index: _cutter_of(level.index, job, bodies) for level in machined_levels(levels)}
+    for cutter in cutters.values():
         check_lead(cutter, job.path.lead_deg)
 
     part = _distance_to_part(levels, job.path)
     post = post_below(part.mesh, job.holding)
 
     def contacts_of(level: MachinedLevel) -> LevelContacts:
-        cutter = finishing if job.is_finishing(level.index) else roughing
-        return _contacts_of(level, part, cutter, post, job.path, limits.turn_speed)
+        return _contacts_of(level, part, cutters[level.index], post, job.path, limits.turn_speed)
 
     clamping = clamping_of(job.holding, bodies.table)
     capsule = enclosing_capsule(stock)
@@ -82,17 +88,71 @@ def plan_paths(
     field: AxisField | None = None
     for found in _one_ahead(contacts_of, machined_levels(levels)[::-1]):
         level = found.level
-        report(progress, len(paths) / (len(levels) - 1), f"path of level {level.index}")
-        own = part if level.index else None
-        around = (material.mesh, capsule, post, DEVIATION, found.distance, own, clamping)
-        scene = Scene(found.distance.mesh, *around)
-        contacts = contact_path(found.candidates, material, _allowed(levels, level.index, job))
+        report(progress, (len(levels) - 2 - level.index) / (len(levels) - 1), f"path of level {level.index}")
+        around = (post, DEVIATION, found.distance, part if level.index else None, clamping)
+        scene = Scene(found.distance.mesh, material.mesh, capsule, *around)
+        allowed = _allowed(levels, level.index, cutters, job)
+        contacts = contact_path(found.candidates, material, allowed)
         field = _field_of(contacts, level, scene, limits, job.path, field)
-        wanted = field.axes(contacts.parameters) if field is not None else None
-        path = orient(contacts, scene, limits, job.path, job.nc, wanted)
+        oriented = partial(_oriented, scene=scene, limits=limits, job=job, field=field)
+        rings = partial(_rings, found, part, post, job)
+        material, rest = _take_rest(found, material, allowed, oriented, rings)
+        path = oriented(contact_path(found.candidates, material, allowed) if rest else contacts, material)
         material = remove_material(material, level, path)
-        paths.append(path)
+        paths += [*rest, path]
     return tuple(paths)
+
+
+def _oriented(
+    contacts: ContactPath,
+    material: Material,
+    scene: Scene,
+    limits: AxisLimits,
+    job: Job,
+    field: AxisField | None,
+) -> ToolPath:
+    """The tool path of contacts, its axes taken from the field where there is one."""
+    wanted = field.axes(contacts.parameters) if field is not None else None
+    return orient(contacts, scene, limits, job.path, job.nc, wanted, material=material)
+
+
+def _rings(found: LevelContacts, part: MeshDistance, post: Post, job: Job) -> CandidateContacts:
+    """The contacts of a level on rings."""
+    obstacles = [found.distance, part] if found.level.index else [part]
+    rings = replace(job.path, pattern="round")
+    return candidate_contacts(found.level, obstacles, found.candidates.cutter, post, rings)
+
+
+def _take_rest(
+    found: LevelContacts,
+    material: Material,
+    allowed: Allowed,
+    oriented: Callable[[ContactPath, Material], ToolPath],
+    rings: Callable[[], CandidateContacts],
+) -> tuple[Material, list[ToolPath]]:
+    """The rest paths of a level, and the material after them."""
+    paths: list[ToolPath] = []
+    if not too_deep(found.candidates, material, allowed):
+        return material, paths
+    for contacts in rest_contacts([found.candidates, rings()], material, allowed):
+        try:
+            path = oriented(contacts, material)
+        except OrientationError:
+            # none of these places can be reached: the level's own path leaves them out too, and tells so
+            continue
+        material = remove_material(material, found.level, path)
+        paths.append(replace(path, uncut=np.zeros((0, 3)), reasons=()))
+    return material, paths
+
+
+def _cutter_of(level: int, job: Job, bodies: MachineBodies) -> Cutter:
+    """The cutter of a level. The last roughing cut leaves a smoother surface, for the first finishing one."""
+    if job.is_finishing(level):
+        return Cutter.from_job(2, "finishing", job.tool("finishing"), bodies.nose)
+    cutter = Cutter.from_job(1, "roughing", job.tool("roughing"), bodies.nose)
+    if level and job.is_finishing(level - 1):
+        return replace(cutter, scallop=min(cutter.scallop, SMOOTH_SHARE * job.levels.finishing_depth))
+    return cutter
 
 
 def _distance_to_part(levels: Sequence[Level], job: PathJob) -> MeshDistance:
@@ -116,14 +176,13 @@ def _field_of(
     return fit_axis_field(contacts, level.surface.domain[1], checker, limits, job, before)
 
 
-def _allowed(levels: Sequence[Level], level: int, job: Job) -> Allowed:
+def _allowed(levels: Sequence[Level], level: int, cutters: Mapping[int, Cutter], job: Job) -> Allowed:
     """The depths of the cut that leaves a level. Too thin a cut is left only to a roughing one."""
-    outermost = level == len(levels) - 2
-    before = job.finishing if job.is_finishing(level + 1) else job.roughing
+    before = cutters.get(level + 1)
     to_roughing = level > 0 and not job.is_finishing(level) and not job.is_finishing(level - 1)
     return Allowed(
         levels[level + 1].limit,
-        0.0 if outermost else before.scallop,
+        before.scallop if before else 0.0,
         job.path.least_depth if to_roughing else 0.0,
     )
 

@@ -19,6 +19,7 @@ from bonecam.orientation.links.direct import direct_links
 from bonecam.orientation.links.link_space import LinkSpace
 from bonecam.orientation.links.moves import Feeds, Moves, join_moves, moves_of
 from bonecam.orientation.links.sequence import LinkedRuns, link_runs
+from bonecam.toolpath.engagement.material import Material
 from bonecam.toolpath.gouge import planned_tolerance
 from bonecam.toolpath.path import ContactPath, Kind, ToolPath
 
@@ -40,18 +41,21 @@ def orient(
     wanted: Float[ndarray, "n 3"] | None = None,
     *,
     fixed: Float[ndarray, "n 3"] | None = None,
+    material: Material | None = None,
 ) -> ToolPath:
     """Tool axes for the contacts of one level, and safe moves before, between and behind its passes.
 
     `wanted` are the axes to start from; without them they lean by the lead angle. `fixed` axes are taken as they
-    are, or the contact is left out. Contacts without an
+    are, or the contact is left out. Links close to the level remove nothing of the `material` that stands before it
+    is cut, where that is known. Contacts without an
     admissible axis, and passes that cannot be reached, are left out and listed in `uncut`
     (`limits`, `collision`). A path without contacts only visits the safe point. Raises OrientationError where
     none of the contacts can be reached.
     """
     checker = CollisionChecker(scene, path.cutter, job.clearance)
     feeds = Feeds(nc.link_feed, nc.plunge_feed, nc.rapid_feed)
-    space = LinkSpace(checker, limits, feeds, job.clearance, planned_tolerance(job.gouge_tolerance))
+    tolerance = planned_tolerance(job.gouge_tolerance)
+    space = LinkSpace(checker, limits, feeds, job.clearance, tolerance, material)
     if not len(path.contacts):
         return _idle_path(path, space)
     if fixed is not None:
@@ -92,6 +96,7 @@ def _idle_path(path: ContactPath, space: LinkSpace) -> ToolPath:
         path.uncut,
         path.reasons,
         path.trimmed,
+        path.rest,
     )
 
 
@@ -166,6 +171,7 @@ def _tool_path(
         uncut,
         reasons,
         path.trimmed,
+        path.rest,
     )
 
 

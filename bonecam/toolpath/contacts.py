@@ -13,7 +13,6 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from bonecam.arrays import unit
 from bonecam.errors import ToolPathError
 from bonecam.job import PathJob
 from bonecam.levels.measure.level import MachinedLevel, RoundedLevel
@@ -27,7 +26,7 @@ from bonecam.toolpath.engagement.stretches import (
     Allowed,
     Lines,
     Stretches,
-    stepped_passes,
+    cutting_passes,
     whole_passes,
 )
 from bonecam.toolpath.gouge import gouge_free_lifts, planned_tolerance
@@ -59,7 +58,7 @@ class CandidateContacts:
 
     `line` is the number of each contact's line; a ring has its first contact again at its end. `lifts` as
     `gouge_free_lifts` has them, NaN where the ball does not fit. `at_post`: too near the post; `in_air`: there
-    is nothing to cut.
+    is nothing to cut. The ball stays out of the `obstacles` by the `gouge_tolerance` (mm).
     """
 
     level: MachinedLevel
@@ -73,6 +72,22 @@ class CandidateContacts:
     centres: Float[ndarray, "n 3"]
     at_post: Bool[ndarray, " n"]
     in_air: Bool[ndarray, " n"]
+    obstacles: tuple[MeshDistance, ...]
+    gouge_tolerance: float
+
+    @property
+    def lines(self) -> Lines:
+        """The lines of the contacts."""
+        return Lines(self.line, self.centres, self.normals)
+
+    @property
+    def usable(self) -> Bool[ndarray, " n"]:
+        """The contacts that the ball reaches and that have something to cut, whatever stands on them."""
+        return ~(self.at_post | np.isnan(self.lifts) | self.in_air)
+
+    def depths(self, material: Material) -> Float[ndarray, " n"]:
+        """How deep the ball enters the material at each contact, mm."""
+        return material.depths(self.centres, self.cutter.radius)[0]
 
 
 def candidate_contacts(
@@ -113,9 +128,9 @@ def candidate_contacts(
     centres = contacts + (cutter.radius + np.nan_to_num(lifts))[:, None] * normals
     at_post = post.distance(centres) < cutter.radius + post_clearance
     in_air = _in_air(level, contacts)
-    return CandidateContacts(
-        level, cutter, line, parameters, contacts, normals, feeds, lifts, centres, at_post, in_air
-    )
+    frames = parameters, contacts, normals, feeds
+    kept_out = tuple(obstacles), tolerance
+    return CandidateContacts(level, cutter, line, *frames, lifts, centres, at_post, in_air, *kept_out)
 
 
 def contact_path(
@@ -123,8 +138,8 @@ def contact_path(
     material: Material | None = None,
     allowed: Allowed = ANYTHING,
 ) -> ContactPath:
-    """The contacts of a level that can be machined while `material` is left on it, the ball never sunk deeper
-    into it than `allowed`, nor where it would remove too little (`stretches.py`).
+    """The contacts of a level that can be machined while `material` is left on it, but for where the ball would
+    remove less than is `allowed` (`stretches.py`).
 
     Left out are contacts too near the post (`post`), under more material than MAX_DEPTH_RADII (`covered`: an
     outer level was left uncut there), or where the ball does not fit (`gouge`). Those lifted by more than the
@@ -177,13 +192,11 @@ def _stretches(
     material: Material | None,
     allowed: Allowed,
 ) -> Stretches:
-    """The passes over the usable contacts, in steps where the material is deeper than allowed."""
-    lines = Lines(candidates.line, candidates.centres, candidates.normals)
+    """The passes over the usable contacts where they are worth a cut."""
+    lines = candidates.lines
     if material is None or not np.isfinite(allowed.limit):
         return whole_passes(lines, usable)
-    distance, nearest = material.nearest(candidates.centres)
-    away = unit(candidates.centres - nearest)
-    return stepped_passes(lines, usable, candidates.cutter.radius - distance, away, allowed)
+    return cutting_passes(lines, usable, candidates.depths(material), allowed)
 
 
 def _nothing_to_cut(level: MachinedLevel, reasons: Int[ndarray, " n"] | ndarray) -> ToolPathError:

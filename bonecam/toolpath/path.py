@@ -25,7 +25,8 @@ class ContactPath:
     surface of the level, `normals` point outward, `feeds` are unit feed directions. `centres` of the ball are
     contact + (radius + lift) * normal; `lifts` (mm) are 0 but where the ball would gouge. `uncut` are the
     contacts that were left out, `reasons` one word for each (post, gouge, covered, short). `trimmed` is the length of
-    passes (mm) that were left out because they would hardly have cut.
+    passes (mm) that were left out because they would hardly have cut. `rest` numbers from 1 the rest paths before the
+    level's own one, 0.
     """
 
     level: int
@@ -40,16 +41,18 @@ class ContactPath:
     uncut: Float[ndarray, "u 3"]
     reasons: tuple[str, ...]
     trimmed: float = 0.0
+    rest: int = 0
 
 
 @dataclass(frozen=True, eq=False)
 class ToolPath:
-    """All moves of one level in machining order. Row i: the move that arrives at tip i with axis i.
+    """All moves of one level, or of one rest path before it, in machining order. Row i: the move that arrives at
+    tip i with axis i.
 
     `axes` are unit, from tip to spindle; `tips` = ball centre - radius * axis; `feed_rates` in mm/min
     (rapid moves: the machine's rapid rate); `contacts` and `parameters` are NaN on links and rapids.
-    `pass_index` is -1 on links and rapids. `trimmed` is that of the `ContactPath`. The first row is a safe
-    point clear of the stock, so is the last.
+    `pass_index` is -1 on links and rapids. `trimmed` and `rest` are those of the `ContactPath`. The first row is a
+    safe point clear of the stock, so is the last.
     """
 
     level: int
@@ -64,3 +67,9 @@ class ToolPath:
     uncut: Float[ndarray, "u 3"]
     reasons: tuple[str, ...]
     trimmed: float = 0.0
+    rest: int = 0
+
+    @property
+    def title(self) -> str:
+        """What a program calls it: level 3, or level 3 rest 1."""
+        return f"level {self.level} rest {self.rest}" if self.rest else f"level {self.level}"

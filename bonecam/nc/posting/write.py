@@ -102,7 +102,7 @@ class ProgramWriter:
                 lines += self.dialect.lines("tool_end") if tool is not None else []
                 lines += self._tool(cutter)
                 tool = cutter.number
-            lines += [comment(f"level {posted.path.level}", self.dialect), *self._level(posted)]
+            lines += [comment(posted.path.title, self.dialect), *self._level(posted)]
             for index in range(len(posted.runs)):
                 lines += self._run(posted, index)
         lines += self.dialect.lines("tool_end") + self.dialect.lines("footer", name=self.name)

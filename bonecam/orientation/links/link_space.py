@@ -14,6 +14,8 @@ from bonecam.orientation.collision.interpolation import interpolate_poses
 from bonecam.orientation.limits import AxisLimits
 from bonecam.orientation.links.clearance_surface import ClearanceSurface
 from bonecam.orientation.links.moves import Feeds, Pose
+from bonecam.toolpath.engagement.material import Material
+from bonecam.toolpath.engagement.stretches import UNCERTAIN
 from bonecam.toolpath.gouge import moves_gouge_free
 
 CHECK_STEPS = 4
@@ -23,6 +25,9 @@ SPARE = 0.5
 """The clearance surface is farther from the stock than the clearance by this much, mm: straight rapids of 3 mm
 between its points dip 0.15 mm below it, and the proof of a step needs half of its length."""
 
+IN_AIR = UNCERTAIN
+"""A ball that is no deeper in the material is in air, mm: as accurately as the depth is known."""
+
 Polyline = tuple[Float[ndarray, "_ 3"], Float[ndarray, "_ 3"]]
 """Ball centres and axes of straight moves."""
 
@@ -30,13 +35,14 @@ Polyline = tuple[Float[ndarray, "_ 3"], Float[ndarray, "_ 3"]]
 @dataclass(frozen=True, eq=False)
 class LinkSpace:
     """`clearance` (mm) is kept between tool and material in rapids; `gouge_tolerance` (mm) by a ball that moves
-    along the level."""
+    along the level. `material` is what stands before the level is cut; None: it is not known."""
 
     checker: CollisionChecker
     limits: AxisLimits
     feeds: Feeds
     clearance: float
     gouge_tolerance: float
+    material: Material | None = None
 
     @property
     def ball_radius(self) -> float:
@@ -65,6 +71,13 @@ class LinkSpace:
                 starts[free], ends[free], self.ball_radius, self.gouge_tolerance, obstacle
             )
         return free
+
+    def in_air(self, centres: Float[ndarray, "k p 3"]) -> Bool[ndarray, " k"]:
+        """Whether the ball removes nothing at all of the p centres of each link."""
+        if self.material is None or not len(centres):
+            return np.ones(len(centres), dtype=bool)
+        depth, _ = self.material.depths(centres.reshape(-1, 3), self.ball_radius)
+        return np.asarray((depth <= IN_AIR).reshape(centres.shape[:2]).all(axis=1))
 
     def polylines_free(self, polylines: Sequence[Polyline], *, cutting: bool) -> Bool[ndarray, " k"]:
         """Whether all moves of each polyline are proven free; `cutting` as in

@@ -8,6 +8,7 @@ where it was before: an obstacle to shank and holder, and too deep a cut for a b
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -17,6 +18,7 @@ from scipy.spatial import KDTree
 from bonecam.kernels.removal.nails import cut_nails, nail_cells
 from bonecam.levels.measure.grid import LevelGrid, level_grid
 from bonecam.levels.measure.level import Level, MachinedLevel, RoundedLevel, machined_levels
+from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.stock import Stock
 from bonecam.toolpath.path import Kind, ToolPath
@@ -31,14 +33,33 @@ REACH = 1.5
 """A level lowers a place by at most this, mm."""
 LEAST_HEIGHT = 1e-4
 """A place that is no higher above the level stays as it is, mm."""
+DENSE = 0.1
+"""Places at which balls cut are so far apart, mm."""
 CELL = 0.5
 """Side of the cells that places are found by, mm."""
 
 
 @dataclass(frozen=True, eq=False)
+class Swept:
+    """Places at which balls of a `radius` (mm) cut, all on one level."""
+
+    level: int
+    radius: float
+    places: KDTree
+
+    @classmethod
+    def after(cls, path: ToolPath, before: "Swept | None") -> "Swept":
+        """Where the balls of a path cut, and those of the paths `before` on its level."""
+        places = _dense(*_cuts(path))
+        if before is not None and before.level == path.level:
+            places = np.vstack([before.places.data, places])
+        return cls(path.level, path.cutter.radius, KDTree(places))
+
+
+@dataclass(frozen=True, eq=False)
 class Material:
     """The material left: the vertices of `grid` moved to `vertices`, and its closed `mesh`; and places of its
-    surface, those of the finer grid `depth_grid` moved to `places`.
+    surface, those of the finer grid `depth_grid` moved to `places`. `swept` is where balls cut last.
 
     While levels that round the edges of the stock are cut, `mesh` stays the whole stock: the grid cannot
     follow an edge.
@@ -49,6 +70,7 @@ class Material:
     mesh: TriangleMesh
     depth_grid: LevelGrid
     places: Float[ndarray, "p 3"]
+    swept: Swept | None = None
 
     def thickness(self, level: MachinedLevel, contacts: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
         """Thickness of the material above the level at each contact, mm."""
@@ -56,10 +78,28 @@ class Material:
         thickness = np.linalg.norm(self.vertices - floor, axis=1)
         return np.asarray(thickness[KDTree(floor).query(contacts)[1]])
 
-    def nearest(self, centres: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, " n"], Float[ndarray, "n 3"]]:
-        """Distance (mm) from each centre of a ball outside to the material, and the place that is nearest."""
-        distance, index = KDTree(self.places).query(centres)
-        return np.asarray(distance), self.places[index]
+    def depths(
+        self, centres: Float[ndarray, "n 3"], radius: float
+    ) -> tuple[Float[ndarray, " n"], Float[ndarray, "n 3"]]:
+        """How deep a ball of this radius at each centre enters the material (mm; negative: it is off), and the unit
+        direction away from the nearest place.
+
+        That is R - |C - M| with M the nearest place of the surface, or less: a ball of radius B that was at P has
+        left no material deeper than |C - P| + R - B in the ball.
+        """
+        points, _ = self._surface.closest(centres)
+        distance = np.linalg.norm(centres - points, axis=1)
+        depth = radius - distance
+        swept = self.swept
+        if swept is not None and radius <= swept.radius:
+            shift, _ = swept.places.query(centres, distance_upper_bound=swept.radius)
+            depth = np.minimum(depth, shift + radius - swept.radius)
+        return depth, (centres - points) / np.maximum(distance, np.finfo(float).tiny)[:, None]
+
+    @cached_property
+    def _surface(self) -> MeshDistance:
+        """Distances to the surface through the places."""
+        return MeshDistance(TriangleMesh(self.places, self.depth_grid.faces))
 
 
 def uncut_material(levels: Sequence[Level], stock: Stock) -> Material:
@@ -76,7 +116,16 @@ def remove_material(material: Material, level: MachinedLevel, path: ToolPath) ->
     vertices = _lowered(material.vertices, material.grid.R @ level.control_points, path)
     places = _lowered(material.places, material.depth_grid.R @ level.control_points, path)
     mesh = material.mesh if isinstance(level, RoundedLevel) else TriangleMesh(vertices, material.grid.faces)
-    return replace(material, vertices=vertices, mesh=mesh, places=places)
+    swept = Swept.after(path, material.swept)
+    return replace(material, vertices=vertices, mesh=mesh, places=places, swept=swept)
+
+
+def _dense(starts: Float[ndarray, "n 3"], ends: Float[ndarray, "n 3"]) -> Float[ndarray, "m 3"]:
+    """Places on straight moves, no more than DENSE apart."""
+    counts = np.ceil(np.linalg.norm(ends - starts, axis=1) / DENSE).astype(np.int64)
+    move = np.repeat(np.arange(len(starts)), counts)
+    share = (np.arange(len(move)) - np.repeat(np.cumsum(counts) - counts, counts) + 1) / counts[move]
+    return np.vstack([starts[counts == 0], starts[move] + share[:, None] * (ends - starts)[move]])
 
 
 def _lowered(standing: Float[ndarray, "n 3"], floor: Float[ndarray, "n 3"], path: ToolPath) -> ndarray:
@@ -96,7 +145,8 @@ def _lowered(standing: Float[ndarray, "n 3"], floor: Float[ndarray, "n 3"], path
     owners = np.full(len(above), -1)
     cut_nails(feet, normals, cell_starts, corner, CELL, REACH, starts, ends, radii, names, tall, owners)
     lowered = standing.copy()
-    lowered[above] = feet + tall[:, None] * normals
+    # never below the level, where a ball may be by the gouge tolerance: the next direction would be inwards
+    lowered[above] = feet + np.maximum(tall, 0.0)[:, None] * normals
     return lowered
 
 

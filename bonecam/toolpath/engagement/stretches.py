@@ -1,12 +1,12 @@
-"""What of a level's lines is cut, in which steps: stretches that would only rub are left out, those that are
-deeper than allowed are cut in steps before, and every stretch is entered on a ramp.
+"""What of a level's lines is cut: stretches that would only rub are left out, and every stretch is entered on a
+ramp.
 
 The depth at a contact is how far the ball enters the material that stands, R - |C - M|, with C its centre and
 M the nearest place of the material: also in a hollow or beside the post, where a larger ball has left a
-fillet. A step k has its centres at C + k h g, with h the depth allowed and g the direction from M to C, in
-which the ball leaves the material by the shortest way.
+fillet.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -14,20 +14,14 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from bonecam.arrays import unit
-
 UNCERTAIN = 0.01
 """The depth at a contact is known to this, mm: places of the material are 0.25 mm apart."""
 SHORT_GAP = 8.0
 """A gap of a pass that is shorter is not worth a retract, mm: 0.5 s at 900 mm/min."""
-SHORT_STEP_GAP = 6.0
-"""A gap of a step that is shorter is not worth a retract, mm."""
 BESIDE = 2
 """A stretch begins and ends so many contacts beside the depth that asks for it: in air."""
 LEAST_CONTACTS = 3
 """A stretch of fewer contacts is not worth a plunge."""
-SMOOTHING = 3
-"""Rounds in which the directions of steps are averaged along their lines."""
 SLOPE = 0.3
 """Slope of the ramps: 17 degrees, what solid ball cutters are allowed in solid material."""
 CLOSED = 1e-6
@@ -59,6 +53,11 @@ class Allowed:
     scallop: float = 0.0
     least: float = 0.0
 
+    @property
+    def deepest(self) -> float:
+        """The largest depth that may be measured at a contact, mm."""
+        return self.limit + self.scallop + UNCERTAIN
+
 
 Run = tuple[Int[ndarray, " _"], Float[ndarray, "_ 3"]]
 """Contacts by index, and what their centres are moved by, mm."""
@@ -80,34 +79,19 @@ class Stretches:
 def whole_passes(lines: Lines, usable: Bool[ndarray, " n"]) -> Stretches:
     """One pass over every stretch that is usable."""
     runs = split_runs(lines, usable)
-    return _stretches([(run, np.zeros((len(run), 3))) for run in runs], [])
+    return stretches_of([(run, np.zeros((len(run), 3))) for run in runs])
 
 
-def stepped_passes(
-    lines: Lines,
-    usable: Bool[ndarray, " n"],
-    depth: Float[ndarray, " n"],
-    away: Float[ndarray, "n 3"],
-    allowed: Allowed,
+def cutting_passes(
+    lines: Lines, usable: Bool[ndarray, " n"], depth: Float[ndarray, " n"], allowed: Allowed
 ) -> Stretches:
-    """The passes over what is usable and deep enough, first in steps where it is too deep. `away` are unit
-    directions from the material to the ball's centres."""
-    limit = allowed.limit
-    cut = filled(lines, _beside(lines, usable & (depth >= allowed.least)) & usable, usable, SHORT_GAP)
-    away = _smooth(lines, away)
-    too_deep = cut & (depth > limit + allowed.scallop + UNCERTAIN)
-    steps = np.where(too_deep, np.ceil((depth - limit) / limit), 0).astype(np.int64)
-    found: list[Run] = []
-    for k in range(int(steps.max(initial=0)), 0, -1):
-        here = filled(lines, _beside(lines, steps >= k) & usable, usable, SHORT_STEP_GAP)
-        found += _in_turn(
-            lines, _entered_runs(lines, split_runs(lines, here), depth, k * limit * away, limit)
-        )
-
+    """The passes over what is usable and deep enough, entered on ramps."""
+    deep = usable & (depth >= allowed.least)
+    cut = filled(lines, beside(lines, deep, BESIDE) & usable, usable, SHORT_GAP)
     runs = split_runs(lines, cut)
     short = [run for run in runs if len(run) < LEAST_CONTACTS]
-    found += _in_turn(lines, _entered_runs(lines, runs, depth, np.zeros_like(away), limit))
-    return _stretches(found, short)
+    flat = np.zeros((len(depth), 3))
+    return stretches_of(in_turn(lines, entered_runs(lines, runs, depth, flat, allowed.limit)), short)
 
 
 def split_runs(lines: Lines, kept: Bool[ndarray, " n"]) -> list[Int[ndarray, " _"]]:
@@ -140,10 +124,10 @@ def filled(
     return np.asarray(kept | (np.cumsum(change)[:-1] > 0))
 
 
-def _beside(lines: Lines, kept: Bool[ndarray, " n"]) -> Bool[ndarray, " n"]:
-    """`kept` with BESIDE contacts on both sides of each on its line."""
+def beside(lines: Lines, kept: Bool[ndarray, " n"], count: int) -> Bool[ndarray, " n"]:
+    """`kept` with `count` contacts on both sides of each on its line."""
     same = lines.line[1:] == lines.line[:-1]
-    for _ in range(BESIDE):
+    for _ in range(count):
         wider = kept.copy()
         wider[:-1] |= same & kept[1:]
         wider[1:] |= same & kept[:-1]
@@ -151,18 +135,7 @@ def _beside(lines: Lines, kept: Bool[ndarray, " n"]) -> Bool[ndarray, " n"]:
     return kept
 
 
-def _smooth(lines: Lines, away: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
-    """Directions averaged with those beside them on their line."""
-    same = (lines.line[1:] == lines.line[:-1])[:, None]
-    for _ in range(SMOOTHING):
-        mean = 2 * away
-        mean[:-1] += np.where(same, away[1:], away[:-1])
-        mean[1:] += np.where(same, away[:-1], away[1:])
-        away = unit(mean)
-    return away
-
-
-def _entered_runs(
+def entered_runs(
     lines: Lines,
     runs: list[Int[ndarray, " _"]],
     depth: Float[ndarray, " n"],
@@ -176,7 +149,7 @@ def _entered_runs(
     ]
 
 
-def _in_turn(lines: Lines, runs: list[Run]) -> list[Run]:
+def in_turn(lines: Lines, runs: list[Run]) -> list[Run]:
     """The runs from the first one on, each followed by the one that begins nearest to its end."""
     if not runs:
         return []
@@ -209,7 +182,8 @@ def _entered(lines: Lines, run: Int[ndarray, " r"], raised: Float[ndarray, "r 3"
     return np.r_[run[ramp], run], np.vstack([raised[ramp] + up, raised])
 
 
-def _stretches(found: list[Run], short: list[ndarray]) -> Stretches:
+def stretches_of(found: Sequence[Run], short: Sequence[ndarray] = ()) -> Stretches:
+    """The runs as passes, one after the other."""
     none = np.zeros(0, dtype=np.int64)
     return Stretches(
         np.concatenate([none, *(index for index, _ in found)]),

@@ -14,35 +14,39 @@ from bonecam.nc.reading.motions import Motions
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Consecutive moves (m,) of one cutter on one level; `level` is None where no comment names one."""
+    """Consecutive moves (m,) of one cutter on one level; `level` is None where no comment names one. `rest` numbers
+    the rest paths of the level from 1; 0 is its own path."""
 
     level: int | None
+    rest: int
     tool: int
     moves: Int[ndarray, " m"]
 
 
 def groups_of(text: str, motions: Motions, dialect: Dialect) -> Iterator[Group]:
-    """The moves in their order, divided where the level or the cutter changes."""
+    """The moves in their order, divided where the path or the cutter changes."""
     marks = list(_level_comments(text, dialect))
-    numbers = np.array([-1, *(level for _, level in marks)])
-    lines = np.array([line for line, _ in marks], dtype=np.int64)
-    levels = numbers[np.searchsorted(lines, motions.lines)]
-    changes = (np.diff(levels) != 0) | (np.diff(motions.tools) != 0)
-    for moves in np.split(np.arange(len(levels)), np.flatnonzero(changes) + 1):
-        level = int(levels[moves[0]])
-        yield Group(None if level < 0 else level, int(motions.tools[moves[0]]), moves)
+    names: list[tuple[int | None, int]] = [(None, 0), *((level, rest) for _, level, rest in marks)]
+    lines = np.array([line for line, *_ in marks], dtype=np.int64)
+    mark = np.searchsorted(lines, motions.lines)
+    changes = (np.diff(mark) != 0) | (np.diff(motions.tools) != 0)
+    for moves in np.split(np.arange(len(mark)), np.flatnonzero(changes) + 1):
+        level, rest = names[mark[moves[0]]]
+        yield Group(level, rest, int(motions.tools[moves[0]]), moves)
 
 
-def _level_comments(text: str, dialect: Dialect) -> Iterator[tuple[int, int]]:
-    """Line (from 1) and number of each comment that begins a level, as `posting.write` writes them."""
-    comment = re.escape(dialect.comment.replace("{text}", "TEXT")).replace("TEXT", r"LEVEL (\d+)")
+def _level_comments(text: str, dialect: Dialect) -> Iterator[tuple[int, int, int]]:
+    """Line (from 1), level and number of the rest path of each comment that begins a path, as `posting.write` writes
+    them."""
+    words = r"LEVEL (\d+)(?: REST (\d+))?"
+    comment = re.escape(dialect.comment.replace("{text}", "TEXT")).replace("TEXT", words)
     pattern = re.compile(rf"^(?:\d+ )?{comment}$", re.MULTILINE)
     line = 1
     at = 0
     for found in pattern.finditer(text):
         line += text.count("\n", at, found.start())
         at = found.start()
-        yield line, int(found[1])
+        yield line, int(found[1]), int(found[2] or 0)
 
 
 def feed_minutes(motions: Motions) -> Float[ndarray, " n"]:

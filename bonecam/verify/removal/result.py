@@ -21,7 +21,8 @@ class Spot:
 
 @dataclass(frozen=True)
 class LevelRemoval:
-    """What the moves of one level removed; `index` is None where the text names no level.
+    """What the moves of one path removed: of a level's own one, or (`rest` from 1) of one of its rest paths before;
+    `index` is None where the text names no level.
 
     `deepest` is the largest depth of cut (None where nothing was cut), `depth_p99` the one that 99 % of the
     surface cut stay below, mm; `over_limit` is what the deepest exceeds its limit by, mm (None where no limit
@@ -29,6 +30,7 @@ class LevelRemoval:
     """
 
     index: int | None
+    rest: int
     tool: int
     removed: float
     deepest: Spot | None
@@ -105,6 +107,7 @@ def _level_figures(level: LevelRemoval) -> dict[str, Any]:
     deepest = level.deepest
     return {
         "index": level.index,
+        "rest": level.rest,
         "removed_mm3": _rounded(level.removed),
         "depth_max_mm": _rounded(deepest.value) if deepest else 0.0,
         "depth_max_line": deepest.line if deepest else None,

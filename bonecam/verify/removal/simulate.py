@@ -152,6 +152,7 @@ class _Simulation:
         limit = self.limits.get(group.level) if group.level is not None else None
         return LevelRemoval(
             index=group.level,
+            rest=group.rest,
             tool=group.tool,
             removed=float(self.sweeping.volumes[group.moves].sum()),
             deepest=deepest,

@@ -10,7 +10,7 @@ from bonecam.toolpath.engagement.stretches import (
     SLOPE,
     Allowed,
     Lines,
-    stepped_passes,
+    cutting_passes,
     whole_passes,
 )
 
@@ -31,11 +31,9 @@ def ring(count=80, radius=5.0):
     return Lines(np.zeros(count + 1, dtype=int), centres, np.tile(UP, (count + 1, 1)))
 
 
-def passes(lines, depth, allowed, usable=None, away=None):
-    count = len(lines.line)
-    usable = np.ones(count, dtype=bool) if usable is None else usable
-    away = np.tile(UP, (count, 1)) if away is None else away
-    return stepped_passes(lines, usable, depth, away, allowed)
+def passes(lines, depth, allowed, usable=None):
+    usable = np.ones(len(lines.line), dtype=bool) if usable is None else usable
+    return cutting_passes(lines, usable, depth, allowed)
 
 
 def test_all_that_is_usable_is_cut_where_nothing_is_asked():
@@ -65,29 +63,6 @@ def test_nothing_deeper_than_the_least_depth_is_left_out():
     made = passes(lines, depth, Allowed(0.5, least=0.03))
     left = np.setdiff1d(np.arange(1200), made.index)
     assert not np.any(depth[np.setdiff1d(left, made.short)] >= 0.03)
-
-
-@pytest.mark.parametrize(("deepest", "steps"), [(0.15, 0), (0.17, 1), (0.35, 3), (0.62, 6)])
-def test_what_is_too_deep_is_cut_in_steps_within_the_limit(deepest, steps):
-    lines = plane()
-    depth = np.full(120, 0.1)
-    depth[50:60] = deepest
-    made = passes(lines, depth, Allowed(0.1, scallop=0.05))
-    heights = [made.raised[made.index == k][:, 2] for k in range(52, 58)]
-    for found in heights:
-        assert found == pytest.approx(0.1 * np.arange(steps, -1, -1))
-    # from the outermost step inwards, each within the limit of the one before
-    assert np.all(np.diff(np.r_[deepest, heights[0]]) >= -0.1 - 0.05)
-
-
-def test_steps_move_away_from_the_material():
-    lines = plane()
-    depth = np.full(120, 0.1)
-    depth[50:60] = 0.3
-    slanted = np.array([0.0, 0.6, 0.8])
-    made = passes(lines, depth, Allowed(0.1), away=np.tile(slanted, (120, 1)))
-    first = made.raised[made.index == 55][0]
-    assert first == pytest.approx(0.2 * slanted)
 
 
 def test_a_pass_that_begins_in_material_is_entered_on_a_ramp():

@@ -197,6 +197,16 @@ def test_two_levels_swapped_are_found(ring_path, part, pebble, simulate):
     assert wrong.levels[1].removed < 0.05 * right.levels[0].removed
 
 
+def test_a_rest_path_is_told_apart_and_the_depth_after_it_counts_from_what_it_left(
+    ring_path, part, pebble, simulate
+):
+    rest = replace(ring_path(pebble(0.3)), rest=1)
+    both = simulate(write_program([rest, ring_path(part)], *PAIR, Job()).text, limits={0: 0.5}).levels
+    alone = simulate(write_program([ring_path(part)], *PAIR, Job()).text, limits={0: 0.5}).levels
+    assert [(level.index, level.rest) for level in both] == [(0, 1), (0, 0)]
+    assert both[1].deepest.value < 0.5 < 1.5 < alone[0].deepest.value
+
+
 def test_a_tool_call_exchanged_is_found(ring_path, part, simulate, roughing_cutter, finishing_cutter):
     paths = [ring_path(part, 1, roughing_cutter), ring_path(part, 0, finishing_cutter)]
     text = write_program(paths, *PAIR, Job()).text
