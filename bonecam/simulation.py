@@ -15,6 +15,7 @@ from bonecam.nc.machine import Machine, read_machine
 from bonecam.nc.posting.header import comment
 from bonecam.outputs.kept_view import check_page_name, kept_contents
 from bonecam.progress import Progress, silent
+from bonecam.setup.fixture.clamping import clamping_of
 from bonecam.setup.holding import post_below
 from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.surface.files.tspline_text import read_tsm
@@ -67,6 +68,7 @@ def simulate(
         ConvexStock(convex_hull(stock.vertices), proven=True),
         post_below(part, job.holding),
         cutters_of(job, machine),
+        clamping=clamping_of(job.holding, machine.table),
         part=read_tsm(Path(keep) / "surface.tspline"),
         limits=_limits(job, levels),
         surfaces=followed_surfaces(job, level_meshes(run)) if run else {},

@@ -123,7 +123,7 @@ def _program_lines(toolpath: Sequence[Mapping[str, Any]], nc: Mapping[str, Any])
 
 
 def removal_text(removal: Mapping[str, Any]) -> str:
-    """The section `removal` of a report in two lines."""
+    """The section `removal` of a report in a few lines."""
     return "\n".join(_removal_lines(removal))
 
 
@@ -135,9 +135,24 @@ def _removal_lines(removal: Mapping[str, Any]) -> Iterator[str]:
     over = max(level["over_limit_mm"] or 0.0 for level in removal["levels"])
     left, cell = removal["left"], removal["cell_mm"]
     deepest = f"depth at most {over:.2f} mm over its limit"
-    yield f"removal   rapids cut nothing, shank and holder touch nothing; {deepest} (cells of {cell:g} mm)"
+    yield f"removal   rapids cut nothing, {_links_text(removal['links'])}; {deepest} (cells of {cell:g} mm)"
+    spaces = (f"{part} {_clearance_text(value)}" for part, value in removal["clearance_mm"].items())
+    yield f"clear     {', '.join(spaces)}"
     away = f"{left['area_over_0_02_mm2']:.1f} mm2 keep more than 0.02 mm, {left['max_mm']:.2f} mm at most"
     yield f"left      {away}; at the post {left['by_reason']['post']:.1f} mm2"
+
+
+def _links_text(links: Mapping[str, Any]) -> str:
+    """What the moves between passes remove, and where a cut of one of them is deepest."""
+    if links["most_mm3"] is None:
+        return "links cut nothing"
+    where = f"{links['depth_max_mm']:.2f} mm deep in line {links['depth_max_line']}"
+    return f"links {links['removed_mm3']:.2f} mm3, {where}"
+
+
+def _clearance_text(value: float | None) -> str:
+    """A clearance; None where it is larger than is looked at."""
+    return "far" if value is None else f"{value:.2f} mm"
 
 
 def certified_text(levels: Sequence[Mapping[str, Any]], method: str = "qp") -> str:

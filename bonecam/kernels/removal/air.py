@@ -64,6 +64,12 @@ def _nearest(rays: RaySet, u: float, v: float, w: float, best: float) -> float:
 
 
 @njit(cache=True, nogil=True)
+def air_on_set(rays: RaySet, u: float, v: float, w: float) -> float:
+    """Distance from (u, v, w) to the nearest air on one set, mm; 0 in air."""
+    return np.sqrt(_nearest(rays, u, v, w, np.inf))
+
+
+@njit(cache=True, nogil=True)
 def air_distances(x_rays: RaySet, y_rays: RaySet, z_rays: RaySet, points: ndarray, found: ndarray) -> None:
     """Write the distance of each point (n, 3) (grid's coordinates) from the nearest air into `found` (n,),
     mm."""

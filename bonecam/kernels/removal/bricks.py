@@ -1,6 +1,6 @@
-"""The cylinders of a tool against coarse bricks of the material, compiled: lower bounds of their clearance.
+"""The cylinders and cones of a tool against coarse bricks of the material, compiled: lower bounds of their clearance.
 
-A tool is a stack of cylinders along its axis; heights are told from the ball's centre.
+A tool is a stack of them along its axis; heights are told from the ball's centre.
 """
 
 from typing import NamedTuple
@@ -13,7 +13,7 @@ from bonecam.kernels.removal.rays import TILE, RaySet
 
 SAMPLES = 4
 """Points on a brick's length of material: what lies between two of them is `spare` of a brick."""
-WATCHED = 5.0
+WATCHED = 8.0
 """Larger bounds are not looked into, mm."""
 
 
@@ -108,9 +108,9 @@ def bound_clearances(
     into `bounds` (n, s), and the heights between which material may be nearer than `watched` (s,) into `near`
     (n, s, 2).
 
-    Pieces as in `sweep.Pieces`, in the part's frame. `sections` (s, 3): from, to, radius.
-    A cylinder lies in the balls about points of its axis that reach half-way to the next; over the
-    piece it moves by half of what it travels at most from its middle.
+    Pieces as in `sweep.Pieces`, in the part's frame. `sections` (s, 4): from, to, radius at either; cones are
+    taken as the cylinders that hold them. A cylinder lies in the balls about points of its axis that reach half-way
+    to the next; over the piece it moves by half of what it travels at most from its middle.
     """
     for i in range(len(bounds)):
         shift, turn = 0.0, 0.0
@@ -127,7 +127,8 @@ def bound_clearances(
         size = np.sqrt(a * a + b * b + c * c)
         a, b, c = a / size, b / size, c / size
         for s in range(len(sections)):
-            start, end, radius = sections[s, 0], sections[s, 1], sections[s, 2]
+            start, end = sections[s, 0], sections[s, 1]
+            radius = max(sections[s, 2], sections[s, 3])
             steps = int(np.ceil(2.0 * (end - start) / radius))
             step = (end - start) / steps
             ball = np.sqrt(radius * radius + step * step / 4)
@@ -137,7 +138,7 @@ def bound_clearances(
                 for m in range(steps):
                     u = start + (m + 0.5) * step
                     free = material_distance(bricks, x + u * a, y + u * b, z + u * c)
-                    free -= ball + shift + turn * (u + step / 2)
+                    free -= ball + shift + turn * np.hypot(u + step / 2, radius)
                     if both == 0:
                         least = min(least, free)
                     elif free <= watched[s]:

@@ -143,6 +143,42 @@ def _cut_tile(rays: RaySet, tile: int, base: float, lows: ndarray, highs: ndarra
 
 
 @njit(cache=True, nogil=True)
+def tiles_below(rays: RaySet, start: ndarray, end: ndarray, radius: float) -> tuple[int, int, int, int]:
+    """First and last tile along u and along v that a capsule may meet."""
+    side = rays.cell * TILE
+    rows, columns = rays.tile_of.shape
+    first_u = max(int(np.floor((min(start[0], end[0]) - radius) / side)), 0)
+    last_u = min(int(np.floor((max(start[0], end[0]) + radius) / side)), rows - 1)
+    first_v = max(int(np.floor((min(start[1], end[1]) - radius) / side)), 0)
+    last_v = min(int(np.floor((max(start[1], end[1]) + radius) / side)), columns - 1)
+    return first_u, last_u, first_v, last_v
+
+
+@njit(cache=True, nogil=True)
+def reaches_tile(
+    rays: RaySet, i: int, j: int, start: ndarray, end: ndarray, d: ndarray, length: float, radius: float
+) -> bool:
+    """Whether a capsule, whose axis has the unit direction `d` and `length`, may reach the material of tile (i, j)."""
+    tile = rays.tile_of[i, j]
+    if tile < 0 or rays.low[tile] > rays.high[tile]:
+        return False
+    side = rays.cell * TILE
+    half_diagonal = side * np.sqrt(0.5)
+    u, v = (i + 0.5) * side, (j + 0.5) * side
+    near = max(flat_distance(u, v, start[0], start[1], end[0], end[1]) - half_diagonal, 0.0)
+    if near >= radius:
+        return False
+    half = np.sqrt(radius * radius - near * near)
+    # only the part of the axis that passes the tile within the radius reaches it
+    first, last = part_near(u - start[0], v - start[1], d[0], d[1], length, radius + half_diagonal)
+    one, other = start[2] + first * d[2], start[2] + last * d[2]
+    low, high = min(one, other) - half, max(one, other) + half
+    if low > rays.high[tile] or high < rays.low[tile]:
+        return False
+    return bool(rays.mask[tile] & bits(low, high, rays.length))
+
+
+@njit(cache=True, nogil=True)
 def cut_capsule(
     rays: RaySet, start: ndarray, end: ndarray, radius: float, flat: bool = False
 ) -> tuple[float, bool]:
@@ -158,36 +194,16 @@ def cut_capsule(
     if length > 0.0:
         d /= length
     lows, highs = np.empty(TILE * TILE), np.empty(TILE * TILE)
-    rows, columns = rays.tile_of.shape
-    first_u = max(int(np.floor((min(start[0], end[0]) - radius) / side)), 0)
-    last_u = min(int(np.floor((max(start[0], end[0]) + radius) / side)), rows - 1)
-    first_v = max(int(np.floor((min(start[1], end[1]) - radius) / side)), 0)
-    last_v = min(int(np.floor((max(start[1], end[1]) + radius) / side)), columns - 1)
-    half_diagonal = side * np.sqrt(0.5)
+    first_u, last_u, first_v, last_v = tiles_below(rays, start, end, radius)
     removed = 0.0
     for i in range(first_u, last_u + 1):
         for j in range(first_v, last_v + 1):
-            tile = rays.tile_of[i, j]
-            if tile < 0 or rays.low[tile] > rays.high[tile]:
+            if not reaches_tile(rays, i, j, start, end, d, length, radius):
                 continue
-            far = flat_distance((i + 0.5) * side, (j + 0.5) * side, start[0], start[1], end[0], end[1])
-            near = max(far - half_diagonal, 0.0)
-            if near >= radius:
-                continue
-            half = np.sqrt(radius * radius - near * near)
-            # only the part of the axis that passes the tile within the radius reaches it
-            u, v = i * side - start[0], j * side - start[1]
-            first, last = part_near(u + side / 2, v + side / 2, d[0], d[1], length, radius + half_diagonal)
-            one, other = start[2] + first * d[2], start[2] + last * d[2]
-            low, high = min(one, other) - half, max(one, other) + half
-            if low > rays.high[tile] or high < rays.low[tile]:
-                continue
-            if not rays.mask[tile] & bits(low, high, rays.length):
-                continue
-            tile_chords(u, v, cell, d, length, radius, lows, highs)
+            tile_chords(i * side - start[0], j * side - start[1], cell, d, length, radius, lows, highs)
             if flat:
-                _end_flat(u, v, cell, d, length, lows, highs)
-            in_tile, full = _cut_tile(rays, tile, start[2], lows, highs)
+                _end_flat(i * side - start[0], j * side - start[1], cell, d, length, lows, highs)
+            in_tile, full = _cut_tile(rays, rays.tile_of[i, j], start[2], lows, highs)
             removed += in_tile
             if full:
                 return removed * cell * cell, True

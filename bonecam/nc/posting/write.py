@@ -2,7 +2,8 @@
 
 A program is one section a cutter (tool call), in it one a level, in it one or more runs: retract, turn the
 rotary axes off the part, tool-centre control on where the control has it, approach along the tool axis, the
-moves, tool-centre control off, retract.
+moves, tool-centre control off, retract. The comments CUT and LINK stand where feed moves begin to cut, or to
+lead from one pass to another.
 """
 
 from collections.abc import Sequence
@@ -18,6 +19,7 @@ from bonecam.nc.machine import Machine
 from bonecam.nc.posting.block_numbers import number_blocks
 from bonecam.nc.posting.feeds import feed_figures
 from bonecam.nc.posting.header import comment, header_lines, rotary_text
+from bonecam.nc.posting.marks import with_marks
 from bonecam.nc.posting.path_words import Posted, post_path
 from bonecam.nc.posting.tolerances import contour_tolerance, rotary_tolerance_deg
 from bonecam.nc.posting.travel import Travel, above, travel_of
@@ -196,10 +198,8 @@ class ProgramWriter:
         rows = slice(*run)
         kinds = posted.moves.kinds[rows]
         words = self._written(posted.words[rows])
-        form = " ".join(
-            f"{letter}{(self.length if i < 3 else self.angle).spec}"
-            for i, letter in enumerate(self.machine.letters)
-        )
+        numbers = [self.length] * 3 + [self.angle] * 2
+        form = " ".join(f"{letter}{number.spec}" for letter, number in zip(self.machine.letters, numbers))
         rapid = "\n".join(self.dialect.move_lines("rapid", words=form))
         feed = "\n".join(self.dialect.move_lines("feed", words=form, feed=self.feed.spec))
         # rounded down: a feed that is rounded up may be beyond what an axis can
@@ -209,11 +209,9 @@ class ProgramWriter:
         fast = (kinds == Kind.RAPID) & self.dialect.straight_rapids
         fast[0] = True
         self.moves += len(kinds)
-        table = np.column_stack([words, rates]).tolist()
-        return [
-            rapid % tuple(row[:5]) if quick else feed % tuple(row)
-            for row, quick in zip(table, fast.tolist(), strict=True)
-        ]
+        table = zip(np.column_stack([words, rates]).tolist(), fast.tolist(), strict=True)
+        lines = [rapid % tuple(row[:5]) if quick else feed % tuple(row) for row, quick in table]
+        return with_marks(lines, kinds, fast, self.dialect)
 
     def _rates(self, posted: Posted, rows: slice) -> Float[ndarray, "n"]:
         """The feed of each move as the dialect writes it: mm/min, or 1/min (inverse time)."""
@@ -244,7 +242,7 @@ class ProgramWriter:
 def _words(letters: str, values: ndarray, writer: ProgramWriter) -> list[str]:
     """The words of one position (mm, deg), each with its letter."""
     row = writer._written(values[None, :])[0]
+    numbers = [writer.length] * 3 + [writer.angle] * 2
     return [
-        f"{letter}{(writer.length if i < 3 else writer.angle).spec % value}"
-        for i, (letter, value) in enumerate(zip(letters, row, strict=True))
+        f"{letter}{number.spec % value}" for letter, number, value in zip(letters, numbers, row, strict=True)
     ]

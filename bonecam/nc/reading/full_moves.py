@@ -1,12 +1,12 @@
 """Full moves: successive blocks that have all five words, read at once as arrays.
 
-Blocks of any other form are left to the readers of single blocks (`klartext.py`, `iso.py`), which say what is
-wrong.
+The comments that tell links from cuts may stand between them. Blocks of any other form are left to the readers of
+single blocks (`klartext.py`, `iso.py`), which say what is wrong.
 """
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from itertools import islice
 
 import numpy as np
@@ -21,12 +21,15 @@ WHOLE = "[0-9]{1,9}"
 """The pattern of a whole number; it fits 32 bits."""
 ISO_NUMBER = rf"[+-]?{WHOLE}(?:\.[0-9]{{1,9}})?"
 """The pattern of a number of a word, as ISO 6983 writes it."""
+MARKS = {"CUT": False, "LINK": True}
+"""Comments, and whether the feed moves after them are links."""
 
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
     """Successive full moves. `words` (n, 5) in mm and degrees as written; `feeds` are NaN where `rapid`.
 
+    `offsets` (n,): how many lines each is behind the first one; `links`: it stands behind a comment LINK.
     `numbers` are the block numbers, -1 where blocks have none.
     """
 
@@ -34,10 +37,12 @@ class Blocks:
     rapid: Bool[ndarray, "n"]
     feeds: Float[ndarray, "n"]
     numbers: Int[ndarray, "n"]
+    offsets: Int[ndarray, "n"]
+    links: Bool[ndarray, "n"]
 
     def first(self, count: int) -> "Blocks":
         """The first `count` blocks."""
-        return Blocks(self.words[:count], self.rapid[:count], self.feeds[:count], self.numbers[:count])
+        return Blocks(*(getattr(self, column.name)[:count] for column in fields(self)))
 
 
 def klartext_number(decimals: int) -> str:
@@ -57,16 +62,27 @@ def full_move(dialect: Dialect, letters: str) -> re.Pattern[str]:
 
 
 def read_full_moves(
-    lines: Sequence[str], start: int, pattern: re.Pattern[str], dialect: Dialect
+    lines: Sequence[str], start: int, number: int, pattern: re.Pattern[str], dialect: Dialect, linking: bool
 ) -> Blocks | None:
     """The full moves from line `start` on, up to the first line of another form; None where there is no full
-    move."""
+    move.
+
+    `number` is that of the first block, -1 where blocks have none; the first moves are links where `linking`.
+    """
     found: list[str] = []
-    for line in islice(lines, start, start + MAX_LINES):
+    offsets: list[int] = []
+    links: list[bool] = []
+    for offset, line in enumerate(islice(lines, start, start + MAX_LINES)):
         matched = pattern.fullmatch(line)
         if matched is None:
-            break
+            mark = _mark(line, number + offset if number >= 0 else None, dialect)
+            if mark is None:
+                break
+            linking = mark
+            continue
         found.extend(matched.groups())
+        offsets.append(offset)
+        links.append(linking)
     if not found:
         return None
     first, *words, feed = (found[k :: pattern.groups] for k in range(pattern.groups))
@@ -79,7 +95,16 @@ def read_full_moves(
         numbers = np.full(len(first), -1)
         feeds = np.where(rapid, np.nan, np.array([value or "0" for value in feed], dtype=np.float64))
     columns = [np.array(column, dtype=np.float64) for column in words]
-    return Blocks(np.column_stack(columns), rapid, feeds, numbers)
+    return Blocks(np.column_stack(columns), rapid, feeds, numbers, np.array(offsets), np.array(links))
+
+
+def _mark(line: str, number: int | None, dialect: Dialect) -> bool | None:
+    """Whether links begin after a line that is a mark with this block number; None where it is none."""
+    for text, linking in MARKS.items():
+        comment = dialect.comment.format(text=text)
+        if line == (comment if number is None else f"{number} {comment}"):
+            return linking
+    return None
 
 
 def unwound(before: float, words: Float[ndarray, "n"]) -> tuple[Float[ndarray, "n"], Float[ndarray, "n"]]:

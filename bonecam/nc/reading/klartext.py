@@ -30,6 +30,8 @@ def run_klartext(lines: Sequence[str], state: ModalState) -> None:
             _run_move(found, state, line)
         else:
             _run_statement(block, state, line)
+    if state.ended and "END PGM" not in lines[-1]:
+        raise line_error(len(lines), "the program is not closed by END PGM: the file is cut off")
 
 
 def _move_pattern(dialect: Dialect, letters: str) -> re.Pattern[str]:

@@ -14,7 +14,7 @@ from bonecam.errors import ProgramError
 from bonecam.nc.control import Control
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.machine import Machine
-from bonecam.nc.reading.full_moves import WHOLE, Blocks, full_move, read_full_moves, unwound
+from bonecam.nc.reading.full_moves import MARKS, WHOLE, Blocks, full_move, read_full_moves, unwound
 from bonecam.nc.reading.motions import Motions, Tool
 from bonecam.text.faults import shown
 
@@ -43,7 +43,8 @@ class ModalState:
     `position`: X, Y, Z in mm and the rotary axes in degrees, unwound; None where it is not known.
     `tool_centre`: tool-centre control (TCPM, RTCP) is on. `short_way`: endless axes turn the short way, or as
     their words say; None before the program has said which. `inverse_time`: F is in 1/min. `length_of`: the tool
-    whose length is compensated. Used for one program.
+    whose length is compensated. `linking`: feed moves are links, as the last comment CUT or LINK says. Used for one
+    program.
     """
 
     def __init__(self, machine: Machine, dialect: Dialect, tools: Sequence[Tool]) -> None:
@@ -59,6 +60,7 @@ class ModalState:
         self.bounded_turns = dialect.short_way is not None or dialect.endless_words == "wrapped"
         self.short_way: bool | None = None if dialect.short_way else dialect.endless_words == "wrapped"
         self.inverse_time = False
+        self.linking = False
         self.ended = False
         self.blocks = 0
         self.rows: list[tuple[float, ...]] = []
@@ -66,7 +68,9 @@ class ModalState:
         self.full_move = full_move(dialect, machine.letters)
 
     def read_comment(self, text: str, line: int) -> None:
-        """Take the tool that a comment of the header describes, unless the caller has given the tools."""
+        """Take the tool that a comment of the header describes, unless the caller has given the tools; or the mark
+        of links or cuts."""
+        self.linking = MARKS.get(text.strip(), self.linking)
         found = TOOL_COMMENT.fullmatch(text)
         if found and not self.given:
             number = int(found[1])
@@ -116,11 +120,21 @@ class ModalState:
             known = None not in before
             numbers = [float(value or 0.0) for value in self.position]
             self.rows.append(
-                (*numbers, rapid, np.nan if rapid else feed, self.inverse_time, line, self.tool, known)
+                (
+                    *numbers,
+                    rapid,
+                    np.nan if rapid else feed,
+                    self.inverse_time,
+                    line,
+                    self.tool,
+                    known,
+                    self.linking,
+                )
             )
 
     def run_full_moves(self, lines: Sequence[str], start: int, number: int) -> int:
-        """Run the blocks from lines[start] on that have all five words, all at once; returns their number.
+        """Run the blocks from lines[start] on that have all five words, all at once, and the marks between them;
+        returns how many lines it has run.
 
         `number` is the number of the first block, -1 where blocks have none. It stops before the first block
         that is not plain or may be wrong: `move` then says what is wrong with it.
@@ -132,12 +146,12 @@ class ModalState:
             or self.tool_centre != self.dialect.tool_centre
         ):
             return 0
-        found = read_full_moves(lines, start, self.full_move, self.dialect)
+        found = read_full_moves(lines, start, number, self.full_move, self.dialect, self.linking)
         if found is None:
             return 0
         doubtful = ~found.rapid & ~(found.feeds > 0)
         if number >= 0:
-            doubtful |= found.numbers != number + np.arange(len(found.numbers))
+            doubtful |= found.numbers != number + found.offsets
         for column, axis in enumerate(self.machine.rotary, start=3):
             if axis.endless:
                 before = float(self.position[column] or 0.0)
@@ -147,24 +161,35 @@ class ModalState:
                 too_far = self.bounded_turns & (np.abs(turns) > AMBIGUOUS_TURN_DEG)
                 doubtful |= too_far | (self.short_way is None)
         count = int(np.argmax(doubtful)) if doubtful.any() else len(doubtful)
-        if count:
-            self._take(found.first(count), start + 1)
-        return count
+        if not count:
+            return 0
+        self._take(found.first(count), start + 1)
+        return int(found.offsets[count - 1]) + 1
 
     def _take(self, found: Blocks, line: int) -> None:
         count = len(found.rapid)
         inverse_time = np.full(count, self.inverse_time)
-        lines = line + np.arange(count)
+        lines = line + found.offsets
         tools = np.full(count, self.tool)
         known_start = np.ones(count)
-        columns = [found.words, found.rapid, found.feeds, inverse_time, lines, tools, known_start]
+        columns = [
+            found.words,
+            found.rapid,
+            found.feeds,
+            inverse_time,
+            lines,
+            tools,
+            known_start,
+            found.links,
+        ]
         self.tables += [self._table(), np.column_stack(columns)]
         self.rows = []
+        self.linking = bool(found.links[-1])
         self.position = [float(value) for value in found.words[-1]]
         self.blocks += count
 
     def _table(self) -> ndarray:
-        return np.array(self.rows, dtype=np.float64).reshape(-1, 11)
+        return np.array(self.rows, dtype=np.float64).reshape(-1, 12)
 
     def _unwound(self, column: int, value: float, line: int) -> float:
         """The angle (degrees) that an axis reaches by its word: the short way where the axis is endless and
@@ -210,6 +235,7 @@ class ModalState:
             lines=table[:, 8].astype(np.int64),
             tools=numbers,
             known_start=table[:, 10] == 1,
+            links=(table[:, 11] == 1) & (table[:, 5] == 0),
             tips=tips,
             axes=axes,
             blocks=self.blocks,

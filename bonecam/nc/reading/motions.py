@@ -23,9 +23,9 @@ class Motions:
 
     `words` (n, 5): X Y Z in mm and the rotary words in radians, unwound; `feed_rates` in mm/min, or 1/min
     where `inverse_time`, NaN for rapids; `lines` of the text (from 1); `known_start`: the position before the
-    move is known too, so that all of it can be simulated; `tips` (mm) and `axes` in the part's frame by
-    forward kinematics. `blocks` counts every moving block, also those that leave the position partly unknown.
-    `controls`: by tool number.
+    move is known too, so that all of it can be simulated; `links`: feed moves behind a comment LINK; `tips` (mm)
+    and `axes` in the part's frame by forward kinematics. `blocks` counts every moving block, also those that
+    leave the position partly unknown. `controls`: by tool number.
     """
 
     rapid: Bool[ndarray, "n"]
@@ -35,6 +35,7 @@ class Motions:
     lines: Int[ndarray, "n"]
     tools: Int[ndarray, "n"]
     known_start: Bool[ndarray, "n"]
+    links: Bool[ndarray, "n"]
     tips: Float[ndarray, "n 3"]
     axes: Float[ndarray, "n 3"]
     blocks: int

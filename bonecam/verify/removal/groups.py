@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from bonecam.nc.dialect import Dialect
@@ -59,3 +59,17 @@ def feed_minutes(motions: Motions) -> Float[ndarray, " n"]:
     turns = np.abs(np.diff(motions.words[:, 3:], axis=0, prepend=motions.words[:1, 3:]))
     by_axes = (turns / np.array([axis.speed for axis in machine.rotary])).max(1)
     return np.where(motions.rapid | ~motions.known_start, 0.0, np.maximum(by_feed, by_axes))
+
+
+def link_volumes(
+    volumes: Float[ndarray, " n"], links: Bool[ndarray, " n"]
+) -> tuple[Float[ndarray, " k"], Int[ndarray, " k"]]:
+    """What each link removes, mm^3, and its move that removes most; a link is a stretch of consecutive feed moves
+    behind a comment LINK of the text."""
+    begins = np.flatnonzero(links & ~np.r_[False, links[:-1]])
+    ends = np.flatnonzero(links & ~np.r_[links[1:], False]) + 1
+    found = np.array([volumes[a:b].sum() for a, b in zip(begins, ends, strict=True)])
+    most = np.array(
+        [a + int(np.argmax(volumes[a:b])) for a, b in zip(begins, ends, strict=True)], dtype=np.int64
+    )
+    return found, most

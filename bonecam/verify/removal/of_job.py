@@ -8,6 +8,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.machine import Machine
 from bonecam.progress import Progress, silent
+from bonecam.setup.fixture.clamping import clamping_of
 from bonecam.setup.holding import post_below
 from bonecam.setup.stock import Stock
 from bonecam.toolpath.cutters.cutter import Cutter
@@ -57,8 +58,7 @@ def prove_removal(
     """What the posted `text` of a job removes from its stock; `levels` are those it cuts, `part` is the mesh as it
     stands.
 
-    Errors as in `simulate_removal` and `check_removal`: a rapid that cuts, a shank or holder in material, a tool below
-    the table, a gouge.
+    Errors as in `simulate_removal` and `check_removal`.
     """
     removal = simulate_removal(
         text,
@@ -67,6 +67,7 @@ def prove_removal(
         stock,
         post_below(part, job.holding),
         cutters_of(job, machine),
+        clamping=clamping_of(job.holding, machine.table),
         part=morph_surfaces(levels)[0],
         limits=depth_limits(job, levels),
         surfaces=followed_surfaces(job, {level.index: level.mesh for level in levels}),

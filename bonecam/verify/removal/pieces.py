@@ -40,6 +40,7 @@ def straight_pieces(motions: Motions, moves: Int[ndarray, " m"], cutter: Cutter)
     sways = cutter.length * turns * words / 4
     counts = np.ceil(np.sqrt(np.maximum(bows / 8 / STRAIGHT, sways / SWAY))).astype(np.int64).clip(1)
 
+    above = len(cutter.profile) - 1
     owner = np.repeat(np.arange(len(moves)), counts)
     place = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
     tips, axes = control.between(start[owner], end[owner], place / counts[owner])
@@ -51,8 +52,9 @@ def straight_pieces(motions: Motions, moves: Int[ndarray, " m"], cutter: Cutter)
         end_axes,
         moves[owner],
         np.zeros(len(owner)),
-        np.full((len(owner), 2), np.inf),
-        np.zeros((len(owner), 2, 2)),
+        (motions.rapid | motions.links)[moves][owner],
+        np.full((len(owner), above), np.inf),
+        np.zeros((len(owner), above, 2)),
     )
 
 

@@ -9,6 +9,10 @@ from numpy import ndarray
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.verify.removal.standing import Standing
 
+LINK_ALLOWED = 0.02
+"""What the moves from one pass to the next may remove and not be told of, mm^3: the scallops of 0.05 mm that a ball
+of 4 mm crosses on a step of 1 mm."""
+
 
 @dataclass(frozen=True)
 class Spot:
@@ -27,6 +31,7 @@ class LevelRemoval:
     `deepest` is the largest depth of cut (None where nothing was cut), `depth_p99` the one that 99 % of the
     surface cut stay below, mm; `over_limit` is what the deepest exceeds its limit by, mm (None where no limit
     is known). `removed` in mm^3; `air_time_share`: share of the feed time whose moves remove less than AIR.
+    `links` (mm^3) is what the moves between passes remove, `link_depth` the deepest cut of one (None: none cuts).
     """
 
     index: int | None
@@ -37,13 +42,16 @@ class LevelRemoval:
     depth_p99: float
     over_limit: float | None
     air_time_share: float
+    links: float
+    link_depth: Spot | None
 
 
 @dataclass(frozen=True)
 class Clearance:
-    """Least signed distance (mm) of a part of the tool from what stands, `None` where nothing came near;
-    `touched` is the first line in which it enters material, 0 for none."""
+    """Least signed distance (mm) of `part` of the tool from what stands, `None` where nothing came near;
+    `touched` is the first line in which they meet, 0 for none."""
 
+    part: str
     least: Spot | None
     touched: int
 
@@ -70,18 +78,22 @@ class Removal:
     """What a program does to its stock. `cell` is the distance of the rays, mm.
 
     `rapid_volume` (mm^3) is what rapids remove, `rapid_contact` the first of them that removes more than is
-    allowed. `left` is None where no part was given. `volume` is what stands in the end, `volume_error` how
-    far the three sets of rays differ in it, mm^3. `move_volumes` (mm^3) has one row a move of the text. `standing`
-    is what stood on the surfaces that were given, in machining order.
+    allowed; `link_contact` the moves between two passes that remove most, where that is more than LINK_ALLOWED.
+    `shank`, `holder` and `spindle` keep their clearance from stock, part and post, the whole tool that of `table`
+    from table, chuck and what stands there. `left` is None where no part was given. `volume` is what stands in the
+    end, `volume_error` how far the three sets of rays differ in it, mm^3. `move_volumes` (mm^3) has one row a move
+    of the text. `standing` is what stood on the surfaces that were given, in machining order.
     """
 
     cell: float
     levels: tuple[LevelRemoval, ...]
     rapid_volume: float
     rapid_contact: Spot | None
+    link_contact: Spot | None
     shank: Clearance
     holder: Clearance
-    table: Spot
+    spindle: Clearance
+    table: Clearance
     left: Left | None
     volume: float
     volume_error: float
@@ -91,15 +103,30 @@ class Removal:
     @property
     def report(self) -> dict[str, Any]:
         """The section `removal` of the report."""
-        clearances = {"shank": self.shank.least, "holder": self.holder.least, "table": self.table}
+        names = ("shank", "holder", "spindle", "table")
+        clearances = {name: getattr(self, name).least for name in names}
         return {
             "cell_mm": self.cell,
             "levels": [_level_figures(level) for level in self.levels],
             "rapid_contact_mm3": _rounded(self.rapid_volume),
+            "links": self._link_figures(),
             "clearance_mm": {
                 name: _rounded(spot.value) if spot else None for name, spot in clearances.items()
             },
             "left": _left_figures(self.left) if self.left else None,
+        }
+
+    def _link_figures(self) -> dict[str, Any]:
+        depths = [level.link_depth for level in self.levels if level.link_depth]
+        deepest = max(depths, key=lambda spot: spot.value, default=None)
+        most = self.link_contact
+        return {
+            "removed_mm3": _rounded(sum(level.links for level in self.levels)),
+            "allowed_mm3": LINK_ALLOWED,
+            "most_mm3": _rounded(most.value) if most else None,
+            "most_line": most.line if most else None,
+            "depth_max_mm": _rounded(deepest.value) if deepest else 0.0,
+            "depth_max_line": deepest.line if deepest else None,
         }
 
 
@@ -114,6 +141,8 @@ def _level_figures(level: LevelRemoval) -> dict[str, Any]:
         "depth_p99_mm": _rounded(level.depth_p99),
         "over_limit_mm": None if level.over_limit is None else _rounded(level.over_limit),
         "air_time_share": _rounded(level.air_time_share),
+        "links_mm3": _rounded(level.links),
+        "links_depth_mm": _rounded(level.link_depth.value) if level.link_depth else 0.0,
     }
 
 

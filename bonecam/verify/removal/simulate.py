@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy import ndarray
 
 from bonecam.errors import ProgramError
@@ -24,20 +24,21 @@ from bonecam.nc.machine import Machine
 from bonecam.nc.reading.motions import Motions
 from bonecam.nc.reading.read import read_program
 from bonecam.progress import Progress, report, silent
+from bonecam.setup.fixture.clamping import Clamping
 from bonecam.setup.holding import Post
 from bonecam.setup.stock import Stock
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.verify.removal.depths import cut_depths, move_through
-from bonecam.verify.removal.groups import Group, feed_minutes, groups_of
+from bonecam.verify.removal.groups import Group, feed_minutes, groups_of, link_volumes
 from bonecam.verify.removal.left import measure_left
 from bonecam.verify.removal.nails import Nails, nails_on
 from bonecam.verify.removal.pieces import straight_pieces
 from bonecam.verify.removal.rays import RayGrid, copy_of, lay_grid, lay_rays, least_cell, volumes
-from bonecam.verify.removal.result import Clearance, LevelRemoval, Removal, Spot
+from bonecam.verify.removal.result import LINK_ALLOWED, Clearance, LevelRemoval, Removal, Spot
 from bonecam.verify.removal.standing import Standing, standing_heights
-from bonecam.verify.removal.sweeping import Sweeping
+from bonecam.verify.removal.sweeping import PARTS, Sweeping
 from bonecam.verify.removal.table import table_clearance
 
 AIR = 1e-4
@@ -69,6 +70,7 @@ def simulate_removal(
     post: Post,
     cutters: Sequence[Cutter],
     *,
+    clamping: Clamping | None = None,
     part: TSpline | None = None,
     limits: Mapping[int, float] | None = None,
     surfaces: Mapping[int, TriangleMesh] | None = None,
@@ -78,9 +80,10 @@ def simulate_removal(
     """What the program `text` removes from `stock` on its `post`, what it leaves on `part`, and what its
     tools touch.
 
-    `cutters` are the tools with shank and holder, by number; `limits` the largest depth (mm) of the cut on
-    each level; `surfaces` the meshes that levels leave, on which is told what stands. ProgramError where the
-    text cannot be read or calls another tool, JobError where the rays need too much memory.
+    `cutters` are the tools with shank, holder and spindle nose, by number; `clamping` is what stands below (None: a
+    table that nothing may go below); `limits` the largest depth (mm) of the cut on each level; `surfaces` the
+    meshes that levels leave, on which is told what stands. ProgramError where the text cannot be read or calls
+    another tool, JobError where the rays need too much memory.
     """
     told = accuracy or Accuracy()
     report(progress, 0.0, "reading the program for the simulation")
@@ -92,7 +95,8 @@ def simulate_removal(
         grid = lay_grid(bodies, max(told.cell, least_cell(bodies, grid, told.memory_mb)))
     sweeping = Sweeping(lay_rays(bodies, grid, told.memory_mb), grid, bodies, len(motions.tips))
     nails = nails_on(part) if part is not None else None
-    simulation = _Simulation(motions, sweeping, grid, nails, dict(limits or {}), dict(surfaces or {}))
+    stands = clamping or Clamping()
+    simulation = _Simulation(motions, sweeping, grid, nails, stands, dict(limits or {}), dict(surfaces or {}))
     groups = list(groups_of(text, motions, dialect))
     levels = []
     for count, group in enumerate(groups):
@@ -126,8 +130,14 @@ class _Simulation:
     sweeping: Sweeping
     grid: RayGrid
     nails: Nails | None
+    clamping: Clamping
     limits: dict[int, float]
     surfaces: dict[int, TriangleMesh]
+
+    def __post_init__(self) -> None:
+        self.minutes = feed_minutes(self.motions)
+        self.table = Clearance("tool", None, 0)
+        self.standing: list[Standing] = []
 
     def run(self, group: Group, cutter: Cutter) -> LevelRemoval:
         """Run the moves of one level."""
@@ -143,6 +153,7 @@ class _Simulation:
         if surface is not None and group.level is not None:
             heights = [self._standing(surface, sets) for sets in (before, self.sweeping.sets)]
             self.standing.append(Standing(group.level, *heights))
+        self._keep_from_table(whole, cutter)
         depths = cut_depths(self.sweeping.sets, before, self.grid)
         deepest = None
         if len(depths.depths):
@@ -150,6 +161,7 @@ class _Simulation:
             move = move_through(place, pieces, cutter.radius)
             deepest = self._spot(float(depths.depths[depths.deepest]), move, place)
         limit = self.limits.get(group.level) if group.level is not None else None
+        links = group.moves[self.motions.links[group.moves]]
         return LevelRemoval(
             index=group.level,
             rest=group.rest,
@@ -159,7 +171,27 @@ class _Simulation:
             depth_p99=float(np.percentile(depths.depths, 99)) if deepest else 0.0,
             over_limit=None if limit is None else max((deepest.value if deepest else 0.0) - limit, 0.0),
             air_time_share=self._air_time_share(group),
+            links=float(self.sweeping.volumes[links].sum()),
+            link_depth=self._deepest(links),
         )
+
+    def _deepest(self, moves: Int[ndarray, " m"]) -> Spot | None:
+        """The deepest cut of some rapids or links; None where none cuts."""
+        depths = self.sweeping.depths[moves]
+        if not depths.any():
+            return None
+        return self._spot(float(depths.max()), int(moves[np.argmax(depths)]))
+
+    def _keep_from_table(self, pieces: Pieces, cutter: Cutter) -> None:
+        """Take the clearance from the clamping where it is less than before; the first contact stays."""
+        if self.table.touched:
+            return
+        within = self.table.least.value if self.table.least else np.inf
+        least, move, part, touched = table_clearance(pieces, cutter, self.clamping, within)
+        if touched >= 0:
+            self.table = Clearance(part, self._spot(least, touched), int(self.motions.lines[touched]))
+        elif move >= 0:
+            self.table = Clearance(part, self._spot(least, move), 0)
 
     def result(self, levels: Sequence[LevelRemoval], tools: Mapping[int, Cutter], post: Post) -> Removal:
         """What was found over all levels."""
@@ -167,6 +199,9 @@ class _Simulation:
         rapid = np.where(self.motions.rapid, removed, 0.0)
         over = np.flatnonzero(rapid > RAPID_ALLOWED)
         contact = self._spot(float(rapid[over[0]]), int(over[0])) if len(over) else None
+        by_link, moves = link_volumes(removed, self.motions.links)
+        most = int(np.argmax(by_link)) if len(by_link) else -1
+        told = most >= 0 and by_link[most] > LINK_ALLOWED
         finest = min(
             cutter.radius for number, cutter in tools.items() if (self.motions.tools == number).any()
         )
@@ -180,9 +215,11 @@ class _Simulation:
             levels=tuple(levels),
             rapid_volume=float(rapid.sum()),
             rapid_contact=contact,
+            link_contact=self._spot(float(by_link[most]), int(moves[most])) if told else None,
             shank=self._clearance(0),
             holder=self._clearance(1),
-            table=table_clearance(self.motions, tools),
+            spindle=self._clearance(2),
+            table=self.table,
             left=left,
             volume=float(np.mean(standing)),
             volume_error=float(np.ptp(standing)),
@@ -190,12 +227,12 @@ class _Simulation:
             standing=tuple(self.standing),
         )
 
-    def _clearance(self, section: int) -> Clearance:
-        """What the rays tell of the shank (0) or the holder (1)."""
-        value, move = self.sweeping.clearance(section)
-        touched = self.sweeping.touched(section)
+    def _clearance(self, part: int) -> Clearance:
+        """What the rays tell of one of PARTS."""
+        value, move = self.sweeping.clearance(part)
+        touched = self.sweeping.touched(part)
         line = int(self.motions.lines[touched]) if touched >= 0 else 0
-        return Clearance(self._spot(value, move) if move >= 0 else None, line)
+        return Clearance(PARTS[part], self._spot(value, move) if move >= 0 else None, line)
 
     def _air_time_share(self, group: Group) -> float:
         minutes = self.minutes[group.moves]
@@ -207,10 +244,6 @@ class _Simulation:
         return standing_heights(
             surface.vertices, vertex_normals(surface), sets, self.grid, self.grid.cell / 2
         )
-
-    def __post_init__(self) -> None:
-        self.minutes = feed_minutes(self.motions)
-        self.standing: list[Standing] = []
 
     def _spot(self, value: float, move: int, place: np.ndarray | None = None) -> Spot:
         x, y, z = (float(v) for v in (self.motions.tips[move] if place is None else place))

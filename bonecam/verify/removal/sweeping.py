@@ -4,7 +4,7 @@ side."""
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy import ndarray
 from scipy.ndimage import distance_transform_edt
 
@@ -30,8 +30,10 @@ MOST_BRICKS = 400_000
 """A distance transform of so many takes 0.05 s."""
 BRICK_RAYS = 3
 """Every third ray either way marks the bricks."""
+PARTS = ("shank", "holder", "spindle")
+"""Parts of the tool that cut nothing."""
 ALLOWED_TOUCH = -0.02
-"""Signed distance of shank and holder from material that is no collision yet, mm: rays and steps tell it to
+"""Signed distance of PARTS from material that is no collision yet, mm: rays and steps tell it to
 0.02."""
 BOUNDED = 4096
 """Pieces whose clearances are bounded at once."""
@@ -49,30 +51,30 @@ class Sweeping:
         corners = np.array([body.bounds for body in bodies])
         self.bounds: Float[ndarray, "2 3"] = np.array([corners[:, 0].min(0), corners[:, 1].max(0)])
         self.found = [
-            Found(np.zeros(moves), np.full(2, WATCHED), np.full(2, -1), np.full(2, -1)) for _ in range(3)
+            Found(np.zeros(moves), np.zeros(moves), np.full(3, WATCHED), np.full(3, -1), np.full(3, -1))
+            for _ in range(3)
         ]
 
     def run(self, pieces: Pieces, cutter: Cutter, beside: Callable[[Pieces], None]) -> Pieces:
         """Take the pieces of one cutter out of the material, in their order, while a core that has no set of
         rays to cut works on them `beside`; returns them with their `reach`."""
-        heights = [
-            (start - cutter.radius, end - cutter.radius, radius) for _, start, end, radius in cutter.sections
-        ]
-        sections = np.array(heights)
+        sections, parts = sections_of(cutter)
         least = np.max([found.least for found in self.found], axis=0)
         # flutes matter where they may meet material, the others where they may come nearer than they have
-        bounded = _bounded(pieces, sections, np.r_[0.0, least], self._bricks())
+        bounded = _bounded(pieces, sections, np.r_[0.0, least[parts[1:]]], self._bricks())
 
         def work(which: slice) -> None:
             if which.start < len(self.sets):
-                self._sweep(bounded, sections, which.start)
+                self._sweep(bounded, sections, parts, which.start)
             else:
                 beside(bounded)
 
         in_pieces(work, len(self.sets) + 1, 1)
         return bounded
 
-    def _sweep(self, pieces: Pieces, sections: Float[ndarray, "3 3"], direction: int) -> None:
+    def _sweep(
+        self, pieces: Pieces, sections: Float[ndarray, "s 4"], parts: Int[ndarray, " s"], direction: int
+    ) -> None:
         """Take the pieces out of one set of rays, with more room on them where it is needed."""
         turned = in_grid(pieces, self.grid, direction)
         radius = float(sections[0, 2])
@@ -80,7 +82,7 @@ class Sweeping:
         at = 0
         while at < len(pieces.starts):
             rays = self.sets[direction]
-            at = sweep(rays, turned, radius, sections[1:], ALLOWED_TOUCH, at, found, direction)
+            at = sweep(rays, turned, radius, sections[1:], parts[1:], ALLOWED_TOUCH, at, found, direction)
             if at < len(pieces.starts):
                 self.sets[direction] = with_more_room(rays)
 
@@ -105,28 +107,43 @@ class Sweeping:
         """What each move has removed, the mean of the three sets, mm^3."""
         return np.mean([found.volumes for found in self.found], axis=0)
 
-    def clearance(self, section: int) -> tuple[float, int]:
-        """The least signed distance (mm) of the shank (0) or holder (1) from material, and its move (-1: more
-        than WATCHED everywhere); of one that enters material that of the first move that does."""
-        touching = [found for found in self.found if found.touched[section] >= 0]
-        if touching:
-            first = min(touching, key=lambda found: int(found.touched[section]))
-            return float(first.least[section]), int(first.touched[section])
-        best = min(self.found, key=lambda found: float(found.least[section]))
-        return float(best.least[section]), int(best.where[section])
+    @property
+    def depths(self) -> Float[ndarray, " n"]:
+        """How deep each rapid and link cuts, by the set that tells it best, mm; 0 for cutting moves."""
+        return np.min([found.depths for found in self.found], axis=0)
 
-    def touched(self, section: int) -> int:
-        """The first move in which the shank (0) or holder (1) enters material, -1 for none."""
-        moves = [int(found.touched[section]) for found in self.found if found.touched[section] >= 0]
+    def clearance(self, part: int) -> tuple[float, int]:
+        """The least signed distance (mm) of one of the PARTS from material, and its move (-1: more than WATCHED
+        everywhere); of one that enters material that of the first move that does."""
+        touching = [found for found in self.found if found.touched[part] >= 0]
+        if touching:
+            first = min(touching, key=lambda found: int(found.touched[part]))
+            return float(first.least[part]), int(first.touched[part])
+        best = min(self.found, key=lambda found: float(found.least[part]))
+        return float(best.least[part]), int(best.where[part])
+
+    def touched(self, part: int) -> int:
+        """The first move in which one of the PARTS enters material, -1 for none."""
+        moves = [int(found.touched[part]) for found in self.found if found.touched[part] >= 0]
         return min(moves, default=-1)
 
 
+def sections_of(cutter: Cutter) -> tuple[Float[ndarray, "s 4"], Int[ndarray, " s"]]:
+    """The stack of a tool above its ball's centre: from, to (mm from there) and the radius at either end; and which
+    of PARTS each is, -1 for the flutes, which come first."""
+    rows = [
+        (one.start - cutter.radius, one.end - cutter.radius, one.radius, one.end_radius)
+        for one in cutter.profile
+    ]
+    return np.array(rows), np.array([-1, *(PARTS.index(one.name) for one in cutter.profile[1:])])
+
+
 def _bounded(
-    pieces: Pieces, sections: Float[ndarray, "3 3"], watched: Float[ndarray, "3"], bricks: Bricks
+    pieces: Pieces, sections: Float[ndarray, "s 4"], watched: Float[ndarray, " s"], bricks: Bricks
 ) -> Pieces:
-    """The pieces with what the bricks tell of flutes, shank and holder."""
-    bounds = np.empty((len(pieces.starts), 3))
-    near = np.empty((len(pieces.starts), 3, 2))
+    """The pieces with what the bricks tell of flutes and of the sections above them."""
+    bounds = np.empty((len(pieces.starts), len(sections)))
+    near = np.empty((len(pieces.starts), len(sections), 2))
 
     def bound(some: slice) -> None:
         poses = (pieces.starts, pieces.ends, pieces.start_axes, pieces.end_axes)

@@ -1,14 +1,14 @@
-"""What refuses a program: a rapid that cuts, a shank or holder in material, a ball in the part."""
+"""What refuses a program: a rapid that cuts, a tool that touches what it may not, a ball in the part."""
 
 from bonecam.errors import VerifyError, place_name
 from bonecam.verify.removal.result import Clearance, Removal
 
 
 def check_removal(removal: Removal, gouge_tolerance: float = 0.01) -> None:
-    """VerifyError, with `line` and `place`, where a rapid removes material, shank or holder enter what
-    stands, or a ball goes into the part by more than `gouge_tolerance` mm.
+    """VerifyError, with `line` and `place`, where a rapid removes material, shank, holder or spindle enter what
+    stands, the tool meets table or chuck, or a ball goes into the part by more than `gouge_tolerance` mm.
 
-    Depths over a limit and leftovers are told in the report and refuse nothing.
+    Depths over a limit, links that cut, and leftovers are told in the report and refuse nothing.
     """
     contact = removal.rapid_contact
     if contact:
@@ -19,16 +19,14 @@ def check_removal(removal: Removal, gouge_tolerance: float = 0.01) -> None:
             place=contact.place,
             error=contact.value,
         )
-    _check_clearance("shank", removal.shank)
-    _check_clearance("holder", removal.holder)
-    if removal.table.value < 0:
-        raise VerifyError(
-            f"line {removal.table.line}: the tool goes {-removal.table.value:.3f} mm below the table: "
-            "give a longer post (holding.length)",
-            line=removal.table.line,
-            place=removal.table.place,
-            error=-removal.table.value,
-        )
+    remedies = {
+        "shank": "give a slimmer shank, or a larger overhang or flute length",
+        "holder": "give a slimmer holder, or a larger overhang",
+        "spindle": "give a longer holder or a longer post (holding.length)",
+    }
+    for part in (removal.shank, removal.holder, removal.spindle):
+        _check_clearance(part, "enters material", remedies[part.part])
+    _check_clearance(removal.table, "meets table or chuck", "give a longer post (holding.length)")
     gouge = removal.left.deepest_gouge if removal.left else None
     if gouge and gouge.value > gouge_tolerance:
         raise VerifyError(
@@ -40,14 +38,13 @@ def check_removal(removal: Removal, gouge_tolerance: float = 0.01) -> None:
         )
 
 
-def _check_clearance(name: str, clearance: Clearance) -> None:
-    """VerifyError where this part of the tool enters material."""
+def _check_clearance(clearance: Clearance, what: str, remedy: str) -> None:
+    """VerifyError where this part of the tool touches."""
     if clearance.touched and clearance.least:
-        depth = -clearance.least.value
+        place = clearance.least.place
         raise VerifyError(
-            f"line {clearance.touched}: the {name} enters material at {place_name(clearance.least.place)}: "
-            f"give a slimmer {name}, or a larger overhang or flute length",
+            f"line {clearance.touched}: the {clearance.part} {what} at {place_name(place)}: {remedy}",
             line=clearance.touched,
-            place=clearance.least.place,
-            error=depth,
+            place=place,
+            error=-clearance.least.value,
         )

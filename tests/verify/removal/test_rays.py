@@ -5,9 +5,8 @@ import pytest
 
 from bonecam.errors import JobError
 from bonecam.kernels.removal.air import air_distances
-from bonecam.kernels.removal.bricks import WATCHED
 from bonecam.kernels.removal.cut import cut_capsule
-from bonecam.kernels.removal.cylinder import cylinder_clearance
+from bonecam.kernels.removal.frustum import frustum_clearance
 from bonecam.kernels.removal.sweep import Pieces
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.capsule import Capsule
@@ -124,13 +123,14 @@ def test_the_clearance_of_a_cylinder_is_its_distance_from_the_block():
     for foot, lean, truth in (([7.0, 0.0, 14.0], 0.0, 1.0), ([0.0, 0.0, 18.7], 0.4, 0.7 - np.sin(0.4))):
         axis = np.array([np.sin(lean), 0.0, np.cos(lean)])
         told = [
-            cylinder_clearance(
+            frustum_clearance(
                 rays,
                 in_set(grid, direction, np.array(foot))[0],
                 np.ascontiguousarray(grid.of_vectors(axis[None])[0][order(direction)]),
                 0.0,
                 6.0,
                 1.0,
+                0.0,
                 3.0,
             )
             for direction, rays in enumerate(sets)
@@ -150,9 +150,9 @@ def ball_pieces(starts, ends):
     """Pieces of a ball below an upright axis, its flutes clear of all material."""
     n = len(starts)
     up = np.tile([0.0, 0.0, 1.0], (n, 1))
-    return Pieces(
-        starts, ends, up, up, np.arange(n), np.zeros(n), np.full((n, 2), np.inf), np.zeros((n, 2, 2))
-    )
+    probed = np.zeros(n, dtype=bool)
+    bounds = np.full((n, 2), np.inf)
+    return Pieces(starts, ends, up, up, np.arange(n), np.zeros(n), probed, bounds, np.zeros((n, 2, 2)))
 
 
 def test_a_shank_that_passes_by_on_a_long_piece_does_not_touch(finishing_cutter):
@@ -161,8 +161,7 @@ def test_a_shank_that_passes_by_on_a_long_piece_does_not_touch(finishing_cutter)
     pieces = ball_pieces(np.array([[8.0, -4.0, 9.0]]), np.array([[8.0, 4.0, 9.0]]))
     sweeping.run(pieces, finishing_cutter, lambda pieces: None)
     away = 8.0 - finishing_cutter.shank_diameter / 2 - 5.0
-    # half of a step, an eighth of the distance watched, is subtracted
-    assert away - WATCHED / 16 <= sweeping.clearance(0)[0] <= away + 0.01
+    assert sweeping.clearance(0)[0] == pytest.approx(away, abs=0.02)
     assert sweeping.touched(0) == -1
 
 

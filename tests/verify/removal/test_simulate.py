@@ -8,10 +8,13 @@ import pytest
 
 from bonecam.errors import JobError, ProgramError, VerifyError
 from bonecam.job import Job
+from bonecam.job.frustum import Frustum
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.machine import read_machine
 from bonecam.nc.posting.write import write_program
 from bonecam.setup.capsule import Capsule
+from bonecam.setup.fixture.clamping import Clamping
+from bonecam.setup.fixture.column import Column
 from bonecam.setup.holding import Post
 from bonecam.toolpath.path import Kind
 from bonecam.verify.removal.simulate import Accuracy, simulate_removal
@@ -139,8 +142,8 @@ def test_a_turned_cylinder_is_what_stands(capsule_path, path_capsule):
 
 
 def test_the_report_has_its_keys(sound):
-    assert set(sound.report) == {"cell_mm", "levels", "rapid_contact_mm3", "clearance_mm", "left"}
-    assert set(sound.report["clearance_mm"]) == {"shank", "holder", "table"}
+    assert set(sound.report) == {"cell_mm", "levels", "rapid_contact_mm3", "links", "clearance_mm", "left"}
+    assert set(sound.report["clearance_mm"]) == {"shank", "holder", "spindle", "table"}
     assert sound.report["levels"][0]["index"] == 0
 
 
@@ -169,6 +172,62 @@ def test_a_lowered_holder_is_found(simulate, text, finishing_cutter):
     assert found.holder.touched > 0
     with pytest.raises(VerifyError, match="the holder enters material"):
         check_removal(found)
+
+
+def test_a_lowered_spindle_is_found(simulate, text, finishing_cutter):
+    nose = (Frustum(40.0, 60.0, 60.0),)
+    slim = replace(finishing_cutter, flute_length=1.2, shank_diameter=0.6, overhang=1.5, nose=nose)
+    far = simulate(text, finishing=replace(slim, holder=(Frustum(11.0, 0.6, 0.6),)))
+    assert far.spindle.touched == far.shank.touched == 0
+    # lowered by 10 mm
+    found = simulate(text, finishing=replace(slim, holder=(Frustum(1.0, 0.6, 0.6),)))
+    assert found.spindle.touched > 0
+    # its short holder stands in material too, and is told first
+    alone = replace(found, shank=far.shank, holder=replace(far.holder, touched=0))
+    with pytest.raises(VerifyError, match=rf"line {found.spindle.touched}: the spindle enters material"):
+        check_removal(alone)
+
+
+def test_a_chuck_that_reaches_too_high_is_found(simulate, text, sound):
+    low = simulate(text, clamping=Clamping((Column(6.0, 20.0),)))
+    assert low.table.touched == 0
+    assert low.table.least.value <= sound.table.least.value
+    found = simulate(text, clamping=Clamping((Column(20.0, 40.0),)))
+    with pytest.raises(VerifyError, match=rf"line {found.table.touched}: the \w+ meets table or chuck"):
+        check_removal(found)
+
+
+def test_a_tool_below_the_table_is_found(ring_path, pebble, simulate, finishing_cutter):
+    text = write_program([ring_path(pebble())], *PAIR, Job()).text
+    low = re.sub(r" Z([+-]\d+\.\d+)", lambda found: f" Z{float(found[1]) - 45:+.3f}", text)
+    found = simulate(low, part=None)
+    assert found.table.least.value < 0
+    with pytest.raises(VerifyError, match="meets table or chuck"):
+        check_removal(found)
+
+
+@pytest.mark.parametrize("kind", [Kind.LINK, Kind.CUT])
+def test_a_link_through_standing_material_is_told_with_its_block(
+    path_of, finishing_cutter, upright_capsule, simulate, kind
+):
+    # 0.3 mm deep along the side of the stock
+    x = np.linspace(-1.0, 1.0, 9)
+    away = upright_capsule.radius + finishing_cutter.radius - 0.3
+    tips = np.column_stack([x, np.full(len(x), -away), np.full(len(x), 37.0 - finishing_cutter.radius)])
+    tips = np.vstack([tips[0] + [0, -15, 20], tips[0] + [0, -15, 0], tips, tips[-1] + [0, -15, 0]])
+    kinds = np.array([Kind.RAPID] * 2 + [kind] * len(x) + [Kind.RAPID], dtype=np.int64)
+    path = path_of(tips, np.tile([0, 0, 1.0], (len(tips), 1)), kinds=kinds, tool=finishing_cutter)
+    text = write_program([path], *PAIR, Job()).text
+    found = simulate(text, part=None)
+    if kind == Kind.CUT:
+        assert found.link_contact is None
+        assert found.levels[0].link_depth is None
+        return
+    assert found.levels[0].links == pytest.approx(found.levels[0].removed)
+    assert found.link_contact.value == pytest.approx(found.levels[0].removed)
+    assert found.levels[0].link_depth.value == pytest.approx(0.3, abs=0.08)
+    assert "Y-" in words_of(text, found.link_contact.line)
+    assert "F900" in words_of(text, found.levels[0].link_depth.line)
 
 
 def test_a_word_changed_by_1_mm_is_found(simulate, text):
