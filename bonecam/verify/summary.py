@@ -139,7 +139,9 @@ def _removal_lines(removal: Mapping[str, Any]) -> Iterator[str]:
     spaces = (f"{part} {_clearance_text(value)}" for part, value in removal["clearance_mm"].items())
     yield f"clear     {', '.join(spaces)}"
     away = f"{left['area_over_0_02_mm2']:.1f} mm2 keep more than 0.02 mm, {left['max_mm']:.2f} mm at most"
-    yield f"left      {away}; at the post {left['by_reason']['post']:.1f} mm2"
+    reasons = left["by_reason"]
+    why = f"{reasons['gouge']:.1f} in hollows, {reasons['reachable']:.1f} where the ball fits"
+    yield f"left      {away} ({why}); at the post {reasons['post']:.1f} mm2"
 
 
 def _links_text(links: Mapping[str, Any]) -> str:

@@ -196,7 +196,12 @@ def _standing(
 
 def _left(left: Left) -> tuple[dict[str, Any], dict[str, ndarray]]:
     """The surface of the part with what stays on it."""
-    facts = {"highest": left.highest.value, "area": left.area, "post_area": left.post_area, "over": LEFT}
+    facts = {
+        "highest": left.highest.value,
+        "area": left.area,
+        "post_area": left.by_reason["post"],
+        "over": LEFT,
+    }
     return facts, {"left": left.mesh.vertices, "left_faces": left.mesh.faces, "left_height": left.heights}
 
 

@@ -1,6 +1,9 @@
 """What nails tell in the end: what stays on the part, and where a ball went into it."""
 
 import numpy as np
+from jaxtyping import Bool, Int
+from numpy import ndarray
+from scipy.spatial import cKDTree
 
 from bonecam.nc.reading.motions import Motions
 from bonecam.setup.holding import Post
@@ -11,6 +14,10 @@ LEFT = 0.02
 """More material than this is left over, mm: twice the scallop height of a default finishing cutter."""
 
 
+ENTERS = 0.01
+"""A ball on a place that enters the part beside it by more does not fit there, mm: the gouge tolerance of a job."""
+
+
 def measure_left(nails: Nails, post: Post, radius: float, motions: Motions) -> Left:
     """What stays; within `radius` (mm, of the smallest ball) of the post the post and its fillet stay."""
     at_post = post.distance(nails.points) < radius
@@ -18,14 +25,26 @@ def measure_left(nails: Nails, post: Post, radius: float, motions: Motions) -> L
     away = np.where(at_post, -np.inf, nails.heights)
     highest = int(np.argmax(away))
     lowest = int(np.argmin(nails.heights))
+    standing = np.flatnonzero(over & ~at_post)
+    hollow = _in_hollows(nails, standing, radius)
     return Left(
         mesh=nails.mesh,
         heights=nails.heights,
         highest=_spot(float(nails.heights[highest]), highest, nails, motions),
         deepest_gouge=_spot(-float(nails.heights[lowest]), lowest, nails, motions),
-        area=float(nails.areas[over & ~at_post].sum()),
-        post_area=float(nails.areas[over & at_post].sum()),
+        by_reason={
+            "post": float(nails.areas[over & at_post].sum()),
+            "gouge": float(nails.areas[standing[hollow]].sum()),
+            "reachable": float(nails.areas[standing[~hollow]].sum()),
+        },
     )
+
+
+def _in_hollows(nails: Nails, which: Int[ndarray, " k"], radius: float) -> Bool[ndarray, " k"]:
+    """Whether a ball that touches the part at these nails would enter it at another nail."""
+    centres = nails.points[which] + radius * nails.normals[which]
+    nearest, _ = cKDTree(nails.points).query(centres)
+    return np.asarray(nearest < radius - ENTERS)
 
 
 def _spot(value: float, nail: int, nails: Nails, motions: Motions) -> Spot:

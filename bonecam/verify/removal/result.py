@@ -60,17 +60,21 @@ class Clearance:
 class Left:
     """What stays on the part: `heights` (n,) over the vertices of `mesh`, mm (negative: gouged).
 
-    `highest` and `deepest_gouge` are the largest leftover away from the post and the deepest gouge. `area`:
-    mm^2 that keep more than LEFT away from the post, `post_area` at the post and in the fillet that the
-    cutter leaves round it.
+    `highest` and `deepest_gouge` are the largest leftover away from the post and the deepest gouge. `by_reason`: mm^2
+    that keep more than LEFT at the `post` and in the fillet that the cutter leaves round it, in hollows that are too
+    narrow for the smallest ball (`gouge`), and where that ball would fit (`reachable`).
     """
 
     mesh: TriangleMesh
     heights: Float[ndarray, " n"]
     highest: Spot
     deepest_gouge: Spot
-    area: float
-    post_area: float
+    by_reason: dict[str, float]
+
+    @property
+    def area(self) -> float:
+        """What keeps more than LEFT away from the post, mm^2."""
+        return self.by_reason["gouge"] + self.by_reason["reachable"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +155,7 @@ def _left_figures(left: Left) -> dict[str, Any]:
         "area_over_0_02_mm2": round(left.area, 3),
         "max_mm": _rounded(max(left.highest.value, 0.0)),
         "place": [round(value, 3) for value in left.highest.place],
-        "by_reason": {"post": round(left.post_area, 3), "cutter": round(left.area, 3)},
+        "by_reason": {reason: round(area, 3) for reason, area in left.by_reason.items()},
         "gouge_max_mm": _rounded(max(left.deepest_gouge.value, 0.0)),
     }
 

@@ -12,11 +12,14 @@ from bonecam.job.frustum import Frustum
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.machine import read_machine
 from bonecam.nc.posting.write import write_program
+from bonecam.nc.reading.read import read_program
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.fixture.clamping import Clamping
 from bonecam.setup.fixture.column import Column
 from bonecam.setup.holding import Post
 from bonecam.toolpath.path import Kind
+from bonecam.verify.removal.left import measure_left
+from bonecam.verify.removal.nails import Nails
 from bonecam.verify.removal.simulate import Accuracy, simulate_removal
 from bonecam.verify.removal.verdicts import check_removal
 
@@ -145,6 +148,24 @@ def test_the_report_has_its_keys(sound):
     assert set(sound.report) == {"cell_mm", "levels", "rapid_contact_mm3", "links", "clearance_mm", "left"}
     assert set(sound.report["clearance_mm"]) == {"shank", "holder", "spindle", "table"}
     assert sound.report["levels"][0]["index"] == 0
+
+
+def test_what_is_left_is_told_by_reason(sound):
+    reasons = sound.left.by_reason
+    # what the rings leave over the lower end can be reached, a pebble has no hollows
+    assert reasons["reachable"] > 1
+    assert reasons["gouge"] == 0
+    assert sound.report["left"]["area_over_0_02_mm2"] == pytest.approx(reasons["reachable"], abs=1e-3)
+
+
+@pytest.mark.parametrize(("bowl", "reason"), [(0.9, "gouge"), (1.2, "reachable")])
+def test_hollows_narrower_than_the_ball_are_a_reason(text, bowl, reason):
+    mesh = Capsule(np.array([0.0, 0.0, 50.0]), np.array([0.0, 0.0, 50.0]), bowl).mesh(0.002)
+    inward = (np.array([0.0, 0.0, 50.0]) - mesh.vertices) / bowl
+    nails = Nails(mesh, mesh.vertices, inward, np.full(len(inward), 0.1))
+    nails.heights[:] = 0.05
+    left = measure_left(nails, POST, 1.0, read_program(text, *PAIR))
+    assert left.by_reason[reason] == pytest.approx(0.1 * len(inward))
 
 
 def test_a_rapid_through_stock_is_found(path_of, finishing_cutter, simulate):
