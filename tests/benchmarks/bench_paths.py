@@ -1,4 +1,4 @@
-"""The patterns of passes on real bones: cusps by rays, length, time, and contacts a second beside OpenCAMLib.
+"""The patterns of passes on real bones: cusps by rays, length, time, and contacts a second.
 
     python tests/benchmarks/bench_paths.py [MESH:UNITS ...]
 
@@ -6,14 +6,10 @@ Cusps: rays along the normals of 40,000 random places of a level, cut by the cap
 formula). Columns: curves; length at the contact, beside the area over the mean exact step; seconds by the time model
 at 120 deg/s; mean height beside that of full cusps on a plane, a third of the scallop; largest height; lowest where
 the ball fits. Then candidate contacts of level 0 with the exact gouge check, a second of CPU.
-
-OpenCAMLib (`pip install opencamlib`), where it is installed, drops its 3-axis ball on the same triangles.
 """
 
 import sys
 import time
-from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +20,6 @@ import bonecam
 from bonecam.kernels.removal.nails import cut_nails, nail_cells
 from bonecam.levels.measure.level import MachinedLevel, machined_levels
 from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.machine import read_machine
 from bonecam.setup.holding import post_below
 from bonecam.surface.tspline import TSpline
@@ -126,7 +121,7 @@ def report_level(name: str, level: MachinedLevel, cutter: Cutter) -> None:
 
 
 def report_speed(level: MachinedLevel, cutter: Cutter, job: bonecam.Job) -> None:
-    """Contacts a second of CPU with lifts by the exact distance, and OpenCAMLib's on the same triangles."""
+    """Contacts a second of CPU with lifts by the exact distance."""
     mesh = level.surface.tessellate(0.002)
     distance = MeshDistance(mesh)
     post = post_below(mesh, job.holding)
@@ -135,28 +130,6 @@ def report_speed(level: MachinedLevel, cutter: Cutter, job: bonecam.Job) -> None
     seconds = time.process_time() - began
     rate = len(found.line) / seconds
     print(f"  {len(found.line)} contacts on {len(mesh.faces)} triangles: {rate:.0f} a second of CPU")
-    if find_spec("opencamlib") is None:
-        print("  opencamlib is not installed")
-        return
-    report_opencamlib(mesh, cutter.radius)
-
-
-def report_opencamlib(mesh: TriangleMesh, radius: float) -> None:
-    """Points a second that BatchDropCutter does over the part's plan."""
-    ocl = import_module("opencamlib")
-    surface = ocl.STLSurf()
-    for face in mesh.vertices[mesh.faces]:
-        surface.addTriangle(ocl.Triangle(*(ocl.Point(*map(float, corner)) for corner in face)))
-    batch = ocl.BatchDropCutter()
-    batch.setSTL(surface)
-    batch.setCutter(ocl.BallCutter(2 * radius, 50.0))
-    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
-    xy = np.random.default_rng(0).uniform(low[:2], high[:2], (20_000, 2))
-    for x, y in xy.tolist():
-        batch.appendPoint(ocl.CLPoint(x, y, float(low[2])))
-    began = time.process_time()
-    batch.run()
-    print(f"  opencamlib drop cutter: {len(xy) / (time.process_time() - began):.0f} points a second of CPU")
 
 
 if __name__ == "__main__":

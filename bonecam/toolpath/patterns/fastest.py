@@ -5,7 +5,7 @@ azimuth of the axis follows 2 pi s. So a pass round the part takes a whole turn,
 curve costs a step-over.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -41,7 +41,7 @@ def pattern_curves(surface: TSpline, pattern: str, cutter: Cutter, turn_speed: f
     if pattern != "fastest" and pattern not in known:
         raise ValueError(f"pattern {pattern!r}: on this surface give fastest, {', '.join(known)}")
     names = known if pattern == "fastest" else (pattern,)
-    found = [curves for name in names for curves in _candidates(surface, name, cutter, turn_speed)]
+    found = list(_candidates(surface, names, cutter, turn_speed))
     return min(found, key=lambda curves: curve_minutes(surface, curves, cutter, turn_speed))
 
 
@@ -57,20 +57,24 @@ def curve_minutes(surface: TSpline, curves: Curves, cutter: Cutter, turn_speed: 
     return float(np.maximum(ways / cutter.feed, turns / turn_speed).sum() + STEP_OVER * len(curves.group))
 
 
-def _candidates(surface: TSpline, pattern: str, cutter: Cutter, turn_speed: float) -> Iterator[Curves]:
-    """The ways to lay a pattern."""
+def _candidates(
+    surface: TSpline, names: Sequence[str], cutter: Cutter, turn_speed: float
+) -> Iterator[Curves]:
+    """Every way to lay the patterns of these names."""
     radius, scallop = cutter.radius, cutter.scallop
-    if pattern in ISO_PARAMETRIC:
-        yield iso_parametric_curves(surface, pattern, line_positions(surface, pattern, radius, scallop))
+    for name in ISO_PARAMETRIC:
+        if name in names:
+            yield iso_parametric_curves(surface, name, line_positions(surface, name, radius, scallop))
+    if set(names) <= set(ISO_PARAMETRIC):
         return
     metric = step_metric(surface, radius, scallop)
-    if pattern == "spiral":
-        yield spiral_curves(metric)
-    elif pattern == "bands":
-        yield band_curves(metric, cutter.feed, STEP_OVER, 2 * np.pi / turn_speed)
-    else:
+    if "iso-scallop" in names:
         for seeds in SEEDS:
             yield iso_scallop_curves(metric, seeds)
+    if "spiral" in names:
+        yield spiral_curves(metric)
+    if "bands" in names:
+        yield band_curves(metric, cutter.feed, STEP_OVER, 2 * np.pi / turn_speed)
 
 
 def iso_parametric_curves(surface: TSpline, pattern: str, across: Float[ndarray, " k"]) -> Curves:

@@ -78,9 +78,9 @@ def _pieces(metric: StepMetric, side: Side) -> list[Float[ndarray, "_ 2"]]:
     cell = float(np.sqrt(metric.G.mean())) * (metric.t[1] - metric.t[0])
     short = SHORT_GAP * metric.flat_step / cell
     curves: list[ndarray] = []
-    for number in range(int(width.max()) + 1):
-        ahead = number + 0.5
-        s = np.array([np.interp(ahead, column, side.s) for column in side.passes.T])
-        knots = np.column_stack([s, metric.t])
+    numbers = np.arange(int(width.max()) + 1)
+    places = np.array([np.interp(numbers + 0.5, column, side.s) for column in side.passes.T])
+    for number in numbers:
+        knots = np.column_stack([places[:, number], metric.t])
         curves += [knots[a:b] for a, b in ranges(width >= number, short)]
     return curves

@@ -37,10 +37,10 @@ def spiral_curves(metric: StepMetric) -> Curves:
         closer = np.minimum(closer * metric.shortfall(a, b), MOST_CLOSER)
 
     width = passes[:, 0]
-    s = np.arange(int(np.ceil((width.max() + 1) * places))) / places
-    side = np.arange(len(s)) % places
-    t = np.array([np.interp(turn, passes[k, ::-1], metric.t[::-1]) for turn, k in zip(s, side)])
-    knots = np.column_stack([s, t])
+    turns = np.arange(int(np.ceil(width.max() + 1)))[:, None] + np.arange(places) / places
+    t = [np.interp(turns[:, k], passes[k, ::-1], metric.t[::-1]) for k in range(places)]
+    s, side = turns.ravel(), np.arange(turns.size) % places
+    knots = np.column_stack([s, np.array(t).T.ravel()])
     short = SHORT_GAP * metric.flat_step / (np.sqrt(metric.E[:, 1].mean()) / places)
     return curves_of([knots[first:end] for first, end in ranges(s - 0.5 <= width[side], short)])
 
