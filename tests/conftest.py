@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -254,3 +255,45 @@ def path_of() -> Callable[..., ToolPath]:
         )
 
     return build
+
+
+@pytest.fixture(scope="session")
+def deepest_entry() -> Callable[..., ndarray]:
+    """Tells how deep (mm) a cutter is in what it must stay out of in a scene, with these ball centres and axes:
+    points all over the tool, with open3d's own distances to the meshes. The ball's half that cuts is left out."""
+    import open3d as o3d
+
+    def signed(mesh: TriangleMesh, points: ndarray) -> ndarray:
+        scene = o3d.t.geometry.RaycastingScene()
+        scene.add_triangles(
+            o3d.core.Tensor(mesh.vertices.astype(np.float32)), o3d.core.Tensor(mesh.faces.astype(np.uint32))
+        )
+        return scene.compute_signed_distance(o3d.core.Tensor(points.astype(np.float32))).numpy().astype(float)
+
+    def deepest(scene: Any, cutter: Cutter, centres: ndarray, axes: ndarray) -> ndarray:
+        side = np.where(np.abs(axes[:, :1]) < 0.9, np.array([[1.0, 0, 0]]), np.array([[0.0, 1, 0]]))
+        x = np.cross(side, axes)
+        x /= np.linalg.norm(x, axis=1, keepdims=True)
+        frames = np.stack([x, np.cross(axes, x), axes], axis=2)
+        worst = np.full(len(axes), -np.inf)
+        angle = np.arange(24) * (np.pi / 12)
+        rim = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
+        for section in cutter.profile:
+            heights = np.linspace(section.start, section.end, max(3, int(2 * (section.end - section.start))))
+            radii = section.radius + section.taper * (heights - section.start)
+            low = [f * section.radius * rim + [0, 0, section.start] for f in (0.2, 0.5, 0.8)]
+            points = np.vstack([*low, *(r * rim + [0, 0, h] for r, h in zip(radii, heights))])
+            points = points - np.array([0, 0, cutter.radius])
+            placed = (np.einsum("nij,kj->nki", frames, points) + centres[:, None]).reshape(-1, 3)
+            around = scene.around(section.name, cutter.radius)
+            distance = scene.stock.signed_distance(placed)
+            near = distance < 0.5
+            distance[near] = signed(around.mesh, placed[near])
+            for column in around.columns:
+                distance = np.minimum(distance, column.distance(placed))
+            if scene.clamping.closed:
+                distance = np.minimum(distance, placed[:, 2] - scene.clamping.clearance)
+            worst = np.maximum(worst, -distance.reshape(len(axes), -1).min(axis=1))
+        return worst
+
+    return deepest

@@ -72,10 +72,10 @@ class PathJob(Section):
         high=60.0,
     )
     orientation: str = parameter(
-        "smooth",
+        "cones",
         "Orientation",
-        "Tool axes: leaning forward by the lead angle (lead), or a field that turns the machine smoothly (smooth).",
-        choices=("smooth", "lead"),
+        "Tool axes: turning the machine as smoothly as cones of free axes allow (cones), or leaning forward (lead).",
+        choices=("cones", "lead"),
     )
     least_lead_deg: float = parameter(
         10.0,

@@ -1,8 +1,13 @@
 from .collision.scene import Scene as Scene
+from .cones.admissible_cones import AxisCones as AxisCones
+from .cones.admissible_cones import admissible_cones as admissible_cones
 from .cones.cone import ObliqueEllipticCone as ObliqueEllipticCone
 from .cones.cone import oblique_elliptic_cone as oblique_elliptic_cone
 from .cones.intersection import IntersectionCurve as IntersectionCurve
 from .cones.intersection import intersect as intersect
+from .field.axis_field import FieldDomain as FieldDomain
+from .field.smooth_axes import SmoothAxes as SmoothAxes
+from .field.smooth_axes import smooth_axes as smooth_axes
 from .layer_paths import plan_layer_paths as plan_layer_paths
 from .level_paths import plan_paths as plan_paths
 from .limits import AxisLimits as AxisLimits

@@ -17,10 +17,10 @@ from bonecam.job import Job, PathJob
 from bonecam.levels.measure.level import Level, MachinedLevel, machined_levels, morph_surfaces
 from bonecam.mesh.distance import MeshDistance
 from bonecam.orientation.axes.lead import check_lead
-from bonecam.orientation.collision.checker import CollisionChecker
 from bonecam.orientation.collision.scene import Scene
-from bonecam.orientation.field.axis_field import AxisField
-from bonecam.orientation.field.fit import fit_axis_field
+from bonecam.orientation.cones.admissible_cones import admissible_cones
+from bonecam.orientation.field.axis_field import FieldDomain
+from bonecam.orientation.field.smooth_axes import SmoothAxes, smooth_axes
 from bonecam.orientation.limits import AxisLimits
 from bonecam.orientation.oriented_path import orient
 from bonecam.progress import Progress, report, silent
@@ -85,7 +85,7 @@ def plan_paths(
     capsule = enclosing_capsule(stock)
     material = uncut_material(levels, stock)
     paths: list[ToolPath] = []
-    field: AxisField | None = None
+    smooth: SmoothAxes | None = None
     for found in _one_ahead(contacts_of, machined_levels(levels)[::-1]):
         level = found.level
         report(progress, (len(levels) - 2 - level.index) / (len(levels) - 1), f"path of level {level.index}")
@@ -93,8 +93,8 @@ def plan_paths(
         scene = Scene(found.distance.mesh, material.mesh, capsule, *around)
         allowed = _allowed(levels, level.index, cutters, job)
         contacts = contact_path(found.candidates, material, allowed)
-        field = _field_of(contacts, level, scene, limits, job.path, field)
-        oriented = partial(_oriented, scene=scene, limits=limits, job=job, field=field)
+        smooth = _smooth(contacts, level, scene, limits, job.path, smooth)
+        oriented = partial(_oriented, scene=scene, limits=limits, job=job, smooth=smooth)
         rings = partial(_rings, found, part, post, job)
         material, rest = _take_rest(found, material, allowed, oriented, rings)
         path = oriented(contact_path(found.candidates, material, allowed) if rest else contacts, material)
@@ -109,10 +109,10 @@ def _oriented(
     scene: Scene,
     limits: AxisLimits,
     job: Job,
-    field: AxisField | None,
+    smooth: SmoothAxes | None,
 ) -> ToolPath:
-    """The tool path of contacts, its axes taken from the field where there is one."""
-    wanted = field.axes(contacts.parameters) if field is not None else None
+    """The tool path of contacts, its axes taken from the smooth ones where there are any."""
+    wanted = smooth.wanted_for(contacts) if smooth is not None else None
     return orient(contacts, scene, limits, job.path, job.nc, wanted, material=material)
 
 
@@ -161,19 +161,21 @@ def _distance_to_part(levels: Sequence[Level], job: PathJob) -> MeshDistance:
     return MeshDistance(morph_surfaces(levels)[0].tessellate(chord))
 
 
-def _field_of(
+def _smooth(
     contacts: ContactPath,
     level: MachinedLevel,
     scene: Scene,
     limits: AxisLimits,
     job: PathJob,
-    before: AxisField | None,
-) -> AxisField | None:
-    """The field of a level from that of the level `before`; None where the job wants no field."""
-    if job.orientation != "smooth" or not len(contacts.contacts):
+    before: SmoothAxes | None,
+) -> SmoothAxes | None:
+    """Smooth axes of a level in cones of free ones, from the field of the level `before`; None where the job wants
+    none."""
+    if job.orientation != "cones" or not len(contacts.contacts):
         return before
-    checker = CollisionChecker(scene, contacts.cutter)
-    return fit_axis_field(contacts, level.surface.domain[1], checker, limits, job, before)
+    cones = admissible_cones(contacts, scene, limits, job)
+    start = before.field if before else None
+    return smooth_axes(cones, FieldDomain.of(level.surface), limits, job, "membrane", start)
 
 
 def _allowed(levels: Sequence[Level], level: int, cutters: Mapping[int, Cutter], job: Job) -> Allowed:

@@ -11,7 +11,7 @@ from bonecam.arrays import angles_between
 from bonecam.errors import OrientationError
 from bonecam.job import NcJob, PathJob
 from bonecam.orientation.axes.singularity import SINGULAR_ANGLE, least_polar_angles
-from bonecam.orientation.axes.tool_axes import ToolAxes, choose_axes, fixed_axes
+from bonecam.orientation.axes.tool_axes import ToolAxes, WantedAxes, choose_axes, fixed_axes
 from bonecam.orientation.collision.checker import CollisionChecker
 from bonecam.orientation.collision.scene import Scene
 from bonecam.orientation.limits import AxisLimits
@@ -38,7 +38,7 @@ def orient(
     limits: AxisLimits,
     job: PathJob,
     nc: NcJob,
-    wanted: Float[ndarray, "n 3"] | None = None,
+    wanted: WantedAxes | None = None,
     *,
     fixed: Float[ndarray, "n 3"] | None = None,
     material: Material | None = None,

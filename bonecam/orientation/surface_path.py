@@ -3,17 +3,19 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
-from numpy import ndarray
 
-from bonecam.job import Job, field_error
+from bonecam.job import Job, PathJob, field_error
 from bonecam.levels.measure.cut_measures import NO_CUT
 from bonecam.levels.measure.level import PartLevel
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.orientation.axes.lead import check_lead
+from bonecam.orientation.axes.tool_axes import WantedAxes
 from bonecam.orientation.collision.checker import CollisionChecker
 from bonecam.orientation.collision.scene import Scene
+from bonecam.orientation.cones.admissible_cones import admissible_cones
+from bonecam.orientation.field.axis_field import FieldDomain
+from bonecam.orientation.field.smooth_axes import smooth_axes
 from bonecam.orientation.limits import AxisLimits
 from bonecam.orientation.oriented_path import orient
 from bonecam.orientation.post_length import GOUGE, SampledContacts, least_lifts, shortest_post
@@ -108,11 +110,16 @@ def plan_surface(workpiece: Workpiece, job: Job, limits: AxisLimits, bodies: Mac
     cutter = finishing_cutter(job, bodies)
     scene = workpiece.scene(job, clamping_of(job.holding, bodies.table))
     contacts = surface_contacts(workpiece, scene, job, cutter)
-    return orient(contacts, scene, limits, job.path, job.nc, wanted_axes(contacts, scene, limits, job))
+    return orient(
+        contacts, scene, limits, job.path, job.nc, wanted_axes(workpiece, contacts, scene, limits, job.path)
+    )
 
 
 def wanted_axes(
-    contacts: ContactPath, scene: Scene, limits: AxisLimits, job: Job
-) -> Float[ndarray, "n 3"] | None:
+    workpiece: Workpiece, contacts: ContactPath, scene: Scene, limits: AxisLimits, job: PathJob
+) -> WantedAxes | None:
     """The smooth axes of the contacts; None where the job wants them to lean by the lead angle."""
-    return None
+    if job.orientation != "cones":
+        return None
+    cones = admissible_cones(contacts, scene, limits, job)
+    return smooth_axes(cones, FieldDomain.of(workpiece.surface), limits, job).wanted

@@ -22,6 +22,15 @@ from bonecam.toolpath.path import ContactPath
 
 
 @dataclass(frozen=True, eq=False)
+class WantedAxes:
+    """The axes to start from, and for which contacts they are `certified` free with their halves of the moves to their
+    neighbours."""
+
+    axes: Float[ndarray, "n 3"]
+    certified: Bool[ndarray, " n"]
+
+
+@dataclass(frozen=True, eq=False)
 class ToolAxes:
     """An axis for every contact, and an empty string or why it has none (`limits`, `collision`).
 
@@ -44,28 +53,34 @@ def choose_axes(
     checker: CollisionChecker,
     limits: AxisLimits,
     job: PathJob,
-    wanted: Float[ndarray, "n 3"] | None = None,
+    wanted: WantedAxes | None = None,
 ) -> ToolAxes:
     """An axis for every contact that is within limits and free of collision; `wanted` are the axes to start from,
     by default those that lean forward by the lead angle."""
     cutter, centres, passes = path.cutter, path.centres, path.pass_index
     max_tilt = np.radians(job.max_tilt_deg)
     if wanted is None:
-        wanted = lead_axes(path.normals, path.feeds, np.radians(job.lead_deg))
-    bounded = bound_polar_angles(wanted, centres, cutter, checker.scene.clamping, limits)
+        leaning = lead_axes(path.normals, path.feeds, np.radians(job.lead_deg))
+        wanted = WantedAxes(leaning, np.zeros(len(leaning), dtype=bool))
+    bounded = bound_polar_angles(wanted.axes, centres, cutter, checker.scene.clamping, limits)
     preferred = avoid_singularity(bounded, centres, passes)
 
     same_pass = np.r_[passes[1:] == passes[:-1], False]
-    in_motion = checker.free_in_motion(centres - cutter.radius * preferred, preferred, same_pass)
+    known = wanted.certified & _with_neighbours((preferred == wanted.axes).all(axis=1))
+    in_motion = checker.free_in_motion(centres - cutter.radius * preferred, preferred, same_pass, known)
     admissible = within_limits(preferred, path.normals, limits, max_tilt)
     open_ = np.flatnonzero(admissible & ~in_motion)
     admissible[open_] = checker.free_by_distance(centres[open_], preferred[open_])
 
     axes, reasons = _replace(path, preferred, admissible, checker, limits, max_tilt)
     kept = (axes == preferred).all(axis=1) & np.array([not reason for reason in reasons])
+    return ToolAxes(axes, tuple(reasons), in_motion & _with_neighbours(kept))
+
+
+def _with_neighbours(kept: Bool[ndarray, " n"]) -> Bool[ndarray, " n"]:
+    """Which contacts are kept with those before and behind them."""
     with_ends = np.r_[True, kept, True]
-    unchanged = with_ends[:-2] & kept & with_ends[2:]
-    return ToolAxes(axes, tuple(reasons), in_motion & unchanged)
+    return np.asarray(with_ends[:-2] & kept & with_ends[2:])
 
 
 def fixed_axes(path: ContactPath, checker: CollisionChecker, axes: Float[ndarray, "n 3"]) -> ToolAxes:

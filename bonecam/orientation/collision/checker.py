@@ -66,12 +66,19 @@ class CollisionChecker:
         return classify_poses(self.scene, self.cutter, poses, air=self.air, settled=UNDECIDED) == FREE
 
     def free_in_motion(
-        self, tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], joined: Bool[ndarray, " n"]
+        self,
+        tips: Float[ndarray, "n 3"],
+        axes: Float[ndarray, "n 3"],
+        joined: Bool[ndarray, " n"],
+        known_free: Bool[ndarray, " n"],
     ) -> Bool[ndarray, " n"]:
-        """Whether each pose and its halves of the moves to its neighbours are proven free by distances;
-        `joined` as in `moves_free`."""
-        poses = Poses.in_motion(tips, axes, joined)
-        return classify_poses(self.scene, self.cutter, poses, settled=UNDECIDED) == FREE
+        """Whether each pose and its halves of the moves to its neighbours are `known_free` or proven free by
+        distances; `joined` as in `moves_free`."""
+        free = known_free.copy()
+        asked = np.flatnonzero(~known_free)
+        poses = Poses.in_motion(tips, axes, joined).take(asked)
+        free[asked] = classify_poses(self.scene, self.cutter, poses, settled=UNDECIDED) == FREE
+        return free
 
     def moves_free(
         self,

@@ -13,21 +13,21 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
-from scipy.sparse import csr_array, diags_array, eye_array, hstack, kron, vstack
+from scipy.sparse import csr_array, diags_array, hstack, vstack
 
-from bonecam.arrays import dots
-from bonecam.orientation.field.axis_field import ALONG, AROUND, axes_of, basis
+from bonecam.arrays import angles_between, dots
+from bonecam.orientation.field.axis_field import FieldDomain, axes_of, basis, second_differences
 
 SPEED_SHARE = 0.9
 """Rates above this are what the field is freed of first."""
 SPEED_WEIGHT = 60.0
 """Of a rate above SPEED_SHARE, against one below it."""
 BOUND_WEIGHT = 200.0
-"""Of an angle beyond a bound, in rates a radian."""
-TARGET_WEIGHT = 100.0
-"""Of the distance of an axis from its target, in rates a radian."""
-ROUGHNESS_WEIGHT = 0.2
-"""Of second differences of control values, in rates a radian."""
+"""Of an angle beyond a bound or a cone, in rates a radian."""
+STRAIGHT = 1e-6
+"""Squared sines below this are taken for it: an angle has no derivative at 0."""
+PRESETS = {"membrane": (1.0, 0.2), "thin-plate": (0.1, 2.0)}
+"""Weights of the rates, and of second differences of control values in rates a radian."""
 
 Term = tuple[Float[ndarray, " m"], csr_array]
 """Residuals and their derivatives by all control values."""
@@ -36,12 +36,15 @@ Term = tuple[Float[ndarray, " m"], csr_array]
 @dataclass(frozen=True, eq=False)
 class AxisBounds:
     """What the axes at n samples must keep, radians: polar angles between `least_polar` and `largest_polar`, angles
-    from the surface normal between `least_lead` and `largest_tilt`."""
+    from the surface normal between `least_lead` and `largest_tilt`, and from `cone_axes` no more than `cone_angles`
+    (pi where there is no cone)."""
 
     least_polar: float
     largest_polar: Float[ndarray, " n"]
     least_lead: float
     largest_tilt: Float[ndarray, " n"]
+    cone_axes: Float[ndarray, "n 3"]
+    cone_angles: Float[ndarray, " n"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,19 +52,18 @@ class AxisEnergy:
     """The energy over n samples in the order of their passes.
 
     Move k leads from sample `moves[k]` to the next and takes `times[k]` (min) at the feed; `speeds` are those of
-    azimuth and polar angle, rad/min. `targets` (k, 3) are axes wanted at the samples `targeted`.
+    azimuth and polar angle, rad/min. `weights` as in PRESETS.
     """
 
     parameters: Float[ndarray, "n 2"]
     normals: Float[ndarray, "n 3"]
-    domain: tuple[float, float]
+    domain: FieldDomain
     winding: int
     moves: Int[ndarray, " m"]
     times: Float[ndarray, " m"]
     speeds: tuple[float, float]
     bounds: AxisBounds
-    targeted: Int[ndarray, " k"]
-    targets: Float[ndarray, "k 3"]
+    weights: tuple[float, float]
 
     @cached_property
     def values_at(self) -> csr_array:
@@ -77,8 +79,8 @@ class AxisEnergy:
     @cached_property
     def roughness(self) -> csr_array:
         """From control values to their second differences both ways, weighted."""
-        differences = second_differences()
-        return differences * (ROUGHNESS_WEIGHT / np.sqrt(differences.shape[0]))
+        differences = second_differences(self.domain)
+        return differences * (self.weights[1] / np.sqrt(differences.shape[0]))
 
     @cached_property
     def shares(self) -> Float[ndarray, " n"]:
@@ -87,7 +89,7 @@ class AxisEnergy:
 
     def angles(self, values: Float[ndarray, "2 c"]) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
         """Azimuth and polar angle at the samples, radians."""
-        wound = 2 * np.pi * self.winding * self.parameters[:, 0]
+        wound = 2 * np.pi * self.winding * self.domain.round(self.parameters[:, 0])
         return wound + self.values_at @ values[0], self.values_at @ values[1]
 
     def terms(self, values: Float[ndarray, "2 c"]) -> Term:
@@ -100,19 +102,19 @@ class AxisEnergy:
         """The rates of both angles, and what they exceed SPEED_SHARE by; a move round the part whose winding alone
         is faster cannot be helped."""
         share = np.sqrt(self.times / self.times.sum())
-        s = self.parameters[:, 0]
+        s = self.domain.round(self.parameters[:, 0])
         short_way = np.mod(s[self.moves + 1] - s[self.moves] + 0.5, 1.0) - 0.5
         for angle, wound in ((0, 2 * np.pi * self.winding * short_way), (1, np.zeros(len(short_way)))):
             scale = share / (self.speeds[angle] * self.times)
             rate = scale * (wound + self.steps @ values[angle])
-            yield _term(rate, _scaled(self.steps, scale), angle)
+            yield _term(self.weights[0] * rate, _scaled(self.steps, self.weights[0] * scale), angle)
             avoidable = np.abs(scale * wound) < SPEED_SHARE * share
             over = np.where(avoidable, np.maximum(np.abs(rate) - SPEED_SHARE * share, 0.0), 0.0)
             slope = SPEED_WEIGHT * np.sign(rate) * (over > 0)
             yield _term(SPEED_WEIGHT * over, _scaled(self.steps, slope * scale), angle)
 
     def _bounds(self, azimuth: Float[ndarray, " n"], polar: Float[ndarray, " n"]) -> Iterator[Term]:
-        """What angles exceed their bounds by, and how far axes are from their targets."""
+        """What angles exceed their bounds by, and how far axes are outside their cones."""
         bounds, weight = self.bounds, BOUND_WEIGHT * self.shares
         for beyond, sign in ((polar - bounds.largest_polar, 1.0), (bounds.least_polar - polar, -1.0)):
             slope = sign * weight * (beyond > 0)
@@ -130,27 +132,15 @@ class AxisEnergy:
             slope = sign * weight * (beyond > 0)
             yield self._by_both(weight * np.maximum(beyond, 0.0), [slope * g for g in gradients])
 
-        at, far = self.targeted, TARGET_WEIGHT * self.shares[self.targeted]
-        for k in range(3):
-            slopes = [np.zeros(len(axes)), np.zeros(len(axes))]
-            for slope, by in zip(slopes, (by_azimuth, by_polar)):
-                slope[at] = far * by[at, k]
-            residual = np.zeros(len(axes))
-            residual[at] = far * (axes[at, k] - self.targets[:, k])
-            yield self._by_both(residual, slopes)
+        cosine = np.clip(dots(axes, bounds.cone_axes), -1.0, 1.0)
+        beyond = np.maximum(angles_between(axes, bounds.cone_axes) - bounds.cone_angles, 0.0)
+        slope = np.where(beyond > 0, -weight / np.sqrt(np.maximum(1 - cosine**2, STRAIGHT)), 0.0)
+        gradients = dots(by_azimuth, bounds.cone_axes), dots(by_polar, bounds.cone_axes)
+        yield self._by_both(weight * beyond, [slope * g for g in gradients])
 
     def _by_both(self, residual: Float[ndarray, " n"], slopes: Sequence[Float[ndarray, " n"]]) -> Term:
         """A residual of each sample that depends on both angles."""
         return residual, hstack([_scaled(self.values_at, slope) for slope in slopes], format="csr")
-
-
-def second_differences() -> csr_array:
-    """Second differences of control values: round the level those of its rings, and along it."""
-    ring = np.eye(AROUND)
-    around = 2 * ring - np.roll(ring, 1, axis=1) - np.roll(ring, -1, axis=1)
-    along = np.diff(np.eye(ALONG), 2, axis=0)
-    parts = [kron(csr_array(around), eye_array(ALONG)), kron(eye_array(AROUND), csr_array(along))]
-    return vstack(parts, format="csr")
 
 
 def _scaled(matrix: csr_array, factors: Float[ndarray, " n"]) -> csr_array:

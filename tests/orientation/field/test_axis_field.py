@@ -3,11 +3,19 @@
 import numpy as np
 import pytest
 
-from bonecam.orientation.field.axis_field import ALONG, AROUND, AxisField, basis
-from bonecam.orientation.field.energy import AxisBounds, AxisEnergy
+from bonecam.orientation.field.axis_field import (
+    ALONG,
+    AROUND,
+    AxisField,
+    FieldDomain,
+    basis,
+    second_differences,
+)
+from bonecam.orientation.field.energy import PRESETS, AxisBounds, AxisEnergy
 
 RANDOM = np.random.default_rng(2)
-DOMAIN = (0.0, 3.0)
+DOMAIN = FieldDomain((0.0, 1.0), (0.0, 3.0), closed=True)
+OPEN = FieldDomain((0.0, 1.0), (0.0, 3.0), closed=False)
 PLACES = RANDOM.random((300, 2)) * [1.0, 3.0]
 ONCE_ROUND = np.array([1.0, 0.0])
 VALUES = RANDOM.normal(0.8, 0.3, (2, AROUND * ALONG))
@@ -37,18 +45,28 @@ def test_the_azimuth_winds_once(winding: int) -> None:
     assert azimuth[-1] - azimuth[0] == pytest.approx(winding * 2 * np.pi)
 
 
+def test_an_open_field_is_free_at_its_borders() -> None:
+    """Its basis sums to one, and control values on a plane bend nothing; those of a closed one must come round."""
+    matrix = basis(PLACES, OPEN)
+    np.testing.assert_allclose(matrix.sum(axis=1), 1.0, rtol=1e-12)
+    slope = np.add.outer(np.arange(AROUND), 2.0 * np.arange(ALONG)).ravel()
+    np.testing.assert_allclose(second_differences(OPEN) @ slope, 0.0, atol=1e-9)
+    assert np.abs(second_differences(DOMAIN) @ slope).max() > 1
+    ends = AxisField(OPEN, 0, VALUES[0], VALUES[1]).axes(np.array([[0.0, 1.0], [1.0, 1.0]]))
+    assert np.linalg.norm(ends[0] - ends[1]) > 1e-3
+
+
 def energy() -> AxisEnergy:
-    """Samples whose every bound is broken somewhere, and some targets."""
+    """Samples whose every bound is broken somewhere."""
     normals = RANDOM.normal(size=(300, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     moves = np.delete(np.arange(299), [99, 199])
-    bounds = AxisBounds(0.6, np.full(300, 1.0), 0.3, np.full(300, 0.9))
-    targets = RANDOM.normal(size=(20, 3))
+    axes = RANDOM.normal(size=(300, 3))
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    bounds = AxisBounds(0.6, np.full(300, 1.0), 0.3, np.full(300, 0.9), axes, np.full(300, 0.5))
     places = PLACES[np.argsort(PLACES[:, 1])]
     times = RANDOM.uniform(0.01, 0.3, len(moves))
-    return AxisEnergy(
-        places, normals, DOMAIN, 1, moves, times, (8.0, 5.0), bounds, np.arange(0, 300, 15), targets
-    )
+    return AxisEnergy(places, normals, DOMAIN, 1, moves, times, (8.0, 5.0), bounds, PRESETS["membrane"])
 
 
 def test_derivatives_of_the_energy_are_those_of_differences() -> None:
@@ -63,10 +81,12 @@ def test_derivatives_of_the_energy_are_those_of_differences() -> None:
 
 def test_a_field_within_its_bounds_has_no_energy_of_bounds() -> None:
     normals = np.tile([0.0, 0.0, 1.0], (300, 1))
-    bounds = AxisBounds(0.1, np.full(300, 2.0), 0.2, np.full(300, 1.2))
-    none = np.zeros(0, dtype=np.int64)
-    made = AxisEnergy(
-        PLACES, normals, DOMAIN, 1, none, np.zeros(0), (np.inf, np.inf), bounds, none, np.zeros((0, 3))
-    )
     even = np.stack([np.zeros(AROUND * ALONG), np.full(AROUND * ALONG, 0.7)])
-    assert np.abs(made.terms(even)[0]).max() < 1e-12
+    axes = AxisField(DOMAIN, 1, even[0], even[1]).axes(PLACES)
+    none = np.zeros(0, dtype=np.int64)
+    for angle, holds in ((0.1, True), (-0.1, False)):
+        bounds = AxisBounds(0.1, np.full(300, 2.0), 0.2, np.full(300, 1.2), axes, np.full(300, angle))
+        made = AxisEnergy(
+            PLACES, normals, DOMAIN, 1, none, np.zeros(0), (np.inf, np.inf), bounds, PRESETS["membrane"]
+        )
+        assert (np.abs(made.terms(even)[0]).max() < 1e-12) == holds

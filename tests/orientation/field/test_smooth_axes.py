@@ -1,7 +1,6 @@
-"""What a fitted field promises: bounds, smoothness, and ways round obstacles."""
+"""What smooth axes promise: bounds, smoothness, and cones kept."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,13 +11,15 @@ from bonecam.levels.measure.level import Level
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.orientation.axes.lead import lead_axes
-from bonecam.orientation.collision.checker import CollisionChecker
 from bonecam.orientation.collision.scene import Scene
-from bonecam.orientation.field.fit import fit_axis_field
+from bonecam.orientation.cones.admissible_cones import admissible_cones
+from bonecam.orientation.field.axis_field import ALONG, AROUND, AxisField, FieldDomain
+from bonecam.orientation.field.smooth_axes import SmoothAxes, smooth_axes
 from bonecam.orientation.limits import AxisLimits, polar_angles
 from bonecam.orientation.oriented_path import orient
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.fixture.clamping import Clamping
+from bonecam.setup.fixture.column import Column
 from bonecam.setup.holding import post_below
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.contacts import candidate_contacts, contact_path
@@ -26,7 +27,7 @@ from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.toolpath.path import ContactPath, Kind
 
 LIMITS = AxisLimits(np.radians(115.0), tilt_speed=np.radians(90) * 60, turn_speed=np.radians(120) * 60)
-JOB = PathJob(pattern="along", orientation="smooth")
+JOB = PathJob(pattern="along", orientation="cones")
 
 NEAR = Clamping(clearance=0.5)
 """Holders may come near the post: the part is what they meet."""
@@ -45,22 +46,33 @@ def made(
 ) -> Callable[..., Made]:
     """Contacts along a lump with a groove, for a cutter."""
 
-    def make(cutter: Cutter | None = None, job: PathJob = JOB) -> Made:
+    def make(cutter: Cutter | None = None, job: PathJob = JOB, clamping: Clamping = NEAR) -> Made:
         surface = grooved_pebble(0.8)
         level, material = mesh_of(surface), mesh_of(grooved_pebble(0.8, 0.4))
         post = post_below(level, holding)
         tool = cutter or roughing_cutter
         contacts = contact_path(candidate_contacts(level_of(surface), [MeshDistance(level)], tool, post, job))
-        return surface, contacts, Scene(level, material, upright_capsule, post, clamping=NEAR)
+        return surface, contacts, Scene(level, material, upright_capsule, post, clamping=clamping)
 
     return make
 
 
-def fitted(made: Made, job: PathJob = JOB, limits: AxisLimits = LIMITS) -> np.ndarray:
+def smoothed(
+    made: Made, job: PathJob = JOB, preset: str = "membrane", start: AxisField | None = None
+) -> SmoothAxes:
     surface, contacts, scene = made
-    checker = CollisionChecker(scene, contacts.cutter)
-    field = fit_axis_field(contacts, surface.domain[1], checker, limits, job)
-    return field.axes(contacts.parameters)
+    cones = admissible_cones(contacts, scene, LIMITS, job)
+    return smooth_axes(cones, FieldDomain.of(surface), LIMITS, job, preset, start)
+
+
+@pytest.fixture(scope="module")
+def case(made: Callable[..., Made]) -> Made:
+    return made()
+
+
+@pytest.fixture(scope="module")
+def smooth(case: Made) -> SmoothAxes:
+    return smoothed(case)
 
 
 def on_lines(contacts: ContactPath) -> np.ndarray:
@@ -81,57 +93,61 @@ def rates(contacts: ContactPath, axes: np.ndarray) -> np.ndarray:
     return (np.maximum(turn, tilt) / np.maximum(time, 1e-9))[same]
 
 
-def test_the_field_keeps_its_bounds(made: Callable[..., Made]) -> None:
-    case = made()
-    axes, normals = fitted(case), case[1].normals
+def test_the_field_keeps_its_bounds(case: Made, smooth: SmoothAxes) -> None:
+    axes, normals = smooth.axes, case[1].normals
     tilt = np.degrees(np.arccos(dots(axes, normals)))
     assert tilt.max() < JOB.max_tilt_deg
     assert np.mean(tilt[on_lines(case[1])] < JOB.least_lead_deg - 1) < 0.03
     assert polar_angles(axes).max() < LIMITS.largest
 
 
-def test_the_machine_follows_the_field_at_the_feed(made: Callable[..., Made]) -> None:
-    case = made()
+def test_the_machine_follows_the_field_at_the_feed(case: Made, smooth: SmoothAxes) -> None:
     contacts = case[1]
-    smooth = rates(contacts, fitted(case))
+    asked = rates(contacts, smooth.axes)
     lead = rates(contacts, lead_axes(contacts.normals, contacts.feeds, np.radians(10.0)))
-    assert np.mean(smooth > 1) < 0.01
+    assert np.mean(asked > 1) < 0.01
     assert np.mean(lead > 1) > 0.2
-    assert np.mean(np.maximum(smooth, 1)) < 1.02
+    assert np.mean(np.maximum(asked, 1)) < 1.02
 
 
-def test_the_field_gives_way_to_a_holder_near_the_part(
-    made: Callable[..., Made], roughing_cutter: Cutter, monkeypatch: pytest.MonkeyPatch
+def test_axes_that_collide_are_led_into_cones(
+    made: Callable[..., Made], deepest_entry: Callable[..., np.ndarray]
 ) -> None:
-    """A holder just above the flutes collides in most leaning axes; targets turn the field away."""
-    from bonecam.orientation.field import fit
+    """From a field that points down, through a chuck below the part."""
+    case = made(clamping=Clamping((Column(14.0, 25.0),), clearance=4.0))
+    surface, contacts, scene = case
+    flat = np.zeros(AROUND * ALONG)
+    start = AxisField(FieldDomain.of(surface), 1, flat, flat + np.radians(112.0))
+    smooth = smoothed(case, start=start)
+    some = np.flatnonzero(smooth.cones.found)[::5]
+    hits = [
+        np.mean(deepest_entry(scene, contacts.cutter, contacts.centres[some], axes[some]) > 0.011)
+        for axes in (smooth.axes, start.axes(contacts.parameters))
+    ]
+    assert hits[0] == 0
+    assert hits[1] > 0.5
+    assert smooth.wanted.certified[smooth.cones.found].mean() > 0.97
 
-    case = made(replace(roughing_cutter, overhang=12.0))
+
+def test_the_oriented_path_takes_the_axes_of_the_field(case: Made, smooth: SmoothAxes) -> None:
     _, contacts, scene = case
-    checker = CollisionChecker(scene, contacts.cutter)
-    axes = fitted(case)
-    monkeypatch.setattr(fit, "COLLISION_ROUNDS", 0)
-    without = fitted(case)
-    hits = [np.mean(~checker.free_by_distance(contacts.centres, tried)) for tried in (axes, without)]
-    assert hits[1] > 0.02
-    assert hits[0] < 0.5 * hits[1]
-
-
-def test_the_oriented_path_takes_the_axes_of_the_field(made: Callable[..., Made]) -> None:
-    case = made()
-    _, contacts, scene = case
-    wanted = fitted(case)
-    path = orient(contacts, scene, LIMITS, JOB, NcJob(), wanted)
+    wanted = smooth.axes
+    path = orient(contacts, scene, LIMITS, JOB, NcJob(), smooth.wanted)
     cut = path.kinds == Kind.CUT
     distance = np.linalg.norm(path.contacts[cut][:, None] - contacts.contacts[None], axis=2)
     off = np.linalg.norm(path.axes[cut] - wanted[distance.argmin(axis=1)], axis=1)
     assert np.mean(off < 1e-9) > 0.9
 
 
-def test_a_neighbours_field_is_a_start_that_leads_to_the_same_smoothness(made: Callable[..., Made]) -> None:
-    surface, contacts, scene = made()
-    checker = CollisionChecker(scene, contacts.cutter)
-    first = fit_axis_field(contacts, surface.domain[1], checker, LIMITS, JOB)
-    again = fit_axis_field(contacts, surface.domain[1], checker, LIMITS, JOB, first)
-    one, other = (rates(contacts, field.axes(contacts.parameters)) for field in (first, again))
+def test_a_neighbours_field_is_a_start_that_leads_to_the_same_smoothness(
+    case: Made, smooth: SmoothAxes
+) -> None:
+    again = smoothed(case, start=smooth.field)
+    one, other = (rates(case[1], found.axes) for found in (smooth, again))
     assert np.sqrt(np.mean(other**2)) < 1.05 * np.sqrt(np.mean(one**2))
+
+
+def test_an_unknown_preset_is_refused(smooth: SmoothAxes) -> None:
+    domain = smooth.field.domain
+    with pytest.raises(ValueError, match="membrane, thin-plate or automatic"):
+        smooth_axes(smooth.cones, domain, LIMITS, JOB, "stiff")

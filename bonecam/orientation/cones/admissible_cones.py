@@ -1,0 +1,128 @@
+"""Certified cones of free tool axes (Xu et al. 2013, section 3): one for every contact, about wanted axes.
+
+A node of a net stands for the contacts round it. Its cone is circular: the widest one that expanding marching
+proves free about one of the free directions, with obstacles that are nearer by the node's reach. So for every axis
+inside, the tool is free on every contact of the node, and on moves between them. The machine's limits and the largest
+tilt cut the cones by planes.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy import ndarray
+
+from bonecam.arrays import angles_between, dots, frozen, unit
+from bonecam.job import PathJob
+from bonecam.kernels.closest.cone_marching import cone_angles
+from bonecam.orientation.axes.lead import table_limits
+from bonecam.orientation.collision.scene import Scene
+from bonecam.orientation.cones.cone import ObliqueEllipticCone
+from bonecam.orientation.cones.free_axes import WIDEST, FreeAxes, free_axes
+from bonecam.orientation.limits import AxisLimits, polar_angles
+from bonecam.toolpath.path import ContactPath
+
+TRIED = 3
+"""Directions that a cone is tried about: those that promise most."""
+NO_CONE = -1.0
+"""Angle of a node without a cone."""
+
+
+@dataclass(frozen=True, eq=False)
+class AxisCones:
+    """Cones about `axes` (k, 3) with semi-angles `angles` (k; NO_CONE where there is none), radians, one for every
+    node of `free.net`. The contacts of `path` keep to them, to polar angles `least_polar` .. `largest_polar` (n) and
+    within `max_tilt` of their normals, radians."""
+
+    path: ContactPath
+    free: FreeAxes
+    axes: Float[ndarray, "k 3"]
+    angles: Float[ndarray, " k"]
+    least_polar: float
+    largest_polar: Float[ndarray, " n"]
+    max_tilt: float
+
+    def __post_init__(self) -> None:
+        for name in ("axes", "angles", "largest_polar"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+
+    @property
+    def found(self) -> Bool[ndarray, " n"]:
+        """Which contacts have a cone."""
+        return np.asarray(self.angles[self.free.net.node_of] > 0)
+
+    def depths(self, axes: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
+        """How far inside its contact's cone each axis is, radians; negative outside."""
+        node = self.free.net.node_of
+        return np.asarray(self.angles[node] - angles_between(axes, self.axes[node]))
+
+    def contain(self, axes: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
+        """Whether the axis of each contact lies in its cone and keeps the limits."""
+        polar = polar_angles(axes)
+        within = (polar >= self.least_polar) & (polar <= self.largest_polar)
+        near = dots(axes, self.path.normals) >= np.cos(self.max_tilt)
+        return np.asarray(within & near & self.found & (self.depths(axes) >= 0))
+
+    def about(self, axes: Float[ndarray, "n 3"]) -> "AxisCones":
+        """The cones that hold these axes best: at each node the one in which the mean of its contacts lies deepest."""
+        free = self.free
+        node = free.net.node_of
+        sums = [np.bincount(node, axes[:, i], len(self.angles)) for i in range(3)]
+        means = unit(np.column_stack(sums))
+        off = np.arccos(np.clip(means @ free.directions.T, -1, 1))
+        promise = np.where(free.free, free.room - off, -np.inf)
+        best = np.argpartition(-promise, TRIED, axis=1)[:, :TRIED]
+        tried = np.concatenate([free.directions[best], means[:, None]], axis=1)
+
+        which = np.repeat(np.arange(len(means)), TRIED + 1)
+        flat = np.ascontiguousarray(tried.reshape(-1, 3))
+        found = cone_angles(free.obstacles, free.apexes, which, flat, WIDEST)
+        depth = np.where(found > 0, found - angles_between(flat, means[which]), -np.inf).reshape(
+            -1, TRIED + 1
+        )
+        chosen = depth.argmax(axis=1)
+        rows = np.arange(len(means))
+        is_cone = np.isfinite(depth[rows, chosen]) & free.allowed.any(axis=1)
+        angles = np.where(is_cone, found.reshape(-1, TRIED + 1)[rows, chosen], NO_CONE)
+        return AxisCones(
+            self.path, free, tried[rows, chosen], angles, self.least_polar, self.largest_polar, self.max_tilt
+        )
+
+    def blocked(self) -> dict[int, str]:
+        """The contacts without any cone, and what is against it: `limits`, or the section of the tool that collides
+        along most directions."""
+        nodes = np.flatnonzero(self.angles <= 0)
+        why = {int(node): self.free.blocking(int(node)) for node in nodes}
+        contacts = np.flatnonzero(~self.found)
+        return {int(i): why[int(self.free.net.node_of[i])] for i in contacts}
+
+    def cone(self, contact: int, length: float = 1.0) -> ObliqueEllipticCone:
+        """The cone of a contact with its apex at the ball's centre, to `length` (mm) along its axis. ValueError where
+        the contact has none."""
+        node = self.free.net.node_of[contact]
+        if not self.angles[node] > 0:
+            raise ValueError(f"contact {contact} has no cone: see `blocked`")
+        axis = self.axes[node]
+        side = unit(np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])[None])[0]
+        radius = length * np.tan(self.angles[node])
+        return ObliqueEllipticCone(
+            self.path.centres[contact], length * axis, radius * side, radius * np.cross(axis, side)
+        )
+
+
+def admissible_cones(path: ContactPath, scene: Scene, limits: AxisLimits, job: PathJob) -> AxisCones:
+    """The cones of a path's contacts for its cutter in a scene: the widest of each node.
+
+    OrientationError where a mesh of the scene is not closed, or a contact not finite.
+    """
+    tilt = float(np.radians(job.max_tilt_deg))
+    free = free_axes(path, scene, limits, tilt)
+    clamping = scene.clamping
+    largest = np.full(len(path.centres), limits.largest)
+    if clamping.closed:
+        largest = np.minimum(largest, table_limits(path.centres, path.cutter, clamping.clearance))
+    none = AxisCones(
+        path, free, free.net.normals, np.full(len(free.net.places), NO_CONE), limits.smallest, largest, tilt
+    )
+    widest = free.directions[np.where(free.free, free.room, -1.0).argmax(axis=1)]
+    return none.about(widest[free.net.node_of])

@@ -1,0 +1,132 @@
+"""The free tool axes of every node of a net over the contacts of a path: a set of directions, tested one by one."""
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+
+from bonecam.errors import OrientationError
+from bonecam.kernels.closest.cone_marching import Apexes, Obstacles, angles_to_blocked, free_directions
+from bonecam.orientation.axes.admissible import candidate_directions
+from bonecam.orientation.axes.lead import table_limits
+from bonecam.orientation.collision.scene import Scene
+from bonecam.orientation.cones.net import Net, join_nets, make_net
+from bonecam.orientation.cones.obstacles import apexes_of, obstacles_of, rooms_at
+from bonecam.orientation.limits import AxisLimits, polar_angles
+from bonecam.toolpath.cutters.cutter import Cutter
+from bonecam.toolpath.path import ContactPath
+
+SPACING = 0.7
+"""Distance of the nodes, mm. A node's reach costs 1 to 1.5 % of the directions."""
+ENOUGH = 0.9
+"""A node has enough free directions if they are this share of the allowed ones."""
+FINEST = 0.15
+"""Where nodes have too few free directions they are set half as far apart, down to this, mm."""
+WIDEST = np.radians(40.0)
+"""No cone is wider: its semi-angle, radians."""
+
+
+@dataclass(frozen=True, eq=False)
+class FreeAxes:
+    """Of unit `directions` (d) those within the machine's limits and the largest tilt (`allowed`), and of these the
+    ones that are `free` for the tool on all contacts of a node (k, d)."""
+
+    net: Net
+    apexes: Apexes
+    obstacles: Obstacles
+    section_names: tuple[str, ...]
+    directions: Float[ndarray, "d 3"]
+    allowed: Bool[ndarray, "k d"]
+    free: Bool[ndarray, "k d"]
+
+    @cached_property
+    def room(self) -> Float[ndarray, "k d"]:
+        """The angle from each free direction to the nearest one that collides, WIDEST at most, radians."""
+        order, angles = _neighbours(len(self.directions))
+        return np.asarray(angles_to_blocked(self.free | ~self.allowed, order, angles)) * self.free
+
+    def blocking(self, node: int) -> str:
+        """What leaves a node without a free axis: the section of the tool that is free along the fewest allowed
+        directions, or `limits` where none is allowed."""
+        if not self.allowed[node].any():
+            return "limits"
+        rows = np.array([node])
+        apex = Apexes(*(part[rows] for part in self.apexes))
+        counts = []
+        for s in range(len(self.obstacles.sections)):
+            alone = self.obstacles._replace(sections=self.obstacles.sections[s : s + 1])
+            counts.append(free_directions(alone, apex, self.directions, self.allowed[rows]).sum())
+        return self.section_names[int(np.argmin(counts))]
+
+
+def free_axes(path: ContactPath, scene: Scene, limits: AxisLimits, max_tilt: float) -> FreeAxes:
+    """The free axes of a net over the contacts; `max_tilt` (radians) from the normal. OrientationError where a mesh of
+    the scene is not closed, or contacts are not finite."""
+    bad = np.flatnonzero(~np.isfinite(path.centres).all(axis=1))
+    if len(bad):
+        raise OrientationError(f"contact {bad[0]} is not finite: leave it out", contact=int(bad[0]))
+    obstacles = obstacles_of(scene, path.cutter)
+    room = rooms_at(path, scene)
+    directions = candidate_directions()
+    middles = _middles(path)
+    names = tuple(section.name for section in reversed(path.cutter.profile))
+    clearance = scene.clamping.clearance if scene.clamping.closed else -np.inf
+
+    nets, parts = [], []
+    left, spacing = np.arange(len(path.centres)), SPACING
+    while len(left):
+        net = make_net(path.centres[left], path.normals[left], middles[left], spacing)
+        apexes = apexes_of(net, room[left])
+        allowed = _allowed(net, directions, path.cutter, limits, max_tilt, clearance)
+        free = free_directions(obstacles, apexes, directions, allowed)
+        spacing /= 2
+        most = free.sum(axis=1) >= ENOUGH * allowed.sum(axis=1)
+        settled = most | (spacing < FINEST)
+        nets.append((left, net, settled))
+        parts.append(tuple(part[settled] for part in (*apexes, allowed, free)))
+        left = left[~settled[net.node_of]]
+    net = join_nets(nets, len(path.centres))
+    *apex, allowed, free = (np.concatenate(part) for part in zip(*parts))
+    return FreeAxes(net, Apexes(*apex), obstacles, names, directions, allowed, free)
+
+
+def _middles(path: ContactPath) -> Float[ndarray, "n 2 3"]:
+    """Middles of the moves of the ball's centre to each contact and from it; the contact where there is none."""
+    centres = path.centres
+    same = (path.pass_index[1:] == path.pass_index[:-1])[:, None]
+    middle = (centres[1:] + centres[:-1]) / 2
+    before = np.vstack([centres[:1], np.where(same, middle, centres[1:])])
+    behind = np.vstack([np.where(same, middle, centres[:-1]), centres[-1:]])
+    return np.stack([before, behind], axis=1)
+
+
+def _allowed(
+    net: Net,
+    directions: Float[ndarray, "d 3"],
+    cutter: Cutter,
+    limits: AxisLimits,
+    max_tilt: float,
+    clearance: float,
+) -> Bool[ndarray, "k d"]:
+    """The directions within the machine's limits, above the table and near enough to a node's normal."""
+    angle = polar_angles(directions)
+    lowest = net.places - np.outer(net.reach, [0.0, 0.0, 1.0])
+    above = table_limits(lowest, cutter, clearance) if np.isfinite(clearance) else np.full(len(lowest), np.pi)
+    largest = np.minimum(limits.largest, above)
+    within = (angle <= largest[:, None]) & (angle >= limits.smallest)
+    return np.asarray(within & (net.normals @ directions.T >= np.cos(max_tilt)))
+
+
+@lru_cache(maxsize=1)
+def _neighbours(count: int) -> tuple[Int[ndarray, "d m"], Float[ndarray, "d m"]]:
+    """The neighbours of each direction within WIDEST, itself first and as many as the one with the fewest has, and how
+    far they are, radians."""
+    directions = candidate_directions()
+    assert len(directions) == count
+    angles = np.arccos(np.clip(directions @ directions.T, -1, 1))
+    order = np.argsort(angles, axis=1, kind="stable")
+    sorted_ = np.take_along_axis(angles, order, axis=1)
+    m = int((sorted_ <= WIDEST).sum(axis=1).min())
+    return order[:, :m], sorted_[:, :m]

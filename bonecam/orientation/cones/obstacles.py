@@ -1,0 +1,59 @@
+"""What the sections of a cutter stay out of in a scene, as compiled marching takes it, and the places where the
+cutter pivots."""
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.kernels.closest.cone_marching import Apexes, Obstacles
+from bonecam.orientation.collision.scene import Scene
+from bonecam.orientation.collision.sphere_tracing import TANGENT_SLACK
+from bonecam.orientation.cones.distance_grids import distance_grids
+from bonecam.orientation.cones.net import Net
+from bonecam.toolpath.cutters.cutter import Cutter
+from bonecam.toolpath.path import ContactPath
+
+ROOMS = tuple(0.2 * 2 ** (k / 2) for k in range(14))
+"""By how much larger (mm) empty balls are sought that touch a contact; even the least is as if the surface were as
+hollow as a ball that much larger than the cutter's."""
+
+
+def obstacles_of(scene: Scene, cutter: Cutter) -> Obstacles:
+    """The sections of the cutter with their obstacles; OrientationError where a mesh of the scene is not closed."""
+    rows: list[tuple[float, ...]] = []
+    columns: list[tuple[float, float, float]] = []
+    for section in reversed(cutter.profile):
+        around = scene.around(section.name, cutter.radius)
+        is_level = around.obstacle == "level"
+        first = len(columns)
+        columns += [(column.radius, column.top, column.bottom) for column in around.columns]
+        start, end = section.start - cutter.radius, section.end - cutter.radius
+        radius = section.widest - (TANGENT_SLACK if is_level else 0.0)
+        rows.append((start, end, radius, float(is_level), around.deviation, first, len(columns)))
+    return Obstacles(
+        np.array(rows),
+        np.array(columns, dtype=float).reshape(-1, 3),
+        distance_grids(scene.level_distance),
+        distance_grids(scene.material_distance),
+    )
+
+
+def rooms_at(path: ContactPath, scene: Scene) -> Float[ndarray, " n"]:
+    """By how much larger (mm) than the cutter's a ball that touches each contact can be, its middle on the normal, and
+    be empty."""
+    around = scene.around("cutter", path.cutter.radius)
+    room = np.zeros(len(path.centres))
+    left = np.arange(len(room))
+    for more in ROOMS:
+        radius = np.full(len(left), path.cutter.radius + more - TANGENT_SLACK)
+        middles = path.centres[left] + more * path.normals[left]
+        left = left[around.distance_bound(middles, radius, outside=True) >= radius]
+        room[left] = more
+    return room
+
+
+def apexes_of(net: Net, room: Float[ndarray, " n"]) -> Apexes:
+    """The nodes of a net with the least room at their contacts."""
+    least = np.full(len(net.places), np.inf)
+    np.minimum.at(least, net.node_of, room)
+    return Apexes(net.places, net.reach, net.normals, net.spread, least)

@@ -1,0 +1,138 @@
+"""What certified cones promise: no axis inside collides, however it is chosen."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bonecam.arrays import unit
+from bonecam.errors import OrientationError
+from bonecam.job import HoldingJob, PathJob
+from bonecam.job.frustum import Frustum
+from bonecam.levels.measure.level import Level
+from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.orientation.collision.scene import Scene
+from bonecam.orientation.cones.admissible_cones import AxisCones, admissible_cones
+from bonecam.orientation.limits import AxisLimits, polar_angles
+from bonecam.setup.capsule import Capsule
+from bonecam.setup.fixture.clamping import Clamping
+from bonecam.setup.fixture.column import Column
+from bonecam.setup.holding import post_below
+from bonecam.surface.tspline import TSpline
+from bonecam.toolpath.contacts import candidate_contacts, contact_path
+from bonecam.toolpath.cutters.cutter import Cutter
+from bonecam.toolpath.path import ContactPath
+
+LIMITS = AxisLimits(np.radians(115.0))
+JOB = PathJob(pattern="along")
+RANDOM = np.random.default_rng(5)
+
+Made = tuple[ContactPath, Scene]
+
+
+@pytest.fixture(scope="module")
+def made(
+    grooved_pebble: Callable[..., TSpline],
+    mesh_of: Callable[..., TriangleMesh],
+    holding: HoldingJob,
+    roughing_cutter: Cutter,
+    upright_capsule: Capsule,
+    level_of: Callable[..., Level],
+) -> Made:
+    """Contacts along a lump with a groove, with a stubby tool: holder and spindle come near it."""
+    surface = grooved_pebble(0.8)
+    level, material = mesh_of(surface), mesh_of(grooved_pebble(0.8, 0.4))
+    post = post_below(level, holding)
+    stubby = replace(
+        roughing_cutter, overhang=14.0, holder=(Frustum(20.0, 16.0, 16.0),), nose=(Frustum(30.0, 40.0, 40.0),)
+    )
+    contacts = contact_path(candidate_contacts(level_of(surface), [MeshDistance(level)], stubby, post, JOB))
+    return contacts, Scene(level, material, upright_capsule, post, clamping=Clamping(clearance=1.0))
+
+
+@pytest.fixture(scope="module")
+def cones(made: Made) -> AxisCones:
+    return admissible_cones(*made, LIMITS, JOB)
+
+
+def axes_in(cones: AxisCones, contacts: np.ndarray, scale: float = 1.0, rim: bool = False) -> np.ndarray:
+    """Random axes in the cones of contacts, widened by a factor; on the `rim`: as far out as they go."""
+    node = cones.free.net.node_of[contacts]
+    axis = cones.axes[node]
+    share = np.ones(len(node)) if rim else np.sqrt(RANDOM.random(len(node)))
+    off = scale * share * cones.angles[node]
+    side = unit(np.cross(axis, RANDOM.normal(size=axis.shape)))
+    return np.cos(off)[:, None] * axis + np.sin(off)[:, None] * side
+
+
+def test_no_axis_inside_a_cone_collides(
+    made: Made, cones: AxisCones, deepest_entry: Callable[..., np.ndarray]
+) -> None:
+    path, scene = made
+    contacts = RANDOM.choice(np.flatnonzero(cones.found), 1500)
+    for rim in (False, True):
+        axes = axes_in(cones, contacts, rim=rim)
+        axes, chosen = axes[kept := polar_angles(axes) <= cones.largest_polar[contacts]], contacts[kept]
+        assert deepest_entry(scene, path.cutter, path.centres[chosen], axes).max() < 0.011
+
+
+def test_widened_cones_are_caught(
+    made: Made, cones: AxisCones, deepest_entry: Callable[..., np.ndarray]
+) -> None:
+    """The audit sees collisions of cones that are wider than those certified."""
+    path, scene = made
+    contacts = RANDOM.choice(np.flatnonzero(cones.found), 1000)
+    shares = []
+    for scale in (1.3, 1.8):
+        axes = axes_in(cones, contacts, scale, rim=True)
+        entered = deepest_entry(scene, path.cutter, path.centres[contacts], axes) > 0.011
+        shares.append(entered.mean())
+    assert shares[0] > 0.05
+    assert shares[1] > 2 * shares[0]
+
+
+def test_nearly_all_contacts_of_a_lump_have_a_cone(cones: AxisCones) -> None:
+    assert cones.found.mean() > 0.97
+    assert np.degrees(np.median(cones.angles)) > 20
+
+
+def test_axes_in_a_cone_are_contained_and_others_are_not(cones: AxisCones) -> None:
+    contacts = np.arange(len(cones.path.centres))
+    inside, outside = (axes_in(cones, contacts, scale, rim=True) for scale in (0.999, 1.001))
+    tilted = np.einsum("ij,ij->i", inside, cones.path.normals) < np.cos(cones.max_tilt)
+    expected = cones.found & ~tilted & (polar_angles(inside) <= cones.largest_polar)
+    np.testing.assert_array_equal(cones.contain(inside), expected)
+    assert not cones.contain(outside).any()
+
+
+def test_a_cone_as_a_surface_holds_the_axes_of_its_contact(cones: AxisCones) -> None:
+    contact = int(np.flatnonzero(cones.found)[7])
+    inside, outside = (axes_in(cones, np.full(50, contact), scale, rim=True) for scale in (0.99, 1.01))
+    surface = cones.cone(contact)
+    assert surface.contains(inside).all()
+    assert not surface.contains(outside).any()
+
+
+def test_contacts_without_a_cone_are_listed_with_what_blocks_them(made: Made) -> None:
+    path, scene = made
+    none = admissible_cones(path, scene, AxisLimits(np.radians(2.5)), JOB)
+    assert set(none.blocked().values()) == {"limits"}
+    assert len(none.blocked()) == len(path.centres)
+    with pytest.raises(ValueError, match="no cone"):
+        none.cone(0)
+    high = replace(scene, clamping=Clamping((Column(14.0, 25.0),), clearance=4.0))
+    low = admissible_cones(path, high, LIMITS, JOB)
+    blocked = low.blocked()
+    assert set(blocked) == set(np.flatnonzero(~low.found).tolist())
+    assert set(blocked.values()) <= {"cutter", "shank", "holder", "spindle"}
+    assert 0 < len(blocked) < 0.4 * len(path.centres)
+    assert path.centres[list(blocked), 2].max() < np.median(path.centres[:, 2])
+
+
+def test_an_obstacle_that_is_not_closed_is_refused(made: Made) -> None:
+    path, scene = made
+    opened = TriangleMesh(scene.material.vertices, scene.material.faces[1:])
+    with pytest.raises(OrientationError, match="not closed: 3 edges"):
+        admissible_cones(path, replace(scene, material=opened), LIMITS, JOB)
