@@ -3,6 +3,7 @@ all, and what cannot be written is refused before the work."""
 
 import errno
 import os
+import re
 import stat
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -178,10 +179,33 @@ def _trouble_of(path: str | Path, target: Path) -> str | None:
             f"its folder {target.parent} does not exist: make it first": not target.parent.exists(),
             f"{target.parent} is a file: name a folder": target.parent.is_file(),
             "is no regular file: choose another name": target.exists() and not target.is_file(),
+            "is a mount point, which no new file can replace: mount its folder, or name another file": (
+                target.is_file() and is_mounted(target)
+            ),
         }
     except OSError as error:
         return f"{error.strerror}: choose another name"
     return next((what for what, found in kinds.items() if found), None)
+
+
+def is_mounted(file: Path) -> bool:
+    """Whether a file is mounted over another (`mount --bind`, a single file of a container): it cannot be replaced.
+
+    False where the system does not tell (it is no Linux).
+    """
+    try:
+        return _mount(file) != _mount(file.parent)
+    except (OSError, AttributeError):
+        return False
+
+
+def _mount(place: Path) -> str:
+    """The number of the mount that a file or folder is on, as Linux tells it."""
+    handle = os.open(place, os.O_PATH)
+    try:
+        return re.findall(r"^mnt_id:.*$", Path(f"/proc/self/fdinfo/{handle}").read_text(), re.MULTILINE)[0]
+    finally:
+        os.close(handle)
 
 
 def _probe(path: str | Path, folder: Path) -> None:

@@ -3,6 +3,7 @@
 import errno
 import os
 import resource
+import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -141,3 +142,20 @@ def test_only_regular_files_of_a_bounded_size_are_opened(folder: Path) -> None:
         input_bytes("/dev/zero")
     (folder / "text").write_bytes(b"\xef\xbb\xbfone\r\ntwo\rthree\n")
     assert input_text(folder / "text") == "one\ntwo\nthree\n"
+
+
+def test_a_file_that_is_a_mount_point_is_refused_before_the_work(folder: Path) -> None:
+    (folder / "given.h").write_text("given")
+    (folder / "program.h").touch()
+    check_files([folder / "program.h"])
+    mount = ["mount", "--bind", str(folder / "given.h"), str(folder / "program.h")]
+    if subprocess.run(mount, capture_output=True, check=False).returncode:
+        pytest.skip("only root may mount")
+    try:
+        with pytest.raises(
+            FileError, match=r"program\.h: is a mount point, which no new file can replace: mount its"
+        ):
+            check_files([folder / "program.h"])
+    finally:
+        subprocess.run(["umount", str(folder / "program.h")], check=True)
+    assert (folder / "given.h").read_text() == "given"

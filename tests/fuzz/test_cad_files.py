@@ -1,4 +1,4 @@
-"""Damaged SAT and DXF files: each gives a mesh or one typed line."""
+"""Damaged SAT, DXF, STEP and IGES files: each gives a mesh or one typed line."""
 
 import random
 from collections.abc import Callable
@@ -12,6 +12,8 @@ pytest.importorskip("ezdxf")
 
 DEFAULT = 100
 """Damaged files of each kind in the default run."""
+CHILDREN = 6
+"""Damaged STEP and IGES files in the default run: each takes a process of its own."""
 MANY = 1000
 """And with -m fuzz."""
 
@@ -33,14 +35,38 @@ def write_dxf(file: Path) -> None:
     drawing.saveas(file)
 
 
-WRITERS = {"a.sat": write_sat, "a.dxf": write_dxf}
+def write_cad(file: Path) -> None:
+    """A box as STEP or IGES, by its ending: OpenCASCADE reads it in a tenth of a second."""
+    from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox
+    from OCP.IGESControl import IGESControl_Writer
+    from OCP.STEPControl import STEPControl_StepModelType, STEPControl_Writer
+
+    box = BRepPrimAPI_MakeBox(10.0, 20.0, 30.0).Shape()
+    if file.suffix == ".step":
+        step = STEPControl_Writer()
+        step.Transfer(box, STEPControl_StepModelType.STEPControl_AsIs)
+        step.Write(str(file))
+    else:
+        iges = IGESControl_Writer()
+        iges.AddShape(box)
+        iges.Write(str(file))
+
+
+WRITERS = {"a.sat": write_sat, "a.dxf": write_dxf, "a.step": write_cad, "a.igs": write_cad}
+COUNTS = [
+    *((name, DEFAULT) for name in ("a.sat", "a.dxf")),
+    *((name, CHILDREN) for name in ("a.step", "a.igs")),
+]
 
 
 @pytest.mark.parametrize(
-    "count", [pytest.param(DEFAULT, id="few"), pytest.param(MANY, id="many", marks=pytest.mark.fuzz)]
+    ("name", "count"),
+    [
+        *(pytest.param(name, count, id=f"{name}-few") for name, count in COUNTS),
+        *(pytest.param(name, MANY, id=f"{name}-many", marks=pytest.mark.fuzz) for name in WRITERS),
+    ],
 )
-@pytest.mark.parametrize("name", WRITERS)
-def test_a_damaged_polyhedron_gives_a_mesh_or_one_line(
+def test_a_damaged_cad_file_gives_a_mesh_or_one_line(
     name: str, count: int, mutate: Callable, outcome: Callable, tmp_path: Path
 ) -> None:
     rng = random.Random(name)
