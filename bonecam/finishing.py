@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import bonecam
 from bonecam import progress as told
 from bonecam.errors import SurfaceError
 from bonecam.files import check_files
@@ -33,12 +34,18 @@ from bonecam.surface.files.machined_surface import read_machined_surface
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.gouge import MESH_SHARE, planned_tolerance
 from bonecam.toolpath.path import ToolPath
+from bonecam.verify.page.packing import pack
+from bonecam.verify.page.page import page_html
+from bonecam.verify.page.surface_contents import surface_contents
 from bonecam.verify.proof import Verification, verify_program
 from bonecam.verify.readback import Tolerances
 from bonecam.verify.summary import finished_summary
 
 OWN_CHORD = 0.002
 """Largest chord tolerance (mm) of the solid that the surface bounds: MESH_SHARE of the gouge allowed by default."""
+
+PAGE_CHORD = 0.01
+"""Chord tolerance of the surface in the page, mm."""
 
 Solid = str | Path | MeshLike
 """A closed mesh in a file, or in memory."""
@@ -53,6 +60,15 @@ class Finished:
     path: ToolPath
     program: Program
     report: dict[str, Any]
+    job: Job
+
+    @property
+    def page(self) -> str:
+        """The page that shows it in a browser, as the text of an HTML file."""
+        surface = self.workpiece.surface.tessellate(PAGE_CHORD)
+        parts = (surface, self.workpiece.solid, self.path, self.program.text, self.job, self.report)
+        contents = surface_contents(*parts, bonecam.__version__)
+        return page_html(pack(contents), str(contents.facts["name"]))
 
     def __repr__(self) -> str:
         return f"<Finished of {self.report['surface']['file'] or 'a surface'}: {self.program!r}>"
@@ -72,6 +88,7 @@ def finish(
     program: File = None,
     keep: File = None,
     report: File = None,
+    html: File = None,
     progress: Progress = silent,
 ) -> Finished:
     """The verified program that machines one surface, open or closed, with the job's finishing cutter in one level.
@@ -87,9 +104,9 @@ def finish(
     dialect = read_dialect(job.nc.controller)
     check_job(job, machine, dialect)
     source = surface if isinstance(surface, str | Path) else None
-    Outputs(program, keep, report).check(source, dialect)
+    Outputs(program, keep, report, html=html).check(source, dialect)
     solids = [solid for solid in (part, *obstacles) if solid is not None]
-    _check_solids(solids, program, report)
+    _check_solids(solids, program, report, html)
     times = StageTimes()
     shape, solid = _read(surface, solids, job, times, has_part=part is not None)
     told.report(progress, 0.2, "planning the path")
@@ -105,13 +122,15 @@ def finish(
         **report_to_program(Path(program).name if program else "", [path], posted, proof),
         "seconds": times.seconds,
     }
-    write_finished(workpiece, path, posted.text, figures, program, keep, report)
-    return Finished(workpiece, path, posted, figures)
+    made = Finished(workpiece, path, posted, figures, job)
+    page = html, made.page if html is not None else ""
+    write_finished(workpiece, path, posted.text, figures, program, keep, report, page)
+    return made
 
 
-def _check_solids(solids: Sequence[Solid], program: File, report: File) -> None:
+def _check_solids(solids: Sequence[Solid], *wanted: File) -> None:
     """FileError where an output would be written over a solid."""
-    outputs = [file for file in (program, report) if file is not None]
+    outputs = [file for file in wanted if file is not None]
     check_files(outputs, [file for file in solids if isinstance(file, str | Path)])
 
 

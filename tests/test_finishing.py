@@ -1,5 +1,6 @@
 """One surface machined alone: open and closed ones are covered, posted, and gouge neither part nor obstacle."""
 
+import base64
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from bonecam.setup.revolution import revolve
 from bonecam.surface import skin
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.path import Kind
+from bonecam.verify.page.packing import unpack
 
 JOB = bonecam.Job().with_values(
     holding={"length": 60.0, "diameter": 10.0},
@@ -58,6 +60,7 @@ def block(count: int = 49) -> bonecam.TriangleMesh:
 def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[bonecam.Finished, Path]:
     folder = tmp_path_factory.mktemp("finished")
     files = {"program": folder / "panel.h", "keep": folder / "keep", "report": folder / "panel.json"}
+    files["html"] = folder / "panel.html"
     return bonecam.finish(panel(), block(), job=JOB, **files), folder
 
 
@@ -83,6 +86,10 @@ def test_the_text_gouges_nothing_and_its_files_are_there(finished: tuple[bonecam
     assert names <= {file.name for file in (folder / "keep").iterdir()}
     assert "surface   open" in made.summary
     assert (folder / "panel.json").stat().st_size > 200
+    payload = (folder / "panel.html").read_text(encoding="utf-8").split('type="text/plain">')[1].split("<")[0]
+    shown = unpack(base64.b64decode(payload), "panel.html")
+    assert shown.arrays["text"].tobytes().decode() == made.program.text
+    assert [layer["level"] for layer in shown.facts["program"]["layers"]] == [made.path.level]
 
 
 def test_an_obstacle_over_the_surface_is_kept_clear_of_by_ball_and_shank() -> None:

@@ -110,6 +110,7 @@ def _add_finish(parsers: Any) -> None:
     finish.add_argument("-o", "--output", metavar="PROGRAM", required=True, help="file for the NC program")
     finish.add_argument("--keep", metavar="DIR", help="folder for surface, solid, tool path and its picture")
     finish.add_argument("--report", metavar="FILE.json", help="file for the report")
+    finish.add_argument("--html", metavar="FILE.html", help="file for a page to look at in a browser")
     add_job_options(finish)
     _add_verbosity(finish)
 

@@ -68,7 +68,7 @@ def run_view(options: argparse.Namespace) -> int:
 def run_finish(options: argparse.Namespace) -> int:
     """`bonecam finish`: the NC program of one surface."""
     job = job_of(options)
-    files = [file for file in (options.output, options.report) if file is not None]
+    files = [file for file in (options.output, options.report, options.html) if file is not None]
     check_files(files, [file for file in (options.job, options.machine, options.controller) if file])
     with shown_progress(options) as progress:
         made = bonecam.finish(
@@ -79,6 +79,7 @@ def run_finish(options: argparse.Namespace) -> int:
             program=options.output,
             keep=options.keep,
             report=options.report,
+            html=options.html,
             progress=progress,
         )
     if not options.quiet:

@@ -26,11 +26,12 @@ def write_finished(
     program: File,
     keep: File,
     report: File,
+    html: tuple[File, str],
 ) -> None:
     """Write the wanted files, all or none: the program, the folder with surface.iga, solid.ply, toolpath.csv and
-    toolpath.png, the report. FileError names what cannot be written."""
+    toolpath.png, the report, the page `html` (its file and its text). FileError names what cannot be written."""
     with staged() as staging:
-        texts = ((program, text), (report, json.dumps(figures, indent=2) + "\n"))
+        texts = ((program, text), (report, json.dumps(figures, indent=2) + "\n"), html)
         for file, content in texts:
             if file is not None:
                 staging.file(file).write_text(content, encoding="utf-8", newline="")

@@ -43,8 +43,7 @@ def shape_contents(
         "stock": {**stock_figures(stock), "text": stock_text(stock_figures(stock))},
         "stock_bounds": stock.bounds.tolist(),
         "post": {"radius": post.radius, "top": post.top},
-        "chuck": _chuck(job),
-        "table": _table(table),
+        **bodies(job, table),
     }
     return Contents(facts, arrays)
 
@@ -108,6 +107,11 @@ def _outside(given: TriangleMesh, fitted: TriangleMesh) -> Float[ndarray, " n"]:
     places, faces = exact_closest(fitted, given.vertices)
     away = places - given.vertices
     return np.asarray(np.sign(dots(away, fitted.face_vectors[faces])) * lengths(away))
+
+
+def bodies(job: Job, table: Table) -> dict[str, Any]:
+    """Chuck and table."""
+    return {"chuck": _chuck(job), "table": _table(table)}
 
 
 def _chuck(job: Job) -> dict[str, float] | None:

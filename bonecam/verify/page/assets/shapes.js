@@ -9,12 +9,12 @@ const shownLevel = (state) => Math.min(state.level, page.facts.levels.length - 1
 function levelTitle(k) {
   const last = page.facts.levels.length - 1;
   const level = page.facts.levels[k];
-  return k === 0 ? "Level 0: the part" : `Level ${k} of ${last}: ${level.name}`;
+  return k === 0 || !level.limit ? `Level ${k}: ${level.name}` : `Level ${k} of ${last}: ${level.name}`;
 }
 
 function levelWords(k) {
   const level = page.facts.levels[k];
-  if (k === 0) return "the fitted surface; no cut lies below it";
+  if (k === 0 || !level.limit) return "";
   const proof = level.certified === true ? "; certified everywhere" : "";
   return `cut ${k}: at most ${number(level.limit)} mm deep; measured ${number(level.deepest, 3)} at most, ${number(level.mean, 3)} on average${proof}`;
 }
@@ -27,6 +27,7 @@ function largest(values) {
 
 const fitMode = {
   name: "Fit",
+  available: () => Boolean(page.arrays.deviation),
   build(state) {
     const a = page.arrays;
     const most = Math.max(largest(a.deviation), largest(a.given_deviation));
@@ -65,8 +66,9 @@ const levelsMode = {
       showLegend({ title: "Level, from the part to the stock", scale: "viridis", low: 0, high: last, digits: 0 });
       return;
     }
-    page.content.add(levelMesh(k, k ? coloursOf(page.arrays[`depth_${k}`], "viridis", 0, deepest) : null));
-    showLegend(k ? { title: "Depth of the cut", unit: "mm", scale: "viridis", low: 0, high: deepest } : null);
+    const cut = page.facts.levels[k].limit > 0;
+    page.content.add(levelMesh(k, cut ? coloursOf(page.arrays[`depth_${k}`], "viridis", 0, deepest) : null));
+    showLegend(cut ? { title: "Depth of the cut", unit: "mm", scale: "viridis", low: 0, high: deepest } : null);
   },
   controls: (state) => [
     make("p", levelTitle(shownLevel(state)), "big"),
