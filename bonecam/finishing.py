@@ -103,14 +103,13 @@ def finish(
     machine = read_machine(job.nc.machine)
     dialect = read_dialect(job.nc.controller)
     check_job(job, machine, dialect)
-    source = surface if isinstance(surface, str | Path) else None
+    source = None if isinstance(surface, TSpline) else surface
     Outputs(program, keep, report, html=html).check(source, dialect)
-    solids = [solid for solid in (part, *obstacles) if solid is not None]
-    _check_solids(solids, program, report, html)
+    solids = _checked_solids((part, *obstacles), program, report, html)
     times = StageTimes()
     shape, solid = _read(surface, solids, job, times, has_part=part is not None)
-    told.report(progress, 0.2, "planning the path")
     with times.stage("toolpath"):
+        told.report(progress, 0.2, "planning the path")
         limits = axis_limits(machine)
         workpiece = stand_workpiece(shape, solid, job, limits, machine.bodies)
         job = replace(job, holding=replace(job.holding, length=workpiece.length))
@@ -123,15 +122,18 @@ def finish(
         "seconds": times.seconds,
     }
     made = Finished(workpiece, path, posted, figures, job)
-    page = html, made.page if html is not None else ""
-    write_finished(workpiece, path, posted.text, figures, program, keep, report, page)
+    write_finished(
+        workpiece, path, posted.text, figures, program, keep, report, (html, made.page if html else "")
+    )
     return made
 
 
-def _check_solids(solids: Sequence[Solid], *wanted: File) -> None:
-    """FileError where an output would be written over a solid."""
+def _checked_solids(given: Sequence[Solid | None], *wanted: File) -> list[Solid]:
+    """The solids that are given; FileError where an output would be written over one."""
+    solids = [solid for solid in given if solid is not None]
     outputs = [file for file in wanted if file is not None]
     check_files(outputs, [file for file in solids if isinstance(file, str | Path)])
+    return solids
 
 
 def _read(
