@@ -100,8 +100,7 @@ def finish(
     Raises a BonecamError that names the trouble and the remedy.
     """
     job = job or Job()
-    machine = read_machine(job.nc.machine)
-    dialect = read_dialect(job.nc.controller)
+    machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)
     check_job(job, machine, dialect)
     source = None if isinstance(surface, TSpline) else surface
     Outputs(program, keep, report, html=html).check(source, dialect)
@@ -114,7 +113,7 @@ def finish(
         workpiece = stand_workpiece(shape, solid, job, limits, machine.bodies)
         job = replace(job, holding=replace(job.holding, length=workpiece.length))
         path = plan_surface(workpiece, job, limits, machine.bodies)
-    told.report(progress, 0.8, "writing and checking the program")
+    told.report(progress, 0.8, "writing and checking")
     path, posted, proof = _posted(path, workpiece, job, machine, dialect, source, program, times)
     figures = {
         **_figures(workpiece, job, source, len(solids)),
@@ -122,9 +121,8 @@ def finish(
         "seconds": times.seconds,
     }
     made = Finished(workpiece, path, posted, figures, job)
-    write_finished(
-        workpiece, path, posted.text, figures, program, keep, report, (html, made.page if html else "")
-    )
+    page = html, made.page if html else ""
+    write_finished(workpiece, path, posted.text, figures, program, keep, report, page)
     return made
 
 
