@@ -6,6 +6,7 @@ the post stands on it.
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from bonecam.job import Job
 from bonecam.levels.job_levels import check_method, make_levels
@@ -22,12 +23,14 @@ from bonecam.nc.requirements import check_length, check_room, check_tools
 from bonecam.orientation.layer_paths import plan_layer_paths
 from bonecam.orientation.level_paths import plan_paths
 from bonecam.orientation.post_length import find_post_length
+from bonecam.orientation.reach import what_would_help
 from bonecam.outputs.kept_folder import keep_failed_level
 from bonecam.outputs.output_files import File, Outputs
 from bonecam.outputs.result import Morphed, Result
 from bonecam.outputs.run_report import report_to_levels, report_to_program
 from bonecam.progress import Progress, part, silent
 from bonecam.runtime.timing import StageTimes
+from bonecam.setup.holding import SLENDER
 from bonecam.setup.placement import Setup, place
 from bonecam.setup.schedule import check_cuts
 from bonecam.setup.stock_kind import check_sizes
@@ -128,7 +131,9 @@ def _morph(
     """Part, surface and levels in a stock for which `machine` has room."""
     with times.stage("mesh"):
         unplaced, given = read_part(mesh, job, part(progress, 0.0, 0.1))
+        found = not job.holding.length
         setup, job = stand_on_post(place(unplaced, job), job, machine)
+        advice = _post_advice(setup, job, machine) if found else {}
         if machine is not None:
             check_room(setup.stock, job, machine)
             check_length(setup.part.mesh, setup.stock, job)
@@ -142,7 +147,7 @@ def _morph(
 
     figures = report_to_levels(setup.part, fitted, setup.stock, morph, job.levels.method)
     figures["strategy"] = job.path.strategy
-    figures["post"] = {"diameter_mm": job.holding.diameter, "length_mm": job.holding.length}
+    figures["post"] = {"diameter_mm": job.holding.diameter, "length_mm": job.holding.length, **advice}
     figures["seconds"] = times.seconds
     return Morphed(setup.part, fitted.surface, setup.stock, morph, figures, job)
 
@@ -154,6 +159,13 @@ def stand_on_post(setup: Setup, job: Job, machine: Machine | None = None) -> tup
         return setup, job
     machine = machine or read_machine(job.nc.machine)
     return find_post_length(setup, job, axis_limits(machine), machine.bodies)
+
+
+def _post_advice(setup: Setup, job: Job, machine: Machine | None) -> dict[str, Any]:
+    """What would shorten a post that was found to be slender."""
+    if machine is None or job.holding.length <= SLENDER * job.holding.diameter:
+        return {}
+    return what_would_help(setup, job, axis_limits(machine), machine.bodies).report
 
 
 def _machine(

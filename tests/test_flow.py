@@ -23,7 +23,7 @@ ROOMS = {
     "toolpath": "cutters path gouge patterns engagement contacts rest layers iso_height rotary cl_data".split(),
     "orientation": [
         *"limits collision axes cones field links oriented_path level_paths layer_paths".split(),
-        *"post_length surface_path".split(),
+        *"post_length reach surface_path".split(),
     ],
     "verify": "gouge readback trial_program proof removal report summary pictures page sheet".split(),
 }

@@ -87,6 +87,14 @@ def sampled_lifts(setup: Setup, job: Job, limits: AxisLimits, bodies: MachineBod
     )
 
 
+def sampled_lifts_of_part(
+    setup: Setup, job: Job, limits: AxisLimits, bodies: MachineBodies
+) -> Float[ndarray, " n"]:
+    """As `sampled_lifts`, of contacts on the part alone."""
+    on_part, _ = _sampled(setup, job, bodies)
+    return least_lifts(on_part, clamping_of(job.holding, bodies.table), job, limits)
+
+
 def _sampled(setup: Setup, job: Job, bodies: MachineBodies) -> list[SampledContacts]:
     """Contacts of the finishing cutter on the part, and of the roughing cutter on the stock."""
     finishing = Cutter.from_job(2, "finishing", job.tool("finishing"), bodies.nose)

@@ -7,6 +7,7 @@ from typing import Any
 from bonecam.errors import counted
 from bonecam.levels.closed_morph import METHODS
 from bonecam.levels.problem.tolerances import NESTING_TOLERANCE
+from bonecam.setup.holding import SLENDER
 from bonecam.setup.stock import stock_text
 
 NOT_SIMULATED = {"skipped": "the removal of material was not simulated"}
@@ -21,9 +22,6 @@ WHY = {
     "hidden": "out of reach of the strategy's tool axes",
 }
 """What each reason for leaving a contact uncut means."""
-SLENDER = 15.0
-"""A post that is longer than this many diameters is told of: 5 N at its top bend one of aluminium, 4 mm thick and 60
-mm long, by 0.4 mm."""
 
 
 def summary_of(report: Mapping[str, Any]) -> str:
@@ -86,6 +84,15 @@ def _post_lines(post: Mapping[str, Any] | None) -> Iterator[str]:
             else ""
         )
         yield f"post      {post['diameter_mm']:g} x {post['length_mm']:g} mm{warning}"
+        remedies = [f"{each['length_mm']:g} mm with {each['change']}" for each in post.get("remedies", ())]
+        if remedies:
+            yield f"          {', '.join(remedies)}"
+        costs = [
+            f"{each['length_mm']:g} mm leaves {each['uncut_mm2']:g} mm2 uncut round it"
+            for each in post.get("shorter", ())
+        ]
+        if costs:
+            yield f"          {', '.join(costs)}"
 
 
 def _layer_lines(report: Mapping[str, Any]) -> Iterator[str]:

@@ -16,13 +16,13 @@ from bonecam.nc.machine import Machine, read_machine
 from bonecam.nc.posting.header_texts import setup_texts
 from bonecam.nc.program import Program
 from bonecam.nc.reading.read import read_program
-from bonecam.setup.holding import post_below
+from bonecam.setup.holding import SLENDER, post_below
 from bonecam.setup.stock import Stock
 from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.verify.removal.of_job import cutters_of
 from bonecam.verify.sheet.axes import AxisRange, axis_ranges
 from bonecam.verify.sheet.drawing import clamping_drawing
-from bonecam.verify.summary import SLENDER, certified_text, uncut_text
+from bonecam.verify.summary import certified_text, uncut_text
 
 ASSETS = Path(__file__).parent / "assets"
 CHANGES = {
