@@ -28,8 +28,8 @@ FIGURES = Path(__file__).parents[2] / "docs/pages/figures"
 
 
 def main() -> None:
-    """Write chain.png, clamping.png, coloured.png, depths.png, toolpath.png, tmesh.png, page.png and
-    page.html for docs/pages."""
+    """Write chain.png, clamping.png, coloured.png, depths.png, toolpath.png, tmesh.png, iso-height.png, rotary.png,
+    page.png and page.html for docs/pages."""
     job = bonecam.Job()
     result = bonecam.convert(path("phalanx"), job)
     levels = result.levels.levels
@@ -41,6 +41,11 @@ def main() -> None:
     draw_depths(levels, line_depths(levels, result.stock), FIGURES / "depths.png")
     draw_toolpath(result.paths, levels, FIGURES / "toolpath.png", post)
     draw_tmesh(result.surface, FIGURES / "tmesh.png")
+    for strategy in ("iso-height", "rotary"):
+        layered = bonecam.convert(
+            path("phalanx"), job.with_values(path={"strategy": strategy}), simulation=False
+        )
+        draw_toolpath(layered.paths, layered.levels.levels, FIGURES / f"{strategy}.png", post)
     picture_page(result.page, FIGURES / "page.png")
     bonecam.convert(path("phalanx"), job.with_values(**COARSE), html=FIGURES / "page.html")
 

@@ -40,6 +40,7 @@ class LevelRemoval:
     removed: float
     deepest: Spot | None
     depth_p99: float
+    depth_mean: float
     over_limit: float | None
     air_time_share: float
     links: float
@@ -143,6 +144,7 @@ def _level_figures(level: LevelRemoval) -> dict[str, Any]:
         "depth_max_mm": _rounded(deepest.value) if deepest else 0.0,
         "depth_max_line": deepest.line if deepest else None,
         "depth_p99_mm": _rounded(level.depth_p99),
+        "depth_mean_mm": _rounded(level.depth_mean),
         "over_limit_mm": None if level.over_limit is None else _rounded(level.over_limit),
         "air_time_share": _rounded(level.air_time_share),
         "links_mm3": _rounded(level.links),

@@ -42,8 +42,7 @@ from bonecam.verify.removal.sweeping import PARTS, Sweeping
 from bonecam.verify.removal.table import table_clearance
 
 AIR = 1e-4
-"""A feed move that removes less is in air, mm^3: a hundredth of what a move of 0.2 mm removes at a depth of
-0.1."""
+"""A feed move that removes less is in air, mm^3: a hundredth of a move of 0.2 mm at a depth of 0.1."""
 RAPID_ALLOWED = 1e-4
 """A rapid that removes no more is not said to cut, mm^3: a cube of 0.05 mm, the default cell."""
 
@@ -168,7 +167,8 @@ class _Simulation:
             tool=group.tool,
             removed=float(self.sweeping.volumes[group.moves].sum()),
             deepest=deepest,
-            depth_p99=float(np.percentile(depths.depths, 99)) if deepest else 0.0,
+            depth_p99=depths.p99,
+            depth_mean=depths.mean,
             over_limit=None if limit is None else max((deepest.value if deepest else 0.0) - limit, 0.0),
             air_time_share=self._air_time_share(group),
             links=float(self.sweeping.volumes[links].sum()),
