@@ -110,10 +110,11 @@ def _lay_set(
     counts = np.ceil(grid.size[across[:2]] / side).astype(int)
     middles = [(np.arange(count) + 0.5) * side for count in counts]
     u, v = (x.ravel() for x in np.meshgrid(*middles, indexing="ij"))
-    met = np.zeros(len(u), dtype=bool)
-    for hull in outlines:
+    below = np.empty((len(u), len(bodies)), dtype=bool)
+    for k, hull in enumerate(outlines):
         outside = hull.equations[:, :2] @ np.vstack([u, v]) + hull.equations[:, 2:]
-        met |= outside.max(0) <= side * np.sqrt(0.5) + CHORD
+        below[:, k] = outside.max(0) <= side * np.sqrt(0.5) + CHORD
+    met = below.any(1)
     tile_of = np.full(len(u), -1, dtype=np.int32)
     tile_of[met] = np.arange(met.sum())
 
@@ -131,7 +132,7 @@ def _lay_set(
     corners = np.column_stack([u[met], v[met]]) - side / 2
 
     def fill(tiles: slice) -> None:
-        _fill(rays, bodies, grid, direction, corners[tiles], tiles)
+        _fill(rays, bodies, grid, direction, corners[tiles], below[met][tiles], tiles)
 
     in_pieces(fill, len(corners), PIECE)
     summarise(rays)
@@ -144,9 +145,10 @@ def _fill(
     grid: RayGrid,
     direction: int,
     corners: Float[ndarray, "t 2"],
+    below: Bool[ndarray, "t b"],
     tiles: slice,
 ) -> None:
-    """Write the material of some tiles, whose low corners are given."""
+    """Write the material of some tiles, whose low corners are given, and which bodies may be on their rays."""
     ray = np.arange(TILE * TILE)
     within = grid.cell * (np.column_stack([ray % TILE, ray // TILE]) + 0.5)
     places = np.zeros((len(corners) * len(ray), 3))
@@ -157,11 +159,12 @@ def _fill(
     low = np.full((len(starts), len(bodies)), np.inf)
     high = np.full((len(starts), len(bodies)), -np.inf)
     for k, body in enumerate(bodies):
-        enter = _entries(body, starts, along, length)
-        leave = _entries(body, starts + length * along, -along, length)
+        met = np.flatnonzero(np.repeat(below[:, k], len(ray)))
+        enter = _entries(body, starts[met], along, length)
+        leave = _entries(body, starts[met] + length * along, -along, length)
         hit = np.isfinite(enter) & np.isfinite(leave) & (enter < length - leave)
-        low[hit, k] = enter[hit]
-        high[hit, k] = length - leave[hit]
+        low[met[hit], k] = enter[hit]
+        high[met[hit], k] = length - leave[hit]
     _store(rays, tiles, low, high)
 
 
