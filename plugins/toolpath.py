@@ -68,9 +68,9 @@ FILTERS = (
     Filter(
         "generate_toolpath",
         "Generate Tool Path",
-        "Five-axis paths on every level from the stock inwards: zig-zag with the exact side step for the "
-        "scallop limit, a lead angle "
-        "tilted away where a collision or the machine forbids it, links clear of the stock. Adds the way "
+        "Five-axis paths on every level from the stock inwards: passes with the exact side step for the "
+        "scallop limit, smooth tool axes "
+        "inside collision-free cones and the machine's limits, links clear of the stock. Adds the path "
         "of the tip on each level as a "
         f"polyline layer toolpath_NN with the kind of each move as quality ({MOVES}). What stays "
         "unreachable is left uncut and counted.",

@@ -34,9 +34,9 @@ SHORT_GAP = 6.0
 BESIDE = 3
 """A rest pass begins and ends so many contacts beside what is too deep."""
 MAX_ROUNDS = 20
-"""Times that a ball is moved out of the material at most."""
+"""Times that a ball is moved out of the material, at most."""
 OVERSHOOT = 1.2
-"""It is moved by what is too deep times this: to get out of narrow places in fewer rounds."""
+"""A ball is moved by its excess depth times this factor, to get out of narrow places in fewer rounds."""
 ENTRY_LENGTH = 15.0
 """What it takes to enter a rest pass, as a length of cutting, mm: 1 s at 900 mm/min."""
 

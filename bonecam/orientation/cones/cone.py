@@ -75,7 +75,7 @@ class ObliqueEllipticCone:
 
     @property
     def weights(self) -> Float[ndarray, "3 9"]:
-        """Of the net: those of the circle, one along a generatrix."""
+        """The weights of the control points: round the cone those of a circle, along a generatrix all equal."""
         return np.tile(CIRCLE_WEIGHTS, (3, 1))
 
     @property

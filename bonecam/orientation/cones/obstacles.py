@@ -39,8 +39,8 @@ def obstacles_of(scene: Scene, cutter: Cutter) -> Obstacles:
 
 
 def rooms_at(path: ContactPath, scene: Scene) -> Float[ndarray, " n"]:
-    """By how much larger (mm) than the cutter's a ball that touches each contact can be, its middle on the normal, and
-    be empty."""
+    """How much larger (mm) than the cutter's ball a ball may be that touches each contact from outside and meets no
+    obstacle: of ROOMS the largest for which this holds, or 0."""
     around = scene.around("cutter", path.cutter.radius)
     room = np.zeros(len(path.centres))
     left = np.arange(len(room))
@@ -53,7 +53,7 @@ def rooms_at(path: ContactPath, scene: Scene) -> Float[ndarray, " n"]:
 
 
 def apexes_of(net: Net, room: Float[ndarray, " n"]) -> Apexes:
-    """The nodes of a net with the least room at their contacts."""
+    """Where the cutter pivots: the nodes of a net, with the least `room` (mm, `rooms_at`) of their contacts."""
     least = np.full(len(net.places), np.inf)
     np.minimum.at(least, net.node_of, room)
     return Apexes(net.places, net.reach, net.normals, net.spread, least)

@@ -96,7 +96,7 @@ def _winding(share: Float[ndarray, " n"], normals: Float[ndarray, "n 3"]) -> int
 
 
 def first_values(energy: AxisEnergy) -> Float[ndarray, "2 c"]:
-    """Control values fitted to axes that lean up from the normals."""
+    """Control values fitted to the surface normals, turned towards +Z by FIRST_LEAN."""
     normals = energy.normals
     horizontal = normals[:, 0] + 1j * normals[:, 1]
     wound = 2 * np.pi * energy.winding * energy.domain.round(energy.parameters[:, 0])
@@ -123,7 +123,7 @@ def _solve(matrix: Any, right: Float[ndarray, " c"]) -> Float[ndarray, " c"]:
 def minimise(
     energy: AxisEnergy, values: Float[ndarray, "2 c"], steps: int
 ) -> tuple[Float[ndarray, "2 c"], float]:
-    """Control values of least energy near `values`, by Levenberg's and Marquardt's method in so many steps at most,
+    """Control values of least energy near `values`, by Levenberg's and Marquardt's method in at most `steps` steps,
     and their energy."""
     damping = FIRST_DAMPING
     residual, J = energy.terms(values)

@@ -58,7 +58,7 @@ class FlatChart:
     closed: bool = False
 
     def bases(self, a: Float[ndarray, " n"], b: Float[ndarray, " n"]) -> Float[ndarray, "n 3"]:
-        """The points of height 0."""
+        """The points of height 0 on the lines (a, b)."""
         return a[:, None] * self.across + b[:, None] * Z
 
     def axes(self, a: Float[ndarray, " n"]) -> Float[ndarray, "n 3"]:

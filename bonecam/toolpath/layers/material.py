@@ -23,7 +23,7 @@ LEAST_AREA = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class HeightField:
-    """Material between `bottoms` and `tops` (p, q), mm, on the lines of a chart; none where they are one."""
+    """Material between the heights `bottoms` and `tops` (p, q), mm, on the lines of a chart; none where equal."""
 
     chart: Chart
     tops: Float[ndarray, "p q"]

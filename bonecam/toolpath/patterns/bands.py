@@ -1,4 +1,4 @@
-"""Bands round a closed part, from its free end to its held one, each cut by lines along the part of its own number.
+"""Bands round a closed part, from its free end to its held one, each cut by its own number of lines along the part.
 
 A section t = const needs M(t) lines, counted by |grad psi| L = 1 (`step_metric.py`). The n lines of a band, the
 largest M in it, share each of its sections in equal parts of M. The bands are those that are cut in the least time, by
@@ -21,8 +21,8 @@ BORDERS = 80
 
 
 def band_curves(metric: StepMetric, feed: float, step_over: float, turn: float) -> Curves:
-    """The lines of the bands of least time at `feed` (mm/min), with `step_over` minutes from line to line and `turn`
-    minutes from band to band."""
+    """The lines of those bands that take the least time at `feed` (mm/min), with `step_over` minutes from line to line
+    and `turn` minutes from band to band."""
     share, count, lengths = _shares(metric)
     s = np.r_[metric.s, 1.0]
     knots: list[ndarray] = []

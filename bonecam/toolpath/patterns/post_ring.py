@@ -38,8 +38,8 @@ class PostRing:
 
 
 def post_ring(surface: TSpline, post: Post, radius: float, away: float) -> PostRing | None:
-    """The ring on which the centre of a ball of `radius` is `away` (mm) from the post; None where some line s
-    = const never is so near, or the lower pole is not under the post."""
+    """The ring on which the centre of a ball of `radius` is `away` (mm) from the post; None where some line
+    s = const never comes so near, or the lower pole is not under the post."""
     count = max(int(np.ceil(2 * np.pi * (post.radius + away) / STEP)), LEAST_COUNT)
     s = np.linspace(0.0, 1.0, count + 1)
 

@@ -25,7 +25,7 @@ FLAT = 1e-6
 def side_step(radius: float, scallop: float, curvature: Float[ndarray, " n"]) -> Float[ndarray, " n"]:
     """Distance along the section between contacts (mm) that leaves cusps of exactly `scallop`.
 
-    A section so sharp that one pass leaves less anywhere answers its whole circumference. Raises
+    Where the section is so sharp that one pass leaves no cusp as high, it is the whole circumference. Raises
     ToolPathError where kappa <= -1/R: the ball cannot touch there; ValueError unless 0 < scallop < radius.
     """
     _require_contact(radius, curvature)

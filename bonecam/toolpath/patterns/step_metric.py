@@ -68,16 +68,16 @@ class StepMetric:
         return side_step(self.radius, self.scallop, bounded.ravel()).reshape(bounded.shape)
 
     def rate(self, a: Float[ndarray, "a b"], b: Float[ndarray, "a b"]) -> Float[ndarray, "a b"]:
-        """What psi_s has to be for |grad psi| L = 1 where psi_s and psi_t are in the ratio of a to b; smoothed
-        from above."""
+        """What psi_s has to be for |grad psi| L = 1 where psi_s and psi_t are in the ratio of a to b: a smooth
+        upper bound."""
         return _bound(a / (FULLNESS * self.gradient(a, b) * self.steps(a, b)))
 
     def slowness(self, a: Float[ndarray, "a b"], b: Float[ndarray, "a b"]) -> Float[ndarray, "a b"]:
-        """1 / L, which |grad psi| has to be for psi_s and psi_t in the ratio of a to b; smoothed from above."""
+        """1 / L, which |grad psi| has to be for psi_s and psi_t in the ratio of a to b: a smooth upper bound."""
         return _bound(1 / (FULLNESS * self.steps(a, b)))
 
     def shortfall(self, a: Float[ndarray, "a b"], b: Float[ndarray, "a b"]) -> Float[ndarray, "a b"]:
-        """1, or what |grad psi| L falls short of 1 by, up to MOST_SHORT; smoothed from above."""
+        """The factor, 1 to MOST_SHORT, by which |grad psi| L falls short of 1: a smooth upper bound."""
         return _bound(np.clip(1 / (self.gradient(a, b) * self.steps(a, b)), 1.0, MOST_SHORT))
 
     @property
@@ -93,7 +93,7 @@ def _bound(values: Float[ndarray, "a b"]) -> Float[ndarray, "a b"]:
 
 
 def step_metric(surface: TSpline, radius: float, scallop: float) -> StepMetric:
-    """The metric of a surface that is closed in s."""
+    """The side steps on a surface that is closed in s, for a ball of `radius` that leaves `scallop` (mm) at most."""
     low, high = surface.domain[0]
     s = np.linspace(low, high, AROUND, endpoint=False)
     t = np.linspace(*tangent_range(surface), ALONG)

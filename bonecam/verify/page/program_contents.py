@@ -51,8 +51,8 @@ def program_contents(
 ) -> Contents:
     """The moves of the posted `text`, and what the simulation, if there was one, told of them.
 
-    `meshes` are those of the levels by number. Without the `paths` that the text was written from, links are
-    not told from cuts, nor contacts from tips.
+    `meshes` are those of the levels by number. Without the `paths` that the text was written from, its comments tell
+    links from cuts, and tips stand for contacts.
     """
     motions = read_program(text, machine, dialect)
     surfaces = followed_surfaces(job, meshes)
@@ -150,8 +150,9 @@ def _of_rows(
 
 
 def _of_text(motions: Motions) -> tuple[Int[ndarray, " n"], Float[ndarray, "n 3"]]:
-    """Rapids and feeds, which count as cuts, and the tips."""
-    return np.where(motions.rapid, int(Kind.RAPID), int(Kind.CUT)), motions.tips
+    """The kind of each move, links by the comments LINK of the text, and the tips."""
+    feeds = np.where(motions.links, int(Kind.LINK), int(Kind.CUT))
+    return np.where(motions.rapid, int(Kind.RAPID), feeds), motions.tips
 
 
 def _removed(

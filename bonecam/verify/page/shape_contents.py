@@ -110,7 +110,7 @@ def _outside(given: TriangleMesh, fitted: TriangleMesh) -> Float[ndarray, " n"]:
 
 
 def bodies(job: Job, table: Table) -> dict[str, Any]:
-    """Chuck and table."""
+    """Sizes of chuck and table, mm; None for a chuck that the job does not have."""
     return {"chuck": _chuck(job), "table": _table(table)}
 
 

@@ -1,7 +1,7 @@
 """Gouges and leftovers on the part: nails on its exact surface, cut by every ball.
 
-A nail is a line along the normal. What is left on it is the height of the lowest cut, exact to rounding;
-where no ball came within REACH the material that stands is measured along the nail.
+A nail is a line along the normal (the vector method, Chappel 1983). What is left on it is the height of the lowest
+cut, exact to rounding; where no ball came within REACH the material that stands is measured along the nail.
 """
 
 from collections.abc import Sequence
