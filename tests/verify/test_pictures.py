@@ -94,6 +94,16 @@ def extents(items: Any) -> list[Bbox]:
 STOCKS = [(8.0, 8.0, 18.0), (40.0, 10.0, 18.0), (9.0, 30.0, 18.0), (7.0, 7.0, 120.0)]
 
 
+def test_rest_paths_take_the_place_of_no_level(
+    pebble: Callable[..., TSpline], capsule_path: Callable[..., ToolPath], drawn: list[Figure]
+) -> None:
+    outer, middle, inner = (path(capsule_path, level) for level in (3, 1, 0))
+    rests = [replace(middle, rest=number) for number in (1, 2, 3)]
+    draw_toolpath([outer, middle, *rests, inner], boxed(pebble, *STOCKS[0]), "")
+    titles = [plot.get_title().partition("\n")[0] for plot in drawn[0].axes]
+    assert [title for title in titles if title] == [f"level {level}" for level in (3, 3, 1, 1, 0, 0)]
+
+
 @pytest.mark.parametrize("sizes", STOCKS, ids=str)
 def test_panels_have_one_scale_and_nothing_is_clipped_or_covered(
     pebble: Callable[..., TSpline],

@@ -33,11 +33,12 @@ def draw_toolpath(
     """Write the outermost, a middle and the innermost level from the front (-y) and from behind: contacts, some
     tool axes, links by their tips; the `post` (diameter, top z), mm.
 
-    Layers, which follow no level, are drawn on the part.
+    Rest paths are not drawn. Layers, which follow no level, are drawn on the part.
     """
     from matplotlib.lines import Line2D
 
-    shown = [(paths[k], side) for k in sorted({0, len(paths) // 2, len(paths) - 1}) for side in (1.0, -1.0)]
+    whole = [each for each in paths if not each.rest]
+    shown = [(whole[k], side) for k in sorted({0, len(whole) // 2, len(whole) - 1}) for side in (1.0, -1.0)]
     figure, plots = new_figure(len(shown))
     for plot, (item, side) in zip(plots, shown):
         followed = levels[item.level] if paths[0].level == len(levels) - 2 else levels[0]

@@ -81,7 +81,7 @@ const programMode = {
     page.trail = new THREE.Line(geometry, new THREE.LineBasicMaterial({ color: new THREE.Color("#0072b2") }));
     page.trail.frustumCulled = false;
     page.content.add(page.trail);
-    showLegend({ title: "Standing stock", items: [[BONE, "as it stood when the level began"], [CUT, "cut on this level so far"], ["#0072b2", `way of the tip, the last ${TRAIL} moves`], ["#e69f00", "cutter"]] });
+    showLegend({ title: "Standing stock", items: [[BONE, "as it stood when the level began"], [CUT, "cut on this level so far"], ["#0072b2", `path of the tip, the last ${TRAIL} moves`], ["#e69f00", "cutter"]] });
     showStep(state.step);
   },
   controls: (state) => [
@@ -132,10 +132,10 @@ function showReadout(i) {
   const tip = [0, 1, 2].map((c) => number(a.move_tip[3 * i + c], 3));
   const tilt = (Math.acos(Math.max(-1, Math.min(1, a.move_axis[3 * i + 2]))) * 180) / Math.PI;
   const tool = page.facts.tools.find((one) => one.number === a.move_tool[i]);
-  const feed = a.move_feed[i] > 0 ? `${number(a.move_feed[i], 0)} mm/min` : "rapid";
+  const move = a.move_feed[i] > 0 ? [KINDS[a.move_kind[i]], `${number(a.move_feed[i], 0)} mm/min`] : ["move", "rapid"];
   const told = [
     ["level", a.move_level[i]], ["tool", `${tool.number}, ball R ${tool.radius}`], ["tip", `X ${tip[0]}  Y ${tip[1]}  Z ${tip[2]}`],
-    ["tilt", `${number(tilt, 1)}°`], [KINDS[a.move_kind[i]], feed], ["time in feed", `${number(a.move_minute[i], 1)} min`],
+    ["tilt", `${number(tilt, 1)}°`], move, ["time in feed", `${number(a.move_minute[i], 1)} min`],
   ];
   const box = document.getElementById("readout");
   box.replaceChildren(...told.map(([name, value]) => { const item = make("span", `${name} `); item.append(make("b", String(value))); return item; }));
