@@ -21,7 +21,7 @@ class PathJob(Section):
         "fastest",
         "Pattern",
         "Passes along the bone (s = const), round it (t = const), along it each at the local step from the one before "
-        "(iso-scallop), in one spiral, in bands of lines of their own, or on each level the fastest of these.",
+        "(iso-scallop), in one spiral, in bands of lines of their own, or on each level the faster of along and round.",
         choices=("fastest", "along", "round", "iso-scallop", "spiral", "bands"),
     )
     direction: str = parameter(
