@@ -14,7 +14,7 @@ def check_removal(removal: Removal, gouge_tolerance: float = 0.01) -> None:
     if contact:
         raise VerifyError(
             f"line {contact.line}: a rapid removes {contact.value:.4f} mm3 at {place_name(contact.place)}: "
-            "make it a feed, or retract farther before it",
+            "make it a feed, or retract farther before it; for a program of bonecam try a larger path.clearance",
             line=contact.line,
             place=contact.place,
             error=contact.value,
@@ -31,7 +31,8 @@ def check_removal(removal: Removal, gouge_tolerance: float = 0.01) -> None:
     if gouge and gouge.value > gouge_tolerance:
         raise VerifyError(
             f"line {gouge.line}: the tool goes {gouge.value:.4f} mm into the part at {place_name(gouge.place)}, "
-            f"allowed {gouge_tolerance:g}: lift the path there",
+            f"allowed {gouge_tolerance:g}: lift the path there; for a program of bonecam try a smaller "
+            "path.max_step, a larger tip or a longer post (holding.length)",
             line=gouge.line,
             place=gouge.place,
             error=gouge.value,
