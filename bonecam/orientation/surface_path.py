@@ -13,9 +13,9 @@ from bonecam.orientation.axes.lead import check_lead
 from bonecam.orientation.axes.tool_axes import WantedAxes
 from bonecam.orientation.collision.checker import CollisionChecker
 from bonecam.orientation.collision.scene import Scene
-from bonecam.orientation.cones.admissible_cones import admissible_cones
-from bonecam.orientation.field.axis_field import FieldDomain
-from bonecam.orientation.field.smooth_axes import smooth_axes
+from bonecam.orientation.cones.admissible_cones import AxisCones, admissible_cones
+from bonecam.orientation.field.axis_field import AxisField, FieldDomain
+from bonecam.orientation.field.smooth_axes import machine_minutes, smooth_axes
 from bonecam.orientation.limits import AxisLimits
 from bonecam.orientation.oriented_path import orient
 from bonecam.orientation.post_length import GOUGE, SampledContacts, least_lifts, shortest_post
@@ -118,8 +118,24 @@ def plan_surface(workpiece: Workpiece, job: Job, limits: AxisLimits, bodies: Mac
 def wanted_axes(
     workpiece: Workpiece, contacts: ContactPath, scene: Scene, limits: AxisLimits, job: PathJob
 ) -> WantedAxes | None:
-    """The smooth axes of the contacts; None where the job wants them to lean by the lead angle."""
+    """The smooth axes of the contacts; None where the job wants them to lean by the lead angle.
+
+    Round a closed surface they either turn with the normals or swing about one direction and back: those are taken
+    that cost the fewest minutes for each contact certified free.
+    """
     if job.orientation != "cones":
         return None
     cones = admissible_cones(contacts, scene, limits, job)
-    return smooth_axes(cones, FieldDomain.of(workpiece.surface), limits, job).wanted
+    domain = FieldDomain.of(workpiece.surface)
+    starts = [None, swinging_field(cones, domain)] if domain.closed else [None]
+    made = [smooth_axes(cones, domain, limits, job, "membrane", start) for start in starts]
+    minutes = [machine_minutes(contacts, one.axes, limits) for one in made]
+    certified = [np.count_nonzero(one.wanted.certified) for one in made]
+    return made[int(np.argmin(np.divide(minutes, np.maximum(certified, 1))))].wanted
+
+
+def swinging_field(cones: AxisCones, domain: FieldDomain) -> AxisField:
+    """A constant field of winding 0: the direction that is free at most contacts."""
+    contacts = np.bincount(cones.free.net.node_of, minlength=len(cones.angles))
+    direction = cones.free.directions[(contacts @ cones.free.free).argmax()]
+    return AxisField.constant(domain, direction)

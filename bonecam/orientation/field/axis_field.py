@@ -58,6 +58,12 @@ class AxisField:
         object.__setattr__(self, "azimuth", frozen(self.azimuth))
         object.__setattr__(self, "polar", frozen(self.polar))
 
+    @classmethod
+    def constant(cls, domain: FieldDomain, axis: Float[ndarray, "3"]) -> "AxisField":
+        """The field of winding 0 that is one unit axis everywhere."""
+        each = np.ones(AROUND * ALONG)
+        return cls(domain, 0, np.arctan2(axis[1], axis[0]) * each, np.arccos(np.clip(axis[2], -1, 1)) * each)
+
     def axes(self, parameters: Float[ndarray, "n 2"]) -> Float[ndarray, "n 3"]:
         """Unit tool axes at (s, t)."""
         B = basis(parameters, self.domain)

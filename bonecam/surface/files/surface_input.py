@@ -69,7 +69,8 @@ def read_surface(path: str | Path, scale: float, tolerance: float, max_control_p
             if len(points)
             else "only closed rows between two poles do"
         )
-        raise SurfaceError(f"{path}: encloses no part: {remedy}", file=str(path))
+        alone = "`bonecam finish` machines a surface alone"
+        raise SurfaceError(f"{path}: encloses no part: {remedy}; {alone}", file=str(path))
     if not surface.volume > 0:
         raise SurfaceError(
             f"{path}: its normals S_s x S_t point inward: reverse every row",
