@@ -136,8 +136,9 @@ def _morph(
         advice = _post_advice(setup, job, machine) if found else {}
         if machine is not None:
             check_room(setup.stock, job, machine)
-            check_length(setup.part.mesh, setup.stock, job)
         check_cuts(setup.part.mesh, setup.stock, job.levels)
+        if machine is not None:
+            check_length(setup.part.mesh, setup.stock, job)
 
     with times.stage("surface"):
         fitted = fit_surface(setup.part, job, part(progress, 0.1, 0.5), given)

@@ -13,8 +13,10 @@ import pytest
 
 from bonecam.errors import FileError
 from bonecam.files import check_folder, whole_folder, write_whole
+from bonecam.job import Job
 from bonecam.outputs import output_files
 from bonecam.outputs.output_files import Outputs
+from bonecam.outputs.result import Result
 from bonecam.runtime.own_files import OWN_FILES
 from bonecam.runtime.staging import staged
 
@@ -79,12 +81,11 @@ def test_a_folder_below_one_that_cannot_be_written_is_written() -> None:
         kept.parent.chmod(0o755)
 
 
-def made() -> Any:
-    """What stands for a run's result where nothing of it is looked at."""
-    levels = SimpleNamespace(levels=())
-    return SimpleNamespace(
-        report={"a": 1}, surface=None, levels=levels, stock=None, part=SimpleNamespace(mesh=None)
-    )
+def made() -> Result:
+    """What stands for a run's result where only its program's text is looked at."""
+    unused: Any = SimpleNamespace(levels=(), mesh=None)
+    program: Any = SimpleNamespace(text="BEGIN\n")
+    return Result(unused, unused, unused, unused, {"a": 1}, Job(), (), program)
 
 
 @pytest.fixture
@@ -97,7 +98,7 @@ def outputs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Outputs:
 
 
 def write(outputs: Outputs) -> None:
-    outputs.write(made(), SimpleNamespace(diameter=2.0), program="BEGIN\n")  # type: ignore[arg-type]
+    outputs.write(made())
 
 
 @pytest.mark.parametrize("writer", ["save_surface", "fill_kept_folder"])

@@ -42,7 +42,7 @@ def test_the_sections_of_a_tool_follow_each_other_up_into_the_spindle() -> None:
     [
         ("35 10 17 3", r"holder = '35 10 17 3': 35 10 17 3: give positive length, diameter"),
         ("35 -10", r"35 -10: give positive length, diameter"),
-        ("35 wide", r"could not convert string to float: 'wide': give rows like '35 10 17, 20 40'"),
+        ("35 wide", r"'wide' is no number: give rows like '35 10 17, 20 40'"),
         ("5 20," * 25 + "5 20", r"26 pieces: give at most 20"),
         ([3.0], r"holder = '3\.0': 3: give positive length"),
     ],
