@@ -141,12 +141,19 @@ def _of_rows(
     tips, axes, contacts = (
         np.vstack([getattr(path, name) for path in paths])[rows] for name in ("tips", "axes", "contacts")
     )
-    kinds = np.concatenate([path.kinds for path in paths])[rows].astype(np.int64)
+    kinds = np.concatenate([_kinds(path) for path in paths])[rows]
     kinds = np.where(source == -1, int(Kind.RAPID), kinds)
     outward = tips + radius[:, None] * axes - contacts
     touches = motions.tips + radius[:, None] * motions.axes - outward
-    cuts = (kinds == Kind.CUT) & np.isfinite(touches).all(1)
-    return kinds, np.where(cuts[:, None], touches, motions.tips)
+    at_level = (kinds != Kind.RAPID) & np.isfinite(touches).all(1)
+    return kinds, np.where(at_level[:, None], touches, motions.tips)
+
+
+def _kinds(path: ToolPath) -> Int[ndarray, " n"]:
+    """The kind of each move of a path; the move to the first contact of a pass is a link to look at."""
+    cutting = path.kinds == Kind.CUT
+    goes_on = np.r_[False, cutting[:-1] & (path.pass_index[1:] == path.pass_index[:-1])]
+    return np.where(cutting & ~goes_on, int(Kind.LINK), path.kinds).astype(np.int64)
 
 
 def _of_text(motions: Motions) -> tuple[Int[ndarray, " n"], Float[ndarray, "n 3"]]:
