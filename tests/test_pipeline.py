@@ -139,11 +139,15 @@ def test_a_program_alone_is_simulated_from_its_kept_folder(chain: tuple[bonecam.
 
 
 def test_a_word_changed_by_1_mm_is_found(chain: tuple[bonecam.Result, Path], tmp_path: Path) -> None:
-    """Towards the axis of the part, on its side (Y near 0), in the middle of the last level."""
+    """Towards the axis of the part, on its side (Y near 0), at half its height, on the last level."""
     lines = (chain[1] / "bone.h").read_text(encoding="utf-8").splitlines(keepends=True)
-    at_side = r"X\+[3-9]\.\d+ (Y[+-]0\.\d+ )?Z.*R0 F900"
-    cuts = [n for n, line in enumerate(lines) if re.search(at_side, line)]
-    at = cuts[-len(cuts) // 8]
+    at_side = re.compile(r"X\+[2-9]\.\d+ (?:Y[+-]0\.\d+ )?Z\+(\d+\.\d+) .*R0 F900")
+    begin = max(n for n, line in enumerate(lines) if "LEVEL 0" in line)
+    heights = {
+        n: float(found[1]) for n, line in enumerate(lines) if n > begin and (found := at_side.search(line))
+    }
+    middle = chain[0].part.mesh.vertices[:, 2].mean()
+    at = min(heights, key=lambda n: abs(heights[n] - middle))
     moved = re.sub(r"X\+(\d)", lambda found: f"X+{int(found[1]) - 1}", lines[at])
     (tmp_path / "planted.h").write_text("".join([*lines[:at], moved, *lines[at + 1 :]]), encoding="utf-8")
     removal = bonecam.simulate(tmp_path / "planted.h", chain[1] / "keep", COARSE)
