@@ -77,7 +77,7 @@ class FlatChart:
 
     @cached_property
     def turned_over(self) -> "FlatChart":
-        """The same lines seen from the other side."""
+        """This chart as seen from the other side: its lines stay, its tool axis is reversed."""
         return FlatChart(-self.axis, self.across, self.a, self.b)
 
 

@@ -54,7 +54,7 @@ def iso_scallop_curves(metric: StepMetric, seeds: int) -> Curves:
 
 
 def _sides(metric: StepMetric, seeds: int) -> list[Side]:
-    """Both sides of each seed, the one of growing s first."""
+    """The two sides of each seed meridian, that of growing s first."""
     cell = metric.s[1] - metric.s[0]
     places = len(metric.s)
     half = places // (2 * seeds)
