@@ -85,6 +85,13 @@ class PathJob(Section):
         low=0.0,
         high=60.0,
     )
+    feed_at: str = parameter(
+        "tip",
+        "Feed at",
+        "The point that moves at the cutter's feed along a pass: the tip of the tool, as controls take it, or the "
+        "contact with the part; feed words are then up to twice or half the cutter's.",
+        choices=("tip", "contact"),
+    )
     max_tilt_deg: float = parameter(
         75.0,
         "Largest tilt",

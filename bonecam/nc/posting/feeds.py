@@ -10,6 +10,10 @@ Along the cuts of a pass it is lowered further, forwards and backwards, so that 
 no more than half of the cutter's feed per mm of path, and by no more than a factor of two. The chip load F / (spindle
 speed x teeth) changes as evenly. On the shipped phalanx this takes 2.5 % more time than the model of a control that
 changes its feed at once from block to block. The first row of a pass, entered at the plunge feed, is left out of it.
+
+A control moves the programmed point, the tip of the tool, at the feed of the block. Where the tool turns, or the ball
+rolls over a bulge, the contact is slower than the tip. `path.feed_at = "contact"` raises or lowers the feed of each row
+so that the contact keeps the cutter's feed: F = feed x way of the tip / way of the contact.
 """
 
 from collections.abc import Sequence
@@ -31,7 +35,7 @@ FEED_PER_MM = 0.5
 TIMED_STEP = 0.001
 """Feeds that are written in inverse time are whole multiples of this, mm/min."""
 LARGEST_RATIO = 2.0
-"""Largest ratio of the feeds of successive rows of a pass."""
+"""Largest ratio of the feeds of successive rows of a pass, and of a row's feed to the cutter's."""
 
 
 def drivable_paths(
@@ -45,27 +49,42 @@ def drivable_paths(
     for path in paths:
         posted = post_path(path, machine, dialect, job, around, before)
         before = posted.moves.angles[-1]
-        lowered.append(replace(path, feed_rates=_drivable_feeds(posted)))
+        lowered.append(replace(path, feed_rates=_drivable_feeds(posted, job.path.feed_at)))
     return tuple(lowered)
 
 
-def _drivable_feeds(posted: Posted) -> Float[ndarray, "n"]:
+def _drivable_feeds(posted: Posted, feed_at: str) -> Float[ndarray, "n"]:
     """The feed of each row of a path, mm/min, in whole steps of its word."""
     path = posted.path
+    asked = path.feed_rates * _feed_ratios(posted, feed_at)
     limit = np.full(len(path.tips), np.inf)
     moving = posted.lengths > posted.dialect.numbers["length"].step
     moving[[first for first, _ in posted.runs]] = False
     with np.errstate(divide="ignore"):
         reached = posted.lengths[moving] / posted.axis_minutes[moving]
     np.minimum.at(limit, posted.moves.rows[moving], reached)
-    feeds = np.minimum(path.feed_rates, limit)
+    feeds = np.minimum(asked, limit)
     feeds = _even(feeds, np.linalg.norm(np.diff(path.tips, axis=0, prepend=path.tips[:1]), axis=1), path)
 
     step = posted.dialect.numbers["feed"].step if posted.dialect.feed_mode == "per-minute" else TIMED_STEP
     # rounded down: a feed that is rounded up is beyond the axis again
-    feeds = np.minimum(np.maximum(np.floor(feeds / step + 1e-9), 1.0) * step, path.feed_rates)
+    feeds = np.minimum(np.maximum(np.floor(feeds / step + 1e-9), 1.0) * step, asked)
     rapid = (path.kinds == Kind.RAPID) & posted.dialect.straight_rapids
     return np.where(rapid, path.feed_rates, feeds)
+
+
+def _feed_ratios(posted: Posted, feed_at: str) -> Float[ndarray, "n"]:
+    """How many times the cutter's feed each row of a path takes before any axis limits it, so that the point `feed_at`
+    (`tip` or `contact`) keeps the cutter's feed: 1, or within a factor of `LARGEST_RATIO` of it."""
+    path = posted.path
+    ratios = np.ones(len(path.tips))
+    if feed_at == "contact":
+        tip_ways = np.bincount(posted.moves.rows, posted.lengths, len(path.tips))
+        contact_ways = np.linalg.norm(np.diff(path.contacts, axis=0, prepend=path.contacts[:1]), axis=1)
+        follows = _follows(path)
+        ratio = tip_ways[follows] / np.maximum(contact_ways[follows], posted.dialect.numbers["length"].step)
+        ratios[follows] = np.clip(ratio, 1 / LARGEST_RATIO, LARGEST_RATIO)
+    return ratios
 
 
 def _even(feeds: Float[ndarray, "n"], steps: Float[ndarray, "n"], path: ToolPath) -> Float[ndarray, "n"]:
@@ -89,14 +108,14 @@ def _follows(path: ToolPath) -> Bool[ndarray, "n"]:
     return goes_on & np.r_[False, goes_on[:-1]]
 
 
-def feed_figures(posted: Sequence[Posted]) -> FeedFigures:
-    """The figures of the cutting blocks of posted paths."""
+def feed_figures(posted: Sequence[Posted], feed_at: str) -> FeedFigures:
+    """The figures of the cutting blocks of posted paths; `feed_at` is the point that keeps the feed."""
     asked, own, driven = [], [], []
     for one in posted:
         cuts = (one.moves.kinds == Kind.CUT) & (one.lengths > one.dialect.numbers["length"].step)
         cuts[[first for first, _ in one.runs]] = False
         length, axes = one.lengths[cuts], one.axis_minutes[cuts]
-        asked.append(axes * one.path.cutter.feed / length)
+        asked.append(axes * one.path.cutter.feed * _feed_ratios(one, feed_at)[one.moves.rows[cuts]] / length)
         own.append(axes * one.moves.feed_rates[cuts] / length)
         driven.append(length / one.minutes[cuts])
     feeds = np.concatenate(driven)

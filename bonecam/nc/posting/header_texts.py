@@ -16,6 +16,7 @@ from bonecam.nc.posting.travel import Travel
 from bonecam.setup.stock import Stock
 from bonecam.setup.stock_kind import kind_of
 from bonecam.toolpath.cutters.cutter import Cutter
+from bonecam.toolpath.path import Kind
 
 WIDEST = 96
 """Most characters of a comment that is divided between words."""
@@ -61,15 +62,17 @@ def tool_texts(job: Job, posted: Sequence[Posted]) -> list[str]:
     """Every tool: a line that the reader takes, its shapes, its time; and where its length is measured."""
     texts = []
     for number, one in {one.path.cutter.number: one for one in posted}.items():
-        minutes = sum(float(each.minutes.sum()) for each in posted if each.path.cutter.number == number)
         cutter = one.path.cutter
+        paths = [each.path for each in posted if each.path.cutter.number == number]
+        minutes = sum(float(each.minutes.sum()) for each in posted if each.path.cutter.number == number)
+        fastest = max(float(path.feed_rates[path.kinds == Kind.CUT].max(initial=0.0)) for path in paths)
         texts += [
             tool_text(cutter, one.control.tool_length),
             *(f"tool {number}: {text}" for text in _shapes(cutter)),
-            f"tool {number}: stick-out {cutter.overhang:.2f} mm, S{cutter.spindle:.0f}, F{cutter.feed:.0f} at most, "
+            f"tool {number}: stick-out {cutter.overhang:.2f} mm, S{cutter.spindle:.0f}, F{fastest:.0f} at most, "
             f"about {minutes:.1f} min",
         ]
-    figures = feed_figures(posted)
+    figures = feed_figures(posted, job.path.feed_at)
     return [
         *texts,
         "tool lengths: planned, from the spindle nose to the tip of the ball; enter the measured ones",

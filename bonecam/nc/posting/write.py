@@ -135,7 +135,7 @@ class ProgramWriter:
             tools=tuple(minutes),
             time_min=sum(minutes.values()),
             tool_minutes=tuple(minutes.values()),
-            feeds=feed_figures(self.posted),
+            feeds=feed_figures(self.posted, self.job.path.feed_at),
             rotary_max_deg_per_block=max(
                 float(r[f].max(initial=0.0)) for r, f in zip(rotations, feeds, strict=True)
             ),

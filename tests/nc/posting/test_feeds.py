@@ -55,6 +55,15 @@ def axis_shares(motions: Motions, machine: Machine) -> np.ndarray:
     return np.asarray(needed[used] / given[used])
 
 
+def with_speeds(machine: Machine, speed: float) -> Machine:
+    """The machine with axes of another speed, mm/min and rad/min."""
+    groups = {
+        name: tuple(replace(axis, speed=speed) for axis in getattr(machine, name))
+        for name in ("linear", "part_axes", "tool_axes")
+    }
+    return replace(machine, **groups)
+
+
 def test_every_feed_of_the_text_is_one_that_the_axes_can_follow(paths, pair) -> None:
     machine, dialect = pair
     raw = read_program(write_program(paths, machine, dialect, Job()).text, machine, dialect)
@@ -108,6 +117,28 @@ def test_feeds_that_every_axis_can_follow_are_left_alone(path_of: Callable[..., 
     path = path_of(tips, np.tile([0.0, 0.0, 1.0], (60, 1)))
     (same,) = drivable_paths([path], *pair, Job())
     assert np.array_equal(same.feed_rates, path.feed_rates)
+
+
+def test_the_contact_keeps_the_feed_of_the_cutter_where_the_job_asks(
+    path_of: Callable[..., ToolPath], pair
+) -> None:
+    # an arc of 8 mm whose tips lie 4 mm outside: there the tip is 1.5 times as fast as the contact
+    machine, dialect = pair
+    angle = np.linspace(0.2, 1.2, 200)
+    outward = np.column_stack([np.zeros(200), np.cos(angle), np.sin(angle)])
+    contacts = np.array([0.0, 0.0, 60.0]) + 8.0 * outward
+    path = replace(path_of(contacts + 4.0 * outward, outward), contacts=contacts)
+    tip, contact = (Job().with_values(path={"feed_at": at}) for at in ("tip", "contact"))
+    fast = with_speeds(machine, 1e9)
+    assert np.array_equal(drivable_paths([path], fast, dialect, tip)[0].feed_rates, path.feed_rates)
+    (raised,) = drivable_paths([path], fast, dialect, contact)
+    assert np.allclose(raised.feed_rates[20:-20], 1.5 * path.cutter.feed, rtol=0.02)
+
+    (limited,) = drivable_paths([path], machine, dialect, contact)
+    program = write_program([limited], machine, dialect, contact)
+    motions = read_program(program.text, machine, dialect)
+    assert axis_shares(motions, machine).max() <= 1.0 + 1e-6
+    compare_moves(motions, [limited], dialect, Tolerances())
 
 
 def test_rapids_that_are_written_as_feeds_are_lowered_too(paths) -> None:
