@@ -2,6 +2,7 @@
 passes."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -14,6 +15,7 @@ from bonecam.orientation.axes.singularity import SINGULAR_ANGLE, least_polar_ang
 from bonecam.orientation.axes.tool_axes import ToolAxes, WantedAxes, choose_axes, fixed_axes
 from bonecam.orientation.collision.checker import CollisionChecker
 from bonecam.orientation.collision.scene import Scene
+from bonecam.orientation.cones.free_axes import blocked_by
 from bonecam.orientation.limits import AxisLimits
 from bonecam.orientation.links.direct import direct_links
 from bonecam.orientation.links.link_space import LinkSpace
@@ -62,11 +64,7 @@ def orient(
         chosen = fixed_axes(path, checker, fixed)
     else:
         chosen = choose_axes(path, checker, limits, job, wanted)
-    if not chosen.found.any():
-        remedy = "use a longer overhang, a longer post (holding.length) or a slimmer holder"
-        raise OrientationError(
-            f"level {path.level}: no contact has a free tool axis: {remedy}", level=path.level
-        )
+    blocked = _blocked(path, chosen, scene, limits, job)
 
     runs = _runs(path, chosen, checker)
     poses = list(zip(path.centres, chosen.axes))
@@ -76,7 +74,24 @@ def orient(
             f"level {path.level}: no pass can be reached safely: raise path.clearance or the tool's overhang",
             level=path.level,
         )
-    return _tool_path(path, chosen, space, runs, linked)
+    return replace(_tool_path(path, chosen, space, runs, linked), blocked_by=blocked)
+
+
+def _blocked(
+    path: ContactPath, chosen: ToolAxes, scene: Scene, limits: AxisLimits, job: PathJob
+) -> dict[str, int]:
+    """What is against the contacts that have no axis but by collisions; OrientationError where none has an axis."""
+    colliding = np.flatnonzero(np.array(chosen.reasons) == "collision")
+    blocked = {}
+    if len(colliding):
+        blocked = blocked_by(path.take(colliding), scene, limits, float(np.radians(job.max_tilt_deg)))
+    if not chosen.found.any():
+        why = f" ({next(iter(blocked))})" if blocked else ""
+        remedy = "use a longer overhang, a longer post (holding.length) or a slimmer holder"
+        raise OrientationError(
+            f"level {path.level}: no contact has a free tool axis{why}: {remedy}", level=path.level
+        )
+    return blocked
 
 
 def _idle_path(path: ContactPath, space: LinkSpace) -> ToolPath:

@@ -1,6 +1,7 @@
 """What the tool does on one level, as flat arrays with one row a point."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 
 from jaxtyping import Float, Int
@@ -43,6 +44,11 @@ class ContactPath:
     trimmed: float = 0.0
     rest: int = 0
 
+    def take(self, contacts: Int[ndarray, " k"]) -> "ContactPath":
+        """The path with these contacts (by index) alone."""
+        names = ("pass_index", "parameters", "contacts", "normals", "feeds", "centres", "lifts")
+        return replace(self, **{name: getattr(self, name)[contacts] for name in names})
+
 
 @dataclass(frozen=True, eq=False)
 class ToolPath:
@@ -51,7 +57,8 @@ class ToolPath:
 
     `axes` are unit, from tip to spindle; `tips` = ball centre - radius * axis; `feed_rates` in mm/min
     (rapid moves: the machine's rapid rate); `contacts` and `parameters` are NaN on links and rapids.
-    `pass_index` is -1 on links and rapids. `trimmed` and `rest` are those of the `ContactPath`. The first row is a
+    `pass_index` is -1 on links and rapids. `trimmed` and `rest` are those of the `ContactPath`. `blocked_by` counts the
+    contacts that have no tool axis by what is against it (`shank against the material`). The first row is a
     safe point clear of the stock, so is the last.
     """
 
@@ -68,6 +75,7 @@ class ToolPath:
     reasons: tuple[str, ...]
     trimmed: float = 0.0
     rest: int = 0
+    blocked_by: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def title(self) -> str:

@@ -75,6 +75,7 @@ def toolpath_report(paths: Sequence[ToolPath]) -> list[dict[str, Any]]:
                 "trimmed_min": round(path.trimmed / path.cutter.feed, 3),
                 "uncut_contacts": len(path.uncut),
                 "uncut_reasons": reasons,
+                "blocked_by": dict(path.blocked_by),
             }
         )
     return rows

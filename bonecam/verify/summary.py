@@ -197,10 +197,13 @@ def uncut_text(toolpath: Sequence[Mapping[str, Any]]) -> str:
     as in the report."""
     told = []
     for where, outer in (("on the part", False), ("on levels round it", True)):
-        reasons: Counter[str] = sum(
-            (Counter(row["uncut_reasons"]) for row in toolpath if bool(row["level"]) == outer), Counter()
-        )
+        rows = [row for row in toolpath if bool(row["level"]) == outer]
+        reasons: Counter[str] = sum((Counter(row["uncut_reasons"]) for row in rows), Counter())
+        blocked: Counter[str] = sum((Counter(row["blocked_by"]) for row in rows), Counter())
+        why = WHY | {
+            "collision": ", ".join([WHY["collision"], *(f"{n} {by}" for by, n in blocked.most_common(2))])
+        }
         if reasons:
-            each = ", ".join(f"{reason} {count} ({WHY[reason]})" for reason, count in reasons.most_common())
+            each = ", ".join(f"{reason} {count} ({why[reason]})" for reason, count in reasons.most_common())
             told.append(f"{counted(reasons.total(), 'contact')} {where}: {each}")
     return f"\n{' ' * 10}".join(told) or "nothing"

@@ -145,8 +145,8 @@ NOSE = (Frustum(30.0, 40.0, 40.0), Frustum(20.0, 40.0, 60.0))
 def test_spindle_chuck_and_cones_are_kept_clear_of(
     made: Callable[..., tuple[ContactPath, Scene, ToolPath]], roughing_cutter: Cutter
 ) -> None:
-    """By closed forms along every move; a wider nose is held more upright, a higher chuck leaves more uncut, and
-    nothing enters either."""
+    """By closed forms along every move; a wider nose is held more upright, a higher chuck leaves more uncut and is
+    told as what is against it, and nothing enters either."""
     slim = replace(roughing_cutter, holder=(Frustum(40.0, 8.0, 16.0),), nose=NOSE)
     wide = replace(slim, nose=(Frustum(50.0, 70.0, 70.0),))
     high = Clamping((Column(12.0, 26.0),), clearance=4.0)
@@ -159,6 +159,8 @@ def test_spindle_chuck_and_cones_are_kept_clear_of(
     assert left[0] == left[1] == 0
     assert steepest[1] < steepest[0] - 2
     assert left[2] > 0
+    assert next(iter(path.blocked_by)).endswith("against the clamping")
+    assert sum(path.blocked_by.values()) <= left[2]
 
 
 def test_bent_retracts_and_approaches_stay_clear_and_slow_near_the_part(

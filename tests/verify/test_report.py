@@ -19,16 +19,22 @@ MEASURES = replace(NO_CUT, depth_max=0.5, depth_mean=0.4)
 
 def test_what_was_left_uncut_is_told_by_reason_apart_for_the_part() -> None:
     rows = [
-        {"level": 1, "uncut_contacts": 7, "uncut_reasons": {"gouge": 5, "post": 2}},
-        {"level": 0, "uncut_contacts": 3, "uncut_reasons": {"post": 1, "collision": 2}},
+        {"level": 1, "uncut_contacts": 7, "uncut_reasons": {"gouge": 5, "post": 2}, "blocked_by": {}},
+        {
+            "level": 0,
+            "uncut_contacts": 3,
+            "uncut_reasons": {"post": 1, "collision": 2},
+            "blocked_by": {"shank against the material": 2},
+        },
     ]
     text = uncut_text(rows)
     assert text == (
-        "3 contacts on the part: collision 2 (no free way for the tool), post 1 (at the post)\n"
+        "3 contacts on the part: collision 2 (no free way for the tool, 2 shank against the material), "
+        "post 1 (at the post)\n"
         "          7 contacts on levels round it: gouge 5 (ball too large for the hollow), post 2 (at the post)"
     )
     assert uncut_text(rows[:1]).startswith("7 contacts on levels round it: ")
-    assert uncut_text([{"level": 0, "uncut_contacts": 0, "uncut_reasons": {}}]) == "nothing"
+    assert uncut_text([{"level": 0, "uncut_contacts": 0, "uncut_reasons": {}, "blocked_by": {}}]) == "nothing"
 
 
 def test_the_summary_tells_each_repair() -> None:
@@ -59,6 +65,7 @@ def test_the_summary_tells_each_repair() -> None:
                 "trimmed_mm": 2.0,
                 "uncut_contacts": 0,
                 "uncut_reasons": {},
+                "blocked_by": {},
             }
         ],
         "nc": dict.fromkeys(

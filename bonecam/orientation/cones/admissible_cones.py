@@ -89,8 +89,8 @@ class AxisCones:
         )
 
     def blocked(self) -> dict[int, str]:
-        """The contacts without any cone, and what is against it: `limits`, or the section of the tool that collides
-        along most directions."""
+        """The contacts without any cone, and what is against it: `limits`, or the section of the tool and the obstacle
+        that it meets along most directions, as `shank against the material`."""
         nodes = np.flatnonzero(self.angles <= 0)
         why = {int(node): self.free.blocking(int(node)) for node in nodes}
         contacts = np.flatnonzero(~self.found)

@@ -1,5 +1,6 @@
 """The free tool axes of every node of a net over the contacts of a path: a set of directions, tested one by one."""
 
+from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -13,7 +14,7 @@ from bonecam.orientation.axes.admissible import candidate_directions
 from bonecam.orientation.axes.lead import table_limits
 from bonecam.orientation.collision.scene import Scene
 from bonecam.orientation.cones.net import Net, join_nets, make_net
-from bonecam.orientation.cones.obstacles import apexes_of, obstacles_of, rooms_at
+from bonecam.orientation.cones.obstacles import apexes_of, obstacles_of, rooms_at, single_obstacles
 from bonecam.orientation.limits import AxisLimits, polar_angles
 from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.toolpath.path import ContactPath
@@ -30,14 +31,15 @@ WIDEST = np.radians(40.0)
 
 @dataclass(frozen=True, eq=False)
 class FreeAxes:
-    """Of unit `directions` (d) those within the machine's limits and the largest tilt (`allowed`), and of these the
-    ones that are `free` for the tool on all contacts of a node (k, d)."""
+    """Of unit `directions` (d) those `within` the machine's limits and the largest tilt, of these the ones above the
+    table too (`allowed`), and of these those that are `free` for the tool on all contacts of a node (k, d)."""
 
     net: Net
     apexes: Apexes
     obstacles: Obstacles
     section_names: tuple[str, ...]
     directions: Float[ndarray, "d 3"]
+    within: Bool[ndarray, "k d"]
     allowed: Bool[ndarray, "k d"]
     free: Bool[ndarray, "k d"]
 
@@ -48,17 +50,22 @@ class FreeAxes:
         return np.asarray(angles_to_blocked(self.free | ~self.allowed, order, angles)) * self.free
 
     def blocking(self, node: int) -> str:
-        """What leaves a node without a free axis: the section of the tool that is free along the fewest allowed
-        directions, or `limits` where none is allowed."""
-        if not self.allowed[node].any():
+        """What leaves a node without a free axis: `limits` of the machine and of the tilt, or the obstacle, and the
+        section of the tool, with which the fewest directions are left: `shank against the material`."""
+        if not self.within[node].any():
             return "limits"
+        if not self.allowed[node].any():
+            return "holder against the table"
         rows = np.array([node])
         apex = Apexes(*(part[rows] for part in self.apexes))
-        counts = []
-        for s in range(len(self.obstacles.sections)):
-            alone = self.obstacles._replace(sections=self.obstacles.sections[s : s + 1])
-            counts.append(free_directions(alone, apex, self.directions, self.allowed[rows]).sum())
-        return self.section_names[int(np.argmin(counts))]
+        counts = {
+            f"{self.section_names[s]} against the {name}": free_directions(
+                alone, apex, self.directions, self.allowed[rows]
+            ).sum()
+            for s in range(len(self.section_names))
+            for name, alone in single_obstacles(self.obstacles, s)
+        }
+        return min(counts, key=lambda name: counts[name])
 
 
 def free_axes(path: ContactPath, scene: Scene, limits: AxisLimits, max_tilt: float) -> FreeAxes:
@@ -79,17 +86,25 @@ def free_axes(path: ContactPath, scene: Scene, limits: AxisLimits, max_tilt: flo
     while len(left):
         net = make_net(path.centres[left], path.normals[left], middles[left], spacing)
         apexes = apexes_of(net, room[left])
-        allowed = _allowed(net, directions, path.cutter, limits, max_tilt, clearance)
+        within, allowed = _allowed(net, directions, path.cutter, limits, max_tilt, clearance)
         free = free_directions(obstacles, apexes, directions, allowed)
         spacing /= 2
         most = free.sum(axis=1) >= ENOUGH * allowed.sum(axis=1)
         settled = most | (spacing < FINEST)
         nets.append((left, net, settled))
-        parts.append(tuple(part[settled] for part in (*apexes, allowed, free)))
+        parts.append(tuple(part[settled] for part in (*apexes, within, allowed, free)))
         left = left[~settled[net.node_of]]
     net = join_nets(nets, len(path.centres))
-    *apex, allowed, free = (np.concatenate(part) for part in zip(*parts))
-    return FreeAxes(net, Apexes(*apex), obstacles, names, directions, allowed, free)
+    *apex, within, allowed, free = (np.concatenate(part) for part in zip(*parts))
+    return FreeAxes(net, Apexes(*apex), obstacles, names, directions, within, allowed, free)
+
+
+def blocked_by(path: ContactPath, scene: Scene, limits: AxisLimits, max_tilt: float) -> dict[str, int]:
+    """How many contacts of a path without free axes are blocked by what (`FreeAxes.blocking`), the most frequent
+    first; raises as `free_axes`."""
+    free = free_axes(path, scene, limits, max_tilt)
+    why = [free.blocking(node) for node in range(len(free.net.places))]
+    return dict(Counter(why[node] for node in free.net.node_of).most_common())
 
 
 def _middles(path: ContactPath) -> Float[ndarray, "n 2 3"]:
@@ -109,14 +124,15 @@ def _allowed(
     limits: AxisLimits,
     max_tilt: float,
     clearance: float,
-) -> Bool[ndarray, "k d"]:
-    """The directions within the machine's limits, above the table and near enough to a node's normal."""
+) -> tuple[Bool[ndarray, "k d"], Bool[ndarray, "k d"]]:
+    """The directions within the machine's limits and near enough to a node's normal, and those of them above the
+    table."""
     angle = polar_angles(directions)
     lowest = net.places - np.outer(net.reach, [0.0, 0.0, 1.0])
     above = table_limits(lowest, cutter, clearance) if np.isfinite(clearance) else np.full(len(lowest), np.pi)
-    largest = np.minimum(limits.largest, above)
-    within = (angle <= largest[:, None]) & (angle >= limits.smallest)
-    return np.asarray(within & (net.normals @ directions.T >= np.cos(max_tilt)))
+    near = net.normals @ directions.T >= np.cos(max_tilt)
+    within = near & (angle <= limits.largest) & (angle >= limits.smallest)
+    return within, within & (angle <= above[:, None])
 
 
 @lru_cache(maxsize=1)

@@ -1,6 +1,8 @@
 """What the sections of a cutter stay out of in a scene, as compiled marching takes it, and the places where the
 cutter pivots."""
 
+from collections.abc import Iterator
+
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
@@ -16,6 +18,9 @@ from bonecam.toolpath.path import ContactPath
 ROOMS = tuple(0.2 * 2 ** (k / 2) for k in range(14))
 """By how much larger (mm) empty balls are sought that touch a contact; even the least is as if the surface were as
 hollow as a ball that much larger than the cutter's."""
+
+NOWHERE = 1e6
+"""A mesh that is this far off (mm) is no obstacle."""
 
 
 def obstacles_of(scene: Scene, cutter: Cutter) -> Obstacles:
@@ -36,6 +41,20 @@ def obstacles_of(scene: Scene, cutter: Cutter) -> Obstacles:
         distance_grids(scene.level_distance),
         distance_grids(scene.material_distance),
     )
+
+
+def single_obstacles(obstacles: Obstacles, section: int) -> Iterator[tuple[str, Obstacles]]:
+    """Each obstacle of a section of the tool by its name, alone."""
+    row = obstacles.sections[section].copy()
+    first, end = int(row[5]), int(row[6])
+    row[6] = first
+    yield ("level" if row[3] else "material"), obstacles._replace(sections=row[None])
+    row = row.copy()
+    row[4] = -NOWHERE
+    for column in range(first, end):
+        alone = row.copy()
+        alone[5:] = column, column + 1
+        yield ("clamping" if column > first else "post"), obstacles._replace(sections=alone[None])
 
 
 def rooms_at(path: ContactPath, scene: Scene) -> Float[ndarray, " n"]:
