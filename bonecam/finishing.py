@@ -1,6 +1,7 @@
 """One surface machined alone, such as a blade between its neighbours: read, planned, posted, read back."""
 
-from collections.abc import Sequence
+import json
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,7 @@ from bonecam.runtime.timing import StageTimes
 from bonecam.surface.blades.blade_solid import blade_solid
 from bonecam.surface.files.machined_surface import read_machined_surface
 from bonecam.surface.tspline import TSpline
+from bonecam.toolpath.cl_data import apt_text
 from bonecam.toolpath.gouge import MESH_SHARE, planned_tolerance
 from bonecam.toolpath.path import ToolPath
 from bonecam.verify.page.packing import pack
@@ -89,6 +91,7 @@ def finish(
     keep: File = None,
     report: File = None,
     html: File = None,
+    apt: File = None,
     progress: Progress = silent,
 ) -> Finished:
     """The verified program that machines one surface, open or closed, with the job's finishing cutter in one level.
@@ -103,8 +106,8 @@ def finish(
     machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)
     check_job(job, machine, dialect)
     source = None if isinstance(surface, TSpline) else surface
-    Outputs(program, keep, report, html=html).check(source, dialect)
-    solids = _checked_solids((part, *obstacles), program, report, html)
+    Outputs(program, keep, report, html=html, apt=apt).check(source, dialect)
+    solids = _checked_solids((part, *obstacles), program, report, html, apt)
     times = StageTimes()
     shape, solid = _read(surface, solids, job, times, has_part=part is not None)
     with times.stage("toolpath"):
@@ -121,9 +124,17 @@ def finish(
         "seconds": times.seconds,
     }
     made = Finished(workpiece, path, posted, figures, job)
-    page = html, made.page if html else ""
-    write_finished(workpiece, path, posted.text, figures, program, keep, report, page)
+    write_finished(workpiece, path, keep, [(program, lambda: posted.text), *_texts(made, report, html, apt)])
     return made
+
+
+def _texts(made: Finished, report: File, html: File, apt: File) -> list[tuple[File, Callable[[], str]]]:
+    """The files beside the program, and what makes the text of each."""
+    return [
+        (report, lambda: json.dumps(made.report, indent=2) + "\n"),
+        (html, lambda: made.page),
+        (apt, lambda: apt_text([made.path], made.program.name)),
+    ]
 
 
 def _checked_solids(given: Sequence[Solid | None], *wanted: File) -> list[Solid]:

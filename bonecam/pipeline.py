@@ -54,6 +54,7 @@ def convert(
     surface: File = None,
     html: File = None,
     sheet: File = None,
+    apt: File = None,
     simulation: bool = True,
     progress: Progress = silent,
 ) -> Result:
@@ -61,15 +62,15 @@ def convert(
 
     `mesh` is a file, or a mesh in memory in the unit `job.mesh.units`: (vertices, faces), a TriangleMesh, or a
     mesh of open3d, trimesh or pymeshlab. The files `program`, `report` and `surface` (its ending says its kind),
-    the page `html`, the setup `sheet` and the folder `keep` are written at the end, together. Only a level that
-    fails its check is written to `keep` all the same. Without `simulation` the removal of material is not
-    simulated from the posted text. Raises a BonecamError that names the trouble and the remedy.
+    the page `html`, the setup `sheet`, the cutter location data `apt` and the folder `keep` are written at the end,
+    together. Only a level that fails its check is written to `keep` all the same. Without `simulation` the removal
+    of material is not simulated from the posted text. Raises a BonecamError that names the trouble and the remedy.
     """
     job = _require_job(job)
     machine = read_machine(job.nc.machine)
     dialect = read_dialect(job.nc.controller)
     check_job(job, machine, dialect)
-    outputs = Outputs(program, keep, report, surface, html, sheet)
+    outputs = Outputs(program, keep, report, surface, html, sheet, apt)
     given, source = _given(mesh)
     outputs.check(source, dialect)
     times = StageTimes()

@@ -13,6 +13,7 @@ from bonecam.mesh import MeshDistance, write_mesh
 from bonecam.setup.revolution import revolve
 from bonecam.surface import skin
 from bonecam.surface.tspline import TSpline
+from bonecam.toolpath import read_apt
 from bonecam.toolpath.path import Kind
 from bonecam.verify.page.packing import unpack
 
@@ -60,7 +61,7 @@ def block(count: int = 49) -> bonecam.TriangleMesh:
 def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[bonecam.Finished, Path]:
     folder = tmp_path_factory.mktemp("finished")
     files = {"program": folder / "panel.h", "keep": folder / "keep", "report": folder / "panel.json"}
-    files["html"] = folder / "panel.html"
+    files |= {"html": folder / "panel.html", "apt": folder / "panel.cls"}
     return bonecam.finish(panel(), block(), job=JOB, **files), folder
 
 
@@ -86,6 +87,8 @@ def test_the_text_gouges_nothing_and_its_files_are_there(finished: tuple[bonecam
     assert names <= {file.name for file in (folder / "keep").iterdir()}
     assert "surface   open" in made.summary
     assert (folder / "panel.json").stat().st_size > 200
+    read = read_apt((folder / "panel.cls").read_text())
+    assert np.abs(read.paths[0].tips - made.path.tips).max() < 1e-6
     payload = (folder / "panel.html").read_text(encoding="utf-8").split('type="text/plain">')[1].split("<")[0]
     shown = unpack(base64.b64decode(payload), "panel.html")
     assert shown.arrays["text"].tobytes().decode() == made.program.text

@@ -111,6 +111,7 @@ def _add_finish(parsers: Any) -> None:
     finish.add_argument("--keep", metavar="DIR", help="folder for surface, solid, tool path and its picture")
     finish.add_argument("--report", metavar="FILE.json", help="file for the report")
     finish.add_argument("--html", metavar="FILE.html", help="file for a page to look at in a browser")
+    _add_apt(finish)
     add_job_options(finish)
     _add_verbosity(finish)
 
@@ -205,8 +206,14 @@ def _add_keep(command: argparse.ArgumentParser) -> None:
     command.add_argument("--keep", metavar="DIR", help=folder)
     sheet = "file for the setup sheet, one page to print: clamping, tools, axes, checks, warnings"
     command.add_argument("--sheet", metavar="FILE.html", help=sheet)
+    _add_apt(command)
     without = "do not simulate the removal of material from the posted text"
     command.add_argument("--no-simulation", action="store_true", help=without)
+
+
+def _add_apt(command: argparse.ArgumentParser) -> None:
+    apt = "file for the tool path as cutter location data in APT words"
+    command.add_argument("--apt", metavar="FILE.apt", help=apt)
 
 
 def _add_results(command: argparse.ArgumentParser) -> None:

@@ -36,7 +36,8 @@ def run_levels(options: argparse.Namespace) -> int:
 
 def _convert(mesh: str | Path, options: argparse.Namespace) -> int:
     make = partial(bonecam.convert, simulation=not options.no_simulation)
-    return _run(make, mesh, options, program=options.output, keep=options.keep, sheet=options.sheet)
+    outputs = {"program": options.output, "keep": options.keep, "sheet": options.sheet, "apt": options.apt}
+    return _run(make, mesh, options, **outputs)
 
 
 def _run(
@@ -68,7 +69,7 @@ def run_view(options: argparse.Namespace) -> int:
 def run_finish(options: argparse.Namespace) -> int:
     """`bonecam finish`: the NC program of one surface."""
     job = job_of(options)
-    files = [file for file in (options.output, options.report, options.html) if file is not None]
+    files = [file for file in (options.output, options.report, options.html, options.apt) if file is not None]
     check_files(files, [file for file in (options.job, options.machine, options.controller) if file])
     with shown_progress(options) as progress:
         made = bonecam.finish(
@@ -80,6 +81,7 @@ def run_finish(options: argparse.Namespace) -> int:
             keep=options.keep,
             report=options.report,
             html=options.html,
+            apt=options.apt,
             progress=progress,
         )
     if not options.quiet:

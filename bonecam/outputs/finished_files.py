@@ -1,9 +1,7 @@
 """The files of one surface machined alone."""
 
-import json
-from collections.abc import Mapping
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 from bonecam.mesh.files.mesh_files import write_mesh
 from bonecam.orientation.surface_path import Workpiece
@@ -19,22 +17,14 @@ SERIES = r"surface\.iga|solid\.ply|toolpath\.(csv|png)"
 
 
 def write_finished(
-    workpiece: Workpiece,
-    path: ToolPath,
-    text: str,
-    figures: Mapping[str, Any],
-    program: File,
-    keep: File,
-    report: File,
-    html: tuple[File, str],
+    workpiece: Workpiece, path: ToolPath, keep: File, texts: Sequence[tuple[File, Callable[[], str]]]
 ) -> None:
-    """Write the wanted files, all or none: the program, the folder with surface.iga, solid.ply, toolpath.csv and
-    toolpath.png, the report, the page `html` (its file and its text). FileError names what cannot be written."""
+    """Write the wanted files, all or none: the `texts`, each a file with what makes its content, and the folder
+    `keep` with surface.iga, solid.ply, toolpath.csv and toolpath.png. FileError names what cannot be written."""
     with staged() as staging:
-        texts = ((program, text), (report, json.dumps(figures, indent=2) + "\n"), html)
         for file, content in texts:
             if file is not None:
-                staging.file(file).write_text(content, encoding="utf-8", newline="")
+                staging.file(file).write_text(content(), encoding="utf-8", newline="")
         if keep is not None:
             folder = staging.folder(keep, SERIES)
             write_iga(workpiece.surface, folder / "surface.iga")

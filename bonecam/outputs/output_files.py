@@ -17,13 +17,18 @@ from bonecam.progress import Progress, report, silent
 from bonecam.runtime.staging import Staging, staged, unwritable
 from bonecam.setup.holding import post_below
 from bonecam.surface.files.save import TEXTS, check_target, save_surface
+from bonecam.toolpath.cl_data import apt_text
 
 File = str | Path | None
+
+APT = (".apt", ".cl", ".cls")
+"""Endings of files of APT statements."""
 
 
 @dataclass(frozen=True)
 class Outputs:
-    """The files of program, report, surface, page and sheet, and the folder of --keep; None where not wanted."""
+    """The files of program, report, surface, page, sheet and cutter location data, and the folder of --keep; None
+    where not wanted."""
 
     program: File = None
     keep: File = None
@@ -31,6 +36,7 @@ class Outputs:
     surface: File = None
     html: File = None
     sheet: File = None
+    apt: File = None
 
     def check(self, part: str | Path | None = None, dialect: Dialect | None = None) -> None:
         """FileError where a file cannot be written, has an ending of another kind of file, or is the part's
@@ -38,7 +44,7 @@ class Outputs:
 
         `dialect` is that of the program, where one is wanted.
         """
-        wanted = (self.program, self.report, self.surface, self.html, self.sheet)
+        wanted = (self.program, self.report, self.surface, self.html, self.sheet, self.apt)
         files = [file for file in wanted if file is not None]
         check_files(files, [] if part is None else [part])
         if self.program is not None and dialect is not None:
@@ -48,6 +54,9 @@ class Outputs:
         for page in (self.html, self.sheet):
             if page is not None:
                 check_page_name(page)
+        if self.apt is not None and Path(self.apt).suffix.lower() not in APT:
+            remedy = f"name it {Path(self.apt).name}.apt"
+            raise FileError(f"{self.apt}: APT files end in {', '.join(APT)}: {remedy}", file=str(self.apt))
         if self.keep is not None:
             check_folder(self.keep)
 
@@ -82,6 +91,9 @@ class Outputs:
             found.append((page, lambda: _write(staging.file(page), page, made.page)))
         if (sheet := self.sheet) is not None and isinstance(made, Result):
             found.append((sheet, lambda: _write(staging.file(sheet), sheet, made.sheet)))
+        if (apt := self.apt) is not None and isinstance(made, Result):
+            text = apt_text(made.paths, made.program.name)
+            found.append((apt, lambda: _write(staging.file(apt), apt, text)))
         if (keep := self.keep) is not None:
             holding = made.job.holding
             post = (holding.diameter, post_below(made.part.mesh, holding).top)

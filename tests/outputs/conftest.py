@@ -33,6 +33,7 @@ def small_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[bonecam.Result,
     folder = tmp_path_factory.mktemp("small")
     mesh = Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 7.5]), 2.5).mesh(0.05)
     files: dict[str, Any] = {"program": "bone.h", "keep": "keep", "html": "bone.html", "sheet": "sheet.html"}
+    files["apt"] = "bone.apt"
     made = bonecam.convert(mesh, SMALL, **{name: folder / file for name, file in files.items()})
     return made, folder
 

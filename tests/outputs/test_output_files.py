@@ -1,12 +1,15 @@
-"""Programs are named for their controller, and never as a file of another kind."""
+"""Programs are named for their controller, and never as a file of another kind; APT files hold the tool path."""
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import bonecam
 from bonecam.errors import FileError
 from bonecam.nc.dialect import read_dialect
-from bonecam.outputs.output_files import check_ending
+from bonecam.outputs.output_files import Outputs, check_ending
+from bonecam.toolpath import read_apt
 
 
 @pytest.mark.parametrize(
@@ -37,3 +40,18 @@ def test_a_program_without_an_ending_is_refused_with_the_one_that_the_control_li
         FileError, match=rf"has no ending, heidenhain programs end in \.h: name it {proposed}$"
     ):
         check_ending(Path(name), read_dialect("heidenhain"))
+
+
+def test_the_apt_file_has_every_move_of_the_tool_paths(small_run: tuple[bonecam.Result, Path]) -> None:
+    made, folder = small_run
+    read = read_apt((folder / "bone.apt").read_text(encoding="utf-8"))
+    assert read.name == made.program.name
+    for name in ("tips", "axes"):
+        found = np.vstack([getattr(path, name) for path in read.paths])
+        assert np.abs(found - np.vstack([getattr(path, name) for path in made.paths])).max() < 1e-6
+
+
+@pytest.mark.parametrize("name", ["a.h", "a", "a.stl"])
+def test_an_apt_file_with_another_ending_is_refused(name: str) -> None:
+    with pytest.raises(FileError, match=rf"name it {name}\.apt"):
+        Outputs(apt=name).check()
