@@ -167,7 +167,13 @@ def _solid(surface: TSpline, solids: Sequence[Solid], job: Job, *, has_part: boo
         own = []
     else:
         raise SurfaceError("an open surface bounds no solid: give the part that it belongs to (--part)")
-    return solid_union([*own, *(_read_solid(solid, job.mesh.units) for solid in solids)])
+    names = ["the surface"] * len(own) + [_name_of(solid, number) for number, solid in enumerate(solids)]
+    return solid_union([*own, *(_read_solid(solid, job.mesh.units) for solid in solids)], names)
+
+
+def _name_of(solid: Solid, number: int) -> str:
+    """How messages name a solid: by its file, or by its place among the part and the obstacles."""
+    return str(solid) if isinstance(solid, str | Path) else f"solid {number} of part and obstacles"
 
 
 def _read_solid(solid: Solid, units: str) -> TriangleMesh:

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import bonecam
-from bonecam.errors import BonecamError, FileError, SurfaceError
+from bonecam.errors import FileError, MeshError, SurfaceError
 from bonecam.mesh import MeshDistance, write_mesh
+from bonecam.mesh.triangle_mesh import keep_faces
 from bonecam.setup.revolution import revolve
 from bonecam.surface import skin
 from bonecam.surface.tspline import TSpline
@@ -127,6 +128,9 @@ def test_surfaces_that_cannot_be_machined_alone_are_refused(tmp_path: Path) -> N
         bonecam.finish(tmp_path / "block.stl", block(), job=JOB)
     with pytest.raises(FileError, match=r"missing\.stl"):
         bonecam.finish(panel(), tmp_path / "missing.stl", job=JOB)
+    write_mesh(keep_faces(block(), slice(1, None)), tmp_path / "open.stl")
+    with pytest.raises(MeshError, match=r"open\.stl is not closed near"):
+        bonecam.finish(panel(), block(), [tmp_path / "open.stl"], job=JOB)
     inward = bonecam.TriangleMesh(block().vertices, block().faces[:, ::-1])
-    with pytest.raises(BonecamError, match="turn its faces outward"):
+    with pytest.raises(MeshError, match=r"solid 0 of part and obstacles encloses .*turn its faces outward"):
         bonecam.finish(panel(), inward, job=JOB)

@@ -117,7 +117,10 @@ def close_holes(state: RepairState) -> RepairState:
     if widths[widest] > WIDEST_HOLE * state.mesh.diagonal:
         place = state.mesh.vertices[holes[widest]].mean(0)
         what = f"the mesh is an open sheet: a hole {widths[widest]:.1f} mm wide near {place_name(place)}"
-        raise MeshError(f"{what}: give a closed solid", place=place, width=widths[widest], tried=state.done)
+        remedy = (
+            "give a closed solid, or its surface (rows of points, STEP, IGES, .tspline) to `bonecam finish`"
+        )
+        raise MeshError(f"{what}: {remedy}", place=place, width=widths[widest], tried=state.done)
     meshset = to_meshset(state.mesh)
     meshset.meshing_close_holes(maxholesize=len(state.mesh.faces) + 3, selfintersection=False)
     after = from_meshset(meshset)

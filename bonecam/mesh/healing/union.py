@@ -9,13 +9,14 @@ from bonecam.mesh.healing.topology import edges_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 
-def solid_union(meshes: Sequence[TriangleMesh]) -> TriangleMesh:
+def solid_union(meshes: Sequence[TriangleMesh], names: Sequence[str] = ()) -> TriangleMesh:
     """The boundary of everything that lies in one of the closed, outward meshes; it may have several pieces.
 
-    MeshError, with the `number` of the mesh, where one is not closed or encloses no volume.
+    MeshError, with the name of the mesh (`names`, or its number), where one is not closed or encloses no volume.
     """
-    for number, mesh in enumerate(meshes):
-        _require_solid(mesh, number)
+    called = names or [f"solid {number}" for number in range(len(meshes))]
+    for mesh, name in zip(meshes, called, strict=True):
+        _require_solid(mesh, name)
     import igl.copyleft.cgal as cgal
 
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
@@ -28,18 +29,16 @@ def solid_union(meshes: Sequence[TriangleMesh]) -> TriangleMesh:
     return TriangleMesh(points, np.asarray(corners, dtype=np.int32))
 
 
-def _require_solid(mesh: TriangleMesh, number: int) -> None:
+def _require_solid(mesh: TriangleMesh, name: str) -> None:
     """MeshError where a mesh is open or faces inward."""
     edges, counts = edges_of(mesh)
     if not len(mesh.faces) or (counts % 2).any():
         open_at = mesh.vertices[edges[np.argmax(counts % 2)]].mean(axis=0) if len(mesh.faces) else np.zeros(3)
         place = ", ".join(f"{x:.2f}" for x in open_at)
         raise MeshError(
-            f"solid {number} is not closed near ({place}): close it, as the filter meshing_close_holes does",
-            number=number,
+            f"{name} is not closed near ({place}): close it, as the filter meshing_close_holes does",
+            name=name,
             place=open_at,
         )
     if not mesh.volume > 0:
-        raise MeshError(
-            f"solid {number} encloses {mesh.volume:.3g} mm^3: turn its faces outward", number=number
-        )
+        raise MeshError(f"{name} encloses {mesh.volume:.3g} mm^3: turn its faces outward", name=name)

@@ -67,10 +67,8 @@ def rows_of(blocks: list[Float[ndarray, "_ 3"]], path: Path) -> PointRows:
     poles = _poles(blocks, path)
     rows = blocks if poles is None else blocks[1:-1]
     if len(rows) < 2:
-        raise FileError(
-            f"{path}: {len(rows)} rows are no surface: give two or more, an empty line between them",
-            file=str(path),
-        )
+        held = f"holds one block of {len(blocks[0])} points" if poles is None else _between_poles(len(rows))
+        raise FileError(f"{path}: {held}: give two rows or more, an empty line between them", file=str(path))
     least = SAME * float(np.linalg.norm(np.ptp(np.vstack(blocks), axis=0)))
     touching = [len(row) > 3 and np.linalg.norm(row[0] - row[-1]) <= least for row in rows]
     closed = poles is not None or all(touching)
@@ -101,6 +99,11 @@ def _poles(blocks: list[ndarray], file: Path) -> Float[ndarray, "2 3"] | None:
             file=str(file),
         )
     return np.vstack([blocks[0], blocks[-1]]) if all(single) and len(blocks) > 1 else None
+
+
+def _between_poles(count: int) -> str:
+    rows = "no row" if not count else "one row only"
+    return f"has {rows} between its poles, the first and the last block of one point"
 
 
 def _oriented(rows: list[ndarray], poles: Float[ndarray, "2 3"] | None) -> list[ndarray]:

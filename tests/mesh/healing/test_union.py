@@ -22,10 +22,12 @@ def test_overlapping_and_separate_solids_become_one_boundary() -> None:
     assert inside.tolist() == [True, True, True, False]
 
 
-def test_open_and_inward_meshes_are_refused_by_number() -> None:
+def test_open_and_inward_meshes_are_refused_by_name_or_number() -> None:
     good = cylinder(0.0, 10.0)
     with pytest.raises(MeshError, match="solid 1 is not closed near"):
         solid_union([good, keep_faces(good, slice(1, None))])
+    with pytest.raises(MeshError, match=r"hub\.stl is not closed near"):
+        solid_union([keep_faces(good, slice(1, None)), good], ["hub.stl", "shroud.stl"])
     with pytest.raises(MeshError, match="solid 0 encloses"):
         solid_union([TriangleMesh(good.vertices, good.faces[:, ::-1])])
 

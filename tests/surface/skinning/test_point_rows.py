@@ -79,7 +79,9 @@ def test_another_unit_scales_rows_and_poles(
 @pytest.mark.parametrize(
     ("name", "reason"),
     [
-        ("one.csv", "1 rows are no surface"),
+        ("one.csv", "holds one block of 24 points: give two rows or more"),
+        ("poles.csv", "has no row between its poles"),
+        ("between.csv", "has one row only between its poles"),
         ("pole.csv", "has one pole only"),
         ("short.csv", "row 1 has 3 points"),
         ("twice.csv", "row 1: points 1 and the next coincide"),
@@ -96,6 +98,8 @@ def test_bad_rows_are_refused_in_one_line_that_names_the_row(
     rows = sections()
     blocks = {
         "one.csv": rows[:1],
+        "poles.csv": [poles[:1], poles[1:]],
+        "between.csv": [poles[:1], rows[0], poles[1:]],
         "pole.csv": [poles[:1], *rows],
         "short.csv": [rows[0], rows[1][:3]],
         "twice.csv": [rows[0], rows[1][[0, 1, 1, 2, 3]]],
