@@ -1,5 +1,5 @@
-"""Normal equations of sparse rows, compiled: H += D_i^T M_i D_i with a 3 x 3 metric for each row, or H +=
-w_i D_i^T D_i, into a lower band.
+"""Normal equations of sparse rows, compiled: H += D_i^T M_i D_i with a 3 x 3 or 2 x 2 metric for each row,
+or H += w_i D_i^T D_i, into a lower band.
 """
 
 import numpy as np
@@ -73,3 +73,29 @@ def add_weighted(
             for q in range(starts[i], p + 1):
                 k = columns[q]
                 band[min(j, k), abs(j - k)] += share * values[q]
+
+
+@njit(cache=True, nogil=True, fastmath=CONTRACT)
+def add_pairs(
+    band: np.ndarray, starts: np.ndarray, columns: np.ndarray, values: np.ndarray, metric: np.ndarray
+) -> None:
+    """Add v_ij v_ik M_i to the band, for the rows i of a CSR matrix v and symmetric 2 x 2 metrics M (m, 2, 2).
+
+    Unknown 2 j + a is value a of control point j; band[p, q - p] holds H[q, p] for q >= p.
+    """
+    for i in range(len(starts) - 1):
+        first, both, second = metric[i, 0, 0], metric[i, 0, 1], metric[i, 1, 1]
+        if first == 0 and second == 0:
+            continue
+        for p in range(starts[i], starts[i + 1]):
+            j = columns[p]
+            for q in range(starts[i], starts[i + 1]):
+                apart = 2 * (columns[q] - j)
+                if apart < 0:
+                    continue
+                product = values[p] * values[q]
+                band[2 * j, apart] += product * first
+                band[2 * j, apart + 1] += product * both
+                band[2 * j + 1, apart] += product * second
+                if apart:
+                    band[2 * j + 1, apart - 1] += product * both

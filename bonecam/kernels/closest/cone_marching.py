@@ -110,26 +110,75 @@ def free_directions(o: Obstacles, p: Apexes, directions: ndarray, asked: ndarray
 
 
 @njit(cache=True, nogil=True)
-def cone_angles(o: Obstacles, p: Apexes, which: ndarray, axes: ndarray, largest: float) -> ndarray:
-    """The largest angle (radians, `largest` at most; -1 where not even the axis is free) of cones with apexes
-    `which` (n,) about unit `axes` (n, 3) all of whose axes are free."""
-    found = np.full(len(which), -1.0)
-    for i in range(len(which)):
-        k = which[i]
-        if not _free(o, p, k, axes[i], 0.0):
-            continue
-        low, high = 0.0, largest
-        if _free(o, p, k, axes[i], high):
-            low = high
+def _largest(o: Obstacles, p: Apexes, k: int, a: ndarray, low: float, high: float) -> float:
+    """The largest angle up to `high` that `_free` proves, which it does for `low`."""
+    if _free(o, p, k, a, high):
+        return high
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        if _free(o, p, k, a, middle):
+            low = middle
         else:
-            for _ in range(BISECTIONS):
-                middle = (low + high) / 2
-                if _free(o, p, k, axes[i], middle):
-                    low = middle
-                else:
-                    high = middle
-        found[i] = low
-    return found
+            high = middle
+    return low
+
+
+@njit(cache=True, nogil=True)
+def _promising(
+    wanted: ndarray, directions: ndarray, scores: ndarray, which: ndarray, promises: ndarray
+) -> None:
+    """Put into `which` the directions of largest `promises`, in their order: of those with positive scores, the score
+    less the angle to the unit vector `wanted`."""
+    promises[:] = -np.inf
+    for d in range(len(directions)):
+        if scores[d] > max(promises[-1], 0.0):
+            dot = directions[d, 0] * wanted[0] + directions[d, 1] * wanted[1] + directions[d, 2] * wanted[2]
+            promise = scores[d] - np.arccos(min(max(dot, -1.0), 1.0))
+            if promise > promises[-1]:
+                i = len(which) - 1
+                while i > 0 and promise > promises[i - 1]:
+                    which[i], promises[i] = which[i - 1], promises[i - 1]
+                    i -= 1
+                which[i], promises[i] = d, promise
+
+
+@njit(cache=True, nogil=True)
+def deepest_cones(
+    o: Obstacles,
+    p: Apexes,
+    wanted: ndarray,
+    directions: ndarray,
+    room: ndarray,
+    tried: int,
+    largest: float,
+    width_share: float,
+) -> tuple[ndarray, ndarray]:
+    """For each apex the axis and the angle (radians, `largest` at most; -1 where there is none) of the cone of free
+    axes for which the depth of the unit vector `wanted` (k, 3) in it and `width_share` of its angle sum to most.
+
+    The cones are those about `wanted` and about `tried` of the unit `directions` (d, 3): those that promise most by
+    their `room` (k, d), the angle (radians) to what collides, 0 where they do themselves.
+    """
+    axes, angles = wanted.copy(), np.full(len(wanted), -1.0)
+    which, promises = np.empty(tried, dtype=np.int64), np.empty(tried)
+    share = 1 + width_share
+    for k in range(len(wanted)):
+        best = -np.inf
+        if _free(o, p, k, wanted[k], 0.0):
+            angles[k] = _largest(o, p, k, wanted[k], 0.0, largest)
+            best = share * angles[k]
+        _promising(wanted[k], directions, share * room[k], which, promises)
+        for i in range(tried):
+            if promises[i] <= best:
+                break
+            d = which[i]
+            off = share * room[k, d] - promises[i]
+            least = max((best + off) / share, 0.0)
+            if least < largest and _free(o, p, k, directions[d], least):
+                angles[k] = _largest(o, p, k, directions[d], least, largest)
+                axes[k] = directions[d]
+                best = share * angles[k] - off
+    return axes, angles
 
 
 @njit(cache=True, nogil=True)

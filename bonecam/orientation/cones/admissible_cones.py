@@ -6,7 +6,7 @@ inside, the tool is free on every contact of the node, and on moves between them
 tilt cut the cones by planes.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -14,7 +14,7 @@ from numpy import ndarray
 
 from bonecam.arrays import angles_between, dots, frozen, unit
 from bonecam.job import PathJob
-from bonecam.kernels.closest.cone_marching import cone_angles
+from bonecam.kernels.closest.cone_marching import deepest_cones
 from bonecam.orientation.axes.lead import table_limits
 from bonecam.orientation.collision.scene import Scene
 from bonecam.orientation.cones.cone import ObliqueEllipticCone
@@ -24,6 +24,9 @@ from bonecam.toolpath.path import ContactPath
 
 TRIED = 3
 """Directions that a cone is tried about: those that promise most."""
+WIDTH_SHARE = 0.3
+"""A cone wider by an angle is preferred even if the wanted axes lie less deep in it by this share of the angle: a field
+has more room in it. On four levels of the phalanx the rounds to the end are a fifth fewer than without."""
 NO_CONE = -1.0
 """Angle of a node without a cone."""
 
@@ -64,29 +67,17 @@ class AxisCones:
         return np.asarray(within & near & self.found & (self.depths(axes) >= 0))
 
     def about(self, axes: Float[ndarray, "n 3"]) -> "AxisCones":
-        """The cones that hold these axes best: at each node the one in which the mean of its contacts lies deepest."""
+        """The cones that hold these axes best: at each node a wide one in which the mean of its contacts lies
+        deep."""
         free = self.free
         node = free.net.node_of
         sums = [np.bincount(node, axes[:, i], len(self.angles)) for i in range(3)]
         means = unit(np.column_stack(sums))
-        off = np.arccos(np.clip(means @ free.directions.T, -1, 1))
-        promise = np.where(free.free, free.room - off, -np.inf)
-        best = np.argpartition(-promise, TRIED, axis=1)[:, :TRIED]
-        tried = np.concatenate([free.directions[best], means[:, None]], axis=1)
-
-        which = np.repeat(np.arange(len(means)), TRIED + 1)
-        flat = np.ascontiguousarray(tried.reshape(-1, 3))
-        found = cone_angles(free.obstacles, free.apexes, which, flat, WIDEST)
-        depth = np.where(found > 0, found - angles_between(flat, means[which]), -np.inf).reshape(
-            -1, TRIED + 1
+        axes, angles = deepest_cones(
+            free.obstacles, free.apexes, means, free.directions, free.room, TRIED, WIDEST, WIDTH_SHARE
         )
-        chosen = depth.argmax(axis=1)
-        rows = np.arange(len(means))
-        is_cone = np.isfinite(depth[rows, chosen]) & free.allowed.any(axis=1)
-        angles = np.where(is_cone, found.reshape(-1, TRIED + 1)[rows, chosen], NO_CONE)
-        return AxisCones(
-            self.path, free, tried[rows, chosen], angles, self.least_polar, self.largest_polar, self.max_tilt
-        )
+        angles[(angles <= 0) | ~free.allowed.any(axis=1)] = NO_CONE
+        return replace(self, axes=axes, angles=angles)
 
     def blocked(self) -> dict[int, str]:
         """The contacts without any cone, and what is against it: `limits`, or the section of the tool and the obstacle

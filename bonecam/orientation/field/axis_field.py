@@ -46,7 +46,7 @@ class FieldDomain:
 
 @dataclass(frozen=True, eq=False)
 class AxisField:
-    """The field over a domain; `polar` and `azimuth` are control values in radians, t the faster index; `winding`
+    """The field over a domain; `polar` and `azimuth` are control values in radians, s the faster index; `winding`
     is w."""
 
     domain: FieldDomain
@@ -82,8 +82,8 @@ def basis(parameters: Float[ndarray, "n 2"], domain: FieldDomain) -> csr_array:
         around = BSpline.design_matrix(np.clip(share, 0, 1), _clamped((0.0, 1.0), AROUND), DEGREE)
     along = BSpline.design_matrix(t, _clamped(domain.t, ALONG), DEGREE)
     count, each = len(t), DEGREE + 1
-    values = around.data.reshape(count, each, 1) * along.data.reshape(count, 1, each)
-    columns = around.indices.reshape(count, each, 1) % AROUND * ALONG + along.indices.reshape(count, 1, each)
+    values = along.data.reshape(count, each, 1) * around.data.reshape(count, 1, each)
+    columns = along.indices.reshape(count, each, 1) * AROUND + around.indices.reshape(count, 1, each) % AROUND
     rows = np.repeat(np.arange(count), each**2)
     return csr_array((values.ravel(), (rows, columns.ravel())), shape=(count, AROUND * ALONG))
 
@@ -95,7 +95,7 @@ def second_differences(domain: FieldDomain) -> csr_array:
     if not domain.closed:
         around = np.diff(ring, 2, axis=0)
     along = np.diff(np.eye(ALONG), 2, axis=0)
-    parts = [kron(csr_array(around), eye_array(ALONG)), kron(eye_array(AROUND), csr_array(along))]
+    parts = [kron(eye_array(ALONG), csr_array(around)), kron(csr_array(along), eye_array(AROUND))]
     return vstack(parts, format="csr")
 
 

@@ -6,16 +6,17 @@ over a move that takes the time T at the feed, the rate is D / (w T), and 1 mean
 feed. The thin plate is the second difference of the control values. Bounds are one-sided residuals.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
-from scipy.sparse import csr_array, diags_array, hstack, vstack
+from scipy.sparse import csr_array
 
 from bonecam.arrays import angles_between, dots
+from bonecam.kernels.normal_equations import add_pairs, width
 from bonecam.orientation.field.axis_field import FieldDomain, axes_of, basis, second_differences
 
 SPEED_SHARE = 0.9
@@ -29,8 +30,8 @@ STRAIGHT = 1e-6
 PRESETS = {"membrane": (1.0, 0.2), "thin-plate": (0.1, 2.0)}
 """Weights of the rates, and of second differences of control values in rates a radian."""
 
-Term = tuple[Float[ndarray, " m"], csr_array]
-"""Residuals and their derivatives by all control values."""
+Residual = tuple[Float[ndarray, " m"], Float[ndarray, " m"], Float[ndarray, " m"]]
+"""Residuals, and their derivatives by azimuth and polar angle."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +84,12 @@ class AxisEnergy:
         return differences * (self.weights[1] / np.sqrt(differences.shape[0]))
 
     @cached_property
+    def bandwidth(self) -> int:
+        """How many diagonals the lower band of the normal equations of both angles has."""
+        matrices = self.values_at, self.steps, self.roughness
+        return 2 * max(width(matrix.indptr, matrix.indices) for matrix in matrices)
+
+    @cached_property
     def shares(self) -> Float[ndarray, " n"]:
         """Roots of the shares of the whole time that belong to the samples."""
         return np.full(len(self.parameters), 1 / np.sqrt(len(self.parameters)))
@@ -92,33 +99,41 @@ class AxisEnergy:
         wound = 2 * np.pi * self.winding * self.domain.round(self.parameters[:, 0])
         return wound + self.values_at @ values[0], self.values_at @ values[1]
 
-    def terms(self, values: Float[ndarray, "2 c"]) -> Term:
-        """All residuals, and their derivatives by the control values (azimuth first)."""
-        found = [*self._turning(values), *self._bounds(*self.angles(values))]
-        found += [_term(self.roughness @ values[angle], self.roughness, angle) for angle in (0, 1)]
-        return np.concatenate([r for r, _ in found]), vstack([J for _, J in found], format="csr")
+    def residuals(self, values: Float[ndarray, "2 c"]) -> tuple["Residuals", "Residuals", "Residuals"]:
+        """The residuals of moves, of samples, and of second differences."""
+        rough = (self.roughness @ values.T).T
+        each = np.ones(rough.shape[1])
+        roughness = Residuals.of(self.roughness, [(rough[0], each, 0 * each), (rough[1], 0 * each, each)])
+        return self._turning(values), self._bounds(*self.angles(values)), roughness
 
-    def _turning(self, values: Float[ndarray, "2 c"]) -> Iterator[Term]:
+    def _turning(self, values: Float[ndarray, "2 c"]) -> "Residuals":
         """The rates of both angles, and what they exceed SPEED_SHARE by; a move round the part whose winding alone
         is faster cannot be helped."""
+        found: list[Residual] = []
         share = np.sqrt(self.times / self.times.sum())
         s = self.domain.round(self.parameters[:, 0])
         short_way = np.mod(s[self.moves + 1] - s[self.moves] + 0.5, 1.0) - 0.5
-        for angle, wound in ((0, 2 * np.pi * self.winding * short_way), (1, np.zeros(len(short_way)))):
+        none = np.zeros(len(short_way))
+        for angle, wound in ((0, 2 * np.pi * self.winding * short_way), (1, none)):
             scale = share / (self.speeds[angle] * self.times)
             rate = scale * (wound + self.steps @ values[angle])
-            yield _term(self.weights[0] * rate, _scaled(self.steps, self.weights[0] * scale), angle)
             avoidable = np.abs(scale * wound) < SPEED_SHARE * share
             over = np.where(avoidable, np.maximum(np.abs(rate) - SPEED_SHARE * share, 0.0), 0.0)
-            slope = SPEED_WEIGHT * np.sign(rate) * (over > 0)
-            yield _term(SPEED_WEIGHT * over, _scaled(self.steps, slope * scale), angle)
+            slope = SPEED_WEIGHT * np.sign(rate) * (over > 0) * scale
+            for residual, by_angle in (
+                (self.weights[0] * rate, self.weights[0] * scale),
+                (SPEED_WEIGHT * over, slope),
+            ):
+                found.append((residual, none, by_angle) if angle else (residual, by_angle, none))
+        return Residuals.of(self.steps, found)
 
-    def _bounds(self, azimuth: Float[ndarray, " n"], polar: Float[ndarray, " n"]) -> Iterator[Term]:
+    def _bounds(self, azimuth: Float[ndarray, " n"], polar: Float[ndarray, " n"]) -> "Residuals":
         """What angles exceed their bounds by, and how far axes are outside their cones."""
+        found: list[Residual] = []
         bounds, weight = self.bounds, BOUND_WEIGHT * self.shares
         for beyond, sign in ((polar - bounds.largest_polar, 1.0), (bounds.least_polar - polar, -1.0)):
             slope = sign * weight * (beyond > 0)
-            yield _term(weight * np.maximum(beyond, 0.0), _scaled(self.values_at, slope), 1)
+            found.append((weight * np.maximum(beyond, 0.0), 0 * slope, slope))
 
         axes = axes_of(azimuth, polar)
         by_azimuth = np.column_stack([-axes[:, 1], axes[:, 0], np.zeros(len(axes))])
@@ -130,25 +145,42 @@ class AxisEnergy:
             (cosine - np.cos(bounds.least_lead), 1.0),
         ):
             slope = sign * weight * (beyond > 0)
-            yield self._by_both(weight * np.maximum(beyond, 0.0), [slope * g for g in gradients])
+            found.append((weight * np.maximum(beyond, 0.0), slope * gradients[0], slope * gradients[1]))
 
         cosine = np.clip(dots(axes, bounds.cone_axes), -1.0, 1.0)
         beyond = np.maximum(angles_between(axes, bounds.cone_axes) - bounds.cone_angles, 0.0)
         slope = np.where(beyond > 0, -weight / np.sqrt(np.maximum(1 - cosine**2, STRAIGHT)), 0.0)
         gradients = dots(by_azimuth, bounds.cone_axes), dots(by_polar, bounds.cone_axes)
-        yield self._by_both(weight * beyond, [slope * g for g in gradients])
-
-    def _by_both(self, residual: Float[ndarray, " n"], slopes: Sequence[Float[ndarray, " n"]]) -> Term:
-        """A residual of each sample that depends on both angles."""
-        return residual, hstack([_scaled(self.values_at, slope) for slope in slopes], format="csr")
+        found.append((weight * beyond, slope * gradients[0], slope * gradients[1]))
+        return Residuals.of(self.values_at, found)
 
 
-def _scaled(matrix: csr_array, factors: Float[ndarray, " n"]) -> csr_array:
-    """The matrix with each row times a factor."""
-    return (diags_array(factors) @ matrix).tocsr()
+@dataclass(frozen=True, eq=False)
+class Residuals:
+    """Residuals (q, m) that depend on the two angles at the rows of `matrix` (m, c), which leads to these from
+    control values; `slopes` (q, m, 2) are their derivatives by azimuth and polar angle."""
 
+    matrix: csr_array
+    values: Float[ndarray, "q m"]
+    slopes: Float[ndarray, "q m 2"]
 
-def _term(residual: Float[ndarray, " m"], J: csr_array, angle: int) -> Term:
-    """A term that depends on the azimuth (0) or the polar angle (1) alone."""
-    none = csr_array(J.shape)
-    return residual, hstack([J, none] if angle == 0 else [none, J], format="csr")
+    @classmethod
+    def of(cls, matrix: csr_array, found: Sequence[Residual]) -> "Residuals":
+        """Of residuals and their derivatives by either angle."""
+        values, by_azimuth, by_polar = (np.array(part) for part in zip(*found))
+        return cls(matrix, values, np.stack([by_azimuth, by_polar], axis=-1))
+
+    @property
+    def energy(self) -> float:
+        """The sum of their squares."""
+        return float((self.values**2).sum())
+
+    @property
+    def gradient(self) -> Float[ndarray, "2 c"]:
+        """Half the derivatives of their energy by the control values."""
+        return np.asarray((self.matrix.T @ np.einsum("qm,qma->ma", self.values, self.slopes)).T)
+
+    def add_to(self, band: Float[ndarray, "k w"]) -> None:
+        """Add their normal equations to a band whose unknown 2 j + a is angle a of control value j."""
+        metric = np.einsum("qma,qmb->mab", self.slopes, self.slopes)
+        add_pairs(band, self.matrix.indptr, self.matrix.indices, self.matrix.data, metric)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
-from scipy.linalg import solve
+from scipy.linalg import solve, solveh_banded
 
 from bonecam.job import PathJob
 from bonecam.orientation.cones.admissible_cones import AxisCones
@@ -126,24 +126,31 @@ def minimise(
     """Control values of least energy near `values`, by Levenberg's and Marquardt's method in at most `steps` steps,
     and their energy."""
     damping = FIRST_DAMPING
-    residual, J = energy.terms(values)
-    least = residual @ residual
+    residuals = energy.residuals(values)
+    least = sum(part.energy for part in residuals)
     for _ in range(steps):
-        normal = (J.T @ J).toarray()
-        gradient = J.T @ residual
-        diagonal = normal.diagonal() + 1e-3 * normal.diagonal().mean()
+        band = np.zeros((values.size, energy.bandwidth))
+        for part in residuals:
+            part.add_to(band)
+        gradient = np.sum([part.gradient for part in residuals], axis=0)
+        diagonal = band[:, 0] + 1e-3 * band[:, 0].mean()
         while damping < LARGEST_DAMPING:
-            step = solve(normal + np.diag(damping * diagonal), gradient, assume_a="pos")
-            tried = values - step.reshape(values.shape)
-            residual, new_J = energy.terms(tried)
-            if residual @ residual < least:
+            damped = band.copy()
+            damped[:, 0] += damping * diagonal
+            step = solveh_banded(
+                damped.T, gradient.T.ravel(), overwrite_ab=True, lower=True, check_finite=False
+            )
+            tried = values - step.reshape(-1, 2).T
+            residuals = energy.residuals(tried)
+            found = sum(part.energy for part in residuals)
+            if found < least:
                 break
             damping *= 5
         else:
             break
-        dropped = least - residual @ residual
-        values, J, least = tried, new_J, least - dropped
+        dropped = least - found
+        values, least = tried, found
         damping /= 3
         if dropped < LEAST_DROP * least:
             break
-    return values, float(least)
+    return values, least
