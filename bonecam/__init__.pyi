@@ -10,7 +10,6 @@ from . import verify as verify
 from .batch import convert_many as convert_many
 from .errors import BonecamError as BonecamError
 from .filters.meshset import MeshSet as MeshSet
-from .finishing import Finished as Finished
 from .finishing import finish as finish
 from .job import Job as Job
 from .job import read_job as read_job
@@ -18,6 +17,7 @@ from .job import write_job as write_job
 from .mesh.part import Part as Part
 from .mesh.triangle_mesh import TriangleMesh as TriangleMesh
 from .outputs.batch_table import Outcome as Outcome
+from .outputs.finished import Finished as Finished
 from .outputs.kept_folder import keep_levels as keep_levels
 from .outputs.kept_view import view as view
 from .outputs.result import Morphed as Morphed

@@ -1,12 +1,10 @@
 """One surface machined alone, such as a blade between its neighbours: read, planned, posted, read back."""
 
-import json
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import bonecam
 from bonecam import progress as told
 from bonecam.errors import SurfaceError
 from bonecam.files import check_files
@@ -24,7 +22,7 @@ from bonecam.nc.posting.header import record_checks
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import Program, program_name
 from bonecam.orientation.surface_path import Workpiece, plan_surface, stand_workpiece
-from bonecam.outputs.finished_files import write_finished
+from bonecam.outputs.finished import Finished, write_finished
 from bonecam.outputs.output_files import File, Outputs
 from bonecam.outputs.run_report import report_to_program
 from bonecam.pipeline import check_job
@@ -33,52 +31,16 @@ from bonecam.runtime.timing import StageTimes
 from bonecam.surface.blades.blade_solid import blade_solid
 from bonecam.surface.files.machined_surface import read_machined_surface
 from bonecam.surface.tspline import TSpline
-from bonecam.toolpath.cl_data import apt_text
 from bonecam.toolpath.gouge import MESH_SHARE, planned_tolerance
 from bonecam.toolpath.path import ToolPath
-from bonecam.verify.page.packing import pack
-from bonecam.verify.page.page import page_html
-from bonecam.verify.page.surface_contents import surface_contents
 from bonecam.verify.proof import Verification, verify_program
 from bonecam.verify.readback import Tolerances
-from bonecam.verify.summary import finished_summary
 
 OWN_CHORD = 0.002
 """Largest chord tolerance (mm) of the solid that the surface bounds: MESH_SHARE of the gouge allowed by default."""
 
-PAGE_CHORD = 0.01
-"""Chord tolerance of the surface in the page, mm."""
-
 Solid = str | Path | MeshLike
 """A closed mesh in a file, or in memory."""
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Finished:
-    """The result of `bonecam.finish`: surface and solid as they stand on the post, the path, the program. `report` is
-    the content of the file of --report."""
-
-    workpiece: Workpiece
-    path: ToolPath
-    program: Program
-    report: dict[str, Any]
-    job: Job
-
-    @property
-    def page(self) -> str:
-        """The page that shows it in a browser, as the text of an HTML file."""
-        surface = self.workpiece.surface.tessellate(PAGE_CHORD)
-        parts = (surface, self.workpiece.solid, self.path, self.program.text, self.job, self.report)
-        contents = surface_contents(*parts, bonecam.__version__)
-        return page_html(pack(contents), str(contents.facts["name"]))
-
-    def __repr__(self) -> str:
-        return f"<Finished of {self.report['surface']['file'] or 'a surface'}: {self.program!r}>"
-
-    @property
-    def summary(self) -> str:
-        """The report in a few lines of text."""
-        return finished_summary(self.report)
 
 
 def finish(
@@ -106,16 +68,16 @@ def finish(
     machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)
     check_job(job, machine, dialect)
     source = None if isinstance(surface, TSpline) else surface
-    Outputs(program, keep, report, html=html, apt=apt).check(source, dialect)
+    wanted = Outputs(program, keep, report, html=html, apt=apt)
+    wanted.check(source, dialect)
     solids = _checked_solids((part, *obstacles), program, report, html, apt)
     times = StageTimes()
     shape, solid = _read(surface, solids, job, times, has_part=part is not None)
     with times.stage("toolpath"):
         told.report(progress, 0.2, "planning the path")
-        limits = axis_limits(machine)
-        workpiece = stand_workpiece(shape, solid, job, limits, machine.bodies)
+        workpiece = stand_workpiece(shape, solid, job, axis_limits(machine), machine.bodies)
         job = replace(job, holding=replace(job.holding, length=workpiece.length))
-        path = plan_surface(workpiece, job, limits, machine.bodies)
+        path = plan_surface(workpiece, job, axis_limits(machine), machine.bodies)
     told.report(progress, 0.8, "writing and checking")
     path, posted, proof = _posted(path, workpiece, job, machine, dialect, source, program, times)
     figures = {
@@ -124,17 +86,8 @@ def finish(
         "seconds": times.seconds,
     }
     made = Finished(workpiece, path, posted, figures, job)
-    write_finished(workpiece, path, keep, [(program, lambda: posted.text), *_texts(made, report, html, apt)])
+    write_finished(made, wanted)
     return made
-
-
-def _texts(made: Finished, report: File, html: File, apt: File) -> list[tuple[File, Callable[[], str]]]:
-    """The files beside the program, and what makes the text of each."""
-    return [
-        (report, lambda: json.dumps(made.report, indent=2) + "\n"),
-        (html, lambda: made.page),
-        (apt, lambda: apt_text([made.path], made.program.name)),
-    ]
 
 
 def _checked_solids(given: Sequence[Solid | None], *wanted: File) -> list[Solid]:

@@ -84,7 +84,7 @@ def test_the_text_gouges_nothing_and_its_files_are_there(finished: tuple[bonecam
     made, folder = finished
     assert made.report["nc"]["gouge_max_mm"] <= JOB.path.gouge_tolerance
     assert "GOUGE" in (folder / "panel.h").read_text()
-    names = {"surface.iga", "solid.ply", "toolpath.csv", "toolpath.png"}
+    names = {"surface.iga", "solid.ply", "toolpath.csv", "toolpath.apt", "toolpath.png", "view.gz"}
     assert names <= {file.name for file in (folder / "keep").iterdir()}
     assert "surface   open" in made.summary
     assert (folder / "panel.json").stat().st_size > 200

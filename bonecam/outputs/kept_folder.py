@@ -27,8 +27,11 @@ FAILED = r"failed_level_\d{2,}\.ply"
 """Name of the file that shows where a level failed its check, as a regular expression."""
 LEFT_COLOURED = 0.1
 """Leftovers are coloured from 0 to this height, mm."""
-SERIES = rf"level_\d{{2,}}\.ply|left\.ply|toolpath\.(csv|apt|png)|program\.\w+|view\.gz|job\.toml|report\.json|{FAILED}"
-"""Names of the files of levels, paths and program, as a regular expression. A later run in the same folder
+SERIES = (
+    r"level_\d{2,}\.ply|left\.ply|solid\.ply|surface\.(tspline|iga)|toolpath\.(csv|apt|png)|program\.\w+"
+    rf"|view\.gz|job\.toml|report\.json|{FAILED}"
+)
+"""Names of the files of levels, surfaces, paths and program, as a regular expression. A later run in the same folder
 removes those that an earlier one wrote there."""
 
 

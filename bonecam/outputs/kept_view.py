@@ -1,17 +1,12 @@
-"""What a person sees of a run that is over: the page made from kept files, or opened, and a picture for a notebook."""
+"""The page of a run that is over: made from its kept files, or opened in the browser."""
 
-import base64
 import webbrowser
-from collections.abc import Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from bonecam.errors import FileError
 from bonecam.files import check_files, input_bytes, write_whole
-from bonecam.levels.measure.level import Level
 from bonecam.verify.page.packing import Contents, unpack
 from bonecam.verify.page.page import page_html
-from bonecam.verify.pictures.depth_colours import draw_coloured
 
 PAGES = (".html", ".htm")
 """Endings of pages."""
@@ -44,7 +39,7 @@ def kept_contents(keep: Path) -> tuple[bytes, Contents]:
         packed = input_bytes(path)
     except OSError as error:
         trouble = "is no folder" if not keep.is_dir() else f"{VIEW} cannot be read ({error.strerror})"
-        remedy = "give the folder of `convert --keep` or `levels -o`, made by this version"
+        remedy = "give the folder of `--keep` or `levels -o`, made by this version"
         raise FileError(f"{keep}: {trouble}: {remedy}", file=str(path)) from error
     return packed, unpack(packed, str(path))
 
@@ -53,12 +48,3 @@ def show_page(file: Path) -> Path:
     """Open a page in the browser; returns its name."""
     webbrowser.open(file.resolve().as_uri())
     return file
-
-
-def picture_html(levels: Sequence[Level]) -> str:
-    """Some levels, coloured by depth, as an image in HTML."""
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "coloured.png"
-        draw_coloured(levels, path)
-        data = base64.b64encode(path.read_bytes()).decode("ascii")
-    return f'<img alt="levels, coloured by the depth of their cut" src="data:image/png;base64,{data}">'

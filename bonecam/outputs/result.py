@@ -1,32 +1,29 @@
 """What a run hands back: part, surface, stock, levels, tool paths, program and report."""
 
-import html
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from tempfile import mkdtemp
 from typing import Any
 
 import bonecam
-from bonecam.files import write_whole
 from bonecam.job import Job
 from bonecam.levels.closed_morph import Morph
 from bonecam.mesh.part import Part
 from bonecam.nc.program import Program
-from bonecam.outputs.kept_view import picture_html, show_page
+from bonecam.outputs.shown import Shown
 from bonecam.setup.stock import Stock
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.path import ToolPath
 from bonecam.verify.page.contents import run_contents
 from bonecam.verify.page.packing import pack
-from bonecam.verify.page.page import page_html
+from bonecam.verify.pictures.depth_colours import draw_coloured
 from bonecam.verify.removal.result import Removal
 from bonecam.verify.sheet.setup_sheet import setup_sheet
 from bonecam.verify.summary import summary_of
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Morphed:
+class Morphed(Shown):
     """The result of `bonecam.morph_levels`. `report` is the content of the file of --report, `job` that of the run with
     the post's length."""
 
@@ -44,23 +41,13 @@ class Morphed:
         return pack(run_contents(*parts, **self._posted))
 
     @property
-    def page(self) -> str:
-        """The text of the HTML file of `view`."""
-        return page_html(self.packed_view, Path(self.part.file).name)
+    def _title(self) -> str:
+        return Path(self.part.file).name
 
-    def view(self, file: str | Path) -> Path:
-        """Write one HTML file that shows the run in a browser, without network; returns its name. FileError where it
-        cannot be written."""
-        write_whole(file, self.page)
-        return Path(file)
-
-    def show(self) -> Path:
-        """Show the run in the browser; returns the page's file, in a new folder for temporary files."""
-        return show_page(self.view(Path(mkdtemp(prefix="bonecam-")) / "view.html"))
-
-    def _repr_html_(self) -> str:
-        """The summary and a picture, as notebooks show a value."""
-        return f"<pre>{html.escape(self.summary)}</pre>{picture_html(self.levels.levels)}"
+    def _draw(self, file: Path) -> str:
+        """The levels, coloured by depth."""
+        draw_coloured(self.levels.levels, file)
+        return "levels, coloured by the depth of their cut"
 
     @property
     def _posted(self) -> dict[str, Any]:

@@ -29,19 +29,20 @@ def surface_contents(
     posted.facts["program"]["minutes"] = report["nc"]["time_min"]
     figures = report["surface"]
     facts = {
-        "levels": [
-            {"index": 0, "name": "the surface", "faces": "faces_0", "limit": 0.0},
-            {"index": 1, "name": "what is kept clear of", "faces": "faces_1", "limit": 0.0},
-        ],
+        "levels": [{"index": 0, "name": "the surface", "faces": "faces_0", "limit": 0.0}],
         "name": figures["file"] or "a surface",
         "stock": {"text": f"surface {figures['kind']}, {figures['area_mm2']:.0f} mm\u00b2"},
-        "stock_bounds": solid.bounds.tolist(),
+        "stock_bounds": surface.bounds.tolist(),
         "post": {"radius": job.holding.diameter / 2, "top": float(solid.bounds[0, 2])},
         **bodies(job, machine.table),
         "report": report,
         "summary": finished_summary(report),
         "version": version,
     }
-    arrays = {f"level_{index}": mesh.vertices for index, mesh in meshes.items()}
-    arrays |= {f"faces_{index}": mesh.faces for index, mesh in meshes.items()}
+    arrays = {
+        "level_0": surface.vertices,
+        "faces_0": surface.faces,
+        "solid": solid.vertices,
+        "solid_faces": solid.faces,
+    }
     return Contents({**facts, **posted.facts}, {**arrays, **posted.arrays})

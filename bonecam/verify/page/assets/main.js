@@ -1,12 +1,12 @@
 // The page: state, views, keys. `page.state` is all that a reader can change.
 const page = {
   state: { mode: "levels", level: 0, open: false, colouring: "kind", links: true, rapids: false, axes: false, uncut: false,
-    outer: false, step: 0, chosen: -1, bodies: { stock: false, post: true, chuck: true, table: true, zero: true, holder: true } },
+    outer: false, step: 0, chosen: -1, bodies: { stock: false, solid: true, post: true, chuck: true, table: true, zero: true, holder: true } },
   labels: [],
   ready: false,
 };
 const MODES = { fit: fitMode, levels: levelsMode, path: pathMode, program: programMode, left: leftMode };
-const BODY_NAMES = { stock: "stock", post: "post", chuck: "chuck", table: "table", zero: "zero", holder: "holder, spindle" };
+const BODY_NAMES = { stock: "stock", solid: "what is kept clear of", post: "post", chuck: "chuck", table: "table", zero: "zero", holder: "holder, spindle" };
 const VIEWS = { Front: [-Math.PI / 2, 0], Back: [Math.PI / 2, 0], Left: [Math.PI, 0], Right: [0, 0], Top: [-Math.PI / 2, 1.55] };
 const KEYS = "1–5  fit, levels, paths, program, left\n← →  level or block (shift: 100 blocks)\nspace  play or stop\nc  cut open\nv  front, back, left, right, top\nr  first view      a  all of the machine\n+ −  zoom      arrows with ctrl  turn";
 
@@ -111,7 +111,7 @@ function onKey(event) {
     if (page.state.mode === "program") goTo(page.state.step + by);
     else if (page.state.mode === "path") stepLayer(Math.sign(by));
     else change({ level: Math.max(0, Math.min(page.facts.levels.length - 1, page.state.level + Math.sign(by))) });
-  } else if (key === "c") change({ mode: "levels", open: !page.state.open });
+  } else if (key === "c" && levelsMode.available()) change({ mode: "levels", open: !page.state.open });
   else if (key === "v") nextView();
   else if (key === "r") { page.orbit.look(-1.05, 0.22); firstView(); }
   else if (key === "a") wholeMachine();
@@ -136,12 +136,14 @@ function nextView() {
 function makeBodies() {
   const { post, chuck, table, stock_bounds: bounds } = page.facts;
   const last = page.facts.levels[page.facts.levels.length - 1];
+  const clear = (vertices, faces) => surface(vertices, faces, null, { colour: "#9fb4c7", opacity: 0.25 });
   page.bodies = {
-    stock: surface(page.arrays[`level_${last.index}`], page.arrays[last.faces], null, { colour: "#9fb4c7", opacity: 0.25 }),
     post: revolved([[0, Math.min(post.top, bounds[0][2] + post.radius), post.radius, post.radius]], METAL),
     table: tableBody(table),
     zero: zeroMark(25),
   };
+  if (page.arrays.solid) page.bodies.solid = clear(page.arrays.solid, page.arrays.solid_faces);
+  else page.bodies.stock = clear(page.arrays[`level_${last.index}`], page.arrays[last.faces]);
   if (chuck) page.bodies.chuck = revolved([[0, chuck.top, chuck.radius, chuck.radius]], "#98a4b0");
   for (const body of Object.values(page.bodies)) page.scene.add(body);
 }
@@ -151,7 +153,7 @@ function makePanel() {
   document.title = `${facts.name} · bonecam`;
   document.getElementById("name").textContent = facts.name;
   const program = facts.program;
-  const about = [facts.stock.text, program ? `${program.machine} / ${program.controller}, about ${number(program.minutes, 0)} min` : `${facts.levels.length - 1} cuts`, `bonecam ${facts.version}`];
+  const about = [facts.stock.text, program ? `${program.machine} / ${program.controller}, ${minutesWords(program.minutes)}` : `${facts.levels.length - 1} cuts`, `bonecam ${facts.version}`];
   document.getElementById("about").textContent = about.join(" · ");
   document.getElementById("summary").textContent = facts.summary;
   for (const [key, mode] of Object.entries(MODES)) {
@@ -217,6 +219,7 @@ async function start() {
   makePanel();
   makePlayer();
   listen();
+  if (!levelsMode.available()) page.state.mode = "path";
   rebuild();
   page.orbit.camera.aspect = page.canvas.clientWidth / Math.max(page.canvas.clientHeight, 1);
   firstView();

@@ -65,7 +65,7 @@ const pathMode = {
     const thinned = shown.chord ? [make("p", `${page.arrays.move_kind.length} of ${shown.blocks} moves: the others lie within ${shown.chord} mm of the lines shown`)] : [];
     return [
       make("p", layerTitle(layer), "big"),
-      slider("level", "from the part to the stock", 0, layers.length - 1, layers.indexOf(layer), (value) => change({ level: layers[value].level })),
+      ...(layers.length > 1 ? [slider("level", "from the part to the stock", 0, layers.length - 1, layers.indexOf(layer), (value) => change({ level: layers[value].level }))] : []),
       choice("colouring", "colours tell the", pathChoices(), state.colouring, (value) => change({ colouring: value })),
       row(
         check("links", "links", state.links, (value) => change({ links: value })),

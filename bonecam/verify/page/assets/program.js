@@ -86,12 +86,13 @@ const programMode = {
   },
   controls: (state) => [
     make("p", "The posted program, read back", "big"),
-    make("p", `${page.facts.program.blocks} moving blocks, about ${number(page.facts.program.minutes, 0)} min. ` +
+    make("p", `${page.facts.program.blocks} moving blocks, ${minutesWords(page.facts.program.minutes)}. ` +
       (page.facts.program.layers.some((layer) => a0(`before_${layer.level}`)) ? "The stock is as simulated from the text, at the vertices of each level." : "Without a simulation the level that is cut is shown in place of the stock.")),
     choice("jump", "go to level", cutLayers().map((layer) => [String(layer.level), layerTitle(layer)]), String(page.arrays.move_level[state.step]), (value) => goTo(firstMoveOf(Number(value)))),
   ],
 };
 
+const minutesWords = (minutes) => `about ${number(minutes, minutes < 10 ? 1 : 0)} min`;
 const a0 = (name) => page.arrays[name];
 const cutLayers = () => [...page.facts.program.layers].reverse();
 const firstMoveOf = (k) => page.arrays.move_level.indexOf(k);

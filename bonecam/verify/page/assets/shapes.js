@@ -9,6 +9,7 @@ const shownLevel = (state) => Math.min(state.level, page.facts.levels.length - 1
 function levelTitle(k) {
   const last = page.facts.levels.length - 1;
   const level = page.facts.levels[k];
+  if (last === 0) return level.name[0].toUpperCase() + level.name.slice(1);
   return k === 0 || !level.limit ? `Level ${k}: ${level.name}` : `Level ${k} of ${last}: ${level.name}`;
 }
 
@@ -70,6 +71,7 @@ const levelsMode = {
     page.content.add(levelMesh(k, cut ? coloursOf(page.arrays[`depth_${k}`], "viridis", 0, deepest) : null));
     showLegend(cut ? { title: "Depth of the cut", unit: "mm", scale: "viridis", low: 0, high: deepest } : null);
   },
+  available: () => page.facts.levels.length > 1,
   controls: (state) => [
     make("p", levelTitle(shownLevel(state)), "big"),
     slider("level", "from the part (0) to the stock", 0, page.facts.levels.length - 1, shownLevel(state), (value) => change({ level: value })),

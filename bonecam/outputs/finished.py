@@ -1,0 +1,99 @@
+"""What `bonecam.finish` hands back, and its files."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import bonecam
+from bonecam.job import Job, write_job
+from bonecam.mesh.files.mesh_files import write_mesh
+from bonecam.nc.program import Program
+from bonecam.orientation.surface_path import Workpiece
+from bonecam.outputs.kept_folder import SERIES
+from bonecam.outputs.kept_view import VIEW
+from bonecam.outputs.output_files import File, Outputs
+from bonecam.outputs.run_report import report_text
+from bonecam.outputs.shown import Shown
+from bonecam.outputs.toolpath_csv import toolpath_csv
+from bonecam.runtime.staging import staged
+from bonecam.surface.files.iga import write_iga
+from bonecam.toolpath.cl_data import apt_text
+from bonecam.toolpath.path import ToolPath
+from bonecam.verify.page.packing import pack
+from bonecam.verify.page.surface_contents import surface_contents
+from bonecam.verify.pictures.surface_axes import draw_axes
+from bonecam.verify.summary import finished_summary
+
+PAGE_CHORD = 0.01
+"""Chord tolerance of the surface in the page, mm."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Finished(Shown):
+    """The result of `bonecam.finish`: surface and solid as they stand on the post, the path, the program. `report` is
+    the content of the file of --report."""
+
+    workpiece: Workpiece
+    path: ToolPath
+    program: Program
+    report: dict[str, Any]
+    job: Job
+
+    @cached_property
+    def packed_view(self) -> bytes:
+        """What `view` shows, packed as `bonecam.verify.page` has it."""
+        surface = self.workpiece.surface.tessellate(PAGE_CHORD)
+        parts = (surface, self.workpiece.solid, self.path, self.program.text, self.job, self.report)
+        return pack(surface_contents(*parts, bonecam.__version__))
+
+    @property
+    def _title(self) -> str:
+        return self.report["surface"]["file"] or "a surface"
+
+    def _draw(self, file: Path) -> str:
+        draw_axes(self.path, self.workpiece.surface, file)
+        return "the surface with its contacts and tool axes, from two sides"
+
+    def __repr__(self) -> str:
+        return f"<Finished of {self._title}: {self.program!r}>"
+
+    @property
+    def summary(self) -> str:
+        """The report in a few lines of text."""
+        return finished_summary(self.report)
+
+
+def write_finished(made: Finished, wanted: Outputs) -> None:
+    """Write the wanted files, all or none: program, report, page, cutter location data, and the folder to keep.
+    FileError names what cannot be written."""
+    texts: tuple[tuple[File, Callable[[], str]], ...] = (
+        (wanted.program, lambda: made.program.text),
+        (wanted.report, lambda: report_text(made.report)),
+        (wanted.html, lambda: made.page),
+        (wanted.apt, lambda: apt_text([made.path], made.program.name)),
+    )
+    with staged() as staging:
+        for file, text in texts:
+            if file is not None:
+                staging.file(file).write_text(text(), encoding="utf-8", newline="")
+        if wanted.keep is not None:
+            _fill_folder(staging.folder(wanted.keep, SERIES), made)
+
+
+def _fill_folder(work: Path, made: Finished) -> None:
+    """Write surface.iga, solid.ply, program, toolpath.csv, .apt and .png, view.gz, job.toml and report.json."""
+    write_iga(made.workpiece.surface, work / "surface.iga")
+    write_mesh(made.workpiece.solid, work / "solid.ply")
+    made._draw(work / "toolpath.png")
+    (work / VIEW).write_bytes(made.packed_view)
+    texts = {
+        f"program{made.program.extension}": made.program.text,
+        "toolpath.csv": toolpath_csv([made.path]),
+        "toolpath.apt": apt_text([made.path], made.program.name),
+        "job.toml": write_job(made.job),
+        "report.json": report_text(made.report),
+    }
+    for name, text in texts.items():
+        (work / name).write_text(text, encoding="utf-8", newline="")
