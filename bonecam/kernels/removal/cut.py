@@ -143,19 +143,7 @@ def _cut_tile(rays: RaySet, tile: int, base: float, lows: ndarray, highs: ndarra
 
 
 @njit(cache=True, nogil=True)
-def tiles_below(rays: RaySet, start: ndarray, end: ndarray, radius: float) -> tuple[int, int, int, int]:
-    """First and last tile along u and along v that a capsule may meet."""
-    side = rays.cell * TILE
-    rows, columns = rays.tile_of.shape
-    first_u = max(int(np.floor((min(start[0], end[0]) - radius) / side)), 0)
-    last_u = min(int(np.floor((max(start[0], end[0]) + radius) / side)), rows - 1)
-    first_v = max(int(np.floor((min(start[1], end[1]) - radius) / side)), 0)
-    last_v = min(int(np.floor((max(start[1], end[1]) + radius) / side)), columns - 1)
-    return first_u, last_u, first_v, last_v
-
-
-@njit(cache=True, nogil=True)
-def reaches_tile(
+def _reaches_tile(
     rays: RaySet, i: int, j: int, start: ndarray, end: ndarray, d: ndarray, length: float, radius: float
 ) -> bool:
     """Whether a capsule, whose axis has the unit direction `d` and `length`, may reach the material of tile (i, j)."""
@@ -179,6 +167,38 @@ def reaches_tile(
 
 
 @njit(cache=True, nogil=True)
+def direction_of(start: ndarray, end: ndarray) -> tuple[ndarray, float]:
+    """Unit direction and length of a capsule's axis; the direction of a ball is zero."""
+    d = end - start
+    length = np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+    if length > 0.0:
+        d /= length
+    return d, length
+
+
+@njit(cache=True, nogil=True)
+def tiles_reached(
+    rays: RaySet, start: ndarray, end: ndarray, d: ndarray, length: float, radius: float
+) -> ndarray:
+    """The tiles (n, 2) along u and v whose material a capsule, whose axis has the unit direction `d` and `length`,
+    may reach."""
+    side = rays.cell * TILE
+    rows, columns = rays.tile_of.shape
+    first_u = max(int(np.floor((min(start[0], end[0]) - radius) / side)), 0)
+    last_u = min(int(np.floor((max(start[0], end[0]) + radius) / side)), rows - 1)
+    first_v = max(int(np.floor((min(start[1], end[1]) - radius) / side)), 0)
+    last_v = min(int(np.floor((max(start[1], end[1]) + radius) / side)), columns - 1)
+    found = np.empty((max(last_u - first_u + 1, 0) * max(last_v - first_v + 1, 0), 2), dtype=np.int64)
+    count = 0
+    for i in range(first_u, last_u + 1):
+        for j in range(first_v, last_v + 1):
+            if _reaches_tile(rays, i, j, start, end, d, length, radius):
+                found[count, 0], found[count, 1] = i, j
+                count += 1
+    return found[:count]
+
+
+@njit(cache=True, nogil=True)
 def cut_capsule(
     rays: RaySet, start: ndarray, end: ndarray, radius: float, flat: bool = False
 ) -> tuple[float, bool]:
@@ -189,24 +209,17 @@ def cut_capsule(
     capsule is still to be cut, and cutting it again with more room completes it.
     """
     cell, side = rays.cell, rays.cell * TILE
-    d = end - start
-    length = np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
-    if length > 0.0:
-        d /= length
+    d, length = direction_of(start, end)
     lows, highs = np.empty(TILE * TILE), np.empty(TILE * TILE)
-    first_u, last_u, first_v, last_v = tiles_below(rays, start, end, radius)
     removed = 0.0
-    for i in range(first_u, last_u + 1):
-        for j in range(first_v, last_v + 1):
-            if not reaches_tile(rays, i, j, start, end, d, length, radius):
-                continue
-            tile_chords(i * side - start[0], j * side - start[1], cell, d, length, radius, lows, highs)
-            if flat:
-                _end_flat(i * side - start[0], j * side - start[1], cell, d, length, lows, highs)
-            in_tile, full = _cut_tile(rays, rays.tile_of[i, j], start[2], lows, highs)
-            removed += in_tile
-            if full:
-                return removed * cell * cell, True
+    for i, j in tiles_reached(rays, start, end, d, length, radius):
+        tile_chords(i * side - start[0], j * side - start[1], cell, d, length, radius, lows, highs)
+        if flat:
+            _end_flat(i * side - start[0], j * side - start[1], cell, d, length, lows, highs)
+        in_tile, full = _cut_tile(rays, rays.tile_of[i, j], start[2], lows, highs)
+        removed += in_tile
+        if full:
+            return removed * cell * cell, True
     return removed * cell * cell, False
 
 

@@ -155,6 +155,8 @@ def sweep(
             steps = max(int(np.ceil(travel_of(pieces, i, pieces.reach[i]) / FLUTE_STEP)), 1)
             for k in range(1, steps + 1):
                 piece_pose(pieces, i, k / steps, foot, axis)
+                if not cylinder_meets(rays, foot, axis, pieces.reach[i], radius):
+                    continue
                 for n in range(3):
                     top[n] = foot[n] + pieces.reach[i] * axis[n]
                 volume, full = cut_capsule(rays, foot, top, radius, True)
