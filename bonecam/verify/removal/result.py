@@ -30,7 +30,8 @@ class LevelRemoval:
 
     `deepest` is the largest depth of cut (None where nothing was cut), `depth_p99` the one that 99 % of the
     surface cut stay below, mm; `over_limit` is what the deepest exceeds its limit by, mm (None where no limit
-    is known). `removed` in mm^3; `air_time_share`: share of the feed time whose moves remove less than AIR.
+    is known). `removed` in mm^3; `air_time_share`: share of the feed time whose moves remove less than AIR;
+    `rubbing_time_share`: share of the time of the cuts in which less goes than at a depth of RUBBING (`groups.py`).
     `links` (mm^3) is what the moves between passes remove, `link_depth` the deepest cut of one (None: none cuts).
     """
 
@@ -43,6 +44,7 @@ class LevelRemoval:
     depth_mean: float
     over_limit: float | None
     air_time_share: float
+    rubbing_time_share: float
     links: float
     link_depth: Spot | None
 
@@ -147,6 +149,7 @@ def _level_figures(level: LevelRemoval) -> dict[str, Any]:
         "depth_mean_mm": _rounded(level.depth_mean),
         "over_limit_mm": None if level.over_limit is None else _rounded(level.over_limit),
         "air_time_share": _rounded(level.air_time_share),
+        "rubbing_time_share": _rounded(level.rubbing_time_share),
         "links_mm3": _rounded(level.links),
         "links_depth_mm": _rounded(level.link_depth.value) if level.link_depth else 0.0,
     }

@@ -31,7 +31,7 @@ from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.verify.removal.depths import cut_depths, move_through
-from bonecam.verify.removal.groups import Group, feed_minutes, groups_of, link_volumes
+from bonecam.verify.removal.groups import Group, feed_minutes, groups_of, link_volumes, time_shares
 from bonecam.verify.removal.left import measure_left
 from bonecam.verify.removal.nails import Nails, nails_on
 from bonecam.verify.removal.pieces import straight_pieces
@@ -41,8 +41,6 @@ from bonecam.verify.removal.standing import Standing, standing_heights
 from bonecam.verify.removal.sweeping import PARTS, Sweeping
 from bonecam.verify.removal.table import table_clearance
 
-AIR = 1e-4
-"""A feed move that removes less is in air, mm^3: a hundredth of a move of 0.2 mm at a depth of 0.1."""
 RAPID_ALLOWED = 1e-4
 """A rapid that removes no more is not said to cut, mm^3: a cube of 0.05 mm, the default cell."""
 
@@ -161,17 +159,20 @@ class _Simulation:
             deepest = self._spot(float(depths.depths[depths.deepest]), move, place)
         limit = self.limits.get(group.level) if group.level is not None else None
         links = group.moves[self.motions.links[group.moves]]
+        removed = self.sweeping.volumes
+        air, rubbing = time_shares(group.moves, self.minutes, removed, self.motions, cutter.radius)
         return LevelRemoval(
             index=group.level,
             rest=group.rest,
             tool=group.tool,
-            removed=float(self.sweeping.volumes[group.moves].sum()),
+            removed=float(removed[group.moves].sum()),
             deepest=deepest,
             depth_p99=depths.p99,
             depth_mean=depths.mean,
             over_limit=None if limit is None else max((deepest.value if deepest else 0.0) - limit, 0.0),
-            air_time_share=self._air_time_share(group),
-            links=float(self.sweeping.volumes[links].sum()),
+            air_time_share=air,
+            rubbing_time_share=rubbing,
+            links=float(removed[links].sum()),
             link_depth=self._deepest(links),
         )
 
@@ -233,12 +234,6 @@ class _Simulation:
         touched = self.sweeping.touched(part)
         line = int(self.motions.lines[touched]) if touched >= 0 else 0
         return Clearance(PARTS[part], self._spot(value, move) if move >= 0 else None, line)
-
-    def _air_time_share(self, group: Group) -> float:
-        minutes = self.minutes[group.moves]
-        air = self.sweeping.volumes[group.moves] < AIR
-        total = float(minutes.sum())
-        return float(minutes[air].sum()) / total if total > 0 else 0.0
 
     def _standing(self, surface: TriangleMesh, sets: Sequence[RaySet]) -> Float[ndarray, " n"]:
         return standing_heights(

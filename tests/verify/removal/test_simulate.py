@@ -144,6 +144,19 @@ def test_a_turned_cylinder_is_what_stands(capsule_path, path_capsule):
     assert made.levels[0].deepest.value == pytest.approx(0.4, abs=0.04)
 
 
+def test_what_takes_hundredths_of_a_mm_rubs(capsule_path, path_capsule):
+    bottom, top, radius = path_capsule
+    path = capsule_path(turns=40.0, count=3000)
+    text = write_program([path], *PAIR, Job()).text
+    shares = []
+    for allowance in (0.4, 0.01):
+        blank = Capsule(np.array([0, 0, bottom]), np.array([0, 0, top]), radius + allowance)
+        made = simulate_removal(text, *PAIR, blank, Post(0.5, bottom), [path.cutter], accuracy=COARSE)
+        shares.append(made.levels[0].rubbing_time_share)
+    assert shares[0] < 0.1
+    assert shares[1] > 0.95
+
+
 def test_the_report_has_its_keys(sound):
     assert set(sound.report) == {"cell_mm", "levels", "rapid_contact_mm3", "links", "clearance_mm", "left"}
     assert set(sound.report["clearance_mm"]) == {"shank", "holder", "spindle", "table"}
