@@ -5,8 +5,8 @@ from numba import njit
 from numpy import ndarray
 
 from bonecam.kernels.removal.air import air_on_set
-from bonecam.kernels.removal.cut import direction_of, tile_chords, tiles_reached
-from bonecam.kernels.removal.rays import TILE, RaySet
+from bonecam.kernels.removal.cut import tile_chords
+from bonecam.kernels.removal.rays import TILE, RaySet, direction_of, tiles_reached
 
 
 @njit(cache=True, nogil=True)

@@ -165,3 +165,59 @@ def part_near(x: float, y: float, dx: float, dy: float, length: float, radius: f
     half = np.sqrt(max(radius * radius - off, 0.0) / square)
     first, last = min(max(middle - half, 0.0), length), min(max(middle + half, 0.0), length)
     return first, last
+
+
+@njit(cache=True, nogil=True)
+def _reaches_tile(
+    rays: RaySet, i: int, j: int, start: ndarray, end: ndarray, d: ndarray, length: float, radius: float
+) -> bool:
+    """Whether a capsule, whose axis has the unit direction `d` and `length`, may reach the material of tile (i, j)."""
+    tile = rays.tile_of[i, j]
+    if tile < 0 or rays.low[tile] > rays.high[tile]:
+        return False
+    side = rays.cell * TILE
+    half_diagonal = side * np.sqrt(0.5)
+    u, v = (i + 0.5) * side, (j + 0.5) * side
+    near = max(flat_distance(u, v, start[0], start[1], end[0], end[1]) - half_diagonal, 0.0)
+    if near >= radius:
+        return False
+    half = np.sqrt(radius * radius - near * near)
+    # only the part of the axis that passes the tile within the radius reaches it
+    first, last = part_near(u - start[0], v - start[1], d[0], d[1], length, radius + half_diagonal)
+    one, other = start[2] + first * d[2], start[2] + last * d[2]
+    low, high = min(one, other) - half, max(one, other) + half
+    if low > rays.high[tile] or high < rays.low[tile]:
+        return False
+    return bool(rays.mask[tile] & bits(low, high, rays.length))
+
+
+@njit(cache=True, nogil=True)
+def direction_of(start: ndarray, end: ndarray) -> tuple[ndarray, float]:
+    """Unit direction and length of a capsule's axis; the direction of a ball is zero."""
+    d = end - start
+    length = np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+    if length > 0.0:
+        d /= length
+    return d, length
+
+
+@njit(cache=True, nogil=True)
+def tiles_reached(
+    rays: RaySet, start: ndarray, end: ndarray, d: ndarray, length: float, radius: float
+) -> ndarray:
+    """The tiles (n, 2) along u and v whose material a capsule, whose axis has the unit direction `d` and `length`,
+    may reach."""
+    side = rays.cell * TILE
+    rows, columns = rays.tile_of.shape
+    first_u = max(int(np.floor((min(start[0], end[0]) - radius) / side)), 0)
+    last_u = min(int(np.floor((max(start[0], end[0]) + radius) / side)), rows - 1)
+    first_v = max(int(np.floor((min(start[1], end[1]) - radius) / side)), 0)
+    last_v = min(int(np.floor((max(start[1], end[1]) + radius) / side)), columns - 1)
+    found = np.empty((max(last_u - first_u + 1, 0) * max(last_v - first_v + 1, 0), 2), dtype=np.int64)
+    count = 0
+    for i in range(first_u, last_u + 1):
+        for j in range(first_v, last_v + 1):
+            if _reaches_tile(rays, i, j, start, end, d, length, radius):
+                found[count, 0], found[count, 1] = i, j
+                count += 1
+    return found[:count]

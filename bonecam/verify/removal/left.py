@@ -7,6 +7,7 @@ from scipy.spatial import cKDTree
 
 from bonecam.nc.reading.motions import Motions
 from bonecam.setup.holding import Post
+from bonecam.toolpath.contacts import POST_CLEARANCE
 from bonecam.verify.removal.nails import Nails
 from bonecam.verify.removal.result import Left, Spot
 
@@ -19,8 +20,9 @@ ENTERS = 0.01
 
 
 def measure_left(nails: Nails, post: Post, radius: float, motions: Motions) -> Left:
-    """What stays; within `radius` (mm, of the smallest ball) of the post the post and its fillet stay."""
-    at_post = post.distance(nails.points) < radius
+    """What stays; the post and the fillet stay that a ball of `radius` (mm, the smallest) leaves round it."""
+    centres = nails.points + radius * nails.normals
+    at_post = np.minimum(post.distance(nails.points), post.distance(centres) - POST_CLEARANCE) < radius
     over = nails.heights > LEFT
     away = np.where(at_post, -np.inf, nails.heights)
     highest = int(np.argmax(away))
