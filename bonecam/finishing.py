@@ -29,7 +29,7 @@ from bonecam.pipeline import check_job
 from bonecam.progress import Progress, silent
 from bonecam.runtime.timing import StageTimes
 from bonecam.surface.blades.blade_solid import blade_solid
-from bonecam.surface.files.machined_surface import read_machined_surface
+from bonecam.surface.files.machined_surface import machined_surface
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.gouge import MESH_SHARE, planned_tolerance
 from bonecam.toolpath.path import ToolPath
@@ -44,7 +44,7 @@ Solid = str | Path | MeshLike
 
 
 def finish(
-    surface: str | Path | TSpline,
+    surface: str | Path | MeshLike | TSpline,
     part: Solid | None = None,
     obstacles: Sequence[Solid] = (),
     job: Job | None = None,
@@ -58,16 +58,16 @@ def finish(
 ) -> Finished:
     """The verified program that machines one surface, open or closed, with the job's finishing cutter in one level.
 
-    `surface` is a file (rows of points, STEP, IGES, `.tsm`, `.tspline`) or a TSpline whose normals face outward; `part`
-    and `obstacles` (hub, shroud, neighbours, fixtures) are closed solids that nothing may gouge, in one frame with it
-    and in the unit `job.mesh.units`. Their Z axis is the table's. Where the surface bounds a solid (it is closed round
-    s) that is kept free of gouges as well; an open one needs the part. Everything stands on the post of [holding].
+    `surface` is a file (rows of points, STEP, IGES, `.tsm`, `.tspline`, an open mesh with four corners), such a mesh in
+    memory, or a TSpline; its normals face outward. `part` and `obstacles` (hub, shroud, neighbours, fixtures) are
+    closed solids that nothing may gouge, in one frame with it and the unit `job.mesh.units`, Z the table's axis. One
+    closed round s bounds such a solid itself; an open one needs the part. All stands on the post of [holding].
     Raises a BonecamError that names the trouble and the remedy.
     """
     job = job or Job()
     machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)
     check_job(job, machine, dialect)
-    source = None if isinstance(surface, TSpline) else surface
+    source = surface if isinstance(surface, str | Path) else None
     wanted = Outputs(program, keep, report, html=html, apt=apt)
     wanted.check(source, dialect)
     solids = _checked_solids((part, *obstacles), program, report, html, apt)
@@ -99,12 +99,17 @@ def _checked_solids(given: Sequence[Solid | None], *wanted: File) -> list[Solid]
 
 
 def _read(
-    surface: str | Path | TSpline, solids: Sequence[Solid], job: Job, times: StageTimes, *, has_part: bool
+    surface: str | Path | MeshLike | TSpline,
+    solids: Sequence[Solid],
+    job: Job,
+    times: StageTimes,
+    *,
+    has_part: bool,
 ) -> tuple[TSpline, TriangleMesh]:
     """The surface to machine, and the solid that must not be gouged, mm."""
     with times.stage("surface"):
         if not isinstance(surface, TSpline):
-            surface = read_machined_surface(surface, job.mesh.units, job.surface.tolerance)
+            surface = machined_surface(surface, job.mesh.units, job.surface.tolerance)
         return surface, _solid(surface, solids, job, has_part=has_part)
 
 

@@ -96,6 +96,16 @@ def test_the_text_gouges_nothing_and_its_files_are_there(finished: tuple[bonecam
     assert [layer["level"] for layer in shown.facts["program"]["layers"]] == [made.path.level]
 
 
+def test_a_mesh_patch_is_cut_as_the_surface_through_it(tmp_path: Path) -> None:
+    write_mesh(keep_faces(block(), slice(0, 2 * 48**2)), tmp_path / "top.stl")
+    made = bonecam.finish(tmp_path / "top.stl", block(), job=JOB)
+    assert made.report["surface"]["kind"] == "open"
+    assert made.report["nc"]["gouge_max_mm"] <= JOB.path.gouge_tolerance
+    contacts = made.path.contacts[made.path.kinds == Kind.CUT]
+    assert np.abs(MeshDistance(made.workpiece.solid).signed(contacts)).max() < 0.06
+    assert np.ptp(contacts[:, :2], axis=0) == pytest.approx([2 * SIZE, 2 * SIZE], abs=0.05)
+
+
 def test_an_obstacle_over_the_surface_is_kept_clear_of_by_ball_and_shank() -> None:
     wall = revolve(np.full(2, 2.0), np.array([2.0, 40.0]), (2.0, 40.0), 32)
     made = bonecam.finish(panel(), block(), [wall], JOB)
@@ -124,8 +134,12 @@ def test_surfaces_that_cannot_be_machined_alone_are_refused(tmp_path: Path) -> N
     with pytest.raises(SurfaceError, match="give the part"):
         bonecam.finish(panel(), job=JOB)
     write_mesh(block(), tmp_path / "block.stl")
-    with pytest.raises(FileError, match=r"ending '\.stl': give a surface that passes can follow"):
+    with pytest.raises(
+        SurfaceError, match=r"block\.stl: a patch of one piece has one edge, this mesh is closed"
+    ):
         bonecam.finish(tmp_path / "block.stl", block(), job=JOB)
+    with pytest.raises(FileError, match=r"ending '\.mlx': give a surface that passes can follow"):
+        bonecam.finish(tmp_path / "block.mlx", block(), job=JOB)
     with pytest.raises(FileError, match=r"missing\.stl"):
         bonecam.finish(panel(), tmp_path / "missing.stl", job=JOB)
     write_mesh(keep_faces(block(), slice(1, None)), tmp_path / "open.stl")

@@ -1,38 +1,43 @@
-"""A surface that is machined alone, from a file: closed or open, in the parameters that its passes follow."""
+"""A surface that is machined alone, from a file or a mesh: closed or open, in the parameters that its passes follow."""
 
 from pathlib import Path
 
 from bonecam.errors import FileError, SurfaceError
+from bonecam.mesh.files.mesh_files import MESHES, read_mesh
 from bonecam.mesh.files.opencascade import IGES, STEP
 from bonecam.mesh.files.point_files import POINTS
-from bonecam.mesh.units import MM_OF
+from bonecam.mesh.triangle_mesh import MeshLike, mesh_from
+from bonecam.mesh.units import MM_OF, to_mm
 from bonecam.surface.files.bspline.to_tspline import from_bspline
 from bonecam.surface.files.cad.read import read_bsplines
 from bonecam.surface.files.save import TEXTS
 from bonecam.surface.files.tspline_text import read_tsm
+from bonecam.surface.skinning.mesh_patch import patch_surface
 from bonecam.surface.skinning.point_rows import read_rows
 from bonecam.surface.tspline import TSpline
 
-KINDS = (*POINTS, *TEXTS, *STEP, *IGES)
+KINDS = (*POINTS, *TEXTS, *STEP, *IGES, *MESHES)
 """Endings of the files that hold such a surface."""
 
 
-def read_machined_surface(path: str | Path, units: str, tolerance: float) -> TSpline:
-    """The surface in a file, mm: rows of points (in `units`), skinned within `tolerance` mm; a saved T-spline; or the
-    B-spline of a STEP or IGES file with one face.
+def machined_surface(source: str | Path | MeshLike, units: str, tolerance: float) -> TSpline:
+    """The surface in a file, mm: rows of points or an open mesh (in `units`), skinned within `tolerance` mm; a saved
+    T-spline; or the B-spline of a STEP or IGES file with one face. Or that of an open mesh in memory.
 
     FileError or SurfaceError where the file holds no such surface, or one that closes on itself in t.
     """
-    file = Path(path)
+    if not isinstance(source, str | Path):
+        return patch_surface(to_mm(mesh_from(source), units), tolerance)
+    file = Path(source)
     ending = file.suffix.lower()
     if ending in TEXTS:
         surface = read_tsm(file)
     elif ending in (*STEP, *IGES):
         surface = _only_face(file)
-    elif ending in POINTS:
+    elif ending in (*POINTS, *MESHES):
         try:
-            surface = read_rows(file).scaled(MM_OF[units]).skin(tolerance)
-        except ValueError as error:
+            surface = _skinned(file, units, tolerance)
+        except (ValueError, SurfaceError) as error:
             raise SurfaceError(f"{file}: {error}", file=str(file)) from error
     else:
         endings = ", ".join(KINDS)
@@ -43,6 +48,13 @@ def read_machined_surface(path: str | Path, units: str, tolerance: float) -> TSp
     if surface.elements().period[1]:
         raise SurfaceError(f"{file}: closes on itself in t: cut it open there", file=str(file))
     return surface
+
+
+def _skinned(file: Path, units: str, tolerance: float) -> TSpline:
+    """The surface through rows of points or through an open mesh."""
+    if file.suffix.lower() in POINTS:
+        return read_rows(file).scaled(MM_OF[units]).skin(tolerance)
+    return patch_surface(to_mm(read_mesh(file), units, str(file)), tolerance)
 
 
 def _only_face(file: Path) -> TSpline:
