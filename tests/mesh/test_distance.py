@@ -71,6 +71,17 @@ def test_a_distance_is_exact_below_what_is_wanted_and_that_elsewhere(ball: Trian
         assert np.array_equal(found[~below], np.maximum(np.broadcast_to(wanted, len(POINTS)), 0.0)[~below])
 
 
+def test_a_lower_bound_is_less_than_the_distance_by_no_more_than_its_slack(ball: TriangleMesh) -> None:
+    distance = MeshDistance(ball)
+    true = distance.unsigned(POINTS)
+    bounds = {slack: distance.lower_bound(POINTS, slack) for slack in (0.0, 0.02, 0.2)}
+    np.testing.assert_array_equal(bounds[0.0], true)
+    for slack, bound in bounds.items():
+        assert (bound <= true).all()
+        assert (bound * (1 + slack) >= true * (1 - 1e-12)).all()
+    assert (bounds[0.2] < true).any()
+
+
 @pytest.mark.parametrize("shape", ["ball", "flat ellipsoid", "three faces"])
 def test_the_tree_finds_the_distances_of_the_exact_search(
     ellipsoid: Callable[..., TriangleMesh], ball: TriangleMesh, solid: Callable[..., TriangleMesh], shape: str

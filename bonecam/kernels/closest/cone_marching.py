@@ -49,6 +49,16 @@ class Apexes(NamedTuple):
     room: ndarray
 
 
+class Groups(NamedTuple):
+    """Groups of directions: unit `axes` (g, 3) and `angles` (g,) of the cones that hold them, radians, and their
+    `members` (d,), those of group i from `starts[i]` up to `starts[i + 1]`."""
+
+    axes: ndarray
+    angles: ndarray
+    starts: ndarray
+    members: ndarray
+
+
 @njit(cache=True, nogil=True)
 def _distance(o: Obstacles, s: int, x: float, y: float, z: float) -> float:
     """A lower bound of the distance of a point to what section s stays out of, mm."""
@@ -99,13 +109,22 @@ def _free(o: Obstacles, p: Apexes, k: int, a: ndarray, angle: float) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def free_directions(o: Obstacles, p: Apexes, directions: ndarray, asked: ndarray) -> ndarray:
-    """Which of the unit `directions` (d, 3) are free at each apex, (k, d); False where not `asked` (k, d)."""
+def free_directions(o: Obstacles, p: Apexes, directions: ndarray, groups: Groups, asked: ndarray) -> ndarray:
+    """Which of the unit `directions` (d, 3) are free at each apex, (k, d); False where not `asked` (k, d). A group is
+    tested by one cone first, and one by one where that is not free."""
     found = np.zeros(asked.shape, dtype=np.bool_)
     for k in range(len(asked)):
-        for d in range(len(directions)):
-            if asked[k, d]:
-                found[k, d] = _free(o, p, k, directions[d], 0.0)
+        for g in range(len(groups.axes)):
+            members = groups.members[groups.starts[g] : groups.starts[g + 1]]
+            wanted = 0
+            for d in members:
+                wanted += asked[k, d]
+            if not wanted:
+                continue
+            together = wanted > 1 and _free(o, p, k, groups.axes[g], groups.angles[g])
+            for d in members:
+                if asked[k, d]:
+                    found[k, d] = together or _free(o, p, k, directions[d], 0.0)
     return found
 
 

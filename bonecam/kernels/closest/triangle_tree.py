@@ -118,8 +118,12 @@ def _squared_triangle_distance(px: float, py: float, pz: float, t: ndarray) -> f
 
 
 @njit(cache=True, nogil=True)
-def distances_within(points: ndarray, limits: ndarray, triangles: ndarray, boxes: ndarray) -> ndarray:
-    """Distance of each point from the nearest triangle, or its limit where none is nearer."""
+def distances_within(
+    points: ndarray, limits: ndarray, slack: float, triangles: ndarray, boxes: ndarray
+) -> ndarray:
+    """Distance of each point from the nearest triangle, or its limit where none is nearer. With a `slack` a lower bound
+    of it, less by no more than this share: boxes that could not bring it down by more are left out."""
+    near = (1 + slack) ** 2
     n = len(triangles)
     leaves = (len(boxes) + 1) // 2
     found = np.empty(len(points))
@@ -130,10 +134,12 @@ def distances_within(points: ndarray, limits: ndarray, triangles: ndarray, boxes
         px, py, pz = points[i, 0], points[i, 1], points[i, 2]
         best = limits[i] * limits[i]
         best = min(best, _squared_triangle_distance(px, py, pz, triangles[last]))
+        left_out = np.inf
         stack[0], reach[0], height = 0, _squared_box_distance(px, py, pz, boxes, 0), 1
         while height:
             height -= 1
-            if reach[height] >= best:
+            if reach[height] * near >= best:
+                left_out = min(left_out, reach[height])
                 continue
             node = stack[height]
             if node >= leaves - 1:
@@ -149,11 +155,11 @@ def distances_within(points: ndarray, limits: ndarray, triangles: ndarray, boxes
             if to_a < to_b:
                 a, b, to_a, to_b = b, a, to_b, to_a
             # the nearer child comes off the stack first
-            if to_a < best:
-                stack[height], reach[height] = a, to_a
-                height += 1
-            if to_b < best:
-                stack[height], reach[height] = b, to_b
-                height += 1
-        found[i] = np.sqrt(best)
+            for child, to in ((a, to_a), (b, to_b)):
+                if to * near < best:
+                    stack[height], reach[height] = child, to
+                    height += 1
+                else:
+                    left_out = min(left_out, to)
+        found[i] = np.sqrt(min(best, left_out))
     return found

@@ -8,8 +8,15 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
+from bonecam.arrays import angles_between, unit
 from bonecam.errors import OrientationError
-from bonecam.kernels.closest.cone_marching import Apexes, Obstacles, angles_to_blocked, free_directions
+from bonecam.kernels.closest.cone_marching import (
+    Apexes,
+    Groups,
+    Obstacles,
+    angles_to_blocked,
+    free_directions,
+)
 from bonecam.orientation.axes.admissible import candidate_directions
 from bonecam.orientation.axes.lead import table_limits
 from bonecam.orientation.collision.scene import Scene
@@ -25,6 +32,8 @@ ENOUGH = 0.9
 """A node has enough free directions if they are this share of the allowed ones."""
 FINEST = 0.15
 """Where nodes have too few free directions they are set half as far apart, down to this, mm."""
+GROUPS = 100
+"""Groups of directions that are tested by one cone first: the time is halved, with 40 to 160 of them."""
 WIDEST = np.radians(40.0)
 """No cone is wider: its semi-angle, radians."""
 
@@ -60,7 +69,7 @@ class FreeAxes:
         apex = Apexes(*(part[rows] for part in self.apexes))
         counts = {
             f"{self.section_names[s]} against the {name}": free_directions(
-                alone, apex, self.directions, self.allowed[rows]
+                alone, apex, self.directions, _groups(), self.allowed[rows]
             ).sum()
             for s in range(len(self.section_names))
             for name, alone in single_obstacles(self.obstacles, s)
@@ -87,7 +96,7 @@ def free_axes(path: ContactPath, scene: Scene, limits: AxisLimits, max_tilt: flo
         net = make_net(path.centres[left], path.normals[left], middles[left], spacing)
         apexes = apexes_of(net, room[left])
         within, allowed = _allowed(net, directions, path.cutter, limits, max_tilt, clearance)
-        free = free_directions(obstacles, apexes, directions, allowed)
+        free = free_directions(obstacles, apexes, directions, _groups(), allowed)
         spacing /= 2
         most = free.sum(axis=1) >= ENOUGH * allowed.sum(axis=1)
         settled = most | (spacing < FINEST)
@@ -133,6 +142,23 @@ def _allowed(
     near = net.normals @ directions.T >= np.cos(max_tilt)
     within = near & (angle <= limits.largest) & (angle >= limits.smallest)
     return within, within & (angle <= above[:, None])
+
+
+@lru_cache(maxsize=1)
+def _groups() -> Groups:
+    """The candidate directions in GROUPS groups, each of those nearest to one of so many that are far apart."""
+    directions = candidate_directions()
+    seeds = [0]
+    nearest = directions @ directions[0]
+    for _ in range(GROUPS - 1):
+        seeds.append(int(nearest.argmin()))
+        nearest = np.maximum(nearest, directions @ directions[seeds[-1]])
+    group = (directions @ directions[seeds].T).argmax(axis=1)
+    axes = unit(np.array([directions[group == g].sum(axis=0) for g in range(GROUPS)]))
+    off = angles_between(directions, axes[group])
+    angles = np.array([off[group == g].max() for g in range(GROUPS)])
+    starts = np.cumsum(np.r_[0, np.bincount(group)])
+    return Groups(axes, angles, starts, np.argsort(group, kind="stable"))
 
 
 @lru_cache(maxsize=1)

@@ -35,12 +35,13 @@ def obstacles_of(scene: Scene, cutter: Cutter) -> Obstacles:
         start, end = section.start - cutter.radius, section.end - cutter.radius
         radius = section.widest - (TANGENT_SLACK if is_level else 0.0)
         rows.append((start, end, radius, float(is_level), around.deviation, first, len(columns)))
-    return Obstacles(
-        np.array(rows),
-        np.array(columns, dtype=float).reshape(-1, 3),
-        distance_grids(scene.level_distance),
-        distance_grids(scene.material_distance),
-    )
+    sections = np.array(rows)
+    to_level = sections[:, 3] > 0
+    grids = [
+        distance_grids(distance, cutter.radius, sections[held, 1].max(initial=0.0) + cutter.radius)
+        for distance, held in ((scene.level_distance, to_level), (scene.material_distance, ~to_level))
+    ]
+    return Obstacles(sections, np.array(columns, dtype=float).reshape(-1, 3), *grids)
 
 
 def single_obstacles(obstacles: Obstacles, section: int) -> Iterator[tuple[str, Obstacles]]:

@@ -10,6 +10,7 @@ from bonecam.arrays import unit
 from bonecam.errors import OrientationError
 from bonecam.job import HoldingJob, PathJob
 from bonecam.job.frustum import Frustum
+from bonecam.kernels.closest.cone_marching import Apexes, Groups, free_directions
 from bonecam.levels.measure.level import Level
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -96,6 +97,29 @@ def test_widened_cones_are_caught(
 def test_nearly_all_contacts_of_a_lump_have_a_cone(cones: AxisCones) -> None:
     assert cones.found.mean() > 0.97
     assert np.degrees(np.median(cones.angles)) > 20
+
+
+def test_directions_of_a_group_are_free_where_each_is(cones: AxisCones) -> None:
+    """What the cone of a group proves free is so direction by direction too, all but a few grazing ones."""
+    free = cones.free
+    some = np.arange(0, len(free.free), 20)
+    apexes = Apexes(*(part[some] for part in free.apexes))
+    count = len(free.directions)
+    alone = Groups(free.directions, np.zeros(count), np.arange(count + 1), np.arange(count))
+    singly = free_directions(free.obstacles, apexes, free.directions, alone, free.allowed[some])
+    assert not (singly & ~free.free[some]).any()
+    assert (free.free[some] & ~singly).sum() < 1e-3 * singly.sum()
+
+
+def test_the_chosen_cones_hold_the_wanted_axes_deep_or_are_wide(cones: AxisCones) -> None:
+    """About the axes of the cones themselves no narrower cones are found; and those about the normals lie less deep
+    in the widest cones."""
+    node = cones.free.net.node_of
+    again = cones.about(cones.axes[node])
+    assert (again.angles[again.angles > 0] > (cones.angles - np.radians(2))[again.angles > 0]).mean() > 0.98
+    near = cones.about(cones.path.normals)
+    both = near.found & cones.found
+    assert near.depths(cones.path.normals)[both].mean() > cones.depths(cones.path.normals)[both].mean()
 
 
 def test_axes_in_a_cone_are_contained_and_others_are_not(cones: AxisCones) -> None:
