@@ -14,6 +14,8 @@ from bonecam.toolpath.path import Kind
 LIFTS = (0.2, 0.5, 1.0)
 """Heights of a link above the contacts, along their normals, in the order they are tried, mm: it is to pass over what
 still stands between them."""
+LIFTED = np.arange(1, 8) / 8
+"""Shares of a lift at which is looked whether it is in air."""
 STEPS = 6
 """Straight moves of a link between its lifted ends."""
 MAX_TURN = np.radians(30.0)
@@ -56,6 +58,9 @@ def _links(
     free = np.array([least_polar_angles(v).min() > SINGULAR_ANGLE for v in all_axes], dtype=bool)
     halfway = (centres[:, 1:] + centres[:, :-1]) / 2
     free[free] = space.in_air(np.concatenate([centres, halfway], axis=1)[free])
+    for contacts, lifted in ((a, centres[:, 0]), (b, centres[:, -1])):
+        rising = contacts[:, None] + LIFTED[:, None] * (lifted - contacts)[:, None]
+        free[free] = space.left_in_air(contacts[free], rising[free])
     free[free] = _proven_free(space, all_centres[free], all_axes[free])
     return centres, axes, free
 

@@ -76,22 +76,23 @@ def departures(axis: Float[ndarray, "3"]) -> list[Departure]:
 
 
 def find_retracts(space: LinkSpace, poses: Sequence[Pose]) -> list[Retract | None]:
-    """The first departure of each pose that is proven free; None where there is none. The same departure of
-    all poses is tried at once."""
+    """The first departure of each pose that is proven free and in air, or else that is free; None where there is
+    none. The same departure of all poses is tried at once."""
     choices = [departures(axis) for _, axis in poses]
     found: list[Retract | None] = [None] * len(poses)
-    for k in range(max((len(ways) for ways in choices), default=0)):
-        left = [i for i, ways in enumerate(choices) if found[i] is None and k < len(ways)]
-        tried = _try_departures(space, [poses[i] for i in left], [choices[i][k] for i in left])
-        for i, retract in zip(left, tried, strict=True):
-            found[i] = retract
+    for in_air in (True, False):
+        for k in range(max((len(ways) for ways in choices), default=0)):
+            left = [i for i, ways in enumerate(choices) if found[i] is None and k < len(ways)]
+            tried = _try_departures(space, [poses[i] for i in left], [choices[i][k] for i in left], in_air)
+            for i, retract in zip(left, tried, strict=True):
+                found[i] = retract
     return found
 
 
 def _try_departures(
-    space: LinkSpace, poses: Sequence[Pose], chosen: Sequence[Departure]
+    space: LinkSpace, poses: Sequence[Pose], chosen: Sequence[Departure], in_air: bool
 ) -> list[Retract | None]:
-    """The retract of each pose by its departure; None where it is not proven free."""
+    """The retract of each pose by its departure; None where it is not proven free, or, `in_air`, would cut."""
     if not poses:
         return []
     lengths = _lengths(space, poses, chosen)
@@ -100,6 +101,8 @@ def _try_departures(
 
     links = [(c[: k + 1], v[: k + 1]) for (c, v), k in zip(lines, standoffs, strict=True)]
     free = space.polylines_free(links, cutting=True)
+    if in_air:
+        free[free] = [_in_air(space, links[i][0]) for i in np.flatnonzero(free)]
     rapid = [i for i in np.flatnonzero(free) if standoffs[i] + 1 < len(lengths[i])]
     rapids = [(lines[i][0][standoffs[i] :], lines[i][1][standoffs[i] :]) for i in rapid]
     free[rapid] = space.polylines_free(rapids, cutting=False)
@@ -107,6 +110,12 @@ def _try_departures(
         _retract(space.feeds, line, length, departure, standoff) if ok else None
         for line, length, departure, standoff, ok in zip(lines, lengths, chosen, standoffs, free, strict=True)
     ]
+
+
+def _in_air(space: LinkSpace, centres: Float[ndarray, "n 3"]) -> bool:
+    """Whether the ball removes nothing on its way from the contact that comes first."""
+    halfway = (centres[1:] + centres[:-1]) / 2
+    return bool(space.left_in_air(centres[:1], np.vstack([centres[1:], halfway])[None])[0])
 
 
 def _lengths(

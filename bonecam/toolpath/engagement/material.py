@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from numpy import ndarray
 from scipy.spatial import KDTree
 
@@ -95,6 +95,22 @@ class Material:
             shift, _ = swept.places.query(centres, distance_upper_bound=swept.radius)
             depth = np.minimum(depth, shift + radius - swept.radius)
         return depth, (centres - points) / np.maximum(distance, np.finfo(float).tiny)[:, None]
+
+    def entered_anew(
+        self, centres: Float[ndarray, "n 3"], contacts: Float[ndarray, "n 3"], radius: float, depth: float
+    ) -> Bool[ndarray, " n"]:
+        """Whether a ball of this radius at each centre enters the material by more than `depth` (mm) where one at its
+        contact has not been: what leaves a contact may go up in the place that was cut there."""
+        entered = self.depths(centres, radius)[0] > depth
+        which = np.flatnonzero(entered)
+        for i, near in zip(which, self._places.query_ball_point(centres[which], radius - depth), strict=True):
+            from_contact = np.linalg.norm(self.places[near] - contacts[i], axis=1)
+            entered[i] = bool((from_contact > radius).any())
+        return np.asarray(entered)
+
+    @cached_property
+    def _places(self) -> KDTree:
+        return KDTree(self.places)
 
     @cached_property
     def _surface(self) -> MeshDistance:

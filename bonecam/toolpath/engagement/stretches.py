@@ -22,6 +22,8 @@ BESIDE = 2
 """A stretch begins and ends so many contacts beside the depth that asks for it: in air."""
 LEAST_CONTACTS = 3
 """A stretch of fewer contacts is not worth a plunge."""
+SIDE_STEP = 2.0
+"""A pass farther away by this is preferred where it lies beside the one before, mm: 0.13 s at 900 mm/min."""
 SLOPE = 0.3
 """Slope of the ramps: 17 degrees, what solid ball cutters are allowed in solid material."""
 CLOSED = 1e-6
@@ -150,7 +152,9 @@ def entered_runs(
 
 
 def in_turn(lines: Lines, runs: list[Run]) -> list[Run]:
-    """The runs from the first one on, each followed by the one that begins nearest to its end."""
+    """The runs from the first one on, each followed by one that begins near its end: the next of the lines that begin
+    at most SIDE_STEP farther than the nearest. At a pole, where all lines end, so the next one cuts beside the last,
+    not in full material across the pole."""
     if not runs:
         return []
     begins = np.array([lines.centres[index[0]] + raised[0] for index, raised in runs])
@@ -159,8 +163,9 @@ def in_turn(lines: Lines, runs: list[Run]) -> list[Run]:
     open_ = np.ones(len(runs), dtype=bool)
     open_[0] = False
     while open_.any():
-        away = np.linalg.norm(begins - ends[order[-1]], axis=1)
-        order.append(int(np.argmin(np.where(open_, away, np.inf))))
+        away = np.where(open_, np.linalg.norm(begins - ends[order[-1]], axis=1), np.inf)
+        ahead = (np.arange(len(runs)) - order[-1]) % len(runs)
+        order.append(int(np.argmin(np.where(away <= away.min() + SIDE_STEP, ahead, len(runs)))))
         open_[order[-1]] = False
     return [runs[k] for k in order]
 

@@ -155,3 +155,20 @@ def test_what_is_trimmed_and_what_is_cut_make_up_the_whole_passes(
     assert 0 < part < whole
     assert roughing_cutter.radius == 2.0
     assert trimmed == pytest.approx(whole - part, rel=0.1)
+
+
+def test_a_ball_that_rises_from_its_contact_enters_nothing_anew(
+    levels: tuple[MachinedLevel, MachinedLevel, StockLevel], stock: Skin
+) -> None:
+    material = uncut_material(levels, stock)
+    s, t = np.random.default_rng(5).uniform(0.2, 0.8, (2, 50))
+    surface = levels[1].surface
+    normals = surface.normals(s, t)
+    contacts = surface.positions(s, t) + normals
+    along = np.cross(normals, [0.0, 0.0, 1.0])
+    depth, _ = material.depths(contacts, 1.0)
+    assert depth.min() > 0.05
+    for height in (0.02, 0.05, 0.2, 1.0):
+        assert not material.entered_anew(contacts + height * normals, contacts, 1.0, 0.01).any()
+    aside = contacts + along / np.linalg.norm(along, axis=1)[:, None]
+    assert material.entered_anew(aside, contacts, 1.0, 0.01).all()

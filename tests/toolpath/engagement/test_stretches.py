@@ -109,3 +109,20 @@ def test_islands_are_cut_one_after_the_other():
     right = lines.centres[made.index[firsts], 0] > 25
     assert len(firsts) == 12
     assert np.count_nonzero(np.diff(right.astype(int))) == 1
+
+
+def test_lines_that_meet_at_a_pole_are_cut_side_by_side():
+    """Else each would begin in full material across the pole, and the last ones find cusps only."""
+    count = 24
+    angle, height = np.meshgrid(2 * np.pi * np.arange(count) / count, np.linspace(0.05, 1, 20), indexing="ij")
+    height[1::2] = height[1::2, ::-1]  # to and fro
+    centres = np.column_stack(
+        [(12 * height * f(angle)).ravel() for f in (np.cos, np.sin)] + [np.zeros(angle.size)]
+    )
+    lines = Lines(np.repeat(np.arange(count), 20), centres, np.tile(UP, (len(centres), 1)))
+    away = np.linalg.norm(centres, axis=1)
+    near_pole = np.isin(lines.line % 3, (1, 2)) & (away > 2) & (away < 4)
+    made = passes(lines, np.full(len(centres), 0.02), Allowed(0.5), ~near_pole)
+    whole = np.flatnonzero(np.bincount(made.passes) > 8)
+    followed = [lines.line[made.index[made.passes == k][0]] for k in whole]
+    assert followed == list(range(count))
