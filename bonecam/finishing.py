@@ -82,7 +82,7 @@ def finish(
     path, posted, proof = _posted(path, workpiece, job, machine, dialect, source, program, times)
     figures = {
         **_figures(workpiece, job, source, len(solids)),
-        **report_to_program(Path(program).name if program else "", [path], posted, proof),
+        **report_to_program(Path(program).name if program else "", [path], posted, proof, job.path),
         "seconds": times.seconds,
     }
     made = Finished(workpiece, path, posted, figures, job)

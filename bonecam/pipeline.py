@@ -208,7 +208,11 @@ def _machine(
 
     program = replace(program, text=record_checks(program.text, dialect, str(proof)))
     name = Path(file).name if file else ""
-    figures = {**made.report, **report_to_program(name, paths, program, proof), "removal": NOT_SIMULATED}
+    figures = {
+        **made.report,
+        **report_to_program(name, paths, program, proof, job.path),
+        "removal": NOT_SIMULATED,
+    }
     return Result(made.part, made.surface, made.stock, made.levels, figures, job, paths, program)
 
 

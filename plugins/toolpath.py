@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from bonecam.errors import FilterError
 from bonecam.filters.filter import Filter
 from bonecam.filters.layers import Layers
-from bonecam.filters.parameter import parameters_of, section_of
+from bonecam.filters.parameter import FilterParameter, Kind, parameters_of, section_of
 from bonecam.job import FINISHING, ROUGHING, MaterialJob, NcJob, PathJob
 from bonecam.progress import Progress
 from bonecam.toolpath.path import Kind as MoveKind
@@ -62,6 +63,20 @@ def add_path(layers: Layers, path: ToolPath) -> None:
     )
 
 
+def draw_cones(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
+    """Filter `generate_axis_cones`: a layer of the cones of some contacts of a level."""
+    from bonecam.orientation.cones.cones_mesh import cones_mesh
+
+    paths = layers.kept("toolpath", tuple, "generate_toolpath")
+    found = [path for path in paths if path.level == values["level"] and not path.rest]
+    if not found:
+        last = max(path.level for path in paths)
+        raise FilterError(f"level = {values['level']} has no path: give 0 to {last}", level=values["level"])
+    mesh = cones_mesh(found[0], values["count"], values["length"])
+    layers.add(mesh, f"cones_{values['level']:02d}")
+    return {"half_angles_deg": np.degrees(found[0].cones.angles)}
+
+
 MOVES = ", ".join(f"{kind.value} {kind.name.lower()}" for kind in MoveKind)
 
 FILTERS = (
@@ -87,6 +102,25 @@ FILTERS = (
         references=(
             "Gan, Fu, Shen, Lin: A morphing machining strategy for artificial bone. JZUS-A 2014, "
             "doi:10.1631/jzus.A1300274, section 4.3",
+        ),
+    ),
+    Filter(
+        "generate_axis_cones",
+        "Generate Axis Cones",
+        "The cones of free tool axes of some contacts of a level as a layer cones_NN: within each the tool is proven "
+        "free of part, standing stock, post, chuck and table. The apex is the ball's centre. half_angles_deg are those "
+        "of all cones of the level.",
+        CATEGORY,
+        (
+            FilterParameter("level", Kind.INT, 0, "Level", "The level; 0 is the part.", low=0, high=999),
+            FilterParameter("count", Kind.INT, 100, "Cones", "Cones drawn at most.", low=1, high=20000),
+            FilterParameter("length", Kind.LENGTH, 3.0, "Length", "Length along the axis.", "mm", 0.1, 50.0),
+        ),
+        draw_cones,
+        after=("generate_stock", "compute_tspline_surface", "generate_morph_levels", "generate_toolpath"),
+        references=(
+            "Xu, Zhang, Tan, Liu: Collisionless tool orientation smoothing above blade stream surface using NURBS "
+            "envelope. JZUS-A 2013, doi:10.1631/jzus.A1200160, section 3",
         ),
     ),
 )

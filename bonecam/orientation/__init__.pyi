@@ -3,6 +3,7 @@ from .cones.admissible_cones import AxisCones as AxisCones
 from .cones.admissible_cones import admissible_cones as admissible_cones
 from .cones.cone import ObliqueEllipticCone as ObliqueEllipticCone
 from .cones.cone import oblique_elliptic_cone as oblique_elliptic_cone
+from .cones.cones_mesh import cones_mesh as cones_mesh
 from .cones.intersection import IntersectionCurve as IntersectionCurve
 from .cones.intersection import intersect as intersect
 from .field.axis_field import FieldDomain as FieldDomain

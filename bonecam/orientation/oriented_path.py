@@ -23,7 +23,7 @@ from bonecam.orientation.links.moves import Feeds, Moves, join_moves, moves_of
 from bonecam.orientation.links.sequence import LinkedRuns, link_runs
 from bonecam.toolpath.engagement.material import Material
 from bonecam.toolpath.gouge import planned_tolerance
-from bonecam.toolpath.path import ContactPath, Kind, ToolPath
+from bonecam.toolpath.path import ContactPath, FreeCones, Kind, ToolPath
 
 MAX_TURN = np.radians(30.0)
 """A cutting move turns the tool axis by no more, radians: else the tool retracts and comes back."""
@@ -74,7 +74,9 @@ def orient(
             f"level {path.level}: no pass can be reached safely: raise path.clearance or the tool's overhang",
             level=path.level,
         )
-    return replace(_tool_path(path, chosen, space, runs, linked), blocked_by=blocked)
+    return replace(
+        _tool_path(path, chosen, space, runs, linked, wanted.cones if wanted else None), blocked_by=blocked
+    )
 
 
 def _blocked(
@@ -155,9 +157,15 @@ def _cut(path: ContactPath, axes: Float[ndarray, "n 3"], run: Run, plunge_feed: 
 
 
 def _tool_path(
-    path: ContactPath, chosen: ToolAxes, space: LinkSpace, runs: Sequence[Run], linked: LinkedRuns
+    path: ContactPath,
+    chosen: ToolAxes,
+    space: LinkSpace,
+    runs: Sequence[Run],
+    linked: LinkedRuns,
+    cones: FreeCones | None,
 ) -> ToolPath:
-    """The tool path: from the safe point through the runs that are reached and back home."""
+    """The tool path: from the safe point through the runs that are reached and back home; `cones` are those of the
+    contacts."""
     assert linked.home is not None
     centre, axis = space.safe_pose
     moves = [moves_of(Kind.RAPID, centre[None], axis[None], space.feeds.rapid)]
@@ -187,6 +195,7 @@ def _tool_path(
         reasons,
         path.trimmed,
         path.rest,
+        cones=cones.at(contact) if cones else None,
     )
 
 

@@ -11,6 +11,7 @@ from bonecam.job import Job, write_job
 from bonecam.mesh.files.mesh_files import write_mesh
 from bonecam.nc.program import Program
 from bonecam.orientation.surface_path import Workpiece
+from bonecam.outputs.cones_csv import cones_csv
 from bonecam.outputs.kept_folder import SERIES
 from bonecam.outputs.kept_view import VIEW
 from bonecam.outputs.output_files import File, Outputs
@@ -83,7 +84,7 @@ def write_finished(made: Finished, wanted: Outputs) -> None:
 
 
 def _fill_folder(work: Path, made: Finished) -> None:
-    """Write surface.iga, solid.ply, program, toolpath.csv, .apt and .png, view.gz, job.toml and report.json."""
+    """Write surface.iga, solid.ply, toolpath.csv, .apt and .png, cones.csv, program, view.gz, job.toml, report.json."""
     write_iga(made.workpiece.surface, work / "surface.iga")
     write_mesh(made.workpiece.solid, work / "solid.ply")
     made._draw(work / "toolpath.png")
@@ -95,5 +96,7 @@ def _fill_folder(work: Path, made: Finished) -> None:
         "job.toml": write_job(made.job),
         "report.json": report_text(made.report),
     }
+    if made.path.cones:
+        texts["cones.csv"] = cones_csv([made.path])
     for name, text in texts.items():
         (work / name).write_text(text, encoding="utf-8", newline="")

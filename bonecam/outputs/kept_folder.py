@@ -11,6 +11,7 @@ from bonecam.levels.measure.level import Level
 from bonecam.levels.measure.line_depths import LINE, line_depths, step_depths
 from bonecam.mesh.files.mesh_files import write_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.outputs.cones_csv import cones_csv
 from bonecam.outputs.kept_view import VIEW
 from bonecam.outputs.result import Morphed, Result
 from bonecam.outputs.run_report import report_text
@@ -29,7 +30,7 @@ LEFT_COLOURED = 0.1
 """Leftovers are coloured from 0 to this height, mm."""
 SERIES = (
     r"level_\d{2,}\.ply|left\.ply|solid\.ply|surface\.(tspline|iga)|toolpath\.(csv|apt|png)|program\.\w+"
-    rf"|view\.gz|job\.toml|report\.json|{FAILED}"
+    rf"|cones\.csv|view\.gz|job\.toml|report\.json|{FAILED}"
 )
 """Names of the files of levels, surfaces, paths and program, as a regular expression. A later run in the same folder
 removes those that an earlier one wrote there."""
@@ -37,8 +38,8 @@ removes those that an earlier one wrote there."""
 
 def fill_kept_folder(work: Path, made: Morphed, post: tuple[float, float]) -> None:
     """Write into `work` surface.tspline, the files of `keep_levels`, view.gz, job.toml and report.json; of a program
-    its text, toolpath.csv, toolpath.apt and toolpath.png, and left.ply where it is known what stays on the part.
-    `post` is (diameter, top z), mm."""
+    its text, toolpath.csv, toolpath.apt, toolpath.png and cones.csv, and left.ply where it is known what stays on the
+    part. `post` is (diameter, top z), mm."""
     levels = made.levels.levels
     write_tsm(made.surface, work / "surface.tspline")
     _write_levels(work, levels, made.stock, post, LINE)
@@ -49,6 +50,8 @@ def fill_kept_folder(work: Path, made: Morphed, post: tuple[float, float]) -> No
         write_whole(work / f"program{made.program.extension}", made.program.text)
         write_whole(work / "toolpath.csv", toolpath_csv(made.paths))
         write_whole(work / "toolpath.apt", apt_text(made.paths, made.program.name))
+        if any(path.cones for path in made.paths):
+            write_whole(work / "cones.csv", cones_csv(made.paths))
         draw_toolpath(made.paths, levels, work / "toolpath.png", post)
         if made.removal and made.removal.left:
             left = made.removal.left

@@ -4,6 +4,9 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
+from bonecam.job import PathJob
 from bonecam.levels.closed_morph import Morph
 from bonecam.mesh.part import Part
 from bonecam.nc.program import Program
@@ -55,7 +58,8 @@ def _given_report(part: Part, fitted: Fit) -> dict[str, float]:
 
 
 def report_to_program(
-    file: str, paths: Sequence[ToolPath], program: Program, proof: Verification
+    file: str, paths: Sequence[ToolPath], program: Program, proof: Verification, job: PathJob
 ) -> dict[str, Any]:
     """The sections of tool paths and program; `file` is the program's, empty where none is written."""
-    return {"toolpath": toolpath_report(paths), "nc": {"file": file, **nc_report(program, proof)}}
+    told = toolpath_report(paths, float(np.radians(job.least_lead_deg)))
+    return {"toolpath": told, "nc": {"file": file, **nc_report(program, proof)}}

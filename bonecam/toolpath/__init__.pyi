@@ -20,6 +20,7 @@ from .gouge import gouge_free_lifts as gouge_free_lifts
 from .iso_height.plan import iso_height_layers as iso_height_layers
 from .layers.layer import Layer as Layer
 from .path import ContactPath as ContactPath
+from .path import FreeCones as FreeCones
 from .path import Kind as Kind
 from .path import ToolPath as ToolPath
 from .patterns.scallop import side_step as side_step

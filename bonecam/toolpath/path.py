@@ -4,9 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
 
+import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
+from bonecam.arrays import angles_between, unit
 from bonecam.toolpath.cutters.cutter import Cutter
 
 
@@ -51,6 +53,24 @@ class ContactPath:
 
 
 @dataclass(frozen=True, eq=False)
+class FreeCones:
+    """Circular cones of tool axes for which the tool is proven free round their apexes (Xu et al. 2013, section 3).
+
+    Cone k has its apex at the ball centre `apexes[k]` (mm), the unit axis `axes[k]` and the semi-angle `angles[k]`
+    (radians). Row i of a path keeps to cone `cone_of[i]`, -1 for none; there the apex is the row's own ball centre.
+    """
+
+    apexes: Float[ndarray, "k 3"]
+    axes: Float[ndarray, "k 3"]
+    angles: Float[ndarray, "k"]
+    cone_of: Int[ndarray, "n"]
+
+    def at(self, rows: Int[ndarray, "m"]) -> "FreeCones":
+        """The cones of these rows, -1 for a row that has none."""
+        return replace(self, cone_of=np.where(rows >= 0, self.cone_of[rows], -1))
+
+
+@dataclass(frozen=True, eq=False)
 class ToolPath:
     """All moves of one level, or of one rest path before it, in machining order. Row i: the move that arrives at
     tip i with axis i.
@@ -59,7 +79,7 @@ class ToolPath:
     (rapid moves: the machine's rapid rate); `contacts` and `parameters` are NaN on links and rapids.
     `pass_index` is -1 on links and rapids. `trimmed` and `rest` are those of the `ContactPath`. `blocked_by` counts the
     contacts that have no tool axis by what is against it (`shank against the material`). The first row is a
-    safe point clear of the stock, so is the last.
+    safe point clear of the stock, so is the last. `cones` are those that the axes were chosen in, if they were.
     """
 
     level: int
@@ -76,6 +96,17 @@ class ToolPath:
     trimmed: float = 0.0
     rest: int = 0
     blocked_by: Mapping[str, int] = field(default_factory=dict)
+    cones: FreeCones | None = None
+
+    @property
+    def balls(self) -> Float[ndarray, "n 3"]:
+        """Centres of the ball, mm."""
+        return np.asarray(self.tips + self.cutter.radius * self.axes)
+
+    @property
+    def leads(self) -> Float[ndarray, "n"]:
+        """Angle of each axis from the surface's normal at the contact, radians; NaN where nothing is cut."""
+        return angles_between(unit(self.balls - self.contacts), self.axes)
 
     @property
     def title(self) -> str:

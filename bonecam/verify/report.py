@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from bonecam.arrays import angles_between, unit
 from bonecam.levels.measure.level import Level, rounding_cuts
 from bonecam.nc.program import Program
 from bonecam.surface.fitting.fit import Fit
@@ -56,8 +57,9 @@ def _certified(level: Level) -> dict[str, Any]:
     return {**dict(zip(names, values)), "not_certified": list(found.shortfalls(level.limit))}
 
 
-def toolpath_report(paths: Sequence[ToolPath]) -> list[dict[str, Any]]:
-    """`toolpath` of the report, in machining order."""
+def toolpath_report(paths: Sequence[ToolPath], least_lead: float) -> list[dict[str, Any]]:
+    """`toolpath` of the report, in machining order; axes in cones are to keep off the normal by `least_lead`, radians,
+    for the tip of a ball does not cut."""
     rows = []
     for path in paths:
         cutting = path.kinds == Kind.CUT
@@ -76,9 +78,25 @@ def toolpath_report(paths: Sequence[ToolPath]) -> list[dict[str, Any]]:
                 "uncut_contacts": len(path.uncut),
                 "uncut_reasons": reasons,
                 "blocked_by": dict(path.blocked_by),
+                **_near_normal(path, least_lead),
             }
         )
     return rows
+
+
+def _near_normal(path: ToolPath, least_lead: float) -> dict[str, int | None]:
+    """Contacts whose axis is nearer to the normal than the least lead, and those of them whose cone holds no axis that
+    is not, or who have no cone; null where axes are not chosen in cones."""
+    names = ("near_normal_contacts", "near_normal_without_choice")
+    if path.cones is None:
+        return dict.fromkeys(names)
+    near = np.flatnonzero(path.leads < least_lead)
+    held = near[path.cones.cone_of[near] >= 0]
+    cone = path.cones.cone_of[held]
+    normals = unit(path.balls[held] - path.contacts[held])
+    farthest = angles_between(path.cones.axes[cone], normals) + path.cones.angles[cone]
+    forced = len(near) - int((farthest >= least_lead).sum())
+    return dict(zip(names, (len(near), forced)))
 
 
 def surface_report(fitted: Fit) -> dict[str, Any]:

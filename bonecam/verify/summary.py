@@ -118,6 +118,7 @@ def _program_lines(toolpath: Sequence[Mapping[str, Any]], nc: Mapping[str, Any])
     contacts = sum(row["contacts"] for row in toolpath)
     yield f"toolpath  {contacts} contacts, {length:.0f} mm of passes; {trimmed:.0f} mm through air left out"
     yield f"uncut     {uncut_text(toolpath)}"
+    yield from _lead_lines(toolpath)
     file = nc["file"] or "not written"
     machine = f"{nc['machine']} / {nc['controller']}"
     yield f"nc        {file}: {nc['blocks']} blocks for {machine}, about {nc['time_min']:.0f} min"
@@ -127,6 +128,21 @@ def _program_lines(toolpath: Sequence[Mapping[str, Any]], nc: Mapping[str, Any])
     tip_um, gouge_um = nc["readback_tip_error_mm"] * 1000, nc["gouge_max_mm"] * 1000
     axis_deg = nc["readback_axis_error_deg"]
     yield f"proof     tip {tip_um:.2f} um, axis {axis_deg:.4f} deg, gouge {gouge_um:.2f} um"
+
+
+def _lead_lines(toolpath: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """Where smooth axes come nearer to the normal than they should."""
+    near = [row for row in toolpath if row["near_normal_contacts"]]
+    contacts, forced = (
+        sum(row[f"near_normal_{name}"] for row in near) for name in ("contacts", "without_choice")
+    )
+    if near:
+        share = contacts / sum(row["contacts"] for row in toolpath)
+        most = max(near, key=lambda row: row["near_normal_contacts"])
+        where = f"{most['near_normal_contacts']} of them on level {most['level']}"
+        choice = f"{forced} have no other in their cones"
+        yield f"lead      {share:.1%} of the contacts are cut nearer to the ball's tip than path.least_lead_deg"
+        yield f"          {contacts} contacts, {where}; {choice}"
 
 
 def removal_text(removal: Mapping[str, Any]) -> str:

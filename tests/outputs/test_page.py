@@ -11,12 +11,14 @@ import numpy as np
 import pytest
 
 import bonecam
+from bonecam.arrays import angles_between
 from bonecam.cli import main
 from bonecam.errors import FileError
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.machine import read_machine
 from bonecam.nc.reading.read import read_program
 from bonecam.outputs.kept_view import kept_contents
+from bonecam.toolpath.path import Kind
 from bonecam.verify.page.packing import unpack
 
 Run = tuple[bonecam.Result, Path]
@@ -92,6 +94,39 @@ def test_links_can_be_hidden(page: Any) -> None:
     with_links = page.evaluate("movesOf(0, page.state).length")
     page.locator("#links").click()
     assert page.evaluate("movesOf(0, page.state).length") < with_links
+
+
+def test_cones_are_drawn_at_contacts_of_the_level_and_under_the_tool(page: Any, small_run: Run) -> None:
+    page.keyboard.press("3")
+    page.evaluate("change({level: 0, chosen: -1})")
+    without = picture(page)
+    page.locator("#cones").check()
+    assert picture(page) != without
+
+    path = small_run[0].paths[-1]
+    inside = path.cones.cone_of >= 0
+    chosen = path.cones.cone_of[inside]
+    off = angles_between(path.axes[inside], path.cones.axes[chosen])
+    assert (off < path.cones.angles[chosen]).mean() > 0.95
+    assert inside.sum() > 0.9 * (path.kinds == Kind.CUT).sum()
+
+    shown = page.evaluate("someCones(movesOf(0, page.state))")
+    assert 10 < len(shown) <= 40
+    axes = page.evaluate(
+        "(moves) => moves.map((i) => [axisOf(page.arrays.cone_axis, coneOf(i)).toArray(), ballOf(i).toArray()])",
+        shown,
+    )
+    balls = path.balls[inside]
+    for axis, ball in axes:
+        row = np.linalg.norm(balls - ball, axis=1).argmin()
+        assert np.allclose(balls[row], ball, atol=0.01)
+        assert np.allclose(path.cones.axes[chosen[row]], axis, atol=1e-3)
+
+    page.keyboard.press("4")
+    page.evaluate(f"goTo({shown[5]})")
+    with_cone = picture(page)
+    page.locator("#cones").uncheck()
+    assert picture(page) != with_cone
 
 
 def test_a_click_on_the_path_tells_the_block_there(page: Any, small_run: Run) -> None:
@@ -175,6 +210,9 @@ def test_the_page_from_kept_files_is_that_of_the_run(small_run: Run, tmp_path: P
     report = json.loads((folder / "keep" / "report.json").read_text(encoding="utf-8"))
     assert report["levels"] == made.report["levels"]
     assert report["nc"] == made.report["nc"]
+    cones = np.loadtxt(folder / "keep" / "cones.csv", delimiter=",", skiprows=1)
+    assert np.allclose(np.linalg.norm(cones[:, 5:8], axis=1), 1, atol=1e-5)
+    assert cones[:, 9].sum() == sum((path.cones.cone_of >= 0).sum() for path in made.paths)
 
 
 def test_a_simulated_program_has_a_page_of_its_own(small_run: Run, tmp_path: Path) -> None:

@@ -11,7 +11,8 @@ from bonecam.levels.measure.level import RoundedLevel, StockLevel
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.capsule import Capsule
 from bonecam.surface.tspline import TSpline
-from bonecam.verify.report import levels_report
+from bonecam.toolpath.path import FreeCones, Kind, ToolPath
+from bonecam.verify.report import levels_report, toolpath_report
 from bonecam.verify.summary import certified_text, summary_of, uncut_text
 
 MEASURES = replace(NO_CUT, depth_max=0.5, depth_mean=0.4)
@@ -35,6 +36,26 @@ def test_what_was_left_uncut_is_told_by_reason_apart_for_the_part() -> None:
     )
     assert uncut_text(rows[:1]).startswith("7 contacts on levels round it: ")
     assert uncut_text([{"level": 0, "uncut_contacts": 0, "uncut_reasons": {}, "blocked_by": {}}]) == "nothing"
+
+
+def test_axes_near_the_normal_are_counted_and_those_that_had_no_other(
+    path_of: Callable[..., ToolPath],
+) -> None:
+    """Leads of 0, 4, 8, 12 degrees; cones of 1, 30 and none."""
+    lead = np.radians([0.0, 4, 8, 12])
+    axes = np.column_stack([np.sin(lead), 0 * lead, np.cos(lead)])
+    tool = path_of(np.zeros((4, 3)), axes).cutter
+    balls = np.column_stack([np.arange(4.0), np.zeros(4), np.zeros(4)])
+    path = path_of(balls - tool.radius * axes, axes, kinds=np.full(4, int(Kind.CUT)), tool=tool)
+    path = replace(path, contacts=balls - [0, 0, tool.radius])
+    assert toolpath_report([path], np.radians(10.0))[0]["near_normal_contacts"] is None
+
+    cones = FreeCones(balls[:2], axes[[0, 1]], np.radians([1.0, 30.0]), np.array([0, 1, -1, 1]))
+    row = toolpath_report([replace(path, cones=cones)], np.radians(10.0))[0]
+    assert row["near_normal_contacts"] == 3
+    assert row["near_normal_without_choice"] == 2
+    none = FreeCones(balls[:0], axes[:0], np.zeros(0), np.full(4, -1))
+    assert toolpath_report([replace(path, cones=none)], np.radians(5.0))[0]["near_normal_without_choice"] == 2
 
 
 def test_the_summary_tells_each_repair() -> None:
@@ -62,6 +83,8 @@ def test_the_summary_tells_each_repair() -> None:
                 "level": 0,
                 "contacts": 5,
                 "length_mm": 7.5,
+                "near_normal_contacts": None,
+                "near_normal_without_choice": None,
                 "trimmed_mm": 2.0,
                 "uncut_contacts": 0,
                 "uncut_reasons": {},

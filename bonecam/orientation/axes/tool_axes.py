@@ -18,16 +18,17 @@ from bonecam.orientation.axes.lead import bound_polar_angles, has_room, lead_axe
 from bonecam.orientation.axes.singularity import avoid_singularity, avoid_singularity_where
 from bonecam.orientation.collision.checker import CollisionChecker
 from bonecam.orientation.limits import AxisLimits
-from bonecam.toolpath.path import ContactPath
+from bonecam.toolpath.path import ContactPath, FreeCones
 
 
 @dataclass(frozen=True, eq=False)
 class WantedAxes:
     """The axes to start from, and for which contacts they are `certified` free with their halves of the moves to their
-    neighbours."""
+    neighbours; the `cones` of the contacts, if the axes were chosen in cones."""
 
     axes: Float[ndarray, "n 3"]
     certified: Bool[ndarray, " n"]
+    cones: FreeCones | None = None
 
 
 @dataclass(frozen=True, eq=False)

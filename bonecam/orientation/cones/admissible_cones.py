@@ -11,16 +11,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
+from scipy.spatial import KDTree
 
 from bonecam.arrays import angles_between, dots, frozen, unit
 from bonecam.job import PathJob
 from bonecam.kernels.closest.cone_marching import deepest_cones
 from bonecam.orientation.axes.lead import table_limits
 from bonecam.orientation.collision.scene import Scene
-from bonecam.orientation.cones.cone import ObliqueEllipticCone
+from bonecam.orientation.cones.cone import ObliqueEllipticCone, circular_cone
 from bonecam.orientation.cones.free_axes import WIDEST, FreeAxes, free_axes
 from bonecam.orientation.limits import AxisLimits, polar_angles
-from bonecam.toolpath.path import ContactPath
+from bonecam.toolpath.path import ContactPath, FreeCones
 
 TRIED = 3
 """Directions that a cone is tried about: those that promise most."""
@@ -87,18 +88,21 @@ class AxisCones:
         contacts = np.flatnonzero(~self.found)
         return {int(i): why[int(self.free.net.node_of[i])] for i in contacts}
 
+    def of(self, path: ContactPath) -> FreeCones:
+        """The cones of the contacts of a path: those of `path`, or some of them."""
+        kept = self.angles > 0
+        number = np.where(kept, np.cumsum(kept) - 1, -1)
+        away, row = KDTree(self.path.centres).query(path.centres)
+        cone_of = np.where(away == 0, number[self.free.net.node_of[row]], -1)
+        return FreeCones(self.free.net.places[kept], self.axes[kept], self.angles[kept], cone_of)
+
     def cone(self, contact: int, length: float = 1.0) -> ObliqueEllipticCone:
         """The cone of a contact with its apex at the ball's centre, to `length` (mm) along its axis. ValueError where
         the contact has none."""
         node = self.free.net.node_of[contact]
         if not self.angles[node] > 0:
             raise ValueError(f"contact {contact} has no cone: see `blocked`")
-        axis = self.axes[node]
-        side = unit(np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])[None])[0]
-        radius = length * np.tan(self.angles[node])
-        return ObliqueEllipticCone(
-            self.path.centres[contact], length * axis, radius * side, radius * np.cross(axis, side)
-        )
+        return circular_cone(self.path.centres[contact], self.axes[node], self.angles[node], length)
 
 
 def admissible_cones(path: ContactPath, scene: Scene, limits: AxisLimits, job: PathJob) -> AxisCones:

@@ -53,14 +53,15 @@ class SmoothAxes:
         before = np.vstack([self.axes[:1], np.where(apart[:, None], self.axes[1:], middles)])
         behind = np.vstack([np.where(apart[:, None], self.axes[:-1], middles), self.axes[-1:]])
         held = [self.cones.contain(axes) for axes in (self.axes, before, behind)]
-        return WantedAxes(self.axes, np.logical_and.reduce(held))
+        return WantedAxes(self.axes, np.logical_and.reduce(held), self.cones.of(self.cones.path))
 
     def wanted_for(self, path: ContactPath) -> WantedAxes:
         """The field's axes at the contacts of a path on the same surface; certified are only those of the cones' own
         path."""
         if path is self.cones.path:
             return self.wanted
-        return WantedAxes(self.field.axes(path.parameters), np.zeros(len(path.parameters), dtype=bool))
+        axes = self.field.axes(path.parameters)
+        return WantedAxes(axes, np.zeros(len(axes), dtype=bool), self.cones.of(path))
 
 
 @on_one_blas_thread

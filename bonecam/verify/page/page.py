@@ -14,7 +14,7 @@ from string import Template
 from bonecam.errors import FileError
 
 ASSETS = Path(__file__).parent / "assets"
-SCRIPTS = ("unpack", "colours", "orbit", "bodies", "controls", "shapes", "path", "program", "main")
+SCRIPTS = ("unpack", "colours", "orbit", "bodies", "controls", "shapes", "cones", "path", "program", "main")
 """The scripts in the order in which the page runs them."""
 
 

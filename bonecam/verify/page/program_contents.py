@@ -18,9 +18,10 @@ from bonecam.nc.reading.motions import Motions
 from bonecam.nc.reading.read import read_program
 from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.toolpath.path import Kind, ToolPath
+from bonecam.verify.page.cone_contents import cone_contents
+from bonecam.verify.page.move_sources import of_rows, of_text, rows_of_moves
 from bonecam.verify.page.packing import Contents
 from bonecam.verify.page.thinning import thinned
-from bonecam.verify.readback import Tolerances, compare_moves
 from bonecam.verify.removal.groups import feed_minutes, groups_of
 from bonecam.verify.removal.left import LEFT
 from bonecam.verify.removal.of_job import cutters_of, followed_surfaces
@@ -57,27 +58,26 @@ def program_contents(
     motions = read_program(text, machine, dialect)
     surfaces = followed_surfaces(job, meshes)
     level_of = _levels(text, motions, dialect)
-    kinds, contacts = _of_rows(motions, paths, dialect) if paths else _of_text(motions)
+    rows = rows_of_moves(motions, paths, dialect) if paths else None
+    kinds, contacts = of_rows(motions, paths, *rows) if rows else of_text(motions)
     moves = _moves(motions, kinds, contacts, level_of)
     if removal is not None:
         moves |= _removed(motions, removal, level_of, contacts, surfaces)
     kept = _shown(motions, kinds, level_of)
     arrays = {f"move_{name}": values[kept] for name, values in moves.items()}
     arrays["text"] = np.frombuffer(text.encode("latin-1", "replace"), np.uint8)
-    facts: dict[str, Any] = {
-        "tools": [_tool(cutter) for cutter in cutters_of(job, machine)],
-        "program": {
-            "machine": machine.name,
-            "controller": dialect.name,
-            "blocks": motions.blocks,
-            "minutes": float(moves["minute"][-1]),
-            "chord": CHORD if len(kept) < len(kinds) else 0.0,
-            "layers": _layers(level_of, surfaces, meshes),
-        },
+    facts: dict[str, Any] = {"tools": [_tool(cutter) for cutter in cutters_of(job, machine)]}
+    facts["program"] = {
+        "machine": machine.name,
+        "controller": dialect.name,
+        "blocks": motions.blocks,
+        "minutes": float(moves["minute"][-1]),
+        "chord": CHORD if len(kept) < len(kinds) else 0.0,
+        "layers": _layers(level_of, surfaces, meshes),
     }
-    if paths:
+    if rows:
         facts["uncut"], uncut = _uncut(paths)
-        arrays |= uncut
+        arrays |= {**uncut, **cone_contents(paths, rows[0][kept])}
     if removal is not None:
         arrays |= _standing(removal, surfaces, contacts[kept], kinds[kept], level_of[kept])
         if removal.left is not None:
@@ -128,38 +128,6 @@ def _moves(
         "feed": np.where(motions.rapid, 0.0, feeds),
         "minute": np.cumsum(feed_minutes(motions)),
     }
-
-
-def _of_rows(
-    motions: Motions, paths: Sequence[ToolPath], dialect: Dialect
-) -> tuple[Int[ndarray, " n"], Float[ndarray, "n 3"]]:
-    """The kind of each move and the place where its ball touches the level (its tip where it does not cut), from the
-    row of the paths that it leads to."""
-    source = compare_moves(motions, paths, dialect, Tolerances()).source
-    rows = np.where(source >= 0, source, np.maximum(-2 - source, 0))
-    radius = np.repeat([path.cutter.radius for path in paths], [len(path.tips) for path in paths])[rows]
-    tips, axes, contacts = (
-        np.vstack([getattr(path, name) for path in paths])[rows] for name in ("tips", "axes", "contacts")
-    )
-    kinds = np.concatenate([_kinds(path) for path in paths])[rows]
-    kinds = np.where(source == -1, int(Kind.RAPID), kinds)
-    outward = tips + radius[:, None] * axes - contacts
-    touches = motions.tips + radius[:, None] * motions.axes - outward
-    at_level = (kinds != Kind.RAPID) & np.isfinite(touches).all(1)
-    return kinds, np.where(at_level[:, None], touches, motions.tips)
-
-
-def _kinds(path: ToolPath) -> Int[ndarray, " n"]:
-    """The kind of each move of a path; the move to the first contact of a pass is a link to look at."""
-    cutting = path.kinds == Kind.CUT
-    goes_on = np.r_[False, cutting[:-1] & (path.pass_index[1:] == path.pass_index[:-1])]
-    return np.where(cutting & ~goes_on, int(Kind.LINK), path.kinds).astype(np.int64)
-
-
-def _of_text(motions: Motions) -> tuple[Int[ndarray, " n"], Float[ndarray, "n 3"]]:
-    """The kind of each move, links by the comments LINK of the text, and the tips."""
-    feeds = np.where(motions.links, int(Kind.LINK), int(Kind.CUT))
-    return np.where(motions.rapid, int(Kind.RAPID), feeds), motions.tips
 
 
 def _removed(

@@ -160,3 +160,19 @@ def test_an_obstacle_that_is_not_closed_is_refused(made: Made) -> None:
     opened = TriangleMesh(scene.material.vertices, scene.material.faces[1:])
     with pytest.raises(OrientationError, match="not closed: 3 edges"):
         admissible_cones(path, replace(scene, material=opened), LIMITS, JOB)
+
+
+def test_what_is_kept_of_cones_tells_each_contact_its_own(cones: AxisCones) -> None:
+    path = cones.path
+    kept = cones.of(path)
+    assert np.array_equal(kept.cone_of >= 0, cones.found)
+    for contact in RANDOM.choice(np.flatnonzero(cones.found), 20):
+        cone = cones.cone(int(contact))
+        assert np.allclose(cone.axis, kept.axes[kept.cone_of[contact]])
+        angle = np.arctan2(np.linalg.norm(cone.first), np.linalg.norm(cone.axis))
+        assert angle == pytest.approx(kept.angles[kept.cone_of[contact]])
+    some = np.arange(0, len(path.contacts), 3)
+    fewer = path.take(some)
+    assert np.array_equal(cones.of(fewer).cone_of, kept.cone_of[some])
+    moved = replace(path, centres=path.centres + 1e-3)
+    assert (cones.of(moved).cone_of == -1).all()

@@ -17,7 +17,7 @@ function surface(positions, faces, colours, options = {}) {
     opacity: options.opacity === undefined ? 1 : options.opacity,
     depthWrite: options.opacity === undefined,
     polygonOffset: true,
-    polygonOffsetFactor: 1,
+    polygonOffsetFactor: options.opacity === undefined ? 1 : 4, // what is seen through lies behind what it touches
     polygonOffsetUnits: 1,
   });
   return new THREE.Mesh(geometry, material);

@@ -1,12 +1,12 @@
 // The page: state, views, keys. `page.state` is all that a reader can change.
 const page = {
-  state: { mode: "levels", level: 0, open: false, colouring: "kind", links: true, rapids: false, axes: false, uncut: false,
+  state: { mode: "levels", level: 0, open: false, colouring: "kind", links: true, rapids: false, axes: false, cones: false, uncut: false,
     outer: false, step: 0, chosen: -1, bodies: { stock: false, solid: true, post: true, chuck: true, table: true, zero: true, holder: true } },
   labels: [],
   ready: false,
 };
 const MODES = { fit: fitMode, levels: levelsMode, path: pathMode, program: programMode, left: leftMode };
-const BODY_NAMES = { stock: "stock", solid: "what is kept clear of", post: "post", chuck: "chuck", table: "table", zero: "zero", holder: "holder, spindle" };
+const BODY_NAMES = { stock: "stock", solid: "kept clear of", post: "post", chuck: "chuck", table: "table", zero: "zero", holder: "holder, spindle" };
 const VIEWS = { Front: [-Math.PI / 2, 0], Back: [Math.PI / 2, 0], Left: [Math.PI, 0], Right: [0, 0], Top: [-Math.PI / 2, 1.55] };
 const KEYS = "1–5  fit, levels, paths, program, left\n← →  level or block (shift: 100 blocks)\nspace  play or stop\nc  cut open\nv  front, back, left, right, top\nr  first view      a  all of the machine\n+ −  zoom      arrows with ctrl  turn";
 

@@ -55,6 +55,7 @@ const pathMode = {
     });
     page.content.add(levelMesh(layer.surface, null, { colour: "#eef0f2" }), lines(positions, colours));
     if (state.axes) page.content.add(axesOf(moves));
+    if (state.cones) page.content.add(conesOf(state.chosen >= 0 && a.move_level[state.chosen] === k ? [state.chosen] : someCones(moves), coneLength()));
     if (state.chosen >= 0 && a.move_level[state.chosen] === k) page.content.add(placeTool(state.chosen, true));
     showLegend(colouring.value ? { ...colouring, scale: "viridis", low, high } : colouring);
   },
@@ -71,7 +72,9 @@ const pathMode = {
         check("links", "links", state.links, (value) => change({ links: value })),
         check("rapids", "rapids", state.rapids, (value) => change({ rapids: value })),
         check("axes", "tool axes", state.axes, (value) => change({ axes: value })),
+        ...(page.arrays.move_cone ? [check("cones", "cones", state.cones, (value) => change({ cones: value }))] : []),
       ),
+      ...(state.cones ? [make("p", "cones of free tool axes, apex at the ball's centre, each with the axis chosen in it: some of the level, or the one that is clicked")] : []),
       make("p", "click on the path: block, feed and tool there"),
       ...thinned,
     ];
@@ -131,6 +134,7 @@ function pickedWords(i) {
     `block: ${lineText(a.move_line[i])}`,
     `${KINDS[a.move_kind[i]]}, feed ${number(a.move_feed[i], 0)} mm/min, tilt ${number((Math.acos(a.move_axis[3 * i + 2]) * 180) / Math.PI, 1)} degrees`,
   ];
+  if (a.move_cone && a.move_kind[i] === 0) values.push(coneWords(i));
   if (a.move_depth) values.push(`depth of cut ${number(a.move_depth[i])} mm, section of the chip ${number(a.move_section[i], 3)} mm²`);
   return values.join("\n");
 }

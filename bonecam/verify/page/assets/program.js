@@ -76,6 +76,7 @@ const programMode = {
     const a = page.arrays;
     page.standing = null;
     page.tool = null;
+    page.cone = null;
     const geometry = new THREE.BufferGeometry();
     geometry.addAttribute("position", new THREE.BufferAttribute(a.move_tip, 3));
     page.trail = new THREE.Line(geometry, new THREE.LineBasicMaterial({ color: new THREE.Color("#0072b2") }));
@@ -88,6 +89,7 @@ const programMode = {
     make("p", "The posted program, read back", "big"),
     make("p", `${page.facts.program.blocks} moving blocks, ${minutesWords(page.facts.program.minutes)}. ` +
       (page.facts.program.layers.some((layer) => a0(`before_${layer.level}`)) ? "The stock is as simulated from the text, at the vertices of each level." : "Without a simulation the level that is cut is shown in place of the stock.")),
+    ...(page.arrays.move_cone ? [check("cones", "cone of free axes where the tool cuts", state.cones, (value) => change({ cones: value }))] : []),
     choice("jump", "go to level", cutLayers().map((layer) => [String(layer.level), layerTitle(layer)]), String(page.arrays.move_level[state.step]), (value) => goTo(firstMoveOf(Number(value)))),
   ],
 };
@@ -122,6 +124,8 @@ function showStep(i) {
     page.content.add(page.tool.body);
   }
   setTool(page.tool.body, i);
+  if (page.cone) { page.content.remove(page.cone); dispose(page.cone); page.cone = null; }
+  if (page.state.cones && a.move_kind[i] === 0 && coneOf(i) >= 0) page.content.add((page.cone = conesOf([i], CONE_PLAYED)));
   const start = Math.max(0, i - TRAIL);
   page.trail.geometry.setDrawRange(start, i - start + 1);
   showReadout(i);
@@ -136,7 +140,7 @@ function showReadout(i) {
   const move = a.move_feed[i] > 0 ? [KINDS[a.move_kind[i]], `${number(a.move_feed[i], 0)} mm/min`] : ["move", "rapid"];
   const told = [
     ["level", a.move_level[i]], ["tool", `${tool.number}, ball R ${tool.radius}`], ["tip", `X ${tip[0]}  Y ${tip[1]}  Z ${tip[2]}`],
-    ["tilt", `${number(tilt, 1)}°`], move, ["time in feed", `${number(a.move_minute[i], 1)} min`],
+    ["tilt", `${number(tilt, 1)}°`], ...(page.state.cones && a.move_cone && a.move_kind[i] === 0 ? [["cone", coneOf(i) < 0 ? "none" : `±${number((a.cone_angle[coneOf(i)] * 180) / Math.PI, 1)}°`]] : []), move, ["time in feed", `${number(a.move_minute[i], 1)} min`],
   ];
   const box = document.getElementById("readout");
   box.replaceChildren(...told.map(([name, value]) => { const item = make("span", `${name} `); item.append(make("b", String(value))); return item; }));
