@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ from bonecam.orientation.collision.checker import CollisionChecker
 from bonecam.orientation.collision.scene import Scene
 from bonecam.orientation.limits import AxisLimits, polar_angles
 from bonecam.orientation.links import retract
-from bonecam.orientation.links.direct import direct_links
+from bonecam.orientation.links.direct import ABOVE, direct_links
 from bonecam.orientation.links.link_space import LinkSpace
 from bonecam.orientation.links.moves import Feeds
 from bonecam.orientation.links.retract import Departure
@@ -279,6 +280,34 @@ def test_a_direct_link_between_opposite_axes_is_refused(
     space = LinkSpace(checker, MIKRON, Feeds(500.0, 200.0, 5000.0), job.clearance, job.gouge_tolerance)
     place, x = np.array([[0.0, 0.0, 60.0]]), np.array([[1.0, 0.0, 0.0]])
     assert direct_links(space, (place, x, x), (place + 0.1, x, -x), 1.0) == [None]
+
+
+def test_a_longer_link_runs_over_the_material_like_a_taut_string(
+    mesh_of: Callable[..., TriangleMesh],
+    grooved_pebble: Callable[..., TSpline],
+    upright_capsule: Capsule,
+    holding: HoldingJob,
+    roughing_cutter: Cutter,
+) -> None:
+    """Over a groove it neither dips into it nor leaves the material by more than it must."""
+    surface, material = grooved_pebble(0.8), mesh_of(grooved_pebble(0.8, 0.4))
+    level = mesh_of(surface)
+    scene = Scene(level, material, upright_capsule, post_below(level, holding))
+    checker, job = CollisionChecker(scene, roughing_cutter), PathJob()
+    space = LinkSpace(checker, MIKRON, Feeds(500.0, 200.0, 5000.0), job.clearance, job.gouge_tolerance)
+    t = np.array([0.35, 0.65])
+    normals = surface.normals(np.full(2, 0.1), t)
+    centres = surface.positions(np.full(2, 0.1), t) + roughing_cutter.radius * normals
+    first, last = ((centres[k : k + 1], normals[k : k + 1], normals[k : k + 1]) for k in (0, 1))
+    (link,) = direct_links(space, first, last, 1.0)
+    assert link is not None
+    assert set(link.kinds) == {Kind.LINK}
+    dense = np.vstack([np.linspace(a, b, 9) for a, b in pairwise(link.centres)])
+    above = MeshDistance(material).signed(dense) - roughing_cutter.radius
+    assert above.min() > 0
+    assert above[[0, -1]].max() < 2 * ABOVE
+    length = np.linalg.norm(np.diff(link.centres, axis=0), axis=1).sum()
+    assert length < 1.1 * np.linalg.norm(centres[1] - centres[0])
 
 
 def test_a_level_that_rounds_no_material_is_passed_over(
