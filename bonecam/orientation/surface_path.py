@@ -15,7 +15,7 @@ from bonecam.orientation.collision.checker import CollisionChecker
 from bonecam.orientation.collision.scene import Scene
 from bonecam.orientation.cones.admissible_cones import AxisCones, admissible_cones
 from bonecam.orientation.field.axis_field import AxisField, FieldDomain
-from bonecam.orientation.field.smooth_axes import machine_minutes, smooth_axes
+from bonecam.orientation.field.smooth_axes import smooth_axes, soonest
 from bonecam.orientation.limits import AxisLimits
 from bonecam.orientation.oriented_path import orient
 from bonecam.orientation.post_length import GOUGE, SampledContacts, least_lifts, shortest_post
@@ -129,9 +129,7 @@ def wanted_axes(
     domain = FieldDomain.of(workpiece.surface)
     starts = [None, swinging_field(cones, domain)] if domain.closed else [None]
     made = [smooth_axes(cones, domain, limits, job, "membrane", start) for start in starts]
-    minutes = [machine_minutes(contacts, one.axes, limits) for one in made]
-    certified = [np.count_nonzero(one.wanted.certified) for one in made]
-    return made[int(np.argmin(np.divide(minutes, np.maximum(certified, 1))))].wanted
+    return soonest(made, limits).wanted
 
 
 def swinging_field(cones: AxisCones, domain: FieldDomain) -> AxisField:

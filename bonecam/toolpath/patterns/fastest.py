@@ -1,12 +1,8 @@
 """The patterns of passes by name, and which of them a machine does soonest on a level.
 
 The time of a move is that of its way at the feed or, where that is longer, of the turn of the table: the
-azimuth of the axis follows 2 pi s. So a pass round the part takes a whole turn, one along it hardly any. Each
-curve costs a step-over.
-
-The model knows neither the rest paths (`rest.py`) nor the retracts between pieces of curves. The whole job of a
-scaphoid took 94 min where curves of closed surfaces could be chosen, 67 min without. So the `fastest` is one
-of the iso-parametric patterns.
+azimuth of the axis follows 2 pi s. So a pass round the part takes a whole turn, one along it hardly any. From curve to
+curve the tool steps over, or retracts where the next one begins farther away.
 """
 
 from collections.abc import Iterator, Sequence
@@ -20,6 +16,7 @@ from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.toolpath.patterns.bands import band_curves
 from bonecam.toolpath.patterns.curves import Curves, curves_of
 from bonecam.toolpath.patterns.iso_scallop import iso_scallop_curves
+from bonecam.toolpath.patterns.order import order_curves
 from bonecam.toolpath.patterns.sampling import ball_centres, dense_samples
 from bonecam.toolpath.patterns.spacing import line_positions
 from bonecam.toolpath.patterns.spiral import spiral_curves
@@ -28,23 +25,28 @@ from bonecam.toolpath.patterns.step_metric import step_metric
 ISO_PARAMETRIC = ("along", "round")
 """Patterns for surfaces of all kinds."""
 CLOSED = ("iso-scallop", "spiral", "bands")
-"""Patterns for surfaces that are closed in s, with poles."""
+"""Patterns for surfaces that are closed in s, with poles. Spiral and bands exceed the scallop on bones far from a
+tube, so they are not among the `fastest`."""
 SEEDS = (3, 4, 6)
 """Numbers of meridians from which iso-scallop curves are tried to be counted."""
 MOVES = 48
 """Moves into which a curve is divided to measure it."""
-STEP_OVER = 0.03 / 60
-"""Time of a link from the end of one curve to the begin of the next, minutes: 0.7 mm at 1500 mm/min."""
+STEP_OVER, RETRACT = 0.1 / 60, 0.9 / 60
+"""Times from the end of one curve to the begin of the next near it, and to one farther away, minutes; as measured in
+programs of a scaphoid."""
+NEAR_RADII = 2.5
+"""The next curve is near within so many radii of the ball."""
 
 
 def pattern_curves(surface: TSpline, pattern: str, cutter: Cutter, turn_speed: float = np.inf) -> Curves:
-    """The curves of a pattern, or of the `fastest` iso-parametric one; `turn_speed` (rad/min) is that of the axis
-    that changes the azimuth. ValueError for an unknown pattern, or one that needs a surface of another kind."""
+    """The curves of a pattern, or of the `fastest` one of along, round and iso-scallop; `turn_speed` (rad/min) is that
+    of the axis that changes the azimuth. ValueError for an unknown pattern, or one that needs a surface of another
+    kind."""
     closed = surface.closed_in_s and all(surface.poles)
     known = ISO_PARAMETRIC + (CLOSED if closed else ())
     if pattern != "fastest" and pattern not in known:
         raise ValueError(f"pattern {pattern!r}: on this surface give fastest, {', '.join(known)}")
-    names = ISO_PARAMETRIC if pattern == "fastest" else (pattern,)
+    names = known[:3] if pattern == "fastest" else (pattern,)
     found = list(_candidates(surface, names, cutter, turn_speed))
     return min(found, key=lambda curves: curve_minutes(surface, curves, cutter, turn_speed))
 
@@ -58,7 +60,15 @@ def curve_minutes(surface: TSpline, curves: Curves, cutter: Cutter, turn_speed: 
     turns = 2 * np.pi * np.abs(np.diff(samples.parameters[:, 0]))[same]
     if not surface.closed_in_s:
         turns = np.zeros_like(turns)
-    return float(np.maximum(ways / cutter.feed, turns / turn_speed).sum() + STEP_OVER * len(curves.group))
+    cuts = np.maximum(ways / cutter.feed, turns / turn_speed).sum()
+    return float(cuts + _link_minutes(surface, order_curves(surface, curves, "zigzag"), cutter.radius))
+
+
+def _link_minutes(surface: TSpline, curves: Curves, radius: float) -> float:
+    """Minutes from curve to curve, for a ball of `radius`."""
+    starts, ends = (surface.positions(*curves.knots[index].T) for index in (curves.first, curves.last))
+    near = np.linalg.norm(starts[1:] - ends[:-1], axis=1) <= NEAR_RADII * radius
+    return float(np.where(near, STEP_OVER, RETRACT).sum())
 
 
 def _candidates(

@@ -14,7 +14,8 @@ from bonecam.orientation.axes.lead import lead_axes
 from bonecam.orientation.collision.scene import Scene
 from bonecam.orientation.cones.admissible_cones import admissible_cones
 from bonecam.orientation.field.axis_field import ALONG, AROUND, AxisField, FieldDomain
-from bonecam.orientation.field.smooth_axes import SmoothAxes, smooth_axes
+from bonecam.orientation.field.level_axes import SLOW, level_axes
+from bonecam.orientation.field.smooth_axes import SmoothAxes, machine_minutes, smooth_axes
 from bonecam.orientation.limits import AxisLimits, polar_angles
 from bonecam.orientation.oriented_path import orient
 from bonecam.setup.capsule import Capsule
@@ -145,6 +146,20 @@ def test_a_neighbours_field_is_a_start_that_leads_to_the_same_smoothness(
     again = smoothed(case, start=smooth.field)
     one, other = (rates(case[1], found.axes) for found in (smooth, again))
     assert np.sqrt(np.mean(other**2)) < 1.05 * np.sqrt(np.mean(one**2))
+
+
+def test_axes_that_a_neighbours_field_would_make_slow_are_sought_anew(
+    case: Made, smooth: SmoothAxes, level_of: Callable[..., Level]
+) -> None:
+    """From a field that turns against the normals."""
+    surface, contacts, scene = case
+    against = AxisField(smooth.field.domain, -1, smooth.field.azimuth, smooth.field.polar)
+    misled = smoothed(case, start=against)
+    anew = level_axes(contacts, level_of(surface), scene, LIMITS, JOB, misled)
+    assert anew is not None
+    minutes = [machine_minutes(contacts, one.axes, LIMITS) for one in (misled, anew, smooth)]
+    assert minutes[0] > SLOW * minutes[2]
+    assert minutes[1] == minutes[2]
 
 
 def test_an_unknown_preset_is_refused(smooth: SmoothAxes) -> None:

@@ -7,11 +7,18 @@ import pytest
 
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.cutters.cutter import Cutter
-from bonecam.toolpath.patterns.fastest import ISO_PARAMETRIC, curve_minutes, pattern_curves
+from bonecam.toolpath.patterns.curves import curves_of
+from bonecam.toolpath.patterns.fastest import (
+    ISO_PARAMETRIC,
+    RETRACT,
+    STEP_OVER,
+    curve_minutes,
+    pattern_curves,
+)
 
 
 @pytest.mark.parametrize("degrees_per_second", [120.0, 1e5])
-def test_no_iso_parametric_pattern_takes_less_time_than_the_fastest(
+def test_no_pattern_that_keeps_the_scallop_takes_less_time_than_the_fastest(
     pebble: Callable[..., TSpline], roughing_cutter: Cutter, degrees_per_second: float
 ) -> None:
     surface, speed = pebble(), np.radians(degrees_per_second) * 60
@@ -20,7 +27,21 @@ def test_no_iso_parametric_pattern_takes_less_time_than_the_fastest(
         curves = pattern_curves(surface, pattern, roughing_cutter, speed)
         return curve_minutes(surface, curves, roughing_cutter, speed)
 
-    assert minutes("fastest") == min(minutes(pattern) for pattern in ISO_PARAMETRIC)
+    assert minutes("fastest") == min(minutes(pattern) for pattern in (*ISO_PARAMETRIC, "iso-scallop"))
+
+
+def test_curves_that_begin_far_from_the_end_of_the_last_cost_retracts(
+    pebble: Callable[..., TSpline], roughing_cutter: Cutter
+) -> None:
+    def minutes(apart: float) -> float:
+        return curve_minutes(
+            pebble(),
+            curves_of([np.array([[s, 0.3], [s, 0.7]]) for s in (0.0, apart)]),
+            roughing_cutter,
+            np.inf,
+        )
+
+    assert minutes(0.5) - minutes(0.01) == pytest.approx(RETRACT - STEP_OVER, rel=0.05)
 
 
 def test_a_pass_round_takes_the_table_one_turn(
