@@ -21,7 +21,7 @@ class PathJob(Section):
         "fastest",
         "Pattern",
         "Passes along the bone (s = const), round it (t = const), along it each at the local step from the one before "
-        "(iso-scallop), in one spiral, in bands of lines of their own, or on each level the faster of along and round.",
+        "(iso-scallop), on each level the fastest of these; or in one spiral, in bands of lines of their own.",
         choices=("fastest", "along", "round", "iso-scallop", "spiral", "bands"),
     )
     direction: str = parameter(
@@ -62,6 +62,11 @@ class PathJob(Section):
         unit="mm",
         low=0.0,
         high=1.0,
+    )
+    fine_cutter: bool = parameter(
+        False,
+        "Fine cutter",
+        "Cut the hollows of the part that the finishing ball does not enter with the cutter of [fine], at the end.",
     )
     lead_deg: float = parameter(
         10.0,

@@ -13,7 +13,7 @@ from bonecam.job.parameter import Section
 from bonecam.job.path_section import PathJob
 from bonecam.job.stock_section import StockJob
 from bonecam.job.surface_section import SurfaceJob
-from bonecam.job.tool_section import FINISHING, ROUGHING, MaterialJob, ToolJob
+from bonecam.job.tool_section import FINE, FINISHING, ROUGHING, MaterialJob, ToolJob
 from bonecam.materials.preset import read_material
 from bonecam.text.faults import Faults, shown
 
@@ -33,6 +33,7 @@ class Job:
     material: MaterialJob = field(default_factory=MaterialJob)
     roughing: ToolJob = ROUGHING
     finishing: ToolJob = FINISHING
+    fine: ToolJob = FINE
     path: PathJob = field(default_factory=PathJob)
     nc: NcJob = field(default_factory=NcJob)
 
@@ -65,9 +66,14 @@ class Job:
             raise job_error(faults)
         return replace(self, **sections)
 
+    @property
+    def cutter_names(self) -> tuple[str, ...]:
+        """The sections of the cutters that are used, in the order of their numbers in the tool changer, from 1."""
+        return ("roughing", "finishing", *("fine",) * self.path.fine_cutter)
+
     def tool(self, name: str) -> ToolJob:
-        """The cutter "roughing" or "finishing", with the material's spindle speed and feed where its section leaves
-        them 0; JobError where the material cannot be read or asks for a speed out of range."""
+        """The cutter "roughing", "finishing" or "fine", with the material's spindle speed and feed where its section
+        leaves them 0; JobError where the material cannot be read or asks for a speed out of range."""
         tool: ToolJob = getattr(self, name)
         if tool.spindle and tool.feed:
             return tool

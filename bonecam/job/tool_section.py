@@ -1,4 +1,4 @@
-"""The sections [material], [roughing] and [finishing] of a job: what is cut, and one cutter each."""
+"""The sections [material], [roughing], [finishing] and [fine] of a job: what is cut, and one cutter each."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -86,3 +86,12 @@ ROUGHING = ToolJob()
 """The default roughing cutter: a ball of 4 mm diameter."""
 FINISHING = ToolJob(radius=1.0, flute_length=4.0, shank_diameter=2.0, overhang=25.0, scallop=0.01)
 """The default finishing cutter: a ball of 2 mm diameter."""
+FINE = ToolJob(
+    radius=0.5,
+    flute_length=1.5,
+    shank_diameter=0.9,
+    overhang=8.0,
+    holder="17 4, 8 4 20, 42 20",
+    scallop=0.01,
+)
+"""The default cutter for hollows: a ball of 1 mm diameter on a neck of 8 mm and a shank of 4 mm."""

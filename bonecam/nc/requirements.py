@@ -17,7 +17,7 @@ from bonecam.toolpath.patterns.scallop import side_step
 def check_tools(job: Job, machine: Machine) -> None:
     """JobError where a cutter cannot be made, is driven faster than the machine can, or enters a flat
     part."""
-    for section in ("roughing", "finishing"):
+    for section in job.cutter_names:
         tool = job.tool(section)
         cutter = Cutter.from_job(0, section, tool, machine.nose)
         _check_speeds(section, tool, machine)
@@ -39,7 +39,7 @@ def _check_speeds(section: str, tool: ToolJob, machine: Machine) -> None:
 def check_room(stock: Stock, job: Job, machine: Machine) -> None:
     """MachineError where an axis of the machine travels less than the post, the stock on it and a tool
     need."""
-    height = job.holding.length + stock.length + max(job.roughing.overhang, job.finishing.overhang)
+    height = job.holding.length + stock.length + max(job.tool(name).overhang for name in job.cutter_names)
     for axis in machine.linear:
         needed = height if axis.letter == "Z" else stock.diameter
         if needed > axis.travel:

@@ -18,23 +18,22 @@ from bonecam.levels.measure.level import Level, MachinedLevel, machined_levels, 
 from bonecam.mesh.distance import MeshDistance
 from bonecam.orientation.axes.lead import check_lead
 from bonecam.orientation.collision.scene import Scene
-from bonecam.orientation.cones.admissible_cones import admissible_cones
-from bonecam.orientation.field.axis_field import FieldDomain
-from bonecam.orientation.field.smooth_axes import SmoothAxes, smooth_axes
+from bonecam.orientation.field.level_axes import level_axes
+from bonecam.orientation.field.smooth_axes import SmoothAxes
 from bonecam.orientation.limits import AxisLimits
 from bonecam.orientation.oriented_path import orient
 from bonecam.progress import Progress, report, silent
-from bonecam.setup.capsule import enclosing_capsule
-from bonecam.setup.fixture.clamping import clamping_of
+from bonecam.setup.capsule import Capsule, enclosing_capsule
+from bonecam.setup.fixture.clamping import Clamping, clamping_of
 from bonecam.setup.fixture.table import MachineBodies
 from bonecam.setup.holding import Post, post_below
 from bonecam.setup.stock import Stock
 from bonecam.toolpath.contacts import CandidateContacts, candidate_contacts, contact_path
 from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.toolpath.engagement.material import DEVIATION, Material, remove_material, uncut_material
-from bonecam.toolpath.engagement.stretches import Allowed
+from bonecam.toolpath.engagement.stretches import UNCERTAIN, Allowed
 from bonecam.toolpath.gouge import MESH_SHARE, planned_tolerance
-from bonecam.toolpath.path import ContactPath, ToolPath
+from bonecam.toolpath.path import ContactPath, Kind, ToolPath
 from bonecam.toolpath.rest import rest_contacts, too_deep
 
 PART_CHORD = 0.002
@@ -71,56 +70,102 @@ def plan_paths(
     `levels` begin at the part and end at the stock. Raises JobError where a cutter cannot be used at the
     job's lead angle, ToolPathError or OrientationError (with the level's number) where a level has no path.
     """
-    cutters = {level.index: _cutter_of(level.index, job, bodies) for level in machined_levels(levels)}
+    machined = machined_levels(levels)
+    cutters = {level.index: _cutter_of(level.index, job, bodies) for level in machined}
     for cutter in cutters.values():
         check_lead(cutter, job.path.lead_deg)
 
     part = _distance_to_part(levels, job.path)
-    post = post_below(part.mesh, job.holding)
-
-    def contacts_of(level: MachinedLevel) -> LevelContacts:
-        return _contacts_of(level, part, cutters[level.index], post, job.path, limits.turn_speed)
-
-    clamping = clamping_of(job.holding, bodies.table)
-    capsule = enclosing_capsule(stock)
-    material = uncut_material(levels, stock)
+    fixture = post_below(part.mesh, job.holding), clamping_of(job.holding, bodies.table)
+    planning = _Planning(job, limits, part, *fixture, enclosing_capsule(stock))
     paths: list[ToolPath] = []
-    smooth: SmoothAxes | None = None
-    for found in _one_ahead(contacts_of, machined_levels(levels)[::-1]):
-        level = found.level
-        report(progress, (len(levels) - 2 - level.index) / (len(levels) - 1), f"path of level {level.index}")
-        around = (post, DEVIATION, found.distance, part if level.index else None, clamping)
-        scene = Scene(found.distance.mesh, material.mesh, capsule, *around)
-        allowed = _allowed(levels, level.index, cutters, job)
-        contacts = contact_path(found.candidates, material, allowed)
-        smooth = _smooth(contacts, level, scene, limits, job.path, smooth)
-        oriented = partial(_oriented, scene=scene, limits=limits, job=job, smooth=smooth)
-        rings = partial(_rings, found, part, post, job)
-        material, rest = _take_rest(found, material, allowed, oriented, rings)
-        path = oriented(contact_path(found.candidates, material, allowed) if rest else contacts, material)
-        material = remove_material(material, level, path)
-        paths += [*rest, path]
+    standing = _Standing(uncut_material(levels, stock))
+    for found in _one_ahead(lambda level: planning.contacts(level, cutters[level.index]), machined[::-1]):
+        index = found.level.index
+        report(progress, (len(levels) - 2 - index) / (len(levels) - 1), f"path of level {index}")
+        made, standing = planning.paths(found, _allowed(levels, index, cutters, job), standing)
+        paths += made
+    if job.path.fine_cutter:
+        report(progress, 1.0, "path of the fine cutter")
+        fine = Cutter.from_job(3, "fine", job.tool("fine"), bodies.nose)
+        check_lead(fine, job.path.lead_deg)
+        paths = _with_fine(paths, planning, planning.contacts(machined[0], fine), standing)
     return tuple(paths)
 
 
-def _oriented(
-    contacts: ContactPath,
-    material: Material,
-    scene: Scene,
-    limits: AxisLimits,
-    job: Job,
-    smooth: SmoothAxes | None,
-) -> ToolPath:
-    """The tool path of contacts, its axes taken from the smooth ones where there are any."""
-    wanted = smooth.wanted_for(contacts) if smooth is not None else None
-    return orient(contacts, scene, limits, job.path, job.nc, wanted, material=material)
+@dataclass(frozen=True, eq=False)
+class _Standing:
+    """What stands before a path, and the smooth axes of the path before."""
+
+    material: Material
+    smooth: SmoothAxes | None = None
 
 
-def _rings(found: LevelContacts, part: MeshDistance, post: Post, job: Job) -> CandidateContacts:
-    """The contacts of a level on rings."""
-    obstacles = [found.distance, part] if found.level.index else [part]
-    rings = replace(job.path, pattern="round")
-    return candidate_contacts(found.level, obstacles, found.candidates.cutter, post, rings)
+@dataclass(frozen=True, eq=False)
+class _Planning:
+    """What the paths of all levels share; `capsule` encloses the stock."""
+
+    job: Job
+    limits: AxisLimits
+    part: MeshDistance
+    post: Post
+    clamping: Clamping
+    capsule: Capsule
+
+    def contacts(self, level: MachinedLevel, cutter: Cutter) -> LevelContacts:
+        """The contacts of a level; its balls stay out of the level and of the part."""
+        distance = MeshDistance(level.surface.tessellate(LEVEL_CHORD)) if level.index else self.part
+        return LevelContacts(level, distance, self._candidates(level, distance, cutter, self.job.path))
+
+    def paths(
+        self, found: LevelContacts, allowed: Allowed, standing: _Standing
+    ) -> tuple[list[ToolPath], _Standing]:
+        """The rest paths of a level and its own one, and what stands after them."""
+        level, material = found.level, standing.material
+        part = self.part if level.index else None
+        around = (self.post, DEVIATION, found.distance, part, self.clamping)
+        scene = Scene(found.distance.mesh, material.mesh, self.capsule, *around)
+        contacts = contact_path(found.candidates, material, allowed)
+        smooth = level_axes(contacts, level, scene, self.limits, self.job.path, standing.smooth)
+
+        def oriented(contacts: ContactPath, material: Material) -> ToolPath:
+            wanted = smooth.wanted_for(contacts) if smooth is not None else None
+            return orient(contacts, scene, self.limits, self.job.path, self.job.nc, wanted, material=material)
+
+        material, rest = _take_rest(found, material, allowed, oriented, partial(self._rings, found))
+        path = oriented(contact_path(found.candidates, material, allowed) if rest else contacts, material)
+        return [*rest, path], _Standing(remove_material(material, level, path), smooth)
+
+    def _candidates(
+        self, level: MachinedLevel, distance: MeshDistance, cutter: Cutter, job: PathJob
+    ) -> CandidateContacts:
+        """The contacts of a level whatever the material."""
+        obstacles = [distance, self.part] if level.index else [self.part]
+        speed = self.limits.turn_speed
+        return candidate_contacts(level, obstacles, cutter, self.post, job, turn_speed=speed)
+
+    def _rings(self, found: LevelContacts) -> CandidateContacts:
+        """The contacts of a level on rings."""
+        rings = replace(self.job.path, pattern="round")
+        return self._candidates(found.level, found.distance, found.candidates.cutter, rings)
+
+
+def _with_fine(
+    paths: Sequence[ToolPath], planning: _Planning, found: LevelContacts, standing: _Standing
+) -> list[ToolPath]:
+    """The paths with those of a finer ball on the part, as further rest paths, where the finishing ball has left more
+    than twice its scallop. What is too narrow for the finishing ball is then told of the finer one alone."""
+    *before, last = paths
+    scallop = last.cutter.scallop
+    allowed = Allowed(planning.job.levels.finishing_depth, scallop, 2 * max(scallop, UNCERTAIN))
+    made, _ = planning.paths(found, allowed, standing)
+    if not any((path.kinds == Kind.CUT).any() for path in made):
+        return list(paths)
+    kept = np.flatnonzero([reason not in ("gouge", "post") for reason in last.reasons])
+    last = replace(last, uncut=last.uncut[kept], reasons=tuple(last.reasons[k] for k in kept))
+    done = sum(path.level == last.level for path in before)
+    fine = [replace(path, rest=done + k, trimmed=0.0) for k, path in enumerate(made, 1)]
+    return [*before, last, *fine]
 
 
 def _take_rest(
@@ -161,23 +206,6 @@ def _distance_to_part(levels: Sequence[Level], job: PathJob) -> MeshDistance:
     return MeshDistance(morph_surfaces(levels)[0].tessellate(chord))
 
 
-def _smooth(
-    contacts: ContactPath,
-    level: MachinedLevel,
-    scene: Scene,
-    limits: AxisLimits,
-    job: PathJob,
-    before: SmoothAxes | None,
-) -> SmoothAxes | None:
-    """Smooth axes of a level in cones of free ones, from the field of the level `before`; None where the job wants
-    none."""
-    if job.orientation != "cones" or not len(contacts.contacts):
-        return before
-    cones = admissible_cones(contacts, scene, limits, job)
-    start = before.field if before else None
-    return smooth_axes(cones, FieldDomain.of(level.surface), limits, job, "membrane", start)
-
-
 def _allowed(levels: Sequence[Level], level: int, cutters: Mapping[int, Cutter], job: Job) -> Allowed:
     """The depths of the cut that leaves a level. Too thin a cut is left only to a roughing one."""
     before = cutters.get(level + 1)
@@ -187,16 +215,6 @@ def _allowed(levels: Sequence[Level], level: int, cutters: Mapping[int, Cutter],
         before.scallop if before else 0.0,
         job.path.least_depth if to_roughing else 0.0,
     )
-
-
-def _contacts_of(
-    level: MachinedLevel, part: MeshDistance, cutter: Cutter, post: Post, job: PathJob, turn_speed: float
-) -> LevelContacts:
-    """The contacts of a level; its balls stay out of the level and of the part."""
-    distance = MeshDistance(level.surface.tessellate(LEVEL_CHORD)) if level.index else part
-    obstacles = [distance, part] if level.index else [part]
-    found = candidate_contacts(level, obstacles, cutter, post, job, turn_speed=turn_speed)
-    return LevelContacts(level, distance, found)
 
 
 def _one_ahead(

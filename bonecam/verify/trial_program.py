@@ -1,9 +1,11 @@
 """A trial program before the first stage: whether a machine and a control's dialect fit one another and the job.
 
-A few moves of both cutters at the height of the part, posted and read back as the program will be. What a dialect
+A few moves of every cutter at the height of the part, posted and read back as the program will be. What a dialect
 cannot write (too few decimals, a range that the feeds leave), what its own grammar cannot read, and a machine that
 it does not know show here in a few milliseconds instead of after all paths.
 """
+
+from itertools import cycle
 
 import numpy as np
 from jaxtyping import Float
@@ -30,13 +32,11 @@ ABOVE = (12.3456, 2.3457)
 
 def check_posting(job: Job, machine: Machine, dialect: Dialect) -> None:
     """MachineError where no program of this job can be written for the machine in the dialect, or not be read back."""
-    cutters = (
-        Cutter.from_job(1, "roughing", job.tool("roughing")),
-        Cutter.from_job(2, "finishing", job.tool("finishing")),
-    )
+    names = job.cutter_names
+    cutters = [Cutter.from_job(number, name, job.tool(name)) for number, name in enumerate(names, 1)]
     paths = [
         _path(cutter, level, axis, job)
-        for cutter, level, axis in zip(cutters, (1, 0), _reachable_axes(machine), strict=True)
+        for cutter, level, axis in zip(cutters, range(len(names))[::-1], cycle(_reachable_axes(machine)))
     ]
     try:
         program = write_program(paths, machine, dialect, job, name="TRIAL", comments=["trial"])

@@ -86,7 +86,7 @@ def tool_texts(job: Job, posted: Sequence[Posted]) -> list[str]:
 
 def _material_texts(job: Job) -> list[str]:
     """The material, where spindle speeds or feeds are its, with their source."""
-    if all(tool.spindle and tool.feed for tool in (job.roughing, job.finishing)):
+    if all(getattr(job, name).spindle and getattr(job, name).feed for name in job.cutter_names):
         return []
     material = read_material(job.material.name)
     source = f"speeds not in the job are of {material.title}: {material.source}; {material.note}"

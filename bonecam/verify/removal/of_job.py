@@ -26,7 +26,7 @@ def cutters_of(job: Job, machine: Machine) -> list[Cutter]:
     """The cutters of a job in the machine's spindle."""
     return [
         Cutter.from_job(number, name, job.tool(name), machine.bodies.nose)
-        for number, name in ((1, "roughing"), (2, "finishing"))
+        for number, name in enumerate(job.cutter_names, 1)
     ]
 
 

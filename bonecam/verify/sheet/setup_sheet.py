@@ -157,7 +157,7 @@ def _warnings(job: Job, report: Mapping[str, Any], machine: Machine) -> Iterator
         yield f"Slender post: {post['diameter_mm']:g} x {post['length_mm']:g} mm bends under the cut"
     if not machine.nose:
         yield "The machine's file knows no spindle nose: nothing was kept clear of it"
-    if not all(tool.spindle and tool.feed for tool in (job.roughing, job.finishing)):
+    if not all(getattr(job, name).spindle and getattr(job, name).feed for name in job.cutter_names):
         material = read_material(job.material.name)
         yield f"Speeds of {material.title}: {material.note}"
 
