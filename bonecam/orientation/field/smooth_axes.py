@@ -130,7 +130,7 @@ def soonest(found: Sequence[SmoothAxes], limits: AxisLimits) -> SmoothAxes:
     """Of several axes of one path those that cost the fewest minutes for each contact certified free."""
 
     def cost(one: SmoothAxes) -> float:
-        certified = max(np.count_nonzero(one.wanted.certified), 1)
+        certified = max(int(one.wanted.certified.sum()), 1)
         return machine_minutes(one.cones.path, one.axes, limits) / certified
 
     return min(found, key=cost)
