@@ -209,11 +209,11 @@ def test_keep_writes_levels_path_surface_and_pictures(chain: tuple[bonecam.Resul
     result, folder = chain
     count = len(result.levels.levels)
     names = {item.name for item in (folder / "keep").iterdir()} - {OWN_FILES}
-    pictures = {"levels.png", "coloured.png", "depths.png", "toolpath.png"}
+    pictures = {"levels.png", "coloured.png", "depths.png", "toolpath.png", "machine.png"}
     assert (
         names
         == {f"level_{k:02d}.ply" for k in range(count)}
-        | {"surface.tspline", "toolpath.csv", "toolpath.apt", "left.ply"}
+        | {"surface.tspline", "toolpath.csv", "toolpath.apt", "cones.csv", "left.ply"}
         | {"program.h", "view.gz", "job.toml", "report.json"}
         | pictures
     )
@@ -254,7 +254,9 @@ def test_levels_alone_are_the_chain_s_and_take_the_place_of_its_levels_and_paths
     lines = [line.partition(" ")[0] for line in capsys.readouterr().out.splitlines()]
     assert lines == ["mesh", "surface", "stock", "post", "levels", "certified", "time"]
     assert {item.name for item in keep.iterdir()} == {item.name for item in (folder / "keep").iterdir()} - {
+        "cones.csv",
         "left.ply",
+        "machine.png",
         "program.h",
         "toolpath.apt",
         "toolpath.csv",

@@ -9,6 +9,8 @@ from typing import Any
 import bonecam
 from bonecam.job import Job, write_job
 from bonecam.mesh.files.mesh_files import write_mesh
+from bonecam.nc.kinematics import axis_limits
+from bonecam.nc.machine import read_machine
 from bonecam.nc.program import Program
 from bonecam.orientation.surface_path import Workpiece
 from bonecam.outputs.cones_csv import cones_csv
@@ -19,11 +21,15 @@ from bonecam.outputs.run_report import report_text
 from bonecam.outputs.shown import Shown
 from bonecam.outputs.toolpath_csv import toolpath_csv
 from bonecam.runtime.staging import staged
+from bonecam.setup.fixture.clamping import clamping_of
 from bonecam.surface.files.iga import write_iga
 from bonecam.toolpath.cl_data import apt_text
 from bonecam.toolpath.path import ToolPath
+from bonecam.verify.axis_comparison import AxisComparison, compare_axes
 from bonecam.verify.page.packing import pack
 from bonecam.verify.page.surface_contents import surface_contents
+from bonecam.verify.pictures.compared_axes import draw_compared_axes
+from bonecam.verify.pictures.machine_bodies import draw_machine
 from bonecam.verify.pictures.surface_axes import draw_axes
 from bonecam.verify.summary import finished_summary
 
@@ -48,6 +54,13 @@ class Finished(Shown):
         surface = self.workpiece.surface.tessellate(PAGE_CHORD)
         parts = (surface, self.workpiece.solid, self.path, self.program.text, self.job, self.report)
         return pack(surface_contents(*parts, bonecam.__version__))
+
+    def compare_axes(self) -> AxisComparison:
+        """The tool axes beside the surface's normals and axes that lean by the lead angle, at the same contacts:
+        turning, collisions, speeds and time."""
+        machine = read_machine(self.job.nc.machine)
+        scene = self.workpiece.scene(self.job, clamping_of(self.job.holding, machine.table))
+        return compare_axes(self.path, scene, axis_limits(machine), self.job.path)
 
     @property
     def _title(self) -> str:
@@ -84,13 +97,19 @@ def write_finished(made: Finished, wanted: Outputs) -> None:
 
 
 def _fill_folder(work: Path, made: Finished) -> None:
-    """Write surface.iga, solid.ply, toolpath.csv, .apt and .png, cones.csv, program, view.gz, job.toml, report.json."""
+    """Write surface.iga, solid.ply, toolpath.csv, .apt and .png, axes.png, axes.md, machine.png, cones.csv,
+    program, view.gz, job.toml and report.json."""
     write_iga(made.workpiece.surface, work / "surface.iga")
     write_mesh(made.workpiece.solid, work / "solid.ply")
     made._draw(work / "toolpath.png")
+    compared = made.compare_axes()
+    draw_compared_axes(compared, made.workpiece.surface.tessellate(PAGE_CHORD), work / "axes.png")
+    table = read_machine(made.job.nc.machine).table
+    draw_machine([made.path], made.workpiece.solid, made.job.holding, table, work / "machine.png")
     (work / VIEW).write_bytes(made.packed_view)
     texts = {
         f"program{made.program.extension}": made.program.text,
+        "axes.md": compared.table,
         "toolpath.csv": toolpath_csv([made.path]),
         "toolpath.apt": apt_text([made.path], made.program.name),
         "job.toml": write_job(made.job),

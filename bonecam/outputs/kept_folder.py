@@ -11,6 +11,7 @@ from bonecam.levels.measure.level import Level
 from bonecam.levels.measure.line_depths import LINE, line_depths, step_depths
 from bonecam.mesh.files.mesh_files import write_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.nc.machine import read_machine
 from bonecam.outputs.cones_csv import cones_csv
 from bonecam.outputs.kept_view import VIEW
 from bonecam.outputs.result import Morphed, Result
@@ -22,6 +23,7 @@ from bonecam.toolpath.cl_data import apt_text
 from bonecam.verify.pictures.depth_colours import draw_coloured
 from bonecam.verify.pictures.depth_curves import draw_depths
 from bonecam.verify.pictures.level_sections import draw_levels
+from bonecam.verify.pictures.machine_bodies import draw_machine
 from bonecam.verify.pictures.tool_paths import draw_toolpath
 
 FAILED = r"failed_level_\d{2,}\.ply"
@@ -30,7 +32,7 @@ LEFT_COLOURED = 0.1
 """Leftovers are coloured from 0 to this height, mm."""
 SERIES = (
     r"level_\d{2,}\.ply|left\.ply|solid\.ply|surface\.(tspline|iga)|toolpath\.(csv|apt|png)|program\.\w+"
-    rf"|cones\.csv|view\.gz|job\.toml|report\.json|{FAILED}"
+    rf"|cones\.csv|axes\.(png|md)|machine\.png|view\.gz|job\.toml|report\.json|{FAILED}"
 )
 """Names of the files of levels, surfaces, paths and program, as a regular expression. A later run in the same folder
 removes those that an earlier one wrote there."""
@@ -38,8 +40,8 @@ removes those that an earlier one wrote there."""
 
 def fill_kept_folder(work: Path, made: Morphed, post: tuple[float, float]) -> None:
     """Write into `work` surface.tspline, the files of `keep_levels`, view.gz, job.toml and report.json; of a program
-    its text, toolpath.csv, toolpath.apt, toolpath.png and cones.csv, and left.ply where it is known what stays on the
-    part. `post` is (diameter, top z), mm."""
+    its text, toolpath.csv, toolpath.apt, toolpath.png, machine.png, cones.csv if axes are chosen in cones, and left.ply
+    where it is known what stays on the part. `post` is (diameter, top z), mm."""
     levels = made.levels.levels
     write_tsm(made.surface, work / "surface.tspline")
     _write_levels(work, levels, made.stock, post, LINE)
@@ -53,6 +55,8 @@ def fill_kept_folder(work: Path, made: Morphed, post: tuple[float, float]) -> No
         if any(path.cones for path in made.paths):
             write_whole(work / "cones.csv", cones_csv(made.paths))
         draw_toolpath(made.paths, levels, work / "toolpath.png", post)
+        table = read_machine(made.job.nc.machine).table
+        draw_machine(made.paths, levels[0].mesh, made.job.holding, table, work / "machine.png")
         if made.removal and made.removal.left:
             left = made.removal.left
             write_mesh(left.mesh, work / "left.ply", quality=left.heights, largest=LEFT_COLOURED)

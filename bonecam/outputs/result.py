@@ -9,11 +9,15 @@ import bonecam
 from bonecam.job import Job
 from bonecam.levels.closed_morph import Morph
 from bonecam.mesh.part import Part
+from bonecam.nc.kinematics import axis_limits
+from bonecam.nc.machine import read_machine
 from bonecam.nc.program import Program
+from bonecam.orientation.collision.level_scene import level_scene
 from bonecam.outputs.shown import Shown
 from bonecam.setup.stock import Stock
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.path import ToolPath
+from bonecam.verify.axis_comparison import AxisComparison, compare_axes
 from bonecam.verify.page.contents import run_contents
 from bonecam.verify.page.packing import pack
 from bonecam.verify.pictures.depth_colours import draw_coloured
@@ -81,6 +85,14 @@ class Result(Morphed):
     def sheet(self) -> str:
         """The setup sheet as the text of an HTML file."""
         return setup_sheet(self.part, self.stock, self.job, self.program, self.report, bonecam.__version__)
+
+    def compare_axes(self, level: int = 0) -> AxisComparison:
+        """The tool axes of a level beside the surface's normals and axes that lean by the lead angle, at the same
+        contacts: turning, collisions, speeds and time. ValueError where the level has no path."""
+        machine = read_machine(self.job.nc.machine)
+        scene = level_scene(self.levels.levels, level, self.stock, self.job, machine.bodies)
+        (path,) = (path for path in self.paths if path.level == level and not path.rest)
+        return compare_axes(path, scene, axis_limits(machine), self.job.path)
 
     @property
     def _posted(self) -> dict[str, Any]:

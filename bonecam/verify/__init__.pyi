@@ -1,8 +1,12 @@
+from .axis_comparison import AxisComparison as AxisComparison
+from .axis_comparison import compare_axes as compare_axes
 from .gouge import Gouge as Gouge
 from .gouge import measure_gouge as measure_gouge
+from .pictures.compared_axes import draw_compared_axes as draw_compared_axes
 from .pictures.depth_colours import draw_coloured as draw_coloured
 from .pictures.depth_curves import draw_depths as draw_depths
 from .pictures.level_sections import draw_levels as draw_levels
+from .pictures.machine_bodies import draw_machine as draw_machine
 from .pictures.tmesh_lines import draw_tmesh as draw_tmesh
 from .pictures.tool_paths import draw_toolpath as draw_toolpath
 from .proof import Verification as Verification

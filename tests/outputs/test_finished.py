@@ -42,6 +42,27 @@ def test_the_page_from_kept_files_is_that_of_the_run(
     assert bonecam.read_job(kept / "job.toml") == made.job
 
 
+def test_axes_are_compared_with_normals_and_lead_at_the_same_contacts(
+    tube: tuple[bonecam.Finished, Path],
+) -> None:
+    """On a tube whose walls stand the holder keeps off whatever the axis: smooth axes are free, no slower than the
+    others, and off the normal; with an axis along the feed the shank meets the post."""
+    made, folder = tube
+    compared = made.compare_axes()
+    by_name = {row["axes"]: row for row in compared.report}
+    assert list(by_name) == ["surface normal", "lead 10 deg", "lead 10 deg, turned free", "this path"]
+    assert by_name["this path"]["collide"] == by_name["this path"]["beyond_limits"] == 0
+    assert by_name["lead 10 deg"]["collide"] > 0
+    assert by_name["lead 10 deg, turned free"]["collide"] == 0
+    assert by_name["this path"]["seconds"] <= by_name["lead 10 deg, turned free"]["seconds"]
+    assert (folder / "keep" / "axes.md").read_text(encoding="utf-8") == compared.table
+    assert (folder / "keep" / "axes.png").read_bytes().startswith(b"\x89PNG")
+    normals = compared.choices[0].axes
+    found = made.workpiece.surface.project(compared.contacts)
+    true = made.workpiece.surface.normals(found.parameters[:, 0], found.parameters[:, 1])
+    assert np.allclose(normals, true, atol=1e-6)
+
+
 def test_a_notebook_shows_summary_and_picture(tube: tuple[bonecam.Finished, Path]) -> None:
     shown = tube[0]._repr_html_()
     assert tube[0].summary.split("\n")[0] in shown

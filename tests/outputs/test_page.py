@@ -129,6 +129,16 @@ def test_cones_are_drawn_at_contacts_of_the_level_and_under_the_tool(page: Any, 
     assert picture(page) != with_cone
 
 
+def test_axes_of_a_level_are_free_where_they_are_compared(small_run: Run) -> None:
+    compared = small_run[0].compare_axes(0)
+    assert len(compared.contacts) == (small_run[0].paths[-1].kinds == Kind.CUT).sum()
+    row = compared.report[-1]
+    assert row["axes"] == "this path"
+    assert row["collide"] == row["beyond_limits"] == 0
+    with pytest.raises(ValueError, match="give 0 to 1"):
+        small_run[0].compare_axes(7)
+
+
 def test_a_click_on_the_path_tells_the_block_there(page: Any, small_run: Run) -> None:
     page.keyboard.press("3")
     page.evaluate("change({level: 0})")

@@ -90,7 +90,7 @@ const programMode = {
     make("p", `${page.facts.program.blocks} moving blocks, ${minutesWords(page.facts.program.minutes)}. ` +
       (page.facts.program.layers.some((layer) => a0(`before_${layer.level}`)) ? "The stock is as simulated from the text, at the vertices of each level." : "Without a simulation the level that is cut is shown in place of the stock.")),
     ...(page.arrays.move_cone ? [check("cones", "cone of free axes where the tool cuts", state.cones, (value) => change({ cones: value }))] : []),
-    choice("jump", "go to level", cutLayers().map((layer) => [String(layer.level), layerTitle(layer)]), String(page.arrays.move_level[state.step]), (value) => goTo(firstMoveOf(Number(value)))),
+    ...(cutLayers().length < 2 ? [] : [choice("jump", "go to level", cutLayers().map((layer) => [String(layer.level), layerTitle(layer)]), String(page.arrays.move_level[state.step]), (value) => goTo(firstMoveOf(Number(value))))]),
   ],
 };
 

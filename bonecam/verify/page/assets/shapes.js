@@ -102,7 +102,7 @@ const leftMode = {
       make("p", "What stays on the part", "big"),
       make("p", words),
       ...(page.arrays.uncut ? [check("uncut", "contacts that were left out", state.uncut, (value) => change({ uncut: value }))] : []),
-      ...(state.uncut ? [check("outer", "those of outer levels too", state.outer, (value) => change({ outer: value }))] : []),
+      ...(state.uncut && levelsMode.available() ? [check("outer", "those of outer levels too", state.outer, (value) => change({ outer: value }))] : []),
     ];
   },
 };
