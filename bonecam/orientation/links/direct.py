@@ -5,7 +5,7 @@ is raised along the normals, which turn from the one end's to the other's, until
 to the concave envelope of these heights.
 """
 
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -19,8 +19,8 @@ from bonecam.orientation.links.moves import Moves, moves_of
 from bonecam.toolpath.path import Kind
 
 LIFTS = (0.2, 0.5, 1.0)
-"""Heights of a straight link above the contacts, along their normals, in the order they are tried, mm: it is to pass
-over what still stands between them."""
+"""Heights of a straight link above the contacts, along their normals or else their axes, in the order they are tried,
+mm: it is to pass over what still stands between them. By the post a normal may lead into the fillet round it."""
 LIFTED = np.arange(1, 8) / 8
 """Shares of a lift at which is looked whether it is in air."""
 STEPS = 6
@@ -53,11 +53,12 @@ def direct_links(space: LinkSpace, ends: Contacts, starts: Contacts, short: floa
     turns = angles_between(ends[2], starts[2])
     left = np.flatnonzero((away <= short) & (turns <= MAX_TURN))
     feed = min(space.feeds.link, space.checker.cutter.feed)
-    for lift in LIFTS:
+    for lift, along in product(LIFTS, (1, 2)):
         if not len(left):
             break
         a, b = (_of(contacts, left) for contacts in (ends, starts))
-        left = left[~_take(found, left, _straight(a, b, lift), (a, b), space, feed)]
+        links = _straight(a, b, lift * a[along], lift * b[along])
+        left = left[~_take(found, left, links, (a, b), space, feed)]
 
     turns = np.maximum(turns, angles_between(ends[1], starts[1]))
     open_ = np.array([link is None for link in found], dtype=bool)
@@ -90,10 +91,11 @@ def _take(
     return free
 
 
-def _straight(ends: Contacts, starts: Contacts, lift: float) -> Poses:
-    """Straight links at one height above the contacts."""
-    (a, normals_a, axes_a), (b, normals_b, axes_b) = ends, starts
-    return _poses(a + lift * normals_a, b + lift * normals_b, axes_a, axes_b, STEPS)
+def _straight(
+    ends: Contacts, starts: Contacts, lifts: Float[ndarray, "m 3"], last_lifts: Float[ndarray, "m 3"]
+) -> Poses:
+    """Straight links between contacts that are lifted so."""
+    return _poses(ends[0] + lifts, starts[0] + last_lifts, ends[2], starts[2], STEPS)
 
 
 def _taut(space: LinkSpace, ends: Contacts, starts: Contacts) -> Poses:

@@ -33,6 +33,8 @@ REACH = 1.5
 """A level lowers a place by at most this, mm."""
 LEAST_HEIGHT = 1e-4
 """A place that is no higher above the level stays as it is, mm."""
+STEEP = 0.5
+"""Neighbouring places that are farther apart have a steep wall between them, mm."""
 DENSE = 0.1
 """Places at which balls cut are so far apart, mm."""
 CELL = 0.5
@@ -104,13 +106,16 @@ class Material:
         entered = self.depths(centres, radius)[0] > depth
         which = np.flatnonzero(entered)
         for i, near in zip(which, self._places.query_ball_point(centres[which], radius - depth), strict=True):
-            from_contact = np.linalg.norm(self.places[near] - contacts[i], axis=1)
+            from_contact = np.linalg.norm(self._places.data[near] - contacts[i], axis=1)
             entered[i] = bool((from_contact > radius).any())
         return np.asarray(entered)
 
     @cached_property
     def _places(self) -> KDTree:
-        return KDTree(self.places)
+        """The places, and further ones where the surface rises steeply between two of them."""
+        a, b = self.places[np.vstack([self.depth_grid.faces[:, [k, (k + 1) % 3]] for k in range(3)]).T]
+        steep = np.linalg.norm(b - a, axis=1) > STEEP
+        return KDTree(np.vstack([self.places, _dense(a[steep], b[steep])]))
 
     @cached_property
     def _surface(self) -> MeshDistance:

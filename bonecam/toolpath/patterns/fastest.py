@@ -18,7 +18,7 @@ from bonecam.toolpath.patterns.curves import Curves, curves_of
 from bonecam.toolpath.patterns.iso_scallop import iso_scallop_curves
 from bonecam.toolpath.patterns.order import order_curves
 from bonecam.toolpath.patterns.sampling import ball_centres, dense_samples
-from bonecam.toolpath.patterns.spacing import line_positions
+from bonecam.toolpath.patterns.spacing import line_positions, needed_ranges
 from bonecam.toolpath.patterns.spiral import spiral_curves
 from bonecam.toolpath.patterns.step_metric import step_metric
 
@@ -78,7 +78,8 @@ def _candidates(
     radius, scallop = cutter.radius, cutter.scallop
     for name in ISO_PARAMETRIC:
         if name in names:
-            yield iso_parametric_curves(surface, name, line_positions(surface, name, radius, scallop))
+            across = line_positions(surface, name, radius, scallop)
+            yield iso_parametric_curves(surface, name, across, radius, scallop)
     if set(names) <= set(ISO_PARAMETRIC):
         return
     metric = step_metric(surface, radius, scallop)
@@ -91,9 +92,15 @@ def _candidates(
         yield band_curves(metric, cutter.feed, STEP_OVER, 2 * np.pi / turn_speed)
 
 
-def iso_parametric_curves(surface: TSpline, pattern: str, across: Float[ndarray, " k"]) -> Curves:
-    """Lines t = const from the upper end down (`round`) or s = const (`along`) at these increasing places."""
-    ends = surface.domain[0 if pattern == "round" else 1]
+def iso_parametric_curves(
+    surface: TSpline, pattern: str, across: Float[ndarray, " k"], radius: float, scallop: float
+) -> Curves:
+    """Lines t = const from the upper end down (`round`), or s = const where they are needed (`along`), at these
+    increasing places."""
     if pattern == "round":
+        ends = surface.domain[0]
         return curves_of([np.column_stack([ends, np.full(2, t)]) for t in across[::-1]])
-    return curves_of([np.column_stack([np.full(2, s), ends]) for s in across])
+    ranges = needed_ranges(surface, across, radius, scallop)
+    return curves_of(
+        [np.column_stack([[s, s], ends]) for s, ends in zip(across, ranges) if np.isfinite(ends).all()]
+    )

@@ -65,6 +65,32 @@ def line_positions(surface: TSpline, pattern: str, radius: float, scallop: float
     return _even_out(lambda step: _lines(across, passes, step, ends))
 
 
+def needed_ranges(
+    surface: TSpline, across: Float[ndarray, " k"], radius: float, scallop: float
+) -> Float[ndarray, "k 2"]:
+    """From which t to which each line s = `across` is needed: near poles, where lines crowd, every second, fourth, ...
+    one is enough. The range of a line that is needed nowhere is NaN.
+
+    Line i = 2^r (2 j + 1) is needed where lines i - 2^r and i + 2^r are more than a pass apart; what is left lies
+    between two lines that are not, as these ranges are nested. The lines at the ends of s are needed everywhere.
+    """
+    s, passes = _count_passes(surface, "along", radius, scallop)
+    low, high = surface.domain[1]
+    t = np.linspace(low, high, len(passes))
+    count = len(across)
+    places = np.r_[across, s[-1]] if surface.closed_in_s else across
+    counts = np.array([np.interp(places, s, row) for row in passes])
+    found = np.tile([low, high], (count, 1))
+    for i in range(1, count if surface.closed_in_s else count - 1):
+        half = i & -i
+        gap = counts[:, min(i + half, len(places) - 1)] - counts[:, i - half]
+        needed = np.flatnonzero(gap > FULLNESS)
+        found[i] = np.nan
+        if len(needed):
+            found[i] = t[max(needed[0] - 1, 0)], t[min(needed[-1] + 1, len(t) - 1)]
+    return found
+
+
 def _line_ends(surface: TSpline, pattern: str) -> tuple[LineEnd, LineEnd]:
     """What the parameter across the feed begins and ends with."""
     if pattern == "round":

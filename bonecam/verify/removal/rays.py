@@ -112,8 +112,10 @@ def _lay_set(
     u, v = (x.ravel() for x in np.meshgrid(*middles, indexing="ij"))
     below = np.empty((len(u), len(bodies)), dtype=bool)
     for k, hull in enumerate(outlines):
-        outside = hull.equations[:, :2] @ np.vstack([u, v]) + hull.equations[:, 2:]
-        below[:, k] = outside.max(0) <= side * np.sqrt(0.5) + CHORD
+        outside = np.full(len(u), -np.inf)
+        for a, b, c in hull.equations:
+            outside = np.maximum(outside, a * u + b * v + c)
+        below[:, k] = outside <= side * np.sqrt(0.5) + CHORD
     met = below.any(1)
     tile_of = np.full(len(u), -1, dtype=np.int32)
     tile_of[met] = np.arange(met.sum())

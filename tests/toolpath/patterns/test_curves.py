@@ -7,11 +7,12 @@ import pytest
 
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.cutters.cutter import Cutter
-from bonecam.toolpath.patterns.curves import curves_of, ranges
+from bonecam.toolpath.patterns.curves import Curves, curves_of, ranges
 from bonecam.toolpath.patterns.fastest import CLOSED, ISO_PARAMETRIC, pattern_curves
 from bonecam.toolpath.patterns.order import order_curves
 from bonecam.toolpath.patterns.sampling import contact_frames, dense_samples
 from bonecam.toolpath.patterns.scallop import side_step
+from bonecam.toolpath.patterns.spacing import line_positions
 
 
 def test_a_curve_passes_its_knots_smoothly() -> None:
@@ -37,15 +38,20 @@ def test_ranges_of_kept_places_close_short_gaps_only() -> None:
 
 @pytest.fixture(scope="module")
 def lengths(pebble: Callable[..., TSpline], finishing_cutter: Cutter) -> dict[str, float]:
-    """Length of each pattern's curves, mm."""
+    """Length of each pattern's curves, and of the lines along if all went from pole to pole, mm."""
 
-    def length(pattern: str) -> float:
-        samples = dense_samples(pattern_curves(pebble(), pattern, finishing_cutter), 400)
+    def length(curves: Curves) -> float:
+        samples = dense_samples(curves, 400)
         points = contact_frames(pebble(), samples.parameters, np.array([1.0, 0.0]))[0]
         same = samples.line[1:] == samples.line[:-1]
         return float(np.linalg.norm(np.diff(points, axis=0), axis=1)[same].sum())
 
-    return {pattern: length(pattern) for pattern in ISO_PARAMETRIC + CLOSED}
+    found = {
+        pattern: length(pattern_curves(pebble(), pattern, finishing_cutter))
+        for pattern in ISO_PARAMETRIC + CLOSED
+    }
+    across = line_positions(pebble(), "along", finishing_cutter.radius, finishing_cutter.scallop)
+    return {**found, "pole to pole": length(curves_of([np.array([[s, 0.0], [s, 1.0]]) for s in across]))}
 
 
 def test_curves_at_the_local_step_are_hardly_longer_than_area_over_step(
@@ -62,7 +68,8 @@ def test_curves_at_the_local_step_are_hardly_longer_than_area_over_step(
     least = surface.area / float((step * area).sum() / area.sum())
     assert lengths["spiral"] <= 1.10 * least
     assert lengths["iso-scallop"] <= 1.15 * least
-    assert lengths["iso-scallop"] <= 0.75 * lengths["along"]
+    assert lengths["iso-scallop"] <= 0.75 * lengths["pole to pole"]
+    assert lengths["along"] <= 0.9 * lengths["pole to pole"]
 
 
 @pytest.mark.parametrize("direction", ["climb", "conventional"])

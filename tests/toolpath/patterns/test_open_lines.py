@@ -46,7 +46,7 @@ def test_lines_are_as_far_apart_as_the_scallop_allows(pattern: str) -> None:
 @pytest.mark.parametrize("pattern", ["round", "along"])
 def test_contacts_of_an_open_surface_lie_on_it_with_chords_within_tolerance(pattern: str) -> None:
     surface = vault(closed=False)
-    curves = iso_parametric_curves(surface, pattern, np.array([0.0, 0.4, 1.0]))
+    curves = iso_parametric_curves(surface, pattern, np.array([0.0, 0.4, 1.0]), RADIUS, SCALLOP)
     lines = sample_lines(surface, curves, RADIUS, 0.002, 5.0)
     points, normals, feeds = contact_frames(surface, *curves.at(lines.line, lines.x))
     assert np.abs(np.hypot(points[:, 0], points[:, 1]) - 10).max() < 1e-3
