@@ -2,7 +2,7 @@
 to the clearance surface. Backwards they are the approaches, whose last part is at the plunge feed.
 
 A retract runs along the tool axis, or bends off into a direction that is level or rises, so that a drooping
-holder does not sink to the table.
+holder does not sink to the table; or, where none of these is free, into one that leans from the axis to some side.
 """
 
 from collections.abc import Sequence
@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from bonecam.arrays import unit
 from bonecam.orientation.axes.lead import LEAVING
 from bonecam.orientation.limits import polar_angles, with_polar_angles
 from bonecam.orientation.links.link_space import LinkSpace, Polyline
@@ -26,6 +27,11 @@ BENDS = (0.0, 1.5, LEAVING)
 """Lengths along the axis before a retract bends off, mm: the ball may have to leave a hollow first."""
 MIN_LENGTH = 1.0
 """Length of a retract at least, mm."""
+LEANS = np.radians([8.0, 16.0, 30.0])
+"""Angles (radians) from the tool axis of the directions that are tried last: between twisted blades the way out is not
+along the axis."""
+AROUND = 8
+"""So many of them round the axis at each angle."""
 LENGTHS = np.array(
     [0, 0.1, 0.25, 0.5, 1, 1.5, 2, 3, 4, 5, 6, 8, 10, 13, 16, 20, 26, 34, 45, 60, 80], dtype=np.float64
 )
@@ -68,11 +74,16 @@ def approach(retract: Retract, feeds: Feeds) -> Moves:
 
 
 def departures(axis: Float[ndarray, "3"]) -> list[Departure]:
-    """The ways to leave a contact in the order they are tried: along the axis; then level or rising at once;
-    then the same behind longer BENDS."""
+    """The ways to leave a contact in the order they are tried: along the axis; then level or rising at once; then the
+    same behind longer BENDS; then at once in directions that lean from the axis."""
     angle = float(polar_angles(axis[None])[0])
     rising = [with_polar_angles(axis[None], np.array([limit]))[0] for limit in POLAR_ANGLES if angle > limit]
-    return [Departure(0.0, axis)] + [Departure(bend, d) for bend in BENDS for d in rising]
+    side = unit(np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])[None])[0]
+    turns = 2 * np.pi * np.arange(AROUND) / AROUND
+    ring = np.outer(np.cos(turns), side) + np.outer(np.sin(turns), np.cross(axis, side))
+    leaning = [np.cos(lean) * axis + np.sin(lean) * each for lean in LEANS for each in ring]
+    ways = [Departure(0.0, axis)] + [Departure(bend, d) for bend in BENDS for d in rising]
+    return ways + [Departure(0.0, d) for d in leaning if d[2] >= min(axis[2], 0.0)]
 
 
 def find_retracts(space: LinkSpace, poses: Sequence[Pose]) -> list[Retract | None]:

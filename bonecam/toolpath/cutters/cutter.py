@@ -26,8 +26,9 @@ class Section:
 
     @property
     def taper(self) -> float:
-        """Growth of the radius along the axis, mm/mm; 0 of a cylinder."""
-        return (self.end_radius - self.radius) / (self.end - self.start)
+        """Growth of the radius along the axis, mm/mm; 0 of a cylinder, and of the flutes of half a ball."""
+        length = self.end - self.start
+        return (self.end_radius - self.radius) / length if length else 0.0
 
 
 @dataclass(frozen=True)
