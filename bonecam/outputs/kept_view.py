@@ -41,7 +41,19 @@ def kept_contents(keep: Path) -> tuple[bytes, Contents]:
         trouble = "is no folder" if not keep.is_dir() else f"{VIEW} cannot be read ({error.strerror})"
         remedy = "give the folder of `--keep` or `levels -o`, made by this version"
         raise FileError(f"{keep}: {trouble}: {remedy}", file=str(path)) from error
-    return packed, unpack(packed, str(path))
+    contents = unpack(packed, str(path))
+    if not _is_whole(contents):
+        raise FileError(f"{path}: is damaged: make it again with --keep", file=str(path))
+    return packed, contents
+
+
+def _is_whole(contents: Contents) -> bool:
+    """Whether a page has a title, and its levels their meshes."""
+    try:
+        names = [(f"level_{level['index']}", level["faces"]) for level in contents.facts["levels"]]
+        return bool(contents.facts["name"]) and all(set(pair) <= contents.arrays.keys() for pair in names)
+    except (KeyError, TypeError):
+        return False
 
 
 def show_page(file: Path) -> Path:

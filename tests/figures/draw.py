@@ -1,6 +1,8 @@
-"""Draws the pictures of README and docs: `python tests/figures/draw.py` runs the chain on the shipped phalanx
-with the default job."""
+"""Draws the pictures of README and docs: `python tests/figures/draw.py [GROUP ...]` runs the chain on the shipped
+phalanx with the default job."""
 
+import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from bonecam_meshes import path
@@ -10,7 +12,10 @@ from page_picture import picture_page
 
 import bonecam
 from bonecam.levels.measure.line_depths import line_depths
+from bonecam.mesh import TriangleMesh
+from bonecam.nc.machine import read_machine
 from bonecam.setup.holding import post_below
+from bonecam.verify import AxisComparison, draw_compared_axes, draw_machine
 from bonecam.verify.pictures.depth_colours import draw_coloured
 from bonecam.verify.pictures.depth_curves import draw_depths
 from bonecam.verify.pictures.level_sections import show_levels
@@ -24,30 +29,63 @@ COARSE: dict[str, dict[str, float]] = {
     "finishing": {"scallop": 0.2},
 }
 """Of the page that docs embed: coarse, so that it is small."""
+BLADE: dict[str, dict[str, float]] = {
+    "holding": {"diameter": 20.0},
+    "finishing": {
+        **{"radius": 1.5, "flute_length": 4.0, "shank_diameter": 2.4, "overhang": 42.0},
+        **{"holder_diameter": 16.0, "scallop": 0.02, "feed": 1200.0},
+    },
+    "path": {"max_tilt_deg": 85.0},
+}
+"""The job of the impeller's blade, as in the tutorial."""
 FIGURES = Path(__file__).parents[2] / "docs/pages/figures"
 
 
-def main() -> None:
-    """Write chain.png, clamping.png, coloured.png, depths.png, toolpath.png, tmesh.png, iso-height.png, rotary.png,
-    page.png and page.html for docs/pages."""
-    job = bonecam.Job()
-    result = bonecam.convert(path("phalanx"), job)
-    levels = result.levels.levels
-    top = post_below(result.part.mesh, job.holding).top
-    post = job.holding.diameter, top
-    draw_clamping(result.part.mesh, result.stock, job.holding, top, job.finishing, FIGURES / "clamping.png")
+def main(wanted: Sequence[str]) -> None:
+    """Write the pictures of docs/pages: all, or those of the `wanted` groups `chain`, `strategies`, `page`, `blade`."""
+    if not wanted or "chain" in wanted:
+        draw_run(bonecam.convert(path("phalanx")))
+    if not wanted or "strategies" in wanted:
+        for strategy in ("iso-height", "rotary"):
+            job = bonecam.Job().with_values(path={"strategy": strategy})
+            layered = bonecam.convert(path("phalanx"), job, simulation=False)
+            draw_toolpath(layered.paths, layered.levels.levels, FIGURES / f"{strategy}.png", post_of(layered))
+    if not wanted or "page" in wanted:
+        bonecam.convert(path("phalanx"), bonecam.Job().with_values(**COARSE), html=FIGURES / "page.html")
+    if not wanted or "blade" in wanted:
+        job = bonecam.Job().with_values(**BLADE)
+        blade = bonecam.finish(path("impeller_blade"), path("impeller_hub"), [path("impeller_blades")], job)
+        draw_before_and_after(blade.compare_axes(), blade.workpiece.surface.tessellate(0.02), "blade")
+
+
+def draw_run(result: bonecam.Result) -> None:
+    """Write chain.png, clamping.png, coloured.png, depths.png, toolpath.png, machine.png, tmesh.png, axes-bone.png and
+    page.png."""
+    job, levels, post = result.job, result.levels.levels, post_of(result)
+    draw_clamping(
+        result.part.mesh, result.stock, job.holding, post[1], job.finishing, FIGURES / "clamping.png"
+    )
     draw_chain(result, post, FIGURES / "chain.png")
     draw_coloured(levels, FIGURES / "coloured.png")
     draw_depths(levels, line_depths(levels, result.stock), FIGURES / "depths.png")
     draw_toolpath(result.paths, levels, FIGURES / "toolpath.png", post)
+    table = read_machine(job.nc.machine).table
+    draw_machine(result.paths, levels[0].mesh, job.holding, table, FIGURES / "machine.png")
     draw_tmesh(result.surface, FIGURES / "tmesh.png")
-    for strategy in ("iso-height", "rotary"):
-        layered = bonecam.convert(
-            path("phalanx"), job.with_values(path={"strategy": strategy}), simulation=False
-        )
-        draw_toolpath(layered.paths, layered.levels.levels, FIGURES / f"{strategy}.png", post)
+    draw_before_and_after(result.compare_axes(), levels[0].mesh, "bone")
     picture_page(result.page, FIGURES / "page.png")
-    bonecam.convert(path("phalanx"), job.with_values(**COARSE), html=FIGURES / "page.html")
+
+
+def draw_before_and_after(compared: AxisComparison, surface: TriangleMesh, name: str) -> None:
+    """Write axes-NAME.png, and print the table that stands beside it."""
+    draw_compared_axes(compared, surface, FIGURES / f"axes-{name}.png")
+    print(f"{name}\n{compared.table}")
+
+
+def post_of(result: bonecam.Result) -> tuple[float, float]:
+    """Diameter of the post and height of its top, mm."""
+    holding = result.job.holding
+    return holding.diameter, post_below(result.part.mesh, holding).top
 
 
 def draw_chain(result: bonecam.Result, post: tuple[float, float], file: Path) -> None:
@@ -68,4 +106,4 @@ def draw_chain(result: bonecam.Result, post: tuple[float, float], file: Path) ->
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

@@ -10,14 +10,18 @@ LEVEL = 6
 """The level that is cut in the picture."""
 CHOICE = """(level) => {
     const a = page.arrays, right = page.orbit.rightOfView();
+    const { low, high } = page.part;
     const score = (i) => a.move_axis[3 * i] * right.x + a.move_axis[3 * i + 1] * right.y;
-    let best = firstMoveOf(level);
-    const last = a.move_level.lastIndexOf(level);
-    for (let i = Math.round(0.4 * best + 0.6 * last); i < last; i++)
-        if (a.move_kind[i] === 0 && score(i) > score(best)) best = i;
+    const inside = (z) => z > (low.z + high.z) / 2 && z < 0.2 * low.z + 0.8 * high.z;
+    const first = firstMoveOf(level), last = a.move_level.lastIndexOf(level);
+    let best = -1;
+    for (let i = first + Math.round(0.3 * (last - first)); i < last; i++)
+        if (a.move_kind[i] === 0 && coneOf(i) >= 0 && inside(a.move_tip[3 * i + 2]))
+            if (best < 0 || score(i) > score(best)) best = i;
+    change({ cones: true });
     goTo(best);
 }"""
-"""Of the second half of the level's moves the cut in which the tool is most seen from its side."""
+"""Of the level's later moves the cut in the upper half of the part in which the tool is most seen from its side."""
 
 
 def picture_page(page: str, file: Path) -> None:

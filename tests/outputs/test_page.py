@@ -1,6 +1,7 @@
 """The page in a browser: it draws, answers, and asks the network for nothing."""
 
 import base64
+import gzip
 import json
 import shutil
 from collections.abc import Iterator
@@ -19,7 +20,7 @@ from bonecam.nc.machine import read_machine
 from bonecam.nc.reading.read import read_program
 from bonecam.outputs.kept_view import kept_contents
 from bonecam.toolpath.path import Kind
-from bonecam.verify.page.packing import unpack
+from bonecam.verify.page.packing import Contents, pack, unpack
 
 Run = tuple[bonecam.Result, Path]
 
@@ -260,6 +261,25 @@ def test_bad_folders_and_names_are_one_line(
         assert told in error
         assert error.count("\n") == 1
     assert not Path(page).exists()
+
+
+@pytest.mark.parametrize("fault", ["name", "levels", "level_0", "version"])
+def test_a_view_of_another_version_or_without_what_it_needs_is_one_line(
+    fault: str, small_run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    packed, contents = kept_contents(small_run[1] / "keep")
+    facts = {name: fact for name, fact in contents.facts.items() if name != fault}
+    arrays = {name: array for name, array in contents.arrays.items() if name != fault}
+    changed = pack(Contents(facts, arrays))
+    if fault == "version":
+        data = gzip.decompress(packed)
+        changed = gzip.compress(data.replace(b'"bonecam_view": 1', b'"bonecam_view": 7', 1))
+    (tmp_path / "view.gz").write_bytes(changed)
+    assert main(["view", str(tmp_path), "-o", str(tmp_path / "page.html")]) == 2
+    error = capsys.readouterr().err
+    assert ("has version 7" if fault == "version" else "is damaged") in error
+    assert error.count("\n") == 1
+    assert not (tmp_path / "page.html").exists()
 
 
 def test_a_page_whose_name_is_no_page_is_refused_before_the_work(small_run: Run, tmp_path: Path) -> None:

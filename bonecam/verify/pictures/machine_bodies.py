@@ -1,4 +1,4 @@
-"""Picture: the machine's bodies round the part where the tool comes nearest to the table, and on the part's middle."""
+"""Picture: the machine's bodies round the part where the tool comes nearest to the table."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -34,8 +34,6 @@ RING = 3.0
 """Rings of their meshes are about so far apart, mm: what lies behind is sorted by triangles."""
 TABLE_SHOWN = 60.0
 """The table is drawn so far from its middle at most, and so is its thickness a tenth of that, mm."""
-SPINDLE_SHOWN = 40.0
-"""Length of the spindle that is drawn, mm."""
 LEGEND = 0.45
 """Inches that the legend takes below the panels."""
 
@@ -43,27 +41,20 @@ LEGEND = 0.45
 def draw_machine(
     paths: Sequence[ToolPath], part: TriangleMesh, holding: HoldingJob, table: Table, file: str | Path
 ) -> None:
-    """Write table, chuck, post, part and the whole tool, from the front (-y) and from behind, in two poses: that of all
-    cuts in which holder or spindle are nearest to the table's plane, and the middle one of the last path."""
+    """Write table, chuck, post, part and the whole tool, from the front (-y) and from behind, at the cut in which
+    holder or spindle are nearest to the table's plane."""
     from matplotlib.lines import Line2D
 
-    lowest = [float(np.min(_lowest(path), initial=np.inf)) for path in paths]
-    near = paths[int(np.argmin(lowest))]
-    last = paths[-1]
-    cuts = np.flatnonzero(last.kinds == Kind.CUT)
-    poses = [
-        (near, int(np.argmin(_lowest(near)))),
-        *([(last, int(cuts[len(cuts) // 2]))] if len(cuts) else []),
-    ]
-    fixed = _fixed(part, holding, table, float(part.bounds[0, 2]))
-    figure, plots = new_figure(2 * len(poses))
-    for number, plot in enumerate(plots):
-        path, row = poses[number // 2]
-        side = 1.0 if number % 2 == 0 else -1.0
-        _draw(plot, [*fixed, *_tool(path.cutter, path.tips[row], path.axes[row])], side)
-        height = min(lowest) if number < 2 else float(_lowest(path)[row])
-        told = f"{path.title}: {height:.0f} mm above the table" if side > 0 else "from behind"
-        plot.set_title(told, fontsize="small")
+    heights = [_lowest(path) for path in paths]
+    path = paths[int(np.argmin([np.min(each, initial=np.inf) for each in heights]))]
+    row = int(np.argmin(_lowest(path)))
+    bodies = [*_fixed(part, holding, table), *_tool(path.cutter, path.tips[row], path.axes[row])]
+    figure, plots = new_figure(2)
+    for plot, side in zip(plots, (1.0, -1.0)):
+        _draw(plot, bodies, side)
+    told = f"{path.title}, where holder or spindle are lowest: {_lowest(path)[row]:.0f} mm above the table"
+    plots[0].set_title(told, fontsize="small")
+    plots[1].set_title("from behind", fontsize="small")
     plots[0].set_ylabel("z (mm)")
     used = [name for name in COLOURS if name != "chuck" or holding.chuck_height]
     lines = [Line2D([], [], color=COLOURS[name], lw=6, label=name) for name in used]
@@ -86,11 +77,10 @@ def _lowest(path: ToolPath) -> Float[ndarray, " n"]:
     return np.where(path.kinds == Kind.CUT, np.min(heights, axis=0), np.inf)
 
 
-def _fixed(
-    part: TriangleMesh, holding: HoldingJob, table: Table, post_top: float
-) -> list[tuple[str, TriangleMesh]]:
+def _fixed(part: TriangleMesh, holding: HoldingJob, table: Table) -> list[tuple[str, TriangleMesh]]:
     """Part, post, chuck and table with what stands on it."""
-    bodies = [("part", part), ("post", _bar(0.0, post_top, holding.diameter / 2, holding.diameter / 2))]
+    radius = holding.diameter / 2
+    bodies = [("part", part), ("post", _bar(0.0, float(part.bounds[0, 2]), radius, radius))]
     if holding.chuck_height:
         radius = holding.chuck_diameter / 2
         bodies.append(("chuck", _bar(0.0, holding.chuck_height, radius, radius)))
@@ -121,23 +111,17 @@ def _tool(
     sections = [
         (section.name, _bar(section.start, section.end, section.radius, section.end_radius))
         for section in cutter.profile
-        if section.name != "spindle"
     ]
-    nose = [section for section in cutter.profile if section.name == "spindle"]
-    shown = nose[0].start + SPINDLE_SHOWN if nose else 0.0
-    for section in nose:
-        if section.start < shown:
-            end = min(section.end, shown)
-            radius = section.radius + section.taper * (end - section.start)
-            sections.append((section.name, _bar(section.start, end, section.radius, radius)))
     return [(name, mesh.move(pose)) for name, mesh in [("cutter", ball), *sections]]
 
 
 def _bar(start: float, end: float, radius: float, end_radius: float) -> TriangleMesh:
-    """A body of revolution about Z in short pieces."""
+    """A body of revolution about Z in short pieces, its ends too."""
     count = max(2, int((end - start) / RING) + 1)
-    heights = np.linspace(start, end, count)
-    return revolve(np.linspace(radius, end_radius, count), heights, (start, end), SIDES)
+    flat = np.linspace(0.1, 0.9, 8)
+    radii = np.concatenate([radius * flat, np.linspace(radius, end_radius, count), end_radius * flat[::-1]])
+    heights = np.concatenate([np.full(8, start), np.linspace(start, end, count), np.full(8, end)])
+    return revolve(radii, heights, (start, end), SIDES)
 
 
 def _draw(plot: Plot, bodies: Sequence[tuple[str, TriangleMesh]], side: float) -> None:
