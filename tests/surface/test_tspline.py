@@ -152,6 +152,22 @@ WRONG = {
 }
 
 
+def test_a_knot_that_is_the_seam_but_for_rounding_leaves_no_gap_before_it() -> None:
+    t = np.concatenate([np.zeros(4), [0.2, 0.4, 0.6, 0.8], np.ones(4)])
+    angle = 2 * np.pi * np.arange(5) / 5
+    ring = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
+    points = np.vstack([ring + np.array([0, 0, z]) for z in range(8)])
+    last = np.nextafter(1.0, 0.0)
+    fifths = np.array([0.2, 0.4, 0.6, 0.8])
+    surface = TSpline(
+        RowTMesh.from_rows(t, [np.r_[fifths, last]] * 4 + [np.r_[0.0, fifths]] * 4), points, np.ones(40)
+    )
+    assert surface.domain[0].tolist() == [0.0, 1.0]
+    for height in (0.1, 0.5, 0.9):
+        sides = surface.positions(np.array([0.0, last, 1.0]), np.full(3, height))
+        np.testing.assert_allclose(sides, sides[[0, 0, 0]], atol=1e-12)
+
+
 def test_arrays_of_wrong_lengths_are_refused_where_no_types_are_checked(
     bone_like: Callable[..., TSpline], tmp_path: Path
 ) -> None:

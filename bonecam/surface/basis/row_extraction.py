@@ -19,10 +19,7 @@ def extract_rows(t_knots: ndarray, s_knots: tuple[ndarray, ...]) -> Elements:
     along = bernstein_coefficients(
         t_knots[spans[:, None] + np.arange(-3, 5)], t_knots[spans], t_knots[spans + 1]
     )
-    breaks = [
-        distinct(np.concatenate([[0.0, 1.0], *(row for row in s_knots[k - 3 : k + 1] if len(row) > 1)]))
-        for k in spans
-    ]
+    breaks = [_breaks(s_knots[k - 3 : k + 1]) for k in spans]
     rows = [_row(knots, strip) for k, strip in zip(spans, breaks) for knots in s_knots[k - 3 : k + 1]]
     windows, low, high = (np.concatenate([row[part] for row in rows]) for part in range(3))
     around = np.split(
@@ -38,6 +35,14 @@ def extract_rows(t_knots: ndarray, s_knots: tuple[ndarray, ...]) -> Elements:
     return Elements(
         boxes, np.concatenate([[0], np.cumsum(counts)]), functions, coefficients, period=(1.0, 0.0)
     )
+
+
+def _breaks(rows: tuple[ndarray, ...]) -> ndarray:
+    """Where the elements of four rows begin and end, from 0 to 1 exactly: a knot that differs from 1 by rounding is
+    the seam."""
+    breaks = distinct(np.concatenate([[0.0, 1.0], *(row for row in rows if len(row) > 1)]))
+    breaks[-1] = 1.0
+    return breaks
 
 
 def _strip(
