@@ -8,7 +8,6 @@ depend on that material (the contacts of the next level) is made in a second thr
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -34,7 +33,7 @@ from bonecam.toolpath.engagement.material import DEVIATION, Material, remove_mat
 from bonecam.toolpath.engagement.stretches import UNCERTAIN, Allowed
 from bonecam.toolpath.gouge import MESH_SHARE, planned_tolerance
 from bonecam.toolpath.path import ContactPath, Kind, ToolPath
-from bonecam.toolpath.rest import rest_contacts, too_deep
+from bonecam.toolpath.rest import after_steps, rest_contacts, too_deep
 
 PART_CHORD = 0.002
 """Largest chord tolerance (mm) of the tessellated part that balls are kept out of: MESH_SHARE of the gouge
@@ -132,8 +131,11 @@ class _Planning:
             wanted = smooth.wanted_for(contacts) if smooth is not None else None
             return orient(contacts, scene, self.limits, self.job.path, self.job.nc, wanted, material=material)
 
-        material, rest = _take_rest(found, material, allowed, oriented, partial(self._rings, found))
-        path = oriented(contact_path(found.candidates, material, allowed) if rest else contacts, material)
+        rest: list[ToolPath] = []
+        if too_deep(found.candidates, material, allowed):
+            material, rest = _take_rest([found.candidates, self._rings(found)], material, allowed, oriented)
+            contacts = contact_path(found.candidates, material, allowed, allowed.bearable)
+        path = oriented(contacts, material)
         return [*rest, path], _Standing(remove_material(material, level, path), smooth)
 
     def _candidates(
@@ -169,23 +171,23 @@ def _with_fine(
 
 
 def _take_rest(
-    found: LevelContacts,
+    patterns: Sequence[CandidateContacts],
     material: Material,
     allowed: Allowed,
     oriented: Callable[[ContactPath, Material], ToolPath],
-    rings: Callable[[], CandidateContacts],
 ) -> tuple[Material, list[ToolPath]]:
-    """The rest paths of a level, and the material after them."""
+    """The rest paths of a level, whose contacts are given in several patterns, and the material after them."""
     paths: list[ToolPath] = []
-    if not too_deep(found.candidates, material, allowed):
-        return material, paths
-    for contacts in rest_contacts([found.candidates, rings()], material, allowed):
+    for step in rest_contacts(patterns, material, allowed):
+        contacts = after_steps(step, material, allowed)
+        if not len(contacts.contacts):
+            continue
         try:
             path = oriented(contacts, material)
         except OrientationError:
             # none of these places can be reached: the level's own path leaves them out too, and tells so
             continue
-        material = remove_material(material, found.level, path)
+        material = remove_material(material, patterns[0].level, path)
         paths.append(replace(path, uncut=np.zeros((0, 3)), reasons=()))
     return material, paths
 

@@ -137,15 +137,16 @@ def contact_path(
     candidates: CandidateContacts,
     material: Material | None = None,
     allowed: Allowed = ANYTHING,
+    deepest: float = np.inf,
 ) -> ContactPath:
     """The contacts of a level that can be machined while `material` is left on it, but for where the ball would
     remove less than is `allowed` (`stretches.py`).
 
-    Left out are contacts too near the post (`post`), under more material than MAX_DEPTH_RADII (`covered`: an
-    outer level was left uncut there), or where the ball does not fit (`gouge`). Those lifted by more than the
-    scallop are listed as uncut (`gouge`) though the lifted ball still passes over them. Of a level that
-    rounds the edges of the stock only what lies inside the stock is covered, which may be nothing. Raises
-    ToolPathError where nothing is left of another level.
+    Left out are contacts too near the post (`post`), under more material than MAX_DEPTH_RADII or where the ball would
+    enter it by more than `deepest` mm (`covered`: an outer level was left uncut there), or where the ball does not fit
+    (`gouge`). Those lifted by more than the scallop are listed as uncut (`gouge`) though the lifted ball still passes
+    over them. Of a level that rounds the edges of the stock only what lies inside the stock is covered, which may be
+    nothing. Raises ToolPathError where nothing is left of another level.
     """
     level, cutter, lifts = candidates.level, candidates.cutter, candidates.lifts
     blocked = np.isnan(lifts)
@@ -153,6 +154,8 @@ def contact_path(
     if material is not None:
         depth = material.thickness(level, candidates.contacts) - np.nan_to_num(lifts)
         covered = ~candidates.at_post & ~blocked & (depth > MAX_DEPTH_RADII * cutter.radius)
+        if np.isfinite(deepest):
+            covered |= candidates.usable & (candidates.depths(material) > deepest)
 
     left_out = candidates.at_post | blocked | covered | candidates.in_air
     uncut = ~candidates.in_air & (left_out | (lifts > cutter.scallop))

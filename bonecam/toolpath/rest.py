@@ -8,7 +8,7 @@ taken, the paths follow the one that takes less time: in a fillet round a pole r
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -79,6 +79,19 @@ def rest_contacts(
         paths.append(_contact_path(_gouge_free(step), allowed, len(paths) + 1))
         step = _next(step, allowed.limit)
     return [path for path in paths if len(path.contacts)]
+
+
+def after_steps(path: ContactPath, material: Material, allowed: Allowed) -> ContactPath:
+    """The contacts of a rest path but those where a step before it was left out: the ball would be too deep. A pass
+    ends there. None where all of the path is in air."""
+    depth, _ = material.depths(path.centres, path.cutter.radius)
+    if not (depth > UNCERTAIN).any():
+        return path.take(np.zeros(0, dtype=np.int64))
+    kept = np.flatnonzero(depth <= allowed.bearable)
+    if len(kept) == len(depth):
+        return path
+    goes_on = (np.diff(kept) == 1) & (np.diff(path.pass_index[kept]) == 0)
+    return replace(path.take(kept), pass_index=np.r_[0, np.cumsum(~goes_on)][: len(kept)])
 
 
 def _first(candidates: CandidateContacts, material: Material, allowed: Allowed) -> RestStep:

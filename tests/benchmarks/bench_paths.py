@@ -81,7 +81,19 @@ def heights(
     names = np.arange(len(begins))
     radii = np.full(len(begins), radius)
     cut_nails(
-        points[order], normals[order], starts, corner, CELL, 1.1, begins, ends, radii, names, left, owners
+        points[order],
+        normals[order],
+        starts,
+        corner,
+        CELL,
+        1.1,
+        begins,
+        ends,
+        radii,
+        names,
+        left,
+        owners,
+        from_top=False,
     )
     return left
 

@@ -15,7 +15,7 @@ from bonecam.toolpath.contacts import candidate_contacts, contact_path
 from bonecam.toolpath.engagement.material import remove_material, uncut_material
 from bonecam.toolpath.engagement.stretches import UNCERTAIN, Allowed
 from bonecam.toolpath.path import Kind
-from bonecam.toolpath.rest import rest_contacts, too_deep
+from bonecam.toolpath.rest import after_steps, rest_contacts, too_deep
 
 LIMIT = 0.15
 SCALLOP = 0.03
@@ -113,6 +113,21 @@ def test_rest_paths_are_numbered_and_begin_in_air(roughed, rest):
     begins = np.r_[0, np.flatnonzero(np.diff(rest[0].pass_index)) + 1]
     depth, _ = material.depths(rest[0].centres[begins], rest[0].cutter.radius)
     assert depth.max() < 0.3 * LIMIT
+
+
+def test_where_a_step_was_left_out_the_steps_and_the_passes_after_it_are_too(roughed, rest, allowed, cut):
+    part, candidates, material = roughed
+    begun = cut(material, part, rest[0])
+    assert all(after_steps(path, begun, allowed) is path for path in rest[1:2])
+    last = after_steps(rest[-1], material, allowed)
+    assert 0 < len(last.contacts) < len(rest[-1].contacts)
+    assert material.depths(last.centres, last.cutter.radius)[0].max() <= allowed.bearable
+    index = [np.flatnonzero((rest[-1].centres == centre).all(axis=1))[0] for centre in last.centres]
+    same = np.diff(last.pass_index) == 0
+    assert (np.diff(index)[same] == 1).all()
+    own = contact_path(candidates, material, allowed, allowed.bearable)
+    assert material.depths(own.centres, own.cutter.radius)[0].max() <= allowed.bearable
+    assert own.reasons.count("covered") > contact_path(candidates, material, allowed).reasons.count("covered")
 
 
 def test_there_is_no_rest_where_nothing_is_too_deep(roughed):

@@ -65,9 +65,10 @@ def cut_nails(
     names: ndarray,
     heights: ndarray,
     owners: ndarray,
+    from_top: bool,
 ) -> None:
     """Lower `heights` (n,) to where capsules cut the nails, and set `owners` (n,) to the name of the one that
-    did.
+    did. `from_top`: only a capsule that holds the nail's upper end cuts it; what would hang over a cut stands.
 
     Nails are ordered by cell (i, j, k) of a grid of cubes of side `size` from `corner` on; those of a cell
     begin at cell_starts[i, j, k] and end where those of the next one begin. Cuts more than `reach` above the
@@ -103,7 +104,8 @@ def cut_nails(
                     if far >= (ball + max(heights[m], 0.0)) ** 2:
                         continue
                     enter, leave = line_chord(points[m], normals[m], starts[c], ends[c], radius)
-                    if enter < leave and leave > 0.0 and enter < heights[m]:
+                    lowest = heights[m] if from_top else 0.0
+                    if enter < leave and leave > lowest and enter < heights[m]:
                         heights[m] = enter
                         owners[m] = names[c]
 

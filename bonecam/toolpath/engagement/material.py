@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int32
 from numpy import ndarray
 from scipy.spatial import KDTree
 
@@ -19,6 +19,7 @@ from bonecam.kernels.removal.nails import cut_nails, nail_cells
 from bonecam.levels.measure.grid import LevelGrid, level_grid
 from bonecam.levels.measure.level import Level, MachinedLevel, RoundedLevel, machined_levels
 from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.facets.vertex_normals import vertex_normals
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.stock import Stock
 from bonecam.toolpath.path import Kind, ToolPath
@@ -84,19 +85,20 @@ class Material:
         self, centres: Float[ndarray, "n 3"], radius: float
     ) -> tuple[Float[ndarray, " n"], Float[ndarray, "n 3"]]:
         """How deep a ball of this radius at each centre enters the material (mm; negative: it is off), and the unit
-        direction away from the nearest place.
+        direction out of it at the nearest place.
 
-        That is R - |C - M| with M the nearest place of the surface, or less: a ball of radius B that was at P has
-        left no material deeper than |C - P| + R - B in the ball.
+        That is R - |C - M| with M the nearest place of the surface, R + |C - M| where the centre is in the material,
+        or less: a ball of radius B that was at P has left no material deeper than |C - P| + R - B in the ball.
         """
         points, _ = self._surface.closest(centres)
-        distance = np.linalg.norm(centres - points, axis=1)
+        outward = np.where(self._surface.inside(centres), -1.0, 1.0)
+        distance = outward * np.linalg.norm(centres - points, axis=1)
         depth = radius - distance
         swept = self.swept
         if swept is not None and radius <= swept.radius:
             shift, _ = swept.places.query(centres, distance_upper_bound=swept.radius)
             depth = np.minimum(depth, shift + radius - swept.radius)
-        return depth, (centres - points) / np.maximum(distance, np.finfo(float).tiny)[:, None]
+        return depth, (centres - points) / np.where(distance, distance, np.inf)[:, None]
 
     def entered_anew(
         self, centres: Float[ndarray, "n 3"], contacts: Float[ndarray, "n 3"], radius: float, depth: float
@@ -134,11 +136,27 @@ def uncut_material(levels: Sequence[Level], stock: Stock) -> Material:
 
 def remove_material(material: Material, level: MachinedLevel, path: ToolPath) -> Material:
     """The material after `path` has machined `level`: what its balls reach is gone."""
-    vertices = _lowered(material.vertices, material.grid.R @ level.control_points, path)
+    floor = material.grid.R @ level.control_points
+    vertices = _lowered(material.vertices, floor, path)
     places = _lowered(material.places, material.depth_grid.R @ level.control_points, path)
-    mesh = material.mesh if isinstance(level, RoundedLevel) else TriangleMesh(vertices, material.grid.faces)
+    mesh = material.mesh if isinstance(level, RoundedLevel) else _hull(vertices, floor, material.grid.faces)
     swept = Swept.after(path, material.swept)
     return replace(material, vertices=vertices, mesh=mesh, places=places, swept=swept)
+
+
+def _hull(
+    standing: Float[ndarray, "n 3"], floor: Float[ndarray, "n 3"], faces: Int32[ndarray, "f 3"]
+) -> TriangleMesh:
+    """The mesh through standing vertices that the material leaves by DEVIATION at most, also where it ends in a cliff
+    between a vertex that was cut and one that stands: no vertex is lower than its neighbours by more than that."""
+    heights = np.linalg.norm(standing - floor, axis=1)
+    least = heights.copy()
+    for k in range(3):
+        one, other = faces[:, k], faces[:, k - 1]
+        np.maximum.at(least, one, heights[other] - DEVIATION)
+        np.maximum.at(least, other, heights[one] - DEVIATION)
+    up = vertex_normals(TriangleMesh(floor, faces))
+    return TriangleMesh(standing + (least - heights)[:, None] * up, faces)
 
 
 def _dense(starts: Float[ndarray, "n 3"], ends: Float[ndarray, "n 3"]) -> Float[ndarray, "m 3"]:
@@ -164,7 +182,8 @@ def _lowered(standing: Float[ndarray, "n 3"], floor: Float[ndarray, "n 3"], path
     radii = np.full(len(starts), path.cutter.radius)
     names = np.arange(len(starts))
     owners = np.full(len(above), -1)
-    cut_nails(feet, normals, cell_starts, corner, CELL, REACH, starts, ends, radii, names, tall, owners)
+    found = starts, ends, radii, names, tall, owners
+    cut_nails(feet, normals, cell_starts, corner, CELL, REACH, *found, from_top=True)
     lowered = standing.copy()
     # never below the level, where a ball may be by the gouge tolerance: the next direction would be inwards
     lowered[above] = feet + np.maximum(tall, 0.0)[:, None] * normals

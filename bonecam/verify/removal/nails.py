@@ -71,6 +71,7 @@ class Nails:
             names,
             heights,
             owners,
+            from_top=False,
         )
         self.heights[self.by_cell] = heights
         self.owners[self.by_cell] = owners

@@ -172,3 +172,52 @@ def test_a_ball_that_rises_from_its_contact_enters_nothing_anew(
         assert not material.entered_anew(contacts + height * normals, contacts, 1.0, 0.01).any()
     aside = contacts + along / np.linalg.norm(along, axis=1)[:, None]
     assert material.entered_anew(aside, contacts, 1.0, 0.01).all()
+
+
+def bore(path_of: Callable[..., ToolPath], cutter: Cutter, centre: ndarray) -> ToolPath:
+    """A ball that cuts at one place."""
+    up = np.array([[0.0, 0.0, 1.0]])
+    kinds, passes = np.array([int(Kind.CUT)]), np.zeros(1, dtype=int)
+    return path_of(centre[None] - cutter.radius * up, up, kinds=kinds, passes=passes, tool=cutter)
+
+
+def test_what_hangs_over_a_cut_stands(
+    roughing_cutter: Cutter, levels, stock: Skin, path_of: Callable[..., ToolPath]
+) -> None:
+    material = uncut_material(levels, stock)
+    place = material.places[np.argmax(material.places[:, 0])]
+    inward = -stock.normals(place[None])[0]
+    radius = roughing_cutter.radius
+    for depth, cuts in ((radius + 1.0, False), (radius - 0.4, True)):
+        after = remove_material(material, levels[1], bore(path_of, roughing_cutter, place + depth * inward))
+        moved = np.linalg.norm(after.places - material.places, axis=1)
+        assert (moved.max() > 0.3) == cuts
+        assert cuts or not moved.any()
+
+
+def test_a_ball_whose_centre_is_in_the_material_is_deeper_than_its_radius(levels, stock: Skin) -> None:
+    material = uncut_material(levels, stock)
+    place = material.places[np.argmax(material.places[:, 0])]
+    outward = stock.normals(place[None])[0]
+    for height in (1.5, 0.5, -0.5, -1.5):
+        depth, away = material.depths((place + height * outward)[None], 2.0)
+        assert depth[0] == pytest.approx(2.0 - height, abs=0.01)
+        assert away[0] @ outward > 0.99
+
+
+def test_the_mesh_ends_behind_the_foot_of_a_cliff(
+    machined: tuple[Material, ToolPath], levels, stock: Skin
+) -> None:
+    """What stands between a vertex that was cut and one that was not may reach up to the cut one."""
+    _, path = machined
+    upper = replace(path, kinds=np.where(path.contacts[:, 2] > 35.0, path.kinds, Kind.LINK))
+    material = remove_material(uncut_material(levels, stock), levels[1], upper)
+    floor = material.grid.R @ levels[1].control_points
+    raw, kept = (np.linalg.norm(v - floor, axis=1) for v in (material.vertices, material.mesh.vertices))
+    edges = material.grid.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    drop = np.ptp(raw[edges], axis=1)
+    assert drop.max() > 2 * DEVIATION
+    lower = edges[np.arange(len(edges)), np.argmin(raw[edges], axis=1)]
+    assert (kept >= raw - 1e-9).all()
+    assert (kept[lower] > raw[edges].max(axis=1) - DEVIATION - 0.01).all()
+    assert kept[raw > np.quantile(raw, 0.9)] == pytest.approx(raw[raw > np.quantile(raw, 0.9)])
