@@ -1,7 +1,7 @@
 """Nails on a surface, cut by the capsules that a ball sweeps, compiled.
 
 A nail stands on a point of the surface along its normal; its height is that of the lowest cut above the
-surface, or below it (negative) where the ball went in.
+surface, or below it (negative) where the ball went in: by the way out of the ball along the nail that is shorter.
 """
 
 import numpy as np
@@ -105,8 +105,10 @@ def cut_nails(
                         continue
                     enter, leave = line_chord(points[m], normals[m], starts[c], ends[c], radius)
                     lowest = heights[m] if from_top else 0.0
-                    if enter < leave and leave > lowest and enter < heights[m]:
-                        heights[m] = enter
+                    # a ball that comes through a thin edge from its other side is in the part by what comes out
+                    depth = max(enter, -leave)
+                    if enter < leave and leave > lowest and depth < heights[m]:
+                        heights[m] = depth
                         owners[m] = names[c]
 
 

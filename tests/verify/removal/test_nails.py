@@ -1,0 +1,42 @@
+"""Heights of nails: above the surface what is left, below it the shorter way out of the ball that went in."""
+
+import numpy as np
+import pytest
+from numpy import ndarray
+
+from bonecam.kernels.removal.nails import cut_nails, nail_cells
+
+RADIUS = 2.0
+REACH = 0.3
+X = np.array([1.0, 0.0, 0.0])
+
+
+def height_after(centre: ndarray, from_top: bool = False, tall: float = REACH) -> float:
+    """The height of a nail at the origin along X after a ball at the centre."""
+    point, normal = np.zeros((1, 3)), X[None]
+    _, starts, corner = nail_cells(point, 0.5)
+    heights, owners, balls = np.full(1, tall), np.full(1, -1), centre[None]
+    radii, names = np.full(1, RADIUS), np.zeros(1, dtype=int)
+    cut_nails(
+        point, normal, starts, corner, 0.5, REACH, balls, balls, radii, names, heights, owners, from_top
+    )
+    return float(heights[0])
+
+
+@pytest.mark.parametrize("gouge", [-0.1, 0.003, 0.5, RADIUS])
+def test_a_ball_from_outside_is_in_the_part_by_the_depth_of_its_lowest_point(gouge: float) -> None:
+    assert height_after((RADIUS - gouge) * X) == pytest.approx(-gouge)
+
+
+@pytest.mark.parametrize("out", [0.003, 0.5])
+def test_a_ball_behind_a_thin_edge_is_in_the_part_by_what_comes_out_of_it(out: float) -> None:
+    """The whole chord, 4 mm, was told before: the tip of a needle seemed gouged by its far side's cuts."""
+    assert height_after((out - RADIUS) * X) == pytest.approx(-out)
+    assert height_after(-1.01 * RADIUS * X) == REACH
+
+
+def test_from_the_top_only_what_holds_the_upper_end_is_cut() -> None:
+    below = np.array([RADIUS - 0.5, 0.0, 0.0])
+    assert height_after(below, tall=4.0) == pytest.approx(-0.5)
+    assert height_after(below, from_top=True, tall=4.0) == 4.0
+    assert height_after(below, from_top=True, tall=3.0) == pytest.approx(-0.5)
