@@ -1,7 +1,8 @@
 """Nails on a surface, cut by the capsules that a ball sweeps, compiled.
 
 A nail stands on a point of the surface along its normal; its height is that of the lowest cut above the
-surface, or below it (negative) where the ball went in: by the way out of the ball along the nail that is shorter.
+surface. Where a ball went in it is negative: how deep the point lies in the ball. The chord of the nail would tell
+more where the ball only grazes it, at a thin edge for example, where it comes from the other side.
 """
 
 import numpy as np
@@ -49,6 +50,20 @@ def line_chord(p: ndarray, n: ndarray, start: ndarray, end: ndarray, radius: flo
             if 0.0 <= along + last * turn <= length:
                 high = max(high, last)
     return low, high
+
+
+@njit(cache=True, nogil=True)
+def _distance(p: ndarray, start: ndarray, end: ndarray) -> float:
+    """Distance of a point from a straight piece."""
+    along, square = 0.0, 0.0
+    for k in range(3):
+        along += (p[k] - start[k]) * (end[k] - start[k])
+        square += (end[k] - start[k]) ** 2
+    share = min(max(along / square, 0.0), 1.0) if square > 0.0 else 0.0
+    away = 0.0
+    for k in range(3):
+        away += (p[k] - start[k] - share * (end[k] - start[k])) ** 2
+    return np.sqrt(away)
 
 
 @njit(cache=True, nogil=True)
@@ -105,11 +120,11 @@ def cut_nails(
                         continue
                     enter, leave = line_chord(points[m], normals[m], starts[c], ends[c], radius)
                     lowest = heights[m] if from_top else 0.0
-                    # a ball that comes through a thin edge from its other side is in the part by what comes out
-                    depth = max(enter, -leave)
-                    if enter < leave and leave > lowest and depth < heights[m]:
-                        heights[m] = depth
-                        owners[m] = names[c]
+                    if enter < leave and leave > lowest and enter < heights[m]:
+                        height = enter if enter > 0.0 else _distance(points[m], starts[c], ends[c]) - radius
+                        if height < heights[m]:
+                            heights[m] = height
+                            owners[m] = names[c]
 
 
 def nail_cells(points: ndarray, size: float) -> tuple[ndarray, ndarray, ndarray]:

@@ -1,4 +1,4 @@
-"""Heights of nails: above the surface what is left, below it the shorter way out of the ball that went in."""
+"""Heights of nails: above the surface what is left, below it how deep the ball went in."""
 
 import numpy as np
 import pytest
@@ -29,9 +29,10 @@ def test_a_ball_from_outside_is_in_the_part_by_the_depth_of_its_lowest_point(gou
 
 
 @pytest.mark.parametrize("out", [0.003, 0.5])
-def test_a_ball_behind_a_thin_edge_is_in_the_part_by_what_comes_out_of_it(out: float) -> None:
-    """The whole chord, 4 mm, was told before: the tip of a needle seemed gouged by its far side's cuts."""
+def test_a_ball_that_grazes_a_thin_edge_is_in_the_part_by_what_holds_the_point(out: float) -> None:
+    """The chord was told before: 4 mm of a ball behind an edge, 0.2 mm of one that passes a tip at 0.003 mm."""
     assert height_after((out - RADIUS) * X) == pytest.approx(-out)
+    assert height_after((RADIUS - out) * np.array([0.0, 1.0, 0.0])) == pytest.approx(-out)
     assert height_after(-1.01 * RADIUS * X) == REACH
 
 
