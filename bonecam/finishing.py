@@ -22,7 +22,7 @@ from bonecam.nc.posting.header import record_checks
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import Program, program_name
 from bonecam.orientation.surface_path import Workpiece, plan_surface, stand_workpiece
-from bonecam.outputs.finished import Finished, write_finished
+from bonecam.outputs.finished import PAGE_CHORD, Finished, write_finished
 from bonecam.outputs.output_files import File, Outputs
 from bonecam.outputs.run_report import report_to_program
 from bonecam.pipeline import check_job
@@ -61,15 +61,14 @@ def finish(
     `surface` is a file (rows of points, STEP, IGES, `.tsm`, `.tspline`, an open mesh with four corners), such a mesh in
     memory, or a TSpline; its normals face outward. `part` and `obstacles` (hub, shroud, neighbours, fixtures) are
     closed solids that nothing may gouge, in one frame with it and the unit `job.mesh.units`, Z the table's axis. One
-    closed round s bounds such a solid itself; an open one needs the part. All stands on the post of [holding].
-    Raises a BonecamError that names the trouble and the remedy.
+    closed round s bounds such a solid itself; an open one needs the part. All stands on the post of [holding]. Raises
+    a BonecamError.
     """
     job = job or Job()
     machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)
     check_job(job, machine, dialect)
     source = surface if isinstance(surface, str | Path) else None
-    wanted = Outputs(program, keep, report, html=html, apt=apt)
-    wanted.check(source, dialect)
+    (wanted := Outputs(program, keep, report, html=html, apt=apt)).check(source, dialect)
     solids = _checked_solids((part, *obstacles), program, report, html, apt)
     times = StageTimes()
     shape, solid = _read(surface, solids, job, times, has_part=part is not None)
@@ -80,9 +79,10 @@ def finish(
         path = plan_surface(workpiece, job, axis_limits(machine), machine.bodies)
     told.report(progress, 0.8, "writing and checking")
     path, posted, proof = _posted(path, workpiece, job, machine, dialect, source, program, times)
+    followed = workpiece.surface.tessellate(PAGE_CHORD)
     figures = {
         **_figures(workpiece, job, source, len(solids)),
-        **report_to_program(Path(program).name if program else "", [path], posted, proof, job.path),
+        **report_to_program(Path(program or "").name, [path], posted, proof, job.path, followed),
         "seconds": times.seconds,
     }
     made = Finished(workpiece, path, posted, figures, job)

@@ -210,7 +210,7 @@ def _machine(
     name = Path(file).name if file else ""
     figures = {
         **made.report,
-        **report_to_program(name, paths, program, proof, job.path),
+        **report_to_program(name, paths, program, proof, job.path, levels[0].mesh),
         "removal": NOT_SIMULATED,
     }
     return Result(made.part, made.surface, made.stock, made.levels, figures, job, paths, program)

@@ -4,6 +4,7 @@ from .facets.curvature import Curvature as Curvature
 from .facets.curvature import Shape as Shape
 from .facets.delaunay import delaunay as delaunay
 from .facets.mls_curvature import mls_curvature as mls_curvature
+from .facets.nearest_areas import nearest_areas as nearest_areas
 from .facets.side import above_contacts as above_contacts
 from .facets.side import heights_above as heights_above
 from .facets.vertex_normals import vertex_normals as vertex_normals

@@ -11,6 +11,7 @@ from numpy import ndarray
 from bonecam.arrays import angles_between
 from bonecam.errors import OrientationError
 from bonecam.job import NcJob, PathJob
+from bonecam.mesh.facets.nearest_areas import nearest_areas
 from bonecam.orientation.axes.singularity import SINGULAR_ANGLE, least_polar_angles
 from bonecam.orientation.axes.tool_axes import ToolAxes, WantedAxes, choose_axes, fixed_axes
 from bonecam.orientation.collision.checker import CollisionChecker
@@ -90,9 +91,10 @@ def _blocked(
     if not chosen.found.any():
         why = f" ({next(iter(blocked))})" if blocked else ""
         remedy = "use a longer overhang, a longer post (holding.length) or a slimmer holder"
-        raise OrientationError(
-            f"level {path.level}: no contact has a free tool axis{why}: {remedy}", level=path.level
-        )
+        everywhere = nearest_areas(scene.level, np.vstack([path.contacts, path.uncut]))
+        area = float(everywhere[: len(path.contacts)].sum())
+        what = f"no contact has a free tool axis{why}, {area:.1f} mm2 stay uncut"
+        raise OrientationError(f"level {path.level}: {what}: {remedy}", level=path.level, area_mm2=area)
     return blocked
 
 

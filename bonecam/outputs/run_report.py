@@ -9,13 +9,14 @@ import numpy as np
 from bonecam.job import PathJob
 from bonecam.levels.closed_morph import Morph
 from bonecam.mesh.part import Part
+from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.program import Program
 from bonecam.setup.stock import Stock, stock_figures
 from bonecam.surface.fitting.deviation import distance_both_ways
 from bonecam.surface.fitting.fit import Fit
 from bonecam.toolpath.path import ToolPath
 from bonecam.verify.proof import Verification
-from bonecam.verify.report import levels_report, nc_report, surface_report, toolpath_report
+from bonecam.verify.report import levels_report, nc_report, surface_report, toolpath_report, uncut_areas
 
 
 def report_text(report: dict[str, Any]) -> str:
@@ -58,8 +59,16 @@ def _given_report(part: Part, fitted: Fit) -> dict[str, float]:
 
 
 def report_to_program(
-    file: str, paths: Sequence[ToolPath], program: Program, proof: Verification, job: PathJob
+    file: str,
+    paths: Sequence[ToolPath],
+    program: Program,
+    proof: Verification,
+    job: PathJob,
+    part: TriangleMesh,
 ) -> dict[str, Any]:
-    """The sections of tool paths and program; `file` is the program's, empty where none is written."""
+    """The sections of tool paths, of what they leave uncut on the `part` where they follow it, and of the program;
+    `file` is the program's, empty where none is written."""
     told = toolpath_report(paths, float(np.radians(job.least_lead_deg)))
-    return {"toolpath": told, "nc": {"file": file, **nc_report(program, proof)}}
+    on_part = [path for path in paths if path.level == 0]
+    areas = uncut_areas(on_part, part) if job.strategy == "morph" else {}
+    return {"toolpath": told, "uncut_mm2": areas, "nc": {"file": file, **nc_report(program, proof)}}

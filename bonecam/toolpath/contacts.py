@@ -17,6 +17,7 @@ from bonecam.errors import ToolPathError
 from bonecam.job import PathJob
 from bonecam.levels.measure.level import MachinedLevel, RoundedLevel
 from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.facets.nearest_areas import nearest_areas
 from bonecam.setup.holding import Post
 from bonecam.toolpath.cutters.ball_depth import MAX_DEPTH_RADII
 from bonecam.toolpath.cutters.cutter import Cutter
@@ -161,7 +162,7 @@ def contact_path(
     uncut = ~candidates.in_air & (left_out | (lifts > cutter.scallop))
     reasons = np.select([candidates.at_post[uncut], covered[uncut]], ["post", "covered"], "gouge")
     if left_out.all() and not isinstance(level, RoundedLevel):
-        raise _nothing_to_cut(level, reasons)
+        raise _nothing_to_cut(level, reasons, candidates.contacts[uncut])
     made = _stretches(candidates, ~left_out, material, allowed)
     kept = made.index
     return ContactPath(
@@ -202,12 +203,14 @@ def _stretches(
     return cutting_passes(lines, usable, candidates.depths(material), allowed)
 
 
-def _nothing_to_cut(level: MachinedLevel, reasons: Int[ndarray, " n"] | ndarray) -> ToolPathError:
+def _nothing_to_cut(level: MachinedLevel, reasons: ndarray, contacts: Float[ndarray, "n 3"]) -> ToolPathError:
     """The error of a level none of whose contacts can be machined, for these reasons."""
     names, counts = np.unique(reasons, return_counts=True)
     most = str(names[np.argmax(counts)])
-    what = f"{counts.max()} of its {len(reasons)} contacts {WHY_NOTHING[most]}"
-    return ToolPathError(f"level {level.index}: nothing can be cut: {what}", level=level.index, reason=most)
+    area = float(nearest_areas(level.mesh, contacts)[reasons == most].sum())
+    what = f"{counts.max()} of its {len(reasons)} contacts ({area:.1f} mm2) {WHY_NOTHING[most]}"
+    evidence = {"level": level.index, "reason": most, "area_mm2": area}
+    return ToolPathError(f"level {level.index}: nothing can be cut: {what}", **evidence)
 
 
 def _in_air(level: MachinedLevel, contacts: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:

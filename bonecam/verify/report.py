@@ -7,6 +7,8 @@ import numpy as np
 
 from bonecam.arrays import angles_between, unit
 from bonecam.levels.measure.level import Level, rounding_cuts
+from bonecam.mesh.facets.nearest_areas import nearest_areas
+from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.program import Program
 from bonecam.surface.fitting.fit import Fit
 from bonecam.toolpath.path import Kind, ToolPath
@@ -82,6 +84,14 @@ def toolpath_report(paths: Sequence[ToolPath], least_lead: float) -> list[dict[s
             }
         )
     return rows
+
+
+def uncut_areas(paths: Sequence[ToolPath], part: TriangleMesh) -> dict[str, float]:
+    """`uncut_mm2` of the report: the area of the part whose nearest contact on its `paths` was left out, by reason."""
+    reasons = np.array([reason for path in paths for reason in path.reasons])
+    cut = [path.contacts[~np.isnan(path.contacts[:, 0])] for path in paths]
+    areas = nearest_areas(part, np.vstack([*(path.uncut for path in paths), *cut]))[: len(reasons)]
+    return {str(reason): round(float(areas[reasons == reason].sum()), 2) for reason in np.unique(reasons)}
 
 
 def _near_normal(path: ToolPath, least_lead: float) -> dict[str, int | None]:

@@ -33,7 +33,7 @@ def summary_of(report: Mapping[str, Any]) -> str:
         f"stock     {stock_text(report['stock'])}",
         *_post_lines(report.get("post")),
         *(_levels_lines(report) if report.get("strategy", "morph") == "morph" else _layer_lines(report)),
-        *(_program_lines(report["toolpath"], report["nc"]) if "nc" in report else ()),
+        *(_program_lines(report) if "nc" in report else ()),
         *(_removal_lines(report["removal"]) if "removal" in report else ()),
         f"time      {sum(report['seconds'].values()):.1f} s",
     ]
@@ -47,7 +47,7 @@ def finished_summary(report: Mapping[str, Any]) -> str:
     lines = [
         f"surface   {shape}; {counted(surface['solids'], 'solid')} kept clear of",
         *_post_lines(report["post"]),
-        *_program_lines(report["toolpath"], report["nc"]),
+        *_program_lines(report),
         f"time      {seconds:.1f} s",
     ]
     return "\n".join(lines)
@@ -112,12 +112,13 @@ def _levels_lines(report: Mapping[str, Any]) -> Iterator[str]:
     yield f"certified {certified_text(levels, report['levels_method'])}"
 
 
-def _program_lines(toolpath: Sequence[Mapping[str, Any]], nc: Mapping[str, Any]) -> Iterator[str]:
+def _program_lines(report: Mapping[str, Any]) -> Iterator[str]:
     """Paths, program and proof."""
+    toolpath, nc = report["toolpath"], report["nc"]
     length, trimmed = (sum(row[name] for row in toolpath) for name in ("length_mm", "trimmed_mm"))
     contacts = sum(row["contacts"] for row in toolpath)
     yield f"toolpath  {contacts} contacts, {length:.0f} mm of passes; {trimmed:.0f} mm through air left out"
-    yield f"uncut     {uncut_text(toolpath)}"
+    yield f"uncut     {uncut_text(toolpath, report['uncut_mm2'])}"
     yield from _lead_lines(toolpath)
     file = nc["file"] or "not written"
     machine = f"{nc['machine']} / {nc['controller']}"
@@ -208,9 +209,9 @@ def _why_uncertified(method: str) -> str:
     )
 
 
-def uncut_text(toolpath: Sequence[Mapping[str, Any]]) -> str:
-    """Which contacts were left uncut and why, a line for the part and one for the levels round it; `toolpath`
-    as in the report."""
+def uncut_text(toolpath: Sequence[Mapping[str, Any]], areas: Mapping[str, float]) -> str:
+    """Which contacts were left uncut and why, a line for the part with their `areas` (mm^2, by reason) and one for the
+    levels round it; `toolpath` as in the report."""
     told = []
     for where, outer in (("on the part", False), ("on levels round it", True)):
         rows = [row for row in toolpath if bool(row["level"]) == outer]
@@ -220,6 +221,15 @@ def uncut_text(toolpath: Sequence[Mapping[str, Any]]) -> str:
             "collision": ", ".join([WHY["collision"], *(f"{n} {by}" for by, n in blocked.most_common(2))])
         }
         if reasons:
-            each = ", ".join(f"{reason} {count} ({why[reason]})" for reason, count in reasons.most_common())
+            known = {} if outer else areas
+            each = ", ".join(
+                f"{reason} {count}{_area_text(known.get(reason))} ({why[reason]})"
+                for reason, count in reasons.most_common()
+            )
             told.append(f"{counted(reasons.total(), 'contact')} {where}: {each}")
     return f"\n{' ' * 10}".join(told) or "nothing"
+
+
+def _area_text(area: float | None) -> str:
+    """What is added to a number of contacts whose area is known, mm^2."""
+    return "" if area is None else f", {area:.1f} mm2"

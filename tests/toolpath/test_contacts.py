@@ -188,5 +188,6 @@ def test_the_post_ends_inside_the_part(
 def test_nothing_to_cut_is_an_error(
     covered: Callable[..., ContactPath], pebble: Callable[..., TSpline]
 ) -> None:
-    with pytest.raises(ToolPathError, match="nothing"):
+    with pytest.raises(ToolPathError, match=r"contacts \(\d+\.\d mm2\) are too near the post") as told:
         covered(pebble(), "round", post_clearance=50.0)
+    assert told.value.evidence["area_mm2"] == pytest.approx(pebble().area, rel=0.01)

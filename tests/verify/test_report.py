@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from bonecam.levels.measure.certificates.certificate import Certificate
 from bonecam.levels.measure.cut_measures import NO_CUT
@@ -12,7 +13,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.capsule import Capsule
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.path import FreeCones, Kind, ToolPath
-from bonecam.verify.report import levels_report, toolpath_report
+from bonecam.verify.report import levels_report, toolpath_report, uncut_areas
 from bonecam.verify.summary import certified_text, summary_of, uncut_text
 
 MEASURES = replace(NO_CUT, depth_max=0.5, depth_mean=0.4)
@@ -28,14 +29,17 @@ def test_what_was_left_uncut_is_told_by_reason_apart_for_the_part() -> None:
             "blocked_by": {"shank against the material": 2},
         },
     ]
-    text = uncut_text(rows)
+    text = uncut_text(rows, {"post": 0.31})
     assert text == (
         "3 contacts on the part: collision 2 (no free way for the tool, 2 shank against the material), "
-        "post 1 (at the post)\n"
+        "post 1, 0.3 mm2 (at the post)\n"
         "          7 contacts on levels round it: gouge 5 (ball too large for the hollow), post 2 (at the post)"
     )
-    assert uncut_text(rows[:1]).startswith("7 contacts on levels round it: ")
-    assert uncut_text([{"level": 0, "uncut_contacts": 0, "uncut_reasons": {}, "blocked_by": {}}]) == "nothing"
+    assert uncut_text(rows[:1], {}).startswith("7 contacts on levels round it: ")
+    assert (
+        uncut_text([{"level": 0, "uncut_contacts": 0, "uncut_reasons": {}, "blocked_by": {}}], {})
+        == "nothing"
+    )
 
 
 def test_axes_near_the_normal_are_counted_and_those_that_had_no_other(
@@ -78,6 +82,7 @@ def test_the_summary_tells_each_repair() -> None:
         "levels_lower_bound": 1,
         "levels_method": "qp",
         "levels_break_mm": 0.0,
+        "uncut_mm2": {},
         "toolpath": [
             {
                 "level": 0,
@@ -164,3 +169,20 @@ def test_why_cuts_have_no_certificate_is_told_as_it_is(pebble: Callable[..., TSp
         certified_text(levels_report(made[:2]))
         == "nothing on 1 cut: the surface is not polynomial (it has weights other than one)"
     )
+
+
+def test_the_area_left_uncut_is_that_round_the_contacts_left_out(
+    path_of: Callable[..., ToolPath],
+) -> None:
+    """Of a flat square of 4 x 4 mm a row of contacts at one edge is left out."""
+    x, y = (v.ravel() for v in np.meshgrid(*2 * [np.linspace(-2, 2, 41)], indexing="ij"))
+    index = np.arange(41**2).reshape(41, 41)
+    a, b, c, d = (v.ravel() for v in (index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]))
+    faces = np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])]).astype(np.int32)
+    part = TriangleMesh(np.column_stack([x, y, 0 * x]), faces)
+    places = np.array([[u, v, 0.0] for u in (-1.5, -0.5, 0.5, 1.5) for v in np.linspace(-1.75, 1.75, 8)])
+    cut = places[8:]
+    path = path_of(cut, np.tile([0.0, 0.0, 1.0], (len(cut), 1)), kinds=np.full(len(cut), int(Kind.CUT)))
+    path = replace(path, contacts=cut, uncut=places[:8], reasons=("post",) * 6 + ("gouge",) * 2)
+    areas = uncut_areas([path], part)
+    assert areas == {"gouge": pytest.approx(1.0, abs=0.05), "post": pytest.approx(3.0, abs=0.05)}

@@ -140,7 +140,7 @@ def _left(report: Mapping[str, Any]) -> Iterator[str]:
     if left:
         away = f"{left['area_over_0_02_mm2']:.1f} mm² keep more than 0.02 mm, {left['max_mm']:.2f} mm at most"
         yield f"On the part {away}; at the post {left['by_reason']['post']:.1f} mm²"
-    for line in uncut_text(report["toolpath"]).split("\n"):
+    for line in uncut_text(report["toolpath"], report["uncut_mm2"]).split("\n"):
         yield f"Uncut: {re.sub(' +', ' ', line).strip()}"
     yield "The stump of the post is removed by hand"
 
