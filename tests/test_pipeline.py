@@ -209,7 +209,7 @@ def test_keep_writes_levels_path_surface_and_pictures(chain: tuple[bonecam.Resul
     result, folder = chain
     count = len(result.levels.levels)
     names = {item.name for item in (folder / "keep").iterdir()} - {OWN_FILES}
-    pictures = {"levels.png", "coloured.png", "depths.png", "toolpath.png", "machine.png"}
+    pictures = {f"{name}.png" for name in "levels coloured depths toolpath machine engagement".split()}
     assert (
         names
         == {f"level_{k:02d}.ply" for k in range(count)}
@@ -250,11 +250,12 @@ def test_levels_alone_are_the_chain_s_and_take_the_place_of_its_levels_and_paths
     )
     told = json.loads((tmp_path / "levels.json").read_text(encoding="utf-8"))
     assert told["levels"] == json.loads(json.dumps(result.report["levels"]))
-    assert set(result.report) - set(told) == {"toolpath", "nc", "removal"}
+    assert set(result.report) - set(told) == {"toolpath", "uncut_mm2", "nc", "removal"}
     lines = [line.partition(" ")[0] for line in capsys.readouterr().out.splitlines()]
     assert lines == ["mesh", "surface", "stock", "post", "levels", "certified", "time"]
     assert {item.name for item in keep.iterdir()} == {item.name for item in (folder / "keep").iterdir()} - {
         "cones.csv",
+        "engagement.png",
         "left.ply",
         "machine.png",
         "program.h",

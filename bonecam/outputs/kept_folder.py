@@ -20,8 +20,11 @@ from bonecam.outputs.toolpath_csv import toolpath_csv
 from bonecam.setup.stock import Stock
 from bonecam.surface.files.tspline_text import write_tsm
 from bonecam.toolpath.cl_data import apt_text
+from bonecam.toolpath.path import Kind
+from bonecam.verify.page.packing import unpack
 from bonecam.verify.pictures.depth_colours import draw_coloured
 from bonecam.verify.pictures.depth_curves import draw_depths
+from bonecam.verify.pictures.engagement import draw_engagement
 from bonecam.verify.pictures.level_sections import draw_levels
 from bonecam.verify.pictures.machine_bodies import draw_machine
 from bonecam.verify.pictures.tool_paths import draw_toolpath
@@ -32,7 +35,7 @@ LEFT_COLOURED = 0.1
 """Leftovers are coloured from 0 to this height, mm."""
 SERIES = (
     r"level_\d{2,}\.ply|left\.ply|solid\.ply|surface\.(tspline|iga)|toolpath\.(csv|apt|png)|program\.\w+"
-    rf"|cones\.csv|axes\.(png|md)|machine\.png|view\.gz|job\.toml|report\.json|{FAILED}"
+    rf"|cones\.csv|engagement\.png|axes\.(png|md)|machine\.png|view\.gz|job\.toml|report\.json|{FAILED}"
 )
 """Names of the files of levels, surfaces, paths and program, as a regular expression. A later run in the same folder
 removes those that an earlier one wrote there."""
@@ -41,7 +44,7 @@ removes those that an earlier one wrote there."""
 def fill_kept_folder(work: Path, made: Morphed, post: tuple[float, float]) -> None:
     """Write into `work` surface.tspline, the files of `keep_levels`, view.gz, job.toml and report.json; of a program
     its text, toolpath.csv, toolpath.apt, toolpath.png, machine.png, cones.csv if axes are chosen in cones, and left.ply
-    where it is known what stays on the part. `post` is (diameter, top z), mm."""
+    and engagement.png where it was simulated. `post` is (diameter, top z), mm."""
     levels = made.levels.levels
     write_tsm(made.surface, work / "surface.tspline")
     _write_levels(work, levels, made.stock, post, LINE)
@@ -60,6 +63,15 @@ def fill_kept_folder(work: Path, made: Morphed, post: tuple[float, float]) -> No
         if made.removal and made.removal.left:
             left = made.removal.left
             write_mesh(left.mesh, work / "left.ply", quality=left.heights, largest=LEFT_COLOURED)
+            _draw_engagement(made, work / "engagement.png")
+
+
+def _draw_engagement(made: Result, file: Path) -> None:
+    """The picture of the moves that the page plays."""
+    moves = unpack(made.packed_view, VIEW).arrays
+    names = ("move_level", "move_contact", "move_axis", "move_section")
+    cuts = moves["move_kind"] == Kind.CUT
+    draw_engagement(made.levels.levels, *(moves[name] for name in names), cuts, file)
 
 
 def keep_levels(

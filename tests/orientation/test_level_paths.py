@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import bonecam
 from bonecam.setup.revolution import revolve
@@ -40,3 +41,28 @@ def test_a_fine_cutter_cuts_the_hollow_that_the_finishing_ball_does_not_enter(tm
     fine = made.paths[-1]
     assert 0 < (~np.isnan(fine.contacts[:, 0])).sum() < 1500, "only the hollow and the fillet at the post"
     assert set(made.paths[-2].reasons) <= {"collision", "limits", "short", "covered"}
+
+
+@pytest.mark.slow
+def test_the_part_comes_out_the_same_without_cuts_in_air(tmp_path: Path) -> None:
+    """In a bar much wider than its ends, whose outer levels have air above much of their passes."""
+    job = JOB.with_values(
+        stock={"kind": "cylinder", "diameter": 9.0, "length": 11.5},
+        levels={"roughing_depth": 0.5},
+        path={"fine_cutter": False},
+    )
+    made = [
+        bonecam.convert(waisted(), job.with_values(path={"least_depth": depth}), program=tmp_path / "w.h")
+        for depth in (0.03, 0.0)
+    ]
+    length, air = (
+        [sum(row[name] for row in one.report["toolpath"]) for one in made]
+        for name in ("length_mm", "trimmed_mm")
+    )
+    assert air[1] == 0
+    assert air[0] > 0.05 * length[1]
+    assert length[0] < length[1] - 0.9 * air[0]
+    heights = [one.removal.left.heights for one in made if one.removal and one.removal.left]
+    assert np.abs(heights[0] - heights[1]).max() < JOB.finishing.scallop
+    areas = [one.report["removal"]["left"]["area_over_0_02_mm2"] for one in made]
+    assert areas[0] == pytest.approx(areas[1], abs=0.5)

@@ -22,6 +22,7 @@ from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.path import Kind, ToolPath
 from bonecam.verify.pictures.depth_colours import draw_coloured
 from bonecam.verify.pictures.depth_curves import draw_depths, label_places
+from bonecam.verify.pictures.engagement import draw_engagement
 from bonecam.verify.pictures.level_sections import draw_levels
 from bonecam.verify.pictures.tool_paths import draw_toolpath
 from bonecam.verify.pictures.views import corner_normals, view
@@ -102,6 +103,24 @@ def test_rest_paths_take_the_place_of_no_level(
     draw_toolpath([outer, middle, *rests, inner], boxed(pebble, *STOCKS[0]), "")
     titles = [plot.get_title().partition("\n")[0] for plot in drawn[0].axes]
     assert [title for title in titles if title] == [f"level {level}" for level in (3, 3, 1, 1, 0, 0)]
+
+
+def test_engagement_is_drawn_on_levels_with_the_share_of_cuts_in_air(
+    pebble: Callable[..., TSpline], capsule_path: Callable[..., ToolPath], drawn: list[Figure]
+) -> None:
+    """Of level 3 all is air, of level 0 nothing; links are not drawn."""
+    moves = [path(capsule_path, level) for level in (3, 1, 0)]
+    levels = np.repeat([3, 1, 0], [len(each.tips) for each in moves])
+    tips, axes, kinds = (
+        np.concatenate([getattr(each, name) for each in moves]) for name in ("tips", "axes", "kinds")
+    )
+    cuts = kinds == Kind.CUT
+    sections = np.where(levels == 3, 0.0, 0.2)
+    draw_engagement(boxed(pebble, *STOCKS[0]), levels, tips, axes, sections, cuts, "")
+    titles = [plot.get_title() for plot in drawn[0].axes if plot.get_title()]
+    assert titles[::2] == ["level 3\n100% in air", "level 1\n0% in air", "level 0\n0% in air"]
+    segments = [len(plot.collections[-1].get_segments()) for plot in drawn[0].axes[:6]]
+    assert 0 < sum(segments) <= cuts.sum()
 
 
 @pytest.mark.parametrize("sizes", STOCKS, ids=str)

@@ -16,6 +16,13 @@ def value_range(low: int, high: int) -> Norm:
     return Normalize(low, high)
 
 
+def logarithmic_range(low: float, high: float) -> Norm:
+    """The values that the colour map covers, equal factors in equal steps."""
+    from matplotlib.colors import LogNorm
+
+    return LogNorm(low, high, clip=True)
+
+
 def colours_of(norm: Norm, values: Any) -> Any:
     """The colours (RGBA) of values."""
     from matplotlib import colormaps
