@@ -69,9 +69,15 @@ def fill_kept_folder(work: Path, made: Morphed, post: tuple[float, float]) -> No
 def _draw_engagement(made: Result, file: Path) -> None:
     """The picture of the moves that the page plays."""
     moves = unpack(made.packed_view, VIEW).arrays
-    names = ("move_level", "move_contact", "move_axis", "move_section")
-    cuts = moves["move_kind"] == Kind.CUT
-    draw_engagement(made.levels.levels, *(moves[name] for name in names), cuts, file)
+    draw_engagement(
+        made.levels.levels,
+        moves["move_level"],
+        moves["move_contact"],
+        moves["move_axis"],
+        moves["move_section"],
+        moves["move_kind"] == Kind.CUT,
+        file,
+    )
 
 
 def keep_levels(
