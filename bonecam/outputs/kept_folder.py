@@ -4,6 +4,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
+
 from bonecam.errors import FileError, LevelError
 from bonecam.files import whole_folder, write_whole
 from bonecam.job import write_job
@@ -68,12 +70,15 @@ def fill_kept_folder(work: Path, made: Morphed, post: tuple[float, float]) -> No
 
 def _draw_engagement(made: Result, file: Path) -> None:
     """The picture of the moves that the page plays."""
-    moves = unpack(made.packed_view, VIEW).arrays
+    view = unpack(made.packed_view, VIEW)
+    moves = view.arrays
+    radius_of = {tool["number"]: tool["radius"] for tool in view.facts["tools"]}
+    radii = np.array([radius_of[number] for number in moves["move_tool"].tolist()])
     draw_engagement(
         made.levels.levels,
         moves["move_level"],
         moves["move_contact"],
-        moves["move_axis"],
+        moves["move_tip"] + radii[:, None] * moves["move_axis"] - moves["move_contact"],
         moves["move_section"],
         moves["move_kind"] == Kind.CUT,
         file,

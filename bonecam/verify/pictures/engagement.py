@@ -23,13 +23,14 @@ def draw_engagement(
     levels: Sequence[Level],
     level_of: Int[ndarray, " n"],
     contacts: Float[ndarray, "n 3"],
-    axes: Float[ndarray, "n 3"],
+    outward: Float[ndarray, "n 3"],
     sections: Float[ndarray, " n"],
     cuts: Bool[ndarray, " n"],
     path: str | Path,
 ) -> None:
     """Write the outermost, a middle and the innermost level from the front (-y) and from behind, with the moves that
-    are `cuts`, each to its contact, coloured by the material that it removes a length (`sections`, mm^2).
+    are `cuts`, each to its contact, coloured by the material that it removes a length (`sections`, mm^2). `outward` is
+    any vector along the normal at each contact.
 
     Layers, which follow no level, are drawn on the part.
     """
@@ -44,7 +45,7 @@ def draw_engagement(
         here = (
             np.flatnonzero(shown[1:] & shown[:-1] & (level_of[1:] == number) & (level_of[:-1] == number)) + 1
         )
-        here = here[side * axes[here, 1] < 0]
+        here = here[side * outward[here, 1] < 0]
         ends = np.stack([contacts[here - 1], contacts[here]], axis=1)[:, :, [0, 2]] * np.array([side, 1.0])
         _draw(plot, ends, sections[here], norm)
         in_air = float((sections[here] < AIR).mean()) if len(here) else 0.0
