@@ -1,11 +1,10 @@
 """Smooth tool axes beside the surface's normals and axes that lean by a lead angle, at the same contacts (Xu et al.
-2013, Fig. 10 and section 7.2).
+2013, Fig. 10 and section 7.3).
 
 Turning is that of the axis along a pass, a length of way of the ball's centre; travels, speeds and time are those of
 the machine's rotary axes, tilt (polar angle) and turn (azimuth), without accelerations.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -101,15 +100,23 @@ class AxisComparison:
 
     @property
     def table(self) -> str:
-        """The figures in Markdown, a row for each choice."""
-        head = (
-            *("axes", "collide", "beyond limits", "turning rms (deg/mm)", "its change (deg/mm²)"),
-            *("tilt / turn in all (deg)", f"tilt / turn, {HIGH} % below (deg/s)", "moves limited"),
-            *("time (s)", "mean feed (mm/min)"),
-        )
-        rows = [head, ("---",) * len(head), *(_cells(self.figures(choice)) for choice in self.choices)]
-        rows.append(_alone(len(self.contacts), float(self.steps.sum()), self.feed))
-        return "".join(f"| {' | '.join(row)} |\n" for row in rows)
+        """The figures in Markdown, a column for each choice."""
+        rows = list(map(self.figures, self.choices))
+        alone = f"{60 * float(self.steps.sum()) / self.feed:.0f} by the feed alone"
+        told = {
+            f"collide, of {len(self.contacts)}": "{collide}",
+            "beyond the machine's limits": "{beyond_limits}",
+            "turning, rms (deg/mm)": "{turning_rms_deg_mm:.2f}",
+            "its change, rms (deg/mm²)": "{turning_change_rms_deg_mm2:.2f}",
+            "tilt / turn in all (deg)": "{tilt_travel_deg:.0f} / {turn_travel_deg:.0f}",
+            f"tilt / turn, {HIGH} % below (deg/s)": "{tilt_speed_deg_s:.0f} / {turn_speed_deg_s:.0f}",
+            "moves that an axis limits": "{limited_share:.1%}",
+            f"time (s; {alone})": "{seconds:.0f}",
+            f"mean feed (mm/min; {self.feed:.0f} asked)": "{feed_mean_mm_min:.0f}",
+        }
+        lines = [["", *(row["axes"] for row in rows)], ["---"] * (len(rows) + 1)]
+        lines += [[name, *(text.format(**row) for row in rows)] for name, text in told.items()]
+        return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
 def compare_axes(path: ToolPath, scene: Scene, limits: AxisLimits, job: PathJob) -> AxisComparison:
@@ -153,23 +160,3 @@ def _rms(values: Float[ndarray, " k"]) -> float:
 
 def _high(values: Float[ndarray, " k"]) -> float:
     return float(np.percentile(values, HIGH)) if len(values) else 0.0
-
-
-def _cells(row: dict[str, Any]) -> Sequence[str]:
-    return (
-        row["axes"],
-        f"{row['collide']}",
-        f"{row['beyond_limits']}",
-        f"{row['turning_rms_deg_mm']:.2f}",
-        f"{row['turning_change_rms_deg_mm2']:.2f}",
-        f"{row['tilt_travel_deg']:.0f} / {row['turn_travel_deg']:.0f}",
-        f"{row['tilt_speed_deg_s']:.0f} / {row['turn_speed_deg_s']:.0f}",
-        f"{row['limited_share']:.1%}",
-        f"{row['seconds']:.0f}",
-        f"{row['feed_mean_mm_min']:.0f}",
-    )
-
-
-def _alone(contacts: int, length: float, feed: float) -> Sequence[str]:
-    """The row of the feed alone, as if axes took no time."""
-    return (f"the feed alone, {contacts} contacts", *[""] * 7, f"{60 * length / feed:.0f}", f"{feed:.0f}")

@@ -58,9 +58,10 @@ def test_axes_beyond_the_limits_are_counted() -> None:
     assert made.figures(made.choices[0])["beyond_limits"] == 21
 
 
-def test_the_table_has_a_row_for_each_choice_and_one_for_the_feed() -> None:
+def test_the_table_has_a_column_for_each_choice_and_tells_the_feed_alone() -> None:
     made = comparison(turning(), AxisLimits(np.pi / 2))
     lines = made.table.strip().split("\n")
-    assert len(lines) == 4
-    assert len({line.count("|") for line in lines}) == 1
-    assert lines[2].startswith("| turning | 0 | 0 |")
+    assert {line.count("|") for line in lines} == {3}
+    assert lines[0] == "|  | turning |"
+    assert "| collide, of 21 | 0 |" in lines
+    assert "| time (s; 1 by the feed alone) | 1 |" in lines
