@@ -57,7 +57,8 @@ class FreeCones:
     """Circular cones of tool axes for which the tool is proven free round their apexes (Xu et al. 2013, section 3).
 
     Cone k has its apex at the ball centre `apexes[k]` (mm), the unit axis `axes[k]` and the semi-angle `angles[k]`
-    (radians). Row i of a path keeps to cone `cone_of[i]`, -1 for none; there the apex is the row's own ball centre.
+    (radians). Row i of a path has cone `cone_of[i]`, -1 for none; there the apex is the row's own ball centre. An axis
+    that lies outside of its cone was tested alone.
     """
 
     apexes: Float[ndarray, "k 3"]
