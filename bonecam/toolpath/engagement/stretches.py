@@ -14,6 +14,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
+from bonecam.toolpath.patterns.order import SIDE_STEP
+
 UNCERTAIN = 0.01
 """The depth at a contact is known to this, mm: places of the material are 0.25 mm apart."""
 SHORT_GAP = 8.0
@@ -22,8 +24,6 @@ BESIDE = 2
 """A stretch begins and ends so many contacts beside the depth that asks for it: in air."""
 LEAST_CONTACTS = 3
 """A stretch of fewer contacts is not worth a plunge."""
-SIDE_STEP = 2.0
-"""A pass farther away by this is preferred where it lies beside the one before, mm: 0.13 s at 900 mm/min."""
 SLOPE = 0.3
 """Slope of the ramps: 17 degrees, what solid ball cutters are allowed in solid material."""
 CLOSED = 1e-6

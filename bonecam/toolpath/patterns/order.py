@@ -2,7 +2,8 @@
 
 `zigzag`: each curve is entered at the end that is nearer to where the tool left the one before; rings are run to
 and fro. `climb` and `conventional`: all curves in the one direction in which a cutter that turns clockwise climbs,
-or in the other. Groups are followed in turn, and within a group the nearest curve is next.
+or in the other. Groups are followed in turn, and within a group the nearest curve is next, or of those that are hardly
+farther the one that lies beside the last.
 """
 
 import numpy as np
@@ -12,6 +13,8 @@ from numpy import ndarray
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.patterns.curves import Curves, curves_of
 
+SIDE_STEP = 2.0
+"""A curve farther away by this is preferred where it lies beside the one before, mm: 0.13 s at 900 mm/min."""
 CLOSED = 1e-6
 """A curve whose ends are nearer to each other is a ring, mm."""
 
@@ -49,7 +52,9 @@ def _in_turn(
         open_ = np.flatnonzero(left & (group == group[np.argmax(left)]))
         to_start = np.linalg.norm(starts[open_] - here, axis=1)
         to_end = np.linalg.norm(ends[open_] - here, axis=1) if both_ways else np.full(len(open_), np.inf)
-        nearest = int(np.argmin(np.minimum(to_start, to_end)))
+        away = np.minimum(to_start, to_end)
+        ahead = (open_ - order[-1]) % len(group)
+        nearest = int(np.argmin(np.where(away <= away.min() + SIDE_STEP, ahead, len(group))))
         chosen = int(open_[nearest])
         back = not turned[-1] if is_ring[chosen] and both_ways else bool(to_end[nearest] < to_start[nearest])
         order.append(chosen)

@@ -103,3 +103,14 @@ def test_an_unknown_direction_is_refused(pebble: Callable[..., TSpline], finishi
     curves = pattern_curves(pebble(), "along", finishing_cutter)
     with pytest.raises(ValueError, match="'up': give zigzag, climb or conventional"):
         order_curves(pebble(), curves, "up")
+
+
+def test_curves_of_a_group_that_meet_at_a_pole_are_followed_side_by_side(
+    pebble: Callable[..., TSpline],
+) -> None:
+    """Else each would cut a slot across the pole, and the last ones cusps only."""
+    count = 30
+    low = [(0.06, 0.01, 0.03, 0.01)[i % 4] for i in range(count)]
+    lines = [np.array([[i / count, t], [i / count, 1 - t]]) for i, t in enumerate(low)]
+    ordered = order_curves(pebble(), curves_of(lines, np.zeros(count, dtype=int)), "zigzag")
+    assert np.array_equal(ordered.knots[ordered.first, 0], np.arange(count) / count)
