@@ -45,32 +45,19 @@ MIKRON = AxisLimits(np.radians(115.0))
 
 @pytest.fixture(scope="module")
 def made(
-    grooved_pebble: Callable[..., TSpline],
-    mesh_of: Callable[..., TriangleMesh],
-    holding: HoldingJob,
-    roughing_cutter: Cutter,
-    upright_capsule: Capsule,
-    level_of: Callable[..., Level],
+    lump: Callable[..., tuple[TSpline, ContactPath, Scene]], roughing_cutter: Cutter
 ) -> Callable[..., tuple[ContactPath, Scene, ToolPath]]:
     """Covers a lump with a groove of depth `waist` (mm) and orients its path."""
 
     def make(
-        cutter: Cutter | None = None,
+        cutter: Cutter = roughing_cutter,
         limits: AxisLimits = MIKRON,
         waist: float = 0.8,
-        clamping: Clamping | None = None,
+        clamping: Clamping = Clamping(),  # noqa: B008
         **job: object,
     ) -> tuple[ContactPath, Scene, ToolPath]:
-        surface = grooved_pebble(waist)
-        level = mesh_of(surface)
-        material = mesh_of(grooved_pebble(waist, 0.4))
-        post = post_below(level, holding)
         settings = PathJob(**{"pattern": "round", **job})  # type: ignore[arg-type]
-        tool = cutter or roughing_cutter
-        contacts = contact_path(
-            candidate_contacts(level_of(surface), [MeshDistance(level)], tool, post, settings)
-        )
-        scene = Scene(level, material, upright_capsule, post, clamping=clamping or Clamping())
+        _, contacts, scene = lump(settings, clamping, cutter, waist)
         return contacts, scene, orient(contacts, scene, limits, settings, NcJob())
 
     return make

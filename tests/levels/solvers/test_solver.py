@@ -10,6 +10,7 @@ from bonecam.levels.solvers.solver import SOLVERS
 COARSE = Job().with_values(
     mesh={"rows": 8, "row_points": 24},
     surface={"tolerance": 0.5, "largest_deviation": 1.0, "max_control_points": 60},
+    path={"orientation": "lead"},
     levels={
         "finishing_levels": 1,
         "finishing_depth": 0.5,
@@ -29,6 +30,7 @@ def test_a_reference_solver_leads_to_a_verified_program(solver: str, monkeypatch
     monkeypatch.setattr("bonecam.levels.measure.inspection.certifiable", lambda surface: False)
     job = COARSE.with_values(levels={"solver": solver})
     result = bonecam.convert(shipped("phalanx"), job, program=None)
+    assert result.program.name == "PHALANX"
     report = result.report
     assert report["nc"]["gouge_max_mm"] <= 0.01
     assert len(report["levels"]) - 1 <= report["levels_lower_bound"] + 1

@@ -2,27 +2,22 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from bonecam.arrays import unit
 from bonecam.errors import OrientationError
-from bonecam.job import HoldingJob, PathJob
+from bonecam.job import PathJob
 from bonecam.job.frustum import Frustum
 from bonecam.kernels.closest.cone_marching import Apexes, Groups, free_directions
-from bonecam.levels.measure.level import Level
-from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.orientation.collision.scene import Scene
 from bonecam.orientation.cones.admissible_cones import AxisCones, admissible_cones
 from bonecam.orientation.limits import AxisLimits, polar_angles
-from bonecam.setup.capsule import Capsule
 from bonecam.setup.fixture.clamping import Clamping
 from bonecam.setup.fixture.column import Column
-from bonecam.setup.holding import post_below
-from bonecam.surface.tspline import TSpline
-from bonecam.toolpath.contacts import candidate_contacts, contact_path
 from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.toolpath.path import ContactPath
 
@@ -34,23 +29,12 @@ Made = tuple[ContactPath, Scene]
 
 
 @pytest.fixture(scope="module")
-def made(
-    grooved_pebble: Callable[..., TSpline],
-    mesh_of: Callable[..., TriangleMesh],
-    holding: HoldingJob,
-    roughing_cutter: Cutter,
-    upright_capsule: Capsule,
-    level_of: Callable[..., Level],
-) -> Made:
+def made(lump: Callable[..., Any], roughing_cutter: Cutter) -> Made:
     """Contacts along a lump with a groove, with a stubby tool: holder and spindle come near it."""
-    surface = grooved_pebble(0.8)
-    level, material = mesh_of(surface), mesh_of(grooved_pebble(0.8, 0.4))
-    post = post_below(level, holding)
-    stubby = replace(
-        roughing_cutter, overhang=14.0, holder=(Frustum(20.0, 16.0, 16.0),), nose=(Frustum(30.0, 40.0, 40.0),)
-    )
-    contacts = contact_path(candidate_contacts(level_of(surface), [MeshDistance(level)], stubby, post, JOB))
-    return contacts, Scene(level, material, upright_capsule, post, clamping=Clamping(clearance=1.0))
+    holder, nose = (Frustum(20.0, 16.0, 16.0),), (Frustum(30.0, 40.0, 40.0),)
+    stubby = replace(roughing_cutter, overhang=14.0, holder=holder, nose=nose)
+    _, contacts, scene = lump(JOB, Clamping(clearance=1.0), stubby)
+    return contacts, scene
 
 
 @pytest.fixture(scope="module")

@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 
 from bonecam.arrays import dots
-from bonecam.job import HoldingJob, NcJob, PathJob
-from bonecam.levels.measure.level import Level
-from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.job import NcJob, PathJob
 from bonecam.orientation.axes.lead import lead_axes
 from bonecam.orientation.collision.scene import Scene
 from bonecam.orientation.cones.admissible_cones import admissible_cones
@@ -18,13 +15,9 @@ from bonecam.orientation.field.level_axes import SLOW, level_axes
 from bonecam.orientation.field.smooth_axes import SmoothAxes, machine_minutes, smooth_axes
 from bonecam.orientation.limits import AxisLimits, polar_angles
 from bonecam.orientation.oriented_path import orient
-from bonecam.setup.capsule import Capsule
 from bonecam.setup.fixture.clamping import Clamping
 from bonecam.setup.fixture.column import Column
-from bonecam.setup.holding import post_below
 from bonecam.surface.tspline import TSpline
-from bonecam.toolpath.contacts import candidate_contacts, contact_path
-from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.toolpath.path import ContactPath, Kind
 
 LIMITS = AxisLimits(np.radians(115.0), tilt_speed=np.radians(90) * 60, turn_speed=np.radians(120) * 60)
@@ -36,28 +29,6 @@ NEAR = Clamping(clearance=0.5)
 Made = tuple[TSpline, ContactPath, Scene]
 
 
-@pytest.fixture(scope="module")
-def made(
-    grooved_pebble: Callable[..., TSpline],
-    mesh_of: Callable[..., TriangleMesh],
-    holding: HoldingJob,
-    roughing_cutter: Cutter,
-    upright_capsule: Capsule,
-    level_of: Callable[..., Level],
-) -> Callable[..., Made]:
-    """Contacts along a lump with a groove, for a cutter."""
-
-    def make(cutter: Cutter | None = None, job: PathJob = JOB, clamping: Clamping = NEAR) -> Made:
-        surface = grooved_pebble(0.8)
-        level, material = mesh_of(surface), mesh_of(grooved_pebble(0.8, 0.4))
-        post = post_below(level, holding)
-        tool = cutter or roughing_cutter
-        contacts = contact_path(candidate_contacts(level_of(surface), [MeshDistance(level)], tool, post, job))
-        return surface, contacts, Scene(level, material, upright_capsule, post, clamping=clamping)
-
-    return make
-
-
 def smoothed(
     made: Made, job: PathJob = JOB, preset: str = "membrane", start: AxisField | None = None
 ) -> SmoothAxes:
@@ -67,8 +38,8 @@ def smoothed(
 
 
 @pytest.fixture(scope="module")
-def case(made: Callable[..., Made]) -> Made:
-    return made()
+def case(lump: Callable[..., Made]) -> Made:
+    return lump(JOB, NEAR)
 
 
 @pytest.fixture(scope="module")
@@ -112,10 +83,10 @@ def test_the_machine_follows_the_field_at_the_feed(case: Made, smooth: SmoothAxe
 
 
 def test_axes_that_collide_are_led_into_cones(
-    made: Callable[..., Made], deepest_entry: Callable[..., np.ndarray]
+    lump: Callable[..., Made], deepest_entry: Callable[..., np.ndarray]
 ) -> None:
     """From a field that points down, through a chuck below the part."""
-    case = made(clamping=Clamping((Column(14.0, 25.0),), clearance=4.0))
+    case = lump(JOB, Clamping((Column(14.0, 25.0),), clearance=4.0))
     surface, contacts, scene = case
     flat = np.zeros(AROUND * ALONG)
     start = AxisField(FieldDomain.of(surface), 1, flat, flat + np.radians(112.0))
