@@ -7,6 +7,7 @@ import pytest
 
 from bonecam.arrays import dots
 from bonecam.job import NcJob, PathJob
+from bonecam.levels.measure.level import Level
 from bonecam.orientation.axes.lead import lead_axes
 from bonecam.orientation.collision.scene import Scene
 from bonecam.orientation.cones.admissible_cones import admissible_cones
