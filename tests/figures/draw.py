@@ -15,6 +15,8 @@ from bonecam.levels.measure.line_depths import line_depths
 from bonecam.mesh import TriangleMesh
 from bonecam.nc.machine import read_machine
 from bonecam.setup.holding import post_below
+from bonecam.setup.placement import place
+from bonecam.surface.files.surface_input import read_part
 from bonecam.verify import AxisComparison, draw_compared_axes, draw_machine
 from bonecam.verify.pictures.depth_colours import draw_coloured
 from bonecam.verify.pictures.depth_curves import draw_depths
@@ -42,7 +44,13 @@ FIGURES = Path(__file__).parents[2] / "docs/pages/figures"
 
 
 def main(wanted: Sequence[str]) -> None:
-    """Write the pictures of docs/pages: all, or those of the `wanted` groups `chain`, `strategies`, `page`, `blade`."""
+    """Write the pictures of docs/pages: all, or those of the `wanted` groups `clamping`, `chain`, `strategies`, `page`,
+    `blade`."""
+    if not wanted or "clamping" in wanted:
+        job = bonecam.Job().with_values(holding={"length": 40.0})  # short, to show all sizes
+        setup = place(read_part(path("phalanx"), job)[0], job)
+        top = post_below(setup.part.mesh, job.holding).top
+        draw_clamping(setup.part.mesh, setup.stock, job.holding, top, job.finishing, FIGURES / "clamping.png")
     if not wanted or "chain" in wanted:
         draw_run(bonecam.convert(path("phalanx")))
     if not wanted or "strategies" in wanted:
@@ -59,12 +67,9 @@ def main(wanted: Sequence[str]) -> None:
 
 
 def draw_run(result: bonecam.Result) -> None:
-    """Write chain.png, clamping.png, coloured.png, depths.png, toolpath.png, machine.png, tmesh.png, axes-bone.png and
+    """Write chain.png, coloured.png, depths.png, toolpath.png, machine.png, tmesh.png, axes-bone.png and
     page.png."""
     job, levels, post = result.job, result.levels.levels, post_of(result)
-    draw_clamping(
-        result.part.mesh, result.stock, job.holding, post[1], job.finishing, FIGURES / "clamping.png"
-    )
     draw_chain(result, post, FIGURES / "chain.png")
     draw_coloured(levels, FIGURES / "coloured.png")
     draw_depths(levels, line_depths(levels, result.stock), FIGURES / "depths.png")
