@@ -25,8 +25,9 @@ from bonecam.toolpath.patterns.step_metric import step_metric
 ISO_PARAMETRIC = ("along", "round")
 """Patterns for surfaces of all kinds."""
 CLOSED = ("iso-scallop", "spiral", "bands")
-"""Patterns for surfaces that are closed in s, with poles. Spiral and bands exceed the scallop on bones far from a
-tube, so they are not among the `fastest`."""
+"""Patterns for surfaces that are closed in s, with poles."""
+FASTEST = (*ISO_PARAMETRIC, "iso-scallop")
+"""The patterns of which the fastest is taken: spiral and bands exceed the scallop on bones far from a tube."""
 SEEDS = (3, 4, 6)
 """Numbers of meridians from which iso-scallop curves are tried to be counted."""
 MOVES = 48
@@ -46,7 +47,7 @@ def pattern_curves(surface: TSpline, pattern: str, cutter: Cutter, turn_speed: f
     known = ISO_PARAMETRIC + (CLOSED if closed else ())
     if pattern != "fastest" and pattern not in known:
         raise ValueError(f"pattern {pattern!r}: on this surface give fastest, {', '.join(known)}")
-    names = known[:3] if pattern == "fastest" else (pattern,)
+    names = [name for name in FASTEST if name in known] if pattern == "fastest" else [pattern]
     found = list(_candidates(surface, names, cutter, turn_speed))
     return min(found, key=lambda curves: curve_minutes(surface, curves, cutter, turn_speed))
 
