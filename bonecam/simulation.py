@@ -4,7 +4,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
-from bonecam.errors import FileError, ProgramError
+from bonecam.errors import FileError, JobError, ProgramError
 from bonecam.files import check_files, input_text, write_whole
 from bonecam.job import Job
 from bonecam.mesh.facets.hull import convex_hull
@@ -19,6 +19,7 @@ from bonecam.setup.fixture.clamping import clamping_of
 from bonecam.setup.holding import post_below
 from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.surface.files.tspline_text import read_tsm
+from bonecam.text.faults import shown
 from bonecam.toolpath.layers.limits import layer_limits
 from bonecam.verify.page.contents import level_meshes, with_program
 from bonecam.verify.page.packing import pack
@@ -32,7 +33,13 @@ from bonecam.verify.summary import removal_text
 LEVEL = re.compile(r"level_(\d{2,})\.ply")
 """Names of the levels in a kept folder: the first is the part, the last the stock."""
 HEADER_LINES = 20
-"""Lines of a program in which its header names the machine."""
+"""Lines of a program in which its header names the machine and the stock."""
+STOCK = re.compile(r"STOCK: .* FROM Z (-?[\d.]+) TO Z (-?[\d.]+)", re.IGNORECASE)
+"""What the header says of the stock."""
+SAME_STOCK = 0.1
+"""A kept stock is a mesh: its ends lie within this of those of the header, mm."""
+COARSEST = 0.5
+"""Rays are no farther apart than this share of the radius of the smallest ball."""
 
 
 def simulate(
@@ -48,18 +55,18 @@ def simulate(
     machine and post of the `job` that it was made with; `cell` (mm) is the distance of the rays. The page `html` shows
     the program as simulated, whatever came out.
 
-    FileError where a file is not there, ProgramError where the text cannot be read or is for another machine, JobError
-    where the cell needs too much memory. `check_removal` refuses what a program may not do.
+    FileError where a file is not there, ProgramError where the text cannot be read or is for another machine, control
+    or stock, JobError where the cell is too fine or too coarse. `check_removal` refuses what a program may not do.
     """
     job = job or Job()
+    _check_cell(cell, job)
     machine = read_machine(job.nc.machine)
     dialect = read_dialect(job.nc.controller)
     if html is not None:
         check_files([html], [program])
         check_page_name(html)
-    text = _text_of(Path(program))
-    _require_machine(text, machine, dialect, Path(program))
-    part, stock, levels = _kept(Path(keep))
+    text = _text_for(machine, dialect, Path(program))
+    part, stock, levels = _kept_for(text, Path(program), Path(keep))
     run = kept_contents(Path(keep))[1] if html is not None else None
     removal = simulate_removal(
         text,
@@ -90,18 +97,37 @@ def _limits(job: Job, levels: int) -> dict[int, float]:
     return {index: first[index] if index < len(first) else beyond for index in range(levels - 1)}
 
 
-def _text_of(program: Path) -> str:
+def _text_for(machine: Machine, dialect: Dialect, program: Path) -> str:
+    """The text of a program for this machine. ProgramError where it is for another one."""
     try:
-        return input_text(program)
+        text = input_text(program)
     except (OSError, UnicodeDecodeError) as error:
         why = getattr(error, "strerror", None) or "it is no text"
         raise FileError(
             f"{program}: cannot be read ({why}): give an NC program", file=str(program)
         ) from error
+    _require_machine(text, machine, dialect, program)
+    return text
+
+
+def _check_cell(cell: float, job: Job) -> None:
+    """JobError where the smallest ball passes between the rays."""
+    radius = min(job.roughing.radius, job.finishing.radius)
+    if cell > COARSEST * radius:
+        what = f"rays {cell:g} mm apart miss what a ball of {radius:g} mm does"
+        raise JobError(f"{what}: give a cell of at most {COARSEST * radius:g} mm")
 
 
 def _require_machine(text: str, machine: Machine, dialect: Dialect, program: Path) -> None:
-    """ProgramError where the header names another machine."""
+    """ProgramError where the text is for another kind of control, or the header names another machine."""
+    first = text.split("\n", 1)[0]
+    for grammar, sign in (("klartext", "BEGIN PGM"), ("iso", "%")):
+        if sign in first and dialect.grammar != grammar:
+            raise ProgramError(
+                f"{program}: its first line ({shown(first)}) is of another control than {dialect.title}: give its "
+                "--controller",
+                line=1,
+            )
     wanted = comment(f"machine {machine.title}", dialect)
     start = comment("machine", dialect).rstrip(")")
     named = [line for line in text.split("\n")[:HEADER_LINES] if start in line]
@@ -113,10 +139,28 @@ def _require_machine(text: str, machine: Machine, dialect: Dialect, program: Pat
         )
 
 
-def _kept(keep: Path) -> tuple[TriangleMesh, TriangleMesh, int]:
-    """Part and stock of a kept folder, and the number of its levels."""
+def _require_stock(text: str, stock: TriangleMesh, program: Path, keep: Path) -> None:
+    """ProgramError where the header tells another stock than the kept one."""
+    told = STOCK.search("\n".join(text.split("\n")[:HEADER_LINES]))
+    if told is None:
+        return
+    heights = [float(told[1]), float(told[2])]
+    found = stock.bounds[:, 2].tolist()
+    if max(abs(a - b) for a, b in zip(heights, found, strict=True)) > SAME_STOCK:
+        raise ProgramError(
+            f"{program}: its stock reaches from z {heights[0]:.2f} to {heights[1]:.2f} mm, that of {keep} from "
+            f"{found[0]:.2f} to {found[1]:.2f}: give the folder that `convert --keep` wrote beside the program",
+            line=0,
+        )
+
+
+def _kept_for(text: str, program: Path, keep: Path) -> tuple[TriangleMesh, TriangleMesh, int]:
+    """Part and stock of a kept folder, and the number of its levels. ProgramError where the text is for another
+    stock."""
     names = sorted(path.name for path in keep.glob("level_*.ply") if LEVEL.fullmatch(path.name))
     if len(names) < 2:
         remedy = "give the folder that `convert --keep` wrote beside the program"
         raise FileError(f"{keep}: has no levels (level_00.ply, ...): {remedy}", file=str(keep))
-    return read_mesh(keep / names[0]), read_mesh(keep / names[-1]), len(names)
+    stock = read_mesh(keep / names[-1])
+    _require_stock(text, stock, program, keep)
+    return read_mesh(keep / names[0]), stock, len(names)

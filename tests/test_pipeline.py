@@ -174,11 +174,17 @@ def test_what_cannot_be_simulated_is_one_line(
     chain: tuple[bonecam.Result, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     program, keep = str(chain[1] / "bone.h"), str(chain[1] / "keep")
+    other = tmp_path / "other.h"
+    text = Path(program).read_text(encoding="utf-8")
+    other.write_text(re.sub(r"FROM Z \d+", "FROM Z 5", text, count=1), encoding="utf-8")
     for arguments, told in (
         ([program, "--keep", str(tmp_path)], "has no levels"),
         ([program, "--keep", keep, "--machine", "linuxcnc-xyzbc"], "made for another machine"),
         ([str(tmp_path / "none.h"), "--keep", keep], "cannot be read (No such file or directory)"),
         ([program, "--keep", keep, "--cell", "0.0005"], "give a cell of at least"),
+        ([program, "--keep", keep, "--cell", "1000"], "give a cell of at most"),
+        ([program, "--keep", keep, "--controller", "linuxcnc"], "give its --controller"),
+        ([str(other), "--keep", keep], "give the folder that `convert --keep` wrote beside the program"),
     ):
         assert main(["simulate", *arguments]) == 2
         lines = capsys.readouterr().err.splitlines()

@@ -38,7 +38,14 @@ def _check_speeds(section: str, tool: ToolJob, machine: Machine) -> None:
 
 def check_room(stock: Stock, job: Job, machine: Machine) -> None:
     """MachineError where an axis of the machine travels less than the post, the stock on it and a tool
-    need."""
+    need, or where what stands on the table reaches into the stock."""
+    standing = sum(piece.length for piece in machine.table.standing)
+    if standing > job.holding.length:
+        what = f"what stands on the table reaches to z {standing:g} mm, the stock begins at {job.holding.length:g}"
+        raise MachineError(
+            f"{machine.name}: {what}: give a longer post (holding.length), or correct table.standing",
+            standing=standing,
+        )
     height = job.holding.length + stock.length + max(job.tool(name).overhang for name in job.cutter_names)
     for axis in machine.linear:
         needed = height if axis.letter == "Z" else stock.diameter

@@ -215,3 +215,9 @@ def test_a_plausible_job_ends_with_a_program_or_a_remedy(seed: int, within: With
 @pytest.mark.parametrize("seed", ALL)
 def test_every_random_job_ends_with_a_program_or_a_remedy(seed: int, within: Within) -> None:
     check_ending(seed, within)
+
+
+@pytest.mark.fuzz
+def test_a_needle_ends_as_a_proved_program() -> None:
+    """The balls on both sides of a tip of 0.01 mm graze one another's surface, which is no gouge of 1.6 mm."""
+    assert bonecam.convert(cone(4.0, 14.0, 1.5)).report["nc"]["gouge_max_mm"] < Job().path.gouge_tolerance

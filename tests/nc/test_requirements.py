@@ -1,13 +1,18 @@
 """What a job may ask of a machine: here the time for its passes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from bonecam.errors import JobError
+from bonecam.errors import JobError, MachineError
 from bonecam.job import Job
+from bonecam.job.frustum import Frustum
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.nc.requirements import check_length, least_length
+from bonecam.nc.machine import read_machine
+from bonecam.nc.requirements import check_length, check_room, least_length
 from bonecam.setup.capsule import Capsule
+from bonecam.setup.fixture.table import Table
 
 CORNERS = np.array([[0, 0, 0], [10, 0, 0], [0, 10, 0], [0, 0, 10]], dtype=float)
 FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]], dtype=np.int32)
@@ -33,3 +38,19 @@ def test_a_stock_that_takes_days_to_cut_is_refused_with_the_hours() -> None:
     check_length(PART, stock, Job().with_values(path={"most_length": 3000.0}))
     deep = {"levels": {"roughing_depth": 2.0}, "roughing": {"radius": 8.0, "scallop": 0.2}}
     check_length(PART, stock, Job().with_values(**deep))
+
+
+def test_what_stands_on_the_table_and_reaches_into_the_stock_is_refused_before_anything_is_planned() -> None:
+    machine = read_machine("mikron-ucp600")
+    stock = Capsule(np.array([0.0, 0.0, 45.0]), np.array([0.0, 0.0, 60.0]), 5.0)
+    job = Job().with_values(holding={"length": 40.0})
+    for lengths, fits in (([40.0], True), ([30.0, 20.0], False)):
+        stack = tuple(Frustum(length, 30.0, 30.0) for length in lengths)
+        crowded = replace(machine, table=Table(standing=stack))
+        if fits:
+            check_room(stock, job, crowded)
+            continue
+        with pytest.raises(
+            MachineError, match=r"reaches to z 50 mm, the stock begins at 40: give a longer post"
+        ):
+            check_room(stock, job, crowded)

@@ -25,10 +25,12 @@ def level_axes(
     before: SmoothAxes | None,
 ) -> SmoothAxes | None:
     """Smooth axes of a level in cones of free ones, from the field of the level `before` unless the machine is too slow
-    for these; None where the job wants none."""
+    for these; None where the job wants none. Where no contact has a cone there is nothing to smooth."""
     if job.orientation != "cones" or not len(contacts.contacts):
         return before
     cones = admissible_cones(contacts, scene, limits, job)
+    if not cones.found.any():
+        return before
     make = partial(smooth_axes, cones, FieldDomain.of(level.surface), limits, job, "membrane")
     if before is None:
         return make()

@@ -134,6 +134,14 @@ def test_axes_that_a_neighbours_field_would_make_slow_are_sought_anew(
     assert minutes[1] == minutes[2]
 
 
+def test_where_no_contact_has_a_cone_the_axes_of_the_level_before_stay(
+    lump: Callable[..., Made], smooth: SmoothAxes, level_of: Callable[..., Level]
+) -> None:
+    surface, contacts, scene = lump(JOB, Clamping((Column(50.0, 200.0),)))
+    for before in (None, smooth):
+        assert level_axes(contacts, level_of(surface), scene, LIMITS, JOB, before) is before
+
+
 def test_an_unknown_preset_is_refused(smooth: SmoothAxes) -> None:
     domain = smooth.field.domain
     with pytest.raises(ValueError, match="membrane, thin-plate or automatic"):
