@@ -171,7 +171,7 @@ def _removal_lines(removal: Mapping[str, Any]) -> Iterator[str]:
 def _links_text(links: Mapping[str, Any]) -> str:
     """What the moves between passes remove, and where a cut of one of them is deepest."""
     if links["most_mm3"] is None:
-        return "links cut nothing"
+        return f"no link cuts over {links['allowed_mm3']:g} mm3"
     where = f"{links['depth_max_mm']:.2f} mm deep in line {links['depth_max_line']}"
     return f"links {links['removed_mm3']:.2f} mm3, {where}"
 
