@@ -1,5 +1,6 @@
 """The report in a few lines for a person."""
 
+import textwrap
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -10,6 +11,8 @@ from bonecam.levels.problem.tolerances import NESTING_TOLERANCE
 from bonecam.setup.holding import SLENDER
 from bonecam.setup.stock import stock_text
 
+WIDTH = 120
+"""Columns of the summary's longest lines."""
 NOT_SIMULATED = {"skipped": "the removal of material was not simulated"}
 """The section `removal` of a report without a simulation."""
 WHY = {
@@ -118,7 +121,9 @@ def _program_lines(report: Mapping[str, Any]) -> Iterator[str]:
     length, trimmed = (sum(row[name] for row in toolpath) for name in ("length_mm", "trimmed_mm"))
     contacts = sum(row["contacts"] for row in toolpath)
     yield f"toolpath  {contacts} contacts, {length:.0f} mm of passes; {trimmed:.0f} mm through air left out"
-    yield f"uncut     {uncut_text(toolpath, report['uncut_mm2'])}"
+    for number, line in enumerate(uncut_lines(toolpath, report["uncut_mm2"])):
+        label = "" if number else "uncut"
+        yield textwrap.fill(line, WIDTH, initial_indent=f"{label:10}", subsequent_indent=" " * 12)
     yield from _lead_lines(toolpath)
     file = nc["file"] or "not written"
     machine = f"{nc['machine']} / {nc['controller']}"
@@ -209,7 +214,7 @@ def _why_uncertified(method: str) -> str:
     )
 
 
-def uncut_text(toolpath: Sequence[Mapping[str, Any]], areas: Mapping[str, float]) -> str:
+def uncut_lines(toolpath: Sequence[Mapping[str, Any]], areas: Mapping[str, float]) -> list[str]:
     """Which contacts were left uncut and why, a line for the part with their `areas` (mm^2, by reason) and one for the
     levels round it; `toolpath` as in the report."""
     told = []
@@ -227,7 +232,7 @@ def uncut_text(toolpath: Sequence[Mapping[str, Any]], areas: Mapping[str, float]
                 for reason, count in reasons.most_common()
             )
             told.append(f"{counted(reasons.total(), 'contact')} {where}: {each}")
-    return f"\n{' ' * 10}".join(told) or "nothing"
+    return told or ["nothing"]
 
 
 def _area_text(area: float | None) -> str:

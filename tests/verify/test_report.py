@@ -14,7 +14,7 @@ from bonecam.setup.capsule import Capsule
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.path import FreeCones, Kind, ToolPath
 from bonecam.verify.report import levels_report, toolpath_report, uncut_areas
-from bonecam.verify.summary import certified_text, summary_of, uncut_text
+from bonecam.verify.summary import certified_text, summary_of, uncut_lines
 
 MEASURES = replace(NO_CUT, depth_max=0.5, depth_mean=0.4)
 
@@ -29,17 +29,14 @@ def test_what_was_left_uncut_is_told_by_reason_apart_for_the_part() -> None:
             "blocked_by": {"shank against the material": 2},
         },
     ]
-    text = uncut_text(rows, {"post": 0.31})
-    assert text == (
+    assert uncut_lines(rows, {"post": 0.31}) == [
         "3 contacts on the part: collision 2 (no free way for the tool, 2 shank against the material), "
-        "post 1, 0.3 mm2 (at the post)\n"
-        "          7 contacts on levels round it: gouge 5 (ball too large for the hollow), post 2 (at the post)"
-    )
-    assert uncut_text(rows[:1], {}).startswith("7 contacts on levels round it: ")
-    assert (
-        uncut_text([{"level": 0, "uncut_contacts": 0, "uncut_reasons": {}, "blocked_by": {}}], {})
-        == "nothing"
-    )
+        "post 1, 0.3 mm2 (at the post)",
+        "7 contacts on levels round it: gouge 5 (ball too large for the hollow), post 2 (at the post)",
+    ]
+    assert uncut_lines(rows[:1], {})[0].startswith("7 contacts on levels round it: ")
+    nothing = {"level": 0, "uncut_contacts": 0, "uncut_reasons": {}, "blocked_by": {}}
+    assert uncut_lines([nothing], {}) == ["nothing"]
 
 
 def test_axes_near_the_normal_are_counted_and_those_that_had_no_other(

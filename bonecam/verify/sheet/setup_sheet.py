@@ -2,7 +2,6 @@
 
 import hashlib
 import html
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from string import Template
@@ -22,7 +21,7 @@ from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.verify.removal.of_job import cutters_of
 from bonecam.verify.sheet.axes import AxisRange, axis_ranges
 from bonecam.verify.sheet.drawing import clamping_drawing
-from bonecam.verify.summary import certified_text, uncut_text
+from bonecam.verify.summary import certified_text, uncut_lines
 
 ASSETS = Path(__file__).parent / "assets"
 CHANGES = {
@@ -140,8 +139,8 @@ def _left(report: Mapping[str, Any]) -> Iterator[str]:
     if left:
         away = f"{left['area_over_0_02_mm2']:.1f} mm² keep more than 0.02 mm, {left['max_mm']:.2f} mm at most"
         yield f"On the part {away}; at the post {left['by_reason']['post']:.1f} mm²"
-    for line in uncut_text(report["toolpath"], report["uncut_mm2"]).split("\n"):
-        yield f"Uncut: {re.sub(' +', ' ', line).strip()}"
+    for line in uncut_lines(report["toolpath"], report["uncut_mm2"]):
+        yield f"Uncut: {line}"
     yield "The stump of the post is removed by hand"
 
 
