@@ -116,6 +116,11 @@ def test_the_report_has_the_names_that_stay(chain: tuple[bonecam.Result, Path]) 
     assert machined == list(range(len(report["levels"]) - 2, -1, -1))
 
 
+def test_only_contacts_left_uncut_are_blocked(chain: tuple[bonecam.Result, Path]) -> None:
+    for row in chain[0].report["toolpath"]:
+        assert sum(row["blocked_by"].values()) <= row["uncut_reasons"].get("collision", 0)
+
+
 def test_what_the_text_removes_is_told_and_shown(chain: tuple[bonecam.Result, Path]) -> None:
     result, folder = chain
     removal = result.report["removal"]

@@ -188,7 +188,7 @@ def _take_rest(
             # none of these places can be reached: the level's own path leaves them out too, and tells so
             continue
         material = remove_material(material, patterns[0].level, path)
-        paths.append(replace(path, uncut=np.zeros((0, 3)), reasons=()))
+        paths.append(replace(path, uncut=np.zeros((0, 3)), reasons=(), blocked_by={}))
     return material, paths
 
 
