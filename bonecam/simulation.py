@@ -112,7 +112,7 @@ def _text_for(machine: Machine, dialect: Dialect, program: Path) -> str:
 
 def _check_cell(cell: float, job: Job) -> None:
     """JobError where the smallest ball passes between the rays."""
-    radius = min(job.roughing.radius, job.finishing.radius)
+    radius = min(job.tool(name).radius for name in job.cutter_names)
     if cell > COARSEST * radius:
         what = f"rays {cell:g} mm apart miss what a ball of {radius:g} mm does"
         raise JobError(f"{what}: give a cell of at most {COARSEST * radius:g} mm")

@@ -188,6 +188,20 @@ def test_what_cannot_be_simulated_is_one_line(
         ([str(tmp_path / "none.h"), "--keep", keep], "cannot be read (No such file or directory)"),
         ([program, "--keep", keep, "--cell", "0.0005"], "give a cell of at least"),
         ([program, "--keep", keep, "--cell", "1000"], "give a cell of at most"),
+        (
+            [
+                program,
+                "--keep",
+                keep,
+                "--cell",
+                "0.4",
+                "--set",
+                "path.fine_cutter=true",
+                "--set",
+                "fine.radius=0.5",
+            ],
+            "rays 0.4 mm apart miss what a ball of 0.5 mm does: give a cell of at most 0.25 mm",
+        ),
         ([program, "--keep", keep, "--controller", "linuxcnc"], "give its --controller"),
         ([str(other), "--keep", keep], "give the folder that `convert --keep` wrote beside the program"),
     ):
