@@ -1,4 +1,4 @@
-"""Read-only arrays, products and lengths row by row, and how exact sums of lengths are."""
+"""Read-only arrays; products, lengths and directions row by row; and how exact sums of lengths are."""
 
 from typing import Any
 
@@ -38,3 +38,15 @@ def angles_between(a: Float[ndarray, "n 3"], b: Float[ndarray, "n 3"]) -> Float[
 def lengths(a: Float[ndarray, "n d"]) -> Float[ndarray, " n"]:
     """|a| row by row."""
     return np.asarray(np.sqrt(dots(a, a)))
+
+
+def perpendicular(vectors: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+    """A unit vector at right angles to each vector."""
+    smallest = np.eye(3)[np.argmin(np.abs(vectors), axis=1)]
+    return unit(np.cross(vectors, smallest))
+
+
+def rotations_of(axes: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3 3"]:
+    """Rotations that take +Z to each unit axis."""
+    x = -perpendicular(axes)
+    return np.stack([x, np.cross(axes, x), axes], axis=2)

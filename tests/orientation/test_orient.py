@@ -254,44 +254,42 @@ def test_a_stubby_tool_leaves_what_its_holder_cannot_reach(
     assert set(path.reasons) <= {"post", "gouge", "collision", "limits"}
 
 
-def test_a_direct_link_between_opposite_axes_is_refused(
+@pytest.fixture
+def grooved(
     mesh_of: Callable[..., TriangleMesh],
     grooved_pebble: Callable[..., TSpline],
     upright_capsule: Capsule,
     holding: HoldingJob,
     roughing_cutter: Cutter,
-) -> None:
-    """There is no turn between them to be proven free."""
-    level, material = mesh_of(grooved_pebble(0.8)), mesh_of(grooved_pebble(0.8, 0.4))
-    scene = Scene(level, material, upright_capsule, post_below(level, holding))
-    checker, job = CollisionChecker(scene, roughing_cutter), PathJob()
-    space = LinkSpace(checker, MIKRON, Feeds(500.0, 200.0, 5000.0), job.clearance, job.gouge_tolerance)
-    place, x = np.array([[0.0, 0.0, 60.0]]), np.array([[1.0, 0.0, 0.0]])
-    assert direct_links(space, (place, x, x), (place + 0.1, x, -x), 1.0) == [None]
-
-
-def test_a_longer_link_runs_over_the_material_like_a_taut_string(
-    mesh_of: Callable[..., TriangleMesh],
-    grooved_pebble: Callable[..., TSpline],
-    upright_capsule: Capsule,
-    holding: HoldingJob,
-    roughing_cutter: Cutter,
-) -> None:
-    """Over a groove it neither dips into it nor leaves the material by more than it must."""
+) -> tuple[TSpline, LinkSpace]:
+    """A pebble with a groove, and what links over it are planned in: 0.4 mm of material stand on it."""
     surface, material = grooved_pebble(0.8), mesh_of(grooved_pebble(0.8, 0.4))
     level = mesh_of(surface)
     scene = Scene(level, material, upright_capsule, post_below(level, holding))
     checker, job = CollisionChecker(scene, roughing_cutter), PathJob()
-    space = LinkSpace(checker, MIKRON, Feeds(500.0, 200.0, 5000.0), job.clearance, job.gouge_tolerance)
+    feeds = Feeds(500.0, 200.0, 5000.0)
+    return surface, LinkSpace(checker, MIKRON, feeds, job.clearance, job.gouge_tolerance)
+
+
+def test_a_direct_link_between_opposite_axes_is_refused(grooved: tuple[TSpline, LinkSpace]) -> None:
+    """There is no turn between them to be proven free."""
+    _, space = grooved
+    place, x = np.array([[0.0, 0.0, 60.0]]), np.array([[1.0, 0.0, 0.0]])
+    assert direct_links(space, (place, x, x), (place + 0.1, x, -x), 1.0) == [None]
+
+
+def test_a_longer_link_runs_over_the_material_like_a_taut_string(grooved: tuple[TSpline, LinkSpace]) -> None:
+    """Over a groove it neither dips into it nor leaves the material by more than it must."""
+    surface, space = grooved
     t = np.array([0.35, 0.65])
     normals = surface.normals(np.full(2, 0.1), t)
-    centres = surface.positions(np.full(2, 0.1), t) + roughing_cutter.radius * normals
+    centres = surface.positions(np.full(2, 0.1), t) + space.ball_radius * normals
     first, last = ((centres[k : k + 1], normals[k : k + 1], normals[k : k + 1]) for k in (0, 1))
     (link,) = direct_links(space, first, last, 1.0)
     assert link is not None
     assert set(link.kinds) == {Kind.LINK}
     dense = np.vstack([np.linspace(a, b, 9) for a, b in pairwise(link.centres)])
-    above = MeshDistance(material).signed(dense) - roughing_cutter.radius
+    above = space.checker.scene.material_distance.signed(dense) - space.ball_radius
     assert above.min() > 0
     assert above[[0, -1]].max() < 2 * ABOVE
     length = np.linalg.norm(np.diff(link.centres, axis=0), axis=1).sum()

@@ -17,7 +17,7 @@ from numpy import ndarray
 from scipy.sparse import csr_array, eye_array
 from scipy.spatial import KDTree
 
-from bonecam.arrays import dots, unit
+from bonecam.arrays import dots, perpendicular, unit
 from bonecam.errors import MeshError
 from bonecam.mesh.facets.curvature import Curvature, surface_curvature
 from bonecam.mesh.facets.vertex_normals import vertex_normals
@@ -101,7 +101,7 @@ def _fit(
 
     n = normals[first : first + len(farthest)]
     for _ in range(2):
-        t1 = _across(n)
+        t1 = perpendicular(n)
         t2 = np.cross(n, t1)
         a, b, c, d, e, _ = _patches(offsets, weights, farthest, owner, begins, (t1, t2, n)).T
         frame = (t1, t2, n)
@@ -110,12 +110,6 @@ def _fit(
     first_order = (t1 + d[:, None] * up, t2 + e[:, None] * up)
     second_order = tuple(factor[:, None] * up for factor in (2 * a, c, 2 * b))
     return surface_curvature((*first_order, *second_order), n)
-
-
-def _across(normals: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
-    """A unit vector at right angles to each normal."""
-    smallest = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
-    return unit(np.cross(normals, smallest))
 
 
 def _patches(

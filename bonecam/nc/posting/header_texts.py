@@ -63,9 +63,10 @@ def tool_texts(job: Job, posted: Sequence[Posted]) -> list[str]:
     texts = []
     for number, one in {one.path.cutter.number: one for one in posted}.items():
         cutter = one.path.cutter
-        paths = [each.path for each in posted if each.path.cutter.number == number]
-        minutes = sum(float(each.minutes.sum()) for each in posted if each.path.cutter.number == number)
-        fastest = max(float(path.feed_rates[path.kinds == Kind.CUT].max(initial=0.0)) for path in paths)
+        own = [each for each in posted if each.path.cutter.number == number]
+        minutes = sum(float(each.minutes.sum()) for each in own)
+        cuts = [each.path.feed_rates[each.path.kinds == Kind.CUT] for each in own]
+        fastest = float(np.concatenate(cuts).max(initial=0.0))
         texts += [
             tool_text(cutter, one.control.tool_length),
             *(f"tool {number}: {text}" for text in _shapes(cutter)),

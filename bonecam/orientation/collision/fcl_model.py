@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.arrays import dots, lengths, unit
+from bonecam.arrays import dots, lengths, rotations_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.orientation.collision.scene import Scene, Surroundings
 from bonecam.orientation.collision.sphere_tracing import TANGENT_SLACK
@@ -52,7 +52,7 @@ class FclModel:
 
     def colliding_sections(self, tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"]) -> list[str]:
         """The name of a section of the tool that collides in each pose, or an empty string."""
-        poses = zip(_rotations(axes), tips, strict=True)
+        poses = zip(rotations_of(axes), tips, strict=True)
         found = [_crossing(fcl.Transform(turn, tip), self.sections) for turn, tip in poses]
 
         open_ = np.array([k for k, name in enumerate(found) if not name], dtype=np.int64)
@@ -123,10 +123,3 @@ def _object(mesh: TriangleMesh) -> FclObject:
     model.addSubModel(np.array(mesh.vertices), np.array(mesh.faces))
     model.endModel()
     return fcl.CollisionObject(model, fcl.Transform())
-
-
-def _rotations(axes: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3 3"]:
-    """Rotations that take +Z to each axis."""
-    side = np.eye(3)[np.argmin(np.abs(axes), axis=1)]
-    x = unit(np.cross(side, axes))
-    return np.stack([x, np.cross(axes, x), axes], axis=2)

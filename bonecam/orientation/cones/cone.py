@@ -17,7 +17,7 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 from scipy.interpolate import BSpline
 
-from bonecam.arrays import frozen, unit
+from bonecam.arrays import frozen, perpendicular
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 CIRCLE = np.array([[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1], [1, 0]], dtype=float)
@@ -154,6 +154,6 @@ def circular_cone(
     apex: Float[ndarray, "3"], axis: Float[ndarray, "3"], angle: float, length: float
 ) -> ObliqueEllipticCone:
     """The cone from `apex` about a unit axis with semi-angle `angle` (radians), `length` (mm) long."""
-    side = unit(np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])[None])[0]
+    side = perpendicular(axis[None])[0]
     radius = length * np.tan(angle)
     return ObliqueEllipticCone(apex, length * axis, radius * side, radius * np.cross(axis, side))

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.arrays import unit
+from bonecam.arrays import perpendicular
 from bonecam.orientation.axes.lead import LEAVING
 from bonecam.orientation.limits import polar_angles, with_polar_angles
 from bonecam.orientation.links.link_space import LinkSpace, Polyline
@@ -78,7 +78,7 @@ def departures(axis: Float[ndarray, "3"]) -> list[Departure]:
     same behind longer BENDS; then at once in directions that lean from the axis."""
     angle = float(polar_angles(axis[None])[0])
     rising = [with_polar_angles(axis[None], np.array([limit]))[0] for limit in POLAR_ANGLES if angle > limit]
-    side = unit(np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])[None])[0]
+    side = perpendicular(axis[None])[0]
     turns = 2 * np.pi * np.arange(AROUND) / AROUND
     ring = np.outer(np.cos(turns), side) + np.outer(np.sin(turns), np.cross(axis, side))
     leaning = [np.cos(lean) * axis + np.sin(lean) * each for lean in LEANS for each in ring]

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from bonecam.arrays import angles_between, unit
+from bonecam.arrays import angles_between, lengths, unit
 from bonecam.errors import SurfaceError
 from bonecam.mesh.distance import barycentric, exact_closest, hausdorff
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -64,12 +64,12 @@ def _layout(mesh: TriangleMesh) -> tuple[Float[ndarray, "v 2"], Float[ndarray, "
         )
     edge = np.asarray(loops[0], dtype=np.int64)
     sides = _sides(mesh.vertices, edge)
-    lengths = np.array([_steps(mesh.vertices[side]).sum() for side in sides])
-    size = np.array([lengths[[0, 2]].mean(), lengths[[1, 3]].mean()])
+    ways = [np.r_[0.0, np.cumsum(lengths(np.diff(mesh.vertices[side], axis=0)))] for side in sides]
+    size = np.array([(ways[k][-1] + ways[k + 2][-1]) / 2 for k in (0, 1)])
     corners = np.array([[0, 0], [size[0], 0], size, [0, size[1]], [0, 0]])
     places = []
-    for k, side in enumerate(sides):
-        share = np.r_[0.0, np.cumsum(_steps(mesh.vertices[side]))][:-1, None] / lengths[k]
+    for k, way in enumerate(ways):
+        share = way[:-1, None] / way[-1]
         places.append((1 - share) * corners[k] + share * corners[k + 1])
     border = np.concatenate([side[:-1] for side in sides])
     flat = np.asarray(igl.harmonic(mesh.vertices, mesh.faces, border, np.vstack(places), 1))
@@ -79,7 +79,7 @@ def _layout(mesh: TriangleMesh) -> tuple[Float[ndarray, "v 2"], Float[ndarray, "
 def _sides(vertices: Float[ndarray, "v 3"], edge: Int[ndarray, " e"]) -> list[Int[ndarray, " _"]]:
     """The runs of the edge between its four sharpest corners, both ends included."""
     points = vertices[edge]
-    along = np.r_[0.0, np.cumsum(_steps(np.vstack([points, points[:1]])))]
+    along = np.r_[0.0, np.cumsum(lengths(np.diff(points, axis=0, append=points[:1])))]
     whole, along = along[-1], along[:-1]
 
     def at(place: Float[ndarray, " e"]) -> Float[ndarray, "e 3"]:
@@ -115,7 +115,3 @@ def _grid(
     shares = barycentric(raised.vertices[mesh.faces[face]], nearest)
     points = np.einsum("nk,nkd->nd", shares, mesh.vertices[mesh.faces[face]])
     return list(points.reshape(count, count, 3))
-
-
-def _steps(points: Float[ndarray, "n 3"]) -> Float[ndarray, " n-1"]:
-    return np.asarray(np.linalg.norm(np.diff(points, axis=0), axis=1))

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.arrays import unit
+from bonecam.arrays import rotations_of
 from bonecam.job import HoldingJob
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.fixture.table import Table
@@ -99,10 +99,8 @@ def _tool(
     cutter: Cutter, tip: Float[ndarray, "3"], axis: Float[ndarray, "3"]
 ) -> list[tuple[str, TriangleMesh]]:
     """The sections of a tool in a pose."""
-    side = np.eye(3)[np.argmin(np.abs(axis))]
-    x = unit(np.cross(side, axis)[None])[0]
     pose = np.eye(4)
-    pose[:3, :3] = np.column_stack([x, np.cross(axis, x), axis])
+    pose[:3, :3] = rotations_of(axis[None])[0]
     pose[:3, 3] = tip
     angle = np.linspace(0, np.pi / 2, 6)[1:]
     ball = revolve(
