@@ -55,6 +55,7 @@ WHOLE = pack(Contents({"name": "bone"}, {"points": np.arange(30.0).reshape(10, 3
         (gzip.compress(b"\xff\xff\xff\x7f{}"), "damaged"),
         (gzip.compress(gzip.decompress(WHOLE)[:-20]), "damaged"),
     ],
+    ids=["other version", "half", "empty", "no gzip", "huge head", "short arrays"],
 )
 def test_what_is_damaged_or_of_another_version_is_told_in_one_line(packed: bytes, told: str) -> None:
     with pytest.raises(FileError, match=told) as caught:
