@@ -62,7 +62,8 @@ class Swept:
 @dataclass(frozen=True, eq=False)
 class Material:
     """The material left: the vertices of `grid` moved to `vertices`, and its closed `mesh`; and places of its
-    surface, those of the finer grid `depth_grid` moved to `places`. `swept` is where balls cut last.
+    surface, those of the finer grid `depth_grid` moved to `places`. `swept` is where balls cut last. `uncut` is the
+    stock before the first cut: depths are measured from it, as no grid follows the edges of a bar.
 
     While levels that round the edges of the stock are cut, `mesh` stays the whole stock: the grid cannot
     follow an edge.
@@ -74,6 +75,7 @@ class Material:
     depth_grid: LevelGrid
     places: Float[ndarray, "p 3"]
     swept: Swept | None = None
+    uncut: Stock | None = None
 
     def thickness(self, level: MachinedLevel, contacts: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
         """Thickness of the material above the level at each contact, mm."""
@@ -90,6 +92,9 @@ class Material:
         That is R - |C - M| with M the nearest place of the surface, R + |C - M| where the centre is in the material,
         or less: a ball of radius B that was at P has left no material deeper than |C - P| + R - B in the ball.
         """
+        if self.uncut is not None:
+            distance, normals = self.uncut.distances_and_normals(centres)
+            return radius - distance, normals
         points, _ = self._surface.closest(centres)
         outward = np.where(self._surface.inside(centres), -1.0, 1.0)
         distance = outward * np.linalg.norm(centres - points, axis=1)
@@ -105,10 +110,13 @@ class Material:
     ) -> Bool[ndarray, " n"]:
         """Whether a ball of this radius at each centre enters the material by more than `depth` (mm) where one at its
         contact has not been: what leaves a contact may go up in the place that was cut there."""
-        entered = self.depths(centres, radius)[0] > depth
+        deep, outward = self.depths(centres, radius)
+        entered = deep > depth
         which = np.flatnonzero(entered)
+        nearest = centres - (radius - deep)[:, None] * outward
         for i, near in zip(which, self._places.query_ball_point(centres[which], radius - depth), strict=True):
-            from_contact = np.linalg.norm(self._places.data[near] - contacts[i], axis=1)
+            places = np.vstack([nearest[i], self._places.data[near]])
+            from_contact = np.linalg.norm(places - contacts[i], axis=1)
             entered[i] = bool((from_contact > radius).any())
         return np.asarray(entered)
 
@@ -131,17 +139,19 @@ def uncut_material(levels: Sequence[Level], stock: Stock) -> Material:
     nets = [level.control_points for level in machined]
     grid, fine = (level_grid(machined[0].surface, nets, chord) for chord in (CHORD, DEPTH_CHORD))
     vertices, places = (stock.closest_points(each.R @ nets[-1]) for each in (grid, fine))
-    return Material(grid, vertices, levels[-1].mesh, fine, places)
+    return Material(grid, vertices, levels[-1].mesh, fine, places, uncut=stock)
 
 
 def remove_material(material: Material, level: MachinedLevel, path: ToolPath) -> Material:
     """The material after `path` has machined `level`: what its balls reach is gone."""
+    if not (path.kinds == Kind.CUT).any():
+        return material
     floor = material.grid.R @ level.control_points
     vertices = _lowered(material.vertices, floor, path)
     places = _lowered(material.places, material.depth_grid.R @ level.control_points, path)
     mesh = material.mesh if isinstance(level, RoundedLevel) else _hull(vertices, floor, material.grid.faces)
     swept = Swept.after(path, material.swept)
-    return replace(material, vertices=vertices, mesh=mesh, places=places, swept=swept)
+    return replace(material, vertices=vertices, mesh=mesh, places=places, swept=swept, uncut=None)
 
 
 def _hull(

@@ -1,6 +1,6 @@
 """What is left of the stock after a path, and what that does to the next level."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +11,7 @@ from scipy.spatial import KDTree
 
 from bonecam.job import HoldingJob, NcJob, PathJob
 from bonecam.levels.measure.cut_measures import NO_CUT
-from bonecam.levels.measure.level import MachinedLevel, StockLevel
+from bonecam.levels.measure.level import Level, MachinedLevel, StockLevel
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.orientation.collision.scene import Scene
@@ -19,6 +19,7 @@ from bonecam.orientation.limits import AxisLimits
 from bonecam.orientation.oriented_path import orient
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.holding import Post, post_below
+from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.contacts import candidate_contacts, contact_path
 from bonecam.toolpath.cutters.cutter import Cutter
@@ -28,10 +29,14 @@ from bonecam.toolpath.path import Kind, ToolPath
 
 
 class Skin(Capsule):
-    """A stock half a millimetre outside every level."""
+    """A stock half a millimetre outside every level; depths are measured from its places, as it is no body."""
 
     def closest_points(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
         return np.asarray(points + 0.5 * self.normals(points))
+
+
+def skin_material(levels: Sequence[Level], stock: Skin) -> Material:
+    return replace(uncut_material(levels, stock), uncut=None)
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +75,7 @@ def path_on(stock: Skin, post: Post) -> Callable[[MachinedLevel, Material, Cutte
 def machined(
     roughing_cutter: Cutter, levels: tuple[MachinedLevel, MachinedLevel, StockLevel], stock: Skin, path_on
 ) -> tuple[Material, ToolPath]:
-    material = uncut_material(levels, stock)
+    material = skin_material(levels, stock)
     path = path_on(levels[1], material, roughing_cutter)
     return remove_material(material, levels[1], path), path
 
@@ -109,7 +114,7 @@ def test_no_ball_of_the_path_is_inside_the_material_left(
 def test_contacts_under_uncut_material_stay_uncut(
     roughing_cutter: Cutter, finishing_cutter: Cutter, levels, stock: Skin, post: Post, path_on
 ) -> None:
-    material = uncut_material(levels, stock)
+    material = skin_material(levels, stock)
     path = path_on(levels[1], material, roughing_cutter)
     spared = path.contacts[:, 2] > 39.0
     shortened = replace(
@@ -138,7 +143,7 @@ def test_what_is_trimmed_and_what_is_cut_make_up_the_whole_passes(
 ) -> None:
     _, path = machined
     lower = replace(path, kinds=np.where(path.contacts[:, 2] < 35.0, path.kinds, Kind.LINK))
-    material = remove_material(uncut_material(levels, stock), levels[1], lower)
+    material = remove_material(skin_material(levels, stock), levels[1], lower)
     meshes = [MeshDistance(levels[1].mesh)]
     candidates = candidate_contacts(levels[1], meshes, roughing_cutter, post, PathJob(pattern="iso-scallop"))
 
@@ -160,7 +165,7 @@ def test_what_is_trimmed_and_what_is_cut_make_up_the_whole_passes(
 def test_a_ball_that_rises_from_its_contact_enters_nothing_anew(
     levels: tuple[MachinedLevel, MachinedLevel, StockLevel], stock: Skin
 ) -> None:
-    material = uncut_material(levels, stock)
+    material = skin_material(levels, stock)
     s, t = np.random.default_rng(5).uniform(0.2, 0.8, (2, 50))
     surface = levels[1].surface
     normals = surface.normals(s, t)
@@ -184,7 +189,7 @@ def bore(path_of: Callable[..., ToolPath], cutter: Cutter, centre: ndarray) -> T
 def test_what_hangs_over_a_cut_stands(
     roughing_cutter: Cutter, levels, stock: Skin, path_of: Callable[..., ToolPath]
 ) -> None:
-    material = uncut_material(levels, stock)
+    material = skin_material(levels, stock)
     place = material.places[np.argmax(material.places[:, 0])]
     inward = -stock.normals(place[None])[0]
     radius = roughing_cutter.radius
@@ -196,7 +201,7 @@ def test_what_hangs_over_a_cut_stands(
 
 
 def test_a_ball_whose_centre_is_in_the_material_is_deeper_than_its_radius(levels, stock: Skin) -> None:
-    material = uncut_material(levels, stock)
+    material = skin_material(levels, stock)
     place = material.places[np.argmax(material.places[:, 0])]
     outward = stock.normals(place[None])[0]
     for height in (1.5, 0.5, -0.5, -1.5):
@@ -211,7 +216,7 @@ def test_the_mesh_ends_behind_the_foot_of_a_cliff(
     """What stands between a vertex that was cut and one that was not may reach up to the cut one."""
     _, path = machined
     upper = replace(path, kinds=np.where(path.contacts[:, 2] > 35.0, path.kinds, Kind.LINK))
-    material = remove_material(uncut_material(levels, stock), levels[1], upper)
+    material = remove_material(skin_material(levels, stock), levels[1], upper)
     floor = material.grid.R @ levels[1].control_points
     raw, kept = (np.linalg.norm(v - floor, axis=1) for v in (material.vertices, material.mesh.vertices))
     edges = material.grid.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
@@ -221,3 +226,22 @@ def test_the_mesh_ends_behind_the_foot_of_a_cliff(
     assert (kept >= raw - 1e-9).all()
     assert (kept[lower] > raw[edges].max(axis=1) - DEVIATION - 0.01).all()
     assert kept[raw > np.quantile(raw, 0.9)] == pytest.approx(raw[raw > np.quantile(raw, 0.9)])
+
+
+def test_before_the_first_cut_depths_count_from_the_edges_of_a_bar(
+    levels: tuple[MachinedLevel, MachinedLevel, StockLevel],
+) -> None:
+    """A ball that touches a rounding of the bar's rim; the grid, which follows no edge, ends below it."""
+    bar = Cylinder(6.0, 28.0, 46.0)
+    outermost = StockLevel(2, bar.mesh(0.01), 0.5, NO_CUT)
+    material = uncut_material([*levels[:2], outermost], bar)
+    rounding, ball = 1.0, 2.0
+    out = np.array([np.sqrt(0.5), 0.0, np.sqrt(0.5)])
+    contact = np.array([6.0 - rounding, 0.0, 46.0 - rounding]) + rounding * out
+    centre = contact + ball * out
+    depth, away = material.depths(centre[None], ball)
+    assert depth[0] == pytest.approx(rounding * (np.sqrt(2) - 1))
+    assert away[0] == pytest.approx(out)
+    aside = np.array([[0.0, centre[0], centre[2]]])
+    assert material.entered_anew(aside, centre[None], ball, 0.01).all()
+    assert replace(material, uncut=None).depths(centre[None], ball)[0][0] < 0.3
