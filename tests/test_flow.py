@@ -25,7 +25,8 @@ ROOMS = {
         *"limits collision axes cones field links oriented_path level_paths layer_paths".split(),
         *"post_length reach surface_path".split(),
     ],
-    "verify": "gouge readback trial_program proof removal axis_comparison report summary pictures page sheet".split(),
+    "verify": "gouge readback trial_program proof removal axis_comparison report axis_lines summary pictures page "
+    "sheet".split(),
 }
 """The order of the modules and sub-packages inside a stage."""
 ROOT = Path(__file__).parents[1] / "bonecam"

@@ -82,6 +82,13 @@ class PathJob(Section):
         "Tool axes: turning the machine as smoothly as cones of free axes allow (cones), or leaning forward (lead).",
         choices=("cones", "lead"),
     )
+    certify: str = parameter(
+        "distances",
+        "Certificate",
+        "Cones of free axes are proven by distances; or each is put before FCL too, and narrowed where it finds a "
+        "collision: planning takes about twice as long.",
+        choices=("distances", "fcl"),
+    )
     least_lead_deg: float = parameter(
         10.0,
         "Least lead",

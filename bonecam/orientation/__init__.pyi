@@ -6,6 +6,8 @@ from .cones.cone import oblique_elliptic_cone as oblique_elliptic_cone
 from .cones.cones_mesh import cones_mesh as cones_mesh
 from .cones.intersection import IntersectionCurve as IntersectionCurve
 from .cones.intersection import intersect as intersect
+from .cones.verify_cones import ConeVerdict as ConeVerdict
+from .cones.verify_cones import verify_cones as verify_cones
 from .field.axis_field import FieldDomain as FieldDomain
 from .field.smooth_axes import SmoothAxes as SmoothAxes
 from .field.smooth_axes import smooth_axes as smooth_axes

@@ -129,7 +129,7 @@ def wanted_axes(
     domain = FieldDomain.of(workpiece.surface)
     starts = [None, swinging_field(cones, domain)] if domain.closed else [None]
     made = [smooth_axes(cones, domain, limits, job, "membrane", start) for start in starts]
-    return soonest(made, limits).wanted
+    return soonest(made, limits).verified(scene, job).wanted
 
 
 def swinging_field(cones: AxisCones, domain: FieldDomain) -> AxisField:

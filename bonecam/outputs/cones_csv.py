@@ -12,13 +12,13 @@ COLUMNS = (
     *("level", "rest"),
     *("apex_x", "apex_y", "apex_z"),
     *("axis_x", "axis_y", "axis_z"),
-    *("half_angle_deg", "contacts"),
+    *("half_angle_deg", "contacts", "slack_mm"),
 )
 
 
 def cones_csv(paths: Sequence[ToolPath]) -> str:
     """One line for each cone that contacts keep to, in machining order: the node that stands for them among the ball's
-    centres (mm), unit axis, semi-angle, and how many contacts they are."""
+    centres (mm), unit axis, semi-angle, how many contacts they are, and how much nearer (mm) the obstacles might be."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)
@@ -31,5 +31,5 @@ def cones_csv(paths: Sequence[ToolPath]) -> str:
             apex = [f"{value:.4f}" for value in cones.apexes[k]]
             axis = [f"{value:.6f}" for value in cones.axes[k]]
             angle = f"{np.degrees(cones.angles[k]):.3f}"
-            writer.writerow([path.level, path.rest, *apex, *axis, angle, count])
+            writer.writerow([path.level, path.rest, *apex, *axis, angle, count, f"{cones.slacks[k]:.4f}"])
     return text.getvalue()

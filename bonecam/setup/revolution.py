@@ -28,7 +28,7 @@ def revolve(
     ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(around)])
     points = radii[:, None, None] * ring + heights[:, None, None] * np.array([0.0, 0.0, 1.0])
     poles = np.array([[0, 0, end] for end in ends])
-    return TriangleMesh(np.vstack([points.reshape(-1, 3), poles]), _ring_faces(len(radii), around))
+    return TriangleMesh(np.vstack([points.reshape(-1, 3), poles]), ring_faces(len(radii), around))
 
 
 def revolve_ring(profile: Float[ndarray, "r 2"], around: int) -> TriangleMesh:
@@ -50,7 +50,7 @@ def _band_faces(lower: ndarray, upper: ndarray) -> ndarray:
     return np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
 
 
-def _ring_faces(rings: int, around: int) -> ndarray:
+def ring_faces(rings: int, around: int) -> ndarray:
     """Triangles (m, 3) between neighbouring rings and to the poles, whose vertices follow those of the rings."""
     index = np.arange(rings * around).reshape(rings, around)
     turned = np.roll(index, -1, axis=1)

@@ -52,19 +52,31 @@ class ContactPath:
         return replace(self, **{name: getattr(self, name)[contacts] for name in names})
 
 
+@dataclass(frozen=True)
+class ConeCheck:
+    """How many cones were `asked` of FCL, how many it let pass `narrowed` only, and how many not at all (`refused`)."""
+
+    asked: int
+    narrowed: int
+    refused: int
+
+
 @dataclass(frozen=True, eq=False)
 class FreeCones:
     """Circular cones of tool axes for which the tool is proven free round their apexes (Xu et al. 2013, section 3).
 
     Cone k has its apex at the ball centre `apexes[k]` (mm), the unit axis `axes[k]` and the semi-angle `angles[k]`
     (radians). Row i of a path has cone `cone_of[i]`, -1 for none; there the apex is the row's own ball centre. An axis
-    that lies outside of its cone was tested alone.
+    that lies outside of its cone was tested alone. The proof of cone k would hold with all obstacles `slacks[k]` (mm)
+    nearer. `check` is FCL's word on them, where it was asked.
     """
 
     apexes: Float[ndarray, "k 3"]
     axes: Float[ndarray, "k 3"]
     angles: Float[ndarray, "k"]
+    slacks: Float[ndarray, "k"]
     cone_of: Int[ndarray, "n"]
+    check: ConeCheck | None = None
 
     def at(self, rows: Int[ndarray, "m"]) -> "FreeCones":
         """The cones of these rows, -1 for a row that has none."""

@@ -1,6 +1,7 @@
 """The report: figures of every stage under names that stay (`--report FILE.json`)."""
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -80,6 +81,7 @@ def toolpath_report(paths: Sequence[ToolPath], least_lead: float) -> list[dict[s
                 "uncut_contacts": len(path.uncut),
                 "uncut_reasons": reasons,
                 "blocked_by": dict(path.blocked_by),
+                "cones": _cones(path),
                 **_near_normal(path, least_lead),
             }
         )
@@ -92,6 +94,25 @@ def uncut_areas(paths: Sequence[ToolPath], part: TriangleMesh) -> dict[str, floa
     cut = [path.contacts[~np.isnan(path.contacts[:, 0])] for path in paths]
     areas = nearest_areas(part, np.vstack([*(path.uncut for path in paths), *cut]))[: len(reasons)]
     return {str(reason): round(float(areas[reasons == reason].sum()), 2) for reason in np.unique(reasons)}
+
+
+def _cones(path: ToolPath) -> dict[str, Any] | None:
+    """How many cones the contacts keep to, what their proofs have to spare (the least, and 1 % have less), and FCL's
+    word on all that were made for the path, where it was asked; null where axes are not chosen in cones."""
+    if path.cones is None:
+        return None
+    used = np.unique(path.cones.cone_of[path.cones.cone_of >= 0])
+    slacks = (
+        [_mm(value) for value in np.percentile(path.cones.slacks[used], [0, 1])]
+        if len(used)
+        else [None, None]
+    )
+    check = path.cones.check
+    return {
+        "count": len(used),
+        **dict(zip(("slack_min_mm", "slack_1_percent_mm"), slacks)),
+        "fcl": asdict(check) if check else None,
+    }
 
 
 def _near_normal(path: ToolPath, least_lead: float) -> dict[str, int | None]:

@@ -10,6 +10,7 @@ from bonecam.levels.closed_morph import METHODS
 from bonecam.levels.problem.tolerances import NESTING_TOLERANCE
 from bonecam.setup.holding import SLENDER
 from bonecam.setup.stock import stock_text
+from bonecam.verify.axis_lines import axis_lines
 
 WIDTH = 120
 """Columns of the summary's longest lines."""
@@ -124,7 +125,7 @@ def _program_lines(report: Mapping[str, Any]) -> Iterator[str]:
     for number, line in enumerate(uncut_lines(toolpath, report["uncut_mm2"])):
         label = "" if number else "uncut"
         yield textwrap.fill(line, WIDTH, initial_indent=f"{label:10}", subsequent_indent=" " * 12)
-    yield from _lead_lines(toolpath)
+    yield from axis_lines(toolpath)
     file = nc["file"] or "not written"
     machine = f"{nc['machine']} / {nc['controller']}"
     yield f"nc        {file}: {nc['blocks']} blocks for {machine}, about {nc['time_min']:.0f} min"
@@ -134,21 +135,6 @@ def _program_lines(report: Mapping[str, Any]) -> Iterator[str]:
     tip_um, gouge_um = nc["readback_tip_error_mm"] * 1000, nc["gouge_max_mm"] * 1000
     axis_deg = nc["readback_axis_error_deg"]
     yield f"proof     tip {tip_um:.2f} um, axis {axis_deg:.4f} deg, gouge {gouge_um:.2f} um"
-
-
-def _lead_lines(toolpath: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """Where smooth axes come nearer to the normal than they should."""
-    near = [row for row in toolpath if row["near_normal_contacts"]]
-    contacts, forced = (
-        sum(row[f"near_normal_{name}"] for row in near) for name in ("contacts", "without_choice")
-    )
-    if near:
-        share = contacts / sum(row["contacts"] for row in toolpath)
-        most = max(near, key=lambda row: row["near_normal_contacts"])
-        where = f"{most['near_normal_contacts']} of them on level {most['level']}"
-        choice = f"{forced} have no other in their cones"
-        yield f"lead      {share:.1%} of the contacts are cut nearer to the ball's tip than path.least_lead_deg"
-        yield f"          {contacts} contacts, {where}; {choice}"
 
 
 def removal_text(removal: Mapping[str, Any]) -> str:

@@ -12,7 +12,7 @@ from bonecam.levels.measure.level import RoundedLevel, StockLevel
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.capsule import Capsule
 from bonecam.surface.tspline import TSpline
-from bonecam.toolpath.path import FreeCones, Kind, ToolPath
+from bonecam.toolpath.path import ConeCheck, FreeCones, Kind, ToolPath
 from bonecam.verify.report import levels_report, toolpath_report, uncut_areas
 from bonecam.verify.summary import certified_text, summary_of, uncut_lines
 
@@ -51,11 +51,21 @@ def test_axes_near_the_normal_are_counted_and_those_that_had_no_other(
     path = replace(path, contacts=balls - [0, 0, tool.radius])
     assert toolpath_report([path], np.radians(10.0))[0]["near_normal_contacts"] is None
 
-    cones = FreeCones(balls[:2], axes[[0, 1]], np.radians([1.0, 30.0]), np.array([0, 1, -1, 1]))
+    cones = FreeCones(
+        balls[:2], axes[[0, 1]], np.radians([1.0, 30.0]), np.array([0.2, 0.4]), np.array([0, 1, -1, 1])
+    )
     row = toolpath_report([replace(path, cones=cones)], np.radians(10.0))[0]
     assert row["near_normal_contacts"] == 3
     assert row["near_normal_without_choice"] == 2
-    none = FreeCones(balls[:0], axes[:0], np.zeros(0), np.full(4, -1))
+    assert row["cones"] == {"count": 2, "slack_min_mm": 0.2, "slack_1_percent_mm": 0.202, "fcl": None}
+    checked = replace(cones, check=ConeCheck(5, 1, 0), cone_of=np.full(4, -1))
+    assert toolpath_report([replace(path, cones=checked)], 0.0)[0]["cones"] == {
+        "count": 0,
+        "slack_min_mm": None,
+        "slack_1_percent_mm": None,
+        "fcl": {"asked": 5, "narrowed": 1, "refused": 0},
+    }
+    none = FreeCones(balls[:0], axes[:0], np.zeros(0), np.zeros(0), np.full(4, -1))
     assert toolpath_report([replace(path, cones=none)], np.radians(5.0))[0]["near_normal_without_choice"] == 2
 
 
@@ -85,6 +95,7 @@ def test_the_summary_tells_each_repair() -> None:
                 "level": 0,
                 "contacts": 5,
                 "length_mm": 7.5,
+                "cones": {"fcl": {"asked": 9, "narrowed": 2, "refused": 1}},
                 "near_normal_contacts": None,
                 "near_normal_without_choice": None,
                 "trimmed_mm": 2.0,
@@ -102,6 +113,7 @@ def test_the_summary_tells_each_repair() -> None:
     }
     told = summary_of(report).splitlines()
     assert "feed      median 500, a tenth below 250 mm/min; an axis limits 95% of the cutting blocks" in told
+    assert "cones     9 put before FCL: 2 narrowed, 1 refused" in told
     assert told[:2] == [
         "mesh      993 faces, mm; 1 repair",
         "repair    closed 1 hole with 33 faces, 9.66 mm across",

@@ -201,6 +201,30 @@ def deepest_cones(
 
 
 @njit(cache=True, nogil=True)
+def proof_slacks(o: Obstacles, p: Apexes, axes: ndarray, angles: ndarray, most: float) -> ndarray:
+    """By how much more (mm, `most` at most) each apex may be off its place for the cone about `axes` (k, 3) of `angles`
+    (k, radians) to be proven still; 0 where it is not proven."""
+    found = np.zeros(len(angles))
+    off = p.growth.copy()
+    moved = Apexes(p.places, off, p.normals, p.spread, p.room)
+    for k in range(len(angles)):
+        if not angles[k] > 0:
+            continue
+        low, high = 0.0, 2 * most  # the first trial is `most`
+        for _ in range(BISECTIONS):
+            middle = min((low + high) / 2, most)
+            off[k] = p.growth[k] + middle
+            if _free(o, moved, k, axes[k], angles[k]):
+                low = middle
+            else:
+                high = middle
+            if low == most:
+                break
+        found[k] = low
+    return found
+
+
+@njit(cache=True, nogil=True)
 def angles_to_blocked(free: ndarray, order: ndarray, angles: ndarray) -> ndarray:
     """The angle (k, d) from each direction to the nearest one that is not `free` (k, d), 0 of such a one;
     `order` (d, m) are the nearest m directions of each, `angles` (d, m) how far they are: the last one where

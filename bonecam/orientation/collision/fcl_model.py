@@ -11,7 +11,7 @@ from typing import Any
 
 import fcl
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy import ndarray
 
 from bonecam.arrays import dots, lengths, rotations_of
@@ -89,8 +89,8 @@ class FclModel:
 def build_fcl_model(scene: Scene, cutter: Cutter, margin: float = 0.0) -> FclModel:
     """The FCL objects of a cutter in a scene; above the cutter the tool is thicker by `sweep_margin`s of `margin`
     (mm)."""
-    meshes = {"level": _object(scene.level), "material": _object(scene.material)}
-    table = (_object(table_mesh(scene.clamping.clearance)),) if scene.clamping.closed else ()
+    meshes = {"level": fcl_object(scene.level), "material": fcl_object(scene.material)}
+    table = (fcl_object(table_mesh(scene.clamping.clearance)),) if scene.clamping.closed else ()
     columns: dict[Column, FclObject] = {}
     sections = []
     for section in cutter.profile:
@@ -98,28 +98,46 @@ def build_fcl_model(scene: Scene, cutter: Cutter, margin: float = 0.0) -> FclMod
         by = sweep_margin(cutter, section, margin) + scene.material_deviation
         tool = cutter_mesh(cutter) if section.name == "cutter" else section_mesh(section, by)
         for column in around.columns:
-            columns.setdefault(column, _object(column_mesh(column)))
+            columns.setdefault(column, fcl_object(column_mesh(column)))
         standing = [columns[column] for column in around.columns]
         obstacles = (meshes[around.obstacle], *standing, *table)
-        sections.append(FclSection(section, _object(tool), around, obstacles))
+        sections.append(FclSection(section, fcl_object(tool), around, obstacles))
     return FclModel(scene.clamping, tuple(sections))
 
 
 def _crossing(transform: Any, sections: Sequence[FclSection]) -> str:
     """The name of the first section whose surface, so placed, crosses that of an obstacle, or an empty
     string."""
-    request = fcl.CollisionRequest(num_max_contacts=1, enable_contact=False)
     for item in sections:
         item.tool.setTransform(transform)
-        if any(fcl.collide(item.tool, other, request, fcl.CollisionResult()) for other in item.obstacles):
+        if any(_cross(item.tool, other) for other in item.obstacles):
             return item.section.name
     return ""
 
 
-def _object(mesh: TriangleMesh) -> FclObject:
+def fcl_object(mesh: TriangleMesh) -> FclObject:
     """The mesh as a collision object."""
+    return solid_object(np.array(mesh.vertices), np.array(mesh.faces))
+
+
+def solid_object(vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"]) -> FclObject:
+    """Vertices and faces as a collision object."""
     model = fcl.BVHModel()
-    model.beginModel(len(mesh.vertices), len(mesh.faces))
-    model.addSubModel(np.array(mesh.vertices), np.array(mesh.faces))
+    model.beginModel(len(vertices), len(faces))
+    model.addSubModel(vertices, faces)
     model.endModel()
     return fcl.CollisionObject(model, fcl.Transform())
+
+
+def crosses(
+    solid: FclObject, turned: Float[ndarray, "3 3"], at: Float[ndarray, "3"], other: FclObject
+) -> bool:
+    """Whether the surface of an object, turned and moved there, crosses that of another."""
+    solid.setTransform(fcl.Transform(turned, at))
+    return _cross(solid, other)
+
+
+def _cross(one: FclObject, other: FclObject) -> bool:
+    """Whether the surfaces of two objects cross."""
+    request = fcl.CollisionRequest(num_max_contacts=1, enable_contact=False)
+    return bool(fcl.collide(one, other, request, fcl.CollisionResult()))

@@ -7,6 +7,7 @@ tilt cut the cones by planes.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -15,19 +16,21 @@ from scipy.spatial import KDTree
 
 from bonecam.arrays import angles_between, dots, frozen, unit
 from bonecam.job import PathJob
-from bonecam.kernels.closest.cone_marching import deepest_cones
+from bonecam.kernels.closest.cone_marching import deepest_cones, proof_slacks
 from bonecam.orientation.axes.lead import table_limits
 from bonecam.orientation.collision.scene import Scene
 from bonecam.orientation.cones.cone import ObliqueEllipticCone, circular_cone
 from bonecam.orientation.cones.free_axes import WIDEST, FreeAxes, free_axes
 from bonecam.orientation.limits import AxisLimits, polar_angles
-from bonecam.toolpath.path import ContactPath, FreeCones
+from bonecam.toolpath.path import ConeCheck, ContactPath, FreeCones
 
 TRIED = 3
 """Directions that a cone is tried about: those that promise most."""
 WIDTH_SHARE = 0.3
 """A cone wider by an angle is preferred even if the wanted axes lie less deep in it by this share of the angle: a field
 has more room in it. On four levels of the phalanx the rounds to the end are a fifth fewer than without."""
+MOST_SLACK = 1.0
+"""No more is sought of what a proof has to spare, mm."""
 NO_CONE = -1.0
 """Angle of a node without a cone."""
 
@@ -36,7 +39,7 @@ NO_CONE = -1.0
 class AxisCones:
     """Cones about `axes` (k, 3) with semi-angles `angles` (k; NO_CONE where there is none), radians, one for every
     node of `free.net`. The contacts of `path` keep to them, to polar angles `least_polar` .. `largest_polar` (n) and
-    within `max_tilt` of their normals, radians."""
+    within `max_tilt` of their normals, radians. `check` is FCL's word on them, where it was asked."""
 
     path: ContactPath
     free: FreeAxes
@@ -45,6 +48,7 @@ class AxisCones:
     least_polar: float
     largest_polar: Float[ndarray, " n"]
     max_tilt: float
+    check: ConeCheck | None = None
 
     def __post_init__(self) -> None:
         for name in ("axes", "angles", "largest_polar"):
@@ -54,6 +58,12 @@ class AxisCones:
     def found(self) -> Bool[ndarray, " n"]:
         """Which contacts have a cone."""
         return np.asarray(self.angles[self.free.net.node_of] > 0)
+
+    @cached_property
+    def slacks(self) -> Float[ndarray, " k"]:
+        """By how much nearer (mm, MOST_SLACK at most) all obstacles could be for the proof of each cone to hold still;
+        0 where there is none."""
+        return proof_slacks(self.free.obstacles, self.free.apexes, self.axes, self.angles, MOST_SLACK)
 
     def depths(self, axes: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
         """How far inside its contact's cone each axis is, radians; negative outside."""
@@ -78,7 +88,7 @@ class AxisCones:
             free.obstacles, free.apexes, means, free.directions, free.room, TRIED, WIDEST, WIDTH_SHARE
         )
         angles[(angles <= 0) | ~free.allowed.any(axis=1)] = NO_CONE
-        return replace(self, axes=axes, angles=angles)
+        return replace(self, axes=axes, angles=angles, check=None)
 
     def blocked(self) -> dict[int, str]:
         """The contacts without any cone, and what is against it: `limits`, or the section of the tool and the obstacle
@@ -94,7 +104,11 @@ class AxisCones:
         number = np.where(kept, np.cumsum(kept) - 1, -1)
         away, row = KDTree(self.path.centres).query(path.centres)
         cone_of = np.where(away == 0, number[self.free.net.node_of[row]], -1)
-        return FreeCones(self.free.net.places[kept], self.axes[kept], self.angles[kept], cone_of)
+        net = self.free.net
+        apexes, axes, angles, slacks = (
+            part[kept] for part in (net.places, self.axes, self.angles, self.slacks)
+        )
+        return FreeCones(apexes, axes, angles, slacks, cone_of, self.check)
 
     def cone(self, contact: int, length: float = 1.0) -> ObliqueEllipticCone:
         """The cone of a contact with its apex at the ball's centre, to `length` (mm) along its axis. ValueError where

@@ -32,10 +32,8 @@ def level_axes(
     if not cones.found.any():
         return before
     make = partial(smooth_axes, cones, FieldDomain.of(level.surface), limits, job, "membrane")
-    if before is None:
-        return make()
-    found = make(before.field)
+    found = make() if before is None else make(before.field)
     at_feed = machine_minutes(contacts, found.axes, AxisLimits(limits.largest))
-    if machine_minutes(contacts, found.axes, limits) <= SLOW * at_feed:
-        return found
-    return soonest([found, make()], limits)
+    if before is not None and machine_minutes(contacts, found.axes, limits) > SLOW * at_feed:
+        found = soonest([found, make()], limits)
+    return found.verified(scene, job)

@@ -15,7 +15,9 @@ from numpy import ndarray
 from bonecam.arrays import lengths, unit
 from bonecam.job import PathJob
 from bonecam.orientation.axes.tool_axes import WantedAxes
+from bonecam.orientation.collision.scene import Scene
 from bonecam.orientation.cones.admissible_cones import AxisCones
+from bonecam.orientation.cones.verify_cones import verified_cones
 from bonecam.orientation.field.axis_field import AxisField, FieldDomain
 from bonecam.orientation.field.energy import PRESETS, AxisEnergy
 from bonecam.orientation.field.fit import axis_energy, first_values, minimise, sample_rows
@@ -43,6 +45,10 @@ class SmoothAxes:
     field: AxisField
     axes: Float[ndarray, "n 3"]
     cones: AxisCones
+
+    def verified(self, scene: Scene, job: PathJob) -> "SmoothAxes":
+        """These axes, with FCL's word on the cones in the scene that they were made in, where the job wants that."""
+        return replace(self, cones=verified_cones(self.cones, scene)) if job.certify == "fcl" else self
 
     @cached_property
     def wanted(self) -> WantedAxes:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +9,6 @@ import pytest
 from bonecam.arrays import unit
 from bonecam.errors import OrientationError
 from bonecam.job import PathJob
-from bonecam.job.frustum import Frustum
 from bonecam.kernels.closest.cone_marching import Apexes, Groups, free_directions
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.orientation.collision.scene import Scene
@@ -18,7 +16,6 @@ from bonecam.orientation.cones.admissible_cones import AxisCones, admissible_con
 from bonecam.orientation.limits import AxisLimits, polar_angles
 from bonecam.setup.fixture.clamping import Clamping
 from bonecam.setup.fixture.column import Column
-from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.toolpath.path import ContactPath
 
 LIMITS = AxisLimits(np.radians(115.0))
@@ -26,20 +23,6 @@ JOB = PathJob(pattern="along")
 RANDOM = np.random.default_rng(5)
 
 Made = tuple[ContactPath, Scene]
-
-
-@pytest.fixture(scope="module")
-def made(lump: Callable[..., Any], roughing_cutter: Cutter) -> Made:
-    """Contacts along a lump with a groove, with a stubby tool: holder and spindle come near it."""
-    holder, nose = (Frustum(20.0, 16.0, 16.0),), (Frustum(30.0, 40.0, 40.0),)
-    stubby = replace(roughing_cutter, overhang=14.0, holder=holder, nose=nose)
-    _, contacts, scene = lump(JOB, Clamping(clearance=1.0), stubby)
-    return contacts, scene
-
-
-@pytest.fixture(scope="module")
-def cones(made: Made) -> AxisCones:
-    return admissible_cones(*made, LIMITS, JOB)
 
 
 def axes_in(cones: AxisCones, contacts: np.ndarray, scale: float = 1.0, rim: bool = False) -> np.ndarray:

@@ -22,7 +22,9 @@ def path(path_of: Callable[..., ToolPath]) -> ToolPath:
     axes = unit(np.column_stack([np.linspace(-1, 1, 10), np.ones(10), np.ones(10)]))
     made = path_of(tips, axes)
     which = np.where(np.arange(10) % 2, np.arange(10) // 2, -1)
-    return replace(made, cones=FreeCones(made.balls[1::2], axes[1::2], np.linspace(0.1, 0.6, 5), which))
+    return replace(
+        made, cones=FreeCones(made.balls[1::2], axes[1::2], np.linspace(0.1, 0.6, 5), np.zeros(5), which)
+    )
 
 
 def test_each_cone_stands_at_its_ball_and_is_as_wide_as_it_is_proven(path: ToolPath) -> None:

@@ -1,6 +1,7 @@
 """What smooth axes promise: bounds, smoothness, and cones kept."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from bonecam.job import NcJob, PathJob
 from bonecam.levels.measure.level import Level
 from bonecam.orientation.axes.lead import lead_axes
 from bonecam.orientation.collision.scene import Scene
-from bonecam.orientation.cones.admissible_cones import admissible_cones
+from bonecam.orientation.cones.admissible_cones import NO_CONE, admissible_cones
 from bonecam.orientation.field.axis_field import ALONG, AROUND, AxisField, FieldDomain
 from bonecam.orientation.field.level_axes import SLOW, level_axes
 from bonecam.orientation.field.smooth_axes import SmoothAxes, machine_minutes, smooth_axes
@@ -142,6 +143,15 @@ def test_where_no_contact_has_a_cone_the_axes_of_the_level_before_stay(
     surface, contacts, scene = lump(JOB, Clamping((Column(50.0, 200.0),)))
     for before in (None, smooth):
         assert level_axes(contacts, level_of(surface), scene, LIMITS, JOB, before) is before
+
+
+def test_cones_are_put_before_fcl_where_the_job_wants_it(case: Made, smooth: SmoothAxes) -> None:
+    some = np.arange(len(smooth.cones.angles)) % 40 == 0
+    few = replace(smooth, cones=replace(smooth.cones, angles=np.where(some, smooth.cones.angles, NO_CONE)))
+    assert few.verified(case[2], JOB) is few
+    check = few.verified(case[2], replace(JOB, certify="fcl")).wanted.cones.check
+    assert check.asked == (few.cones.angles > 0).sum() > 0
+    assert check.narrowed + check.refused <= 0.05 * check.asked
 
 
 def test_an_unknown_preset_is_refused(smooth: SmoothAxes) -> None:

@@ -1,0 +1,38 @@
+"""What a summary tells of tool axes and their cones."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+
+def axis_lines(toolpath: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """Lines from the section `toolpath` of a report."""
+    yield from _cone_lines(toolpath)
+    yield from _lead_lines(toolpath)
+
+
+def _cone_lines(toolpath: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """What FCL says of the cones, where it was asked."""
+    checks = {
+        row["level"]: row["cones"]["fcl"] for row in toolpath if row["cones"]
+    }  # all paths of a level share one
+    of_names = (
+        [check[name] for check in checks.values() if check] for name in ("asked", "narrowed", "refused")
+    )
+    asked, narrowed, refused = map(sum, of_names)
+    if asked:
+        yield f"cones     {asked} put before FCL: {narrowed} narrowed, {refused} refused"
+
+
+def _lead_lines(toolpath: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """Where smooth axes come nearer to the normal than they should."""
+    near = [row for row in toolpath if row["near_normal_contacts"]]
+    contacts, forced = (
+        sum(row[f"near_normal_{name}"] for row in near) for name in ("contacts", "without_choice")
+    )
+    if near:
+        share = contacts / sum(row["contacts"] for row in toolpath)
+        most = max(near, key=lambda row: row["near_normal_contacts"])
+        where = f"{most['near_normal_contacts']} of them on level {most['level']}"
+        choice = f"{forced} have no other in their cones"
+        yield f"lead      {share:.1%} of the contacts are cut nearer to the ball's tip than path.least_lead_deg"
+        yield f"          {contacts} contacts, {where}; {choice}"
