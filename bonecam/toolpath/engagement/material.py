@@ -50,20 +50,26 @@ class Swept:
     radius: float
     places: KDTree
 
-    @classmethod
-    def after(cls, path: ToolPath, before: "Swept | None") -> "Swept":
-        """Where the balls of a path cut, and those of the paths `before` on its level."""
-        places = _dense(*_cuts(path))
-        if before is not None and before.level == path.level:
-            places = np.vstack([before.places.data, places])
-        return cls(path.level, path.cutter.radius, KDTree(places))
+
+def _swept_after(path: ToolPath, before: Sequence[Swept]) -> tuple[Swept, ...]:
+    """Where balls cut on the level of a path and on the one before it: the rest paths of a level cut only parts of
+    it."""
+    level, radius = path.level, path.cutter.radius
+    places = [_dense(*_cuts(path))]
+    kept: list[Swept] = []
+    for swept in before:
+        if (swept.level, swept.radius) == (level, radius):
+            places.append(swept.places.data)
+        elif swept.level <= level + 1:
+            kept.append(swept)
+    return (*kept, Swept(level, radius, KDTree(np.vstack(places))))
 
 
 @dataclass(frozen=True, eq=False)
 class Material:
     """The material left: the vertices of `grid` moved to `vertices`, and its closed `mesh`; and places of its
-    surface, those of the finer grid `depth_grid` moved to `places`. `swept` is where balls cut last. `uncut` is the
-    stock before the first cut: depths are measured from it, as no grid follows the edges of a bar.
+    surface, those of the finer grid `depth_grid` moved to `places`. `swept` is where balls cut on the last two levels.
+    `uncut` is the stock before the first cut: depths are measured from it, as no grid follows the edges of a bar.
 
     While levels that round the edges of the stock are cut, `mesh` stays the whole stock: the grid cannot
     follow an edge.
@@ -74,7 +80,7 @@ class Material:
     mesh: TriangleMesh
     depth_grid: LevelGrid
     places: Float[ndarray, "p 3"]
-    swept: Swept | None = None
+    swept: tuple[Swept, ...] = ()
     uncut: Stock | None = None
 
     def thickness(self, level: MachinedLevel, contacts: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
@@ -99,10 +105,10 @@ class Material:
         outward = np.where(self._surface.inside(centres), -1.0, 1.0)
         distance = outward * np.linalg.norm(centres - points, axis=1)
         depth = radius - distance
-        swept = self.swept
-        if swept is not None and radius <= swept.radius:
-            shift, _ = swept.places.query(centres, distance_upper_bound=swept.radius)
-            depth = np.minimum(depth, shift + radius - swept.radius)
+        for swept in self.swept:
+            if radius <= swept.radius:
+                shift, _ = swept.places.query(centres, distance_upper_bound=swept.radius)
+                depth = np.minimum(depth, shift + radius - swept.radius)
         return depth, (centres - points) / np.where(distance, distance, np.inf)[:, None]
 
     def entered_anew(
@@ -150,7 +156,7 @@ def remove_material(material: Material, level: MachinedLevel, path: ToolPath) ->
     vertices = _lowered(material.vertices, floor, path)
     places = _lowered(material.places, material.depth_grid.R @ level.control_points, path)
     mesh = material.mesh if isinstance(level, RoundedLevel) else _hull(vertices, floor, material.grid.faces)
-    swept = Swept.after(path, material.swept)
+    swept = _swept_after(path, material.swept)
     return replace(material, vertices=vertices, mesh=mesh, places=places, swept=swept, uncut=None)
 
 

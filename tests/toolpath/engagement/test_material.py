@@ -245,3 +245,17 @@ def test_before_the_first_cut_depths_count_from_the_edges_of_a_bar(
     aside = np.array([[0.0, centre[0], centre[2]]])
     assert material.entered_anew(aside, centre[None], ball, 0.01).all()
     assert replace(material, uncut=None).depths(centre[None], ball)[0][0] < 0.3
+
+
+def test_a_rest_path_of_the_next_level_makes_no_ball_deeper(
+    machined: tuple[Material, ToolPath], roughing_cutter: Cutter, levels, path_of: Callable[..., ToolPath]
+) -> None:
+    """Beside the post places stand that the ball has passed: how deep it is there is known from where it was."""
+    material, path = machined
+    rows = np.flatnonzero(path.kinds == Kind.CUT)
+    centres = (path.tips + path.cutter.radius * path.axes)[rows]
+    rest = replace(bore(path_of, roughing_cutter, centres[np.argmax(centres[:, 2])]), level=0, rest=1)
+    before, _ = material.depths(centres, roughing_cutter.radius)
+    assert before.max() < 1e-9
+    after, _ = remove_material(material, levels[0], rest).depths(centres, roughing_cutter.radius)
+    assert after.max() < 1e-9
