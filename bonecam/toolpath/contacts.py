@@ -200,7 +200,8 @@ def _stretches(
     lines = candidates.lines
     if material is None or not np.isfinite(allowed.limit):
         return whole_passes(lines, usable)
-    return cutting_passes(lines, usable, candidates.depths(material), allowed)
+    in_air = candidates.in_air & ~(candidates.at_post | np.isnan(candidates.lifts))
+    return cutting_passes(lines, usable, candidates.depths(material), allowed, in_air)
 
 
 def _nothing_to_cut(level: MachinedLevel, reasons: ndarray, contacts: Float[ndarray, "n 3"]) -> ToolPathError:

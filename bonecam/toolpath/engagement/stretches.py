@@ -92,11 +92,17 @@ def whole_passes(lines: Lines, usable: Bool[ndarray, " n"]) -> Stretches:
 
 
 def cutting_passes(
-    lines: Lines, usable: Bool[ndarray, " n"], depth: Float[ndarray, " n"], allowed: Allowed
+    lines: Lines,
+    usable: Bool[ndarray, " n"],
+    depth: Float[ndarray, " n"],
+    allowed: Allowed,
+    in_air: Bool[ndarray, " n"],
 ) -> Stretches:
-    """The passes over what is usable and deep enough, entered on ramps."""
+    """The passes over what is usable and deep enough, entered on ramps. They may begin, end and go on over what is
+    `in_air`: the strip that the edge of a bar takes is no longer than a step or two."""
     deep = usable & (depth >= allowed.least)
-    cut = filled(lines, beside(lines, deep, BESIDE) & usable, usable, SHORT_GAP)
+    passable = usable | in_air
+    cut = filled(lines, beside(lines, deep, BESIDE) & passable, passable, SHORT_GAP)
     runs = split_runs(lines, cut)
     short = [run for run in runs if len(run) < LEAST_CONTACTS]
     flat = np.zeros((len(depth), 3))

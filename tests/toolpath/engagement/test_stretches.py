@@ -31,9 +31,9 @@ def ring(count=80, radius=5.0):
     return Lines(np.zeros(count + 1, dtype=int), centres, np.tile(UP, (count + 1, 1)))
 
 
-def passes(lines, depth, allowed, usable=None):
+def passes(lines, depth, allowed, usable=None, in_air=False):
     usable = np.ones(len(lines.line), dtype=bool) if usable is None else usable
-    return cutting_passes(lines, usable, depth, allowed)
+    return cutting_passes(lines, usable, depth, allowed, np.broadcast_to(in_air, len(depth)))
 
 
 def test_all_that_is_usable_is_cut_where_nothing_is_asked():
@@ -54,6 +54,15 @@ def test_what_would_only_rub_is_left_out_with_gaps_worth_a_retract():
     left = np.setdiff1d(np.arange(120), made.index)
     assert np.array_equal(left, np.arange(20 + BESIDE, 70 - BESIDE))
     assert 6 * STEP < SHORT_GAP < 50 * STEP
+
+
+def test_a_strip_of_two_contacts_between_air_is_cut_from_air_to_air():
+    in_air = np.ones(120, dtype=bool)
+    in_air[50:52] = False
+    made = passes(plane(), np.where(in_air, -0.1, 0.4), Allowed(0.5, least=0.03), ~in_air, in_air)
+    assert np.array_equal(made.index, np.arange(50 - BESIDE, 52 + BESIDE))
+    assert not made.raised.any()
+    assert not len(made.short)
 
 
 def test_nothing_deeper_than_the_least_depth_is_left_out():
