@@ -5,18 +5,21 @@ The grid is turned so that its directions are even to the axis of the part: face
 to the coordinate axes, then lie across no set of rays, and no ray runs along one.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int32
 from numpy import ndarray
 from scipy.spatial import ConvexHull
 
 from bonecam.errors import JobError
+from bonecam.kernels.removal.polyhedron import polyhedron_chords
 from bonecam.kernels.removal.rays import TILE, RaySet, summarise
+from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.runtime.threads import in_pieces
 from bonecam.setup.stock import Stock
+from bonecam.setup.stocks.mesh import ConvexStock
 
 ROOM = 4
 """Intervals on a ray to begin with: more are made room for where a cut needs them."""
@@ -132,25 +135,44 @@ def _lay_set(
         float(grid.size[direction]),
     )
     corners = np.column_stack([u[met], v[met]]) - side / 2
+    drawn = {
+        k: _drawn(body.surface, grid, direction, rays.tile_of)
+        for k, body in enumerate(bodies)
+        if isinstance(body, ConvexStock)
+    }
 
     def fill(tiles: slice) -> None:
-        _fill(rays, bodies, grid, direction, corners[tiles], below[met][tiles], tiles)
+        known = {k: (low[tiles].ravel(), high[tiles].ravel()) for k, (low, high) in drawn.items()}
+        _fill(rays, bodies, known, grid, direction, corners[tiles], below[met][tiles], tiles)
 
     in_pieces(fill, len(corners), PIECE)
     summarise(rays)
     return rays
 
 
+def _drawn(
+    mesh: TriangleMesh, grid: RayGrid, direction: int, tile_of: Int32[ndarray, "i j"]
+) -> tuple[Float[ndarray, "t r"], Float[ndarray, "t r"]]:
+    """Where the rays of all tiles enter and leave a convex mesh; infinite where they pass by."""
+    corners = grid.of_points(mesh.vertices)[:, order(direction)][mesh.faces]
+    low = np.full((tile_of.max() + 1, TILE * TILE), -np.inf)
+    high = np.full(low.shape, np.inf)
+    polyhedron_chords(corners, grid.cell, tile_of, low, high)
+    return low, high
+
+
 def _fill(
     rays: RaySet,
     bodies: Sequence[Stock],
+    drawn: Mapping[int, tuple[Float[ndarray, " n"], Float[ndarray, " n"]]],
     grid: RayGrid,
     direction: int,
     corners: Float[ndarray, "t 2"],
     below: Bool[ndarray, "t b"],
     tiles: slice,
 ) -> None:
-    """Write the material of some tiles, whose low corners are given, and which bodies may be on their rays."""
+    """Write the material of some tiles, whose low corners are given, which bodies may be on their rays, and where those
+    that are `drawn` lie on them."""
     ray = np.arange(TILE * TILE)
     within = grid.cell * (np.column_stack([ray % TILE, ray // TILE]) + 0.5)
     places = np.zeros((len(corners) * len(ray), 3))
@@ -162,11 +184,14 @@ def _fill(
     high = np.full((len(starts), len(bodies)), -np.inf)
     for k, body in enumerate(bodies):
         met = np.flatnonzero(np.repeat(below[:, k], len(ray)))
-        enter = _entries(body, starts[met], along, length)
-        leave = _entries(body, starts[met] + length * along, -along, length)
-        hit = np.isfinite(enter) & np.isfinite(leave) & (enter < length - leave)
+        if k in drawn:
+            enter, leave = (ends[met] for ends in drawn[k])
+        else:
+            enter = _entries(body, starts[met], along, length)
+            leave = length - _entries(body, starts[met] + length * along, -along, length)
+        hit = np.isfinite(enter) & np.isfinite(leave) & (enter < leave)
         low[met[hit], k] = enter[hit]
-        high[met[hit], k] = length - leave[hit]
+        high[met[hit], k] = leave[hit]
     _store(rays, tiles, low, high)
 
 
@@ -218,20 +243,3 @@ def _entries(
 def copy_of(rays: RaySet) -> RaySet:
     """A copy of the material; where rays lie is shared."""
     return rays._replace(spans=rays.spans.copy(), counts=rays.counts.copy())
-
-
-def with_more_room(rays: RaySet) -> RaySet:
-    """A copy of the rays with room for twice as many intervals on a ray."""
-    spans = np.zeros((*rays.spans.shape[:2], 2 * rays.spans.shape[2]), dtype=np.float32)
-    spans[:, :, : rays.spans.shape[2]] = rays.spans
-    return rays._replace(spans=spans)
-
-
-def volumes(sets: Sequence[RaySet]) -> list[float]:
-    """The volume of the material as each set tells it, mm^3."""
-    found = []
-    for rays in sets:
-        used = np.arange(rays.spans.shape[2] // 2) < rays.counts[:, :, None]
-        lengths = (rays.spans[:, :, 1::2] - rays.spans[:, :, ::2])[used]
-        found.append(float(lengths.sum(dtype=np.float64)) * rays.cell**2)
-    return found

@@ -35,10 +35,10 @@ from bonecam.verify.removal.groups import Group, feed_minutes, groups_of, link_v
 from bonecam.verify.removal.left import measure_left
 from bonecam.verify.removal.nails import Nails, nails_on
 from bonecam.verify.removal.pieces import straight_pieces
-from bonecam.verify.removal.rays import RayGrid, copy_of, lay_grid, lay_rays, least_cell, volumes
+from bonecam.verify.removal.rays import RayGrid, copy_of, lay_grid, lay_rays, least_cell
 from bonecam.verify.removal.result import LINK_ALLOWED, Clearance, LevelRemoval, Removal, Spot
 from bonecam.verify.removal.standing import Standing, standing_heights
-from bonecam.verify.removal.sweeping import PARTS, Sweeping
+from bonecam.verify.removal.sweeping import PARTS, Sweeping, volumes
 from bonecam.verify.removal.table import table_clearance
 
 RAPID_ALLOWED = 1e-4

@@ -21,7 +21,7 @@ from bonecam.runtime.threads import in_pieces
 from bonecam.setup.stock import Stock
 from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.verify.removal.pieces import in_grid
-from bonecam.verify.removal.rays import RayGrid, order, with_more_room
+from bonecam.verify.removal.rays import RayGrid, order
 
 BRICK = 0.4
 """Side of the bricks, mm, in which tools are first looked at; larger where the box holds more than
@@ -126,6 +126,23 @@ class Sweeping:
         """The first move in which one of the PARTS enters material, -1 for none."""
         moves = [int(found.touched[part]) for found in self.found if found.touched[part] >= 0]
         return min(moves, default=-1)
+
+
+def with_more_room(rays: RaySet) -> RaySet:
+    """A copy of the rays with room for twice as many intervals on a ray."""
+    spans = np.zeros((*rays.spans.shape[:2], 2 * rays.spans.shape[2]), dtype=np.float32)
+    spans[:, :, : rays.spans.shape[2]] = rays.spans
+    return rays._replace(spans=spans)
+
+
+def volumes(sets: Sequence[RaySet]) -> list[float]:
+    """The volume of the material as each set tells it, mm^3."""
+    found = []
+    for rays in sets:
+        used = np.arange(rays.spans.shape[2] // 2) < rays.counts[:, :, None]
+        lengths = (rays.spans[:, :, 1::2] - rays.spans[:, :, ::2])[used]
+        found.append(float(lengths.sum(dtype=np.float64)) * rays.cell**2)
+    return found
 
 
 def sections_of(cutter: Cutter) -> tuple[Float[ndarray, "s 4"], Int[ndarray, " s"]]:

@@ -12,9 +12,10 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.stocks.box import Box
 from bonecam.setup.stocks.cylinder import Cylinder
+from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.verify.removal.nails import Nails
-from bonecam.verify.removal.rays import copy_of, lay_grid, lay_rays, order, volumes, with_more_room
-from bonecam.verify.removal.sweeping import Sweeping
+from bonecam.verify.removal.rays import copy_of, lay_grid, lay_rays, order
+from bonecam.verify.removal.sweeping import Sweeping, volumes, with_more_room
 
 BLOCK = Box(np.array([-5.0, -4.0, 10.0]), np.array([5.0, 4.0, 18.0]))
 
@@ -52,6 +53,15 @@ def cut(sets, grid, start, end, radius):
 def test_every_set_holds_the_volume_of_the_body(body, volume):
     grid = lay_grid([body], 0.1)
     assert volumes(lay_rays([body], grid, 500.0)) == pytest.approx([volume] * 3, rel=5e-4)
+
+
+def test_a_convex_mesh_lies_on_every_ray_where_its_body_does():
+    block = ConvexStock(BLOCK.mesh(0.01))
+    grid = lay_grid([BLOCK], 0.1)
+    for made, exact in zip(lay_rays([block], grid, 500.0), lay_rays([BLOCK], grid, 500.0), strict=True):
+        same = made.counts == exact.counts
+        assert (~same).sum() <= 4  # rays through an edge
+        assert np.abs(made.spans - exact.spans)[same].max() < 1e-4
 
 
 def test_bodies_that_overlap_are_one():
