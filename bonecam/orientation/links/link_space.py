@@ -80,14 +80,15 @@ class LinkSpace:
         return np.asarray((depth <= IN_AIR).reshape(centres.shape[:2]).all(axis=1))
 
     def left_in_air(
-        self, contacts: Float[ndarray, "k 3"], centres: Float[ndarray, "k p 3"]
+        self, contacts: Float[ndarray, "k 3"], centres: Float[ndarray, "k p 3"], deepest: float = IN_AIR
     ) -> Bool[ndarray, " k"]:
-        """Whether the ball removes nothing at the p centres that follow each contact but what it has removed there."""
+        """Whether the ball goes no deeper than `deepest` (mm) at the p centres that follow each contact, but into what
+        it has removed there."""
         if self.material is None or not len(centres):
             return np.ones(len(centres), dtype=bool)
         places = centres.reshape(-1, 3)
         behind = np.repeat(contacts, centres.shape[1], axis=0)
-        entered = self.material.entered_anew(places, behind, self.ball_radius, IN_AIR)
+        entered = self.material.entered_anew(places, behind, self.ball_radius, deepest)
         return np.asarray(~entered.reshape(centres.shape[:2]).any(axis=1))
 
     def polylines_free(self, polylines: Sequence[Polyline], *, cutting: bool) -> Bool[ndarray, " k"]:

@@ -15,7 +15,7 @@ from numpy import ndarray
 from bonecam.arrays import perpendicular
 from bonecam.orientation.axes.lead import LEAVING
 from bonecam.orientation.limits import polar_angles, with_polar_angles
-from bonecam.orientation.links.link_space import LinkSpace, Polyline
+from bonecam.orientation.links.link_space import IN_AIR, LinkSpace, Polyline
 from bonecam.orientation.links.moves import Feeds, Moves, Pose
 from bonecam.toolpath.path import Kind
 
@@ -37,6 +37,8 @@ LENGTHS = np.array(
 )
 """Lengths of a retract (mm) at which it is checked, and at one of which the rapid part may begin; BENDS are
 among them."""
+DEEPEST = (IN_AIR, 0.05, np.inf)
+"""How deep (mm) a retract may go into what stands beside its contact: the next is tried where no departure is free."""
 MIN_LAST_STEP = 0.05
 """The last of these lengths is at least this much before the end of the retract, mm."""
 
@@ -87,23 +89,24 @@ def departures(axis: Float[ndarray, "3"]) -> list[Departure]:
 
 
 def find_retracts(space: LinkSpace, poses: Sequence[Pose]) -> list[Retract | None]:
-    """The first departure of each pose that is proven free and in air, or else that is free; None where there is
-    none. The same departure of all poses is tried at once."""
+    """The first departure of each pose that is proven free and in air, or else that is free and cuts little; None where
+    none is free. The same departure of all poses is tried at once."""
     choices = [departures(axis) for _, axis in poses]
     found: list[Retract | None] = [None] * len(poses)
-    for in_air in (True, False):
+    for deepest in DEEPEST:
         for k in range(max((len(ways) for ways in choices), default=0)):
             left = [i for i, ways in enumerate(choices) if found[i] is None and k < len(ways)]
-            tried = _try_departures(space, [poses[i] for i in left], [choices[i][k] for i in left], in_air)
+            tried = _try_departures(space, [poses[i] for i in left], [choices[i][k] for i in left], deepest)
             for i, retract in zip(left, tried, strict=True):
                 found[i] = retract
     return found
 
 
 def _try_departures(
-    space: LinkSpace, poses: Sequence[Pose], chosen: Sequence[Departure], in_air: bool
+    space: LinkSpace, poses: Sequence[Pose], chosen: Sequence[Departure], deepest: float
 ) -> list[Retract | None]:
-    """The retract of each pose by its departure; None where it is not proven free, or, `in_air`, would cut."""
+    """The retract of each pose by its departure; None where it is not proven free or would cut deeper than
+    `deepest`, mm."""
     if not poses:
         return []
     lengths = _lengths(space, poses, chosen)
@@ -112,8 +115,8 @@ def _try_departures(
 
     links = [(c[: k + 1], v[: k + 1]) for (c, v), k in zip(lines, standoffs, strict=True)]
     free = space.polylines_free(links, cutting=True)
-    if in_air:
-        free[free] = [_in_air(space, links[i][0]) for i in np.flatnonzero(free)]
+    if np.isfinite(deepest):
+        free[free] = [_in_air(space, links[i][0], deepest) for i in np.flatnonzero(free)]
     rapid = [i for i in np.flatnonzero(free) if standoffs[i] + 1 < len(lengths[i])]
     rapids = [(lines[i][0][standoffs[i] :], lines[i][1][standoffs[i] :]) for i in rapid]
     free[rapid] = space.polylines_free(rapids, cutting=False)
@@ -123,10 +126,10 @@ def _try_departures(
     ]
 
 
-def _in_air(space: LinkSpace, centres: Float[ndarray, "n 3"]) -> bool:
-    """Whether the ball removes nothing on its way from the contact that comes first."""
+def _in_air(space: LinkSpace, centres: Float[ndarray, "n 3"], deepest: float) -> bool:
+    """Whether the ball goes no deeper than `deepest` (mm) on its way from the contact that comes first."""
     halfway = (centres[1:] + centres[:-1]) / 2
-    return bool(space.left_in_air(centres[:1], np.vstack([centres[1:], halfway])[None])[0])
+    return bool(space.left_in_air(centres[:1], np.vstack([centres[1:], halfway])[None], deepest)[0])
 
 
 def _lengths(
