@@ -10,7 +10,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.verify.removal.standing import Standing
 
 LINK_ALLOWED = 0.02
-"""What the moves from one pass to the next may remove and not be told of, mm^3: the scallops of 0.05 mm that a ball
+"""What the moves from one pass to the next may remove, mm^3: the scallops of 0.05 mm that a ball
 of 4 mm crosses on a step of 1 mm."""
 
 
@@ -30,7 +30,8 @@ class LevelRemoval:
 
     `deepest` is the largest depth of cut (None where nothing was cut), `depth_p99` the one that 99 % of the
     surface cut stay below, mm; `over_limit` is what the deepest exceeds its limit by, mm (None where no limit
-    is known). `removed` in mm^3; `air_time_share`: share of the feed time whose moves remove less than AIR;
+    is known), `over_allowed` what it may: the scallop that the level before may leave, and half of a cell, as far as a
+    depth is uncertain. `removed` in mm^3; `air_time_share`: share of the feed time whose moves remove less than AIR;
     `rubbing_time_share`: share of the time of the cuts in which less goes than at a depth of RUBBING (`groups.py`).
     `links` (mm^3) is what the moves between passes remove, `link_depth` the deepest cut of one (None: none cuts).
     """
@@ -43,6 +44,7 @@ class LevelRemoval:
     depth_p99: float
     depth_mean: float
     over_limit: float | None
+    over_allowed: float
     air_time_share: float
     rubbing_time_share: float
     links: float

@@ -98,7 +98,9 @@ def simulate_removal(
     levels = []
     for count, group in enumerate(groups):
         report(progress, count / len(groups), f"simulating level {group.level}")
-        levels.append(simulation.run(group, tools[group.tool]))
+        before = [one.tool for one in groups[:count] if one.level != group.level]
+        scallop = tools[before[-1]].scallop if before else 0.0
+        levels.append(simulation.run(group, tools[group.tool], scallop))
     return simulation.result(levels, tools, post)
 
 
@@ -136,8 +138,8 @@ class _Simulation:
         self.table = Clearance("tool", None, 0)
         self.standing: list[Standing] = []
 
-    def run(self, group: Group, cutter: Cutter) -> LevelRemoval:
-        """Run the moves of one level."""
+    def run(self, group: Group, cutter: Cutter, scallop: float) -> LevelRemoval:
+        """Run the moves of one path on a level; the level before may have left this `scallop`, mm."""
         before = [copy_of(rays) for rays in self.sweeping.sets]
         surface = self.surfaces.get(group.level) if group.level is not None else None
 
@@ -170,6 +172,7 @@ class _Simulation:
             depth_p99=depths.p99,
             depth_mean=depths.mean,
             over_limit=None if limit is None else max((deepest.value if deepest else 0.0) - limit, 0.0),
+            over_allowed=scallop + self.grid.cell / 2,
             air_time_share=air,
             rubbing_time_share=rubbing,
             links=float(removed[links].sum()),

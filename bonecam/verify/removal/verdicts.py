@@ -1,41 +1,70 @@
-"""What refuses a program: a rapid that cuts, a tool that touches what it may not, a ball in the part."""
+"""What refuses a program: rapids and links that cut, a tool that touches what it may not, a ball in the part, a cut
+too deep."""
 
 from bonecam.errors import VerifyError, place_name
-from bonecam.verify.removal.result import Clearance, Removal
+from bonecam.verify.removal.result import LINK_ALLOWED, Clearance, LevelRemoval, Removal, Spot
+
+REMEDIES = {
+    "shank": "give a slimmer shank, or a larger overhang or flute length",
+    "holder": "give a slimmer holder, or a larger overhang",
+    "spindle": "give a longer holder or a longer post (holding.length)",
+}
+"""What to do where a part of the tool enters material."""
 
 
 def check_removal(removal: Removal, gouge_tolerance: float = 0.01) -> None:
-    """VerifyError, with `line` and `place`, where a rapid removes material, shank, holder or spindle enter what
-    stands, the tool meets table or chuck, or a ball goes into the part by more than `gouge_tolerance` mm.
+    """VerifyError, with `line` and `place`, where a rapid removes material or the moves between two passes more than
+    LINK_ALLOWED, shank, holder or spindle enter what stands, the tool meets table or chuck, a ball goes into the part
+    by more than `gouge_tolerance` mm, or a cut is deeper than its limit by more than is allowed (`over_allowed`).
 
-    Depths over a limit, links that cut, and leftovers are told in the report and refuse nothing.
+    Leftovers are told in the report and refuse nothing.
     """
-    contact = removal.rapid_contact
-    if contact:
-        raise VerifyError(
-            f"line {contact.line}: a rapid removes {contact.value:.4f} mm3 at {place_name(contact.place)}: "
+    if removal.rapid_contact:
+        _refuse(
+            removal.rapid_contact,
+            f"a rapid removes {removal.rapid_contact.value:.4f} mm3",
             "make it a feed, or retract farther before it; for a program of bonecam try a larger path.clearance",
-            line=contact.line,
-            place=contact.place,
-            error=contact.value,
         )
-    remedies = {
-        "shank": "give a slimmer shank, or a larger overhang or flute length",
-        "holder": "give a slimmer holder, or a larger overhang",
-        "spindle": "give a longer holder or a longer post (holding.length)",
-    }
     for part in (removal.shank, removal.holder, removal.spindle):
-        _check_clearance(part, "enters material", remedies[part.part])
+        _check_clearance(part, "enters material", REMEDIES[part.part])
     _check_clearance(removal.table, "meets table or chuck", "give a longer post (holding.length)")
+    if removal.link_contact:
+        _refuse(
+            removal.link_contact,
+            f"the moves from one pass to the next remove {removal.link_contact.value:.4f} mm3, "
+            f"allowed {LINK_ALLOWED:g},",
+            "lift them, or mark them as a cut; for a program of bonecam try another path.pattern",
+        )
     gouge = removal.left.deepest_gouge if removal.left else None
     if gouge and gouge.value > gouge_tolerance:
-        raise VerifyError(
-            f"line {gouge.line}: the tool goes {gouge.value:.4f} mm into the part at {place_name(gouge.place)}, "
-            f"allowed {gouge_tolerance:g}: lift the path there; for a program of bonecam try a smaller "
-            "path.max_step, a larger tip or a longer post (holding.length)",
-            line=gouge.line,
-            place=gouge.place,
-            error=gouge.value,
+        _refuse(
+            gouge,
+            f"the tool goes {gouge.value:.4f} mm into the part, allowed {gouge_tolerance:g},",
+            "lift the path there; for a program of bonecam try a smaller path.max_step, a larger tip or a longer post "
+            "(holding.length)",
+        )
+    for level in removal.levels:
+        _check_depth(level)
+
+
+def _refuse(spot: Spot, what: str, remedy: str) -> None:
+    """The VerifyError of what was found at a spot."""
+    raise VerifyError(
+        f"line {spot.line}: {what} at {place_name(spot.place)}: {remedy}",
+        line=spot.line,
+        place=spot.place,
+        error=spot.value,
+    )
+
+
+def _check_depth(level: LevelRemoval) -> None:
+    """VerifyError where a cut of this level is too deep."""
+    if level.deepest and level.over_limit is not None and level.over_limit > level.over_allowed:
+        _refuse(
+            level.deepest,
+            f"a cut of level {level.index} is {level.deepest.value:.3f} mm deep, {level.over_limit:.3f} over its "
+            f"limit, allowed {level.over_allowed:.3f},",
+            "cut the levels in their order; for a program of bonecam try a smaller scallop of the cutter before",
         )
 
 

@@ -208,8 +208,9 @@ def test_a_lowered_holder_is_found(simulate, text, finishing_cutter):
         check_removal(found)
 
 
-def test_a_lowered_spindle_is_found(simulate, text, finishing_cutter):
-    nose = (Frustum(40.0, 60.0, 60.0),)
+def test_a_lowered_spindle_is_found(simulate, ring_path, part, finishing_cutter):
+    text = write_program([ring_path(part, rings=4)], *PAIR, Job()).text
+    nose = (Frustum(10.0, 12.0, 12.0),)
     slim = replace(finishing_cutter, flute_length=1.2, shank_diameter=0.6, overhang=1.5, nose=nose)
     far = simulate(text, finishing=replace(slim, holder=(Frustum(11.0, 0.6, 0.6),)))
     assert far.spindle.touched == far.shank.touched == 0
@@ -241,7 +242,7 @@ def test_a_tool_below_the_table_is_found(ring_path, pebble, simulate, finishing_
 
 
 @pytest.mark.parametrize("kind", [Kind.LINK, Kind.CUT])
-def test_a_link_through_standing_material_is_told_with_its_block(
+def test_a_link_through_standing_material_is_found(
     path_of, finishing_cutter, upright_capsule, simulate, kind
 ):
     # 0.3 mm deep along the side of the stock
@@ -262,6 +263,10 @@ def test_a_link_through_standing_material_is_told_with_its_block(
     assert found.levels[0].link_depth.value == pytest.approx(0.3, abs=0.08)
     assert "Y-" in words_of(text, found.link_contact.line)
     assert "F900" in words_of(text, found.levels[0].link_depth.line)
+    with pytest.raises(
+        VerifyError, match=rf"line {found.link_contact.line}: the moves from one pass to the next"
+    ):
+        check_removal(found)
 
 
 def test_a_word_changed_by_1_mm_is_found(simulate, text):
@@ -282,12 +287,19 @@ def test_an_angle_changed_by_5_degrees_is_found(simulate, text):
 
 def test_two_levels_swapped_are_found(ring_path, part, pebble, simulate):
     outer, inner = ring_path(pebble(1.2), 1), ring_path(part)
-    limits = {0: 1.5, 1: 2.5}
+    limits = {0: 1.6, 1: 2.5}
     right = simulate(write_program([outer, inner], *PAIR, Job()).text, limits=limits)
     wrong = simulate(write_program([inner, outer], *PAIR, Job()).text, limits=limits)
     over = {level.index: level.over_limit for level in wrong.levels}
     assert over[0] > {level.index: level.over_limit for level in right.levels}[0] + 0.3
     assert wrong.levels[1].removed < 0.05 * right.levels[0].removed
+    check_removal(right)
+    deepest = wrong.levels[0].deepest
+    with pytest.raises(
+        VerifyError, match=rf"line {deepest.line}: a cut of level 0 is .* over its limit"
+    ) as caught:
+        check_removal(wrong)
+    assert caught.value.evidence["place"] == deepest.place
 
 
 def test_a_rest_path_is_told_apart_and_the_depth_after_it_counts_from_what_it_left(
