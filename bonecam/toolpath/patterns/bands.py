@@ -42,7 +42,7 @@ def _shares(
     places = len(metric.s)
     a, b = np.ones_like(metric.E), np.zeros_like(metric.E)
     for _ in range(ROUNDS):
-        a = metric.rate(a, b)
+        a = metric.rate(a, metric.coverage(a, b))
         steps = (a + np.roll(a, -1, axis=0)) / 2 / places
         passes = np.vstack([np.zeros(len(metric.t)), np.cumsum(steps, axis=0)])
         share = passes / passes[-1]

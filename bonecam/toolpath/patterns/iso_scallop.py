@@ -61,9 +61,10 @@ def _sides(metric: StepMetric, seeds: int) -> list[Side]:
     a, b = np.ones_like(metric.E), np.zeros_like(metric.E)
     closer = np.ones_like(metric.E)
     for number in range(ROUNDS):
+        coverage = metric.coverage(a, b)
         if number > FREE_ROUNDS:
-            closer = closer * metric.shortfall(a, b)
-        rate = closer * metric.rate(a, b)
+            closer = closer * metric.shortfall(coverage)
+        rate = closer * metric.rate(a, coverage)
         between = (rate + np.roll(rate, -1, axis=0)) / 2 * cell
         sides: list[Side] = []
         b = np.empty_like(rate)

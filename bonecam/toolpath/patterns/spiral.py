@@ -34,7 +34,7 @@ def spiral_curves(metric: StepMetric) -> Curves:
         passes = _count_down(metric, closer * metric.slowness(a, b))
         around = np.pad(passes, ((1, 1), (0, 0)), mode="wrap")
         a, b = (around[2:] - around[:-2]) * places / 2, np.gradient(passes, metric.t, axis=1)
-        closer = np.minimum(closer * metric.shortfall(a, b), MOST_CLOSER)
+        closer = np.minimum(closer * metric.shortfall(metric.coverage(a, b)), MOST_CLOSER)
 
     width = passes[:, 0]
     turns = np.arange(int(np.ceil(width.max() + 1)))[:, None] + np.arange(places) / places

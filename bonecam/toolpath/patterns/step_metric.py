@@ -52,33 +52,33 @@ class StepMetric:
         """|grad psi| (1/mm) of a function with psi_s = a and psi_t = b."""
         return np.sqrt(self.G * a**2 - 2 * self.F * a * b + self.E * b**2) / self.area
 
-    def steps(self, a: Float[ndarray, "a b"], b: Float[ndarray, "a b"]) -> Float[ndarray, "a b"]:
-        """The exact side step L (mm) across the level curves of a function with psi_s = a and psi_t = b."""
+    def coverage(self, a: Float[ndarray, "a b"], b: Float[ndarray, "a b"]) -> Float[ndarray, "a b"]:
+        """|grad psi| L of a function with psi_s = a and psi_t = b, with L the exact side step across its level
+        curves: 1 where cusps are as high as the scallop, less where they are higher."""
         along_s = self.G * a - self.F * b
         along_t = self.E * b - self.F * a
+        square = a * along_s + b * along_t
         bent = self.e * along_s**2 + 2 * self.f * along_s * along_t + self.g * along_t**2
-        length = self.area * self.gradient(a, b)
-        curvature = bent / (self.area * length) ** 2
+        curvature = bent / (self.area**2 * square)
+        gradient = np.sqrt(square) / self.area
         # a cell of the grid turns by no more than MAX_TURN
-        cell = (np.abs(a) * (self.s[1] - self.s[0]) + np.abs(b) * (self.t[1] - self.t[0])) / self.gradient(
-            a, b
-        )
+        cell = np.abs(a) * (self.s[1] - self.s[0]) + np.abs(b) * (self.t[1] - self.t[0])
         fits = 1 + curvature * self.radius > MIN_CLEARANCE
-        bounded = np.where(fits, np.minimum(curvature, MAX_TURN / cell), 0.0)
-        return side_step(self.radius, self.scallop, bounded.ravel()).reshape(bounded.shape)
+        bounded = np.where(fits, np.minimum(curvature, MAX_TURN * gradient / cell), 0.0)
+        return gradient * side_step(self.radius, self.scallop, bounded.ravel()).reshape(bounded.shape)
 
-    def rate(self, a: Float[ndarray, "a b"], b: Float[ndarray, "a b"]) -> Float[ndarray, "a b"]:
-        """What psi_s has to be for |grad psi| L = 1 where psi_s and psi_t are in the ratio of a to b: a smooth
-        upper bound."""
-        return _bound(a / (FULLNESS * self.gradient(a, b) * self.steps(a, b)))
+    def rate(self, a: Float[ndarray, "a b"], coverage: Float[ndarray, "a b"]) -> Float[ndarray, "a b"]:
+        """What psi_s = a has to be for |grad psi| L = 1 where psi_s and psi_t keep their ratio: a smooth upper bound.
+        `coverage` is that of the function."""
+        return _bound(a / (FULLNESS * coverage))
 
     def slowness(self, a: Float[ndarray, "a b"], b: Float[ndarray, "a b"]) -> Float[ndarray, "a b"]:
         """1 / L, which |grad psi| has to be for psi_s and psi_t in the ratio of a to b: a smooth upper bound."""
-        return _bound(1 / (FULLNESS * self.steps(a, b)))
+        return _bound(self.gradient(a, b) / (FULLNESS * self.coverage(a, b)))
 
-    def shortfall(self, a: Float[ndarray, "a b"], b: Float[ndarray, "a b"]) -> Float[ndarray, "a b"]:
+    def shortfall(self, coverage: Float[ndarray, "a b"]) -> Float[ndarray, "a b"]:
         """The factor, 1 to MOST_SHORT, by which |grad psi| L falls short of 1: a smooth upper bound."""
-        return _bound(np.clip(1 / (self.gradient(a, b) * self.steps(a, b)), 1.0, MOST_SHORT))
+        return _bound(np.clip(1 / coverage, 1.0, MOST_SHORT))
 
     @property
     def flat_step(self) -> float:
