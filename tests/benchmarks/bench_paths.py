@@ -6,7 +6,8 @@ Cusps: rays along the normals of 40,000 random places of a level, cut by the cap
 formula). Columns: curves; length at the contact, beside the area over the mean exact step; seconds by the time model
 at 120 deg/s; mean height beside that of full cusps on a plane, a third of the scallop; largest height; lowest where
 the ball fits. Then contacts of level 0 with centre, lead axis and the exact gouge check, a second of CPU, compiled code
-and the tree of the triangles being there already.
+and the tree of the triangles being there already; where opencamlib is installed, beside the positions that its 3-axis
+drop cutter finds on the same triangles, the part lying.
 """
 
 import sys
@@ -22,6 +23,7 @@ import bonecam
 from bonecam.kernels.removal.nails import cut_nails, nail_cells
 from bonecam.levels.measure.level import MachinedLevel, machined_levels
 from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.machine import read_machine
 from bonecam.orientation.axes.lead import lead_axes
 from bonecam.setup.holding import post_below
@@ -39,6 +41,8 @@ RAYS = 40_000
 CHORD = 0.008
 """Chord tolerance of the triangles that gouges are checked against, mm: about 12,000 on the phalanx."""
 CELL = 0.5
+RASTER = 0.1
+"""Distance of the positions at which OpenCAMLib drops its cutter, mm."""
 TURN_SPEED = np.radians(120.0) * 60
 FITS = 0.9
 """Rays stand where the sharpest hollow has less than this share of the ball's curvature."""
@@ -153,6 +157,32 @@ def report_speed(level: MachinedLevel, cutter: Cutter, job: bonecam.Job) -> None
         print(
             f"  {pattern}: {len(found.line)} contacts on {len(mesh.faces)} triangles: {rate:.0f} a second of CPU"
         )
+    report_drop_cutter(mesh, cutter.radius)
+
+
+def report_drop_cutter(mesh: TriangleMesh, radius: float) -> None:
+    """Positions a second of CPU of OpenCAMLib's drop cutter on a raster over the lying part, one thread."""
+    try:
+        from opencamlib import ocl
+    except ImportError:
+        print("  opencamlib is not installed: pip install opencamlib")
+        return
+    corners = mesh.vertices[:, [2, 0, 1]][mesh.faces]
+    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+    surface = ocl.STLSurf()
+    for triangle in corners.tolist():
+        surface.addTriangle(ocl.Triangle(*(ocl.Point(*corner) for corner in triangle)))
+    operation = ocl.BatchDropCutter()
+    operation.setSTL(surface)
+    operation.setThreads(1)
+    operation.setCutter(ocl.BallCutter(2 * radius, 20.0))
+    raster = [(x, y) for y in np.arange(low[1], high[1], RASTER) for x in np.arange(low[0], high[0], RASTER)]
+    for x, y in raster:
+        operation.appendPoint(ocl.CLPoint(float(x), float(y), float(low[2]) - 1.0))
+    began = time.process_time()
+    operation.run()
+    rate = len(raster) / (time.process_time() - began)
+    print(f"  opencamlib: {len(raster)} positions on {len(corners)} triangles: {rate:.0f} a second of CPU")
 
 
 if __name__ == "__main__":
