@@ -20,14 +20,15 @@ from bonecam.nc.posting.header import record_checks
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import program_name
 from bonecam.nc.requirements import check_length, check_room, check_tools
+from bonecam.orientation.held.parting import check_parting
+from bonecam.orientation.held.post_length import find_post_length
+from bonecam.orientation.held.reach import what_would_help
 from bonecam.orientation.layer_paths import plan_layer_paths
 from bonecam.orientation.level_paths import plan_paths
-from bonecam.orientation.post_length import find_post_length
-from bonecam.orientation.reach import what_would_help
 from bonecam.outputs.kept_folder import keep_failed_level
 from bonecam.outputs.output_files import File, Outputs
 from bonecam.outputs.result import Morphed, Result
-from bonecam.outputs.run_report import report_to_levels, report_to_program
+from bonecam.outputs.run_report import post_report, report_to_levels, report_to_program
 from bonecam.progress import Progress, part, silent
 from bonecam.runtime.timing import StageTimes
 from bonecam.setup.holding import SLENDER
@@ -136,6 +137,7 @@ def _morph(
         setup, job = stand_on_post(place(unplaced, job), job, machine)
         advice = _post_advice(setup, job, machine) if found else {}
         if machine is not None:
+            check_parting(setup, job, axis_limits(machine), machine.bodies)
             check_room(setup.stock, job, machine)
         check_cuts(setup.part.mesh, setup.stock, job.levels)
         if machine is not None:
@@ -149,7 +151,7 @@ def _morph(
 
     figures = report_to_levels(setup.part, fitted, setup.stock, morph, job.levels.method)
     figures["strategy"] = job.path.strategy
-    figures["post"] = {"diameter_mm": job.holding.diameter, "length_mm": job.holding.length, **advice}
+    figures["post"] = {**post_report(setup.post, setup.part.mesh, job.holding), **advice}
     figures["seconds"] = times.seconds
     return Morphed(setup.part, fitted.surface, setup.stock, morph, figures, job)
 

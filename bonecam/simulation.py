@@ -21,6 +21,7 @@ from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.surface.files.tspline_text import read_tsm
 from bonecam.text.faults import shown
 from bonecam.toolpath.layers.limits import layer_limits
+from bonecam.toolpath.path import PARTING
 from bonecam.verify.page.contents import level_meshes, with_program
 from bonecam.verify.page.packing import pack
 from bonecam.verify.page.page import page_html
@@ -90,11 +91,12 @@ def simulate(
 
 
 def _limits(job: Job, levels: int) -> dict[int, float]:
-    """The largest depth (mm) of the cut on each level, or on each layer of a strategy in layers."""
-    if job.path.strategy != "morph":
-        return layer_limits(job)
+    """The largest depth (mm) of the cut on each level, or on each layer of a strategy in layers, and of PARTING."""
     first, beyond = job.levels.cuts
-    return {index: first[index] if index < len(first) else beyond for index in range(levels - 1)}
+    parting = {PARTING: beyond}
+    if job.path.strategy != "morph":
+        return parting | layer_limits(job)
+    return parting | {index: first[index] if index < len(first) else beyond for index in range(levels - 1)}
 
 
 def _text_for(machine: Machine, dialect: Dialect, program: Path) -> str:

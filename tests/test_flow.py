@@ -20,10 +20,9 @@ ROOMS = {
         *"problem solvers measure refine_for_depth sequences".split(),
         *"closed_morph open_stock open_morph body_surface edge_rounding equal_depths job_levels".split(),
     ],
-    "toolpath": "cutters path gouge patterns engagement contacts rest layers iso_height rotary cl_data".split(),
+    "toolpath": "cutters path gouge patterns engagement contacts rest parting layers iso_height rotary cl_data".split(),
     "orientation": [
-        *"limits collision axes cones field links oriented_path level_paths layer_paths".split(),
-        *"post_length reach surface_path".split(),
+        *"limits collision axes cones field links oriented_path held level_paths layer_paths surface_path".split(),
     ],
     "verify": "gouge readback trial_program proof removal axis_comparison report axis_lines summary pictures page "
     "sheet".split(),

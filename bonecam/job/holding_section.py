@@ -50,6 +50,32 @@ class HoldingJob(Section):
         low=0.0,
         high=100.0,
     )
+    parting: bool = parameter(
+        False,
+        "Parting",
+        "Turn a groove round the post below the finished part, down to a bridge that holds it.",
+    )
+    parting_stand_off: float = parameter(
+        1.0,
+        "Parting stand-off",
+        "From the part's lower end down to the groove: the height of the stump that stays there.",
+        unit="mm",
+        low=0.1,
+        high=100.0,
+    )
+    parting_core: float = parameter(
+        0.0,
+        "Parting core",
+        "Diameter of the bridge that the groove leaves; 0: half of the post's diameter.",
+        unit="mm",
+        low=0.0,
+        high=100.0,
+    )
+
+    @property
+    def bridge(self) -> float:
+        """Diameter (mm) of the bridge that a parting groove leaves of the post."""
+        return self.parting_core or self.diameter / 2
 
     def __post_init__(self) -> None:
         check(self)
@@ -62,3 +88,6 @@ class HoldingJob(Section):
         if 0 < self.length <= self.chuck_height:
             bound = f"give less than the post's length ({self.length:g} mm), or a longer post"
             raise JobError(f"chuck_height = {self.chuck_height:g}: {bound}", field="chuck_height")
+        if self.parting_core >= self.diameter:
+            bound = f"give less than the post's diameter ({self.diameter:g} mm), or no parting"
+            raise JobError(f"parting_core = {self.parting_core:g}: {bound}", field="parting_core")

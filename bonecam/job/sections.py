@@ -82,13 +82,13 @@ class Job:
 
     def is_finishing(self, level: int) -> bool:
         """Whether the finishing cutter machines a level: level 0 (the part), and cuts of at most the
-        finishing depth.
+        finishing depth; what follows level 0 (negative) parts the finished part from its post.
 
         `finishing_levels` cuts next to the part are such cuts, unless `depths` lists the depth of each cut.
         """
         first, beyond = self.levels.cuts
-        if level == 0:
-            return True
+        if level <= 0:
+            return level == 0
         if level < len(first):
             return first[level] <= self.levels.finishing_depth
         return bool(self.levels.depths.strip()) and beyond <= self.levels.finishing_depth

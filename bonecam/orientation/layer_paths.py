@@ -11,6 +11,7 @@ from bonecam.job import Job
 from bonecam.levels.measure.level import Level, morph_surfaces
 from bonecam.mesh.distance import MeshDistance
 from bonecam.orientation.collision.scene import Scene
+from bonecam.orientation.held.parting import parting_paths
 from bonecam.orientation.limits import AxisLimits
 from bonecam.orientation.oriented_path import orient
 from bonecam.progress import Progress, report, silent
@@ -75,4 +76,4 @@ def plan_layer_paths(
             near = post.distance(unreached) < 2 * path.cutter.radius
             path = replace(path, uncut=unreached, reasons=tuple(np.where(near, "post", "hidden").tolist()))
         paths.append(orient(path, scene, limits, job.path, job.nc, fixed=layer.axes))
-    return tuple(paths)
+    return *paths, *parting_paths(scene, job, limits, bodies)

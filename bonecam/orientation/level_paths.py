@@ -19,6 +19,7 @@ from bonecam.orientation.axes.lead import check_lead
 from bonecam.orientation.collision.scene import Scene
 from bonecam.orientation.field.level_axes import level_axes
 from bonecam.orientation.field.smooth_axes import SmoothAxes
+from bonecam.orientation.held.parting import parting_paths
 from bonecam.orientation.limits import AxisLimits
 from bonecam.orientation.oriented_path import orient
 from bonecam.progress import Progress, report, silent
@@ -89,7 +90,7 @@ def plan_paths(
         fine = Cutter.from_job(3, "fine", job.tool("fine"), bodies.nose)
         check_lead(fine, job.path.lead_deg)
         paths = _with_fine(paths, planning, planning.contacts(machined[0], fine), standing)
-    return tuple(paths)
+    return *paths, *parting_paths(planning.scene_of(part, standing.material), job, limits, bodies)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,14 +117,18 @@ class _Planning:
         distance = MeshDistance(level.surface.tessellate(LEVEL_CHORD)) if level.index else self.part
         return LevelContacts(level, distance, self._candidates(level, distance, cutter, self.job.path))
 
+    def scene_of(self, level: MeshDistance, material: Material, part: MeshDistance | None = None) -> Scene:
+        """What stands round the tool on a level, beside which the `part` is measured against where it is another."""
+        around = (self.post, DEVIATION, level, part, self.clamping)
+        return Scene(level.mesh, material.mesh, self.capsule, *around)
+
     def paths(
         self, found: LevelContacts, allowed: Allowed, standing: _Standing
     ) -> tuple[list[ToolPath], _Standing]:
         """The rest paths of a level and its own one, and what stands after them."""
         level, material = found.level, standing.material
         part = self.part if level.index else None
-        around = (self.post, DEVIATION, found.distance, part, self.clamping)
-        scene = Scene(found.distance.mesh, material.mesh, self.capsule, *around)
+        scene = self.scene_of(found.distance, material, part)
         contacts = contact_path(found.candidates, material, allowed)
         smooth = level_axes(contacts, level, scene, self.limits, self.job.path, standing.smooth)
 

@@ -16,9 +16,9 @@ from bonecam.orientation.collision.scene import Scene
 from bonecam.orientation.cones.admissible_cones import AxisCones, admissible_cones
 from bonecam.orientation.field.axis_field import AxisField, FieldDomain
 from bonecam.orientation.field.smooth_axes import smooth_axes, soonest
+from bonecam.orientation.held.post_length import GOUGE, SampledContacts, least_lifts, shortest_post
 from bonecam.orientation.limits import AxisLimits
 from bonecam.orientation.oriented_path import orient
-from bonecam.orientation.post_length import GOUGE, SampledContacts, least_lifts, shortest_post
 from bonecam.setup.capsule import smallest_capsule
 from bonecam.setup.fixture.clamping import Clamping, clamping_of
 from bonecam.setup.fixture.table import MachineBodies
@@ -67,7 +67,11 @@ def stand_workpiece(
     surface: TSpline, solid: TriangleMesh, job: Job, limits: AxisLimits, bodies: MachineBodies
 ) -> Workpiece:
     """The workpiece on its post; one of length 0 in the job is the shortest with which all that the tool can reach is
-    reached. OrientationError where that is too long."""
+    reached. OrientationError where that is too long, JobError where the job wants to be parted from it."""
+    if job.holding.parting:
+        raise field_error(
+            "holding", "parting", True, "a surface that is finished alone is not parted: leave it out"
+        )
     given = Workpiece(surface, solid, 0.0)
     if job.holding.length:
         return given.stand(job.holding.length)

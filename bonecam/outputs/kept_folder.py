@@ -22,12 +22,13 @@ from bonecam.outputs.toolpath_csv import toolpath_csv
 from bonecam.setup.stock import Stock
 from bonecam.surface.files.tspline_text import write_tsm
 from bonecam.toolpath.cl_data import apt_text
+from bonecam.toolpath.parting import cut_groove
 from bonecam.toolpath.path import Kind
 from bonecam.verify.page.packing import unpack
 from bonecam.verify.pictures.depth_colours import draw_coloured
 from bonecam.verify.pictures.depth_curves import draw_depths
 from bonecam.verify.pictures.engagement import draw_engagement
-from bonecam.verify.pictures.level_sections import draw_levels
+from bonecam.verify.pictures.level_sections import draw_levels, draw_stump
 from bonecam.verify.pictures.machine_bodies import draw_machine
 from bonecam.verify.pictures.tool_paths import draw_toolpath
 
@@ -37,7 +38,7 @@ LEFT_COLOURED = 0.1
 """Leftovers are coloured from 0 to this height, mm."""
 SERIES = (
     r"level_\d{2,}\.ply|left\.ply|solid\.ply|surface\.(tspline|iga)|toolpath\.(csv|apt|png)|program\.\w+"
-    rf"|cones\.csv|engagement\.png|axes\.(png|md)|machine\.png|view\.gz|job\.toml|report\.json|{FAILED}"
+    rf"|cones\.csv|engagement\.png|axes\.(png|md)|machine\.png|stump\.png|view\.gz|job\.toml|report\.json|{FAILED}"
 )
 """Names of the files of levels, surfaces, paths and program, as a regular expression. A later run in the same folder
 removes those that an earlier one wrote there."""
@@ -45,8 +46,8 @@ removes those that an earlier one wrote there."""
 
 def fill_kept_folder(work: Path, made: Morphed, post: tuple[float, float]) -> None:
     """Write into `work` surface.tspline, the files of `keep_levels`, view.gz, job.toml and report.json; of a program
-    its text, toolpath.csv, toolpath.apt, toolpath.png, machine.png, cones.csv if axes are chosen in cones, and left.ply
-    and engagement.png where it was simulated. `post` is (diameter, top z), mm."""
+    its text, toolpath.csv, toolpath.apt, toolpath.png, machine.png, stump.png, cones.csv if axes are chosen in cones,
+    and left.ply and engagement.png where it was simulated. `post` is (diameter, top z), mm."""
     levels = made.levels.levels
     write_tsm(made.surface, work / "surface.tspline")
     _write_levels(work, levels, made.stock, post, LINE)
@@ -61,6 +62,7 @@ def fill_kept_folder(work: Path, made: Morphed, post: tuple[float, float]) -> No
             write_whole(work / "cones.csv", cones_csv(made.paths))
         draw_toolpath(made.paths, levels, work / "toolpath.png", post)
         table = read_machine(made.job.nc.machine).table
+        draw_stump(levels[0].mesh, post, cut_groove(made.paths), work / "stump.png")
         draw_machine(made.paths, levels[0].mesh, made.job.holding, table, work / "machine.png")
         if made.removal and made.removal.left:
             left = made.removal.left

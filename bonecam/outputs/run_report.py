@@ -6,17 +6,25 @@ from typing import Any
 
 import numpy as np
 
-from bonecam.job import PathJob
+from bonecam.job import HoldingJob, PathJob
 from bonecam.levels.closed_morph import Morph
 from bonecam.mesh.part import Part
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.program import Program
+from bonecam.setup.holding import Post
 from bonecam.setup.stock import Stock, stock_figures
 from bonecam.surface.fitting.deviation import distance_both_ways
 from bonecam.surface.fitting.fit import Fit
-from bonecam.toolpath.path import ToolPath
+from bonecam.toolpath.path import PARTING, ToolPath
 from bonecam.verify.proof import Verification
-from bonecam.verify.report import levels_report, nc_report, surface_report, toolpath_report, uncut_areas
+from bonecam.verify.report import (
+    levels_report,
+    nc_report,
+    parting_report,
+    surface_report,
+    toolpath_report,
+    uncut_areas,
+)
 
 
 def report_text(report: dict[str, Any]) -> str:
@@ -58,6 +66,12 @@ def _given_report(part: Part, fitted: Fit) -> dict[str, float]:
     }
 
 
+def post_report(post: Post, part: TriangleMesh, job: HoldingJob) -> dict[str, float]:
+    """`post` of the report: its sizes, and the area of the part that stays under it."""
+    sizes = {"diameter_mm": job.diameter, "length_mm": job.length}
+    return {**sizes, "footprint_mm2": round(post.footprint(part), 2)}
+
+
 def report_to_program(
     file: str,
     paths: Sequence[ToolPath],
@@ -66,9 +80,12 @@ def report_to_program(
     job: PathJob,
     part: TriangleMesh,
 ) -> dict[str, Any]:
-    """The sections of tool paths, of what they leave uncut on the `part` where they follow it, and of the program;
+    """The sections of tool paths, of what they leave uncut on the `part` where they follow it, of the parting groove
+    if there is one, and of the program;
     `file` is the program's, empty where none is written."""
-    told = toolpath_report(paths, float(np.radians(job.least_lead_deg)))
+    on_levels = [path for path in paths if path.level != PARTING]
+    told = toolpath_report(on_levels, float(np.radians(job.least_lead_deg)))
     on_part = [path for path in paths if path.level == 0]
     areas = uncut_areas(on_part, part) if job.strategy == "morph" else {}
-    return {"toolpath": told, "uncut_mm2": areas, "nc": {"file": file, **nc_report(program, proof)}}
+    posted = {"file": file, **nc_report(program, proof)}
+    return {"toolpath": told, "uncut_mm2": areas, **parting_report(paths, part), "nc": posted}

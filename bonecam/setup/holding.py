@@ -36,6 +36,11 @@ class Post:
         """Signed distance to the solid cylinder, negative inside, mm."""
         return self.column.distance(points)
 
+    def footprint(self, part: TriangleMesh) -> float:
+        """Area of the part under the post, mm^2: its stump stands there."""
+        inside = self.distance(part.vertices[part.faces].mean(axis=1)) < 0
+        return float(np.linalg.norm(part.face_vectors[inside], axis=1).sum() / 2)
+
 
 def post_below(part: TriangleMesh, holding: HoldingJob, lying: tuple[float, float] = (0.0, 0.0)) -> Post:
     """The post that ends where all of its top has met the part's underside, at most one diameter into it.

@@ -17,7 +17,7 @@ from numpy import ndarray
 
 from bonecam.arrays import lengths
 from bonecam.errors import ProgramError
-from bonecam.toolpath.path import Kind, ToolPath
+from bonecam.toolpath.path import PARTING, Kind, ToolPath
 
 STATEMENT = re.compile(r"([A-Z][A-Z0-9]*)\s*(?:/(.*))?")
 NUMBER = re.compile(r"[+-]?(?:\d{1,12}\.?\d{0,20}|\.\d{1,20})(?:[Ee][+-]?\d{1,2})?")
@@ -63,7 +63,7 @@ def apt_text(paths: Sequence[ToolPath], name: str = "PART") -> str:
     lines = [f"PARTNO/{name}", "UNITS/MM", "MULTAX/ON"]
     tool = None
     for path in paths:
-        lines.append(f"PPRINT/LEVEL {path.level}")
+        lines.append(f"PPRINT/LEVEL {path.level}" if path.level != PARTING else "PPRINT/PARTING")
         if path.cutter.number != tool:
             tool, radius = path.cutter.number, path.cutter.radius
             lines += [f"LOADTL/{tool}", f"CUTTER/{2 * radius:.6f},{radius:.6f}"]
@@ -158,8 +158,8 @@ class _Reader:
         if word == "PARTNO":
             self.name = values
         elif word == "PPRINT":
-            found = re.fullmatch(r"LEVEL (\d{1,6})", values)
-            self.level = int(found[1]) if found else self.level
+            found = re.fullmatch(r"LEVEL (\d{1,6})|PARTING", values)
+            self.level = int(found[1] or PARTING) if found else self.level
         elif word == "UNITS":
             if values not in ("MM", "INCHES"):
                 raise ProgramError(f"line {line}: UNITS/{values[:20]}: give MM or INCHES", line=line)

@@ -11,6 +11,9 @@ from numpy import ndarray
 from bonecam.arrays import angles_between, unit
 from bonecam.toolpath.cutters.cutter import Cutter
 
+PARTING = -1
+"""The level of the paths that part the finished part from its post, after level 0; their `rest` counts from 1."""
+
 
 class Kind(IntEnum):
     """The kind of the move by which the tool arrives at a point."""
@@ -29,7 +32,7 @@ class ContactPath:
     contact + (radius + lift) * normal; `lifts` (mm) are 0 but where the ball would gouge. `uncut` are the
     contacts that were left out, `reasons` one word for each (post, gouge, covered, short). `trimmed` is the length of
     passes (mm) that were left out because they would hardly have cut. `rest` numbers from 1 the rest paths before the
-    level's own one, 0.
+    level's own one, 0, and the steps of PARTING.
     """
 
     level: int
@@ -123,5 +126,7 @@ class ToolPath:
 
     @property
     def title(self) -> str:
-        """What a program calls it: level 3, or level 3 rest 1."""
+        """What a program calls it: level 3, level 3 rest 1, or parting 1."""
+        if self.level == PARTING:
+            return f"parting {self.rest}"
         return f"level {self.level} rest {self.rest}" if self.rest else f"level {self.level}"

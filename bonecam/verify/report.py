@@ -1,18 +1,20 @@
 """The report: figures of every stage under names that stay (`--report FILE.json`)."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from bonecam.arrays import angles_between, unit
+from bonecam.errors import counted
 from bonecam.levels.measure.level import Level, rounding_cuts
 from bonecam.mesh.facets.nearest_areas import nearest_areas
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.program import Program
 from bonecam.surface.fitting.fit import Fit
-from bonecam.toolpath.path import Kind, ToolPath
+from bonecam.toolpath.parting import cut_groove
+from bonecam.toolpath.path import PARTING, Kind, ToolPath
 from bonecam.verify.proof import Verification
 
 
@@ -113,6 +115,32 @@ def _cones(path: ToolPath) -> dict[str, Any] | None:
         **dict(zip(("slack_min_mm", "slack_1_percent_mm"), slacks)),
         "fcl": asdict(check) if check else None,
     }
+
+
+def parting_report(paths: Sequence[ToolPath], part: TriangleMesh) -> dict[str, dict[str, Any]]:
+    """`parting` of the report, if the paths part the `part` from its post: the groove, and the stump that stays above
+    it."""
+    groove = cut_groove(paths)
+    if groove is None:
+        return {}
+    steps = [path for path in paths if path.level == PARTING]
+    return {
+        "parting": {
+            "tool": steps[0].cutter.number,
+            "steps": len(steps),
+            "z_mm": _mm(groove.middle),
+            "width_mm": 2 * groove.radius,
+            "bridge_diameter_mm": _mm(2 * groove.bridge),
+            "stump_height_mm": _mm(float(part.bounds[0, 2]) - groove.middle - groove.radius),
+        }
+    }
+
+
+def parting_text(parting: Mapping[str, Any]) -> str:
+    """The parting groove and what stays above it."""
+    groove = f"groove of {parting['width_mm']:g} mm round the post at z {parting['z_mm']:.2f}"
+    bridge = f"a bridge of {parting['bridge_diameter_mm']:.2f} mm holds the part"
+    return f"{groove}, {counted(parting['steps'], 'step')}; {bridge}; stump {parting['stump_height_mm']:.2f} mm high"
 
 
 def _near_normal(path: ToolPath, least_lead: float) -> dict[str, int | None]:

@@ -11,6 +11,7 @@ from bonecam.levels.problem.tolerances import NESTING_TOLERANCE
 from bonecam.setup.holding import SLENDER
 from bonecam.setup.stock import stock_text
 from bonecam.verify.axis_lines import axis_lines
+from bonecam.verify.report import parting_text
 
 WIDTH = 120
 """Columns of the summary's longest lines."""
@@ -87,7 +88,10 @@ def _post_lines(post: Mapping[str, Any] | None) -> Iterator[str]:
             if slender
             else ""
         )
-        yield f"post      {post['diameter_mm']:g} x {post['length_mm']:g} mm{warning}"
+        stump = (
+            f"; {post['footprint_mm2']:.1f} mm2 of the part stay under it" if "footprint_mm2" in post else ""
+        )
+        yield f"post      {post['diameter_mm']:g} x {post['length_mm']:g} mm{stump}{warning}"
         remedies = [f"{each['length_mm']:g} mm with {each['change']}" for each in post.get("remedies", ())]
         if remedies:
             yield f"          {', '.join(remedies)}"
@@ -126,6 +130,8 @@ def _program_lines(report: Mapping[str, Any]) -> Iterator[str]:
         label = "" if number else "uncut"
         yield textwrap.fill(line, WIDTH, initial_indent=f"{label:10}", subsequent_indent=" " * 12)
     yield from axis_lines(toolpath)
+    if "parting" in report:
+        yield f"parting   {parting_text(report['parting'])}"
     file = nc["file"] or "not written"
     machine = f"{nc['machine']} / {nc['controller']}"
     yield f"nc        {file}: {nc['blocks']} blocks for {machine}, about {nc['time_min']:.0f} min"
@@ -157,6 +163,8 @@ def _removal_lines(removal: Mapping[str, Any]) -> Iterator[str]:
     reasons = left["by_reason"]
     why = f"{reasons['gouge']:.1f} in hollows, {reasons['reachable']:.1f} where the ball fits"
     yield f"left      {away} ({why}); at the post {reasons['post']:.1f} mm2"
+    if removal.get("bridge_diameter_mm") is not None:
+        yield f"          {removal['bridge_diameter_mm']:.2f} mm of the post hold the parted part"
 
 
 def _links_text(links: Mapping[str, Any]) -> str:

@@ -7,6 +7,7 @@ import pytest
 
 import bonecam
 from bonecam.setup.revolution import revolve
+from bonecam.toolpath.path import PARTING
 
 JOB = bonecam.Job().with_values(
     mesh={"pit_radius": 0.0},
@@ -29,18 +30,30 @@ def waisted() -> bonecam.TriangleMesh:
 
 
 def test_a_fine_cutter_cuts_the_hollow_that_the_finishing_ball_does_not_enter(tmp_path: Path) -> None:
-    """Without it 13.6 mm2 stay in the groove, 0.12 mm high."""
-    made = bonecam.convert(waisted(), JOB, program=tmp_path / "waisted.h")
-    assert [path.cutter.number for path in made.paths][-2:] == [2, 3]
+    """Without it 13.6 mm2 stay in the groove, 0.12 mm high. The finished part is parted from its post."""
+    job = JOB.with_values(holding={"parting": True})
+    made = bonecam.convert(waisted(), job, program=tmp_path / "waisted.h", keep=tmp_path / "kept")
+    on_levels = [path for path in made.paths if path.level >= 0]
+    assert [path.cutter.number for path in on_levels][-2:] == [2, 3]
     assert len({path.title for path in made.paths}) == len(made.paths)
     assert "TOOL CALL 3 " in made.program.text
     left = made.report["removal"]["left"]
     assert left["by_reason"]["gouge"] < 0.1
     assert left["max_mm"] < 0.03
     assert max(level["over_limit_mm"] or 0.0 for level in made.report["removal"]["levels"]) < 0.05
-    fine = made.paths[-1]
+    fine = on_levels[-1]
     assert 0 < (~np.isnan(fine.contacts[:, 0])).sum() < 1500, "only the hollow and the fillet at the post"
-    assert set(made.paths[-2].reasons) <= {"collision", "limits", "short", "covered"}
+    assert set(on_levels[-2].reasons) <= {"collision", "limits", "short", "covered"}
+
+    parting = made.report["parting"]
+    assert made.paths[-1].level == PARTING
+    assert parting["steps"] == len(made.paths) - len(on_levels)
+    assert parting["bridge_diameter_mm"] == pytest.approx(1.5)
+    assert parting["stump_height_mm"] == pytest.approx(1.0, abs=0.05)
+    assert "a bridge of 1.50 mm holds the part" in made.summary
+    assert f"parting Z {parting['z_mm']:.2f}" in made.sheet
+    assert len(made.report["toolpath"]) == len(on_levels)
+    assert (tmp_path / "kept" / "stump.png").is_file()
 
 
 @pytest.mark.slow

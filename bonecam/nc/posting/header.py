@@ -9,7 +9,7 @@ from numpy import ndarray
 from bonecam.job import Job
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.machine import Machine
-from bonecam.nc.posting.header_texts import axis_texts, control_texts, setup_texts, tool_texts
+from bonecam.nc.posting.header_texts import axis_texts, control_texts, parting_texts, setup_texts, tool_texts
 from bonecam.nc.posting.path_words import Posted
 from bonecam.nc.posting.tolerances import contour_tolerance, rotary_tolerance_deg
 from bonecam.nc.posting.travel import Travel
@@ -41,6 +41,7 @@ def header_lines(
         f"control {dialect.title}",
         *comments,
         *setup_texts(job, stock),
+        *parting_texts([one.path for one in posted]),
         *tool_texts(job, posted),
         *control_texts(machine, dialect, posted),
         *axis_texts(machine, travel, posted),

@@ -16,7 +16,8 @@ from bonecam.nc.posting.travel import Travel
 from bonecam.setup.stock import Stock
 from bonecam.setup.stock_kind import kind_of
 from bonecam.toolpath.cutters.cutter import Cutter
-from bonecam.toolpath.path import Kind
+from bonecam.toolpath.parting import cut_groove
+from bonecam.toolpath.path import Kind, ToolPath
 
 WIDEST = 96
 """Most characters of a comment that is divided between words."""
@@ -33,7 +34,7 @@ def setup_texts(job: Job, stock: Stock | None) -> list[str]:
     """What must be mounted and where the zero is; `stock` is None where only the paths are known."""
     top = job.holding.length if stock is None else float(stock.bounds[0, 2])
     post = f"post below it: diameter {job.holding.diameter:.2f} mm, from Z 0.00 to Z {top:.2f}"
-    texts = [f"{post}, turned before, left uncut"]
+    texts = [f"{post}, turned before, {'parted at the end' if job.holding.parting else 'left uncut'}"]
     if stock is not None:
         low, high = stock.bounds[:, 2].tolist()
         sizes = ", ".join(f"{name} {size:.2f}" for name, size in stock.sizes.items())
@@ -56,6 +57,18 @@ def setup_texts(job: Job, stock: Stock | None) -> list[str]:
         f"clamping: a chuck or collet of at most {chuck}",
         "program zero: X 0 Y 0 on the axis of the post, Z 0 on the table under the chuck",
     ]
+
+
+def parting_texts(paths: Sequence[ToolPath]) -> list[str]:
+    """What the last paths do to the post, if they part."""
+    groove = cut_groove(paths)
+    if groove is None:
+        return []
+    where = (
+        f"parting: at the end a groove of {2 * groove.radius:.2f} mm round the post at Z {groove.middle:.2f}"
+    )
+    bridge = f"parting: a bridge of diameter {2 * groove.bridge:.2f} mm holds the part, break or saw it there"
+    return [where, bridge]
 
 
 def tool_texts(job: Job, posted: Sequence[Posted]) -> list[str]:

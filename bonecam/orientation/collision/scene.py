@@ -35,7 +35,8 @@ class Scene:
 
     `material_deviation` (mm) is how far the material may reach out of its mesh. `known_level_distance` saves
     building the distances to `level` again. `part_distance`: the ball must stay out of the part as well, whose
-    mesh is finer: a level may touch it.
+    mesh is finer: a level may touch it. `core`: what of the post stays where it is cut itself; the cutter keeps out of
+    that alone while it cuts.
     """
 
     level: TriangleMesh
@@ -46,6 +47,7 @@ class Scene:
     known_level_distance: MeshDistance | None = None
     part_distance: MeshDistance | None = None
     clamping: Clamping = field(default_factory=Clamping)
+    core: Post | None = None
 
     @cached_property
     def level_distance(self) -> MeshDistance:
@@ -72,7 +74,9 @@ class Scene:
         reserve = air or 0.0
         tangent = air is None and section == "cutter"
         post = self.post.column
-        if section == "cutter":
+        if tangent and self.core is not None:
+            kept = self.core.column
+        elif section == "cutter":
             kept = post.grown(reserve)
         elif section == "shank":
             kept = Column(post.radius + ball_radius, post.top).grown(reserve)

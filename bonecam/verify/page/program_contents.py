@@ -17,7 +17,7 @@ from bonecam.nc.machine import Machine
 from bonecam.nc.reading.motions import Motions
 from bonecam.nc.reading.read import read_program
 from bonecam.toolpath.cutters.cutter import Cutter
-from bonecam.toolpath.path import Kind, ToolPath
+from bonecam.toolpath.path import PARTING, Kind, ToolPath
 from bonecam.verify.page.cone_contents import cone_contents
 from bonecam.verify.page.move_sources import of_rows, of_text, rows_of_moves
 from bonecam.verify.page.packing import Contents
@@ -36,6 +36,8 @@ AXIS_LENGTH = 10.0
 """mm."""
 NO_LEVEL = 2**16
 """Of moves that belong to no level."""
+PARTED = NO_LEVEL + 1
+"""Of moves that part the part from its post; `assets/program.js` knows it."""
 UNCUT_SHOWN = 20_000
 """Uncut contacts shown at most: evenly chosen ones of more."""
 
@@ -87,10 +89,13 @@ def program_contents(
 
 
 def _levels(text: str, motions: Motions, dialect: Dialect) -> Int[ndarray, " n"]:
-    """The level of each move; NO_LEVEL where no comment names one."""
-    groups = groups_of(text, motions, dialect)
+    """The level of each move; NO_LEVEL where no comment names one, PARTED behind the last level."""
+    numbers = {None: NO_LEVEL, PARTING: PARTED}
     return np.concatenate(
-        [np.full(len(group.moves), NO_LEVEL if group.level is None else group.level) for group in groups]
+        [
+            np.full(len(group.moves), numbers.get(group.level, group.level))
+            for group in groups_of(text, motions, dialect)
+        ]
     )
 
 

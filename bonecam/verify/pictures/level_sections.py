@@ -1,4 +1,4 @@
-"""Picture: two sections of all levels (Gan et al. 2014, Fig. 10)."""
+"""Pictures: two sections of all levels (Gan et al. 2014, Fig. 10), and of what stays of the post below the part."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 
 from bonecam.levels.measure.level import Level
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.toolpath.parting import Groove
 from bonecam.verify.pictures.colours import colour_scale, colours_of, value_range, whole_ticks
 from bonecam.verify.pictures.panels import BAR_BELOW, Plot, bar_below, lay_out, new_figure, save_figure
 from bonecam.verify.pictures.views import section
@@ -15,6 +17,7 @@ POST_SHOWN = 2.0
 """How much of the post is drawn below the stock, mm; it goes on down to the table."""
 TITLE_ABOVE = 0.8
 """Inches above panels that the figure's title and theirs take."""
+POST_COLOUR = "#b0b0b0"
 
 
 def draw_levels(levels: Sequence[Level], post: tuple[float, float] | None, path: str | Path) -> None:
@@ -54,6 +57,37 @@ def show_levels(
     if post:
         draw_post(plot, post, levels)
     plot.set_xlabel(f"{'xy'[across]} (mm)")
+
+
+def draw_stump(
+    part: TriangleMesh, post: tuple[float, float], groove: Groove | None, path: str | Path
+) -> None:
+    """Write sections of the part's lower end with what stays of the `post` (diameter, top z), mm: down to the parting
+    `groove`, or all of it."""
+    from matplotlib.collections import LineCollection
+
+    diameter, top = post
+    bottom = groove.bottom if groove else float(part.bounds[0, 2])
+    low, high = bottom - POST_SHOWN / 2, max(top, float(part.bounds[0, 2])) + diameter
+    figure, plots = new_figure(2)
+    for plot, across in zip(plots, (0, 1)):
+        side = np.array([[diameter / 2, low], [diameter / 2, top]])
+        if groove:
+            side = np.vstack([side[:1], groove.outline(diameter / 2), side[1:]])
+        plot.fill(*np.vstack([side, (side * [-1.0, 1.0])[::-1]]).T, color=POST_COLOUR)
+        lines = section(part, np.zeros(3), np.eye(3)[1 - across])[:, :, [across, 2]]
+        plot.add_collection(LineCollection(list(lines[lines[:, :, 1].max(axis=1) < high]), colors="k"))
+        plot.set_xlabel(f"{'xy'[across]} (mm)")
+        plot.set_title(f"section {'yx'[across]} = 0", fontsize="medium")
+    plots[0].set_ylabel("z (mm)")
+    told = (
+        f"parting groove at z {groove.middle:.2f}, bridge {2 * groove.bridge:.2f} mm"
+        if groove
+        else "not parted"
+    )
+    figure.suptitle(f"The post below the part: {diameter:g} mm, {told}", fontsize="medium")
+    lay_out(figure, plots, above=TITLE_ABOVE)
+    save_figure(figure, path)
 
 
 def draw_post(plot: Plot, post: tuple[float, float], levels: Sequence[Level]) -> None:

@@ -10,6 +10,7 @@ from numpy import ndarray
 
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.reading.motions import Motions
+from bonecam.toolpath.path import PARTING
 
 AIR = 1e-4
 """A feed move that removes less is in air, mm^3: a hundredth of a move of 0.2 mm at a depth of 0.1."""
@@ -20,7 +21,7 @@ RUBBING = 0.02
 @dataclass(frozen=True, eq=False)
 class Group:
     """Consecutive moves (m,) of one cutter on one level; `level` is None where no comment names one. `rest` numbers
-    the rest paths of the level from 1; 0 is its own path."""
+    the rest paths of the level from 1; 0 is its own path. That of PARTING numbers its steps."""
 
     level: int | None
     rest: int
@@ -43,7 +44,7 @@ def groups_of(text: str, motions: Motions, dialect: Dialect) -> Iterator[Group]:
 def _level_comments(text: str, dialect: Dialect) -> Iterator[tuple[int, int, int]]:
     """Line (from 1), level and number of the rest path of each comment that begins a path, as `posting.write` writes
     them."""
-    words = r"LEVEL (\d+)(?: REST (\d+))?"
+    words = r"(?:LEVEL (\d+)(?: REST (\d+))?|PARTING (\d+))"
     comment = re.escape(dialect.comment.replace("{text}", "TEXT")).replace("TEXT", words)
     pattern = re.compile(rf"^(?:\d+ )?{comment}$", re.MULTILINE)
     line = 1
@@ -51,7 +52,7 @@ def _level_comments(text: str, dialect: Dialect) -> Iterator[tuple[int, int, int
     for found in pattern.finditer(text):
         line += text.count("\n", at, found.start())
         at = found.start()
-        yield line, int(found[1]), int(found[2] or 0)
+        yield line, *((PARTING, int(found[3])) if found[3] else (int(found[1]), int(found[2] or 0)))
 
 
 def motion_lengths(motions: Motions) -> Float[ndarray, " n"]:

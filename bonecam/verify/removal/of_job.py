@@ -13,6 +13,7 @@ from bonecam.setup.holding import post_below
 from bonecam.setup.stock import Stock
 from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.toolpath.layers.limits import layer_limits
+from bonecam.toolpath.path import PARTING
 from bonecam.verify.removal.result import Removal
 from bonecam.verify.removal.simulate import Accuracy, simulate_removal
 from bonecam.verify.removal.verdicts import check_removal
@@ -31,10 +32,11 @@ def cutters_of(job: Job, machine: Machine) -> list[Cutter]:
 
 
 def depth_limits(job: Job, levels: Sequence[Level]) -> dict[int, float]:
-    """The largest depth (mm) of the cut on each level, or on each layer of a strategy in layers."""
+    """The largest depth (mm) of the cut on each level, or on each layer of a strategy in layers, and of PARTING."""
+    parting = {PARTING: job.levels.cuts[1]}
     if job.path.strategy == "morph":
-        return {index: levels[index + 1].limit for index in range(len(levels) - 1)}
-    return layer_limits(job)
+        return parting | {index: levels[index + 1].limit for index in range(len(levels) - 1)}
+    return parting | layer_limits(job)
 
 
 def followed_surfaces(job: Job, meshes: Mapping[int, TriangleMesh]) -> dict[int, TriangleMesh]:
@@ -74,5 +76,5 @@ def prove_removal(
         accuracy=ACCURACY,
         progress=progress,
     )
-    check_removal(removal, job.path.gouge_tolerance)
+    check_removal(removal, job.path.gouge_tolerance, job.holding.bridge)
     return removal

@@ -91,7 +91,8 @@ class Removal:
     `shank`, `holder` and `spindle` keep their clearance from stock, part and post, the whole tool that of `table`
     from table, chuck and what stands there. `left` is None where no part was given. `volume` is what stands in the
     end, `volume_error` how far the three sets of rays differ in it, mm^3. `move_volumes` (mm^3) has one row a move
-    of the text. `standing` is what stood on the surfaces that were given, in machining order.
+    of the text. `standing` is what stood on the surfaces that were given, in machining order. `bridge` (mm) is the
+    diameter of what stands of the post where it is parted, None where it is not.
     """
 
     cell: float
@@ -108,6 +109,7 @@ class Removal:
     volume_error: float
     move_volumes: Float[ndarray, " m"]
     standing: tuple[Standing, ...] = ()
+    bridge: float | None = None
 
     @property
     def report(self) -> dict[str, Any]:
@@ -123,6 +125,7 @@ class Removal:
                 name: _rounded(spot.value) if spot else None for name, spot in clearances.items()
             },
             "left": _left_figures(self.left) if self.left else None,
+            "bridge_diameter_mm": None if self.bridge is None else _rounded(self.bridge),
         }
 
     def _link_figures(self) -> dict[str, Any]:

@@ -8,7 +8,7 @@ place, after a retract or a tool change, only the end is run.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -37,7 +37,7 @@ from bonecam.verify.removal.nails import Nails, nails_on
 from bonecam.verify.removal.pieces import straight_pieces
 from bonecam.verify.removal.rays import RayGrid, copy_of, lay_grid, lay_rays, least_cell
 from bonecam.verify.removal.result import LINK_ALLOWED, Clearance, LevelRemoval, Removal, Spot
-from bonecam.verify.removal.standing import Standing, standing_heights
+from bonecam.verify.removal.standing import Standing, parted_bridge, standing_heights
 from bonecam.verify.removal.sweeping import PARTS, Sweeping, volumes
 from bonecam.verify.removal.table import table_clearance
 
@@ -101,7 +101,8 @@ def simulate_removal(
         before = [one.tool for one in groups[:count] if one.level != group.level]
         scallop = tools[before[-1]].scallop if before else 0.0
         levels.append(simulation.run(group, tools[group.tool], scallop))
-    return simulation.result(levels, tools, post)
+    bridge = parted_bridge(groups, motions, tools, post, sweeping.sets, grid)
+    return replace(simulation.result(levels, tools, post), bridge=bridge)
 
 
 def _tools(motions: Motions, cutters: Sequence[Cutter]) -> dict[int, Cutter]:

@@ -2,6 +2,7 @@
 too deep."""
 
 from bonecam.errors import VerifyError, place_name
+from bonecam.toolpath.path import PARTING
 from bonecam.verify.removal.result import LINK_ALLOWED, Clearance, LevelRemoval, Removal, Spot
 
 REMEDIES = {
@@ -12,10 +13,11 @@ REMEDIES = {
 """What to do where a part of the tool enters material."""
 
 
-def check_removal(removal: Removal, gouge_tolerance: float = 0.01) -> None:
+def check_removal(removal: Removal, gouge_tolerance: float = 0.01, bridge: float = 0.0) -> None:
     """VerifyError, with `line` and `place`, where a rapid removes material or the moves between two passes more than
     LINK_ALLOWED, shank, holder or spindle enter what stands, the tool meets table or chuck, a ball goes into the part
-    by more than `gouge_tolerance` mm, or a cut is deeper than its limit by more than is allowed (`over_allowed`).
+    by more than `gouge_tolerance` mm, or a cut is deeper than its limit by more than is allowed (`over_allowed`); and
+    where less than a `bridge` of this diameter (mm, within two cells) is left of a post that is parted: the part drops.
 
     Leftovers are told in the report and refuse nothing.
     """
@@ -45,6 +47,12 @@ def check_removal(removal: Removal, gouge_tolerance: float = 0.01) -> None:
         )
     for level in removal.levels:
         _check_depth(level)
+    if removal.bridge is not None and removal.bridge < bridge - 2 * removal.cell:
+        raise VerifyError(
+            f"parting: {removal.bridge:.2f} mm of the post hold the part, {bridge:g} mm are wanted: write the "
+            "program again, or give a larger holding.parting_core",
+            error=bridge - removal.bridge,
+        )
 
 
 def _refuse(spot: Spot, what: str, remedy: str) -> None:
@@ -60,9 +68,10 @@ def _refuse(spot: Spot, what: str, remedy: str) -> None:
 def _check_depth(level: LevelRemoval) -> None:
     """VerifyError where a cut of this level is too deep."""
     if level.deepest and level.over_limit is not None and level.over_limit > level.over_allowed:
+        name = "the parting" if level.index == PARTING else f"level {level.index}"
         _refuse(
             level.deepest,
-            f"a cut of level {level.index} is {level.deepest.value:.3f} mm deep, {level.over_limit:.3f} over its "
+            f"a cut of {name} is {level.deepest.value:.3f} mm deep, {level.over_limit:.3f} over its "
             f"limit, allowed {level.over_allowed:.3f},",
             "cut the levels in their order; for a program of bonecam try a smaller scallop of the cutter before",
         )

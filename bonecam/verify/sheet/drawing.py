@@ -1,6 +1,8 @@
 """The drawing of the sheet: stock, part, post, chuck and table from the front, to scale, with their sizes, as SVG."""
 
 import html
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -12,6 +14,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.fixture.table import Table
 from bonecam.setup.holding import Post
 from bonecam.setup.stock import Stock
+from bonecam.toolpath.parting import Groove
 from bonecam.verify.pictures.views import section
 
 WIDTH, HEIGHT = 86.0, 122.0
@@ -78,13 +81,20 @@ class _Paper:
         self.text((left + right) / 2, y - above - 1.2, words)
 
 
-def clamping_drawing(part: TriangleMesh, stock: Stock, post: Post, holding: HoldingJob, table: Table) -> str:
-    """The drawing as the text of an SVG element of WIDTH x HEIGHT mm."""
+def clamping_drawing(
+    part: TriangleMesh,
+    stock: Stock,
+    post: Post,
+    holding: HoldingJob,
+    table: Table,
+    parting: Mapping[str, Any] | None = None,
+) -> str:
+    """The drawing as the text of an SVG element of WIDTH x HEIGHT mm; `parting` is that section of the report."""
     low, high = (float(value) for value in stock.bounds[:, 2])
     widest = max(float(np.abs(stock.bounds[:, 0]).max()), holding.chuck_diameter / 2)
     paper = _Paper(widest, high)
     _draw_table(paper, table)
-    paper.column(post.radius, 0.0, low + post.radius, "post")
+    _draw_post(paper, post, low + post.radius, parting)
     if holding.chuck_height:
         paper.column(holding.chuck_diameter / 2, 0.0, holding.chuck_height, "chuck")
     outline = stock.mesh(CHORD).vertices[:, [0, 2]]
@@ -100,6 +110,20 @@ def clamping_drawing(part: TriangleMesh, stock: Stock, post: Post, holding: Hold
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" width="{WIDTH:g}mm" '
         f'height="{HEIGHT:g}mm" role="img" aria-label="Stock, post, chuck and table from the front">\n{body}\n</svg>'
     )
+
+
+def _draw_post(paper: _Paper, post: Post, top: float, parting: Mapping[str, Any] | None) -> None:
+    """The post up to a height, with its parting groove and the height of that."""
+    if parting is None:
+        paper.column(post.radius, 0.0, top, "post")
+        return
+    groove = Groove(parting["z_mm"], parting["width_mm"] / 2, parting["bridge_diameter_mm"] / 2, post.radius)
+    side = np.vstack(
+        [[[post.radius, 0.0]], groove.outline(post.radius), [[post.radius, max(top, groove.middle)]]]
+    )
+    paper.path(np.vstack([side, (side * [-1.0, 1.0])[::-1]]), "post")
+    x, y = paper.at(post.radius, groove.middle)
+    paper.text(x + 1.5, y + 1, f"parting Z {groove.middle:.2f}", "start")
 
 
 def _draw_table(paper: _Paper, table: Table) -> None:

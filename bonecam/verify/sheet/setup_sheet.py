@@ -19,6 +19,7 @@ from bonecam.setup.holding import SLENDER, post_below
 from bonecam.setup.stock import Stock
 from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.verify.removal.of_job import cutters_of
+from bonecam.verify.report import parting_text
 from bonecam.verify.sheet.axes import AxisRange, axis_ranges
 from bonecam.verify.sheet.drawing import clamping_drawing
 from bonecam.verify.summary import certified_text, uncut_lines
@@ -49,7 +50,7 @@ def setup_sheet(
         machine=html.escape(machine.title),
         controller=html.escape(program.controller),
         minutes=f"{program.time_min:.0f}",
-        drawing=clamping_drawing(part.mesh, stock, post, job.holding, machine.table),
+        drawing=clamping_drawing(part.mesh, stock, post, job.holding, machine.table, report.get("parting")),
         setup=_items(_sentence(text) for text in setup_texts(job, stock)),
         tools=_tool_rows(used, program.tool_minutes),
         cutting=html.escape(_cutting(job, report["nc"])),
@@ -141,7 +142,9 @@ def _left(report: Mapping[str, Any]) -> Iterator[str]:
         yield f"On the part {away}; at the post {left['by_reason']['post']:.1f} mm²"
     for line in uncut_lines(report["toolpath"], report["uncut_mm2"]):
         yield f"Uncut: {line}"
-    yield "The stump of the post is removed by hand"
+    if "parting" in report:
+        yield f"Parting: {parting_text(report['parting'])}"
+    yield f"The stump of the post, over {report['post']['footprint_mm2']:.1f} mm² of the part, is removed by hand"
 
 
 def _warnings(job: Job, report: Mapping[str, Any], machine: Machine) -> Iterator[str]:

@@ -133,12 +133,24 @@ function nextView() {
   if (page.state.mode === "fit") rebuild();
 }
 
+function postPieces(post, top) {
+  const groove = page.facts.report.parting;
+  if (!groove) return [[0, top, post.radius, post.radius]];
+  const half = groove.width_mm / 2, count = 24;
+  const rings = Array.from({ length: count + 1 }, (_, n) => {
+    const angle = Math.PI * (n / count - 0.5);
+    return [groove.z_mm + half * Math.sin(angle), Math.min(post.radius, groove.bridge_diameter_mm / 2 + half * (1 - Math.cos(angle)))];
+  });
+  const all = [[0, post.radius], ...rings, [post.top, post.radius]];
+  return all.slice(1).map(([z, radius], n) => [all[n][0], z, all[n][1], radius]);
+}
+
 function makeBodies() {
   const { post, chuck, table, stock_bounds: bounds } = page.facts;
   const last = page.facts.levels[page.facts.levels.length - 1];
   const clear = (vertices, faces) => surface(vertices, faces, null, { colour: "#9fb4c7", opacity: 0.25 });
   page.bodies = {
-    post: revolved([[0, Math.min(post.top, bounds[0][2] + post.radius), post.radius, post.radius]], METAL),
+    post: revolved(postPieces(post, Math.min(post.top, bounds[0][2] + post.radius)), METAL),
     table: tableBody(table),
     zero: zeroMark(25),
   };

@@ -94,6 +94,7 @@ const programMode = {
   ],
 };
 
+const PARTED = 65537; // the level of moves that part the part from its post
 const minutesWords = (minutes) => `about ${number(minutes, minutes < 10 ? 1 : 0)} min`;
 const a0 = (name) => page.arrays[name];
 const cutLayers = () => [...page.facts.program.layers].reverse();
@@ -111,7 +112,7 @@ function showStep(i) {
   const k = a.move_level[i];
   if (!page.standing || page.standing.level !== k) {
     if (page.standing) { page.content.remove(page.standing.mesh); dispose(page.standing.mesh); }
-    const layer = page.facts.program.layers.find((one) => one.level === k);
+    const layer = page.facts.program.layers.find((one) => one.level === (k === PARTED ? 0 : k));
     page.standing = layer ? new StandingStock(layer) : null;
     if (page.standing) page.content.add(page.standing.mesh);
     const jump = document.getElementById("jump");
@@ -134,12 +135,13 @@ function showStep(i) {
 
 function showReadout(i) {
   const a = page.arrays;
+  const k = a.move_level[i];
   const tip = [0, 1, 2].map((c) => number(a.move_tip[3 * i + c], 3));
   const tilt = (Math.acos(Math.max(-1, Math.min(1, a.move_axis[3 * i + 2]))) * 180) / Math.PI;
   const tool = page.facts.tools.find((one) => one.number === a.move_tool[i]);
   const move = a.move_feed[i] > 0 ? [KINDS[a.move_kind[i]], `${number(a.move_feed[i], 0)} mm/min`] : ["move", "rapid"];
   const told = [
-    ["level", a.move_level[i]], ["tool", `${tool.number}, ball R ${tool.radius}`], ["tip", `X ${tip[0]}  Y ${tip[1]}  Z ${tip[2]}`],
+    k === PARTED ? ["parting", "from the post"] : ["level", k], ["tool", `${tool.number}, ball R ${tool.radius}`], ["tip", `X ${tip[0]}  Y ${tip[1]}  Z ${tip[2]}`],
     ["tilt", `${number(tilt, 1)}°`], ...(page.state.cones && a.move_cone && a.move_kind[i] === 0 ? [["cone", coneOf(i) < 0 ? "none" : `±${number((a.cone_angle[coneOf(i)] * 180) / Math.PI, 1)}°`]] : []), move, ["time in feed", `${number(a.move_minute[i], 1)} min`],
   ];
   const box = document.getElementById("readout");

@@ -16,7 +16,6 @@ from numpy import ndarray
 from bonecam.arrays import unit
 from bonecam.errors import OrientationError
 from bonecam.job import Job
-from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.orientation.axes.admissible import candidate_directions
 from bonecam.orientation.axes.lead import LEAVING, ROOM
@@ -28,6 +27,7 @@ from bonecam.setup.fixture.clamping import Clamping, clamping_of
 from bonecam.setup.fixture.table import MachineBodies
 from bonecam.setup.placement import Setup
 from bonecam.toolpath.cutters.cutter import Cutter
+from bonecam.toolpath.parting import groove_below, groove_core, parting_contacts, parting_cutters
 
 SPACING = 0.5
 """One contact is sampled in every cube of this side, mm; of larger parts in larger ones."""
@@ -41,6 +41,8 @@ BATCH = 8
 """Directions that are tested for a contact at once."""
 LONGEST = 500.0
 """Longest post of a job, mm."""
+ROUND = 24
+"""Contacts round the parting groove that are sampled."""
 GOUGE = 0.02
 """A ball that would enter the surface by more (mm) is no contact."""
 
@@ -59,10 +61,30 @@ def find_post_length(setup: Setup, job: Job, limits: AxisLimits, bodies: Machine
     """Setup and job with the shortest post, in whole mm, with which all sampled contacts are reached; `limits` and
     `bodies` are the machine's."""
     clamping = clamping_of(job.holding, bodies.table)
-    lifts = sampled_lifts(setup, job, limits, bodies)
+    lifts = np.r_[sampled_lifts(setup, job, limits, bodies), parting_lift(setup, job, limits, bodies)]
     height = float(setup.stock.bounds[0, 2])
     length = shortest_post(lifts, height, clamping)
     return setup.lift(length - height), replace(job, holding=replace(job.holding, length=length))
+
+
+def parting_lift(setup: Setup, job: Job, limits: AxisLimits, bodies: MachineBodies) -> float:
+    """How much higher (mm; lower where negative) the part would have to stand for a cutter to get all round in the
+    parting groove; infinite where none does, however high, and -infinite where no groove is wanted."""
+    if not job.holding.parting:
+        return -np.inf
+    clamping = clamping_of(job.holding, bodies.table)
+    mesh, depth = setup.part.mesh, job.levels.finishing_depth
+    found = []
+    for cutter in parting_cutters(job, bodies):
+        groove = groove_below(float(mesh.bounds[0, 2]), setup.post, job.holding, cutter)
+        *_, contacts = parting_contacts(groove, cutter, job)
+        scene = replace(_scene_of(mesh, setup, job, depth), core=groove_core(contacts, setup.post))
+        some = np.linspace(0, len(contacts.normals) - 1, ROUND).astype(np.int64)
+        sampled = SampledContacts(
+            CollisionChecker(scene, cutter), contacts.centres[some], contacts.normals[some]
+        )
+        found.append(least_lifts(sampled, clamping, job, limits).max())
+    return float(min(found))
 
 
 def shortest_post(lifts: Float[ndarray, " n"], height: float, clamping: Clamping) -> float:
@@ -117,14 +139,17 @@ def _contacts_on(mesh: TriangleMesh, depth: float, cutter: Cutter, setup: Setup,
         np.add.at(across, mesh.faces[:, corner], mesh.face_vectors)
     normals = unit(across[kept])
     centres = mesh.vertices[kept] + cutter.radius * normals
-    distance = MeshDistance(mesh)
+    scene = _scene_of(mesh, setup, job, depth)
     held = setup.post.distance(centres) < cutter.radius
-    gouging = distance.signed(centres) < cutter.radius - GOUGE
-    clamping = Clamping((), closed=False, clearance=job.holding.clearance)
-    capsule = enclosing_capsule(setup.stock)
-    scene = Scene(mesh, mesh, capsule, setup.post, depth, distance, clamping=clamping)
+    gouging = scene.level_distance.signed(centres) < cutter.radius - GOUGE
     good = ~held & ~gouging
     return SampledContacts(CollisionChecker(scene, cutter), centres[good], normals[good])
+
+
+def _scene_of(mesh: TriangleMesh, setup: Setup, job: Job, depth: float) -> Scene:
+    """A mesh with `depth` (mm) of material round it on the post, and nothing below."""
+    clamping = Clamping((), closed=False, clearance=job.holding.clearance)
+    return Scene(mesh, mesh, enclosing_capsule(setup.stock), setup.post, depth, clamping=clamping)
 
 
 def least_lifts(

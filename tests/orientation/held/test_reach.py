@@ -8,13 +8,13 @@ import pytest
 from bonecam.job import Job
 from bonecam.nc.kinematics import axis_limits
 from bonecam.nc.machine import read_machine
-from bonecam.orientation.post_length import find_post_length
-from bonecam.orientation.reach import STEEP_TILT, what_would_help
+from bonecam.orientation.held.post_length import find_post_length
+from bonecam.orientation.held.reach import STEEP_TILT, what_would_help
 from bonecam.progress import silent
 from bonecam.setup.placement import place
 from bonecam.surface.files.surface_input import read_part
 
-PHALANX = Path(__file__).parents[2] / "meshes/phalanx.ply"
+PHALANX = Path(__file__).parents[3] / "meshes/phalanx.ply"
 MACHINE = read_machine("mikron-ucp600")
 LIMITS = axis_limits(MACHINE)
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bonecam.job import Job
+from bonecam.orientation.held.post_length import sampled_lifts, sampled_lifts_of_part, shortest_post
 from bonecam.orientation.limits import AxisLimits
-from bonecam.orientation.post_length import sampled_lifts, sampled_lifts_of_part, shortest_post
 from bonecam.setup.fixture.clamping import clamping_of
 from bonecam.setup.fixture.table import MachineBodies
 from bonecam.setup.placement import Setup
