@@ -60,9 +60,9 @@ def read_surface(path: str | Path, scale: float, tolerance: float, max_control_p
     enclose a part.
     """
     if Path(path).suffix.lower() in TEXTS:
-        surface, points = _saved(path, scale)
+        surface, points = _saved(path, scale, max_control_points)
     else:
-        surface, points = _skinned(path, scale, tolerance)
+        surface, points = _skinned(path, scale, tolerance, max_control_points)
     if not (isinstance(surface.tmesh, RowTMesh) and all(surface.tmesh.poles)):
         remedy = (
             "give a pole (one point) as the first and the last block"
@@ -77,19 +77,11 @@ def read_surface(path: str | Path, scale: float, tolerance: float, max_control_p
             file=str(path),
             volume=surface.volume,
         )
-    if surface.tmesh.size > max_control_points:
-        what = (
-            f"{surface.tmesh.size} control points keep the rows within {tolerance} mm, "
-            f"{max_control_points} are allowed"
-        )
-        raise SurfaceError(
-            f"{path}: {what}: raise surface.tolerance or surface.max_control_points", file=str(path)
-        )
     found = _deviation(surface, points)
     return Fit(surface, found, tolerance, found.max <= tolerance)
 
 
-def _saved(path: str | Path, scale: float) -> tuple[TSpline, Float[ndarray, "0 3"]]:
+def _saved(path: str | Path, scale: float, max_control_points: int) -> tuple[TSpline, Float[ndarray, "0 3"]]:
     """The T-spline of a file, and no points."""
     if scale != 1:
         raise UnitsError(
@@ -97,19 +89,25 @@ def _saved(path: str | Path, scale: float) -> tuple[TSpline, Float[ndarray, "0 3
             file=str(path),
         )
     surface = read_tsm(path)
+    count = surface.tmesh.size
+    if count > max_control_points:
+        what = f"has {count} control points, {max_control_points} are allowed"
+        raise SurfaceError(f"{path}: {what}: raise surface.max_control_points", file=str(path))
     patches = surface.patches.reshape(-1, 4)
     _check_size(patches[:, :3] / patches[:, 3:], path)
     return surface, np.empty((0, 3))
 
 
-def _skinned(path: str | Path, scale: float, tolerance: float) -> tuple[TSpline, Float[ndarray, "n 3"]]:
+def _skinned(
+    path: str | Path, scale: float, tolerance: float, max_control_points: int
+) -> tuple[TSpline, Float[ndarray, "n 3"]]:
     """The surface through the rows of a file, and their points, mm."""
     rows = read_rows(path).scaled(scale)
     points = np.vstack([*rows.rows, *([] if rows.poles is None else [rows.poles])])
     _check_size(points, path)
     try:
-        return rows.skin(tolerance), points
-    except ValueError as error:
+        return rows.skin(tolerance, max_control_points), points
+    except (ValueError, SurfaceError) as error:
         raise SurfaceError(f"{path}: {error}", file=str(path)) from error
 
 

@@ -29,6 +29,9 @@ TWISTED = 1.2
 COMPARED = 64
 """Points of two rows that are compared."""
 
+TRIED = 512
+"""Points that a row is tried to begin with at most."""
+
 
 @dataclass(frozen=True, eq=False)
 class PointRows:
@@ -47,9 +50,15 @@ class PointRows:
             self.closed,
         )
 
-    def skin(self, tolerance: float) -> TSpline:
+    def skin(self, tolerance: float, max_control_points: int | None = None) -> TSpline:
         """The T-spline through the rows: see `surface.skin`."""
-        return skin(self.rows, tolerance, closed=self.closed, poles=self.poles)
+        return skin(
+            self.rows,
+            tolerance,
+            closed=self.closed,
+            poles=self.poles,
+            max_control_points=max_control_points,
+        )
 
 
 def holds_rows(path: str | Path) -> bool:
@@ -130,9 +139,10 @@ def _twist(before: ndarray, row: ndarray) -> int:
     clearly nearer."""
     target = _even(before) - before.mean(axis=0)
     moved = row - row.mean(axis=0)
-    away = np.array([np.linalg.norm(_even(np.roll(moved, -k, axis=0)) - target) for k in range(len(row))])
+    starts = np.linspace(0, len(row), min(len(row), TRIED), endpoint=False).astype(np.int64)
+    away = np.array([np.linalg.norm(_even(np.roll(moved, -k, axis=0)) - target) for k in starts])
     best = int(np.argmin(away))
-    return best if away[0] > TWISTED * away[best] else 0
+    return int(starts[best]) if away[0] > TWISTED * away[best] else 0
 
 
 def _even(row: ndarray) -> ndarray:

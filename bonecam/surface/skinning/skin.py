@@ -39,8 +39,11 @@ SPARSE = 120
 AROUND = 100
 """Parameters at which the distance of neighbouring rows is measured."""
 
-LOOSER = 1.25
+LOOSER = 1.5
 """Steps in which the tolerance reached is looked for."""
+
+LARGEST = 20_000_000
+"""Control points of all control curves before their knots are reduced: some 2 GB."""
 
 NOTHING = 1e-12
 """Share of the size: no tolerance below this."""
@@ -57,14 +60,18 @@ class ControlCurves:
     candidates: Float[ndarray, " c"]
     points: Float[ndarray, "r n 3"]
 
-    def reduce(self, tolerance: float) -> TSpline:
+    def reduce(self, tolerance: float, most: float = np.inf) -> TSpline | None:
         """The surface with the fewest knots in every row that keep it within `tolerance` (mm); a pole is
-        one point.
+        one point. None where it needs more than `most` control points.
         """
+        whole = [q for q in self.points if not _point(q)]
+        poles = len(self.points) - len(whole)
         reduction = Reduction(self.fine, self.candidates, self.closed)
-        return self._surface(
-            [(np.zeros(1), q[:1]) if _point(q) else reduction.least(q, tolerance) for q in self.points]
-        )
+        reduced = reduction.least_of_all(whole, tolerance, most - poles)
+        if reduced is None:
+            return None
+        following = iter(reduced)
+        return self._surface([(np.zeros(1), q[:1]) if _point(q) else next(following) for q in self.points])
 
     @property
     def least(self) -> int:
@@ -114,9 +121,16 @@ def skin(
             f"{tolerance} mm is below rounding: ask for {NOTHING * size:.1e} mm or more",
             reached=NOTHING * size,
         )
-    surface = control.reduce(tolerance)
-    if max_control_points is not None and surface.tmesh.size > max_control_points:
-        raise _too_many(control, tolerance, surface.tmesh.size, max_control_points)
+    if max_control_points is not None and control.least > max_control_points:
+        raise SurfaceError(
+            f"the rows need {control.least} control points at least: "
+            f"raise surface.max_control_points ({max_control_points})",
+            needed=control.least,
+        )
+    most = np.inf if max_control_points is None else float(max_control_points)
+    surface = control.reduce(tolerance, most)
+    if surface is None:
+        raise _too_many(control, tolerance, most)
     return surface
 
 
@@ -153,6 +167,9 @@ def control_curves(curves: RowCurves, poles: Float[ndarray, "2 3"] | None = None
     t = row_parameters(curves, poles)
     candidates = curves.union if poles is None else _add_opposite(curves.union)
     fine = _halve(candidates, closed) if len(candidates) < SPARSE else candidates
+    if len(fine) * len(t) > LARGEST:
+        what = f"{len(curves.points)} rows have {len(curves.union)} knots together"
+        raise ValueError(f"{what}: give all rows equal counts of points, or fewer points")
     at = sites(fine, closed)
     sections = curves.at(at)
     if poles is not None:
@@ -217,20 +234,13 @@ def _values(knots: ndarray, x: ndarray, order: int = 0) -> ndarray:
     return matrix
 
 
-def _too_many(control: ControlCurves, tolerance: float, size: int, allowed: int) -> SurfaceError:
+def _too_many(control: ControlCurves, tolerance: float, allowed: float) -> SurfaceError:
     """The error that says what the control points allowed do reach."""
-    if allowed < control.least:
-        return SurfaceError(
-            f"the rows need {control.least} control points at least: allow more than {allowed}",
-            needed=control.least,
-        )
-    reached = tolerance
-    found = size
-    while found > allowed:
+    reached = LOOSER * tolerance
+    while control.reduce(reached, allowed) is None:
         reached *= LOOSER
-        found = control.reduce(reached).tmesh.size
-    message = (
-        f"{tolerance:g} mm needs {size} control points; {allowed} reach {reached:.3g} mm: allow more, "
-        "or that tolerance"
+    return SurfaceError(
+        f"{tolerance:g} mm needs more than {allowed:g} control points, which reach {reached:.3g} mm: "
+        "smooth the rows, or raise surface.tolerance or surface.max_control_points",
+        reached=reached,
     )
-    return SurfaceError(message, reached=reached, needed=size)

@@ -73,13 +73,15 @@ def test_what_encloses_no_part_is_refused(
     surface = bone_like()
     write_rows(sections(), tmp_path / "open.csv")
     write_rows([poles[:1], *sections(4, 12), poles[1:]], tmp_path / "many.csv")
+    write_tsm(surface, tmp_path / "bone.tspline")
     write_tsm(bone_like(poles=False), tmp_path / "tube.tspline")
     write_tsm(surface.with_control_points(surface.control_points * [1, -1, 1]), tmp_path / "inward.tspline")
     for name, allowed, reason in (
         ("open.csv", 450, "encloses no part: give a pole .*`bonecam finish`"),
         ("tube.tspline", 450, "encloses no part: .*`bonecam finish`"),
         ("inward.tspline", 450, "point inward"),
-        ("many.csv", 20, "20 are allowed"),
+        ("many.csv", 20, r"the rows need 26 control points at least: raise surface\.max_control_points"),
+        ("bone.tspline", 20, "20 are allowed: raise surface.max_control_points"),
     ):
         with pytest.raises(SurfaceError, match=rf"{name}: .*{reason}"):
             read_surface(tmp_path / name, 1.0, 0.3, allowed)

@@ -180,6 +180,25 @@ def test_too_few_control_points_say_what_they_reach() -> None:
         skin(ellipsoid_rows(), 1e-15, poles=POLES)
 
 
+def test_rows_of_noise_are_refused_soon() -> None:
+    """Before knots are taken out again, which took minutes, where they need far more than are allowed."""
+    random = np.random.default_rng(1)
+    rows = [row[: 36 + k % 5] for k, row in enumerate(ellipsoid_rows())]
+    noise = [row + random.normal(size=row.shape) for row in rows]
+    with pytest.raises(
+        SurfaceError, match=r"needs more than 60 control points, which reach .*: smooth the rows"
+    ):
+        skin(noise, 0.1, poles=POLES, max_control_points=60)
+
+
+def test_rows_whose_knots_would_fill_the_memory_are_refused() -> None:
+    random = np.random.default_rng(1)
+    angles = [np.sort(random.uniform(0, 2 * np.pi, 450 + k)) for k in range(200)]
+    rows = [np.column_stack([np.cos(a), np.sin(a), np.full(len(a), k)]) for k, a in enumerate(angles)]
+    with pytest.raises(ValueError, match=r"200 rows have .* knots together: give all rows equal counts"):
+        skin(rows, 0.1)
+
+
 def test_wrong_rows_are_refused() -> None:
     points = ellipsoid_rows()
     with pytest.raises(ValueError, match="two or more rows"):
