@@ -296,6 +296,22 @@ def test_a_longer_link_runs_over_the_material_like_a_taut_string(grooved: tuple[
     assert length < 1.1 * np.linalg.norm(centres[1] - centres[0])
 
 
+def test_a_link_whose_turn_leaves_the_limits_between_its_ends_is_refused(
+    grooved: tuple[TSpline, LinkSpace],
+) -> None:
+    """The shortest turn between two axes below the horizon passes lower than both."""
+    surface, space = grooved
+    s, t = np.array([0.1, 0.2]), np.full(2, 0.35)
+    normals = surface.normals(s, t)
+    centres = surface.positions(s, t) + space.ball_radius * normals
+    first, last = ((centres[k : k + 1], normals[k : k + 1], normals[k : k + 1]) for k in (0, 1))
+    (link,) = direct_links(space, first, last, 1.0)
+    assert link is not None
+    ends = float(polar_angles(normals).max())
+    assert polar_angles(link.axes).max() > ends > np.pi / 2
+    assert direct_links(replace(space, limits=AxisLimits(ends)), first, last, 1.0) == [None]
+
+
 def test_a_level_that_rounds_no_material_is_passed_over(
     pebble: Callable[..., TSpline],
     mesh_of: Callable[..., TriangleMesh],

@@ -47,7 +47,8 @@ Poses = tuple[Float[ndarray, "m p 3"], Float[ndarray, "m p 3"]]
 
 def direct_links(space: LinkSpace, ends: Contacts, starts: Contacts, short: float) -> list[Moves | None]:
     """The lowest link from each end to its start, both left out, that removes nothing; None where it is too long,
-    turns too far, passes the singularity, or is not proven free. Straight links are no longer than `short`, mm."""
+    turns too far, passes the singularity, leaves the limits, or is not proven free. Straight links are no longer than
+    `short`, mm."""
     found: list[Moves | None] = [None] * len(ends[0])
     away = np.linalg.norm(starts[0] - ends[0], axis=1)
     turns = angles_between(ends[2], starts[2])
@@ -142,12 +143,13 @@ def _off_singularity(centres: Float[ndarray, "m p 3"], axes: Float[ndarray, "m p
 
 
 def _free(space: LinkSpace, links: Poses, ends: Contacts, starts: Contacts) -> Bool[ndarray, " m"]:
-    """Whether each link keeps off the singularity, removes nothing and is proven free, with the moves from its end and
-    to its start."""
+    """Whether each link keeps off the singularity and within the limits, removes nothing and is proven free, with the
+    moves from its end and to its start."""
     centres, axes = links
     all_centres = np.concatenate([ends[0][:, None], centres, starts[0][:, None]], axis=1)
     all_axes = np.concatenate([ends[2][:, None], axes, starts[2][:, None]], axis=1)
     free = np.array([least_polar_angles(v).min() > SINGULAR_ANGLE for v in all_axes], dtype=bool)
+    free &= space.limits.allow(axes.reshape(-1, 3)).reshape(axes.shape[:2]).all(axis=1)
     halfway = (centres[:, 1:] + centres[:, :-1]) / 2
     free[free] = space.in_air(np.concatenate([centres, halfway], axis=1)[free])
     for contacts, lifted in ((ends[0], centres[:, 0]), (starts[0], centres[:, -1])):
