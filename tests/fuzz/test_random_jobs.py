@@ -176,6 +176,9 @@ def random_job(seed: int) -> tuple[str, Job | BonecamError]:
         },
         "nc": {"machine": machine, "controller": controller},
     }
+    if random.random() < 0.15:
+        tool = sections[pick(random, ("roughing", "finishing"))]
+        tool["flute_length"] = tool["radius"]
     try:
         return part, Job().with_values(**sections)
     except BonecamError as error:

@@ -129,7 +129,7 @@ def bound_clearances(
         for s in range(len(sections)):
             start, end = sections[s, 0], sections[s, 1]
             radius = max(sections[s, 2], sections[s, 3])
-            steps = int(np.ceil(2.0 * (end - start) / radius))
+            steps = max(1, int(np.ceil(2.0 * (end - start) / radius)))
             step = (end - start) / steps
             ball = np.sqrt(radius * radius + step * step / 4)
             least = np.inf

@@ -199,6 +199,13 @@ def test_a_shank_of_9_mm_over_a_ball_of_1_is_found(simulate, text, finishing_cut
         check_removal(found)
 
 
+def test_a_shank_that_begins_at_the_middle_of_the_ball_is_simulated(simulate, text, finishing_cutter):
+    """Such flutes have no length above the ball's middle: their steps were divided by zero."""
+    radius = finishing_cutter.radius
+    slim = replace(finishing_cutter, flute_length=radius, shank_diameter=1.8 * radius)
+    assert np.isfinite(simulate(text, finishing=slim).shank.least.value)
+
+
 def test_a_lowered_holder_is_found(simulate, text, finishing_cutter):
     short = replace(finishing_cutter, flute_length=1.2, shank_diameter=0.6)
     assert simulate(text, finishing=replace(short, overhang=11.5)).holder.touched == 0
