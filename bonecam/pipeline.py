@@ -135,13 +135,13 @@ def _morph(
         unplaced, given = read_part(mesh, job, part(progress, 0.0, 0.1))
         found = not job.holding.length
         setup, job = stand_on_post(place(unplaced, job), job, machine)
-        advice = _post_advice(setup, job, machine) if found else {}
         if machine is not None:
             check_parting(setup, job, axis_limits(machine), machine.bodies)
             check_room(setup.stock, job, machine)
         check_cuts(setup.part.mesh, setup.stock, job.levels)
         if machine is not None:
             check_length(setup.part.mesh, setup.stock, job)
+        advice = _post_advice(setup, job, machine) if found else {}
 
     with times.stage("surface"):
         fitted = fit_surface(setup.part, job, part(progress, 0.1, 0.5), given)

@@ -1,5 +1,5 @@
-"""The whole chain on the shipped phalanx, coarse so that it is quick; the same job serves all tests of this
-file."""
+"""The whole chain on the shipped phalanx at half its size, coarse so that it is quick; the same job serves all tests
+of this file."""
 
 import csv
 import json
@@ -12,9 +12,9 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
+import bonecam_meshes
 import numpy as np
 import pytest
-from bonecam_meshes import path as shipped
 
 import bonecam
 from bonecam import pipeline
@@ -45,6 +45,7 @@ from bonecam.verify import check_removal, prove_removal
 
 COARSE = Job().with_values(
     surface={"tolerance": 0.2},
+    holding={"diameter": 2.0},
     levels={"roughing_depth": 1.0, "finishing_levels": 1, "finishing_depth": 0.3, "chord_tolerance": 0.02},
     roughing={"scallop": 0.3},
     finishing={"scallop": 0.1},
@@ -52,10 +53,17 @@ COARSE = Job().with_values(
 
 
 @pytest.fixture(scope="module")
-def chain(tmp_path_factory: pytest.TempPathFactory) -> tuple[bonecam.Result, Path]:
+def phalanx(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    whole, file = read_mesh(bonecam_meshes.path("phalanx")), tmp_path_factory.mktemp("part") / "phalanx.ply"
+    write_mesh(TriangleMesh(0.5 * whole.vertices, whole.faces), file)
+    return file
+
+
+@pytest.fixture(scope="module")
+def chain(tmp_path_factory: pytest.TempPathFactory, phalanx: Path) -> tuple[bonecam.Result, Path]:
     folder = tmp_path_factory.mktemp("chain")
     result = bonecam.convert(
-        shipped("phalanx"),
+        phalanx,
         COARSE,
         program=folder / "bone.h",
         keep=folder / "keep",
@@ -65,19 +73,21 @@ def chain(tmp_path_factory: pytest.TempPathFactory) -> tuple[bonecam.Result, Pat
 
 
 @pytest.fixture(scope="module")
-def again(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
-    """The folder and the summary of the same job by the command line, without simulation."""
+def again(tmp_path_factory: pytest.TempPathFactory, phalanx: Path) -> tuple[Path, str]:
+    """The folder and the summary of the same job by the command line, which takes it as the part that ships, without
+    simulation."""
     folder = tmp_path_factory.mktemp("again")
     job = folder / "job.toml"
     job.write_text(write_job(COARSE), encoding="utf-8")
     files = ["-o", str(folder / "bone.h"), "--report", str(folder / "report.json")]
-    with redirect_stdout(StringIO()) as told:
+    with redirect_stdout(StringIO()) as told, pytest.MonkeyPatch.context() as patched:
+        patched.setattr(bonecam_meshes, "path", lambda name: {"phalanx": phalanx}[name])
         assert main(["demo", *files, "--job", str(job), "--no-simulation"]) == 0
     return folder, told.getvalue()
 
 
 def test_a_surface_that_misses_the_mesh_is_refused_before_the_levels(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, phalanx: Path
 ) -> None:
     missed = Deviation(0.6, 0.1, 0.6, 0.5, np.array([1.0, 2.0, 3.0]))
     found: list[Fit] = []
@@ -89,7 +99,7 @@ def test_a_surface_that_misses_the_mesh_is_refused_before_the_levels(
     monkeypatch.setattr(part_surface, "fit", missing_fit)
     trouble = r"control points miss the mesh by 0\.60 mm near \(1\.00, 2\.00, 3\.00\): raise surface\.max"
     with pytest.raises(SurfaceError, match=trouble) as caught:
-        bonecam.convert(shipped("phalanx"), COARSE, program=tmp_path / "bone.h")
+        bonecam.convert(phalanx, COARSE, program=tmp_path / "bone.h")
     assert f"{found[0].control_points} control points miss" in str(caught.value)
     assert not list(tmp_path.iterdir())
 
@@ -263,7 +273,7 @@ def test_keep_writes_levels_path_surface_and_pictures(chain: tuple[bonecam.Resul
 
 
 def test_levels_alone_are_the_chain_s_and_take_the_place_of_its_levels_and_paths(
-    chain: tuple[bonecam.Result, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    chain: tuple[bonecam.Result, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str], phalanx: Path
 ) -> None:
     result, folder = chain
     keep, job = tmp_path / "keep", tmp_path / "job.toml"
@@ -273,7 +283,7 @@ def test_levels_alone_are_the_chain_s_and_take_the_place_of_its_levels_and_paths
         main(
             [
                 "levels",
-                str(shipped("phalanx")),
+                str(phalanx),
                 "-o",
                 str(keep),
                 "--report",
@@ -288,7 +298,7 @@ def test_levels_alone_are_the_chain_s_and_take_the_place_of_its_levels_and_paths
     assert told["levels"] == json.loads(json.dumps(result.report["levels"]))
     assert set(result.report) - set(told) == {"toolpath", "uncut_mm2", "nc", "removal"}
     lines = [line.partition(" ")[0] for line in capsys.readouterr().out.splitlines()]
-    assert lines == ["mesh", "surface", "stock", "post", "levels", "certified", "time"]
+    assert lines == "mesh repair surface as stock post levels certified time".split()
     assert {item.name for item in keep.iterdir()} == {item.name for item in (folder / "keep").iterdir()} - {
         "cones.csv",
         "engagement.png",
@@ -301,18 +311,20 @@ def test_levels_alone_are_the_chain_s_and_take_the_place_of_its_levels_and_paths
     }
 
 
-def test_levels_alone_need_no_room_in_a_machine(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_levels_alone_need_no_room_in_a_machine(monkeypatch: pytest.MonkeyPatch, phalanx: Path) -> None:
     def reached(*_: object) -> None:
-        raise Cancelled("at the levels")
+        raise Cancelled("at the fit")
 
-    monkeypatch.setattr(pipeline, "make_levels", reached)
-    with pytest.raises(Cancelled, match="at the levels"):
-        bonecam.morph_levels(shipped("phalanx"), COARSE.with_values(holding={"length": 480.0}))
+    monkeypatch.setattr(pipeline, "fit_surface", reached)
+    with pytest.raises(Cancelled, match="at the fit"):
+        bonecam.morph_levels(phalanx, COARSE.with_values(holding={"length": 480.0}))
 
 
-def test_the_transform_leads_from_the_file_to_the_part(chain: tuple[bonecam.Result, Path]) -> None:
+def test_the_transform_leads_from_the_file_to_the_part(
+    chain: tuple[bonecam.Result, Path], phalanx: Path
+) -> None:
     part = chain[0].part
-    moved = read_mesh(shipped("phalanx")).move(part.transform)
+    moved = read_mesh(phalanx).move(part.transform)
     assert np.abs(moved.bounds - part.mesh.bounds).max() < 1e-9
     assert part.mesh.bounds[0, 2] > COARSE.holding.length
 
@@ -330,18 +342,18 @@ def test_a_program_is_named_as_its_file(file: str, name: str) -> None:
     assert program_name(file) == name
 
 
-def test_progress_rises_to_its_end_and_false_cancels() -> None:
+def test_progress_rises_to_its_end_and_false_cancels(phalanx: Path) -> None:
     def stop(fraction: float, message: str) -> bool:
         return fraction < 0.1
 
     with pytest.raises(Cancelled):
-        bonecam.convert(shipped("phalanx"), COARSE, progress=stop)
+        bonecam.convert(phalanx, COARSE, progress=stop)
 
 
 @pytest.mark.parametrize(
     ("changes", "kind", "named"),
     [
-        ({"stock": {"diameter": 6.0, "length": 40.0}}, StockError, "mm"),
+        ({"stock": {"diameter": 4.0, "length": 40.0}}, StockError, "mm"),
         ({"stock": {"length": 37.0}}, StockError, "diameter"),
         ({"holding": {"length": 480.0}}, MachineError, "Z"),
         ({"nc": {"machine": "no-such-mill"}}, MachineError, "no-such-mill"),
@@ -350,11 +362,11 @@ def test_progress_rises_to_its_end_and_false_cancels() -> None:
     ],
 )
 def test_an_impossible_job_fails_at_once_and_leaves_no_file(
-    tmp_path: Path, changes: dict, kind: type[BonecamError], named: str
+    tmp_path: Path, changes: dict, kind: type[BonecamError], named: str, phalanx: Path
 ) -> None:
     outputs = {"program": tmp_path / "out.h", "keep": tmp_path / "keep", "report": tmp_path / "report.json"}
     with pytest.raises(kind, match=named) as caught:
-        bonecam.convert(shipped("phalanx"), COARSE.with_values(**changes), **outputs)
+        bonecam.convert(phalanx, COARSE.with_values(**changes), **outputs)
     assert "\n" not in str(caught.value)
     assert not list(tmp_path.iterdir())
 
@@ -376,15 +388,15 @@ def test_a_result_is_shown_in_a_line(chain: tuple[bonecam.Result, Path]) -> None
     assert f"{result.levels.cuts} cuts" in repr(result)
 
 
-def test_a_mesh_in_memory_is_taken_as_its_file_is(chain: tuple[bonecam.Result, Path]) -> None:
-    mesh = bonecam.mesh.read_mesh(shipped("phalanx"))
+def test_a_mesh_in_memory_is_taken_as_its_file_is(chain: tuple[bonecam.Result, Path], phalanx: Path) -> None:
+    mesh = bonecam.mesh.read_mesh(phalanx)
     same = bonecam.morph_levels((mesh.vertices, mesh.faces), COARSE)
     assert np.array_equal(same.surface.control_points, chain[0].surface.control_points)
 
 
-def test_a_call_with_no_job_or_no_mesh_says_so() -> None:
+def test_a_call_with_no_job_or_no_mesh_says_so(phalanx: Path) -> None:
     with pytest.raises(TypeError, match=r"job 'fast\.toml': give a bonecam\.Job, such as bonecam\.read_job"):
-        bonecam.convert(shipped("phalanx"), "fast.toml")  # type: ignore[arg-type]
+        bonecam.convert(phalanx, "fast.toml")  # type: ignore[arg-type]
     with pytest.raises(MeshError, match="the mesh has no faces"):
         bonecam.convert(TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32)))
     with pytest.raises(FileError, match="is no name of a file"):
@@ -394,12 +406,12 @@ def test_a_call_with_no_job_or_no_mesh_says_so() -> None:
 
 
 @pytest.mark.parametrize("outputs", [{"program": 3}, {"program": b"x.h"}, {"keep": 5}, {"report": [1]}])
-def test_a_name_of_another_type_is_a_wrong_call(outputs: dict[str, Any]) -> None:
+def test_a_name_of_another_type_is_a_wrong_call(outputs: dict[str, Any], phalanx: Path) -> None:
     with pytest.raises(TypeError, match="give the name of a file as text or a Path"):
-        bonecam.convert(shipped("phalanx"), COARSE, **outputs)
+        bonecam.convert(phalanx, COARSE, **outputs)
 
 
 @pytest.mark.parametrize("outputs", [{"program": "x\0.h"}, {"keep": "\0"}, {"program": "\ud800.h"}])
-def test_a_name_that_no_file_can_have_is_refused(outputs: dict[str, Any]) -> None:
+def test_a_name_that_no_file_can_have_is_refused(outputs: dict[str, Any], phalanx: Path) -> None:
     with pytest.raises(FileError, match="is no name that a file can have: choose another"):
-        bonecam.convert(shipped("phalanx"), COARSE, **outputs)
+        bonecam.convert(phalanx, COARSE, **outputs)

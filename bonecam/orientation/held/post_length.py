@@ -194,11 +194,12 @@ def needed_lifts(
     across = np.hypot(directions[:, 0], directions[:, 1])
     room = clamping.clearance + ROOM
     sunk = LEAVING * np.maximum(-directions[:, 2], 0.0)
-    lift = np.full((len(centres), len(directions)), -np.inf)
-    for height, radius in _discs(cutter):
-        lowest = centres[:, 2:] + height * directions[:, 2] - radius * across - sunk
-        lift = np.maximum(lift, room - lowest)
-        for column in clamping.columns:
+    discs = _discs(cutter)
+    below = sunk + np.max([radius * across - height * directions[:, 2] for height, radius in discs], axis=0)
+    lift = room + below - centres[:, 2:]
+    for column in clamping.columns:
+        for height, radius in discs:
+            lowest = centres[:, 2:] + height * directions[:, 2] - radius * across - sunk
             x, y = (centres[:, None, k] + height * directions[:, k] for k in (0, 1))
             over = np.hypot(x, y) - radius < column.radius + room
             lift = np.where(over, np.maximum(lift, room + column.top - lowest), lift)

@@ -10,6 +10,7 @@ from bonecam.levels.solvers.solver import SOLVERS
 COARSE = Job().with_values(
     mesh={"rows": 8, "row_points": 24},
     surface={"tolerance": 0.5, "largest_deviation": 1.0, "max_control_points": 60},
+    holding={"length": 110.0},
     path={"orientation": "lead"},
     levels={
         "finishing_levels": 1,
