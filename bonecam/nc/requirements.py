@@ -7,6 +7,7 @@ from bonecam.errors import MachineError
 from bonecam.job import Job, ToolJob, field_error
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.machine import Machine
+from bonecam.nc.posting.travel import table_reach
 from bonecam.orientation.axes.lead import check_lead
 from bonecam.setup.schedule import STOCK_CHORD_SHARE
 from bonecam.setup.stock import Stock
@@ -54,6 +55,20 @@ def check_room(stock: Stock, job: Job, machine: Machine) -> None:
             remedy = "take a larger machine (--machine), or a smaller stock, a shorter post or tool"
             evidence = {"axis": axis.letter, "needed": needed, "travel": axis.travel}
             raise MachineError(f"{machine.name}: {bound}: {remedy}", **evidence)
+    if machine.part_axes:
+        _check_swing(stock, job, machine)
+
+
+def _check_swing(stock: Stock, job: Job, machine: Machine) -> None:
+    """MachineError where Z travels less than from the part to above all that table and chuck sweep as they turn."""
+    from_pivot = np.subtract(machine.part_zero, machine.part_axes[-1].pivot)
+    farthest = float(np.linalg.norm(from_pivot)) + job.holding.length + stock.length + stock.diameter
+    reach = table_reach(machine, job)
+    (travel,) = (axis.travel for axis in machine.linear if axis.letter == "Z")
+    if reach - farthest > travel:
+        what = f"table and chuck reach {reach:.0f} mm from the pivot, the tool clears that, Z travels {travel:.0f} mm"
+        remedy = "correct the machine's [table], or give a smaller chuck (holding.chuck_diameter)"
+        raise MachineError(f"{machine.name}: {what}: {remedy}", axis="Z", reach=reach, travel=travel)
 
 
 def check_length(part: TriangleMesh, stock: Stock, job: Job) -> None:

@@ -54,3 +54,15 @@ def test_what_stands_on_the_table_and_reaches_into_the_stock_is_refused_before_a
             MachineError, match=r"reaches to z 50 mm, the stock begins at 40: give a longer post"
         ):
             check_room(stock, job, crowded)
+
+
+def test_a_table_that_sweeps_more_than_z_travels_is_refused_before_anything_is_planned() -> None:
+    machine = read_machine("mikron-ucp600")
+    stock = Capsule(np.array([0.0, 0.0, 45.0]), np.array([0.0, 0.0, 60.0]), 5.0)
+    job = Job().with_values(holding={"length": 40.0})
+    check_room(stock, job, replace(machine, table=Table(standing=(Frustum(30.0, 300.0, 300.0),))))
+    huge = replace(machine, table=Table(standing=(Frustum(30.0, 90_000.0, 90_000.0),)))
+    with pytest.raises(
+        MachineError, match=r"reach 45\d\d\d mm from the pivot.*correct the machine's \[table\]"
+    ):
+        check_room(stock, job, huge)

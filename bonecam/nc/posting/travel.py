@@ -55,17 +55,19 @@ def above(posted: Posted, run: int, retract: float) -> Float[ndarray, "5"]:
 def _retract_height(machine: Machine, job: Job, paths: Sequence[Posted]) -> float:
     """Machine Z (mm, of the tip) above everything the program does, and above table and chuck, whatever the rotary
     axes do meanwhile."""
-    pivot = np.array(machine.part_axes[-1].pivot) if machine.part_axes else np.zeros(3)
     heights = [joints_of(posted, posted.approaches)[:, 2].max() for posted in paths]
     if machine.part_axes:
+        pivot = np.array(machine.part_axes[-1].pivot)
         # while the table swings under the tool, the part sweeps at most this ball about the pivot
         reach = [lengths(joints_of(posted, posted.words)[:, :3] - pivot).max() for posted in paths]
-        heights.append(pivot[2] + max(*reach, _table_reach(machine, job, pivot)))
+        heights.append(pivot[2] + max(*reach, table_reach(machine, job)))
     return float(np.ceil(max(heights) + APPROACH_HEIGHT))
 
 
-def _table_reach(machine: Machine, job: Job, pivot: Float[ndarray, "3"]) -> float:
-    """The farthest that table, chuck and what else stands there reach from a pivot, mm, as far as they are known."""
+def table_reach(machine: Machine, job: Job) -> float:
+    """The farthest that table, chuck and what else stands there reach from the pivot about which they swing under the
+    tool, mm, as far as they are known."""
+    pivot = np.array(machine.part_axes[-1].pivot)
     table = machine.table
     edges = [(0.0, radius) for radius in (table.radius, np.hypot(table.half_width, table.half_depth))]
     edges.append((job.holding.chuck_height, job.holding.chuck_diameter / 2))
