@@ -158,7 +158,8 @@ def test_what_takes_hundredths_of_a_mm_rubs(capsule_path, path_capsule):
 
 
 def test_the_report_has_its_keys(sound):
-    assert set(sound.report) == {"cell_mm", "levels", "rapid_contact_mm3", "links", "clearance_mm", "left"}
+    names = {"cell_mm", "levels", "rapid_contact_mm3", "links", "clearance_mm", "left", "bridge_diameter_mm"}
+    assert set(sound.report) == names
     assert set(sound.report["clearance_mm"]) == {"shank", "holder", "spindle", "table"}
     assert sound.report["levels"][0]["index"] == 0
 
