@@ -260,7 +260,8 @@ def path_of() -> Callable[..., ToolPath]:
 @pytest.fixture(scope="session")
 def deepest_entry() -> Callable[..., ndarray]:
     """Tells how deep (mm) a cutter is in what it must stay out of in a scene, with these ball centres and axes:
-    points all over the tool, with open3d's own distances to the meshes. The ball's half that cuts is left out."""
+    the balls in it about its axis and points of its ends, with open3d's own distances to the meshes. The ball's half
+    that cuts is left out."""
     import open3d as o3d
 
     def signed(mesh: TriangleMesh, points: ndarray) -> ndarray:
@@ -268,7 +269,14 @@ def deepest_entry() -> Callable[..., ndarray]:
         scene.add_triangles(
             o3d.core.Tensor(mesh.vertices.astype(np.float32)), o3d.core.Tensor(mesh.faces.astype(np.uint32))
         )
-        return scene.compute_signed_distance(o3d.core.Tensor(points.astype(np.float32))).numpy().astype(float)
+        found = (
+            scene.compute_signed_distance(o3d.core.Tensor(points.astype(np.float32))).numpy().astype(float)
+        )
+        # one ray may run through an edge: what is said to be inside is asked again by eleven
+        inside = np.flatnonzero(found < 0)
+        again = o3d.core.Tensor(points[inside].astype(np.float32))
+        found[inside] = scene.compute_signed_distance(again, nsamples=11).numpy()
+        return found
 
     def deepest(scene: Any, cutter: Cutter, centres: ndarray, axes: ndarray) -> ndarray:
         side = np.where(np.abs(axes[:, :1]) < 0.9, np.array([[1.0, 0, 0]]), np.array([[0.0, 1, 0]]))
@@ -279,21 +287,26 @@ def deepest_entry() -> Callable[..., ndarray]:
         angle = np.arange(24) * (np.pi / 12)
         rim = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
         for section in cutter.profile:
-            heights = np.linspace(section.start, section.end, max(3, int(2 * (section.end - section.start))))
-            radii = section.radius + section.taper * (heights - section.start)
-            low = [f * section.radius * rim + [0, 0, section.start] for f in (0.2, 0.5, 0.8)]
-            points = np.vstack([*low, *(r * rim + [0, 0, h] for r, h in zip(radii, heights))])
-            points = points - np.array([0, 0, cutter.radius])
+            start, end = section.start, section.end
+            discs = [f * section.radius * rim + [0, 0, start] for f in (0.2, 0.5, 0.8, 1.0)]
+            discs += [section.radius * rim + [0, 0, min(start + f * section.radius, end)] for f in (0.3, 0.6)]
+            discs.append(section.end_radius * rim + [0, 0, end])
+            count = max(3, int(8 * (end - start) / max(section.radius, section.end_radius)))
+            along = np.linspace(start, end, count)
+            radius = section.radius + section.taper * (along - start)
+            balls = np.minimum(radius / np.hypot(1, section.taper), np.minimum(along - start, end - along))
+            points = np.vstack([*discs, along[:, None] * [0, 0, 1.0]]) - [0, 0, cutter.radius]
+            thick = np.concatenate([np.zeros(len(discs) * len(rim)), balls])
             placed = (np.einsum("nij,kj->nki", frames, points) + centres[:, None]).reshape(-1, 3)
             around = scene.around(section.name, cutter.radius)
             distance = scene.stock.signed_distance(placed)
-            near = distance < 0.5
+            near = distance < np.tile(thick, len(axes)) + 0.5
             distance[near] = signed(around.mesh, placed[near])
             for column in around.columns:
                 distance = np.minimum(distance, column.distance(placed))
             if scene.clamping.closed:
                 distance = np.minimum(distance, placed[:, 2] - scene.clamping.clearance)
-            worst = np.maximum(worst, -distance.reshape(len(axes), -1).min(axis=1))
+            worst = np.maximum(worst, (thick - distance.reshape(len(axes), -1)).max(axis=1))
         return worst
 
     return deepest

@@ -12,6 +12,7 @@ from bonecam.orientation.field.axis_field import (
     second_differences,
 )
 from bonecam.orientation.field.energy import PRESETS, AxisBounds, AxisEnergy
+from bonecam.orientation.field.fit import minimise
 
 RANDOM = np.random.default_rng(2)
 DOMAIN = FieldDomain((0.0, 1.0), (0.0, 3.0), closed=True)
@@ -107,3 +108,21 @@ def test_a_field_within_its_bounds_has_no_energy_of_bounds() -> None:
             PLACES, normals, DOMAIN, 1, none, np.zeros(0), (np.inf, np.inf), bounds, PRESETS["membrane"]
         )
         assert (np.abs(residuals(made, even)).max() < 1e-12) == holds
+
+
+def test_one_constant_axis_has_no_energy_and_stays() -> None:
+    """What is free everywhere along one axis needs no turn: a legitimate answer."""
+    axis = np.array([0.48, 0.6, 0.64])
+    bounds = AxisBounds(
+        0.1, np.full(300, 2.0), 0.0, np.full(300, 3.0), np.tile(axis, (300, 1)), np.full(300, 0.1)
+    )
+    field = AxisField.constant(OPEN, axis)
+    made = AxisEnergy(
+        *(PLACES, np.tile([0.0, 0.0, 1.0], (300, 1)), OPEN, 0, np.arange(299), np.full(299, 0.1)),
+        *((8.0, 5.0), bounds, PRESETS["thin-plate"]),
+    )
+    values = np.array([field.azimuth, field.polar])
+    found, least = minimise(made, values, 5)
+    assert least < 1e-20
+    assert np.abs(found - values).max() < 1e-9
+    assert np.abs(AxisField(OPEN, 0, *found).axes(PLACES) - axis).max() < 1e-9
