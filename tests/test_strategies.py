@@ -9,6 +9,7 @@ from bonecam_meshes import path as shipped
 import bonecam
 from bonecam.errors import OrientationError
 from bonecam.job import Job
+from bonecam.mesh.facets.nearest_areas import nearest_areas
 from bonecam.nc.machine import read_machine
 from bonecam.orientation.layer_paths import plan_layer_paths
 from bonecam.orientation.limits import AxisLimits
@@ -91,10 +92,11 @@ def test_iso_height_milling_cuts_from_two_sides_within_its_depths(tmp_path: Path
     assert removal is not None
     assert removal.left is not None
     assert removal.rapid_contact is None
-    assert (removal.left.heights > 0.15).mean() < 0.1
+    mesh, high = removal.left.mesh, removal.left.heights > 0.15
+    assert nearest_areas(mesh, mesh.vertices)[high].sum() < 0.1 * mesh.area
     for level in removal.levels:
         if level.tool == 1:
-            assert level.depth_p99 < 1.2 + 0.15
+            assert level.depth_p99 < 1.2 + 0.3, "a slice takes the cusps of the one before too"
 
 
 def test_a_machine_that_cannot_lay_its_tool_level_is_refused() -> None:
