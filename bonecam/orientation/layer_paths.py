@@ -23,6 +23,7 @@ from bonecam.setup.stock import Stock
 from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.toolpath.iso_height.plan import iso_height_layers
 from bonecam.toolpath.layers.material import DEVIATION
+from bonecam.toolpath.layers.standing import StandingMesh
 from bonecam.toolpath.path import ToolPath
 from bonecam.toolpath.rotary.plan import rotary_layers
 
@@ -61,9 +62,10 @@ def plan_layer_paths(
     paths = []
     for count, layer in enumerate(layers):
         report(progress, 0.3 + 0.7 * count / len(layers), f"path of layer {len(layers) - 1 - count}")
+        standing = StandingMesh(layer.material.mesh())
         scene = Scene(
             distance.mesh,
-            layer.material.mesh(),
+            standing.mesh,
             enclosing_capsule(stock),
             post,
             DEVIATION,
@@ -75,5 +77,5 @@ def plan_layer_paths(
         if not path.level:
             near = post.distance(unreached) < 2 * path.cutter.radius
             path = replace(path, uncut=unreached, reasons=tuple(np.where(near, "post", "hidden").tolist()))
-        paths.append(orient(path, scene, limits, job.path, job.nc, fixed=layer.axes))
+        paths.append(orient(path, scene, limits, job.path, job.nc, fixed=layer.axes, material=standing))
     return *paths, *parting_paths(scene, job, limits, bodies)

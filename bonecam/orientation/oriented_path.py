@@ -24,6 +24,7 @@ from bonecam.orientation.links.moves import Feeds, Moves, join_moves, moves_of
 from bonecam.orientation.links.sequence import LinkedRuns, link_runs
 from bonecam.toolpath.engagement.material import Material
 from bonecam.toolpath.gouge import planned_tolerance
+from bonecam.toolpath.layers.standing import StandingMesh
 from bonecam.toolpath.path import ContactPath, FreeCones, Kind, ToolPath
 
 MAX_TURN = np.radians(30.0)
@@ -44,7 +45,7 @@ def orient(
     wanted: WantedAxes | None = None,
     *,
     fixed: Float[ndarray, "n 3"] | None = None,
-    material: Material | None = None,
+    material: Material | StandingMesh | None = None,
 ) -> ToolPath:
     """Tool axes for the contacts of one level, and safe moves before, between and behind its passes.
 

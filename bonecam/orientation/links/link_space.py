@@ -17,6 +17,7 @@ from bonecam.orientation.links.moves import Feeds, Pose
 from bonecam.toolpath.engagement.material import Material
 from bonecam.toolpath.engagement.stretches import UNCERTAIN
 from bonecam.toolpath.gouge import moves_gouge_free
+from bonecam.toolpath.layers.standing import StandingMesh
 
 CHECK_STEPS = 4
 """Steps that a straight move is divided into for its proof."""
@@ -42,7 +43,7 @@ class LinkSpace:
     feeds: Feeds
     clearance: float
     gouge_tolerance: float
-    material: Material | None = None
+    material: Material | StandingMesh | None = None
 
     @property
     def ball_radius(self) -> float:

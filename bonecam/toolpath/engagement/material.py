@@ -116,15 +116,7 @@ class Material:
     ) -> Bool[ndarray, " n"]:
         """Whether a ball of this radius at each centre enters the material by more than `depth` (mm) where one at its
         contact has not been: what leaves a contact may go up in the place that was cut there."""
-        deep, outward = self.depths(centres, radius)
-        entered = deep > depth
-        which = np.flatnonzero(entered)
-        nearest = centres - (radius - deep)[:, None] * outward
-        for i, near in zip(which, self._places.query_ball_point(centres[which], radius - depth), strict=True):
-            places = np.vstack([nearest[i], self._places.data[near]])
-            from_contact = np.linalg.norm(places - contacts[i], axis=1)
-            entered[i] = bool((from_contact > radius).any())
-        return np.asarray(entered)
+        return enters_beside(self._places, *self.depths(centres, radius), centres, contacts, radius, depth)
 
     @cached_property
     def _places(self) -> KDTree:
@@ -137,6 +129,26 @@ class Material:
     def _surface(self) -> MeshDistance:
         """Distances to the surface through the places."""
         return MeshDistance(TriangleMesh(self.places, self.depth_grid.faces))
+
+
+def enters_beside(
+    places: KDTree,
+    deep: Float[ndarray, " n"],
+    outward: Float[ndarray, "n 3"],
+    centres: Float[ndarray, "n 3"],
+    contacts: Float[ndarray, "n 3"],
+    radius: float,
+    depth: float,
+) -> Bool[ndarray, " n"]:
+    """Whether balls that are `deep` in material with these `places`, which is left along `outward`, enter it by more
+    than `depth` (mm) where a ball at their contact has not been."""
+    entered = deep > depth
+    which = np.flatnonzero(entered)
+    nearest = centres - (radius - deep)[:, None] * outward
+    for i, near in zip(which, places.query_ball_point(centres[which], radius - depth), strict=True):
+        here = np.vstack([nearest[i], places.data[near]])
+        entered[i] = bool((np.linalg.norm(here - contacts[i], axis=1) > radius).any())
+    return np.asarray(entered)
 
 
 def uncut_material(levels: Sequence[Level], stock: Stock) -> Material:

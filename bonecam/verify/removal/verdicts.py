@@ -13,13 +13,15 @@ REMEDIES = {
 """What to do where a part of the tool enters material."""
 
 
-def check_removal(removal: Removal, gouge_tolerance: float = 0.01, bridge: float = 0.0) -> None:
+def check_removal(
+    removal: Removal, gouge_tolerance: float = 0.01, bridge: float = 0.0, *, limited: bool = True
+) -> None:
     """VerifyError, with `line` and `place`, where a rapid removes material or the moves between two passes more than
     LINK_ALLOWED, shank, holder or spindle enter what stands, the tool meets table or chuck, a ball goes into the part
     by more than `gouge_tolerance` mm, or a cut is deeper than its limit by more than is allowed (`over_allowed`); and
     where less than a `bridge` of this diameter (mm, within two cells) is left of a post that is parted: the part drops.
 
-    Leftovers are told in the report and refuse nothing.
+    Leftovers are told in the report and refuse nothing; nor do depths where they are not `limited`.
     """
     if removal.rapid_contact:
         _refuse(
@@ -45,7 +47,7 @@ def check_removal(removal: Removal, gouge_tolerance: float = 0.01, bridge: float
             "lift the path there; for a program of bonecam try a smaller path.max_step, a larger tip or a longer post "
             "(holding.length)",
         )
-    for level in removal.levels:
+    for level in removal.levels if limited else ():
         _check_depth(level)
     if removal.bridge is not None and removal.bridge < bridge - 2 * removal.cell:
         raise VerifyError(

@@ -308,6 +308,7 @@ def test_two_levels_swapped_are_found(ring_path, part, pebble, simulate):
     ) as caught:
         check_removal(wrong)
     assert caught.value.evidence["place"] == deepest.place
+    check_removal(wrong, limited=False)
 
 
 def test_a_rest_path_is_told_apart_and_the_depth_after_it_counts_from_what_it_left(
