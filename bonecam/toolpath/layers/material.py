@@ -121,9 +121,12 @@ def _faces(cells: Bool[ndarray, "p q"], number: ndarray, under: int, closed: boo
 
 
 def _outward(vertices: Float[ndarray, "n 3"], faces: Int[ndarray, "m 3"]) -> TriangleMesh:
-    """The mesh of the vertices that faces use, its faces outward; those without area (on the axis) are left out."""
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    """The mesh of the vertices that faces use, its faces outward. Vertices at one place, as all lines have one on the
+    axis, are one; faces without area are left out."""
+    places, number = np.unique(vertices + 0.0, axis=0, return_inverse=True)  # -0.0 + 0.0 is 0.0
+    faces = number.reshape(-1)[faces]
+    a, b, c = (places[faces[:, k]] for k in range(3))
     faces = faces[np.linalg.norm(np.cross(b - a, c - a), axis=1) > LEAST_AREA]
     used, index = np.unique(faces, return_inverse=True)
-    mesh = TriangleMesh(vertices[used], index.reshape(faces.shape).astype(np.int32))
+    mesh = TriangleMesh(places[used], index.reshape(faces.shape).astype(np.int32))
     return mesh if mesh.volume > 0 else TriangleMesh(mesh.vertices, mesh.faces[:, ::-1])

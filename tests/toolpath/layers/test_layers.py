@@ -8,6 +8,7 @@ import pytest
 
 from bonecam.job import Job
 from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.healing.topology import edges_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.holding import Post
@@ -76,6 +77,7 @@ def test_the_stock_on_its_lines_has_the_volume_of_the_stock() -> None:
         mesh = stock_field(chart, stock, 8.0).mesh()
         assert mesh.volume == pytest.approx(np.pi * 25 * 10, rel=0.03)
         assert mesh.volume < np.pi * 25 * 10
+        assert (edges_of(mesh)[1] == 2).all(), "it is not closed"
 
 
 def test_material_and_what_a_ball_removes_add_up() -> None:
