@@ -28,6 +28,7 @@ from bonecam.toolpath.engagement.stretches import (
     Lines,
     Stretches,
     cutting_passes,
+    useful_passes,
     whole_passes,
 )
 from bonecam.toolpath.gouge import gouge_free_lifts, planned_tolerance
@@ -196,12 +197,21 @@ def _stretches(
     material: Material | None,
     allowed: Allowed,
 ) -> Stretches:
-    """The passes over the usable contacts where they are worth a cut."""
+    """The passes over the usable contacts where they are worth a cut, also behind the passes before them."""
     lines = candidates.lines
     if material is None or not np.isfinite(allowed.limit):
         return whole_passes(lines, usable)
     in_air = candidates.in_air & ~(candidates.at_post | np.isnan(candidates.lifts))
-    return cutting_passes(lines, usable, candidates.depths(material), allowed, in_air)
+    depths = candidates.depths(material)
+    made = cutting_passes(lines, usable, depths, allowed, in_air)
+    if allowed.least <= 0 or isinstance(candidates.level, RoundedLevel):
+        # the places of the material do not follow the edges of a bar
+        return made
+    radius = candidates.cutter.radius
+    centres = candidates.centres[made.index] + made.raised
+    useful = np.zeros(len(usable), dtype=bool)
+    useful[made.index[material.useful(candidates.level, centres, made.passes, radius, allowed.least)]] = True
+    return useful_passes(lines, useful & usable, usable | in_air, depths, allowed)
 
 
 def _nothing_to_cut(level: MachinedLevel, reasons: ndarray, contacts: Float[ndarray, "n 3"]) -> ToolPathError:

@@ -127,6 +127,52 @@ def cut_nails(
                             owners[m] = names[c]
 
 
+@njit(cache=True, nogil=True)
+def useful_moves(
+    points: ndarray,
+    normals: ndarray,
+    cell_starts: ndarray,
+    corner: ndarray,
+    size: float,
+    starts: ndarray,
+    ends: ndarray,
+    radius: float,
+    least: float,
+    heights: ndarray,
+) -> ndarray:
+    """Whether each move (m,) lowers a nail by `least` at least, when those before it that do have been made; they lower
+    `heights` (n,). Nails and cells as in `cut_nails`, cut from the top."""
+    reach = radius + heights.max()
+    shape = cell_starts.shape
+    flat = cell_starts.ravel()
+    low, high = np.empty(3, dtype=np.int64), np.empty(3, dtype=np.int64)
+    useful = np.zeros(len(starts), dtype=np.bool_)
+    for c in range(len(starts)):
+        for k in range(3):
+            nearest = min(starts[c, k], ends[c, k]) - reach - corner[k]
+            farthest = max(starts[c, k], ends[c, k]) + reach - corner[k]
+            low[k] = max(int(np.floor(nearest / size)), 0)
+            high[k] = min(int(np.floor(farthest / size)), shape[k] - 1 - (k == 2))
+        if high[2] < low[2]:
+            continue
+        for lowers in (False, True):
+            for i in range(low[0], high[0] + 1):
+                for j in range(low[1], high[1] + 1):
+                    row = (i * shape[1] + j) * shape[2]
+                    for m in range(flat[row + low[2]], flat[row + high[2] + 1]):
+                        enter, leave = line_chord(points[m], normals[m], starts[c], ends[c], radius)
+                        height = max(enter, 0.0)
+                        if enter >= leave or leave <= heights[m] or height >= heights[m]:
+                            continue
+                        if lowers:
+                            heights[m] = height
+                        elif heights[m] - height >= least:
+                            useful[c] = True
+            if not useful[c]:
+                break
+    return useful
+
+
 def nail_cells(points: ndarray, size: float) -> tuple[ndarray, ndarray, ndarray]:
     """The order (n,) of points (n, 3) by cells of side `size`, where each cell begins in it, and the corner of
     the first cell: as `cut_nails` has them."""

@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float, Int32
+from jaxtyping import Bool, Float, Int, Int32
 from numpy import ndarray
 from scipy.spatial import KDTree
 
-from bonecam.kernels.removal.nails import cut_nails, nail_cells
+from bonecam.kernels.removal.nails import cut_nails, nail_cells, useful_moves
 from bonecam.levels.measure.grid import LevelGrid, level_grid
 from bonecam.levels.measure.level import Level, MachinedLevel, RoundedLevel, machined_levels
 from bonecam.mesh.distance import MeshDistance
@@ -110,6 +110,29 @@ class Material:
                 shift, _ = swept.places.query(centres, distance_upper_bound=swept.radius)
                 depth = np.minimum(depth, shift + radius - swept.radius)
         return depth, (centres - points) / np.where(distance, distance, np.inf)[:, None]
+
+    def useful(
+        self,
+        level: MachinedLevel,
+        centres: Float[ndarray, "n 3"],
+        passes: Int[ndarray, " n"],
+        radius: float,
+        least: float,
+    ) -> Bool[ndarray, " n"]:
+        """Whether a ball that moves through these centres lowers the material above a place of the level by `least` mm
+        at least on its way to or from each, when the moves before that do have been made."""
+        floor = self.depth_grid.R @ level.control_points
+        tall = np.minimum(self.depths(floor, 0.0)[0], REACH)
+        above = np.flatnonzero(tall > LEAST_HEIGHT)
+        if not len(above):
+            return np.zeros(len(centres), dtype=bool)
+        normals = vertex_normals(TriangleMesh(floor, self.depth_grid.faces))
+        order, *cells = nail_cells(floor[above], CELL)
+        at = above[order]
+        goes_on = np.r_[False, passes[1:] == passes[:-1]]
+        starts = centres[np.arange(len(centres)) - goes_on]
+        useful = useful_moves(floor[at], normals[at], *cells, CELL, starts, centres, radius, least, tall[at])
+        return np.asarray(useful | np.r_[useful[1:] & goes_on[1:], False])
 
     def entered_anew(
         self, centres: Float[ndarray, "n 3"], contacts: Float[ndarray, "n 3"], radius: float, depth: float

@@ -20,6 +20,8 @@ UNCERTAIN = 0.01
 """The depth at a contact is known to this, mm: places of the material are 0.25 mm apart."""
 SHORT_GAP = 8.0
 """A gap of a pass that is shorter is not worth a retract, mm: 0.5 s at 900 mm/min."""
+USELESS_GAP = 3.0
+"""A gap between useful contacts of a pass that is shorter is cut, mm: a link beside the material takes as long."""
 BESIDE = 2
 """A stretch begins and ends so many contacts beside the depth that asks for it: in air."""
 LEAST_CONTACTS = 3
@@ -103,6 +105,30 @@ def cutting_passes(
     deep = usable & (depth >= allowed.least)
     passable = usable | in_air
     cut = filled(lines, beside(lines, deep, BESIDE) & passable, passable, SHORT_GAP)
+    return _entered_stretches(lines, cut, depth, allowed)
+
+
+def useful_passes(
+    lines: Lines,
+    useful: Bool[ndarray, " n"],
+    passable: Bool[ndarray, " n"],
+    depth: Float[ndarray, " n"],
+    allowed: Allowed,
+) -> Stretches:
+    """The passes over what is `useful` behind the passes before, over gaps that are `passable` and short, and beside
+    stretches that are too short alone."""
+    cut = filled(lines, useful, passable, USELESS_GAP)
+    few = np.zeros(len(useful), dtype=bool)
+    for run in split_runs(lines, cut):
+        few[run] = len(run) < LEAST_CONTACTS
+    cut = filled(lines, cut | beside(lines, few, BESIDE) & passable, passable, USELESS_GAP)
+    return _entered_stretches(lines, cut, depth, allowed)
+
+
+def _entered_stretches(
+    lines: Lines, cut: Bool[ndarray, " n"], depth: Float[ndarray, " n"], allowed: Allowed
+) -> Stretches:
+    """The passes over what is cut, entered on ramps."""
     runs = split_runs(lines, cut)
     short = [run for run in runs if len(run) < LEAST_CONTACTS]
     flat = np.zeros((len(depth), 3))

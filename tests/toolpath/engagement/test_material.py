@@ -179,6 +179,21 @@ def test_a_ball_that_rises_from_its_contact_enters_nothing_anew(
     assert material.entered_anew(aside, contacts, 1.0, 0.01).all()
 
 
+def test_passes_that_find_only_what_passes_before_left_are_of_no_use(
+    levels: tuple[MachinedLevel, MachinedLevel, StockLevel], stock: Skin, machined: tuple[Material, ToolPath]
+) -> None:
+    path = machined[1]
+    cuts = path.kinds == Kind.CUT
+    centres = (path.tips + path.cutter.radius * path.axes)[cuts]
+    passes = path.pass_index[cuts]
+    count = len(centres)
+    twice = np.vstack([centres, centres]), np.r_[passes, passes + passes.max() + 1]
+    material = skin_material(levels, stock)
+    useful = material.useful(levels[1], *twice, path.cutter.radius, 0.03)
+    assert useful[:count].mean() > 0.9
+    assert not useful[count:].any()
+
+
 def bore(path_of: Callable[..., ToolPath], cutter: Cutter, centre: ndarray) -> ToolPath:
     """A ball that cuts at one place."""
     up = np.array([[0.0, 0.0, 1.0]])

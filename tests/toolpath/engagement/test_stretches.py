@@ -8,9 +8,11 @@ from bonecam.toolpath.engagement.stretches import (
     LEAST_CONTACTS,
     SHORT_GAP,
     SLOPE,
+    USELESS_GAP,
     Allowed,
     Lines,
     cutting_passes,
+    useful_passes,
     whole_passes,
 )
 
@@ -63,6 +65,17 @@ def test_a_strip_of_two_contacts_between_air_is_cut_from_air_to_air():
     assert np.array_equal(made.index, np.arange(50 - BESIDE, 52 + BESIDE))
     assert not made.raised.any()
     assert not len(made.short)
+
+
+def test_passes_are_left_where_they_are_of_no_use_behind_others():
+    useful = np.zeros(120, dtype=bool)
+    useful[10:40] = useful[44:70] = useful[90:91] = True
+    everywhere = np.ones(120, dtype=bool)
+    made = useful_passes(plane(), useful, everywhere, np.full(120, 0.02), Allowed(0.5, least=0.03))
+    # a gap of 2 mm is cut through; one contact is no pass: it takes those beside it
+    wanted = np.r_[np.arange(10, 70), np.arange(90 - BESIDE, 91 + BESIDE)]
+    assert np.array_equal(made.index, wanted)
+    assert 5 * STEP < USELESS_GAP < 20 * STEP
 
 
 def test_nothing_deeper_than_the_least_depth_is_left_out():
