@@ -1,6 +1,7 @@
 """Data beside the checkout, small parts and tool paths for every stage, and the run-time check of array shapes."""
 
 from collections.abc import Callable
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -264,11 +265,16 @@ def deepest_entry() -> Callable[..., ndarray]:
     that cuts is left out."""
     import open3d as o3d
 
-    def signed(mesh: TriangleMesh, points: ndarray) -> ndarray:
+    @lru_cache(maxsize=4)
+    def rays(mesh: TriangleMesh) -> Any:
         scene = o3d.t.geometry.RaycastingScene()
         scene.add_triangles(
             o3d.core.Tensor(mesh.vertices.astype(np.float32)), o3d.core.Tensor(mesh.faces.astype(np.uint32))
         )
+        return scene
+
+    def signed(mesh: TriangleMesh, points: ndarray) -> ndarray:
+        scene = rays(mesh)
         found = (
             scene.compute_signed_distance(o3d.core.Tensor(points.astype(np.float32))).numpy().astype(float)
         )
