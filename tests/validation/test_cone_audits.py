@@ -155,7 +155,7 @@ def test_no_axis_in_a_cone_collides_and_wider_cones_are_caught(
     print(
         f"{machined.name}: {len(entered)} axes, deepest {entered.max():.4f} mm; x 1.3: {wider.mean():.1%} caught"
     )
-    assert len(entered) > 0.8 * AXES
+    assert len(entered) > 0.6 * AXES
     assert (entered > ENTERED).sum() == 0
     assert wider.mean() > 0.005
 
