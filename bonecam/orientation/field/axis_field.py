@@ -73,6 +73,8 @@ class AxisField:
 
 def basis(parameters: Float[ndarray, "n 2"], domain: FieldDomain) -> csr_array:
     """Values of the products of B-splines at (s, t): sparse (n, AROUND ALONG)."""
+    if not len(parameters):
+        return csr_array((0, AROUND * ALONG))
     share = domain.round(parameters[:, 0])
     t = np.clip(parameters[:, 1], *domain.t)
     if domain.closed:

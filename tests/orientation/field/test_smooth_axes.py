@@ -114,6 +114,12 @@ def test_the_oriented_path_takes_the_axes_of_the_field(case: Made, smooth: Smoot
     assert np.mean(off < 1e-9) > 0.9
 
 
+def test_a_path_of_which_no_contact_is_left_has_no_axes(case: Made, smooth: SmoothAxes) -> None:
+    """Rest paths may have left nothing for a level's own passes."""
+    nothing = case[1].take(np.zeros(0, dtype=np.int64))
+    assert smooth.wanted_for(nothing).axes.shape == (0, 3)
+
+
 def test_a_neighbours_field_is_a_start_that_leads_to_the_same_smoothness(
     case: Made, smooth: SmoothAxes
 ) -> None:
