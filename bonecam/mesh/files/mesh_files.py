@@ -28,6 +28,7 @@ from bonecam.mesh.files.point_files import POINTS, read_blocks
 from bonecam.mesh.files.polyhedra import ACIS, DXF, read_polyhedra
 from bonecam.mesh.meshlab import meshlab, quality_colours
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.runtime.staging import unwritable
 from bonecam.runtime.temporary import temporary_folder
 
 PARSERS = {".stl": parse_stl, ".ply": parse_ply, ".obj": parse_obj, ".off": parse_off}
@@ -143,9 +144,7 @@ def write_mesh(
             require_room(work)
             os.replace(work, target)
     except OSError as error:
-        raise _refusal(
-            target, f"cannot be written ({error.strerror})", "choose a folder that exists and may be written"
-        ) from error
+        raise unwritable(target, error) from error
 
 
 def _save(meshset: Any, work: Path, target: Path, **options: Any) -> None:

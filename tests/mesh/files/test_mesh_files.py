@@ -161,7 +161,7 @@ def test_a_missing_file_and_a_missing_folder_are_named(
         read_mesh("x" * 300 + ".stl")
     with pytest.raises(FileError, match=r"nowhere\.stl: cannot be read"):
         read_mesh(tmp_path / "nowhere.stl")
-    with pytest.raises(FileError, match="cannot be written"):
+    with pytest.raises(FileError, match=r"a\.ply: No such file or directory: choose a folder that exists"):
         write_mesh(ellipsoid(1, 1, 2), tmp_path / "nowhere" / "a.ply")
     with pytest.raises(FileError, match="unknown ending"):
         write_mesh(ellipsoid(1, 1, 2), tmp_path / "a.obj")
@@ -195,7 +195,7 @@ def test_a_disk_that_is_full_leaves_no_mesh_cut_short(ending: str, lost: int, tm
     before, most = file.read_bytes(), resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (len(before) - lost, most[1]))
     try:
-        with pytest.raises(FileError, match=rf"bone\{ending}: cannot be written \(.*\): ") as caught:
+        with pytest.raises(FileError, match=rf"bone\{ending}: .*: make room there") as caught:
             write_mesh(mesh, file)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, most)
