@@ -30,7 +30,7 @@ from bonecam.runtime.parent import work_for
 from bonecam.runtime.signals import kept_from_children, undisturbed
 from bonecam.runtime.staging import locked
 from bonecam.runtime.temporary import remove_abandoned
-from bonecam.surface.files.save import TEXTS
+from bonecam.surface.files.tspline_text import ENDINGS
 
 Work = Callable[[Path, Path, Job], Outcome]
 
@@ -152,7 +152,7 @@ def _parts_in(place: Path) -> list[Path]:
     """The files of parts in a folder, in alphabetical order; a file is its own part. JobError where there are none."""
     if not place.is_dir():
         return [place]
-    endings = (*READABLE, *TEXTS)
+    endings = (*READABLE, *ENDINGS)
     files = sorted(file for file in place.iterdir() if file.suffix.lower() in endings)
     if not files:
         raise JobError(

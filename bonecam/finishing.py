@@ -30,6 +30,7 @@ from bonecam.progress import Progress, silent
 from bonecam.runtime.timing import StageTimes
 from bonecam.surface.blades.blade_solid import blade_solid
 from bonecam.surface.files.machined_surface import machined_surface
+from bonecam.surface.files.surface_input import check_surface_size
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.gouge import MESH_SHARE, planned_tolerance
 from bonecam.toolpath.path import ToolPath
@@ -107,9 +108,11 @@ def _read(
     has_part: bool,
 ) -> tuple[TSpline, TriangleMesh]:
     """The surface to machine, and the solid that must not be gouged, mm."""
+    name = str(surface) if isinstance(surface, str | Path) else "the surface"
     with times.stage("surface"):
         if not isinstance(surface, TSpline):
             surface = machined_surface(surface, job.mesh.units, job.surface.tolerance)
+        check_surface_size(surface, name)
         return surface, _solid(surface, solids, job, has_part=has_part)
 
 

@@ -1,6 +1,7 @@
 """One surface machined alone: open and closed ones are covered, posted, and gouge neither part nor obstacle."""
 
 import base64
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,11 +9,12 @@ import numpy as np
 import pytest
 
 import bonecam
-from bonecam.errors import FileError, MeshError, SurfaceError
+from bonecam.errors import FileError, MeshError, SurfaceError, UnitsError
 from bonecam.mesh import MeshDistance, write_mesh
 from bonecam.mesh.triangle_mesh import keep_faces
 from bonecam.setup.revolution import revolve
 from bonecam.surface import skin
+from bonecam.surface.files.tspline_text import write_tsm
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath import read_apt
 from bonecam.toolpath.path import Kind
@@ -140,6 +142,8 @@ def test_surfaces_that_cannot_be_machined_alone_are_refused(tmp_path: Path) -> N
         bonecam.finish(tmp_path / "block.stl", block(), job=JOB)
     with pytest.raises(FileError, match=r"ending '\.mlx': give a surface that passes can follow"):
         bonecam.finish(tmp_path / "block.mlx", block(), job=JOB)
+    with pytest.raises(FileError, match=r"ending '\.iga': give a surface that passes can follow"):
+        bonecam.finish(tmp_path / "elements.iga", block(), job=JOB)
     with pytest.raises(FileError, match=r"missing\.stl"):
         bonecam.finish(panel(), tmp_path / "missing.stl", job=JOB)
     write_mesh(keep_faces(block(), slice(1, None)), tmp_path / "open.stl")
@@ -148,3 +152,15 @@ def test_surfaces_that_cannot_be_machined_alone_are_refused(tmp_path: Path) -> N
     inward = bonecam.TriangleMesh(block().vertices, block().faces[:, ::-1])
     with pytest.raises(MeshError, match=r"solid 0 of part and obstacles encloses .*turn its faces outward"):
         bonecam.finish(panel(), inward, job=JOB)
+
+
+def test_surfaces_far_larger_than_a_part_are_refused_before_they_are_tessellated(
+    pebble: Callable[..., TSpline], tmp_path: Path
+) -> None:
+    huge = pebble().with_control_points(1e4 * pebble().control_points)
+    write_tsm(huge, tmp_path / "huge.tspline")
+    for given, name in ((huge, "the surface"), (tmp_path / "huge.tspline", r"huge\.tspline")):
+        with pytest.raises(
+            UnitsError, match=rf"{name}: .*e\+05 mm from corner to corner: .*: scale it first"
+        ):
+            bonecam.finish(given, job=JOB)

@@ -102,7 +102,9 @@ def _add_levels(parsers: Any) -> None:
 def _add_finish(parsers: Any) -> None:
     text = "Make the verified NC program that machines one surface alone, open or closed, beside obstacles."
     finish = _add_command(parsers, "finish", text, commands.run_finish)
-    kinds = "rows of points, .step, .iges, .tsm, .tspline, .iga or an open mesh; normals outward, the table's axis Z"
+    kinds = (
+        "rows of points, .step, .iges, .tsm, .tspline or an open mesh; normals outward, the table's axis Z"
+    )
     finish.add_argument("surface", metavar="SURFACE", help=kinds)
     finish.add_argument("--part", metavar="MESH", help="solid that is not gouged; open surfaces need it")
     beside = "solid to keep clear of: hub, shroud, neighbour, fixture (repeat for more)"

@@ -10,13 +10,12 @@ from bonecam.mesh.triangle_mesh import MeshLike, mesh_from
 from bonecam.mesh.units import MM_OF, to_mm
 from bonecam.surface.files.bspline.to_tspline import from_bspline
 from bonecam.surface.files.cad.read import read_bsplines
-from bonecam.surface.files.save import TEXTS
-from bonecam.surface.files.tspline_text import read_tsm
+from bonecam.surface.files.tspline_text import ENDINGS, read_tsm
 from bonecam.surface.skinning.mesh_patch import patch_surface
 from bonecam.surface.skinning.point_rows import read_rows
 from bonecam.surface.tspline import TSpline
 
-KINDS = (*POINTS, *TEXTS, *STEP, *IGES, *MESHES)
+KINDS = (*POINTS, *ENDINGS, *STEP, *IGES, *MESHES)
 """Endings of the files that hold such a surface."""
 
 
@@ -30,7 +29,7 @@ def machined_surface(source: str | Path | MeshLike, units: str, tolerance: float
         return patch_surface(to_mm(mesh_from(source), units), tolerance)
     file = Path(source)
     ending = file.suffix.lower()
-    if ending in TEXTS:
+    if ending in ENDINGS:
         surface = read_tsm(file)
     elif ending in (*STEP, *IGES):
         surface = _only_face(file)

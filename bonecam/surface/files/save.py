@@ -13,11 +13,11 @@ from pathlib import Path
 from bonecam.errors import FileError
 from bonecam.mesh.files.opencascade import IGES, STEP, occ
 from bonecam.surface.files.iga import write_iga
-from bonecam.surface.files.tspline_text import write_tsm
+from bonecam.surface.files.tspline_text import ENDINGS, write_tsm
 from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tspline import TSpline
 
-TEXTS = (".tspline", ".tsm", ".iga")
+TEXTS = (*ENDINGS, ".iga")
 
 
 def check_target(path: str | Path) -> None:

@@ -16,8 +16,7 @@ from bonecam.mesh.pose import upright
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.mesh.units import LARGEST, MM_OF, to_mm
 from bonecam.progress import Progress, silent
-from bonecam.surface.files.save import TEXTS
-from bonecam.surface.files.tspline_text import read_tsm
+from bonecam.surface.files.tspline_text import ENDINGS, read_tsm
 from bonecam.surface.fitting.deviation import Deviation
 from bonecam.surface.fitting.fit import Fit
 from bonecam.surface.skinning.point_rows import holds_rows, read_rows
@@ -35,7 +34,7 @@ def read_part(
 ) -> tuple[Part, Fit | None]:
     """The part of a mesh or file, upright, and the surface, in the file's mm, where the file gives that."""
     if isinstance(source, TriangleMesh) or not holds_surface(source):
-        return prepare_part(source, job.mesh, progress, also=TEXTS), None
+        return prepare_part(source, job.mesh, progress, also=ENDINGS), None
     return read_surface_part(source, job.mesh, job.surface)
 
 
@@ -49,7 +48,7 @@ def read_surface_part(file: str | Path, job: MeshJob, surface: SurfaceJob) -> tu
 
 def holds_surface(path: str | Path) -> bool:
     """Whether a file gives the surface itself: .tspline, .tsm, or two or more rows of points."""
-    return Path(path).suffix.lower() in TEXTS or holds_rows(path)
+    return Path(path).suffix.lower() in ENDINGS or holds_rows(path)
 
 
 def read_surface(path: str | Path, scale: float, tolerance: float, max_control_points: int) -> Fit:
@@ -59,7 +58,7 @@ def read_surface(path: str | Path, scale: float, tolerance: float, max_control_p
     The deviation is that of the given points. Raises FileError, or SurfaceError where the surface does not
     enclose a part.
     """
-    if Path(path).suffix.lower() in TEXTS:
+    if Path(path).suffix.lower() in ENDINGS:
         surface, points = _saved(path, scale, max_control_points)
     else:
         surface, points = _skinned(path, scale, tolerance, max_control_points)
@@ -93,8 +92,7 @@ def _saved(path: str | Path, scale: float, max_control_points: int) -> tuple[TSp
     if count > max_control_points:
         what = f"has {count} control points, {max_control_points} are allowed"
         raise SurfaceError(f"{path}: {what}: raise surface.max_control_points", file=str(path))
-    patches = surface.patches.reshape(-1, 4)
-    _check_size(patches[:, :3] / patches[:, 3:], path)
+    check_surface_size(surface, path)
     return surface, np.empty((0, 3))
 
 
@@ -109,6 +107,12 @@ def _skinned(
         return rows.skin(tolerance, max_control_points), points
     except (ValueError, SurfaceError) as error:
         raise SurfaceError(f"{path}: {error}", file=str(path)) from error
+
+
+def check_surface_size(surface: TSpline, name: str | Path) -> None:
+    """UnitsError where a surface is far larger than a part; messages say `name` for it."""
+    patches = surface.patches.reshape(-1, 4)
+    _check_size(patches[:, :3] / patches[:, 3:], name)
 
 
 def _check_size(points: Float[ndarray, "n 3"], path: str | Path) -> None:

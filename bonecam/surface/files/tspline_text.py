@@ -26,6 +26,8 @@ from bonecam.surface.tmesh.open_rows import OpenRowTMesh
 from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tspline import TSpline
 
+ENDINGS = (".tspline", ".tsm")
+"""Endings of the files that `read_tsm` reads."""
 MILLIMETRES = {"millimeters": 1.0, "centimeters": 10.0, "meters": 1000.0, "inches": 25.4, "feet": 304.8}
 
 
