@@ -27,6 +27,9 @@ COEFFICIENTS = 6
 """Of a quadratic patch: so many vertices determine it."""
 FALL = 4.0
 """The weight of the farthest vertex is exp(-FALL)."""
+NARROWEST = 1e-12
+"""Neighbours lie on a line if their second principal moment is less than this share of the first: a millionth of their
+length."""
 CHUNK = 4096
 """Vertices that are fitted at once: it bounds the memory."""
 
@@ -35,7 +38,8 @@ def mls_curvature(mesh: TriangleMesh, radius: float | None = None) -> Curvature:
     """Principal curvatures and directions at the vertices.
 
     Each patch is fitted to the vertices within two edges, or within `radius` (mm) where the normals are less
-    than a right angle apart: 2.5 edges or more. MeshError where a vertex has too few neighbours for a patch.
+    than a right angle apart: 2.5 edges or more. MeshError where a vertex has too few neighbours for a patch,
+    or all of them lie on a line or where the vertex is.
     """
     normals = vertex_normals(mesh)
     around = _within_two_edges(mesh) if radius is None else _within(mesh, normals, radius)
@@ -95,6 +99,7 @@ def _fit(
     owner = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
     offsets = vertices[neighbours[starts[0] : starts[-1]]] - vertices[first + owner]
     begins = starts[:-1] - starts[0]
+    _require_wide(offsets, begins, first)
     squares = dots(offsets, offsets)
     farthest = np.sqrt(np.maximum.reduceat(squares, begins))
     weights = np.exp(-FALL * squares / farthest[owner] ** 2)
@@ -110,6 +115,18 @@ def _fit(
     first_order = (t1 + d[:, None] * up, t2 + e[:, None] * up)
     second_order = tuple(factor[:, None] * up for factor in (2 * a, c, 2 * b))
     return surface_curvature((*first_order, *second_order), n)
+
+
+def _require_wide(offsets: Float[ndarray, "p 3"], begins: Int[ndarray, " m"], first: int) -> None:
+    """MeshError where all neighbours of a vertex (the first is `first`) lie on a line or at one place."""
+    moments = np.linalg.eigvalsh(np.add.reduceat(offsets[:, :, None] * offsets[:, None, :], begins))
+    narrow = np.flatnonzero(~(moments[:, 1] > NARROWEST * moments[:, 2]))
+    if len(narrow):
+        vertex = first + int(narrow[0])
+        raise MeshError(
+            f"the neighbours of vertex {vertex} lie on a line: give a larger radius, or merge equal vertices",
+            vertex=vertex,
+        )
 
 
 def _patches(

@@ -110,6 +110,19 @@ def test_too_few_neighbours_are_told() -> None:
         mls_curvature(mesh, radius=0.0)
 
 
+def test_neighbours_on_a_line_or_at_one_place_are_told() -> None:
+    """A strip of two rows 1 mm apart; and eight copies of it."""
+    x, y = (grid.ravel() for grid in np.meshgrid(np.linspace(0, 1, 12), [0.0, 1.0], indexing="ij"))
+    strip = TriangleMesh(np.column_stack([x, y, 0 * x]), delaunay(np.column_stack([x, y])))
+    with pytest.raises(MeshError, match="neighbours of vertex 0 lie on a line"):
+        mls_curvature(strip, radius=0.9)
+    copies = 24 * np.arange(8)[:, None, None]
+    faces = (strip.faces + copies).reshape(-1, 3).astype(np.int32)
+    again = TriangleMesh(np.tile(strip.vertices, (8, 1)), faces)
+    with pytest.raises(MeshError, match="merge equal vertices"):
+        mls_curvature(again, radius=0.05)
+
+
 def test_normals_of_a_torus() -> None:
     mesh, _, normals = torus(120, 60)
     cosines = np.einsum("ij,ij->i", vertex_normals(mesh), normals)
