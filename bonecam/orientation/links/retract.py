@@ -7,6 +7,7 @@ holder does not sink to the table; or, where none of these is free, into one tha
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -37,8 +38,9 @@ LENGTHS = np.array(
 )
 """Lengths of a retract (mm) at which it is checked, and at one of which the rapid part may begin; BENDS are
 among them."""
-DEEPEST = (IN_AIR, 0.05, np.inf)
-"""How deep (mm) a retract may go into what stands beside its contact: the next is tried where no departure is free."""
+DEEPER = (0.05, np.inf)
+"""How deep (mm) a retract may go into what stands beside its contact where none is in air: the next where no departure
+keeps to the one before."""
 MIN_LAST_STEP = 0.05
 """The last of these lengths is at least this much before the end of the retract, mm."""
 
@@ -93,20 +95,34 @@ def find_retracts(space: LinkSpace, poses: Sequence[Pose]) -> list[Retract | Non
     none is free. The same departure of all poses is tried at once."""
     choices = [departures(axis) for _, axis in poses]
     found: list[Retract | None] = [None] * len(poses)
-    for deepest in DEEPEST:
-        for k in range(max((len(ways) for ways in choices), default=0)):
-            left = [i for i, ways in enumerate(choices) if found[i] is None and k < len(ways)]
-            tried = _try_departures(space, [poses[i] for i in left], [choices[i][k] for i in left], deepest)
-            for i, retract in zip(left, tried, strict=True):
-                found[i] = retract
-    return found
+    entering: list[list[_Way]] = [[] for _ in poses]
+    for k in range(max((len(ways) for ways in choices), default=0)):
+        left = [i for i, ways in enumerate(choices) if found[i] is None and k < len(ways)]
+        tried = _free_ways(space, [poses[i] for i in left], [choices[i][k] for i in left])
+        for i, way in zip(left, tried, strict=True):
+            if way is not None and _in_air(space, way.link, IN_AIR):
+                found[i] = way.retract
+            elif way is not None:
+                entering[i].append(way)
+    return [retract or _shallowest(space, ways) for retract, ways in zip(found, entering, strict=True)]
 
 
-def _try_departures(
-    space: LinkSpace, poses: Sequence[Pose], chosen: Sequence[Departure], deepest: float
-) -> list[Retract | None]:
-    """The retract of each pose by its departure; None where it is not proven free or would cut deeper than
-    `deepest`, mm."""
+class _Way(NamedTuple):
+    """A retract that is proven free, and the ball centres of its link at which it is checked."""
+
+    retract: Retract
+    link: Float[ndarray, "n 3"]
+
+
+def _shallowest(space: LinkSpace, ways: Sequence[_Way]) -> Retract | None:
+    """The first of the ways that goes no deeper than the first of DEEPER that any keeps to; None where there is no
+    way."""
+    tried = (way.retract for deepest in DEEPER for way in ways if _in_air(space, way.link, deepest))
+    return next(tried, None)
+
+
+def _free_ways(space: LinkSpace, poses: Sequence[Pose], chosen: Sequence[Departure]) -> list[_Way | None]:
+    """The retract of each pose by its departure; None where it is not proven free."""
     if not poses:
         return []
     lengths = _lengths(space, poses, chosen)
@@ -115,19 +131,17 @@ def _try_departures(
 
     links = [(c[: k + 1], v[: k + 1]) for (c, v), k in zip(lines, standoffs, strict=True)]
     free = space.polylines_free(links, cutting=True)
-    if np.isfinite(deepest):
-        free[free] = [_in_air(space, links[i][0], deepest) for i in np.flatnonzero(free)]
     rapid = [i for i in np.flatnonzero(free) if standoffs[i] + 1 < len(lengths[i])]
     rapids = [(lines[i][0][standoffs[i] :], lines[i][1][standoffs[i] :]) for i in rapid]
     free[rapid] = space.polylines_free(rapids, cutting=False)
-    return [
-        _retract(space.feeds, line, length, departure, standoff) if ok else None
-        for line, length, departure, standoff, ok in zip(lines, lengths, chosen, standoffs, free, strict=True)
-    ]
+    retracts = [_retract(space.feeds, *args) for args in zip(lines, lengths, chosen, standoffs, strict=True)]
+    return [_Way(retracts[i], links[i][0]) if ok else None for i, ok in enumerate(free)]
 
 
 def _in_air(space: LinkSpace, centres: Float[ndarray, "n 3"], deepest: float) -> bool:
     """Whether the ball goes no deeper than `deepest` (mm) on its way from the contact that comes first."""
+    if not np.isfinite(deepest):
+        return True
     halfway = (centres[1:] + centres[:-1]) / 2
     return bool(space.left_in_air(centres[:1], np.vstack([centres[1:], halfway])[None], deepest)[0])
 

@@ -1,5 +1,7 @@
 """Ways off the surface where the tool stands in a narrow slit."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ from bonecam.orientation.collision.checker import CollisionChecker
 from bonecam.orientation.collision.scene import Scene
 from bonecam.orientation.limits import AxisLimits
 from bonecam.orientation.links import retract
-from bonecam.orientation.links.link_space import LinkSpace
+from bonecam.orientation.links.link_space import LinkSpace, Polyline
 from bonecam.orientation.links.moves import Feeds
 from bonecam.orientation.links.retract import departures, find_retracts
 from bonecam.setup.capsule import smallest_capsule
@@ -54,6 +56,28 @@ def test_between_leaning_walls_the_way_out_leans_as_they_do(monkeypatch: pytest.
     assert np.allclose(found.moves.axes, up)
     monkeypatch.setattr(retract, "LEANS", np.zeros(0))
     assert find_retracts(leaning, [(CENTRE, up)]) == [None]
+
+
+@pytest.mark.parametrize("depth", [0.02, 1.0])
+def test_ways_that_all_cut_are_proven_once_and_the_first_that_cuts_least_is_taken(
+    depth: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    leaning, pose = space_in(slit(np.radians(15.0))), (CENTRE, np.array([0.0, 0.0, 1.0]))
+    (in_air,) = find_retracts(leaning, [pose])
+    proofs = []
+    proven = LinkSpace.polylines_free
+
+    def counted(space: LinkSpace, lines: Sequence[Polyline], *, cutting: bool) -> np.ndarray:
+        proofs.append(cutting)
+        return proven(space, lines, cutting=cutting)
+
+    monkeypatch.setattr(LinkSpace, "polylines_free", counted)
+    monkeypatch.setattr(LinkSpace, "left_in_air", lambda _, contacts, centres, deepest: [depth < deepest])
+    (found,) = find_retracts(leaning, [pose])
+    assert found is not None
+    assert in_air is not None
+    assert np.array_equal(found.moves.centres, in_air.moves.centres)
+    assert proofs.count(True) == len(departures(pose[1]))
 
 
 def test_no_way_out_lets_a_drooping_tool_sink() -> None:
