@@ -25,6 +25,7 @@ from bonecam.toolpath.cl_data import apt_text
 from bonecam.toolpath.parting import cut_groove
 from bonecam.toolpath.path import Kind
 from bonecam.verify.page.packing import unpack
+from bonecam.verify.page.program_contents import NO_LEVEL
 from bonecam.verify.pictures.depth_colours import draw_coloured
 from bonecam.verify.pictures.depth_curves import draw_depths
 from bonecam.verify.pictures.engagement import draw_engagement
@@ -71,7 +72,7 @@ def fill_kept_folder(work: Path, made: Morphed, post: tuple[float, float]) -> No
 
 
 def _draw_engagement(made: Result, file: Path) -> None:
-    """The picture of the moves that the page plays."""
+    """The picture of the moves on levels that the page plays."""
     view = unpack(made.packed_view, VIEW)
     moves = view.arrays
     radius_of = {tool["number"]: tool["radius"] for tool in view.facts["tools"]}
@@ -82,7 +83,7 @@ def _draw_engagement(made: Result, file: Path) -> None:
         moves["move_contact"],
         moves["move_tip"] + radii[:, None] * moves["move_axis"] - moves["move_contact"],
         moves["move_section"],
-        moves["move_kind"] == Kind.CUT,
+        (moves["move_kind"] == Kind.CUT) & (moves["move_level"] < NO_LEVEL),
         file,
     )
 

@@ -3,6 +3,7 @@
 import resource
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from bonecam.levels.measure.line_depths import line_depths
 from bonecam.levels.open_morph import morph_open
 from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
 from bonecam.mesh.meshlab import meshlab
+from bonecam.outputs import kept_folder
 from bonecam.outputs.kept_folder import keep_failed_level, keep_levels
 from bonecam.runtime.own_files import OWN_FILES
 from bonecam.setup.capsule import Capsule
@@ -24,6 +26,9 @@ from bonecam.setup.schedule import Schedule
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.surface.skinning.skin import skin
 from bonecam.surface.tspline import TSpline
+from bonecam.toolpath.path import Kind
+from bonecam.verify.page.packing import Contents, pack
+from bonecam.verify.page.program_contents import NO_LEVEL, PARTED
 
 PATCH = Cylinder(2.0, 0.0, 3.0).mesh(0.1)
 
@@ -196,3 +201,15 @@ def test_a_disk_that_is_full_leaves_the_folder_as_it_was(
     assert str(tmp_path / "keep") in str(caught.value)
     assert ".part" not in str(caught.value)
     assert not list(tmp_path.iterdir())
+
+
+def test_the_picture_of_engagement_shows_levels_and_no_parting(monkeypatch, tmp_path):
+    moves = {name: np.zeros((4, 3)) for name in ("move_contact", "move_tip", "move_axis")}
+    moves |= {"move_section": np.ones(4), "move_tool": np.ones(4, int), "move_kind": np.full(4, Kind.CUT)}
+    moves["move_level"] = np.array([1, 0, NO_LEVEL, PARTED])
+    view = pack(Contents({"tools": [{"number": 1, "radius": 2.0}]}, moves))
+    made = SimpleNamespace(packed_view=view, levels=SimpleNamespace(levels=[]))
+    drawn = []
+    monkeypatch.setattr(kept_folder, "draw_engagement", lambda *given: drawn.extend(given[1][given[5]]))
+    kept_folder._draw_engagement(made, tmp_path / "engagement.png")
+    assert drawn == [1, 0]
