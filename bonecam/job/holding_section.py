@@ -5,6 +5,9 @@ from dataclasses import dataclass
 from bonecam.errors import JobError
 from bonecam.job.parameter import Section, check, parameter
 
+LEAST_BRIDGE = 0.2
+"""A bridge is no thinner, mm: two cells of the simulation, within which it is measured."""
+
 
 @dataclass(frozen=True)
 class HoldingJob(Section):
@@ -88,6 +91,9 @@ class HoldingJob(Section):
         if 0 < self.length <= self.chuck_height:
             bound = f"give less than the post's length ({self.length:g} mm), or a longer post"
             raise JobError(f"chuck_height = {self.chuck_height:g}: {bound}", field="chuck_height")
+        if 0 < self.parting_core < LEAST_BRIDGE:
+            bound = f"give {LEAST_BRIDGE:g} mm or more, or 0 for half of the post's diameter"
+            raise JobError(f"parting_core = {self.parting_core:g}: {bound}", field="parting_core")
         if self.parting_core >= self.diameter:
             bound = f"give less than the post's diameter ({self.diameter:g} mm), or no parting"
             raise JobError(f"parting_core = {self.parting_core:g}: {bound}", field="parting_core")

@@ -1,6 +1,8 @@
 """What refuses a program: rapids and links that cut, a tool that touches what it may not, a ball in the part, a cut
 too deep."""
 
+from collections.abc import Sequence
+
 from bonecam.errors import VerifyError, place_name
 from bonecam.toolpath.path import PARTING
 from bonecam.verify.removal.result import LINK_ALLOWED, Clearance, LevelRemoval, Removal, Spot
@@ -18,8 +20,9 @@ def check_removal(
 ) -> None:
     """VerifyError, with `line` and `place`, where a rapid removes material or the moves between two passes more than
     LINK_ALLOWED, shank, holder or spindle enter what stands, the tool meets table or chuck, a ball goes into the part
-    by more than `gouge_tolerance` mm, or a cut is deeper than its limit by more than is allowed (`over_allowed`); and
-    where less than a `bridge` of this diameter (mm, within two cells) is left of a post that is parted: the part drops.
+    by more than `gouge_tolerance` mm, or a cut is deeper than its limit by more than is allowed (`over_allowed`);
+    where a level is cut after the parting; and where nothing, or less than a `bridge` of this diameter (mm, within two
+    cells), is left of a post that is parted: the part drops.
 
     Leftovers are told in the report and refuse nothing; nor do depths where they are not `limited`.
     """
@@ -49,7 +52,8 @@ def check_removal(
         )
     for level in removal.levels if limited else ():
         _check_depth(level)
-    if removal.bridge is not None and removal.bridge < bridge - 2 * removal.cell:
+    _check_parted_last(removal.levels)
+    if removal.bridge is not None and not removal.bridge > max(bridge - 2 * removal.cell, 0.0):
         raise VerifyError(
             f"parting: {removal.bridge:.2f} mm of the post hold the part, {bridge:g} mm are wanted: write the "
             "program again, or give a larger holding.parting_core",
@@ -77,6 +81,16 @@ def _check_depth(level: LevelRemoval) -> None:
             f"limit, allowed {level.over_allowed:.3f},",
             "cut the levels in their order; for a program of bonecam try a smaller scallop of the cutter before",
         )
+
+
+def _check_parted_last(levels: Sequence[LevelRemoval]) -> None:
+    """VerifyError where a level is cut after the parting."""
+    parted = False
+    for level in levels:
+        if parted and level.index != PARTING and level.deepest:
+            what = "a cut follows the parting, on a part that only the bridge holds,"
+            _refuse(level.deepest, what, "part at the end of the program")
+        parted |= level.index == PARTING
 
 
 def _check_clearance(clearance: Clearance, what: str, remedy: str) -> None:

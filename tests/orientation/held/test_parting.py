@@ -1,5 +1,7 @@
 """The parting groove: posted, read back and simulated on a small lump; and jobs that cannot have one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -116,6 +118,15 @@ def test_the_simulation_measures_the_bridge_and_refuses_one_that_is_too_thin(rem
     check_removal(removal, bridge=2.0)
     with pytest.raises(VerifyError, match=r"parting: 1\.99 mm of the post hold the part, 2\.5 mm are wanted"):
         check_removal(removal, bridge=2.5)
+    with pytest.raises(VerifyError, match=r"parting: 0\.00 mm of the post hold the part"):
+        check_removal(replace(removal, bridge=0.0), bridge=0.2)
+
+
+def test_a_level_that_is_cut_after_the_parting_is_refused(removal):
+    level = replace(removal.levels[0], index=0)
+    check_removal(replace(removal, levels=(level, *removal.levels)), bridge=2.0)
+    with pytest.raises(VerifyError, match=r"line \d+: a cut follows the parting, .*: part at the end"):
+        check_removal(replace(removal, levels=(*removal.levels, level)), bridge=2.0)
 
 
 def test_what_goes_is_the_groove_and_nothing_else(removal, paths):
@@ -142,6 +153,11 @@ def test_without_parting_there_is_no_path(scene):
 def test_a_bridge_is_thinner_than_the_post():
     with pytest.raises(JobError, match=r"parting_core = 4: give less than the post's diameter \(4 mm\)"):
         HoldingJob(diameter=4.0, parting_core=4.0)
+
+
+def test_a_bridge_is_thick_enough_to_be_measured():
+    with pytest.raises(JobError, match=r"parting_core = 1e-09: give 0\.2 mm or more, or 0 for half"):
+        HoldingJob(parting_core=1e-9)
 
 
 @pytest.fixture(scope="module")
