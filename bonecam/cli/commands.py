@@ -91,6 +91,7 @@ def run_finish(options: argparse.Namespace) -> int:
 
 def run_simulate(options: argparse.Namespace) -> int:
     """`bonecam simulate`: what a program removes, from its text."""
+    from bonecam.verify.removal.of_job import check_removal_of_job
     from bonecam.verify.summary import removal_text
 
     job = job_of(options)
@@ -100,8 +101,7 @@ def run_simulate(options: argparse.Namespace) -> int:
         )
     if options.report is not None:
         write_whole(options.report, json.dumps({"removal": removal.report}, indent=2) + "\n")
-    limited = job.path.strategy == "morph"
-    bonecam.verify.check_removal(removal, job.path.gouge_tolerance, limited=limited)
+    check_removal_of_job(removal, job)
     if not options.quiet:
         print(removal_text(removal.report))
     return 0

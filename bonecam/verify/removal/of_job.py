@@ -76,7 +76,12 @@ def prove_removal(
         accuracy=ACCURACY,
         progress=progress,
     )
-    # slices and sections of the part promise no depth: what they leave between them is told
+    check_removal_of_job(removal, job)
+    return removal
+
+
+def check_removal_of_job(removal: Removal, job: Job) -> None:
+    """VerifyError as in `check_removal`, with the tolerance and the bridge of a job. Slices and sections of the part
+    promise no depth: what they leave between them is told."""
     limited = job.path.strategy == "morph"
     check_removal(removal, job.path.gouge_tolerance, job.holding.bridge, limited=limited)
-    return removal

@@ -29,7 +29,7 @@ from bonecam.toolpath.cl_data import apt_text, read_apt
 from bonecam.toolpath.parting import cut_groove
 from bonecam.toolpath.path import PARTING
 from bonecam.verify.proof import verify_program
-from bonecam.verify.removal.of_job import cutters_of
+from bonecam.verify.removal.of_job import check_removal_of_job, cutters_of
 from bonecam.verify.removal.simulate import Accuracy, simulate_removal
 from bonecam.verify.removal.verdicts import check_removal
 
@@ -117,7 +117,7 @@ def test_the_simulation_measures_the_bridge_and_refuses_one_that_is_too_thin(rem
     assert removal.report["bridge_diameter_mm"] == pytest.approx(removal.bridge, abs=1e-4)
     check_removal(removal, bridge=2.0)
     with pytest.raises(VerifyError, match=r"parting: 1\.99 mm of the post hold the part, 2\.5 mm are wanted"):
-        check_removal(removal, bridge=2.5)
+        check_removal_of_job(removal, JOB.with_values(holding={"parting_core": 2.5}))
     with pytest.raises(VerifyError, match=r"parting: 0\.00 mm of the post hold the part"):
         check_removal(replace(removal, bridge=0.0), bridge=0.2)
 
