@@ -122,7 +122,7 @@ class AxisCones:
 def admissible_cones(path: ContactPath, scene: Scene, limits: AxisLimits, job: PathJob) -> AxisCones:
     """The cones of a path's contacts for its cutter in a scene: the widest of each node.
 
-    OrientationError where a mesh of the scene is not closed, or a contact not finite.
+    OrientationError where a mesh of the scene is not closed, a contact is not finite, or there is none.
     """
     tilt = float(np.radians(job.max_tilt_deg))
     free = free_axes(path, scene, limits, tilt)

@@ -79,7 +79,9 @@ class FreeAxes:
 
 def free_axes(path: ContactPath, scene: Scene, limits: AxisLimits, max_tilt: float) -> FreeAxes:
     """The free axes of a net over the contacts; `max_tilt` (radians) from the normal. OrientationError where a mesh of
-    the scene is not closed, or contacts are not finite."""
+    the scene is not closed, contacts are not finite, or there are none."""
+    if not len(path.centres):
+        raise OrientationError("there are no contacts to find tool axes for: give one or more")
     bad = np.flatnonzero(~np.isfinite(path.centres).all(axis=1))
     if len(bad):
         raise OrientationError(f"contact {bad[0]} is not finite: leave it out", contact=int(bad[0]))

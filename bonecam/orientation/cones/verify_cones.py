@@ -26,6 +26,7 @@ from bonecam.orientation.collision.scene import Scene
 from bonecam.orientation.collision.sphere_tracing import TANGENT_SLACK
 from bonecam.orientation.collision.tool_mesh import column_mesh
 from bonecam.orientation.cones.admissible_cones import NO_CONE, AxisCones
+from bonecam.orientation.cones.distance_grids import require_closed
 from bonecam.orientation.cones.envelope import Sweep, held
 from bonecam.toolpath.cutters.cutter import Cutter, Section
 from bonecam.toolpath.path import ConeCheck
@@ -49,7 +50,8 @@ class ConeVerdict:
 
 
 def verify_cones(cones: AxisCones, scene: Scene) -> ConeVerdict:
-    """FCL's word on each cone, in the scene that they were made in."""
+    """FCL's word on each cone, in the scene that they were made in. OrientationError where a mesh of it is not
+    closed."""
     asked = np.flatnonzero(cones.angles > 0)
     return ConeVerdict(asked, _refusals(cones, asked, cones.angles[asked], _kept(scene, cones.path.cutter)))
 
@@ -97,6 +99,7 @@ def _kept(scene: Scene, cutter: Cutter) -> tuple[_Kept, ...]:
     for section in reversed(cutter.profile):
         around = scene.around(section.name, cutter.radius)
         if around.obstacle not in meshes:
+            require_closed(around.mesh)
             meshes[around.obstacle] = fcl_object(around.mesh), _piece_points(around.mesh)
         mesh = _Solid(
             around.obstacle, *meshes[around.obstacle], around.deviation, around.mesh_distance.signed

@@ -106,8 +106,8 @@ def smooth_axes(
         values, least = minimise(_within(energy, cones, rows), values, STEPS)
         field = AxisField(domain, energy.winding, *values)
         axes = field.axes(cones.path.parameters)
-        inside = cones.depths(axes)[cones.found] >= 0
-        if inside.mean() >= INSIDE and abs(before - least) < SETTLED * least:
+        outside = cones.depths(axes)[cones.found] < 0
+        if outside.sum() <= (1 - INSIDE) * len(outside) and abs(before - least) < SETTLED * least:
             break
     return SmoothAxes(field, axes, cones.about(axes))
 

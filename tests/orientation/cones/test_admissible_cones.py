@@ -13,6 +13,7 @@ from bonecam.kernels.closest.cone_marching import Apexes, Groups, free_direction
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.orientation.collision.scene import Scene
 from bonecam.orientation.cones.admissible_cones import AxisCones, admissible_cones
+from bonecam.orientation.cones.verify_cones import verify_cones
 from bonecam.orientation.limits import AxisLimits, polar_angles
 from bonecam.setup.fixture.clamping import Clamping
 from bonecam.setup.fixture.column import Column
@@ -156,11 +157,19 @@ def test_contacts_without_a_cone_are_listed_with_what_blocks_them(made: Made) ->
     assert path.centres[list(blocked), 2].max() < np.median(path.centres[:, 2])
 
 
-def test_an_obstacle_that_is_not_closed_is_refused(made: Made) -> None:
+def test_an_obstacle_that_is_not_closed_is_refused(made: Made, cones: AxisCones) -> None:
     path, scene = made
     opened = TriangleMesh(scene.material.vertices, scene.material.faces[1:])
     with pytest.raises(OrientationError, match="not closed: 3 edges"):
         admissible_cones(path, replace(scene, material=opened), LIMITS, JOB)
+    with pytest.raises(OrientationError, match="not closed: 3 edges"):
+        verify_cones(cones, replace(scene, material=opened))
+
+
+def test_no_contacts_are_refused(made: Made) -> None:
+    path, scene = made
+    with pytest.raises(OrientationError, match="no contacts"):
+        admissible_cones(path.take(np.arange(0)), scene, LIMITS, JOB)
 
 
 def test_what_is_kept_of_cones_tells_each_contact_its_own(cones: AxisCones) -> None:

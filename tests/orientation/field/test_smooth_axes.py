@@ -151,6 +151,16 @@ def test_where_no_contact_has_a_cone_the_axes_of_the_level_before_stay(
         assert level_axes(contacts, level_of(surface), scene, LIMITS, JOB, before) is before
 
 
+def test_where_no_contact_has_a_cone_no_axis_is_certified(case: Made) -> None:
+    """Contacts 0.3 mm inside the part."""
+    surface, contacts, scene = case
+    some = contacts.take(np.arange(0, len(contacts.centres), 20))
+    inside = replace(some, centres=some.centres - (some.cutter.radius + 0.3) * some.normals)
+    made = smoothed((surface, inside, scene))
+    assert np.isfinite(made.axes).all()
+    assert not made.wanted.certified.any()
+
+
 def test_cones_are_put_before_fcl_where_the_job_wants_it(case: Made, smooth: SmoothAxes) -> None:
     some = np.arange(len(smooth.cones.angles)) % 40 == 0
     few = replace(smooth, cones=replace(smooth.cones, angles=np.where(some, smooth.cones.angles, NO_CONE)))
