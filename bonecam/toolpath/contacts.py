@@ -204,8 +204,8 @@ def _stretches(
     in_air = candidates.in_air & ~(candidates.at_post | np.isnan(candidates.lifts))
     depths = candidates.depths(material)
     made = cutting_passes(lines, usable, depths, allowed, in_air)
-    if allowed.least <= 0 or isinstance(candidates.level, RoundedLevel):
-        # the places of the material do not follow the edges of a bar
+    if allowed.least <= 0 or not candidates.level.index or isinstance(candidates.level, RoundedLevel):
+        # what stays on the part is not cut later; and the places of the material do not follow the edges of a bar
         return made
     radius = candidates.cutter.radius
     centres = candidates.centres[made.index] + made.raised
