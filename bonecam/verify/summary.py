@@ -88,10 +88,9 @@ def _post_lines(post: Mapping[str, Any] | None) -> Iterator[str]:
             if slender
             else ""
         )
-        stump = (
-            f"; {post['footprint_mm2']:.1f} mm2 of the part stay under it" if "footprint_mm2" in post else ""
-        )
-        yield f"post      {post['diameter_mm']:g} x {post['length_mm']:g} mm{stump}{warning}"
+        yield f"post      {post['diameter_mm']:g} x {post['length_mm']:g} mm{warning}"
+        if "footprint_mm2" in post:
+            yield f"          {post['footprint_mm2']:.1f} mm2 of the part stay under it"
         remedies = [f"{each['length_mm']:g} mm with {each['change']}" for each in post.get("remedies", ())]
         if remedies:
             yield f"          {', '.join(remedies)}"
