@@ -30,7 +30,7 @@ from bonecam.progress import Progress, silent
 from bonecam.runtime.timing import StageTimes
 from bonecam.surface.blades.blade_solid import blade_solid
 from bonecam.surface.files.machined_surface import machined_surface
-from bonecam.surface.files.surface_input import check_surface_size
+from bonecam.surface.files.surface_input import check_outward, check_surface_size, closed_mesh
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.gouge import MESH_SHARE, planned_tolerance
 from bonecam.toolpath.path import ToolPath
@@ -113,14 +113,16 @@ def _read(
         if not isinstance(surface, TSpline):
             surface = machined_surface(surface, job.mesh.units, job.surface.tolerance)
         check_surface_size(surface, name)
-        return surface, _solid(surface, solids, job, has_part=has_part)
+        return surface, _solid(surface, name, solids, job, has_part=has_part)
 
 
-def _solid(surface: TSpline, solids: Sequence[Solid], job: Job, *, has_part: bool) -> TriangleMesh:
+def _solid(surface: TSpline, name: str, solids: Sequence[Solid], job: Job, *, has_part: bool) -> TriangleMesh:
     """Everything that must not be gouged: the solids, and what the surface bounds. SurfaceError where an open surface
-    comes without its part, or faces inward."""
+    comes without its part, or faces inward; MeshError where a closed one cuts itself."""
     chord = min(OWN_CHORD, MESH_SHARE * planned_tolerance(job.path.gouge_tolerance))
     if all(surface.poles):
+        check_outward(surface, name)
+        closed_mesh(surface, name)
         own = [surface.tessellate(chord)]
     elif surface.closed_in_s:
         own = [blade_solid(surface, chord)]

@@ -154,6 +154,20 @@ def test_surfaces_that_cannot_be_machined_alone_are_refused(tmp_path: Path) -> N
         bonecam.finish(panel(), inward, job=JOB)
 
 
+def test_closed_surfaces_that_bound_no_solid_are_refused(pebble: Callable[..., TSpline]) -> None:
+    surface = pebble()
+    points = surface.control_points
+    with pytest.raises(SurfaceError, match="the surface: encloses no volume"):
+        bonecam.finish(surface.with_control_points(points * [0, 0, 1]), job=JOB)
+    with pytest.raises(SurfaceError, match=r"the surface: .* point inward: reverse every row"):
+        bonecam.finish(surface.with_control_points(points * [1, -1, 1]), job=JOB)
+    crossed = points.copy()
+    upper = points[:, 2] > points[:, 2].mean()
+    crossed[upper, :2] *= -1.0
+    with pytest.raises(MeshError, match="the surface: its surface cuts itself"):
+        bonecam.finish(surface.with_control_points(crossed), job=JOB)
+
+
 def test_surfaces_far_larger_than_a_part_are_refused_before_they_are_tessellated(
     pebble: Callable[..., TSpline], tmp_path: Path
 ) -> None:

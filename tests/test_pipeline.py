@@ -255,7 +255,7 @@ def test_keep_writes_levels_path_surface_and_pictures(chain: tuple[bonecam.Resul
     result, folder = chain
     count = len(result.levels.levels)
     names = {item.name for item in (folder / "keep").iterdir()} - {OWN_FILES}
-    pictures = {f"{name}.png" for name in "levels coloured depths toolpath machine engagement".split()}
+    pictures = {f"{name}.png" for name in "levels coloured depths toolpath machine engagement stump".split()}
     assert (
         names
         == {f"level_{k:02d}.ply" for k in range(count)}
@@ -306,6 +306,7 @@ def test_levels_alone_are_the_chain_s_and_take_the_place_of_its_levels_and_paths
         "left.ply",
         "machine.png",
         "program.h",
+        "stump.png",
         "toolpath.apt",
         "toolpath.csv",
         "toolpath.png",

@@ -38,8 +38,7 @@ ENTERED = 0.011
 BY_FCL = 0.014
 """mm: FCL's cutter has 48 sides."""
 CHUNK = 200
-POST = 107.0
-"""Length of the phalanx's post that the chain finds, mm."""
+IN_METRES = bonecam.Job().with_values(mesh={"units": "m"})
 RANDOM = np.random.default_rng(11)
 
 Entry = Callable[..., np.ndarray]
@@ -107,14 +106,26 @@ def finished(made: bonecam.Finished) -> Machined:
     return Machined("blade", made.path, made.workpiece.scene(made.job, clamping_of(made.job.holding, table)))
 
 
-def bone(shared: Callable[[], Path]) -> Machined:
-    """The phalanx's own level, with the level round it as the material."""
-    job = bonecam.Job().with_values(holding={"length": POST})
+def phalanx(shared: Callable[[], Path]) -> Machined:
+    return bone(bonecam_meshes.path("phalanx"), bonecam.Job())
+
+
+def middle_phalanx(shared: Callable[[], Path]) -> Machined:
+    return bone(shared() / "meshes" / "bones" / "2midph_m.stl", IN_METRES)
+
+
+def distal_phalanx(shared: Callable[[], Path]) -> Machined:
+    return bone(shared() / "meshes" / "bones" / "3distph_m.stl", IN_METRES)
+
+
+def bone(file: Path, job: bonecam.Job) -> Machined:
+    """A bone's own level, with the level round it as the material."""
     machine = read_machine(job.nc.machine)
     limits = axis_limits(machine)
-    made = bonecam.morph_levels(bonecam_meshes.path("phalanx"), job)
+    made = bonecam.morph_levels(file, job)
+    job = made.job
     levels = made.levels.levels
-    scene = level_scene(levels, 0, made.stock, made.job, machine.bodies)
+    scene = level_scene(levels, 0, made.stock, job, machine.bodies)
     level = machined_levels(levels)[0]
     cutter = finishing_cutter(job, machine.bodies)
     found = candidate_contacts(
@@ -126,10 +137,18 @@ def bone(shared: Callable[[], Path]) -> Machined:
     return Machined("bone", orient(contacts, scene, limits, job.path, job.nc, smooth.wanted), scene)
 
 
-@pytest.fixture(scope="module", params=[blade, hecc, bone], ids=["impeller", "hecc", "phalanx"])
+PARTS = {
+    "impeller": blade,
+    "hecc": hecc,
+    "phalanx": phalanx,
+    "middle phalanx": middle_phalanx,
+    "distal phalanx": distal_phalanx,
+}
+
+
+@pytest.fixture(scope="module", params=PARTS)
 def machined(request: pytest.FixtureRequest) -> Machined:
-    made: Machined = request.param(lambda: request.getfixturevalue("shared"))
-    return made
+    return PARTS[request.param](lambda: request.getfixturevalue("shared"))
 
 
 def random_poses(path: ToolPath, scale: float, rim: bool) -> tuple[np.ndarray, np.ndarray]:

@@ -25,6 +25,8 @@ from bonecam.surface.tspline import TSpline
 
 CHORD = 0.01
 """Chord tolerance of the mesh that stands for the surface, mm."""
+NO_VOLUME = 1e-3
+"""A surface that encloses less, mm^3, encloses no part."""
 SPARE = 2.0
 """By so much the control points of a surface's Bezier elements may be farther apart than its points."""
 
@@ -70,12 +72,7 @@ def read_surface(path: str | Path, scale: float, tolerance: float, max_control_p
         )
         alone = "`bonecam finish` machines a surface alone"
         raise SurfaceError(f"{path}: encloses no part: {remedy}; {alone}", file=str(path))
-    if not surface.volume > 0:
-        raise SurfaceError(
-            f"{path}: its normals S_s x S_t point inward: reverse every row",
-            file=str(path),
-            volume=surface.volume,
-        )
+    check_outward(surface, str(path))
     found = _deviation(surface, points)
     return Fit(surface, found, tolerance, found.max <= tolerance)
 
@@ -132,6 +129,18 @@ def _deviation(surface: TSpline, points: Float[ndarray, "n 3"]) -> Deviation:
     distances = surface.project(points).distances
     worst = float(distances.max())
     return Deviation(worst, float(np.sqrt(np.mean(distances**2))), 0.0, worst, points[np.argmax(distances)])
+
+
+def check_outward(surface: TSpline, file: str) -> None:
+    """SurfaceError where a closed surface encloses no volume, or its normals point inward."""
+    volume = surface.volume
+    if abs(volume) <= NO_VOLUME:
+        raise SurfaceError(
+            f"{file}: encloses no volume: give rows that go round a part", file=file, volume=volume
+        )
+    if not volume > 0:
+        remedy = "its normals S_s x S_t point inward: reverse every row"
+        raise SurfaceError(f"{file}: {remedy}", file=file, volume=volume)
 
 
 def closed_mesh(surface: TSpline, file: str) -> TriangleMesh:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
+from bonecam.errors import VerifyError
 from bonecam.job import Job
 from bonecam.levels.measure.level import Level, morph_surfaces
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -81,7 +82,12 @@ def prove_removal(
 
 
 def check_removal_of_job(removal: Removal, job: Job) -> None:
-    """VerifyError as in `check_removal`, with the tolerance and the bridge of a job. Slices and sections of the part
-    promise no depth: what they leave between them is told."""
+    """VerifyError as in `check_removal`, with the tolerance and the bridge of a job, and where the text does not part
+    though the job wants it. Slices and sections of the part promise no depth: what they leave between them is told."""
+    if job.holding.parting and removal.bridge is None:
+        raise VerifyError(
+            "[holding] parting = true: no section of the program parts the post: give the whole program, or "
+            "parting = false"
+        )
     limited = job.path.strategy == "morph"
     check_removal(removal, job.path.gouge_tolerance, job.holding.bridge, limited=limited)

@@ -120,6 +120,8 @@ def test_the_simulation_measures_the_bridge_and_refuses_one_that_is_too_thin(rem
         check_removal_of_job(removal, JOB.with_values(holding={"parting_core": 2.5}))
     with pytest.raises(VerifyError, match=r"parting: 0\.00 mm of the post hold the part"):
         check_removal(replace(removal, bridge=0.0), bridge=0.2)
+    with pytest.raises(VerifyError, match="parting = true: no section of the program parts the post"):
+        check_removal_of_job(replace(removal, bridge=None), JOB)
 
 
 def test_a_level_that_is_cut_after_the_parting_is_refused(removal):

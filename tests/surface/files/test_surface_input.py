@@ -76,7 +76,9 @@ def test_what_encloses_no_part_is_refused(
     write_tsm(surface, tmp_path / "bone.tspline")
     write_tsm(bone_like(poles=False), tmp_path / "tube.tspline")
     write_tsm(surface.with_control_points(surface.control_points * [1, -1, 1]), tmp_path / "inward.tspline")
+    write_tsm(surface.with_control_points(surface.control_points * [0, 0, 1]), tmp_path / "line.tspline")
     for name, allowed, reason in (
+        ("line.tspline", 450, "encloses no volume: give rows that go round"),
         ("open.csv", 450, "encloses no part: give a pole .*`bonecam finish`"),
         ("tube.tspline", 450, "encloses no part: .*`bonecam finish`"),
         ("inward.tspline", 450, "point inward"),
