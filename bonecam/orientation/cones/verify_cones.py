@@ -136,7 +136,7 @@ def _refusals(
 def _meeting(
     cones: AxisCones, nodes: Int[ndarray, " m"], angles: Float[ndarray, " m"], item: _Kept, solid: _Solid
 ) -> Iterator[int]:
-    """Those of the nodes in whose cones a section of the tool meets a solid."""
+    """The nodes in whose cones a section of the tool meets a solid."""
     sweeps = [_sweep(cones, k, angle, item, solid) for k, angle in zip(nodes.tolist(), angles.tolist())]
     there = np.array([sweep.start < sweep.end for sweep in sweeps], dtype=bool)
     if not there.any():

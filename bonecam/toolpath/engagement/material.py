@@ -22,6 +22,7 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.facets.vertex_normals import vertex_normals
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.stock import Stock
+from bonecam.toolpath.engagement.entering import ball_depths, enters_beside
 from bonecam.toolpath.path import Kind, ToolPath
 
 CHORD = 0.05
@@ -101,15 +102,12 @@ class Material:
         if self.uncut is not None:
             distance, normals = self.uncut.distances_and_normals(centres)
             return radius - distance, normals
-        points, _ = self._surface.closest(centres)
-        outward = np.where(self._surface.inside(centres), -1.0, 1.0)
-        distance = outward * np.linalg.norm(centres - points, axis=1)
-        depth = radius - distance
+        depth, outward = ball_depths(self._surface, centres, radius)
         for swept in self.swept:
             if radius <= swept.radius:
                 shift, _ = swept.places.query(centres, distance_upper_bound=swept.radius)
                 depth = np.minimum(depth, shift + radius - swept.radius)
-        return depth, (centres - points) / np.where(distance, distance, np.inf)[:, None]
+        return depth, outward
 
     def useful(
         self,
@@ -152,26 +150,6 @@ class Material:
     def _surface(self) -> MeshDistance:
         """Distances to the surface through the places."""
         return MeshDistance(TriangleMesh(self.places, self.depth_grid.faces))
-
-
-def enters_beside(
-    places: KDTree,
-    deep: Float[ndarray, " n"],
-    outward: Float[ndarray, "n 3"],
-    centres: Float[ndarray, "n 3"],
-    contacts: Float[ndarray, "n 3"],
-    radius: float,
-    depth: float,
-) -> Bool[ndarray, " n"]:
-    """Whether balls that are `deep` in material with these `places`, which is left along `outward`, enter it by more
-    than `depth` (mm) where a ball at their contact has not been."""
-    entered = deep > depth
-    which = np.flatnonzero(entered)
-    nearest = centres - (radius - deep)[:, None] * outward
-    for i, near in zip(which, places.query_ball_point(centres[which], radius - depth), strict=True):
-        here = np.vstack([nearest[i], places.data[near]])
-        entered[i] = bool((np.linalg.norm(here - contacts[i], axis=1) > radius).any())
-    return np.asarray(entered)
 
 
 def uncut_material(levels: Sequence[Level], stock: Stock) -> Material:

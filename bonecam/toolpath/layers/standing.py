@@ -3,14 +3,13 @@
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
 from scipy.spatial import KDTree
 
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.toolpath.engagement.material import enters_beside
+from bonecam.toolpath.engagement.entering import ball_depths, enters_beside
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,10 +23,7 @@ class StandingMesh:
     ) -> tuple[Float[ndarray, " n"], Float[ndarray, "n 3"]]:
         """How deep a ball of this radius at each centre enters the mesh (mm; negative: it is off), and the unit
         direction out of it at the nearest place."""
-        points, _ = self._surface.closest(centres)
-        outward = np.where(self._surface.inside(centres), -1.0, 1.0)
-        distance = outward * np.linalg.norm(centres - points, axis=1)
-        return radius - distance, (centres - points) / np.where(distance, distance, np.inf)[:, None]
+        return ball_depths(self._surface, centres, radius)
 
     def entered_anew(
         self, centres: Float[ndarray, "n 3"], contacts: Float[ndarray, "n 3"], radius: float, depth: float
