@@ -119,7 +119,10 @@ def _add_finish(parsers: Any) -> None:
 
 
 def _add_simulate(parsers: Any) -> None:
-    text = "Simulate from its text what an NC program removes, and refuse rapids that cut, collisions and gouges."
+    text = (
+        "Simulate from its text what an NC program removes, and refuse rapids and links that cut, collisions, gouges "
+        "and cuts too deep."
+    )
     simulate = _add_command(parsers, "simulate", text, commands.run_simulate)
     simulate.add_argument("program", metavar="PROGRAM", help="the NC program")
     kept = "the folder that `convert --keep` wrote: its part and its stock"
