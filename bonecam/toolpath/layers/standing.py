@@ -10,6 +10,7 @@ from scipy.spatial import KDTree
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.toolpath.engagement.entering import ball_depths, enters_beside
+from bonecam.toolpath.layers.material import DEVIATION
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,16 +22,19 @@ class StandingMesh:
     def depths(
         self, centres: Float[ndarray, "n 3"], radius: float
     ) -> tuple[Float[ndarray, " n"], Float[ndarray, "n 3"]]:
-        """How deep a ball of this radius at each centre enters the mesh (mm; negative: it is off), and the unit
-        direction out of it at the nearest place."""
-        return ball_depths(self._surface, centres, radius)
+        """How deep a ball of this radius at each centre enters the material at most (mm; negative: it is off), and the
+        unit direction out of the mesh at its nearest place."""
+        depths, outward = ball_depths(self._surface, centres, radius)
+        return depths + DEVIATION, outward
 
     def entered_anew(
         self, centres: Float[ndarray, "n 3"], contacts: Float[ndarray, "n 3"], radius: float, depth: float
     ) -> Bool[ndarray, " n"]:
         """Whether a ball of this radius at each centre enters the mesh by more than `depth` (mm) where one at its
         contact has not been."""
-        return enters_beside(self._places, *self.depths(centres, radius), centres, contacts, radius, depth)
+        return enters_beside(
+            self._places, *ball_depths(self._surface, centres, radius), centres, contacts, radius, depth
+        )
 
     @cached_property
     def _surface(self) -> MeshDistance:
