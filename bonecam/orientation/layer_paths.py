@@ -76,6 +76,7 @@ def plan_layer_paths(
         path = replace(layer.path, level=len(layers) - 1 - count)
         if not path.level:
             near = post.distance(unreached) < 2 * path.cutter.radius
-            path = replace(path, uncut=unreached, reasons=tuple(np.where(near, "post", "hidden").tolist()))
+            reasons = *path.reasons, *np.where(near, "post", "hidden").tolist()
+            path = replace(path, uncut=np.vstack([path.uncut, unreached]), reasons=reasons)
         paths.append(orient(path, scene, limits, job.path, job.nc, fixed=layer.axes, material=standing))
     return *paths, *parting_paths(scene, job, limits, bodies)

@@ -1,5 +1,7 @@
 """Finishing from one direction: parallel passes of a ball that touches the part."""
 
+from dataclasses import replace
+
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
@@ -12,7 +14,7 @@ from bonecam.toolpath.cutters.ball_depth import MAX_DEPTH_RADII
 from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.toolpath.gouge import gouge_free_lifts, planned_tolerance
 from bonecam.toolpath.layers.chart import Chart
-from bonecam.toolpath.layers.curves import Curves, sample
+from bonecam.toolpath.layers.curves import Curves, join, sample
 from bonecam.toolpath.layers.drop import Ball, drop_balls
 from bonecam.toolpath.layers.layer import Layer, layer_of
 from bonecam.toolpath.layers.material import HeightField
@@ -39,7 +41,8 @@ def finish_layer(
     """The passes over all that the ball touches between its highest and lowest `heights` (centre, mm), and the
     material behind them; `extent` is that of b, `width` the length (mm) of a unit of a.
 
-    Too much material above a contact leaves it out (MAX_DEPTH_RADII).
+    Where more than MAX_DEPTH_RADII of material is above a contact the ball comes down on it in steps; where that does
+    not do, the contact is left out (`covered`).
     """
     chart = material.chart
     top, floor = heights
@@ -54,10 +57,38 @@ def finish_layer(
     kept = ball.touches(centres) & (found.heights > floor)
     lifts = _lifts(centres, axes, ball, kept & np.r_[kept[1:], False] & found.joined(), job.gouge_tolerance)
     kept &= np.isfinite(lifts)
-    raised = Curves(found.line, found.a, found.b, found.heights + np.nan_to_num(lifts))
-    kept &= _sunk(chart, raised, ball.radius, material) <= MAX_DEPTH_RADII * ball.radius
-    layer = layer_of(raised, kept, chart, cutter, material, ball)
-    return layer, material.lowered(*swept(raised, kept, width), ball.radius) if kept.any() else material
+    raised = replace(found, heights=found.heights + np.nan_to_num(lifts))
+    steps, cut, left = _in_steps(raised, kept, material, ball.radius, width)
+    layer = layer_of(steps, cut, chart, cutter, material, ball)
+    covered = kept & ~cut[-len(kept) :]
+    uncut = ball.part.closest(centres[covered])[0]
+    path = replace(layer.path, uncut=uncut, reasons=("covered",) * len(uncut))
+    return replace(layer, path=path), left
+
+
+def _in_steps(
+    curves: Curves, kept: Bool[ndarray, " n"], material: HeightField, radius: float, width: float
+) -> tuple[Curves, Bool[ndarray, " m"], HeightField]:
+    """The curves, those raised by MAX_DEPTH_RADII of the ball once or more before them, where the ball would sink
+    deeper into the material; which of their points are kept, not those that are still too deep; and the material
+    behind them."""
+    deepest = MAX_DEPTH_RADII * radius
+    count = int(np.ceil(_sunk(curves, radius, material)[kept].max(initial=0.0) / deepest))
+    pieces, used = list[Curves](), list[ndarray]()
+    for step in range(max(count, 1) - 1, -1, -1):
+        raised = replace(curves, heights=curves.heights + step * deepest)
+        sunk = _sunk(raised, radius, material)
+        cut = kept & (sunk <= deepest) & ((sunk > 0) | (step == 0))
+        pieces += [raised.take(run) for run in np.split(np.arange(len(cut)), _ends(raised))]
+        used.append(cut)
+        if cut.any():
+            material = material.lowered(*swept(raised, cut, width), radius)
+    return join(pieces), np.concatenate(used), material
+
+
+def _ends(curves: Curves) -> ndarray:
+    """The first point of each line but the first."""
+    return np.flatnonzero(np.diff(curves.line)) + 1
 
 
 def _lifts(
@@ -73,8 +104,9 @@ def _lifts(
     return gouge_free_lifts(tips, axes, ball.radius, tolerance, [ball.part], joined, ball.radius / 2)
 
 
-def _sunk(chart: Chart, curves: Curves, radius: float, material: HeightField) -> Float[ndarray, " n"]:
+def _sunk(curves: Curves, radius: float, material: HeightField) -> Float[ndarray, " n"]:
     """How deep each ball sinks into the material, mm."""
+    chart = material.chart
     centres = chart.bases(curves.a, curves.b) + curves.heights[:, None] * chart.axes(curves.a)
     return np.asarray(radius - MeshDistance(material.mesh()).signed(centres, radius))
 
