@@ -37,6 +37,8 @@ MAX_ROUNDS = 20
 """Times that a ball is moved out of the material, at most."""
 OVERSHOOT = 1.2
 """A ball is moved by its excess depth times this factor, to get out of narrow places in fewer rounds."""
+DENSE = 0.25
+"""Depths on a move are measured no farther apart, mm, as the places of the material are."""
 ENTRY_LENGTH = 15.0
 """What it takes to enter a rest pass, as a length of cutting, mm: 1 s at 900 mm/min."""
 
@@ -83,15 +85,35 @@ def rest_contacts(
 
 def after_steps(path: ContactPath, material: Material, allowed: Allowed) -> ContactPath:
     """The contacts of a rest path but those where a step before it was left out: the ball would be too deep. A pass
-    ends there. None where all of the path is in air."""
-    depth, _ = material.depths(path.centres, path.cutter.radius)
+    ends there, and where the straight way to its next contact is too deep: over a ridge that balls are raised out of
+    to both sides. None where all of the path is in air."""
+    radius = path.cutter.radius
+    depth, _ = material.depths(path.centres, radius)
     if not (depth > UNCERTAIN).any():
         return path.take(np.zeros(0, dtype=np.int64))
     kept = np.flatnonzero(depth <= allowed.bearable)
-    if len(kept) == len(depth):
-        return path
     goes_on = (np.diff(kept) == 1) & (np.diff(path.pass_index[kept]) == 0)
+    first, last = kept[:-1][goes_on], kept[1:][goes_on]
+    deepest = np.maximum(np.maximum(depth[first], depth[last]), allowed.deepest)
+    between = _depths_between(path.centres[first], path.centres[last], radius, material)
+    goes_on[goes_on] = between <= deepest
     return replace(path.take(kept), pass_index=np.r_[0, np.cumsum(~goes_on)][: len(kept)])
+
+
+def _depths_between(
+    starts: Float[ndarray, "m 3"], ends: Float[ndarray, "m 3"], radius: float, material: Material
+) -> Float[ndarray, " m"]:
+    """The largest depth of the ball between the ends of each straight move, at places no more than DENSE apart; 0
+    where there is none."""
+    counts = np.ceil(np.linalg.norm(ends - starts, axis=1) / DENSE).astype(np.int64) - 1
+    counts = np.maximum(counts, 0)
+    move = np.repeat(np.arange(len(starts)), counts)
+    place = np.arange(len(move)) - np.repeat(np.cumsum(counts) - counts, counts) + 1
+    share = (place / (counts[move] + 1))[:, None]
+    depths, _ = material.depths((1 - share) * starts[move] + share * ends[move], radius)
+    deepest = np.zeros(len(starts))
+    np.maximum.at(deepest, move, depths)
+    return deepest
 
 
 def _first(candidates: CandidateContacts, material: Material, allowed: Allowed) -> RestStep:

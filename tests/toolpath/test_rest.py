@@ -118,7 +118,9 @@ def test_rest_paths_are_numbered_and_begin_in_air(roughed, rest):
 def test_where_a_step_was_left_out_the_steps_and_the_passes_after_it_are_too(roughed, rest, allowed, cut):
     part, candidates, material = roughed
     begun = cut(material, part, rest[0])
-    assert all(after_steps(path, begun, allowed) is path for path in rest[1:2])
+    whole = after_steps(rest[1], begun, allowed)
+    assert np.array_equal(whole.centres, rest[1].centres)
+    assert np.array_equal(whole.pass_index, rest[1].pass_index)
     last = after_steps(rest[-1], material, allowed)
     assert 0 < len(last.contacts) < len(rest[-1].contacts)
     assert material.depths(last.centres, last.cutter.radius)[0].max() <= allowed.bearable
@@ -128,6 +130,15 @@ def test_where_a_step_was_left_out_the_steps_and_the_passes_after_it_are_too(rou
     own = contact_path(candidates, material, allowed, allowed.bearable)
     assert material.depths(own.centres, own.cutter.radius)[0].max() <= allowed.bearable
     assert own.reasons.count("covered") > contact_path(candidates, material, allowed).reasons.count("covered")
+
+
+def test_a_pass_ends_before_a_ridge_that_its_ball_would_cut_through(roughed, rest, allowed):
+    _, _, material = roughed
+    contacts = rest[0].take(np.flatnonzero(rest[0].pass_index == rest[0].pass_index[0]))
+    opposite = np.argmax(np.linalg.norm(contacts.centres - contacts.centres[0], axis=1))
+    across = contacts.take(np.array([0, 1, opposite]))
+    assert material.depths(across.centres, across.cutter.radius)[0].max() < allowed.deepest
+    assert after_steps(across, material, allowed).pass_index.tolist() == [0, 0, 1]
 
 
 def test_there_is_no_rest_where_nothing_is_too_deep(roughed):

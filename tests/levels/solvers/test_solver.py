@@ -25,13 +25,12 @@ COARSE = Job().with_values(
 
 @pytest.mark.parametrize("solver", sorted(set(SOLVERS) - {"admm"}))
 def test_a_reference_solver_leads_to_a_verified_program(solver: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without certificates: those of levels as coarse as these take longer than all the rest; and without simulation,
-    which refuses what so coarse a job cuts: the first rest path on the part is twice as deep as its limit."""
+    """Without certificates: those of levels as coarse as these take longer than all the rest."""
     if solver == "clarabel":
         pytest.importorskip("clarabel", reason="the extra `reference` is not installed")
     monkeypatch.setattr("bonecam.levels.measure.inspection.certifiable", lambda surface: False)
     job = COARSE.with_values(levels={"solver": solver})
-    result = bonecam.convert(shipped("phalanx"), job, program=None, simulation=False)
+    result = bonecam.convert(shipped("phalanx"), job, program=None)
     assert result.program.name == "PHALANX"
     report = result.report
     assert report["nc"]["gouge_max_mm"] <= 0.01
