@@ -79,7 +79,7 @@ def morph_levels(layers: Layers, values: Mapping[str, Any], progress: Progress) 
 
 def level_check(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """Filter `compute_level_check`: LevelError where a level exceeds a tolerance, else what was measured."""
-    from bonecam.levels.closed_morph import Morph
+    from bonecam.levels.sequences.begun_morph import Morph
 
     levels = layers.kept("morph", Morph, "generate_morph_levels").levels
     for level in levels[1:]:

@@ -17,8 +17,8 @@ CATEGORY = "Bonecam: NC"
 
 def save_program(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """Filter `save_nc_program`: the program of the kept tool paths, written where its proof holds."""
-    from bonecam.levels.closed_morph import Morph
     from bonecam.levels.measure.level import morph_surfaces
+    from bonecam.levels.sequences.begun_morph import Morph
     from bonecam.nc.dialect import read_dialect
     from bonecam.nc.machine import read_machine
     from bonecam.nc.posting.feeds import drivable_paths

@@ -1,4 +1,3 @@
-from .closed_morph import Morph as Morph
 from .closed_morph import morph as morph
 from .edge_rounding import levels_in as levels_in
 from .equal_depths import even_levels as even_levels
@@ -15,3 +14,4 @@ from .measure.line_depths import line_depths as line_depths
 from .measure.line_depths import line_lengths as line_lengths
 from .measure.line_depths import step_depths as step_depths
 from .open_morph import morph_open as morph_open
+from .sequences.begun_morph import Morph as Morph

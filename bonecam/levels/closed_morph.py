@@ -5,23 +5,19 @@ point of the stock's surface lies within one depth of the last one; the stock it
 """
 
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
+from typing import Any
 
-from numpy import ndarray
-
-from bonecam.errors import LevelError, SurfaceError, require_type
+from bonecam.errors import SurfaceError, require_type
 from bonecam.job import LevelsJob
-from bonecam.levels.measure.inspection import Inspection, Rules, excess_bound, inspect
-from bonecam.levels.measure.level import Level
+from bonecam.levels.measure.inspection import Rules, inspect
 from bonecam.levels.problem.discretisation import discretise
 from bonecam.levels.problem.energies.attraction import ATTRACTIONS
 from bonecam.levels.problem.remaining import remaining, whole
 from bonecam.levels.problem.tolerances import NESTING_TOLERANCE, STOCK_TOLERANCE
 from bonecam.levels.refine_for_depth import refine_for_depth
+from bonecam.levels.sequences.begun_morph import BegunMorph, Morph
 from bonecam.levels.sequences.published_sequence import published_sequence
-from bonecam.levels.sequences.restore_feasibility import ACCEPTED, restore_certificates, restore_feasibility
 from bonecam.levels.sequences.sequence_maker import SequenceMaker
 from bonecam.levels.solvers.solver import SOLVERS
 from bonecam.mesh.distance import MeshDistance
@@ -46,42 +42,17 @@ COARSE = 0.02
 diameter."""
 
 
-@dataclass(frozen=True, eq=False)
-class Morph:
-    """Levels 0 (the part) to K (the stock), and K_min, the fewest cuts any sequence of these depths needs.
+@on_one_blas_thread
+def morph(surface: TSpline, stock: Stock, schedule: Schedule, **options: Any) -> Morph:
+    """All levels, measured: those that `begin_morph` makes first, or makes in another way where these fail.
 
-    K_min counts the largest distance between part and stock, from a point of either to the other, as the
-    depths of the cuts are limited both ways. `distance` is that from the stock to the part, mm. The seconds
-    are for benchmarks and reports. `breaks` is by how much (mm, ACCEPTED at most) a level exceeds its depth,
-    falls behind or leaves the stock where no sequence keeps every tolerance; else 0.
+    `options` and errors are those of `begin_morph`; LevelError also where levels fail their check.
     """
-
-    levels: tuple[Level, ...]
-    lower_bound: int
-    distance: float
-    solve_seconds: float
-    check_seconds: float
-    breaks: float = 0.0
-
-    @cached_property
-    def cuts(self) -> int:
-        """K, the number of cuts."""
-        return len(self.levels) - 1
-
-    @cached_property
-    def depth_used(self) -> float:
-        """Mean share of the limit that the levels move where at least a full depth of material is left, over
-        all their area."""
-        cuts = self.levels[1:]
-        whole = sum(level.measures.full_depth_area for level in cuts)
-        used = sum(
-            level.measures.full_depth_area * level.measures.full_depth_mean / level.limit for level in cuts
-        )
-        return used / whole if whole else 1.0
+    return begin_morph(surface, stock, schedule, **options).measured()
 
 
 @on_one_blas_thread
-def morph(
+def begin_morph(
     surface: TSpline,
     stock: Stock,
     schedule: Schedule,
@@ -92,77 +63,39 @@ def morph(
     solver: str = "admm",
     chord_tolerance: float = 0.01,
     progress: Progress = silent,
-) -> Morph:
-    """All levels, measured on tessellations within `chord_tolerance` mm.
+) -> BegunMorph:
+    """The levels that are made first, to be measured on tessellations within `chord_tolerance` mm.
 
     `stiffness` is c_int / c_ext (parameters in [0, 1]). `method` is `qp`, whose programs `solver` solves
     (`admm`, or as a reference `osqp` or `clarabel`), or `qcqp`, the published program solved exactly
     (`published_sequence.py`): slow. SurfaceError where the surface is no closed body's between two poles,
     StockError where it leaves the stock, JobError where a number is out of range, LevelError where a level
-    cannot be made or fails its check.
+    cannot be made.
     """
     require_types(surface, schedule, stock)
     _require_parameters(attraction, method, solver, stiffness, chord_tolerance)
     _require_closed_inside(surface, stock, schedule)
     started = time.perf_counter()
-    progress = rising(progress)
-    solving, measuring = part(progress, 0.0, 0.7), part(progress, 0.7, 1.0)
+    solving, measuring = part(progress := rising(progress), 0.0, 0.7), part(progress, 0.7, 1.0)
     if method != "qcqp":
         surface = refine_for_depth(surface, stock, schedule.beyond)
     discretisation = discretise(surface, stock, ATTRACTIONS[attraction])
     around = whole(stock)
     rest = remaining(discretisation, surface.control_points, around)
+    rules = Rules(stock, schedule, *METHODS[method], chord_tolerance)
+    measure = partial(inspect, surface, rules=rules, progress=measuring)
 
     lower_bound = schedule.lower_bound(rest.left)
-    rules = Rules(stock, schedule, *METHODS[method], chord_tolerance)
-    maker = None
     if method == "qcqp":
+        maker = None
         sequences = iter([published_sequence(surface, stock, schedule, stiffness, attraction, solving)])
     else:
         maker = SequenceMaker(discretisation, around, schedule, lower_bound, solving, solver, stiffness)
         sequences = maker.all(rest)
-    measure = partial(inspect, surface, rules=rules, progress=measuring)
-    inspection, checking = _first_within_limits(sequences, maker, measure)
-    breaks = max((excess_bound(level) for level in inspection.failed), default=0.0)
-    solve_seconds = time.perf_counter() - started - checking
-    return Morph(inspection.levels, lower_bound, rest.farthest, solve_seconds, checking, breaks)
-
-
-def _first_within_limits(
-    sequences: Iterator[list[ndarray]],
-    maker: SequenceMaker | None,
-    measure: Callable[[list[ndarray]], Inspection],
-) -> tuple[Inspection, float]:
-    """The first sequence of which every cut keeps its limits as measured, and the seconds of all measuring;
-    levels that do not are restored by `maker`, if there is one.
-
-    Where there is none the first that exceeds its limits by ACCEPTED at most; else LevelError.
-    """
-    failure: LevelError | None = None
-    nearly: Inspection | None = None
-    checking = 0.0
-    for levels in sequences:
-        try:
-            inspection = measure(levels)
-            if maker is not None:
-                inspection = restore_certificates(restore_feasibility(inspection, maker), maker)
-        except LevelError as error:
-            failure = failure or error
-            continue
-        checking += inspection.seconds
-        try:
-            inspection.require_passed()
-        except LevelError as error:
-            failure = failure or error
-        else:
-            return inspection, checking
-        breaks = max(excess_bound(level) for level in inspection.failed)
-        if nearly is None and not inspection.crosses and breaks <= ACCEPTED:
-            nearly = inspection
-    if nearly is None:
-        assert failure is not None
-        raise failure
-    return nearly, checking
+    first = next(sequences)
+    left = remaining(discretisation, first[-1], around).left
+    seconds = time.perf_counter() - started
+    return BegunMorph(schedule, first, sequences, maker, measure, rest.farthest, rest.left, left, seconds)
 
 
 def _require_parameters(

@@ -10,6 +10,7 @@ so that x lies exactly |x - B| - delta_(j-1) from the level before: the depth of
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -17,11 +18,12 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.levels.body_surface import body_surfaces
-from bonecam.levels.closed_morph import Morph, morph, require_seeds_inside, require_types
+from bonecam.levels.closed_morph import begin_morph, require_seeds_inside, require_types
 from bonecam.levels.measure.cut_measures import CutSamples, Measures, measures_of
 from bonecam.levels.measure.level import Level, RoundedLevel, StockLevel, morph_surfaces
 from bonecam.levels.problem.factorisation import BandedCholesky, factorise
 from bonecam.levels.problem.samples import Samples, integration_points, samples_of, thin_plate
+from bonecam.levels.sequences.begun_morph import BegunMorph, Morph
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.remeshing import split_edges
@@ -45,7 +47,50 @@ MAX_EDGE_SHARE = 100
 these bodies are few and large."""
 
 
-@on_one_blas_thread
+@dataclass(frozen=True, eq=False)
+class BegunLevels:
+    """The levels in a stock that are made first, not measured yet: those of the morph to `inner`, the stock itself
+    or a rounded one, and those that round the stock."""
+
+    surface: TSpline
+    part_mesh: TriangleMesh
+    stock: Stock
+    inner: Stock
+    morph: BegunMorph
+
+    @property
+    def cuts(self) -> int:
+        """The number of cuts, if the levels that are made first keep their limits."""
+        k = len(self.morph.first)
+        if self.inner is self.stock:
+            return k
+        farthest = float(self.inner.signed_distance(self.stock.mesh(CHORD).vertices).max())
+        return k + len(_offsets(farthest, self.morph.schedule, k))
+
+    @cached_property
+    def distance(self) -> float:
+        """The largest distance from the stock to the part, mm."""
+        if self.inner is self.stock:
+            return self.morph.distance
+        return _farthest(self.stock.mesh(CHORD).vertices, self.surface, self.part_mesh)
+
+    def lower_bound(self, schedule: Schedule) -> int:
+        """K_min of a schedule."""
+        if self.inner is self.stock:
+            return schedule.lower_bound(self.morph.apart)
+        deepest = -float(self.stock.signed_distance(self.part_mesh.vertices).min())
+        return schedule.lower_bound(max(self.distance, deepest))
+
+    @on_one_blas_thread
+    def measured(self) -> Morph:
+        """All levels, measured. LevelError where levels fail their check."""
+        made, schedule = self.morph.measured(), self.morph.schedule
+        if self.inner is self.stock:
+            return made
+        levels = _with_rounding_levels(made, self.inner, self.stock, schedule)
+        return replace(made, levels=levels, lower_bound=self.lower_bound(schedule), distance=self.distance)
+
+
 def levels_in(surface: TSpline, stock: Stock, schedule: Schedule, **options: Any) -> Morph:
     """The morph from the part to any stock, with the levels that round a stock with edges; `options` as in
     `morph`.
@@ -53,22 +98,20 @@ def levels_in(surface: TSpline, stock: Stock, schedule: Schedule, **options: Any
     Raises StockError where the part leaves the stock or comes so near to its edges that they cannot be
     rounded over it.
     """
+    return begin_levels(surface, stock, schedule, **options).measured()
+
+
+@on_one_blas_thread
+def begin_levels(surface: TSpline, stock: Stock, schedule: Schedule, **options: Any) -> BegunLevels:
+    """The levels of `levels_in` that are made first, not measured yet."""
     require_types(surface, schedule, stock)
-    if not stock.has_edges:
-        return morph(surface, stock, schedule, **options)
     require_seeds_inside(stock, surface)
     part_mesh = surface.tessellate(CHORD)
-    require_inside(stock, part_mesh.vertices, MARGIN)
-    inner = require_roundable(stock, part_mesh.vertices, MARGIN)
-    made = morph(surface, inner, schedule, **options)
-    distance = _farthest(stock.mesh(CHORD).vertices, surface, part_mesh)
-    deepest = -float(stock.signed_distance(part_mesh.vertices).min())
-    return replace(
-        made,
-        levels=_with_rounding_levels(made, inner, stock, schedule),
-        lower_bound=schedule.lower_bound(max(distance, deepest)),
-        distance=distance,
-    )
+    inner = stock
+    if stock.has_edges:
+        require_inside(stock, part_mesh.vertices, MARGIN)
+        inner = require_roundable(stock, part_mesh.vertices, MARGIN)
+    return BegunLevels(surface, part_mesh, stock, inner, begin_morph(surface, inner, schedule, **options))
 
 
 def _farthest(points: Float[ndarray, "n 3"], surface: TSpline, mesh: TriangleMesh) -> float:

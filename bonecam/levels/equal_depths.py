@@ -3,10 +3,8 @@
 from dataclasses import replace
 from typing import Any
 
-from bonecam.levels.closed_morph import Morph
-from bonecam.levels.edge_rounding import levels_in
-from bonecam.levels.measure.level import morph_end
-from bonecam.mesh.distance import MeshDistance
+from bonecam.levels.edge_rounding import begin_levels
+from bonecam.levels.sequences.begun_morph import Morph
 from bonecam.setup.schedule import Schedule, even_out
 from bonecam.setup.stock import Stock
 from bonecam.surface.tspline import TSpline
@@ -20,31 +18,21 @@ ENOUGH = 0.9
 
 
 def even_levels(surface: TSpline, stock: Stock, schedule: Schedule, **options: Any) -> Morph:
-    """`levels_in`, then again with roughing cuts so shallow that the morph's outermost cut is as deep as they
-    are.
+    """The levels of `levels_in` with roughing cuts so shallow that the morph's outermost cut is as deep as they are.
 
-    The number of cuts stays; where shallower cuts need one more, the depth is raised again half way, at last
-    to what was given.
+    The number of cuts is that of the given depths; where shallower cuts need one more, the depth is raised again
+    half way, at last to what was given. Only the levels that are kept are measured.
     """
-    made = levels_in(surface, stock, schedule, **options)
-    cuts, rest = _outermost(made)
-    distance = float(MeshDistance(made.levels[0].mesh).unsigned(made.levels[cuts].mesh.vertices).max())
+    given = begin_levels(surface, stock, schedule, **options)
+    cuts, rest = len(given.morph.first), given.morph.rest
     if rest >= ENOUGH * schedule.limit(cuts):
-        return made
-    even = even_out(schedule, distance, cuts, rest)
-    depth, best = min(schedule.beyond, SPARE * even.beyond), made
+        return given.measured()
+    depth = SPARE * even_out(schedule, given.morph.distance, cuts, rest).beyond
     for _ in range(TRIES):
         if depth >= schedule.beyond:
             break
-        tried = levels_in(surface, stock, Schedule(schedule.first, depth), **options)
-        if tried.cuts <= made.cuts and _outermost(tried)[0] <= cuts:
-            best = replace(tried, lower_bound=made.lower_bound)
-            break
+        tried = begin_levels(surface, stock, Schedule(schedule.first, depth), **options)
+        if tried.cuts <= given.cuts and len(tried.morph.first) <= cuts:
+            return replace(tried.measured(), lower_bound=given.lower_bound(schedule))
         depth = (depth + schedule.beyond) / 2
-    return best
-
-
-def _outermost(made: Morph) -> tuple[int, float]:
-    """Index of the body the morph ends at, and how deep its cut is; rounding levels come behind it."""
-    last = morph_end(made.levels)
-    return last.index, last.depth_max
+    return given.measured()

@@ -1,11 +1,11 @@
 """The levels that a job asks for."""
 
 from bonecam.job import Job, LevelsJob
-from bonecam.levels.closed_morph import Morph
 from bonecam.levels.edge_rounding import levels_in
 from bonecam.levels.equal_depths import even_levels
 from bonecam.levels.measure.cut_measures import NO_CUT
 from bonecam.levels.measure.level import PartLevel, StockLevel
+from bonecam.levels.sequences.begun_morph import Morph
 from bonecam.levels.solvers.clarabel import require_clarabel
 from bonecam.mesh.distance import MeshDistance
 from bonecam.progress import Progress, silent

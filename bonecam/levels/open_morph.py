@@ -24,7 +24,7 @@ from numpy import ndarray
 from bonecam.arrays import ROUNDING
 from bonecam.errors import JobError, LevelError, StockError, SurfaceError, place_name
 from bonecam.job import LevelsJob
-from bonecam.levels.closed_morph import Morph, require_types
+from bonecam.levels.closed_morph import require_types
 from bonecam.levels.measure.cut_measures import Measures
 from bonecam.levels.measure.grid import LevelGrid, open_level_grid
 from bonecam.levels.measure.inspection import measure_part
@@ -35,6 +35,7 @@ from bonecam.levels.measure.violations import require_none, violations
 from bonecam.levels.open_stock import OpenStock, open_stock
 from bonecam.levels.problem.element_matrices import ElementMatrices, element_matrices
 from bonecam.levels.problem.limits.linear_limits import LinearLimits
+from bonecam.levels.sequences.begun_morph import Morph
 from bonecam.levels.sequences.loop import Stop, levels_to_stock
 from bonecam.levels.solvers.osqp import solve_qp
 from bonecam.mesh.triangle_mesh import TriangleMesh

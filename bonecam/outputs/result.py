@@ -7,7 +7,7 @@ from typing import Any
 
 import bonecam
 from bonecam.job import Job
-from bonecam.levels.closed_morph import Morph
+from bonecam.levels.sequences.begun_morph import Morph
 from bonecam.mesh.part import Part
 from bonecam.nc.kinematics import axis_limits
 from bonecam.nc.machine import read_machine

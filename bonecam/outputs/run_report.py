@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from bonecam.job import HoldingJob, PathJob
-from bonecam.levels.closed_morph import Morph
+from bonecam.levels.sequences.begun_morph import Morph
 from bonecam.mesh.part import Part
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.program import Program

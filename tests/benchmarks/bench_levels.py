@@ -36,7 +36,7 @@ from scipy.sparse.linalg import spsolve
 from threadpoolctl import threadpool_limits
 
 from bonecam.job import Job, LevelsJob
-from bonecam.levels.closed_morph import Morph, morph
+from bonecam.levels.closed_morph import morph
 from bonecam.levels.measure.grid import level_grid
 from bonecam.levels.problem.cut import Cut, StepParameters
 from bonecam.levels.problem.discretisation import Discretisation
@@ -45,6 +45,7 @@ from bonecam.levels.problem.limits.planes import limits_at
 from bonecam.levels.problem.program import Program, program_of
 from bonecam.levels.problem.published import PublishedProgram
 from bonecam.levels.problem.remaining import Remaining
+from bonecam.levels.sequences.begun_morph import Morph
 from bonecam.levels.solvers import admm
 from bonecam.levels.solvers.exchange import Step, next_level
 from bonecam.levels.solvers.published import next_moves

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from bonecam.errors import Cancelled, JobError, LevelError, StockError, SurfaceError
-from bonecam.levels.closed_morph import Morph, morph
+from bonecam.levels.closed_morph import morph
 from bonecam.levels.edge_rounding import levels_in
 from bonecam.levels.measure.grid import level_grid
 from bonecam.levels.measure.measure_cut import measure_cut
@@ -19,6 +19,7 @@ from bonecam.levels.measure.measured_surface import MeasuredSurface
 from bonecam.levels.measure.violations import require_none, violations
 from bonecam.levels.problem.samples import integration_points, samples_of, thin_plate
 from bonecam.levels.problem.tolerances import DEPTH_TOLERANCE, NESTING_TOLERANCE, STOCK_TOLERANCE
+from bonecam.levels.sequences.begun_morph import Morph
 from bonecam.mesh.distance import MeshDistance
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.schedule import Schedule

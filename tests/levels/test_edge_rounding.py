@@ -10,7 +10,6 @@ from bonecam.arrays import unit
 from bonecam.errors import LevelError, StockError
 from bonecam.job import Job, MeshJob, StockJob
 from bonecam.levels.body_surface import TOLERANCE, body_surfaces
-from bonecam.levels.closed_morph import Morph
 from bonecam.levels.edge_rounding import levels_in
 from bonecam.levels.job_levels import make_levels
 from bonecam.levels.measure.cut_measures import BINS
@@ -19,6 +18,7 @@ from bonecam.levels.measure.level import RoundedLevel, machined_levels
 from bonecam.levels.measure.measure_cut import measure_last_cut
 from bonecam.levels.measure.measured_surface import MeasuredSurface
 from bonecam.levels.measure.violations import require_none, violations
+from bonecam.levels.sequences.begun_morph import Morph
 from bonecam.mesh.distance import exact_closest
 from bonecam.mesh.facets.hull import convex_hull
 from bonecam.mesh.intersections import self_intersections

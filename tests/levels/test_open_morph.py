@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from bonecam.errors import JobError, LevelError, StockError, SurfaceError
-from bonecam.levels.closed_morph import Morph
 from bonecam.levels.edge_rounding import levels_in
 from bonecam.levels.measure.level import Level
 from bonecam.levels.open_morph import morph_open
+from bonecam.levels.sequences.begun_morph import Morph
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.schedule import Schedule

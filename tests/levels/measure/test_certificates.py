@@ -14,7 +14,7 @@ from bonecam.kernels.hulls.mapped_distance import mapped_distance_bound
 from bonecam.kernels.hulls.net import halve
 from bonecam.kernels.hulls.separation import separation
 from bonecam.levels.body_surface import body_surfaces
-from bonecam.levels.closed_morph import Morph, morph
+from bonecam.levels.closed_morph import morph
 from bonecam.levels.edge_rounding import levels_in
 from bonecam.levels.job_levels import make_levels
 from bonecam.levels.measure.certificates.accuracy import ROUNDING
@@ -31,6 +31,7 @@ from bonecam.levels.measure.measure_cut import measure_cut
 from bonecam.levels.measure.measured_surface import MeasuredSurface
 from bonecam.levels.measure.violations import require_none, violations
 from bonecam.levels.problem.tolerances import DEPTH_TOLERANCE, NESTING_TOLERANCE, STOCK_TOLERANCE
+from bonecam.levels.sequences.begun_morph import Morph
 from bonecam.mesh.part import prepare_part
 from bonecam.progress import silent
 from bonecam.setup.capsule import Capsule

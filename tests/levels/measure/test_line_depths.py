@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bonecam.levels.closed_morph import Morph
 from bonecam.levels.edge_rounding import levels_in
 from bonecam.levels.measure.level import RoundedLevel
 from bonecam.levels.measure.line_depths import POINTS, line_depths, step_depths
+from bonecam.levels.sequences.begun_morph import Morph
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.schedule import Schedule
 from bonecam.setup.stocks.cylinder import Cylinder
