@@ -15,6 +15,7 @@ from uuid import uuid4
 import pytest
 
 from bonecam.mesh.files.mesh_files import write_mesh
+from bonecam.surface.files.save import save_surface
 
 STOPS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 COARSE = "surface.tolerance=0.2 levels.roughing_depth=1.4 roughing.scallop=0.3 finishing.scallop=0.1".split()
@@ -33,6 +34,7 @@ def lump(tmp_path_factory: pytest.TempPathFactory, mesh_of: Callable, pebble: Ca
     """A small part, for which the chain takes some seconds."""
     file = tmp_path_factory.mktemp("part") / "lump.stl"
     write_mesh(mesh_of(pebble(), 32, 40), file)
+    save_surface(pebble(), file.with_suffix(".tspline"))
     return file
 
 
@@ -50,6 +52,9 @@ def arguments(command: str, part: Path, folder: Path) -> list[str]:
         copy.write_bytes(part.read_bytes())
         return ["batch", str(part), str(copy), "-o", str(folder / "out"), "--jobs", "2", "--resume", *job]
     keep = ["--keep", str(folder / "look"), "--report", str(folder / "p.json")]
+    if command == "finish":
+        fine = ["--set", "finishing.scallop=0.1", "--set", "holding.length=40"]
+        return ["finish", str(part.with_suffix(".tspline")), "-o", str(folder / "p.h"), *keep, *fine]
     return ["convert", str(part), "-o", str(folder / "p.h"), *keep, *job]
 
 
@@ -151,7 +156,7 @@ def content_of(folder: Path) -> dict[str, bytes]:
     return {str(f.relative_to(folder)): f.read_bytes() for f in folder.rglob("*") if f.suffix in kinds}
 
 
-COMMANDS = ("convert", "batch", "levels", "script")
+COMMANDS = ("convert", "batch", "levels", "script", "finish")
 
 
 @pytest.mark.parametrize("number", range(8))
