@@ -1,8 +1,9 @@
 """SIGINT (Ctrl-C), SIGTERM and SIGHUP stop the command with one line, and leave nothing behind.
 
-The signal raises KeyboardInterrupt, which clears up on its way. A library may turn that into another error, or
-lose it: any error after a signal counts as the stop, and where the command goes on for GRACE, its temporary
-files are removed and the process ends. This module imports nothing that takes time, so that signals are
+The signal raises KeyboardInterrupt, which clears up on its way; while a module is imported it waits, as compiled
+modules that an error cuts short print of it or abort. A library may turn the stop into another error, or lose it: any
+error after a signal counts as the stop, and where the command goes on for GRACE, its temporary files are removed and
+the process ends. This module imports nothing that takes time, so that signals are
 caught from the start.
 """
 
@@ -19,13 +20,13 @@ GRACE = 3.0
 """How long the command may take to end by itself after a signal, s: ten times what the longest call of a
 library takes."""
 RETRY = 0.01
-"""How long after a stop was lost it comes again, s: in a place that can raise it."""
+"""How long after a stop was lost or put off it comes again, s: in a place that can raise it."""
 NOTHING = "nothing was written"
 """What the line of a stopped command says where nothing else is known."""
 arrived: list[int] = []
 """The signals that have come."""
-_lost: list[BaseException] = []
-"""The stop that was lost and is to come again."""
+_again: list[int] = []
+"""The signal of a stop that was lost or put off and is to come again."""
 
 
 def run_stoppable(call: Callable[[Sequence[str]], int]) -> int:
@@ -54,23 +55,39 @@ def _ignore_signals() -> None:
 
 
 def _stop(number: int, frame: FrameType | None) -> None:
-    """The handler: the first signal counts, and what `_raise_again` sends after it."""
-    if arrived and not _lost:
+    """The handler: the first signal counts, and what `_come_again` sends after it."""
+    if arrived and not _again:
         return
     if not arrived:
         arrived.append(number)
         _later(GRACE, _give_up)
-    _lost.clear()
-    raise KeyboardInterrupt
+    _again.clear()
+    if _importing(frame):
+        _come_again()
+    else:
+        raise KeyboardInterrupt
+
+
+def _importing(frame: FrameType | None) -> bool:
+    """Whether the frame works for an import."""
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            return True
+        frame = frame.f_back
+    return False
 
 
 def _raise_again(found: "sys.UnraisableHookArgs") -> None:
     """The hook for errors in places that can raise none (a finaliser, a weak reference's callback): a stop that
     is lost there comes again."""
-    if not (arrived and isinstance(found.exc_value, KeyboardInterrupt)):
+    if arrived and isinstance(found.exc_value, KeyboardInterrupt):
+        _come_again()
+    else:
         sys.__unraisablehook__(found)
-        return
-    _lost.append(found.exc_value)
+
+
+def _come_again() -> None:
+    _again.append(arrived[0])
     _later(RETRY, lambda: os.kill(os.getpid(), arrived[0]))
 
 

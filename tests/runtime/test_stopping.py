@@ -3,6 +3,7 @@
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -51,3 +52,30 @@ def test_a_stop_is_one_line_and_leaves_nothing(work: str, tmp_path) -> None:
     assert run.returncode == 143
     assert time.monotonic() < began + 5.0
     assert not list(tmp_path.iterdir())
+
+
+IMPORTED = """
+import os, signal, sys, time
+os.kill(os.getpid(), signal.SIGTERM)
+try:
+    time.sleep(0.1)
+except KeyboardInterrupt:
+    print("cut short", file=sys.stderr)
+"""
+IMPORTING = """
+import sys, time
+from bonecam.cli.stopping import run_stoppable
+def work(arguments):
+    import compiled
+    time.sleep(60)
+sys.exit(run_stoppable(work))
+"""
+
+
+def test_no_import_is_cut_short_by_a_stop(tmp_path: Path) -> None:
+    """A module of pyo3 prints a panic where the import of another in it is interrupted."""
+    (tmp_path / "compiled.py").write_text(IMPORTED, encoding="utf-8")
+    call = [sys.executable, "-c", IMPORTING]
+    run = subprocess.run(call, capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert run.stderr == "bonecam: stopped; nothing was written\n"
+    assert run.returncode == 143
