@@ -176,3 +176,36 @@ def test_a_missing_job_file_is_refused(tmp_path: Path) -> None:
 def test_errors_survive_the_way_between_processes() -> None:
     error = pickle.loads(pickle.dumps(LevelError("level 3 folds", level=3)))
     assert (type(error), str(error), error.evidence) == (LevelError, "level 3 folds", {"level": 3})
+
+
+HOSTILE = (
+    np.array(1.0),
+    np.array([[1.0]]),
+    object(),
+    {},
+    b"x",
+    1j,
+    np.nan,
+    10**400,
+    -1,
+    "\0",
+    "\ud800",
+    None,
+)
+
+
+def refusal(section: str, name: str, value: object) -> str:
+    """How a value of a parameter is refused; empty where it is taken."""
+    try:
+        Job().with_values(**{section: {name: value}})
+    except JobError as error:
+        return str(error)
+    return ""
+
+
+@pytest.mark.parametrize("section", [item.name for item in fields(Job)])
+def test_every_parameter_takes_or_refuses_a_hostile_value_in_one_line(section: str) -> None:
+    for item in fields(getattr(Job(), section)):
+        told = [refusal(section, item.name, value) for value in HOSTILE]
+        assert all(not text or text.startswith(f"[{section}] ") for text in told), told
+        assert not any("\n" in text for text in told), told

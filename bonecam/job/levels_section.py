@@ -1,11 +1,10 @@
 """The section [levels] of a job."""
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 from bonecam.errors import JobError
-from bonecam.job.parameter import Section, check, parameter
+from bonecam.job.parameter import Section, check, is_list, parameter
 from bonecam.text.faults import shown
 from bonecam.text.numbers import number
 
@@ -93,7 +92,7 @@ class LevelsJob(Section):
 
     def __post_init__(self) -> None:
         if not isinstance(self.depths, str):
-            several = list(self.depths) if isinstance(self.depths, Iterable) else [self.depths]
+            several = list(self.depths) if is_list(self.depths) else [self.depths]
             if not several:
                 raise self._depths_error("give one at least, or leave them out")
             object.__setattr__(self, "depths", " ".join(map(str, several)))

@@ -3,9 +3,10 @@
 import dataclasses
 import math
 import sys
+from collections.abc import Iterable
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 from bonecam.errors import JobError
 from bonecam.text.faults import shown
@@ -78,6 +79,11 @@ def _plain(value: Any, kind: type) -> Any:
     if kind is float and type(value) is int and abs(value) <= sys.maxsize:
         return float(value)
     return str(value) if kind is str and isinstance(value, Path) else value
+
+
+def is_list(value: object) -> TypeGuard[Iterable[Any]]:
+    """Whether a value that may stand for a text lists others: an array without a dimension does not."""
+    return isinstance(value, Iterable) and not isinstance(value, str) and getattr(value, "ndim", 1) > 0
 
 
 class Section:

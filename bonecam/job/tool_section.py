@@ -1,11 +1,10 @@
 """The sections [material], [roughing], [finishing] and [fine] of a job: what is cut, and one cutter each."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 from bonecam.errors import JobError
 from bonecam.job.frustum import Frustum, stack_as_text, stack_from_text
-from bonecam.job.parameter import Section, check, parameter
+from bonecam.job.parameter import Section, check, is_list, parameter
 from bonecam.text.faults import shown
 
 
@@ -65,8 +64,8 @@ class ToolJob(Section):
     )
 
     def __post_init__(self) -> None:
-        if isinstance(self.holder, Iterable) and not isinstance(self.holder, str):
-            rows = [row if isinstance(row, Iterable) else [row] for row in self.holder]
+        if is_list(self.holder):
+            rows = [row if is_list(row) else [row] for row in self.holder]
             object.__setattr__(self, "holder", stack_as_text(rows))
         check(self)
         _ = self.holder_stack
