@@ -13,6 +13,7 @@ from numpy import ndarray
 
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.cutters.cutter import Cutter
+from bonecam.toolpath.patterns.arcs import with_arcs
 from bonecam.toolpath.patterns.bands import band_curves
 from bonecam.toolpath.patterns.curves import Curves, curves_of
 from bonecam.toolpath.patterns.iso_scallop import iso_scallop_curves
@@ -27,7 +28,7 @@ ISO_PARAMETRIC = ("along", "round")
 CLOSED = ("iso-scallop", "spiral", "bands")
 """Patterns for surfaces that are closed in s, with poles."""
 FASTEST = (*ISO_PARAMETRIC, "iso-scallop")
-"""The patterns of which the fastest is taken: spiral and bands exceed the scallop on bones far from a tube."""
+"""The patterns of which the fastest is taken: spiral and bands are hardly ever sooner, and take longer to plan."""
 SEEDS = (3, 4, 6)
 """Numbers of meridians from which iso-scallop curves are tried to be counted."""
 MOVES = 48
@@ -88,9 +89,10 @@ def _candidates(
         for seeds in SEEDS:
             yield iso_scallop_curves(metric, seeds)
     if "spiral" in names:
-        yield spiral_curves(metric)
+        yield with_arcs(surface, spiral_curves(metric), cutter)
     if "bands" in names:
-        yield band_curves(metric, cutter.feed, STEP_OVER, 2 * np.pi / turn_speed)
+        bands = band_curves(metric, cutter.feed, STEP_OVER, 2 * np.pi / turn_speed)
+        yield with_arcs(surface, bands, cutter)
 
 
 def iso_parametric_curves(
