@@ -24,6 +24,7 @@ from .outputs.result import Morphed as Morphed
 from .outputs.result import Result as Result
 from .pipeline import convert as convert
 from .pipeline import morph_levels as morph_levels
+from .second_clamping import clamping_shell as clamping_shell
 from .simulation import simulate as simulate
 
 __version__: str

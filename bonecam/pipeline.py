@@ -23,14 +23,17 @@ from bonecam.nc.requirements import check_length, check_room, check_tools
 from bonecam.orientation.held.parting import check_parting
 from bonecam.orientation.held.post_length import find_post_length
 from bonecam.orientation.held.reach import what_would_help
+from bonecam.orientation.held.second import check_second
 from bonecam.orientation.layer_paths import plan_layer_paths
 from bonecam.orientation.level_paths import plan_paths
 from bonecam.outputs.kept_folder import keep_failed_level
 from bonecam.outputs.output_files import File, Outputs
 from bonecam.outputs.result import Morphed, Result
 from bonecam.outputs.run_report import post_report, report_to_levels, report_to_program
+from bonecam.outputs.second import second_file
 from bonecam.progress import Progress, part, silent
 from bonecam.runtime.timing import StageTimes
+from bonecam.second_clamping import add_second, check_simulated
 from bonecam.setup.holding import SLENDER
 from bonecam.setup.placement import Setup, place
 from bonecam.setup.schedule import check_cuts
@@ -71,7 +74,8 @@ def convert(
     machine = read_machine(job.nc.machine)
     dialect = read_dialect(job.nc.controller)
     check_job(job, machine, dialect)
-    outputs = Outputs(program, keep, report, surface, html, sheet, apt)
+    check_simulated(job, simulation=simulation)
+    outputs = Outputs(program, keep, report, surface, html, sheet, apt, second_file(program, job))
     given, source = _given(mesh)
     outputs.check(source, dialect)
     times = StageTimes()
@@ -79,7 +83,10 @@ def convert(
     made = _morph(given, job, machine, keep, times, part(progress, 0.0, 0.3))
     result = _machine(made, machine, dialect, source, program, times, part(progress, 0.3, 0.8))
     if simulation:
-        result = _simulated(result, machine, dialect, times, part(progress, 0.8, 0.97))
+        result = _simulated(result, machine, dialect, times, part(progress, 0.8, 0.9))
+    if job.holding.second:
+        with times.stage("second"):
+            result = add_second(result, machine, dialect, program, part(progress, 0.9, 0.97))
     with times.stage("files"):
         outputs.write(result, part(progress, 0.97, 1.0))
     return result
@@ -137,6 +144,7 @@ def _morph(
         setup, job = stand_on_post(place(unplaced, job), job, machine)
         if machine is not None:
             check_parting(setup, job, axis_limits(machine), machine.bodies)
+            check_second(setup.part, setup.post, job)
             check_room(setup.stock, job, machine)
         check_cuts(setup.part.mesh, setup.stock, job.levels)
         if machine is not None:

@@ -8,7 +8,7 @@ import pytest
 ORDER = [
     *"errors progress arrays runtime files text materials job kernels".split(),
     *"mesh setup surface levels toolpath orientation nc verify".split(),
-    *"outputs pipeline simulation finishing script_run filters batch cli __main__".split(),
+    *"outputs second_clamping pipeline simulation finishing script_run filters batch cli __main__".split(),
 ]
 ROOMS = {
     "runtime": "threads timing parent signals temporary worker own_files staging".split(),

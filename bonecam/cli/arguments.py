@@ -57,6 +57,7 @@ def make_parser() -> "_Parser":
     _add_demo(parsers)
     _add_levels(parsers)
     _add_finish(parsers)
+    _add_shell(parsers)
     _add_simulate(parsers)
     _add_view(parsers)
     _add_batch(parsers)
@@ -116,6 +117,18 @@ def _add_finish(parsers: Any) -> None:
     _add_apt(finish)
     add_job_options(finish)
     _add_verbosity(finish)
+
+
+def _add_shell(parsers: Any) -> None:
+    text = "Make a shell round the finished end of a part, for its second clamping (holding.second)."
+    shell = _add_command(parsers, "shell", text, commands.run_shell)
+    shell.add_argument("mesh", metavar="PART", help=PART)
+    shell.add_argument(
+        "-o", "--output", metavar="MESH", required=True, help="file for the shell: .stl or .ply"
+    )
+    covered = "share of the part's height that it covers (0.5)"
+    shell.add_argument("--covered", metavar="SHARE", type=_positive, default=0.5, help=covered)
+    add_job_options(shell)
 
 
 def _add_simulate(parsers: Any) -> None:

@@ -89,6 +89,13 @@ def run_finish(options: argparse.Namespace) -> int:
     return 0
 
 
+def run_shell(options: argparse.Namespace) -> int:
+    """`bonecam shell`: a shell for the second clamping."""
+    job = job_of(options)
+    bonecam.clamping_shell(options.mesh, job, output=options.output, covered=options.covered)
+    return 0
+
+
 def run_simulate(options: argparse.Namespace) -> int:
     """`bonecam simulate`: what a program removes, from its text."""
     from bonecam.verify.removal.of_job import check_removal_of_job

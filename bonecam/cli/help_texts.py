@@ -14,6 +14,8 @@ EXAMPLES = {
   bonecam levels bone.stl --units m -o look --set stock.kind=cylinder --set levels.roughing_depth=1""",
     "finish": """
   bonecam finish blade.txt --part hub.stl --obstacle blades.stl -o blade.h --set finishing.overhang=45""",
+    "shell": """
+  bonecam shell bone.stl --units m -o shell.stl --covered 0.6""",
     "simulate": """
   bonecam simulate bone.h --keep look --job job.toml""",
     "view": """

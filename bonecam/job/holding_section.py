@@ -75,16 +75,62 @@ class HoldingJob(Section):
         high=100.0,
     )
 
+    second: str = parameter(
+        "",
+        "Second clamping",
+        "File of a closed shell round the finished end, in frame and unit of the part's file: the parted part, turned "
+        "over, stands in it, and a second program cuts the stump. None: one program.",
+    )
+    second_height: float = parameter(
+        0.0,
+        "Second height",
+        "From the table to the lower end of the shell in the second clamping.",
+        unit="mm",
+        low=0.0,
+        high=500.0,
+    )
+    second_chuck_diameter: float = parameter(
+        0.0,
+        "Second chuck diameter",
+        "Diameter of the chuck or vice round the shell in the second clamping; 0: none above the table.",
+        unit="mm",
+        low=0.0,
+        high=1000.0,
+    )
+    second_chuck_height: float = parameter(
+        0.0,
+        "Second chuck height",
+        "From the table to the top of that chuck or vice.",
+        unit="mm",
+        low=0.0,
+        high=500.0,
+    )
+
     @property
     def bridge(self) -> float:
         """Diameter (mm) of the bridge that a parting groove leaves of the post."""
         return self.parting_core or self.diameter / 2
 
+    @property
+    def turned_over(self) -> "HoldingJob":
+        """What holds the shell of the second clamping; there is no post."""
+        return HoldingJob(
+            diameter=self.diameter,
+            chuck_diameter=self.second_chuck_diameter,
+            chuck_height=self.second_chuck_height,
+            clearance=self.clearance,
+        )
+
     def __post_init__(self) -> None:
         check(self)
-        if (self.chuck_diameter > 0) != (self.chuck_height > 0):
-            missing = "chuck_diameter" if self.chuck_height > 0 else "chuck_height"
-            raise JobError(f"{missing} = 0: give both sizes of the chuck, or none", field=missing)
+        for name in ("", "second_"):
+            diameter, height = (getattr(self, f"{name}chuck_{size}") for size in ("diameter", "height"))
+            if (diameter > 0) != (height > 0):
+                missing = f"{name}chuck_{'diameter' if height > 0 else 'height'}"
+                raise JobError(f"{missing} = 0: give both sizes of the chuck, or none", field=missing)
+        if self.second and not self.parting:
+            remedy = "give holding.parting = true, which parts the part from its post first"
+            raise JobError(f"second = {self.second!r}: {remedy}", field="second")
         if 0 < self.chuck_diameter <= self.diameter:
             bound = f"give more than the post's diameter ({self.diameter:g} mm)"
             raise JobError(f"chuck_diameter = {self.chuck_diameter:g}: {bound}", field="chuck_diameter")

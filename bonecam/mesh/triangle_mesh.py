@@ -3,6 +3,7 @@
 Meshes of open3d, trimesh and pymeshlab come in by `mesh_from` and go out by the methods `to_...`.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Protocol, runtime_checkable
@@ -176,6 +177,13 @@ def _arrays_of(source: Any) -> tuple[Any, ...]:
 def probes(mesh: TriangleMesh) -> Float[ndarray, "n 3"]:
     """The mesh's vertices and the middles of its faces."""
     return np.vstack([mesh.vertices, mesh.vertices[mesh.faces].mean(1)])
+
+
+def side_by_side(meshes: Sequence["TriangleMesh"]) -> "TriangleMesh":
+    """Meshes as one; solids that do not enter one another are one solid of several pieces."""
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    faces = np.vstack([mesh.faces + start for mesh, start in zip(meshes, starts)])
+    return TriangleMesh(np.vstack([mesh.vertices for mesh in meshes]), faces.astype(np.int32))
 
 
 def keep_faces(mesh: TriangleMesh, kept: Bool[ndarray, " m"] | slice = slice(None)) -> TriangleMesh:

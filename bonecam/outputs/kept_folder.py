@@ -18,6 +18,7 @@ from bonecam.outputs.cones_csv import cones_csv
 from bonecam.outputs.kept_view import VIEW
 from bonecam.outputs.result import Morphed, Result
 from bonecam.outputs.run_report import report_text
+from bonecam.outputs.second import SecondProgram
 from bonecam.outputs.toolpath_csv import toolpath_csv
 from bonecam.setup.stock import Stock
 from bonecam.surface.files.tspline_text import write_tsm
@@ -29,7 +30,7 @@ from bonecam.verify.page.program_contents import NO_LEVEL
 from bonecam.verify.pictures.depth_colours import draw_coloured
 from bonecam.verify.pictures.depth_curves import draw_depths
 from bonecam.verify.pictures.engagement import draw_engagement
-from bonecam.verify.pictures.level_sections import draw_levels, draw_stump
+from bonecam.verify.pictures.level_sections import draw_levels, draw_second, draw_stump
 from bonecam.verify.pictures.machine_bodies import draw_machine
 from bonecam.verify.pictures.tool_paths import draw_toolpath
 
@@ -39,7 +40,7 @@ LEFT_COLOURED = 0.1
 """Leftovers are coloured from 0 to this height, mm."""
 SERIES = (
     r"level_\d{2,}\.ply|left\.ply|solid\.ply|surface\.(tspline|iga)|toolpath\.(csv|apt|png)|program\.\w+"
-    rf"|cones\.csv|engagement\.png|axes\.(png|md)|machine\.png|stump\.png|view\.gz|job\.toml|report\.json|{FAILED}"
+    rf"|second\.\w+|cones\.csv|engagement\.png|axes\.(png|md)|machine\.png|stump\.png|view\.gz|job\.toml|report\.json|{FAILED}"
 )
 """Names of the files of levels, surfaces, paths and program, as a regular expression. A later run in the same folder
 removes those that an earlier one wrote there."""
@@ -47,8 +48,9 @@ removes those that an earlier one wrote there."""
 
 def fill_kept_folder(work: Path, made: Morphed, post: tuple[float, float]) -> None:
     """Write into `work` surface.tspline, the files of `keep_levels`, view.gz, job.toml and report.json; of a program
-    its text, toolpath.csv, toolpath.apt, toolpath.png, machine.png, stump.png, cones.csv if axes are chosen in cones,
-    and left.ply and engagement.png where it was simulated. `post` is (diameter, top z), mm."""
+    its text, toolpath.csv, toolpath.apt, toolpath.png, machine.png, stump.png, second.* if there is a second clamping,
+    cones.csv if axes are chosen in cones, and left.ply and engagement.png where it was simulated. `post` is (diameter,
+    top z), mm."""
     levels = made.levels.levels
     write_tsm(made.surface, work / "surface.tspline")
     _write_levels(work, levels, made.stock, post, LINE)
@@ -62,6 +64,8 @@ def fill_kept_folder(work: Path, made: Morphed, post: tuple[float, float]) -> No
         if any(path.cones for path in made.paths):
             write_whole(work / "cones.csv", cones_csv(made.paths))
         draw_toolpath(made.paths, levels, work / "toolpath.png", post)
+        if made.second is not None:
+            _write_second(work, made.second)
         table = read_machine(made.job.nc.machine).table
         draw_stump(levels[0].mesh, post, cut_groove(made.paths), work / "stump.png")
         draw_machine(made.paths, levels[0].mesh, made.job.holding, table, work / "machine.png")
@@ -69,6 +73,13 @@ def fill_kept_folder(work: Path, made: Morphed, post: tuple[float, float]) -> No
             left = made.removal.left
             write_mesh(left.mesh, work / "left.ply", quality=left.heights, largest=LEFT_COLOURED)
             _draw_engagement(made, work / "engagement.png")
+
+
+def _write_second(work: Path, second: SecondProgram) -> None:
+    """The second clamping: its program, part and shell as they stand, and its picture."""
+    write_whole(work / f"second{second.program.extension}", second.program.text)
+    write_mesh(second.clamping.solids, work / "second.ply")
+    draw_second(second.clamping, second.paths, work / "second.png")
 
 
 def _draw_engagement(made: Result, file: Path) -> None:

@@ -27,8 +27,8 @@ APT = (".apt", ".cl", ".cls")
 
 @dataclass(frozen=True)
 class Outputs:
-    """The files of program, report, surface, page, sheet and cutter location data, and the folder of --keep; None
-    where not wanted."""
+    """The files of program, report, surface, page, sheet and cutter location data, the folder of --keep, and the file
+    of the second clamping's program; None where not wanted."""
 
     program: File = None
     keep: File = None
@@ -37,6 +37,7 @@ class Outputs:
     html: File = None
     sheet: File = None
     apt: File = None
+    second: File = None
 
     def check(self, part: str | Path | None = None, dialect: Dialect | None = None) -> None:
         """FileError where a file cannot be written, has an ending of another kind of file, or is the part's
@@ -44,7 +45,7 @@ class Outputs:
 
         `dialect` is that of the program, where one is wanted.
         """
-        wanted = (self.program, self.report, self.surface, self.html, self.sheet, self.apt)
+        wanted = (self.program, self.report, self.surface, self.html, self.sheet, self.apt, self.second)
         files = [file for file in wanted if file is not None]
         check_files(files, [] if part is None else [part])
         if self.program is not None and dialect is not None:
@@ -71,6 +72,8 @@ class Outputs:
         with staged() as staging:
             if self.program is not None and isinstance(made, Result):
                 _write(staging.file(self.program), self.program, made.program.text)
+                if self.second is not None and made.second is not None:
+                    _write(staging.file(self.second), self.second, made.second.program.text)
             for path, write in self._beside(made, staging):
                 try:
                     write()

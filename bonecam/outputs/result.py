@@ -13,6 +13,7 @@ from bonecam.nc.kinematics import axis_limits
 from bonecam.nc.machine import read_machine
 from bonecam.nc.program import Program
 from bonecam.orientation.collision.level_scene import level_scene
+from bonecam.outputs.second import SecondProgram
 from bonecam.outputs.shown import Shown
 from bonecam.setup.stock import Stock
 from bonecam.surface.tspline import TSpline
@@ -75,11 +76,12 @@ class Morphed(Shown):
 @dataclass(frozen=True, eq=False, repr=False)
 class Result(Morphed):
     """The result of `bonecam.convert`: levels, the tool path of each level in machining order, the program, and what it
-    removes (None where that was not simulated)."""
+    removes (None where that was not simulated); `second` is the program of the second clamping, if the job has one."""
 
     paths: tuple[ToolPath, ...]
     program: Program
     removal: Removal | None = None
+    second: SecondProgram | None = None
 
     @property
     def sheet(self) -> str:

@@ -54,6 +54,15 @@ WHY_NOTHING = {
 """What to do where a level cannot be cut at all, by the reason that most of its contacts have."""
 
 
+def at_post(
+    points: Float[ndarray, "n 3"], normals: Float[ndarray, "n 3"], post: Post, radius: float
+) -> Bool[ndarray, " n"]:
+    """Which places of the part stay at the post: those under it, and those that a ball of `radius` (mm) which keeps
+    off the post leaves round it."""
+    centres = points + radius * normals
+    return np.asarray(np.minimum(post.distance(points), post.distance(centres) - POST_CLEARANCE) < radius)
+
+
 @dataclass(frozen=True, eq=False)
 class CandidateContacts:
     """All contacts on the lines of a level in machining order, before any is left out.

@@ -19,8 +19,8 @@ from .removal.result import Left as Left
 from .removal.result import LevelRemoval as LevelRemoval
 from .removal.result import Removal as Removal
 from .removal.result import Spot as Spot
-from .removal.simulate import Accuracy as Accuracy
 from .removal.simulate import simulate_removal as simulate_removal
+from .removal.sweeping import Accuracy as Accuracy
 from .removal.verdicts import check_removal as check_removal
 from .report import levels_report as levels_report
 from .report import nc_report as nc_report

@@ -40,9 +40,21 @@ def summary_of(report: Mapping[str, Any]) -> str:
         *(_levels_lines(report) if report.get("strategy", "morph") == "morph" else _layer_lines(report)),
         *(_program_lines(report) if "nc" in report else ()),
         *(_removal_lines(report["removal"]) if "removal" in report else ()),
+        *(_second_lines(report["second"]) if "second" in report else ()),
         f"time      {sum(report['seconds'].values()):.1f} s",
     ]
     return "\n".join(lines)
+
+
+def _second_lines(second: Mapping[str, Any]) -> Iterator[str]:
+    """The program of the second clamping, and what it leaves where the post stood."""
+    yield f"second    {second['file'] or 'not written'}: {second['blocks']} blocks, about {second['time_min']:.1f} min"
+    spaces = second["removal"]["clearance_mm"] | {"shell": second["shell_clearance_mm"]}
+    clear = ", ".join(f"{part} {_clearance_text(value)}" for part, value in spaces.items())
+    yield f"          gouge {1000 * second['gouge_max_mm']:.2f} um, rapids cut nothing; {clear}"
+    before, after = second["at_post_before_mm2"], second["at_post_after_mm2"]
+    most = f"{second['at_post_after_max_mm']:.2f} mm at most"
+    yield f"          {after:.1f} of {before:.1f} mm2 at the post still keep more than 0.02 mm, {most}"
 
 
 def finished_summary(report: Mapping[str, Any]) -> str:

@@ -1,12 +1,13 @@
-"""The union of closed meshes as one closed mesh, exact (Zhou et al. 2016)."""
+"""The union of closed meshes as one closed mesh, and the difference of two, exact (Zhou et al. 2016)."""
 
 from collections.abc import Sequence
 
 import numpy as np
+from numpy import ndarray
 
 from bonecam.errors import MeshError
 from bonecam.mesh.healing.topology import edges_of
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.mesh.triangle_mesh import TriangleMesh, side_by_side
 
 
 def solid_union(meshes: Sequence[TriangleMesh], names: Sequence[str] = ()) -> TriangleMesh:
@@ -17,15 +18,26 @@ def solid_union(meshes: Sequence[TriangleMesh], names: Sequence[str] = ()) -> Tr
     called = names or [f"solid {number}" for number in range(len(meshes))]
     for mesh, name in zip(meshes, called, strict=True):
         _require_solid(mesh, name)
+    both = side_by_side(meshes)
+    return _boolean("union", both.vertices, both.faces.astype(np.int64))
+
+
+def solid_difference(one: TriangleMesh, other: TriangleMesh) -> TriangleMesh:
+    """The boundary of what lies in the first closed mesh and not in the second; MeshError as in `solid_union`."""
+    for mesh, name in ((one, "the first solid"), (other, "the second solid")):
+        _require_solid(mesh, name)
+    faces = one.faces.astype(np.int64), other.faces.astype(np.int64)
+    return _boolean("minus", one.vertices, faces[0], other.vertices, faces[1])
+
+
+def _boolean(name: str, *arrays: ndarray) -> TriangleMesh:
+    """The result of one of libigl's operations on meshes."""
     import igl.copyleft.cgal as cgal
 
-    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
-    vertices = np.vstack([mesh.vertices for mesh in meshes])
-    faces = np.vstack([mesh.faces + start for mesh, start in zip(meshes, starts)])
     try:
-        points, corners, _ = cgal.mesh_boolean(vertices, faces.astype(np.int64), type_str="union")
+        points, corners, _ = cgal.mesh_boolean(*arrays, type_str=name)
     except RuntimeError as error:
-        raise MeshError(f"the solids cannot be united ({error}): repair them first") from error
+        raise MeshError(f"the solids cannot be combined ({error}): repair them first") from error
     return TriangleMesh(points, np.asarray(corners, dtype=np.int32))
 
 

@@ -9,12 +9,11 @@ from numpy import ndarray
 from bonecam.job import Job
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.machine import Machine
-from bonecam.nc.posting.header_texts import axis_texts, control_texts, parting_texts, setup_texts, tool_texts
+from bonecam.nc.posting.header_texts import axis_texts, control_texts, parting_texts, tool_texts
 from bonecam.nc.posting.path_words import Posted
 from bonecam.nc.posting.tolerances import contour_tolerance, rotary_tolerance_deg
 from bonecam.nc.posting.travel import Travel
 from bonecam.nc.words import plain_text
-from bonecam.setup.stock import Stock
 
 UNCHECKED = "checks passed: none, this text was not read back"
 """The line of a program before its proof; `record_checks` replaces it."""
@@ -28,11 +27,10 @@ def header_lines(
     posted: Sequence[Posted],
     bounds: Float[ndarray, "2 3"],
     comments: Sequence[str],
-    stock: Stock | None,
     travel: Travel,
 ) -> list[str]:
-    """The first blocks of a program: its comments with the job's `comments`, the blank, which fills `bounds` (mm) in
-    the control's simulation, and the safe start with the finest tolerances."""
+    """The first blocks of a program: its `comments`, of what must be mounted too, the blank, which fills `bounds`
+    (mm) in the control's simulation, and the safe start with the finest tolerances."""
     length = dialect.numbers["length"]
     places = "low_x low_y low_z high_x high_y high_z".split()
     corners = dict(zip(places, map(length.text, bounds.ravel()), strict=True))
@@ -40,7 +38,6 @@ def header_lines(
         f"machine {machine.title}",
         f"control {dialect.title}",
         *comments,
-        *setup_texts(job, stock),
         *parting_texts([one.path for one in posted]),
         *tool_texts(job, posted),
         *control_texts(machine, dialect, posted),

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from bonecam.job import Job
+from bonecam.job import HoldingJob, Job
 from bonecam.materials.preset import read_material
+from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.machine import Machine
 from bonecam.nc.posting.feeds import feed_figures
@@ -56,6 +57,24 @@ def setup_texts(job: Job, stock: Stock | None) -> list[str]:
         *texts,
         f"clamping: a chuck or collet of at most {chuck}",
         "program zero: X 0 Y 0 on the axis of the post, Z 0 on the table under the chuck",
+    ]
+
+
+def second_setup_texts(holding: HoldingJob, shell: TriangleMesh, top: float) -> list[str]:
+    """What must be mounted and where the zero is in the second clamping: the part with a stump up to the height `top`
+    (mm) in its `shell`, which `holding` holds."""
+    low, high = shell.bounds[:, 2].tolist()
+    chuck = "nothing of chuck or vice may stand above Z 0.00"
+    if holding.chuck_height:
+        size = f"diameter {holding.chuck_diameter:.2f} mm, up to Z {holding.chuck_height:.2f}"
+        chuck = f"a chuck or vice of at most {size}"
+    return [
+        "second clamping: the parted part, turned over about X, stands in its shell",
+        f"shell: from Z {low:.2f} to Z {high:.2f}, round the finished end of the part",
+        f"stump: broken or sawn off, up to Z {top:.2f} at most",
+        f"clamping: {chuck}",
+        "program zero: X 0 Y 0 on the axis of the stump, Z 0 on the table under the shell",
+        "turned about X alone: +X of the part stays where it was, +Y comes to -Y",
     ]
 
 

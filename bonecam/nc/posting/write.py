@@ -19,6 +19,7 @@ from bonecam.nc.machine import Machine
 from bonecam.nc.posting.block_numbers import number_blocks
 from bonecam.nc.posting.feeds import feed_figures
 from bonecam.nc.posting.header import comment, header_lines, rotary_text
+from bonecam.nc.posting.header_texts import setup_texts
 from bonecam.nc.posting.marks import with_marks
 from bonecam.nc.posting.path_words import Posted, post_path
 from bonecam.nc.posting.tolerances import contour_tolerance, rotary_tolerance_deg
@@ -40,13 +41,14 @@ def write_program(
     name: str = "BONE",
     comments: Sequence[str] = (),
     stock: Stock | None = None,
+    setup: Sequence[str] = (),
     progress: Progress = silent,
 ) -> Program:
     """The program that machines `paths` in their order.
 
     `name` has letters, digits and underscores. The header describes the `stock`, whose box is the blank in the
-    control's simulation; without it that is the box of the tips. MachineError where an axis leaves its limits or
-    travel, or endless axes cannot be written as the job says; ProgramError where a number cannot be written.
+    control's simulation; without it that is the box of the tips. `setup` tells another mounting than the job's.
+    MachineError where an axis leaves its limits or cannot be written as the job says, ProgramError for a number.
     """
     if not paths:
         raise ValueError("no tool path: give at least one")
@@ -56,15 +58,15 @@ def write_program(
     if job.nc.tool_change == "stop" and not dialect.templates["stop"]:
         remedy = 'take nc.tool_change = "changer", or add the template to its file'
         raise MachineError(f"{dialect.name} has no template stop: {remedy}", dialect=dialect.name)
-    around = np.vstack([path.tips for path in paths])
-    posted: list[Posted] = []
+    around, posted = np.vstack([path.tips for path in paths]), list[Posted]()
     for index, path in enumerate(paths):
         report(progress, index / len(paths), f"level {path.level}: angles and words")
         before = posted[-1].moves.angles[-1] if posted else None
         posted.append(post_path(path, machine, dialect, job, around, before))
     travel = travel_of(machine, job, posted)
     bounds = np.array([around.min(0), around.max(0)]) if stock is None else stock.bounds
-    header = header_lines(machine, dialect, job, name.upper(), posted, bounds, comments, stock, travel)
+    told = [*comments, *(setup or setup_texts(job, stock))]
+    header = header_lines(machine, dialect, job, name.upper(), posted, bounds, told, travel)
     return ProgramWriter(machine, dialect, job, name.upper(), posted, travel).program(header)
 
 

@@ -1,11 +1,12 @@
 """The lines that a tool comes down on the part along, by two coordinates a and b.
 
-`FlatChart`: parallel lines; a (mm) is measured across the part, b (mm) is z. `RoundChart`: lines that leave the Z
+`FlatChart`: parallel lines; a (mm) is measured across the part, b (mm) along it: z where the lines are level.
+`RoundChart`: lines that leave the Z
 axis at right angles; a is the angle about it (radians), b (mm) is z. The height of a point on its line is its
 distance from the plane, or from the axis, mm.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Protocol, runtime_checkable
 
@@ -49,17 +50,19 @@ class Chart(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class FlatChart:
-    """Lines parallel to the unit `axis`, which is level; `across` is level too and at right angles to it."""
+    """Lines parallel to the unit `axis`; the unit vectors `across`, of a, and `along`, of b, are at right angles to it
+    and to one another."""
 
     axis: Float[ndarray, "3"]
     across: Float[ndarray, "3"]
     a: Float[ndarray, " p"]
     b: Float[ndarray, " q"]
+    along: Float[ndarray, "3"] = field(default_factory=Z.copy)
     closed: bool = False
 
     def bases(self, a: Float[ndarray, " n"], b: Float[ndarray, " n"]) -> Float[ndarray, "n 3"]:
         """The points of height 0 on the lines (a, b)."""
-        return a[:, None] * self.across + b[:, None] * Z
+        return a[:, None] * self.across + b[:, None] * self.along
 
     def axes(self, a: Float[ndarray, " n"]) -> Float[ndarray, "n 3"]:
         """The unit directions of the lines, away from the part."""
@@ -69,7 +72,7 @@ class FlatChart:
         self, points: Float[ndarray, "n 3"]
     ) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"], Float[ndarray, " n"]]:
         """a, b and the height of points."""
-        return points @ self.across, points[:, 2], points @ self.axis
+        return points @ self.across, points @ self.along, points @ self.axis
 
     def reach(self, heights: Float[ndarray, " n"], radius: float) -> Float[ndarray, " n"]:
         """How far from their own line balls at these heights meet others, mm."""
@@ -78,7 +81,7 @@ class FlatChart:
     @cached_property
     def turned_over(self) -> "FlatChart":
         """This chart as seen from the other side: its lines stay, its tool axis is reversed."""
-        return FlatChart(-self.axis, self.across, self.a, self.b)
+        return replace(self, axis=-self.axis)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,5 +1,6 @@
 """Finishing from one direction: parallel passes of a ball that touches the part."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -21,6 +22,8 @@ from bonecam.toolpath.layers.material import HeightField
 from bonecam.toolpath.layers.roughing import swept
 from bonecam.toolpath.layers.scan_lines import scan_lines
 
+Wanted = Callable[[Float[ndarray, "n 3"]], Bool[ndarray, " n"]]
+"""Which contacts are wanted."""
 FACING = 0.02
 """Places whose normal turns away from the tool by more (its cosine) are on its other side."""
 HIDDEN = 0.02
@@ -37,9 +40,11 @@ def finish_layer(
     heights: tuple[float, float],
     extent: tuple[float, float],
     width: float,
+    wanted: Wanted | None = None,
 ) -> tuple[Layer, HeightField]:
-    """The passes over all that the ball touches between its highest and lowest `heights` (centre, mm), and the
-    material behind them; `extent` is that of b, `width` the length (mm) of a unit of a.
+    """The passes over all that the ball touches between its highest and lowest `heights` (centre, mm), or of that
+    over the `wanted` places, and the material behind them; `extent` is that of b, `width` the length (mm) of a unit of
+    a.
 
     Where more than MAX_DEPTH_RADII of material is above a contact the ball comes down on it in steps; where that does
     not do, the contact is left out (`covered`).
@@ -55,6 +60,8 @@ def finish_layer(
     axes = chart.axes(found.a)
     centres = chart.bases(found.a, found.b) + found.heights[:, None] * axes
     kept = ball.touches(centres) & (found.heights > floor)
+    if wanted is not None:
+        kept[kept] = wanted(ball.part.closest(centres[kept])[0])
     lifts = _lifts(centres, axes, ball, kept & np.r_[kept[1:], False] & found.joined(), job.gouge_tolerance)
     kept &= np.isfinite(lifts)
     raised = replace(found, heights=found.heights + np.nan_to_num(lifts))

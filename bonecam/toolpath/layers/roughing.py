@@ -9,6 +9,7 @@ from numpy import ndarray
 
 from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.toolpath.layers.curves import Curves, Heights, join, sample
+from bonecam.toolpath.layers.drop import Ball, drop_balls
 from bonecam.toolpath.layers.layer import Layer, layer_of, nearest_order, split
 from bonecam.toolpath.layers.material import CELL, HeightField
 
@@ -53,6 +54,28 @@ def rough_layer(
     made = join(pieces)
     layer = layer_of(made, np.ones(len(made.a), dtype=bool), chart, rough.cutter, before)
     return layer, material
+
+
+def rough_down(
+    sets: Sequence[Sequence[Float[ndarray, "_ 2"]]],
+    tips: Sequence[float],
+    ball: Ball,
+    material: HeightField,
+    rough: Rough,
+) -> tuple[list[Layer], HeightField]:
+    """The layers that find material where the tip comes down sets of polylines to each of the heights `tips` (mm), as
+    far as the part lets the `ball` come, and the material behind them; the first of `tips` is above all."""
+    chart, radius = material.chart, ball.radius
+    layers = []
+    for tip in tips[1:]:
+
+        def height_of(a: Float[ndarray, " n"], b: Float[ndarray, " n"], at: float = float(tip)) -> ndarray:
+            return drop_balls(chart, a, b, ball, tips[0] + radius, at + radius)
+
+        layer, material = rough_layer(sets, height_of, material, rough)
+        if len(layer.path.contacts):
+            layers.append(layer)
+    return layers, material
 
 
 def _with_leads(curves: Curves, centres: Float[ndarray, "n 3"], needed: ndarray) -> ndarray:

@@ -17,11 +17,11 @@ from bonecam.setup.holding import Post
 from bonecam.setup.stock import Stock
 from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.toolpath.layers.chart import RoundChart
-from bonecam.toolpath.layers.drop import Ball, drop_balls
+from bonecam.toolpath.layers.drop import Ball
 from bonecam.toolpath.layers.finishing import finish_layer, places_of, unreached
 from bonecam.toolpath.layers.layer import Layer
 from bonecam.toolpath.layers.material import CELL, HeightField, stock_field
-from bonecam.toolpath.layers.roughing import Rough, rough_layer
+from bonecam.toolpath.layers.roughing import Rough, rough_down
 from bonecam.toolpath.layers.scan_lines import flat_step
 
 CORE = 1.0
@@ -59,20 +59,11 @@ def _rough(
     extent: tuple[float, float],
 ) -> tuple[list[Layer], HeightField]:
     """The roughing layers that find material, from the outermost in; `largest` (mm) is the radius of the stock."""
-    chart, radius = material.chart, cutter.radius
     sections = np.linspace(
-        *extent[::-1], 1 + int(np.ceil(np.ptp(extent) / flat_step(radius, cutter.scallop)))
+        *extent[::-1], 1 + int(np.ceil(np.ptp(extent) / flat_step(cutter.radius, cutter.scallop)))
     )
     rough = Rough(cutter, job.path.least_depth, job.path.chord_tolerance, largest)
-    layers = []
-    for tip in np.linspace(largest, CORE, 1 + int(np.ceil((largest - CORE) / job.levels.cuts[1])))[1:]:
-
-        def height_of(a: Float[ndarray, " n"], b: Float[ndarray, " n"], at: float = float(tip)) -> ndarray:
-            return drop_balls(chart, a, b, ball, largest + radius, at + radius)
-
-        turn = [0.0, 2 * np.pi]
-        sets = [[np.column_stack([turn[:: -1 if k % 2 else 1], [b, b]])] for k, b in enumerate(sections)]
-        layer, material = rough_layer(sets, height_of, material, rough)
-        if len(layer.path.contacts):
-            layers.append(layer)
-    return layers, material
+    tips = np.linspace(largest, CORE, 1 + int(np.ceil((largest - CORE) / job.levels.cuts[1])))
+    turn = [0.0, 2 * np.pi]
+    sets = [[np.column_stack([turn[:: -1 if k % 2 else 1], [b, b]])] for k, b in enumerate(sections)]
+    return rough_down(sets, tips.tolist(), ball, material, rough)

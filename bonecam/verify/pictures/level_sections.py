@@ -1,4 +1,5 @@
-"""Pictures: two sections of all levels (Gan et al. 2014, Fig. 10), and of what stays of the post below the part."""
+"""Pictures: two sections of all levels (Gan et al. 2014, Fig. 10), of what stays of the post below the part, and
+of the part in its second clamping."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,7 +9,9 @@ import numpy as np
 
 from bonecam.levels.measure.level import Level
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.setup.fixture.shell import SecondClamping
 from bonecam.toolpath.parting import Groove
+from bonecam.toolpath.path import Kind, ToolPath
 from bonecam.verify.pictures.colours import colour_scale, colours_of, value_range, whole_ticks
 from bonecam.verify.pictures.panels import BAR_BELOW, Plot, bar_below, lay_out, new_figure, save_figure
 from bonecam.verify.pictures.views import section
@@ -17,6 +20,8 @@ POST_SHOWN = 2.0
 """How much of the post is drawn below the stock, mm; it goes on down to the table."""
 TITLE_ABOVE = 0.8
 """Inches above panels that the figure's title and theirs take."""
+BESIDE = 0.5
+"""Balls whose centres are so far beside a section are drawn in it, mm."""
 POST_COLOUR = "#b0b0b0"
 
 
@@ -86,6 +91,28 @@ def draw_stump(
         else "not parted"
     )
     figure.suptitle(f"The post below the part: {diameter:g} mm, {told}", fontsize="medium")
+    lay_out(figure, plots, above=TITLE_ABOVE)
+    save_figure(figure, path)
+
+
+def draw_second(clamping: SecondClamping, paths: Sequence[ToolPath], path: str | Path) -> None:
+    """Write sections of part and shell in the second clamping, with the balls' centres near them as they cut."""
+    from matplotlib.collections import LineCollection
+
+    figure, plots = new_figure(2)
+    axis = np.array([0.0, 0.0, clamping.part.bounds[1, 2]])
+    for plot, across in zip(plots, (0, 1)):
+        for solid, colour in ((clamping.shell, "tab:brown"), (clamping.part, "k")):
+            lines = section(solid, axis, np.eye(3)[1 - across])[:, :, [across, 2]]
+            plot.add_collection(LineCollection(list(lines), colors=colour))
+        for number, each in enumerate(paths):
+            balls = each.balls[(each.kinds == Kind.CUT) & (np.abs(each.balls[:, 1 - across]) < BESIDE)]
+            plot.plot(balls[:, across], balls[:, 2], ".", ms=2, color=f"C{number % 10}")
+        plot.set_xlabel(f"{'xy'[across]} (mm)")
+        plot.set_title(f"section {'yx'[across]} = 0", fontsize="medium")
+        plot.autoscale_view()
+    plots[0].set_ylabel("z (mm)")
+    figure.suptitle("The second clamping: part, shell, and centres of the balls that cut", fontsize="medium")
     lay_out(figure, plots, above=TITLE_ABOVE)
     save_figure(figure, path)
 

@@ -1,15 +1,17 @@
 """The moves of a program level by level, as the comments of its text name the levels."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
+from bonecam.errors import ProgramError
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.reading.motions import Motions
+from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.toolpath.path import PARTING
 
 AIR = 1e-4
@@ -106,3 +108,20 @@ def link_volumes(
         [a + int(np.argmax(volumes[a:b])) for a, b in zip(begins, ends, strict=True)], dtype=np.int64
     )
     return found, most
+
+
+def tools_of(motions: Motions, cutters: Sequence[Cutter]) -> dict[int, Cutter]:
+    """The cutters by number; ProgramError where the text describes one otherwise."""
+    if not len(motions.tips):
+        raise ProgramError("the program moves nothing: there is no removal to simulate", line=0)
+    known = {cutter.number: cutter for cutter in cutters}
+    for number in np.unique(motions.tools).tolist():
+        radius = motions.controls[number].radius
+        if number not in known or abs(known[number].radius - radius) > 1e-4:
+            have = f"of radius {known[number].radius:g} mm" if number in known else "not there"
+            raise ProgramError(
+                f"the text calls tool {number} with a ball of radius {radius:g} mm, which is {have} in the job: "
+                "give the job that the program was made with",
+                tool=number,
+            )
+    return known

@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 
 from bonecam.nc.reading.motions import Motions
 from bonecam.setup.holding import Post
-from bonecam.toolpath.contacts import POST_CLEARANCE
+from bonecam.toolpath.contacts import at_post
 from bonecam.verify.removal.nails import Nails
 from bonecam.verify.removal.result import Left, Spot
 
@@ -19,15 +19,17 @@ ENTERS = 0.01
 """A ball on a place that enters the part beside it by more does not fit there, mm: the gouge tolerance of a job."""
 
 
-def measure_left(nails: Nails, post: Post, radius: float, motions: Motions) -> Left:
-    """What stays; the post and the fillet stay that a ball of `radius` (mm, the smallest) leaves round it."""
-    centres = nails.points + radius * nails.normals
-    at_post = np.minimum(post.distance(nails.points), post.distance(centres) - POST_CLEARANCE) < radius
+def measure_left(nails: Nails, post: Post | None, radius: float, motions: Motions) -> Left:
+    """What stays; the post, if there is one, and the fillet stay that a ball of `radius` (mm, the smallest) leaves
+    round it."""
+    held = np.zeros(len(nails.points), dtype=bool)
+    if post is not None:
+        held = at_post(nails.points, nails.normals, post, radius)
     over = nails.heights > LEFT
-    away = np.where(at_post, -np.inf, nails.heights)
+    away = np.where(held, -np.inf, nails.heights)
     highest = int(np.argmax(away))
     lowest = int(np.argmin(nails.heights))
-    standing = np.flatnonzero(over & ~at_post)
+    standing = np.flatnonzero(over & ~held)
     hollow = _in_hollows(nails, standing, radius)
     return Left(
         mesh=nails.mesh,
@@ -35,7 +37,7 @@ def measure_left(nails: Nails, post: Post, radius: float, motions: Motions) -> L
         highest=_spot(float(nails.heights[highest]), highest, nails, motions),
         deepest_gouge=_spot(-float(nails.heights[lowest]), lowest, nails, motions),
         by_reason={
-            "post": float(nails.areas[over & at_post].sum()),
+            "post": float(nails.areas[over & held].sum()),
             "gouge": float(nails.areas[standing[hollow]].sum()),
             "reachable": float(nails.areas[standing[~hollow]].sum()),
         },

@@ -26,13 +26,15 @@ REACH = 0.3
 """Cuts up to this height above the surface are exact, mm."""
 CELL = 0.5
 """Side of the cells that nails are found by, mm."""
+NOT_CUT, CUT_BEFORE = -1, -2
+"""Owners of a nail that no move has cut, and of one that only moves of the program before have."""
 
 
 @dataclass(eq=False)
 class Nails:
     """Nails at `points` (n, 3) along unit `normals`, each standing for `areas` (n,) mm^2 of `mesh`'s surface.
 
-    `heights` (mm) and `owners` (the move that cut a nail lowest, -1 for none) change while moves are taken.
+    `heights` (mm) and `owners` (the move that cut a nail lowest, NOT_CUT or CUT_BEFORE) change while moves are taken.
     """
 
     mesh: TriangleMesh
@@ -45,7 +47,16 @@ class Nails:
     def __post_init__(self) -> None:
         self.by_cell, self.cell_starts, self.corner = nail_cells(self.points, CELL)
         self.heights = np.full(len(self.points), REACH)
-        self.owners = np.full(len(self.points), -1)
+        self.owners = np.full(len(self.points), NOT_CUT)
+
+    def move(self, pose: Float[ndarray, "4 4"]) -> "Nails":
+        """The nails under a rigid transform (4, 4), as they have been cut before another program is run."""
+        turn, shift = pose[:3, :3].T, pose[:3, 3]
+        moved = Nails(self.mesh.move(pose), self.points @ turn + shift, self.normals @ turn, self.areas)
+        cut = self.owners != NOT_CUT
+        moved.heights[cut] = self.heights[cut]
+        moved.owners[cut] = CUT_BEFORE
+        return moved
 
     def cut(self, pieces: Pieces, radius: float) -> None:
         """Cut the nails by a ball on its pieces, and by the flutes above it where they may reach material."""
@@ -78,7 +89,7 @@ class Nails:
 
     def measure_the_uncut(self, sets: Sequence[RaySet], grid: RayGrid) -> None:
         """Set the heights of nails that no ball came near to those of the material that stands on them."""
-        uncut = np.flatnonzero(self.owners < 0)
+        uncut = np.flatnonzero(self.owners == NOT_CUT)
         self.heights[uncut] = standing_heights(self.points[uncut], self.normals[uncut], sets, grid)
 
 

@@ -16,7 +16,8 @@ from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.toolpath.layers.limits import layer_limits
 from bonecam.toolpath.path import PARTING
 from bonecam.verify.removal.result import Removal
-from bonecam.verify.removal.simulate import Accuracy, simulate_removal
+from bonecam.verify.removal.simulate import simulate_removal
+from bonecam.verify.removal.sweeping import Accuracy
 from bonecam.verify.removal.verdicts import check_removal
 
 ACCURACY = Accuracy(cell=0.1, coarser=True)

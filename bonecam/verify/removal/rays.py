@@ -50,6 +50,11 @@ class RayGrid:
     size: Float[ndarray, "3"]
     cell: float
 
+    def move(self, pose: Float[ndarray, "4 4"]) -> "RayGrid":
+        """The grid under a rigid transform (4, 4)."""
+        corner = pose[:3, :3] @ self.corner + pose[:3, 3]
+        return RayGrid(self.rotation @ pose[:3, :3].T, corner, self.size, self.cell)
+
     def of_points(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
         """Points of the part's frame in the grid's coordinates."""
         return np.asarray((points - self.corner) @ self.rotation.T)

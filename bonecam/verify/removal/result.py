@@ -8,10 +8,13 @@ from numpy import ndarray
 
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.verify.removal.standing import Standing
+from bonecam.verify.removal.sweeping import Remaining
 
 LINK_ALLOWED = 0.02
 """What the moves from one pass to the next may remove, mm^3: the scallops of 0.05 mm that a ball
 of 4 mm crosses on a step of 1 mm."""
+RAPID_ALLOWED = 1e-4
+"""A rapid that removes no more is not said to cut, mm^3: a cube of 0.05 mm, the default cell."""
 
 
 @dataclass(frozen=True)
@@ -91,8 +94,9 @@ class Removal:
     `shank`, `holder` and `spindle` keep their clearance from stock, part and post, the whole tool that of `table`
     from table, chuck and what stands there. `left` is None where no part was given. `volume` is what stands in the
     end, `volume_error` how far the three sets of rays differ in it, mm^3. `move_volumes` (mm^3) has one row a move
-    of the text. `standing` is what stood on the surfaces that were given, in machining order. `bridge` (mm) is the
-    diameter of what stands of the post where it is parted, None where it is not.
+    of the text, `remaining` is what stands in the end. `standing` is what stood on the surfaces that were given, in
+    machining order. `bridge` (mm) is the diameter of what stands of the post where it is parted, None where it is
+    not.
     """
 
     cell: float
@@ -108,6 +112,7 @@ class Removal:
     volume: float
     volume_error: float
     move_volumes: Float[ndarray, " m"]
+    remaining: Remaining
     standing: tuple[Standing, ...] = ()
     bridge: float | None = None
 

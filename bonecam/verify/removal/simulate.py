@@ -14,7 +14,6 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from bonecam.errors import ProgramError
 from bonecam.kernels.removal.rays import RaySet
 from bonecam.kernels.removal.sweep import Pieces
 from bonecam.mesh.facets.vertex_normals import vertex_normals
@@ -31,32 +30,22 @@ from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.verify.removal.depths import cut_depths, move_through
-from bonecam.verify.removal.groups import Group, feed_minutes, groups_of, link_volumes, time_shares
+from bonecam.verify.removal.groups import (
+    Group,
+    feed_minutes,
+    groups_of,
+    link_volumes,
+    time_shares,
+    tools_of,
+)
 from bonecam.verify.removal.left import measure_left
-from bonecam.verify.removal.nails import Nails, nails_on
+from bonecam.verify.removal.nails import Nails
 from bonecam.verify.removal.pieces import straight_pieces
-from bonecam.verify.removal.rays import RayGrid, copy_of, lay_grid, lay_rays, least_cell
-from bonecam.verify.removal.result import LINK_ALLOWED, Clearance, LevelRemoval, Removal, Spot
+from bonecam.verify.removal.rays import copy_of
+from bonecam.verify.removal.result import LINK_ALLOWED, RAPID_ALLOWED, Clearance, LevelRemoval, Removal, Spot
 from bonecam.verify.removal.standing import Standing, parted_bridge, standing_heights
-from bonecam.verify.removal.sweeping import PARTS, Sweeping, volumes
+from bonecam.verify.removal.sweeping import PARTS, Accuracy, Remaining, Sweeping, material_of, volumes
 from bonecam.verify.removal.table import table_clearance
-
-RAPID_ALLOWED = 1e-4
-"""A rapid that removes no more is not said to cut, mm^3: a cube of 0.05 mm, the default cell."""
-
-
-@dataclass(frozen=True)
-class Accuracy:
-    """Distance of the rays (`cell`, mm) and the memory that they and a copy of them may take (MB); where that does not
-    suffice, a cell that fits is taken if `coarser`, or else refused."""
-
-    cell: float = 0.05
-    memory_mb: float = 500.0
-    coarser: bool = False
-
-    def __post_init__(self) -> None:
-        if not 0 < self.cell < np.inf:
-            raise ValueError(f"a cell of {self.cell} mm: give a positive one, such as 0.05")
 
 
 def simulate_removal(
@@ -82,18 +71,43 @@ def simulate_removal(
     meshes that levels leave, on which is told what stands. ProgramError where the text cannot be read or calls
     another tool, JobError where the rays need too much memory.
     """
-    told = accuracy or Accuracy()
+    bodies = [stock, Cylinder(post.radius, 0.0, post.top)]
+    material = material_of(bodies, part, accuracy or Accuracy())
+    return simulate_further(
+        text,
+        machine,
+        dialect,
+        material,
+        post,
+        cutters,
+        clamping=clamping,
+        limits=limits,
+        surfaces=surfaces,
+        progress=progress,
+    )
+
+
+def simulate_further(
+    text: str,
+    machine: Machine,
+    dialect: Dialect,
+    material: Remaining,
+    post: Post | None,
+    cutters: Sequence[Cutter],
+    *,
+    clamping: Clamping | None = None,
+    limits: Mapping[int, float] | None = None,
+    surfaces: Mapping[int, TriangleMesh] | None = None,
+    progress: Progress = silent,
+) -> Removal:
+    """What the program `text` removes from `material`, which it changes; otherwise as `simulate_removal`."""
     report(progress, 0.0, "reading the program for the simulation")
     motions = read_program(text, machine, dialect)
-    tools = _tools(motions, cutters)
-    bodies = [stock, Cylinder(post.radius, 0.0, post.top)]
-    grid = lay_grid(bodies, told.cell)
-    if told.coarser:
-        grid = lay_grid(bodies, max(told.cell, least_cell(bodies, grid, told.memory_mb)))
-    sweeping = Sweeping(lay_rays(bodies, grid, told.memory_mb), grid, bodies, len(motions.tips))
-    nails = nails_on(part) if part is not None else None
-    stands = clamping or Clamping()
-    simulation = _Simulation(motions, sweeping, grid, nails, stands, dict(limits or {}), dict(surfaces or {}))
+    tools = tools_of(motions, cutters)
+    sweeping = Sweeping(material.sets, material.grid, material.bounds, len(motions.tips))
+    simulation = _Simulation(
+        motions, sweeping, material.nails, clamping or Clamping(), limits or {}, surfaces or {}
+    )
     groups = list(groups_of(text, motions, dialect))
     levels = []
     for count, group in enumerate(groups):
@@ -101,25 +115,8 @@ def simulate_removal(
         before = [one.tool for one in groups[:count] if one.level != group.level]
         scallop = tools[before[-1]].scallop if before else 0.0
         levels.append(simulation.run(group, tools[group.tool], scallop))
-    bridge = parted_bridge(groups, motions, tools, post, sweeping.sets, grid)
+    bridge = parted_bridge(groups, motions, tools, post, sweeping.sets, material.grid) if post else None
     return replace(simulation.result(levels, tools, post), bridge=bridge)
-
-
-def _tools(motions: Motions, cutters: Sequence[Cutter]) -> dict[int, Cutter]:
-    """The cutters by number; ProgramError where the text describes one otherwise."""
-    if not len(motions.tips):
-        raise ProgramError("the program moves nothing: there is no removal to simulate", line=0)
-    known = {cutter.number: cutter for cutter in cutters}
-    for number in np.unique(motions.tools).tolist():
-        radius = motions.controls[number].radius
-        if number not in known or abs(known[number].radius - radius) > 1e-4:
-            have = f"of radius {known[number].radius:g} mm" if number in known else "not there"
-            raise ProgramError(
-                f"the text calls tool {number} with a ball of radius {radius:g} mm, which is {have} in the job: "
-                "give the job that the program was made with",
-                tool=number,
-            )
-    return known
 
 
 @dataclass(eq=False)
@@ -128,13 +125,13 @@ class _Simulation:
 
     motions: Motions
     sweeping: Sweeping
-    grid: RayGrid
     nails: Nails | None
     clamping: Clamping
-    limits: dict[int, float]
-    surfaces: dict[int, TriangleMesh]
+    limits: Mapping[int, float]
+    surfaces: Mapping[int, TriangleMesh]
 
     def __post_init__(self) -> None:
+        self.grid = self.sweeping.grid
         self.minutes = feed_minutes(self.motions)
         self.table = Clearance("tool", None, 0)
         self.standing: list[Standing] = []
@@ -198,7 +195,9 @@ class _Simulation:
         elif move >= 0:
             self.table = Clearance(part, self._spot(least, move), 0)
 
-    def result(self, levels: Sequence[LevelRemoval], tools: Mapping[int, Cutter], post: Post) -> Removal:
+    def result(
+        self, levels: Sequence[LevelRemoval], tools: Mapping[int, Cutter], post: Post | None
+    ) -> Removal:
         """What was found over all levels."""
         removed = self.sweeping.volumes
         rapid = np.where(self.motions.rapid, removed, 0.0)
@@ -229,6 +228,7 @@ class _Simulation:
             volume=float(np.mean(standing)),
             volume_error=float(np.ptp(standing)),
             move_volumes=removed,
+            remaining=Remaining(self.sweeping.sets, self.grid, self.nails),
             standing=tuple(self.standing),
         )
 

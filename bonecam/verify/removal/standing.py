@@ -8,13 +8,15 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.kernels.removal.air import in_material
-from bonecam.kernels.removal.rays import RaySet
+from bonecam.kernels.removal.rays import TILE, RaySet, summarise
 from bonecam.nc.reading.motions import Motions
 from bonecam.setup.holding import Post
 from bonecam.toolpath.cutters.cutter import Cutter
+from bonecam.toolpath.layers.chart import FlatChart
+from bonecam.toolpath.layers.material import HeightField
 from bonecam.toolpath.path import PARTING
 from bonecam.verify.removal.groups import Group
-from bonecam.verify.removal.rays import RayGrid
+from bonecam.verify.removal.rays import RayGrid, order
 
 HIGHEST = 5.0
 """Material is told up to this height, mm."""
@@ -74,3 +76,64 @@ def standing_heights(
             break
         heights[standing] = height
     return heights
+
+
+def standing_field(
+    chart: FlatChart, top: float, floor: float, sets: Sequence[RaySet], grid: RayGrid
+) -> HeightField:
+    """The material on the lines of a chart from the height `top`, which is above all of it, down to `floor`, mm."""
+    axis = chart.axes(chart.a[:1])[0]
+    a, b = (each.ravel() for each in np.meshgrid(chart.a, chart.b, indexing="ij"))
+    heights = heights_of_material(chart.bases(a, b) + top * axis, axis, floor - top, sets, grid)
+    tops = top + heights.reshape(len(chart.a), len(chart.b))
+    return HeightField(chart, tops, np.full(tops.shape, floor))
+
+
+def heights_of_material(
+    starts: Float[ndarray, "n 3"],
+    axis: Float[ndarray, "3"],
+    floor: float,
+    sets: Sequence[RaySet],
+    grid: RayGrid,
+) -> Float[ndarray, " n"]:
+    """How high (mm) above its start material reaches on each line along the unit `axis`, looked for from starts that
+    lie above all of it down to the height `floor` (negative), in steps of STEP; `floor` where there is none."""
+    heights = np.full(len(starts), floor)
+    going = np.arange(len(starts))
+    for height in np.arange(0.0, floor, -STEP):
+        held = np.zeros(len(going), dtype=bool)
+        in_material(*sets, grid.of_points(starts[going] + height * axis), held)
+        heights[going[held]] = height
+        going = going[~held]
+        if not len(going):
+            break
+    return heights
+
+
+def rays_above(rays: RaySet, grid: RayGrid, direction: int, height: float) -> RaySet:
+    """A copy of the rays along a direction of the grid without what lies below the height z, mm."""
+    u, v, _ = order(direction)
+    i, j = np.nonzero(rays.tile_of >= 0)
+    ray = np.arange(TILE * TILE)
+    places = np.zeros((len(i), len(ray), 3))
+    places[:, :, u] = rays.cell * (TILE * i[:, None] + ray % TILE + 0.5)
+    places[:, :, v] = rays.cell * (TILE * j[:, None] + ray // TILE + 0.5)
+    foot = grid.in_part(places.reshape(-1, 3))[:, 2].reshape(places.shape[:2])
+    least = np.empty(foot.shape, dtype=np.float32)
+    least[rays.tile_of[i, j]] = (height - foot) / grid.rotation[direction, 2]
+
+    lows, highs = np.maximum(rays.spans[:, :, ::2], least[:, :, None]), rays.spans[:, :, 1::2]
+    used = np.arange(lows.shape[2]) < rays.counts[:, :, None]
+    kept = used & (lows < highs)
+    first = np.argsort(~kept, axis=2, kind="stable")
+    spans = np.stack([np.take_along_axis(ends, first, axis=2) for ends in (lows, highs)], axis=3)
+    cut = rays._replace(
+        spans=spans.reshape(rays.spans.shape),
+        counts=kept.sum(axis=2).astype(np.uint8),
+        low=rays.low.copy(),
+        high=rays.high.copy(),
+        mask=rays.mask.copy(),
+        stale=rays.stale.copy(),
+    )
+    summarise(cut)
+    return cut

@@ -2,6 +2,8 @@
 side."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -19,9 +21,12 @@ from bonecam.kernels.removal.rays import RaySet
 from bonecam.kernels.removal.sweep import Found, Pieces, sweep
 from bonecam.runtime.threads import in_pieces
 from bonecam.setup.stock import Stock
+from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.cutters.cutter import Cutter
+from bonecam.verify.removal.nails import Nails, nails_on
 from bonecam.verify.removal.pieces import in_grid
-from bonecam.verify.removal.rays import RayGrid, order
+from bonecam.verify.removal.rays import RayGrid, lay_grid, lay_rays, least_cell, order
+from bonecam.verify.removal.standing import rays_above
 
 BRICK = 0.4
 """Side of the bricks, mm, in which tools are first looked at; larger where the box holds more than
@@ -39,17 +44,67 @@ BOUNDED = 4096
 """Pieces whose clearances are bounded at once."""
 
 
+@dataclass(frozen=True)
+class Accuracy:
+    """Distance of the rays (`cell`, mm) and the memory that they and a copy of them may take (MB); where that does not
+    suffice, a cell that fits is taken if `coarser`, or else refused."""
+
+    cell: float = 0.05
+    memory_mb: float = 500.0
+    coarser: bool = False
+
+    def __post_init__(self) -> None:
+        if not 0 < self.cell < np.inf:
+            raise ValueError(f"a cell of {self.cell} mm: give a positive one, such as 0.05")
+
+
+@dataclass(frozen=True, eq=False)
+class Remaining:
+    """The material that stands: three `sets` of rays of a `grid`, and the `nails` on the part (None where none is
+    given), as they have been cut."""
+
+    sets: Sequence[RaySet]
+    grid: RayGrid
+    nails: Nails | None
+
+    @property
+    def bounds(self) -> Float[ndarray, "2 3"]:
+        """Lowest and highest corner of the box of all rays, mm."""
+        corners = self.grid.in_part(np.array(list(product(*zip(np.zeros(3), self.grid.size, strict=True)))))
+        return np.array([corners.min(axis=0), corners.max(axis=0)])
+
+    def move(self, pose: Float[ndarray, "4 4"]) -> "Remaining":
+        """The material under a rigid transform (4, 4); the rays are shared."""
+        nails = self.nails.move(pose) if self.nails is not None else None
+        return Remaining(self.sets, self.grid.move(pose), nails)
+
+    def above(self, height: float) -> "Remaining":
+        """The material above a height z, mm, in rays of its own."""
+        sets = [rays_above(rays, self.grid, k, height) for k, rays in enumerate(self.sets)]
+        return Remaining(sets, self.grid, self.nails)
+
+
+def material_of(bodies: Sequence[Stock], part: TSpline | None, accuracy: Accuracy) -> Remaining:
+    """The union of convex bodies, and the nails on a `part`; JobError where the rays need too much memory."""
+    grid = lay_grid(bodies, accuracy.cell)
+    if accuracy.coarser:
+        grid = lay_grid(bodies, max(accuracy.cell, least_cell(bodies, grid, accuracy.memory_mb)))
+    return Remaining(lay_rays(bodies, grid, accuracy.memory_mb), grid, nails_on(part) if part else None)
+
+
 class Sweeping:
     """Material that moves are taken out of; used for one program.
 
-    `sets` are the rays along the three directions of `grid`, `found` what each has told so far.
+    `sets` are the rays along the three directions of `grid`, `found` what each has told so far; the material lies
+    within `bounds`.
     """
 
-    def __init__(self, sets: Sequence[RaySet], grid: RayGrid, bodies: Sequence[Stock], moves: int) -> None:
+    def __init__(
+        self, sets: Sequence[RaySet], grid: RayGrid, bounds: Float[ndarray, "2 3"], moves: int
+    ) -> None:
         self.sets = list(sets)
         self.grid = grid
-        corners = np.array([body.bounds for body in bodies])
-        self.bounds: Float[ndarray, "2 3"] = np.array([corners[:, 0].min(0), corners[:, 1].max(0)])
+        self.bounds = bounds
         self.found = [
             Found(np.zeros(moves), np.zeros(moves), np.full(3, WATCHED), np.full(3, -1), np.full(3, -1))
             for _ in range(3)

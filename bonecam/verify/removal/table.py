@@ -1,16 +1,25 @@
-"""How far the whole tool stays from table, chuck and what stands on the table, over all moves and between them."""
+"""How far the whole tool stays from table, chuck, what stands on the table and other solids, over all moves and between
+them."""
 
 import numpy as np
+from jaxtyping import Int
+from numpy import ndarray
 
+from bonecam.arrays import angles_between, unit
 from bonecam.kernels.removal.fixed import fixed_clearance
 from bonecam.kernels.removal.sweep import Pieces
+from bonecam.mesh.distance import MeshDistance
+from bonecam.nc.reading.motions import Motions
 from bonecam.runtime.threads import in_pieces
 from bonecam.setup.fixture.clamping import Clamping
 from bonecam.toolpath.cutters.cutter import Cutter
+from bonecam.verify.removal.pieces import straight_pieces
 from bonecam.verify.removal.sweeping import sections_of
 
 AT_ONCE = 16384
 """Pieces measured at once."""
+NEAR = 0.2
+"""Distances from a solid are told to this, mm."""
 DEEPEST = -1e4
 """Columns without end go down to here, mm."""
 
@@ -40,3 +49,47 @@ def table_clearance(
     found = in_pieces(measure, len(pieces.starts), AT_ONCE)
     least, move, name, _ = min(found, key=lambda one: one[0])
     return least, move, name, min((one[3] for one in found if one[3] >= 0), default=-1)
+
+
+def solid_clearance(
+    motions: Motions, moves: Int[ndarray, " m"], cutter: Cutter, solid: MeshDistance
+) -> tuple[float, int]:
+    """The least distance (mm, within NEAR) of the whole tool from a closed solid on moves of one cutter, and its
+    move.
+
+    The tool is a row of balls on its axis, as wide as it is there: what is between two of them is no nearer to the
+    solid than they are by more than half of their distance. That is halved where it matters.
+    """
+    pieces = straight_pieces(motions, moves, cutter)
+    owner, centres, axes = _poses(pieces, cutter)
+    sections, _ = sections_of(cutter)
+    best, where = np.inf, int(moves[0])
+    pose = np.repeat(np.arange(len(centres)), len(sections))
+    low, high, radius, end_radius = np.tile(sections, (len(centres), 1)).T
+    while len(pose):
+        middle = (low + high) / 2
+        distance = solid.signed(centres[pose] + middle[:, None] * axes[pose])
+        near = distance - (radius + end_radius) / 2
+        if near.min() < best:
+            best, where = float(near.min()), int(owner[pose[np.argmin(near)]])
+        bound = distance - np.maximum(radius, end_radius) - (high - low) / 2
+        open_ = (bound < best - NEAR) & (high - low > NEAR)
+        pose, low, middle, high = pose[open_], low[open_], middle[open_], high[open_]
+        first, last = radius[open_], end_radius[open_]
+        pose, low, high = np.tile(pose, 2), np.r_[low, middle], np.r_[middle, high]
+        radius, end_radius = np.r_[first, (first + last) / 2], np.r_[(first + last) / 2, last]
+    return best, where
+
+
+def _poses(pieces: Pieces, cutter: Cutter) -> tuple[ndarray, ndarray, ndarray]:
+    """Moves, ball centres and axes of poses on pieces, between which no point of the tool moves by more than NEAR."""
+    turns = angles_between(pieces.start_axes, pieces.end_axes)
+    ways = np.linalg.norm(pieces.ends - pieces.starts, axis=1) + turns * cutter.length
+    counts = np.ceil(ways / NEAR).astype(np.int64).clip(1)
+    piece = np.repeat(np.arange(len(counts)), counts)
+    share = ((np.arange(len(piece)) - np.repeat(np.cumsum(counts) - counts, counts) + 1) / counts[piece])[
+        :, None
+    ]
+    centres = (1 - share) * pieces.starts[piece] + share * pieces.ends[piece]
+    axes = unit((1 - share) * pieces.start_axes[piece] + share * pieces.end_axes[piece])
+    return pieces.moves[piece], centres, axes

@@ -30,7 +30,8 @@ from bonecam.toolpath.parting import cut_groove
 from bonecam.toolpath.path import PARTING
 from bonecam.verify.proof import verify_program
 from bonecam.verify.removal.of_job import check_removal_of_job, cutters_of
-from bonecam.verify.removal.simulate import Accuracy, simulate_removal
+from bonecam.verify.removal.simulate import simulate_removal
+from bonecam.verify.removal.sweeping import Accuracy
 from bonecam.verify.removal.verdicts import check_removal
 
 MACHINE, DIALECT = read_machine("mikron-ucp600"), read_dialect("heidenhain")

@@ -167,7 +167,7 @@ def ball_pieces(starts, ends):
 
 def test_a_shank_that_passes_by_on_a_long_piece_does_not_touch(finishing_cutter):
     grid = lay_grid([BLOCK], 0.1)
-    sweeping = Sweeping(lay_rays([BLOCK], grid, 500.0), grid, [BLOCK], 1)
+    sweeping = Sweeping(lay_rays([BLOCK], grid, 500.0), grid, BLOCK.bounds, 1)
     pieces = ball_pieces(np.array([[8.0, -4.0, 9.0]]), np.array([[8.0, 4.0, 9.0]]))
     sweeping.run(pieces, finishing_cutter, lambda pieces: None)
     away = 8.0 - finishing_cutter.shank_diameter / 2 - 5.0

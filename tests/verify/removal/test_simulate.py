@@ -20,7 +20,8 @@ from bonecam.setup.holding import Post
 from bonecam.toolpath.path import Kind
 from bonecam.verify.removal.left import measure_left
 from bonecam.verify.removal.nails import Nails
-from bonecam.verify.removal.simulate import Accuracy, simulate_removal
+from bonecam.verify.removal.simulate import simulate_removal
+from bonecam.verify.removal.sweeping import Accuracy
 from bonecam.verify.removal.verdicts import check_removal
 
 PAIR = read_machine("mikron-ucp600"), read_dialect("heidenhain")

@@ -1,0 +1,239 @@
+"""The second program of a part that was parted: it stands turned over in its shell, and its stump is cut off.
+
+The material at its start is what the simulation of the first program left above the middle of the groove, where the
+bridge is broken or sawn. Its text is proved like the first one: read back, checked for gouges of part and shell, and
+simulated, on the same rays and nails.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Bool
+from numpy import ndarray
+
+from bonecam.errors import VerifyError
+from bonecam.files import check_files
+from bonecam.job import Job, field_error
+from bonecam.levels.measure.level import morph_surfaces
+from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.files.mesh_files import write_mesh
+from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
+from bonecam.mesh.units import MM_OF
+from bonecam.nc.dialect import Dialect
+from bonecam.nc.kinematics import axis_limits
+from bonecam.nc.machine import Machine
+from bonecam.nc.posting.feeds import drivable_paths
+from bonecam.nc.posting.header import record_checks
+from bonecam.nc.posting.header_texts import second_setup_texts
+from bonecam.nc.posting.write import write_program
+from bonecam.nc.program import Program, program_name
+from bonecam.nc.reading.read import read_program
+from bonecam.orientation.held.second import StumpPlaces, second_paths
+from bonecam.orientation.level_paths import PART_CHORD
+from bonecam.outputs.output_files import File
+from bonecam.outputs.result import Result
+from bonecam.outputs.second import SecondProgram, second_file
+from bonecam.progress import Progress, part, silent
+from bonecam.setup.fixture.clamping import clamping_of
+from bonecam.setup.fixture.shell import SecondClamping, read_shell, turned_over
+from bonecam.setup.fixture.shell_maker import shell_round
+from bonecam.setup.holding import post_below
+from bonecam.setup.placement import place
+from bonecam.surface.files.surface_input import read_part
+from bonecam.toolpath.contacts import at_post
+from bonecam.toolpath.layers.limits import MOST_LAYERS
+from bonecam.toolpath.parting import cut_groove
+from bonecam.toolpath.path import ToolPath
+from bonecam.verify.proof import Verification, verify_program
+from bonecam.verify.readback import Tolerances
+from bonecam.verify.removal.left import LEFT
+from bonecam.verify.removal.of_job import cutters_of
+from bonecam.verify.removal.result import Removal
+from bonecam.verify.removal.simulate import simulate_further
+from bonecam.verify.removal.standing import standing_field
+from bonecam.verify.removal.sweeping import Remaining
+from bonecam.verify.removal.table import NEAR, solid_clearance
+from bonecam.verify.removal.verdicts import check_removal
+from bonecam.verify.report import nc_report, toolpath_report
+
+
+def add_second(
+    first: Result, machine: Machine, dialect: Dialect, program: File, progress: Progress = silent
+) -> Result:
+    """The result with its `second_program`, and `second` in its report."""
+    made = second_program(first, machine, dialect, program, progress)
+    return (
+        first if made is None else replace(first, second=made, report={**first.report, "second": made.report})
+    )
+
+
+def second_program(
+    first: Result, machine: Machine, dialect: Dialect, program: File, progress: Progress = silent
+) -> SecondProgram | None:
+    """The program that cuts the stump off a part that `first` parted; `program` is the file of the first one. None
+    where the job has no second clamping.
+
+    OrientationError, MachineError or VerifyError where there is no such program, or it is not proved.
+    """
+    shell = read_shell(first.job, first.part)
+    if shell is None:
+        return None
+    job = replace(first.job, holding=first.job.holding.turned_over)
+    design = morph_surfaces(first.levels.levels)[0].tessellate(PART_CHORD)
+    clamping = turned_over(design, shell, first.job.holding)
+    material, top = _standing(first, clamping)
+    held = _at_post(first, job.tool("finishing").radius)
+    assert material.nails is not None
+    planned = second_paths(
+        clamping,
+        StumpPlaces(material.nails.points[held], material.nails.normals[held]),
+        top,
+        partial(standing_field, sets=material.sets, grid=material.grid),
+        job,
+        axis_limits(machine),
+        machine.bodies,
+        part(progress, 0.0, 0.7),
+    )
+    paths = tuple(drivable_paths(planned, machine, dialect, job))
+    texts = second_setup_texts(job.holding, clamping.shell, top)
+    file = second_file(program, first.job)
+    posted, proof = _posted(paths, clamping, texts, job, machine, dialect, file)
+    removal = _simulated(posted.text, material, job, machine, dialect, part(progress, 0.8, 1.0))
+    near = _near_shell(posted.text, clamping.shell, job, machine, dialect)
+    told = {
+        "file": file.name if file else "",
+        **nc_report(posted, proof),
+        "shell_clearance_mm": round(near, 2),
+        **_left_at_post(first, removal, held),
+        "toolpath": toolpath_report(paths, float(np.radians(job.path.least_lead_deg))),
+        "removal": removal.report,
+    }
+    return SecondProgram(clamping, paths, posted, removal, told)
+
+
+def clamping_shell(
+    mesh: str | Path | MeshLike,
+    job: Job | None = None,
+    *,
+    output: File = None,
+    covered: float = 0.5,
+    wall: float = 3.0,
+    gap: float = 0.1,
+) -> TriangleMesh:
+    """A shell for `holding.second` of a part that is placed as the job says, in frame and unit of the part's file.
+
+    It is a cylinder about the axis of the post round the upper `covered` share of the part, at least `wall` mm thick,
+    `gap` mm off the part. It is written to the mesh file `output`. ValueError where these make no shell.
+    """
+    job = job or Job()
+    if output is not None:
+        check_files([output], [mesh] if isinstance(mesh, str | Path) else [])
+    given = mesh if isinstance(mesh, str | Path) else mesh_from(mesh)
+    part, _ = read_part(given, job)
+    placed = place(part, job).part
+    back = np.linalg.inv(placed.transform)
+    shell = shell_round(placed.mesh, covered, wall, gap).move(back)
+    shell = TriangleMesh(shell.vertices / MM_OF[job.mesh.units], shell.faces)
+    if output is not None:
+        write_mesh(shell, output)
+    return shell
+
+
+def check_simulated(job: Job, *, simulation: bool) -> None:
+    """JobError where a job wants a second program, which begins with what the simulation of the first leaves, and no
+    simulation."""
+    if job.holding.second and not simulation:
+        why = "the second program begins with what the simulation of the first leaves: simulate it"
+        raise field_error("holding", "second", job.holding.second, why)
+
+
+def _standing(first: Result, clamping: SecondClamping) -> tuple[Remaining, float]:
+    """What the first program left on the parted part, turned over, and how high its stump reaches, mm."""
+    groove = cut_groove(first.paths)
+    assert groove is not None
+    assert first.removal is not None
+    material = first.removal.remaining.above(groove.middle).move(clamping.pose)
+    return material, float(clamping.pose[2, 3]) - groove.middle
+
+
+def _posted(
+    paths: Sequence[ToolPath],
+    clamping: SecondClamping,
+    texts: Sequence[str],
+    job: Job,
+    machine: Machine,
+    dialect: Dialect,
+    file: File,
+) -> tuple[Program, Verification]:
+    """The program, and the proof that it follows the paths and leaves part and shell alone."""
+    name = program_name(file or "second")
+    program = write_program(paths, machine, dialect, job, name=name, setup=texts)
+    solids, allowed = MeshDistance(clamping.solids), Tolerances(gouge=job.path.gouge_tolerance)
+    proof = verify_program(program.text, paths, machine, dialect, solids, allowed)
+    return replace(program, text=record_checks(program.text, dialect, str(proof))), proof
+
+
+def _at_post(first: Result, radius: float) -> Bool[ndarray, " n"]:
+    """The nails of the first program's simulation that a ball of `radius` (mm) leaves at the post."""
+    assert first.removal is not None
+    nails = first.removal.remaining.nails
+    assert nails is not None
+    return at_post(nails.points, nails.normals, post_below(first.part.mesh, first.job.holding), radius)
+
+
+def _simulated(
+    text: str, material: Remaining, job: Job, machine: Machine, dialect: Dialect, progress: Progress
+) -> Removal:
+    """What the posted text removes of the material; VerifyError where that is not what a program may do. Layers on a
+    stump promise no depth: it is told."""
+    removal = simulate_further(
+        text,
+        machine,
+        dialect,
+        material,
+        None,
+        cutters_of(job, machine),
+        clamping=clamping_of(job.holding, machine.table),
+        limits=dict.fromkeys(range(MOST_LAYERS), job.levels.cuts[1]) | {0: job.levels.finishing_depth},
+        progress=progress,
+    )
+    check_removal(removal, job.path.gouge_tolerance, limited=False)
+    return removal
+
+
+def _near_shell(text: str, shell: TriangleMesh, job: Job, machine: Machine, dialect: Dialect) -> float:
+    """The least distance (mm) of the whole tool from the shell on the moves of a text; VerifyError where they meet."""
+    motions = read_program(text, machine, dialect)
+    solid = MeshDistance(shell)
+    least = np.inf
+    for cutter in cutters_of(job, machine):
+        moves = np.flatnonzero(motions.tools == cutter.number)
+        if not len(moves):
+            continue
+        near, move = solid_clearance(motions, moves, cutter, solid)
+        if near < NEAR:
+            line = int(motions.lines[move])
+            remedy = "end the shell farther up the part, or give a longer overhang"
+            raise VerifyError(
+                f"line {line}: the tool comes within {near:.2f} mm of the shell, {NEAR:g} mm are sure: {remedy}",
+                line=line,
+            )
+        least = min(least, near)
+    return float(least)
+
+
+def _left_at_post(first: Result, removal: Removal, held: Bool[ndarray, " n"]) -> dict[str, float]:
+    """What kept more than LEFT on the nails `held` at the post before the second program and keeps it behind it, mm2,
+    and how high that is."""
+    assert first.removal is not None
+    before, after = first.removal.remaining.nails, removal.remaining.nails
+    assert before is not None
+    assert after is not None
+    return {
+        "at_post_before_mm2": round(float(before.areas[held & (before.heights > LEFT)].sum()), 3),
+        "at_post_after_mm2": round(float(after.areas[held & (after.heights > LEFT)].sum()), 3),
+        "at_post_after_max_mm": round(float(after.heights[held].max(initial=0.0)), 4),
+    }

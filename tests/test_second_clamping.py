@@ -1,0 +1,186 @@
+"""The second clamping of a small lump that was parted; and shells that do not do."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from bonecam_meshes import path as shipped
+
+import bonecam
+from bonecam.errors import BonecamError, JobError, MeshError
+from bonecam.job import HoldingJob, Job
+from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.facets.hull import convex_hull
+from bonecam.mesh.files.mesh_files import write_mesh
+from bonecam.mesh.part import Part
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.nc.dialect import read_dialect
+from bonecam.nc.kinematics import axis_limits
+from bonecam.nc.machine import read_machine
+from bonecam.nc.posting.write import write_program
+from bonecam.orientation.collision.scene import Scene
+from bonecam.orientation.held.parting import parting_paths
+from bonecam.orientation.held.second import check_second
+from bonecam.outputs.second import SecondProgram
+from bonecam.second_clamping import second_program
+from bonecam.setup.capsule import Capsule, smallest_capsule
+from bonecam.setup.fixture.clamping import clamping_of
+from bonecam.setup.fixture.shell_maker import shell_round
+from bonecam.setup.holding import post_below
+from bonecam.setup.stocks.mesh import ConvexStock
+from bonecam.verify import simulate_removal
+from bonecam.verify.removal.of_job import cutters_of
+
+MACHINE, DIALECT = read_machine("mikron-ucp600"), read_dialect("heidenhain")
+LUMP = Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 9.5]), 2.5).mesh(0.05)
+JOB = Job().with_values(
+    holding={"diameter": 4.0, "length": 31.0, "parting": True},
+    mesh={"upright": False},
+    levels={"roughing_depth": 0.6},
+)
+
+
+def job_with(shell: Path, **holding: object) -> Job:
+    return JOB.with_values(holding={"second": str(shell), **holding})
+
+
+def part_of(mesh: TriangleMesh) -> Part:
+    return Part(mesh, "", len(mesh.faces), "mm", (), np.eye(4), mesh)
+
+
+@pytest.fixture(scope="module")
+def parted(pebble, level_of, mesh_of, tmp_path_factory):
+    """The finished lump, with what the simulation of its parting leaves; and a job with a shell."""
+    lump = mesh_of(pebble(), around=40, along=50)
+    file = tmp_path_factory.mktemp("second") / "shell.stl"
+    write_mesh(shell_round(lump, 0.5, 3.0, 0.1), file)
+    job = job_with(file, second_height=2.0, second_chuck_diameter=20.0, second_chuck_height=4.0)
+    post = post_below(lump, job.holding)
+    clamping = clamping_of(job.holding, MACHINE.table)
+    scene = Scene(lump, lump, smallest_capsule(lump.vertices, 0.5), post, 0.1, clamping=clamping)
+    paths = parting_paths(scene, job, axis_limits(MACHINE), MACHINE.bodies)
+    removal = simulate_removal(
+        write_program(paths, MACHINE, DIALECT, job).text,
+        MACHINE,
+        DIALECT,
+        ConvexStock(convex_hull(lump.vertices), proven=True),
+        post,
+        cutters_of(job, MACHINE),
+        clamping=clamping,
+        part=pebble(),
+    )
+    levels = SimpleNamespace(levels=[level_of(pebble())])
+    return SimpleNamespace(job=job, part=part_of(lump), levels=levels, removal=removal, paths=paths)
+
+
+@pytest.fixture(scope="module")
+def second(parted) -> SecondProgram:
+    made = second_program(parted, MACHINE, DIALECT, "bone.h")
+    assert made is not None
+    return made
+
+
+def test_the_second_program_cuts_off_what_stayed_at_the_post(second):
+    told = second.report
+    assert told["at_post_before_mm2"] > 12, "the post of 4 mm alone covers 12.6"
+    assert told["at_post_after_mm2"] == 0
+    assert told["gouge_max_mm"] <= 0.01
+    assert told["removal"]["rapid_contact_mm3"] == 0
+    assert told["shell_clearance_mm"] > 1.0
+    assert told["file"] == "bone.second.h"
+    assert told["time_min"] < 5
+
+
+def test_balls_touch_the_turned_part_where_the_post_stood(second, parted):
+    clamping = second.clamping
+    assert clamping.shell.bounds[0, 2] == pytest.approx(2.0)
+    stood = clamping.part.move(np.linalg.inv(clamping.pose))
+    np.testing.assert_allclose(stood.bounds, parted.part.mesh.bounds, atol=0.02)
+    finishing = second.paths[-1]
+    cutting = ~np.isnan(finishing.contacts[:, 0])
+    off = MeshDistance(clamping.part).signed(finishing.balls[cutting]) - finishing.cutter.radius
+    assert off.min() > -0.01
+    assert np.percentile(off, 90) < 0.01
+    assert finishing.contacts[cutting, 2].min() > clamping.part.bounds[1, 2] - 2.0
+
+
+def test_the_header_tells_the_second_mounting(second):
+    text = second.program.text.upper()
+    assert "TURNED OVER ABOUT X" in text
+    assert "DIAMETER 20.00 MM, UP TO Z 4.00" in text
+    assert "TEXT READ BACK" in text
+    assert "POST BELOW IT" not in text
+
+
+def test_the_material_of_the_second_program_is_the_stump(second, parted):
+    rough = second.report["removal"]["levels"]
+    groove = parted.paths[0]
+    height = parted.part.mesh.bounds[0, 2] - 1.0 - groove.cutter.radius
+    assert sum(level["removed_mm3"] for level in rough) == pytest.approx(
+        np.pi * 4 * 1.0 + np.pi * 1.5**2 * 1.0, rel=0.4
+    ), "a stump of 1 mm and half of the groove's bridge"
+    assert height < parted.part.mesh.bounds[0, 2]
+
+
+@pytest.mark.slow
+def test_a_part_gets_both_programs(tmp_path: Path) -> None:
+    job = Job().with_values(
+        surface={"tolerance": 0.2},
+        levels={"roughing_depth": 1.2, "finishing_depth": 0.3, "chord_tolerance": 0.02},
+        roughing={"scallop": 0.3},
+        holding={"parting": True, "second": str(tmp_path / "shell.stl")},
+    )
+    bonecam.clamping_shell(shipped("phalanx"), job, output=tmp_path / "shell.stl")
+    made = bonecam.convert(shipped("phalanx"), job, program=tmp_path / "bone.h", keep=tmp_path / "keep")
+    assert made.report["second"]["at_post_after_mm2"] < 0.5
+    assert "at the post still keep more than 0.02 mm" in made.summary
+    assert made.second is not None
+    assert (tmp_path / "bone.second.h").read_text() == made.second.program.text
+    kept = {path.name for path in (tmp_path / "keep").iterdir()}
+    assert {"second.h", "second.ply", "second.png"} <= kept
+
+
+def test_a_job_tells_what_the_second_clamping_needs() -> None:
+    with pytest.raises(JobError, match=r"second = 'a\.stl': give holding\.parting = true"):
+        HoldingJob(second="a.stl")
+    with pytest.raises(JobError, match="second_chuck_diameter = 0: give both sizes"):
+        HoldingJob(second_chuck_height=3.0)
+    with pytest.raises(JobError, match="begins with what the simulation of the first leaves"):
+        bonecam.convert(LUMP, job_with(Path("a.stl")), simulation=False)
+
+
+def _moved(mesh: TriangleMesh, *shift: float) -> TriangleMesh:
+    pose = np.eye(4)
+    pose[:3, 3] = shift
+    return mesh.move(pose)
+
+
+@pytest.mark.parametrize(
+    ("fault", "error", "message"),
+    [
+        ("open", MeshError, r"second = .*is not closed near"),
+        ("aside", JobError, r"second = .*it enters the part by \d\.\d+ mm"),
+        ("wide", JobError, r"second = .*it lets the part move towards"),
+        ("long", JobError, r"second = .*mm of the ball that cuts the stump off: end it farther up"),
+    ],
+)
+def test_a_shell_that_does_not_do_is_refused_before_any_level_is_made(
+    fault: str, error: type[BonecamError], message: str, tmp_path: Path
+) -> None:
+    good = shell_round(LUMP, 0.5, 2.0, 0.1)
+    shells = {
+        "open": lambda: TriangleMesh(good.vertices, good.faces[1:]),
+        "aside": lambda: _moved(good, 0.5, 0.0, 0.0),
+        "wide": lambda: shell_round(LUMP, 0.5, 2.0, 0.5),
+        "long": lambda: shell_round(LUMP, 0.9, 2.0, 0.1),
+    }
+    file = tmp_path / "shell.stl"
+    write_mesh(shells[fault](), file)
+    with pytest.raises(error, match=message):
+        check_second(part_of(LUMP), post_below(LUMP, JOB.holding), job_with(file))
+
+
+def test_a_shell_has_a_size() -> None:
+    with pytest.raises(ValueError, match="covered = 1, wall = 3, gap = 0: give a share between 0 and 1"):
+        shell_round(LUMP, 1.0, 3.0, 0.0)
