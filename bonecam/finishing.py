@@ -1,12 +1,13 @@
 """One surface machined alone, such as a blade between its neighbours: read, planned, posted, read back."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from bonecam import progress as told
-from bonecam.errors import SurfaceError
+from bonecam.errors import BonecamError, JobError, SurfaceError
 from bonecam.files import check_files
 from bonecam.job import Job
 from bonecam.mesh.distance import MeshDistance
@@ -30,7 +31,12 @@ from bonecam.progress import Progress, silent
 from bonecam.runtime.timing import StageTimes
 from bonecam.surface.blades.blade_solid import blade_solid
 from bonecam.surface.files.machined_surface import machined_surface
-from bonecam.surface.files.surface_input import check_outward, check_surface_size, closed_mesh
+from bonecam.surface.files.surface_input import (
+    check_outward,
+    check_surface_size,
+    check_uncovered,
+    closed_mesh,
+)
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.gouge import MESH_SHARE, planned_tolerance
 from bonecam.toolpath.path import ToolPath
@@ -72,14 +78,13 @@ def finish(
     (wanted := Outputs(program, keep, report, html=html, apt=apt)).check(source, dialect)
     solids = _checked_solids((part, *obstacles), program, report, html, apt)
     times = StageTimes()
-    shape, solid = _read(surface, solids, job, times, has_part=part is not None)
-    with times.stage("toolpath"):
-        told.report(progress, 0.2, "planning the path")
-        workpiece = stand_workpiece(shape, solid, job, axis_limits(machine), machine.bodies)
-        job = replace(job, holding=replace(job.holding, length=workpiece.length))
-        path = plan_surface(workpiece, job, axis_limits(machine), machine.bodies)
-    told.report(progress, 0.8, "writing and checking")
-    path, posted, proof = _posted(path, workpiece, job, machine, dialect, source, program, times)
+    name = str(source) if source else "the surface"
+    shape, solid = _read(surface, name, solids, job, times, has_part=part is not None)
+    told.report(progress, 0.2, "planning the path")
+    with _naming(name):
+        workpiece, job, path = _planned(shape, solid, job, machine, times)
+        told.report(progress, 0.8, "writing and checking")
+        path, posted, proof = _posted(path, workpiece, job, machine, dialect, source, program, times)
     followed = workpiece.surface.tessellate(PAGE_CHORD)
     figures = {
         **_figures(workpiece, job, source, len(solids)),
@@ -99,8 +104,20 @@ def _checked_solids(given: Sequence[Solid | None], *wanted: File) -> list[Solid]
     return solids
 
 
+@contextmanager
+def _naming(name: str) -> Iterator[None]:
+    """Errors of path and program name the surface that they are about; those of the job say so themselves."""
+    try:
+        yield
+    except JobError:
+        raise
+    except BonecamError as error:
+        raise type(error)(f"{name}: {error}", **{"file": name, **error.evidence}) from error
+
+
 def _read(
     surface: str | Path | MeshLike | TSpline,
+    name: str,
     solids: Sequence[Solid],
     job: Job,
     times: StageTimes,
@@ -108,12 +125,13 @@ def _read(
     has_part: bool,
 ) -> tuple[TSpline, TriangleMesh]:
     """The surface to machine, and the solid that must not be gouged, mm."""
-    name = str(surface) if isinstance(surface, str | Path) else "the surface"
     with times.stage("surface"):
         if not isinstance(surface, TSpline):
             surface = machined_surface(surface, job.mesh.units, job.surface.tolerance)
         check_surface_size(surface, name)
-        return surface, _solid(surface, name, solids, job, has_part=has_part)
+        solid = _solid(surface, name, solids, job, has_part=has_part)
+        check_uncovered(surface, solid, name)
+        return surface, solid
 
 
 def _solid(surface: TSpline, name: str, solids: Sequence[Solid], job: Job, *, has_part: bool) -> TriangleMesh:
@@ -129,7 +147,9 @@ def _solid(surface: TSpline, name: str, solids: Sequence[Solid], job: Job, *, ha
     elif has_part:
         own = []
     else:
-        raise SurfaceError("an open surface bounds no solid: give the part that it belongs to (--part)")
+        raise SurfaceError(
+            f"{name}: an open surface bounds no solid: give the part that it belongs to (--part)"
+        )
     names = ["the surface"] * len(own) + [_name_of(solid, number) for number, solid in enumerate(solids)]
     return solid_union([*own, *(_read_solid(solid, job.mesh.units) for solid in solids)], names)
 
@@ -144,6 +164,17 @@ def _read_solid(solid: Solid, units: str) -> TriangleMesh:
     if isinstance(solid, str | Path):
         return to_mm(read_mesh(solid), units, str(solid))
     return to_mm(mesh_from(solid), units)
+
+
+def _planned(
+    surface: TSpline, solid: TriangleMesh, job: Job, machine: Machine, times: StageTimes
+) -> tuple[Workpiece, Job, ToolPath]:
+    """The surface on its post, the job with the post's length, and the path."""
+    limits = axis_limits(machine)
+    with times.stage("toolpath"):
+        workpiece = stand_workpiece(surface, solid, job, limits, machine.bodies)
+        job = replace(job, holding=replace(job.holding, length=workpiece.length))
+        return workpiece, job, plan_surface(workpiece, job, limits, machine.bodies)
 
 
 def _posted(

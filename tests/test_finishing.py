@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import bonecam
-from bonecam.errors import FileError, MeshError, SurfaceError, UnitsError
+from bonecam.errors import FileError, MachineError, MeshError, SurfaceError, UnitsError
 from bonecam.mesh import MeshDistance, write_mesh
 from bonecam.mesh.triangle_mesh import keep_faces
 from bonecam.setup.revolution import revolve
@@ -178,3 +178,21 @@ def test_surfaces_far_larger_than_a_part_are_refused_before_they_are_tessellated
             UnitsError, match=rf"{name}: .*e\+05 mm from corner to corner: .*: scale it first"
         ):
             bonecam.finish(given, job=JOB)
+
+
+def test_refusals_of_path_and_program_name_the_surface(tmp_path: Path) -> None:
+    file = tmp_path / "far.xyz"
+    steps = (-9, -3, 3, 9)
+    file.write_text(
+        "\n\n".join("\n".join(f"{9000 + x} {y} 8" for x in steps) for y in steps), encoding="utf-8"
+    )
+    with pytest.raises(MachineError, match=r"far.xyz: .*X runs over"):
+        bonecam.finish(file, block(), job=JOB)
+
+
+def test_a_surface_that_faces_into_its_part_is_refused_before_it_is_planned() -> None:
+    mirrored = panel().with_control_points(panel().control_points * [-1, 1, 1])
+    with pytest.raises(
+        SurfaceError, match=r"the surface: 100% of it lies in the solids .*: reverse every row"
+    ):
+        bonecam.finish(mirrored, block(), job=JOB)
