@@ -117,15 +117,13 @@ class MeshSet(meshlab().MeshSet):  # type: ignore[misc]
 
         MeshSetError names an unknown filter or parameter; of MeshLab's own filters it carries MeshLab's words.
         """
-        try:
+        with _as_ours():
             if filter_name in self.registry.names:
                 return self._apply_ours(self.registry[filter_name], values)
             if filter_name not in meshlab_filters():
                 remedy = f"{did_you_mean(filter_name, self.filter_list())}: `bonecam filters` lists them"
                 raise FilterError(f"there is no filter {filter_name!r}{remedy}", filter=filter_name)
             result = self.apply_native(filter_name, **values)
-        except FilterError as error:
-            raise MeshSetError(str(error), **error.evidence) from error
         self._history.append(self._native_calls - 1)
         return result
 
@@ -195,11 +193,9 @@ class MeshSet(meshlab().MeshSet):  # type: ignore[misc]
         )
 
     def load_filter_script(self, filter_script_name: str) -> None:
-        """Read a script of MeshLab's filters and ours in place of what was applied so far.
-
-        FileError or FilterError with the line of what is wrong in it.
-        """
-        steps = read_script(filter_script_name, self.registry)
+        """Read a script of MeshLab's filters and ours in place of what was applied so far; an error names its line."""
+        with _as_ours():
+            steps = read_script(filter_script_name, self.registry)
         self.clear_filter_script()
         self._loaded = tuple(steps)
         self._loaded_from = filter_script_name
@@ -210,7 +206,8 @@ class MeshSet(meshlab().MeshSet):  # type: ignore[misc]
         It writes into the folder of this MeshSet and over no file that is there, and reads files beside the
         script, but for `allow_outside` and `force`.
         """
-        apply_steps(self, self.placed(self._loaded, self._loaded_from), self._loaded_from, self.progress)
+        with _as_ours():
+            apply_steps(self, self.placed(self._loaded, self._loaded_from), self._loaded_from, self.progress)
 
     def placed(self, steps: Sequence[Step], script: str) -> list[Step]:
         """The steps with the names of their files in the folders that a script may use."""
@@ -228,9 +225,11 @@ class MeshSet(meshlab().MeshSet):  # type: ignore[misc]
 
 @contextmanager
 def _as_ours() -> Iterator[None]:
-    """What is wrong with a file is told as MeshSetFileError."""
+    """What is wrong with a filter is told as MeshSetError, with a file as MeshSetFileError."""
     try:
         yield
+    except FilterError as error:
+        raise MeshSetError(str(error), **error.evidence) from error
     except (FileError, meshlab().PyMeshLabException) as error:
         raise MeshSetFileError(str(error), **getattr(error, "evidence", {})) from error
 

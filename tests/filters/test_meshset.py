@@ -17,6 +17,8 @@ from bonecam.filters.meshset import MeshSet
 from bonecam.filters.script import apply_script
 from bonecam.progress import Progress, report
 
+SCRIPT_OF_UNKNOWN = '<!DOCTYPE FilterScript><FilterScript><filter name="nothing"/></FilterScript>'
+
 
 def test_both_sorts_apply_by_name_and_as_methods(meshes: MeshSet) -> None:
     assert isinstance(meshes, pymeshlab.MeshSet)
@@ -188,3 +190,13 @@ def test_a_filter_cannot_end_the_program(phalanx: Path) -> None:
     with pytest.raises(FilterError, match=r"apply_leave: it would end the program \(sys\.exit\(3\)\): mend"):
         meshes.apply_leave()
     assert meshes.layers.count == 1
+
+
+@pytest.mark.parametrize("text", [None, "junk", SCRIPT_OF_UNKNOWN])
+def test_a_script_that_cannot_be_used_is_an_error_of_pymeshlab_too(text: str | None, tmp_path: Path) -> None:
+    file = tmp_path / "steps.mlx"
+    if text is not None:
+        file.write_text(text, encoding="utf-8")
+    meshes = MeshSet()
+    with pytest.raises(pymeshlab.PyMeshLabException, match=r"steps.mlx"):
+        meshes.load_filter_script(str(file))
