@@ -209,3 +209,16 @@ def test_every_parameter_takes_or_refuses_a_hostile_value_in_one_line(section: s
         told = [refusal(section, item.name, value) for value in HOSTILE]
         assert all(not text or text.startswith(f"[{section}] ") for text in told), told
         assert not any("\n" in text for text in told), told
+
+
+@pytest.mark.parametrize(
+    ("path", "told"),
+    [
+        ({"strategy": "rotary", "pattern": "spiral"}, r"pattern = 'spiral': strategy = 'rotary' has passes"),
+        ({"strategy": "iso-height", "fine_cutter": True}, "fine_cutter = True: strategy = 'iso-height' has"),
+        ({"certify": "fcl", "orientation": "lead"}, "certify = 'fcl': orientation = 'lead' makes no cones"),
+    ],
+)
+def test_what_a_strategy_does_not_heed_is_refused(path: dict[str, object], told: str) -> None:
+    with pytest.raises(JobError, match=rf"\[path\] {told}"):
+        Job().with_values(path=path)

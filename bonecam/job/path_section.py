@@ -1,9 +1,13 @@
 """The section [path] of a job."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from bonecam.errors import JobError
 from bonecam.job.parameter import Section, check, parameter
+from bonecam.text.faults import shown
+
+OF_MORPH = ("pattern", "direction", "fine_cutter", "orientation", "certify", "least_lead_deg")
+"""What only paths on the levels of a morph heed."""
 
 
 @dataclass(frozen=True)
@@ -126,3 +130,13 @@ class PathJob(Section):
         if abs(self.lead_deg) > self.max_tilt_deg:
             bound = f"keep it within path.max_tilt_deg ({self.max_tilt_deg:g})"
             raise JobError(f"lead_deg = {self.lead_deg:g}: {bound}", field="lead_deg")
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if self.strategy != "morph" and item.name in OF_MORPH and value != item.default:
+                bound = f"strategy = {self.strategy!r} has passes and axes of its own: leave it out, or take 'morph'"
+                raise JobError(f"{item.name} = {shown(value)}: {bound}", field=item.name)
+        if self.certify == "fcl" and self.orientation != "cones":
+            bound = (
+                f"orientation = {self.orientation!r} makes no cones to certify: leave it out, or take 'cones'"
+            )
+            raise JobError(f"certify = 'fcl': {bound}", field="certify")
