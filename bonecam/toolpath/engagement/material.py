@@ -23,6 +23,7 @@ from bonecam.mesh.facets.vertex_normals import vertex_normals
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.stock import Stock
 from bonecam.toolpath.engagement.entering import ball_depths, enters_beside
+from bonecam.toolpath.engagement.stock_places import places_on_stock
 from bonecam.toolpath.path import Kind, ToolPath
 
 CHORD = 0.05
@@ -70,10 +71,9 @@ def _swept_after(path: ToolPath, before: Sequence[Swept]) -> tuple[Swept, ...]:
 class Material:
     """The material left: the vertices of `grid` moved to `vertices`, and its closed `mesh`; and places of its
     surface, those of the finer grid `depth_grid` moved to `places`. `swept` is where balls cut on the last two levels.
-    `uncut` is the stock before the first cut: depths are measured from it, as no grid follows the edges of a bar.
+    `uncut` is the stock before the first cut: depths are measured from it.
 
-    While levels that round the edges of the stock are cut, `mesh` stays the whole stock: the grid cannot
-    follow an edge.
+    While levels that round the edges of the stock are cut, `mesh` stays the whole stock.
     """
 
     grid: LevelGrid
@@ -157,7 +157,7 @@ def uncut_material(levels: Sequence[Level], stock: Stock) -> Material:
     machined = machined_levels(levels)
     nets = [level.control_points for level in machined]
     grid, fine = (level_grid(machined[0].surface, nets, chord) for chord in (CHORD, DEPTH_CHORD))
-    vertices, places = (stock.closest_points(each.R @ nets[-1]) for each in (grid, fine))
+    vertices, places = (places_on_stock(stock, each.R @ nets[-1], each.faces) for each in (grid, fine))
     return Material(grid, vertices, levels[-1].mesh, fine, places, uncut=stock)
 
 

@@ -243,10 +243,10 @@ def test_the_mesh_ends_behind_the_foot_of_a_cliff(
     assert kept[raw > np.quantile(raw, 0.9)] == pytest.approx(raw[raw > np.quantile(raw, 0.9)])
 
 
-def test_before_the_first_cut_depths_count_from_the_edges_of_a_bar(
+def test_depths_count_from_the_edges_of_a_bar_before_the_first_cut_and_after_it(
     levels: tuple[MachinedLevel, MachinedLevel, StockLevel],
 ) -> None:
-    """A ball that touches a rounding of the bar's rim; the grid, which follows no edge, ends below it."""
+    """A ball that touches a rounding of the bar's rim; an edge that no tool reaches stays."""
     bar = Cylinder(6.0, 28.0, 46.0)
     outermost = StockLevel(2, bar.mesh(0.01), 0.5, NO_CUT)
     material = uncut_material([*levels[:2], outermost], bar)
@@ -259,7 +259,8 @@ def test_before_the_first_cut_depths_count_from_the_edges_of_a_bar(
     assert away[0] == pytest.approx(out)
     aside = np.array([[0.0, centre[0], centre[2]]])
     assert material.entered_anew(aside, centre[None], ball, 0.01).all()
-    assert replace(material, uncut=None).depths(centre[None], ball)[0][0] < 0.3
+    after = replace(material, uncut=None).depths(centre[None], ball)[0]
+    assert after[0] == pytest.approx(rounding * (np.sqrt(2) - 1), abs=0.02)
 
 
 def test_a_rest_path_of_the_next_level_makes_no_ball_deeper(
