@@ -162,7 +162,12 @@ def test_the_report_has_its_keys(sound):
     names = {"cell_mm", "levels", "rapid_contact_mm3", "links", "clearance_mm", "left", "bridge_diameter_mm"}
     assert set(sound.report) == names
     assert set(sound.report["clearance_mm"]) == {"shank", "holder", "spindle", "table"}
-    assert sound.report["levels"][0]["index"] == 0
+    assert set(sound.report["left"]) >= {"area_over_0_02_mm2", "max_mm", "place", "by_reason"}
+    level = sound.report["levels"][0]
+    assert level["index"] == 0
+    depths = {"depth_max_mm", "depth_p99_mm", "over_limit_mm"}
+    assert set(level) >= {"removed_mm3", "air_time_share", *depths}
+    assert level["over_limit_mm"] == pytest.approx(max(level["depth_max_mm"] - 3.0, 0.0), abs=1e-4)
 
 
 def test_what_is_left_is_told_by_reason(sound):
