@@ -18,10 +18,11 @@ from bonecam.orientation.collision.checker import CollisionChecker
 from bonecam.orientation.collision.scene import Scene
 from bonecam.orientation.cones.free_axes import blocked_by
 from bonecam.orientation.limits import AxisLimits
-from bonecam.orientation.links.direct import direct_links
+from bonecam.orientation.links.direct import Contacts, contacts_of, direct_links
 from bonecam.orientation.links.link_space import LinkSpace
-from bonecam.orientation.links.moves import Feeds, Moves, join_moves, moves_of
+from bonecam.orientation.links.moves import NO_MOVES, Feeds, Moves, join_moves, moves_of
 from bonecam.orientation.links.sequence import LinkedRuns, link_runs
+from bonecam.orientation.links.step_over import steps_over
 from bonecam.toolpath.engagement.material import Material
 from bonecam.toolpath.gouge import planned_tolerance
 from bonecam.toolpath.layers.standing import StandingMesh
@@ -68,9 +69,9 @@ def orient(
         chosen = choose_axes(path, checker, limits, job, wanted)
     blocked = _blocked(path, chosen, scene, limits, job)
 
-    runs = _runs(path, chosen, checker)
+    runs, near = _near_links(space, path, chosen.axes, _runs(path, chosen, checker))
     poses = list(zip(path.centres, chosen.axes))
-    linked = link_runs(space, poses, runs, _direct_links(space, path, chosen.axes, runs))
+    linked = link_runs(space, poses, runs, near)
     if linked.home is None:
         raise OrientationError(
             f"level {path.level}: no pass can be reached safely: raise path.clearance or the tool's overhang",
@@ -141,21 +142,40 @@ def _joined(
     return checker.moves_free(tips, axes, joined, chosen.free_in_motion[index])
 
 
-def _direct_links(
+def _near_links(
     space: LinkSpace, path: ContactPath, axes: Float[ndarray, "n 3"], runs: Sequence[Run]
-) -> list[Moves | None]:
-    """The direct link from each run but the last to the next one, or None."""
+) -> tuple[list[Run], list[Moves | None]]:
+    """The runs, and the link near the level from each but the last to the next: no moves where the tool steps over on
+    the surface, if it can to behind the ramp, which is then left out; else the direct link, or None."""
+    longest = DIRECT_RADII * path.cutter.radius
+    level = [run[np.argmin(path.ramp[run]) :] for run in runs]
+    over = steps_over(space, *_between(path, axes, level), longest)
+    runs = [flat if stepped else run for run, flat, stepped in zip(runs, level, np.r_[False, over])]
+
+    links: list[Moves | None] = [NO_MOVES] * len(over)
+    apart = np.flatnonzero(~over)
+    ends, starts = (contacts_of(contacts, apart) for contacts in _between(path, axes, runs))
+    left = np.flatnonzero(~steps_over(space, ends, starts, longest))
+    direct = direct_links(space, contacts_of(ends, left), contacts_of(starts, left), longest)
+    for k, link in zip(apart[left], direct, strict=True):
+        links[k] = link
+    return runs, links
+
+
+def _between(
+    path: ContactPath, axes: Float[ndarray, "n 3"], runs: Sequence[Run]
+) -> tuple[Contacts, Contacts]:
+    """The last contacts of all runs but the last one, and the first ones of those that follow."""
     last = np.array([run[-1] for run in runs[:-1]], dtype=np.int64)
     first = np.array([run[0] for run in runs[1:]], dtype=np.int64)
     ends = path.centres[last], path.normals[last], axes[last]
-    starts = path.centres[first], path.normals[first], axes[first]
-    return direct_links(space, ends, starts, DIRECT_RADII * path.cutter.radius)
+    return ends, (path.centres[first], path.normals[first], axes[first])
 
 
-def _cut(path: ContactPath, axes: Float[ndarray, "n 3"], run: Run, plunge_feed: float) -> Moves:
-    """The cutting moves of a run; it is entered at the plunge feed."""
+def _cut(path: ContactPath, axes: Float[ndarray, "n 3"], run: Run, first_feed: float) -> Moves:
+    """The cutting moves of a run; it is entered at the first feed."""
     feeds = np.full(len(run), path.cutter.feed)
-    feeds[0] = min(plunge_feed, path.cutter.feed)
+    feeds[0] = min(first_feed, path.cutter.feed)
     return Moves(np.full(len(run), int(Kind.CUT)), path.centres[run], axes[run], feeds)
 
 
@@ -174,8 +194,11 @@ def _tool_path(
     moves = [moves_of(Kind.RAPID, centre[None], axis[None], space.feeds.rapid)]
     contacts: list[ndarray] = [np.full(1, -1)]
     passes: list[ndarray] = [np.full(1, -1)]
-    for number, (k, link) in enumerate(linked.links):
-        moves += [link, _cut(path, chosen.axes, runs[k], space.feeds.plunge)]
+    number = -1
+    for k, link in linked.links:
+        number += len(link) > 0
+        first_feed = space.feeds.plunge if len(link) else path.cutter.feed
+        moves += [link, _cut(path, chosen.axes, runs[k], first_feed)]
         contacts += [np.full(len(link), -1), runs[k]]
         passes += [np.full(len(link), -1), np.full(len(runs[k]), number)]
     away = np.full(len(linked.home), -1)

@@ -175,16 +175,16 @@ def contact_path(
         raise _nothing_to_cut(level, reasons, candidates.contacts[uncut])
     made = _stretches(candidates, ~left_out, material, allowed)
     kept = made.index
+    frames = candidates.parameters[kept], candidates.contacts[kept], candidates.normals[kept]
     return ContactPath(
         level.index,
         cutter,
         made.passes,
-        candidates.parameters[kept],
-        candidates.contacts[kept],
-        candidates.normals[kept],
+        *frames,
         candidates.feeds[kept],
         candidates.centres[kept] + made.raised,
         lifts[kept],
+        made.ramp,
         np.vstack([candidates.contacts[uncut], candidates.contacts[made.short]]),
         (*reasons.tolist(), *("short",) * len(made.short)),
         _trimmed(candidates, ~left_out, made),

@@ -122,6 +122,7 @@ def _step(
         np.column_stack([-np.sin(angle), np.cos(angle), np.zeros(len(angle))]),
         (radii + cutter.radius)[:, None] * normals + up,
         np.zeros(len(angle)),
+        np.zeros(len(angle), dtype=bool),
         np.zeros((0, 3)),
         (),
         rest=number,

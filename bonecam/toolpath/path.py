@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from enum import IntEnum
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from bonecam.arrays import angles_between, unit
@@ -29,10 +29,10 @@ class ContactPath:
 
     Consecutive points of one pass (`pass_index`) are joined by cutting moves. `parameters` are (s, t) on the
     surface of the level, `normals` point outward, `feeds` are unit feed directions. `centres` of the ball are
-    contact + (radius + lift) * normal; `lifts` (mm) are 0 but where the ball would gouge. `uncut` are the
-    contacts that were left out, `reasons` one word for each (post, gouge, covered, short). `trimmed` is the length of
-    passes (mm) that were left out because they would hardly have cut. `rest` numbers from 1 the rest paths before the
-    level's own one, 0, and the steps of PARTING.
+    contact + (radius + lift) * normal; `lifts` (mm) are 0 but where the ball would gouge. Those on a `ramp` before a
+    pass are raised, and follow once more on the pass itself. `uncut` are the contacts that were left out, `reasons` one
+    word for each (post, gouge, covered, short). `trimmed` is the length of passes (mm) that were left out because they
+    would hardly have cut. `rest` numbers from 1 the rest paths before the level's own one, 0, and the steps of PARTING.
     """
 
     level: int
@@ -44,6 +44,7 @@ class ContactPath:
     feeds: Float[ndarray, "n 3"]
     centres: Float[ndarray, "n 3"]
     lifts: Float[ndarray, "n"]
+    ramp: Bool[ndarray, "n"]
     uncut: Float[ndarray, "u 3"]
     reasons: tuple[str, ...]
     trimmed: float = 0.0
@@ -51,7 +52,7 @@ class ContactPath:
 
     def take(self, contacts: Int[ndarray, " k"]) -> "ContactPath":
         """The path with these contacts (by index) alone."""
-        names = ("pass_index", "parameters", "contacts", "normals", "feeds", "centres", "lifts")
+        names = ("pass_index", "parameters", "contacts", "normals", "feeds", "centres", "lifts", "ramp")
         return replace(self, **{name: getattr(self, name)[contacts] for name in names})
 
 

@@ -16,6 +16,7 @@ from numpy import ndarray
 
 from bonecam.toolpath.contacts import MAX_LIFT_RADII, CandidateContacts
 from bonecam.toolpath.engagement.material import Material
+from bonecam.toolpath.engagement.move_depths import move_depths
 from bonecam.toolpath.engagement.stretches import (
     UNCERTAIN,
     Allowed,
@@ -37,8 +38,6 @@ MAX_ROUNDS = 20
 """Times that a ball is moved out of the material, at most."""
 OVERSHOOT = 1.2
 """A ball is moved by its excess depth times this factor, to get out of narrow places in fewer rounds."""
-DENSE = 0.25
-"""Depths on a move are measured no farther apart, mm, as the places of the material are."""
 ENTRY_LENGTH = 15.0
 """What it takes to enter a rest pass, as a length of cutting, mm: 1 s at 900 mm/min."""
 
@@ -95,25 +94,9 @@ def after_steps(path: ContactPath, material: Material, allowed: Allowed) -> Cont
     goes_on = (np.diff(kept) == 1) & (np.diff(path.pass_index[kept]) == 0)
     first, last = kept[:-1][goes_on], kept[1:][goes_on]
     deepest = np.maximum(np.maximum(depth[first], depth[last]), allowed.deepest)
-    between = _depths_between(path.centres[first], path.centres[last], radius, material)
+    between = move_depths(material.depths, path.centres[first], path.centres[last], radius)
     goes_on[goes_on] = between <= deepest
     return replace(path.take(kept), pass_index=np.r_[0, np.cumsum(~goes_on)][: len(kept)])
-
-
-def _depths_between(
-    starts: Float[ndarray, "m 3"], ends: Float[ndarray, "m 3"], radius: float, material: Material
-) -> Float[ndarray, " m"]:
-    """The largest depth of the ball between the ends of each straight move, at places no more than DENSE apart; 0
-    where there is none."""
-    counts = np.ceil(np.linalg.norm(ends - starts, axis=1) / DENSE).astype(np.int64) - 1
-    counts = np.maximum(counts, 0)
-    move = np.repeat(np.arange(len(starts)), counts)
-    place = np.arange(len(move)) - np.repeat(np.cumsum(counts) - counts, counts) + 1
-    share = (place / (counts[move] + 1))[:, None]
-    depths, _ = material.depths((1 - share) * starts[move] + share * ends[move], radius)
-    deepest = np.zeros(len(starts))
-    np.maximum.at(deepest, move, depths)
-    return deepest
 
 
 def _first(candidates: CandidateContacts, material: Material, allowed: Allowed) -> RestStep:
@@ -218,6 +201,7 @@ def _contact_path(step: RestStep, allowed: Allowed, number: int) -> ContactPath:
         candidates.feeds[kept],
         candidates.centres[kept] + made.raised,
         candidates.lifts[kept],
+        made.ramp,
         np.zeros((0, 3)),
         (),
         rest=number,

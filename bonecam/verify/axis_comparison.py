@@ -128,9 +128,8 @@ def compare_axes(path: ToolPath, scene: Scene, limits: AxisLimits, job: PathJob)
     ways = _ways(balls, passes)
     along = unit(ways - dots(ways, normals)[:, None] * normals)
     points = (path.parameters[cuts], path.contacts[cuts], normals, along, balls)
-    contacts = ContactPath(
-        path.level, path.cutter, passes, *points, np.zeros(len(balls)), np.zeros((0, 3)), ()
-    )
+    flat = np.zeros(len(balls)), np.zeros(len(balls), dtype=bool)
+    contacts = ContactPath(path.level, path.cutter, passes, *points, *flat, np.zeros((0, 3)), ())
     checker = CollisionChecker(scene, path.cutter)
     lead = f"lead {job.lead_deg:g} deg"
     named = {

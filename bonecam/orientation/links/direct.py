@@ -34,7 +34,7 @@ LONG_STEPS = 20
 """Straight moves of a longer link."""
 LONG = 20.0
 """No link is longer, mm: 0.8 s at 1500 mm/min, which is what a retract takes."""
-MAX_LONG_TURN = np.radians(80.0)
+MAX_LONG_TURN = np.radians(150.0)
 """A longer link that would turn axis or normal by more is none, radians: opposite ones have no turn between them."""
 ROUNDS = 6
 """Times that a ball is raised out of the material."""
@@ -57,7 +57,7 @@ def direct_links(space: LinkSpace, ends: Contacts, starts: Contacts, short: floa
     for lift, along in product(LIFTS, (1, 2)):
         if not len(left):
             break
-        a, b = (_of(contacts, left) for contacts in (ends, starts))
+        a, b = (contacts_of(contacts, left) for contacts in (ends, starts))
         links = _straight(a, b, lift * a[along], lift * b[along])
         left = left[~_take(found, left, links, (a, b), space, feed)]
 
@@ -65,12 +65,12 @@ def direct_links(space: LinkSpace, ends: Contacts, starts: Contacts, short: floa
     open_ = np.array([link is None for link in found], dtype=bool)
     left = np.flatnonzero(open_ & (away <= LONG) & (turns <= MAX_LONG_TURN))
     if len(left):
-        a, b = (_of(contacts, left) for contacts in (ends, starts))
+        a, b = (contacts_of(contacts, left) for contacts in (ends, starts))
         _take(found, left, _taut(space, a, b), (a, b), space, space.feeds.link)
     return found
 
 
-def _of(contacts: Contacts, which: Int[ndarray, " m"]) -> tuple[ndarray, ndarray, ndarray]:
+def contacts_of(contacts: Contacts, which: Int[ndarray, " m"]) -> tuple[ndarray, ndarray, ndarray]:
     """Some of the contacts."""
     centres, normals, axes = contacts
     return centres[which], normals[which], axes[which]

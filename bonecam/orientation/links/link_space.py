@@ -15,6 +15,7 @@ from bonecam.orientation.limits import AxisLimits
 from bonecam.orientation.links.clearance_surface import ClearanceSurface
 from bonecam.orientation.links.moves import Feeds, Pose
 from bonecam.toolpath.engagement.material import Material
+from bonecam.toolpath.engagement.move_depths import move_depths
 from bonecam.toolpath.engagement.stretches import UNCERTAIN
 from bonecam.toolpath.gouge import moves_gouge_free
 from bonecam.toolpath.layers.standing import StandingMesh
@@ -79,6 +80,16 @@ class LinkSpace:
             return np.ones(len(centres), dtype=bool)
         depth, _ = self.material.depths(centres.reshape(-1, 3), self.ball_radius)
         return np.asarray((depth <= IN_AIR).reshape(centres.shape[:2]).all(axis=1))
+
+    def no_deeper_between(
+        self, starts: Float[ndarray, "m 3"], ends: Float[ndarray, "m 3"]
+    ) -> Bool[ndarray, " m"]:
+        """Whether the ball goes no deeper on each straight move of its centre than at the deepest of all their ends."""
+        if self.material is None or not len(starts):
+            return np.ones(len(starts), dtype=bool)
+        depths, radius = self.material.depths, self.ball_radius
+        deepest = max(float(depths(places, radius)[0].max()) for places in (starts, ends))
+        return np.asarray(move_depths(depths, starts, ends, radius) <= max(deepest, 0.0) + IN_AIR)
 
     def left_in_air(
         self, contacts: Float[ndarray, "k 3"], centres: Float[ndarray, "k p 3"], deepest: float = IN_AIR

@@ -35,6 +35,10 @@ class Moves:
         return len(self.kinds)
 
 
+NO_MOVES = Moves(np.zeros(0, dtype=np.int64), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
+"""Nothing is between two runs: the tool cuts straight on."""
+
+
 def moves_of(kind: Kind, centres: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], feed: float) -> Moves:
     """Moves of one kind at one feed."""
     return Moves(np.full(len(centres), int(kind)), centres, axes, np.full(len(centres), feed))

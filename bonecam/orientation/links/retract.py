@@ -17,7 +17,7 @@ from bonecam.arrays import perpendicular
 from bonecam.orientation.axes.lead import LEAVING
 from bonecam.orientation.limits import polar_angles, with_polar_angles
 from bonecam.orientation.links.link_space import IN_AIR, LinkSpace, Polyline
-from bonecam.orientation.links.moves import Feeds, Moves, Pose
+from bonecam.orientation.links.moves import NO_MOVES, Feeds, Moves, Pose
 from bonecam.toolpath.path import Kind
 
 RAPID_MARGIN = 0.15
@@ -64,9 +64,7 @@ class Retract:
 
 def safe_retract(space: LinkSpace) -> Retract:
     """The retract from the safe point, where nothing has to be done."""
-    none = np.zeros((0, 3))
-    moves = Moves(np.zeros(0, dtype=np.int64), none, none, np.zeros(0))
-    return Retract(moves, space.safe_pose)
+    return Retract(NO_MOVES, space.safe_pose)
 
 
 def approach(retract: Retract, feeds: Feeds) -> Moves:

@@ -32,7 +32,7 @@ def link_runs(
     direct: Sequence[Moves | None],
 ) -> LinkedRuns:
     """Link runs (contacts, as indices into `poses`); `direct[k]` is the direct link from run k to the next,
-    if there is one."""
+    if there is one: without moves where the tool cuts straight on."""
     ends = [(int(run[0]), int(run[-1])) for run in runs]
     after = [*direct, None]
     transfers, leavable = _find_leavable(no_transfers(space, poses), ends, after)

@@ -70,27 +70,29 @@ class Allowed:
         return (1 + BEARABLE) * self.limit + self.scallop + UNCERTAIN
 
 
-Run = tuple[Int[ndarray, " _"], Float[ndarray, "_ 3"]]
-"""Contacts by index, and what their centres are moved by, mm."""
+Run = tuple[Int[ndarray, " _"], Float[ndarray, "_ 3"], int]
+"""Contacts by index, what their centres are moved by (mm), and how many of them first are a ramp."""
 ANYTHING = Allowed()
 """Every depth is allowed."""
 
 
 @dataclass(frozen=True, eq=False)
 class Stretches:
-    """Passes in machining order: contacts by `index`, what their centres are moved by (mm), and the number of
-    the pass of each. `short` are the contacts of stretches that are not worth a plunge."""
+    """Passes in machining order: contacts by `index`, what their centres are moved by (mm), the number of the pass of
+    each, and whether it is on the `ramp` of its pass. `short` are the contacts of stretches that are not worth a
+    plunge."""
 
     index: Int[ndarray, " m"]
     raised: Float[ndarray, "m 3"]
     passes: Int[ndarray, " m"]
+    ramp: Bool[ndarray, " m"]
     short: Int[ndarray, " k"]
 
 
 def whole_passes(lines: Lines, usable: Bool[ndarray, " n"]) -> Stretches:
     """One pass over every stretch that is usable."""
     runs = split_runs(lines, usable)
-    return stretches_of([(run, np.zeros((len(run), 3))) for run in runs])
+    return stretches_of([(run, np.zeros((len(run), 3)), 0) for run in runs])
 
 
 def cutting_passes(
@@ -196,8 +198,8 @@ def in_turn(lines: Lines, runs: list[Run]) -> list[Run]:
     not in full material across the pole."""
     if not runs:
         return []
-    begins = np.array([lines.centres[index[0]] + raised[0] for index, raised in runs])
-    ends = np.array([lines.centres[index[-1]] + raised[-1] for index, raised in runs])
+    begins = np.array([lines.centres[index[0]] + raised[0] for index, raised, _ in runs])
+    ends = np.array([lines.centres[index[-1]] + raised[-1] for index, raised, _ in runs])
     order = [0]
     open_ = np.ones(len(runs), dtype=bool)
     open_[0] = False
@@ -213,7 +215,7 @@ def _entered(lines: Lines, run: Int[ndarray, " r"], raised: Float[ndarray, "r 3"
     """A run with a ramp before it where it begins in material of this depth (mm): along the end of a whole
     closed line, else from further on back to the run's begin."""
     if depth <= LEAST_RAMP or len(run) < 2:
-        return run, raised
+        return run, raised, 0
     whole = lines.closed(int(run[0]), int(run[-1]))
     back = np.arange(len(run))[-1:0:-1] if whole else np.arange(len(run))
     places = lines.centres[run[back]]
@@ -223,16 +225,17 @@ def _entered(lines: Lines, run: Int[ndarray, " r"], raised: Float[ndarray, "r 3"
     ramp = back[1:count][::-1]
     share = behind[1:count][::-1] / max(behind[count - 1], np.finfo(float).tiny)
     up = (share * depth)[:, None] * lines.normals[run[ramp]]
-    return np.r_[run[ramp], run], np.vstack([raised[ramp] + up, raised])
+    return np.r_[run[ramp], run], np.vstack([raised[ramp] + up, raised]), len(ramp)
 
 
 def stretches_of(found: Sequence[Run], short: Sequence[ndarray] = ()) -> Stretches:
     """The runs as passes, one after the other."""
     none = np.zeros(0, dtype=np.int64)
     return Stretches(
-        np.concatenate([none, *(index for index, _ in found)]),
-        np.vstack([np.zeros((0, 3)), *(raised for _, raised in found)]),
-        np.repeat(np.arange(len(found)), [len(index) for index, _ in found]),
+        np.concatenate([none, *(index for index, _, _ in found)]),
+        np.vstack([np.zeros((0, 3)), *(raised for _, raised, _ in found)]),
+        np.repeat(np.arange(len(found)), [len(index) for index, _, _ in found]),
+        np.concatenate([none, *(np.arange(len(index)) < ramp for index, _, ramp in found)]).astype(bool),
         np.concatenate([none, *short]),
     )
 

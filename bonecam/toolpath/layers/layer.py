@@ -56,6 +56,7 @@ def layer_of(
         feeds[index],
         centres[index],
         np.zeros(len(index)),
+        np.zeros(len(index), dtype=bool),
         np.zeros((0, 3)),
         (),
     )

@@ -194,6 +194,30 @@ def test_passes_that_find_only_what_passes_before_left_are_of_no_use(
     assert not useful[count:].any()
 
 
+def test_passes_side_by_side_are_stepped_over_to_without_their_ramps(
+    roughing_cutter: Cutter, levels, stock: Skin, post: Post
+) -> None:
+    level, material = levels[1], skin_material(levels, stock)
+    job = PathJob(pattern="along")
+    candidates = candidate_contacts(level, [MeshDistance(level.mesh)], roughing_cutter, post, job)
+    contacts = contact_path(candidates, material, Allowed(0.5))
+    assert contacts.ramp.any()
+    assert not contacts.ramp[np.flatnonzero(np.diff(contacts.pass_index))].any()
+    scene = Scene(level.mesh, material.mesh, stock, post, DEVIATION)
+    path = orient(contacts, scene, AxisLimits(2.0), job, NcJob(), material=material)
+    passes = contacts.pass_index.max() + 1
+    cut = path.kinds == Kind.CUT
+    entries = np.flatnonzero(cut & ~np.r_[False, cut[:-1]])
+    assert len(entries) < 0.6 * passes
+    assert path.pass_index[cut].max() + 1 == len(entries)
+    told = cut.sum() + len(path.uncut) - len(contacts.uncut)
+    assert (~contacts.ramp).sum() <= told < len(contacts.ramp)
+    balls, numbers = path.balls[cut], path.pass_index[cut]
+    goes_on = np.flatnonzero(np.diff(numbers) == 0)
+    halfway = (balls[goes_on] + balls[goes_on + 1]) / 2
+    assert material.depths(halfway, roughing_cutter.radius)[0].max() < 0.5 + 0.02
+
+
 def bore(path_of: Callable[..., ToolPath], cutter: Cutter, centre: ndarray) -> ToolPath:
     """A ball that cuts at one place."""
     up = np.array([[0.0, 0.0, 1.0]])
