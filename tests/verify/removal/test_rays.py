@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bonecam.errors import JobError
-from bonecam.kernels.removal.air import air_distances
+from bonecam.kernels.removal.air import air_distances, in_material
 from bonecam.kernels.removal.cut import cut_capsule
 from bonecam.kernels.removal.frustum import frustum_clearance
 from bonecam.kernels.removal.sweep import Pieces
@@ -15,7 +15,7 @@ from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.verify.removal.nails import Nails
 from bonecam.verify.removal.rays import copy_of, lay_grid, lay_rays, order
-from bonecam.verify.removal.sweeping import Sweeping, volumes, with_more_room
+from bonecam.verify.removal.sweeping import Remaining, Sweeping, volumes, with_more_room
 
 BLOCK = Box(np.array([-5.0, -4.0, 10.0]), np.array([5.0, 4.0, 18.0]))
 
@@ -204,3 +204,17 @@ def test_balls_round_a_sphere_leave_the_scallop_of_a_convex_section():
     scallop = out * np.cos(turn / 2) - np.sqrt(radius**2 - (out * np.sin(turn / 2)) ** 2) - sphere
     assert nails.heights.max() == pytest.approx(scallop, abs=1e-6)
     assert nails.heights.min() == pytest.approx(0.0, abs=1e-9)
+
+
+def test_what_lies_below_a_height_goes_and_the_rest_turns_with_its_pose() -> None:
+    grid = lay_grid([BLOCK], 0.2)
+    given = Remaining(lay_rays([BLOCK], grid, 500.0), grid, None)
+    low, high = BLOCK.bounds
+    middle = float((low + high)[2] / 2)
+    pose = np.diag([1.0, -1.0, -1.0, 1.0])
+    left = given.above(middle).move(pose)
+    assert np.mean(volumes(left.sets)) == pytest.approx(np.mean(volumes(given.sets)) / 2, rel=0.02)
+    inside = (low + high) / 2 + np.array([[0.1, 0.2, 0.5], [0.1, 0.2, -0.5]])
+    found = np.zeros(2, dtype=bool)
+    in_material(*left.sets, left.grid.of_points(inside @ pose[:3, :3].T), found)
+    assert found.tolist() == [True, False]
