@@ -132,15 +132,18 @@ class _Planning:
         contacts = contact_path(found.candidates, material, allowed)
         smooth = level_axes(contacts, level, scene, self.limits, self.job.path, standing.smooth)
 
-        def oriented(contacts: ContactPath, material: Material) -> ToolPath:
+        def oriented(contacts: ContactPath, material: Material, explained: bool = False) -> ToolPath:
             wanted = smooth.wanted_for(contacts) if smooth is not None else None
-            return orient(contacts, scene, self.limits, self.job.path, self.job.nc, wanted, material=material)
+            job = self.job
+            return orient(
+                contacts, scene, self.limits, job.path, job.nc, wanted, material=material, explained=explained
+            )
 
         rest: list[ToolPath] = []
         if too_deep(found.candidates, material, allowed):
             material, rest = _take_rest([found.candidates, self._rings(found)], material, allowed, oriented)
             contacts = contact_path(found.candidates, material, allowed, allowed.bearable)
-        path = oriented(contacts, material)
+        path = oriented(contacts, material, explained=True)
         return [*rest, path], _Standing(remove_material(material, level, path), smooth)
 
     def _candidates(
@@ -193,7 +196,7 @@ def _take_rest(
             # none of these places can be reached: the level's own path leaves them out too, and tells so
             continue
         material = remove_material(material, patterns[0].level, path)
-        paths.append(replace(path, uncut=np.zeros((0, 3)), reasons=(), blocked_by={}))
+        paths.append(replace(path, uncut=np.zeros((0, 3)), reasons=()))
     return material, paths
 
 

@@ -47,15 +47,15 @@ def orient(
     *,
     fixed: Float[ndarray, "n 3"] | None = None,
     material: Material | StandingMesh | None = None,
+    explained: bool = True,
 ) -> ToolPath:
     """Tool axes for the contacts of one level, and safe moves before, between and behind its passes.
 
     `wanted` are the axes to start from; without them they lean by the lead angle. `fixed` axes are taken as they
     are, or the contact is left out. Links close to the level remove nothing of the `material` that stands before it
-    is cut, where that is known. Contacts without an
-    admissible axis, and passes that cannot be reached, are left out and listed in `uncut`
-    (`limits`, `collision`). A path without contacts only visits the safe point. Raises OrientationError where
-    none of the contacts can be reached.
+    is cut, where that is known. Contacts without an admissible axis, and passes that cannot be reached, are left out
+    and listed in `uncut` (`limits`, `collision`); by what (`blocked_by`) where that is to be `explained`. A path
+    without contacts only visits the safe point. Raises OrientationError where none of the contacts can be reached.
     """
     checker = CollisionChecker(scene, path.cutter, job.clearance)
     feeds = Feeds(nc.link_feed, nc.plunge_feed, nc.rapid_feed)
@@ -67,7 +67,7 @@ def orient(
         chosen = fixed_axes(path, checker, fixed)
     else:
         chosen = choose_axes(path, checker, limits, job, wanted)
-    blocked = _blocked(path, chosen, scene, limits, job)
+    blocked = _blocked(path, chosen, scene, limits, job, explained=explained)
 
     runs, near = _near_links(space, path, chosen.axes, _runs(path, chosen, checker))
     poses = list(zip(path.centres, chosen.axes))
@@ -83,12 +83,13 @@ def orient(
 
 
 def _blocked(
-    path: ContactPath, chosen: ToolAxes, scene: Scene, limits: AxisLimits, job: PathJob
+    path: ContactPath, chosen: ToolAxes, scene: Scene, limits: AxisLimits, job: PathJob, *, explained: bool
 ) -> dict[str, int]:
-    """What is against the contacts that have no axis but by collisions; OrientationError where none has an axis."""
+    """What is against the contacts that have no axis but by collisions, where it is to be `explained`;
+    OrientationError where none has an axis."""
     colliding = np.flatnonzero(np.array(chosen.reasons) == "collision")
     blocked = {}
-    if len(colliding):
+    if explained and len(colliding):
         blocked = blocked_by(path.take(colliding), scene, limits, float(np.radians(job.max_tilt_deg)))
     if not chosen.found.any():
         why = f" ({next(iter(blocked))})" if blocked else ""

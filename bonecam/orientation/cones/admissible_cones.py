@@ -94,7 +94,7 @@ class AxisCones:
         """The contacts without any cone, and what is against it: `limits`, or the section of the tool and the obstacle
         that it meets along most directions, as `shank against the material`."""
         nodes = np.flatnonzero(self.angles <= 0)
-        why = {int(node): self.free.blocking(int(node)) for node in nodes}
+        why = dict(zip(nodes.tolist(), self.free.blocking(nodes)))
         contacts = np.flatnonzero(~self.found)
         return {int(i): why[int(self.free.net.node_of[i])] for i in contacts}
 

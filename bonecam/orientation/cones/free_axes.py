@@ -58,23 +58,21 @@ class FreeAxes:
         order, angles = _neighbours(len(self.directions))
         return np.asarray(angles_to_blocked(self.free | ~self.allowed, order, angles)) * self.free
 
-    def blocking(self, node: int) -> str:
-        """What leaves a node without a free axis: `limits` of the machine and of the tilt, or the obstacle, and the
-        section of the tool, with which the fewest directions are left: `shank against the material`."""
-        if not self.within[node].any():
-            return "limits"
-        if not self.allowed[node].any():
-            return "holder against the table"
-        rows = np.array([node])
-        apex = Apexes(*(part[rows] for part in self.apexes))
+    def blocking(self, nodes: Int[ndarray, " k"]) -> list[str]:
+        """What leaves each of the nodes without a free axis: `limits` of the machine and of the tilt, or the obstacle,
+        and the section of the tool, with which the fewest directions are left: `shank against the material`."""
+        apexes, allowed = Apexes(*(part[nodes] for part in self.apexes)), self.allowed[nodes]
         counts = {
             f"{self.section_names[s]} against the {name}": free_directions(
-                alone, apex, self.directions, _groups(), self.allowed[rows]
-            ).sum()
+                alone, apexes, self.directions, _groups(), allowed
+            ).sum(axis=1)
             for s in range(len(self.section_names))
             for name, alone in single_obstacles(self.obstacles, s)
         }
-        return min(counts, key=lambda name: counts[name])
+        names = list(counts)
+        fewest = np.argmin(list(counts.values()), axis=0)
+        why = np.where(allowed.any(axis=1), np.array(names)[fewest], "holder against the table")
+        return np.where(self.within[nodes].any(axis=1), why, "limits").tolist()  # type: ignore[no-any-return]
 
 
 def free_axes(path: ContactPath, scene: Scene, limits: AxisLimits, max_tilt: float) -> FreeAxes:
@@ -114,7 +112,7 @@ def blocked_by(path: ContactPath, scene: Scene, limits: AxisLimits, max_tilt: fl
     """How many contacts of a path without free axes are blocked by what (`FreeAxes.blocking`), the most frequent
     first; raises as `free_axes`."""
     free = free_axes(path, scene, limits, max_tilt)
-    why = [free.blocking(node) for node in range(len(free.net.places))]
+    why = free.blocking(np.arange(len(free.net.places)))
     return dict(Counter(why[node] for node in free.net.node_of).most_common())
 
 

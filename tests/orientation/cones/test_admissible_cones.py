@@ -186,3 +186,10 @@ def test_what_is_kept_of_cones_tells_each_contact_its_own(cones: AxisCones) -> N
     assert np.array_equal(cones.of(fewer).cone_of, kept.cone_of[some])
     moved = replace(path, centres=path.centres + 1e-3)
     assert (cones.of(moved).cone_of == -1).all()
+
+
+def test_what_blocks_several_nodes_is_what_blocks_each(cones: AxisCones) -> None:
+    nodes = np.arange(0, len(cones.angles), len(cones.angles) // 7)
+    together = cones.free.blocking(nodes)
+    assert together == [why for node in nodes for why in cones.free.blocking(np.array([node]))]
+    assert cones.free.blocking(nodes[:0]) == []
