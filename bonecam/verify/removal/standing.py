@@ -24,6 +24,8 @@ STEP = 0.02
 """Material is measured in steps of this, mm."""
 SECTION = 0.02
 """Sections are measured at places so far apart, mm."""
+HEIGHTS = 0.05
+"""Sections of the post are no farther apart, mm."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,19 +45,22 @@ def parted_bridge(
     sets: Sequence[RaySet],
     grid: RayGrid,
 ) -> float | None:
-    """Diameter (mm) of the circle with the area of what stands of the post where its parting groove is deepest; None
-    where no path parts."""
+    """Diameter (mm) of the circle with the area of what stands of the post where it is thinnest, at the heights of the
+    parting cuts; None where no path parts."""
     parting = [group for group in groups if group.level == PARTING]
     if not parting:
         return None
     moves = np.concatenate([group.moves for group in parting])
     cuts = moves[~(motions.links | motions.rapid)[moves]]
-    height = np.median(motions.tips[cuts, 2] + tools[parting[0].tool].radius * motions.axes[cuts, 2])
+    cut = motions.tips[cuts, 2] + tools[parting[0].tool].radius * motions.axes[cuts, 2]
+    heights = np.linspace(cut.min(), cut.max(), 1 + int(np.ceil(np.ptp(cut) / HEIGHTS)))
     side = np.arange(-post.radius, post.radius, SECTION) + SECTION / 2
-    x, y = (each.ravel() for each in np.meshgrid(side, side))
+    x, y, z = (each.ravel() for each in np.meshgrid(side, side, heights))
     held = np.zeros(len(x), dtype=bool)
-    in_material(*sets, grid.of_points(np.column_stack([x, y, np.full(len(x), height)])), held)
-    return float(2 * SECTION * np.sqrt((held & (np.hypot(x, y) < post.radius)).sum() / np.pi))
+    in_material(*sets, grid.of_points(np.column_stack([x, y, z])), held)
+    held &= np.hypot(x, y) < post.radius
+    least = min(int(held[z == height].sum()) for height in heights)
+    return float(2 * SECTION * np.sqrt(least / np.pi))
 
 
 def standing_heights(

@@ -69,8 +69,7 @@ def text(paths):
     return write_program(paths, MACHINE, DIALECT, JOB).text
 
 
-@pytest.fixture(scope="module")
-def removal(text, lump, scene):
+def simulated(text, lump, scene):
     return simulate_removal(
         text,
         MACHINE,
@@ -82,6 +81,11 @@ def removal(text, lump, scene):
         limits={PARTING: 0.6},
         accuracy=Accuracy(0.1),
     )
+
+
+@pytest.fixture(scope="module")
+def removal(text, lump, scene):
+    return simulated(text, lump, scene)
 
 
 def test_the_groove_goes_all_round_in_steps_of_its_own(paths, lump):
@@ -123,6 +127,15 @@ def test_the_simulation_measures_the_bridge_and_refuses_one_that_is_too_thin(rem
         check_removal(replace(removal, bridge=0.0), bridge=0.2)
     with pytest.raises(VerifyError, match="parting = true: no section of the program parts the post"):
         check_removal_of_job(replace(removal, bridge=None), JOB)
+
+
+def test_the_bridge_is_measured_where_it_is_thinnest(paths, lump, scene):
+    tips = paths[-1].tips.copy()
+    around = np.hypot(tips[:, 0], tips[:, 1])
+    tips[:, :2] *= ((around - 0.3) / around)[:, None]
+    tips[:, 2] -= 1.5
+    deeper = write_program([*paths, replace(paths[-1], tips=tips)], MACHINE, DIALECT, JOB).text
+    assert simulated(deeper, lump, scene).bridge == pytest.approx(1.4, abs=0.06)
 
 
 def test_a_level_that_is_cut_after_the_parting_is_refused(removal):
