@@ -43,6 +43,8 @@ LONGEST = 500.0
 """Longest post of a job, mm."""
 ROUND = 24
 """Contacts round the parting groove that are sampled."""
+LEVEL_TURNS = 24
+"""Level directions that a level tool is tried in."""
 GOUGE = 0.02
 """A ball that would enter the surface by more (mm) is no contact."""
 
@@ -61,7 +63,11 @@ def find_post_length(setup: Setup, job: Job, limits: AxisLimits, bodies: Machine
     """Setup and job with the shortest post, in whole mm, with which all sampled contacts are reached; `limits` and
     `bodies` are the machine's."""
     clamping = clamping_of(job.holding, bodies.table)
-    lifts = np.r_[sampled_lifts(setup, job, limits, bodies), parting_lift(setup, job, limits, bodies)]
+    lifts = np.r_[
+        sampled_lifts(setup, job, limits, bodies),
+        level_lifts(setup, job, bodies),
+        parting_lift(setup, job, limits, bodies),
+    ]
     height = float(setup.stock.bounds[0, 2])
     length = shortest_post(lifts, height, clamping)
     return setup.lift(length - height), replace(job, holding=replace(job.holding, length=length))
@@ -107,6 +113,22 @@ def sampled_lifts(setup: Setup, job: Job, limits: AxisLimits, bodies: MachineBod
     return np.concatenate(
         [least_lifts(contacts, clamping, job, limits) for contacts in _sampled(setup, job, bodies)]
     )
+
+
+def level_lifts(setup: Setup, job: Job, bodies: MachineBodies) -> Float[ndarray, " n"]:
+    """As `sampled_lifts`, for a tool that is level, whatever else is against it; none but for strategies that lay it
+    so."""
+    if job.path.strategy == "morph":
+        return np.zeros(0)
+    clamping = clamping_of(job.holding, bodies.table)
+    turns = 2 * np.pi * np.arange(LEVEL_TURNS) / LEVEL_TURNS
+    level = np.column_stack([np.cos(turns), np.sin(turns), np.zeros(LEVEL_TURNS)])
+    least = np.cos(np.radians(job.path.max_tilt_deg))
+    found = []
+    for contacts in _sampled(setup, job, bodies):
+        needed = needed_lifts(contacts.centres, level, contacts.checker.cutter, clamping)
+        found.append(needed[contacts.normals @ level.T >= least])
+    return np.concatenate(found)
 
 
 def sampled_lifts_of_part(

@@ -8,7 +8,7 @@ import pytest
 from bonecam.job import Job
 from bonecam.nc.kinematics import axis_limits
 from bonecam.nc.machine import read_machine
-from bonecam.orientation.held.post_length import find_post_length
+from bonecam.orientation.held.post_length import find_post_length, level_lifts
 from bonecam.orientation.held.reach import STEEP_TILT, what_would_help
 from bonecam.progress import silent
 from bonecam.setup.placement import place
@@ -29,6 +29,15 @@ def standing():
 @pytest.fixture(scope="module")
 def advice(standing):
     return what_would_help(*standing, LIMITS, MACHINE.bodies)
+
+
+def test_a_level_tool_needs_room_for_its_widest_part_over_the_table(standing):
+    setup, job = standing
+    rotary = replace(job, path=replace(job.path, strategy="rotary"))
+    assert not len(level_lifts(setup, job, MACHINE.bodies))
+    widest = max(frustum.top_diameter for frustum in MACHINE.bodies.nose) / 2
+    height = setup.stock.bounds[0, 2] + level_lifts(setup, rotary, MACHINE.bodies).max()
+    assert widest - 10 < height < widest + 10, "of the lowest contact, some mm above the stock's end"
 
 
 def test_remedies_shorten_the_post_and_come_in_their_order(standing, advice):
