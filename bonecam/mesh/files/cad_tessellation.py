@@ -30,6 +30,8 @@ DEFLECTION = 0.6
 given."""
 DEFLECTION_FACTORS = (1.0, 0.7, 0.4)
 """Factors on the deflection, tried in this order until the result keeps the tolerance."""
+LEAST_DEFLECTION = 1e-7
+"""OpenCASCADE takes no smaller one, mm (Precision::Confusion)."""
 ANGULAR_DEFLECTION = 0.35
 """Largest angle between neighbouring triangles, radians."""
 AREA_TOLERANCE = 0.03
@@ -60,11 +62,15 @@ def read_and_tessellate(file: Path, chord_tolerance: float | None = None) -> Tri
 def tessellate_shape(shape: Any, chord_tolerance: float | None = None) -> TriangleMesh:
     """Triangles of all faces (one or more), oriented as the faces are, welded along their edges.
 
-    Faces without a solid are sewn first. `chord_tolerance` is in mm. FileError where no deflection keeps it.
+    Faces without a solid are sewn first. `chord_tolerance` is in mm. FileError where it is too small, or
+    no deflection keeps it.
     """
     lib = occ()
     diagonal = diagonal_of(shape)
     tolerance = chord_tolerance or DEFAULT_CHORD_TOLERANCE * diagonal
+    if not LEAST_DEFLECTION <= min(DEFLECTION_FACTORS) * DEFLECTION * tolerance < np.inf:
+        what = f"{diagonal:g} mm from corner to corner: it cannot be tessellated within {tolerance:g} mm"
+        raise FileError(f"{what}: export it in its true size, or give a larger tolerance")
     whole = shape if has_solids(shape) else sew(shape, SEWING_TOLERANCE * diagonal)
     area = area_of(whole)
     for factor, candidate in product(DEFLECTION_FACTORS, (_cut_closed_faces(whole), whole)):

@@ -87,6 +87,16 @@ def test_no_part_of_a_face_is_lost(part: Callable[[], Any], tolerance: float | N
     assert abs(mesh.volume - found.Mass()) < (tolerance or 0.03) * mesh.area
 
 
+def test_a_part_too_small_to_be_tessellated_is_told(tmp_path: Path) -> None:
+    speck = write(occ().BRepPrimAPI.BRepPrimAPI_MakeBox(1e-5, 1e-5, 1e-5).Shape(), tmp_path / "speck.step")
+    with pytest.raises(
+        FileError, match=r"speck.step: .* mm from corner to corner: it cannot be .*: export it"
+    ):
+        read_and_tessellate(speck)
+    with pytest.raises(FileError, match="give a larger tolerance"):
+        tessellate_shape(cylinder(), np.nan)
+
+
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_parts_of_an_assembly_stand_in_their_places_and_face_outward(mirrored: bool) -> None:
     lib = occ()
