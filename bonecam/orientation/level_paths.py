@@ -142,7 +142,7 @@ class _Planning:
         rest: list[ToolPath] = []
         if too_deep(found.candidates, material, allowed):
             material, rest = _take_rest([found.candidates, self._rings(found)], material, allowed, oriented)
-            contacts = contact_path(found.candidates, material, allowed, allowed.bearable)
+            contacts = contact_path(found.candidates, material, allowed, allowed.deepest)
         path = oriented(contacts, material, explained=True)
         return [*rest, path], _Standing(remove_material(material, level, path), smooth)
 

@@ -90,12 +90,11 @@ def after_steps(path: ContactPath, material: Material, allowed: Allowed) -> Cont
     depth, _ = material.depths(path.centres, radius)
     if not (depth > UNCERTAIN).any():
         return path.take(np.zeros(0, dtype=np.int64))
-    kept = np.flatnonzero(depth <= allowed.bearable)
+    kept = np.flatnonzero(depth <= allowed.deepest)
     goes_on = (np.diff(kept) == 1) & (np.diff(path.pass_index[kept]) == 0)
     first, last = kept[:-1][goes_on], kept[1:][goes_on]
-    deepest = np.maximum(np.maximum(depth[first], depth[last]), allowed.deepest)
     between = move_depths(material.depths, path.centres[first], path.centres[last], radius)
-    goes_on[goes_on] = between <= deepest
+    goes_on[goes_on] = between <= allowed.deepest
     return replace(path.take(kept), pass_index=np.r_[0, np.cumsum(~goes_on)][: len(kept)])
 
 

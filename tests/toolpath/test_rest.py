@@ -123,12 +123,12 @@ def test_where_a_step_was_left_out_the_steps_and_the_passes_after_it_are_too(rou
     assert np.array_equal(whole.pass_index, rest[1].pass_index)
     last = after_steps(rest[-1], material, allowed)
     assert 0 < len(last.contacts) < len(rest[-1].contacts)
-    assert material.depths(last.centres, last.cutter.radius)[0].max() <= allowed.bearable
+    assert material.depths(last.centres, last.cutter.radius)[0].max() <= allowed.deepest
     index = [np.flatnonzero((rest[-1].centres == centre).all(axis=1))[0] for centre in last.centres]
     same = np.diff(last.pass_index) == 0
     assert (np.diff(index)[same] == 1).all()
-    own = contact_path(candidates, material, allowed, allowed.bearable)
-    assert material.depths(own.centres, own.cutter.radius)[0].max() <= allowed.bearable
+    own = contact_path(candidates, material, allowed, allowed.deepest)
+    assert material.depths(own.centres, own.cutter.radius)[0].max() <= allowed.deepest
     assert own.reasons.count("covered") > contact_path(candidates, material, allowed).reasons.count("covered")
 
 

@@ -30,8 +30,6 @@ SLOPE = 0.3
 """Slope of the ramps: 17 degrees, what solid ball cutters are allowed in solid material."""
 CLOSED = 1e-6
 """Contacts of a line that are nearer to each other are one, mm."""
-BEARABLE = 0.5
-"""Share of its limit by which a cut may be deeper where it follows steps of the limit each."""
 LEAST_RAMP = 0.03
 """No ramp is made for less depth, mm."""
 
@@ -61,13 +59,9 @@ class Allowed:
 
     @property
     def deepest(self) -> float:
-        """The largest depth that may be measured at a contact, mm."""
+        """The largest depth that may be measured at a contact, mm. One at which the ball is deeper is left out where
+        no step could be cut before it."""
         return self.limit + self.scallop + UNCERTAIN
-
-    @property
-    def bearable(self) -> float:
-        """A contact at which the ball would be deeper is left out, mm: a step before it could not be cut."""
-        return (1 + BEARABLE) * self.limit + self.scallop + UNCERTAIN
 
 
 Run = tuple[Int[ndarray, " _"], Float[ndarray, "_ 3"], int]
