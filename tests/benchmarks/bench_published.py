@@ -28,7 +28,7 @@ from bonecam.toolpath.patterns import fastest
 
 PHALANX = Path(__file__).resolve().parents[2] / "meshes" / "phalanx.ply"
 BONES = Path(__file__).resolve().parents[3] / "shared" / "meshes" / "bones"
-NAMES = ("3midph",)
+NAMES = ("3midph", "capitate")
 COLUMNS = ("part", "paths", "cuts mm", "min", "retracts", "left mm2", "highest mm", "mean left um")
 ALLOWED = level_paths._allowed
 

@@ -19,7 +19,7 @@ COARSE = Job().with_values(
         "chord_tolerance": 0.05,
     },
     roughing={"scallop": 0.4},
-    finishing={"scallop": 0.4},
+    finishing={"radius": 2.0, "flute_length": 8.0, "shank_diameter": 4.0, "scallop": 0.4},
 )
 
 
