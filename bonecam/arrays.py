@@ -3,7 +3,7 @@
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy import ndarray
 from numpy.typing import DTypeLike
 
@@ -38,6 +38,12 @@ def angles_between(a: Float[ndarray, "n 3"], b: Float[ndarray, "n 3"]) -> Float[
 def lengths(a: Float[ndarray, "n d"]) -> Float[ndarray, " n"]:
     """|a| row by row."""
     return np.asarray(np.sqrt(dots(a, a)))
+
+
+def numbered(counts: Int[ndarray, " n"]) -> tuple[Int[ndarray, " m"], Int[ndarray, " m"]]:
+    """For rows that each stand `counts` times, one behind the other: the row, and its number from 0 in that row."""
+    rows = np.repeat(np.arange(len(counts)), counts)
+    return rows, np.arange(len(rows)) - np.repeat(np.cumsum(counts) - counts, counts)
 
 
 def perpendicular(vectors: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:

@@ -65,22 +65,19 @@ def add_second(
 ) -> Result:
     """The result with its `second_program`, and `second` in its report."""
     made = second_program(first, machine, dialect, program, progress)
-    return (
-        first if made is None else replace(first, second=made, report={**first.report, "second": made.report})
-    )
+    return replace(first, second=made, report={**first.report, "second": made.report})
 
 
 def second_program(
     first: Result, machine: Machine, dialect: Dialect, program: File, progress: Progress = silent
-) -> SecondProgram | None:
-    """The program that cuts the stump off a part that `first` parted; `program` is the file of the first one. None
-    where the job has no second clamping.
+) -> SecondProgram:
+    """The program that cuts the stump off a part that `first` parted, and whose job has a second clamping; `program` is
+    the file of the first one.
 
     OrientationError, MachineError or VerifyError where there is no such program, or it is not proved.
     """
     shell = read_shell(first.job, first.part)
-    if shell is None:
-        return None
+    assert shell is not None
     job = replace(first.job, holding=first.job.holding.turned_over)
     design = morph_surfaces(first.levels.levels)[0].tessellate(PART_CHORD)
     clamping = turned_over(design, shell, first.job.holding)

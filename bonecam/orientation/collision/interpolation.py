@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from bonecam.arrays import angles_between, unit
+from bonecam.arrays import angles_between, numbered, unit
 
 SMALL_ANGLE = 1e-9
 """Below this angle (radians) the great circle is taken as straight: sin x = x to rounding."""
@@ -23,8 +23,7 @@ def interpolate_poses(
     (spherical linear interpolation, Shoemake 1985).
     """
     counts = np.broadcast_to(np.asarray(steps) + 1, len(first))
-    move = np.repeat(np.arange(len(first)), counts)
-    place = np.arange(len(move)) - np.repeat(np.cumsum(counts) - counts, counts)
+    move, place = numbered(counts)
     f = (place / (counts[move] - 1))[:, None]
 
     angle = angles_between(first_axes, last_axes)[move][:, None]

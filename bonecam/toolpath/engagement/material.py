@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float, Int, Int32
 from numpy import ndarray
 from scipy.spatial import KDTree
 
+from bonecam.arrays import numbered
 from bonecam.kernels.removal.nails import cut_nails, nail_cells, useful_moves
 from bonecam.levels.measure.grid import LevelGrid, level_grid
 from bonecam.levels.measure.level import Level, MachinedLevel, RoundedLevel, machined_levels
@@ -191,8 +192,8 @@ def _hull(
 def _dense(starts: Float[ndarray, "n 3"], ends: Float[ndarray, "n 3"]) -> Float[ndarray, "m 3"]:
     """Places on straight moves, no more than DENSE apart."""
     counts = np.ceil(np.linalg.norm(ends - starts, axis=1) / DENSE).astype(np.int64)
-    move = np.repeat(np.arange(len(starts)), counts)
-    share = (np.arange(len(move)) - np.repeat(np.cumsum(counts) - counts, counts) + 1) / counts[move]
+    move, place = numbered(counts)
+    share = (place + 1) / counts[move]
     return np.vstack([starts[counts == 0], starts[move] + share[:, None] * (ends - starts)[move]])
 
 

@@ -6,6 +6,8 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from bonecam.arrays import numbered
+
 DENSE = 0.25
 """Depths on a move are measured no farther apart, mm, as the places of the material are."""
 
@@ -20,9 +22,8 @@ def move_depths(
     enters nothing there. `depths` are those of a material at given centres."""
     counts = np.ceil(np.linalg.norm(ends - starts, axis=1) / DENSE).astype(np.int64) - 1
     counts = np.maximum(counts, 0)
-    move = np.repeat(np.arange(len(starts)), counts)
-    place = np.arange(len(move)) - np.repeat(np.cumsum(counts) - counts, counts) + 1
-    share = (place / (counts[move] + 1))[:, None]
+    move, place = numbered(counts)
+    share = ((place + 1) / (counts[move] + 1))[:, None]
     deepest = np.zeros(len(starts))
     np.maximum.at(deepest, move, depths((1 - share) * starts[move] + share * ends[move], radius)[0])
     return deepest

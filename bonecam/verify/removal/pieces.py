@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Int
 from numpy import ndarray
 
-from bonecam.arrays import angles_between
+from bonecam.arrays import angles_between, numbered
 from bonecam.kernels.removal.sweep import Pieces
 from bonecam.nc.reading.motions import Motions
 from bonecam.toolpath.cutters.cutter import Cutter
@@ -41,8 +41,7 @@ def straight_pieces(motions: Motions, moves: Int[ndarray, " m"], cutter: Cutter)
     counts = np.ceil(np.sqrt(np.maximum(bows / 8 / STRAIGHT, sways / SWAY))).astype(np.int64).clip(1)
 
     above = len(cutter.profile) - 1
-    owner = np.repeat(np.arange(len(moves)), counts)
-    place = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
+    owner, place = numbered(counts)
     tips, axes = control.between(start[owner], end[owner], place / counts[owner])
     end_tips, end_axes = control.between(start[owner], end[owner], (place + 1) / counts[owner])
     return Pieces(

@@ -5,7 +5,7 @@ import numpy as np
 from jaxtyping import Int
 from numpy import ndarray
 
-from bonecam.arrays import angles_between, unit
+from bonecam.arrays import angles_between, numbered, unit
 from bonecam.kernels.removal.fixed import fixed_clearance
 from bonecam.kernels.removal.sweep import Pieces
 from bonecam.mesh.distance import MeshDistance
@@ -86,10 +86,8 @@ def _poses(pieces: Pieces, cutter: Cutter) -> tuple[ndarray, ndarray, ndarray]:
     turns = angles_between(pieces.start_axes, pieces.end_axes)
     ways = np.linalg.norm(pieces.ends - pieces.starts, axis=1) + turns * cutter.length
     counts = np.ceil(ways / NEAR).astype(np.int64).clip(1)
-    piece = np.repeat(np.arange(len(counts)), counts)
-    share = ((np.arange(len(piece)) - np.repeat(np.cumsum(counts) - counts, counts) + 1) / counts[piece])[
-        :, None
-    ]
+    piece, place = numbered(counts)
+    share = ((place + 1) / counts[piece])[:, None]
     centres = (1 - share) * pieces.starts[piece] + share * pieces.ends[piece]
     axes = unit((1 - share) * pieces.start_axes[piece] + share * pieces.end_axes[piece])
     return pieces.moves[piece], centres, axes
