@@ -1,6 +1,7 @@
 """Values of MeshLab's own filters: from a script's <Param> to what pymeshlab takes, checked on a scratch mesh
 before a run."""
 
+import reprlib
 from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Any
@@ -14,6 +15,10 @@ from bonecam.mesh.meshlab import meshlab
 CAMERAS = frozenset({"set_camera_per_mesh", "set_camera_per_raster", "raster_alignment_mutual_information"})
 """MeshLab's filters with a parameter of a type that pymeshlab does not know; asked for it, it calls exit()
 (measured, pymeshlab 2025.7)."""
+FULL = "wanted more memory than it may have: give it less to do, or a script more with --memory-limit"
+"""What is told of a filter for which MeshLab found no memory."""
+OTHER_TYPE = "it is of another type"
+"""Why a value is refused that pybind11 cannot hand to MeshLab."""
 Attributes = Mapping[str, str]
 
 
@@ -28,13 +33,37 @@ def checked_value(filter_name: str, item: ScriptParameter) -> tuple[str, Any]:
             f"{filter_name} knows no parameter {item.name!r}: use one of {hint}", parameter=item.name
         )
     value = converted(item)
+    reason = refusal(filter_name, name, value)
+    if reason:
+        message = f"parameter {name} = {_shown(item)} ({item.type}): {reason}: mend the value or its type"
+        raise FilterError(message, parameter=item.name)
+    return name, value
+
+
+def refusal(filter_name: str, name: str, value: Any) -> str:
+    """Why one of MeshLab's filters does not take a value of a parameter, in one line; "" where it does."""
     try:
         _scratch().filter_parameter_values(filter_name, **{name: value})
     except (meshlab().PyMeshLabException, RuntimeError, ValueError) as error:
-        reason = "it is of another type" if "Unable to cast" in str(error) else " ".join(str(error).split())
-        message = f"parameter {name} = {_shown(item)} ({item.type}): {reason}: mend the value or its type"
-        raise FilterError(message, parameter=item.name) from error
-    return name, value
+        return OTHER_TYPE if "Unable to cast" in str(error) else " ".join(str(error).split())
+    return ""
+
+
+def failure(filter_name: str, values: Mapping[str, Any], error: Exception) -> str:
+    """Why one of MeshLab's filters failed, in one line: MeshLab's words, but for too little memory and for a value of
+    a type that it does not take."""
+    words = " ".join(str(error).split())
+    if "bad_alloc" in words:
+        return FULL
+    if "Unable to cast" not in words or filter_name in CAMERAS:
+        return words
+    defaults = _scratch().filter_parameter_values(filter_name)
+    wrong = (name for name in values if refusal(filter_name, name, values[name]) == OTHER_TYPE)
+    told = (
+        f"parameter {name} = {reprlib.repr(values[name])}: give a value of type {type(defaults[name]).__name__}"
+        for name in wrong
+    )
+    return next(told, words)
 
 
 @cache
@@ -49,15 +78,7 @@ def free_texts(filter_name: str) -> dict[str, str]:
     file, not a choice."""
     defaults = _scratch().filter_parameter_values(filter_name)
     texts = {name: value for name, value in defaults.items() if isinstance(value, str)}
-    return {name: value for name, value in texts.items() if _takes(filter_name, name, "no choice")}
-
-
-def _takes(filter_name: str, parameter: str, value: str) -> bool:
-    try:
-        _scratch().filter_parameter_values(filter_name, **{parameter: value})
-    except (meshlab().PyMeshLabException, RuntimeError, ValueError):
-        return False
-    return True
+    return {name: value for name, value in texts.items() if not refusal(filter_name, name, "no choice")}
 
 
 def _plain(name: str) -> str:

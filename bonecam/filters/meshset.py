@@ -22,6 +22,7 @@ from bonecam.errors import FileError, FilterError, did_you_mean
 from bonecam.filters.catalogue import parameter_list
 from bonecam.filters.filter import Filter, Registry, installed
 from bonecam.filters.layers import Layers
+from bonecam.filters.meshlab_values import failure
 from bonecam.filters.mlx import FilterCall, ScriptParameter, read_calls, write_script
 from bonecam.filters.script_files import ScriptFiles
 from bonecam.filters.script_steps import Step, apply_steps, read_script
@@ -29,9 +30,6 @@ from bonecam.mesh.files.meshlab_files import ENDING, layers_of, try_filter, try_
 from bonecam.mesh.meshlab import meshlab, meshlab_filters
 from bonecam.progress import Progress, silent
 from bonecam.runtime.temporary import temporary_folder
-
-FULL = "wanted more memory than it may have: give it less to do, or a script more with --memory-limit"
-"""What is told of a filter for which MeshLab found no memory."""
 
 
 class MeshSetError(FilterError, meshlab().PyMeshLabException):  # type: ignore[misc]
@@ -135,9 +133,9 @@ class MeshSet(meshlab().MeshSet):  # type: ignore[misc]
         try:
             result: dict[str, Any] = super().apply_filter(filter_name, **values)
         except (meshlab().PyMeshLabException, RuntimeError, ValueError) as error:
-            reason = " ".join(str(error).split())
-            reason = FULL if "bad_alloc" in reason else reason
-            raise FilterError(f"{filter_name}: {reason}", filter=filter_name) from error
+            raise FilterError(
+                f"{filter_name}: {failure(filter_name, values, error)}", filter=filter_name
+            ) from error
         self._native_calls += 1
         return result
 

@@ -41,6 +41,14 @@ class TrimeshMesh(Protocol):
 
 
 @runtime_checkable
+class TrimeshScene(Protocol):
+    """What is read of a trimesh.Scene, which trimesh.load gives of some files."""
+
+    def to_mesh(self) -> Any:
+        """Its meshes in one trimesh.Trimesh, each where the scene has it."""
+
+
+@runtime_checkable
 class PymeshlabMesh(Protocol):
     """What is read of a pymeshlab.Mesh."""
 
@@ -122,7 +130,13 @@ class TriangleMesh:
 
 
 MeshLike = (
-    TriangleMesh | Open3dMesh | Open3dTensorMesh | TrimeshMesh | PymeshlabMesh | tuple[ArrayLike, ArrayLike]
+    TriangleMesh
+    | Open3dMesh
+    | Open3dTensorMesh
+    | TrimeshMesh
+    | TrimeshScene
+    | PymeshlabMesh
+    | tuple[ArrayLike, ArrayLike]
 )
 """A mesh in memory: vertices and faces as two arrays, or a mesh of one of these libraries."""
 
@@ -163,6 +177,8 @@ def _arrays_of(source: Any) -> tuple[Any, ...]:
         return source.vertex_matrix(), source.face_matrix()
     if isinstance(source, TrimeshMesh):  # before open3d's: it has `triangles` too, as coordinates
         return source.vertices, source.faces
+    if isinstance(source, TrimeshScene):
+        return _arrays_of(source.to_mesh())
     if isinstance(source, Open3dMesh):
         return source.vertices, source.triangles
     if isinstance(source, Open3dTensorMesh):

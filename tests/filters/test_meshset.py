@@ -66,7 +66,9 @@ def test_lists_and_parameters_hold_both_sorts(meshes: MeshSet, capfd: pytest.Cap
         ("generate_offset", {"nope": 1}, "knows no parameter 'nope'"),
         ("generate_offset", {"distance": 21.0}, "distance = 21: keep it within 0 .. 20 mm"),
         ("create_cube", {"nope": 1}, "nope"),
-        ("create_cube", {"size": "x"}, "create_cube"),
+        ("create_cube", {"size": "x"}, "create_cube: parameter size = 'x': give a value of type float"),
+        ("set_matrix", {"transformmatrix": "x"}, "transformmatrix = .x.: give a value of type ndarray"),
+        ("create_sphere", {"radius": 2.0, "subdiv": 2.5}, "subdiv = 2.5: give a value of type int"),
     ],
 )
 def test_wrong_calls_are_filter_errors(

@@ -23,6 +23,7 @@ MADE_BY: dict[str, Callable[[], Any]] = {
         TriangleMesh(CORNERS, FACES).to_open3d()
     ),
     "trimesh": lambda: TriangleMesh(CORNERS, FACES).to_trimesh(),
+    "trimesh's scene": lambda: trimesh.Scene([TriangleMesh(CORNERS, FACES).to_trimesh()]),
     "pymeshlab": lambda: pymeshlab.Mesh(CORNERS, FACES),
 }
 
@@ -71,6 +72,10 @@ def test_a_mesh_is_shown_in_a_line() -> None:
         repr(TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32)))
         == "TriangleMesh(0 vertices, 0 faces, 0 mm)"
     )
+
+
+def test_a_scene_of_no_meshes_has_no_faces() -> None:
+    assert len(mesh_from(trimesh.Scene()).faces) == 0
 
 
 def test_a_tensor_mesh_of_nothing_has_no_faces() -> None:
