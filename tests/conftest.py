@@ -5,12 +5,15 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import hypothesis
 import numpy as np
 import pytest
 from jaxtyping import install_import_hook
 from numpy import ndarray
 
 STAGES = ("mesh", "setup", "surface", "levels", "toolpath", "orientation", "nc", "verify")
+hypothesis.settings.register_profile("bonecam", deadline=None)  # other work on the machine takes time too
+hypothesis.settings.load_profile("bonecam")
 install_import_hook([f"bonecam.{stage}" for stage in STAGES], "beartype.beartype")
 
 from bonecam.job import HoldingJob, Job  # noqa: E402

@@ -22,7 +22,7 @@ def test_a_written_job_reads_back_equal(tmp_path: Path) -> None:
 TEXT = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"))
 
 
-@settings(max_examples=1000, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=1000, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     mesh=TEXT
     | st.sampled_from(["C:\\bones\\new", 'the "left" one.stl', "a'b#c=d", "\r\n\t\x7f\u2028", '"""']),

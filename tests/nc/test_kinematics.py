@@ -76,7 +76,7 @@ def test_an_axis_beyond_a_nutating_head_is_out_of_reach(write_machine, chains, t
     assert np.isnan(found).all()
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.floats(-10, 10), st.tuples(*[st.floats(-100, 100)] * 3), st.tuples(*[st.floats(-1, 1)] * 3))
 def test_a_turn_keeps_lengths_and_is_undone_by_its_opposite(angle, vector, direction):
     axis = np.array(direction) + 3.0 * UP

@@ -19,7 +19,7 @@ seeds = st.integers(0, 10_000)
 shapes = st.tuples(st.integers(4, 14), st.integers(4, 12))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(seeds, shapes, st.booleans())
 def test_basis_is_a_non_negative_partition_of_unity(
     bone_like: Callable[..., TSpline],
@@ -36,7 +36,7 @@ def test_basis_is_a_non_negative_partition_of_unity(
         np.testing.assert_allclose(D.sum(axis=1), 0, atol=1e-13 * abs(D.data).max())
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(seeds, shapes)
 def test_extraction_agrees_with_the_recurrence(
     bone_like: Callable[..., TSpline],
@@ -52,7 +52,7 @@ def test_extraction_agrees_with_the_recurrence(
     np.testing.assert_allclose(surface.evaluate(s, t), expected @ surface.control_points, atol=1e-13 * 28)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(seeds, shapes)
 def test_derivatives_agree_with_finite_differences(
     bone_like: Callable[..., TSpline],

@@ -106,7 +106,7 @@ def test_texts_without_end_tool_or_feed_are_refused(text: str) -> None:
         read_apt(text)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.integers(0, 3000), st.integers(0, 3000), st.text(max_size=5))
 def test_a_text_damaged_anywhere_is_read_or_refused(first: int, last: int, put: str) -> None:
     low, high = sorted((first, last))

@@ -80,7 +80,7 @@ def test_a_row_between_two_rows_loses_no_facet_on_the_straight_hull() -> None:
     require_delaunay(points, delaunay(points))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.sets(st.tuples(st.integers(0, 6), st.integers(0, 6)), min_size=4, max_size=30))
 def test_any_points_of_a_lattice(lattice: set[tuple[int, int]]) -> None:
     points = np.array(sorted(lattice)) * 0.1

@@ -129,12 +129,22 @@ BAD = {
         (PLY.replace("face 4", "face 4000000000") + TETRAHEDRON).encode(),
         "line 7 tells of more elements",
     ),
+    "long.ply": (
+        (PLY.replace("face 4", "face 4\nproperty float " + "p" * 2**20) + TETRAHEDRON).encode(),
+        "has a header of 1048746 bytes, 1048576 are allowed",
+    ),
     "short.ply": ((PLY + TETRAHEDRON).encode(), "is no readable PLY file"),
     "word.off": (OFF.replace("3 1 2 3", "3 one 2 3").encode(), "has a word where a number should stand"),
     "points.obj": (b"v 0 0 0\nv 1 0 0\nv 0 1 0\n", "holds no triangles"),
     "mesh.prt": (b"0 0 0", "unknown ending '.prt'"),
     "mesh": (b"0 0 0", "has no ending that tells its kind"),
 }
+
+
+def test_remarks_of_a_ply_are_passed_over(tmp_path: Path) -> None:
+    remarks = "comment " + "x" * 2**21 + "\nobj_info a scan\nend_header"
+    (tmp_path / "a.ply").write_text(GOOD["a.ply"].replace("end_header", remarks))
+    assert len(read_mesh(tmp_path / "a.ply").faces) == 4
 
 
 @pytest.mark.parametrize("name", BAD)

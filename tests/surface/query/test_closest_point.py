@@ -25,7 +25,7 @@ def offset_points(
     return surface, points
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=6)
 @given(st.integers(0, 10_000))
 def test_feet_are_orthogonal_and_at_their_parameters(
     bone_like: Callable[..., TSpline], samples: Callable[..., tuple[ndarray, ndarray]], seed: int

@@ -61,7 +61,7 @@ def test_every_face_of_the_notched_model_can_be_cut(
         np.testing.assert_allclose(finer.evaluate(s, t), expected, atol=1e-11)
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(seeds, st.booleans(), st.sampled_from(["s", "t", "st"]))
 def test_random_tsplines_stay_what_they_are(
     random_tspline: Callable[..., TSpline],
@@ -76,7 +76,7 @@ def test_random_tsplines_stay_what_they_are(
     assert_same(inner_samples, surface, finer, seed)
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(seeds)
 def test_derivatives_of_random_tsplines_agree_with_finite_differences(
     random_tspline: Callable[..., TSpline], seed: int
@@ -108,7 +108,7 @@ def element_widths(surface: TSpline, s: np.ndarray, t: np.ndarray) -> np.ndarray
     return np.asarray(np.diff(boxes[:, :2])[holds.argmax(axis=1), 0])
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(seeds, st.booleans())
 def test_random_tsplines_come_back_from_their_files(
     random_tspline: Callable[..., TSpline], tmp_path_factory: pytest.TempPathFactory, seed: int, closed: bool
@@ -123,7 +123,7 @@ def test_random_tsplines_come_back_from_their_files(
     assert again.tmesh.s_lines.tobytes() == surface.tmesh.s_lines.tobytes()
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(seeds, st.integers(6, 12), st.integers(4, 9), st.sampled_from(["s", "t", "st"]), st.booleans())
 def test_rows_stay_what_they_are(
     bone_like: Callable[..., TSpline], seed: int, rows: int, around: int, directions: str, poles: bool
@@ -137,7 +137,7 @@ def test_rows_stay_what_they_are(
     np.testing.assert_allclose(finer.evaluate(s, t), surface.evaluate(s, t), atol=1e-13 * 28)
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(seeds, st.booleans())
 def test_rows_are_a_general_tmesh(bone_like: Callable[..., TSpline], seed: int, poles: bool) -> None:
     surface = bone_like(8, 6, seed, poles=poles)
@@ -198,7 +198,7 @@ def test_open_rows_are_a_general_tmesh_and_can_be_refined_there() -> None:
     np.testing.assert_allclose(finer.evaluate(s, t), surface.evaluate(s, t), atol=1e-13 * 5)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(seeds, st.sampled_from(["s", "t", "st"]))
 def test_open_rows_stay_what_they_are(seed: int, directions: str) -> None:
     surface = open_rows(seed)

@@ -63,7 +63,7 @@ def test_models_are_tessellated_without_a_gap(
     assert (inside < 4).all()  # every border edge lies on the border of the domain
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=6)
 @given(st.integers(0, 1000), st.booleans())
 def test_random_tsplines_are_tessellated_within_the_tolerance(
     random_tspline: Callable[..., TSpline],

@@ -13,7 +13,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.tspline import TSpline
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(st.integers(0, 10_000), st.integers(6, 18), st.integers(5, 16), st.sampled_from([0.3, 0.05, 0.01]))
 def test_a_tessellation_is_one_closed_outward_sphere(
     bone_like: Callable[..., TSpline],

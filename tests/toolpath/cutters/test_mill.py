@@ -95,7 +95,7 @@ def posed(angle: float, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return contact, normal, np.cos(angle) * normal + np.sin(angle) * beside
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(poses)
 def test_the_contact_is_on_the_cutter_and_the_plane_through_it_is_not_cut(pose: tuple) -> None:
     name, angle, seed = pose

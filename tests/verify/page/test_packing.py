@@ -13,7 +13,7 @@ from bonecam.errors import FileError
 from bonecam.verify.page.packing import FLOAT_BYTES, VERSION, Contents, pack, unpack
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(arrays(np.float64, st.tuples(st.integers(1, 30), st.integers(1, 3)), elements=st.floats(-500, 500)))
 def test_floats_come_back_within_half_a_step_of_their_range(values: np.ndarray) -> None:
     back = unpack(pack(Contents({}, {"values": values})), "view.gz").arrays["values"]
@@ -21,7 +21,7 @@ def test_floats_come_back_within_half_a_step_of_their_range(values: np.ndarray) 
     assert np.abs(back - values).max() <= step / 2 + 1e-9
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(st.lists(st.integers(0, 2**24 - 1), min_size=1, max_size=40), st.text(min_size=1))
 def test_whole_numbers_bytes_and_facts_come_back_as_they_were(numbers: list[int], text: str) -> None:
     raw = np.frombuffer(text.encode("utf-16-le", "surrogatepass"), np.uint8)

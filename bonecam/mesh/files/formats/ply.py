@@ -19,6 +19,9 @@ INDICES = ("vertex_indices", "vertex_index")
 """Names of the property that holds the corners of a face or strip."""
 END = re.compile(rb"end_header[ \t]*(\r\n|\n|\r)")
 WORDS = (b"ply", b"format", b"comment", b"obj_info", b"element", b"property")
+REMARKS = (b"comment", b"obj_info")
+LONGEST_HEADER = 2**20
+"""Most bytes of a header without its remarks: plyfile takes half a second for so many."""
 
 
 class _Stream(io.BytesIO):
@@ -63,12 +66,13 @@ def parse_ply(data: bytes) -> Content:
 
 
 def _header_of(data: bytes) -> tuple[bytes, bytes]:
-    """The header with single blanks and line feeds, and what follows it; ContentError names what is wrong
-    with a line, or tells that the file is too short for what the header tells of."""
+    """The header with single blanks and line feeds and empty remarks, and what follows it; ContentError names what is
+    wrong with a line, or tells that the file is too short for what the header tells of."""
     match = END.search(data)
     if not match:
         raise ContentError("is no PLY, or cut short: its header has no end", CUT_SHORT)
     lines = [b" ".join(line.split()) for line in data[: match.start()].splitlines()]
+    lines = [b"comment" if line.split(b" ", 1)[0] in REMARKS else line for line in lines]
     room = len(data) - match.end()  # a value takes one byte or more
     count = 0
     told = 0
@@ -90,7 +94,10 @@ def _header_of(data: bytes) -> tuple[bytes, bytes]:
         if min(room, len(data) - count) < 0:
             what = f"is cut short: line {told} tells of more elements than the file has bytes"
             raise ContentError(what, CUT_SHORT)
-    return b"\n".join([*lines, b"end_header", b""]), data[match.end() :]
+    header = b"\n".join([*lines, b"end_header", b""])
+    if len(header) > LONGEST_HEADER:
+        raise ContentError(f"has a header of {len(header)} bytes, {LONGEST_HEADER} are allowed")
+    return header, data[match.end() :]
 
 
 def _lists(element: Any) -> list[ndarray]:
