@@ -21,9 +21,8 @@ SPACING = 0.5
 """Distance of the samples along the passes, mm."""
 LEAST_DROP = 5e-3
 """A step that lowers the energy by a smaller share is the last one."""
-FIRST_DAMPING, LARGEST_DAMPING = 0.125, 1e6
-"""Of the steps, in diagonal entries of the normal equations. From 0.001 a quarter of the solutions of the phalanx were
-for nothing: three quarters of the first steps that lowered the energy had 0.6 or more."""
+FIRST_DAMPING, LARGEST_DAMPING = 1e-3, 1e6
+"""Of the steps, in diagonal entries of the normal equations."""
 TILT_SHARE = 0.87
 """Part of the largest tilt that the field uses: contacts between the samples need the rest."""
 REACH = np.radians(5.0)
