@@ -8,10 +8,10 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from bonecam.mesh.files.cad_shapes import refuse_foreign
+from bonecam.mesh.files.cad_shapes import refuse_foreign, unreadable
 from bonecam.mesh.files.cad_tessellation import read_and_tessellate
 from bonecam.mesh.files.child import call_in_child
-from bonecam.mesh.files.opencascade import kind_of, missing
+from bonecam.mesh.files.opencascade import is_failure, kind_of, missing
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.progress import Progress, silent
 
@@ -46,12 +46,17 @@ def in_child(work: str, file: Path, *values: Any) -> Any:
     data = refuse_foreign(file)
     if find_spec("OCP") is None:
         raise missing(f"{file}: reading {kind_of(file)}")
-    return call_in_child(
-        work,
-        str(file),
-        *values,
-        library="OpenCASCADE",
-        remedy=f"it may be damaged: export the part as {kind_of(file)} again",
-        seconds=SECONDS + len(data) / 1e4,
-        memory=MEMORY + 500 * len(data),
-    )
+    try:
+        return call_in_child(
+            work,
+            str(file),
+            *values,
+            library="OpenCASCADE",
+            remedy=f"it may be damaged: export the part as {kind_of(file)} again",
+            seconds=SECONDS + len(data) / 1e4,
+            memory=MEMORY + 500 * len(data),
+        )
+    except Exception as error:
+        if not is_failure(error):
+            raise
+        raise unreadable(file, str(error)) from error

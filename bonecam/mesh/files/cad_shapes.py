@@ -15,26 +15,24 @@ from bonecam.mesh.files.opencascade import kind_of, occ
 
 
 def read_shape(path: str | Path) -> Any:
-    """The content of a STEP or IGES file as one OpenCASCADE shape in mm. FileError where it cannot be
-    read."""
+    """The content of a STEP or IGES file as one OpenCASCADE shape in mm. FileError, or one of OpenCASCADE's own
+    (`is_failure`), where it cannot be read."""
     file = Path(path)
     refuse_foreign(file)
     kind = kind_of(file)
     lib = occ(f"{file}: reading {kind}")
     reader = lib.STEPControl.STEPControl_Reader() if kind == "STEP" else lib.IGESControl.IGESControl_Reader()
-    try:
-        with library_name(file) as name:
-            status = reader.ReadFile(name)
-        found = reader.TransferRoots() if status == lib.IFSelect.IFSelect_ReturnStatus.IFSelect_RetDone else 0
-        shape = reader.OneShape() if found else None
-    except lib.Standard.Standard_Failure as error:
-        raise _unreadable(file, str(error)) from error
+    with library_name(file) as name:
+        status = reader.ReadFile(name)
+    found = reader.TransferRoots() if status == lib.IFSelect.IFSelect_ReturnStatus.IFSelect_RetDone else 0
+    shape = reader.OneShape() if found else None
     if shape is None or shape.IsNull():
-        raise _unreadable(file, "cut short, or nothing in it")
+        raise unreadable(file, "cut short, or nothing in it")
     return shape
 
 
-def _unreadable(file: Path, reason: str) -> FileError:
+def unreadable(file: Path, reason: str) -> FileError:
+    """The error of a file that OpenCASCADE makes nothing of."""
     kind = kind_of(file)
     message = f"{file}: is no readable {kind} file ({reason}): export the part as {kind} again"
     return FileError(message, file=str(file))

@@ -94,11 +94,11 @@ def _cut_closed_faces(shape: Any) -> Any:
 
 
 def _mesh_of(shape: Any, tolerance: float, welding: float) -> TriangleMesh | None:
-    """The triangles of a tessellated shape, points nearer than `welding` (mm) made one; None where a face has
-    no triangles or is further than `tolerance` (mm) from one of them."""
+    """The triangles of a tessellated shape, points nearer than `welding` (mm) made one; None where there is no
+    face, or one has no triangles or is further than `tolerance` (mm) from one of them."""
     faces = faces_of(shape)
     parts = [part for face in faces if (part := _triangles(face, tolerance))]
-    if len(parts) < len(faces):
+    if not parts or len(parts) < len(faces):
         return None
     starts = np.cumsum([0, *[len(nodes) for nodes, _ in parts]])
     nodes = np.concatenate([nodes for nodes, _ in parts])

@@ -54,6 +54,11 @@ class _Packages:
         return found
 
 
+def is_failure(error: Exception) -> bool:
+    """Whether OpenCASCADE raised an error: in Python its exceptions have no base of their own."""
+    return type(error).__module__.partition(".")[0] == "OCP"
+
+
 def kind_of(file: Path) -> str:
     """STEP or IGES, by the file's ending."""
     return "STEP" if file.suffix.lower() in STEP else "IGES"

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bonecam.errors import FileError, UnitsError
-from bonecam.mesh.files import cad_tessellation
+from bonecam.mesh.files import cad_files, cad_tessellation
 from bonecam.mesh.files.cad_tessellation import read_and_tessellate, tessellate_shape
 from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.mesh.files.opencascade import occ
@@ -178,6 +178,24 @@ def test_opencascade_says_nothing_on_the_terminal(tmp_path: Path, capfd: pytest.
     with pytest.raises(FileError):
         read_and_tessellate(tmp_path / "none.step")
     assert capfd.readouterr() == ("", "")
+
+
+def test_an_error_of_opencascade_itself_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It comes out of the child as it was raised: in Python OpenCASCADE's errors have no base of their own."""
+
+    def fail(*_: Any, **__: Any) -> None:
+        raise occ().Transfer.Transfer_TransferFailure("Transfer in Error Status")
+
+    file = write(cylinder(), tmp_path / "part.iges")
+    monkeypatch.setattr(cad_files, "call_in_child", fail)
+    with pytest.raises(FileError, match=r"part\.iges: is no readable IGES file \(Transfer in Error Status\)"):
+        read_mesh(file)
+
+
+def test_a_shape_without_faces_has_no_mesh() -> None:
+    nothing = occ().TopoDS.TopoDS_Compound()
+    occ().BRep.BRep_Builder().MakeCompound(nothing)
+    assert cad_tessellation._mesh_of(nothing, 0.1, 0.1) is None
 
 
 def test_a_file_that_ends_opencascade_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
