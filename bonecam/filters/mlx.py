@@ -75,6 +75,9 @@ class _Reader:
                 file=self._path,
                 line=error.lineno,
             ) from error
+        except (LookupError, ValueError) as error:  # of an encoding that Python has, but not for XML
+            reason = f"its encoding cannot be read ({error})"
+            raise FileError(f"{self._path}: {reason}: write the script in UTF-8", file=self._path) from error
         return self._calls
 
     def _begin(self, tag: str, attributes: dict[str, str]) -> None:

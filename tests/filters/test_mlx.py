@@ -93,3 +93,10 @@ def test_what_is_no_script_is_refused_with_its_line(
 def test_a_missing_script_is_a_file_error(tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"none\.mlx: No such file"):
         read_calls(tmp_path / "none.mlx")
+
+
+@pytest.mark.parametrize("encoding", ["rot13", "utf-7", "idna", "nope"])
+def test_an_encoding_that_xml_cannot_have_is_refused(tmp_path: Path, encoding: str) -> None:
+    script = write(tmp_path, f'<?xml version="1.0" encoding="{encoding}"?><FilterScript/>')
+    with pytest.raises(FileError, match=r"script\.mlx: its encoding cannot be read"):
+        read_calls(script)
