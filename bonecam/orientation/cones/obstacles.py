@@ -62,18 +62,19 @@ def rooms_at(path: ContactPath, scene: Scene) -> Float[ndarray, " n"]:
     """How much larger (mm) than the cutter's ball a ball may be that touches each contact from outside and meets no
     obstacle: of ROOMS the largest for which this holds, or 0."""
     around = scene.around("cutter", path.cutter.radius)
+    rooms = np.array([0.0, *ROOMS])
     free, most = np.zeros((2, len(path.centres)), dtype=np.int64)
     most += len(ROOMS)
     while len(left := np.flatnonzero(free < most)):
         # a ball contains the smaller ones that touch the same contact
         tried = (free[left] + most[left] + 1) // 2
-        more = np.array(ROOMS)[tried - 1]
+        more = rooms[tried]
         radius = path.cutter.radius + more - TANGENT_SLACK
         middles = path.centres[left] + more[:, None] * path.normals[left]
         empty = around.distance_bound(middles, radius, outside=True) >= radius
         free[left[empty]] = tried[empty]
         most[left[~empty]] = tried[~empty] - 1
-    return np.array([0.0, *ROOMS])[free]
+    return rooms[free]
 
 
 def apexes_of(net: Net, room: Float[ndarray, " n"]) -> Apexes:
