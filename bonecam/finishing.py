@@ -197,7 +197,7 @@ def _posted(
         tolerances = Tolerances(gouge=job.path.gouge_tolerance)
         part = MeshDistance(workpiece.solid)
         proof = verify_program(posted.text, [path], machine, dialect, part, tolerances)
-    return path, replace(posted, text=record_checks(posted.text, dialect, str(proof))), proof
+    return path, record_checks(posted, dialect, str(proof)), proof
 
 
 def _figures(workpiece: Workpiece, job: Job, source: File, solids: int) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from bonecam.nc.dialect import Dialect, read_dialect
 from bonecam.nc.kinematics import axis_limits
 from bonecam.nc.machine import Machine, read_machine
 from bonecam.nc.posting.feeds import drivable_paths
-from bonecam.nc.posting.header import record_checks
+from bonecam.nc.posting.header import record_checks, record_simulation
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import program_name
 from bonecam.nc.requirements import check_length, check_room, check_tools
@@ -216,13 +216,9 @@ def _machine(
         tolerances = Tolerances(gouge=job.path.gouge_tolerance)
         proof = verify(program.text, paths, machine, dialect, design, tolerances, part(progress, 0.9, 1.0))
 
-    program = replace(program, text=record_checks(program.text, dialect, str(proof)))
-    name = Path(file).name if file else ""
-    figures = {
-        **made.report,
-        **report_to_program(name, paths, program, proof, job.path, levels[0].mesh),
-        "removal": NOT_SIMULATED,
-    }
+    program = record_checks(program, dialect, str(proof))
+    told = report_to_program(Path(file or "").name, paths, program, proof, job.path, levels[0].mesh)
+    figures = {**made.report, **told, "removal": NOT_SIMULATED}
     return Result(made.part, made.surface, made.stock, made.levels, figures, job, paths, program)
 
 
@@ -234,7 +230,9 @@ def _simulated(
         levels = result.levels.levels
         text, mesh = result.program.text, result.part.mesh
         removal = prove_removal(text, machine, dialect, result.job, result.stock, levels, mesh, progress)
-    return replace(result, report={**result.report, "removal": removal.report}, removal=removal)
+    program = record_simulation(result.program, dialect, removal.cell)
+    told = {**result.report, "removal": removal.report}
+    return replace(result, program=program, report=told, removal=removal)
 
 
 def _require_job(job: Job | None) -> Job:

@@ -26,7 +26,7 @@ from bonecam.nc.dialect import Dialect
 from bonecam.nc.kinematics import axis_limits
 from bonecam.nc.machine import Machine
 from bonecam.nc.posting.feeds import drivable_paths
-from bonecam.nc.posting.header import record_checks
+from bonecam.nc.posting.header import record_checks, record_simulation
 from bonecam.nc.posting.header_texts import second_setup_texts
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import Program, program_name
@@ -99,6 +99,7 @@ def second_program(
     file = second_file(program, first.job)
     posted, proof = _posted(paths, clamping, texts, job, machine, dialect, file)
     removal = _simulated(posted.text, material, job, machine, dialect, part(progress, 0.8, 1.0))
+    posted = record_simulation(posted, dialect, removal.cell)
     near = _near_shell(posted.text, clamping.shell, job, machine, dialect)
     told = {
         "file": file.name if file else "",
@@ -170,7 +171,7 @@ def _posted(
     program = write_program(paths, machine, dialect, job, name=name, setup=texts)
     solids, allowed = MeshDistance(clamping.solids), Tolerances(gouge=job.path.gouge_tolerance)
     proof = verify_program(program.text, paths, machine, dialect, solids, allowed)
-    return replace(program, text=record_checks(program.text, dialect, str(proof))), proof
+    return record_checks(program, dialect, str(proof)), proof
 
 
 def _at_post(first: Result, radius: float) -> Bool[ndarray, " n"]:

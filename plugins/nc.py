@@ -42,7 +42,7 @@ def save_program(layers: Layers, values: Mapping[str, Any], progress: Progress) 
     tolerances = Tolerances(gouge=job.path.gouge_tolerance)
     proof = verify(program.text, paths, machine, dialect, design, tolerances, part(progress, 0.5, 1.0))
     target = layers.target(values["file"])
-    write_whole(target, record_checks(program.text, dialect, str(proof)))
+    write_whole(target, record_checks(program, dialect, str(proof)).text)
     return {**nc_report(program, proof), "file": str(target)}
 
 

@@ -225,6 +225,7 @@ def test_without_simulation_the_report_says_so(again: tuple[Path, str]) -> None:
     folder, told = again
     assert "skipped" in json.loads((folder / "report.json").read_text(encoding="utf-8"))["removal"]
     assert "removal   the removal of material was not simulated" in told
+    assert "; REMOVAL NOT SIMULATED\n" in (folder / "bone.h").read_text(encoding="utf-8")
 
 
 def test_what_was_written_holds_its_limits(chain: tuple[bonecam.Result, Path]) -> None:
@@ -244,6 +245,7 @@ def test_the_program_moves_the_tool_where_the_path_says(chain: tuple[bonecam.Res
     assert text.startswith("0 BEGIN PGM BONE MM\n")
     assert "; PART PHALANX" in text.upper().replace(":", "")
     assert "; CHECKS PASSED: TEXT READ BACK, TIP WITHIN 0." in text
+    assert f"; REMOVAL SIMULATED IN CELLS OF {result.report['removal']['cell_mm']:g} MM\n" in text
     motions = read_program(text, read_machine("mikron-ucp600"), read_dialect("heidenhain"))
     tips = np.vstack([path.tips for path in result.paths])
     from scipy.spatial import KDTree
@@ -331,10 +333,12 @@ def test_the_transform_leads_from_the_file_to_the_part(
     assert part.mesh.bounds[0, 2] > COARSE.holding.length
 
 
-def test_a_second_run_writes_the_same_bytes(
+def test_a_second_run_writes_the_same_bytes_but_for_the_line_of_the_simulation(
     chain: tuple[bonecam.Result, Path], again: tuple[Path, str]
 ) -> None:
-    assert (again[0] / "bone.h").read_bytes() == (chain[1] / "bone.h").read_bytes()
+    simulated = f"REMOVAL SIMULATED IN CELLS OF {chain[0].report['removal']['cell_mm']:g} MM".encode()
+    second = (again[0] / "bone.h").read_bytes().replace(b"REMOVAL NOT SIMULATED", simulated)
+    assert second == (chain[1] / "bone.h").read_bytes()
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 comments; the blank; the safe start."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from jaxtyping import Float
 from numpy import ndarray
@@ -13,10 +14,13 @@ from bonecam.nc.posting.header_texts import axis_texts, control_texts, parting_t
 from bonecam.nc.posting.path_words import Posted
 from bonecam.nc.posting.tolerances import contour_tolerance, rotary_tolerance_deg
 from bonecam.nc.posting.travel import Travel
+from bonecam.nc.program import Program
 from bonecam.nc.words import plain_text
 
 UNCHECKED = "checks passed: none, this text was not read back"
 """The line of a program before its proof; `record_checks` replaces it."""
+UNSIMULATED = "removal not simulated"
+"""The line of a program whose removal of material is not simulated; `record_simulation` replaces it."""
 
 
 def header_lines(
@@ -43,6 +47,7 @@ def header_lines(
         *control_texts(machine, dialect, posted),
         *axis_texts(machine, travel, posted),
         UNCHECKED,
+        UNSIMULATED,
     ]
     smallest = min(one.path.cutter.radius for one in posted)
     switch = dialect.tool_centre_switch(machine)
@@ -67,9 +72,21 @@ def comment(text: str, dialect: Dialect) -> str:
     return dialect.comment.format(text=plain_text(text, dialect.comment_characters))
 
 
-def record_checks(text: str, dialect: Dialect, checks: str) -> str:
-    """The text of a program whose header names the `checks` that it passed; no block moves, no line is added."""
-    before = comment(UNCHECKED, dialect)
-    if text.count(before) != 1:
-        raise ValueError("the program has no line for its checks: give the text as it was written")
-    return text.replace(before, comment(f"checks passed: {checks}", dialect))
+def record_checks(program: Program, dialect: Dialect, checks: str) -> Program:
+    """The program with the `checks` that its text passed in the header; no block moves, no line is added. ValueError
+    where its text has them already."""
+    return _with_line(program, dialect, UNCHECKED, f"checks passed: {checks}")
+
+
+def record_simulation(program: Program, dialect: Dialect, cell: float) -> Program:
+    """The program with a header that tells that the removal of its text was simulated on rays `cell` mm apart; no block
+    moves, no line is added. ValueError where its text tells it already."""
+    return _with_line(program, dialect, UNSIMULATED, f"removal simulated in cells of {cell:g} mm")
+
+
+def _with_line(program: Program, dialect: Dialect, before: str, told: str) -> Program:
+    """The program in whose header one comment is another."""
+    line = comment(before, dialect)
+    if program.text.count(line) != 1:
+        raise ValueError(f"the program has no line {line!r}: give it as it was written")
+    return replace(program, text=program.text.replace(line, comment(told, dialect)))

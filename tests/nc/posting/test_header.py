@@ -13,7 +13,7 @@ from bonecam.job import Job
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.kinematics import inverse_linear
 from bonecam.nc.machine import read_machine
-from bonecam.nc.posting.header import record_checks
+from bonecam.nc.posting.header import record_checks, record_simulation
 from bonecam.nc.posting.tolerances import contour_tolerance, rotary_tolerance_deg
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.read import read_program
@@ -64,6 +64,7 @@ def test_the_header_says_what_to_mount_and_how_to_set_the_control(text: str) -> 
         "C WORDS: WRAPPED TO -180..180 UNDER M126",
         "C MUST BE A MODULO AXIS",
         "CHECKS PASSED: NONE, THIS TEXT WAS NOT READ BACK",
+        "REMOVAL NOT SIMULATED",
     ):
         assert said in head, said
     assert max(map(len, head.splitlines())) <= 110
@@ -184,10 +185,38 @@ def test_where_rapids_may_be_bent_they_are_feeds_beside_the_part(paths, name: st
         compare_moves(motions, paths, read_dialect(name), Tolerances())
 
 
-def test_the_checks_are_written_into_their_line_and_nowhere_else(text: str) -> None:
-    proved = record_checks(text, HEIDENHAIN, "text read back, gouge 1.00 um")
-    changed = [(a, b) for a, b in zip(text.splitlines(), proved.splitlines(), strict=True) if a != b]
-    assert len(changed) == 1
-    assert changed[0][1].endswith("; CHECKS PASSED: TEXT READ BACK, GOUGE 1.00 UM")
-    with pytest.raises(ValueError, match="no line for its checks"):
-        record_checks(proved, HEIDENHAIN, "again")
+@pytest.mark.parametrize("name", ["heidenhain", "linuxcnc"])
+def test_checks_and_simulation_are_written_into_their_lines_and_nowhere_else(
+    name: str, paths: tuple[ToolPath, ToolPath]
+) -> None:
+    machine = MIKRON if name == "heidenhain" else read_machine("linuxcnc-xyzbc")
+    dialect = read_dialect(name)
+    posted = write_program(paths, machine, dialect, Job())
+    proved = record_checks(posted, dialect, "text read back, gouge 1.00 um")
+    simulated = record_simulation(proved, dialect, 0.1)
+    both = zip(posted.text.splitlines(), simulated.text.splitlines(), strict=True)
+    changed = [(before, after) for before, after in both if before != after]
+    wanted = [
+        ("CHECKS PASSED: NONE, THIS TEXT WAS NOT READ BACK", "CHECKS PASSED: TEXT READ BACK, GOUGE 1.00 UM"),
+        ("REMOVAL NOT SIMULATED", "REMOVAL SIMULATED IN CELLS OF 0.1 MM"),
+    ]
+    assert len(changed) == 2
+    for found, told in zip(changed, wanted, strict=True):
+        for line, text in zip(found, told, strict=True):
+            assert text in line
+    with pytest.raises(ValueError, match=r"has no line .*CHECKS PASSED: NONE"):
+        record_checks(proved, dialect, "again")
+    with pytest.raises(ValueError, match=r"has no line .*REMOVAL NOT SIMULATED"):
+        record_simulation(simulated, dialect, 0.2)
+
+
+def test_the_line_of_the_simulation_changes_no_motion(
+    paths: tuple[ToolPath, ToolPath], upright_capsule: Capsule
+) -> None:
+    posted = write_program(paths, MIKRON, HEIDENHAIN, Job(), stock=upright_capsule)
+    before, after = (
+        read_program(program.text, MIKRON, HEIDENHAIN)
+        for program in (posted, record_simulation(posted, HEIDENHAIN, 0.05))
+    )
+    for name in ("tips", "axes", "lines", "tools", "rapid", "links"):
+        np.testing.assert_array_equal(getattr(after, name), getattr(before, name))
