@@ -37,26 +37,22 @@ from bonecam.outputs.output_files import File
 from bonecam.outputs.result import Result
 from bonecam.outputs.second import SecondProgram, second_file
 from bonecam.progress import Progress, part, silent
-from bonecam.setup.fixture.clamping import clamping_of
 from bonecam.setup.fixture.shell import SecondClamping, read_shell, turned_over
 from bonecam.setup.fixture.shell_maker import shell_round
 from bonecam.setup.holding import post_below
 from bonecam.setup.placement import place
 from bonecam.surface.files.surface_input import read_part
 from bonecam.toolpath.contacts import at_post
-from bonecam.toolpath.layers.limits import MOST_LAYERS
 from bonecam.toolpath.parting import cut_groove
 from bonecam.toolpath.path import ToolPath
 from bonecam.verify.proof import Verification, verify_program
 from bonecam.verify.readback import Tolerances
 from bonecam.verify.removal.left import LEFT
-from bonecam.verify.removal.of_job import cutters_of
+from bonecam.verify.removal.of_job import cutters_of, prove_stump_removal
 from bonecam.verify.removal.result import Removal
-from bonecam.verify.removal.simulate import simulate_further
 from bonecam.verify.removal.standing import standing_field
 from bonecam.verify.removal.sweeping import Remaining
 from bonecam.verify.removal.table import NEAR, solid_clearance
-from bonecam.verify.removal.verdicts import check_removal
 from bonecam.verify.report import nc_report, toolpath_report
 
 
@@ -98,7 +94,7 @@ def second_program(
     texts = second_setup_texts(job.holding, clamping.shell, top)
     file = second_file(program, first.job)
     posted, proof = _posted(paths, clamping, texts, job, machine, dialect, file)
-    removal = _simulated(posted.text, material, job, machine, dialect, part(progress, 0.8, 1.0))
+    removal = prove_stump_removal(posted.text, machine, dialect, job, material, part(progress, 0.8, 1.0))
     posted = record_simulation(posted, dialect, removal.cell)
     near = _near_shell(posted.text, clamping.shell, job, machine, dialect)
     told = {
@@ -180,26 +176,6 @@ def _at_post(first: Result, radius: float) -> Bool[ndarray, " n"]:
     nails = first.removal.remaining.nails
     assert nails is not None
     return at_post(nails.points, nails.normals, post_below(first.part.mesh, first.job.holding), radius)
-
-
-def _simulated(
-    text: str, material: Remaining, job: Job, machine: Machine, dialect: Dialect, progress: Progress
-) -> Removal:
-    """What the posted text removes of the material; VerifyError where that is not what a program may do. Layers on a
-    stump promise no depth: it is told."""
-    removal = simulate_further(
-        text,
-        machine,
-        dialect,
-        material,
-        None,
-        cutters_of(job, machine),
-        clamping=clamping_of(job.holding, machine.table),
-        limits=dict.fromkeys(range(MOST_LAYERS), job.levels.cuts[1]) | {0: job.levels.finishing_depth},
-        progress=progress,
-    )
-    check_removal(removal, job.path.gouge_tolerance, limited=False)
-    return removal
 
 
 def _near_shell(text: str, shell: TriangleMesh, job: Job, machine: Machine, dialect: Dialect) -> float:

@@ -1,5 +1,6 @@
 """The second clamping of a small lump that was parted; and shells that do not do."""
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -8,7 +9,7 @@ import pytest
 from bonecam_meshes import path as shipped
 
 import bonecam
-from bonecam.errors import BonecamError, JobError, MeshError
+from bonecam.errors import BonecamError, JobError, MeshError, VerifyError
 from bonecam.job import HoldingJob, Job
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.facets.hull import convex_hull
@@ -29,8 +30,9 @@ from bonecam.setup.fixture.clamping import clamping_of
 from bonecam.setup.fixture.shell_maker import shell_round
 from bonecam.setup.holding import post_below
 from bonecam.setup.stocks.mesh import ConvexStock
+from bonecam.toolpath.parting import cut_groove
 from bonecam.verify import simulate_removal
-from bonecam.verify.removal.of_job import cutters_of
+from bonecam.verify.removal.of_job import cutters_of, prove_stump_removal
 
 MACHINE, DIALECT = read_machine("mikron-ucp600"), read_dialect("heidenhain")
 LUMP = Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 9.5]), 2.5).mesh(0.05)
@@ -129,6 +131,42 @@ def test_the_material_of_the_second_program_is_the_stump(second, parted):
     assert sum(level["removed_mm3"] for level in rough) == pytest.approx(
         np.pi * 4 * 1.0 + np.pi * 1.5**2 * 1.0, rel=0.4
     ), "a stump of 1 mm and half of the groove's bridge"
+
+
+@pytest.fixture(scope="module")
+def roughed_coarsely(parted) -> tuple[Job, SecondProgram]:
+    """The second clamping's job and program where roughing leaves ridges of 0.3 mm."""
+    job = parted.job.with_values(roughing={"scallop": 0.3})
+    made = second_program(SimpleNamespace(**{**vars(parted), "job": job}), MACHINE, DIALECT, None)
+    return replace(job, holding=job.holding.turned_over), made
+
+
+def test_the_finishing_cutter_takes_what_roughing_left_in_cuts_of_its_depth(roughed_coarsely) -> None:
+    job, made = roughed_coarsely
+    fine = [level for level in made.removal.levels if level.tool == 2]
+    assert [level.index for level in fine] == list(range(len(fine)))[::-1]
+    assert len(fine) > 2
+    for level in fine:
+        assert level.deepest.value < job.levels.finishing_depth + 0.04, "half a cell, and a scallop of 0.01"
+    assert max(level.deepest.value for level in made.removal.levels) > 0.5
+
+
+def test_a_cut_of_the_second_program_that_is_too_deep_is_refused(roughed_coarsely, parted) -> None:
+    job, made = roughed_coarsely
+    paths = [path for path in made.paths if path.cutter.number == 1 or path.level == 0]
+    text = write_program(paths, MACHINE, DIALECT, job).text
+    groove = cut_groove(parted.paths)
+    material = parted.removal.remaining.above(groove.middle).move(made.clamping.pose)
+    smoother = job.with_values(roughing={"scallop": 0.05})
+    with pytest.raises(VerifyError, match=r"a cut of level 0 is 0\.[1-9]\d* mm deep, 0\.\d+ over its limit"):
+        prove_stump_removal(text, MACHINE, DIALECT, smoother, material)
+
+
+def test_a_finishing_depth_below_what_the_rays_tell_of_the_material_is_taken_too(parted) -> None:
+    job = parted.job.with_values(levels={"finishing_depth": 0.03})
+    made = second_program(SimpleNamespace(**{**vars(parted), "job": job}), MACHINE, DIALECT, None)
+    assert made.report["at_post_after_mm2"] == 0
+    assert made.removal.levels[-1].deepest.value < 0.03 + 0.04
 
 
 @pytest.mark.slow

@@ -102,7 +102,7 @@ def second_paths(
     axis, missed = _best_axis(places, fine, roughing.radius, top, limits)
     chart = stump_chart(axis, places.points, roughing.radius)
     heights = _heights(axis, places, top, job.holding.diameter)
-    stump = off_part(fields(chart, *heights), around)
+    stump = off_part(fields(chart, *heights), around, job.levels.finishing_depth)
     layers = stump_layers(stump, around, post, places.points, (roughing, finishing), job)
     stands = clamping_of(job.holding, bodies.table)
     paths = []

@@ -115,6 +115,11 @@ def _sunk(curves: Curves, radius: float, material: HeightField) -> Float[ndarray
     """How deep each ball sinks into the material, mm."""
     chart = material.chart
     centres = chart.bases(curves.a, curves.b) + curves.heights[:, None] * chart.axes(curves.a)
+    return depths_in(material, centres, radius)
+
+
+def depths_in(material: HeightField, centres: Float[ndarray, "n 3"], radius: float) -> Float[ndarray, " n"]:
+    """How deep balls of `radius` sink into the material, mm; negative where they keep off it."""
     return np.asarray(radius - MeshDistance(material.mesh()).signed(centres, radius))
 
 

@@ -1,7 +1,8 @@
 """The layers that cut the stump of the post off a part that was parted and turned over.
 
 The tool comes down on the stump along one direction: with the ball for roughing in layers of the roughing depth until
-the finishing depth is left on the part, then with the one for finishing over all places that stayed at the post.
+the finishing depth is left on the part; then the one for finishing takes what stands there in layers of the finishing
+depth, the last one over all places that stayed at the post.
 """
 
 from dataclasses import replace
@@ -16,13 +17,13 @@ from bonecam.job import Job
 from bonecam.mesh.distance import MeshDistance
 from bonecam.setup.holding import Post
 from bonecam.toolpath.cutters.cutter import Cutter
-from bonecam.toolpath.layers.chart import FlatChart
-from bonecam.toolpath.layers.drop import Ball, drop
-from bonecam.toolpath.layers.finishing import finish_layer
+from bonecam.toolpath.layers.chart import Chart, FlatChart
+from bonecam.toolpath.layers.drop import Ball, drop, drop_balls
+from bonecam.toolpath.layers.finishing import depths_in, finish_layer
 from bonecam.toolpath.layers.layer import Layer
 from bonecam.toolpath.layers.material import CELL, HeightField
-from bonecam.toolpath.layers.roughing import LEAD, Rough, rough_down
-from bonecam.toolpath.layers.scan_lines import flat_step
+from bonecam.toolpath.layers.roughing import LEAD, Rough, rough_down, rough_layer
+from bonecam.toolpath.layers.scan_lines import flat_step, scan_lines
 
 OVERLAP = 0.5
 """The finishing passes run on over the finished surface round the stump by this, mm."""
@@ -42,13 +43,14 @@ def stump_chart(axis: Float[ndarray, "3"], places: Float[ndarray, "n 3"], radius
     return FlatChart(axis, across, a, b, along)
 
 
-def off_part(material: HeightField, around: MeshDistance) -> HeightField:
-    """What lies over the solids `around` of a material that was found from above: the stump alone, off them by OFF."""
+def off_part(material: HeightField, around: MeshDistance, depth: float) -> HeightField:
+    """What lies over the solids `around` of a material that was found from above: the stump alone, off them by OFF, or
+    by half of the `depth` (mm) that roughing leaves, which has to be seen."""
     chart = material.chart
     a, b = (each.ravel() for each in np.meshgrid(chart.a, chart.b, indexing="ij"))
     top, floor = float(material.tops.max()) + CELL, float(material.bottoms.min())
     rests = drop(chart.bases(a, b), chart.axes(a), around.unsigned, top, floor).reshape(material.tops.shape)
-    bottoms = rests + OFF
+    bottoms = rests + min(OFF, depth / 2)
     return replace(material, tops=np.maximum(material.tops, bottoms), bottoms=bottoms)
 
 
@@ -61,8 +63,7 @@ def stump_layers(
     job: Job,
 ) -> list[Layer]:
     """The layers in machining order that take the `material`, a stump. `around` is what must not be gouged, part and
-    shell, `places` the part's that are
-    to be cut free; `cutters` are those for roughing and for finishing."""
+    shell, `places` the part's that are to be cut free; `cutters` are those for roughing and for finishing."""
     chart, (roughing, finishing) = material.chart, cutters
     low = float((places @ chart.axes(chart.a[:1])[0]).min())
     top = float(material.tops.max()) + CELL
@@ -77,13 +78,48 @@ def stump_layers(
     rough = Rough(roughing, job.path.least_depth, job.path.chord_tolerance, 1.0)
     layers, material = rough_down(sets, tips.tolist(), ball, material, rough)
 
+    heights = top + finishing.radius, low
+    fine = Ball(finishing.radius, 0.0, around, post)
+    before, material = _fine_layers(fine, finishing, material, heights, job)
     tree = KDTree(places)
 
     def wanted(contacts: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
         return np.asarray(tree.query(contacts)[0] <= OVERLAP)
 
-    fine = Ball(finishing.radius, 0.0, around, post)
-    heights = top + finishing.radius, low
-    extent = float(chart.b[0]), float(chart.b[-1])
-    layer, _ = finish_layer(fine, finishing, material, job.path, heights, extent, 1.0, wanted)
-    return [*layers, layer]
+    layer, _ = finish_layer(fine, finishing, material, job.path, heights, _extent(chart), 1.0, wanted)
+    return [*layers, *before, layer]
+
+
+def _fine_layers(
+    ball: Ball, cutter: Cutter, material: HeightField, heights: tuple[float, float], job: Job
+) -> tuple[list[Layer], HeightField]:
+    """The layers that leave as many times the finishing depth over the solids as stand there, and one less each, to
+    one; and the material behind them. `heights` are the highest and the lowest of the centre of the `ball`, mm."""
+    chart, depth = material.chart, job.levels.finishing_depth
+    least = min(job.path.least_depth, cutter.scallop)
+    rough = Rough(cutter, least, job.path.chord_tolerance, 1.0)
+    layers = []
+    count = max(_thickness(ball, material, heights) // depth, 0.0)
+    for allowance in depth * np.arange(count, 0.0, -1.0):
+        raised = replace(ball, allowance=float(allowance))
+
+        def height_of(a: Float[ndarray, " n"], b: Float[ndarray, " n"], ball: Ball = raised) -> ndarray:
+            return drop_balls(chart, a, b, ball, *heights)
+
+        lines = scan_lines(chart, raised, cutter.scallop, height_of, _extent(chart), 1.0)
+        layer, material = rough_layer([[line] for line in lines], height_of, material, rough)
+        if len(layer.path.contacts):
+            layers.append(layer)
+    return layers, material
+
+
+def _thickness(ball: Ball, material: HeightField, heights: tuple[float, float]) -> float:
+    """How deep the ball sinks into the material at most where it touches the solids, mm."""
+    chart = material.chart
+    a, b = (each.ravel() for each in np.meshgrid(chart.a, chart.b, indexing="ij"))
+    centres = chart.bases(a, b) + drop_balls(chart, a, b, ball, *heights)[:, None] * chart.axes(a)
+    return float(depths_in(material, centres, ball.radius).max())
+
+
+def _extent(chart: Chart) -> tuple[float, float]:
+    return float(chart.b[0]), float(chart.b[-1])

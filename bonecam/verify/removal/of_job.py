@@ -8,6 +8,8 @@ from bonecam.levels.measure.level import Level, morph_surfaces
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.machine import Machine
+from bonecam.nc.reading.motions import Motions
+from bonecam.nc.reading.read import read_program
 from bonecam.progress import Progress, silent
 from bonecam.setup.fixture.clamping import clamping_of
 from bonecam.setup.holding import post_below
@@ -15,9 +17,10 @@ from bonecam.setup.stock import Stock
 from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.toolpath.layers.limits import layer_limits
 from bonecam.toolpath.path import PARTING
+from bonecam.verify.removal.groups import groups_of
 from bonecam.verify.removal.result import Removal
-from bonecam.verify.removal.simulate import simulate_removal
-from bonecam.verify.removal.sweeping import Accuracy
+from bonecam.verify.removal.simulate import simulate_further, simulate_removal
+from bonecam.verify.removal.sweeping import Accuracy, Remaining
 from bonecam.verify.removal.verdicts import check_removal
 
 ACCURACY = Accuracy(cell=0.1, coarser=True)
@@ -39,6 +42,15 @@ def depth_limits(job: Job, levels: Sequence[Level]) -> dict[int, float]:
     if job.path.strategy == "morph":
         return parting | {index: levels[index + 1].limit for index in range(len(levels) - 1)}
     return parting | layer_limits(job)
+
+
+def stump_limits(text: str, motions: Motions, dialect: Dialect, job: Job) -> dict[int, float]:
+    """The largest depth (mm) of the cut on each layer of a second clamping's program: that of the cutter, as its `text`
+    and its `motions` tell."""
+    depths = {"roughing": job.levels.cuts[1], "finishing": job.levels.finishing_depth}
+    limit_of = {number: depths[name] for number, name in enumerate(job.cutter_names, 1) if name in depths}
+    groups = groups_of(text, motions, dialect)
+    return {group.level: limit_of[group.tool] for group in groups if group.level is not None}
 
 
 def followed_surfaces(job: Job, meshes: Mapping[int, TriangleMesh]) -> dict[int, TriangleMesh]:
@@ -79,6 +91,34 @@ def prove_removal(
         progress=progress,
     )
     check_removal_of_job(removal, job)
+    return removal
+
+
+def prove_stump_removal(
+    text: str,
+    machine: Machine,
+    dialect: Dialect,
+    job: Job,
+    material: Remaining,
+    progress: Progress = silent,
+) -> Removal:
+    """What the posted `text` of a second clamping removes from the `material` that the first program left, which it
+    changes; the job's [holding] is that of the shell.
+
+    Errors as in `simulate_removal` and `check_removal`.
+    """
+    removal = simulate_further(
+        text,
+        machine,
+        dialect,
+        material,
+        None,
+        cutters_of(job, machine),
+        clamping=clamping_of(job.holding, machine.table),
+        limits=stump_limits(text, read_program(text, machine, dialect), dialect, job),
+        progress=progress,
+    )
+    check_removal(removal, job.path.gouge_tolerance)
     return removal
 
 
