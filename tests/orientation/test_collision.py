@@ -183,7 +183,7 @@ def test_a_wide_holder_close_above_the_part_is_proven_free_by_few_distances(
         return bound(self, points, *others, **named)
 
     monkeypatch.setattr(Surroundings, "distance_bound", counted)
-    assert classify_thick_tool(scene, cutter, 0.2, tip, up)[0] == FREE
+    assert (classify_thick_tool(scene, cutter, 0.2, tip, up) == FREE).all()
     assert sum(asked) <= 2 * (1 + len(cutter.profile))
 
 
@@ -199,11 +199,18 @@ def test_what_distances_tell_of_the_thick_tool_is_what_fcl_finds(
 
     at_rest = classify_poses(scene, cutter, Poses.at_rest(tips, axes))
     tips, axes = tips[at_rest == UNDECIDED], axes[at_rest == UNDECIDED]
-    state = classify_thick_tool(scene, cutter, 0.2, tips, axes)
-    hit = build_fcl_model(scene, cutter, 0.2).colliding_sections(tips, axes)
+    sections = classify_thick_tool(scene, cutter, 0.2, tips, axes)
+    state = sections.max(axis=1)
+    model = build_fcl_model(scene, cutter, 0.2)
+    hit = model.colliding_sections(tips, axes)
     assert not any(name for name, known in zip(hit, state) if known == FREE)
     assert all(name for name, known in zip(hit, state) if known == COLLIDING)
     assert (state != UNDECIDED).mean() > 0.3
+    undecided = np.flatnonzero(state == UNDECIDED)
+    asked = sections[undecided] == UNDECIDED
+    assert 0 < asked.mean() < 1
+    left = model.colliding_sections(tips[undecided], axes[undecided], asked)
+    assert [bool(name) for name in left] == [bool(hit[k]) for k in undecided]
 
 
 SHRINK_FIT = (Frustum(30.0, 8.0, 16.0), Frustum(20.0, 40.0, 40.0))
@@ -242,7 +249,7 @@ def test_what_is_proven_free_keeps_every_clearance_by_closed_form(
     tips = np.array([0.0, 0.0, 37.0]) + rng.normal(size=(4000, 3)) * [9, 9, 9]
     axes = unit(rng.normal(size=tips.shape) * [1, 1, 0.6])
     spheres = classify_poses(here, cutter, Poses.at_rest(tips, axes), air=air) == FREE
-    thick = classify_thick_tool(here, cutter, 0.0, tips, axes, air=air) == FREE
+    thick = (classify_thick_tool(here, cutter, 0.0, tips, axes, air=air) == FREE).all(axis=1)
     assert spheres.sum() > 40
     material = MeshDistance(here.material)
     below = 0

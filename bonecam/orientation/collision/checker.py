@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from bonecam.arrays import angles_between
+from bonecam.arrays import angles_between, numbered
 from bonecam.orientation.collision.fcl_model import FclModel, build_fcl_model
 from bonecam.orientation.collision.interpolation import interpolate_poses
 from bonecam.orientation.collision.scene import Scene
@@ -23,6 +23,8 @@ MIN_STEPS = 3
 SWEEP_MARGIN = 0.2
 """Shank and holder are thicker by this much (mm) while moves are checked by FCL; none of their points moves
 further between two poses. The spindle, which moves further, is thicker accordingly."""
+STRIDES = (16, 4, 1)
+"""FCL is asked for every so many poses of a move first: most moves that collide do so at many of them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,10 +54,7 @@ class CollisionChecker:
         (in hollows hardly wider than the ball), by FCL."""
         tips = centres - self.cutter.radius * axes
         state = self._classify_at_rest(centres, axes, COLLIDING)
-        for decide in (self._thick_tool, self._by_fcl):
-            undecided = np.flatnonzero(state == UNDECIDED)
-            state[undecided] = decide(tips[undecided], axes[undecided], True)
-        return np.asarray(state == FREE)
+        return self._decided(state, tips, axes, np.arange(len(tips)), cutting=True)
 
     def free_in_air(
         self, centres: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], margin: float
@@ -133,29 +132,43 @@ class CollisionChecker:
         joined[starts[1:] - 1] = False
         poses = Poses.in_motion(places, turned, joined)
         state = classify_poses(self.scene, self.cutter, poses, air=self._air(cutting), settled=UNDECIDED)
-        owner = np.repeat(np.arange(len(moves)), steps + 1)
-        for decide in (self._thick_tool, self._by_fcl):
-            worst = np.maximum.reduceat(state, starts[:-1])
-            undecided = np.flatnonzero((state == UNDECIDED) & (worst[owner] == UNDECIDED))
-            state[undecided] = decide(places[undecided], turned[undecided], cutting)
-        return np.asarray(np.maximum.reduceat(state, starts[:-1]) == FREE)
+        return self._decided(state, places, turned, starts[:-1], cutting=cutting)
 
     def _air(self, cutting: bool) -> float | None:
         return None if cutting else self.air
 
-    def _thick_tool(
-        self, tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], cutting: bool
-    ) -> Int[ndarray, " n"]:
-        """The state of FCL's tool with SWEEP_MARGIN, as far as distances tell."""
-        margin = SWEEP_MARGIN + self.scene.material_deviation
-        return classify_thick_tool(self.scene, self.cutter, margin, tips, axes, air=self._air(cutting))
+    def _decided(
+        self,
+        state: Int[ndarray, " n"],
+        tips: Float[ndarray, "n 3"],
+        axes: Float[ndarray, "n 3"],
+        starts: Int[ndarray, " m"],
+        *,
+        cutting: bool,
+    ) -> Bool[ndarray, " m"]:
+        """Whether all poses of each move are free, those that are UNDECIDED with the tool thicker by SWEEP_MARGIN: by
+        distances, or else by FCL, which knows no clearance between passes and is asked for the undecided sections of
+        the tool only. `starts` are the moves' first poses; none is asked for once one of its move collides."""
+        state = state.copy()
+        counts = np.diff(np.r_[starts, len(state)])
+        move, place = numbered(counts)
 
-    def _by_fcl(
-        self, tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], cutting: bool
-    ) -> Int[ndarray, " n"]:
-        """FREE or COLLIDING, as FCL finds its tool with SWEEP_MARGIN; between passes, where it knows no clearance,
-        COLLIDING."""
-        if not cutting or not len(tips):
-            return np.full(len(tips), COLLIDING)
-        names = self.fcl.colliding_sections(tips, axes)
-        return np.array([COLLIDING if name else FREE for name in names])
+        def undecided() -> Int[ndarray, " u"]:
+            worst = np.maximum.reduceat(state, starts) if len(starts) else state
+            return np.flatnonzero((state == UNDECIDED) & (worst[move] == UNDECIDED))
+
+        asked = undecided()
+        margin = SWEEP_MARGIN + self.scene.material_deviation
+        sections = np.full((len(state), len(self.cutter.profile)), UNDECIDED)
+        sections[asked] = classify_thick_tool(
+            self.scene, self.cutter, margin, tips[asked], axes[asked], air=self._air(cutting)
+        )
+        state[asked] = sections[asked].max(axis=1)
+        for stride in STRIDES if cutting else ():
+            asked = undecided()
+            asked = asked[place[asked] % stride == 0]
+            if not len(asked):
+                continue
+            names = self.fcl.colliding_sections(tips[asked], axes[asked], sections[asked] == UNDECIDED)
+            state[asked] = [COLLIDING if name else FREE for name in names]
+        return np.bincount(move, state != FREE, len(starts)) == 0

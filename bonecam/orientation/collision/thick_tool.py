@@ -54,8 +54,9 @@ def classify_thick_tool(
     axes: Float[ndarray, "n 3"],
     *,
     air: float | None = None,
-) -> Int[ndarray, " n"]:
-    """FREE, UNDECIDED or COLLIDING for poses above the table.
+) -> Int[ndarray, "n k"]:
+    """FREE, UNDECIDED or COLLIDING for each section of the cutter's profile in each pose above the table; UNDECIDED too
+    where one above it collides.
 
     The tool above the cutter is thicker by `sweep_margin`s of `margin` (mm), the cutter is thinner by
     TANGENT_SLACK; `air` as in `classify_poses`.
@@ -63,14 +64,18 @@ def classify_thick_tool(
     centres = tips + cutter.radius * axes
     ball, *above = cutter.profile
     around = _with_prisms(scene.around(ball.name, cutter.radius, air))
-    state = np.where(_ball_free(around, cutter, centres), FREE, UNDECIDED)
     thin = cutter.radius - TANGENT_SLACK
-    sections = [_thick(scene, cutter, section, margin, air) for section in reversed(above)]
-    for thick in [*sections, ThickSection(ball.start, ball.end, thin, thin, around)]:
-        open_ = np.flatnonzero(state != COLLIDING)
-        found = _classify_section(tips[open_], axes[open_], thick)
-        state[open_] = np.maximum(state[open_], found)
-    return state
+    sections = [
+        ThickSection(ball.start, ball.end, thin, thin, around),
+        *(_thick(scene, cutter, section, margin, air) for section in above),
+    ]
+    states = np.full((len(tips), len(sections)), UNDECIDED)
+    for k in reversed(range(len(sections))):
+        open_ = np.flatnonzero((states != COLLIDING).all(axis=1))
+        states[open_, k] = _classify_section(tips[open_], axes[open_], sections[k])
+    ball_free = _ball_free(around, cutter, centres)
+    states[:, 0] = np.where(ball_free, states[:, 0], np.maximum(states[:, 0], UNDECIDED))
+    return states
 
 
 def _thick(scene: Scene, cutter: Cutter, section: Section, margin: float, air: float | None) -> ThickSection:
