@@ -123,13 +123,13 @@ def _check_cell(cell: float, job: Job) -> None:
 def _require_machine(text: str, machine: Machine, dialect: Dialect, program: Path) -> None:
     """ProgramError where the text is for another kind of control, or the header names another machine."""
     first = text.split("\n", 1)[0]
-    for grammar, sign in (("klartext", "BEGIN PGM"), ("iso", "%")):
-        if sign in first and dialect.grammar != grammar:
-            raise ProgramError(
-                f"{program}: its first line ({shown(first)}) is of another control than {dialect.title}: give its "
-                "--controller",
-                line=1,
-            )
+    begins = "BEGIN PGM" if "BEGIN PGM" in first else "%" if first.strip() == "%" else ""
+    if begins and begins != ("BEGIN PGM" if dialect.grammar == "klartext" else dialect.frame):
+        raise ProgramError(
+            f"{program}: its first line ({shown(first)}) is of another control than {dialect.title}: give its "
+            "--controller",
+            line=1,
+        )
     wanted = comment(f"machine {machine.title}", dialect)
     start = comment("machine", dialect).rstrip(")")
     named = [line for line in text.split("\n")[:HEADER_LINES] if start in line]

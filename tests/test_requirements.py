@@ -126,7 +126,13 @@ def test_a_solver_that_is_not_installed_is_named_before_the_surface_is_fitted(
 
 
 @pytest.mark.parametrize(
-    ("machine", "controller"), [("mikron-ucp600", "heidenhain"), ("linuxcnc-xyzbc", "linuxcnc")]
+    ("machine", "controller"),
+    [
+        ("mikron-ucp600", "heidenhain"),
+        ("linuxcnc-xyzbc", "linuxcnc"),
+        ("mikron-ucp600", "siemens-840d"),
+        ("linuxcnc-xyzbc", "siemens-840d"),
+    ],
 )
 def test_the_default_job_suits_every_machine(machine: str, controller: str) -> None:
     assert {"mikron-ucp600", "linuxcnc-xyzbc"} == {*machine_names()}

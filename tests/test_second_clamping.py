@@ -230,3 +230,15 @@ def test_a_shell_that_does_not_do_is_refused_before_any_level_is_made(
 def test_a_shell_has_a_size() -> None:
     with pytest.raises(ValueError, match="covered = 1, wall = 3, gap = 0: give a share between 0 and 1"):
         shell_round(LUMP, 1.0, 3.0, 0.0)
+
+
+@pytest.mark.parametrize("controller", ["siemens-840d"])
+def test_other_controls_get_a_second_program_too(parted, second, controller):
+    made = second_program(parted, MACHINE, read_dialect(controller), None)
+    assert made is not None
+    assert made.program.controller == controller
+    assert made.report["at_post_after_mm2"] == 0
+    assert made.report["gouge_max_mm"] <= 0.01
+    assert made.report["removal"]["rapid_contact_mm3"] == 0
+    assert "SECOND CLAMPING" in made.program.text
+    assert len(made.paths) == len(second.paths)

@@ -6,27 +6,32 @@ How to add a dialect: copy a file of `bonecam/nc/dialects/` (name it, or give it
   coordinates by our inverse kinematics); `feed_mode`: "per-minute" or "inverse-time";
 - `endless_words`: how endless axes are written where the job does not choose: "wrapped" (-180..180, the control
   takes the short way) or "wound"; `short_way`: the blocks that switch the short way `on` and `off`, where there
-  are any: then the job may choose;
+  are any, or `endless_word`: the form of a word that takes it, such as "{letter}=DC({number})": with either of them
+  the job may choose; `endless_from_deg`: the lowest of the wrapped words (-180 where it is not stated);
 - `straight_rapids`: true where the control drives rapids on a straight line (all axes arrive together); where it
   is false or not stated, what would be a rapid beside the part is written as a feed move at the rapid rate;
 - `tolerance_factor`: the control's contour tolerance as a multiple of the path's chord tolerance; `needs`: what
-  the machine must have, as lines of the header;
+  the machine must have, as lines of the header; `frame` (iso): the first and the last line, "%" where it is not
+  stated, "" where the program ends with the code of its end; `moving_blocks`: how the blocks begin that move an
+  axis; [machining]: the words of the control for `roughing` and `finishing` levels;
 - [numbers]: decimals, sign and range of lengths (mm), angles (deg), feeds and spindle speeds;
 - [templates]: header, tool, stop, level, position, approach, rapid, feed, coolant_on, coolant_off, retract,
   tool_end, footer. One line is one block; an empty template writes nothing. Fields, by template:
   header {name} {comments} {low_x}..{high_z} {tolerance} (a length) {rotary_tolerance} (degrees) {tool_centre_off};
   tool {tool} {spindle} {retract} (height above everything) {endless} (the short way on or off) {over_zero} (X and Y
   of the program's zero) {stop} (the template stop, where the job asks for one); stop {tool};
-  level {tolerance} {rotary_tolerance} {hsc_mode} (1: roughing); position {rotary};
+  level {tolerance} {rotary_tolerance} {hsc_mode} (1: roughing) {machining} (the word for it); position {rotary};
   approach {above} (X Y Z at the retract height) {plane} (X and Y of the approach) {linear} (its X Y Z);
   rapid {words} (all five); feed {words} {feed}; retract {retract}; footer {name}. A field may have a width, like
   {tool:02d};
-- [tool_centre_control]: `on` and `off` blocks by name, the machine file picks one, and lines for the header that
+- [tool_centre_control]: `on` and `off` blocks (with the field {tool}) by name, the machine file picks one, or takes
+  the only one, and lines for the header that
   say which point it keeps, `tip` or `centre` by the machine's programmed_point; [numbering]: `format`, `first`,
-  `continuation`;
-- the reader's grammar: [[statements]] (klartext: `pattern`, a
-  regular expression of RE2, and `effect`) or [codes] (iso: what each G and M code
-  does; where there are codes of `tool_length`, every tool must have its length, by H, before it moves).
+  `step`, `highest` (then they begin again), `unnumbered` (how lines without a number begin), `continuation`;
+- the reader's grammar: [[statements]] (whole blocks: `pattern`, a regular expression of RE2, and `effect`), and for
+  iso [codes]: what each G, M and D code and each word of letters alone does; where there are codes of `tool_length`,
+  every tool must have its length, by H, or by D of the tool in the spindle, before it moves; a rapid to Z0 in
+  `machine_coordinates` is a retract.
 Say in the file which words are proved and which were only read.
 """
 
@@ -39,16 +44,18 @@ from typing import Any
 from bonecam.errors import MachineError
 from bonecam.nc.machine import Machine
 from bonecam.nc.schema.dialect_file import (
-    CODES,
-    TEMPLATES,
+    PLAIN_WORD,
     DialectFile,
-    NumberingTable,
+    MachiningTable,
     NumbersTable,
     NumberTable,
     SwitchTable,
     ToolCentreTable,
 )
+from bonecam.nc.schema.grammar_tables import CODES
+from bonecam.nc.schema.numbering import NumberingTable
 from bonecam.nc.schema.tables import names_in, read_table
+from bonecam.nc.schema.template_tables import TEMPLATES
 from bonecam.nc.words import NumberFormat
 from bonecam.text.pattern import Pattern
 
@@ -68,6 +75,11 @@ class Dialect:
     feed_mode: str
     endless_words: str
     short_way: SwitchTable | None
+    endless_word: str
+    endless_from_deg: float
+    frame: str
+    moving_blocks: tuple[str, ...]
+    machining: MachiningTable
     straight_rapids: bool
     tolerance_factor: float
     needs: tuple[str, ...]
@@ -106,13 +118,28 @@ class Dialect:
         dialect says; MachineError where the control knows one way only."""
         if choice in ("controller", self.endless_words):
             return self
-        if self.short_way is None:
+        if not self.chooses_way:
             what = f"{self.name} has no blocks that switch the short way of endless axes"
             raise MachineError(
                 f"{what}: leave nc.endless_words = {choice!r} out, or add short_way to its file",
                 dialect=self.name,
             )
         return replace(self, endless_words=choice)
+
+    @property
+    def chooses_way(self) -> bool:
+        """Whether a text says, by blocks or by the form of the words, which way endless axes turn."""
+        return self.short_way is not None or self.has_own_form
+
+    @property
+    def has_own_form(self) -> bool:
+        """Whether a word of an endless axis that takes the short way looks unlike others."""
+        return self.endless_word != PLAIN_WORD
+
+    @property
+    def word_of_endless(self) -> str:
+        """The form of the words of endless axes, with the fields {letter} and {number}."""
+        return self.endless_word if self.endless_words == "wrapped" else PLAIN_WORD
 
     @property
     def endless_block(self) -> str:
@@ -122,10 +149,12 @@ class Dialect:
         return self.short_way.on if self.endless_words == "wrapped" else self.short_way.off
 
     def tool_centre_switch(self, machine: Machine) -> ToolCentreTable | None:
-        """The blocks that switch tool-centre control on and off, None where the control has none; MachineError where
-        the machine names none of ours."""
+        """The blocks that switch tool-centre control on and off, None where the control has none; the only ones, or
+        those that the machine names, and MachineError where it names none of ours."""
         if not self.tool_centre:
             return None
+        if len(self.tool_centre_control) == 1:
+            return next(iter(self.tool_centre_control.values()))
         if machine.tool_centre_control not in self.tool_centre_control:
             known = ", ".join(self.tool_centre_control)
             raise MachineError(
@@ -154,6 +183,11 @@ def read_dialect(name: str | Path) -> Dialect:
         feed_mode=table.feed_mode,
         endless_words=table.endless_words,
         short_way=table.short_way,
+        endless_word=table.endless_word,
+        endless_from_deg=table.endless_from_deg,
+        frame=table.frame,
+        moving_blocks=tuple(table.moving_blocks),
+        machining=table.machining,
         straight_rapids=table.straight_rapids,
         tolerance_factor=table.tolerance_factor,
         needs=tuple(table.needs),

@@ -58,9 +58,11 @@ class NumberFormat:
         return self.spec % float(self.rounded(np.array([value], dtype=np.float64))[0])
 
 
-def wrapped(angles_deg: Float[ndarray, "*n"]) -> Float[ndarray, "*n"]:
-    """Angles brought into [-180, 180)."""
-    return (np.asarray(angles_deg) + 180.0) % 360.0 - 180.0
+def wrapped(angles_deg: Float[ndarray, "*n"], lowest: float = -180.0) -> Float[ndarray, "*n"]:
+    """Angles brought into [lowest, lowest + 360)."""
+    turned = (np.asarray(angles_deg) - lowest) % 360.0 + lowest
+    # an angle less than a rounding below the lowest comes out as a whole turn above it
+    return np.where(turned >= lowest + 360.0, lowest, turned)
 
 
 def plain_text(text: str, characters: str) -> str:

@@ -115,7 +115,11 @@ def sound(
     return files
 
 
-CONTROLS = {"program.h": ("mikron-ucp600", "heidenhain"), "program.ngc": ("linuxcnc-xyzbc", "linuxcnc")}
+CONTROLS = {
+    "program.h": ("mikron-ucp600", "heidenhain"),
+    "program.ngc": ("linuxcnc-xyzbc", "linuxcnc"),
+    "program.mpf": ("mikron-ucp600", "siemens-840d"),
+}
 
 
 def named(file: Path, read: Callable[[], object]) -> None:
@@ -161,8 +165,8 @@ READERS: dict[str, Callable[[Path], object]] = {
     "machine_linuxcnc-xyzbc.toml": read_as_machine,
     "dialect_heidenhain.toml": read_as_dialect,
     "dialect_linuxcnc.toml": read_as_dialect,
-    "program.h": read_as_program,
-    "program.ngc": read_as_program,
+    "dialect_siemens-840d.toml": read_as_dialect,
+    **dict.fromkeys(CONTROLS, read_as_program),
 }
 
 
@@ -207,6 +211,8 @@ HOSTILE = {
     "dialect_linuxcnc.toml": "title = " + "9" * 30,
     "program.h": "0 BEGIN PGM " + "A" * 100_000 + " MM\n",
     "program.ngc": "%\n" + "G0 X1 " * 100_000 + "\n%\n",
+    "program.mpf": "N10 " + "CYCLE832(" * 100 + "\nN20 C=DC(" + "9" * 200 + ")\nN30 M30\n",
+    "dialect_siemens-840d.toml": 'endless_word = "{letter}={number.__class__}"',
 }
 """What damage does not hit on by itself: rows of four points, entities, counts of what is not there, depth, length."""
 

@@ -2,10 +2,11 @@ import pytest
 
 from bonecam.errors import MachineError
 from bonecam.nc.dialect import FOLDER, dialect_names, read_dialect
-from bonecam.nc.schema.dialect_file import TEMPLATES
+from bonecam.nc.schema.template_tables import TEMPLATES
 
 GOOD = (FOLDER / "linuxcnc.toml").read_text()
 KLARTEXT = (FOLDER / "heidenhain.toml").read_text()
+SIEMENS = (FOLDER / "siemens-840d.toml").read_text()
 
 
 @pytest.mark.parametrize("name", dialect_names())
@@ -79,6 +80,55 @@ def test_templates_and_numbers_hold_data_only(old, new, key, tmp_path):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "key"),
+    [
+        (
+            "{letter}=DC({number})",
+            "{number}=DC({letter})",
+            "endless_word: '{number}=DC({letter})': give {letter} and",
+        ),
+        ("{letter}=DC({number})", "{letter}= DC({number})", "endless_word: '{letter}= DC({number})': give"),
+        (
+            "{letter}=DC({number})",
+            "{letter}=DC({number:>9})",
+            "endless_word: '{letter}=DC({number:>9})': give",
+        ),
+        ("{letter}=DC({number})", "{letter.upper}{number}", "endless_word: field 'letter.upper' is unknown"),
+        ("endless_from_deg = 0.0", "endless_from_deg = 90.0", "endless_from_deg: 90.0: give at most 0"),
+        (
+            "G54 D1\n",
+            "G54 D{length}\n",
+            "tool_centre_control.TRAORI.on: field 'length' is unknown: use one of tool",
+        ),
+        (
+            'off = "TRAFOOF"',
+            'off = "TRAFOOF {tool}"',
+            "tool_centre_control.TRAORI.off: field 'tool' is unknown",
+        ),
+        ("first = 10\nstep = 10", "first = 10\nstep = 0", "numbering.step: 0: give 1 or more"),
+        ("highest = 99999990", "highest = 10", "numbering.highest: 10: give more than first (10)"),
+        (
+            'format = "N{number} {text}"',
+            'format = "{text} N{number}"',
+            "numbering.format: '{text} N{number}': give",
+        ),
+        ('["G0"]', '["G0", "G1"]', "codes.feed: G1 is in rapid too: a code does one thing"),
+        ('["TRAORI"]', '["TRAORI(1)"]', "codes.tool_centre_on[0]: 'TRAORI(1)'"),
+        ('frame = ""', 'frame = "%\\n%"', "frame: has a line end"),
+        ('_ORI_FINISH" }', '_ORI_FINISH", semi = "" }', "machining.semi: unknown key"),
+    ],
+)
+def test_what_the_iso_grammar_is_told_is_checked(old, new, key, tmp_path):
+    assert old in SIEMENS
+    path = tmp_path / "mine.toml"
+    path.write_text(SIEMENS.replace(old, new, 1))
+    with pytest.raises(MachineError) as caught:
+        read_dialect(path)
+    assert f"{path}: {key}" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
 def test_statements_are_matched_in_linear_time(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text(KLARTEXT.replace("pattern = 'M30'", "pattern = '(M+)+30'"))
@@ -112,5 +162,7 @@ def test_a_percent_sign_in_a_template_of_moves_is_written_as_it_is(tmp_path):
 
 
 def test_an_unknown_controller_is_refused_with_the_known_ones():
-    with pytest.raises(MachineError, match="'nosuch' is unknown: use one of heidenhain, linuxcnc"):
+    with pytest.raises(
+        MachineError, match="'nosuch' is unknown: use one of heidenhain, linuxcnc, siemens-840d"
+    ):
         read_dialect("nosuch")

@@ -38,6 +38,15 @@ def test_a_wrapped_angle_points_the_same_way(angle):
     assert abs((short - angle) / 360 - round((short - angle) / 360)) < 1e-9
 
 
+@given(st.floats(-1e5, 1e5))
+def test_an_angle_is_wrapped_from_any_lowest_on(angle):
+    assert 0 <= wrapped(np.array([angle]), 0.0)[0] < 360
+
+
+def test_an_angle_a_rounding_below_a_whole_turn_is_zero():
+    assert wrapped(np.array([-1e-14, -0.0, 360.0]), 0.0).tolist() == [0.0, 0.0, 0.0]
+
+
 def test_what_a_control_cannot_take_is_refused():
     with pytest.raises(ProgramError, match="range"):
         NumberFormat(0, False, 1.0, 9999.0).text(10000.0)

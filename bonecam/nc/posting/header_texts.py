@@ -203,8 +203,10 @@ def _endless_texts(letter: str, dialect: Dialect) -> list[str]:
     """How the words of an endless axis are written, and what the control must do with them."""
     block = f" under {dialect.endless_block}" if dialect.endless_block else ""
     if dialect.endless_words == "wrapped":
+        lowest = f"{dialect.endless_from_deg:.0f}..{dialect.endless_from_deg + 360:.0f}"
+        form = f" as {dialect.endless_word.format(letter=letter, number='')}" if dialect.has_own_form else ""
         return [
-            f"{letter} words: wrapped to -180..180{block}, the control takes the short way",
+            f"{letter} words: wrapped to {lowest}{form}{block}, the control takes the short way",
             f"{letter} must be a modulo axis, its display reduced to 360 degrees",
         ]
     return [

@@ -16,6 +16,7 @@ from bonecam.errors import MachineError, ProgramError
 from bonecam.job import Job
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.machine import Machine
+from bonecam.nc.posting.axis_words import word_formats, word_texts, written_words
 from bonecam.nc.posting.block_numbers import number_blocks
 from bonecam.nc.posting.feeds import feed_figures
 from bonecam.nc.posting.header import comment, header_lines, rotary_text
@@ -25,7 +26,6 @@ from bonecam.nc.posting.path_words import Posted, post_path
 from bonecam.nc.posting.tolerances import contour_tolerance, rotary_tolerance_deg
 from bonecam.nc.posting.travel import Travel, above, travel_of
 from bonecam.nc.program import Program
-from bonecam.nc.words import wrapped
 from bonecam.progress import Progress, report, silent
 from bonecam.setup.stock import Stock
 from bonecam.toolpath.cutters.cutter import Cutter
@@ -89,10 +89,9 @@ class ProgramWriter:
         self.posted = posted
         self.travel = travel
         self.length = dialect.numbers["length"]
-        self.angle = dialect.numbers["angle"]
         self.feed = dialect.numbers["feed"]
         switch = dialect.tool_centre_switch(machine)
-        self.on, self.off = ([switch.on], [switch.off]) if switch else ([], [])
+        self.on, self.off = (switch.on, switch.off) if switch else ("", "")
         self.retract = self.length.text(travel.retract)
         self.moves = 0
 
@@ -168,22 +167,31 @@ class ProgramWriter:
                 self.dialect, rotary_tolerance_deg(self.dialect, self.job, finishing, radius)
             ),
             hsc_mode=int(not finishing),
+            machining=self.dialect.machining.finishing if finishing else self.dialect.machining.roughing,
         )
 
     def _moving(self, template: str, **fields: object) -> list[str]:
         """The blocks of a template, whose moves are counted."""
-        lines = self.dialect.lines(template, **fields)
-        self.moves += sum(line.startswith(("L ", "G0 ")) for line in lines)
+        return self._counted(self.dialect.lines(template, **fields))
+
+    def _counted(self, lines: list[str]) -> list[str]:
+        """Blocks, whose moves are counted."""
+        self.moves += sum(line.startswith(self.dialect.moving_blocks) for line in lines)
         return lines
+
+    def _switch(self, blocks: str, posted: Posted) -> list[str]:
+        """The blocks that switch tool-centre control, for the tool of a path."""
+        text = blocks.format(tool=posted.path.cutter.number)
+        return self._counted([line for line in text.split("\n") if line])
 
     def _run(self, posted: Posted, index: int) -> list[str]:
         """The blocks of one run: turn the rotary axes, approach along the tool axis, machine, retract."""
         run = posted.runs[index]
-        words = _words(self.machine.letters, posted.approaches[index], self)
-        high = _words(self.machine.letters, above(posted, index, self.travel.retract), self)
+        words = word_texts(self.machine, self.dialect, posted.approaches[index])
+        high = word_texts(self.machine, self.dialect, above(posted, index, self.travel.retract))
         lines = (
             self._moving("position", rotary=" ".join(words[3:]))
-            + self.on
+            + self._switch(self.on, posted)
             + self._moving(
                 "approach", linear=" ".join(words[:3]), plane=" ".join(words[:2]), above=" ".join(high[:3])
             )
@@ -193,15 +201,14 @@ class ProgramWriter:
         lines += self._rows(posted, run)
         if self.job.nc.coolant:
             lines += self.dialect.lines("coolant_off")
-        return lines + self.off + self._moving("retract", retract=self.retract)
+        return lines + self._switch(self.off, posted) + self._moving("retract", retract=self.retract)
 
     def _rows(self, posted: Posted, run: tuple[int, int]) -> list[str]:
         """The blocks of the moves of one run, one a row of its words."""
         rows = slice(*run)
         kinds = posted.moves.kinds[rows]
-        words = self._written(posted.words[rows])
-        numbers = [self.length] * 3 + [self.angle] * 2
-        form = " ".join(f"{letter}{number.spec}" for letter, number in zip(self.machine.letters, numbers))
+        words = written_words(self.machine, self.dialect, posted.words[rows])
+        form = " ".join(word_formats(self.machine, self.dialect))
         rapid = "\n".join(self.dialect.move_lines("rapid", words=form))
         feed = "\n".join(self.dialect.move_lines("feed", words=form, feed=self.feed.spec))
         # rounded down: a feed that is rounded up may be beyond what an axis can
@@ -227,24 +234,3 @@ class ProgramWriter:
             # a rotation on the spot has no length: it takes what the rotary axes need
             by_axes = 1 / posted.minutes[rows]
         return np.where(length > self.length.step, by_length, np.minimum(by_length, by_axes))
-
-    def _written(self, words: Float[ndarray, "n 5"]) -> Float[ndarray, "n 5"]:
-        """The words (mm, deg) as numbers of the text: endless axes wrapped where the dialect does, no
-        negative zero."""
-        written = words.copy()
-        for column, axis in enumerate(self.machine.rotary, start=3):
-            if axis.endless and self.dialect.endless_words == "wrapped":
-                written[:, column] = self.angle.rounded(wrapped(words[:, column]))
-        self.length.check(written[:, :3])
-        self.angle.check(written[:, 3:])
-        # whole steps and no negative zero
-        return written + 0.0
-
-
-def _words(letters: str, values: ndarray, writer: ProgramWriter) -> list[str]:
-    """The words of one position (mm, deg), each with its letter."""
-    row = writer._written(values[None, :])[0]
-    numbers = [writer.length] * 3 + [writer.angle] * 2
-    return [
-        f"{letter}{number.spec % value}" for letter, number, value in zip(letters, numbers, row, strict=True)
-    ]

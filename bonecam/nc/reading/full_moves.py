@@ -14,12 +14,12 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from bonecam.nc.dialect import Dialect
+from bonecam.nc.machine import Machine
+from bonecam.nc.schema.numbering import WHOLE, block_number, has_number, numbered_pattern
 
 MAX_LINES = 50_000
 """Lines read at once: bounds the memory for long programs."""
-WHOLE = "[0-9]{1,9}"
-"""The pattern of a whole number; it fits 32 bits."""
-ISO_NUMBER = rf"[+-]?{WHOLE}(?:\.[0-9]{{1,9}})?"
+ISO_NUMBER = rf"[+-]?{WHOLE}(?:\.[0-9]{{0,9}})?"
 """The pattern of a number of a word, as ISO 6983 writes it."""
 MARKS = {"CUT": False, "LINK": True}
 """Comments, and whether the feed moves after them are links."""
@@ -29,8 +29,9 @@ MARKS = {"CUT": False, "LINK": True}
 class Blocks:
     """Successive full moves. `words` (n, 5) in mm and degrees as written; `feeds` are NaN where `rapid`.
 
-    `offsets` (n,): how many lines each is behind the first one; `links`: it stands behind a comment LINK.
-    `numbers` are the block numbers, -1 where blocks have none.
+    `offsets` (n,): how many lines each is behind the first one; `ordinals`: how many numbered blocks there are before
+    it in the program; `links`: it stands behind a comment LINK. `numbers` are the block numbers, -1 where blocks have
+    none.
     """
 
     words: Float[ndarray, "n 5"]
@@ -38,6 +39,7 @@ class Blocks:
     feeds: Float[ndarray, "n"]
     numbers: Int[ndarray, "n"]
     offsets: Int[ndarray, "n"]
+    ordinals: Int[ndarray, "n"]
     links: Bool[ndarray, "n"]
 
     def first(self, count: int) -> "Blocks":
@@ -50,59 +52,91 @@ def klartext_number(decimals: int) -> str:
     return rf"[+-]{WHOLE}\.[0-9]{{{decimals}}}"
 
 
-def full_move(dialect: Dialect, letters: str) -> re.Pattern[str]:
-    """The pattern of a whole line with all five words: block number or G code, the words, the feed."""
+def full_move(dialect: Dialect, machine: Machine, short_way: bool) -> re.Pattern[str]:
+    """The pattern of a whole line with all five words: block number, G code, the words, the feed; the words of endless
+    axes have the form of the dialect where they take the `short_way`."""
+    letters = machine.letters
     if dialect.grammar == "klartext":
         length, angle = (klartext_number(dialect.numbers[key].decimals) for key in ("length", "angle"))
         words = "".join(f" {letter}({length if letter in 'XYZ' else angle})" for letter in letters)
-        return re.compile(rf"({WHOLE}) L{words} R0 F(MAX|{WHOLE})")
+        return re.compile(rf"({WHOLE}) (L){words} R0 F(MAX|{WHOLE})")
     codes = "|".join(re.escape(code) for code, effect in dialect.codes.items() if effect in ("rapid", "feed"))
-    words = "".join(f" {letter}({ISO_NUMBER})" for letter in letters)
-    return re.compile(rf"({codes}){words}(?: F({ISO_NUMBER}))?")
+    endless = endless_letters(machine) if short_way else ""
+    words = "".join(
+        " " + (endless_word_pattern(dialect, letter) if letter in endless else f"{letter}({ISO_NUMBER})")
+        for letter in letters
+    )
+    text = rf"({codes}){words}(?: F({ISO_NUMBER}))?"
+    return re.compile(numbered_pattern(dialect.numbering, text))
+
+
+def endless_letters(machine: Machine) -> str:
+    """The letters of the axes that turn without end."""
+    return "".join(axis.letter for axis in machine.rotary if axis.endless)
+
+
+def endless_word_pattern(dialect: Dialect, letter: str) -> str:
+    """The pattern of a word that turns an endless axis the short way: its `letter`, which is a pattern, and in a group
+    its number."""
+    before, _, rest = dialect.endless_word.partition("{letter}")
+    between, _, behind = rest.partition("{number}")
+    return f"{re.escape(before)}{letter}{re.escape(between)}({ISO_NUMBER}){re.escape(behind)}"
 
 
 def read_full_moves(
-    lines: Sequence[str], start: int, number: int, pattern: re.Pattern[str], dialect: Dialect, linking: bool
+    lines: Sequence[str], start: int, ordinal: int, pattern: re.Pattern[str], dialect: Dialect, linking: bool
 ) -> Blocks | None:
     """The full moves from line `start` on, up to the first line of another form; None where there is no full
     move.
 
-    `number` is that of the first block, -1 where blocks have none; the first moves are links where `linking`.
+    `ordinal` numbered blocks stand before them; the first moves are links where `linking`.
     """
     found: list[str] = []
     offsets: list[int] = []
+    ordinals: list[int] = []
     links: list[bool] = []
     for offset, line in enumerate(islice(lines, start, start + MAX_LINES)):
         matched = pattern.fullmatch(line)
         if matched is None:
-            mark = _mark(line, number + offset if number >= 0 else None, dialect)
+            mark = _mark(line, ordinal, dialect)
             if mark is None:
                 break
             linking = mark
+            ordinal += has_number(line, dialect.numbering)
             continue
         found.extend(matched.groups())
         offsets.append(offset)
+        ordinals.append(ordinal)
+        ordinal += 1
         links.append(linking)
     if not found:
         return None
-    first, *words, feed = (found[k :: pattern.groups] for k in range(pattern.groups))
+    number, code, *words, feed = (found[k :: pattern.groups] for k in range(pattern.groups))
     if dialect.grammar == "klartext":
         rapid = np.array([value == "MAX" for value in feed])
-        numbers = np.array(first, dtype=np.int64)
         feeds = np.array(["nan" if value == "MAX" else value for value in feed], dtype=np.float64)
     else:
-        rapid = np.array([dialect.codes[code] == "rapid" for code in first])
-        numbers = np.full(len(first), -1)
+        rapid = np.array([dialect.codes[value] == "rapid" for value in code])
         feeds = np.where(rapid, np.nan, np.array([value or "0" for value in feed], dtype=np.float64))
-    columns = [np.array(column, dtype=np.float64) for column in words]
-    return Blocks(np.column_stack(columns), rapid, feeds, numbers, np.array(offsets), np.array(links))
+    return Blocks(
+        words=np.column_stack([np.array(column, dtype=np.float64) for column in words]),
+        rapid=rapid,
+        feeds=feeds,
+        numbers=np.array([value or "-1" for value in number], dtype=np.int64),
+        offsets=np.array(offsets),
+        ordinals=np.array(ordinals),
+        links=np.array(links),
+    )
 
 
-def _mark(line: str, number: int | None, dialect: Dialect) -> bool | None:
-    """Whether links begin after a line that is a mark with this block number; None where it is none."""
+def _mark(line: str, ordinal: int, dialect: Dialect) -> bool | None:
+    """Whether links begin after a line that is a mark, with its block number if it has one; None where it is none."""
+    form = dialect.numbering.format
     for text, linking in MARKS.items():
         comment = dialect.comment.format(text=text)
-        if line == (comment if number is None else f"{number} {comment}"):
+        if form and has_number(comment, dialect.numbering):
+            comment = form.format(number=block_number(dialect.numbering, ordinal), text=comment)
+        if line == comment:
             return linking
     return None
 

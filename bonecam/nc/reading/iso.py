@@ -1,83 +1,161 @@
-"""ISO 6983 (G code): blocks of letter-number words between two lines of %."""
+"""ISO 6983 (G code): blocks of letter-number words, with codes of letters alone and whole statements besides."""
 
 import re
 from collections.abc import Sequence
 
 from bonecam.errors import ProgramError
-from bonecam.nc.reading.full_moves import ISO_NUMBER
+from bonecam.nc.dialect import Dialect
+from bonecam.nc.reading.full_moves import ISO_NUMBER, endless_letters, endless_word_pattern
 from bonecam.nc.reading.modal_state import ModalState, line_error, tool_number
+from bonecam.nc.reading.statements import is_statement
+from bonecam.nc.schema.numbering import block_number, has_number, numbered_pattern
 from bonecam.text.faults import shown
 
-COMMENT = re.compile(r"\(([^()]*)\)")
 WORD = re.compile(rf"([A-Z])({ISO_NUMBER})")
+PARAMETERS = "FHSTP"
+"""The letters of words that are neither axes nor codes."""
+Words = list[tuple[str, str]]
+"""Letter and number of each word of a block; a code of letters alone has no number."""
 
 
 def run_iso(lines: Sequence[str], state: ModalState) -> None:
     """Run the blocks of a program; ProgramError names the line of a word that is unknown or out of place."""
-    if lines[0] != "%" or lines[-1] != "%":
-        why = "the program is not between two lines of %: the file is cut off"
+    frame = state.dialect.frame
+    if frame and (lines[0] != frame or lines[-1] != frame or len(lines) < 2):
+        why = f"the program is not between two lines of {frame}: the file is cut off"
         raise ProgramError(why, line=len(lines))
-    blocks = lines[:-1]
-    at = 1
+    blocks = lines[:-1] if frame else lines
+    reader = _BlockReader(state)
+    at = 1 if frame else 0
+    ordinal = 0
     while at < len(blocks):
-        count = state.run_full_moves(blocks, at, -1)
+        count, ordinal = state.run_full_moves(blocks, at, ordinal)
         if count:
             at += count
             continue
-        content = blocks[at]
         at += 1
-        comment = COMMENT.fullmatch(content)
+        ordinal = reader.run(blocks[at - 1], ordinal, at)
+
+
+class _BlockReader:
+    """Reads blocks one at a time, into a `state`."""
+
+    def __init__(self, state: ModalState) -> None:
+        self.state = state
+        self.dialect: Dialect = state.dialect
+        self.numbered = re.compile(numbered_pattern(self.dialect.numbering, "(.*)"))
+        before, _, behind = self.dialect.comment.partition("{text}")
+        inner = "[^()]*" if behind else ".*"
+        self.comment = re.compile(f"{re.escape(before)}({inner}){re.escape(behind)}")
+        self.endless = endless_letters(state.machine)
+        self.own_form = self.dialect.has_own_form and bool(self.endless)
+        self.short_word = re.compile(endless_word_pattern(self.dialect, f"([{self.endless or 'C'}])"))
+
+    def run(self, content: str, ordinal: int, line: int) -> int:
+        """Run one line; returns how many numbered blocks there are before the next."""
+        if has_number(content, self.dialect.numbering):
+            content = self._text_of(content, ordinal, line)
+            ordinal += 1
+        comment = self.comment.fullmatch(content)
         if comment:
-            state.read_comment(comment[1], at)
-        else:
-            _run_block(_words(content, at), state, at)
+            self.state.read_comment(comment[1], line)
+        elif self.state.ended:
+            raise line_error(line, "a block after the program's end")
+        elif not is_statement(content, self.state, line):
+            self._run_words(self._words(content, line), line)
+        return ordinal
 
+    def _text_of(self, content: str, ordinal: int, line: int) -> str:
+        """The block without its number; ProgramError where it has none, or another than its place gives it."""
+        number = block_number(self.dialect.numbering, ordinal)
+        found = self.numbered.fullmatch(content)
+        if found is None or found[1] != str(number):
+            raise line_error(line, f"block number {number} expected, found {shown(content.split(' ')[0])}")
+        return found[2]
 
-def _words(content: str, line: int) -> list[tuple[str, str]]:
-    """Letter and number of each word of a block."""
-    words = []
-    for item in content.split():
-        found = WORD.fullmatch(item)
-        if not found:
-            raise line_error(line, f"{shown(item)} is no word")
-        words.append((found[1], found[2]))
-    return words
+    def _words(self, content: str, line: int) -> Words:
+        """The words of a block. The form of the words of endless axes says which way they turn."""
+        words: Words = []
+        ways = set()
+        for item in content.split():
+            short = self.short_word.fullmatch(item) if self.own_form else None
+            found = short or WORD.fullmatch(item)
+            if not found and item not in self.dialect.codes:
+                raise line_error(line, f"{shown(item)} is no word")
+            words.append((found[1], found[2]) if found else (item, ""))
+            if self.own_form and words[-1][0] in self.endless:
+                ways.add(short is not None)
+        if len(ways) > 1:
+            raise line_error(line, "one endless axis takes the short way, another one does not")
+        self.state.short_way = ways.pop() if ways else self.state.short_way
+        return words
 
+    def _run_words(self, words: Words, line: int) -> None:
+        state = self.state
+        effects = [effect for word in words if (effect := self._effect(*word, line))]
+        values = self._values(words, line)
+        if "inverse_time" in effects or "per_minute" in effects:
+            state.inverse_time = "inverse_time" in effects
+        self._take_tool(words, effects, values, line)
+        self._switch_tool_centre(effects, line)
 
-def _run_block(words: list[tuple[str, str]], state: ModalState, line: int) -> None:
-    if state.ended:
-        raise line_error(line, "a block after the program's end")
-    effects = [_effect(letter + number, state, line) for letter, number in words if letter in "GM"]
-    values = _values(words, state.machine.letters, line)
-    if "inverse_time" in effects or "per_minute" in effects:
-        state.inverse_time = "inverse_time" in effects
-    if "tool_change" in effects:
-        state.change_tool(tool_number(values.get("T", "0"), line), line)
-    if "tool_length" in effects or "tool_length_off" in effects:
-        state.take_length(tool_number(values.get("H", "0"), line), line)
+        axes = {letter: float(text) for letter, text in values.items() if letter in state.machine.letters}
+        if "machine_coordinates" in effects:
+            self._retract(effects, axes, line)
+        elif axes:
+            if ("rapid" in effects) == ("feed" in effects):
+                raise line_error(line, "an axis moves without G0 or G1")
+            state.move(axes, "rapid" in effects, float(values.get("F", "0")), line)
+        state.ended = "program_end" in effects
 
-    axes = {letter: float(text) for letter, text in values.items() if letter in state.machine.letters}
-    if axes:
-        if ("rapid" in effects) == ("feed" in effects):
-            raise line_error(line, "an axis moves without G0 or G1")
-        state.move(axes, "rapid" in effects, float(values.get("F", "0")), line)
-    state.ended = state.ended or "program_end" in effects
+    def _take_tool(self, words: Words, effects: list[str], values: dict[str, str], line: int) -> None:
+        """Select a tool, change to it, compensate its length: by H of the tool, or by D of the one in the spindle."""
+        state = self.state
+        if "T" in values:
+            state.selected = tool_number(values["T"], line)
+        if "tool_change" in effects:
+            if state.tool_centre:
+                raise line_error(line, "a tool change while tool-centre control is on")
+            state.change_tool(state.selected, line)
+        if "tool_length" in effects or "tool_length_off" in effects:
+            by_edge = "tool_length" in effects and any(letter == "D" for letter, _ in words)
+            state.take_length(state.tool if by_edge else tool_number(values.get("H", "0"), line), line)
 
+    def _switch_tool_centre(self, effects: list[str], line: int) -> None:
+        if "tool_centre_on" in effects and "tool_centre_off" in effects:
+            raise line_error(line, "tool-centre control is switched on and off in one block")
+        if "tool_centre_on" in effects or "tool_centre_off" in effects:
+            self.state.tool_centre = "tool_centre_on" in effects
+            self.state.forget_tip()
 
-def _values(words: list[tuple[str, str]], letters: str, line: int) -> dict[str, str]:
-    """The numbers of all words but G and M, by letter; `letters` are those of the axes."""
-    rest = [(letter, number) for letter, number in words if letter not in "GM"]
-    values = dict(rest)
-    if len(values) != len(rest):
-        raise line_error(line, "a letter stands twice in one block")
-    for letter in values:
-        if letter not in letters + "FHSTP":
-            raise line_error(line, f"unknown word {letter}{values[letter]}")
-    return values
+    def _retract(self, effects: list[str], axes: dict[str, float], line: int) -> None:
+        """A rapid to the machine's zero of Z: the tool is above everything, where its tip is in the part is not
+        known."""
+        if self.state.tool_centre:
+            raise line_error(line, "machine coordinates while tool-centre control is on")
+        if "rapid" not in effects or "feed" in effects or axes != {"Z": 0.0}:
+            raise line_error(line, "in machine coordinates nothing but a rapid to Z0 is known")
+        self.state.blocks += 1
+        self.state.forget_tip()
 
+    def _values(self, words: Words, line: int) -> dict[str, str]:
+        """The numbers of all words but codes, by letter."""
+        rest = [(letter, number) for letter, number in words if not self._is_code(letter, number)]
+        values = dict(rest)
+        if len(values) != len(rest):
+            raise line_error(line, "a letter stands twice in one block")
+        for letter in values:
+            if letter not in self.state.machine.letters + PARAMETERS:
+                raise line_error(line, f"unknown word {letter}{values[letter]}")
+        return values
 
-def _effect(code: str, state: ModalState, line: int) -> str:
-    """What a G or M code does (see `nc.dialect`)."""
-    if code not in state.dialect.codes:
-        raise line_error(line, f"unknown word {code}")
-    return state.dialect.codes[code]
+    def _is_code(self, letter: str, number: str) -> bool:
+        return letter in "GM" or letter + number in self.dialect.codes
+
+    def _effect(self, letter: str, number: str, line: int) -> str:
+        """What a word does if it is a code (see `nc.dialect`), "" if it is none."""
+        if not self._is_code(letter, number):
+            return ""
+        if letter + number not in self.dialect.codes:
+            raise line_error(line, f"unknown word {letter}{number}")
+        return self.dialect.codes[letter + number]

@@ -14,8 +14,9 @@ from bonecam.errors import ProgramError
 from bonecam.nc.control import Control
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.machine import Machine
-from bonecam.nc.reading.full_moves import MARKS, WHOLE, Blocks, full_move, read_full_moves, unwound
-from bonecam.nc.reading.motions import Motions, Tool
+from bonecam.nc.reading.full_moves import MARKS, Blocks, full_move, read_full_moves, unwound
+from bonecam.nc.reading.motions import Motions, Tool, motions_of
+from bonecam.nc.schema.numbering import WHOLE, block_numbers
 from bonecam.text.faults import shown
 
 TOOL_COMMENT = re.compile(rf"\s*TOOL ({WHOLE}) BALL RADIUS ({WHOLE}\.[0-9]+) LENGTH ({WHOLE}\.[0-9]+)\s*")
@@ -43,8 +44,8 @@ class ModalState:
     `position`: X, Y, Z in mm and the rotary axes in degrees, unwound; None where it is not known.
     `tool_centre`: tool-centre control (TCPM, RTCP) is on. `short_way`: endless axes turn the short way, or as
     their words say; None before the program has said which. `inverse_time`: F is in 1/min. `length_of`: the tool
-    whose length is compensated. `linking`: feed moves are links, as the last comment CUT or LINK says. Used for one
-    program.
+    whose length is compensated, `selected` the one that the next change brings. `linking`: feed moves are links, as
+    the last comment CUT or LINK says. Used for one program.
     """
 
     def __init__(self, machine: Machine, dialect: Dialect, tools: Sequence[Tool]) -> None:
@@ -54,18 +55,19 @@ class ModalState:
         self.tools = {tool.number: tool for tool in tools}
         self.position: list[float | None] = [None] * 5
         self.tool = 0
+        self.selected = 0
         self.needs_length = "tool_length" in dialect.codes.values()
         self.length_of = 0
         self.tool_centre = False
-        self.bounded_turns = dialect.short_way is not None or dialect.endless_words == "wrapped"
-        self.short_way: bool | None = None if dialect.short_way else dialect.endless_words == "wrapped"
+        self.bounded_turns = dialect.chooses_way or dialect.endless_words == "wrapped"
+        self.short_way: bool | None = None if dialect.chooses_way else dialect.endless_words == "wrapped"
         self.inverse_time = False
         self.linking = False
         self.ended = False
         self.blocks = 0
         self.rows: list[tuple[float, ...]] = []
         self.tables: list[ndarray] = []
-        self.full_move = full_move(dialect, machine.letters)
+        self.full_moves = [full_move(dialect, machine, short_way) for short_way in (False, True)]
 
     def read_comment(self, text: str, line: int) -> None:
         """Take the tool that a comment of the header describes, unless the caller has given the tools; or the mark
@@ -83,6 +85,7 @@ class ModalState:
         if number not in self.tools:
             raise line_error(line, f"tool {number} is called but not described: give its radius and length")
         self.tool = number
+        self.selected = 0
         self.length_of = 0 if self.needs_length else number
         self.forget_tip()
 
@@ -106,14 +109,8 @@ class ModalState:
         self.blocks += 1
         if not self.tool:
             raise line_error(line, "a move before any tool call")
-        if self.length_of != self.tool:
-            raise line_error(line, f"tool {self.tool} moves without its length")
-        linear = any(letter in "XYZ" for letter in words)
-        if linear and self.dialect.tool_centre and not self.tool_centre:
-            if not rapid or before[2] is not None or "Z" in words:
-                raise line_error(line, "X, Y, Z are programmed without tool-centre control")
-            # retracted, across the spindle: where the tip stands in the part is not known
-            self.forget_tip()
+        if any(letter in "XYZ" for letter in words):
+            self._check_linear(rapid and "Z" not in words and before[2] is None, line)
         if not rapid and not feed > 0:
             raise line_error(line, "a cutting move without feed")
         if None not in self.position:
@@ -132,39 +129,59 @@ class ModalState:
                 )
             )
 
-    def run_full_moves(self, lines: Sequence[str], start: int, number: int) -> int:
-        """Run the blocks from lines[start] on that have all five words, all at once, and the marks between them;
-        returns how many lines it has run.
+    def _check_linear(self, across: bool, line: int) -> None:
+        """ProgramError where X, Y or Z move without the modes that they need; `across`: rapid, and nothing but the
+        retracted spindle is known. Then it is not known where the tip stands in the part."""
+        if not across and self.length_of != self.tool:
+            raise line_error(line, f"tool {self.tool} moves without its length")
+        if self.dialect.tool_centre and not self.tool_centre:
+            if not across:
+                raise line_error(line, "X, Y, Z are programmed without tool-centre control")
+            self.forget_tip()
 
-        `number` is the number of the first block, -1 where blocks have none. It stops before the first block
-        that is not plain or may be wrong: `move` then says what is wrong with it.
+    def run_full_moves(self, lines: Sequence[str], start: int, ordinal: int) -> tuple[int, int]:
+        """Run the blocks from lines[start] on that have all five words, all at once, and the marks between them;
+        returns how many lines it has run, and how many numbered blocks there are before the next line.
+
+        `ordinal` numbered blocks stand before lines[start]. It stops before the first block that is not plain or
+        may be wrong: `move` then says what is wrong with it.
         """
         if (
             None in self.position
             or not self.tool
             or self.ended
+            or self.length_of != self.tool
             or self.tool_centre != self.dialect.tool_centre
         ):
-            return 0
-        found = read_full_moves(lines, start, number, self.full_move, self.dialect, self.linking)
+            return 0, ordinal
+        pattern = self.full_moves[bool(self.short_way)]
+        found = read_full_moves(lines, start, ordinal, pattern, self.dialect, self.linking)
         if found is None:
-            return 0
+            return 0, ordinal
         doubtful = ~found.rapid & ~(found.feeds > 0)
-        if number >= 0:
-            doubtful |= found.numbers != number + found.offsets
+        if self.dialect.numbering.format:
+            doubtful |= found.numbers != block_numbers(self.dialect.numbering, found.ordinals)
         for column, axis in enumerate(self.machine.rotary, start=3):
             if axis.endless:
                 before = float(self.position[column] or 0.0)
                 turns = np.diff(found.words[:, column], prepend=before)
                 if self.short_way:
+                    doubtful |= ~self._is_wrapped(found.words[:, column])
                     found.words[:, column], turns = unwound(before, found.words[:, column])
                 too_far = self.bounded_turns & (np.abs(turns) > AMBIGUOUS_TURN_DEG)
                 doubtful |= too_far | (self.short_way is None)
         count = int(np.argmax(doubtful)) if doubtful.any() else len(doubtful)
         if not count:
-            return 0
+            return 0, ordinal
         self._take(found.first(count), start + 1)
-        return int(found.offsets[count - 1]) + 1
+        return int(found.offsets[count - 1]) + 1, int(found.ordinals[count - 1]) + 1
+
+    def _is_wrapped(self, words: ndarray) -> ndarray:
+        """Whether words of an endless axis (degrees) are among those that its form of the short way takes."""
+        if not self.dialect.has_own_form:
+            return np.ones(np.shape(words), dtype=bool)
+        lowest = self.dialect.endless_from_deg
+        return np.asarray((words >= lowest) & (words < lowest + 360.0))
 
     def _take(self, found: Blocks, line: int) -> None:
         count = len(found.rapid)
@@ -200,6 +217,11 @@ class ModalState:
             return value
         if self.short_way is None:
             raise line_error(line, f"{axis.letter} turns before the short way is switched on or off")
+        if self.short_way and not self._is_wrapped(np.array(value)):
+            lowest = self.dialect.endless_from_deg
+            raise line_error(
+                line, f"{axis.letter} {value:g}: give {lowest:g} or more, below {lowest + 360:g}"
+            )
         if before is None:
             return value
         turn = value - before
@@ -215,29 +237,8 @@ class ModalState:
         """All moves so far; ProgramError where the program has not ended."""
         if not self.ended:
             raise ProgramError("the program has no end: its last blocks are missing")
-        table = np.vstack([*self.tables, self._table()])
-        words = np.column_stack([table[:, :3], np.radians(table[:, 3:5])])
-        numbers = table[:, 9].astype(np.int64)
-        tips = np.zeros((len(table), 3))
-        axes = np.zeros((len(table), 3))
         controls = {
             tool.number: Control(self.machine, self.dialect.tool_centre, tool.radius, tool.length)
             for tool in self.tools.values()
         }
-        for number, control in controls.items():
-            rows = numbers == number
-            tips[rows], axes[rows] = control.poses(words[rows])
-        return Motions(
-            rapid=table[:, 5] == 1,
-            words=words,
-            feed_rates=table[:, 6],
-            inverse_time=table[:, 7] == 1,
-            lines=table[:, 8].astype(np.int64),
-            tools=numbers,
-            known_start=table[:, 10] == 1,
-            links=(table[:, 11] == 1) & (table[:, 5] == 0),
-            tips=tips,
-            axes=axes,
-            blocks=self.blocks,
-            controls=controls,
-        )
+        return motions_of(np.vstack([*self.tables, self._table()]), controls, self.blocks)

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
@@ -40,3 +41,29 @@ class Motions:
     axes: Float[ndarray, "n 3"]
     blocks: int
     controls: dict[int, Control]
+
+
+def motions_of(table: Float[ndarray, "n 12"], controls: dict[int, Control], blocks: int) -> Motions:
+    """The moves of a table of rows: five words (mm, degrees), rapid, feed, inverse time, line, tool, known start,
+    link."""
+    words = np.column_stack([table[:, :3], np.radians(table[:, 3:5])])
+    numbers = table[:, 9].astype(np.int64)
+    tips = np.zeros((len(table), 3))
+    axes = np.zeros((len(table), 3))
+    for number, control in controls.items():
+        rows = numbers == number
+        tips[rows], axes[rows] = control.poses(words[rows])
+    return Motions(
+        rapid=table[:, 5] == 1,
+        words=words,
+        feed_rates=table[:, 6],
+        inverse_time=table[:, 7] == 1,
+        lines=table[:, 8].astype(np.int64),
+        tools=numbers,
+        known_start=table[:, 10] == 1,
+        links=(table[:, 11] == 1) & (table[:, 5] == 0),
+        tips=tips,
+        axes=axes,
+        blocks=blocks,
+        controls=controls,
+    )

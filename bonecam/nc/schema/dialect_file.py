@@ -1,57 +1,21 @@
 """The schema of a dialect file: keys, types, ranges, and what templates may hold. The text of `nc.dialect` says what
 they mean."""
 
-from collections.abc import Mapping
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
+from bonecam.nc.schema.grammar_tables import CodesTable, StatementTable
 from bonecam.nc.schema.machine_file import Name
-from bonecam.text.pattern import Pattern
+from bonecam.nc.schema.numbering import Block, NumberingTable, one_block
+from bonecam.nc.schema.template_tables import TemplatesTable
 from bonecam.text.record import KeyFault, Record
-from bonecam.text.template import check_printable, check_template
+from bonecam.text.template import check_template
 
 LARGEST_NUMBER = 1e9
 """No number of a program is larger."""
-_CORNERS = dict.fromkeys("low_x low_y low_z high_x high_y high_z".split(), "+1.0")
-FIELDS: Mapping[str, Mapping[str, str | int]] = {
-    "header": {
-        "name": "BONE",
-        "comments": "; X",
-        "tolerance": "0.01",
-        "rotary_tolerance": "0.1",
-        "tool_centre_off": "M129",
-        **_CORNERS,
-    },
-    "tool": {
-        "tool": 1,
-        "spindle": "1",
-        "retract": "1.0",
-        "endless": "M126",
-        "over_zero": "X+0.0 Y+0.0",
-        "stop": "M0",
-    },
-    "stop": {"tool": 1},
-    "level": {"tolerance": "0.01", "rotary_tolerance": "0.1", "hsc_mode": 1},
-    "position": {"rotary": "B+1.0 C+1.0"},
-    "approach": {"linear": "X+1.0 Y+1.0 Z+1.0", "plane": "X+1.0 Y+1.0", "above": "X+1.0 Y+1.0 Z+9.0"},
-    "rapid": {"words": "X+1.0"},
-    "feed": {"words": "X+1.0", "feed": "1"},
-    "coolant_on": {},
-    "coolant_off": {},
-    "retract": {"retract": "1.0"},
-    "tool_end": {},
-    "footer": {"name": "BONE"},
-}
-"""The templates, and a sample of each field that they may have. The first letters of a move's words are those of a
-machine, its numbers are filled in later: `words` and `feed` have no format."""
-Effect = Literal[
-    "none", "begin", "end", "comment", "tool", "retract", "tool-centre on", "tool-centre off",
-    "short way on", "short way off", "program end",
-]  # fmt: skip
-"""What a statement of a Klartext dialect may do."""
-GROUP_OF = {"comment": "comment", "tool": "tool"}
-"""The named group that the pattern of an effect must have: the text, or the number of the tool."""
+PLAIN_WORD = "{letter}{number}"
+"""The form of a word that has no other."""
 
 
 class NumberTable(Record):
@@ -78,29 +42,17 @@ class NumbersTable(Record):
     spindle: NumberTable
 
 
-def _numbering(text: str) -> str:
-    check_template(text, {"number": 1, "text": "M5"})
-    if "{number" not in text or "{text" not in text or "\n" in text:
-        raise ValueError(f"{text!r}: give one line with the fields {{number}} and {{text}}")
-    return text
+def _switch_on(text: str) -> str:
+    return check_template(text, {"tool": 1})
 
 
-def _block(text: str) -> str:
-    if "\n" in text:
-        raise ValueError("has a line end: give one block")
-    return check_printable(text)
+def _switch_off(text: str) -> str:
+    return check_template(text, {})
 
 
-Block = Annotated[str, Field(max_length=200), AfterValidator(_block)]
+SwitchOn = Annotated[str, Field(max_length=400), AfterValidator(_switch_on)]
+SwitchOff = Annotated[str, Field(max_length=400), AfterValidator(_switch_off)]
 Lines = Annotated[list[Block], Field(max_length=20)]
-
-
-class NumberingTable(Record):
-    """The numbers of blocks."""
-
-    format: Annotated[str, Field(max_length=50), AfterValidator(_numbering)] | None = None
-    first: Annotated[int, Field(ge=0, le=1_000_000)] = 0
-    continuation: Annotated[str, Field(min_length=1, max_length=8), AfterValidator(_block)] | None = None
 
 
 class SwitchTable(Record):
@@ -110,86 +62,30 @@ class SwitchTable(Record):
     off: Block
 
 
-class ToolCentreTable(SwitchTable):
-    """The blocks that switch tool-centre control, and what the header says of the point that it keeps: where the
-    machine programs the tip, and where it programs the ball's centre."""
+class ToolCentreTable(Record):
+    """The blocks that switch tool-centre control on and off, and what the header says of the point that it keeps:
+    where the machine programs the tip, and where it programs the ball's centre."""
 
+    on: SwitchOn
+    off: SwitchOff
     tip: Lines = Field(default_factory=list)
     centre: Lines = Field(default_factory=list)
 
 
-class TemplatesTable(Record):
-    """The templates of the blocks: with their own fields only."""
+class MachiningTable(Record):
+    """The words of the control for the two kinds of levels."""
 
-    header: str
-    tool: str
-    stop: str = ""
-    level: str
-    position: str
-    approach: str
-    rapid: str
-    feed: str
-    coolant_on: str
-    coolant_off: str
-    retract: str
-    tool_end: str
-    footer: str
-
-    @model_validator(mode="after")
-    def _have_known_fields(self) -> "TemplatesTable":
-        for name, fields in FIELDS.items():
-            text = getattr(self, name)
-            try:
-                check_template(text, fields)
-                if name in ("rapid", "feed"):
-                    _check_move(text, name)
-            except ValueError as error:
-                raise KeyFault(name, str(error)) from error
-        return self
+    roughing: Block = ""
+    finishing: Block = ""
 
 
-def _check_move(text: str, name: str) -> None:
-    """ValueError where the numbers of a move could not be filled in one after the other."""
-    wanted = ["{words}", "{feed}"] if name == "feed" else ["{words}"]
-    places = [text.find(field) for field in wanted]
-    once = all(text.count(field) == 1 for field in wanted)
-    if not once or places != sorted(places) or text.count("{") != len(wanted):
-        raise ValueError(f"give {' and then '.join(wanted)}, each once and without a format")
-
-
-class StatementTable(Record):
-    """A statement of Klartext: what it looks like and what it does."""
-
-    pattern: str
-    effect: Effect
-
-    @model_validator(mode="after")
-    def _can_be_matched(self) -> "StatementTable":
-        try:
-            groups = Pattern(self.pattern).groups
-        except ValueError as error:
-            raise KeyFault("pattern", str(error)) from error
-        group = GROUP_OF.get(self.effect)
-        if group and group not in groups:
-            raise KeyFault("pattern", f"has no group {group!r}: name one, like (?P<{group}>...)")
-        return self
-
-
-Codes = Annotated[list[Annotated[str, Field(pattern=r"^[A-Z][0-9]{1,4}(\.[0-9])?$")]], Field(max_length=200)]
-
-
-class CodesTable(Record):
-    """What the G and M codes of an ISO dialect do."""
-
-    none: Codes = Field(default_factory=list)
-    rapid: Codes = Field(default_factory=list)
-    feed: Codes = Field(default_factory=list)
-    inverse_time: Codes = Field(default_factory=list)
-    per_minute: Codes = Field(default_factory=list)
-    tool_change: Codes = Field(default_factory=list)
-    tool_length: Codes = Field(default_factory=list)
-    tool_length_off: Codes = Field(default_factory=list)
-    program_end: Codes = Field(default_factory=list)
+def _endless_word(text: str) -> str:
+    check_template(text, {"letter": "C", "number": "1.0"})
+    places = [text.find("{letter}"), text.find("{number}")]
+    once = all(text.count(field) == 1 for field in ("{letter}", "{number}"))
+    if not once or places != sorted(places) or text.count("{") != 2 or " " in text or "\n" in text:
+        raise ValueError(f"{text!r}: give {{letter}} and then {{number}}, each once, in one word")
+    return text
 
 
 def _comment(text: str) -> str:
@@ -209,11 +105,16 @@ class DialectFile(Record):
     feed_mode: Literal["per-minute", "inverse-time"]
     endless_words: Literal["wrapped", "wound"]
     short_way: SwitchTable | None = None
+    endless_word: Annotated[str, Field(max_length=40), AfterValidator(_endless_word)] = PLAIN_WORD
+    endless_from_deg: Annotated[float, Field(ge=-360, le=0)] = -180.0
+    frame: Block = "%"
+    moving_blocks: Lines = Field(default_factory=lambda: ["L ", "G0 "])
+    machining: MachiningTable = MachiningTable()
     straight_rapids: bool = False
     tolerance_factor: Annotated[float, Field(gt=0, le=10)] = 1.0
     needs: Lines = Field(default_factory=list)
     comment: Annotated[str, Field(max_length=100), AfterValidator(_comment)]
-    comment_characters: Annotated[str, Field(max_length=1000), AfterValidator(_block)]
+    comment_characters: Annotated[str, Field(max_length=1000), AfterValidator(one_block)]
     numbers: NumbersTable
     numbering: NumberingTable = NumberingTable()
     tool_centre_control: Annotated[dict[str, ToolCentreTable], Field(max_length=50)] = Field(
@@ -231,11 +132,3 @@ class DialectFile(Record):
         if self.grammar == "klartext" and self.endless_words == "wrapped" and self.short_way is None:
             raise KeyFault("short_way", "missing: add the blocks that switch the short way on and off")
         return self
-
-
-TEMPLATES = tuple(FIELDS)
-"""The templates that a dialect must have."""
-EFFECTS: tuple[str, ...] = get_args(Effect)
-"""What a statement of a Klartext dialect may do."""
-CODES = tuple(CodesTable.model_fields)
-"""What a G or M code of an ISO dialect may do."""

@@ -22,6 +22,7 @@ from bonecam.verify.readback import Tolerances, compare_moves
 PAIRS = {
     "heidenhain": (read_machine("mikron-ucp600"), read_dialect("heidenhain")),
     "linuxcnc": (read_machine("linuxcnc-xyzbc"), read_dialect("linuxcnc")),
+    "siemens-840d": (read_machine("mikron-ucp600"), read_dialect("siemens-840d")),
 }
 
 

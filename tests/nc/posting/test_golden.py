@@ -15,7 +15,7 @@ from bonecam.toolpath.path import ToolPath
 from bonecam.verify.readback import Tolerances, compare_moves
 
 GOLDEN = Path(__file__).parents[2] / "golden"
-CASES = ("heidenhain-mikron", "linuxcnc-xyzbc")
+CASES = ("heidenhain-mikron", "linuxcnc-xyzbc", "siemens-mikron")
 
 
 @pytest.fixture(scope="module")

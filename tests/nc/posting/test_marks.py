@@ -11,7 +11,7 @@ from bonecam.nc.reading.read import read_program
 from bonecam.toolpath.path import Kind
 from bonecam.verify.readback import Tolerances, compare_moves
 
-PAIRS = {"heidenhain": "mikron-ucp600", "linuxcnc": "linuxcnc-xyzbc"}
+PAIRS = {"heidenhain": "mikron-ucp600", "linuxcnc": "linuxcnc-xyzbc", "siemens-840d": "mikron-ucp600"}
 
 
 @pytest.mark.parametrize("name", PAIRS)

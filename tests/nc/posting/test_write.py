@@ -10,10 +10,11 @@ from bonecam.nc.dialect import dialect_names, read_dialect
 from bonecam.nc.machine import read_machine
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.read import read_program
+from bonecam.nc.words import plain_text
 from bonecam.toolpath.path import ToolPath
 from bonecam.verify.readback import Tolerances, compare_moves
 
-MACHINE_OF = {"heidenhain": "mikron-ucp600", "linuxcnc": "linuxcnc-xyzbc"}
+MACHINE_OF = {"heidenhain": "mikron-ucp600", "linuxcnc": "linuxcnc-xyzbc", "siemens-840d": "mikron-ucp600"}
 CHAIN_KINDS = ("table-table", "head-table", "head-head", "nutating")
 
 
@@ -58,10 +59,11 @@ def test_the_program_counts_what_it_holds(paths, posted):
 
 
 def test_the_header_says_which_point_is_programmed_and_what_the_tools_are(posted):
-    head = posted[2].text
+    _, dialect, program = posted
+    head = program.text
     assert "PROGRAMMED POINT: TOOL TIP" in head
     assert "TOOL 1 BALL RADIUS 2.0000 LENGTH 75.0000" in head
-    assert "TEST  OF  A PART" in head
+    assert plain_text("Test (of) a part", dialect.comment_characters) in head
 
 
 def test_heidenhain_blocks_are_numbered_from_zero_without_gaps(paths):

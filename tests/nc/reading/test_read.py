@@ -14,7 +14,11 @@ from bonecam.toolpath.path import ToolPath
 
 PAIRS = {
     name: (read_machine(machine), read_dialect(name))
-    for name, machine in (("heidenhain", "mikron-ucp600"), ("linuxcnc", "linuxcnc-xyzbc"))
+    for name, machine in (
+        ("heidenhain", "mikron-ucp600"),
+        ("linuxcnc", "linuxcnc-xyzbc"),
+        ("siemens-840d", "mikron-ucp600"),
+    )
 }
 
 
@@ -62,6 +66,25 @@ def broken(texts: dict[str, str], name: str, pattern: str, replacement: str) -> 
         ("linuxcnc", r"^T1 M6", "T3 M6"),
         ("linuxcnc", r"^M8$", "M8 N"),
         ("linuxcnc", r"^G43 H1$", "G43 H2"),
+        ("siemens-840d", r" F900$", ""),
+        ("siemens-840d", r" F900$", " F900 M88"),
+        ("siemens-840d", r"C=DC\(([\d.]+)\) F900$", r"C=ACP(\1) F900"),
+        ("siemens-840d", r"C=DC\([\d.]+\) F900$", "C=DC(-10.000) F900"),
+        ("siemens-840d", r"C=DC\([\d.]+\) F900$", "C=DC(360.000) F900"),
+        ("siemens-840d", r"C=DC\([\d.]+\) F900$", "A3=0.5 F900"),
+        ("siemens-840d", r"C=DC\([\d.]+\) F900$", "C=DC(1.0) C=DC(1.0) F900"),
+        ("siemens-840d", r" G1 (?=.*F900$)", " G2 "),
+        ("siemens-840d", r" G1 (?=.*F900$)", " G91 G1 "),
+        ("siemens-840d", r"^N170 ", "N171 "),
+        ("siemens-840d", r"^N170 ", ""),
+        ("siemens-840d", r" TRAORI$", " TRANSMIT"),
+        ("siemens-840d", r" ORIWKS$", " ORIVECT"),
+        ("siemens-840d", r" M6$", " M6 T7"),
+        ("siemens-840d", r" T1$", " T1=3"),
+        ("siemens-840d", r" CYCLE832\([\d.]+,", " CYCLE832("),
+        ("siemens-840d", r" SUPA Z0 D0$", " SUPA Z10 D0"),
+        ("siemens-840d", r" SUPA Z0 D0$", " SUPA X0 Z0 D0"),
+        ("siemens-840d", r" G54 D1$", " G0 SUPA Z0 D0"),
     ],
 )
 def test_what_the_dialect_does_not_know_is_refused_with_its_line(texts, name, pattern, replacement):

@@ -1,0 +1,45 @@
+"""The words of the axes in a block: their numbers as the control reads them, and their form."""
+
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.nc.dialect import Dialect
+from bonecam.nc.machine import Machine
+from bonecam.nc.schema.dialect_file import PLAIN_WORD
+from bonecam.nc.words import wrapped
+
+
+def written_words(machine: Machine, dialect: Dialect, words: Float[ndarray, "n 5"]) -> Float[ndarray, "n 5"]:
+    """Words (mm, deg) as the numbers of the text: endless axes wrapped where the dialect does, no negative zero.
+    ProgramError where one leaves the control's range."""
+    length, angle = dialect.numbers["length"], dialect.numbers["angle"]
+    written = words.copy()
+    if dialect.endless_words == "wrapped":
+        lowest = dialect.endless_from_deg
+        for column, axis in enumerate(machine.rotary, start=3):
+            if axis.endless:
+                # wrapped twice: what is less than half a decimal below the end is rounded to it
+                turned = angle.rounded(wrapped(words[:, column], lowest))
+                written[:, column] = wrapped(turned, lowest)
+    length.check(written[:, :3])
+    angle.check(written[:, 3:])
+    # whole steps and no negative zero
+    return written + 0.0
+
+
+def word_formats(machine: Machine, dialect: Dialect) -> list[str]:
+    """The printf format of each of the five words."""
+    length, angle = dialect.numbers["length"].spec, dialect.numbers["angle"].spec
+    endless = {axis.letter for axis in machine.rotary if axis.endless}
+    formats = []
+    for column, letter in enumerate(machine.letters):
+        form = dialect.word_of_endless if letter in endless else PLAIN_WORD
+        number = length if column < 3 else angle
+        formats.append(form.replace("%", "%%").format(letter=letter, number=number))
+    return formats
+
+
+def word_texts(machine: Machine, dialect: Dialect, words: Float[ndarray, "5"]) -> list[str]:
+    """The five words of one position (mm, deg)."""
+    row = written_words(machine, dialect, words[None])[0].tolist()
+    return [form % value for form, value in zip(word_formats(machine, dialect), row, strict=True)]

@@ -1,0 +1,44 @@
+"""Statements: blocks that a dialect knows by their whole text, and what they do."""
+
+from bonecam.nc.reading.modal_state import ModalState, line_error, tool_number
+from bonecam.text.faults import shown
+
+
+def run_statement(block: str, state: ModalState, line: int) -> None:
+    """Run a block that is one of the dialect's statements; ProgramError where it is none."""
+    if not is_statement(block, state, line):
+        raise line_error(line, f"unknown block {shown(block)}")
+
+
+def is_statement(block: str, state: ModalState, line: int) -> bool:
+    """Run a block if it is one of the dialect's statements; whether it is."""
+    for pattern, effect in state.dialect.patterns:
+        found = pattern.match(block)
+        if found is not None:
+            _apply(effect, found, state, line)
+            return True
+    return False
+
+
+def _apply(effect: str, values: dict[str, str], state: ModalState, line: int) -> None:
+    """Apply the effect of a statement (see `nc.dialect`) to the state."""
+    if effect == "comment":
+        state.read_comment(values["comment"], line)
+    elif effect == "tool":
+        if state.tool_centre:
+            raise line_error(line, "tool call while tool-centre control is on")
+        state.change_tool(tool_number(values["tool"], line), line)
+    elif effect == "retract":
+        state.blocks += 1
+        state.forget_tip()
+    elif effect.startswith("tool-centre"):
+        state.tool_centre = effect.endswith("on")
+        state.forget_tip()
+    elif effect.startswith("short way"):
+        state.short_way = effect.endswith("on")
+    elif effect == "program end":
+        state.ended = True
+    elif effect == "begin" and line != 1:
+        raise line_error(line, "the program begins twice")
+    elif effect == "end" and not state.ended:
+        raise line_error(line, "END PGM before the program end")

@@ -1,0 +1,71 @@
+"""The schema of a dialect's grammar: the statements and the codes that the reader knows, and what they do."""
+
+from typing import Annotated, Literal, get_args
+
+from pydantic import Field, model_validator
+
+from bonecam.text.pattern import Pattern
+from bonecam.text.record import KeyFault, Record
+
+CODE = r"^([A-Z][0-9]{1,4}(\.[0-9])?|[A-Z]{3,12})$"
+"""A code: a letter and its number, or a word."""
+Effect = Literal[
+    "none", "begin", "end", "comment", "tool", "retract", "tool-centre on", "tool-centre off",
+    "short way on", "short way off", "program end",
+]  # fmt: skip
+"""What a statement may do."""
+GROUP_OF = {"comment": "comment", "tool": "tool"}
+"""The named group that the pattern of an effect must have: the text, or the number of the tool."""
+
+
+class StatementTable(Record):
+    """A statement: what the whole block looks like and what it does."""
+
+    pattern: str
+    effect: Effect
+
+    @model_validator(mode="after")
+    def _can_be_matched(self) -> "StatementTable":
+        try:
+            groups = Pattern(self.pattern).groups
+        except ValueError as error:
+            raise KeyFault("pattern", str(error)) from error
+        group = GROUP_OF.get(self.effect)
+        if group and group not in groups:
+            raise KeyFault("pattern", f"has no group {group!r}: name one, like (?P<{group}>...)")
+        return self
+
+
+Codes = Annotated[list[Annotated[str, Field(pattern=CODE)]], Field(max_length=200)]
+
+
+class CodesTable(Record):
+    """What the codes of an ISO dialect do: G, M and D with their numbers, or words like TRAORI."""
+
+    none: Codes = Field(default_factory=list)
+    rapid: Codes = Field(default_factory=list)
+    feed: Codes = Field(default_factory=list)
+    inverse_time: Codes = Field(default_factory=list)
+    per_minute: Codes = Field(default_factory=list)
+    tool_change: Codes = Field(default_factory=list)
+    tool_length: Codes = Field(default_factory=list)
+    tool_length_off: Codes = Field(default_factory=list)
+    tool_centre_on: Codes = Field(default_factory=list)
+    tool_centre_off: Codes = Field(default_factory=list)
+    machine_coordinates: Codes = Field(default_factory=list)
+    program_end: Codes = Field(default_factory=list)
+
+    @model_validator(mode="after")
+    def _do_one_thing(self) -> "CodesTable":
+        known: dict[str, str] = {}
+        for effect in type(self).model_fields:
+            for code in getattr(self, effect):
+                if known.setdefault(code, effect) != effect:
+                    raise KeyFault(effect, f"{code} is in {known[code]} too: a code does one thing")
+        return self
+
+
+EFFECTS: tuple[str, ...] = get_args(Effect)
+"""What a statement may do."""
+CODES = tuple(CodesTable.model_fields)
+"""What a code of an ISO dialect may do."""
