@@ -1,6 +1,7 @@
 """The files that a run writes. Their places are tried before the work; each file is written whole, the program
 even where another cannot be."""
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +15,7 @@ from bonecam.outputs.kept_view import check_page_name
 from bonecam.outputs.result import Morphed, Result
 from bonecam.outputs.run_report import report_text
 from bonecam.progress import Progress, report, silent
-from bonecam.runtime.staging import Staging, staged, unwritable
+from bonecam.runtime.staging import Staging, placed, staged, unwritable
 from bonecam.setup.holding import post_below
 from bonecam.surface.files.save import TEXTS, check_target, save_surface
 from bonecam.toolpath.cl_data import apt_text
@@ -68,6 +69,19 @@ class Outputs:
         names it, and what was. Where the program itself cannot be written, nothing is.
         """
         report(progress, 0.0, "writing the files")
+        before = len(placed)
+        try:
+            self._write(made)
+        except Exception as error:
+            if self.program is None or os.path.realpath(self.program) not in placed[before:]:
+                raise
+            remark = f"{self.program} is written and complete"
+            if not isinstance(error, BonecamError):
+                error.add_note(remark)
+                raise
+            raise type(error)(f"{error} ({remark})", **error.evidence) from error
+
+    def _write(self, made: Morphed) -> None:
         troubles: list[Exception] = []
         with staged() as staging:
             if self.program is not None and isinstance(made, Result):
@@ -81,7 +95,7 @@ class Outputs:
                     troubles.append(staging.told(error))
                     staging.drop(path)
         if troubles:
-            raise _incomplete(troubles[0], self.program)
+            raise troubles[0]
 
     def _beside(self, made: Morphed, staging: Staging) -> list[tuple[str | Path, Callable[[], None]]]:
         """The wanted outputs beside the program, and what writes each."""
@@ -110,17 +124,6 @@ def _write(work: Path, path: str | Path, text: str) -> None:
         work.write_text(text, encoding="utf-8", errors=NAME_BYTES, newline="")
     except OSError as error:
         raise unwritable(path, error) from error
-
-
-def _incomplete(trouble: Exception, program: File) -> Exception:
-    """The trouble with an output, with the remark that the program is there."""
-    if program is None:
-        return trouble
-    remark = f"{program} is written and complete"
-    if isinstance(trouble, BonecamError):
-        return type(trouble)(f"{trouble} ({remark})", **trouble.evidence)
-    trouble.add_note(remark)
-    return trouble
 
 
 def check_ending(program: Path, dialect: Dialect) -> None:

@@ -10,7 +10,7 @@ import errno
 import fcntl
 import os
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -55,9 +55,10 @@ class Staging:
         self._outputs: list[_Output] = []
 
     def file(self, path: str | Path) -> Path:
-        """A name to write to, for the file `path`; a link is followed: what it leads to is written. FileError
-        where nothing can be made there."""
+        """A name to write to, for the file `path` (or that a link leads to). FileError where none can be made."""
         target = Path(os.path.realpath(path))
+        if target.is_dir():
+            raise FileError(f"{path}: is a folder: name a file in it", file=str(path))
         return self._add(path, target.parent, (target.name,)) / target.name
 
     def folder(self, path: str | Path, own: str | None = None, replace: bool = True) -> Path:
@@ -115,15 +116,13 @@ class Staging:
     def commit(self) -> None:
         """Put the files in their places, in the order of the outputs. An output that cannot be placed does not
         keep the others from theirs; FileError then names the first."""
-        moves = {id(output): output.moves() for output in self._outputs}
-        for output in self._outputs:
-            for _, target in moves[id(output)]:
-                _require_free(target, output)
         troubles: list[FileError] = []
         with locked([output.target for output in self._outputs]):
             for output in self._outputs:
                 try:
-                    _place(output, moves[id(output)])
+                    _place(output)
+                except FileError as error:
+                    troubles.append(error)
                 except OSError as error:
                     troubles.append(unwritable(output.given, error))
         if troubles:
@@ -154,8 +153,11 @@ def staged() -> Iterator[Staging]:
             staging.discard()
 
 
-def _place(output: _Output, moves: Sequence[tuple[Path, Path]]) -> None:
-    """Replace the files of one output, and remove the stale ones of its folder."""
+def _place(output: _Output) -> None:
+    """Replace the files of one output, and remove the stale ones of its folder; nothing where one is not free."""
+    moves = output.moves()
+    for _, target in moves:
+        _require_free(target, output)
     stale: list[Path] = []
     if output.own is not None:
         new = [str(target.relative_to(output.target)) for _, target in moves]

@@ -2,6 +2,7 @@
 
 import multiprocessing
 import os
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -120,6 +121,19 @@ def test_what_cannot_be_written_costs_nothing_else(
         assert str(caught.value).endswith(f"({tmp_path / 'p.h'} is written and complete)")
     else:
         assert "is written and complete" in caught.value.__notes__[0]
+
+
+def test_a_folder_in_the_place_of_a_kept_file_costs_the_kept_folder_only(
+    outputs: Outputs, tmp_path: Path
+) -> None:
+    (tmp_path / "keep" / "a.png").mkdir(parents=True)
+    complete = (
+        rf"a\.png: is a folder, .*: remove it .* \({re.escape(str(tmp_path))}/p\.h is written and complete\)$"
+    )
+    with pytest.raises(FileError, match=complete):
+        write(outputs)
+    assert {item.name for item in tmp_path.iterdir()} == {"p.h", "r.json", "s.iga", "keep"}
+    assert [item.name for item in (tmp_path / "keep").iterdir()] == ["a.png"]
 
 
 def test_without_a_place_for_the_program_nothing_is_written(outputs: Outputs, tmp_path: Path) -> None:
