@@ -178,7 +178,10 @@ def _trouble_of(path: str | Path, target: Path) -> str | None:
             "is a folder: name a file in it": target.is_dir(),
             f"its folder {target.parent} does not exist: make it first": not target.parent.exists(),
             f"{target.parent} is a file: name a folder": target.parent.is_file(),
-            "is no regular file: choose another name": target.exists() and not target.is_file(),
+            "is no regular file: choose another name": Path(path).exists() and not Path(path).is_file(),
+            "is write-protected: choose another name, or let it be written (chmod u+w)": (
+                target.is_file() and not target.stat().st_mode & 0o222
+            ),
             "is a mount point, which no new file can replace: mount its folder, or name another file": (
                 target.is_file() and is_mounted(target)
             ),

@@ -83,6 +83,22 @@ def test_a_folder_that_cannot_be_made_is_refused_before_the_work(
     assert names(folder) == ["file", "inner"]
 
 
+def test_a_pipe_behind_the_name_of_a_stream_is_refused_as_what_it_is() -> None:
+    reading, writing = os.pipe()
+    try:
+        with pytest.raises(FileError, match="is no regular file"):
+            check_files([f"/dev/fd/{writing}"])
+    finally:
+        os.close(reading)
+        os.close(writing)
+
+
+def test_a_file_that_is_write_protected_is_not_replaced(folder: Path) -> None:
+    (folder / "file").chmod(0o444)
+    with pytest.raises(FileError, match=r"file: is write-protected: .*chmod u\+w"):
+        check_files([folder / "file"])
+
+
 def test_a_disk_that_is_full_leaves_what_was_there(folder: Path) -> None:
     with full_disk(), pytest.raises(FileError, match="make room") as caught:
         write_whole(folder / "file", "x" * 1000)
