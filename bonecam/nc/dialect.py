@@ -158,8 +158,8 @@ class Dialect:
         if machine.tool_centre_control not in self.tool_centre_control:
             known = ", ".join(self.tool_centre_control)
             raise MachineError(
-                f"{machine.name}: tool_centre_control {machine.tool_centre_control!r} is none of "
-                f"{self.name}'s: use one of {known}",
+                f"{machine.name}: tool_centre_control {machine.tool_centre_control!r} is none of {self.name}'s "
+                f"({known}): choose another controller (--controller), or correct the machine's file",
                 machine=machine.name,
                 dialect=self.name,
             )
