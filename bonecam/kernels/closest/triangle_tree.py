@@ -82,7 +82,7 @@ def _squared_box_distance(px: float, py: float, pz: float, boxes: ndarray, n: in
 
 
 @njit(cache=True, nogil=True)
-def _squared_triangle_distance(px: float, py: float, pz: float, t: ndarray) -> float:
+def squared_triangle_distance(px: float, py: float, pz: float, t: ndarray) -> float:
     """Squared distance from a triangle (Ericson 2005, section 5.1.5)."""
     abx, aby, abz = t[3] - t[0], t[4] - t[1], t[5] - t[2]
     acx, acy, acz = t[6] - t[0], t[7] - t[1], t[8] - t[2]
@@ -133,7 +133,7 @@ def distances_within(
     for i in range(len(points)):
         px, py, pz = points[i, 0], points[i, 1], points[i, 2]
         best = limits[i] * limits[i]
-        best = min(best, _squared_triangle_distance(px, py, pz, triangles[last]))
+        best = min(best, squared_triangle_distance(px, py, pz, triangles[last]))
         left_out = np.inf
         stack[0], reach[0], height = 0, _squared_box_distance(px, py, pz, boxes, 0), 1
         while height:
@@ -145,7 +145,7 @@ def distances_within(
             if node >= leaves - 1:
                 leaf = node - leaves + 1
                 for k in range(leaf * n // leaves, (leaf + 1) * n // leaves):
-                    d = _squared_triangle_distance(px, py, pz, triangles[k])
+                    d = squared_triangle_distance(px, py, pz, triangles[k])
                     if d < best:
                         best, last = d, k
                 continue

@@ -4,10 +4,14 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
+from bonecam.kernels.closest.triangle_tree import squared_triangle_distance
 from bonecam.kernels.removal.rays import TILE, RaySet
 
 FINE = 5
 """A search disc is first looked at on rays this many to its radius, then on all rays about the best one."""
+STEEPEST = 1.5
+"""Ends on neighbouring rays are of one face of the material where they differ by this many cells at most: of three sets
+that cross, one meets each face so."""
 
 
 @njit(cache=True, nogil=True)
@@ -37,42 +41,82 @@ def _on_ray(rays: RaySet, i: int, j: int, u: float, v: float, w: float) -> float
 
 
 @njit(cache=True, nogil=True)
-def _nearest(rays: RaySet, u: float, v: float, w: float, best: float) -> float:
-    """The smaller of `best` and the squared distance from (u, v, w) to air, found on one set."""
+def _end_beside(rays: RaySet, i: int, j: int, w: float, high: bool) -> float:
+    """The upper (`high`) or lower end of material on ray (i, j) that continues a face from height w; NaN where none
+    does."""
+    rows, columns = rays.tile_of.shape
+    if i < 0 or j < 0 or i >= rows * TILE or j >= columns * TILE:
+        return np.nan
+    tile = rays.tile_of[i // TILE, j // TILE]
+    if tile < 0:
+        return np.nan
+    ray = (j % TILE) * TILE + i % TILE
+    for k in range(rays.counts[tile, ray]):
+        end = rays.spans[tile, ray, 2 * k + high]
+        if abs(end - w) <= STEEPEST * rays.cell:
+            return end
+    return np.nan
+
+
+@njit(cache=True, nogil=True)
+def _on_face(rays: RaySet, i: int, j: int, u: float, v: float, w: float) -> float:
+    """Squared distance from (u, v, w) to the nearest of the triangles between the nearer end of the material on ray
+    (i, j) and those beside it; infinite where there are none, or the ray is in air."""
     cell = rays.cell
-    i, j = int(np.floor(u / cell)), int(np.floor(v / cell))
-    # the rays beside the place are a share of a cell off it: what they tell belongs to themselves
     low, high = _interval(rays, i, j, w)
     if low > high:
-        return 0.0
-    best = min(best, min(w - low, high - w) ** 2)
-    step = max(int(np.sqrt(best) / (FINE * cell)), 1)
-    at_i, at_j = i, j
-    count = int(np.sqrt(best) / (step * cell)) + 1
-    for a in range(-count, count + 1):
-        for b in range(-count, count + 1):
-            if (a * a + b * b) * (step * cell) ** 2 > 2 * best:
-                continue
-            found = _on_ray(rays, i + a * step, j + b * step, u, v, w)
-            if found < best:
-                best, at_i, at_j = found, i + a * step, j + b * step
-    if step > 1:
-        for a in range(1 - step, step):
-            for b in range(1 - step, step):
-                best = min(best, _on_ray(rays, at_i + a, at_j + b, u, v, w))
+        return np.inf
+    upper = high - w < w - low
+    corners = np.empty(9)
+    corners[0], corners[1], corners[2] = (i + 0.5) * cell, (j + 0.5) * cell, high if upper else low
+    best = np.inf
+    for a in (-1, 1):
+        corners[3], corners[4] = corners[0] + a * cell, corners[1]
+        corners[5] = _end_beside(rays, i + a, j, corners[2], upper)
+        for b in (-1, 1):
+            corners[6], corners[7] = corners[0], corners[1] + b * cell
+            corners[8] = _end_beside(rays, i, j + b, corners[2], upper)
+            if not (np.isnan(corners[5]) or np.isnan(corners[8])):
+                best = min(best, squared_triangle_distance(u, v, w, corners))
     return best
 
 
 @njit(cache=True, nogil=True)
+def _nearest(rays: RaySet, u: float, v: float, w: float, best: float) -> float:
+    """The smaller of `best` and the squared distance from (u, v, w) to air, found on one set: on its rays, then on the
+    face between the ends about the nearest one."""
+    cell = rays.cell
+    i, j = int(np.floor(u / cell)), int(np.floor(v / cell))
+    near = _on_ray(rays, i, j, u, v, w)
+    at_i, at_j = i, j
+    step = max(int(np.sqrt(min(near, best)) / (FINE * cell)), 1)
+    count = int(np.sqrt(min(near, best)) / (step * cell)) + 1
+    for a in range(-count, count + 1):
+        for b in range(-count, count + 1):
+            if (a * a + b * b) * (step * cell) ** 2 > 2 * min(near, best):
+                continue
+            found = _on_ray(rays, i + a * step, j + b * step, u, v, w)
+            if found < near:
+                near, at_i, at_j = found, i + a * step, j + b * step
+    middle_i, middle_j = at_i, at_j
+    for a in range(1 - step, step):
+        for b in range(1 - step, step):
+            found = _on_ray(rays, middle_i + a, middle_j + b, u, v, w)
+            if found < near:
+                near, at_i, at_j = found, middle_i + a, middle_j + b
+    return min(best, near, _on_face(rays, at_i, at_j, u, v, w))
+
+
+@njit(cache=True, nogil=True)
 def air_on_set(rays: RaySet, u: float, v: float, w: float) -> float:
-    """Distance from (u, v, w) to the nearest air on one set, mm; 0 in air."""
+    """Distance from (u, v, w) to the nearest air on one set, mm; 0 on a ray in air."""
     return np.sqrt(_nearest(rays, u, v, w, np.inf))
 
 
 @njit(cache=True, nogil=True)
 def air_distances(x_rays: RaySet, y_rays: RaySet, z_rays: RaySet, points: ndarray, found: ndarray) -> None:
     """Write the distance of each point (n, 3) (grid's coordinates) from the nearest air into `found` (n,),
-    mm."""
+    mm; in air that to a ray, half of the diagonal of a cell at most."""
     for n in range(len(points)):
         x, y, z = points[n, 0], points[n, 1], points[n, 2]
         best = _nearest(x_rays, y, z, x, np.inf)

@@ -124,7 +124,31 @@ def test_the_distance_to_air_is_that_of_the_nearest_face():
     points = np.array([[0.0, 0.0, 17.3], [4.6, 1.0, 14.0], [0.0, 0.0, 14.0], [0.0, 0.0, 19.0]])
     found = np.empty(4)
     air_distances(*sets, grid.of_points(points), found)
-    assert found == pytest.approx([0.7, 0.4, 4.0, 0.0], abs=0.02)
+    assert found[:3] == pytest.approx([0.7, 0.4, 4.0], abs=0.02)
+    assert found[3] <= np.sqrt(0.5) * grid.cell  # in air: to the nearest ray
+
+
+@pytest.mark.parametrize("depth", [0.1, 0.5])
+def test_the_depth_below_a_curved_face_is_exact_to_a_twentieth_of_a_cell(depth):
+    capsule = Capsule(np.array([0.0, 0.0, 5.0]), np.array([0.0, 0.0, 12.0]), 3.0)
+    grid = lay_grid([capsule], 0.1)
+    sets = lay_rays([capsule], grid, 500.0)
+    outward = np.random.default_rng(5).normal(size=(500, 3))
+    outward[:, 2] = np.maximum(outward[:, 2], 0.0)
+    outward /= np.linalg.norm(outward, axis=1)[:, None]
+    below = [0.0, 0.0, 12.0] + (3.0 - depth) * outward
+
+    start, end = np.array([-4.0, 0.7, 9.2]), np.array([4.0, -0.4, 8.8])
+    cut(sets, grid, start, end, 1.0)
+    axis = (end - start) / np.linalg.norm(end - start)
+    across = np.cross(axis, outward)
+    across /= np.linalg.norm(across, axis=1)[:, None]
+    middle = start + np.random.default_rng(6).uniform(0.42, 0.58, (500, 1)) * (end - start)
+
+    points = np.vstack([below, middle + (1.0 + depth) * across])
+    found = np.empty(len(points))
+    air_distances(*sets, grid.of_points(points), found)
+    assert np.abs(found - depth).max() < 0.005
 
 
 def test_the_clearance_of_a_cylinder_is_its_distance_from_the_block():
