@@ -83,6 +83,12 @@ def whole_folder(path: str | Path, own: str | None = None, *, replace: bool = Tr
         yield staging.folder(path, own, replace)
 
 
+def second_file(file: str | Path) -> Path:
+    """The file of the second clamping beside that of the first: bone.second.h beside bone.h."""
+    path = Path(file)
+    return path.with_name(f"{path.stem}.second{path.suffix}")
+
+
 def require_room(path: Path) -> None:
     """OSError where not one block more fits behind a file. MeshLab does not notice a full disk where only the
     last bytes are lost (measured: up to 33 of an STL)."""

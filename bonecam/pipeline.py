@@ -30,7 +30,6 @@ from bonecam.outputs.kept_folder import keep_failed_level
 from bonecam.outputs.output_files import File, Outputs
 from bonecam.outputs.result import Morphed, Result
 from bonecam.outputs.run_report import post_report, report_to_levels, report_to_program
-from bonecam.outputs.second import second_file
 from bonecam.progress import Progress, part, silent
 from bonecam.runtime.timing import StageTimes
 from bonecam.second_clamping import add_second, check_simulated
@@ -67,15 +66,16 @@ def convert(
     `mesh` is a file, or a mesh in memory in the unit `job.mesh.units`: (vertices, faces), a TriangleMesh, or a
     mesh of open3d, trimesh or pymeshlab. The files `program`, `report` and `surface` (its ending says its kind),
     the page `html`, the setup `sheet`, the cutter location data `apt` and the folder `keep` are written at the end,
-    together. Only a level that fails its check is written to `keep` all the same. Without `simulation` the removal
-    of material is not simulated from the posted text. Raises a BonecamError that names the trouble and the remedy.
+    together; a second clamping has a program, page and cutter location data of its own (bone.second.h). Only a level
+    that fails its check is written to `keep` all the same. Without `simulation` the removal of material is not
+    simulated from the posted text. Raises a BonecamError that names the trouble and the remedy.
     """
     job = _require_job(job)
     machine = read_machine(job.nc.machine)
     dialect = read_dialect(job.nc.controller)
     check_job(job, machine, dialect)
     check_simulated(job, simulation=simulation)
-    outputs = Outputs(program, keep, report, surface, html, sheet, apt, second_file(program, job))
+    outputs = Outputs(program, keep, report, surface, html, sheet, apt, bool(job.holding.second))
     given, source = _given(mesh)
     outputs.check(source, dialect)
     times = StageTimes()

@@ -15,7 +15,7 @@ from jaxtyping import Bool
 from numpy import ndarray
 
 from bonecam.errors import VerifyError
-from bonecam.files import check_files
+from bonecam.files import check_files, second_file
 from bonecam.job import Job, field_error
 from bonecam.levels.measure.level import morph_surfaces
 from bonecam.mesh.distance import MeshDistance
@@ -35,7 +35,7 @@ from bonecam.orientation.held.second import StumpPlaces, second_paths
 from bonecam.orientation.level_paths import PART_CHORD
 from bonecam.outputs.output_files import File
 from bonecam.outputs.result import Result
-from bonecam.outputs.second import SecondProgram, second_file
+from bonecam.outputs.second import SecondProgram
 from bonecam.progress import Progress, part, silent
 from bonecam.setup.fixture.shell import SecondClamping, read_shell, turned_over
 from bonecam.setup.fixture.shell_maker import shell_round
@@ -51,7 +51,6 @@ from bonecam.verify.removal.left import LEFT
 from bonecam.verify.removal.of_job import cutters_of, prove_stump_removal
 from bonecam.verify.removal.result import Removal
 from bonecam.verify.removal.standing import standing_field
-from bonecam.verify.removal.sweeping import Remaining
 from bonecam.verify.removal.table import NEAR, solid_clearance
 from bonecam.verify.report import nc_report, toolpath_report
 
@@ -72,18 +71,16 @@ def second_program(
 
     OrientationError, MachineError or VerifyError where there is no such program, or it is not proved.
     """
-    shell = read_shell(first.job, first.part)
-    assert shell is not None
     job = replace(first.job, holding=first.job.holding.turned_over)
-    design = morph_surfaces(first.levels.levels)[0].tessellate(PART_CHORD)
-    clamping = turned_over(design, shell, first.job.holding)
-    material, top = _standing(first, clamping)
+    clamping = _clamping(first)
+    assert first.removal is not None
+    material = first.removal.remaining.above(clamping.cut_off).move(clamping.pose)
     held = _at_post(first, job.tool("finishing").radius)
     assert material.nails is not None
     planned = second_paths(
         clamping,
         StumpPlaces(material.nails.points[held], material.nails.normals[held]),
-        top,
+        clamping.top,
         partial(standing_field, sets=material.sets, grid=material.grid),
         job,
         axis_limits(machine),
@@ -91,10 +88,12 @@ def second_program(
         part(progress, 0.0, 0.7),
     )
     paths = tuple(drivable_paths(planned, machine, dialect, job))
-    texts = second_setup_texts(job.holding, clamping.shell, top)
-    file = second_file(program, first.job)
+    texts = second_setup_texts(job.holding, clamping.shell, clamping.top)
+    file = second_file(program) if program else None
     posted, proof = _posted(paths, clamping, texts, job, machine, dialect, file)
-    removal = prove_stump_removal(posted.text, machine, dialect, job, material, part(progress, 0.8, 1.0))
+    removal = prove_stump_removal(
+        posted.text, machine, dialect, job, material, clamping.part, part(progress, 0.8, 1.0)
+    )
     posted = record_simulation(posted, dialect, removal.cell)
     near = _near_shell(posted.text, clamping.shell, job, machine, dialect)
     told = {
@@ -105,7 +104,7 @@ def second_program(
         "toolpath": toolpath_report(paths, float(np.radians(job.path.least_lead_deg))),
         "removal": removal.report,
     }
-    return SecondProgram(clamping, paths, posted, removal, told)
+    return SecondProgram(Path(first.part.file).name, clamping, paths, posted, removal, told, job)
 
 
 def clamping_shell(
@@ -144,13 +143,13 @@ def check_simulated(job: Job, *, simulation: bool) -> None:
         raise field_error("holding", "second", job.holding.second, why)
 
 
-def _standing(first: Result, clamping: SecondClamping) -> tuple[Remaining, float]:
-    """What the first program left on the parted part, turned over, and how high its stump reaches, mm."""
-    groove = cut_groove(first.paths)
+def _clamping(first: Result) -> SecondClamping:
+    """The part that `first` parted, turned over in its shell."""
+    shell, groove = read_shell(first.job, first.part), cut_groove(first.paths)
+    assert shell is not None
     assert groove is not None
-    assert first.removal is not None
-    material = first.removal.remaining.above(groove.middle).move(clamping.pose)
-    return material, float(clamping.pose[2, 3]) - groove.middle
+    design = morph_surfaces(first.levels.levels)[0].tessellate(PART_CHORD)
+    return turned_over(design, shell, first.job.holding, groove.middle)
 
 
 def _posted(

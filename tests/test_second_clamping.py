@@ -159,7 +159,7 @@ def test_a_cut_of_the_second_program_that_is_too_deep_is_refused(roughed_coarsel
     material = parted.removal.remaining.above(groove.middle).move(made.clamping.pose)
     smoother = job.with_values(roughing={"scallop": 0.05})
     with pytest.raises(VerifyError, match=r"a cut of level 0 is 0\.[1-9]\d* mm deep, 0\.\d+ over its limit"):
-        prove_stump_removal(text, MACHINE, DIALECT, smoother, material)
+        prove_stump_removal(text, MACHINE, DIALECT, smoother, material, made.clamping.part)
 
 
 def test_a_finishing_depth_below_what_the_rays_tell_of_the_material_is_taken_too(parted) -> None:

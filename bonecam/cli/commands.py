@@ -61,8 +61,11 @@ def _run(
 
 
 def run_view(options: argparse.Namespace) -> int:
-    """`bonecam view`: the page of a run, from its kept files."""
-    print(bonecam.view(options.keep, options.output))
+    """`bonecam view`: the page of a run, from its kept files, and that of its second clamping."""
+    from bonecam.outputs.kept_view import kept_pages
+
+    bonecam.view(options.keep, options.output)
+    print("\n".join(str(page) for page in kept_pages(options.keep, options.output)))
     return 0
 
 

@@ -15,7 +15,7 @@ from bonecam.mesh.files.mesh_files import write_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.machine import read_machine
 from bonecam.outputs.cones_csv import cones_csv
-from bonecam.outputs.kept_view import VIEW
+from bonecam.outputs.kept_view import SECOND_VIEW, VIEW
 from bonecam.outputs.result import Morphed, Result
 from bonecam.outputs.run_report import report_text
 from bonecam.outputs.second import SecondProgram
@@ -40,7 +40,7 @@ LEFT_COLOURED = 0.1
 """Leftovers are coloured from 0 to this height, mm."""
 SERIES = (
     r"level_\d{2,}\.ply|left\.ply|solid\.ply|surface\.(tspline|iga)|toolpath\.(csv|apt|png)|program\.\w+"
-    rf"|second\.\w+|cones\.csv|engagement\.png|axes\.(png|md)|machine\.png|stump\.png|view\.gz|job\.toml|report\.json|{FAILED}"
+    rf"|second(_view)?\.\w+|cones\.csv|engagement\.png|axes\.(png|md)|machine\.png|stump\.png|view\.gz|job\.toml|report\.json|{FAILED}"
 )
 """Names of the files of levels, surfaces, paths and program, as a regular expression. A later run in the same folder
 removes those that an earlier one wrote there."""
@@ -76,8 +76,11 @@ def fill_kept_folder(work: Path, made: Morphed, post: tuple[float, float]) -> No
 
 
 def _write_second(work: Path, second: SecondProgram) -> None:
-    """The second clamping: its program, part and shell as they stand, and its picture."""
+    """The second clamping: its program and cutter location data, part and shell as they stand, its page and its
+    picture."""
     write_whole(work / f"second{second.program.extension}", second.program.text)
+    write_whole(work / "second.apt", second.apt)
+    (work / SECOND_VIEW).write_bytes(second.packed_view)
     write_mesh(second.clamping.solids, work / "second.ply")
     draw_second(second.clamping, second.paths, work / "second.png")
 

@@ -4,7 +4,8 @@ import webbrowser
 from pathlib import Path
 
 from bonecam.errors import FileError
-from bonecam.files import check_files, input_bytes, write_whole
+from bonecam.files import check_files, input_bytes, second_file
+from bonecam.runtime.staging import staged
 from bonecam.verify.page.packing import Contents, unpack
 from bonecam.verify.page.page import page_html
 
@@ -12,18 +13,30 @@ PAGES = (".html", ".htm")
 """Endings of pages."""
 VIEW = "view.gz"
 """The file of a kept folder with all that the page shows."""
+SECOND_VIEW = "second_view.gz"
+"""That of its second clamping."""
 
 
 def view(keep: str | Path, file: str | Path) -> Path:
-    """Write the page of the run whose files are in the folder `keep`; returns its name.
+    """Write the page of the run whose files are in the folder `keep`, and that of its second clamping beside it, if it
+    has one (bone.second.html beside bone.html); returns the name of the first.
 
-    FileError where the folder holds no run, one of another version or damaged files, or the page cannot be written.
+    FileError where the folder holds no run, one of another version or damaged files, or a page cannot be written.
     """
-    check_files([file])
+    pages = kept_pages(keep, file)
+    check_files(pages)
     check_page_name(file)
-    packed, contents = kept_contents(Path(keep))
-    write_whole(file, page_html(packed, str(contents.facts["name"])))
+    made = [kept_contents(Path(keep), name) for name in (VIEW, SECOND_VIEW)[: len(pages)]]
+    with staged() as staging:
+        for page, (packed, contents) in zip(pages, made, strict=True):
+            text = page_html(packed, str(contents.facts["name"]))
+            staging.file(page).write_text(text, encoding="utf-8", newline="")
     return Path(file)
+
+
+def kept_pages(keep: str | Path, file: str | Path) -> list[Path]:
+    """The pages that `view` writes."""
+    return [Path(file), *([second_file(file)] if (Path(keep) / SECOND_VIEW).exists() else [])]
 
 
 def check_page_name(file: str | Path) -> None:
@@ -32,13 +45,14 @@ def check_page_name(file: str | Path) -> None:
         raise FileError(f"{file}: a page ends in .html: name it {Path(file).name}.html", file=str(file))
 
 
-def kept_contents(keep: Path) -> tuple[bytes, Contents]:
-    """What the page of a kept run shows, packed and unpacked; FileError where it is not there or damaged."""
-    path = keep / VIEW
+def kept_contents(keep: Path, name: str = VIEW) -> tuple[bytes, Contents]:
+    """What the page of a kept run shows, packed and unpacked, from the file `name`; FileError where it is not there or
+    damaged."""
+    path = keep / name
     try:
         packed = input_bytes(path)
     except OSError as error:
-        trouble = "is no folder" if not keep.is_dir() else f"{VIEW} cannot be read ({error.strerror})"
+        trouble = "is no folder" if not keep.is_dir() else f"{name} cannot be read ({error.strerror})"
         remedy = "give the folder of `--keep` or `levels -o`, made by this version"
         raise FileError(f"{keep}: {trouble}: {remedy}", file=str(path)) from error
     contents = unpack(packed, str(path))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bonecam.errors import BonecamError, FileError
-from bonecam.files import NAME_BYTES, check_files, check_folder
+from bonecam.files import NAME_BYTES, check_files, check_folder, second_file
 from bonecam.mesh.files.mesh_files import CAD, MESHES
 from bonecam.nc.dialect import Dialect, dialect_names, read_dialect
 from bonecam.outputs.kept_folder import SERIES, fill_kept_folder
@@ -28,8 +28,8 @@ APT = (".apt", ".cl", ".cls")
 
 @dataclass(frozen=True)
 class Outputs:
-    """The files of program, report, surface, page, sheet and cutter location data, the folder of --keep, and the file
-    of the second clamping's program; None where not wanted."""
+    """The files of program, report, surface, page, sheet and cutter location data, and the folder of --keep; None where
+    not wanted. Where a run has a `second` clamping, program, page and cutter location data are two files each."""
 
     program: File = None
     keep: File = None
@@ -38,7 +38,7 @@ class Outputs:
     html: File = None
     sheet: File = None
     apt: File = None
-    second: File = None
+    second: bool = False
 
     def check(self, part: str | Path | None = None, dialect: Dialect | None = None) -> None:
         """FileError where a file cannot be written, has an ending of another kind of file, or is the part's
@@ -46,8 +46,9 @@ class Outputs:
 
         `dialect` is that of the program, where one is wanted.
         """
-        wanted = (self.program, self.report, self.surface, self.html, self.sheet, self.apt, self.second)
-        files = [file for file in wanted if file is not None]
+        twice = [file for file in (self.program, self.html, self.apt) if file is not None]
+        once = [file for file in (self.report, self.surface, self.sheet) if file is not None]
+        files = [*twice, *once, *(second_file(file) for file in twice if self.second)]
         check_files(files, [] if part is None else [part])
         if self.program is not None and dialect is not None:
             check_ending(Path(self.program), dialect)
@@ -86,8 +87,9 @@ class Outputs:
         with staged() as staging:
             if self.program is not None and isinstance(made, Result):
                 _write(staging.file(self.program), self.program, made.program.text)
-                if self.second is not None and made.second is not None:
-                    _write(staging.file(self.second), self.second, made.second.program.text)
+                if made.second is not None:
+                    second = second_file(self.program)
+                    _write(staging.file(second), second, made.second.program.text)
             for path, write in self._beside(made, staging):
                 try:
                     write()
@@ -111,10 +113,25 @@ class Outputs:
         if (apt := self.apt) is not None and isinstance(made, Result):
             text = apt_text(made.paths, made.program.name)
             found.append((apt, lambda: _write(staging.file(apt), apt, text)))
+        found += self._of_second(made, staging)
         if (keep := self.keep) is not None:
             holding = made.job.holding
             post = (holding.diameter, post_below(made.part.mesh, holding).top)
             found.append((keep, lambda: fill_kept_folder(staging.folder(keep, SERIES), made, post)))
+        return found
+
+    def _of_second(self, made: Morphed, staging: Staging) -> list[tuple[str | Path, Callable[[], None]]]:
+        """Page and cutter location data of a second clamping, and what writes each."""
+        second = made.second if isinstance(made, Result) else None
+        if second is None:
+            return []
+        found: list[tuple[str | Path, Callable[[], None]]] = []
+        if self.html is not None:
+            page = second_file(self.html)
+            found.append((page, lambda: _write(staging.file(page), page, second.page)))
+        if self.apt is not None:
+            apt = second_file(self.apt)
+            found.append((apt, lambda: _write(staging.file(apt), apt, second.apt)))
         return found
 
 

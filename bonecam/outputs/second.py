@@ -1,35 +1,61 @@
-"""The program of the second clamping, as a result keeps it, and what the report tells of it."""
+"""The program of the second clamping, as a result keeps it, what the report tells of it, and its page."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import bonecam
 from bonecam.job import Job
 from bonecam.nc.program import Program
+from bonecam.outputs.shown import Shown
 from bonecam.setup.fixture.shell import SecondClamping
+from bonecam.toolpath.cl_data import apt_text
 from bonecam.toolpath.path import ToolPath
+from bonecam.verify.page.packing import pack
+from bonecam.verify.page.second_contents import second_contents
+from bonecam.verify.pictures.level_sections import draw_second
 from bonecam.verify.removal.result import Removal
+from bonecam.verify.summary import second_text
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SecondProgram:
+class SecondProgram(Shown):
     """Part and shell after the turn-over, the tool path of each layer in machining order, the program and what it
-    removes. `report` is `second` of the run's report."""
+    removes. `name` is that of the part's file, `report` is `second` of the run's report, `job` that of the run with the
+    [holding] of the shell."""
 
+    name: str
     clamping: SecondClamping
     paths: tuple[ToolPath, ...]
     program: Program
     removal: Removal
     report: dict[str, Any]
+    job: Job
+
+    @cached_property
+    def packed_view(self) -> bytes:
+        """What `view` shows, packed as `bonecam.verify.page` has it."""
+        posted = (self.clamping, self.program.text, self.paths, self.removal)
+        return pack(second_contents(*posted, self.job, self.report, self.name, bonecam.__version__))
+
+    @property
+    def apt(self) -> str:
+        """The tool paths as cutter location data in APT words."""
+        return apt_text(self.paths, self.program.name)
+
+    @property
+    def summary(self) -> str:
+        """The report in a few lines of text."""
+        return second_text(self.report)
+
+    @property
+    def _title(self) -> str:
+        return f"{self.name}, second clamping"
+
+    def _draw(self, file: Path) -> str:
+        draw_second(self.clamping, self.paths, file)
+        return "part and shell in the second clamping"
 
     def __repr__(self) -> str:
         return f"<second clamping: {self.program!r}>"
-
-
-def second_file(program: str | Path | None, job: Job) -> Path | None:
-    """The file of the second program beside that of the first, bone.second.h beside bone.h; None where none is
-    wanted."""
-    if program is None or not job.holding.second:
-        return None
-    path = Path(program)
-    return path.with_name(f"{path.stem}.second{path.suffix}")

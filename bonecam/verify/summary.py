@@ -46,6 +46,11 @@ def summary_of(report: Mapping[str, Any]) -> str:
     return "\n".join(lines)
 
 
+def second_text(second: Mapping[str, Any]) -> str:
+    """The section `second` of a report in a few lines."""
+    return "\n".join(_second_lines(second))
+
+
 def _second_lines(second: Mapping[str, Any]) -> Iterator[str]:
     """The program of the second clamping, and what it leaves where the post stood."""
     yield f"second    {second['file'] or 'not written'}: {second['blocks']} blocks, about {second['time_min']:.1f} min"

@@ -39,6 +39,20 @@ def small_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[bonecam.Result,
 
 
 @pytest.fixture(scope="session")
+def second_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[bonecam.Result, Path]:
+    """The same capsule parted and held a second time in a shell, and the folder with all that was written."""
+    folder = tmp_path_factory.mktemp("second")
+    mesh = Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 7.5]), 2.5).mesh(0.05)
+    shell = {"second": str(folder / "shell.stl"), "second_chuck_diameter": 14.0, "second_chuck_height": 2.0}
+    job = SMALL.with_values(holding={"parting": True, **shell})
+    bonecam.clamping_shell(mesh, job, output=folder / "shell.stl", wall=2.0)
+    files: dict[str, Any] = {"program": "bone.h", "keep": "keep", "html": "bone.html", "sheet": "sheet.html"}
+    files |= {"apt": "bone.apt", "report": "bone.json"}
+    made = bonecam.convert(mesh, job, **{name: folder / file for name, file in files.items()})
+    return made, folder
+
+
+@pytest.fixture(scope="session")
 def browser() -> Iterator[Any]:
     """A headless chromium."""
     playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")

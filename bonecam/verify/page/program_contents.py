@@ -38,6 +38,8 @@ NO_LEVEL = 2**16
 """Of moves that belong to no level."""
 PARTED = NO_LEVEL + 1
 """Of moves that part the part from its post; `assets/program.js` knows it."""
+NEAR = 1.0
+"""A vertex that is farther from all contacts of a level, and keeps what stands there, is not cut on it, mm."""
 UNCUT_SHOWN = 20_000
 """Uncut contacts shown at most: evenly chosen ones of more."""
 
@@ -51,14 +53,16 @@ def program_contents(
     *,
     paths: Sequence[ToolPath] = (),
     removal: Removal | None = None,
+    surfaces: Mapping[int, TriangleMesh] | None = None,
 ) -> Contents:
     """The moves of the posted `text`, and what the simulation, if there was one, told of them.
 
-    `meshes` are those of the levels by number. Without the `paths` that the text was written from, its comments tell
+    `meshes` are those of the levels by number, `surfaces` those of them that levels or layers follow (None: as the
+    job's strategy does). Without the `paths` that the text was written from, its comments tell
     links from cuts, and tips stand for contacts.
     """
     motions = read_program(text, machine, dialect)
-    surfaces = followed_surfaces(job, meshes)
+    surfaces = followed_surfaces(job, meshes) if surfaces is None else surfaces
     level_of = _levels(text, motions, dialect)
     rows = rows_of_moves(motions, paths, dialect) if paths else None
     kinds, contacts = of_rows(motions, paths, *rows) if rows else of_text(motions)
@@ -68,23 +72,21 @@ def program_contents(
     kept = _shown(motions, kinds, level_of)
     arrays = {f"move_{name}": values[kept] for name, values in moves.items()}
     arrays["text"] = np.frombuffer(text.encode("latin-1", "replace"), np.uint8)
-    facts: dict[str, Any] = {"tools": [_tool(cutter) for cutter in cutters_of(job, machine)]}
-    facts["program"] = {
-        "machine": machine.name,
-        "controller": dialect.name,
-        "blocks": motions.blocks,
+    told = {
+        **{"machine": machine.name, "controller": dialect.name, "blocks": motions.blocks},
         "minutes": float(moves["minute"][-1]),
         "chord": CHORD if len(kept) < len(kinds) else 0.0,
         "layers": _layers(level_of, surfaces, meshes),
     }
+    facts: dict[str, Any] = {"tools": [_tool(cutter) for cutter in cutters_of(job, machine)], "program": told}
     if rows:
         facts["uncut"], uncut = _uncut(paths)
         arrays |= {**uncut, **cone_contents(paths, rows[0][kept])}
     if removal is not None:
         arrays |= _standing(removal, surfaces, contacts[kept], kinds[kept], level_of[kept])
-        if removal.left is not None:
-            facts["left"], left = _left(removal.left)
-            arrays |= left
+    if removal is not None and removal.left is not None:
+        facts["left"], left = _left(removal.left)
+        arrays |= left
     return Contents(facts, arrays)
 
 
@@ -162,16 +164,17 @@ def _standing(
     level_of: Int[ndarray, " n"],
 ) -> dict[str, ndarray]:
     """For each level the heights of what stands on it before and after its moves, and the move that cuts each vertex:
-    the one that touches nearest to it."""
+    the one that touches nearest to it; none, which is behind the last, where nothing goes and none comes near."""
     arrays: dict[str, ndarray] = {}
     for standing in removal.standing:
         k = standing.level
         moves = np.flatnonzero((level_of == k) & (kinds == Kind.CUT))
-        nearest = cKDTree(contacts[moves]).query(surfaces[k].vertices)[1] if len(moves) else None
         arrays[f"before_{k}"] = standing.before
         arrays[f"after_{k}"] = standing.after
-        if nearest is not None:
-            arrays[f"cut_at_{k}"] = moves[nearest]
+        if len(moves):
+            away, nearest = cKDTree(contacts[moves]).query(surfaces[k].vertices)
+            cut = (away < NEAR) | (standing.after < standing.before)
+            arrays[f"cut_at_{k}"] = np.where(cut, moves[nearest], len(kinds))
     return arrays
 
 

@@ -100,13 +100,15 @@ def prove_stump_removal(
     dialect: Dialect,
     job: Job,
     material: Remaining,
+    part: TriangleMesh,
     progress: Progress = silent,
 ) -> Removal:
     """What the posted `text` of a second clamping removes from the `material` that the first program left, which it
-    changes; the job's [holding] is that of the shell.
+    changes, and what stands on the turned `part`; the job's [holding] is that of the shell.
 
     Errors as in `simulate_removal` and `check_removal`.
     """
+    limits = stump_limits(text, read_program(text, machine, dialect), dialect, job)
     removal = simulate_further(
         text,
         machine,
@@ -115,7 +117,8 @@ def prove_stump_removal(
         None,
         cutters_of(job, machine),
         clamping=clamping_of(job.holding, machine.table),
-        limits=stump_limits(text, read_program(text, machine, dialect), dialect, job),
+        limits=limits,
+        surfaces=dict.fromkeys(limits, part),
         progress=progress,
     )
     check_removal(removal, job.path.gouge_tolerance)

@@ -150,7 +150,7 @@ function makeBodies() {
   const last = page.facts.levels[page.facts.levels.length - 1];
   const clear = (vertices, faces) => surface(vertices, faces, null, { colour: "#9fb4c7", opacity: 0.25 });
   page.bodies = {
-    post: revolved(postPieces(post, Math.min(post.top, bounds[0][2] + post.radius)), METAL),
+    ...(post ? { post: revolved(postPieces(post, Math.min(post.top, bounds[0][2] + post.radius)), METAL) } : {}),
     table: tableBody(table),
     zero: zeroMark(25),
   };
@@ -179,7 +179,7 @@ function makePanel() {
   const list = document.getElementById("body-list");
   for (const [name, text] of Object.entries(BODY_NAMES)) {
     if (!page.bodies[name] && !(name === "holder" && facts.tools)) continue;
-    list.append(check(`body-${name}`, text, page.state.bodies[name], (value) => { page.state.bodies[name] = value; showBodies(); page.redraw(); }));
+    list.append(check(`body-${name}`, (name === "solid" && facts.solid) || text, page.state.bodies[name], (value) => { page.state.bodies[name] = value; showBodies(); page.redraw(); }));
   }
   for (const [name, angles] of Object.entries(VIEWS)) {
     const button = make("button", name);

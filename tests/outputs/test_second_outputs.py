@@ -1,0 +1,137 @@
+"""What a run writes of a second clamping: the page, cutter location data, and the files that it keeps."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bonecam
+from bonecam.cli import main
+from bonecam.errors import FileError
+from bonecam.nc.dialect import read_dialect
+from bonecam.nc.machine import read_machine
+from bonecam.nc.reading.read import read_program
+from bonecam.outputs.kept_view import SECOND_VIEW
+from bonecam.outputs.output_files import Outputs
+from bonecam.outputs.second import SecondProgram
+from bonecam.toolpath.cl_data import read_apt
+from bonecam.toolpath.path import Kind
+from bonecam.verify.page.packing import Contents, unpack
+
+Run = tuple[bonecam.Result, Path]
+
+
+@pytest.fixture(scope="module")
+def second(second_run: Run) -> SecondProgram:
+    made = second_run[0].second
+    assert made is not None
+    return made
+
+
+@pytest.fixture(scope="module")
+def contents(second: SecondProgram) -> Contents:
+    return unpack(second.packed_view, "the second clamping")
+
+
+def test_every_output_of_the_second_clamping_lies_beside_that_of_the_first(
+    second_run: Run, second: SecondProgram
+) -> None:
+    folder = second_run[1]
+    assert (folder / "bone.second.h").read_text(encoding="utf-8") == second.program.text
+    assert (folder / "bone.second.html").read_text(encoding="utf-8") == second.page
+    assert (folder / "bone.second.apt").read_text(encoding="utf-8") == second.apt
+    keep = folder / "keep"
+    assert (keep / "second.h").read_bytes() == (folder / "bone.second.h").read_bytes()
+    assert (keep / "second.apt").read_bytes() == (folder / "bone.second.apt").read_bytes()
+    assert (keep / SECOND_VIEW).read_bytes() == second.packed_view
+
+
+def test_the_page_shows_the_moves_of_the_second_text(second: SecondProgram, contents: Contents) -> None:
+    job = second.job
+    text = second.program.text
+    motions = read_program(text, read_machine(job.nc.machine), read_dialect(job.nc.controller))
+    arrays, facts = contents.arrays, contents.facts
+    assert arrays["text"].tobytes().decode("latin-1") == text
+    np.testing.assert_allclose(arrays["move_tip"], motions.tips, atol=0.002)
+    np.testing.assert_array_equal(arrays["move_line"], motions.lines)
+    assert facts["program"]["minutes"] == second.report["time_min"]
+    assert facts["summary"].startswith("second    bone.second.h: ")
+    assert facts["chuck"] == {"radius": 7.0, "top": 2.0}
+    assert facts["left"]["area"] == second.removal.left.area
+    np.testing.assert_allclose(arrays["solid"].min(axis=0)[2], 0.0, atol=0.001)
+    zero = second.clamping.pose[2, 3]
+    assert facts["turned"] == {"zero_mm": zero, "cut_off_mm": second.clamping.cut_off}
+    assert zero - second.clamping.cut_off == pytest.approx(second.clamping.top)
+
+
+def test_the_page_s_stump_is_there_before_the_first_layer_and_gone_behind_the_last(
+    second: SecondProgram, contents: Contents
+) -> None:
+    arrays = contents.arrays
+    layers = [layer["level"] for layer in contents.facts["program"]["layers"]]
+    assert layers == sorted(path.level for path in second.paths)
+    place = arrays["level_0"]
+    under = np.hypot(place[:, 0], place[:, 1]) < 0.5
+    under &= place[:, 2] > place[:, 2].max() - 0.2
+    assert arrays[f"before_{layers[-1]}"][under].min() > 1.0, "the stump is 1 mm high"
+    assert arrays["after_0"][under].max() < 0.16, "a scallop of 0.1 mm, told in half cells of 0.05"
+    beside = place[:, 2] < place[:, 2].max() - 5.0
+    assert arrays["before_0"][beside].max() < 0.2
+    assert (arrays["cut_at_0"][beside] == len(arrays["move_kind"])).all(), "no move cuts the finished side"
+    cut_at = arrays["cut_at_0"][under]
+    assert (arrays["move_kind"][cut_at] == Kind.CUT).all()
+
+
+def test_the_page_of_the_second_clamping_draws_without_a_post(second_run: Run, browser: Any) -> None:
+    opened = browser.new_page(viewport={"width": 900, "height": 600})
+    troubles: list[str] = []
+    asked: list[str] = []
+    opened.on("pageerror", lambda error: troubles.append(str(error)))
+    opened.on("request", lambda request: asked.append(request.url))
+    place = (second_run[1] / "bone.second.html").as_uri()
+    opened.goto(place)
+    for _ in range(600):
+        if opened.evaluate("Boolean(page.ready)"):
+            break
+        opened.wait_for_timeout(50)
+    names = opened.locator("#body-list").inner_text().split("\n")
+    assert {"shell", "chuck", "table"} <= {name.strip() for name in names}
+    assert "post" not in names
+    seen = set()
+    for mode in ("path", "program", "left"):
+        opened.locator(f"#modes button[data-mode={mode}]").click()
+        opened.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+        seen.add(bytes(opened.locator("#canvas").screenshot()))
+    opened.close()
+    assert len(seen) == 3
+    assert not troubles
+    assert asked == [place]
+
+
+def test_cutter_location_data_has_the_moves_of_the_second_clamping(second: SecondProgram) -> None:
+    read = read_apt(second.apt)
+    assert read.name == second.program.name
+    assert [path.level for path in read.paths] == [path.level for path in second.paths]
+    for found, path in zip(read.paths, second.paths, strict=True):
+        np.testing.assert_allclose(found.tips, path.tips, atol=1e-6)
+        np.testing.assert_allclose(found.axes, path.axes, atol=1e-8)
+
+
+def test_view_makes_both_pages_again(
+    second_run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = second_run[1]
+    assert main(["view", str(folder / "keep"), "-o", str(tmp_path / "again.html")]) == 0
+    pages = [tmp_path / "again.html", tmp_path / "again.second.html"]
+    assert capsys.readouterr().out.split() == [str(page) for page in pages]
+    for page, first in zip(pages, ("bone.html", "bone.second.html"), strict=True):
+        assert page.read_bytes() == (folder / first).read_bytes()
+
+
+def test_a_second_output_that_cannot_be_written_is_refused_before_the_work(tmp_path: Path) -> None:
+    for name, file in (("program", "bone.h"), ("html", "bone.html"), ("apt", "bone.apt")):
+        (tmp_path / file.replace(".", ".second.")).mkdir()
+        with pytest.raises(FileError, match=r"bone\.second\."):
+            Outputs(**{name: tmp_path / file}, second=True).check()
+        Outputs(**{name: tmp_path / file}).check()
