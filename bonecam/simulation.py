@@ -35,7 +35,7 @@ LEVEL = re.compile(r"level_(\d{2,})\.ply")
 """Names of the levels in a kept folder: the first is the part, the last the stock."""
 HEADER_LINES = 20
 """Lines of a program in which its header names the machine and the stock."""
-STOCK = re.compile(r"STOCK: .* FROM Z (-?[\d.]+) TO Z (-?[\d.]+)", re.IGNORECASE)
+STOCK = re.compile(r"STOCK\W .* FROM Z (-?[\d.]+) TO Z (-?[\d.]+)", re.IGNORECASE)
 """What the header says of the stock."""
 SAME_STOCK = 0.1
 """A kept stock is a mesh: its ends lie within this of those of the header, mm."""

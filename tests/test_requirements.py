@@ -132,6 +132,9 @@ def test_a_solver_that_is_not_installed_is_named_before_the_surface_is_fitted(
         ("linuxcnc-xyzbc", "linuxcnc"),
         ("mikron-ucp600", "siemens-840d"),
         ("linuxcnc-xyzbc", "siemens-840d"),
+        ("mikron-ucp600", "fanuc-30i"),
+        ("mikron-ucp600", "makino"),
+        ("linuxcnc-xyzbc", "mitsubishi"),
     ],
 )
 def test_the_default_job_suits_every_machine(machine: str, controller: str) -> None:

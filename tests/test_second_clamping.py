@@ -232,7 +232,7 @@ def test_a_shell_has_a_size() -> None:
         shell_round(LUMP, 1.0, 3.0, 0.0)
 
 
-@pytest.mark.parametrize("controller", ["siemens-840d"])
+@pytest.mark.parametrize("controller", ["siemens-840d", "fanuc-30i"])
 def test_other_controls_get_a_second_program_too(parted, second, controller):
     made = second_program(parted, MACHINE, read_dialect(controller), None)
     assert made is not None

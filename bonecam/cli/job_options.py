@@ -17,7 +17,8 @@ def add_job_options(command: argparse.ArgumentParser, *, posted: bool = True) ->
     if posted:
         machine = "mikron-ucp600 (default), linuxcnc-xyzbc, or a TOML file"
         command.add_argument("--machine", metavar="NAME", help=machine)
-        controller = "heidenhain (default), siemens-840d, linuxcnc, or a TOML file"
+        names = "siemens-840d, fanuc-30i, makino, mitsubishi, linuxcnc"
+        controller = f"heidenhain (default), {names}, or a TOML file"
         command.add_argument("--controller", metavar="NAME", help=controller)
     setting = "a parameter of the job, as `bonecam job` lists them (repeat for more)"
     command.add_argument("--set", action="append", default=[], metavar="SECTION.NAME=VALUE", help=setting)

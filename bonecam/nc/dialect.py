@@ -10,28 +10,36 @@ How to add a dialect: copy a file of `bonecam/nc/dialects/` (name it, or give it
   the job may choose; `endless_from_deg`: the lowest of the wrapped words (-180 where it is not stated);
 - `straight_rapids`: true where the control drives rapids on a straight line (all axes arrive together); where it
   is false or not stated, what would be a rapid beside the part is written as a feed move at the rapid rate;
+- `starts_at_zero`: true where X, Y, Z are fixed to the table as it stands when tool-centre control is switched on: then
+  that is done with all rotary axes at zero, and they turn under it;
 - `tolerance_factor`: the control's contour tolerance as a multiple of the path's chord tolerance; `needs`: what
   the machine must have, as lines of the header; `frame` (iso): the first and the last line, "%" where it is not
   stated, "" where the program ends with the code of its end; `moving_blocks`: how the blocks begin that move an
   axis; [machining]: the words of the control for `roughing` and `finishing` levels;
 - [numbers]: decimals, sign and range of lengths (mm), angles (deg), feeds and spindle speeds;
-- [templates]: header, tool, stop, level, position, approach, rapid, feed, coolant_on, coolant_off, retract,
+- [templates]: header, tool, stop, level, position, approach, rapid, feed, coolant_on, coolant_off, lift, retract,
   tool_end, footer. One line is one block; an empty template writes nothing. Fields, by template:
-  header {name} {comments} {low_x}..{high_z} {tolerance} (a length) {rotary_tolerance} (degrees) {tool_centre_off};
+  header {name} {number} (of the program, drawn from its name) {comments} {low_x}..{high_z} {tolerance} (a length)
+  {rotary_tolerance} (degrees) {tool_centre_off};
   tool {tool} {spindle} {retract} (height above everything) {endless} (the short way on or off) {over_zero} (X and Y
   of the program's zero) {stop} (the template stop, where the job asks for one); stop {tool};
   level {tolerance} {rotary_tolerance} {hsc_mode} (1: roughing) {machining} (the word for it); position {rotary};
-  approach {above} (X Y Z at the retract height) {plane} (X and Y of the approach) {linear} (its X Y Z);
+  approach {above} (X Y Z at the retract height) {plane} (X and Y of the approach) {linear} (its X Y Z) {rapid} (the
+  rapid rate as a feed); lift {lifted} (X Y Z so high above the end that switching off may lower the tool by its
+  length) {rapid};
   rapid {words} (all five); feed {words} {feed}; retract {retract}; footer {name}. A field may have a width, like
   {tool:02d};
-- [tool_centre_control]: `on` and `off` blocks (with the field {tool}) by name, the machine file picks one, or takes
+- [tool_centre_control]: `on` and `off` blocks (with the fields {tool} and, Z before the rotary
+  axes turn, {height}) by name, the machine file picks one, or takes
   the only one, and lines for the header that
   say which point it keeps, `tip` or `centre` by the machine's programmed_point; [numbering]: `format`, `first`,
   `step`, `highest` (then they begin again), `unnumbered` (how lines without a number begin), `continuation`;
 - the reader's grammar: [[statements]] (whole blocks: `pattern`, a regular expression of RE2, and `effect`), and for
   iso [codes]: what each G, M and D code and each word of letters alone does; where there are codes of `tool_length`,
   every tool must have its length, by H, or by D of the tool in the spindle, before it moves; a rapid to Z0 in
-  `machine_coordinates` is a retract.
+  `machine_coordinates` is a retract, and so is a `reference_return` of Z by `incremental` words;
+- `like`: the name of a dialect that ships and has all that the file leaves out; a list in the file replaces the whole
+  list.
 Say in the file which words are proved and which were only read.
 """
 
@@ -81,6 +89,7 @@ class Dialect:
     moving_blocks: tuple[str, ...]
     machining: MachiningTable
     straight_rapids: bool
+    starts_at_zero: bool
     tolerance_factor: float
     needs: tuple[str, ...]
     comment: str
@@ -173,7 +182,7 @@ def dialect_names() -> tuple[str, ...]:
 
 def read_dialect(name: str | Path) -> Dialect:
     """The dialect of a name, or of a path to a TOML file; MachineError names file and every key that is wrong."""
-    path, table = read_table("controller", name, FOLDER, DialectFile)
+    path, table = read_table("controller", name, FOLDER, DialectFile, may_be_like=True)
     return Dialect(
         name=path.stem,
         title=table.title,
@@ -189,6 +198,7 @@ def read_dialect(name: str | Path) -> Dialect:
         moving_blocks=tuple(table.moving_blocks),
         machining=table.machining,
         straight_rapids=table.straight_rapids,
+        starts_at_zero=table.starts_at_zero,
         tolerance_factor=table.tolerance_factor,
         needs=tuple(table.needs),
         comment=table.comment,

@@ -1,8 +1,14 @@
 """A posted program: its text, and the counts and times of its blocks."""
 
 import re
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
+
+HIGHEST_NUMBER = 7999
+"""Programs of higher numbers belong to the maker of the machine (Fanuc: 8000 and 9000)."""
+LOWEST_DRAWN = 1000
+"""Lower numbers are left to programs that are called by hand."""
 
 
 @dataclass(frozen=True)
@@ -55,3 +61,12 @@ def program_name(file: str | Path) -> str:
     It has capitals, digits and underscores only, which every control takes in a program's name.
     """
     return re.sub(r"[^A-Z0-9_]", "_", Path(file).stem.upper()) or "BONE"
+
+
+def program_number(name: str) -> int:
+    """The number of the program of a name, 1 to 7999, for controls that call programs by numbers: that of a name like
+    O1234, else one that every name draws for itself from 1000 on, so that two programs of a part have two."""
+    given = re.fullmatch(r"O([0-9]{1,4})", name)
+    if given and 1 <= int(given[1]) <= HIGHEST_NUMBER:
+        return int(given[1])
+    return LOWEST_DRAWN + zlib.crc32(name.encode()) % (HIGHEST_NUMBER + 1 - LOWEST_DRAWN)

@@ -143,6 +143,10 @@ def _write(work: Path, path: str | Path, text: str) -> None:
         raise unwritable(path, error) from error
 
 
+SHARED = ".nc"
+"""An ending that programs of many controls have: none of them owns it."""
+
+
 def check_ending(program: Path, dialect: Dialect) -> None:
     """FileError where the name of a program has no ending, or the ending of another controller or of a
     part."""
@@ -152,7 +156,7 @@ def check_ending(program: Path, dialect: Dialect) -> None:
         raise FileError(f"{program}: {trouble}", file=str(program))
 
     programs = {read_dialect(name).extension for name in dialect_names()}
-    foreign = {*MESHES, *CAD, *TEXTS, *programs} - {dialect.extension}
+    foreign = {*MESHES, *CAD, *TEXTS, *programs} - {dialect.extension, SHARED}
     if program.suffix.lower() in foreign:
         trouble = f"{dialect.name} programs do not end in {program.suffix}"
         remedy = f"name it {proposed}, or choose another --controller"

@@ -92,7 +92,8 @@ def compare_moves(
     source, tip_error, axis_error, move, row = align_moves(
         motions.tips,
         motions.axes,
-        motions.rapid,
+        # where rapids may be bent, the ways to a path and from it are links
+        motions.rapid | (motions.links & (not dialect.straight_rapids)),
         rows.tips,
         rows.axes,
         rows.from_anywhere,

@@ -119,6 +119,9 @@ CONTROLS = {
     "program.h": ("mikron-ucp600", "heidenhain"),
     "program.ngc": ("linuxcnc-xyzbc", "linuxcnc"),
     "program.mpf": ("mikron-ucp600", "siemens-840d"),
+    "program.nc": ("mikron-ucp600", "fanuc-30i"),
+    "makino.nc": ("mikron-ucp600", "makino"),
+    "mitsubishi.nc": ("mikron-ucp600", "mitsubishi"),
 }
 
 
@@ -163,9 +166,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     "job.toml": read_job,
     "machine_mikron-ucp600.toml": read_as_machine,
     "machine_linuxcnc-xyzbc.toml": read_as_machine,
-    "dialect_heidenhain.toml": read_as_dialect,
-    "dialect_linuxcnc.toml": read_as_dialect,
-    "dialect_siemens-840d.toml": read_as_dialect,
+    **{f"dialect_{path.name}": read_as_dialect for path in DIALECTS.glob("*.toml")},
     **dict.fromkeys(CONTROLS, read_as_program),
 }
 
@@ -212,6 +213,8 @@ HOSTILE = {
     "program.h": "0 BEGIN PGM " + "A" * 100_000 + " MM\n",
     "program.ngc": "%\n" + "G0 X1 " * 100_000 + "\n%\n",
     "program.mpf": "N10 " + "CYCLE832(" * 100 + "\nN20 C=DC(" + "9" * 200 + ")\nN30 M30\n",
+    "program.nc": "%\nO" + "9" * 900 + "\nG28 G91 Z0.\n%\n",
+    "dialect_makino.toml": 'like = "../machines/mikron-ucp600"\n',
     "dialect_siemens-840d.toml": 'endless_word = "{letter}={number.__class__}"',
 }
 """What damage does not hit on by itself: rows of four points, entities, counts of what is not there, depth, length."""

@@ -99,7 +99,7 @@ def test_templates_and_numbers_hold_data_only(old, new, key, tmp_path):
         (
             "G54 D1\n",
             "G54 D{length}\n",
-            "tool_centre_control.TRAORI.on: field 'length' is unknown: use one of tool",
+            "tool_centre_control.TRAORI.on: field 'length' is unknown: use one of height, tool",
         ),
         (
             'off = "TRAFOOF"',
@@ -163,6 +163,6 @@ def test_a_percent_sign_in_a_template_of_moves_is_written_as_it_is(tmp_path):
 
 def test_an_unknown_controller_is_refused_with_the_known_ones():
     with pytest.raises(
-        MachineError, match="'nosuch' is unknown: use one of heidenhain, linuxcnc, siemens-840d"
+        MachineError, match="'nosuch' is unknown: use one of fanuc-30i, heidenhain, linuxcnc, makino, "
     ):
         read_dialect("nosuch")

@@ -13,7 +13,13 @@ from bonecam.toolpath import read_apt
 
 
 @pytest.mark.parametrize(
-    ("controller", "name", "proposed"), [("heidenhain", "a.ngc", "a.h"), ("linuxcnc", "a.H", "a.ngc")]
+    ("controller", "name", "proposed"),
+    [
+        ("heidenhain", "a.ngc", "a.h"),
+        ("linuxcnc", "a.H", "a.ngc"),
+        ("siemens-840d", "a.h", "a.mpf"),
+        ("fanuc-30i", "a.mpf", "a.nc"),
+    ],
 )
 def test_a_program_named_for_another_controller_is_refused_with_the_name_that_fits(
     controller: str, name: str, proposed: str

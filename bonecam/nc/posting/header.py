@@ -14,7 +14,7 @@ from bonecam.nc.posting.header_texts import axis_texts, control_texts, parting_t
 from bonecam.nc.posting.path_words import Posted
 from bonecam.nc.posting.tolerances import contour_tolerance, rotary_tolerance_deg
 from bonecam.nc.posting.travel import Travel
-from bonecam.nc.program import Program
+from bonecam.nc.program import Program, program_number
 from bonecam.nc.words import plain_text
 
 UNCHECKED = "checks passed: none, this text was not read back"
@@ -54,6 +54,7 @@ def header_lines(
     return dialect.lines(
         "header",
         name=name,
+        number=program_number(name),
         comments="\n".join(comment(text, dialect) for text in texts),
         tolerance=length.text(contour_tolerance(dialect, job, finishing=True)),
         rotary_tolerance=rotary_text(dialect, rotary_tolerance_deg(dialect, job, True, smallest)),

@@ -21,6 +21,8 @@ from bonecam.toolpath.path import Kind, ToolPath
 
 APPROACH_HEIGHT = 10.0
 """A run is approached along the tool axis from this far above everything that is machined, mm."""
+STILL = 0.001
+"""A tip that moves by less (mm) stands: its feed says nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +45,13 @@ class Posted:
     approaches: Float[ndarray, "r 5"]
     minutes: Float[ndarray, "n"]
     axis_minutes: Float[ndarray, "n"]
+
+    @property
+    def largest_rotation_deg(self) -> float:
+        """The largest turn of one rotary axis in a feed move, degrees."""
+        turns = np.abs(np.diff(self.words[:, 3:], axis=0, prepend=self.words[:1, 3:])).max(1)
+        turns[[run[0] for run in self.runs]] = 0.0
+        return float(turns[self.moves.kinds != Kind.RAPID].max(initial=0.0))
 
     @cached_property
     def lengths(self) -> Float[ndarray, "n"]:
@@ -126,6 +135,15 @@ def _joints(control: Control, words: Float[ndarray, "n 5"]) -> Float[ndarray, "n
         return radians
     tips, _ = control.poses(radians)
     return inverse_linear(control.machine, tips, radians[:, 3:], control.tool_length)
+
+
+def drivable_rates(control: Control, words: Float[ndarray, "n 5"], highest: float) -> Float[ndarray, "m"]:
+    """The feeds (mm/min) of the n - 1 moves from each row of words (mm, deg) to the next: `highest`, or what the
+    slowest axis can follow."""
+    minutes = _axis_minutes(control, words, np.zeros(1, dtype=np.int64))[1:]
+    lengths = _lengths(control, words)[1:]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(lengths > STILL, np.minimum(highest, lengths / minutes), highest)
 
 
 def _axis_minutes(control: Control, words: ndarray, starts: ndarray) -> Float[ndarray, "n"]:

@@ -12,6 +12,7 @@ from bonecam.errors import MachineError
 from bonecam.job import Job
 from bonecam.nc.machine import Machine
 from bonecam.nc.posting.path_words import APPROACH_HEIGHT, Posted, joints_of, round_words
+from bonecam.nc.posting.start import start_words
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,12 +30,19 @@ def travel_of(machine: Machine, job: Job, paths: Sequence[Posted]) -> Travel:
     retract = _retract_height(machine, job, paths)
     ranges = np.column_stack([np.full(5, np.inf), np.full(5, -np.inf)])
     for posted in paths:
-        nose = joints_of(posted, np.vstack([posted.words, posted.approaches]))
+        dialect, control = posted.dialect, posted.control
+        starts = [
+            start_words(dialect, control, words[3:], retract)
+            for words in posted.approaches
+            if dialect.starts_at_zero
+        ]
+        nose = joints_of(posted, np.vstack([posted.words, posted.approaches, *starts]))
         nose[:, 3:] = np.degrees(nose[:, 3:])
-        nose[:, 2] += posted.control.tool_length
+        nose[:, 2] += control.tool_length
         for column, axis in enumerate(machine.linear):
             _check_limits(axis.letter, axis.limits, nose[:, column], posted, machine)
-        top = np.array([[-np.inf] * 2 + [retract + posted.control.tool_length] + [-np.inf] * 2])
+        lift = control.tool_length if dialect.templates["lift"] else 0.0
+        top = np.array([[-np.inf] * 2 + [retract + control.tool_length + lift] + [-np.inf] * 2])
         ranges[:, 0] = np.minimum(ranges[:, 0], nose.min(0))
         ranges[:, 1] = np.maximum(ranges[:, 1], np.vstack([nose, top]).max(0))
         _check_travel(machine, ranges, posted.path.level)
@@ -43,8 +51,21 @@ def travel_of(machine: Machine, job: Job, paths: Sequence[Posted]) -> Travel:
 
 def above(posted: Posted, run: int, retract: float) -> Float[ndarray, "5"]:
     """Words (mm, deg) of the place on the tool axis over the approach of a run, at the retract height."""
-    words = posted.approaches[run][None]
-    lift = max(retract - float(joints_of(posted, words)[0, 2]), 0.0)
+    return _raised(posted, posted.approaches[run][None], retract)
+
+
+def lifted(posted: Posted, run: int, retract: float) -> Float[ndarray, "5"]:
+    """Words (mm, deg) of the place on the tool axis over the end of a run, by the length of the tool above the retract
+    height: a control that drops the tool by its length leaves it above everything."""
+    end = posted.runs[run][1] - 1
+    return _raised(posted, posted.words[end][None], retract, posted.control.tool_length)
+
+
+def _raised(
+    posted: Posted, words: Float[ndarray, "1 5"], height: float, more: float = 0.0
+) -> Float[ndarray, "5"]:
+    """Words (mm, deg) moved along the tool axis until the tip is at a machine Z of `height`, and by `more`."""
+    lift = max(height - float(joints_of(posted, words)[0, 2]), 0.0) + more
     radians = np.column_stack([words[:, :3], np.radians(words[:, 3:])])
     if not posted.control.tool_centre:
         return np.asarray(words[0] + [0.0, 0.0, lift, 0.0, 0.0])

@@ -23,8 +23,9 @@ from bonecam.nc.posting.header import comment, header_lines, rotary_text
 from bonecam.nc.posting.header_texts import setup_texts
 from bonecam.nc.posting.marks import with_marks
 from bonecam.nc.posting.path_words import Posted, post_path
+from bonecam.nc.posting.start import start_texts
 from bonecam.nc.posting.tolerances import contour_tolerance, rotary_tolerance_deg
-from bonecam.nc.posting.travel import Travel, above, travel_of
+from bonecam.nc.posting.travel import Travel, above, lifted, travel_of
 from bonecam.nc.program import Program
 from bonecam.progress import Progress, report, silent
 from bonecam.setup.stock import Stock
@@ -93,6 +94,8 @@ class ProgramWriter:
         switch = dialect.tool_centre_switch(machine)
         self.on, self.off = (switch.on, switch.off) if switch else ("", "")
         self.retract = self.length.text(travel.retract)
+        rapid = np.clip(job.nc.rapid_feed, self.feed.lowest, self.feed.highest)
+        self.rapid = self.feed.text(float(rapid))
         self.moves = 0
 
     def program(self, header: list[str]) -> Program:
@@ -114,12 +117,6 @@ class ProgramWriter:
     def _finish(self, lines: list[str]) -> Program:
         """The program of these blocks, numbered, with its counts and its time."""
         text, blocks = number_blocks(lines, self.dialect)
-        feeds = [posted.moves.kinds != Kind.RAPID for posted in self.posted]
-        rotations = [
-            np.abs(np.diff(p.words[:, 3:], axis=0, prepend=p.words[:1, 3:])).max(1) for p in self.posted
-        ]
-        for posted, rotation in zip(self.posted, rotations, strict=True):
-            rotation[[run[0] for run in posted.runs]] = 0.0
         minutes = dict.fromkeys((posted.path.cutter.number for posted in self.posted), 0.0)
         for posted in self.posted:
             minutes[posted.path.cutter.number] += float(posted.minutes.sum())
@@ -137,9 +134,7 @@ class ProgramWriter:
             time_min=sum(minutes.values()),
             tool_minutes=tuple(minutes.values()),
             feeds=feed_figures(self.posted, self.job.path.feed_at),
-            rotary_max_deg_per_block=max(
-                float(r[f].max(initial=0.0)) for r, f in zip(rotations, feeds, strict=True)
-            ),
+            rotary_max_deg_per_block=max(posted.largest_rotation_deg for posted in self.posted),
         )
 
     def _tool(self, cutter: Cutter) -> list[str]:
@@ -179,29 +174,48 @@ class ProgramWriter:
         self.moves += sum(line.startswith(self.dialect.moving_blocks) for line in lines)
         return lines
 
-    def _switch(self, blocks: str, posted: Posted) -> list[str]:
-        """The blocks that switch tool-centre control, for the tool of a path."""
-        text = blocks.format(tool=posted.path.cutter.number)
+    def _switch(self, blocks: str, posted: Posted, height: str) -> list[str]:
+        """The blocks that switch tool-centre control, for the tool of a path and the `height` (Z) to start from."""
+        text = blocks.format(tool=posted.path.cutter.number, height=height)
         return self._counted([line for line in text.split("\n") if line])
 
     def _run(self, posted: Posted, index: int) -> list[str]:
         """The blocks of one run: turn the rotary axes, approach along the tool axis, machine, retract."""
-        run = posted.runs[index]
         words = word_texts(self.machine, self.dialect, posted.approaches[index])
         high = word_texts(self.machine, self.dialect, above(posted, index, self.travel.retract))
-        lines = (
-            self._moving("position", rotary=" ".join(words[3:]))
-            + self._switch(self.on, posted)
-            + self._moving(
-                "approach", linear=" ".join(words[:3]), plane=" ".join(words[:2]), above=" ".join(high[:3])
-            )
+        end = word_texts(self.machine, self.dialect, lifted(posted, index, self.travel.retract))
+        lines = self._start(posted, words, posted.approaches[index][3:]) + self._moving(
+            "approach",
+            linear=" ".join(words[:3]),
+            plane=" ".join(words[:2]),
+            above=" ".join(high[:3]),
+            rapid=self.rapid,
         )
         if self.job.nc.coolant:
             lines += self.dialect.lines("coolant_on")
-        lines += self._rows(posted, run)
+        lines += self._rows(posted, posted.runs[index])
         if self.job.nc.coolant:
             lines += self.dialect.lines("coolant_off")
-        return lines + self._switch(self.off, posted) + self._moving("retract", retract=self.retract)
+        lift = self._moving("lift", lifted=" ".join(end[:3]), rapid=self.rapid)
+        lines += [comment(Kind.LINK.name, self.dialect), *lift] if lift else []
+        return lines + self._switch(self.off, posted, "") + self._moving("retract", retract=self.retract)
+
+    def _start(self, posted: Posted, words: list[str], angles_deg: Float[ndarray, "2"]) -> list[str]:
+        """The blocks that bring the rotary axes to a run's angles and switch tool-centre control on: in this order, or
+        where it starts at zero the other way round."""
+        if not self.dialect.starts_at_zero:
+            return self._moving("position", rotary=" ".join(words[3:])) + self._switch(
+                self.on, posted, self.retract
+            )
+        rotary, height, turn = start_texts(
+            self.dialect, posted.control, angles_deg, self.travel.retract, self.job.nc.rapid_feed
+        )
+        return [
+            *self._moving("position", rotary=rotary),
+            *self._switch(self.on, posted, height),
+            comment(Kind.LINK.name, self.dialect),
+            *self._counted(turn),
+        ]
 
     def _rows(self, posted: Posted, run: tuple[int, int]) -> list[str]:
         """The blocks of the moves of one run, one a row of its words."""
@@ -216,7 +230,7 @@ class ProgramWriter:
         rates = self.feed.rounded(np.clip(whole, self.feed.lowest, self.feed.highest))
         # the first row of a run is reached along the tool axis from the approach height
         fast = (kinds == Kind.RAPID) & self.dialect.straight_rapids
-        fast[0] = True
+        fast[0] = self.dialect.straight_rapids or not self.dialect.tool_centre
         self.moves += len(kinds)
         table = zip(np.column_stack([words, rates]).tolist(), fast.tolist(), strict=True)
         lines = [rapid % tuple(row[:5]) if quick else feed % tuple(row) for row, quick in table]

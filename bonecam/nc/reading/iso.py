@@ -96,15 +96,21 @@ class _BlockReader:
         values = self._values(words, line)
         if "inverse_time" in effects or "per_minute" in effects:
             state.inverse_time = "inverse_time" in effects
+        if "incremental" in effects or "absolute" in effects:
+            state.incremental = "incremental" in effects
         self._take_tool(words, effects, values, line)
-        self._switch_tool_centre(effects, line)
+        self._switch_tool_centre(effects, values, line)
 
         axes = {letter: float(text) for letter, text in values.items() if letter in state.machine.letters}
-        if "machine_coordinates" in effects:
+        if "machine_coordinates" in effects or "reference_return" in effects:
             self._retract(effects, axes, line)
         elif axes:
             if ("rapid" in effects) == ("feed" in effects):
                 raise line_error(line, "an axis moves without G0 or G1")
+            lengths = {"H"} if {"tool_length", "tool_centre_on"} & {*effects} else set()
+            stray = values.keys() - axes.keys() - {"F"} - lengths
+            if stray:
+                raise line_error(line, f"{min(stray)} stands in a block that moves axes")
             state.move(axes, "rapid" in effects, float(values.get("F", "0")), line)
         state.ended = "program_end" in effects
 
@@ -121,22 +127,46 @@ class _BlockReader:
             by_edge = "tool_length" in effects and any(letter == "D" for letter, _ in words)
             state.take_length(state.tool if by_edge else tool_number(values.get("H", "0"), line), line)
 
-    def _switch_tool_centre(self, effects: list[str], line: int) -> None:
-        if "tool_centre_on" in effects and "tool_centre_off" in effects:
+    def _switch_tool_centre(self, effects: list[str], values: dict[str, str], line: int) -> None:
+        """Switch tool-centre control; where no other code does it, that takes the length of a tool, by H, or drops
+        it."""
+        state = self.state
+        on, off = "tool_centre_on" in effects, "tool_centre_off" in effects
+        if on and off:
             raise line_error(line, "tool-centre control is switched on and off in one block")
-        if "tool_centre_on" in effects or "tool_centre_off" in effects:
-            self.state.tool_centre = "tool_centre_on" in effects
-            self.state.forget_tip()
+        if not on and not off:
+            return
+        if on and self.dialect.starts_at_zero:
+            self._check_zero(line)
+        if "tool_length" not in self.dialect.codes.values():
+            state.take_length(tool_number(values.get("H", "0"), line) if on else 0, line)
+        state.tool_centre = on
+        state.forget_tip()
+
+    def _check_zero(self, line: int) -> None:
+        """ProgramError where a rotary axis that carries the part does not stand at zero, or it is not known where."""
+        machine = self.state.machine
+        for axis in machine.part_axes:
+            angle = self.state.position[machine.column(axis)]
+            turned = None if angle is None else angle % 360.0 if axis.endless else angle
+            if turned != 0.0:
+                where = "is not known" if angle is None else f"is {angle:.3f}"
+                why = f"{axis.letter} {where} where tool-centre control is switched on: it must stand at zero"
+                raise line_error(line, why)
 
     def _retract(self, effects: list[str], axes: dict[str, float], line: int) -> None:
-        """A rapid to the machine's zero of Z: the tool is above everything, where its tip is in the part is not
-        known."""
-        if self.state.tool_centre:
+        """A rapid to the machine's zero of Z, or to its reference position: the tool is above everything, where its tip
+        is in the part is not known."""
+        state = self.state
+        if state.tool_centre:
             raise line_error(line, "machine coordinates while tool-centre control is on")
-        if "rapid" not in effects or "feed" in effects or axes != {"Z": 0.0}:
-            raise line_error(line, "in machine coordinates nothing but a rapid to Z0 is known")
-        self.state.blocks += 1
-        self.state.forget_tip()
+        by_reference = "reference_return" in effects
+        allowed = state.incremental if by_reference else "rapid" in effects and not state.incremental
+        if not allowed or "feed" in effects or axes != {"Z": 0.0}:
+            known = "a return of Z0 by increments" if by_reference else "a rapid to Z0"
+            raise line_error(line, f"in machine coordinates nothing but {known} is known")
+        state.blocks += 1
+        state.forget_tip()
 
     def _values(self, words: Words, line: int) -> dict[str, str]:
         """The numbers of all words but codes, by letter."""

@@ -43,9 +43,9 @@ class ModalState:
 
     `position`: X, Y, Z in mm and the rotary axes in degrees, unwound; None where it is not known.
     `tool_centre`: tool-centre control (TCPM, RTCP) is on. `short_way`: endless axes turn the short way, or as
-    their words say; None before the program has said which. `inverse_time`: F is in 1/min. `length_of`: the tool
-    whose length is compensated, `selected` the one that the next change brings. `linking`: feed moves are links, as
-    the last comment CUT or LINK says. Used for one program.
+    their words say; None before the program has said which. `inverse_time`: F is in 1/min; `incremental`: words are
+    increments. `length_of`: the tool whose length is compensated, `selected` the one that the next change brings.
+    `linking`: feed moves are links, as the last comment CUT or LINK says. Used for one program.
     """
 
     def __init__(self, machine: Machine, dialect: Dialect, tools: Sequence[Tool]) -> None:
@@ -56,12 +56,13 @@ class ModalState:
         self.position: list[float | None] = [None] * 5
         self.tool = 0
         self.selected = 0
-        self.needs_length = "tool_length" in dialect.codes.values()
+        self.needs_length = not {"tool_length", "tool_centre_on"}.isdisjoint(dialect.codes.values())
         self.length_of = 0
         self.tool_centre = False
         self.bounded_turns = dialect.chooses_way or dialect.endless_words == "wrapped"
         self.short_way: bool | None = None if dialect.chooses_way else dialect.endless_words == "wrapped"
         self.inverse_time = False
+        self.incremental = False
         self.linking = False
         self.ended = False
         self.blocks = 0
@@ -103,6 +104,8 @@ class ModalState:
     def move(self, words: dict[str, float], rapid: bool, feed: float, line: int) -> None:
         """Run one block that moves axes; `words` in mm and degrees, `feed` in mm/min or 1/min."""
         before = list(self.position)
+        if self.incremental:
+            raise line_error(line, "an axis moves by increments: switch to absolute words before")
         for letter, value in words.items():
             column = self.machine.letters.index(letter)
             self.position[column] = value if column < 3 else self._unwound(column, value, line)
@@ -150,6 +153,7 @@ class ModalState:
             None in self.position
             or not self.tool
             or self.ended
+            or self.incremental
             or self.length_of != self.tool
             or self.tool_centre != self.dialect.tool_centre
         ):

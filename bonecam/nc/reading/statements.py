@@ -38,7 +38,7 @@ def _apply(effect: str, values: dict[str, str], state: ModalState, line: int) ->
         state.short_way = effect.endswith("on")
     elif effect == "program end":
         state.ended = True
-    elif effect == "begin" and line != 1:
+    elif effect == "begin" and line != (2 if state.dialect.grammar == "iso" and state.dialect.frame else 1):
         raise line_error(line, "the program begins twice")
     elif effect == "end" and not state.ended:
         raise line_error(line, "END PGM before the program end")

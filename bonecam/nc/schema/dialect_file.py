@@ -43,7 +43,7 @@ class NumbersTable(Record):
 
 
 def _switch_on(text: str) -> str:
-    return check_template(text, {"tool": 1})
+    return check_template(text, {"tool": 1, "height": "100.0"})
 
 
 def _switch_off(text: str) -> str:
@@ -111,6 +111,7 @@ class DialectFile(Record):
     moving_blocks: Lines = Field(default_factory=lambda: ["L ", "G0 "])
     machining: MachiningTable = MachiningTable()
     straight_rapids: bool = False
+    starts_at_zero: bool = False
     tolerance_factor: Annotated[float, Field(gt=0, le=10)] = 1.0
     needs: Lines = Field(default_factory=list)
     comment: Annotated[str, Field(max_length=100), AfterValidator(_comment)]
@@ -131,4 +132,10 @@ class DialectFile(Record):
             raise KeyFault("tool_centre_control", why)
         if self.grammar == "klartext" and self.endless_words == "wrapped" and self.short_way is None:
             raise KeyFault("short_way", "missing: add the blocks that switch the short way on and off")
+        chooses = self.short_way is not None or self.endless_word != PLAIN_WORD
+        if self.starts_at_zero and (
+            self.interpolation != "tool-centre" or self.endless_words != "wrapped" or chooses
+        ):
+            why = "true: only with tool-centre control and words that are always wrapped: leave it out"
+            raise KeyFault("starts_at_zero", why)
         return self

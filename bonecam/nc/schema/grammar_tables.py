@@ -53,6 +53,9 @@ class CodesTable(Record):
     tool_centre_on: Codes = Field(default_factory=list)
     tool_centre_off: Codes = Field(default_factory=list)
     machine_coordinates: Codes = Field(default_factory=list)
+    absolute: Codes = Field(default_factory=list)
+    incremental: Codes = Field(default_factory=list)
+    reference_return: Codes = Field(default_factory=list)
     program_end: Codes = Field(default_factory=list)
 
     @model_validator(mode="after")

@@ -11,6 +11,7 @@ _CORNERS = dict.fromkeys("low_x low_y low_z high_x high_y high_z".split(), "+1.0
 FIELDS: Mapping[str, Mapping[str, str | int]] = {
     "header": {
         "name": "BONE",
+        "number": 1001,
         "comments": "; X",
         "tolerance": "0.01",
         "rotary_tolerance": "0.1",
@@ -28,11 +29,17 @@ FIELDS: Mapping[str, Mapping[str, str | int]] = {
     "stop": {"tool": 1},
     "level": {"tolerance": "0.01", "rotary_tolerance": "0.1", "hsc_mode": 1, "machining": "FINISH"},
     "position": {"rotary": "B+1.0 C+1.0"},
-    "approach": {"linear": "X+1.0 Y+1.0 Z+1.0", "plane": "X+1.0 Y+1.0", "above": "X+1.0 Y+1.0 Z+9.0"},
+    "approach": {
+        "linear": "X+1.0 Y+1.0 Z+1.0",
+        "plane": "X+1.0 Y+1.0",
+        "above": "X+1.0 Y+1.0 Z+9.0",
+        "rapid": "1",
+    },
     "rapid": {"words": "X+1.0"},
     "feed": {"words": "X+1.0", "feed": "1"},
     "coolant_on": {},
     "coolant_off": {},
+    "lift": {"lifted": "X+1.0 Y+1.0 Z+9.0", "rapid": "1"},
     "retract": {"retract": "1.0"},
     "tool_end": {},
     "footer": {"name": "BONE"},
@@ -54,6 +61,7 @@ class TemplatesTable(Record):
     feed: str
     coolant_on: str
     coolant_off: str
+    lift: str = ""
     retract: str
     tool_end: str
     footer: str

@@ -14,7 +14,7 @@ from bonecam.nc.words import plain_text
 from bonecam.toolpath.path import ToolPath
 from bonecam.verify.readback import Tolerances, compare_moves
 
-MACHINE_OF = {"heidenhain": "mikron-ucp600", "linuxcnc": "linuxcnc-xyzbc", "siemens-840d": "mikron-ucp600"}
+MACHINE_OF = dict.fromkeys(dialect_names(), "mikron-ucp600") | {"linuxcnc": "linuxcnc-xyzbc"}
 CHAIN_KINDS = ("table-table", "head-table", "head-head", "nutating")
 
 
@@ -61,7 +61,7 @@ def test_the_program_counts_what_it_holds(paths, posted):
 def test_the_header_says_which_point_is_programmed_and_what_the_tools_are(posted):
     _, dialect, program = posted
     head = program.text
-    assert "PROGRAMMED POINT: TOOL TIP" in head
+    assert plain_text("Programmed point: tool tip", dialect.comment_characters) in head
     assert "TOOL 1 BALL RADIUS 2.0000 LENGTH 75.0000" in head
     assert plain_text("Test (of) a part", dialect.comment_characters) in head
 

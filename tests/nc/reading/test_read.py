@@ -18,6 +18,7 @@ PAIRS = {
         ("heidenhain", "mikron-ucp600"),
         ("linuxcnc", "linuxcnc-xyzbc"),
         ("siemens-840d", "mikron-ucp600"),
+        ("fanuc-30i", "mikron-ucp600"),
     )
 }
 
@@ -85,6 +86,26 @@ def broken(texts: dict[str, str], name: str, pattern: str, replacement: str) -> 
         ("siemens-840d", r" SUPA Z0 D0$", " SUPA Z10 D0"),
         ("siemens-840d", r" SUPA Z0 D0$", " SUPA X0 Z0 D0"),
         ("siemens-840d", r" G54 D1$", " G0 SUPA Z0 D0"),
+        ("fanuc-30i", r" F900\.$", ""),
+        ("fanuc-30i", r" F900\.$", " F900. H01"),
+        ("fanuc-30i", r" F900\.$", " F900. P1"),
+        ("fanuc-30i", r" F900\.$", " F9.0.0"),
+        ("fanuc-30i", r" C-?[\d.]+ F900\.$", " I0.0 J0.0 K1.0 F900."),
+        ("fanuc-30i", r" G01 (?=.*F900\.$)", " G02 "),
+        ("fanuc-30i", r" G01 (?=.*F900\.$)", " G91 G01 "),
+        ("fanuc-30i", r"^N13 ", "N14 "),
+        ("fanuc-30i", r"^N13 ", ""),
+        ("fanuc-30i", r"^O\d{4}$", "O12345"),
+        ("fanuc-30i", r"^N3 ", "O1001\nN3 "),
+        ("fanuc-30i", r" T1 M06$", " T7 M06"),
+        ("fanuc-30i", r" T1 M06$", " M06"),
+        ("fanuc-30i", r" G43\.4 Z", " G43.5 Z"),
+        ("fanuc-30i", r" G43\.4 Z([\d.]+) H01$", r" G43.4 Z\1"),
+        ("fanuc-30i", r" G43\.4 Z([\d.]+) H01$", r" G43.4 Z\1 H02"),
+        ("fanuc-30i", r" G28 G91 Z0\.$", " G28 Z0."),
+        ("fanuc-30i", r" G28 G91 Z0\.$", " G28 G91 Z10."),
+        ("fanuc-30i", r" G28 G91 Z0\.$", " G28 G91 X0. Z0."),
+        ("fanuc-30i", r" G05\.1 Q1$", " G05.1 Q3"),
     ],
 )
 def test_what_the_dialect_does_not_know_is_refused_with_its_line(texts, name, pattern, replacement):

@@ -1,0 +1,70 @@
+"""The start of a run where the control fixes X, Y, Z to the table as it stands when tool-centre control is switched on.
+
+It is switched on with all rotary axes at zero, the spindle over the program's zero at the retract height. Then the
+rotary axes turn to their angles in steps, the spindle staying where it is: its words follow the table. Between two
+steps the tip runs straight in the part instead of on its arc; over a step of 10 degrees it comes nearer to the pivot
+by 0.4 % of its distance from it, which the approach height allows for.
+"""
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.errors import MachineError
+from bonecam.nc.control import Control
+from bonecam.nc.dialect import Dialect
+from bonecam.nc.kinematics import forward
+from bonecam.nc.machine import Machine
+from bonecam.nc.posting.axis_words import word_texts
+from bonecam.nc.posting.path_words import drivable_rates, round_words
+from bonecam.nc.posting.split import MAX_TURN
+
+
+def start_texts(
+    dialect: Dialect, control: Control, angles_deg: Float[ndarray, "2"], retract: float, rapid: float
+) -> tuple[str, str, list[str]]:
+    """The words of the rotary axes at zero, the word of Z without its letter where tool-centre control is switched on,
+    and the blocks that turn the axes under it to `angles_deg`, at the feed `rapid` (mm/min) or what the axes can."""
+    steps = start_words(dialect, control, angles_deg, retract)
+    rows = [word_texts(control.machine, dialect, step) for step in steps]
+    feed = dialect.numbers["feed"]
+    rates = np.floor(np.r_[rapid, drivable_rates(control, steps, rapid)] / feed.step) * feed.step
+    rates = np.clip(rates, feed.lowest, feed.highest)
+    turn = [
+        line
+        for row, rate in zip(rows, rates.tolist(), strict=True)
+        for line in dialect.lines("feed", words=" ".join(row), feed=feed.text(rate))
+    ]
+    return " ".join(rows[0][3:]), dialect.numbers["length"].text(steps[0, 2]), turn
+
+
+def start_words(
+    dialect: Dialect, control: Control, angles_deg: Float[ndarray, "2"], retract: float
+) -> Float[ndarray, "n 5"]:
+    """Words (mm, deg) from all rotary axes at zero to `angles_deg`, the spindle standing at the height `retract`
+    (machine Z of the tip, mm) over the program's zero; MachineError where a rotary axis cannot stand at zero."""
+    machine = control.machine
+    _check_zero(machine, dialect)
+    target = np.radians(angles_deg)
+    for column, axis in enumerate(machine.rotary):
+        if axis.endless:
+            target[column] -= 2 * np.pi * np.round(target[column] / (2 * np.pi))
+    steps = max(int(np.ceil(np.abs(target).max() / MAX_TURN)), 1)
+    angles = np.linspace(0.0, 1.0, steps + 1)[:, None] * target
+    x, y, _ = machine.part_zero
+    joints = np.column_stack([np.tile([x, y, retract], (steps + 1, 1)), angles])
+    tips, _ = forward(machine, joints, control.tool_length)
+    return round_words(dialect, control, tips, angles)
+
+
+def _check_zero(machine: Machine, dialect: Dialect) -> None:
+    for axis in machine.rotary:
+        low, high = axis.limits
+        if not low <= 0.0 <= high:
+            what = f"{axis.letter} of {machine.title} cannot stand at zero, where {dialect.name} switches its"
+            raise MachineError(
+                f"{what} tool-centre control on: take another controller, or machine",
+                machine=machine.name,
+                dialect=dialect.name,
+                axis=axis.letter,
+            )
