@@ -23,7 +23,7 @@ from bonecam.verify.page.contents import run_contents
 from bonecam.verify.page.packing import pack
 from bonecam.verify.pictures.depth_colours import draw_coloured
 from bonecam.verify.removal.result import Removal
-from bonecam.verify.sheet.setup_sheet import setup_sheet
+from bonecam.verify.sheet.setup_sheet import setup_article, setup_sheet
 from bonecam.verify.summary import summary_of
 
 
@@ -85,8 +85,12 @@ class Result(Morphed):
 
     @property
     def sheet(self) -> str:
-        """The setup sheet as the text of an HTML file."""
-        return setup_sheet(self.part, self.stock, self.job, self.program, self.report, bonecam.__version__)
+        """The setup sheet as the text of an HTML file, with a page for each clamping."""
+        version = bonecam.__version__
+        pages = [setup_article(self.part, self.stock, self.job, self.program, self.report, version)]
+        if self.second is not None:
+            pages.append(self.second.setup_article)
+        return setup_sheet(Path(self.part.file).name, pages)
 
     def compare_axes(self, level: int = 0) -> AxisComparison:
         """The tool axes of a level beside the surface's normals and axes that lean by the lead angle, at the same

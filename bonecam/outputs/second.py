@@ -16,6 +16,7 @@ from bonecam.verify.page.packing import pack
 from bonecam.verify.page.second_contents import second_contents
 from bonecam.verify.pictures.level_sections import draw_second
 from bonecam.verify.removal.result import Removal
+from bonecam.verify.sheet.second_article import second_article
 from bonecam.verify.summary import second_text
 
 
@@ -43,6 +44,12 @@ class SecondProgram(Shown):
     def apt(self) -> str:
         """The tool paths as cutter location data in APT words."""
         return apt_text(self.paths, self.program.name)
+
+    @property
+    def setup_article(self) -> str:
+        """Its page of the run's setup sheet."""
+        told = (self.clamping, self.job, self.program, self.report)
+        return second_article(self.name, *told, bonecam.__version__)
 
     @property
     def summary(self) -> str:

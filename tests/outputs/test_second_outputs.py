@@ -1,5 +1,7 @@
 """What a run writes of a second clamping: the page, cutter location data, and the files that it keeps."""
 
+import hashlib
+import re
 from pathlib import Path
 from typing import Any
 
@@ -135,3 +137,33 @@ def test_a_second_output_that_cannot_be_written_is_refused_before_the_work(tmp_p
         with pytest.raises(FileError, match=r"bone\.second\."):
             Outputs(**{name: tmp_path / file}, second=True).check()
         Outputs(**{name: tmp_path / file}).check()
+
+
+def test_the_sheet_has_a_page_for_each_clamping(second_run: Run, second: SecondProgram, browser: Any) -> None:
+    sheet = second_run[1] / "sheet.html"
+    opened = browser.new_page()
+    opened.goto(sheet.as_uri())
+    printed = opened.pdf(format="A4", prefer_css_page_size=True)
+    words = [article.inner_text() for article in opened.locator("article").all()]
+    opened.close()
+    assert len(re.findall(rb"/Type\s*/Page\b", printed)) == 2
+    first, turned = words
+    assert "Setup sheet: second clamping" in turned
+    assert "is removed in the second clamping, see its page" in first
+    for made, told in ((second_run[0].program, first), (second.program, turned)):
+        assert hashlib.sha256(made.text.encode()).hexdigest() in told
+        for minutes in made.tool_minutes:
+            assert f"\t{minutes:.1f}" in told
+    report = second.report
+    for figure in (
+        "bone.second.h",
+        f"about {report['time_min']:.1f} min",
+        f"stump \u2300 {second.job.holding.diameter:g}",
+        f"Z {second.clamping.top:.2f}",
+        "chuck \u2300 14 x 2",
+        f"Gouge of the part by the ball: {1000 * report['gouge_max_mm']:.2f} µm at most",
+        f"The tool stays {report['shell_clearance_mm']:.2f} mm from the shell",
+        f"{report['at_post_after_mm2']:.1f} of {report['at_post_before_mm2']:.1f} mm² still keep",
+        "Turned about X alone",
+    ):
+        assert figure in turned, figure

@@ -29,7 +29,7 @@ CHORD = 0.05
 """Chord tolerance of the stock's outline, mm."""
 
 
-class _Paper:
+class Paper:
     """SVG elements in mm on paper, from coordinates x (right) and z (up) of the part's frame, mm."""
 
     def __init__(self, half_width: float, top: float) -> None:
@@ -74,6 +74,14 @@ class _Paper:
         anchor = "start" if column > 0 else "end"
         self.text(x + np.sign(column) * 1.6, (start[1] + end[1]) / 2 + 1, words, anchor)
 
+    def svg(self, label: str) -> str:
+        """All that was drawn as the text of an SVG element of WIDTH x HEIGHT mm."""
+        body = "\n".join(self.elements)
+        return (
+            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" width="{WIDTH:g}mm" '
+            f'height="{HEIGHT:g}mm" role="img" aria-label="{html.escape(label)}">\n{body}\n</svg>'
+        )
+
     def width(self, radius: float, z: float, words: str, above: float = 0.0) -> None:
         """A dimension across at height z, its words above it."""
         (left, y), (right, _) = self.at(-radius, z), self.at(radius, z)
@@ -92,8 +100,8 @@ def clamping_drawing(
     """The drawing as the text of an SVG element of WIDTH x HEIGHT mm; `parting` is that section of the report."""
     low, high = (float(value) for value in stock.bounds[:, 2])
     widest = max(float(np.abs(stock.bounds[:, 0]).max()), holding.chuck_diameter / 2)
-    paper = _Paper(widest, high)
-    _draw_table(paper, table)
+    paper = Paper(widest, high)
+    draw_table(paper, table)
     _draw_post(paper, post, low + post.radius, parting)
     if holding.chuck_height:
         paper.column(holding.chuck_diameter / 2, 0.0, holding.chuck_height, "chuck")
@@ -104,15 +112,11 @@ def clamping_drawing(
     x, bottom = paper.at(0.0, -2.0 / paper.scale)
     paper.line(x, bottom, x, paper.at(0.0, high)[1] - 3, "axis")
     _draw_sizes(paper, stock, post, holding, widest)
-    _draw_zero(paper)
-    body = "\n".join(paper.elements)
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" width="{WIDTH:g}mm" '
-        f'height="{HEIGHT:g}mm" role="img" aria-label="Stock, post, chuck and table from the front">\n{body}\n</svg>'
-    )
+    draw_zero(paper)
+    return paper.svg("Stock, post, chuck and table from the front")
 
 
-def _draw_post(paper: _Paper, post: Post, top: float, parting: Mapping[str, Any] | None) -> None:
+def _draw_post(paper: Paper, post: Post, top: float, parting: Mapping[str, Any] | None) -> None:
     """The post up to a height, with its parting groove and the height of that."""
     if parting is None:
         paper.column(post.radius, 0.0, top, "post")
@@ -126,7 +130,7 @@ def _draw_post(paper: _Paper, post: Post, top: float, parting: Mapping[str, Any]
     paper.text(x + 1.5, y + 1, f"parting Z {groove.middle:.2f}", "start")
 
 
-def _draw_table(paper: _Paper, table: Table) -> None:
+def draw_table(paper: Paper, table: Table) -> None:
     """The top of the table, as wide as the paper, and what stands on it."""
     y = paper.zero
     paper.elements.append(
@@ -155,7 +159,7 @@ def _table_words(table: Table) -> str:
     return "table"
 
 
-def _draw_sizes(paper: _Paper, stock: Stock, post: Post, holding: HoldingJob, widest: float) -> None:
+def _draw_sizes(paper: Paper, stock: Stock, post: Post, holding: HoldingJob, widest: float) -> None:
     """Sizes of stock, post and chuck, mm."""
     low, high = (float(value) for value in stock.bounds[:, 2])
     right = paper.scale * widest
@@ -175,7 +179,7 @@ def _draw_sizes(paper: _Paper, stock: Stock, post: Post, holding: HoldingJob, wi
         )
 
 
-def _draw_zero(paper: _Paper) -> None:
+def draw_zero(paper: Paper) -> None:
     """The program's zero."""
     x, y = paper.at(0.0, 0.0)
     paper.elements.append(

@@ -1,8 +1,8 @@
-"""The setup sheet as HTML: what the machinist mounts, sets and checks, on one page of A4."""
+"""The setup sheet as HTML: what the machinist mounts, sets and checks, on one page of A4 for each clamping."""
 
 import hashlib
 import html
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from string import Template
 from typing import Any
@@ -32,40 +32,62 @@ CHANGES = {
 """What is told of each `nc.tool_change`."""
 
 
-def setup_sheet(
-    part: Part, stock: Stock, job: Job, program: Program, report: Mapping[str, Any], version: str
-) -> str:
-    """The text of the sheet's HTML file."""
-    machine = read_machine(job.nc.machine)
-    post = post_below(part.mesh, job.holding)
-    motions = read_program(program.text, machine, read_dialect(job.nc.controller))
-    cutters = {cutter.number: cutter for cutter in cutters_of(job, machine)}
-    used = [cutters[number] for number in program.tools]
+def setup_sheet(title: str, articles: Sequence[str]) -> str:
+    """The text of the sheet's HTML file, a page an article."""
     template = Template((ASSETS / "sheet.html").read_text(encoding="utf-8"))
+    style = (ASSETS / "sheet.css").read_text(encoding="utf-8")
     return template.substitute(
-        style=(ASSETS / "sheet.css").read_text(encoding="utf-8"),
-        title=html.escape(f"{Path(part.file).name}: setup sheet"),
-        part=html.escape(Path(part.file).name),
-        program=html.escape(report["nc"]["file"] or program.name),
-        machine=html.escape(machine.title),
-        controller=html.escape(program.controller),
-        minutes=f"{program.time_min:.0f}",
-        drawing=clamping_drawing(part.mesh, stock, post, job.holding, machine.table, report.get("parting")),
-        setup=_items(_sentence(text) for text in setup_texts(job, stock)),
-        tools=_tool_rows(used, program.tool_minutes),
-        cutting=html.escape(_cutting(job, report["nc"])),
-        axes=_axis_rows(axis_ranges(motions, machine)),
-        checks=_items(_checks(report)),
-        left=_items(_left(report)),
-        warnings=_items(_warnings(job, report, machine)),
-        checksum=hashlib.sha256(program.text.encode()).hexdigest(),
-        version=html.escape(version),
+        title=html.escape(f"{title}: setup sheet"), style=style, articles="".join(articles)
     )
 
 
-def _items(texts: Iterator[str] | Sequence[str]) -> str:
-    """The items of a list."""
-    return "\n".join(f"<li>{html.escape(text)}</li>" for text in texts)
+def setup_article(
+    part: Part, stock: Stock, job: Job, program: Program, report: Mapping[str, Any], version: str
+) -> str:
+    """The first clamping."""
+    machine = read_machine(job.nc.machine)
+    post = post_below(part.mesh, job.holding)
+    return article(
+        Path(part.file).name,
+        program,
+        job,
+        report["nc"],
+        version,
+        heading="Setup sheet",
+        caption="From the front (\u2212Y), sizes in mm. Inside the stock: the part in section Y 0.",
+        mounted="Stock, clamping, zero",
+        drawing=clamping_drawing(part.mesh, stock, post, job.holding, machine.table, report.get("parting")),
+        setup=items(setup_texts(job, stock)),
+        checks=items(_checks(report)),
+        left=items(_left(report)),
+        warnings=items(_warnings(job, report, machine)),
+    )
+
+
+def article(part: str, program: Program, job: Job, nc: Mapping[str, Any], version: str, **told: str) -> str:
+    """The page of one clamping: what every clamping tells of its `program`, `nc` of the report, and what is `told`."""
+    machine = read_machine(job.nc.machine)
+    motions = read_program(program.text, machine, read_dialect(job.nc.controller))
+    cutters = {cutter.number: cutter for cutter in cutters_of(job, machine)}
+    template = Template((ASSETS / "article.html").read_text(encoding="utf-8"))
+    return template.substitute(
+        part=html.escape(part),
+        program=html.escape(nc["file"] or program.name),
+        machine=html.escape(machine.title),
+        controller=html.escape(program.controller),
+        minutes=f"{program.time_min:.0f}" if program.time_min > 10 else f"{program.time_min:.1f}",
+        tools=_tool_rows([cutters[number] for number in program.tools], program.tool_minutes),
+        cutting=html.escape(_cutting(job, nc)),
+        axes=_axis_rows(axis_ranges(motions, machine)),
+        checksum=hashlib.sha256(program.text.encode()).hexdigest(),
+        version=html.escape(version),
+        **told,
+    )
+
+
+def items(texts: Iterable[str]) -> str:
+    """The items of a list, each beginning with a capital."""
+    return "\n".join(f"<li>{html.escape(_sentence(text))}</li>" for text in texts)
 
 
 def _sentence(text: str) -> str:
@@ -121,17 +143,22 @@ def _cutting(job: Job, nc: Mapping[str, Any]) -> str:
 
 def _checks(report: Mapping[str, Any]) -> Iterator[str]:
     """What was checked, and how well it held."""
-    nc, removal = report["nc"], report["removal"]
-    tip, gouge = 1000 * nc["readback_tip_error_mm"], 1000 * nc["gouge_max_mm"]
-    axis = nc["readback_axis_error_deg"]
-    yield f"Text read back: tip within {tip:.2f} µm, axis within {axis:.4f} degrees of the path"
-    yield f"Gouge of the part by the ball: {gouge:.2f} µm at most"
+    removal = report["removal"]
+    yield from proof_lines(report["nc"])
     yield f"Levels: {certified_text(report['levels'], report['levels_method'])}"
     if "skipped" not in removal:
         cell = removal["cell_mm"]
         yield f"Simulated from the text (cells of {cell:g} mm): rapids cut nothing, shank and holder touch nothing"
     deviation = report["surface"]["given_deviation_max_mm"]
     yield f"Fitted surface within {deviation:.3f} mm of the mesh as given"
+
+
+def proof_lines(nc: Mapping[str, Any]) -> Iterator[str]:
+    """What reading the text back proved; `nc` of the report."""
+    tip, gouge = 1000 * nc["readback_tip_error_mm"], 1000 * nc["gouge_max_mm"]
+    axis = nc["readback_axis_error_deg"]
+    yield f"Text read back: tip within {tip:.2f} µm, axis within {axis:.4f} degrees of the path"
+    yield f"Gouge of the part by the ball: {gouge:.2f} µm at most"
 
 
 def _left(report: Mapping[str, Any]) -> Iterator[str]:
@@ -144,16 +171,17 @@ def _left(report: Mapping[str, Any]) -> Iterator[str]:
         yield f"Uncut: {line}"
     if "parting" in report:
         yield f"Parting: {parting_text(report['parting'])}"
-    yield f"The stump of the post, over {report['post']['footprint_mm2']:.1f} mm² of the part, is removed by hand"
+    how = "in the second clamping, see its page" if "second" in report else "by hand"
+    yield f"The stump of the post, over {report['post']['footprint_mm2']:.1f} mm² of the part, is removed {how}"
 
 
 def _warnings(job: Job, report: Mapping[str, Any], machine: Machine) -> Iterator[str]:
     """What the machinist must look at before the start."""
-    yield "The program has not run on a control: run it in the air first, and check datum and tool lengths"
+    yield IN_AIR
     if "skipped" in report["removal"]:
-        yield f"{_sentence(report['removal']['skipped'])}: shank and holder are not checked from the text"
-    elif (over := max(level["over_limit_mm"] or 0.0 for level in report["removal"]["levels"])) > OVER_TOLD:
-        yield f"In places the depth of cut is up to {over:.2f} mm above the limit of its level"
+        yield f"{report['removal']['skipped']}: shank and holder are not checked from the text"
+    else:
+        yield from depth_lines(report["removal"])
     post = report["post"]
     if post["length_mm"] > SLENDER * post["diameter_mm"]:
         yield f"Slender post: {post['diameter_mm']:g} x {post['length_mm']:g} mm bends under the cut"
@@ -164,5 +192,14 @@ def _warnings(job: Job, report: Mapping[str, Any], machine: Machine) -> Iterator
         yield f"Speeds of {material.title}: {material.note}"
 
 
+def depth_lines(removal: Mapping[str, Any]) -> Iterator[str]:
+    """How far depths of cut are above their limits, where that is to be told."""
+    over = max(level["over_limit_mm"] or 0.0 for level in removal["levels"])
+    if over > OVER_TOLD:
+        yield f"In places the depth of cut is up to {over:.2f} mm above the limit of its level"
+
+
 OVER_TOLD = 0.05
 """Depths over the limit are told above this, mm: half a cell of the simulation."""
+IN_AIR = "The program has not run on a control: run it in the air first, and check datum and tool lengths"
+"""What is told of every program."""
