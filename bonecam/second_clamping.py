@@ -14,7 +14,6 @@ import numpy as np
 from jaxtyping import Bool
 from numpy import ndarray
 
-from bonecam.errors import VerifyError
 from bonecam.files import check_files, second_file
 from bonecam.job import Job, field_error
 from bonecam.levels.measure.level import morph_surfaces
@@ -30,7 +29,6 @@ from bonecam.nc.posting.header import record_checks, record_simulation
 from bonecam.nc.posting.header_texts import second_setup_texts
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import Program, program_name
-from bonecam.nc.reading.read import read_program
 from bonecam.orientation.held.second import StumpPlaces, second_paths
 from bonecam.orientation.level_paths import PART_CHORD
 from bonecam.outputs.output_files import File
@@ -48,10 +46,9 @@ from bonecam.toolpath.path import ToolPath
 from bonecam.verify.proof import Verification, verify_program
 from bonecam.verify.readback import Tolerances
 from bonecam.verify.removal.left import LEFT
-from bonecam.verify.removal.of_job import cutters_of, prove_stump_removal
+from bonecam.verify.removal.of_job import check_removal_of_job, simulate_stump
 from bonecam.verify.removal.result import Removal
 from bonecam.verify.removal.standing import standing_field
-from bonecam.verify.removal.table import NEAR, solid_clearance
 from bonecam.verify.report import nc_report, toolpath_report
 
 
@@ -91,15 +88,13 @@ def second_program(
     texts = second_setup_texts(job.holding, clamping.shell, clamping.top)
     file = second_file(program) if program else None
     posted, proof = _posted(paths, clamping, texts, job, machine, dialect, file)
-    removal = prove_stump_removal(
-        posted.text, machine, dialect, job, material, clamping.part, part(progress, 0.8, 1.0)
-    )
+    solids = clamping.part, clamping.shell
+    removal = simulate_stump(posted.text, machine, dialect, job, material, *solids, part(progress, 0.8, 1.0))
+    check_removal_of_job(removal, job)
     posted = record_simulation(posted, dialect, removal.cell)
-    near = _near_shell(posted.text, clamping.shell, job, machine, dialect)
     told = {
         "file": file.name if file else "",
         **nc_report(posted, proof),
-        "shell_clearance_mm": round(near, 2),
         **_left_at_post(first, removal, held),
         "toolpath": toolpath_report(paths, float(np.radians(job.path.least_lead_deg))),
         "removal": removal.report,
@@ -175,27 +170,6 @@ def _at_post(first: Result, radius: float) -> Bool[ndarray, " n"]:
     nails = first.removal.remaining.nails
     assert nails is not None
     return at_post(nails.points, nails.normals, post_below(first.part.mesh, first.job.holding), radius)
-
-
-def _near_shell(text: str, shell: TriangleMesh, job: Job, machine: Machine, dialect: Dialect) -> float:
-    """The least distance (mm) of the whole tool from the shell on the moves of a text; VerifyError where they meet."""
-    motions = read_program(text, machine, dialect)
-    solid = MeshDistance(shell)
-    least = np.inf
-    for cutter in cutters_of(job, machine):
-        moves = np.flatnonzero(motions.tools == cutter.number)
-        if not len(moves):
-            continue
-        near, move = solid_clearance(motions, moves, cutter, solid)
-        if near < NEAR:
-            line = int(motions.lines[move])
-            remedy = "end the shell farther up the part, or give a longer overhang"
-            raise VerifyError(
-                f"line {line}: the tool comes within {near:.2f} mm of the shell, {NEAR:g} mm are sure: {remedy}",
-                line=line,
-            )
-        least = min(least, near)
-    return float(least)
 
 
 def _left_at_post(first: Result, removal: Removal, held: Bool[ndarray, " n"]) -> dict[str, float]:

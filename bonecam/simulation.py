@@ -4,6 +4,8 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from bonecam.errors import FileError, JobError, ProgramError
 from bonecam.files import check_files, input_text, write_whole
 from bonecam.job import Job
@@ -13,9 +15,10 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import Dialect, read_dialect
 from bonecam.nc.machine import Machine, read_machine
 from bonecam.nc.posting.header import comment
-from bonecam.outputs.kept_view import check_page_name, kept_contents
-from bonecam.progress import Progress, silent
+from bonecam.outputs.kept_view import SECOND_VIEW, check_page_name, kept_contents
+from bonecam.progress import Progress, part, silent
 from bonecam.setup.fixture.clamping import clamping_of
+from bonecam.setup.fixture.shell import turn_over
 from bonecam.setup.holding import post_below
 from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.surface.files.tspline_text import read_tsm
@@ -23,12 +26,14 @@ from bonecam.text.faults import shown
 from bonecam.toolpath.layers.limits import layer_limits
 from bonecam.toolpath.path import PARTING
 from bonecam.verify.page.contents import level_meshes, with_program
-from bonecam.verify.page.packing import pack
+from bonecam.verify.page.packing import Contents, pack
 from bonecam.verify.page.page import page_html
 from bonecam.verify.page.program_contents import program_contents
-from bonecam.verify.removal.of_job import ACCURACY, cutters_of, followed_surfaces
+from bonecam.verify.page.second_contents import layers_on
+from bonecam.verify.removal.of_job import ACCURACY, cutters_of, followed_surfaces, simulate_stump
 from bonecam.verify.removal.result import Removal
 from bonecam.verify.removal.simulate import simulate_removal
+from bonecam.verify.removal.sweeping import Remaining
 from bonecam.verify.summary import removal_text
 
 LEVEL = re.compile(r"level_(\d{2,})\.ply")
@@ -37,8 +42,12 @@ HEADER_LINES = 20
 """Lines of a program in which its header names the machine and the stock."""
 STOCK = re.compile(r"STOCK\W .* FROM Z (-?[\d.]+) TO Z (-?[\d.]+)", re.IGNORECASE)
 """What the header says of the stock."""
+SECOND = re.compile(r"SECOND CLAMPING: ", re.IGNORECASE)
+"""How the header of the program of a second clamping begins."""
+STUMP = re.compile(r"STUMP: .* UP TO Z (-?[\d.]+)", re.IGNORECASE)
+"""What that says of the stump."""
 SAME_STOCK = 0.1
-"""A kept stock is a mesh: its ends lie within this of those of the header, mm."""
+"""A kept stock is a mesh: its ends lie within this of those of the header, mm; so do stumps."""
 COARSEST = 0.5
 """Rays are no farther apart than this share of the radius of the smallest ball."""
 
@@ -53,11 +62,13 @@ def simulate(
     progress: Progress = silent,
 ) -> Removal:
     """What the NC text in the file `program` removes, with the part and the stock of the folder `keep` and the cutters,
-    machine and post of the `job` that it was made with; `cell` (mm) is the distance of the rays. The page `html` shows
-    the program as simulated, whatever came out.
+    machine and post of the `job` that it was made with; `cell` (mm) is the distance of the rays. The program of a
+    second clamping begins with what the kept first one leaves, which is simulated before it. The page `html` shows the
+    program as simulated, whatever came out.
 
-    FileError where a file is not there, ProgramError where the text cannot be read or is for another machine, control
-    or stock, JobError where the cell is too fine or too coarse. `check_removal` refuses what a program may not do.
+    FileError where a file is not there, ProgramError where the text cannot be read or is for another machine, control,
+    stock or stump, JobError where the cell is too fine or too coarse. `check_removal` refuses what a program may not
+    do.
     """
     job = job or Job()
     _check_cell(cell, job)
@@ -67,9 +78,40 @@ def simulate(
         check_files([html], [program])
         check_page_name(html)
     text = _text_for(machine, dialect, Path(program))
-    part, stock, levels = _kept_for(text, Path(program), Path(keep))
-    run = kept_contents(Path(keep))[1] if html is not None else None
-    removal = simulate_removal(
+    keep = Path(keep)
+    run: Contents | None
+    if SECOND.search(_header(text)):
+        run = _kept_second(text, Path(program), keep)
+        kept = keep / f"program{dialect.extension}"
+        first = _text_for(machine, dialect, kept)
+        before = _simulate_first(first, kept, keep, job, None, cell, part(progress, 0.0, 0.8))
+        job = replace(job, holding=job.holding.turned_over)
+        removal = _simulate_second(text, run, job, before.remaining, part(progress, 0.8, 1.0))
+    else:
+        run = kept_contents(keep)[1] if html is not None else None
+        removal = _simulate_first(text, Path(program), keep, job, run, cell, progress)
+    if html is not None and run is not None:
+        _write_page(html, Path(program).name, text, run, job, removal)
+    return removal
+
+
+def _write_page(html: str | Path, name: str, text: str, run: Contents, job: Job, removal: Removal) -> None:
+    """Write the page of a `run` with the moves of another `text` and what they remove."""
+    machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)
+    meshes = level_meshes(run)
+    surfaces = layers_on(meshes[0], removal) if removal.shell is not None else None
+    posted = program_contents(text, meshes, job, machine, dialect, removal=removal, surfaces=surfaces)
+    page = with_program(run, posted, {"removal": removal.report}, removal_text(removal.report))
+    write_whole(html, page_html(pack(page), name))
+
+
+def _simulate_first(
+    text: str, program: Path, keep: Path, job: Job, run: Contents | None, cell: float, progress: Progress
+) -> Removal:
+    """What the `text` of a first clamping removes; what stands is told on the levels of the page of a `run`."""
+    machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)
+    part, stock, levels = _kept_for(text, program, keep)
+    return simulate_removal(
         text,
         machine,
         dialect,
@@ -77,17 +119,43 @@ def simulate(
         post_below(part, job.holding),
         cutters_of(job, machine),
         clamping=clamping_of(job.holding, machine.table),
-        part=read_tsm(Path(keep) / "surface.tspline"),
+        part=read_tsm(keep / "surface.tspline"),
         limits=_limits(job, levels),
         surfaces=followed_surfaces(job, level_meshes(run)) if run else {},
         accuracy=replace(ACCURACY, cell=cell, coarser=False),
         progress=progress,
     )
-    if html is not None and run is not None:
-        posted = program_contents(text, level_meshes(run), job, machine, dialect, removal=removal)
-        page = with_program(run, posted, {"removal": removal.report}, removal_text(removal.report))
-        write_whole(html, page_html(pack(page), Path(program).name))
-    return removal
+
+
+def _simulate_second(text: str, run: Contents, job: Job, before: Remaining, progress: Progress) -> Removal:
+    """What the `text` of a second clamping removes of what stood `before` on the first one's post; part, shell and
+    pose are those of the page of a `run`."""
+    machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)
+    turned = run.facts["turned"]
+    material = before.above(turned["cut_off_mm"]).move(turn_over(turned["zero_mm"]))
+    shell = TriangleMesh(run.arrays["solid"], run.arrays["solid_faces"].astype(np.int32))
+    return simulate_stump(text, machine, dialect, job, material, level_meshes(run)[0], shell, progress)
+
+
+def _kept_second(text: str, program: Path, keep: Path) -> Contents:
+    """The page of the second clamping of a kept folder. FileError where it has none, ProgramError where the text is for
+    another stump."""
+    remedy = "give the folder that `convert --keep` wrote beside the program"
+    if not (keep / SECOND_VIEW).exists():
+        what = f"the program is of a second clamping, of which {keep} has no {SECOND_VIEW}"
+        raise FileError(f"{program}: {what}: {remedy}", file=str(keep / SECOND_VIEW))
+    run = kept_contents(keep, SECOND_VIEW)[1]
+    told = STUMP.search(_header(text))
+    top = run.facts["turned"]["zero_mm"] - run.facts["turned"]["cut_off_mm"]
+    if told is not None and abs(float(told[1]) - top) > SAME_STOCK:
+        what = f"its stump reaches up to z {float(told[1]):.2f} mm, that of {keep} up to {top:.2f}"
+        raise ProgramError(f"{program}: {what}: {remedy}", line=0)
+    return run
+
+
+def _header(text: str) -> str:
+    """The lines of a program in which its header tells what is mounted."""
+    return "\n".join(text.split("\n")[:HEADER_LINES])
 
 
 def _limits(job: Job, levels: int) -> dict[int, float]:
@@ -143,7 +211,7 @@ def _require_machine(text: str, machine: Machine, dialect: Dialect, program: Pat
 
 def _require_stock(text: str, stock: TriangleMesh, program: Path, keep: Path) -> None:
     """ProgramError where the header tells another stock than the kept one."""
-    told = STOCK.search("\n".join(text.split("\n")[:HEADER_LINES]))
+    told = STOCK.search(_header(text))
     if told is None:
         return
     heights = [float(told[1]), float(told[2])]

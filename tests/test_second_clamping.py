@@ -20,6 +20,7 @@ from bonecam.nc.dialect import read_dialect
 from bonecam.nc.kinematics import axis_limits
 from bonecam.nc.machine import read_machine
 from bonecam.nc.posting.write import write_program
+from bonecam.nc.reading.read import read_program
 from bonecam.orientation.collision.scene import Scene
 from bonecam.orientation.held.parting import parting_paths
 from bonecam.orientation.held.second import check_second
@@ -32,7 +33,8 @@ from bonecam.setup.holding import post_below
 from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.toolpath.parting import cut_groove
 from bonecam.verify import simulate_removal
-from bonecam.verify.removal.of_job import cutters_of, prove_stump_removal
+from bonecam.verify.removal.of_job import check_removal_of_job, cutters_of, simulate_stump
+from bonecam.verify.removal.table import shell_clearance
 
 MACHINE, DIALECT = read_machine("mikron-ucp600"), read_dialect("heidenhain")
 LUMP = Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 9.5]), 2.5).mesh(0.05)
@@ -89,7 +91,7 @@ def test_the_second_program_cuts_off_what_stayed_at_the_post(second):
     assert told["at_post_after_mm2"] == 0
     assert told["gouge_max_mm"] <= 0.01
     assert told["removal"]["rapid_contact_mm3"] == 0
-    assert told["shell_clearance_mm"] > 1.0
+    assert told["removal"]["clearance_mm"]["shell"] > 1.0
     assert told["file"] == "bone.second.h"
     assert told["time_min"] < 5
 
@@ -115,7 +117,20 @@ def test_the_clearance_from_the_shell_is_that_of_the_tools_at_all_poses(second):
             for height in np.arange(section.start, section.end, 0.5) - path.cutter.radius:
                 off = shell.signed(path.balls + height * path.axes)
                 least = min(least, off.min() - max(section.radius, section.end_radius))
-    assert second.report["shell_clearance_mm"] == pytest.approx(least, abs=0.5)
+    assert second.report["removal"]["clearance_mm"]["shell"] == pytest.approx(least, abs=0.5)
+
+
+def test_a_shell_in_the_way_of_the_tool_refuses_the_program(second) -> None:
+    motions = read_program(second.program.text, MACHINE, DIALECT)
+    raised = np.eye(4)
+    raised[2, 3] = second.removal.shell.least.value
+    shell = second.clamping.shell.move(raised)
+    near = shell_clearance(motions, cutters_of(second.job, MACHINE), shell)
+    assert near.touched == near.least.line > 0
+    with pytest.raises(
+        VerifyError, match=r"line \d+: the tool comes within 0.2 mm of the shell .*farther up"
+    ):
+        check_removal_of_job(replace(second.removal, shell=near), second.job)
 
 
 def test_the_header_tells_the_second_mounting(second):
@@ -158,8 +173,10 @@ def test_a_cut_of_the_second_program_that_is_too_deep_is_refused(roughed_coarsel
     groove = cut_groove(parted.paths)
     material = parted.removal.remaining.above(groove.middle).move(made.clamping.pose)
     smoother = job.with_values(roughing={"scallop": 0.05})
+    solids = made.clamping.part, made.clamping.shell
+    removal = simulate_stump(text, MACHINE, DIALECT, smoother, material, *solids)
     with pytest.raises(VerifyError, match=r"a cut of level 0 is 0\.[1-9]\d* mm deep, 0\.\d+ over its limit"):
-        prove_stump_removal(text, MACHINE, DIALECT, smoother, material, made.clamping.part)
+        check_removal_of_job(removal, smoother)
 
 
 def test_a_finishing_depth_below_what_the_rays_tell_of_the_material_is_taken_too(parted) -> None:

@@ -54,7 +54,7 @@ def second_text(second: Mapping[str, Any]) -> str:
 def _second_lines(second: Mapping[str, Any]) -> Iterator[str]:
     """The program of the second clamping, and what it leaves where the post stood."""
     yield f"second    {second['file'] or 'not written'}: {second['blocks']} blocks, about {second['time_min']:.1f} min"
-    spaces = second["removal"]["clearance_mm"] | {"shell": second["shell_clearance_mm"]}
+    spaces = second["removal"]["clearance_mm"]
     clear = ", ".join(f"{part} {_clearance_text(value)}" for part, value in spaces.items())
     yield f"          gouge {1000 * second['gouge_max_mm']:.2f} um, rapids cut nothing; {clear}"
     before, after = second["at_post_before_mm2"], second["at_post_after_mm2"]

@@ -1,6 +1,8 @@
 """What a run writes of a second clamping: the page, cutter location data, and the files that it keeps."""
 
+import base64
 import hashlib
+import json
 import re
 from pathlib import Path
 from typing import Any
@@ -162,8 +164,55 @@ def test_the_sheet_has_a_page_for_each_clamping(second_run: Run, second: SecondP
         f"Z {second.clamping.top:.2f}",
         "chuck \u2300 14 x 2",
         f"Gouge of the part by the ball: {1000 * report['gouge_max_mm']:.2f} µm at most",
-        f"The tool stays {report['shell_clearance_mm']:.2f} mm from the shell",
+        f"The tool stays {report['removal']['clearance_mm']['shell']:.2f} mm from the shell",
         f"{report['at_post_after_mm2']:.1f} of {report['at_post_before_mm2']:.1f} mm² still keep",
         "Turned about X alone",
     ):
         assert figure in turned, figure
+
+
+def test_simulate_finds_in_the_kept_texts_what_the_run_found(
+    second_run: Run, second: SecondProgram, tmp_path: Path
+) -> None:
+    folder = second_run[1]
+    job = ["--keep", str(folder / "keep"), "--job", str(folder / "keep" / "job.toml")]
+    outputs = ["--report", str(tmp_path / "again.json"), "--html", str(tmp_path / "again.html")]
+    assert main(["simulate", str(folder / "bone.second.h"), *job, *outputs, "-q"]) == 0
+    found = json.loads((tmp_path / "again.json").read_text(encoding="utf-8"))["removal"]
+    told = second.report["removal"]
+    assert found["clearance_mm"]["shell"] == pytest.approx(told["clearance_mm"]["shell"], abs=0.01)
+    assert found["left"]["area_over_0_02_mm2"] == pytest.approx(told["left"]["area_over_0_02_mm2"], abs=0.01)
+    for again, level in zip(found["levels"], told["levels"], strict=True):
+        assert again["index"] == level["index"]
+        assert again["removed_mm3"] == pytest.approx(level["removed_mm3"], abs=0.01)
+        assert again["depth_max_mm"] == pytest.approx(level["depth_max_mm"], abs=0.005)
+        assert again["over_limit_mm"] == pytest.approx(level["over_limit_mm"], abs=0.005)
+    page = (tmp_path / "again.html").read_text(encoding="utf-8")
+    packed = base64.b64decode(page.split('<script id="payload" type="text/plain">')[1].split("<")[0])
+    shown = unpack(packed, "again.html")
+    assert shown.facts["solid"] == "shell"
+    assert [layer["level"] for layer in shown.facts["program"]["layers"]] == sorted(
+        path.level for path in second.paths
+    )
+
+
+def test_simulate_refuses_a_second_text_that_is_not_the_kept_one_or_cuts_with_a_rapid(
+    second_run: Run, second: SecondProgram, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = second_run[1]
+    keep = folder / "keep"
+    top = f"UP TO Z {second.clamping.top:.2f} AT MOST"
+    assert top in second.program.text
+    other = tmp_path / "empty"
+    other.mkdir()
+    for text, folder_kept, told in (
+        (second.program.text.replace(top, "UP TO Z 40.00 AT MOST"), keep, "stump reaches up to z 40.00 mm"),
+        (re.sub(r" F\d+(?=\n)", " FMAX", second.program.text), keep, "a rapid removes"),
+        (second.program.text, other, "of a second clamping, of which"),
+    ):
+        (tmp_path / "bone.h").write_text(text, encoding="utf-8")
+        options = ["--keep", str(folder_kept), "--job", str(keep / "job.toml")]
+        assert main(["simulate", str(tmp_path / "bone.h"), *options]) == 2
+        lines = capsys.readouterr().err.splitlines()
+        assert len(lines) == 1
+        assert told in lines[0]

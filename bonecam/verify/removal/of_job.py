@@ -1,6 +1,7 @@
 """The removal of the program that a job was posted as."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from bonecam.errors import VerifyError
 from bonecam.job import Job
@@ -21,6 +22,7 @@ from bonecam.verify.removal.groups import groups_of
 from bonecam.verify.removal.result import Removal
 from bonecam.verify.removal.simulate import simulate_further, simulate_removal
 from bonecam.verify.removal.sweeping import Accuracy, Remaining
+from bonecam.verify.removal.table import shell_clearance
 from bonecam.verify.removal.verdicts import check_removal
 
 ACCURACY = Accuracy(cell=0.1, coarser=True)
@@ -94,40 +96,46 @@ def prove_removal(
     return removal
 
 
-def prove_stump_removal(
+def simulate_stump(
     text: str,
     machine: Machine,
     dialect: Dialect,
     job: Job,
     material: Remaining,
     part: TriangleMesh,
+    shell: TriangleMesh,
     progress: Progress = silent,
 ) -> Removal:
-    """What the posted `text` of a second clamping removes from the `material` that the first program left, which it
-    changes, and what stands on the turned `part`; the job's [holding] is that of the shell.
+    """What the `text` of a second clamping removes from the `material` that the first program left, which it changes,
+    what stands on the turned `part`, and how near it comes to the `shell`; the job's [holding] is that of the shell.
 
-    Errors as in `simulate_removal` and `check_removal`.
+    Errors as in `simulate_removal`.
     """
-    limits = stump_limits(text, read_program(text, machine, dialect), dialect, job)
+    motions = read_program(text, machine, dialect)
+    limits = stump_limits(text, motions, dialect, job)
+    cutters = cutters_of(job, machine)
     removal = simulate_further(
         text,
         machine,
         dialect,
         material,
         None,
-        cutters_of(job, machine),
+        cutters,
         clamping=clamping_of(job.holding, machine.table),
         limits=limits,
         surfaces=dict.fromkeys(limits, part),
         progress=progress,
     )
-    check_removal(removal, job.path.gouge_tolerance)
-    return removal
+    return replace(removal, shell=shell_clearance(motions, cutters, shell))
 
 
 def check_removal_of_job(removal: Removal, job: Job) -> None:
     """VerifyError as in `check_removal`, with the tolerance and the bridge of a job, and where the text does not part
-    though the job wants it. Slices and sections of the part promise no depth: what they leave between them is told."""
+    though the job wants it. Slices and sections of the part promise no depth: what they leave between them is told.
+    A second clamping keeps the depths of its cutters, and parts nothing."""
+    if removal.shell is not None:
+        check_removal(removal, job.path.gouge_tolerance)
+        return
     if job.holding.parting and removal.bridge is None:
         raise VerifyError(
             "[holding] parting = true: no section of the program parts the post: give the whole program, or "

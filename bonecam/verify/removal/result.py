@@ -95,7 +95,8 @@ class Removal:
     from table, chuck and what stands there. `left` is None where no part was given. `volume` is what stands in the
     end, `volume_error` how far the three sets of rays differ in it, mm^3. `move_volumes` (mm^3) has one row a move
     of the text, `remaining` is what stands in the end. `standing` is what stood on the surfaces that were given, in
-    machining order. `bridge` (mm) is the diameter of what stands of the post where it is parted, None where it is
+    machining order. `shell` is the clearance of the whole tool from the shell of a second clamping, None in a first
+    one. `bridge` (mm) is the diameter of what stands of the post where it is parted, None where it is
     not.
     """
 
@@ -115,12 +116,15 @@ class Removal:
     remaining: Remaining
     standing: tuple[Standing, ...] = ()
     bridge: float | None = None
+    shell: Clearance | None = None
 
     @property
     def report(self) -> dict[str, Any]:
         """The section `removal` of the report."""
         names = ("shank", "holder", "spindle", "table")
         clearances = {name: getattr(self, name).least for name in names}
+        if self.shell is not None:
+            clearances["shell"] = self.shell.least
         return {
             "cell_mm": self.cell,
             "levels": [_level_figures(level) for level in self.levels],

@@ -1,6 +1,8 @@
 """How far the whole tool stays from table, chuck, what stands on the table and other solids, over all moves and between
 them."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from jaxtyping import Int
 from numpy import ndarray
@@ -9,11 +11,13 @@ from bonecam.arrays import angles_between, numbered, unit
 from bonecam.kernels.removal.fixed import fixed_clearance
 from bonecam.kernels.removal.sweep import Pieces
 from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.reading.motions import Motions
 from bonecam.runtime.threads import in_pieces
 from bonecam.setup.fixture.clamping import Clamping
 from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.verify.removal.pieces import straight_pieces
+from bonecam.verify.removal.result import Clearance, Spot
 from bonecam.verify.removal.sweeping import sections_of
 
 AT_ONCE = 16384
@@ -49,6 +53,21 @@ def table_clearance(
     found = in_pieces(measure, len(pieces.starts), AT_ONCE)
     least, move, name, _ = min(found, key=lambda one: one[0])
     return least, move, name, min((one[3] for one in found if one[3] >= 0), default=-1)
+
+
+def shell_clearance(motions: Motions, cutters: Sequence[Cutter], shell: TriangleMesh) -> Clearance:
+    """How near the whole tool comes to the shell of a second clamping, to NEAR mm; they touch where that is not sure
+    to be no contact."""
+    solid = MeshDistance(shell)
+    found = [
+        solid_clearance(motions, moves, cutter, solid)
+        for cutter in cutters
+        if len(moves := np.flatnonzero(motions.tools == cutter.number))
+    ]
+    near, move = min(found)
+    x, y, z = (float(value) for value in motions.tips[move])
+    line = int(motions.lines[move])
+    return Clearance("tool", Spot(near, line, (x, y, z)), line if near < NEAR else 0)
 
 
 def solid_clearance(

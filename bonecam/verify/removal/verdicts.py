@@ -6,21 +6,23 @@ from collections.abc import Sequence
 from bonecam.errors import VerifyError, place_name
 from bonecam.toolpath.path import PARTING
 from bonecam.verify.removal.result import LINK_ALLOWED, Clearance, LevelRemoval, Removal, Spot
+from bonecam.verify.removal.table import NEAR
 
 REMEDIES = {
     "shank": "give a slimmer shank, or a larger overhang or flute length",
     "holder": "give a slimmer holder, or a larger overhang",
     "spindle": "give a longer holder or a longer post (holding.length)",
+    "shell": "end the shell farther up the part, or give a longer overhang",
 }
-"""What to do where a part of the tool enters material."""
+"""What to do where a part of the tool enters material, and where the tool meets the shell."""
 
 
 def check_removal(
     removal: Removal, gouge_tolerance: float = 0.01, bridge: float = 0.0, *, limited: bool = True
 ) -> None:
     """VerifyError, with `line` and `place`, where a rapid removes material or the moves between two passes more than
-    LINK_ALLOWED, shank, holder or spindle enter what stands, the tool meets table or chuck, a ball goes into the part
-    by more than `gouge_tolerance` mm, or a cut is deeper than its limit by more than is allowed (`over_allowed`);
+    LINK_ALLOWED, shank, holder or spindle enter what stands, the tool meets table, chuck or shell, a ball goes into the
+    part by more than `gouge_tolerance` mm, or a cut is deeper than its limit by more than is allowed (`over_allowed`);
     where a level is cut after the parting; and where nothing, or less than a `bridge` of this diameter (mm, within two
     cells), is left of a post that is parted: the part drops.
 
@@ -35,6 +37,8 @@ def check_removal(
     for part in (removal.shank, removal.holder, removal.spindle):
         _check_clearance(part, "enters material", REMEDIES[part.part])
     _check_clearance(removal.table, "meets table or chuck", "give a longer post (holding.length)")
+    if removal.shell is not None:
+        _check_clearance(removal.shell, f"comes within {NEAR:g} mm of the shell", REMEDIES["shell"])
     if removal.link_contact:
         _refuse(
             removal.link_contact,
@@ -42,14 +46,8 @@ def check_removal(
             f"allowed {LINK_ALLOWED:g},",
             "lift them, or mark them as a cut; for a program of bonecam try another path.pattern",
         )
-    gouge = removal.left.deepest_gouge if removal.left else None
-    if gouge and gouge.value > gouge_tolerance:
-        _refuse(
-            gouge,
-            f"the tool goes {gouge.value:.4f} mm into the part, allowed {gouge_tolerance:g},",
-            "lift the path there; for a program of bonecam try a smaller path.max_step, a larger tip or a longer post "
-            "(holding.length)",
-        )
+    if removal.left is not None:
+        _check_gouge(removal.left.deepest_gouge, gouge_tolerance)
     for level in removal.levels if limited else ():
         _check_depth(level)
     _check_parted_last(removal.levels)
@@ -69,6 +67,17 @@ def _refuse(spot: Spot, what: str, remedy: str) -> None:
         place=spot.place,
         error=spot.value,
     )
+
+
+def _check_gouge(gouge: Spot, allowed: float) -> None:
+    """VerifyError where a ball goes into the part by more than is allowed, mm."""
+    if gouge.value > allowed:
+        _refuse(
+            gouge,
+            f"the tool goes {gouge.value:.4f} mm into the part, allowed {allowed:g},",
+            "lift the path there; for a program of bonecam try a smaller path.max_step, a larger tip or a longer post "
+            "(holding.length)",
+        )
 
 
 def _check_depth(level: LevelRemoval) -> None:
