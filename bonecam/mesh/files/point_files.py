@@ -1,13 +1,14 @@
 """Points from text files: XYZ, CSV, ASC, PTS, TXT, DAT.
 
 One point a line, x y z first (normals, colours and what else follows are left out), separated by blanks,
-tabs, commas or semicolons; where semicolons separate, a comma is a decimal comma. Blocks of points are
+tabs, commas or semicolons; where semicolons or blanks alone separate, a comma is a decimal comma. Blocks of points are
 separated by empty lines or comments (# or //), or headed by a line with their number (and `3`). One line of
 column names may stand before them; they must begin with x, y, z (tables of blades have other columns).
 
 One block is a point cloud; several blocks are the rows of a surface (`bonecam.surface.skinning.point_rows`).
 """
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,8 @@ from bonecam.text.numbers import number
 
 POINTS = (".xyz", ".csv", ".asc", ".pts", ".txt", ".dat")
 """Endings of text files of points."""
+DECIMAL = re.compile(r"[-+]?\d+(,\d+)?(e[-+]?\d+)?", re.IGNORECASE)
+"""A number without a decimal point; a comma in it is a decimal comma."""
 
 
 def read_blocks(path: str | Path, columns: str = "xyz") -> tuple[Float[ndarray, "_ c"], ...]:
@@ -88,7 +91,14 @@ def _words(line: str) -> list[str]:
     text = line.strip()
     if text.startswith(("#", "//")):
         return []
-    return text.replace(",", ".").replace(";", " ").split() if ";" in text else text.replace(",", " ").split()
+    if ";" in text or ("," in text and _has_decimal_commas(text.split())):
+        return text.replace(",", ".").replace(";", " ").split()
+    return text.replace(",", " ").split()
+
+
+def _has_decimal_commas(words: list[str]) -> bool:
+    """Whether words that blanks separate are the numbers of a point already, commas in them their decimal commas."""
+    return len(words) > 2 and all(DECIMAL.fullmatch(word) for word in words)
 
 
 def _names_columns(words: list[str], columns: str) -> bool:

@@ -19,6 +19,8 @@ SAME = {
     "turbo.dat": "# Profile 1 at 0%\n\t1 2 3\n4 5 6.5\n# Profile 2 at 20%\n7 8 9\n",
     "units.csv": '"X [mm]";"Y [mm]";"Z [mm]"\n1;2;3\n4;5;6,5\n\n7;8;9\n',
     "german.csv": "1,0;2,0;3,0\n4;5;6,5\n\n7;8;9\n",
+    "german.asc": "1,0 2,0 3\n4 5\t6,5\n\n7,0E0 8 9\n",
+    "narrow.csv": "1,2 ,3 ,4\n4, 5 ,6.5\n\n7,8  9\n",
     "heads.txt": "2 3\n1 2 3\n4 5 6.5\n1 3\n7 8 9\n",
     "count.pts": "2\n1 2 3\n4 5 6.5\n1\n7 8 9\n",
     "mark.asc": "\ufeff// a comment\n1 2 3\n4 5 6.5\n \n7 8 9",
