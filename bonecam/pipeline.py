@@ -148,7 +148,7 @@ def _morph(
             check_room(setup.stock, job, machine)
         check_cuts(setup.part.mesh, setup.stock, job.levels)
         if machine is not None:
-            check_length(setup.part.mesh, setup.stock, job)
+            check_length(setup.part.mesh, setup.stock, job, part(progress, 0.1, 0.1))
         advice = _post_advice(setup, job, machine) if found else {}
 
     with times.stage("surface"):

@@ -9,6 +9,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.machine import Machine
 from bonecam.nc.posting.travel import table_reach
 from bonecam.orientation.axes.lead import check_lead
+from bonecam.progress import Progress, report, silent
 from bonecam.setup.schedule import STOCK_CHORD_SHARE
 from bonecam.setup.stock import Stock
 from bonecam.toolpath.cutters.cutter import Cutter
@@ -71,31 +72,37 @@ def _check_swing(stock: Stock, job: Job, machine: Machine) -> None:
         raise MachineError(f"{machine.name}: {what}: {remedy}", axis="Z", reach=reach, travel=travel)
 
 
-def check_length(part: TriangleMesh, stock: Stock, job: Job) -> None:
-    """JobError where passes longer than `path.most_length` (m) are needed for what the stock has round the part."""
+def check_length(part: TriangleMesh, stock: Stock, job: Job, progress: Progress = silent) -> None:
+    """JobError where passes longer than `path.most_length` (m) are needed for what the stock has round the part; else
+    `progress` is told their least length, and the time at the feed."""
     mesh = stock.mesh(STOCK_CHORD_SHARE * stock.diameter)
-    length = least_length(part, mesh.volume, job)
+    lengths = least_lengths(part, mesh.volume, job)
+    length = sum(lengths.values())
+    hours = sum(lengths[name] / job.tool(name).feed for name in lengths) / 60
     if length > 1000 * job.path.most_length:
         around = f"the stock has {mesh.volume - part.volume:.3g} mm3 more than the part"
-        hours = length / job.tool("roughing").feed / 60
-        what = f"{around}, which takes {length / 1000:.0f} m of passes or more, {hours:.0f} h"
-        remedy = "give a smaller stock or deeper roughing cuts, or allow more"
+        shares = " and ".join(f"{lengths[name] / 1000:.0f} m in {name} cuts" for name in lengths)
+        what = f"{around}, which takes {length / 1000:.0f} m of passes or more ({shares}), {hours:.0f} h"
+        remedy = "give a smaller stock, deeper cuts with larger balls or scallops, or allow more"
         raise field_error("path", "most_length", job.path.most_length, f"{what}: {remedy}")
+    report(progress, 1.0, f"{length / 1000:.0f} m of passes or more, {hours:.1f} h of cutting")
 
 
-def least_length(part: TriangleMesh, volume: float, job: Job) -> float:
-    """About the least length (mm) of all passes that leave `part` of a stock of `volume` (mm^3).
+def least_lengths(part: TriangleMesh, volume: float, job: Job) -> dict[str, float]:
+    """About the least length (mm) of all passes of the roughing and the finishing cuts that leave `part` of a stock of
+    `volume` (mm^3).
 
     A cut of depth e whose passes lie L apart takes e L mm^3 a mm; the first cuts have the area of the part. Steps are
     those on a plane.
     """
     first, beyond = job.levels.cuts
-    length = 0.0
+    lengths = {"roughing": 0.0, "finishing": 0.0}
     left = max(volume - part.volume, 0.0)
     for level, depth in enumerate((*first, beyond)):
-        tool = job.finishing if job.is_finishing(level) else job.roughing
+        name = "finishing" if job.is_finishing(level) else "roughing"
+        tool = job.tool(name)
         taken = left if level == len(first) else min(depth * part.area, left)
         step = float(side_step(tool.radius, tool.scallop, np.zeros(1))[0])
-        length += taken / (depth * step)
+        lengths[name] += taken / (depth * step)
         left -= taken
-    return length
+    return lengths

@@ -10,7 +10,7 @@ from bonecam.job import Job
 from bonecam.job.frustum import Frustum
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.machine import read_machine
-from bonecam.nc.requirements import check_length, check_room, least_length
+from bonecam.nc.requirements import check_length, check_room, least_lengths
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.fixture.table import Table
 
@@ -24,20 +24,23 @@ def test_the_least_length_of_the_passes_is_volume_by_depth_and_step() -> None:
     fine, coarse = (2 * np.sqrt(h * (2 * r - h)) for r, h in ((1.0, 0.01), (2.0, 0.05)))
     levels = {"depths": "0.1 0.2 0.5"}
     left = 700 - PART.area * (0.1 + 0.2)
-    told = PART.area / fine + PART.area / coarse + left / (0.5 * coarse)
-    found = least_length(PART, 700 + PART.volume, Job().with_values(levels=levels))
+    told = {"roughing": PART.area / coarse + left / (0.5 * coarse), "finishing": PART.area / fine}
+    found = least_lengths(PART, 700 + PART.volume, Job().with_values(levels=levels))
     assert found == pytest.approx(told, rel=1e-12)
-    assert least_length(PART, PART.volume - 1, Job()) == 0
+    assert set(least_lengths(PART, PART.volume - 1, Job()).values()) == {0}
 
 
 def test_a_stock_that_takes_days_to_cut_is_refused_with_the_hours() -> None:
     stock = Capsule(np.zeros(3), np.array([0.0, 0.0, 30.0]), 50.0)
-    what = r"\[path\] most_length = 500: .* 7\.55e\+05 mm3 .* takes 1702 m of passes or more, 32 h: give a"
+    shares = r"\(1699 m in roughing cuts and 3 m in finishing cuts\)"
+    what = rf"\[path\] most_length = 500: .* 7\.55e\+05 mm3 .* takes 1702 m of passes or more {shares}, 32 h: give a"
     with pytest.raises(JobError, match=what):
         check_length(PART, stock, Job())
     check_length(PART, stock, Job().with_values(path={"most_length": 3000.0}))
     deep = {"levels": {"roughing_depth": 2.0}, "roughing": {"radius": 8.0, "scallop": 0.2}}
-    check_length(PART, stock, Job().with_values(**deep))
+    told: list[str] = []
+    check_length(PART, stock, Job().with_values(**deep), lambda share, what: told.append(what))
+    assert told == ["110 m of passes or more, 2.0 h of cutting"]
 
 
 def test_what_stands_on_the_table_and_reaches_into_the_stock_is_refused_before_anything_is_planned() -> None:
