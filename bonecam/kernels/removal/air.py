@@ -15,16 +15,20 @@ that cross, one meets each face so."""
 
 
 @njit(cache=True, nogil=True)
-def _interval(rays: RaySet, i: int, j: int, w: float) -> tuple[float, float]:
-    """The interval of material that holds w on ray (i, j); the first end is larger where w is in air."""
+def _ray_at(rays: RaySet, i: int, j: int) -> tuple[int, int]:
+    """The tile of ray (i, j) and the ray's index in it; the tile is negative where there is no such ray, or never was
+    material on it."""
     rows, columns = rays.tile_of.shape
     if i < 0 or j < 0 or i >= rows * TILE or j >= columns * TILE:
-        return 1.0, 0.0
-    tile = rays.tile_of[i // TILE, j // TILE]
-    if tile < 0:
-        return 1.0, 0.0
-    ray = (j % TILE) * TILE + i % TILE
-    for k in range(rays.counts[tile, ray]):
+        return -1, 0
+    return rays.tile_of[i // TILE, j // TILE], (j % TILE) * TILE + i % TILE
+
+
+@njit(cache=True, nogil=True)
+def _interval(rays: RaySet, i: int, j: int, w: float) -> tuple[float, float]:
+    """The interval of material that holds w on ray (i, j); the first end is larger where w is in air."""
+    tile, ray = _ray_at(rays, i, j)
+    for k in range(rays.counts[tile, ray] if tile >= 0 else 0):
         low, high = rays.spans[tile, ray, 2 * k], rays.spans[tile, ray, 2 * k + 1]
         if low <= w <= high:
             return low, high
@@ -44,14 +48,8 @@ def _on_ray(rays: RaySet, i: int, j: int, u: float, v: float, w: float) -> float
 def _end_beside(rays: RaySet, i: int, j: int, w: float, high: bool) -> float:
     """The upper (`high`) or lower end of material on ray (i, j) that continues a face from height w; NaN where none
     does."""
-    rows, columns = rays.tile_of.shape
-    if i < 0 or j < 0 or i >= rows * TILE or j >= columns * TILE:
-        return np.nan
-    tile = rays.tile_of[i // TILE, j // TILE]
-    if tile < 0:
-        return np.nan
-    ray = (j % TILE) * TILE + i % TILE
-    for k in range(rays.counts[tile, ray]):
+    tile, ray = _ray_at(rays, i, j)
+    for k in range(rays.counts[tile, ray] if tile >= 0 else 0):
         end = rays.spans[tile, ray, 2 * k + high]
         if abs(end - w) <= STEEPEST * rays.cell:
             return end
@@ -69,14 +67,15 @@ def _on_face(rays: RaySet, i: int, j: int, u: float, v: float, w: float) -> floa
     upper = high - w < w - low
     corners = np.empty(9)
     corners[0], corners[1], corners[2] = (i + 0.5) * cell, (j + 0.5) * cell, high if upper else low
+    corners[4], corners[6] = corners[1], corners[0]
+    before = _end_beside(rays, i, j - 1, corners[2], upper)
+    behind = _end_beside(rays, i, j + 1, corners[2], upper)
     best = np.inf
     for a in (-1, 1):
-        corners[3], corners[4] = corners[0] + a * cell, corners[1]
-        corners[5] = _end_beside(rays, i + a, j, corners[2], upper)
-        for b in (-1, 1):
-            corners[6], corners[7] = corners[0], corners[1] + b * cell
-            corners[8] = _end_beside(rays, i, j + b, corners[2], upper)
-            if not (np.isnan(corners[5]) or np.isnan(corners[8])):
+        corners[3], corners[5] = corners[0] + a * cell, _end_beside(rays, i + a, j, corners[2], upper)
+        for b, end in ((-1, before), (1, behind)):
+            corners[7], corners[8] = corners[1] + b * cell, end
+            if not (np.isnan(corners[5]) or np.isnan(end)):
                 best = min(best, squared_triangle_distance(u, v, w, corners))
     return best
 
