@@ -41,6 +41,12 @@ class NumberFormat:
         """The values as the control will read them."""
         return np.asarray(self.steps(values) / 10.0**self.decimals)
 
+    def rounded_down(self, values: Float[ndarray, "*n"]) -> Float[ndarray, "*n"]:
+        """The largest numbers of this kind that are no larger than the values, within the control's range: a feed that
+        is rounded up may be beyond what an axis can."""
+        whole = np.floor(np.asarray(values) / self.step + 1e-6) * self.step
+        return self.rounded(np.clip(whole, self.lowest, self.highest))
+
     def check(self, values: Float[ndarray, "*n"]) -> None:
         """ProgramError where a value leaves the control's range."""
         outside = ~((values >= self.lowest) & (values <= self.highest))

@@ -56,3 +56,9 @@ def test_what_a_control_cannot_take_is_refused():
 
 def test_a_comment_cannot_end_itself():
     assert plain_text("Bone (left); 2 µm", "ABCDEFGHIJKLMNOPQRSTUVWXYZ 0123456789") == "BONE  LEFT   2  M"
+
+
+def test_a_feed_is_rounded_down_into_the_range_of_its_word():
+    feed = NumberFormat(decimals=1, sign=False, lowest=0.5, highest=900.0)
+    found = feed.rounded_down(np.array([12.39, 0.3 * 3, 0.04, 1e6]))
+    assert found.tolist() == [12.3, 0.9, 0.5, 900.0]

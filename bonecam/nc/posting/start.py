@@ -28,8 +28,7 @@ def start_texts(
     steps = start_words(dialect, control, angles_deg, retract)
     rows = [word_texts(control.machine, dialect, step) for step in steps]
     feed = dialect.numbers["feed"]
-    rates = np.floor(np.r_[rapid, drivable_rates(control, steps, rapid)] / feed.step) * feed.step
-    rates = np.clip(rates, feed.lowest, feed.highest)
+    rates = feed.rounded_down(np.r_[rapid, drivable_rates(control, steps, rapid)])
     turn = [
         line
         for row, rate in zip(rows, rates.tolist(), strict=True)

@@ -225,9 +225,7 @@ class ProgramWriter:
         form = " ".join(word_formats(self.machine, self.dialect))
         rapid = "\n".join(self.dialect.move_lines("rapid", words=form))
         feed = "\n".join(self.dialect.move_lines("feed", words=form, feed=self.feed.spec))
-        # rounded down: a feed that is rounded up may be beyond what an axis can
-        whole = np.floor(self._rates(posted, rows) / self.feed.step + 1e-6) * self.feed.step
-        rates = self.feed.rounded(np.clip(whole, self.feed.lowest, self.feed.highest))
+        rates = self.feed.rounded_down(self._rates(posted, rows))
         # the first row of a run is reached along the tool axis from the approach height
         fast = (kinds == Kind.RAPID) & self.dialect.straight_rapids
         fast[0] = self.dialect.straight_rapids or not self.dialect.tool_centre
