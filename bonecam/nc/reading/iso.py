@@ -120,8 +120,6 @@ class _BlockReader:
         if "T" in values:
             state.selected = tool_number(values["T"], line)
         if "tool_change" in effects:
-            if state.tool_centre:
-                raise line_error(line, "a tool change while tool-centre control is on")
             state.change_tool(state.selected, line)
         if "tool_length" in effects or "tool_length_off" in effects:
             by_edge = "tool_length" in effects and any(letter == "D" for letter, _ in words)

@@ -83,6 +83,8 @@ class ModalState:
 
     def change_tool(self, number: int, line: int) -> None:
         """Put a tool into the spindle; where its tip stands is known after the next move."""
+        if self.tool_centre:
+            raise line_error(line, "a tool change while tool-centre control is on")
         if number not in self.tools:
             raise line_error(line, f"tool {number} is called but not described: give its radius and length")
         self.tool = number

@@ -25,8 +25,6 @@ def _apply(effect: str, values: dict[str, str], state: ModalState, line: int) ->
     if effect == "comment":
         state.read_comment(values["comment"], line)
     elif effect == "tool":
-        if state.tool_centre:
-            raise line_error(line, "tool call while tool-centre control is on")
         state.change_tool(tool_number(values["tool"], line), line)
     elif effect == "retract":
         state.blocks += 1
