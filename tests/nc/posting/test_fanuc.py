@@ -1,7 +1,6 @@
 """Fanuc 30i and what is like it: rotary axes at zero where G43.4 is read, the ways under it, the frame."""
 
 import re
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -24,14 +23,6 @@ SWITCHES = {
     "makino": (["M250", "G05 P10000"], ["G49", "G05 P0"]),
     "mitsubishi": (["G05.1 Q1"], ["G49", "G05.1 Q0"]),
 }
-
-
-@pytest.fixture(scope="module")
-def paths(capsule_path: Callable[..., ToolPath]) -> tuple[ToolPath, ToolPath]:
-    return (
-        capsule_path(level=5, radius=2.0, offset=1.5, number=1, count=150),
-        capsule_path(level=0, radius=1.0, number=2, count=150),
-    )
 
 
 @pytest.fixture(scope="module", params=SWITCHES)

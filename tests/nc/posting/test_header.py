@@ -2,7 +2,6 @@
 
 import math
 import re
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -23,14 +22,6 @@ from bonecam.toolpath.path import Kind, ToolPath
 from bonecam.verify.readback import Tolerances, compare_moves
 
 MIKRON, HEIDENHAIN = read_machine("mikron-ucp600"), read_dialect("heidenhain")
-
-
-@pytest.fixture(scope="module")
-def paths(capsule_path: Callable[..., ToolPath]) -> tuple[ToolPath, ToolPath]:
-    return (
-        capsule_path(level=5, radius=2.0, offset=1.5, number=1, count=150),
-        capsule_path(level=0, radius=1.0, number=2, count=150),
-    )
 
 
 @pytest.fixture(scope="module")

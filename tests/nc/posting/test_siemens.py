@@ -1,7 +1,6 @@
 """Siemens 840D: what the control is told before the first move, at a tool change and at the end, and C by DC()."""
 
 import re
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -17,14 +16,6 @@ from bonecam.verify.readback import Tolerances, compare_moves
 
 MIKRON, SIEMENS = read_machine("mikron-ucp600"), read_dialect("siemens-840d")
 DC = re.compile(r" C=DC\((-?\d+\.\d{3})\)")
-
-
-@pytest.fixture(scope="module")
-def paths(capsule_path: Callable[..., ToolPath]) -> tuple[ToolPath, ToolPath]:
-    return (
-        capsule_path(level=5, radius=2.0, offset=1.5, number=1, count=150),
-        capsule_path(level=0, radius=1.0, number=2, count=150),
-    )
 
 
 @pytest.fixture(scope="module")

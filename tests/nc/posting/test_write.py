@@ -1,5 +1,4 @@
 import re
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -11,19 +10,10 @@ from bonecam.nc.machine import read_machine
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.read import read_program
 from bonecam.nc.words import plain_text
-from bonecam.toolpath.path import ToolPath
 from bonecam.verify.readback import Tolerances, compare_moves
 
 MACHINE_OF = dict.fromkeys(dialect_names(), "mikron-ucp600") | {"linuxcnc": "linuxcnc-xyzbc"}
 CHAIN_KINDS = ("table-table", "head-table", "head-head", "nutating")
-
-
-@pytest.fixture(scope="module")
-def paths(capsule_path: Callable[..., ToolPath]) -> tuple[ToolPath, ToolPath]:
-    return (
-        capsule_path(level=5, radius=2.0, offset=1.5, number=1, count=150),
-        capsule_path(level=0, radius=1.0, number=2, count=150),
-    )
 
 
 @pytest.fixture(params=dialect_names())

@@ -1,0 +1,16 @@
+"""The paths of a program with two tools."""
+
+from collections.abc import Callable
+
+import pytest
+
+from bonecam.toolpath.path import ToolPath
+
+
+@pytest.fixture(scope="session")
+def paths(capsule_path: Callable[..., ToolPath]) -> tuple[ToolPath, ToolPath]:
+    """A level cut for roughing, and the last one for finishing."""
+    return (
+        capsule_path(level=5, radius=2.0, offset=1.5, number=1, count=150),
+        capsule_path(level=0, radius=1.0, number=2, count=150),
+    )
