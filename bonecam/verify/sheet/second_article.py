@@ -59,7 +59,7 @@ def _checks(report: Mapping[str, Any]) -> Iterator[str]:
         f"Simulated from the text (cells of {removal['cell_mm']:g} mm), beginning with what the first program left: "
         "rapids cut nothing, shank and holder touch nothing"
     )
-    yield f"The tool stays {report['removal']['clearance_mm']['shell']:.2f} mm from the shell"
+    yield f"The tool stays {removal['clearance_mm']['shell']:.2f} mm from the shell"
 
 
 def _left(report: Mapping[str, Any]) -> Iterator[str]:
