@@ -116,7 +116,7 @@ def torus() -> Callable[..., TriangleMesh]:
 
 @pytest.fixture(scope="session")
 def check_refused() -> Callable[[Path, bytes | str, str], None]:
-    """Asserts that a file of this content is refused in one line that names it and holds `reason`."""
+    """Asserts that a file of this content is refused in one short line that names it and holds `reason`."""
 
     def check(file: Path, content: bytes | str, reason: str) -> None:
         file.write_bytes(content if isinstance(content, bytes) else content.encode())
@@ -125,5 +125,6 @@ def check_refused() -> Callable[[Path, bytes | str, str], None]:
         assert str(caught.value).startswith(str(file))
         assert reason in str(caught.value)
         assert "\n" not in str(caught.value)
+        assert len(str(caught.value)) < 1000
 
     return check

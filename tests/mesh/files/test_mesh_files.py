@@ -133,6 +133,10 @@ BAD = {
         (PLY.replace("face 4", "face 4\nproperty float " + "p" * 2**20) + TETRAHEDRON).encode(),
         "has a header of 1048746 bytes, 1048576 are allowed",
     ),
+    "quoted.ply": (
+        (PLY.replace("ascii", "ascii" + "1" * 5000) + TETRAHEDRON).encode(),
+        "is no readable PLY file (line 2: don't understand format 'ascii111",
+    ),
     "short.ply": ((PLY + TETRAHEDRON).encode(), "is no readable PLY file"),
     "word.off": (OFF.replace("3 1 2 3", "3 one 2 3").encode(), "has a word where a number should stand"),
     "points.obj": (b"v 0 0 0\nv 1 0 0\nv 0 1 0\n", "holds no triangles"),

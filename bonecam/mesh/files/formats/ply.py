@@ -14,12 +14,15 @@ from jaxtyping import Int64
 from numpy import ndarray
 
 from bonecam.mesh.files.formats.content import CUT_SHORT, Content, ContentError
+from bonecam.text.faults import shortened
 
 INDICES = ("vertex_indices", "vertex_index")
 """Names of the property that holds the corners of a face or strip."""
 END = re.compile(rb"end_header[ \t]*(\r\n|\n|\r)")
 WORDS = (b"ply", b"format", b"comment", b"obj_info", b"element", b"property")
 REMARKS = (b"comment", b"obj_info")
+LONGEST_REASON = 200
+"""Most characters told of plyfile's word on a file, which may quote all of a line."""
 LONGEST_HEADER = 2**20
 """Most bytes of a header without its remarks: plyfile takes half a second for so many."""
 
@@ -34,6 +37,11 @@ class _Stream(io.BytesIO):
         return super().read(size)
 
 
+def _reason(error: Exception) -> str:
+    """What an error says, in one short line."""
+    return shortened(" ".join(str(error).split()), LONGEST_REASON)
+
+
 def parse_ply(data: bytes) -> Content:
     """The vertices, polygons and triangle strips of a PLY. Faces of fewer than three corners are left out."""
     import plyfile
@@ -44,11 +52,9 @@ def parse_ply(data: bytes) -> Content:
         try:
             found = plyfile.PlyData.read(_Stream(header + body))
         except plyfile.PlyParseError as error:
-            what = f"is no readable PLY file ({' '.join(str(error).split())})"
-            raise ContentError(what, CUT_SHORT) from error
+            raise ContentError(f"is no readable PLY file ({_reason(error)})", CUT_SHORT) from error
         except (ValueError, OverflowError, TypeError) as error:
-            reason = " ".join(str(error).split())
-            raise ContentError(f"has a word where a number should stand ({reason})") from error
+            raise ContentError(f"has a word where a number should stand ({_reason(error)})") from error
     tables = {element.name: element for element in found.elements}
     if "vertex" not in tables or not {"x", "y", "z"} <= set(tables["vertex"].data.dtype.names or ()):
         raise ContentError("holds no vertices with x, y and z")
