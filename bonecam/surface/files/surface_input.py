@@ -165,9 +165,15 @@ def check_uncovered(surface: TSpline, solid: TriangleMesh, file: str) -> None:
 def closed_mesh(surface: TSpline, file: str) -> TriangleMesh:
     """The surface as a closed mesh.
 
-    Raises UnitsError where it has not the size of a part, MeshError where it intersects itself.
+    Raises UnitsError where it has not the size of a part, MeshError where it intersects itself, SurfaceError where no
+    mesh comes near it: a weight is far larger than the others, or it is creased.
     """
-    mesh = to_mm(surface.tessellate(CHORD), "mm", file)
+    try:
+        mesh = to_mm(surface.tessellate(CHORD), "mm", file)
+    except SurfaceError as error:
+        what = f"{file}: {str(error).partition(':')[0]}"
+        remedy = "correct weights and points there, or give a mesh"
+        raise SurfaceError(f"{what}: {remedy}", **{**error.evidence, "file": file}) from error
     faces = self_intersections(mesh)
     if len(faces):
         place = mesh.vertices[mesh.faces[faces[0]]].mean(axis=0)

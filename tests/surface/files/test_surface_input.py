@@ -10,6 +10,7 @@ from numpy import ndarray
 from bonecam.errors import FileError, SurfaceError, UnitsError
 from bonecam.surface.files.save import check_target, save_surface
 from bonecam.surface.files.surface_input import (
+    closed_mesh,
     holds_surface,
     move_with_part,
     read_surface,
@@ -49,6 +50,17 @@ def test_a_saved_surface_comes_back_as_it_was(bone_like: Callable[..., TSpline],
     found = read_surface(tmp_path / "a.tspline", 1.0, 0.1, 450)
     assert found.surface.control_points.tobytes() == surface.control_points.tobytes()
     assert found.deviation.max == 0
+
+
+def test_a_surface_that_no_mesh_follows_is_refused_with_its_file(bone_like: Callable[..., TSpline]) -> None:
+    surface = bone_like(9, 7, 4)
+    weights = surface.weights.copy()
+    weights[len(weights) // 3] = 1e9
+    with pytest.raises(
+        SurfaceError, match=r"a\.tspline: the surface cannot be tessellated .*correct weights"
+    ) as caught:
+        closed_mesh(TSpline(surface.tmesh, surface.control_points, weights), "a.tspline")
+    assert caught.value.evidence["file"] == "a.tspline"
 
 
 def test_a_surface_that_is_put_upside_down_runs_from_the_lower_pole_again(
