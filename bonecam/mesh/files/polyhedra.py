@@ -6,6 +6,7 @@ and BODY, those inside inserted blocks too. Where the header states a unit (SAT:
 the part comes back in mm; else its numbers stand.
 """
 
+from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -100,8 +101,8 @@ def _body_polygons(file: Path, bodies: Iterable[Any]) -> Iterator[Polygon]:
     from ezdxf.acis.mesh import flat_polygon_faces_from_body
 
     for body in bodies:
-        found = [polygon for lump in flat_polygon_faces_from_body(body) for polygon in lump]
         faces = list(_faces(body))
+        found = [polygon for lump in flat_polygon_faces_from_body(body) for polygon in lump]
         curved = len(faces) - len(found)
         holed = sum(not face.loop.is_none and not face.loop.next_loop.is_none for face in faces)
         if curved or holed:
@@ -117,17 +118,26 @@ def _body_polygons(file: Path, bodies: Iterable[Any]) -> Iterator[Polygon]:
 
 
 def _faces(body: Any) -> Iterator[Any]:
-    """The faces of all shells of an ACIS body."""
-    lump = body.lump
-    while not lump.is_none:
-        shell = lump.shell
-        while not shell.is_none:
-            face = shell.face
-            while not face.is_none:
+    """The faces of all shells of an ACIS body. ValueError where a list in it never ends: ezdxf would follow it for
+    ever."""
+    for lump in _linked(body.lump, "next_lump"):
+        for shell in _linked(lump.shell, "next_shell"):
+            for face in _linked(shell.face, "next_face"):
+                if not face.loop.is_none:
+                    deque(_linked(face.loop.coedge, "next_coedge", ring=True), maxlen=0)
                 yield face
-                face = face.next_face
-            shell = shell.next_shell
-        lump = lump.next_lump
+
+
+def _linked(first: Any, link: str, *, ring: bool = False) -> Iterator[Any]:
+    """The entities of an ACIS list from the `first` on, each of which names the next one as `link`; of a `ring`, which
+    comes back to the first, once round. ValueError where it comes back to another one."""
+    entity, seen = first, set[int]()
+    while not entity.is_none and not (ring and seen and entity is first):
+        if id(entity) in seen:
+            raise ValueError(f"{link} of {entity.type} leads round for ever")
+        seen.add(id(entity))
+        yield entity
+        entity = getattr(entity, link)
 
 
 def _from_dxf(file: Path) -> tuple[list[Polygon], float]:

@@ -129,3 +129,14 @@ def test_without_ezdxf_one_line_names_the_extra(tmp_path: Path, monkeypatch: pyt
     monkeypatch.setitem(sys.modules, "ezdxf", None)
     with pytest.raises(FileError, match=r"needs ezdxf: pip install 'bonecam\[cad\]'$"):
         read_mesh(tmp_path / "block.sat")
+
+
+@pytest.mark.parametrize("link", ["next_coedge", "next_face", "next_lump"])
+def test_a_list_that_never_ends_is_refused(link: str, tmp_path: Path) -> None:
+    body = api.body_from_mesh(block())
+    face = body.lump.shell.face
+    entity = {"next_coedge": face.loop.coedge.next_coedge, "next_face": face, "next_lump": body.lump}[link]
+    setattr(entity, link, entity)
+    (tmp_path / "a.sat").write_text("\n".join(api.export_sat([body])))
+    with pytest.raises(FileError, match=rf"is no readable SAT file \({link} of \w+ leads round for ever\)"):
+        read_mesh(tmp_path / "a.sat")
