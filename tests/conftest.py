@@ -64,6 +64,27 @@ def surface_of_revolution(
 
 
 @pytest.fixture(scope="session")
+def painted_ply() -> str:
+    """A PLY file of one triangle whose texture is the file {}."""
+    return """ply
+format ascii 1.0
+comment TextureFile {}
+element vertex 3
+property float x
+property float y
+property float z
+element face 1
+property list uchar int vertex_indices
+property list uchar float texcoord
+end_header
+0 0 0
+1 0 0
+0 1 0
+3 0 1 2 6 0 0 1 0 0 1
+"""
+
+
+@pytest.fixture(scope="session")
 def pebble() -> Callable[..., TSpline]:
     """Makes a smooth convex lump about 8 mm wide and 12 mm high, larger by about `extra` (mm)."""
 

@@ -149,29 +149,19 @@ def test_a_texture_beside_the_script_is_read(folder: Path, tmp_path: Path, regis
     assert "t.png" in files(tmp_path / "out")
 
 
-PAINTED = """ply
-format ascii 1.0
-comment TextureFile {}
-element vertex 3
-property float x
-property float y
-property float z
-element face 1
-property list uchar int vertex_indices
-property list uchar float texcoord
-end_header
-0 0 0
-1 0 0
-0 1 0
-3 0 1 2 6 0 0 1 0 0 1
-"""
 TRIANGLE = "mtllib {}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl skin\nf 1/1 2/1 3/1\n"
 
 
 @pytest.mark.parametrize("kind", ["ply", "materials", "texture"])
 @pytest.mark.parametrize("name", ["../t.png", "..\\t.png", "{}/t.png", "link.png", "cwd.png"])
 def test_an_input_brings_no_file_of_another_folder(
-    kind: str, name: str, folder: Path, tmp_path: Path, registry: Registry, monkeypatch: pytest.MonkeyPatch
+    kind: str,
+    name: str,
+    painted_ply: str,
+    folder: Path,
+    tmp_path: Path,
+    registry: Registry,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     (tmp_path / "first").mkdir()
     run_script(script(tmp_path, TEXTURE.format("t.png")), [], tmp_path / "first", registry=registry)
@@ -182,7 +172,7 @@ def test_an_input_brings_no_file_of_another_folder(
     (folder / "link.png").symlink_to(tmp_path / "t.png")
     named = name.format(tmp_path)
     given = folder / ("a.ply" if kind == "ply" else "a.obj")
-    given.write_text(PAINTED.format(named) if kind == "ply" else TRIANGLE.format("a.mtl"))
+    given.write_text(painted_ply.format(named) if kind == "ply" else TRIANGLE.format("a.mtl"))
     (folder / "a.mtl").write_text(f"newmtl skin\nmap_Kd {named}\n")
     if kind == "materials":
         given.write_text(TRIANGLE.format(named))

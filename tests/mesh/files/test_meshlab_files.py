@@ -17,24 +17,6 @@ OBJ = "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nv 0 0 1 1 1 1\n"
 OBJ += "f 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
 
 
-PAINTED = """ply
-format ascii 1.0
-comment TextureFile {}
-element vertex 3
-property float x
-property float y
-property float z
-element face 1
-property list uchar int vertex_indices
-property list uchar float texcoord
-end_header
-0 0 0
-1 0 0
-0 1 0
-3 0 1 2 6 0 0 1 0 0 1
-"""
-
-
 BROKEN = """
 import os
 
@@ -94,14 +76,14 @@ def test_options_of_meshlabs_reader_are_taken(tmp_path: Path) -> None:
 
 
 def test_damaged_and_special_files_are_refused_before_meshlab_sees_them(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, painted_ply: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(worker, "CHILD", "import os; os.abort()")
     (tmp_path / "far.obj").write_text(OBJ.replace("f 2 3 4", "f 2 3 1000000000"))
     (tmp_path / "device.obj").write_text("mtllib /dev/zero\n" + OBJ)
     (tmp_path / "painted.obj").write_text("mtllib none.mtl skin.mtl\n" + OBJ)
     (tmp_path / "skin.mtl").write_text("newmtl skin\nmap_Kd .\\paint.png\n")
-    (tmp_path / "painted.ply").write_text(PAINTED.format("paint.png"))
+    (tmp_path / "painted.ply").write_text(painted_ply.format("paint.png"))
     os.mkfifo(tmp_path / "paint.png")
     os.mkfifo(tmp_path / "pipe.gltf")
     for name, what in (
