@@ -15,8 +15,9 @@ from bonecam.errors import BonecamError, JobError, MachineError, ToolPathError
 from bonecam.job import Job
 from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.mesh.part import prepare_part
-from bonecam.nc.dialect import FOLDER, read_dialect
-from bonecam.nc.machine import machine_names, read_machine
+from bonecam.nc.dialect import read_dialect
+from bonecam.nc.machine import read_machine
+from bonecam.nc.schema.tables import DIALECTS, machine_names
 from bonecam.pipeline import check_job
 from bonecam.setup.placement import place
 
@@ -142,7 +143,7 @@ def test_the_default_job_suits_every_machine(machine: str, controller: str) -> N
     check_job(Job(), read_machine(machine), read_dialect(controller))
 
 
-HEIDENHAIN = (FOLDER / "heidenhain.toml").read_text()
+HEIDENHAIN = (DIALECTS / "heidenhain.toml").read_text()
 
 
 @pytest.mark.usefixtures("no_work")

@@ -38,6 +38,9 @@ How to add a dialect: copy a file of `bonecam/nc/dialects/` (name it, or give it
   iso [codes]: what each G, M and D code and each word of letters alone does; where there are codes of `tool_length`,
   every tool must have its length, by H, or by D of the tool in the spindle, before it moves; a rapid to Z0 in
   `machine_coordinates` is a retract, and so is a `reference_return` of Z by `incremental` words;
+- [stated]: what the proof takes for granted and a text must therefore state, by codes, or by names that statements
+  have as `states`: before the first move of an axis (`moves`), and again after each start of tool-centre control
+  (`tool_centre`);
 - `like`: the name of a dialect that ships and has all that the file leaves out; a list in the file replaces the whole
   list.
 Say in the file which words are proved and which were only read.
@@ -60,14 +63,12 @@ from bonecam.nc.schema.dialect_file import (
     SwitchTable,
     ToolCentreTable,
 )
-from bonecam.nc.schema.grammar_tables import CODES
+from bonecam.nc.schema.grammar_tables import CODES, StatedTable, StatementTable
 from bonecam.nc.schema.numbering import NumberingTable
-from bonecam.nc.schema.tables import names_in, read_table
+from bonecam.nc.schema.tables import DIALECTS, read_table
 from bonecam.nc.schema.template_tables import TEMPLATES
 from bonecam.nc.words import NumberFormat
 from bonecam.text.pattern import Pattern
-
-FOLDER = Path(__file__).parent / "dialects"
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,8 +99,9 @@ class Dialect:
     numbering: NumberingTable
     tool_centre_control: dict[str, ToolCentreTable]
     templates: dict[str, str]
-    statements: tuple[tuple[str, str], ...]
+    statements: tuple[StatementTable, ...]
     codes: dict[str, str]
+    stated: StatedTable
 
     @property
     def tool_centre(self) -> bool:
@@ -108,9 +110,9 @@ class Dialect:
         return self.interpolation == "tool-centre"
 
     @cached_property
-    def patterns(self) -> tuple[tuple[Pattern, str], ...]:
-        """The reader's statements, compiled, with their effects."""
-        return tuple((Pattern(pattern), effect) for pattern, effect in self.statements)
+    def patterns(self) -> tuple[tuple[Pattern, StatementTable], ...]:
+        """The reader's statements with their patterns, compiled."""
+        return tuple((Pattern(item.pattern), item) for item in self.statements)
 
     def lines(self, template: str, **fields: Any) -> list[str]:
         """The blocks of a template with its fields filled in."""
@@ -175,14 +177,9 @@ class Dialect:
         return self.tool_centre_control[machine.tool_centre_control]
 
 
-def dialect_names() -> tuple[str, ...]:
-    """The dialects that come with bonecam."""
-    return names_in(FOLDER)
-
-
 def read_dialect(name: str | Path) -> Dialect:
     """The dialect of a name, or of a path to a TOML file; MachineError names file and every key that is wrong."""
-    path, table = read_table("controller", name, FOLDER, DialectFile, may_be_like=True)
+    path, table = read_table("controller", name, DIALECTS, DialectFile, may_be_like=True)
     return Dialect(
         name=path.stem,
         title=table.title,
@@ -207,8 +204,9 @@ def read_dialect(name: str | Path) -> Dialect:
         numbering=table.numbering,
         tool_centre_control=dict(table.tool_centre_control),
         templates={key: getattr(table.templates, key) for key in TEMPLATES},
-        statements=tuple((item.pattern, item.effect) for item in table.statements),
+        statements=tuple(table.statements),
         codes={word: effect for effect in CODES for word in getattr(table.codes, effect)},
+        stated=table.stated,
     )
 
 

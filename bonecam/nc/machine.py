@@ -33,10 +33,9 @@ from pathlib import Path
 
 from bonecam.job.frustum import Frustum, stack_of
 from bonecam.nc.schema.machine_file import LINEAR, BodiesTable, LinearTable, MachineFile, RotaryTable
-from bonecam.nc.schema.tables import names_in, read_table
+from bonecam.nc.schema.tables import MACHINES, read_table
 from bonecam.setup.fixture.table import MachineBodies, Table
 
-FOLDER = Path(__file__).parent / "machines"
 Vector = tuple[float, float, float]
 
 
@@ -109,14 +108,9 @@ class Machine:
         return 3 + self.rotary.index(axis)
 
 
-def machine_names() -> tuple[str, ...]:
-    """The machines that come with bonecam."""
-    return names_in(FOLDER)
-
-
 def read_machine(name: str | Path) -> Machine:
     """The machine of a name, or of a path to a TOML file; MachineError names file and every key that is wrong."""
-    path, table = read_table("machine", name, FOLDER, MachineFile)
+    path, table = read_table("machine", name, MACHINES, MachineFile)
     chain: list[str] = list(table.chain)
     place = chain.index(LINEAR)
     x, y, z = (_linear(letter, getattr(table, letter)) for letter in LINEAR)

@@ -9,7 +9,8 @@ from pathlib import Path
 from bonecam.errors import BonecamError, FileError
 from bonecam.files import NAME_BYTES, check_files, check_folder, second_file
 from bonecam.mesh.files.mesh_files import CAD, MESHES
-from bonecam.nc.dialect import Dialect, dialect_names, read_dialect
+from bonecam.nc.dialect import Dialect, read_dialect
+from bonecam.nc.schema.tables import dialect_names
 from bonecam.outputs.kept_folder import SERIES, fill_kept_folder
 from bonecam.outputs.kept_view import check_page_name
 from bonecam.outputs.result import Morphed, Result

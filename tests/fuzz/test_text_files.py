@@ -12,12 +12,11 @@ from bonecam.errors import BonecamError
 from bonecam.filters.mlx import read_calls
 from bonecam.job import Job, read_job, write_job
 from bonecam.mesh.files.point_files import read_blocks
-from bonecam.nc.dialect import FOLDER as DIALECTS
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.machine import FOLDER as MACHINES
 from bonecam.nc.machine import read_machine
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.read import read_program
+from bonecam.nc.schema.tables import DIALECTS, MACHINES
 from bonecam.pipeline import check_job
 from bonecam.surface.files.iga import read_iga, write_iga
 from bonecam.surface.files.surface_input import read_part

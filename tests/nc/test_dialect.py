@@ -1,19 +1,20 @@
 import pytest
 
 from bonecam.errors import MachineError
-from bonecam.nc.dialect import FOLDER, dialect_names, read_dialect
+from bonecam.nc.dialect import read_dialect
+from bonecam.nc.schema.tables import DIALECTS, dialect_names
 from bonecam.nc.schema.template_tables import TEMPLATES
 
-GOOD = (FOLDER / "linuxcnc.toml").read_text()
-KLARTEXT = (FOLDER / "heidenhain.toml").read_text()
-SIEMENS = (FOLDER / "siemens-840d.toml").read_text()
+GOOD = (DIALECTS / "linuxcnc.toml").read_text()
+KLARTEXT = (DIALECTS / "heidenhain.toml").read_text()
+SIEMENS = (DIALECTS / "siemens-840d.toml").read_text()
 
 
 @pytest.mark.parametrize("name", dialect_names())
 def test_every_shipped_dialect_has_every_template_and_says_what_is_proved(name):
     dialect = read_dialect(name)
     assert set(TEMPLATES) <= set(dialect.templates)
-    comment = (FOLDER / f"{name}.toml").read_text().split("title", 1)[0]
+    comment = (DIALECTS / f"{name}.toml").read_text().split("title", 1)[0]
     assert "PROVED" in comment or "READ ONLY" in comment
 
 
@@ -132,7 +133,7 @@ def test_what_the_iso_grammar_is_told_is_checked(old, new, key, tmp_path):
 def test_statements_are_matched_in_linear_time(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text(KLARTEXT.replace("pattern = 'M30'", "pattern = '(M+)+30'"))
-    (pattern,) = (pattern for pattern, effect in read_dialect(path).patterns if effect == "program end")
+    (pattern,) = (item for item, told in read_dialect(path).patterns if told.effect == "program end")
     assert pattern.match("M" * 100_000) is None
 
 

@@ -4,7 +4,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bonecam.nc.kinematics import UP, forward, inverse_linear, inverse_rotary, rotate, tilt_limit, tool_axes
-from bonecam.nc.machine import machine_names, read_machine
+from bonecam.nc.machine import read_machine
+from bonecam.nc.schema.tables import machine_names
 
 CHAIN_KINDS = ("table-table", "head-table", "head-head", "nutating")
 

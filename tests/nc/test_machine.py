@@ -4,7 +4,8 @@ import pytest
 
 from bonecam.errors import MachineError
 from bonecam.job.frustum import Frustum
-from bonecam.nc.machine import FOLDER, machine_names, read_machine
+from bonecam.nc.machine import read_machine
+from bonecam.nc.schema.tables import MACHINES, machine_names
 from bonecam.setup.fixture.table import Table
 
 
@@ -20,7 +21,7 @@ def test_the_mikron_is_the_one_whose_post_could_be_read(axis):
 
 @pytest.mark.parametrize("name", machine_names())
 def test_every_shipped_machine_is_read_the_same_by_name_and_by_path(name):
-    assert read_machine(name) == read_machine(FOLDER / f"{name}.toml")
+    assert read_machine(name) == read_machine(MACHINES / f"{name}.toml")
 
 
 @pytest.mark.parametrize("kind", ["table-table", "head-table", "head-head", "nutating"])

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from bonecam.errors import ProgramError
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.reading.full_moves import ISO_NUMBER, endless_letters, endless_word_pattern
-from bonecam.nc.reading.modal_state import ModalState, line_error, tool_number
+from bonecam.nc.reading.line_error import line_error
+from bonecam.nc.reading.modal_state import ModalState, tool_number
 from bonecam.nc.reading.statements import is_statement
 from bonecam.nc.schema.numbering import block_number, has_number, numbered_pattern
 from bonecam.text.faults import shown
@@ -100,6 +101,8 @@ class _BlockReader:
             state.incremental = "incremental" in effects
         self._take_tool(words, effects, values, line)
         self._switch_tool_centre(effects, values, line)
+        for letter, number in words:
+            state.stated.read(letter + number)
 
         axes = {letter: float(text) for letter, text in values.items() if letter in state.machine.letters}
         if "machine_coordinates" in effects or "reference_return" in effects:
@@ -138,8 +141,7 @@ class _BlockReader:
             self._check_zero(line)
         if "tool_length" not in self.dialect.codes.values():
             state.take_length(tool_number(values.get("H", "0"), line) if on else 0, line)
-        state.tool_centre = on
-        state.forget_tip()
+        state.switch_tool_centre(on)
 
     def _check_zero(self, line: int) -> None:
         """ProgramError where a rotary axis that carries the part does not stand at zero, or it is not known where."""

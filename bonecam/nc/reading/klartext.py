@@ -5,7 +5,8 @@ from collections.abc import Sequence
 
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.reading.full_moves import klartext_number
-from bonecam.nc.reading.modal_state import ModalState, line_error
+from bonecam.nc.reading.line_error import line_error
+from bonecam.nc.reading.modal_state import ModalState
 from bonecam.nc.reading.statements import run_statement
 from bonecam.nc.schema.numbering import WHOLE, block_number
 from bonecam.text.faults import shown

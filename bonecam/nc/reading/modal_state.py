@@ -15,7 +15,9 @@ from bonecam.nc.control import Control
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.machine import Machine
 from bonecam.nc.reading.full_moves import MARKS, Blocks, full_move, read_full_moves, unwound
+from bonecam.nc.reading.line_error import line_error
 from bonecam.nc.reading.motions import Motions, Tool, motions_of
+from bonecam.nc.reading.stated import Stated
 from bonecam.nc.schema.numbering import WHOLE, block_numbers
 from bonecam.text.faults import shown
 
@@ -24,11 +26,6 @@ TOOL_COMMENT = re.compile(rf"\s*TOOL ({WHOLE}) BALL RADIUS ({WHOLE}\.[0-9]+) LEN
 AMBIGUOUS_TURN_DEG = 179.0
 """A word that turns an endless axis by more than this in one block is refused: by half a turn, either way is
 short, and an axis that is wound goes the wrong way round."""
-
-
-def line_error(line: int, why: str) -> ProgramError:
-    """The error of a line (from 1) of a program."""
-    return ProgramError(f"line {line}: {why}", line=line)
 
 
 def tool_number(text: str, line: int) -> int:
@@ -59,6 +56,7 @@ class ModalState:
         self.needs_length = not {"tool_length", "tool_centre_on"}.isdisjoint(dialect.codes.values())
         self.length_of = 0
         self.tool_centre = False
+        self.stated = Stated(dialect)
         self.bounded_turns = dialect.chooses_way or dialect.endless_words == "wrapped"
         self.short_way: bool | None = None if dialect.chooses_way else dialect.endless_words == "wrapped"
         self.inverse_time = False
@@ -99,6 +97,12 @@ class ModalState:
         self.length_of = number
         self.forget_tip()
 
+    def switch_tool_centre(self, on: bool) -> None:
+        """Switch tool-centre control on or off; where the tip stands is known after the next move."""
+        self.tool_centre = on
+        self.stated.begin_tool_centre()
+        self.forget_tip()
+
     def forget_tip(self) -> None:
         """Take X, Y and Z as unknown until the next move."""
         self.position[:3] = [None] * 3
@@ -108,6 +112,7 @@ class ModalState:
         before = list(self.position)
         if self.incremental:
             raise line_error(line, "an axis moves by increments: switch to absolute words before")
+        self.stated.check("".join(words), self.tool_centre, line)
         for letter, value in words.items():
             column = self.machine.letters.index(letter)
             self.position[column] = value if column < 3 else self._unwound(column, value, line)
@@ -121,18 +126,9 @@ class ModalState:
         if None not in self.position:
             known = None not in before
             numbers = [float(value or 0.0) for value in self.position]
-            self.rows.append(
-                (
-                    *numbers,
-                    rapid,
-                    np.nan if rapid else feed,
-                    self.inverse_time,
-                    line,
-                    self.tool,
-                    known,
-                    self.linking,
-                )
-            )
+            rate = np.nan if rapid else feed
+            modes = self.inverse_time, line, self.tool, known, self.linking
+            self.rows.append((*numbers, rapid, rate, *modes))
 
     def _check_linear(self, across: bool, line: int) -> None:
         """ProgramError where X, Y or Z move without the modes that they need; `across`: rapid, and nothing but the
@@ -194,17 +190,8 @@ class ModalState:
         inverse_time = np.full(count, self.inverse_time)
         lines = line + found.offsets
         tools = np.full(count, self.tool)
-        known_start = np.ones(count)
-        columns = [
-            found.words,
-            found.rapid,
-            found.feeds,
-            inverse_time,
-            lines,
-            tools,
-            known_start,
-            found.links,
-        ]
+        known = np.ones(count)
+        columns = [found.words, found.rapid, found.feeds, inverse_time, lines, tools, known, found.links]
         self.tables += [self._table(), np.column_stack(columns)]
         self.rows = []
         self.linking = bool(found.links[-1])

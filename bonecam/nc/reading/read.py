@@ -12,7 +12,8 @@ from bonecam.nc.dialect import Dialect
 from bonecam.nc.machine import Machine
 from bonecam.nc.reading.iso import run_iso
 from bonecam.nc.reading.klartext import run_klartext
-from bonecam.nc.reading.modal_state import ModalState, line_error
+from bonecam.nc.reading.line_error import line_error
+from bonecam.nc.reading.modal_state import ModalState
 from bonecam.nc.reading.motions import Motions, Tool
 
 LONGEST_LINE = 1000

@@ -1,6 +1,7 @@
 """Statements: blocks that a dialect knows by their whole text, and what they do."""
 
-from bonecam.nc.reading.modal_state import ModalState, line_error, tool_number
+from bonecam.nc.reading.line_error import line_error
+from bonecam.nc.reading.modal_state import ModalState, tool_number
 from bonecam.text.faults import shown
 
 
@@ -12,10 +13,11 @@ def run_statement(block: str, state: ModalState, line: int) -> None:
 
 def is_statement(block: str, state: ModalState, line: int) -> bool:
     """Run a block if it is one of the dialect's statements; whether it is."""
-    for pattern, effect in state.dialect.patterns:
+    for pattern, statement in state.dialect.patterns:
         found = pattern.match(block)
         if found is not None:
-            _apply(effect, found, state, line)
+            _apply(statement.effect, found, state, line)
+            state.stated.read(statement.states)
             return True
     return False
 
@@ -30,8 +32,7 @@ def _apply(effect: str, values: dict[str, str], state: ModalState, line: int) ->
         state.blocks += 1
         state.forget_tip()
     elif effect.startswith("tool-centre"):
-        state.tool_centre = effect.endswith("on")
-        state.forget_tip()
+        state.switch_tool_centre(effect.endswith("on"))
     elif effect.startswith("short way"):
         state.short_way = effect.endswith("on")
     elif effect == "program end":

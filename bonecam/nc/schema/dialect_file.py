@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from bonecam.nc.schema.grammar_tables import CodesTable, StatementTable
+from bonecam.nc.schema.grammar_tables import CODES, CodesTable, StatedTable, StatementTable
 from bonecam.nc.schema.machine_file import Name
 from bonecam.nc.schema.numbering import Block, NumberingTable, one_block
 from bonecam.nc.schema.template_tables import TemplatesTable
@@ -124,6 +124,7 @@ class DialectFile(Record):
     templates: TemplatesTable
     statements: Annotated[list[StatementTable], Field(max_length=200)] = Field(default_factory=list)
     codes: CodesTable = CodesTable()
+    stated: StatedTable = StatedTable()
 
     @model_validator(mode="after")
     def _can_switch(self) -> "DialectFile":
@@ -138,4 +139,15 @@ class DialectFile(Record):
         ):
             why = "true: only with tool-centre control and words that are always wrapped: leave it out"
             raise KeyFault("starts_at_zero", why)
+        return self
+
+    @model_validator(mode="after")
+    def _can_state(self) -> "DialectFile":
+        known = {item.states for item in self.statements}
+        known.update(code for effect in CODES for code in getattr(self.codes, effect))
+        for key in ("moves", "tool_centre"):
+            for name in getattr(self.stated, key):
+                if name not in known:
+                    why = f"{name!r} is no code and no statement states it: add it to [codes] or a statement"
+                    raise KeyFault(f"stated.{key}", why)
         return self

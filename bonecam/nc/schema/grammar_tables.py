@@ -19,10 +19,11 @@ GROUP_OF = {"comment": "comment", "tool": "tool"}
 
 
 class StatementTable(Record):
-    """A statement: what the whole block looks like and what it does."""
+    """A statement: what the whole block looks like, what it does, and the name of the mode that it `states`, if any."""
 
     pattern: str
     effect: Effect
+    states: Annotated[str, Field(max_length=60)] = ""
 
     @model_validator(mode="after")
     def _can_be_matched(self) -> "StatementTable":
@@ -66,6 +67,17 @@ class CodesTable(Record):
                 if known.setdefault(code, effect) != effect:
                     raise KeyFault(effect, f"{code} is in {known[code]} too: a code does one thing")
         return self
+
+
+Names = Annotated[list[Annotated[str, Field(min_length=1, max_length=60)]], Field(max_length=50)]
+
+
+class StatedTable(Record):
+    """What a program must have stated: codes, and names of what statements state. `moves`: before an axis moves;
+    `tool_centre`: between the start of tool-centre control and the next move of X, Y or Z."""
+
+    moves: Names = Field(default_factory=list)
+    tool_centre: Names = Field(default_factory=list)
 
 
 EFFECTS: tuple[str, ...] = get_args(Effect)

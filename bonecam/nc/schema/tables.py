@@ -10,6 +10,18 @@ from bonecam.text.record import Record, checked
 from bonecam.text.toml import parse_toml
 
 R = TypeVar("R", bound=Record)
+DIALECTS = Path(__file__).parents[1] / "dialects"
+MACHINES = Path(__file__).parents[1] / "machines"
+
+
+def dialect_names() -> tuple[str, ...]:
+    """The dialects that come with bonecam."""
+    return names_in(DIALECTS)
+
+
+def machine_names() -> tuple[str, ...]:
+    """The machines that come with bonecam."""
+    return names_in(MACHINES)
 
 
 def names_in(folder: Path) -> tuple[str, ...]:

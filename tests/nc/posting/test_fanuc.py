@@ -7,13 +7,14 @@ import pytest
 
 from bonecam.errors import MachineError, ProgramError
 from bonecam.job import Job
-from bonecam.nc.dialect import FOLDER, read_dialect
+from bonecam.nc.dialect import read_dialect
 from bonecam.nc.kinematics import inverse_linear
 from bonecam.nc.machine import read_machine
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import program_number
 from bonecam.nc.reading.motions import Motions
 from bonecam.nc.reading.read import read_program
+from bonecam.nc.schema.tables import DIALECTS
 from bonecam.toolpath.path import ToolPath
 from bonecam.verify.readback import Tolerances, compare_moves
 
@@ -49,7 +50,7 @@ def test_frame_number_and_safe_start(text: str, name: str) -> None:
     body = blocks(text)
     _, off = SWITCHES[name]
     assert body[:2] == ["%", "O0077"]
-    assert body[2 : 2 + len(off) + 2] == [*off, "G21 G17 G40 G49 G80 G90 G94", "G54"]
+    assert body[2 : 2 + len(off) + 2] == [*off, "G21 G17 G40 G49 G80 G90 G94", "G64 G69 G97"]
     assert body[-7:] == [*off, "G28 G91 Z0.", "G90", "M05", "M30", "%"]
     numbered = [line for line in text.splitlines() if line[0] not in "%O("]
     assert [line.split()[0] for line in numbered] == [f"N{k}" for k in range(1, len(numbered) + 1)]
@@ -164,7 +165,7 @@ def test_a_limited_table_that_is_rewound_starts_from_zero_again(
 
 def test_block_numbers_begin_again_behind_the_highest(paths, tmp_path) -> None:
     file = tmp_path / "short.toml"
-    file.write_text((FOLDER / "fanuc-30i.toml").read_text().replace("highest = 99999\n", "highest = 100\n"))
+    file.write_text((DIALECTS / "fanuc-30i.toml").read_text().replace("highest = 99999\n", "highest = 100\n"))
     dialect = read_dialect(file)
     text = write_program(paths, MIKRON, dialect, Job()).text
     assert (

@@ -55,7 +55,7 @@ def test_each_tool_has_datum_and_length_before_it_moves_down(text: str) -> None:
         assert body[k + 1 : k + 4] == ["D1", "S12000 M3", "G0 X0.000 Y0.000"]
         assert body[k + 4].startswith("CYCLE832(")
         assert re.fullmatch(r"G0 B-?[\d.]+ C=DC\([\d.]+\)", body[k + 5])
-        assert body[k + 6 : k + 10] == ["TRAORI", "G54 D1", "ORIWKS", "ORIAXES"]
+        assert body[k + 6 : k + 10] == ["TRAORI", "G54 D1", "ORIMKS", "ORIAXES"]
         assert all(re.fullmatch(r"G0 X\S+ Y\S+ Z\S+", block) for block in body[k + 10 : k + 12])
     assert body.count("TRAORI") == 2
     assert "CYCLE832(0.020,_ORI_ROUGH,0.572)" in body
@@ -93,7 +93,7 @@ def test_a_plain_word_of_c_is_driven_as_it_is(text: str) -> None:
     ("old", "new", "why"),
     [
         (" D1\n", " G54\n", "tool 1 moves without its length"),
-        (" TRAORI\n", " ORIWKS\n", "without tool-centre control"),
+        (" TRAORI\n", " ORIMKS\n", "without tool-centre control"),
         (" T1\n", " M5\n", "tool 0 is called but not described"),
         (" TRAFOOF\nN", " TRAORI\nN", "machine coordinates while tool-centre control is on"),
         (" M30\n", " M5\n", "no end"),

@@ -79,7 +79,7 @@ def broken(texts: dict[str, str], name: str, pattern: str, replacement: str) -> 
         ("siemens-840d", r"^N170 ", "N171 "),
         ("siemens-840d", r"^N170 ", ""),
         ("siemens-840d", r" TRAORI$", " TRANSMIT"),
-        ("siemens-840d", r" ORIWKS$", " ORIVECT"),
+        ("siemens-840d", r" ORIAXES$", " ORIVECT"),
         ("siemens-840d", r" M6$", " M6 T7"),
         ("siemens-840d", r" T1$", " T1=3"),
         ("siemens-840d", r" CYCLE832\([\d.]+,", " CYCLE832("),
