@@ -1,12 +1,14 @@
 """The options of the command line that make the job: --job, --units, --machine, --controller and --set."""
 
 import argparse
+from collections.abc import Sequence
 from dataclasses import fields
 from typing import Any
 
 from bonecam.errors import JobError
-from bonecam.job import Job, read_job
+from bonecam.job import Job, NcJob, read_job
 from bonecam.job.parameter import KINDS
+from bonecam.nc.schema.tables import dialect_names, machine_names
 
 
 def add_job_options(command: argparse.ArgumentParser, *, posted: bool = True) -> None:
@@ -15,13 +17,18 @@ def add_job_options(command: argparse.ArgumentParser, *, posted: bool = True) ->
     command.add_argument("--job", metavar="JOB.toml", help=file)
     command.add_argument("--units", choices=("mm", "m", "inch"), help="unit of the part's coordinates (mm)")
     if posted:
-        machine = "mikron-ucp600 (default), linuxcnc-xyzbc, or a TOML file"
+        default = NcJob()
+        machine = _choice(machine_names(), default.machine)
         command.add_argument("--machine", metavar="NAME", help=machine)
-        names = "siemens-840d, fanuc-30i, makino, mitsubishi, linuxcnc"
-        controller = f"heidenhain (default), {names}, or a TOML file"
+        controller = _choice(dialect_names(), default.controller)
         command.add_argument("--controller", metavar="NAME", help=controller)
     setting = "a parameter of the job, as `bonecam job` lists them (repeat for more)"
     command.add_argument("--set", action="append", default=[], metavar="SECTION.NAME=VALUE", help=setting)
+
+
+def _choice(names: Sequence[str], default: str) -> str:
+    """The help of an option that takes one of the `names`, or a file."""
+    return f"{default} (default), {', '.join(name for name in names if name != default)}, or a TOML file"
 
 
 def job_of(options: argparse.Namespace) -> Job:
