@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from bonecam_meshes import path as shipped
 
@@ -216,14 +217,25 @@ def test_the_filters_refuse_a_post_beside_the_part() -> None:
     assert meshes.mesh_number() == 1
 
 
+@pytest.mark.parametrize("kind", ["capsule", "cylinder", "box"])
+def test_an_offset_that_takes_the_part_off_its_post_is_to_be_left_out(kind: str) -> None:
+    part = prepare_part(shipped("phalanx"), Job().mesh)
+    with pytest.raises(ToolPathError, match=r"misses the part: leave out stock\.offset_x = 100$") as caught:
+        place(part, Job().with_values(stock={"kind": kind, "offset_x": 100.0, "offset_z": 1.0}))
+    x, y = caught.value.evidence["offset"]
+    place(part, Job().with_values(stock={"kind": kind, "offset_x": x, "offset_y": y, "offset_z": 1.0}))
+
+
 @pytest.mark.parametrize(
-    "stock", [{"offset_x": 40.0, "tilt_x_deg": 20.0}, {"diameter": 90.0, "length": 90.0, "offset_y": -30.0}]
+    "stock", [{}, {"tilt_x_deg": 20.0}, {"diameter": 90.0, "length": 90.0, "offset_y": -30.0}]
 )
 def test_the_offset_that_is_told_brings_the_part_over_its_post(stock: dict[str, Any]) -> None:
-    part = prepare_part(shipped("phalanx"), Job().mesh)
-    with pytest.raises(
-        ToolPathError, match=r"with stock\.offset_x = -?\d+\.\d\d and stock\.offset_y = "
-    ) as caught:
-        place(part, Job().with_values(stock=stock))
+    aside = np.eye(4)
+    aside[0, 3] = 20.0
+    part = prepare_part(shipped("phalanx"), Job().mesh).move(aside)
+    job = Job().with_values(mesh={"upright": False}, stock=stock)
+    told = r"with stock\.offset_x = -?\d+\.\d\d and stock\.offset_y = "
+    with pytest.raises(ToolPathError, match=told) as caught:
+        place(part, job)
     x, y = caught.value.evidence["offset"]
-    place(part, Job().with_values(stock={**stock, "offset_x": x, "offset_y": y}))
+    place(part, job.with_values(stock={**stock, "offset_x": x, "offset_y": y}))

@@ -15,6 +15,8 @@ from bonecam.setup.stock import Stock
 FLAT = 0.1
 """Faces whose unit normals rise or fall by less are walls: the post does not end there."""
 
+MISSES = "the post of diameter {:g} mm on the Z axis misses the part"
+"""What is told of a post above which there is no part."""
 SLENDER = 15.0
 """A post that is longer than this many diameters is told of: 5 N at its top bend one of aluminium, 4 mm thick and 60
 mm long, by 0.4 mm."""
@@ -58,8 +60,7 @@ def post_below(part: TriangleMesh, holding: HoldingJob, lying: tuple[float, floa
     if not len(met):
         x, y = np.array(lying) - _lower_end(part, holding.diameter)
         raise ToolPathError(
-            f"the post of diameter {holding.diameter:g} mm on the Z axis misses the part: bring the "
-            "part's lower end over it with "
+            f"{MISSES.format(holding.diameter)}: bring the part's lower end over it with "
             f"stock.offset_x = {x:.2f} and stock.offset_y = {y:.2f} (or mesh.upright), or give a larger "
             "holding.diameter",
             diameter=holding.diameter,

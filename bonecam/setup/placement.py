@@ -10,12 +10,13 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from bonecam.errors import BonecamError, ToolPathError
 from bonecam.job import Job, StockJob
 from bonecam.mesh.part import Part
 from bonecam.mesh.pose import rotation
 from bonecam.setup.centring import centring_shift
 from bonecam.setup.containment import MARGIN, require_inside
-from bonecam.setup.holding import Post, checked_post
+from bonecam.setup.holding import MISSES, Post, checked_post
 from bonecam.setup.rounding.largest_rounding import require_roundable
 from bonecam.setup.schedule import Schedule, schedule_of
 from bonecam.setup.stock import Stock
@@ -47,6 +48,30 @@ def place(part: Part, job: Job) -> Setup:
 
     JobError, StockError and ToolPathError name sizes, places and offsets that do not go together.
     """
+    try:
+        return _place(part, job)
+    except ToolPathError as error:
+        remedy = _offsets_in_vain(part, job)
+        if remedy is None:
+            raise
+        raise ToolPathError(f"{MISSES.format(job.holding.diameter)}: {remedy}", offset=(0.0, 0.0)) from error
+
+
+def _offsets_in_vain(part: Part, job: Job) -> str | None:
+    """The remedy for a post that misses the part, where it would meet it without the job's offsets."""
+    given = {name: getattr(job.stock, name) for name in ("offset_x", "offset_y")}
+    given = {name: offset for name, offset in given.items() if offset}
+    if not given:
+        return None
+    try:
+        _place(part, job.with_values(stock=dict.fromkeys(given, 0.0)))
+    except BonecamError:
+        return None
+    return "leave out " + " and ".join(f"stock.{name} = {offset:g}" for name, offset in given.items())
+
+
+def _place(part: Part, job: Job) -> Setup:
+    """Stock, part and post as `place` returns them."""
     check_sizes(job.stock)
     schedule = schedule_of(job.levels)
     height = job.holding.length or TALL
