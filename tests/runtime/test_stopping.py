@@ -1,5 +1,6 @@
 """A stop counts wherever it comes: where it is lost, turned into another error, or not heeded at all."""
 
+import signal
 import subprocess
 import sys
 import time
@@ -79,3 +80,25 @@ def test_no_import_is_cut_short_by_a_stop(tmp_path: Path) -> None:
     run = subprocess.run(call, capture_output=True, text=True, check=False, cwd=tmp_path)
     assert run.stderr == "bonecam: stopped; nothing was written\n"
     assert run.returncode == 143
+
+
+EARLY = """
+import os, signal, sys
+class Stop:
+    def find_spec(self, name, path=None, target=None):
+        if name == "bonecam":
+            os.kill(os.getpid(), {number})
+sys.meta_path.insert(0, Stop())
+from bonecam_start import main
+sys.argv[1:] = ["filters"]
+sys.exit(main())
+"""
+
+
+@pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_stop_before_the_first_import_of_the_command_is_one_line(kind: signal.Signals) -> None:
+    call = [sys.executable, "-c", EARLY.replace("{number}", str(int(kind)))]
+    run = subprocess.run(call, capture_output=True, text=True, check=False)
+    assert run.stderr == "bonecam: stopped; nothing was written\n"
+    assert run.stdout == ""
+    assert run.returncode == 128 + kind
