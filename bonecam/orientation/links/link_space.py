@@ -14,6 +14,7 @@ from bonecam.orientation.collision.interpolation import interpolate_poses
 from bonecam.orientation.limits import AxisLimits
 from bonecam.orientation.links.clearance_surface import ClearanceSurface
 from bonecam.orientation.links.moves import Feeds, Pose
+from bonecam.toolpath.engagement.dexels import CELL
 from bonecam.toolpath.engagement.material import Material
 from bonecam.toolpath.engagement.move_depths import move_depths
 from bonecam.toolpath.engagement.stretches import UNCERTAIN
@@ -29,6 +30,12 @@ between its points dip 0.15 mm below it, and the proof of a step needs half of i
 
 IN_AIR = UNCERTAIN
 """A ball that is no deeper in the material is in air, mm: as accurately as the depth is known."""
+
+CUT_ALLOWED = 0.01
+"""A link removes no more, mm^3: half of what the simulation of the posted program allows."""
+
+RAPID_SPARE = CELL
+"""Rapids keep so far from the material, mm, as its rays tell it: they meet all that is wider than their distance."""
 
 Polyline = tuple[Float[ndarray, "_ 3"], Float[ndarray, "_ 3"]]
 """Ball centres and axes of straight moves."""
@@ -102,6 +109,25 @@ class LinkSpace:
         behind = np.repeat(contacts, centres.shape[1], axis=0)
         entered = self.material.entered_anew(places, behind, self.ball_radius, deepest)
         return np.asarray(~entered.reshape(centres.shape[:2]).any(axis=1))
+
+    def cuts_little(
+        self, lines: Sequence[Float[ndarray, "_ 3"]], contacts: Float[ndarray, "k m 3"]
+    ) -> Bool[ndarray, " k"]:
+        """Whether the ball removes no more than CUT_ALLOWED on straight moves through each line of centres, but for
+        what it has removed at the contacts of that line."""
+        if not isinstance(self.material, Material):
+            return np.ones(len(lines), dtype=bool)
+        removed = self.material.dexels.removed_by(lines, contacts, self.ball_radius)
+        return np.asarray(removed <= CUT_ALLOWED)
+
+    def rapids_cut_nothing(self, lines: Sequence[Float[ndarray, "_ 3"]]) -> Bool[ndarray, " k"]:
+        """Whether a ball that is thicker by RAPID_SPARE removes nothing on straight moves through each line of
+        centres."""
+        if not isinstance(self.material, Material):
+            return np.ones(len(lines), dtype=bool)
+        nowhere = np.zeros((len(lines), 0, 3))
+        removed = self.material.dexels.removed_by(lines, nowhere, self.ball_radius + RAPID_SPARE)
+        return np.asarray(removed == 0)
 
     def polylines_free(self, polylines: Sequence[Polyline], *, cutting: bool) -> Bool[ndarray, " k"]:
         """Whether all moves of each polyline are proven free; `cutting` as in

@@ -23,6 +23,7 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.facets.vertex_normals import vertex_normals
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.stock import Stock
+from bonecam.toolpath.engagement.dexels import Dexels, dexels_of
 from bonecam.toolpath.engagement.entering import ball_depths, enters_beside
 from bonecam.toolpath.engagement.stock_places import places_on_stock
 from bonecam.toolpath.path import Kind, ToolPath
@@ -72,7 +73,8 @@ def _swept_after(path: ToolPath, before: Sequence[Swept]) -> tuple[Swept, ...]:
 class Material:
     """The material left: the vertices of `grid` moved to `vertices`, and its closed `mesh`; and places of its
     surface, those of the finer grid `depth_grid` moved to `places`. `swept` is where balls cut on the last two levels.
-    `uncut` is the stock before the first cut: depths are measured from it.
+    `uncut` is the stock before the first cut: depths are measured from it. `dexels` are what stands whatever the lines
+    of the grids.
 
     While levels that round the edges of the stock are cut, `mesh` stays the whole stock.
     """
@@ -82,6 +84,7 @@ class Material:
     mesh: TriangleMesh
     depth_grid: LevelGrid
     places: Float[ndarray, "p 3"]
+    dexels: Dexels
     swept: tuple[Swept, ...] = ()
     uncut: Stock | None = None
 
@@ -159,7 +162,7 @@ def uncut_material(levels: Sequence[Level], stock: Stock) -> Material:
     nets = [level.control_points for level in machined]
     grid, fine = (level_grid(machined[0].surface, nets, chord) for chord in (CHORD, DEPTH_CHORD))
     vertices, places = (places_on_stock(stock, each.R @ nets[-1], each.faces) for each in (grid, fine))
-    return Material(grid, vertices, levels[-1].mesh, fine, places, uncut=stock)
+    return Material(grid, vertices, levels[-1].mesh, fine, places, dexels_of(stock), uncut=stock)
 
 
 def remove_material(material: Material, level: MachinedLevel, path: ToolPath) -> Material:
@@ -171,7 +174,10 @@ def remove_material(material: Material, level: MachinedLevel, path: ToolPath) ->
     places = _lowered(material.places, material.depth_grid.R @ level.control_points, path)
     mesh = material.mesh if isinstance(level, RoundedLevel) else _hull(vertices, floor, material.grid.faces)
     swept = _swept_after(path, material.swept)
-    return replace(material, vertices=vertices, mesh=mesh, places=places, swept=swept, uncut=None)
+    dexels = material.dexels.without(*_cuts(path), path.cutter.radius)
+    return replace(
+        material, vertices=vertices, mesh=mesh, places=places, dexels=dexels, swept=swept, uncut=None
+    )
 
 
 def _hull(

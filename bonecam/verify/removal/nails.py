@@ -16,7 +16,7 @@ from bonecam.kernels.removal.rays import RaySet
 from bonecam.kernels.removal.sweep import Pieces
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.tspline import TSpline
-from bonecam.verify.removal.rays import RayGrid
+from bonecam.toolpath.engagement.rays import RayGrid
 from bonecam.verify.removal.standing import standing_heights
 
 CHORD = 0.002

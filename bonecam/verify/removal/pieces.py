@@ -8,8 +8,8 @@ from bonecam.arrays import angles_between, numbered
 from bonecam.kernels.removal.sweep import Pieces
 from bonecam.nc.reading.motions import Motions
 from bonecam.toolpath.cutters.cutter import Cutter
+from bonecam.toolpath.engagement.rays import RayGrid, order
 from bonecam.verify.gouge import centre_bows
-from bonecam.verify.removal.rays import RayGrid, order
 
 STRAIGHT = 0.001
 """The path of the ball's centre deviates from its pieces by this at most, mm."""

@@ -29,6 +29,7 @@ from bonecam.setup.stock import Stock
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.cutters.cutter import Cutter
+from bonecam.toolpath.engagement.dexels import copy_of
 from bonecam.verify.removal.depths import cut_depths, move_through
 from bonecam.verify.removal.groups import (
     Group,
@@ -41,7 +42,6 @@ from bonecam.verify.removal.groups import (
 from bonecam.verify.removal.left import measure_left
 from bonecam.verify.removal.nails import Nails
 from bonecam.verify.removal.pieces import straight_pieces
-from bonecam.verify.removal.rays import copy_of
 from bonecam.verify.removal.result import LINK_ALLOWED, RAPID_ALLOWED, Clearance, LevelRemoval, Removal, Spot
 from bonecam.verify.removal.standing import Standing, parted_bridge, standing_heights
 from bonecam.verify.removal.sweeping import PARTS, Accuracy, Remaining, Sweeping, material_of, volumes

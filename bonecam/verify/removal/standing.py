@@ -12,11 +12,11 @@ from bonecam.kernels.removal.rays import TILE, RaySet, summarise
 from bonecam.nc.reading.motions import Motions
 from bonecam.setup.holding import Post
 from bonecam.toolpath.cutters.cutter import Cutter
+from bonecam.toolpath.engagement.rays import RayGrid, order
 from bonecam.toolpath.layers.chart import FlatChart
 from bonecam.toolpath.layers.material import HeightField
 from bonecam.toolpath.path import PARTING
 from bonecam.verify.removal.groups import Group
-from bonecam.verify.removal.rays import RayGrid, order
 
 HIGHEST = 5.0
 """Material is told up to this height, mm."""

@@ -23,9 +23,10 @@ from bonecam.runtime.threads import in_pieces
 from bonecam.setup.stock import Stock
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.cutters.cutter import Cutter
+from bonecam.toolpath.engagement.dexels import with_more_room
+from bonecam.toolpath.engagement.rays import RayGrid, lay_grid, lay_rays, least_cell, order
 from bonecam.verify.removal.nails import Nails, nails_on
 from bonecam.verify.removal.pieces import in_grid
-from bonecam.verify.removal.rays import RayGrid, lay_grid, lay_rays, least_cell, order
 from bonecam.verify.removal.standing import rays_above
 
 BRICK = 0.4
@@ -181,13 +182,6 @@ class Sweeping:
         """The first move in which one of the PARTS enters material, -1 for none."""
         moves = [int(found.touched[part]) for found in self.found if found.touched[part] >= 0]
         return min(moves, default=-1)
-
-
-def with_more_room(rays: RaySet) -> RaySet:
-    """A copy of the rays with room for twice as many intervals on a ray."""
-    spans = np.zeros((*rays.spans.shape[:2], 2 * rays.spans.shape[2]), dtype=np.float32)
-    spans[:, :, : rays.spans.shape[2]] = rays.spans
-    return rays._replace(spans=spans)
 
 
 def volumes(sets: Sequence[RaySet]) -> list[float]:

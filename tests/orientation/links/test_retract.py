@@ -83,6 +83,12 @@ def test_ways_that_all_cut_are_proven_once_and_the_first_that_cuts_little_is_tak
     assert proofs.count(True) == len(departures(pose[1]))
 
 
+@pytest.mark.parametrize("asked", ["cuts_little", "rapids_cut_nothing"])
+def test_no_way_is_taken_on_which_rays_tell_of_a_cut(asked: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(LinkSpace, asked, lambda _, lines, *contacts: np.zeros(len(lines), dtype=bool))
+    assert find_retracts(space_in(slit(0.0)), [(CENTRE, np.array([0.0, 0.0, 1.0]))]) == [None]
+
+
 def test_no_way_out_lets_a_drooping_tool_sink() -> None:
     axis = np.array([np.sin(2.0), 0.0, np.cos(2.0)])
     ways = departures(axis)

@@ -13,9 +13,10 @@ from bonecam.setup.capsule import Capsule
 from bonecam.setup.stocks.box import Box
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.setup.stocks.mesh import ConvexStock
+from bonecam.toolpath.engagement.dexels import copy_of, with_more_room
+from bonecam.toolpath.engagement.rays import lay_grid, lay_rays, order
 from bonecam.verify.removal.nails import Nails
-from bonecam.verify.removal.rays import copy_of, lay_grid, lay_rays, order
-from bonecam.verify.removal.sweeping import Remaining, Sweeping, volumes, with_more_room
+from bonecam.verify.removal.sweeping import Remaining, Sweeping, volumes
 
 BLOCK = Box(np.array([-5.0, -4.0, 10.0]), np.array([5.0, 4.0, 18.0]))
 

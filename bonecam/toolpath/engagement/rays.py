@@ -1,5 +1,5 @@
-"""The material as three sets of rays that cross one another (tri-dexels, Benouamer & Michelucci 1997): built,
-copied and enlarged.
+"""The material as three sets of rays that cross one another (tri-dexels, Benouamer & Michelucci 1997): where
+they lie, and convex bodies on them.
 
 The grid is turned so that its directions are even to the axis of the part: faces of a bar, which are parallel
 to the coordinate axes, then lie across no set of rays, and no ray runs along one.
@@ -243,8 +243,3 @@ def _entries(
         at[going] -= distance[on] / slope[on]
         going = going[at[going] < length]
     return found
-
-
-def copy_of(rays: RaySet) -> RaySet:
-    """A copy of the material; where rays lie is shared."""
-    return rays._replace(spans=rays.spans.copy(), counts=rays.counts.copy())
