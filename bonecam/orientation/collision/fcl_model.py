@@ -7,6 +7,7 @@ obstacles, and a point of each obstacle for being inside the tool.
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import compress
 from typing import Any
 
@@ -106,9 +107,10 @@ class FclModel:
         return np.asarray(caught)
 
 
+@lru_cache(maxsize=1)
 def build_fcl_model(scene: Scene, cutter: Cutter, margin: float = 0.0) -> FclModel:
     """The FCL objects of a cutter in a scene; above the cutter the tool is thicker by `sweep_margin`s of `margin`
-    (mm)."""
+    (mm). Those made last are kept: the rest paths of a level have one scene, of which they take .1 to .3 s each."""
     meshes = {"level": fcl_object(scene.level), "material": fcl_object(scene.material)}
     table = (fcl_object(table_mesh(scene.clamping.clearance)),) if scene.clamping.closed else ()
     columns: dict[Column, FclObject] = {}
