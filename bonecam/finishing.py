@@ -36,6 +36,7 @@ from bonecam.surface.files.surface_input import (
     check_surface_size,
     check_uncovered,
     closed_mesh,
+    mesh_of_surface,
 )
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.gouge import MESH_SHARE, planned_tolerance
@@ -129,6 +130,8 @@ def _read(
         if not isinstance(surface, TSpline):
             surface = machined_surface(surface, job.mesh.units, job.surface.tolerance)
         check_surface_size(surface, name)
+        if not all(surface.poles):
+            mesh_of_surface(surface, name)  # one that takes minutes is refused
         solid = _solid(surface, name, solids, job, has_part=has_part)
         check_uncovered(surface, solid, name)
         return surface, solid

@@ -21,11 +21,14 @@ from bonecam.surface.files.tspline_text import ENDINGS, read_tsm
 from bonecam.surface.fitting.deviation import Deviation
 from bonecam.surface.fitting.fit import Fit
 from bonecam.surface.skinning.point_rows import holds_rows, read_rows
+from bonecam.surface.tessellation.tessellate import tessellate
 from bonecam.surface.tmesh.rows import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 CHORD = 0.01
 """Chord tolerance of the mesh that stands for the surface, mm."""
+MOST_VERTICES = 1000
+"""So many vertices a control point may that mesh have: the phalanx's has 81, those of damaged files took minutes."""
 NO_VOLUME = 1e-3
 """A surface that encloses less, mm^3, encloses no part."""
 SAMPLED = 20
@@ -168,12 +171,7 @@ def closed_mesh(surface: TSpline, file: str) -> TriangleMesh:
     Raises UnitsError where it has not the size of a part, MeshError where it intersects itself, SurfaceError where no
     mesh comes near it: a weight is far larger than the others, or it is creased.
     """
-    try:
-        mesh = to_mm(surface.tessellate(CHORD), "mm", file)
-    except SurfaceError as error:
-        what = f"{file}: {str(error).partition(':')[0]}"
-        remedy = "correct weights and points there, or give a mesh"
-        raise SurfaceError(f"{what}: {remedy}", **{**error.evidence, "file": file}) from error
+    mesh = to_mm(mesh_of_surface(surface, file), "mm", file)
     faces = self_intersections(mesh)
     if len(faces):
         place = mesh.vertices[mesh.faces[faces[0]]].mean(axis=0)
@@ -185,6 +183,16 @@ def closed_mesh(surface: TSpline, file: str) -> TriangleMesh:
             place=place,
         )
     return mesh
+
+
+def mesh_of_surface(surface: TSpline, file: str) -> TriangleMesh:
+    """The surface of a file as a mesh. SurfaceError where that takes more vertices than its control points can need."""
+    try:
+        return tessellate(surface, CHORD, most_vertices=MOST_VERTICES * surface.tmesh.size).mesh
+    except SurfaceError as error:
+        what = f"{file}: {str(error).partition(':')[0]}"
+        remedy = "correct weights and points there, or give a mesh"
+        raise SurfaceError(f"{what}: {remedy}", **{**error.evidence, "file": file}) from error
 
 
 def move_with_part(given: Fit, transform: Float[ndarray, "4 4"]) -> Fit:

@@ -18,6 +18,9 @@ from bonecam.kernels import triangles
 from bonecam.surface.tessellation.element_sides import SAME, SQUARE, Net, Piece, along_side, pieces_of_sides
 from bonecam.surface.tmesh.surface import Surface
 
+MOST_VERTICES = 4_000_000
+"""A surface is never given more: 120 s of computing."""
+
 FINEST = 256
 """Cells each way in an element."""
 
@@ -29,10 +32,10 @@ MIDDLES = np.array([[0.5, 0.5, 0.0], [0.0, 0.5, 0.5], [0.5, 0.0, 0.5], [1 / 3, 1
 
 
 def element_mesh(
-    surface: Surface, tolerance: float, angle: float | None = None
+    surface: Surface, tolerance: float, angle: float | None = None, most_vertices: int = MOST_VERTICES
 ) -> tuple[ndarray, ndarray, ndarray, float]:
     """Parameters and points of the vertices, faces, and the largest measured distance (mm) of the surface
-    from them.
+    from them. SurfaceError where the tolerance is not reached with `most_vertices` or so.
 
     With `angle` (rad) the normals along an edge of one element differ by no more, but for edges shorter than
     the tolerance. Neighbours whose common side differs by more than the tolerance are an error; smaller gaps
@@ -52,8 +55,8 @@ def element_mesh(
             return np.vstack(net.parameters), np.vstack(net.points), faces, max(net.gap, float(worst.max()))
         cells[missed] *= 2
         hopeless = (cells > FINEST) | (worst > tolerance * SLOWEST * (FINEST / cells) ** 2)
-        if hopeless.any():
-            number = int(np.argmax(hopeless))
+        if hopeless.any() or np.sum(cells**2) > most_vertices:
+            number = int(np.argmax(hopeless if hopeless.any() else cells))
             asked = f"{tolerance:g} mm" if angle is None else f"{tolerance:g} mm and {angle:g} rad"
             raise SurfaceError(
                 f"element {number} cannot be tessellated to {asked}: raise the tolerance", element=number

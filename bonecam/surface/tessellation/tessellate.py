@@ -16,7 +16,7 @@ from numpy import ndarray
 from bonecam.errors import SurfaceError
 from bonecam.kernels import triangles
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.surface.tessellation.elements import element_mesh
+from bonecam.surface.tessellation.elements import MOST_VERTICES, element_mesh
 from bonecam.surface.tessellation.patches import patch_mesh
 from bonecam.surface.tessellation.rings import ring_mesh
 from bonecam.surface.tmesh.extracted import ExtractedTMesh
@@ -29,7 +29,6 @@ MARGIN = 0.9
 """Share of the tolerance is kept at the measured places: between them the surface may lie a little farther
 off."""
 
-MOST_VERTICES = 4_000_000
 QUARTERS = np.array([[0.75, 0.25], [0.5, 0.5], [0.25, 0.75]])
 CENTRE = np.full((1, 3), 1 / 3)
 
@@ -65,19 +64,24 @@ class _Draft:
 
 
 def tessellate(
-    surface: Surface, chord_tolerance: float, angle_tolerance: float | None = None
+    surface: Surface,
+    chord_tolerance: float,
+    angle_tolerance: float | None = None,
+    most_vertices: int = MOST_VERTICES,
 ) -> Tessellation:
     """Triangles within `chord_tolerance` (mm) of the surface; with `angle_tolerance` (rad) the normals along
     an edge, too.
 
     The mesh is outward where the surface is closed, else on the side of S_s x S_t; it is closed where the
     surface is. Edges shorter than the chord tolerance are not split for their angle. Raises SurfaceError
-    where the tolerance cannot be reached or a triangle has no area.
+    where the tolerance cannot be reached with `most_vertices` or a triangle has no area.
     """
     if not chord_tolerance > 0 or (angle_tolerance is not None and not angle_tolerance > 0):
         raise ValueError(f"tolerances must be positive, not {chord_tolerance} and {angle_tolerance}")
     if isinstance(surface.tmesh, ExtractedTMesh):
-        parameters, points, faces, worst = element_mesh(surface, MARGIN * chord_tolerance, angle_tolerance)
+        parameters, points, faces, worst = element_mesh(
+            surface, MARGIN * chord_tolerance, angle_tolerance, most_vertices
+        )
         return Tessellation(_check_mesh(surface, parameters, points, faces), parameters, worst)
     rows = isinstance(surface.tmesh, RowTMesh)
     parameters, poles, faces = ring_mesh(surface, chord_tolerance) if rows else patch_mesh(surface)
@@ -89,13 +93,13 @@ def tessellate(
         if not marked.any():
             mesh = _check_mesh(surface, draft.parameters, draft.points, draft.faces)
             return Tessellation(mesh, draft.parameters, draft.deviation)
-        if len(draft.points) + int(marked.sum()) > MOST_VERTICES:
+        if len(draft.points) + int(marked.sum()) > most_vertices:
             break
         _split_edges(draft, edges, edge_of_face, marked)
     place = draft.parameters[edges[np.argmax(marked), 0]]
     raise SurfaceError(
-        f"the surface cannot be tessellated to {chord_tolerance} mm near (s, t) = ({place[0]:.4f}, "
-        f"{place[1]:.4f}): raise the tolerance",
+        f"the surface cannot be tessellated to {chord_tolerance} mm with {most_vertices:,} vertices, near "
+        f"(s, t) = ({place[0]:.4f}, {place[1]:.4f}): raise the tolerance",
         place=place,
     )
 

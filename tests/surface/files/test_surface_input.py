@@ -1,5 +1,6 @@
 """Parts that come as a surface."""
 
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -61,6 +62,21 @@ def test_a_surface_that_no_mesh_follows_is_refused_with_its_file(bone_like: Call
     ) as caught:
         closed_mesh(TSpline(surface.tmesh, surface.control_points, weights), "a.tspline")
     assert caught.value.evidence["file"] == "a.tspline"
+
+
+@pytest.mark.parametrize("far", [900.0, 2000.0])
+def test_a_surface_that_would_take_minutes_to_mesh_is_refused_at_once(
+    far: float, bone_like: Callable[..., TSpline]
+) -> None:
+    surface = bone_like(9, 7, 4)
+    points = surface.control_points.copy()
+    points[len(points) // 3, 2] = far
+    began = time.process_time()
+    with pytest.raises(
+        SurfaceError, match=rf"a\.tspline: .* with {len(points)},000 vertices, .*correct weights"
+    ):
+        closed_mesh(TSpline(surface.tmesh, points, surface.weights), "a.tspline")
+    assert time.process_time() < began + 5.0
 
 
 def test_a_surface_that_is_put_upside_down_runs_from_the_lower_pole_again(

@@ -11,6 +11,7 @@ from bonecam.errors import SurfaceError
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface import ExtractedTMesh, TSpline, read_iga, write_iga
 from bonecam.surface.files.save import save_surface
+from bonecam.surface.tessellation.tessellate import tessellate
 
 AREAS = {"arch_nurbs": 3 * np.pi / 4, "arch_tsplines": 3 * np.pi / 4, "plate_with_hole": 16 - np.pi / 4}
 AREAS |= {"square_structured": 1.0, "square_unstructured": 1.0}
@@ -69,6 +70,9 @@ def test_what_cannot_be_had_is_an_error(random_tspline: Callable[..., TSpline], 
     surface: TSpline[ExtractedTMesh] = read_iga(tmp_path / "a.iga")
     with pytest.raises(SurfaceError, match=r"element \d+ cannot be tessellated .* raise the tolerance"):
         surface.tessellate(1e-12)
+    assert len(tessellate(surface, 1e-3, most_vertices=100_000).mesh.vertices) < 100_000
+    with pytest.raises(SurfaceError, match=r"element \d+ cannot be tessellated .* raise the tolerance"):
+        tessellate(surface, 1e-3, most_vertices=500)
     with pytest.raises(ValueError, match="positive"):
         surface.tessellate(0.1, 0.0)
 
