@@ -177,3 +177,23 @@ def test_a_failed_mesh_of_a_batch_is_named_once(
     monkeypatch.setattr(bonecam, "convert_many", one_fails)
     assert main(["batch", "none.stl", "-o", "out"]) == 1
     assert capsys.readouterr().out == "failed none.stl  cannot be read: give a mesh  (0 left)\n"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no device that is full")
+@pytest.mark.parametrize("arguments", [["job"], ["filters"], ["filters", "generate_stock"]])
+def test_what_cannot_be_printed_is_one_line(
+    arguments: list[str], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with open("/dev/full", "w", encoding="utf-8") as full:
+        monkeypatch.setattr("sys.stdout", full)
+        assert main(arguments) == 2
+    told = capsys.readouterr().err
+    assert told == "bonecam: standard output: No space left on device: write it elsewhere\n"
+
+
+def test_the_report_of_a_simulation_is_checked_before_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    outputs = ["--report", str(tmp_path / "nowhere" / "r.json")]
+    assert main(["simulate", "none.h", "--keep", str(tmp_path), *outputs]) == 2
+    assert "its folder" in capsys.readouterr().err

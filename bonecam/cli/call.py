@@ -31,12 +31,15 @@ def call(arguments: Sequence[str]) -> int:
         code = int(options.run(options))
         sys.stdout.flush()
     except BrokenPipeError:  # the reader of the output has closed it, as `head` does
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _mute()
         return 0
     except (Exception, KeyboardInterrupt) as error:
         if isinstance(error, KeyboardInterrupt) or arrived:
             tell(options.stopped if len(placed) == before else options.stopped_late)
             return STOPPED
+        if isinstance(error, OSError) and (trouble := _trouble_of_stdout()):
+            print(f"bonecam: standard output: {trouble}: write it elsewhere", file=sys.stderr)
+            return 2
         if not isinstance(error, BonecamError):
             raise
         print(f"bonecam: {' '.join(str(error).splitlines())}", file=sys.stderr)
@@ -44,3 +47,18 @@ def call(arguments: Sequence[str]) -> int:
     if arrived:
         tell(options.stopped_late)
     return code
+
+
+def _trouble_of_stdout() -> str | None:
+    """Why nothing can be printed, if so: a full disk for instance. What is printed later goes nowhere then."""
+    try:
+        print(flush=True)
+    except OSError as error:
+        _mute()
+        return error.strerror or str(error)
+    return None
+
+
+def _mute() -> None:
+    """What is printed from now on, and what waits to be, goes nowhere."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

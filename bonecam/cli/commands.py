@@ -105,6 +105,8 @@ def run_simulate(options: argparse.Namespace) -> int:
     from bonecam.verify.summary import removal_text
 
     job = job_of(options)
+    wanted = [file for file in (options.report, options.html) if file is not None]
+    check_files(wanted, [options.program, *filter(None, (options.job, options.machine, options.controller))])
     with shown_progress(options) as progress:
         removal = bonecam.simulate(
             options.program, options.keep, job, cell=options.cell, html=options.html, progress=progress
