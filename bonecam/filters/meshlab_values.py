@@ -2,7 +2,8 @@
 before a run."""
 
 import reprlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import cache
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from bonecam.errors import FilterError
 from bonecam.filters.mlx import ScriptParameter
-from bonecam.mesh.meshlab import meshlab
+from bonecam.mesh.meshlab import meshlab, meshlab_refusals
 
 CAMERAS = frozenset({"set_camera_per_mesh", "set_camera_per_raster", "raster_alignment_mutual_information"})
 """MeshLab's filters with a parameter of a type that pymeshlab does not know; asked for it, it calls exit()
@@ -44,18 +45,29 @@ def refusal(filter_name: str, name: str, value: Any) -> str:
     """Why one of MeshLab's filters does not take a value of a parameter, in one line; "" where it does."""
     try:
         _scratch().filter_parameter_values(filter_name, **{name: value})
-    except (meshlab().PyMeshLabException, RuntimeError, ValueError) as error:
-        return OTHER_TYPE if "Unable to cast" in str(error) else " ".join(str(error).split())
+    except meshlab_refusals() as error:
+        return OTHER_TYPE if _is_of_other_type(error) else _in_one_line(error)
     return ""
 
 
-def failure(filter_name: str, values: Mapping[str, Any], error: Exception) -> str:
+@contextmanager
+def refusals_told(filter_name: str, values: Mapping[str, Any]) -> Iterator[None]:
+    """What pymeshlab raises of one of MeshLab's filters with these values is told as FilterError."""
+    try:
+        yield
+    except meshlab_refusals() as error:
+        raise FilterError(
+            f"{filter_name}: {_failure(filter_name, values, error)}", filter=filter_name
+        ) from error
+
+
+def _failure(filter_name: str, values: Mapping[str, Any], error: Exception) -> str:
     """Why one of MeshLab's filters failed, in one line: MeshLab's words, but for too little memory and for a value of
     a type that it does not take."""
-    words = " ".join(str(error).split())
+    words = _in_one_line(error)
     if "bad_alloc" in words:
         return FULL
-    if "Unable to cast" not in words or filter_name in CAMERAS:
+    if not _is_of_other_type(error) or filter_name in CAMERAS:
         return words
     defaults = _scratch().filter_parameter_values(filter_name)
     wrong = (name for name in values if refusal(filter_name, name, values[name]) == OTHER_TYPE)
@@ -64,6 +76,15 @@ def failure(filter_name: str, values: Mapping[str, Any], error: Exception) -> st
         for name in wrong
     )
     return next(told, words)
+
+
+def _is_of_other_type(error: Exception) -> bool:
+    """Whether pybind11 could not hand a value to MeshLab; of None it says so with a TypeError."""
+    return isinstance(error, TypeError) or "Unable to cast" in str(error)
+
+
+def _in_one_line(error: Exception) -> str:
+    return " ".join(str(error).split()).rstrip(" ;")
 
 
 @cache

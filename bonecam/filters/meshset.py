@@ -22,7 +22,7 @@ from bonecam.errors import FileError, FilterError, did_you_mean
 from bonecam.filters.catalogue import parameter_list
 from bonecam.filters.filter import Filter, Registry, installed
 from bonecam.filters.layers import Layers
-from bonecam.filters.meshlab_values import failure
+from bonecam.filters.meshlab_values import refusals_told
 from bonecam.filters.mlx import FilterCall, ScriptParameter, read_calls, write_script
 from bonecam.filters.script_files import ScriptFiles
 from bonecam.filters.script_steps import Step, apply_steps, read_script
@@ -130,12 +130,8 @@ class MeshSet(meshlab().MeshSet):  # type: ignore[misc]
         if filter_name in ENDING:
             with _as_ours():
                 try_filter(filter_name, values, self.filter_parameter_values(filter_name, **values))
-        try:
+        with refusals_told(filter_name, values):
             result: dict[str, Any] = super().apply_filter(filter_name, **values)
-        except (meshlab().PyMeshLabException, RuntimeError, ValueError) as error:
-            raise FilterError(
-                f"{filter_name}: {failure(filter_name, values, error)}", filter=filter_name
-            ) from error
         self._native_calls += 1
         return result
 
@@ -164,10 +160,12 @@ class MeshSet(meshlab().MeshSet):  # type: ignore[misc]
 
     def filter_parameter_values(self, filter_name: str, **values: Any) -> dict[str, Any]:
         """What `apply_filter` would use on the current layer: the given values and the defaults."""
-        if filter_name not in self.registry.names:
-            return dict(super().filter_parameter_values(filter_name, **values))
-        mesh = self.layers.mesh() if self.layers.count else None
-        return self.registry[filter_name].values(values, mesh)
+        with _as_ours():
+            if filter_name not in self.registry.names:
+                with refusals_told(filter_name, values):
+                    return dict(super().filter_parameter_values(filter_name, **values))
+            mesh = self.layers.mesh() if self.layers.count else None
+            return self.registry[filter_name].values(values, mesh)
 
     def print_filter_list(self) -> None:
         """Print the Python names of all filters, as pymeshlab does."""

@@ -35,6 +35,14 @@ def meshlab_filters() -> frozenset[str]:
     return frozenset(meshlab().filter_list())
 
 
+@cache
+def meshlab_refusals() -> tuple[type[Exception], ...]:
+    """What pymeshlab raises where it takes no value or a filter fails: its own kinds of exception, of which only one is
+    a PyMeshLabException, and those of pybind11."""
+    own = (kind for kind in vars(meshlab().pmeshlab).values() if isinstance(kind, type))
+    return (*(kind for kind in own if issubclass(kind, Exception)), RuntimeError, TypeError, ValueError)
+
+
 def to_meshset(mesh: TriangleMesh) -> Any:
     """A pymeshlab.MeshSet with `mesh` as its one layer."""
     meshset = meshlab().MeshSet()

@@ -182,6 +182,20 @@ def test_errors_of_filters_are_pymeshlab_s_too(meshes: MeshSet) -> None:
     assert "did you mean 'apply_coord_taubin_smoothing'?" in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [(99, "Enum 99 not valid"), (-1, "Enum -1 not valid"), ("zzz", "'Custom Axis'$"), (None, "of type int")],
+)
+def test_a_choice_that_meshlab_has_not_is_told_with_its_filter(
+    value: object, words: str, meshes: MeshSet
+) -> None:
+    name = "generate_polyline_from_planar_section"
+    for call in (meshes.apply_filter, meshes.filter_parameter_values):
+        with pytest.raises(FilterError, match=rf"^{name}: .*{words}") as caught:
+            call(name, planeaxis=value)
+        assert isinstance(caught.value, pymeshlab.PyMeshLabException)
+
+
 def test_a_filter_cannot_end_the_program(phalanx: Path) -> None:
     def leave(*_: object) -> dict[str, object]:
         raise SystemExit(3)

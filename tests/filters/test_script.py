@@ -23,6 +23,10 @@ MOVE = """ <filter name="Generate Offset">
   <Param type="RichEnum" value="1" name="how"/>
  </filter>
 """
+SECTION = """ <filter name="Compute Planar Section">
+  <Param type="RichEnum" value="0" name="planeAxis"/>
+ </filter>
+"""
 SMOOTH = ' <filter name="apply_coord_taubin_smoothing"/>\n'
 
 
@@ -83,6 +87,8 @@ def test_two_runs_write_the_same_bytes(tmp_path: Path, phalanx: Path, registry: 
         (REMESH.replace("1.2", "nan"), 14, "parameter TargetLen = 'nan': no RichAbsPerc"),
         (REMESH.replace("1.2", "120%"), 14, "parameter TargetLen = '120%': no RichAbsPerc"),
         (REMESH.replace("RichAbsPerc", "RichFloat"), 14, "targetlen"),
+        (SECTION.replace('"0"', '"99"'), 13, "planeaxis = '99' .RichEnum.: Enum 99 not valid"),
+        (SECTION.replace('"0"', '"zzz"'), 13, "'Custom Axis': mend the value"),
     ],
 )
 def test_wrong_scripts_fail_with_their_line_before_anything_ran(
