@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool
 from numpy import ndarray
+from scipy.spatial import KDTree
 
 from bonecam.files import check_files, second_file
 from bonecam.job import Job, field_error
@@ -91,6 +92,7 @@ def second_program(
     solids = clamping.part, clamping.shell
     removal = simulate_stump(posted.text, machine, dialect, job, material, *solids, part(progress, 0.8, 1.0))
     check_removal_of_job(removal, job)
+    paths = tuple(_told(path, removal) for path in paths)
     posted = record_simulation(posted, dialect, removal.cell)
     told = {
         "file": file.name if file else "",
@@ -162,6 +164,18 @@ def _posted(
     solids, allowed = MeshDistance(clamping.solids), Tolerances(gouge=job.path.gouge_tolerance)
     proof = verify_program(program.text, paths, machine, dialect, solids, allowed)
     return record_checks(program, dialect, str(proof)), proof
+
+
+def _told(path: ToolPath, removal: Removal) -> ToolPath:
+    """The path without those of its hidden places that nothing stays on: the ball that cuts beside them took it."""
+    nails = removal.remaining.nails
+    assert nails is not None
+    hidden = np.array([reason == "hidden" for reason in path.reasons], dtype=bool)
+    if not hidden.any():
+        return path
+    kept = ~hidden | (nails.heights[KDTree(nails.points).query(path.uncut)[1]] > LEFT)
+    reasons = tuple(reason for reason, known in zip(path.reasons, kept, strict=True) if known)
+    return replace(path, uncut=path.uncut[kept], reasons=reasons)
 
 
 def _at_post(first: Result, radius: float) -> Bool[ndarray, " n"]:

@@ -89,6 +89,7 @@ def test_the_second_program_cuts_off_what_stayed_at_the_post(second):
     told = second.report
     assert told["at_post_before_mm2"] > 12, "the post of 4 mm alone covers 12.6"
     assert told["at_post_after_mm2"] == 0
+    assert not any(path["uncut_reasons"].get("hidden") for path in told["toolpath"]), "nothing stays there"
     assert told["gouge_max_mm"] <= 0.01
     assert told["removal"]["rapid_contact_mm3"] == 0
     assert told["removal"]["clearance_mm"]["shell"] > 1.0

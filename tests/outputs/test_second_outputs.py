@@ -147,8 +147,14 @@ def test_the_sheet_has_a_page_for_each_clamping(second_run: Run, second: SecondP
     opened.goto(sheet.as_uri())
     printed = opened.pdf(format="A4", prefer_css_page_size=True)
     words = [article.inner_text() for article in opened.locator("article").all()]
+    turned_drawing = opened.locator("article").nth(1)
+    stump = turned_drawing.locator("path.post").bounding_box()
+    part = turned_drawing.locator("path.part").evaluate_all(
+        "all => Math.min(...all.map(p => p.getBoundingClientRect().top))"
+    )
     opened.close()
     assert len(re.findall(rb"/Type\s*/Page\b", printed)) == 2
+    assert stump["y"] < part <= stump["y"] + stump["height"], "the stump stands on the part"
     first, turned = words
     assert "Setup sheet: second clamping" in turned
     assert "is removed in the second clamping, see its page" in first

@@ -23,6 +23,8 @@ MARGIN = 5.0
 """Above and below what is drawn, mm on paper."""
 DIMENSIONS = 24.0
 """Room for dimensions to either side, mm on paper."""
+SIZES = 6.0
+"""The lines of sizes are so far beside what is drawn, mm on paper."""
 TABLE_THICKNESS = 3.0
 """Of the table as drawn, mm on paper."""
 CHORD = 0.05
@@ -102,7 +104,7 @@ def clamping_drawing(
     widest = max(float(np.abs(stock.bounds[:, 0]).max()), holding.chuck_diameter / 2)
     paper = Paper(widest, high)
     draw_table(paper, table)
-    _draw_post(paper, post, low + post.radius, parting)
+    _draw_post(paper, post, low + post.radius, parting, widest)
     if holding.chuck_height:
         paper.column(holding.chuck_diameter / 2, 0.0, holding.chuck_height, "chuck")
     outline = stock.mesh(CHORD).vertices[:, [0, 2]]
@@ -116,8 +118,11 @@ def clamping_drawing(
     return paper.svg("Stock, post, chuck and table from the front")
 
 
-def _draw_post(paper: Paper, post: Post, top: float, parting: Mapping[str, Any] | None) -> None:
-    """The post up to a height, with its parting groove and the height of that."""
+def _draw_post(
+    paper: Paper, post: Post, top: float, parting: Mapping[str, Any] | None, widest: float
+) -> None:
+    """The post up to a height, with its parting groove and the height of that, beside the sizes right of what is
+    `widest`."""
     if parting is None:
         paper.column(post.radius, 0.0, top, "post")
         return
@@ -126,8 +131,10 @@ def _draw_post(paper: Paper, post: Post, top: float, parting: Mapping[str, Any] 
         [[[post.radius, 0.0]], groove.outline(post.radius), [[post.radius, max(top, groove.middle)]]]
     )
     paper.path(np.vstack([side, (side * [-1.0, 1.0])[::-1]]), "post")
-    x, y = paper.at(post.radius, groove.middle)
-    paper.text(x + 1.5, y + 1, f"parting Z {groove.middle:.2f}", "start")
+    x, y = paper.at(groove.bridge, groove.middle)
+    beside = paper.at(widest, 0.0)[0] + SIZES
+    paper.line(x + 1, y, beside + 1, y, "extension")
+    paper.text(beside + 1.6, y + 3.5, f"parting Z {groove.middle:.2f}", "start")
 
 
 def draw_table(paper: Paper, table: Table) -> None:
@@ -163,9 +170,9 @@ def _draw_sizes(paper: Paper, stock: Stock, post: Post, holding: HoldingJob, wid
     """Sizes of stock, post and chuck, mm."""
     low, high = (float(value) for value in stock.bounds[:, 2])
     right = paper.scale * widest
-    paper.height(low, high, float(stock.bounds[1, 0]), right + 6, f"{high - low:.2f}")
-    paper.height(0.0, low, post.radius, right + 6, f"post {low:.2f}")
-    paper.height(0.0, high, -float(stock.bounds[1, 0]), -right - 6, f"Z {high:.2f}")
+    paper.height(low, high, float(stock.bounds[1, 0]), right + SIZES, f"{high - low:.2f}")
+    paper.height(0.0, low, post.radius, right + SIZES, f"post {low:.2f}")
+    paper.height(0.0, high, -float(stock.bounds[1, 0]), -right - SIZES, f"Z {high:.2f}")
     half = float(np.ptp(stock.bounds[:, 0])) / 2
     name = "\u2300 " if "diameter" in stock.sizes else ""
     depth = f" x {np.ptp(stock.bounds[:, 1]):.2f}" if "depth" in stock.sizes else ""

@@ -4,8 +4,11 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 
 from bonecam.job import Job
+from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.machine import read_machine
 from bonecam.nc.posting.header_texts import second_setup_texts
 from bonecam.nc.program import Program
@@ -71,6 +74,18 @@ def _left(report: Mapping[str, Any]) -> Iterator[str]:
         yield f"Uncut: {line}"
 
 
+def _section(solid: TriangleMesh) -> Float[ndarray, "n 2 2"]:
+    """The lines, from end to end (x, z), on which the plane Y 0 meets a solid."""
+    return section(solid, np.zeros(3), np.eye(3)[1])[:, :, [0, 2]]
+
+
+def _foot(outline: Float[ndarray, "n 2"], radius: float) -> float:
+    """The lowest place (z) at which a stump of `radius` stands on the outline of the part."""
+    sides = np.linspace(-radius, radius, 9)
+    tops = [outline[np.abs(outline[:, 0] - x) < radius / 4, 1] for x in sides]
+    return float(min(top.max() for top in tops if len(top)))
+
+
 def _drawing(clamping: SecondClamping, job: Job, table: Table) -> str:
     """Part, shell, stump, chuck and table from the front, to scale, with their sizes, as SVG."""
     holding, shell, part = job.holding, clamping.shell, clamping.part
@@ -81,9 +96,10 @@ def _drawing(clamping: SecondClamping, job: Job, table: Table) -> str:
     if holding.chuck_height:
         paper.column(holding.chuck_diameter / 2, 0.0, holding.chuck_height, "chuck")
     post = holding.diameter / 2
-    paper.column(post, float(part.bounds[1, 2]), clamping.top, "post")
-    for solid, kind in ((shell, "shell"), (part, "part")):
-        for ends in section(solid, np.zeros(3), np.eye(3)[1])[:, :, [0, 2]]:
+    outlines = {"shell": _section(shell), "part": _section(part)}
+    paper.column(post, _foot(outlines["part"].reshape(-1, 2), post), clamping.top, "post")
+    for kind, pieces in outlines.items():
+        for ends in pieces:
             paper.path(ends, kind, closed=False)
     x, bottom = paper.at(0.0, -2.0 / paper.scale)
     paper.line(x, bottom, x, paper.at(0.0, clamping.top)[1] - 3, "axis")
