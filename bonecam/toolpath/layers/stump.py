@@ -29,6 +29,8 @@ OVERLAP = 0.5
 """The finishing passes run on over the finished surface round the stump by this, mm."""
 OFF = 0.05
 """Material over the part is known to this, mm: half of the distance of the rays that it is known from."""
+STEPS = 8
+"""Allowances of finishing layers are found to so many parts of the finishing depth."""
 
 
 def stump_chart(axis: Float[ndarray, "3"], places: Float[ndarray, "n 3"], radius: float) -> FlatChart:
@@ -43,14 +45,20 @@ def stump_chart(axis: Float[ndarray, "3"], places: Float[ndarray, "n 3"], radius
     return FlatChart(axis, across, a, b, along)
 
 
+def known_off(depth: float) -> float:
+    """Nearer to the part, mm, the material is not known: OFF, or half of the `depth` (mm) that roughing leaves, which
+    has to be seen."""
+    return min(OFF, depth / 2)
+
+
 def off_part(material: HeightField, around: MeshDistance, depth: float) -> HeightField:
-    """What lies over the solids `around` of a material that was found from above: the stump alone, off them by OFF, or
-    by half of the `depth` (mm) that roughing leaves, which has to be seen."""
+    """What lies over the solids `around` of a material that was found from above: the stump alone, as far as it is
+    known where roughing leaves `depth` (mm)."""
     chart = material.chart
     a, b = (each.ravel() for each in np.meshgrid(chart.a, chart.b, indexing="ij"))
     top, floor = float(material.tops.max()) + CELL, float(material.bottoms.min())
     rests = drop(chart.bases(a, b), chart.axes(a), around.unsigned, top, floor).reshape(material.tops.shape)
-    bottoms = rests + min(OFF, depth / 2)
+    bottoms = rests + known_off(depth)
     return replace(material, tops=np.maximum(material.tops, bottoms), bottoms=bottoms)
 
 
@@ -93,15 +101,16 @@ def stump_layers(
 def _fine_layers(
     ball: Ball, cutter: Cutter, material: HeightField, heights: tuple[float, float], job: Job
 ) -> tuple[list[Layer], HeightField]:
-    """The layers that leave as many times the finishing depth over the solids as stand there, and one less each, to
-    one; and the material behind them. `heights` are the highest and the lowest of the centre of the `ball`, mm."""
+    """The layers that leave so much over the solids that the `ball` sinks by the finishing depth at most, until it may
+    come down on them; and the material behind them. `heights` are the highest and the lowest of its centre, mm."""
     chart, depth = material.chart, job.levels.finishing_depth
     least = min(job.path.least_depth, cutter.scallop)
     rough = Rough(cutter, least, job.path.chord_tolerance, 1.0)
     layers = []
-    count = max(_thickness(ball, material, heights) // depth, 0.0)
-    for allowance in depth * np.arange(count, 0.0, -1.0):
-        raised = replace(ball, allowance=float(allowance))
+    deepest = np.inf
+    while (allowance := _allowance(ball, material, heights, depth)) and deepest > allowance:
+        deepest = allowance
+        raised = replace(ball, allowance=allowance)
 
         def height_of(a: Float[ndarray, " n"], b: Float[ndarray, " n"], ball: Ball = raised) -> ndarray:
             return drop_balls(chart, a, b, ball, *heights)
@@ -111,6 +120,20 @@ def _fine_layers(
         if len(layer.path.contacts):
             layers.append(layer)
     return layers, material
+
+
+def _allowance(ball: Ball, material: HeightField, heights: tuple[float, float], depth: float) -> float:
+    """What the `ball` must leave over the solids to sink into the material by `depth` at most, mm, but enough that
+    known material is left; 0 where it may come down on them. In a hollow it rises by more than it leaves, so that
+    equal allowances are no equal depths."""
+    low, high = 0.0, _thickness(ball, material, heights) - depth
+    if high < depth / STEPS:
+        return 0.0
+    while high - low >= depth / STEPS:
+        middle = (low + high) / 2
+        deep = _thickness(replace(ball, allowance=middle), material, heights) > depth
+        low, high = (middle, high) if deep else (low, middle)
+    return max(high, 1.5 * known_off(depth))
 
 
 def _thickness(ball: Ball, material: HeightField, heights: tuple[float, float]) -> float:
