@@ -26,7 +26,7 @@ from bonecam.nc.dialect import read_dialect
 from bonecam.nc.machine import read_machine
 from bonecam.outputs.batch_table import Outcome, read_rows, table_text
 from bonecam.pipeline import check_job
-from bonecam.runtime.parent import work_for
+from bonecam.runtime.parent import safe_path, work_for
 from bonecam.runtime.signals import kept_from_children, undisturbed
 from bonecam.runtime.staging import locked
 from bonecam.runtime.temporary import remove_abandoned
@@ -115,9 +115,10 @@ class _Running:
         self.ending, answer = spawn.Pipe(duplex=False)
         order = pickle.dumps((_answer, (work, mesh, folder, job)))
         self.process = spawn.Process(target=work_for, args=(os.getpid(), answer, order))
-        resource_tracker.ensure_running()  # it lets the signals in again that are kept out below
-        with kept_from_children():
-            self.process.start()
+        with safe_path():
+            resource_tracker.ensure_running()  # it lets the signals in again that are kept out below
+            with kept_from_children():
+                self.process.start()
         answer.close()
 
     def outcome(self) -> Outcome:
@@ -149,11 +150,13 @@ def _answer(answer: Connection, work: Work, mesh: Path, folder: Path, job: Job) 
 
 
 def _parts_in(place: Path) -> list[Path]:
-    """The files of parts in a folder, in alphabetical order; a file is its own part. JobError where there are none."""
+    """The files of parts in a folder, hidden ones left out, in alphabetical order; a file is its own part. JobError
+    where there are none."""
     if not place.is_dir():
         return [place]
     endings = (*READABLE, *ENDINGS)
-    files = sorted(file for file in place.iterdir() if file.suffix.lower() in endings)
+    shown = [file for file in place.iterdir() if not file.name.startswith(".")]
+    files = sorted(file for file in shown if file.suffix.lower() in endings)
     if not files:
         raise JobError(
             f"{place}: holds no part: give files that end in one of {', '.join(endings)}", file=str(place)

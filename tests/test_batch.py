@@ -223,6 +223,7 @@ def test_a_folder_stands_for_its_parts_and_rows_of_other_meshes_stay(tmp_path: P
     scans = tmp_path / "scans"
     scans.mkdir()
     meshes(scans, b="good", a="refuse")
+    meshes(scans, **{"._a": "what another system keeps of a file"})
     (scans / "notes.txt.bak").write_text("none")
     out = tmp_path / "out"
     convert_many(meshes(tmp_path, z="good"), out, work=work)
@@ -243,6 +244,17 @@ def test_a_folder_without_parts_and_a_foreign_table_are_refused(tmp_path: Path) 
         with pytest.raises(FileError, match=r"batch\.csv: .*: move it away"):
             convert_many(meshes(tmp_path, a="good"), tmp_path, work=work)
         assert (tmp_path / "batch.csv").read_text(encoding="utf-8") == text
+
+
+def test_no_module_of_the_current_folder_is_imported(tmp_path: Path) -> None:
+    (tmp_path / "socket.py").write_text("open('imported', 'w').close()\n")
+    (tmp_path / "scripts").mkdir()
+    script = tmp_path / "scripts" / "run.py"
+    code = "from bonecam.batch import convert_many\nif __name__ == '__main__':\n    convert_many(['none.stl'], 'out')\n"
+    script.write_text(code, encoding="utf-8")
+    subprocess.run([sys.executable, script], cwd=tmp_path, check=True, timeout=MAX_WAIT)
+    assert [row["state"] for row in table(tmp_path / "out")] == ["failed"]
+    assert not (tmp_path / "imported").exists()
 
 
 def test_two_batches_that_write_into_one_folder_keep_each_other_s_rows(tmp_path: Path) -> None:

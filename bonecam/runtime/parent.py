@@ -1,10 +1,13 @@
-"""A process that works for another one ends with it, however that ends."""
+"""A process that works for another one imports nothing from the current folder, and ends with the other, however that
+ends."""
 
 import ctypes
 import os
 import pickle
 import signal
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from multiprocessing.connection import Connection
 from threading import Thread
 from typing import NoReturn
@@ -13,6 +16,21 @@ PR_SET_PDEATHSIG = 1
 """Number of the call that names the signal at the parent's end (Linux, prctl(2))."""
 INTERVAL = 1.0
 """How often the parent is looked at where the kernel tells nothing, s."""
+
+
+@contextmanager
+def safe_path() -> Iterator[None]:
+    """Python that is started in the block takes no module from the current folder: a stranger's `socket.py` beside
+    the meshes would be run, as multiprocessing starts `python -c`, which looks there first."""
+    before = os.environ.get("PYTHONSAFEPATH")
+    os.environ["PYTHONSAFEPATH"] = "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ["PYTHONSAFEPATH"]
+        else:
+            os.environ["PYTHONSAFEPATH"] = before
 
 
 def end_with_parent(parent: int) -> None:

@@ -166,7 +166,9 @@ def _weld(mesh: TriangleMesh) -> TriangleMesh:
 
 def _require_readable(file: Path, also: tuple[str, ...]) -> None:
     """FileError where a file's ending is of no kind that is read."""
-    if file.suffix.lower() not in READABLE and file.name and not os.path.isdir(file):
+    if file.suffix.lower() in READABLE or os.path.isdir(file):
+        return
+    if file.suffix or os.path.exists(file):
         ending = (
             f"has the unknown ending {file.suffix!r}" if file.suffix else "has no ending that tells its kind"
         )

@@ -191,6 +191,8 @@ def test_a_folder_is_no_part_whatever_its_name(tmp_path: Path) -> None:
 def test_a_refused_ending_names_what_the_caller_reads_itself(tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"\.dat, \.tspline$"):
         read_mesh(tmp_path / "bone.prt", also=(".tspline",))
+    with pytest.raises(FileError, match=r"bone: cannot be read \(No such file or directory\)"):
+        read_mesh(tmp_path / "bone")
 
 
 def test_faces_without_area_survive_reading_so_that_repair_can_tell_of_them(
