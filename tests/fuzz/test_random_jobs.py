@@ -1,8 +1,8 @@
 """Random but plausible jobs on small parts: each ends soon, as a proved program or as one line with a remedy."""
 
 import re
-from collections.abc import Callable
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, suppress
 from typing import Any
 
 import numpy as np
@@ -11,10 +11,11 @@ from bonecam_meshes import path as shipped
 from numpy import ndarray
 
 import bonecam
-from bonecam.errors import BonecamError
+from bonecam.errors import BonecamError, MachineError
 from bonecam.job import Job
 from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.nc import Machine, dialect_names, machine_names, read_dialect, read_machine
 
 Within = Callable[[float], AbstractContextManager[None]]
 
@@ -104,6 +105,17 @@ def pick(random: np.random.Generator, values: Any) -> Any:
     return values[int(random.integers(len(values)))]
 
 
+def controllers_of(machine: Machine) -> Iterator[str]:
+    """The dialects in which programs for a machine can be written."""
+    for name in dialect_names():
+        with suppress(MachineError):
+            read_dialect(name).tool_centre_switch(machine)
+            yield name
+
+
+CONTROLLERS = {name: tuple(controllers_of(read_machine(name))) for name in machine_names()}
+
+
 def random_stock(random: np.random.Generator, mesh: TriangleMesh) -> dict[str, Any]:
     kind = pick(random, ("capsule", "capsule", "cylinder", "box"))
     stock = {"kind": kind, "allowance": pick(random, (0.2, 0.5, 0.5, 1.0, 3.0))}
@@ -153,10 +165,8 @@ def random_job(seed: int) -> tuple[str, Job | BonecamError]:
     """The name of a part and a job for it, or the error with which the job is refused."""
     random = np.random.default_rng(seed)
     part = pick(random, tuple(PARTS))
-    machine, controller = pick(
-        random,
-        (("mikron-ucp600", "heidenhain"), ("linuxcnc-xyzbc", "linuxcnc"), ("mikron-ucp600", "heidenhain")),
-    )
+    machine = pick(random, ("mikron-ucp600", "linuxcnc-xyzbc", "mikron-ucp600"))
+    controller = pick(np.random.default_rng([seed, 1]), CONTROLLERS[machine])
     lead = pick(random, (-10.0, 0.0, 5.0, 10.0, 20.0))
     sections = {
         "stock": random_stock(random, PARTS[part]()),
@@ -212,6 +222,13 @@ def check_ending(seed: int, within: Within) -> None:
 @pytest.mark.parametrize("seed", QUICK)
 def test_a_plausible_job_ends_with_a_program_or_a_remedy(seed: int, within: Within) -> None:
     check_ending(seed, within)
+
+
+def test_jobs_are_drawn_for_all_dialects_on_all_machines() -> None:
+    assert set(CONTROLLERS["mikron-ucp600"]) == set(dialect_names())
+    jobs = (random_job(seed)[1] for seed in ALL)
+    drawn = {(job.nc.machine, job.nc.controller) for job in jobs if isinstance(job, Job)}
+    assert drawn == {(machine, name) for machine, names in CONTROLLERS.items() for name in names}
 
 
 @pytest.mark.fuzz
