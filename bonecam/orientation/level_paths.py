@@ -30,7 +30,8 @@ from bonecam.setup.holding import Post, post_below
 from bonecam.setup.stock import Stock
 from bonecam.toolpath.contacts import CandidateContacts, candidate_contacts, contact_path
 from bonecam.toolpath.cutters.cutter import Cutter
-from bonecam.toolpath.engagement.material import DEVIATION, Material, remove_material, uncut_material
+from bonecam.toolpath.engagement.material import Material, remove_material, uncut_material
+from bonecam.toolpath.engagement.standing_mesh import DEVIATION
 from bonecam.toolpath.engagement.stretches import UNCERTAIN, Allowed
 from bonecam.toolpath.gouge import MESH_SHARE, planned_tolerance
 from bonecam.toolpath.path import ContactPath, Kind, ToolPath

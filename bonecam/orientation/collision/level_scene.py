@@ -11,7 +11,7 @@ from bonecam.setup.fixture.clamping import clamping_of
 from bonecam.setup.fixture.table import MachineBodies
 from bonecam.setup.holding import post_below
 from bonecam.setup.stock import Stock
-from bonecam.toolpath.engagement.material import DEVIATION
+from bonecam.toolpath.engagement.standing_mesh import DEVIATION
 
 CHORD = 0.002
 """Chord tolerance of the level that the ball touches, mm."""

@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from bonecam.kernels.removal.air import new_ends
 from bonecam.kernels.removal.probe import cut_moves, probe
 from bonecam.kernels.removal.rays import RaySet
 from bonecam.runtime.threads import in_pieces
@@ -47,6 +48,18 @@ class Dexels:
 
         in_pieces(work, len(left), 1)
         return Dexels(tuple(left), self.grid)
+
+    @property
+    def ends(self) -> Float[ndarray, "e 3"]:
+        """Where the rays enter and leave the material."""
+        found = []
+        for k, rays in enumerate(self.sets):
+            nothing = rays._replace(counts=np.zeros_like(rays.counts))
+            places = new_ends(rays, nothing, 1)
+            in_grid = np.empty_like(places)
+            in_grid[:, order(k)] = places
+            found.append(self.grid.in_part(in_grid))
+        return np.vstack(found)
 
     def removed_by(
         self, lines: Sequence[Float[ndarray, "_ 3"]], removed: Float[ndarray, "k m 3"], radius: float

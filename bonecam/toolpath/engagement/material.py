@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, Int32
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 from scipy.spatial import KDTree
 
@@ -25,13 +25,10 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.stock import Stock
 from bonecam.toolpath.engagement.dexels import Dexels, dexels_of
 from bonecam.toolpath.engagement.entering import ball_depths, enters_beside
+from bonecam.toolpath.engagement.standing_mesh import CHORD, holding, hull
 from bonecam.toolpath.engagement.stock_places import places_on_stock
 from bonecam.toolpath.path import Kind, ToolPath
 
-CHORD = 0.05
-"""Chord tolerance (mm) of the grid of the material."""
-DEVIATION = 2.5 * CHORD
-"""How far the material may reach out of its mesh, mm."""
 DEPTH_CHORD = 0.005
 """Chord tolerance (mm) of the grid of the places that depths of cut are measured from: about 0.25 mm apart."""
 REACH = 1.5
@@ -71,22 +68,29 @@ def _swept_after(path: ToolPath, before: Sequence[Swept]) -> tuple[Swept, ...]:
 
 @dataclass(frozen=True, eq=False)
 class Material:
-    """The material left: the vertices of `grid` moved to `vertices`, and its closed `mesh`; and places of its
-    surface, those of the finer grid `depth_grid` moved to `places`. `swept` is where balls cut on the last two levels.
-    `uncut` is the stock before the first cut: depths are measured from it. `dexels` are what stands whatever the lines
-    of the grids.
-
-    While levels that round the edges of the stock are cut, `mesh` stays the whole stock.
+    """The material left of a `stock`: the vertices of `grid` moved to `vertices`; and places of its surface, those of
+    the finer grid `depth_grid` moved to `places`. `swept` is where balls cut on the last two levels. `uncut` is the
+    stock before the first cut: depths are measured from it. `dexels` are what stands whatever the lines of the grids.
+    `floor` are the vertices on the level that was cut last, None while levels only round the edges of the stock.
     """
 
+    stock: TriangleMesh
     grid: LevelGrid
     vertices: Float[ndarray, "v 3"]
-    mesh: TriangleMesh
     depth_grid: LevelGrid
     places: Float[ndarray, "p 3"]
     dexels: Dexels
     swept: tuple[Swept, ...] = ()
     uncut: Stock | None = None
+    floor: Float[ndarray, "v 3"] | None = None
+
+    @cached_property
+    def mesh(self) -> TriangleMesh:
+        """The closed mesh that what stands leaves by DEVIATION at most; while levels round the edges of the stock, all
+        of it."""
+        if self.floor is None:
+            return self.stock
+        return holding(hull(self.vertices, self.floor, self.grid.faces), self.dexels.ends)
 
     def thickness(self, level: MachinedLevel, contacts: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
         """Thickness of the material above the level at each contact, mm."""
@@ -162,7 +166,7 @@ def uncut_material(levels: Sequence[Level], stock: Stock) -> Material:
     nets = [level.control_points for level in machined]
     grid, fine = (level_grid(machined[0].surface, nets, chord) for chord in (CHORD, DEPTH_CHORD))
     vertices, places = (places_on_stock(stock, each.R @ nets[-1], each.faces) for each in (grid, fine))
-    return Material(grid, vertices, levels[-1].mesh, fine, places, dexels_of(stock), uncut=stock)
+    return Material(levels[-1].mesh, grid, vertices, fine, places, dexels_of(stock), uncut=stock)
 
 
 def remove_material(material: Material, level: MachinedLevel, path: ToolPath) -> Material:
@@ -172,27 +176,17 @@ def remove_material(material: Material, level: MachinedLevel, path: ToolPath) ->
     floor = material.grid.R @ level.control_points
     vertices = _lowered(material.vertices, floor, path)
     places = _lowered(material.places, material.depth_grid.R @ level.control_points, path)
-    mesh = material.mesh if isinstance(level, RoundedLevel) else _hull(vertices, floor, material.grid.faces)
     swept = _swept_after(path, material.swept)
     dexels = material.dexels.without(*_cuts(path), path.cutter.radius)
     return replace(
-        material, vertices=vertices, mesh=mesh, places=places, dexels=dexels, swept=swept, uncut=None
+        material,
+        vertices=vertices,
+        places=places,
+        dexels=dexels,
+        swept=swept,
+        uncut=None,
+        floor=material.floor if isinstance(level, RoundedLevel) else floor,
     )
-
-
-def _hull(
-    standing: Float[ndarray, "n 3"], floor: Float[ndarray, "n 3"], faces: Int32[ndarray, "f 3"]
-) -> TriangleMesh:
-    """The mesh through standing vertices that the material leaves by DEVIATION at most, also where it ends in a cliff
-    between a vertex that was cut and one that stands: no vertex is lower than its neighbours by more than that."""
-    heights = np.linalg.norm(standing - floor, axis=1)
-    least = heights.copy()
-    for k in range(3):
-        one, other = faces[:, k], faces[:, k - 1]
-        np.maximum.at(least, one, heights[other] - DEVIATION)
-        np.maximum.at(least, other, heights[one] - DEVIATION)
-    up = vertex_normals(TriangleMesh(floor, faces))
-    return TriangleMesh(standing + (least - heights)[:, None] * up, faces)
 
 
 def _dense(starts: Float[ndarray, "n 3"], ends: Float[ndarray, "n 3"]) -> Float[ndarray, "m 3"]:

@@ -23,7 +23,8 @@ from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.contacts import candidate_contacts, contact_path
 from bonecam.toolpath.cutters.cutter import Cutter
-from bonecam.toolpath.engagement.material import DEVIATION, Material, remove_material, uncut_material
+from bonecam.toolpath.engagement.material import Material, remove_material, uncut_material
+from bonecam.toolpath.engagement.standing_mesh import DEVIATION, hull
 from bonecam.toolpath.engagement.stretches import Allowed
 from bonecam.toolpath.path import Kind, ToolPath
 
@@ -257,7 +258,8 @@ def test_the_mesh_ends_behind_the_foot_of_a_cliff(
     upper = replace(path, kinds=np.where(path.contacts[:, 2] > 35.0, path.kinds, Kind.LINK))
     material = remove_material(skin_material(levels, stock), levels[1], upper)
     floor = material.grid.R @ levels[1].control_points
-    raw, kept = (np.linalg.norm(v - floor, axis=1) for v in (material.vertices, material.mesh.vertices))
+    mesh = hull(material.vertices, floor, material.grid.faces)
+    raw, kept = (np.linalg.norm(v - floor, axis=1) for v in (material.vertices, mesh.vertices))
     edges = material.grid.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     drop = np.ptp(raw[edges], axis=1)
     assert drop.max() > 2 * DEVIATION
