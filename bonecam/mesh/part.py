@@ -16,7 +16,7 @@ from bonecam.mesh.healing.decimation import decimate
 from bonecam.mesh.healing.pits import fill_pits
 from bonecam.mesh.healing.repair import repair
 from bonecam.mesh.pose import upright
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
 from bonecam.mesh.units import to_mm
 from bonecam.progress import Progress, report, silent
 from bonecam.progress import part as share
@@ -55,7 +55,7 @@ class Part:
 
 
 def prepare_part(
-    source: str | Path | TriangleMesh,
+    source: str | Path | MeshLike,
     job: MeshJob,
     progress: Progress = silent,
     also: tuple[str, ...] = (),
@@ -63,12 +63,12 @@ def prepare_part(
     """Read a mesh, scale it to mm, decimate it where it has too many faces, repair it, fill its pits and turn
     it upright, as the job says.
 
-    `also` are endings of part files that the caller reads itself: a refusal names them too. MeshError,
-    FileError and UnitsError name the file.
+    `source` is a file, or a mesh in memory as `mesh_from` takes it. `also` are endings of part files that the caller
+    reads itself: a refusal names them too. MeshError, FileError and UnitsError name the file.
     """
     report(progress, 0.0, "reading the mesh")
-    name = "the mesh" if isinstance(source, TriangleMesh) else str(source)
-    raw = source if isinstance(source, TriangleMesh) else read_mesh(source, also)
+    name = str(source) if isinstance(source, str | Path) else "the mesh"
+    raw = read_mesh(source, also) if isinstance(source, str | Path) else mesh_from(source)
     if not len(raw.faces):
         raise MeshError(f"{name}: the mesh has no faces: give a surface mesh", file=name)
 

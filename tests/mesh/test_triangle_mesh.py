@@ -10,7 +10,9 @@ import pytest
 import trimesh
 
 from bonecam import TriangleMesh
+from bonecam.job import MeshJob
 from bonecam.mesh import mesh_from
+from bonecam.mesh.part import prepare_part
 
 CORNERS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
 FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], dtype=np.int32)
@@ -33,6 +35,12 @@ def test_the_mesh_of_a_library_becomes_ours(library: str) -> None:
     mesh = mesh_from(MADE_BY[library]())
     assert np.array_equal(mesh.vertices, CORNERS)
     assert np.array_equal(mesh.faces, FACES)
+
+
+def test_the_mesh_of_a_library_becomes_a_part() -> None:
+    part = prepare_part(MADE_BY["trimesh"](), MeshJob(units="inch", pit_radius=0.0, upright=False))
+    assert part.file == "the mesh"
+    np.testing.assert_allclose(part.mesh.bounds[1], 25.4)
 
 
 def test_our_mesh_leaves_as_copies_that_may_be_changed() -> None:

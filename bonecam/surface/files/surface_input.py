@@ -14,7 +14,7 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.part import Part, prepare_part
 from bonecam.mesh.pose import upright
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh
 from bonecam.mesh.units import LARGEST, MM_OF, to_mm
 from bonecam.progress import Progress, silent
 from bonecam.surface.files.tspline_text import ENDINGS, read_tsm
@@ -40,10 +40,10 @@ SPARE = 2.0
 
 
 def read_part(
-    source: str | Path | TriangleMesh, job: Job, progress: Progress = silent
+    source: str | Path | MeshLike, job: Job, progress: Progress = silent
 ) -> tuple[Part, Fit | None]:
     """The part of a mesh or file, upright, and the surface, in the file's mm, where the file gives that."""
-    if isinstance(source, TriangleMesh) or not holds_surface(source):
+    if not isinstance(source, str | Path) or not holds_surface(source):
         return prepare_part(source, job.mesh, progress, also=ENDINGS), None
     return read_surface_part(source, job.mesh, job.surface)
 
