@@ -9,6 +9,7 @@ from bonecam.batch import Outcome
 from bonecam.cli import main
 from bonecam.cli.progress_display import ProgressLog
 from bonecam.job import Job, write_job
+from bonecam.nc import dialect_names, machine_names
 
 
 def test_job_prints_every_default(capsys: pytest.CaptureFixture[str]) -> None:
@@ -148,6 +149,19 @@ def test_a_script_may_make_its_mesh_and_stdout_holds_file_names_only(
     printed = capfd.readouterr().out.splitlines()
     assert [Path(line).parent for line in printed] == [tmp_path / "out"]
     assert Path(printed[0]).is_file()
+
+
+def test_help_and_pages_name_every_machine_and_controller(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["convert", "--help"])
+    pages = Path(__file__).parents[1] / "docs/pages"
+    rows = (pages / "using/command-line.md").read_text() + (pages / "tutorials/own-machine.md").read_text()
+    told = capsys.readouterr().out
+    for name in (*dialect_names(), *machine_names()):
+        assert name in told
+        assert f"`{name}`" in rows
+    assert "heidenhain (default)" in told
+    assert "mikron-ucp600 (default)" in told
 
 
 def test_an_unknown_option_points_to_the_help_of_its_command(capsys: pytest.CaptureFixture[str]) -> None:
