@@ -74,14 +74,24 @@ def _is_abandoned(item: Path) -> bool:
 
 
 def is_running(process: int) -> bool:
-    """Whether there is a process of that number."""
+    """Whether a process of that number works: one that has ended and whose parent has not asked yet how (a zombie, as
+    for ever where process 1 of a container asks nobody) does not."""
     try:
         os.kill(process, 0)
     except ProcessLookupError:
         return False
     except (PermissionError, OverflowError):
         return True
-    return True
+    return not _is_zombie(process)
+
+
+def _is_zombie(process: int) -> bool:
+    """Whether a process has ended, as Linux tells it: False where the system does not."""
+    try:
+        told = Path(f"/proc/{process}/stat").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return False
+    return told.rpartition(")")[2].split()[0] in "ZX"
 
 
 @atexit.register

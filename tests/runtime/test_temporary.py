@@ -1,5 +1,6 @@
 """Temporary folders of killed runs go, those of running ones and of other hosts stay."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -24,6 +25,16 @@ def test_the_folder_of_a_killed_process_goes_with_the_next_that_is_made(tmp_path
     with temporary_folder(tmp_path) as work:
         assert [item.name for item in tmp_path.iterdir()] == [work.name]
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="the system tells of no zombies")
+def test_the_folder_of_a_process_that_nobody_has_asked_how_it_ended_goes_too(tmp_path: Path) -> None:
+    with subprocess.Popen([sys.executable, "-c", KILLED, tmp_path, "SIGKILL"]) as run:
+        os.waitid(os.P_PID, run.pid, os.WEXITED | os.WNOWAIT)  # which leaves it to be asked
+        assert len(list(tmp_path.iterdir())) == 1
+        assert not is_running(run.pid)
+        remove_abandoned(tmp_path)
+        assert not list(tmp_path.iterdir())
 
 
 def test_a_process_that_ends_by_itself_leaves_nothing(tmp_path: Path) -> None:
