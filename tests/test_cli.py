@@ -1,3 +1,5 @@
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -211,3 +213,22 @@ def test_the_report_of_a_simulation_is_checked_before_it(
     outputs = ["--report", str(tmp_path / "nowhere" / "r.json")]
     assert main(["simulate", "none.h", "--keep", str(tmp_path), *outputs]) == 2
     assert "its folder" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "closed", "printed"),
+    [
+        ("job", ">&-", ""),
+        ("filters none", ">&- 2>&-", ""),
+        ("script a.mlx -o out", ">&-", ""),
+        ("script a.mlx -o out", "<&- 2>&-", "out/Box_Cube.ply\n"),
+    ],
+)
+def test_a_closed_stream_is_as_one_that_leads_nowhere(
+    arguments: str, closed: str, printed: str, tmp_path: Path
+) -> None:
+    (tmp_path / "a.mlx").write_text('<FilterScript><filter name="create_cube"/></FilterScript>')
+    call = f"exec '{sys.executable}' -m bonecam {arguments} {closed}"
+    done = subprocess.run(["sh", "-c", call], cwd=tmp_path, capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (2 if "none" in arguments else 0, printed, "")
+    assert (tmp_path / "out" / "Box_Cube.ply").exists() == ("out" in arguments)

@@ -11,7 +11,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     if arguments is None:
         from bonecam.cli.stopping import run_stoppable
+        from bonecam.cli.streams import open_closed_streams
 
+        open_closed_streams()
         return run_stoppable(_call)
     return _call(arguments)
 

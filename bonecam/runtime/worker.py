@@ -59,7 +59,7 @@ def call_in_worker(
                 process.kill()
                 process.wait()
                 remove_abandoned(Path(tempfile.gettempdir()))
-        if heard:
+        if heard and sys.stderr is not None:
             said.seek(0)
             sys.stderr.write(said.read().decode(errors="replace"))
     if isinstance(answer, BaseException):
