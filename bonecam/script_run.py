@@ -24,6 +24,10 @@ SECONDS = 900.0
 """Time that a script has, s: several times what all of the chain takes for a bone."""
 MEMORY = 4.0
 """Memory that a script has for its data, GB: ten times what MeshLab takes for a million faces."""
+MOST_SECONDS = 1e6
+"""Most time that may be given, s: eleven days. Systems count waits in ms, with 31 bits."""
+MOST_MEMORY = 1e6
+"""Most memory that may be given, GB. Systems count it in bytes, with 63 bits."""
 
 
 def run_script(
@@ -48,8 +52,12 @@ def run_script(
 
     The script works in a process of its own, which has `seconds` for all of it and `memory` (GB) for its data;
     with the filters of a `registry` (filters.Registry) it works in this one, without limits. Raises FileError (a
-    file), FilterError (the script, with its line, or what its process did) or what a stage raises, with the line.
+    file), FilterError (the script, with its line, or what its process did) or what a stage raises, with the line;
+    ValueError where a limit is not above 0, or above MOST_SECONDS or MOST_MEMORY.
     """
+    for name, limit, most in (("seconds", seconds, MOST_SECONDS), ("memory", memory, MOST_MEMORY)):
+        if not 0 < limit <= most:
+            raise ValueError(f"{name} = {limit!r}: give a number above 0, at most {most:,.0f}")
     for file in inputs:
         require_name(file)
     check_folder(output_dir)

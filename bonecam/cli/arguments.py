@@ -1,58 +1,24 @@
 """The commands of the command line with their arguments and help texts."""
 
 import argparse
-import math
-from collections.abc import Sequence
-from typing import Any, NoReturn
+from typing import Any
 
 import bonecam
 from bonecam.cli import commands
 from bonecam.cli.help_texts import EXAMPLES, EXIT_CODES, PART
 from bonecam.cli.job_options import add_job_options
+from bonecam.cli.parser import Parser, positive
 from bonecam.cli.stopping import NOTHING
-from bonecam.errors import did_you_mean
-from bonecam.script_run import MEMORY, SECONDS
+from bonecam.script_run import MEMORY, MOST_MEMORY, MOST_SECONDS, SECONDS
 
 
-class _Parser(argparse.ArgumentParser):
-    """A parser that answers a wrong call with one line and exit code 2."""
-
-    def error(self, message: str) -> NoReturn:
-        self.exit(2, f"{self.prog}: {message}: see {self.prog} --help\n")
-
-    def _check_value(self, action: argparse.Action, value: Any) -> None:
-        """argparse's check of a choice, with the nearest one in the message."""
-        if action.choices is not None and value not in action.choices:
-            known = [str(choice) for choice in action.choices]
-            close = did_you_mean(str(value), known)
-            raise argparse.ArgumentError(
-                action, f"{value!r} is unknown{close}: use one of {', '.join(known)}"
-            )
-
-    def refuse_unknown(self, arguments: Sequence[str]) -> NoReturn:
-        """End with one line that names the arguments that this command does not know."""
-        close = did_you_mean(arguments[0].partition("=")[0], self._option_string_actions)
-        self.error(f"unrecognized arguments: {' '.join(arguments)}{close}")
-
-
-def _positive(text: str) -> float:
-    """A number above 0, as argparse's type; ValueError where it is none."""
-    value = float(text)
-    if not 0 < value < math.inf:
-        raise ValueError(text)
-    return value
-
-
-_positive.__name__ = "number above 0"  # as argparse's message has it
-
-
-def make_parser() -> "_Parser":
+def make_parser() -> Parser:
     """The parser of all commands; each sets `run`, which takes the options and returns the exit code."""
     text = "From a bone mesh to a verified five-axis NC program."
-    parser = _Parser(prog="bonecam", description=text, epilog=EXIT_CODES)
+    parser = Parser(prog="bonecam", description=text, epilog=EXIT_CODES)
     parser.add_argument("-V", "--version", action="version", version=f"bonecam {bonecam.__version__}")
     parser.set_defaults(run=None, refuse_unknown=parser.refuse_unknown)
-    parsers = parser.add_subparsers(metavar="COMMAND", parser_class=_Parser)
+    parsers = parser.add_subparsers(metavar="COMMAND", parser_class=Parser)
     _add_convert(parsers)
     _add_demo(parsers)
     _add_levels(parsers)
@@ -127,7 +93,7 @@ def _add_shell(parsers: Any) -> None:
         "-o", "--output", metavar="MESH", required=True, help="file for the shell: .stl or .ply"
     )
     covered = "share of the part's height that it covers (0.5)"
-    shell.add_argument("--covered", metavar="SHARE", type=_positive, default=0.5, help=covered)
+    shell.add_argument("--covered", metavar="SHARE", type=positive(), default=0.5, help=covered)
     add_job_options(shell)
 
 
@@ -141,7 +107,7 @@ def _add_simulate(parsers: Any) -> None:
     kept = "the folder that `convert --keep` wrote: its part and its stock"
     simulate.add_argument("--keep", metavar="DIR", required=True, help=kept)
     rays = "distance of the rays (0.1 mm)"
-    simulate.add_argument("--cell", metavar="MM", type=_positive, default=0.1, help=rays)
+    simulate.add_argument("--cell", metavar="MM", type=positive(), default=0.1, help=rays)
     simulate.add_argument("--report", metavar="FILE.json", help="file for the figures")
     simulate.add_argument("--html", metavar="FILE.html", help="file for a page that plays the program")
     add_job_options(simulate)
@@ -184,11 +150,13 @@ def _add_script(parsers: Any) -> None:
     outside = "let the script write outside DIR, and read what is not beside it or an input"
     script.add_argument("--allow-outside", action="store_true", help=outside)
     script.add_argument("--force", action="store_true", help="write over files that no earlier run wrote")
-    for name, unit, limit, what in (
-        ("--time-limit", "S", SECONDS, "seconds that the script may take"),
-        ("--memory-limit", "GB", MEMORY, "memory that its data may take"),
+    for name, unit, limit, most, what in (
+        ("--time-limit", "S", SECONDS, MOST_SECONDS, "seconds that the script may take"),
+        ("--memory-limit", "GB", MEMORY, MOST_MEMORY, "memory that its data may take"),
     ):
-        script.add_argument(name, metavar=unit, type=_positive, default=limit, help=f"{what} ({limit:g})")
+        script.add_argument(
+            name, metavar=unit, type=positive(most), default=limit, help=f"{what} ({limit:g})"
+        )
     _add_verbosity(script)
 
 
@@ -206,7 +174,7 @@ def _add_job(parsers: Any) -> None:
 
 def _add_command(parsers: Any, name: str, text: str, run: Any) -> argparse.ArgumentParser:
     """A command with defaults for the options that not every command has."""
-    command: _Parser = parsers.add_parser(
+    command: Parser = parsers.add_parser(
         name,
         help=text,
         description=text,

@@ -55,11 +55,21 @@ def test_the_command_line_tells_and_takes_the_limits(
     call = ["script", str(script(tmp_path, CUBE)), "-o", str(tmp_path / "out"), "-q"]
     assert main([*call, "--memory-limit", "0.01"]) == 2
     assert re.fullmatch(r"bonecam: .*script\.mlx: .*--memory-limit\n", capsys.readouterr().err)
-    for value in ("0", "nan", "inf", "much"):
-        with pytest.raises(SystemExit):
-            main([*call, "--time-limit", value])
-        assert f"invalid number above 0 value: '{value}'" in capsys.readouterr().err
-    assert main(call) == 0
+    for value in ("0", "nan", "inf", "much", "1e300"):
+        for option in ("--time-limit", "--memory-limit"):
+            with pytest.raises(SystemExit):
+                main([*call, option, value])
+            told = capsys.readouterr().err
+            assert f"{option}: invalid number above 0, at most 1,000,000, value: '{value}'" in told
+    assert main([*call, "--time-limit", "1e6", "--memory-limit", "1e6"]) == 0
+
+
+@pytest.mark.parametrize("limit", [{"seconds": 0.0}, {"memory": 1e300}, {"seconds": float("nan")}])
+def test_a_limit_that_is_none_is_a_wrong_call(limit: dict[str, float], tmp_path: Path) -> None:
+    with pytest.raises(
+        ValueError, match=rf"{next(iter(limit))} = .*: give a number above 0, at most 1,000,000"
+    ):
+        run_script(script(tmp_path, CUBE), [], tmp_path / "out", **limit)
 
 
 def test_a_script_is_cancelled_by_its_progress(tmp_path: Path) -> None:
