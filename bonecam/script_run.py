@@ -5,6 +5,7 @@ in a process of its own, with limits.
 """
 
 import os
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +21,8 @@ NOTHING_STALE = "(?!)"
 
 WORK = "bonecam.filters.script:apply_run"
 """The function that does the work."""
+STEP = r"^line (\d+): (\w+)$"
+"""A regular expression of the message with which each filter of a script begins."""
 SECONDS = 900.0
 """Time that a script has, s: several times what all of the chain takes for a bone."""
 MEMORY = 4.0
@@ -86,11 +89,12 @@ class Run:
 
 
 def _work_in_child(run: Run, progress: Progress, seconds: float, memory: float) -> None:
-    """A run in a process of its own; FilterError names the last filter where that broke down or hit a limit."""
-    steps = ["its beginning"]
+    """A run in a process of its own; FilterError names the last filter and its line where that broke down or hit a
+    limit."""
+    steps: list[re.Match[str]] = []
 
     def noted(fraction: float, message: str) -> bool | None:
-        steps.append(message)
+        steps.extend(re.finditer(STEP, message))
         return progress(fraction, message)
 
     try:
@@ -99,4 +103,8 @@ def _work_in_child(run: Run, progress: Progress, seconds: float, memory: float) 
         )
     except WorkerError as error:
         remedy = "leave it out, give it less to do, or allow more with --time-limit and --memory-limit"
-        raise FilterError(f"{run.script}: {steps[-1]}: {error}: {remedy}", filter=steps[-1]) from error
+        if not steps:
+            raise FilterError(f"{run.script}: its beginning: {error}: {remedy}") from error
+        line, name = steps[-1].groups()
+        message = f"{run.script}, line {line}: {name}: {error}: {remedy}"
+        raise FilterError(message, filter=name, line=int(line)) from error

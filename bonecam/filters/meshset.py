@@ -18,7 +18,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-from bonecam.errors import FileError, FilterError, did_you_mean
+from bonecam.errors import BonecamError, FileError, FilterError, did_you_mean
 from bonecam.filters.catalogue import parameter_list
 from bonecam.filters.filter import Filter, Registry, installed
 from bonecam.filters.layers import Layers
@@ -137,17 +137,13 @@ class MeshSet(meshlab().MeshSet):  # type: ignore[misc]
 
     def _apply_ours(self, item: Filter, given: Mapping[str, Any]) -> dict[str, Any]:
         mesh = self.layers.mesh() if item.needs_layer else None
-        try:
+        with _faults_told(item):
             values = item.values(given, mesh)
-        except SystemExit as error:
-            raise _ending(item, error) from error
         keys = self.layers.keys()
         current = self.current_mesh_id() if keys else None
         try:
-            result = item.act(self.layers, values, self.progress)
-        except SystemExit as error:
-            self.layers.restore(keys, current)
-            raise _ending(item, error) from error
+            with _faults_told(item):
+                result = item.act(self.layers, values, self.progress)
         except BaseException:
             self.layers.restore(keys, current)
             raise
@@ -239,7 +235,15 @@ def _written(item: Filter, given: Mapping[str, Any]) -> tuple[ScriptParameter, .
     return tuple(found)
 
 
-def _ending(item: Filter, error: SystemExit) -> FilterError:
-    """The error of a filter that calls sys.exit."""
-    what = f"it would end the program (sys.exit({error.code!r}))"
-    return FilterError(f"{item.name}: {what}: mend or uninstall its plugin", filter=item.name)
+@contextmanager
+def _faults_told(item: Filter) -> Iterator[None]:
+    """What is wrong in the code of a filter, which may be a stranger's, is told as FilterError, with that as cause."""
+    try:
+        yield
+    except (BonecamError, MemoryError):
+        raise
+    except (Exception, SystemExit) as error:
+        ends = isinstance(error, SystemExit)
+        words = " ".join(str(error).split())
+        what = f"it would end the program (sys.exit({words}))" if ends else f"{type(error).__name__}: {words}"
+        raise FilterError(f"{item.name}: {what}: mend or uninstall its plugin", filter=item.name) from error

@@ -50,7 +50,7 @@ def apply_steps(meshes: Applies, steps: Sequence[Step], script: str, progress: P
     before = meshes.progress
     try:
         for index, step in enumerate(steps):
-            report(progress, index / len(steps), step.name)
+            report(progress, index / len(steps), f"line {step.line}: {step.name}")
             meshes.progress = part(progress, index / len(steps), (index + 1) / len(steps))
             meshes.apply_filter(step.name, **step.values)
     except BonecamError as error:

@@ -14,6 +14,7 @@ from bonecam.errors import BonecamError, Cancelled, FilterError, StockError
 from bonecam.filters.filter import Filter, Registry
 from bonecam.filters.layers import Layers
 from bonecam.filters.meshset import MeshSet
+from bonecam.filters.parameter import FilterParameter, Kind
 from bonecam.filters.script import apply_script
 from bonecam.progress import Progress, report
 
@@ -205,6 +206,29 @@ def test_a_filter_cannot_end_the_program(phalanx: Path) -> None:
     meshes.load_new_mesh(str(phalanx))
     with pytest.raises(FilterError, match=r"apply_leave: it would end the program \(sys\.exit\(3\)\): mend"):
         meshes.apply_leave()
+    assert meshes.layers.count == 1
+
+
+@pytest.mark.parametrize("place", ["act", "value"])
+def test_a_fault_in_the_code_of_a_filter_is_told_with_its_line(
+    place: str, phalanx: Path, tmp_path: Path
+) -> None:
+    def fail(*_: object) -> dict[str, object]:
+        raise KeyError("no\nsuch")
+
+    known = FilterParameter("size", Kind.FLOAT, 1.0, "Size", "The size.")
+    item = Filter("apply_fail", "Fail", "Raises.", "Test", (known,), fail)
+    if place == "value":
+        item = replace(item, parameters=(replace(known, computed=fail),))
+    meshes = MeshSet(registry=Registry([item]))
+    meshes.load_new_mesh(str(phalanx))
+    file = tmp_path / "a.mlx"
+    file.write_text('<FilterScript>\n<filter name="apply_fail"/>\n</FilterScript>')
+    with pytest.raises(
+        FilterError, match=r"a.mlx, line 2: apply_fail: KeyError: 'no\\nsuch': mend"
+    ) as caught:
+        apply_script(meshes, file)
+    assert caught.value.evidence["line"] == 2
     assert meshes.layers.count == 1
 
 
