@@ -147,7 +147,7 @@ def run_script(options: argparse.Namespace) -> int:
             memory=options.memory_limit,
         )
     if not options.quiet:
-        print("\n".join(str(path) for path in written))
+        print("".join(f"{path}\n" for path in written), end="")
     return 0
 
 

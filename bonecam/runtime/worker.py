@@ -88,7 +88,7 @@ def _answer(
     end = None if seconds is None else time.monotonic() + seconds
     while True:
         if not here.poll(None if end is None else max(0.0, end - time.monotonic())):
-            raise WorkerError(f"took more than {seconds:.0f} s")
+            raise WorkerError(f"took more than {seconds:g} s")
         try:
             done, found = here.recv()
         except (EOFError, OSError) as error:

@@ -75,6 +75,16 @@ def test_a_limit_that_is_none_is_a_wrong_call(limit: dict[str, float], tmp_path:
         run_script(script(tmp_path, CUBE), [], tmp_path / "out", **limit)
 
 
+def test_a_script_without_filters_and_meshes_prints_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    call = ["script", str(script(tmp_path)), "-o", str(tmp_path / "out")]
+    assert main([*call, "--time-limit", "0.01"]) == 2
+    assert "its beginning: took more than 0.01 s:" in capsys.readouterr().err
+    assert main(call) == 0
+    assert capsys.readouterr().out == ""
+
+
 def test_a_script_is_cancelled_by_its_progress(tmp_path: Path) -> None:
     with pytest.raises(Cancelled):
         run_script(script(tmp_path, CUBE, ENDLESS), [], tmp_path / "out", progress=lambda share, what: False)
