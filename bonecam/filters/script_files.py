@@ -103,12 +103,30 @@ class ScriptFiles:
             raise FilterError(f"file {name!r} leads out of the folder of outputs: {remedy}", file=name)
         final = self.output / place.relative_to(root) if inside else place
         own = inside and is_own(self.output, str(final.relative_to(self.output)))
+        if inside:
+            self._require_reachable(name, final)
         if os.path.lexists(final) and not own and not self.force:
             remedy = "give another name, or write over it with --force"
             raise FilterError(f"file {name!r}: {final} exists already: {remedy}", file=name)
         if inside:
             place.parent.mkdir(parents=True, exist_ok=True)
         return place
+
+    def _require_reachable(self, name: str, final: Path) -> None:
+        """FilterError where no file can take its place in the folder of outputs when all filters have run."""
+        root = Path(os.path.realpath(self.output))
+        parent = Path(os.path.realpath(final.parent))
+        blocked = next((folder for folder in final.parents if folder.is_file()), None)
+        if root != parent and root not in parent.parents:
+            raise FilterError(f"file {name!r}: {final}: a link leads out of the folder: remove it", file=name)
+        if blocked is not None:
+            raise FilterError(
+                f"file {name!r}: {blocked} is a file: give another name, or remove it", file=name
+            )
+        if final.is_dir():
+            raise FilterError(
+                f"file {name!r}: {final} is a folder: give another name, or remove it", file=name
+            )
 
     def to_read(self, name: str) -> Path:
         """Where a file to be read is: beside the script or an input. FilterError where it is elsewhere."""

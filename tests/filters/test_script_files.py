@@ -91,14 +91,33 @@ def test_a_file_that_meshlab_names_by_itself_is_written_into_the_folder(
     assert files(folder) == {"script.mlx"}
 
 
-def test_links_lead_nowhere_else(folder: Path, tmp_path: Path, registry: Registry) -> None:
+def test_what_cannot_take_its_place_is_refused_before_anything_ran(
+    folder: Path, tmp_path: Path, registry: Registry
+) -> None:
     out, other = tmp_path / "out", tmp_path / "other"
     out.mkdir()
     other.mkdir()
+    (out / "full").mkdir()
+    (out / "note").touch()
     (out / "link").symlink_to(other)
     (out / "file").symlink_to(other / "file")
-    with pytest.raises(FileError, match=r"link/evil: a link leads out of the folder"):
-        run_script(script(folder, OURS.format("link/evil")), [], out, registry=registry, force=True)
+    ran: list[str] = []
+    for name, what in (
+        ("link/evil", r".*link/evil: a link leads out of the folder: remove it"),
+        ("note/in", ".*note is a file: give another name"),
+        ("full", ".*full is a folder: give another name"),
+    ):
+        with pytest.raises(FilterError, match=rf"script.mlx, line 3: file '{name}': {what}"):
+            run_script(
+                script(folder, OURS.format(name)),
+                [],
+                out,
+                registry=registry,
+                force=True,
+                allow_outside=True,
+                progress=lambda share, message: ran.append(message),
+            )
+    assert not ran
     with pytest.raises(FilterError, match="exists already"):
         run_script(script(folder, OURS.format("file")), [], out, registry=registry)
     assert not files(other)
