@@ -12,6 +12,8 @@ from pathlib import Path
 
 OWN_FILES = ".bonecam-files"
 """Name of the list."""
+ESCAPES = {"\\": "\\\\", "\n": "\\n", "\r": "\\r"}
+"""How `sha256sum` writes the characters of a name that its lines cannot have; such a line begins with a backslash."""
 
 
 def stale_files(folder: Path, own: str, new: Collection[str]) -> list[Path]:
@@ -28,7 +30,7 @@ def list_of_own(folder: Path, work: Path, new: Iterable[str], stale: Collection[
     written = {name: digest(work / name) for name in new}
     left = {name: content for name, content in _listed(folder).items() if folder / name not in stale}
     kept = {name: content for name, content in left.items() if (folder / name).is_file()}
-    return "".join(f"{content}  {name}\n" for name, content in sorted({**kept, **written}.items()))
+    return "".join(_line(name, content) for name, content in sorted({**kept, **written}.items()))
 
 
 def is_own(folder: Path, name: str) -> bool:
@@ -47,13 +49,25 @@ def _listed(folder: Path) -> dict[str, str]:
     """The content of each file by its name, as the list tells it; nothing where there is no list of ours. Names that
     lead out of the folder, by `..` or by a link, are left out: anybody may have written the list."""
     try:
-        text = (folder / OWN_FILES).read_text(encoding="utf-8")
+        text = (folder / OWN_FILES).read_bytes().decode()
     except (OSError, ValueError):
         return {}
-    lines = re.findall(r"^([0-9a-f]{64})  ([^/\n][^\n]*)$", text, re.MULTILINE)
+    lines = re.findall(r"^(\\?)([0-9a-f]{64})  ([^/\n\0][^\n\0]*)$", text, re.MULTILINE)
     root = Path(os.path.realpath(folder))
-    places = [(name, content, Path(os.path.realpath((root / name).parent))) for content, name in lines]
+    named = [(_unescaped(name) if escaped else name, content) for escaped, content, name in lines]
+    places = [(name, content, Path(os.path.realpath((root / name).parent))) for name, content in named]
     return {name: content for name, content, place in places if root == place or root in place.parents}
+
+
+def _line(name: str, content: str) -> str:
+    """The line of a file, as `sha256sum` writes and reads it."""
+    escaped = "".join(ESCAPES.get(letter, letter) for letter in name)
+    return f"{'' if escaped == name else chr(92)}{content}  {escaped}\n"
+
+
+def _unescaped(name: str) -> str:
+    letters = {escape: letter for letter, escape in ESCAPES.items()}
+    return re.sub(r"\\[\\nr]", lambda found: letters[found[0]], name)
 
 
 def _is_unchanged(file: Path, content: str) -> bool:

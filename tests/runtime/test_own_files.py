@@ -1,13 +1,17 @@
 """The list of own files may be forged: nothing outside the folder, and nothing changed, is ever taken for ours."""
 
+import shutil
+import subprocess
 from pathlib import Path
 
 import pytest
 
-from bonecam.runtime.own_files import OWN_FILES, digest, is_own, stale_files
+from bonecam.runtime.own_files import OWN_FILES, digest, is_own, list_of_own, stale_files
 
 
-@pytest.mark.parametrize("name", ["../victim", "a/../../victim", "/{}/victim", "link/victim", "./../victim"])
+@pytest.mark.parametrize(
+    "name", ["../victim", "a/../../victim", "/{}/victim", "link/victim", "./../victim", "a\0/victim"]
+)
 def test_a_list_that_names_what_is_outside_names_nothing(name: str, tmp_path: Path) -> None:
     folder = tmp_path / "kept"
     folder.mkdir()
@@ -26,3 +30,18 @@ def test_only_what_has_the_content_that_the_list_tells_is_ours(tmp_path: Path) -
     content = digest(tmp_path / "same")
     (tmp_path / OWN_FILES).write_text("".join(f"{content}  {name}\n" for name in ("same", "other")))
     assert stale_files(tmp_path, ".*", []) == [tmp_path / "same"]
+
+
+@pytest.mark.skipif(shutil.which("sha256sum") is None, reason="sha256sum is not installed")
+@pytest.mark.parametrize("name", ["plain", "a\nb", "a\\b", "a\\nb", "a\n\\nb"])
+def test_any_name_is_listed_as_sha256sum_does(name: str, tmp_path: Path) -> None:
+    (tmp_path / name).write_text(name)
+    text = list_of_own(tmp_path, tmp_path, [name], [])
+    told = subprocess.run(
+        ["sha256sum", name], cwd=tmp_path, capture_output=True, text=True, check=True
+    ).stdout
+    assert text == told
+    (tmp_path / OWN_FILES).write_text(text)
+    subprocess.run(["sha256sum", "--check", OWN_FILES], cwd=tmp_path, check=True)
+    assert is_own(tmp_path, name)
+    assert list_of_own(tmp_path, tmp_path, [], []) == text
