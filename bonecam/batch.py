@@ -26,9 +26,9 @@ from bonecam.nc.dialect import read_dialect
 from bonecam.nc.machine import read_machine
 from bonecam.outputs.batch_table import Outcome, read_rows, table_text
 from bonecam.pipeline import check_job
+from bonecam.runtime.locking import locked
 from bonecam.runtime.parent import safe_path, work_for
 from bonecam.runtime.signals import kept_from_children, undisturbed
-from bonecam.runtime.staging import locked
 from bonecam.runtime.temporary import remove_abandoned
 from bonecam.surface.files.tspline_text import ENDINGS
 

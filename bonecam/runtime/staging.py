@@ -2,30 +2,28 @@
 
 A file is made beside the one it replaces, the files of a folder inside that folder: so a folder may be a mount
 point, a link to another file system, or lie in a folder that cannot be written. Each file is replaced in one
-step (`os.replace`). Runs that write into one folder take their turns, so that what stands there in the end is
-of one run.
+step (`os.replace`), and keeps its mode. Runs that write into one folder take their turns, so that what stands
+there in the end is of one run.
 """
 
 import errno
-import fcntl
 import os
-import time
 from collections.abc import Iterable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from bonecam.errors import BonecamError, FileError
+from bonecam.runtime.locking import locked
 from bonecam.runtime.own_files import OWN_FILES, is_own, list_of_own, stale_files
 from bonecam.runtime.signals import undisturbed
-from bonecam.runtime.temporary import make_temporary, remove_temporary
+from bonecam.runtime.temporary import is_temporary, make_temporary, remove_temporary
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+PERMISSIONS = 0o777
+"""The bits of a file's mode that the one keeps that takes its place."""
 placed: list[str] = []
 """What this process has put in its place so far."""
-MAX_WAIT = 10.0
-"""Longest wait for another run that is putting its files in place, s. That takes milliseconds; a run that was
-stopped in between must not hold up this one."""
 
 
 @dataclass(frozen=True)
@@ -167,8 +165,11 @@ def _place(output: _Output) -> None:
         moves = [*moves, (output.work / OWN_FILES, output.target / OWN_FILES)]
     for work, target in moves:
         target.parent.mkdir(parents=True, exist_ok=True)
+        if target.is_file() and not target.is_symlink():
+            os.chmod(work, target.stat().st_mode & PERMISSIONS)
         os.replace(work, target)
-        placed.append(str(target))
+        if not is_temporary(target):
+            placed.append(str(target))
     for item in stale:
         item.unlink()
 
@@ -176,37 +177,6 @@ def _place(output: _Output) -> None:
 def _discard(output: _Output) -> None:
     remove_temporary(output.work)
     remove_empty(output.made)
-
-
-@contextmanager
-def locked(folders: Iterable[Path]) -> Iterator[None]:
-    """Keep other runs from placing files in the folders; without it where the file system knows no locks, or
-    another run holds one for longer than MAX_WAIT. Blocks may stand inside each other."""
-    with ExitStack() as held:
-        for folder in sorted({Path(os.path.realpath(folder)) for folder in folders} - _held):
-            handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-            held.callback(os.close, handle)
-            _lock(handle)
-            _held.add(folder)
-            held.callback(_held.discard, folder)
-        yield
-
-
-_held: set[Path] = set()
-"""The folders that this process has locked."""
-
-
-def _lock(handle: int) -> None:
-    end = time.monotonic() + MAX_WAIT
-    while time.monotonic() < end:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            time.sleep(0.01)
-        except OSError:
-            return
-        else:
-            return
 
 
 def _require_free(place: Path, output: _Output) -> None:

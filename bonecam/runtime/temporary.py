@@ -35,6 +35,11 @@ def make_temporary(parent: Path) -> Path:
     return made
 
 
+def is_temporary(file: Path) -> bool:
+    """Whether a file is in a temporary folder."""
+    return any(NAME.fullmatch(folder.name) for folder in file.parents)
+
+
 def remove_temporary(folder: Path) -> None:
     """Remove a folder that `make_temporary` made, with what is in it."""
     with undisturbed():

@@ -3,23 +3,26 @@
 import multiprocessing
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from bonecam.errors import FileError
 from bonecam.files import check_folder, whole_folder, write_whole
 from bonecam.job import Job
+from bonecam.mesh.files.mesh_files import write_mesh
+from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.outputs import output_files
 from bonecam.outputs.output_files import Outputs
 from bonecam.outputs.result import Result
 from bonecam.runtime.own_files import OWN_FILES
-from bonecam.runtime.staging import staged
+from bonecam.runtime.staging import placed, staged
 
 SHM = Path("/dev/shm")
 
@@ -184,3 +187,41 @@ def test_of_two_runs_that_write_into_one_folder_one_is_there_in_the_end(tmp_path
     assert [run.exitcode for run in runs] == [0, 0]
     levels = [item for item in tmp_path.iterdir() if item.name != OWN_FILES]
     assert {item.read_text() for item in levels} == {str(len(levels))}
+
+
+def write_text(path: Path) -> None:
+    write_whole(path, "new")
+
+
+def write_triangle(path: Path) -> None:
+    write_mesh(TriangleMesh(np.eye(3), np.array([[0, 1, 2]], dtype=np.int32)), path)
+
+
+@pytest.mark.parametrize("write", [write_text, write_triangle])
+def test_a_file_keeps_its_mode_and_a_link_leads_to_it(write: Callable[[Path], None], tmp_path: Path) -> None:
+    there, link, dangling = (tmp_path / f"{name}.stl" for name in ("there", "link", "dangling"))
+    there.write_text("old")
+    there.chmod(0o640)
+    link.symlink_to(there.name)
+    dangling.symlink_to("new.stl")
+    for path in (there, link):
+        write(path)
+        assert there.read_bytes() != b"old"
+        assert there.stat().st_mode & 0o777 == 0o640
+        there.write_bytes(b"old")
+    write(dangling)
+    assert link.is_symlink()
+    assert dangling.is_symlink()
+    assert sorted(os.listdir(tmp_path)) == ["dangling.stl", "link.stl", "new.stl", "there.stl"]
+
+
+def test_what_is_written_on_its_way_is_not_placed(tmp_path: Path) -> None:
+    before = len(placed)
+    with whole_folder(tmp_path / "none") as work:
+        write_whole(work / "one", "1")
+        write_triangle(work / "one.ply")
+        assert len(placed) == before
+        for item in work.iterdir():
+            item.unlink()
+    write_two(tmp_path)
+    assert [Path(file).name for file in placed[before:]] == ["one", "two", OWN_FILES]

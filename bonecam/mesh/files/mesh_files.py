@@ -14,7 +14,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import FileError, MeshError
-from bonecam.files import input_bytes, library_name, require_room
+from bonecam.files import input_bytes, library_name, require_room, whole_file
 from bonecam.mesh.files.cad_files import read_cad_mesh
 from bonecam.mesh.files.formats.content import LARGEST_COORDINATE, ContentError
 from bonecam.mesh.files.formats.obj import parse_obj
@@ -28,8 +28,6 @@ from bonecam.mesh.files.point_files import POINTS, read_blocks
 from bonecam.mesh.files.polyhedra import ACIS, DXF, read_polyhedra
 from bonecam.mesh.meshlab import meshlab, quality_colours
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.runtime.staging import unwritable
-from bonecam.runtime.temporary import temporary_folder
 
 PARSERS = {".stl": parse_stl, ".ply": parse_ply, ".obj": parse_obj, ".off": parse_off}
 MESHES = tuple(PARSERS)
@@ -137,14 +135,11 @@ def write_mesh(
         options = {"save_vertex_quality": quality is not None, "save_vertex_color": shown}
     if shown:
         meshset.compute_color_from_scalar_per_vertex(**quality_colours(largest))
-    try:
-        with temporary_folder(target.parent) as folder:
-            work = folder / f"mesh{target.suffix.lower()}"
-            _save(meshset, work, target, binary=True, **options)
-            require_room(work)
-            os.replace(work, target)
-    except OSError as error:
-        raise unwritable(target, error) from error
+    with whole_file(target) as work:
+        saved = work.with_name(f"mesh{target.suffix.lower()}")  # a name that MeshLab can write
+        _save(meshset, saved, target, binary=True, **options)
+        require_room(saved)
+        os.replace(saved, work)
 
 
 def _save(meshset: Any, work: Path, target: Path, **options: Any) -> None:
