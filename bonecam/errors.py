@@ -6,6 +6,7 @@ subclass of BonecamError: its message is one line that names the place and the r
 """
 
 import difflib
+import re
 from collections.abc import Iterable
 from typing import Any
 
@@ -39,9 +40,21 @@ SHORT = 2
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """A remark on an unknown word, such as " (did you mean 'levels'?)", where a known one is close, else nothing."""
-    close = difflib.get_close_matches(word, list(known), n=1) if len(word) > SHORT else []
+    """A remark on an unknown word, such as " (did you mean 'levels'?)", where a known one is close, else nothing.
+
+    Of known names the shortest that holds all words of a given one, if these are two or more, comes first.
+    """
+    names = sorted(known)
+    words = _words(word)
+    holding = [name for name in names if len(words) > 1 and words <= _words(name)]
+    if holding:
+        return f" (did you mean {min(holding, key=len)!r}?)"
+    close = difflib.get_close_matches(word, names, n=1) if len(word) > SHORT else []
     return f" (did you mean {close[0]!r}?)" if close else ""
+
+
+def _words(name: str) -> set[str]:
+    return set(re.findall(r"[a-z0-9]+", name.lower()))
 
 
 def require_type(value: object, kind: type, name: str, wanted: str) -> None:

@@ -117,7 +117,27 @@ def test_an_unknown_command_exits_2(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_no_command_prints_the_help(capsys: pytest.CaptureFixture[str]) -> None:
     assert main([]) == 0
-    assert "convert" in capsys.readouterr().out
+    text = capsys.readouterr().out
+    assert "convert" in text
+    for call in (["help", "view"], ["help"]):
+        with pytest.raises(SystemExit) as caught:
+            main(call)
+        assert caught.value.code == 0
+        assert ("--output" in (told := capsys.readouterr().out)) == ("view" in call)
+    assert told == text
+
+
+def test_all_wrong_settings_are_told_at_once(capsys: pytest.CaptureFixture[str]) -> None:
+    settings = ["stock.diameter=abc", "nc.coolant=maybe", "stock.length=-5", "stock", "stok.x=1"]
+    assert main(["job", *(word for text in settings for word in ("--set", text))]) == 2
+    told = capsys.readouterr().err.removeprefix("bonecam: ").split("; ")
+    assert told[:4] == [
+        "--set stock: write SECTION.NAME=VALUE, like stock.diameter=15",
+        "[stock] diameter = 'abc': give a number",
+        "[stock] length = -5.0: keep it within 0 .. 2000 mm",
+        "[nc] coolant = 'maybe': give true or false",
+    ]
+    assert told[4].startswith("[stok] is no section of a job (did you mean 'stock'?): use one of ")
 
 
 @pytest.mark.parametrize(
@@ -126,6 +146,8 @@ def test_no_command_prints_the_help(capsys: pytest.CaptureFixture[str]) -> None:
         (["conver"], "'conver' is unknown (did you mean 'convert'?)"),
         (["job", "--unit", "mm", "--machin3", "x"], "--machin3 x (did you mean '--machine'?)"),
         (["filters", "generate_morph_level"], "(did you mean 'generate_morph_levels'?)"),
+        (["filters", "Generate Levels"], "(did you mean 'generate_morph_levels'?)"),
+        (["help", "conver"], "'conver' is unknown (did you mean 'convert'?)"),
     ],
 )
 def test_a_misspelt_word_is_told_with_the_nearest(

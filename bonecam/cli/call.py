@@ -18,8 +18,10 @@ STOPPED = 130
 
 
 def call(arguments: Sequence[str]) -> int:
-    """Run the command with these arguments; its exit code."""
+    """Run the command with these arguments; its exit code. `help COMMAND` is `COMMAND --help`."""
     parser = make_parser()
+    if arguments and arguments[0] == "help":
+        arguments = [*arguments[1:], "--help"]
     options, unknown = parser.parse_known_args(arguments)
     if unknown:
         options.refuse_unknown(unknown)

@@ -7,7 +7,7 @@ from typing import Any
 
 from bonecam.errors import JobError
 from bonecam.job import Job, NcJob, read_job
-from bonecam.job.parameter import KINDS
+from bonecam.job.sections import job_error
 from bonecam.nc.schema.tables import dialect_names, machine_names
 
 
@@ -32,7 +32,10 @@ def _choice(names: Sequence[str], default: str) -> str:
 
 
 def job_of(options: argparse.Namespace) -> Job:
-    """The job file, then --units, --machine and --controller, then each --set; later values win."""
+    """The job file, then --units, --machine and --controller, then each --set; later values win.
+
+    JobError tells all that is wrong in the file, or else in the options.
+    """
     job = read_job(options.job) if options.job else Job()
     changes: dict[str, dict[str, Any]] = {}
     named = [
@@ -40,25 +43,34 @@ def job_of(options: argparse.Namespace) -> Job:
         ("nc", "machine", options.machine),
         ("nc", "controller", options.controller),
     ]
-    settings = [_setting(text, job) for text in options.set]
+    settings = [setting for text in options.set if (setting := _setting(text, job))]
+    remedy = "write SECTION.NAME=VALUE, like stock.diameter=15"
+    faults = [("", "", f"--set {text}: {remedy}") for text in options.set if not _setting(text, job)]
     for section, name, value in [item for item in named if item[2] is not None] + settings:
         changes.setdefault(section, {})[name] = value
-    return job.with_values(**changes)
+    try:
+        made = job.with_values(**changes)
+    except JobError as error:
+        faults += error.evidence["faults"]
+    if faults:
+        raise job_error(faults)
+    return made
 
 
-def _setting(text: str, job: Job) -> tuple[str, str, Any]:
-    """Section, name and typed value of SECTION.NAME=VALUE; an unknown name keeps its value as text."""
+def _setting(text: str, job: Job) -> tuple[str, str, Any] | None:
+    """Section, name and value of SECTION.NAME=VALUE, None where that is not its form. The value is of the parameter's
+    type; where there is no such parameter, or it is no such value, it is left as text for the job to refuse."""
     key, equals, value = text.partition("=")
     section, dot, name = key.strip().partition(".")
     if not (equals and dot):
-        raise JobError(f"--set {text}: write SECTION.NAME=VALUE, like stock.diameter=15")
+        return None
     kind = _type_of(section, name, job)
     try:
         if kind is bool:
             return section, name, {"true": True, "false": False}[value.strip().lower()]
         return section, name, kind(value.strip())
-    except (ValueError, KeyError) as error:
-        raise JobError(f"--set {text}: give {KINDS[kind]}") from error
+    except (ValueError, KeyError):
+        return section, name, value.strip()
 
 
 def _type_of(section: str, name: str, job: Job) -> Any:

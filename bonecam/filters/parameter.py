@@ -12,7 +12,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, TypeVar
 
-from bonecam.errors import FilterError
+from bonecam.errors import FilterError, did_you_mean
 from bonecam.job.parameter import record
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
@@ -152,7 +152,8 @@ class FilterParameter:
         if type(value) is int and 0 <= value < len(self.choices):
             return self.choices[value]
         if value not in self.choices:
-            raise self._refusal(repr(value), f"choose one of {', '.join(self.choices)}")
+            what = f"{value!r}{did_you_mean(str(value), self.choices)}"
+            raise self._refusal(what, f"choose one of {', '.join(self.choices)}")
         return str(value)
 
     def _typed(self, value: Any) -> Any:

@@ -67,7 +67,13 @@ def apply_steps(meshes: Applies, steps: Sequence[Step], script: str, progress: P
 def _step(call: FilterCall, script: str, registry: Registry) -> Step:
     name = registry[call.name].name if call.name in registry else meshlab_names.python_name(call.name)
     if name not in registry and name not in meshlab_filters():
-        what = f"there is no filter {call.name!r}{did_you_mean(call.name, {*registry.names, *meshlab_filters()})}"
+        shown = (
+            known
+            for known in meshlab_names.all_names()
+            if meshlab_names.python_name(known) in meshlab_filters()
+        )
+        names = {*registry.names, *(item.display_name for item in registry), *meshlab_filters(), *shown}
+        what = f"there is no filter {call.name!r}{did_you_mean(call.name, names)}"
         message = f"{script}, line {call.line}: {what}: `bonecam filters` and MeshLab list them"
         raise FilterError(message, line=call.line, file=script, filter=call.name)
     values: dict[str, Any] = {}

@@ -12,6 +12,22 @@ MOST_LEVELS = 2000
 """A number of cuts, or of depths in a list, beyond this is refused: a mistaken depth or unit."""
 
 
+def depths_from_text(text: str) -> tuple[float, ...]:
+    """The depths (mm) that `depths` states, none in an empty text; ValueError with the remedy where it is no list of
+    positive numbers."""
+    if not text.strip():
+        return ()
+    try:
+        depths = tuple(number(word) for word in text.replace(",", " ").split())
+    except ValueError as error:
+        raise ValueError("give numbers like '0.1 0.1 0.5'") from error
+    if len(depths) > MOST_LEVELS:
+        raise ValueError(f"give at most {MOST_LEVELS}; the last holds for all others")
+    if not depths or not all(0 < depth < math.inf for depth in depths):
+        raise ValueError("give positive depths (mm), like '0.1 0.1 0.5'")
+    return depths
+
+
 @dataclass(frozen=True)
 class LevelsJob(Section):
     """The depth of each cut, and the energy that the levels minimise (Gan et al. 2014, section 4.2).
@@ -47,6 +63,7 @@ class LevelsJob(Section):
         "",
         "Depths",
         "Depths (mm) of the cuts from the part outwards instead, like '0.1 0.1 0.3 0.5'; the last one repeats.",
+        form=depths_from_text,
     )
     most_cuts: int = parameter(
         250, "Most cuts", "A stock that needs more cuts than this is refused.", low=1, high=2000
@@ -99,23 +116,12 @@ class LevelsJob(Section):
         check(self)
         if self.depths.strip() and self.schedule == "fewest":
             raise self._depths_error("they give every cut, schedule = 'fewest' too: leave one of them out")
-        _ = self.cuts
 
     @property
     def cuts(self) -> tuple[tuple[float, ...], float]:
-        """Depths (mm) of the first cuts, from the part outwards, and the depth of all others.
-
-        JobError where `depths` is no list of positive numbers.
-        """
+        """Depths (mm) of the first cuts, from the part outwards, and the depth of all others."""
         if self.depths.strip():
-            try:
-                *first, beyond = (number(word) for word in self.depths.replace(",", " ").split())
-            except ValueError as error:
-                raise self._depths_error("give numbers like '0.1 0.1 0.5'") from error
-            if len(first) >= MOST_LEVELS:
-                raise self._depths_error(f"give at most {MOST_LEVELS}; the last holds for all others")
-            if not all(0 < depth < math.inf for depth in (*first, beyond)):
-                raise self._depths_error("give positive depths (mm), like '0.1 0.1 0.5'")
+            *first, beyond = depths_from_text(self.depths)
             return tuple(first), beyond
         count = self.finishing_levels if self.schedule == "numbers" else 0
         return (self.finishing_depth,) * count, self.roughing_depth

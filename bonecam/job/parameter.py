@@ -3,18 +3,19 @@
 import dataclasses
 import math
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, TypeGuard
 
-from bonecam.errors import JobError
+from bonecam.errors import JobError, did_you_mean
 from bonecam.text.faults import shown
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """Label, tooltip, unit, range and choices of one parameter."""
+    """Label, tooltip, unit, range and choices of one parameter; `form` reads its text, if that has one, and raises
+    ValueError with what is wrong and the remedy."""
 
     label: str
     tooltip: str
@@ -22,6 +23,7 @@ class Parameter:
     low: float = -math.inf
     high: float = math.inf
     choices: tuple[str, ...] = ()
+    form: Callable[[str], object] | None = None
 
 
 def parameter(default: Any, label: str, tooltip: str, **kinds: Any) -> Any:
@@ -61,13 +63,18 @@ def check(section: Any) -> None:
 def _fault(value: object, kind: type, known: Parameter) -> str | None:
     """The value, what is wrong with it, and the remedy; None where it is of the `kind` and in its range."""
     if type(value) is not kind:
-        return f"{str(value)[:40]!r}: give {KINDS[kind]}"
+        return f"{shown(value)}: give {KINDS[kind]}"
     if known.choices and value not in known.choices:
-        return f"{shown(value)}: choose one of {', '.join(known.choices)}"
+        return f"{shown(value)}{did_you_mean(str(value), known.choices)}: choose one of {', '.join(known.choices)}"
     if isinstance(value, int | float) and not (known.low <= value <= known.high):
         return f"{value}: keep it within {known.low:g} .. {known.high:g} {known.unit}".rstrip()
     if isinstance(value, str) and "\0" in value:
         return f"{shown(value)}: leave the zero character out"
+    if isinstance(value, str) and known.form is not None:
+        try:
+            known.form(value)
+        except ValueError as error:
+            return f"{shown(value)}: {error}"
     return None
 
 

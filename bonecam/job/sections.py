@@ -1,7 +1,8 @@
 """The job with all its sections."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import wraps
 from typing import Any
 
 from bonecam.errors import JobError, did_you_mean
@@ -55,8 +56,8 @@ class Job:
         sections = {}
         for name, values in changes.items():
             if name not in known:
-                remedy = f"use one of {', '.join(known)}"
-                faults.append((name, "", f"[{name}] is no section of a job: {remedy}"))
+                remedy = f"{did_you_mean(name, known)}: use one of {', '.join(known)}"
+                faults.append((name, "", f"[{name}] is no section of a job{remedy}"))
                 continue
             try:
                 sections[name] = _changed(name, getattr(self, name), values)
@@ -92,6 +93,24 @@ class Job:
         if level < len(first):
             return first[level] <= self.levels.finishing_depth
         return bool(self.levels.depths.strip()) and beyond <= self.levels.finishing_depth
+
+
+def _refusing_unknown(init: Callable[..., None]) -> Callable[..., None]:
+    """A job's `__init__` that refuses a section that there is none of, as `with_values` does."""
+
+    @wraps(init)
+    def made(self: Job, *given: Any, **sections: Any) -> None:
+        unknown = {
+            name: value for name, value in sections.items() if name not in {item.name for item in fields(Job)}
+        }
+        if unknown:
+            Job().with_values(**unknown)
+        init(self, *given, **sections)
+
+    return made
+
+
+Job.__init__ = _refusing_unknown(Job.__init__)  # type: ignore[method-assign]
 
 
 def _changed(name: str, section: Any, values: object) -> Any:

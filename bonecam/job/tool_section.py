@@ -2,10 +2,8 @@
 
 from dataclasses import dataclass
 
-from bonecam.errors import JobError
 from bonecam.job.frustum import Frustum, stack_as_text, stack_from_text
 from bonecam.job.parameter import Section, check, is_list, parameter
-from bonecam.text.faults import shown
 
 
 @dataclass(frozen=True)
@@ -17,6 +15,14 @@ class MaterialJob(Section):
         "Material",
         "aluminium, cortical-bone, peek, titanium, or the path of a material's .toml file.",
     )
+
+
+def holder_from_text(text: str) -> tuple[Frustum, ...]:
+    """The stack that `holder` states, if any; ValueError with what is wrong and the remedy."""
+    try:
+        return stack_from_text(text)
+    except ValueError as error:
+        raise ValueError(f"{error}: give rows like '35 10 17, 20 40'") from error
 
 
 @dataclass(frozen=True)
@@ -52,6 +58,7 @@ class ToolJob(Section):
         "Holder",
         "Cylinders and cones of the holder instead, from its nose to the gauge line: length, diameter and, of a "
         "cone, upper diameter (mm), like '35 10 17, 20 40'.",
+        form=holder_from_text,
     )
     spindle: float = parameter(
         0.0, "Spindle", "Spindle speed; 0: that of the material.", unit="1/min", low=0.0, high=100000.0
@@ -68,17 +75,13 @@ class ToolJob(Section):
             rows = [row if is_list(row) else [row] for row in self.holder]
             object.__setattr__(self, "holder", stack_as_text(rows))
         check(self)
-        _ = self.holder_stack
 
     @property
     def holder_stack(self) -> tuple[Frustum, ...]:
-        """The holder from its nose to the gauge line. JobError where `holder` is no stack."""
-        try:
-            stack = stack_from_text(self.holder)
-        except ValueError as error:
-            why = f"{error}: give rows like '35 10 17, 20 40'"
-            raise JobError(f"holder = {shown(self.holder)}: {why}", field="holder") from error
-        return stack or (Frustum(self.holder_length, self.holder_diameter, self.holder_diameter),)
+        """The holder from its nose to the gauge line."""
+        return holder_from_text(self.holder) or (
+            Frustum(self.holder_length, self.holder_diameter, self.holder_diameter),
+        )
 
 
 ROUGHING = ToolJob()

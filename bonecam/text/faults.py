@@ -27,7 +27,8 @@ def shown(value: object) -> str:
         return "a table" if isinstance(value, dict) else f"a list of {len(value)}"
     if isinstance(value, int) and value.bit_length() > 64:
         return f"a number of {value.bit_length()} bits"
-    return shortened(repr(value), 40)
+    text = repr(value)
+    return shortened(text if isinstance(value, str) else " ".join(text.split()), 40)
 
 
 def shortened(text: str, length: int) -> str:

@@ -69,6 +69,11 @@ def test_two_runs_write_the_same_bytes(tmp_path: Path, phalanx: Path, registry: 
     ("bad", "line", "reason"),
     [
         (' <filter name="Generate Nothing"/>\n', 12, "there is no filter 'Generate Nothing'"),
+        (
+            ' <filter name="Isotropic Remeshing"/>\n',
+            12,
+            r"did you mean 'meshing_isotropic_explicit_remeshing'\?",
+        ),
         (MOVE.replace("distance", "nope"), 13, "generate_offset knows no parameter 'nope'"),
         (MOVE.replace("10%", "ten"), 13, "generate_offset: parameter distance = 'ten': give a number of mm"),
         (MOVE.replace("10%", "21"), 13, r"distance = 21: keep it within 0 \.\. 20 mm"),
