@@ -59,12 +59,16 @@ class PymeshlabMesh(Protocol):
         """Faces (m, 3)."""
 
 
+LARGEST_COORDINATE = 1e9
+"""Larger coordinates, in the file's own unit, are refused as damaged."""
+
+
 @dataclass(frozen=True, eq=False)
 class TriangleMesh:
     """Triangles with shared vertices; mm; counter-clockwise seen from outside.
 
     Raises ValueError where the arrays have another shape or type, a face names a vertex that is not there, or a
-    coordinate is not finite.
+    coordinate is not finite or above LARGEST_COORDINATE.
     """
 
     vertices: Float[ndarray, "n 3"]
@@ -76,6 +80,11 @@ class TriangleMesh:
         object.__setattr__(self, "faces", frozen(faces, np.int32))
         if not np.isfinite(self.vertices).all():
             raise ValueError(f"vertex {int(np.argmin(np.isfinite(self.vertices).all(1)))} is not finite")
+        largest = np.abs(self.vertices).max(axis=1, initial=0.0)
+        if largest.max(initial=0.0) > LARGEST_COORDINATE:
+            vertex = int(np.argmax(largest))
+            bound = f"give at most {LARGEST_COORDINATE:g}"
+            raise ValueError(f"vertex {vertex} has a coordinate of {largest[vertex]:.3g}: {bound}")
 
     @cached_property
     def bounds(self) -> Float[ndarray, "2 3"]:

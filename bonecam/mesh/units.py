@@ -10,7 +10,10 @@ SMALLEST = 5.0
 """Least plausible diagonal of a part's bounding box, mm: that of an ear ossicle."""
 LARGEST = 1000.0
 """Largest plausible diagonal of a part's bounding box, mm: twice a femur."""
-FLAG = 'give --units {0} or in a job mesh.units = "{0}"'
+FLAG = "give --units {}"
+"""How the command line takes a unit."""
+IN_JOB = ", or mesh.units in a job"
+"""How a job takes it."""
 
 
 def to_mm(mesh: TriangleMesh, units: str, file: str = "the mesh", flag: str = FLAG) -> TriangleMesh:
@@ -39,4 +42,6 @@ def _remedy(diagonal: float, flag: str) -> str:
     ]
     if not fitting:
         return f"no known unit makes it a part of {SMALLEST:g} to {LARGEST:g} mm; scale the mesh first"
-    return " or ".join(f"{flag.format(unit)} ({size:.3g} mm)" for unit, size in fitting)
+    first, *others = (f"{flag.format(unit)} ({size:.3g} mm)" for unit, size in fitting)
+    told = " or ".join([first, *(other.removeprefix("give ") for other in others)])
+    return f"{told}{IN_JOB if flag == FLAG else ''}"

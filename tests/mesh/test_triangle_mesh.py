@@ -67,6 +67,7 @@ def test_our_mesh_leaves_as_copies_that_may_be_changed() -> None:
         ((CORNERS, FACES + 1), ValueError, "faces name vertices outside 0..3"),
         ((CORNERS, FACES.astype(np.int64) + 2**32), ValueError, "faces name vertices outside 0..3"),
         ((np.where(CORNERS == 1, np.inf, CORNERS), FACES), ValueError, "is not finite"),
+        ((CORNERS * 1e300, FACES), ValueError, r"vertex \d has a coordinate of 1e\+300: give at most"),
     ],
 )
 def test_what_is_no_mesh_is_refused(source: Any, error: type[Exception], told: str) -> None:

@@ -24,9 +24,17 @@ def test_metres_taken_for_mm_are_refused_with_the_flag_that_fits(
 ) -> None:
     with pytest.raises(
         UnitsError,
-        match=r"bone\.stl: 0\.0314 mm .* give --units m or in a job mesh\.units = \"m\" \(31\.4 mm\)",
+        match=r"bone\.stl: 0\.0314 mm .* give --units m \(31\.4 mm\), or mesh\.units in a job$",
     ):
         to_mm(moved(bone, (0, 0, 0), 0.001), "mm", "bone.stl")
+
+
+def test_two_units_that_fit_are_told_in_one_remedy(
+    moved: Callable[..., TriangleMesh], bone: TriangleMesh
+) -> None:
+    remedy = r"give --units m \(941 mm\) or --units inch \(23\.9 mm\), or mesh\.units in a job$"
+    with pytest.raises(UnitsError, match=remedy):
+        to_mm(moved(bone, (0, 0, 0), 0.03), "mm")
 
 
 def test_the_remedy_is_worded_for_who_asks(moved: Callable[..., TriangleMesh], bone: TriangleMesh) -> None:

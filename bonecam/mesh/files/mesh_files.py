@@ -16,7 +16,7 @@ from numpy import ndarray
 from bonecam.errors import FileError, MeshError
 from bonecam.files import input_bytes, library_name, require_room, whole_file
 from bonecam.mesh.files.cad_files import read_cad_mesh
-from bonecam.mesh.files.formats.content import LARGEST_COORDINATE, ContentError
+from bonecam.mesh.files.formats.content import ContentError
 from bonecam.mesh.files.formats.obj import parse_obj
 from bonecam.mesh.files.formats.off import parse_off
 from bonecam.mesh.files.formats.ply import parse_ply
@@ -27,7 +27,7 @@ from bonecam.mesh.files.point_cloud import FEWEST, reconstruct
 from bonecam.mesh.files.point_files import POINTS, read_blocks
 from bonecam.mesh.files.polyhedra import ACIS, DXF, read_polyhedra
 from bonecam.mesh.meshlab import meshlab, quality_colours
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.mesh.triangle_mesh import LARGEST_COORDINATE, TriangleMesh
 
 PARSERS = {".stl": parse_stl, ".ply": parse_ply, ".obj": parse_obj, ".off": parse_off}
 MESHES = tuple(PARSERS)

@@ -17,7 +17,7 @@ from numpy import ndarray
 
 from bonecam.errors import FileError
 from bonecam.files import input_text
-from bonecam.mesh.files.formats.content import LARGEST_COORDINATE
+from bonecam.mesh.triangle_mesh import LARGEST_COORDINATE
 from bonecam.text.numbers import number
 
 POINTS = (".xyz", ".csv", ".asc", ".pts", ".txt", ".dat")

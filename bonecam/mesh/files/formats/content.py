@@ -13,8 +13,6 @@ from bonecam.text.faults import shortened
 
 ANEW = "export the mesh again"
 CUT_SHORT = "copy or export it again"
-LARGEST_COORDINATE = 1e9
-"""Larger coordinates, in the file's own unit, are refused as damaged."""
 
 
 class ContentError(ValueError):
