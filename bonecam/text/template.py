@@ -27,11 +27,11 @@ def check_template(text: str, fields: Mapping[str, str | int]) -> str:
         if name not in fields:
             known = f"use one of {', '.join(sorted(fields))}" if fields else "there are none here"
             raise ValueError(f"field {name[:40]!r} is unknown: {known}")
-        if conversion or not FORM.fullmatch(form or ""):
-            given = f"!{conversion}" if conversion else f":{form}"
-            raise ValueError(
-                f"field {name!r} has the format {given[:40]!r}: give a width of two digits at most"
-            )
+        if conversion:
+            raise ValueError(f"field {name!r} has the conversion '!{conversion[:40]}': leave it out")
+        if not FORM.fullmatch(form or ""):
+            what = f"field {name!r} has the format {f':{form}'[:40]!r}"
+            raise ValueError(f"{what}: give a width of two digits at most, like ':03d', or none")
     try:
         text.format(**fields)
     except ValueError as error:

@@ -53,7 +53,11 @@ def test_a_wrong_dialect_file_is_refused_with_file_and_key(text, key, tmp_path):
             "comment: field 'text.__class__' is unknown",
         ),
         ('comment = "({text})"', 'comment = "({text:>20000000000})"', "comment: field 'text' has the format"),
-        ('comment = "({text})"', 'comment = "({text!r})"', "comment: field 'text' has the format '!r'"),
+        (
+            'comment = "({text})"',
+            'comment = "({text!r})"',
+            "comment: field 'text' has the conversion '!r': leave it out",
+        ),
         ('comment = "({text})"', 'comment = "({text:{text}})"', "comment: field 'text' has the format"),
         ('comment = "({text})"', 'comment = "({text"', "comment: expected '}'"),
         ("T{tool} M6", "T{tool[0]} M6", "templates.tool: field 'tool[0]' is unknown"),
