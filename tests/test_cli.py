@@ -64,6 +64,7 @@ def test_options_override_the_job_file(tmp_path: Path, capsys: pytest.CaptureFix
         (["convert", "text.stl", "-o", "out.h", "--job", "text.stl"], "correct the TOML"),
         (["convert", "text.stl", "-o", "out.h", "--keep", "text.stl/kept"], "is a file"),
         (["convert", "two\nlines.stl", "-o", "out.h"], "two lines.stl"),
+        (["convert", "a\x1b[31mb\udcff.stl", "-o", "out.h"], "a\\x1b[31mb\\udcff.stl"),
         (["batch", "text.stl", "-o", "out", "--machine", "lathe"], "lathe"),
         (["convert", "text.stl", "-o", "out.h", "--machine", "lathe"], "lathe"),
         (["convert", "text.stl", "-o", "out.h", "--surface", "part.prt"], "part.prt"),
@@ -143,6 +144,7 @@ def test_all_wrong_settings_are_told_at_once(capsys: pytest.CaptureFixture[str])
 @pytest.mark.parametrize(
     ("call", "told"),
     [
+        (["job", "--\x1b]0;x\x07"], "unrecognized arguments: --\\x1b]0;x\\x07"),
         (["conver"], "'conver' is unknown (did you mean 'convert'?)"),
         (["job", "--unit", "mm", "--machin3", "x"], "--machin3 x (did you mean '--machine'?)"),
         (["filters", "generate_morph_level"], "(did you mean 'generate_morph_levels'?)"),

@@ -12,6 +12,7 @@ from bonecam.cli.arguments import make_parser
 from bonecam.cli.stopping import arrived, tell
 from bonecam.errors import BonecamError
 from bonecam.runtime.staging import placed
+from bonecam.text.faults import in_one_line
 
 STOPPED = 130
 """Exit code after Ctrl-C: 128 and the number of the signal, as shells have it."""
@@ -44,7 +45,7 @@ def call(arguments: Sequence[str]) -> int:
             return 2
         if not isinstance(error, BonecamError):
             raise
-        print(f"bonecam: {' '.join(str(error).splitlines())}", file=sys.stderr)
+        print(f"bonecam: {in_one_line(str(error))}", file=sys.stderr)
         return 2
     if arrived:
         tell(options.stopped_late)

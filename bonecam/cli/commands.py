@@ -12,6 +12,7 @@ from bonecam.cli.job_options import job_of
 from bonecam.cli.progress_display import native_output_to_stderr, shown_progress
 from bonecam.files import check_files, write_whole
 from bonecam.job import write_job
+from bonecam.text.faults import in_one_line
 
 
 def run_convert(options: argparse.Namespace) -> int:
@@ -125,7 +126,7 @@ def run_batch(options: argparse.Namespace) -> int:
     def told(outcome: bonecam.Outcome, left: int) -> None:
         if not options.quiet:
             text = outcome.message.removeprefix(f"{outcome.mesh}: ") or outcome.program
-            print(f"{outcome.state:6} {outcome.mesh}  {text}  ({left} left)", flush=True)
+            print(in_one_line(f"{outcome.state:6} {outcome.mesh}  {text}  ({left} left)"), flush=True)
 
     outcomes = bonecam.convert_many(
         options.meshes, options.output, job_of(options), jobs=options.jobs, resume=options.resume, told=told

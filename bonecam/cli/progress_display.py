@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from bonecam.progress import Progress, silent
+from bonecam.text.faults import in_one_line
 
 LINE_WIDTH = 100
 """A progress line is cut off after this many characters."""
@@ -40,7 +41,9 @@ class ProgressLine:
 
     def __call__(self, fraction: float, message: str) -> None:
         """Show a message in place of the one before."""
-        line = f"{fraction:4.0%} {time.perf_counter() - self.began:5.0f} s  {message}"[:LINE_WIDTH]
+        line = f"{fraction:4.0%} {time.perf_counter() - self.began:5.0f} s  {in_one_line(message)}"[
+            :LINE_WIDTH
+        ]
         print(f"\r{line.ljust(self.width)}", end="", file=sys.stderr, flush=True)
         self.width = len(line)
 
@@ -60,7 +63,7 @@ class ProgressLog:
         """Print a message that differs from the one before."""
         if message != self.message:
             seconds = time.perf_counter() - self.began
-            print(f"{seconds:7.1f} s {fraction:4.0%}  {message}", file=sys.stderr, flush=True)
+            print(f"{seconds:7.1f} s {fraction:4.0%}  {in_one_line(message)}", file=sys.stderr, flush=True)
         self.message = message
 
 

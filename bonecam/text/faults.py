@@ -31,6 +31,14 @@ def shown(value: object) -> str:
     return shortened(text if isinstance(value, str) else " ".join(text.split()), 40)
 
 
+def in_one_line(text: str) -> str:
+    """A text for a terminal: in one line, with control characters, which it would obey, written as Python does."""
+    line = " ".join(text.splitlines())
+    return "".join(
+        letter if letter.isprintable() else letter.encode("unicode_escape").decode() for letter in line
+    )
+
+
 def shortened(text: str, length: int) -> str:
     """A text cut to a length, with dots where it was cut."""
     return text if len(text) <= length else f"{text[: length - 3]}..."
