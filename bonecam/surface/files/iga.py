@@ -26,6 +26,8 @@ from bonecam.surface.tspline import LARGEST, TSpline
 from bonecam.text.faults import shown
 from bonecam.text.numbers import number
 
+EXACT = 2.0**53
+"""From here on whole numbers are not all told apart."""
 LARGEST_DEGREE = 9
 LARGEST_COEFFICIENT = 100.0
 """Bernstein coefficients of blending functions lie in 0 .. 1; this leaves room for functions of another scale."""
@@ -124,6 +126,7 @@ class _Reader:
         if (
             (functions != np.floor(functions)).any()
             or functions.min() < 0
+            or functions.max() >= EXACT
             or len(np.unique(functions)) < count
         ):
             raise self._error(

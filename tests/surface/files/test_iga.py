@@ -82,6 +82,7 @@ def test_a_round_trip_is_bit_equal(
         ("belem 16 3 3", "belem 15 3 3", "expected 15"),
         ("1 2 3 5 6 7 9", "1 2 3 5 6 7 99", "names function 99"),
         ("1 2 3 5 6 7 9", "1 2 3 5 6 7 7", "different from one another"),
+        ("1 2 3 5 6 7 9", "1 2 3 5 6 7 1e20", r"line \d+: function numbers must be whole"),
         ("node 0 0 0 1\n", "nod 0 0 0 1\n", "unknown record 'nod'"),
     ],
 )
