@@ -389,8 +389,18 @@ def test_repair_troubles_name_the_file(tmp_path: Path) -> None:
 
 def test_a_result_is_shown_in_a_line(chain: tuple[bonecam.Result, Path]) -> None:
     result = chain[0]
-    for value in (result, result.program, result.surface):
+    values = (
+        result,
+        result.program,
+        result.surface,
+        result.part,
+        result.levels,
+        *result.levels.levels,
+        *result.paths,
+    )
+    for value in values:
         assert len(repr(value)) < 200
+        assert "\n" not in repr(value)
     assert f"{result.levels.cuts} cuts" in repr(result)
 
 

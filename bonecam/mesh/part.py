@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.errors import MeshError
+from bonecam.errors import MeshError, counted
 from bonecam.job import MeshJob
 from bonecam.mesh.distance import hausdorff
 from bonecam.mesh.files.mesh_files import read_mesh
@@ -37,6 +37,9 @@ class Part:
     repairs: tuple[str, ...]
     transform: Float[ndarray, "4 4"]
     given: TriangleMesh
+
+    def __repr__(self) -> str:
+        return f"<Part of {self.file}: {self.mesh!r}, {counted(len(self.repairs), 'repair')}>"
 
     @cached_property
     def placed_given(self) -> TriangleMesh:

@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from bonecam.arrays import angles_between, unit
+from bonecam.errors import counted
 from bonecam.toolpath.cutters.cutter import Cutter
 
 PARTING = -1
@@ -114,6 +115,9 @@ class ToolPath:
     rest: int = 0
     blocked_by: Mapping[str, int] = field(default_factory=dict)
     cones: FreeCones | None = None
+
+    def __repr__(self) -> str:
+        return f"<ToolPath of level {self.level}: {counted(len(self.tips), 'point')}>"
 
     @property
     def balls(self) -> Float[ndarray, "n 3"]:

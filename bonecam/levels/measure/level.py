@@ -41,6 +41,9 @@ class Level(ABC):
     surface: TSpline | None
     certificate: Certificate | None
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.index}: {self.deepest:.3g} of {self.limit:.3g} mm deep, {self.mesh!r}>"
+
     @property
     def deepest(self) -> float:
         """The largest depth of the cut, mm, measured from either of its levels to the other."""
@@ -72,7 +75,7 @@ class Level(ABC):
         return None if self.certificate is None else not self.certificate.shortfalls(self.limit)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class PartLevel(Level):
     """Level 0, the surface of the part; `measures` are those of no cut, but for faces that cut each other."""
 
@@ -89,7 +92,7 @@ class PartLevel(Level):
         return self.surface.control_points
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class MorphLevel(Level):
     """A level of the morph: a surface over the T-mesh of the part."""
 
@@ -106,7 +109,7 @@ class MorphLevel(Level):
         return self.surface.control_points
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class RoundedLevel(Level):
     """A level of a stock with edges: a body with rounded edges, of which only what lies inside `stock` is
     machined.
@@ -125,7 +128,7 @@ class RoundedLevel(Level):
     certificate: Certificate | None = None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class StockLevel(Level):
     """The last level: the stock, whose surface `mesh` describes."""
 

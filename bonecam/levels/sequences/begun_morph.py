@@ -9,7 +9,7 @@ from itertools import chain
 
 from numpy import ndarray
 
-from bonecam.errors import LevelError
+from bonecam.errors import LevelError, counted
 from bonecam.levels.measure.inspection import Inspection, excess_bound
 from bonecam.levels.measure.level import Level
 from bonecam.levels.sequences.restore_feasibility import ACCEPTED, restore_certificates, restore_feasibility
@@ -33,6 +33,9 @@ class Morph:
     solve_seconds: float
     check_seconds: float
     breaks: float = 0.0
+
+    def __repr__(self) -> str:
+        return f"<Morph of {counted(self.cuts, 'cut')}, K_min {self.lower_bound}>"
 
     @cached_property
     def cuts(self) -> int:
