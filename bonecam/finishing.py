@@ -52,9 +52,9 @@ Solid = str | Path | MeshLike
 
 
 def finish(
-    surface: str | Path | MeshLike | TSpline,
-    part: Solid | None = None,
-    obstacles: Sequence[Solid] = (),
+    surface: "str | Path | MeshLike | TSpline",  # texts, as help() would write the unions out
+    part: "Solid | None" = None,
+    obstacles: "Sequence[Solid]" = (),
     job: Job | None = None,
     *,
     program: File = None,

@@ -48,7 +48,7 @@ from bonecam.verify.trial_program import check_posting
 
 
 def convert(
-    mesh: str | Path | MeshLike,
+    mesh: "str | Path | MeshLike",  # a text, as help() would write the union out
     job: Job | None = None,
     *,
     program: File = None,
@@ -93,7 +93,7 @@ def convert(
 
 
 def morph_levels(
-    mesh: str | Path | MeshLike,
+    mesh: "str | Path | MeshLike",  # a text, as help() would write the union out
     job: Job | None = None,
     *,
     keep: File = None,

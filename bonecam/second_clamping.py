@@ -105,7 +105,7 @@ def second_program(
 
 
 def clamping_shell(
-    mesh: str | Path | MeshLike,
+    mesh: "str | Path | MeshLike",  # a text, as help() would write the union out
     job: Job | None = None,
     *,
     output: File = None,

@@ -3,9 +3,12 @@
 import subprocess
 import sys
 import tomllib
+from collections.abc import Callable
 from importlib import import_module
+from inspect import signature
 from pathlib import Path
 from types import ModuleType
+from typing import get_type_hints
 
 import mypy.api
 import pytest
@@ -97,3 +100,13 @@ def test_every_package_is_installed_with_its_stubs() -> None:
         top, *rest = name.split(".")
         assert ROOT.joinpath(settings["package-dir"][top], *rest).is_dir(), f"{name} is no folder"
     assert bonecam.__version__
+
+
+@pytest.mark.parametrize(
+    "function", [bonecam.convert, bonecam.morph_levels, bonecam.clamping_shell, bonecam.finish]
+)
+def test_help_names_the_kinds_of_meshes_in_a_word(function: Callable[..., object]) -> None:
+    told = str(signature(function))
+    assert "MeshLike" in told
+    assert "Open3d" not in told
+    assert get_type_hints(function)
