@@ -1,5 +1,6 @@
 """The command line: `bonecam convert | demo | levels | batch | script | filters | job`."""
 
+import _signal  # type: ignore[import-not-found]  # built in: `signal` imports for some ms
 from collections.abc import Sequence
 
 
@@ -10,6 +11,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     SIGHUP stop it with one line and the exit code 130, 143 or 129, while modules are imported too.
     """
     if arguments is None:
+        # until the handlers are here Ctrl-C would be a traceback, and the others an end without a word
+        _signal.pthread_sigmask(_signal.SIG_BLOCK, (_signal.SIGINT, _signal.SIGTERM, _signal.SIGHUP))
         from bonecam.cli.stopping import run_stoppable
         from bonecam.cli.streams import open_closed_streams
 

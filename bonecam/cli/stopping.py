@@ -3,7 +3,7 @@
 The signal raises KeyboardInterrupt, which clears up on its way; while a module is imported it waits, as compiled
 modules that an error cuts short print of it or abort. A library may turn the stop into another error, or lose it: any
 error after a signal counts as the stop, and where the command goes on for GRACE, its temporary files are removed and
-the process ends. `bonecam_start` holds signals back until the handlers are here.
+the process ends. `bonecam.cli.main` holds signals back until the handlers are here.
 """
 
 import os
@@ -35,7 +35,7 @@ def run_stoppable(call: Callable[[Sequence[str]], int]) -> int:
         if signal.getsignal(kind) is not signal.SIG_IGN:  # as `nohup` and a shell's `&` do
             signal.signal(kind, _stop)
     try:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, STOPPING)  # which `bonecam_start` holds back
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, STOPPING)  # which `main` holds back
         code = call(sys.argv[1:])
     except BaseException:
         if not arrived:

@@ -86,10 +86,10 @@ EARLY = """
 import os, signal, sys
 class Stop:
     def find_spec(self, name, path=None, target=None):
-        if name == "bonecam":
+        if name == "bonecam.cli.stopping":
             os.kill(os.getpid(), {number})
 sys.meta_path.insert(0, Stop())
-from bonecam_start import main
+from bonecam.cli import main
 sys.argv[1:] = ["filters"]
 sys.exit(main())
 """
