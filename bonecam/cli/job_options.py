@@ -43,10 +43,11 @@ def job_of(options: argparse.Namespace) -> Job:
         ("nc", "machine", options.machine),
         ("nc", "controller", options.controller),
     ]
-    settings = [setting for text in options.set if (setting := _setting(text, job))]
+    settings = [(text, _setting(text, job)) for text in options.set]
     remedy = "write SECTION.NAME=VALUE, like stock.diameter=15"
-    faults = [("", "", f"--set {text}: {remedy}") for text in options.set if not _setting(text, job)]
-    for section, name, value in [item for item in named if item[2] is not None] + settings:
+    faults = [("", "", f"--set {text}: {remedy}") for text, setting in settings if setting is None]
+    given = [item for item in named if item[2] is not None]
+    for section, name, value in given + [setting for _, setting in settings if setting is not None]:
         changes.setdefault(section, {})[name] = value
     try:
         made = job.with_values(**changes)
