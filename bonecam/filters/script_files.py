@@ -17,6 +17,7 @@ from bonecam.filters.meshlab_values import free_texts
 from bonecam.filters.parameter import Kind
 from bonecam.filters.script_steps import Step
 from bonecam.runtime.own_files import is_own
+from bonecam.runtime.staging import leads_out
 
 TEXTS = frozenset(
     "x y z r g b a q u v u0 v0 u1 v1 u2 v2 expr x_expr y_expr z_expr condselect grammar name attr_name".split()
@@ -114,10 +115,8 @@ class ScriptFiles:
 
     def _require_reachable(self, name: str, final: Path) -> None:
         """FilterError where no file can take its place in the folder of outputs when all filters have run."""
-        root = Path(os.path.realpath(self.output))
-        parent = Path(os.path.realpath(final.parent))
         blocked = next((folder for folder in final.parents if folder.is_file()), None)
-        if root != parent and root not in parent.parents:
+        if leads_out(final, self.output):
             raise FilterError(f"file {name!r}: {final}: a link leads out of the folder: remove it", file=name)
         if blocked is not None:
             raise FilterError(

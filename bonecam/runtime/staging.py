@@ -186,14 +186,19 @@ def _require_free(place: Path, output: _Output) -> None:
             f"{place}: is a folder, and a file is to be written there: remove it or name another folder",
             file=str(place),
         )
-    inside = Path(os.path.realpath(place.parent))
-    if inside != output.target and output.target not in inside.parents:
+    if leads_out(place, output.target):
         raise FileError(f"{place}: a link leads out of the folder: remove it", file=str(place))
     name = str(place.relative_to(output.target))
     if not output.replace and os.path.lexists(place) and not is_own(output.target, name):
         raise FileError(
             f"{place}: exists already: name another folder, or write over it with --force", file=str(place)
         )
+
+
+def leads_out(place: Path, folder: Path) -> bool:
+    """Whether a link on the way to a place in the folder leads out of it."""
+    root, inside = (Path(os.path.realpath(each)) for each in (folder, place.parent))
+    return root != inside and root not in inside.parents
 
 
 def missing_folders(folder: Path) -> list[Path]:
