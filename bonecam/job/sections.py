@@ -100,11 +100,9 @@ def _refusing_unknown(init: Callable[..., None]) -> Callable[..., None]:
 
     @wraps(init)
     def made(self: Job, *given: Any, **sections: Any) -> None:
-        unknown = {
-            name: value for name, value in sections.items() if name not in {item.name for item in fields(Job)}
-        }
+        unknown = sections.keys() - {item.name for item in fields(Job)}
         if unknown:
-            Job().with_values(**unknown)
+            Job().with_values(**{name: sections[name] for name in sections if name in unknown})
         init(self, *given, **sections)
 
     return made
