@@ -9,7 +9,7 @@ SYSTEM := libegl1 libgl1 libusb-1.0-0 libopengl0 python3-venv
 CNC := linuxcnc-uspace gcc libc6-dev
 BROWSER := chromium fonts-dejavu-core
 
-.PHONY: demo test docs lint types system cnc browser clean
+.PHONY: demo test processor docs lint types system cnc browser clean
 
 demo: $(VENV)/installed
 	mkdir -p out
@@ -17,6 +17,10 @@ demo: $(VENV)/installed
 
 test: $(VENV)/developing cnc browser
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile
+
+# Whole runs again with the kernels of another processor, whose last bits differ.
+processor: $(VENV)/developing browser
+	OPENBLAS_CORETYPE=Prescott OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile tests/outputs
 
 docs: $(VENV)/documenting
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict -q -f docs/mkdocs.yml

@@ -1,14 +1,15 @@
 """The simulation of a program alone: from its text, its job, and the folder that `convert --keep` wrote."""
 
+import json
 import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from bonecam.errors import FileError, JobError, ProgramError
+from bonecam.errors import BonecamError, FileError, JobError, ProgramError
 from bonecam.files import check_files, input_text, write_whole
-from bonecam.job import Job
+from bonecam.job import Job, LevelsJob, StockJob
 from bonecam.mesh.facets.hull import convex_hull
 from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -20,6 +21,9 @@ from bonecam.progress import Progress, part, silent
 from bonecam.setup.fixture.clamping import clamping_of
 from bonecam.setup.fixture.shell import turn_over
 from bonecam.setup.holding import post_below
+from bonecam.setup.schedule import schedule_of
+from bonecam.setup.stock import Stock
+from bonecam.setup.stock_kind import LyingPart, kind_of
 from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.surface.files.tspline_text import read_tsm
 from bonecam.text.faults import shown
@@ -110,12 +114,12 @@ def _simulate_first(
 ) -> Removal:
     """What the `text` of a first clamping removes; what stands is told on the levels of the page of a `run`."""
     machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)
-    part, stock, levels = _kept_for(text, program, keep)
+    part, stock_mesh, levels = _kept_for(text, program, keep)
     return simulate_removal(
         text,
         machine,
         dialect,
-        ConvexStock(convex_hull(stock.vertices), proven=True),
+        _kept_stock(keep, stock_mesh, job.levels.chord_tolerance),
         post_below(part, job.holding),
         cutters_of(job, machine),
         clamping=clamping_of(job.holding, machine.table),
@@ -222,6 +226,29 @@ def _require_stock(text: str, stock: TriangleMesh, program: Path, keep: Path) ->
             f"{found[0]:.2f} to {found[1]:.2f}: give the folder that `convert --keep` wrote beside the program",
             line=0,
         )
+
+
+def _kept_stock(keep: Path, mesh: TriangleMesh, chord: float) -> Stock:
+    """The stock of a kept folder, exact: its kept `mesh` lies inside a round one by up to its `chord` tolerance (mm),
+    and what is cut there would be missed."""
+    file = keep / "report.json"
+    remedy = "give the folder that `convert --keep` wrote beside the program"
+    try:
+        figures = json.loads(input_text(file))["stock"]
+        kind = figures["kind"]
+        sizes = {name.removesuffix("_mm"): size for name, size in figures.items() if name.endswith("_mm")}
+        if kind == "mesh":
+            return ConvexStock(convex_hull(mesh.vertices), proven=True)
+        job = StockJob(kind=kind, **sizes)
+        middle = float(mesh.bounds[:, 2].mean())
+        stock = kind_of(job).make(job, LyingPart(mesh.vertices, middle), schedule_of(LevelsJob()))
+    except (OSError, ValueError, KeyError, TypeError, BonecamError) as error:
+        raise FileError(f"{file}: tells no stock ({error}): {remedy}", file=str(file)) from error
+    if np.abs(stock.bounds - mesh.bounds).max() > SAME_STOCK + chord:
+        raise FileError(
+            f"{file}: tells another stock ({stock}) than the kept levels: {remedy}", file=str(file)
+        )
+    return stock
 
 
 def _kept_for(text: str, program: Path, keep: Path) -> tuple[TriangleMesh, TriangleMesh, int]:

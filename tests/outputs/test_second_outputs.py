@@ -4,6 +4,7 @@ import base64
 import hashlib
 import json
 import re
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -200,6 +201,36 @@ def test_simulate_finds_in_the_kept_texts_what_the_run_found(
     assert [layer["level"] for layer in shown.facts["program"]["layers"]] == sorted(
         path.level for path in second.paths
     )
+
+
+def test_simulate_begins_the_first_text_with_the_exact_stock(second_run: Run, tmp_path: Path) -> None:
+    result, folder = second_run
+    job = ["--keep", str(folder / "keep"), "--job", str(folder / "keep" / "job.toml")]
+    report = ["--report", str(tmp_path / "again.json")]
+    assert main(["simulate", str(folder / "bone.h"), *job, *report, "-q"]) == 0
+    found = json.loads((tmp_path / "again.json").read_text(encoding="utf-8"))["removal"]
+    assert found["levels"] == result.report["removal"]["levels"]
+
+
+@pytest.mark.parametrize("change", ["gone", "no stock", "another stock"])
+def test_simulate_refuses_a_kept_folder_that_tells_no_stock(
+    second_run: Run, tmp_path: Path, change: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = second_run[1]
+    keep = tmp_path / "keep"
+    shutil.copytree(folder / "keep", keep)
+    report = json.loads((keep / "report.json").read_text(encoding="utf-8"))
+    if change == "another stock":
+        report["stock"]["diameter_mm"] = 9.0
+    else:
+        del report["stock"]
+    (keep / "report.json").write_text(json.dumps(report), encoding="utf-8")
+    if change == "gone":
+        (keep / "report.json").unlink()
+    assert main(["simulate", str(folder / "bone.h"), "--keep", str(keep), "-q"]) == 2
+    told = capsys.readouterr().err
+    assert "report.json: tells" in told
+    assert "give the folder that `convert --keep` wrote" in told
 
 
 def test_simulate_refuses_a_second_text_that_is_not_the_kept_one_or_cuts_with_a_rapid(

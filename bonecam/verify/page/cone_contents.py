@@ -3,15 +3,18 @@
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Bool, Int
 from numpy import ndarray
 
 from bonecam.toolpath.path import ToolPath
 
 
-def cone_contents(paths: Sequence[ToolPath], rows: Int[ndarray, " n"]) -> dict[str, ndarray]:
-    """Axes and semi-angles (radians) of cones, and for each move, which leads to one of the `rows` of all paths, its
-    cone's number from 1, 0 for none. Empty where no axis was chosen in a cone."""
+def cone_contents(
+    paths: Sequence[ToolPath], rows: Int[ndarray, " n"], arrives: Bool[ndarray, " n"]
+) -> dict[str, ndarray]:
+    """Axes and semi-angles (radians) of cones, and for each move that `arrives` at one of the `rows` of all paths its
+    cone's number from 1; 0 where it has none, or the move ends between contacts. Empty where no axis was chosen in a
+    cone."""
     axes, angles, cone_of = [np.zeros((0, 3))], [np.zeros(0)], []
     count = 0
     for path in paths:
@@ -25,7 +28,7 @@ def cone_contents(paths: Sequence[ToolPath], rows: Int[ndarray, " n"]) -> dict[s
         count += len(cones.angles)
     if not count:
         return {}
-    used, number = np.unique(np.concatenate(cone_of)[rows], return_inverse=True)
+    used, number = np.unique(np.where(arrives, np.concatenate(cone_of)[rows], 0), return_inverse=True)
     shift = int(used[0] > 0)  # without a move that has no cone numbers begin at 0 too
     chosen = used[used > 0] - 1
     return {

@@ -1,6 +1,7 @@
 """What a move of a program is and where it touches: from the row of the paths that it leads to, or from the text."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -12,25 +13,34 @@ from bonecam.toolpath.path import Kind, ToolPath
 from bonecam.verify.readback import Tolerances, compare_moves
 
 
-def rows_of_moves(
-    motions: Motions, paths: Sequence[ToolPath], dialect: Dialect
-) -> tuple[Int[ndarray, " n"], Bool[ndarray, " n"]]:
-    """The row of all paths that each move leads to, and whether it is on the way to none: before a first row."""
+@dataclass(frozen=True, eq=False)
+class MoveRows:
+    """The row of all paths that each move leads to: it `arrives` there, ends on the way to it (a row's move may be
+    split), or is `away` from all rows, before a first one."""
+
+    rows: Int[ndarray, " n"]
+    arrives: Bool[ndarray, " n"]
+    away: Bool[ndarray, " n"]
+
+
+def rows_of_moves(motions: Motions, paths: Sequence[ToolPath], dialect: Dialect) -> MoveRows:
+    """The row of all paths that each move of a program leads to."""
     source = compare_moves(motions, paths, dialect, Tolerances()).source
-    return np.where(source >= 0, source, np.maximum(-2 - source, 0)), source == -1
+    return MoveRows(np.where(source >= 0, source, np.maximum(-2 - source, 0)), source >= 0, source == -1)
 
 
 def of_rows(
-    motions: Motions, paths: Sequence[ToolPath], rows: Int[ndarray, " n"], away: Bool[ndarray, " n"]
+    motions: Motions, paths: Sequence[ToolPath], leads: MoveRows
 ) -> tuple[Int[ndarray, " n"], Float[ndarray, "n 3"]]:
     """The kind of each move and the place where its ball touches the level (its tip where it does not cut), from the
-    row of the paths that it leads to; moves that are `away` from all rows are rapids."""
+    row of the paths that it leads to; moves that are away from all rows are rapids."""
+    rows = leads.rows
     radius = np.repeat([path.cutter.radius for path in paths], [len(path.tips) for path in paths])[rows]
     tips, axes, contacts = (
         np.vstack([getattr(path, name) for path in paths])[rows] for name in ("tips", "axes", "contacts")
     )
     kinds = np.concatenate([_kinds(path) for path in paths])[rows]
-    kinds = np.where(away, int(Kind.RAPID), kinds)
+    kinds = np.where(leads.away, int(Kind.RAPID), kinds)
     outward = tips + radius[:, None] * axes - contacts
     touches = motions.tips + radius[:, None] * motions.axes - outward
     at_level = (kinds != Kind.RAPID) & np.isfinite(touches).all(1)

@@ -64,8 +64,8 @@ def program_contents(
     motions = read_program(text, machine, dialect)
     surfaces = followed_surfaces(job, meshes) if surfaces is None else surfaces
     level_of = _levels(text, motions, dialect)
-    rows = rows_of_moves(motions, paths, dialect) if paths else None
-    kinds, contacts = of_rows(motions, paths, *rows) if rows else of_text(motions)
+    leads = rows_of_moves(motions, paths, dialect) if paths else None
+    kinds, contacts = of_rows(motions, paths, leads) if leads else of_text(motions)
     moves = _moves(motions, kinds, contacts, level_of)
     if removal is not None:
         moves |= _removed(motions, removal, level_of, contacts, surfaces)
@@ -79,9 +79,9 @@ def program_contents(
         "layers": _layers(level_of, surfaces, meshes),
     }
     facts: dict[str, Any] = {"tools": [_tool(cutter) for cutter in cutters_of(job, machine)], "program": told}
-    if rows:
+    if leads:
         facts["uncut"], uncut = _uncut(paths)
-        arrays |= {**uncut, **cone_contents(paths, rows[0][kept])}
+        arrays |= {**uncut, **cone_contents(paths, leads.rows[kept], leads.arrives[kept])}
     if removal is not None:
         arrays |= _standing(removal, surfaces, contacts[kept], kinds[kept], level_of[kept])
     if removal is not None and removal.left is not None:

@@ -60,7 +60,7 @@ function someCones(moves) {
 
 function coneWords(i) {
   const k = coneOf(i);
-  if (k < 0) return "no certified cone: this axis was tested alone";
+  if (k < 0) return "no certified cone here: this axis was tested alone";
   const degrees = 180 / Math.PI;
   const off = axisOf(page.arrays.cone_axis, k).angleTo(axisOf(page.arrays.move_axis, i));
   const room = page.arrays.cone_angle[k] - off;
