@@ -24,7 +24,7 @@ class BonecamError(Exception):
 
 def place_name(place: Iterable[float]) -> str:
     """A place (mm) as messages name it, like (1.50, -0.20, 43.00)."""
-    return "({:.2f}, {:.2f}, {:.2f})".format(*place)
+    return "({:z.2f}, {:z.2f}, {:z.2f})".format(*place)
 
 
 def counted(number: int, noun: str) -> str:

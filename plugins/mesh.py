@@ -17,12 +17,13 @@ MEASURES = ("mean", "gaussian", "k1", "k2", "shape")
 
 
 def scale_to_mm(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
-    """Filter `apply_units_in_mm`: the layer scaled to mm."""
-    from bonecam.mesh.units import MM_OF, to_mm
+    """Filter `apply_units_in_mm`: the layer scaled to mm, mirrored and scaled."""
+    from bonecam.mesh.units import MM_OF, signs_of, to_mm
 
     scaled = to_mm(layers.mesh(), values["units"], layers.name, 'give units="{}"')
-    layers.transform(np.diag([MM_OF[values["units"]]] * 3 + [1.0]))
-    return {"scale": MM_OF[values["units"]], "diagonal_mm": scaled.diagonal}
+    factor = MM_OF[values["units"]] * values["scale"]
+    layers.transform(np.diag([*(signs_of(values["mirror"]) * factor), 1.0]))
+    return {"scale": factor, "diagonal_mm": scaled.diagonal * values["scale"]}
 
 
 def repair_bone(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
@@ -31,7 +32,7 @@ def repair_bone(layers: Layers, values: Mapping[str, Any], progress: Progress) -
 
     mesh, changes = repair(layers.bone(), progress=progress)
     layers.add(mesh, "repaired")
-    return {"repairs": list(changes), "faces": len(mesh.faces)}
+    return {"repairs": [str(change) for change in changes], "faces": len(mesh.faces)}
 
 
 def fill_pits_layer(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
@@ -93,9 +94,9 @@ FILTERS = (
         "Apply Units in Millimetres",
         "Scales the layer from its file's unit to mm, which all bonecam filters work in. A size that is "
         "no bone's in the stated unit "
-        "is refused, with the unit that would fit.",
+        "is refused, with the unit that would fit. The layer may be mirrored and scaled with it.",
         CATEGORY,
-        parameters_of(MeshJob(), only=("units",)),
+        parameters_of(MeshJob(), only=("units", "mirror", "scale")),
         scale_to_mm,
         changes_layer=True,
     ),

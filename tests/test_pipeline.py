@@ -107,7 +107,7 @@ def test_a_surface_that_misses_the_mesh_is_refused_before_the_levels(
 def test_the_report_has_the_names_that_stay(chain: tuple[bonecam.Result, Path]) -> None:
     report = json.loads((chain[1] / "report.json").read_text(encoding="utf-8"))
     wanted = {
-        "input": "file faces units repairs repair_deviation_max_mm",
+        "input": "file faces units notes repairs repair_steps repair_deviation_max_mm",
         "surface": "control_points deviation_max_mm deviation_rms_mm given_deviation_max_mm",
         "stock": "kind diameter_mm length_mm",
         "nc": "file machine controller blocks readback_tip_error_mm readback_axis_error_deg gouge_max_mm "

@@ -10,6 +10,19 @@ class MeshJob(Section):
     """How the mesh is read, repaired and cut into rows."""
 
     units: str = parameter("mm", "Units", "Unit of the mesh file's coordinates.", choices=("mm", "m", "inch"))
+    mirror: str = parameter(
+        "none",
+        "Mirror",
+        "Mirror the part in the file's x, y or z, as for the bone of the other side.",
+        choices=("none", "x", "y", "z"),
+    )
+    scale: float = parameter(
+        1.0,
+        "Scale",
+        "Factor on the part's size, as 1.25 for a blank that shrinks when it is sintered.",
+        low=0.1,
+        high=10.0,
+    )
     upright: bool = parameter(
         True, "Upright", "Turn the part's longest principal axis to +Z and centre the part on the Z axis."
     )
@@ -31,3 +44,10 @@ class MeshJob(Section):
     )
     rows: int = parameter(48, "Rows", "Number of harmonic rows between the poles.", low=6, high=200)
     row_points: int = parameter(100, "Points a row", "Number of points on each row.", low=16, high=1000)
+
+    @property
+    def changes(self) -> tuple[str, ...]:
+        """What is told of a part that is mirrored or scaled; nothing of one that is taken as it is."""
+        mirrored = f"mirrored in {self.mirror.upper()} of its file" if self.mirror != "none" else ""
+        scaled = f"scaled by {self.scale:g}" if self.scale != 1 else ""
+        return tuple(filter(None, (mirrored, scaled)))

@@ -11,13 +11,15 @@ from numpy import ndarray
 from bonecam.errors import MeshError, counted
 from bonecam.job import MeshJob
 from bonecam.mesh.distance import hausdorff
-from bonecam.mesh.files.mesh_files import read_mesh
+from bonecam.mesh.files.mesh_files import bytes_of, read_mesh
+from bonecam.mesh.files.stated_axes import axes_text, stated_axes
 from bonecam.mesh.healing.decimation import decimate
 from bonecam.mesh.healing.pits import fill_pits
 from bonecam.mesh.healing.repair import repair
+from bonecam.mesh.healing.repair_state import Repair, without
 from bonecam.mesh.pose import upright
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
-from bonecam.mesh.units import to_mm
+from bonecam.mesh.units import mirror_and_scale, to_mm
 from bonecam.progress import Progress, report, silent
 from bonecam.progress import part as share
 
@@ -26,25 +28,32 @@ from bonecam.progress import part as share
 class Part:
     """The closed mesh to be machined, mm, and where it came from.
 
-    `file`, `faces` and `units` are those of the input, `repairs` the sentences that tell what was changed.
-    `given` is the input scaled to mm, and `transform` (4, 4) leads from it to the frame of `mesh`.
+    `file`, `faces` and `units` are those of the input, `repairs` what was changed. `given` is the input in mm, mirrored
+    and scaled as the job says, and `transform` (4, 4) leads from it to the frame of `mesh`. `notes` tell what else is
+    to be known of it: that it is mirrored or scaled, the axes that its file states.
     """
 
     mesh: TriangleMesh
     file: str
     faces: int
     units: str
-    repairs: tuple[str, ...]
+    repairs: tuple[Repair, ...]
     transform: Float[ndarray, "4 4"]
     given: TriangleMesh
+    notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return f"<Part of {self.file}: {self.mesh!r}, {counted(len(self.repairs), 'repair')}>"
 
     @cached_property
     def placed_given(self) -> TriangleMesh:
-        """The mesh as given, in the frame of `mesh`."""
-        return self.given.move(self.transform)
+        """The mesh as given, without debris and inner shells that were left out, in the frame of `mesh`."""
+        return without(self.given, self.left_out).move(self.transform)
+
+    @property
+    def left_out(self) -> tuple[TriangleMesh, ...]:
+        """What the repairs left out of the mesh as given, in its frame."""
+        return tuple(repair.left_out for repair in self.repairs if repair.left_out is not None)
 
     @cached_property
     def repair_deviation(self) -> float:
@@ -63,8 +72,8 @@ def prepare_part(
     progress: Progress = silent,
     also: tuple[str, ...] = (),
 ) -> Part:
-    """Read a mesh, scale it to mm, decimate it where it has too many faces, repair it, fill its pits and turn
-    it upright, as the job says.
+    """Read a mesh, scale it to mm, mirror it, decimate it where it has too many faces, repair it, fill its pits
+    and turn it upright, as the job says.
 
     `source` is a file, or a mesh in memory as `mesh_from` takes it. `also` are endings of part files that the caller
     reads itself: a refusal names them too. MeshError, FileError and UnitsError name the file.
@@ -76,7 +85,9 @@ def prepare_part(
         raise MeshError(f"{name}: the mesh has no faces: give a surface mesh", file=name)
 
     report(progress, 0.3, "repairing the mesh")
-    scaled = to_mm(raw, job.units, file=name)
+    scaled = mirror_and_scale(to_mm(raw, job.units, file=name), job.mirror, job.scale)
+    axes = stated_axes(bytes_of(Path(source))) if isinstance(source, str | Path) else ""
+    notes = (*job.changes, *([axes_text(axes)] if axes else []))
     try:
         fewer, decimated = decimate(scaled, progress=share(progress, 0.3, 0.7))
         repaired, repairs = repair(fewer, progress=share(progress, 0.7, 1.0))
@@ -84,5 +95,7 @@ def prepare_part(
         raise MeshError(f"{name}: {error}", file=name, **error.evidence) from error
 
     filled, pits = fill_pits(repaired, job.pit_radius) if job.pit_radius else (repaired, ())
+    told = tuple(Repair.between(pit, repaired, filled) for pit in pits)
     posed, transform = upright(filled) if job.upright else (filled, np.eye(4))
-    return Part(posed, name, len(raw.faces), job.units, decimated + repairs + pits, transform, scaled)
+    done = decimated + repairs + told
+    return Part(posed, name, len(raw.faces), job.units, done, transform, scaled, notes)

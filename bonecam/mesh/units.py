@@ -1,4 +1,9 @@
-"""Units: from the file's coordinates to mm, refused where the size is no bone's."""
+"""Units: from the file's coordinates to mm, refused where the size is no bone's. And the bone of the other side, or
+larger than it is to become."""
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 
 from bonecam.errors import UnitsError
 from bonecam.mesh.files.opencascade import IGES, STEP
@@ -10,6 +15,7 @@ SMALLEST = 5.0
 """Least plausible diagonal of a part's bounding box, mm: that of an ear ossicle."""
 LARGEST = 1000.0
 """Largest plausible diagonal of a part's bounding box, mm: twice a femur."""
+AXES = ("x", "y", "z")
 FLAG = "give --units {}"
 """How the command line takes a unit."""
 IN_JOB = ", or mesh.units in a job"
@@ -45,3 +51,20 @@ def _remedy(diagonal: float, flag: str) -> str:
     first, *others = (f"{flag.format(unit)} ({size:.3g} mm)" for unit, size in fitting)
     told = " or ".join([first, *(other.removeprefix("give ") for other in others)])
     return f"{told}{IN_JOB if flag == FLAG else ''}"
+
+
+def mirror_and_scale(mesh: TriangleMesh, mirror: str = "none", scale: float = 1.0) -> TriangleMesh:
+    """The mesh mirrored in one of AXES, about the plane where it is 0, and scaled about the origin.
+
+    Faces of a mirrored mesh go round the other way, so that they face outward as before. A mesh that stays as it is
+    comes back itself.
+    """
+    if mirror == "none" and scale == 1:
+        return mesh
+    faces = mesh.faces if mirror == "none" else mesh.faces[:, ::-1]
+    return TriangleMesh(mesh.vertices * (signs_of(mirror) * scale), faces)
+
+
+def signs_of(mirror: str) -> Float[ndarray, "3"]:
+    """The factors on x, y and z of a mirror image."""
+    return np.where([axis == mirror for axis in AXES], -1.0, 1.0)

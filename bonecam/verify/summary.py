@@ -76,10 +76,10 @@ def finished_summary(report: Mapping[str, Any]) -> str:
 
 
 def _mesh_lines(mesh: Mapping[str, Any]) -> Iterator[str]:
-    """The mesh and its repairs."""
+    """The mesh, what is to be known of it, and its repairs."""
     yield f"mesh      {mesh['faces']} faces, {mesh['units']}; {counted(len(mesh['repairs']), 'repair')}"
-    for told in mesh["repairs"]:
-        yield f"repair    {told}"
+    for kind, sentences in (("note      ", mesh["notes"]), ("repair    ", mesh["repairs"])):
+        yield from (kind + sentence for sentence in sentences)
 
 
 def _surface_line(surface: Mapping[str, Any]) -> str:

@@ -75,6 +75,7 @@ def test_the_summary_tells_each_repair() -> None:
         "input": {
             "faces": 993,
             "units": "mm",
+            "notes": ["mirrored in X of its file"],
             "repairs": ["closed 1 hole with 33 faces, 9.66 mm across"],
             "repair_deviation_max_mm": 1.079,
         },
@@ -114,19 +115,20 @@ def test_the_summary_tells_each_repair() -> None:
     told = summary_of(report).splitlines()
     assert "feed      median 500, a tenth below 250 mm/min; an axis limits 95% of the cutting blocks" in told
     assert "cones     9 put before FCL: 2 narrowed, 1 refused" in told
-    assert told[:2] == [
+    assert told[:3] == [
         "mesh      993 faces, mm; 1 repair",
+        "note      mirrored in X of its file",
         "repair    closed 1 hole with 33 faces, 9.66 mm across",
     ]
     assert "as given  max 1.083 mm to the mesh as given, with 1.079 mm of repair and filling" in told
     assert "levels    1 cut, no schedule needs fewer than 1; depth max 0.5000 mm" in told
-    assert "hold everywhere on 1 of 1 cut" in told[6]
+    assert "hold everywhere on 1 of 1 cut" in told[7]
     broken = summary_of({**report, "levels_break_mm": 0.0042})
     assert (
         "levels    1 cut, no schedule needs fewer than 1; depth max 0.5000 mm; a limit is broken by 0.0042 mm"
         in broken
     )
-    assert summary_of({**report, "input": {**report["input"], "repairs": []}}).startswith(
+    assert summary_of({**report, "input": {**report["input"], "notes": [], "repairs": []}}).startswith(
         "mesh      993 faces, mm; 0 repairs\nsurface"
     )
 

@@ -14,14 +14,13 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int64
 from numpy import ndarray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from bonecam.errors import FileError
 from bonecam.mesh.files.cad_shapes import area_of, diagonal_of, faces_of, has_solids, read_shape, sew
 from bonecam.mesh.files.opencascade import occ
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.mesh.healing.seams import nearest_groups
+from bonecam.mesh.healing.topology import repeats_corner
+from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces
 
 DEFAULT_CHORD_TOLERANCE = 5e-4
 """Chord tolerance where none is given, share of the diagonal."""
@@ -148,10 +147,5 @@ def _plane_distances(
 
 def _weld(nodes: Float[ndarray, "n 3"], faces: Int64[ndarray, "m 3"], tolerance: float) -> TriangleMesh:
     """The mesh with nodes nearer than `tolerance` made one (the first of them) and null faces dropped."""
-    pairs = cKDTree(nodes).query_pairs(tolerance, output_type="ndarray")
-    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(nodes), len(nodes)))
-    groups = connected_components(graph, directed=False)[1]
-    _, first, index = np.unique(groups, return_index=True, return_inverse=True)
-    a, b, c = index[faces].T
-    kept = (a != b) & (b != c) & (c != a)
-    return TriangleMesh(nodes[first], index[faces][kept].astype(np.int32))
+    welded = nearest_groups(nodes, tolerance)[faces]
+    return keep_faces(TriangleMesh(nodes, welded.astype(np.int32)), ~repeats_corner(welded))

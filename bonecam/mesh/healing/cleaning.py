@@ -1,75 +1,75 @@
-"""Cleaning a mesh: debris, duplicates, fins, non-manifold places, orientation, holes, in the order that
-works."""
+"""Cleaning a mesh: duplicates, fins, non-manifold places, orientation, holes, in the order that works."""
 
 import numpy as np
+from jaxtyping import Bool
+from numpy import ndarray
 
 from bonecam.arrays import dots
 from bonecam.errors import MeshError, counted, place_name
+from bonecam.mesh.healing.components import keep_part
 from bonecam.mesh.healing.faults import holes_of
+from bonecam.mesh.healing.junctions import resolve_junctions
 from bonecam.mesh.healing.repair_state import RepairState, apply_filter, apply_filters
-from bonecam.mesh.healing.topology import edges_of, half_edges, pieces_of
+from bonecam.mesh.healing.topology import edge_names, edges_of, half_edges, repeats_corner
 from bonecam.mesh.meshlab import from_meshset, to_meshset
 from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces
 
 WIDEST_HOLE = 0.5
 """Widest hole that is closed, as a share of the diagonal."""
-DEBRIS = 0.05
-"""Loose pieces up to this share of the largest piece's area are dropped."""
-TIDYING = (
-    ("meshing_remove_null_faces", "faces", "removed {} without area", "face"),
-    ("meshing_remove_duplicate_vertices", "vertices", "merged {}", "duplicate vertex"),
-    ("meshing_remove_duplicate_faces", "faces", "removed {}", "duplicate face"),
-)
 CUTTING = (
     ("meshing_repair_non_manifold_edges", "faces", "removed {} at edges with more than two faces", "face"),
     ("meshing_repair_non_manifold_vertices", "vertices", "split {} where surfaces touch", "vertex"),
 )
 
 
+INSIDE_OUT = (
+    "turned the whole surface outward: it faced inward, as mirror images do; check the scanner's axes, and set "
+    "mesh.mirror where it is one"
+)
+"""What is told of a mesh that is inside out."""
+
+
 def tidy(state: RepairState) -> RepairState:
-    """Faces without area, duplicates and fins removed."""
-    return drop_fins(apply_filters(state, TIDYING))
+    """Faces without area removed, the fins that are left where they were, and what meets at edges of more than two
+    faces and is not the part."""
+    areal = apply_filter(state, "meshing_remove_null_faces", "faces", "removed {} without area", "face")
+    return resolve_junctions(drop_fins(areal))
 
 
 def clean(state: RepairState) -> RepairState:
-    """Non-manifold places cut apart, then faces oriented alike, then holes closed, then all turned
-    outwards."""
-    cut = keep_largest_piece(apply_filters(state, CUTTING))
+    """Non-manifold places cut apart, then faces oriented alike, then holes closed, then all turned outwards."""
+    cut = keep_part(apply_filters(state, CUTTING))
     return orient_outwards(close_holes(orient_coherently(cut)))
 
 
-def drop_unused_vertices(state: RepairState) -> RepairState:
-    """The mesh without vertices of no face, which would widen its bounds."""
-    strays = len(state.mesh.vertices) - len(np.unique(state.mesh.faces))
-    if not strays:
+def drop_unused(state: RepairState) -> RepairState:
+    """The mesh without vertices of no face, which would widen its bounds, faces that name a vertex twice, and faces
+    that stand there already: with the same vertices, or with others at the same places, the same way round."""
+    mesh = state.mesh
+    strays = len(mesh.vertices) - len(np.unique(mesh.faces))
+    null = repeats_corner(mesh.faces)
+    duplicate = ~null & _stand_there(mesh)
+    if not (strays or null.any() or duplicate.any()):
         return state
-    return state.then(
-        keep_faces(state.mesh),
-        f"removed {counted(strays, 'vertex')} of no face",
-    )
+    counts = {
+        "removed {} of no face": (strays, "vertex"),
+        "removed {} without area": (int(null.sum()), "face"),
+        "removed {}": (int(duplicate.sum()), "duplicate face"),
+    }
+    told = (text.format(counted(number, noun)) for text, (number, noun) in counts.items() if number)
+    return state.then(keep_faces(mesh, ~(null | duplicate)), *told)
 
 
-def keep_largest_piece(state: RepairState) -> RepairState:
-    """The largest piece, where the others are debris; MeshError where they are parts."""
-    welded = apply_filter(state, "meshing_remove_duplicate_vertices").mesh
-    pieces = pieces_of(welded)
-    areas = np.bincount(pieces, np.linalg.norm(welded.face_vectors, axis=1) / 2)
-    if len(areas) == 1:
-        return state
-    largest = int(np.argmax(areas))
-    others = np.delete(areas, largest)
-    if others.max() > DEBRIS * areas[largest]:
-        second = int(np.argsort(-areas, kind="stable")[1])
-        place = welded.vertices[welded.faces[pieces == second]].mean((0, 1))
-        what = f"the mesh has {len(areas)} separate parts, the second largest near {place_name(place)} mm"
-        raise MeshError(
-            f"{what}: save the one to machine by itself", parts=len(areas), areas=areas, place=place
-        )
-    told = (
-        f"dropped {counted(len(others), 'loose piece')} of at most {others.max() / areas[largest]:.2%} of "
-        "the part's area"
-    )
-    return state.then(keep_faces(welded, pieces == largest), told)
+def _stand_there(mesh: TriangleMesh) -> Bool[ndarray, " m"]:
+    """Which faces repeat an earlier one."""
+    place_of = np.unique(mesh.vertices + 0.0, axis=0, return_inverse=True)[1].ravel()
+    at = place_of[mesh.faces]
+    from_lowest = (np.argmin(at, axis=1)[:, None] + np.arange(3)) % 3
+    turned = np.take_along_axis(at, from_lowest, axis=1)
+    found = np.ones((2, len(mesh.faces)), dtype=bool)
+    for row, names in zip(found, (np.sort(mesh.faces, axis=1), turned), strict=True):
+        row[np.unique(names, axis=0, return_index=True)[1]] = False
+    return np.asarray(found.any(axis=0))
 
 
 def drop_fins(state: RepairState) -> RepairState:
@@ -78,15 +78,13 @@ def drop_fins(state: RepairState) -> RepairState:
     (MeshLab would remove the smallest face of the edge instead.)
     """
     edges, counts = edges_of(state.mesh)
-    sides = np.sort(half_edges(state.mesh), axis=2).astype(np.int64)
-    names = edges.astype(np.int64) @ [len(state.mesh.vertices), 1]
-    found = counts[np.searchsorted(names, sides @ [len(state.mesh.vertices), 1])]
+    names, sides = (edge_names(each, len(state.mesh.vertices)) for each in (edges, half_edges(state.mesh)))
+    found = counts[np.searchsorted(names, sides)]
     fins = (found == 1).any(1) & (found > 2).any(1)
     if not (count := int(fins.sum())):
         return state
-    return state.then(
-        keep_faces(state.mesh, ~fins),
-        f"removed {counted(count, 'face')} that {'stick' if count > 1 else 'sticks'} out",
+    return state.keep(
+        ~fins, f"removed {counted(count, 'face')} that {'stick' if count > 1 else 'sticks'} out"
     )
 
 
@@ -102,9 +100,8 @@ def orient_outwards(state: RepairState) -> RepairState:
     """The whole surface turned outwards where it encloses a negative volume."""
     if state.mesh.volume >= 0:
         return state
-    return state.then(
-        TriangleMesh(state.mesh.vertices, state.mesh.faces[:, ::-1]), "turned the whole surface outward"
-    )
+    turned = TriangleMesh(state.mesh.vertices, state.mesh.faces[:, ::-1])
+    return state.then(turned, INSIDE_OUT)
 
 
 def close_holes(state: RepairState) -> RepairState:

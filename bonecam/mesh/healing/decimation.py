@@ -8,6 +8,8 @@ import numpy as np
 
 from bonecam.errors import MeshError
 from bonecam.mesh.distance import hausdorff
+from bonecam.mesh.healing.repair_state import Repair, RepairState
+from bonecam.mesh.healing.seams import weld_seams
 from bonecam.mesh.meshlab import from_meshset, to_meshset
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.progress import Progress, report, silent
@@ -23,26 +25,27 @@ TRIES = 2
 
 def decimate(
     mesh: TriangleMesh, most: int = MOST_FACES, *, progress: Progress = silent
-) -> tuple[TriangleMesh, tuple[str, ...]]:
-    """The mesh (mm) with at most `most` faces, and a sentence that tells so; a mesh that has no more comes
-    back as it is.
+) -> tuple[TriangleMesh, tuple[Repair, ...]]:
+    """The mesh (mm) with at most `most` faces, its seams merged before, and what was changed; a mesh that has no more
+    comes back as it is.
 
     Twice as many where fewer move the surface by more than LARGEST_DEVIATION, MeshError where that moves it
     too.
     """
     if len(mesh.faces) <= most:
         return mesh, ()
+    state = weld_seams(RepairState(mesh))
     found = np.inf
     for k in range(TRIES):
         target = most * 2**k
         report(progress, k / TRIES, f"decimating {len(mesh.faces)} faces to {target}")
-        fewer = _collapse_edges(mesh, target)
+        fewer = _collapse_edges(state.mesh, target)
         if not 0 < len(fewer.faces) <= target:
             continue
         found = max(hausdorff(mesh, fewer))
         if found <= LARGEST_DEVIATION:
             told = f"decimated {len(mesh.faces)} faces to {len(fewer.faces)}, {found:.4f} mm apart at most"
-            return fewer, (told,)
+            return fewer, state.moved(fewer, told).done
     moved = f"moves the surface by {found:.3f} mm" if np.isfinite(found) else "is not possible"
     raise MeshError(
         f"the mesh has {len(mesh.faces)} faces, and decimating it to {most * 2 ** (TRIES - 1)} {moved}: smooth "
@@ -53,9 +56,8 @@ def decimate(
 
 
 def _collapse_edges(mesh: TriangleMesh, target: int) -> TriangleMesh:
-    """The mesh with equal vertices merged and edges collapsed until `target` faces are left."""
+    """The mesh with edges collapsed until `target` faces are left."""
     meshset = to_meshset(mesh)
-    meshset.meshing_remove_duplicate_vertices()
     meshset.meshing_decimation_quadric_edge_collapse(
         targetfacenum=target, preservenormal=True, preserveboundary=True, preservetopology=True
     )

@@ -1,6 +1,7 @@
 """Repair: make one closed, manifold, outward, genus-0 part of a mesh, and say what was changed.
 
-Three stages, each tried only where the one before left faults: cleaning in the order that worked (duplicates,
+Seams are merged, debris and inner shells left out, where they are: the rest keeps its vertices to the bit. Then
+three stages, each tried only where the one before left faults: cleaning in the order that worked (duplicates,
 null faces, non-manifold edges, reorient, **then** close holes); the outside of a surface that cuts itself (an
 exact union, Zhou et al. 2016: it keeps every visible face where it is); and last a new skin shrunk round the
 cleaned part (alpha wrap, Portaneri et al. 2022). What comes out is checked and measured against what came in;
@@ -9,21 +10,20 @@ never chosen or fused: that is for a person to decide.
 """
 
 import numpy as np
-from numpy import ndarray
 
 from bonecam.errors import MeshError, place_name
-from bonecam.mesh.healing.cleaning import clean, drop_unused_vertices, keep_largest_piece, tidy
+from bonecam.mesh.healing.cleaning import clean, drop_fins, drop_unused, tidy
+from bonecam.mesh.healing.components import keep_part
 from bonecam.mesh.healing.faults import Fault, faults_of
-from bonecam.mesh.healing.repair_deviation import largest_deviation
-from bonecam.mesh.healing.repair_state import RepairState
+from bonecam.mesh.healing.repair_state import Repair, RepairState
 from bonecam.mesh.healing.resurfacing import unite, wrap
+from bonecam.mesh.healing.seams import weld_seams
+from bonecam.mesh.healing.surface_moves import Moves, surface_moves
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.progress import Progress, report, silent
 
 LARGEST_DEVIATION = 0.02
 """Largest distance between the mesh before and after, as a share of the diagonal."""
-TOLD = 5e-4
-"""Least deviation that the report tells, mm: what its three decimals show."""
 FLAT = 1e-3
 """Least thickness of a solid, as a share of the diagonal."""
 _REMEDIES = {
@@ -33,16 +33,15 @@ _REMEDIES = {
 }
 
 
-def repair(mesh: TriangleMesh, *, progress: Progress = silent) -> tuple[TriangleMesh, tuple[str, ...]]:
-    """One closed, manifold, outward part of genus 0 without self-intersections, and sentences that tell what
-    was changed.
+def repair(mesh: TriangleMesh, *, progress: Progress = silent) -> tuple[TriangleMesh, tuple[Repair, ...]]:
+    """One closed, manifold, outward part of genus 0 without self-intersections, and what was changed.
 
     MeshError names what is wrong, where (mm), what was tried, and the remedy; its evidence has `place` and
     `tried`.
     """
     report(progress, 0.0, "looking for faults")
     _refuse_flat(mesh)
-    kept = keep_largest_piece(drop_unused_vertices(RepairState(mesh)))
+    kept = keep_part(drop_fins(weld_seams(drop_unused(RepairState(mesh)))))
     faults = faults_of(kept.mesh)
     if not faults:
         return kept.mesh, kept.done
@@ -59,11 +58,10 @@ def repair(mesh: TriangleMesh, *, progress: Progress = silent) -> tuple[Triangle
             _refuse_handles(found, state)
             trouble = _refusal(found, state)
             continue
-        deviation, place = largest_deviation(tidied.mesh, cleaned.mesh, state.mesh)
-        if deviation <= LARGEST_DEVIATION * kept.mesh.diagonal:
-            told = f"moved no part of the surface by more than {deviation:.3f} mm"
-            return state.mesh, (*state.done, *((told,) if deviation >= TOLD else ()))
-        trouble = _deviation_refusal(deviation, place, state)
+        moves = surface_moves(tidied.mesh, state.mesh, cleaned.mesh)
+        if moves.largest <= LARGEST_DEVIATION * kept.mesh.diagonal:
+            return state.mesh, state.done
+        trouble = _deviation_refusal(moves, state)
     raise trouble
 
 
@@ -82,7 +80,7 @@ def _refuse_handles(faults: tuple[Fault, ...], state: RepairState) -> None:
 
 
 def _refusal(faults: tuple[Fault, ...], state: RepairState) -> MeshError:
-    tried = f" after repair ({'; '.join(state.done)})" if state.done else ""
+    tried = f" after repair ({state.changes})" if state.done else ""
     remedy = next(
         (_REMEDIES[fault.kind] for fault in faults if fault.kind in _REMEDIES),
         "mend it there in a mesh editor",
@@ -91,9 +89,9 @@ def _refusal(faults: tuple[Fault, ...], state: RepairState) -> MeshError:
     return MeshError(message, faults=faults, place=faults[0].place, tried=state.done)
 
 
-def _deviation_refusal(distance: float, place: ndarray, state: RepairState) -> MeshError:
-    what = f"the repair ({'; '.join(state.done)}) moves the surface by {distance:.2f} mm near {place_name(place)}"
-    return MeshError(f"{what}: mend the mesh there in a mesh editor", place=place, tried=state.done)
+def _deviation_refusal(moves: Moves, state: RepairState) -> MeshError:
+    what = f"the repair ({state.changes}) moves the surface by {moves.largest:.2f} mm near {place_name(moves.place)}"
+    return MeshError(f"{what}: mend the mesh there in a mesh editor", place=moves.place, tried=state.done)
 
 
 def _refuse_flat(mesh: TriangleMesh) -> None:

@@ -1,22 +1,87 @@
-"""A mesh under repair, with the sentences that tell what was done to it."""
+"""A mesh under repair, with what was done to it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from jaxtyping import Bool
+from numpy import ndarray
+from scipy.spatial import cKDTree
+
 from bonecam.errors import counted
+from bonecam.mesh.healing.surface_moves import surface_moves
 from bonecam.mesh.meshlab import from_meshset, to_meshset
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces
+
+REPORTED = 5e-4
+"""Least movement of the surface that a sentence has, mm: what its three decimals show."""
+
+
+SAME_PLACE = 1e-4
+"""Middles of a face before and after its corners were merged are no farther apart, share of the diagonal."""
+
+
+@dataclass(frozen=True)
+class Repair:
+    """One change of a mesh in a sentence, and how far it moved the surface, mm: `outward` what it added on the
+    surface, `inward` what it took off. Pieces that it left out, debris and inner shells, are no part of the surface."""
+
+    change: str
+    outward: float = 0.0
+    inward: float = 0.0
+    left_out: TriangleMesh | None = None
+
+    @classmethod
+    def between(cls, change: str, before: TriangleMesh, after: TriangleMesh) -> "Repair":
+        """The change that led from one mesh to another, measured."""
+        moves = surface_moves(before, after, before)
+        return cls(change, moves.outward, moves.inward)
+
+    def __str__(self) -> str:
+        if max(self.outward, self.inward) < REPORTED:
+            return self.change
+        return f"{self.change}; moved the surface {self.outward:.3f} mm outward, {self.inward:.3f} mm inward at most"
+
+    @property
+    def report(self) -> dict[str, str | float]:
+        """The change as the report has it."""
+        moved = {"outward_mm": round(self.outward, 6), "inward_mm": round(self.inward, 6)}
+        return {"change": self.change, **moved}
 
 
 @dataclass(frozen=True, eq=False)
 class RepairState:
-    """A mesh, and a sentence for each change that led to it."""
+    """A mesh, and the changes that led to it."""
 
     mesh: TriangleMesh
-    done: tuple[str, ...] = ()
+    done: tuple[Repair, ...] = ()
 
-    def then(self, mesh: TriangleMesh, *sentences: str) -> "RepairState":
-        """The next state: the changed mesh, and sentences that tell the change."""
-        return RepairState(mesh, self.done + sentences)
+    def then(self, mesh: TriangleMesh, *changes: str) -> "RepairState":
+        """The next state: the changed mesh, and sentences of changes that keep the surface where it is."""
+        return RepairState(mesh, self.done + tuple(map(Repair, changes)))
+
+    def keep(self, kept: Bool[ndarray, " m"], change: str) -> "RepairState":
+        """The next state with the `kept` faces only; the others are left out."""
+        left_out = keep_faces(self.mesh, ~kept)
+        return RepairState(keep_faces(self.mesh, kept), (*self.done, Repair(change, left_out=left_out)))
+
+    def moved(self, mesh: TriangleMesh, change: str) -> "RepairState":
+        """The next state after a change that moves the surface: it is measured."""
+        return RepairState(mesh, (*self.done, Repair.between(change, self.mesh, mesh)))
+
+    @property
+    def changes(self) -> str:
+        """All that was done, in one line."""
+        return "; ".join(map(str, self.done))
+
+
+def without(mesh: TriangleMesh, left_out: Sequence[TriangleMesh]) -> TriangleMesh:
+    """The mesh as it was before the repair, without the faces that were left out."""
+    if not left_out:
+        return mesh
+    middles = np.vstack([each.vertices[each.faces].mean(axis=1) for each in left_out])
+    away, _ = cKDTree(middles).query(mesh.vertices[mesh.faces].mean(axis=1))
+    return keep_faces(mesh, np.asarray(away) > SAME_PLACE * mesh.diagonal)
 
 
 def apply_filter(

@@ -2,7 +2,7 @@
 
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Int
+from jaxtyping import Bool, Int, Int64
 from numpy import ndarray
 
 from bonecam.errors import MeshError
@@ -17,6 +17,11 @@ def half_edges(mesh: TriangleMesh) -> Int[ndarray, "m 3 2"]:
 def edges_of(mesh: TriangleMesh) -> tuple[Int[ndarray, "e 2"], Int[ndarray, " e"]]:
     """The distinct edges (lower vertex first) and how many faces meet at each."""
     return np.unique(np.sort(half_edges(mesh).reshape(-1, 2), axis=1), axis=0, return_counts=True)
+
+
+def edge_names(edges: Int[ndarray, "*n 2"], count: int) -> Int64[ndarray, "*n"]:
+    """A number for each edge between two of `count` vertices, the same both ways along it."""
+    return np.asarray(np.sort(edges, axis=-1).astype(np.int64) @ [count, 1])
 
 
 def neighbours_of(mesh: TriangleMesh) -> Int[ndarray, "m 3"]:
@@ -46,3 +51,9 @@ def genus(mesh: TriangleMesh) -> int:
     """Number of handles of a closed, connected, manifold mesh (Euler: V - E + F = 2 - 2 g)."""
     edges, _ = edges_of(mesh)
     return int(2 - (len(np.unique(mesh.faces)) - len(edges) + len(mesh.faces))) // 2
+
+
+def repeats_corner(faces: Int[ndarray, "m 3"]) -> Bool[ndarray, " m"]:
+    """Which faces name a vertex twice."""
+    a, b, c = faces.T
+    return np.asarray((a == b) | (b == c) | (c == a))

@@ -22,7 +22,7 @@ def test_a_large_mesh_is_decimated_within_the_stated_deviation(
     assert len(fewer.faces) <= 8000 < len(mesh.faces)
     assert max(hausdorff(mesh, fewer)) <= LARGEST_DEVIATION
     assert not faults_of(fewer)
-    assert told[0].startswith(f"decimated {len(mesh.faces)} faces to {len(fewer.faces)}, 0.00")
+    assert told[0].change.startswith(f"decimated {len(mesh.faces)} faces to {len(fewer.faces)}, 0.00")
     assert decimate(mesh, len(mesh.faces)) == (mesh, ())
 
 
