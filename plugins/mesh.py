@@ -10,6 +10,7 @@ from bonecam.filters.filter import Filter
 from bonecam.filters.layers import Layers
 from bonecam.filters.parameter import FilterParameter, Kind, parameters_of, section_of
 from bonecam.job import MeshJob
+from bonecam.job.tool_section import FINISHING
 from bonecam.progress import Progress
 
 CATEGORY = "Bonecam: Mesh"
@@ -39,9 +40,9 @@ def fill_pits_layer(layers: Layers, values: Mapping[str, Any], progress: Progres
     """Filter `meshing_fill_pits`: a layer of the mesh without its pits."""
     from bonecam.mesh.healing.pits import fill_pits
 
-    mesh, told = fill_pits(layers.bone(), values["pit_radius"])
-    layers.add(mesh, "filled")
-    return {"filled": list(told)}
+    fill = fill_pits(layers.bone(), values["pit_radius"])
+    layers.add(fill.mesh, "filled")
+    return {"filled": [str(repair) for repair in fill.repairs], **fill.report}
 
 
 def stand_upright(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
@@ -113,11 +114,11 @@ FILTERS = (
     Filter(
         "meshing_fill_pits",
         "Fill Pits",
-        "Fills pits and clefts that a ball of the given radius cannot enter with a membrane, as a new "
-        "layer: the cutter leaves that "
-        "material anyway, and levels over a pit would fold. The layer is closed and in mm.",
+        "Fills hollows that a ball of the given radius cannot reach up to that ball (the closing of the part by it), "
+        "as a new layer: the cutter leaves that material anyway, and levels over a pit would fold. The layer is "
+        "closed and in mm; nothing moves inward.",
         CATEGORY,
-        parameters_of(MeshJob(), only=("pit_radius",)),
+        parameters_of(MeshJob(pit_radius=FINISHING.radius), only=("pit_radius",)),
         fill_pits_layer,
     ),
     Filter(

@@ -26,10 +26,17 @@ class MeshJob(Section):
     upright: bool = parameter(
         True, "Upright", "Turn the part's longest principal axis to +Z and centre the part on the Z axis."
     )
+    pits: str = parameter(
+        "fill",
+        "Pits",
+        "fill: hollows that the smallest ball of the job cannot reach are filled up to that ball, before the fit. "
+        "keep: the surface follows them.",
+        choices=("fill", "keep"),
+    )
     pit_radius: float = parameter(
-        1.0,
+        0.0,
         "Pit radius",
-        "Pits that a ball of this radius (the finishing cutter's) cannot enter are filled before the fit; 0: none.",
+        "Radius of the ball that pits are filled up to; 0, or more than the smallest ball of the job: that one's.",
         unit="mm",
         low=0.0,
         high=50.0,

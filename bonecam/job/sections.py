@@ -72,6 +72,11 @@ class Job:
         """The sections of the cutters that are used, in the order of their numbers in the tool changer, from 1."""
         return ("roughing", "finishing", *("fine",) * self.path.fine_cutter)
 
+    @property
+    def smallest_ball(self) -> float:
+        """Radius of the smallest ball that cuts, mm."""
+        return min(getattr(self, name).radius for name in self.cutter_names)
+
     def tool(self, name: str) -> ToolJob:
         """The cutter "roughing", "finishing" or "fine", with the material's spindle speed and feed where its section
         leaves them 0; JobError where the material cannot be read or asks for a speed out of range."""

@@ -10,11 +10,12 @@ from numpy import ndarray
 
 from bonecam.errors import MeshError, counted
 from bonecam.job import MeshJob
+from bonecam.job.tool_section import FINISHING
 from bonecam.mesh.distance import hausdorff
 from bonecam.mesh.files.mesh_files import bytes_of, read_mesh
 from bonecam.mesh.files.stated_axes import axes_text, stated_axes
 from bonecam.mesh.healing.decimation import decimate
-from bonecam.mesh.healing.pits import fill_pits
+from bonecam.mesh.healing.pits import Fill, fill_pits
 from bonecam.mesh.healing.repair import repair
 from bonecam.mesh.healing.repair_state import Repair, without
 from bonecam.mesh.pose import upright
@@ -30,7 +31,8 @@ class Part:
 
     `file`, `faces` and `units` are those of the input, `repairs` what was changed. `given` is the input in mm, mirrored
     and scaled as the job says, and `transform` (4, 4) leads from it to the frame of `mesh`. `notes` tell what else is
-    to be known of it: that it is mirrored or scaled, the axes that its file states.
+    to be known of it: that it is mirrored or scaled, the axes that its file states. `fill` tells of hollows that were
+    filled.
     """
 
     mesh: TriangleMesh
@@ -41,6 +43,7 @@ class Part:
     transform: Float[ndarray, "4 4"]
     given: TriangleMesh
     notes: tuple[str, ...] = ()
+    fill: Fill | None = None
 
     def __repr__(self) -> str:
         return f"<Part of {self.file}: {self.mesh!r}, {counted(len(self.repairs), 'repair')}>"
@@ -71,12 +74,14 @@ def prepare_part(
     job: MeshJob,
     progress: Progress = silent,
     also: tuple[str, ...] = (),
+    ball: float = FINISHING.radius,
 ) -> Part:
     """Read a mesh, scale it to mm, mirror it, decimate it where it has too many faces, repair it, fill its pits
     and turn it upright, as the job says.
 
-    `source` is a file, or a mesh in memory as `mesh_from` takes it. `also` are endings of part files that the caller
-    reads itself: a refusal names them too. MeshError, FileError and UnitsError name the file.
+    `source` is a file, or a mesh in memory as `mesh_from` takes it; `ball` is the radius (mm) of the smallest ball that
+    will cut it (`Job.smallest_ball`): pits are filled up to no larger one. `also` are endings of part files that the
+    caller reads itself: a refusal names them too. MeshError, FileError and UnitsError name the file.
     """
     report(progress, 0.0, "reading the mesh")
     name = str(source) if isinstance(source, str | Path) else "the mesh"
@@ -94,8 +99,8 @@ def prepare_part(
     except MeshError as error:
         raise MeshError(f"{name}: {error}", file=name, **error.evidence) from error
 
-    filled, pits = fill_pits(repaired, job.pit_radius) if job.pit_radius else (repaired, ())
-    told = tuple(Repair.between(pit, repaired, filled) for pit in pits)
+    fill = fill_pits(repaired, min(job.pit_radius or ball, ball)) if job.pits == "fill" else None
+    filled = fill.mesh if fill else repaired
+    done = decimated + repairs + (fill.repairs if fill else ())
     posed, transform = upright(filled) if job.upright else (filled, np.eye(4))
-    done = decimated + repairs + told
-    return Part(posed, name, len(raw.faces), job.units, done, transform, scaled, notes)
+    return Part(posed, name, len(raw.faces), job.units, done, transform, scaled, notes, fill)

@@ -38,7 +38,7 @@ def test_the_mesh_of_a_library_becomes_ours(library: str) -> None:
 
 
 def test_the_mesh_of_a_library_becomes_a_part() -> None:
-    part = prepare_part(MADE_BY["trimesh"](), MeshJob(units="inch", pit_radius=0.0, upright=False))
+    part = prepare_part(MADE_BY["trimesh"](), MeshJob(units="inch", pits="keep", upright=False))
     assert part.file == "the mesh"
     np.testing.assert_allclose(part.mesh.bounds[1], 25.4)
 

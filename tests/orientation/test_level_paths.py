@@ -10,7 +10,7 @@ from bonecam.setup.revolution import revolve
 from bonecam.toolpath.path import PARTING
 
 JOB = bonecam.Job().with_values(
-    mesh={"pit_radius": 0.0},
+    mesh={"pits": "keep"},
     surface={"tolerance": 0.05},
     holding={"diameter": 3.0, "length": 60.0},
     levels={"roughing_depth": 1.0, "finishing_levels": 1, "finishing_depth": 0.3, "chord_tolerance": 0.05},

@@ -1,93 +1,232 @@
-"""Pits and clefts that no cutter can enter: found with a ball of its radius, filled with a membrane.
+"""Hollows that the smallest ball of a job cannot reach: filled up to where it comes to lie in them.
 
-A ball that touches the surface at a vertex from outside must not reach into the part elsewhere. Where it
-does, its material stays whatever the program; a surface that followed the pit would only fold on the levels
-above it (a metacarpal's pit, 0.7 mm wide and 1.4 mm deep, made every sequence of levels fail). The vertices
-found and their neighbours are moved to the membrane over the rest.
+What is filled is the closing of the part by the ball (`closing.py`): the material that stays whatever the program.
+Every vertex of a hollow moves towards the nearest ball that stays outside the part, onto that ball: never into the
+part, and by no more than the ball leaves there. The faces of hollows are divided first, so that facets follow the ball
+within CHORD; all others stay as they are. A surface that followed a pit instead would fold on the levels above it.
+An undercut pit, all of whose walls move into its mouth over one another, is left open.
 """
+
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from bonecam.arrays import lengths
 from bonecam.errors import counted, place_name
-from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.distance import MeshDistance, exact_closest
+from bonecam.mesh.facets.vertex_normals import vertex_normals
+from bonecam.mesh.healing.closing import ACCURACY, nearest_centres
+from bonecam.mesh.healing.repair_state import Repair
 from bonecam.mesh.intersections import self_intersections
+from bonecam.mesh.remeshing import bisect_faces, split_edges
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
-REACH = 0.2
-"""How far (as a share of its radius) the ball may reach into the part: facets and fillets are no pits."""
-SHALLOW = 0.02
-"""Depth in mm below which there is no pit: the wrong normal of a vertex among slivers looks like one."""
-MAX_RINGS = 10
-"""Largest number of rings of neighbours by which the filled region grows."""
+LEAST = 0.05
+"""A hollow no deeper than this is left as it is, mm: the surface is fitted within 0.08 by default."""
+SHALLOW = LEAST / 4
+"""Hollows reach as far as they are deeper than this, mm."""
+CHORD = 0.01
+"""Facets of a fill lie within this of the ball, mm: the gouge allowed by default."""
+PROBED = 0.5
+"""The surface is probed at places no farther apart than this share of the ball's radius."""
 
 
-def intrusion(
-    mesh: TriangleMesh, radius: float, at: Int[ndarray, " k"] | slice = slice(None)
-) -> Float[ndarray, " k"]:
-    """How far (mm) a ball of `radius` that touches the surface at each vertex (of `at`) from outside reaches
-    into the part elsewhere."""
-    import igl
-
-    weighting = igl.PER_VERTEX_NORMALS_WEIGHTING_TYPE_ANGLE
-    normals = igl.per_vertex_normals(np.array(mesh.vertices), mesh.faces.astype(np.int64), weighting)
-    return np.maximum(radius - MeshDistance(mesh).signed((mesh.vertices + radius * normals)[at], radius), 0.0)
+AGAIN = 5
+"""Times that nearer balls are looked for from those of other points, at most."""
 
 
-def fill_pits(mesh: TriangleMesh, radius: float) -> tuple[TriangleMesh, tuple[str, ...]]:
-    """The closed mesh (mm) without pits that a ball of `radius` mm cannot enter, and sentences for the
-    report.
+@dataclass(frozen=True, eq=False)
+class Fill:
+    """A part whose hollows are filled.
 
-    A sentence names the depth, the place and the vertices still out of reach. A mesh without pits comes back
-    unchanged, with no sentence.
+    `depth` (mm) is the farthest that its surface moved, outward, at `place`; `area` (mm^2) of the surface moved,
+    `volume` (mm^3) is what was added, in `hollows`; `open` of them are left as they are, since the fill would cut the
+    part.
     """
-    found = intrusion(mesh, radius) > REACH * radius
-    if not found.any():
-        return mesh, ()
-    free = np.zeros(len(mesh.vertices), dtype=bool)
-    filled = mesh
-    left = found
-    for _ in range(MAX_RINGS):
-        free[np.unique(mesh.faces[left[mesh.faces].any(axis=1)])] = True
-        filled = _membrane(mesh, free)
-        near = _reached(filled, free, radius)
-        left = found.copy()
-        left[near] = intrusion(filled, radius, near) > REACH * radius
-        if not left.any():
+
+    mesh: TriangleMesh
+    radius: float
+    hollows: int = 0
+    open: int = 0
+    depth: float = 0.0
+    place: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    area: float = 0.0
+    volume: float = 0.0
+
+    @property
+    def repairs(self) -> tuple[Repair, ...]:
+        """What was done; nothing where there is no hollow."""
+        ball = f"that a ball of {self.radius:g} mm cannot reach"
+        found = []
+        if self.hollows:
+            size = (
+                f"{self.area:.1f} mm2, {self.volume:.2f} mm3, deepest at {place_name(np.array(self.place))}"
+            )
+            found.append(
+                Repair(f"filled {counted(self.hollows, 'hollow')} {ball}, {size}", outward=self.depth)
+            )
+        if self.open:
+            found.append(
+                Repair(f"left {counted(self.open, 'hollow')} {ball} open: a fill would cut the part")
+            )
+        return tuple(found)
+
+    @property
+    def report(self) -> dict[str, Any]:
+        """`filled` of the report; the place in the frame of the mesh."""
+        return {
+            "ball_radius_mm": self.radius,
+            "hollows": self.hollows,
+            "left_open": self.open,
+            "depth_max_mm": round(self.depth, 6),
+            "place": [round(value, 3) for value in self.place],
+            "area_mm2": round(self.area, 2),
+            "volume_mm3": round(self.volume, 3),
+        }
+
+
+def fill_pits(mesh: TriangleMesh, radius: float) -> Fill:
+    """The closed mesh (mm) with every hollow filled that a ball of `radius` mm does not reach by more than LEAST.
+
+    Vertices outside hollows stay to the last bit, and come first; a mesh without hollows comes back itself.
+    """
+    ball = _Ball(mesh, radius)
+    hollow_of = _hollows(ball)
+    count = int(hollow_of.max(initial=-1)) + 1
+    opened = np.zeros(count, dtype=bool)
+    while not opened.all():
+        filled, asked, depths = _filled(ball, np.r_[~opened, False][hollow_of])
+        bad = _cut_hollows(ball, filled, hollow_of, ~opened)
+        if not bad.any():
+            return _told(
+                mesh, filled, asked, depths, Fill(mesh, radius, int((~opened).sum()), int(opened.sum()))
+            )
+        opened |= bad
+    return Fill(mesh, radius, open=count)
+
+
+class _Ball:
+    """A ball beside a part, and where it lies free while it touches the surface, which is `probed` on small faces."""
+
+    def __init__(self, mesh: TriangleMesh, radius: float) -> None:
+        self.mesh = mesh
+        self.radius = radius
+        self.probed = split_edges(mesh, PROBED * radius)
+        size = np.maximum(lengths(self.probed.face_vectors), np.finfo(float).tiny)[:, None]
+        normals = np.vstack([vertex_normals(self.probed), self.probed.face_vectors / size])
+        self.probes = np.vstack([self.probed.vertices, self.probed.vertices[self.probed.faces].mean(axis=1)])
+        centres = self.probes + radius * normals
+        self.distance = MeshDistance(mesh)
+        self.entered = radius - self.distance.signed(centres, radius)
+        self.free = cKDTree(centres[self.entered <= ACCURACY])
+
+    def lying_near(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+        """The centre of the ball outside the part that lies nearest to each point: looked for from free balls, and
+        again from one that was found for another point where that lies nearer."""
+        starts = np.asarray(self.free.data)[np.asarray(self.free.query(points)[1])]
+        found = nearest_centres(self.distance, points, starts, self.radius)
+        for _ in range(AGAIN):
+            away, other = cKDTree(found).query(points)
+            nearer = np.asarray(away) < lengths(found - points) - ACCURACY
+            if not nearer.any():
+                break
+            found[nearer] = nearest_centres(self.distance, points[nearer], found[other][nearer], self.radius)
+        return found
+
+    def onto(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+        """The points moved onto the ball that lies nearest; one that it reaches stays."""
+        centres = self.lying_near(points)
+        away = lengths(centres - points)
+        share = np.where(
+            away <= self.radius + 2 * ACCURACY, 0.0, 1 - self.radius / np.maximum(away, self.radius)
+        )
+        return points + share[:, None] * (centres - points)
+
+
+def _hollows(ball: _Ball) -> Int[ndarray, " f"]:
+    """The number of the hollow, deeper than LEAST, that each probed face lies in; -1 in none."""
+    faces = ball.probed.faces
+    vertices = len(ball.probed.vertices)
+    none = np.full(len(faces), -1)
+    depths = np.zeros(len(ball.probes))
+    blocked = ball.entered > SHALLOW
+    if not blocked.any() or not ball.free.n:
+        return none
+    depths[blocked] = lengths(ball.lying_near(ball.probes[blocked]) - ball.probes[blocked]) - ball.radius
+    of_face = np.maximum(depths[faces].max(axis=1), depths[vertices:])
+    within = of_face > SHALLOW
+    of_vertex = _joined(faces[within], vertices)
+    seeds = np.unique(of_vertex[faces[of_face > LEAST, 0]])
+    numbers = np.full(vertices, -1)
+    numbers[seeds] = np.arange(len(seeds))
+    return np.where(within, numbers[of_vertex[faces[:, 0]]], none)
+
+
+def _cut_hollows(
+    ball: _Ball, filled: TriangleMesh, hollow_of: Int[ndarray, " f"], some: Bool[ndarray, " h"]
+) -> Bool[ndarray, " h"]:
+    """The hollows whose fill cuts the part or itself; all of `some` where it cannot be told which."""
+    bad = np.zeros(len(some), dtype=bool)
+    cut = self_intersections(filled)
+    if len(cut):
+        middles = filled.vertices[filled.faces[cut]].mean(axis=1)
+        of_face = hollow_of[exact_closest(ball.probed, middles)[1]]
+        bad[of_face[of_face >= 0]] = True
+        bad &= some
+        bad |= some & ~bad.any()
+    return bad
+
+
+def _filled(
+    ball: _Ball, hollow: Bool[ndarray, " f"]
+) -> tuple[TriangleMesh, Int[ndarray, " k"], Float[ndarray, " k"]]:
+    """The part with its faces divided in hollows, which are given by probed faces, and their vertices moved onto the
+    balls that lie nearest; these vertices, and how far each moved (mm)."""
+    longest = float(np.sqrt(8 * ball.radius * CHORD))
+    middles = cKDTree(ball.probed.vertices[ball.probed.faces[hollow]].mean(axis=1))
+    divided = ball.mesh
+    while True:
+        corners = divided.vertices[divided.faces]
+        edge = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+        near = middles.query(corners.mean(axis=1))[0] < edge + PROBED * ball.radius
+        if not (near & (edge > longest)).any():
             break
-    moved = np.linalg.norm(filled.vertices - mesh.vertices, axis=1)
-    worst = int(np.argmax(moved))
-    if moved[worst] < SHALLOW and not left.any():
-        return mesh, ()
-    told = (
-        f"pits that a ball of {radius:g} mm cannot enter, up to {moved[worst]:.2f} mm deep at "
-        f"{place_name(mesh.vertices[worst])} mm"
-    )
-    if len(self_intersections(filled)):
-        return mesh, (f"left {told}, open: a membrane over them would cut the part",)
-    rest = f"; {counted(int(left.sum()), 'vertex')} still out of its reach" if left.any() else ""
-    return filled, (f"filled {told}{rest}",)
+        divided = bisect_faces(divided, near & (edge > longest))
+    asked = np.unique(divided.faces[hollow[exact_closest(ball.probed, corners.mean(axis=1))[1]]])
+    vertices = np.array(divided.vertices)
+    vertices[asked] = ball.onto(vertices[asked])
+    moved = lengths(vertices - divided.vertices)[asked]
+    return TriangleMesh(vertices, divided.faces), asked[moved > 0], moved[moved > 0]
 
 
-def _reached(mesh: TriangleMesh, free: Bool[ndarray, " v"], radius: float) -> Int[ndarray, " k"]:
-    """Vertices whose ball may touch a face with a free vertex; elsewhere the last measurement still holds."""
-    faces = mesh.faces[free[mesh.faces].any(axis=1)]
-    corners = mesh.vertices[faces]
-    longest = float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max())
-    away, _ = cKDTree(mesh.vertices[np.unique(faces)]).query(
-        mesh.vertices, distance_upper_bound=2 * radius + longest
-    )
-    return np.flatnonzero(np.isfinite(away))
+def _joined(faces: Int[ndarray, "m 3"], vertices: int) -> Int[ndarray, " v"]:
+    """The number of the piece that each of so many vertices belongs to; pieces are joined by faces."""
+    edges = np.ones(faces.size), (faces.ravel(), np.roll(faces, 1, axis=1).ravel())
+    return connected_components(coo_matrix(edges, shape=(vertices, vertices)), directed=False)[1]
 
 
-def _membrane(mesh: TriangleMesh, free: Bool[ndarray, " v"]) -> TriangleMesh:
-    """The mesh with its free vertices moved to where Laplace's equation holds; the others stay."""
-    import igl
-
-    fixed = np.flatnonzero(~free)
-    vertices = np.array(mesh.vertices)
-    return TriangleMesh(
-        igl.harmonic(vertices, mesh.faces.astype(np.int64), fixed, vertices[fixed], 1), mesh.faces
+def _told(
+    mesh: TriangleMesh,
+    filled: TriangleMesh,
+    moved: Int[ndarray, " k"],
+    depths: Float[ndarray, " k"],
+    fill: Fill,
+) -> Fill:
+    """A `fill` with its mesh and its figures: these vertices have `moved` by their `depths`, mm."""
+    worst = int(np.argmax(depths))
+    x, y, z = filled.vertices[moved[worst]].tolist()
+    faces = np.isin(filled.faces, moved).any(axis=1)
+    return replace(
+        fill,
+        mesh=filled,
+        depth=float(depths[worst]),
+        place=(x, y, z),
+        area=float(lengths(filled.face_vectors[faces]).sum() / 2),
+        volume=filled.volume - mesh.volume,
     )

@@ -44,7 +44,7 @@ def read_part(
 ) -> tuple[Part, Fit | None]:
     """The part of a mesh or file, upright, and the surface, in the file's mm, where the file gives that."""
     if not isinstance(source, str | Path) or not holds_surface(source):
-        return prepare_part(source, job.mesh, progress, also=ENDINGS), None
+        return prepare_part(source, job.mesh, progress, also=ENDINGS, ball=job.smallest_ball), None
     return read_surface_part(source, job.mesh, job.surface)
 
 

@@ -49,11 +49,11 @@ def test_a_part_keeps_the_mesh_as_given_and_tells_how_far_repair_moved_it(
     ellipsoid: Callable[..., TriangleMesh],
 ) -> None:
     whole = ellipsoid(4, 3, 9)
-    part = prepare_part(whole, MeshJob(pit_radius=0))
+    part = prepare_part(whole, MeshJob(pits="keep"))
     assert part.repair_deviation == 0
     assert np.allclose(part.placed_given.vertices, part.mesh.vertices)
     holed = TriangleMesh(whole.vertices, whole.faces[: -len(whole.faces) // 40])
-    part = prepare_part(holed, MeshJob(pit_radius=0))
+    part = prepare_part(holed, MeshJob(pits="keep"))
     assert part.repairs
     assert len(part.given.faces) == len(holed.faces)
     assert 0.05 < part.repair_deviation < 2
