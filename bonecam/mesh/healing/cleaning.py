@@ -23,8 +23,8 @@ CUTTING = (
 
 
 INSIDE_OUT = (
-    "turned the whole surface outward: it faced inward, as mirror images do; check the scanner's axes, and set "
-    "mesh.mirror where it is one"
+    "turned the whole surface outward: it faced inward, as mirror images do; check the scanner's axes "
+    "(mesh.mirror turns one back)"
 )
 """What is told of a mesh that is inside out."""
 

@@ -50,8 +50,9 @@ def keep_part(state: RepairState) -> RepairState:
         return state
     part = _outermost(mesh, component_of, int(np.argmax(areas)))
     volumes = _volumes(mesh, component_of)
+    closed = _closed(mesh, component_of)
     inside = _shares_inside(mesh, component_of, part)
-    inner = (inside == 1) | ((inside > 0.5) & (volumes * volumes[part] < 0))
+    inner = (inside == 1) | (closed & (inside > 0.5) & (volumes * volumes[part] < 0))
     loose = ~inner
     loose[part] = False
     if areas[loose].max(initial=0.0) > DEBRIS * areas[part]:
@@ -65,7 +66,8 @@ def keep_part(state: RepairState) -> RepairState:
         )
         state = state.keep(~loose[component_of], f"{pieces}, {largest}near {place_name(place)}")
     if inner.any():
-        shells = _inner_shells(mesh, component_of, np.where(inner, np.abs(volumes), -1.0), inside)
+        enclosed = np.where(inner, closed * np.abs(volumes), -1.0)
+        shells = _inner_shells(mesh, component_of, enclosed, inside)
         state = state.keep(~inner[component_of[~loose[component_of]]], shells)
     return state
 
@@ -89,14 +91,19 @@ def _extremes(
 
 
 def _volumes(mesh: TriangleMesh, component_of: Int[ndarray, " m"]) -> Float[ndarray, " c"]:
-    """The volume that each component encloses, mm^3, negative where its faces point inwards; 0 where it is open."""
+    """The volume that each component encloses, mm^3, negative where its faces point inwards; of an open one as if the
+    middle of the mesh closed it."""
     corners = mesh.vertices - mesh.vertices.mean(axis=0)
-    volumes = np.bincount(component_of, np.linalg.det(corners[mesh.faces]) / 6)
+    return np.asarray(np.bincount(component_of, np.linalg.det(corners[mesh.faces]) / 6))
+
+
+def _closed(mesh: TriangleMesh, component_of: Int[ndarray, " m"]) -> Bool[ndarray, " c"]:
+    """Which components have no open edge."""
     edges, counts = edges_of(mesh)
-    sides = edge_names(half_edges(mesh), len(mesh.vertices))
-    rim = np.isin(sides, edge_names(edges[counts == 1], len(mesh.vertices))).any(axis=1)
-    volumes[component_of[rim]] = 0.0
-    return np.asarray(volumes)
+    sides, rim = (edge_names(each, len(mesh.vertices)) for each in (half_edges(mesh), edges[counts == 1]))
+    closed = np.ones(component_of.max() + 1, dtype=bool)
+    closed[component_of[np.isin(sides, rim).any(axis=1)]] = False
+    return closed
 
 
 def _shares_inside(mesh: TriangleMesh, component_of: Int[ndarray, " m"], outer: int) -> Float[ndarray, " c"]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from bonecam.errors import MeshError
 from bonecam.mesh.distance import hausdorff
+from bonecam.mesh.healing.cleaning import drop_unused
 from bonecam.mesh.healing.repair_state import Repair, RepairState
 from bonecam.mesh.healing.seams import weld_seams
 from bonecam.mesh.meshlab import from_meshset, to_meshset
@@ -34,7 +35,7 @@ def decimate(
     """
     if len(mesh.faces) <= most:
         return mesh, ()
-    state = weld_seams(RepairState(mesh))
+    state = drop_unused(weld_seams(RepairState(mesh)))
     found = np.inf
     for k in range(TRIES):
         target = most * 2**k

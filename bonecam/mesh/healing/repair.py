@@ -41,7 +41,7 @@ def repair(mesh: TriangleMesh, *, progress: Progress = silent) -> tuple[Triangle
     """
     report(progress, 0.0, "looking for faults")
     _refuse_flat(mesh)
-    kept = keep_part(drop_fins(weld_seams(drop_unused(RepairState(mesh)))))
+    kept = keep_part(drop_fins(drop_unused(weld_seams(RepairState(mesh)))))
     faults = faults_of(kept.mesh)
     if not faults:
         return kept.mesh, kept.done

@@ -5,7 +5,7 @@ what is closed stays apart however near it is.
 """
 
 import numpy as np
-from jaxtyping import Float, Int64
+from jaxtyping import Float, Int32, Int64
 from numpy import ndarray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from bonecam.errors import counted
 from bonecam.mesh.healing.repair_state import RepairState
-from bonecam.mesh.healing.topology import edges_of, repeats_corner
+from bonecam.mesh.healing.topology import edges_of
 from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces
 
 TOLERANCES = (0.0, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4)
@@ -26,8 +26,8 @@ NO_EDGE = 1e-6
 
 
 def weld_seams(state: RepairState) -> RepairState:
-    """The mesh with corners along open edges merged, and faces gone that then name a vertex twice; the sentence tells
-    the largest distance."""
+    """The mesh with corners along open edges merged, where that leaves fewer of them; faces may then name a vertex
+    twice. The sentence tells the largest distance."""
     mesh = state.mesh
     fewest = best = len(_open_edges(mesh))
     welded = mesh
@@ -40,15 +40,15 @@ def weld_seams(state: RepairState) -> RepairState:
             break
     if best == fewest:
         return state
-    kept = ~repeats_corner(welded.faces)
     merged = len(np.unique(mesh.faces)) - len(np.unique(welded.faces))
     distance = _largest_distance(mesh, welded)
-    what = f"merged {counted(merged, 'duplicate vertex')} along open edges"
-    where = f", at most {distance:.2g} mm apart" if distance else ""
-    after = keep_faces(welded, kept)
-    dropped = [f"removed {counted(int((~kept).sum()), 'face')} without area"] if not kept.all() else []
-    measured = state.moved(after, what + where) if distance else state.then(after, what)
-    return measured.then(after, *dropped)
+    told = f"merged {counted(merged, 'duplicate vertex')} along open edges"
+    after = keep_faces(welded)
+    return (
+        state.moved(after, f"{told}, at most {distance:.2g} mm apart")
+        if distance
+        else state.then(after, told)
+    )
 
 
 def _tolerances(mesh: TriangleMesh) -> list[float]:
@@ -67,9 +67,9 @@ def _weld(mesh: TriangleMesh, tolerance: float) -> TriangleMesh:
     return TriangleMesh(mesh.vertices, first[mesh.faces].astype(np.int32))
 
 
-def _open_edges(mesh: TriangleMesh) -> ndarray:
+def _open_edges(mesh: TriangleMesh) -> Int32[ndarray, "e 2"]:
     edges, counts = edges_of(mesh)
-    return edges[counts == 1]
+    return edges[(counts == 1) & (edges[:, 0] != edges[:, 1])]
 
 
 def _largest_distance(mesh: TriangleMesh, welded: TriangleMesh) -> float:
