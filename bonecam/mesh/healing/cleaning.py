@@ -1,7 +1,7 @@
 """Cleaning a mesh: duplicates, fins, non-manifold places, orientation, holes, in the order that works."""
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Int
 from numpy import ndarray
 
 from bonecam.arrays import dots
@@ -66,10 +66,15 @@ def _stand_there(mesh: TriangleMesh) -> Bool[ndarray, " m"]:
     at = place_of[mesh.faces]
     from_lowest = (np.argmin(at, axis=1)[:, None] + np.arange(3)) % 3
     turned = np.take_along_axis(at, from_lowest, axis=1)
-    found = np.ones((2, len(mesh.faces)), dtype=bool)
-    for row, names in zip(found, (np.sort(mesh.faces, axis=1), turned), strict=True):
-        row[np.unique(names, axis=0, return_index=True)[1]] = False
-    return np.asarray(found.any(axis=0))
+    return _repeated(np.sort(mesh.faces, axis=1)) | _repeated(turned)
+
+
+def _repeated(trios: Int[ndarray, "m 3"]) -> Bool[ndarray, " m"]:
+    """Which rows repeat an earlier one."""
+    order = np.lexsort(trios.T)
+    found = np.zeros(len(trios), dtype=bool)
+    found[order[1:]] = (trios[order[1:]] == trios[order[:-1]]).all(axis=1)
+    return found
 
 
 def drop_fins(state: RepairState) -> RepairState:

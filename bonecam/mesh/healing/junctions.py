@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from bonecam.arrays import dots, unit
-from bonecam.errors import counted
+from bonecam.errors import counted, place_name
 from bonecam.mesh.healing.components import DEBRIS
 from bonecam.mesh.healing.repair_state import RepairState
 from bonecam.mesh.healing.topology import edge_names, edges_of, half_edges
@@ -40,23 +40,29 @@ def resolve_junctions(state: RepairState) -> RepairState:
     after = keep_faces(TriangleMesh(mesh.vertices, faces), surface)
     if not surface.any() or (edges_of(after)[1] == 1).any():
         return state
-    left = cells[~surface]
-    counts = {
-        "dropped {} that {} faces with the part": (
-            len(np.setdiff1d(left[~part[left]], [0])),
-            "piece",
-            "share",
-        ),
-        "removed {} that {} inside the part": (int(part[left].all(axis=1).sum()), "face", "lie"),
-        "removed {} that {} out": (int((left[:, 0] == left[:, 1]).sum()), "face", "stick"),
-    }
-    told = [
-        text.format(counted(number, noun), f"{verb}s" if number == 1 else verb)
-        for text, (number, noun, verb) in counts.items()
-        if number
-    ]
-    kept = state.keep(surface, ", ".join(told)) if told else state
+    kept = state.keep(surface, _left_out(mesh, cells, part, surface)) if not surface.all() else state
     return kept.then(after, *([f"turned {counted(int(turned.sum()), 'face')} round"] if turned.any() else []))
+
+
+def _left_out(
+    mesh: TriangleMesh, cells: Int[ndarray, "m 2"], part: Bool[ndarray, " c"], surface: Bool[ndarray, " m"]
+) -> str:
+    """What the faces are that are not of the surface of the part: those of debris, walls, faces that stick out."""
+    in_debris = ~part[cells] & (cells > 0)
+    of_debris = in_debris.any(axis=1) & ~surface
+    inside = part[cells].all(axis=1)
+    kinds = {
+        f"dropped {counted(len(np.unique(cells[in_debris])), 'piece')} on faces of the part": of_debris,
+        f"removed {counted(int(inside.sum()), 'face')} inside the part": inside,
+        f"removed {counted(int((cells == 0).all(axis=1).sum()), 'face')} that stuck out": (cells == 0).all(
+            axis=1
+        ),
+    }
+    return ", ".join(
+        f"{told} near {place_name(mesh.vertices[mesh.faces[faces]].mean(axis=(0, 1)))}"
+        for told, faces in kinds.items()
+        if faces.any()
+    )
 
 
 def _cells(mesh: TriangleMesh) -> Int[ndarray, "m 2"]:

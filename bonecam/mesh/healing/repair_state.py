@@ -32,9 +32,11 @@ class Repair:
     left_out: TriangleMesh | None = None
 
     @classmethod
-    def between(cls, change: str, before: TriangleMesh, after: TriangleMesh) -> "Repair":
-        """The change that led from one mesh to another, measured."""
-        moves = surface_moves(before, after, before)
+    def between(
+        cls, change: str, before: TriangleMesh, after: TriangleMesh, solid: TriangleMesh | None = None
+    ) -> "Repair":
+        """The change that led from one mesh to another, measured as `surface_moves` does."""
+        moves = surface_moves(before, after, solid)
         return cls(change, moves.outward, moves.inward)
 
     def __str__(self) -> str:
@@ -65,9 +67,9 @@ class RepairState:
         left_out = keep_faces(self.mesh, ~kept)
         return RepairState(keep_faces(self.mesh, kept), (*self.done, Repair(change, left_out=left_out)))
 
-    def moved(self, mesh: TriangleMesh, change: str) -> "RepairState":
-        """The next state after a change that moves the surface: it is measured."""
-        return RepairState(mesh, (*self.done, Repair.between(change, self.mesh, mesh)))
+    def moved(self, mesh: TriangleMesh, change: str, solid: TriangleMesh | None = None) -> "RepairState":
+        """The next state after a change that moves the surface: it is measured as `surface_moves` does."""
+        return RepairState(mesh, (*self.done, Repair.between(change, self.mesh, mesh, solid)))
 
     @property
     def changes(self) -> str:

@@ -6,11 +6,16 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from bonecam.arrays import unit
 from bonecam.mesh.distance import exact_closest
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.mesh.triangle_mesh import TriangleMesh, probes
 
 ASIDE = 1e-4
 """How far beside a face its two sides are looked at, as a share of the diagonal."""
+NOT_MOVED = 1e-9
+"""Distances up to this are rounding, mm."""
+FIRST_LOOKED_AT = 1000
+"""Of so many farthest points the side is looked at first, of twice as many then, until both sides are met."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,21 +39,32 @@ def surface_moves(before: TriangleMesh, after: TriangleMesh, solid: TriangleMesh
     Old faces with material on both sides, as the closed `solid` tells where it is given, lie inside another part of
     the surface: they are no outside and do not count.
     """
-    corners = before.vertices[before.faces]
-    middles = corners.mean(1, keepdims=True)
-    points = np.concatenate([corners, middles], axis=1)
-    places = points.reshape(-1, 3)
+    places = probes(before) if solid is None else _outside(before, solid)
     distances = np.linalg.norm(exact_closest(after, places)[0] - places, axis=1)
-    if solid is not None:
-        vectors = before.face_vectors[:, None]
-        normals = vectors / np.maximum(np.linalg.norm(vectors, axis=2, keepdims=True), np.finfo(float).tiny)
-        aside = normals * before.diagonal * ASIDE
-        inset = points + ASIDE * (middles - points)
-        covered = [winding_numbers(solid, (inset + side * aside).reshape(-1, 3)) > 0.5 for side in (1, -1)]
-        distances[covered[0] & covered[1]] = 0.0
-    inside = np.abs(winding_numbers(after, places)) > 0.5
-    outward, inward = (float(distances[which].max(initial=0.0)) for which in (inside, ~inside))
-    return Moves(outward, inward, places[int(np.argmax(distances))])
+    order = np.argsort(-distances, kind="stable")
+    found: dict[bool, float] = {}
+    start = 0
+    count = FIRST_LOOKED_AT
+    while len(found) < 2 and start < len(order) and distances[order[start]] > NOT_MOVED:
+        some = order[start : start + count]
+        inside = np.abs(winding_numbers(after, places[some])) > 0.5
+        for side in (True, False):
+            if side not in found and (inside == side).any():
+                found[side] = float(distances[some[np.argmax(inside == side)]])
+        start += count
+        count *= 2
+    return Moves(found.get(True, 0.0), found.get(False, 0.0), places[order[0]] if len(order) else np.zeros(3))
+
+
+def _outside(mesh: TriangleMesh, solid: TriangleMesh) -> Float[ndarray, "n 3"]:
+    """Corners and middles of the faces that have the material of the closed `solid` on one side at most there."""
+    corners = mesh.vertices[mesh.faces]
+    middles = corners.mean(1, keepdims=True)
+    places = np.concatenate([corners, middles], axis=1)
+    aside = unit(mesh.face_vectors)[:, None] * mesh.diagonal * ASIDE
+    inset = places + ASIDE * (middles - places)
+    covered = [winding_numbers(solid, (inset + side * aside).reshape(-1, 3)) > 0.5 for side in (1, -1)]
+    return places.reshape(-1, 3)[~(covered[0] & covered[1])]
 
 
 def winding_numbers(mesh: TriangleMesh, points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:

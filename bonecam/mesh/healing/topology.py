@@ -16,7 +16,8 @@ def half_edges(mesh: TriangleMesh) -> Int[ndarray, "m 3 2"]:
 
 def edges_of(mesh: TriangleMesh) -> tuple[Int[ndarray, "e 2"], Int[ndarray, " e"]]:
     """The distinct edges (lower vertex first) and how many faces meet at each."""
-    return np.unique(np.sort(half_edges(mesh).reshape(-1, 2), axis=1), axis=0, return_counts=True)
+    names, counts = np.unique(edge_names(half_edges(mesh), len(mesh.vertices)), return_counts=True)
+    return np.column_stack(np.divmod(names, len(mesh.vertices))).astype(mesh.faces.dtype), counts
 
 
 def edge_names(edges: Int[ndarray, "*n 2"], count: int) -> Int64[ndarray, "*n"]:
