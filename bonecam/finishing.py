@@ -37,6 +37,7 @@ from bonecam.surface.files.surface_input import (
     check_uncovered,
     closed_mesh,
     mesh_of_surface,
+    refuse_changes,
 )
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.gouge import MESH_SHARE, planned_tolerance
@@ -127,6 +128,7 @@ def _read(
 ) -> tuple[TSpline, TriangleMesh]:
     """The surface to machine, and the solid that must not be gouged, mm."""
     with times.stage("surface"):
+        refuse_changes(job.mesh, name)
         if not isinstance(surface, TSpline):
             surface = machined_surface(surface, job.mesh.units, job.surface.tolerance)
         check_surface_size(surface, name)

@@ -86,7 +86,7 @@ def second_program(
         part(progress, 0.0, 0.7),
     )
     paths = tuple(drivable_paths(planned, machine, dialect, job))
-    texts = second_setup_texts(job.holding, clamping.shell, clamping.top)
+    texts = second_setup_texts(job, clamping.shell, clamping.top)
     file = second_file(program) if program else None
     posted, proof = _posted(paths, clamping, texts, job, machine, dialect, file)
     solids = clamping.part, clamping.shell

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bonecam.errors import FileError, MeshError, SurfaceError
+import bonecam
+from bonecam.errors import FileError, JobError, MeshError, SurfaceError
 from bonecam.filters.meshset import MeshSet
 from bonecam.job import Job
 from bonecam.setup.placement import place
@@ -81,6 +82,17 @@ def test_rows_that_make_no_part_are_refused(pebble: Callable[..., TSpline], tmp_
         read_part(tmp_path / "crossing.xyz", JOB)
     with pytest.raises(FileError, match=r"none\.csv: cannot be read"):
         read_part(tmp_path / "none.csv", JOB)
+
+
+@pytest.mark.parametrize(("field", "value"), [("mirror", "x"), ("scale", 1.25)])
+def test_a_surface_is_not_mirrored_or_scaled_in_silence(
+    pebble: Callable[..., TSpline], tmp_path: Path, field: str, value: object
+) -> None:
+    file = rows_of(pebble(), np.eye(3), tmp_path / "rows.xyz")
+    job = JOB.with_values(mesh={field: value})
+    for machine in (read_part, bonecam.finish):
+        with pytest.raises(JobError, match=rf"\[mesh\] {field} = .*{value}.*: only meshes are: leave it out"):
+            machine(file, job=job)
 
 
 @pytest.mark.parametrize("name", ["body.step", "body.iges", "body.tspline"])

@@ -134,10 +134,12 @@ class Layers:
         self.meshset.set_current_mesh(key)
 
     def transform(self, matrix: Float[ndarray, "4 4"]) -> None:
-        """Move the current layer itself."""
+        """Move the current layer itself; faces of one that is mirrored go round the other way."""
         self.native(
             "set_matrix", transformmatrix=np.asarray(matrix, dtype=np.float64), compose=True, freeze=True
         )
+        if np.linalg.det(matrix) < 0:
+            self.native("meshing_invert_face_orientation")
 
     def native(self, name: str, **values: Any) -> Any:
         """Apply one of MeshLab's own filters as part of the running one."""

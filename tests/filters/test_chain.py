@@ -120,6 +120,17 @@ def test_units_that_do_not_fit_are_refused_in_the_words_of_the_filter(metres: Me
     assert "repairs" in metres.meshing_repair_bone()
 
 
+def test_a_layer_is_mirrored_and_scaled_and_faces_outward_as_before(phalanx: Path) -> None:
+    meshes = MeshSet()
+    meshes.load_new_mesh(str(phalanx))
+    volume = meshes.get_geometric_measures()["mesh_volume"]
+    lowest = meshes.current_mesh().vertex_matrix()[:, 0].min()
+    found = meshes.apply_units_in_mm(units="mm", mirror="x", scale=1.25)
+    assert found["scale"] == 1.25
+    assert meshes.get_geometric_measures()["mesh_volume"] == pytest.approx(volume * 1.25**3)
+    assert meshes.current_mesh().vertex_matrix()[:, 0].max() == pytest.approx(-1.25 * lowest)
+
+
 @pytest.mark.parametrize("size", [{}, {"diameter": 12.0, "length": 40.0}])
 def test_a_part_that_lies_beside_its_stock_is_told_to_stand_upright(size: dict, phalanx: Path) -> None:
     meshes = MeshSet()

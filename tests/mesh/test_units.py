@@ -1,10 +1,11 @@
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 
 from bonecam.errors import UnitsError
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.mesh.units import to_mm
+from bonecam.mesh.units import mirror_and_scale, to_mm
 
 
 @pytest.fixture(scope="module")
@@ -49,3 +50,20 @@ def test_a_size_no_unit_fits_and_an_unknown_unit_are_refused(
         to_mm(moved(bone, (0, 0, 0), 1e6), "mm")
     with pytest.raises(ValueError, match="furlong"):
         to_mm(bone, "furlong")
+
+
+@pytest.mark.parametrize("axis", ["none", "x", "y", "z"])
+@pytest.mark.parametrize("scale", [1.0, 1.25])
+def test_a_mirrored_and_scaled_mesh_encloses_what_it_should(
+    ellipsoid: Callable[..., TriangleMesh], axis: str, scale: float
+) -> None:
+    mesh = ellipsoid(5, 4, 14, thick_end=0.2)
+    lopsided = TriangleMesh(mesh.vertices + 0.1 * mesh.vertices[:, [1, 2, 0]] ** 2, mesh.faces)
+    made = mirror_and_scale(lopsided, axis, scale)
+    assert made.volume == pytest.approx(lopsided.volume * scale**3)
+    signs = [-1 if name == axis else 1 for name in "xyz"]
+    assert np.allclose(made.vertices, scale * lopsided.vertices * signs)
+    assert (made is lopsided) == (axis == "none" and scale == 1)
+    again = mirror_and_scale(made, axis)
+    assert np.allclose(again.vertices, scale * lopsided.vertices)
+    assert (again.faces == lopsided.faces).all()

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from bonecam.job import HoldingJob, Job
+from bonecam.job import Job
 from bonecam.materials.preset import read_material
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import Dialect
@@ -31,11 +31,19 @@ _CHANGES = {
 """What the header says of each `nc.tool_change`."""
 
 
+def part_texts(job: Job) -> list[str]:
+    """That the part is mirrored or scaled, where it is."""
+    return [f"the part is {change}" for change in job.mesh.changes]
+
+
 def setup_texts(job: Job, stock: Stock | None) -> list[str]:
     """What must be mounted and where the zero is; `stock` is None where only the paths are known."""
     top = job.holding.length if stock is None else float(stock.bounds[0, 2])
     post = f"post below it: diameter {job.holding.diameter:.2f} mm, from Z 0.00 to Z {top:.2f}"
-    texts = [f"{post}, turned before, {'parted at the end' if job.holding.parting else 'left uncut'}"]
+    texts = [
+        f"{post}, turned before, {'parted at the end' if job.holding.parting else 'left uncut'}",
+        *part_texts(job),
+    ]
     if stock is not None:
         low, high = stock.bounds[:, 2].tolist()
         sizes = ", ".join(f"{name} {size:.2f}" for name, size in stock.sizes.items())
@@ -60,9 +68,10 @@ def setup_texts(job: Job, stock: Stock | None) -> list[str]:
     ]
 
 
-def second_setup_texts(holding: HoldingJob, shell: TriangleMesh, top: float) -> list[str]:
+def second_setup_texts(job: Job, shell: TriangleMesh, top: float) -> list[str]:
     """What must be mounted and where the zero is in the second clamping: the part with a stump up to the height `top`
-    (mm) in its `shell`, which `holding` holds."""
+    (mm) in its `shell`, which the job's [holding] holds."""
+    holding = job.holding
     low, high = shell.bounds[:, 2].tolist()
     chuck = "nothing of chuck or vice may stand above Z 0.00"
     if holding.chuck_height:
@@ -75,6 +84,7 @@ def second_setup_texts(holding: HoldingJob, shell: TriangleMesh, top: float) -> 
         f"clamping: {chuck}",
         "program zero: X 0 Y 0 on the axis of the stump, Z 0 on the table under the shell",
         "turned about X alone: +X of the part stays where it was, +Y comes to -Y",
+        *part_texts(job),
     ]
 
 

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import MeshError, SurfaceError, UnitsError
-from bonecam.job import Job, MeshJob, SurfaceJob
+from bonecam.job import Job, MeshJob, SurfaceJob, field_error
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.part import Part, prepare_part
@@ -50,10 +50,19 @@ def read_part(
 
 def read_surface_part(file: str | Path, job: MeshJob, surface: SurfaceJob) -> tuple[Part, Fit]:
     """The part whose surface is given by rows of points or a saved T-spline, upright, and that surface."""
+    refuse_changes(job, str(file))
     found = read_surface(file, MM_OF[job.units], surface.tolerance, surface.max_control_points)
     mesh = closed_mesh(found.surface, str(file))
     posed, transform = upright(mesh) if job.upright else (mesh, np.eye(4))
     return Part(posed, str(file), len(mesh.faces), job.units, (), transform, mesh), found
+
+
+def refuse_changes(job: MeshJob, name: str) -> None:
+    """JobError where a surface, which is machined as it is given, is to be mirrored or scaled."""
+    if job.changes:
+        field = "mirror" if job.mirror != "none" else "scale"
+        remedy = f"only meshes are: leave it out, and give {name} as it is to become"
+        raise field_error("mesh", field, getattr(job, field), remedy)
 
 
 def holds_surface(path: str | Path) -> bool:

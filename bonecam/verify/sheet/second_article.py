@@ -40,7 +40,7 @@ def second_article(
         caption="From the front (\u2212Y), sizes in mm: part and shell in section Y 0, and the stump.",
         mounted="Part, shell, clamping, zero",
         drawing=_drawing(clamping, job, read_machine(job.nc.machine).table),
-        setup=items(second_setup_texts(job.holding, clamping.shell, clamping.top)),
+        setup=items(second_setup_texts(job, clamping.shell, clamping.top)),
         checks=items(_checks(report)),
         left=items(_left(report)),
         warnings=items([IN_AIR, *depth_lines(report["removal"]), *WARNINGS]),

@@ -9,10 +9,12 @@ import pytest
 
 from bonecam.errors import MachineError
 from bonecam.job import Job
+from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.kinematics import inverse_linear
 from bonecam.nc.machine import read_machine
 from bonecam.nc.posting.header import record_checks, record_simulation
+from bonecam.nc.posting.header_texts import part_texts, second_setup_texts
 from bonecam.nc.posting.tolerances import contour_tolerance, rotary_tolerance_deg
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.read import read_program
@@ -59,6 +61,16 @@ def test_the_header_says_what_to_mount_and_how_to_set_the_control(text: str) -> 
     ):
         assert said in head, said
     assert max(map(len, head.splitlines())) <= 110
+
+
+def test_a_part_that_is_mirrored_and_scaled_is_told_to_be(paths, upright_capsule: Capsule) -> None:
+    job = Job().with_values(mesh={"mirror": "y", "scale": 1.25})
+    text = write_program(paths, MIKRON, HEIDENHAIN, job, stock=upright_capsule).text
+    assert "THE PART IS MIRRORED IN Y OF ITS FILE\n" in text
+    assert "THE PART IS SCALED BY 1.25\n" in text
+    assert part_texts(Job()) == []
+    second = second_setup_texts(job, TriangleMesh(np.eye(3), np.array([[0, 1, 2]], dtype=np.int32)), 5.0)
+    assert second[-2:] == part_texts(job)
 
 
 def test_a_chuck_and_a_conical_holder_are_told(paths, upright_capsule: Capsule) -> None:
