@@ -17,7 +17,8 @@ from bonecam.mesh.files.stated_axes import axes_text, stated_axes
 from bonecam.mesh.healing.decimation import decimate
 from bonecam.mesh.healing.pits import Fill, fill_pits
 from bonecam.mesh.healing.repair import repair
-from bonecam.mesh.healing.repair_state import Repair, without
+from bonecam.mesh.healing.repair_state import Repair
+from bonecam.mesh.healing.surface_moves import without
 from bonecam.mesh.pose import upright
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
 from bonecam.mesh.units import mirror_and_scale, to_mm
@@ -51,7 +52,8 @@ class Part:
     @cached_property
     def placed_given(self) -> TriangleMesh:
         """The mesh as given, without debris and inner shells that were left out, in the frame of `mesh`."""
-        return without(self.given, self.left_out).move(self.transform)
+        left_out = [each.move(self.transform) for each in self.left_out]
+        return without(self.given.move(self.transform), left_out, self.mesh)
 
     @property
     def left_out(self) -> tuple[TriangleMesh, ...]:

@@ -38,10 +38,18 @@ def resolve_junctions(state: RepairState) -> RepairState:
     turned = (on_back if inward else on_front) & surface
     faces = np.where(turned[:, None], mesh.faces[:, ::-1], mesh.faces)
     after = keep_faces(TriangleMesh(mesh.vertices, faces), surface)
-    if not surface.any() or (edges_of(after)[1] == 1).any():
+    if not surface.any() or (edges_of(after)[1] == 1).any() or _other_parts(mesh, cells, part):
         return state
     kept = state.keep(surface, _left_out(mesh, cells, part, surface)) if not surface.all() else state
     return kept.then(after, *([f"turned {counted(int(turned.sum()), 'face')} round"] if turned.any() else []))
+
+
+def _other_parts(mesh: TriangleMesh, cells: Int[ndarray, "m 2"], part: Bool[ndarray, " c"]) -> bool:
+    """Whether a cell that is not of the part is no debris."""
+    areas = np.linalg.norm(mesh.face_vectors, axis=1) / 2
+    front, back = (np.bincount(side, areas, len(part)) for side in cells.T)
+    others = (front + back)[1:][~part[1:]]
+    return bool(others.max(initial=0.0) > DEBRIS * areas[part[cells].any(axis=1)].sum())
 
 
 def _left_out(
@@ -51,12 +59,11 @@ def _left_out(
     in_debris = ~part[cells] & (cells > 0)
     of_debris = in_debris.any(axis=1) & ~surface
     inside = part[cells].all(axis=1)
+    sticking_out = (cells == 0).all(axis=1)
     kinds = {
         f"dropped {counted(len(np.unique(cells[in_debris])), 'piece')} on faces of the part": of_debris,
         f"removed {counted(int(inside.sum()), 'face')} inside the part": inside,
-        f"removed {counted(int((cells == 0).all(axis=1).sum()), 'face')} that stuck out": (cells == 0).all(
-            axis=1
-        ),
+        f"removed {counted(int(sticking_out.sum()), 'face')} that stuck out": sticking_out,
     }
     return ", ".join(
         f"{told} near {place_name(mesh.vertices[mesh.faces[faces]].mean(axis=(0, 1)))}"
@@ -95,29 +102,39 @@ def _part_cells(mesh: TriangleMesh, cells: Int[ndarray, "m 2"]) -> Bool[ndarray,
     around = sp.csgraph.connected_components(graph, directed=False)[1]
     part |= around != around[0]
     part[largest] = True
-    for cell in np.flatnonzero(~part)[1:]:
-        part[cell] = _is_behind_wall(mesh, cells, largest, int(cell))
+    grown = True
+    while grown:
+        behind = [cell for cell in np.flatnonzero(~part)[1:] if _is_behind_wall(mesh, cells, part, int(cell))]
+        part[behind] = True
+        grown = bool(behind)
     return part
 
 
-def _is_behind_wall(mesh: TriangleMesh, cells: Int[ndarray, "m 2"], part: int, cell: int) -> bool:
+def _is_behind_wall(
+    mesh: TriangleMesh, cells: Int[ndarray, "m 2"], part: Bool[ndarray, " c"], cell: int
+) -> bool:
     """Whether a cell is a piece of the part behind a wall, not debris upon it: it is no smaller than parts are, or the
     outer surface goes on over it more smoothly than below it, where it would turn sharply."""
-    areas = np.linalg.norm(mesh.face_vectors, axis=1) / 2
-    of_part, of_cell = ((cells == number).any(axis=1) for number in (part, cell))
+    on_front, on_back = part[cells].T
+    of_part = on_front != on_back
+    of_cell = (cells == cell).any(axis=1)
     shared = of_part & of_cell
     if not shared.any():
         return False
+    areas = np.linalg.norm(mesh.face_vectors, axis=1) / 2
     if areas[of_cell].sum() > DEBRIS * areas[of_part].sum():
         return True
-    outward = unit(mesh.face_vectors) * np.where(np.isin(cells[:, 1], (part, cell)), 1.0, -1.0)[:, None]
-    outward[shared] = unit(mesh.face_vectors[shared]) * np.where(cells[shared, 1] == part, 1.0, -1.0)[:, None]
+    outward = np.where(on_back | (~of_part & (cells[:, 1] == cell)), 1.0, -1.0)[:, None] * unit(
+        mesh.face_vectors
+    )
     beside, below, over = (
         _normals_at_edges(mesh, faces, outward) for faces in (of_part & ~shared, shared, of_cell & ~shared)
     )
     rim = sorted(beside.keys() & below.keys() & over.keys())
+    if not rim:
+        return False
     along, under, above = (np.array([normals[edge] for edge in rim]) for normals in (beside, below, over))
-    without = float(dots(along, under).mean()) if rim else 1.0
+    without = float(dots(along, under).mean())
     return without < SMOOTH and without < float(dots(along, above).mean())
 
 

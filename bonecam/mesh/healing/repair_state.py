@@ -1,12 +1,9 @@
 """A mesh under repair, with what was done to it."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
 from jaxtyping import Bool
 from numpy import ndarray
-from scipy.spatial import cKDTree
 
 from bonecam.errors import counted
 from bonecam.mesh.healing.surface_moves import surface_moves
@@ -15,10 +12,6 @@ from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces
 
 REPORTED = 5e-4
 """Least movement of the surface that a sentence has, mm: what its three decimals show."""
-
-
-SAME_PLACE = 1e-4
-"""Middles of a face before and after its corners were merged are no farther apart, share of the diagonal."""
 
 
 @dataclass(frozen=True)
@@ -75,15 +68,6 @@ class RepairState:
     def changes(self) -> str:
         """All that was done, in one line."""
         return "; ".join(map(str, self.done))
-
-
-def without(mesh: TriangleMesh, left_out: Sequence[TriangleMesh]) -> TriangleMesh:
-    """The mesh as it was before the repair, without the faces that were left out."""
-    if not left_out:
-        return mesh
-    middles = np.vstack([each.vertices[each.faces].mean(axis=1) for each in left_out])
-    away, _ = cKDTree(middles).query(mesh.vertices[mesh.faces].mean(axis=1))
-    return keep_faces(mesh, np.asarray(away) > SAME_PLACE * mesh.diagonal)
 
 
 def apply_filter(

@@ -1,14 +1,15 @@
-"""How far a repair moved the surface, outward and inward."""
+"""How far a repair moved the surface, outward and inward, and what it left out."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.arrays import unit
+from bonecam.arrays import lengths, unit
 from bonecam.mesh.distance import exact_closest
-from bonecam.mesh.triangle_mesh import TriangleMesh, probes
+from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces, probes, side_by_side
 
 ASIDE = 1e-4
 """How far beside a face its two sides are looked at, as a share of the diagonal."""
@@ -76,3 +77,15 @@ def winding_numbers(mesh: TriangleMesh, points: Float[ndarray, "n 3"]) -> Float[
 
     vertices = np.array(mesh.vertices)
     return np.asarray(igl.fast_winding_number(vertices, mesh.faces.astype(np.int64), points)).ravel()
+
+
+def without(mesh: TriangleMesh, left_out: Sequence[TriangleMesh], kept: TriangleMesh) -> TriangleMesh:
+    """The mesh as it was before a repair, without the faces that are nearer to what was left out than to what was
+    kept."""
+    if not left_out:
+        return mesh
+    middles = mesh.vertices[mesh.faces].mean(axis=1)
+    away, apart = (
+        lengths(exact_closest(other, middles)[0] - middles) for other in (kept, side_by_side(left_out))
+    )
+    return keep_faces(mesh, away <= apart + NOT_MOVED)

@@ -37,6 +37,17 @@ def test_a_wall_inside_goes_and_both_sides_of_it_stay(bone: TriangleMesh, height
     assert not any("skin" in each.change for each in done)
 
 
+def test_all_slabs_between_walls_stay(bone: TriangleMesh) -> None:
+    for heights in ((-6.0, 4.0), (-11.0, -6.0, 6.5), (9.0, 11.0, 13.0)):
+        given = bone
+        for height in heights:
+            given = with_wall(given, height)
+        mesh, done = repair(given)
+        assert faults_of(mesh) == ()
+        assert mesh.volume == pytest.approx(bone.volume, rel=1e-9)
+        assert "inside the part" in str(done[0])
+
+
 def test_a_sheet_that_sticks_out_goes(bone: TriangleMesh, is_same: Callable[..., bool]) -> None:
     column = np.arange(32 * 6, 32 * 18, 32)
     outer = len(bone.vertices) + np.arange(len(column))
