@@ -128,7 +128,7 @@ def _inner_shells(
     near = f"near {place_name(_middle(mesh, component_of == largest))}"
     count = int(inner.sum())
     if not volumes[largest]:
-        told = f"dropped {counted(count, 'open sheet')} inside the part, the largest {near}"
+        told = f"dropped {counted(count, 'open sheet')} inside the part, {'the largest ' if count > 1 else ''}{near}"
     elif count == 1:
         told = f"filled an inner shell (cavity) of {volumes[largest]:.3g} mm3 {near}"
     else:

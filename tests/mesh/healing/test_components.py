@@ -8,9 +8,10 @@ import pytest
 from bonecam.errors import MeshError
 from bonecam.job import MeshJob
 from bonecam.mesh.healing.components import components_of
+from bonecam.mesh.healing.faults import faults_of
 from bonecam.mesh.healing.repair import repair
 from bonecam.mesh.part import prepare_part
-from bonecam.mesh.triangle_mesh import TriangleMesh, side_by_side
+from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces, side_by_side
 
 SIZES = (0.02, 0.1, 0.3, 1.0, 3.0)
 
@@ -125,3 +126,22 @@ def test_the_mesh_as_given_is_compared_without_what_was_left_out(
     assert len(part.placed_given.faces) == len(bone.faces)
     assert part.repair_deviation < 1e-12
     assert [len(each.faces) for each in part.left_out] == [4]
+
+
+def test_an_open_sheet_inside_is_dropped_and_told_as_that(
+    bone: TriangleMesh, is_same: Callable[..., bool]
+) -> None:
+    sheet = keep_faces(
+        TriangleMesh(0.5 * bone.vertices, bone.faces), bone.vertices[bone.faces].mean(1)[:, 2] > 2
+    )
+    mesh, done = repair(side_by_side([sheet, bone]))
+    assert is_same(mesh, bone)
+    assert str(done[0]).startswith("dropped 1 open sheet inside the part, near (")
+
+
+def test_a_cavity_is_found_in_a_bone_with_a_hole(bone: TriangleMesh) -> None:
+    cavity = TriangleMesh(0.4 * bone.vertices, bone.faces[:, ::-1])
+    mesh, done = repair(side_by_side([cavity, keep_faces(bone, np.arange(len(bone.faces)) >= 4)]))
+    assert faults_of(mesh) == ()
+    assert mesh.volume == pytest.approx(bone.volume, rel=0.01)
+    assert [each.change.split()[0] for each in done] == ["filled", "closed"]
