@@ -16,7 +16,7 @@ from bonecam.nc.dialect import Dialect, read_dialect
 from bonecam.nc.kinematics import axis_limits
 from bonecam.nc.machine import Machine, read_machine
 from bonecam.nc.posting.feeds import drivable_paths
-from bonecam.nc.posting.header import record_checks, record_simulation
+from bonecam.nc.posting.header.header import record_checks, record_simulation
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import program_name
 from bonecam.nc.requirements import check_length, check_room, check_tools

@@ -26,8 +26,9 @@ from bonecam.nc.dialect import Dialect
 from bonecam.nc.kinematics import axis_limits
 from bonecam.nc.machine import Machine
 from bonecam.nc.posting.feeds import drivable_paths
-from bonecam.nc.posting.header import record_checks, record_simulation
-from bonecam.nc.posting.header_texts import second_setup_texts
+from bonecam.nc.posting.header.header import record_checks, record_simulation
+from bonecam.nc.posting.header.program_zero import zero_words
+from bonecam.nc.posting.header.texts import second_setup_texts
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import Program, program_name
 from bonecam.orientation.held.second import StumpPlaces, second_paths
@@ -86,7 +87,7 @@ def second_program(
         part(progress, 0.0, 0.7),
     )
     paths = tuple(drivable_paths(planned, machine, dialect, job))
-    texts = second_setup_texts(job, clamping.shell, clamping.top)
+    texts = second_setup_texts(job, clamping.shell, clamping.top, zero_words(machine, dialect))
     file = second_file(program) if program else None
     posted, proof = _posted(paths, clamping, texts, job, machine, dialect, file)
     solids = clamping.part, clamping.shell

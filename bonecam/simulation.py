@@ -15,7 +15,7 @@ from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import Dialect, read_dialect
 from bonecam.nc.machine import Machine, read_machine
-from bonecam.nc.posting.header import comment
+from bonecam.nc.posting.header.header import comment
 from bonecam.outputs.kept_view import SECOND_VIEW, check_page_name, kept_contents
 from bonecam.progress import Progress, part, silent
 from bonecam.setup.fixture.clamping import clamping_of

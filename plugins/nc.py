@@ -22,7 +22,7 @@ def save_program(layers: Layers, values: Mapping[str, Any], progress: Progress) 
     from bonecam.nc.dialect import read_dialect
     from bonecam.nc.machine import read_machine
     from bonecam.nc.posting.feeds import drivable_paths
-    from bonecam.nc.posting.header import record_checks
+    from bonecam.nc.posting.header.header import record_checks
     from bonecam.nc.posting.write import write_program
     from bonecam.setup.stock import Stock
     from bonecam.verify.proof import verify

@@ -30,7 +30,7 @@ class Program:
     `blocks` are its blocks (comments and continued blocks count once), `moves` the blocks that move an axis.
     `time_min` is from feeds and axis speeds, without accelerations, tool changes and retracts of unknown
     length. `rotary_max_deg_per_block` is the largest turn of one axis in a feed move, `tools` the cutter
-    numbers in their order, `tool_minutes` the time of each.
+    numbers in their order, `tool_minutes` the time of each, `air_check` what its header tells of the rotary axes.
     """
 
     text: str
@@ -47,6 +47,7 @@ class Program:
     tool_minutes: tuple[float, ...]
     feeds: FeedFigures
     rotary_max_deg_per_block: float
+    air_check: tuple[str, ...]
 
     def __repr__(self) -> str:
         return (

@@ -1,5 +1,6 @@
 """The numbers of NC words: fixed decimals, no exponent, no negative zero."""
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,5 +73,8 @@ def wrapped(angles_deg: Float[ndarray, "*n"], lowest: float = -180.0) -> Float[n
 
 
 def plain_text(text: str, characters: str) -> str:
-    """`text` in capitals, with a blank for every character that the control's comments cannot have."""
+    """`text` in capitals, with a blank for every character that the control's comments cannot have; the + of a
+    direction such as X+, which would be lost beside X-, becomes PLUS."""
+    if "+" not in characters:
+        text = re.sub(r"(?<=[XYZ])\+", " PLUS", text)
     return "".join(letter if letter in characters else " " for letter in text.upper()).strip()

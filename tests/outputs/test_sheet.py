@@ -1,6 +1,7 @@
 """The setup sheet: what it tells is that of the run, and it prints on one page."""
 
 import hashlib
+import html
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -13,8 +14,10 @@ import bonecam
 from bonecam.cli import main
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.machine import read_machine
+from bonecam.nc.posting.header.program_zero import ZeroWords
 from bonecam.nc.reading.read import read_program
 from bonecam.verify.sheet.axes import axis_ranges
+from bonecam.verify.sheet.drawing import Paper, draw_zero
 from bonecam.verify.summary import NOT_SIMULATED
 
 Run = tuple[bonecam.Result, Path]
@@ -80,3 +83,18 @@ def test_a_sheet_without_simulation_warns(small_run: Run) -> None:
 def test_a_sheet_that_is_no_page_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["demo", "-o", str(tmp_path / "p.h"), "--sheet", str(tmp_path / "sheet.pdf")]) == 2
     assert "ends in .html" in capsys.readouterr().err
+
+
+def test_it_tells_the_air_check_of_the_program_s_header(small_run: Run) -> None:
+    made, folder = small_run
+    text = html.unescape((folder / "sheet.html").read_text(encoding="utf-8"))
+    assert any("a mark at X+ of the table must go to Z+" in line for line in made.program.air_check)
+    for line in made.program.air_check:
+        assert f"<li>{line[0].upper()}{line[1:]}</li>" in text
+        assert f"; AIR CHECK: {line.upper()}\n" in made.program.text
+
+
+def test_the_drawing_marks_the_zero_by_the_words_of_the_control() -> None:
+    paper = Paper(10.0, 80.0)
+    draw_zero(paper, ZeroWords("-310", "-205", "-402.5"))
+    assert "zero: X-310 Y-205 Z-402.5" in paper.svg("drawing")

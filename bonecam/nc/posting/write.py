@@ -19,8 +19,10 @@ from bonecam.nc.machine import Machine
 from bonecam.nc.posting.axis_words import word_formats, word_texts, written_words
 from bonecam.nc.posting.block_numbers import number_blocks
 from bonecam.nc.posting.feeds import feed_figures
-from bonecam.nc.posting.header import comment, header_lines, rotary_text
-from bonecam.nc.posting.header_texts import setup_texts
+from bonecam.nc.posting.header.air_check import air_check_texts
+from bonecam.nc.posting.header.header import comment, header_lines, rotary_text
+from bonecam.nc.posting.header.program_zero import over_zero, zero_words
+from bonecam.nc.posting.header.texts import setup_texts
 from bonecam.nc.posting.marks import with_marks
 from bonecam.nc.posting.path_words import Posted, post_path
 from bonecam.nc.posting.start import start_texts
@@ -66,9 +68,10 @@ def write_program(
         posted.append(post_path(path, machine, dialect, job, around, before))
     travel = travel_of(machine, job, posted)
     bounds = np.array([around.min(0), around.max(0)]) if stock is None else stock.bounds
-    told = [*comments, *(setup or setup_texts(job, stock))]
-    header = header_lines(machine, dialect, job, name.upper(), posted, bounds, told, travel)
-    return ProgramWriter(machine, dialect, job, name.upper(), posted, travel).program(header)
+    told = [*comments, *(setup or setup_texts(job, stock, zero_words(machine, dialect)))]
+    air_check = air_check_texts(posted[0].control, dialect, float(bounds[1, 2]))
+    header = header_lines(machine, dialect, job, name.upper(), posted, bounds, told, travel, air_check)
+    return ProgramWriter(machine, dialect, job, name.upper(), posted, travel).program(header, air_check)
 
 
 class ProgramWriter:
@@ -98,8 +101,8 @@ class ProgramWriter:
         self.rapid = self.feed.text(float(rapid))
         self.moves = 0
 
-    def program(self, header: list[str]) -> Program:
-        """The whole program, which begins with the blocks of the `header`."""
+    def program(self, header: list[str], air_check: Sequence[str]) -> Program:
+        """The whole program, which begins with the blocks of the `header`; that tells the `air_check`."""
         lines = list(header)
         tool = None
         for posted in self.posted:
@@ -112,9 +115,9 @@ class ProgramWriter:
             for index in range(len(posted.runs)):
                 lines += self._run(posted, index)
         lines += self.dialect.lines("tool_end") + self.dialect.lines("footer", name=self.name)
-        return self._finish(lines)
+        return self._finish(lines, air_check)
 
-    def _finish(self, lines: list[str]) -> Program:
+    def _finish(self, lines: list[str], air_check: Sequence[str]) -> Program:
         """The program of these blocks, numbered, with its counts and its time."""
         text, blocks = number_blocks(lines, self.dialect)
         minutes = dict.fromkeys((posted.path.cutter.number for posted in self.posted), 0.0)
@@ -135,11 +138,11 @@ class ProgramWriter:
             tool_minutes=tuple(minutes.values()),
             feeds=feed_figures(self.posted, self.job.path.feed_at),
             rotary_max_deg_per_block=max(posted.largest_rotation_deg for posted in self.posted),
+            air_check=tuple(air_check),
         )
 
     def _tool(self, cutter: Cutter) -> list[str]:
         """The blocks that bring a cutter into the spindle and over the program's zero."""
-        zero = self.length.text(0.0)
         stop = self.dialect.lines("stop", tool=cutter.number) if self.job.nc.tool_change == "stop" else []
         return self._moving(
             "tool",
@@ -147,20 +150,18 @@ class ProgramWriter:
             spindle=self.dialect.numbers["spindle"].text(cutter.spindle),
             retract=self.retract,
             endless=self.dialect.endless_block,
-            over_zero=f"X{zero} Y{zero}",
+            over_zero=over_zero(self.machine, self.dialect),
             stop="\n".join(stop),
         )
 
     def _level(self, posted: Posted) -> list[str]:
         """The blocks that begin a level: its tolerances and whether it is roughed."""
         finishing = self.job.is_finishing(posted.path.level)
-        radius = posted.path.cutter.radius
+        turn = rotary_tolerance_deg(self.dialect, self.job, finishing, posted.path.cutter.radius)
         return self.dialect.lines(
             "level",
             tolerance=self.length.text(contour_tolerance(self.dialect, self.job, finishing)),
-            rotary_tolerance=rotary_text(
-                self.dialect, rotary_tolerance_deg(self.dialect, self.job, finishing, radius)
-            ),
+            rotary_tolerance=rotary_text(self.dialect, turn),
             hsc_mode=int(not finishing),
             machining=self.dialect.machining.finishing if finishing else self.dialect.machining.roughing,
         )

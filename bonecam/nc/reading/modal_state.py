@@ -22,7 +22,7 @@ from bonecam.nc.schema.numbering import WHOLE, block_numbers
 from bonecam.text.faults import shown
 
 TOOL_COMMENT = re.compile(rf"\s*TOOL ({WHOLE}) BALL RADIUS ({WHOLE}\.[0-9]+) LENGTH ({WHOLE}\.[0-9]+)\s*")
-"""The comment of the header that describes a cutter, as `posting.header.tool_text` writes it; mm."""
+"""The comment of the header that describes a cutter, as `posting.header.texts` writes it; mm."""
 AMBIGUOUS_TURN_DEG = 179.0
 """A word that turns an endless axis by more than this in one block is refused: by half a turn, either way is
 short, and an axis that is wound goes the wrong way round."""

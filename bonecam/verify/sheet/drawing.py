@@ -11,13 +11,14 @@ from scipy.spatial import ConvexHull
 
 from bonecam.job import HoldingJob
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.nc.posting.header.program_zero import ZeroWords
 from bonecam.setup.fixture.table import Table
 from bonecam.setup.holding import Post
 from bonecam.setup.stock import Stock
 from bonecam.toolpath.parting import Groove
 from bonecam.verify.pictures.views import section
 
-WIDTH, HEIGHT = 86.0, 122.0
+WIDTH, HEIGHT = 86.0, 102.0
 """Of the drawing on paper, mm."""
 MARGIN = 5.0
 """Above and below what is drawn, mm on paper."""
@@ -97,9 +98,11 @@ def clamping_drawing(
     post: Post,
     holding: HoldingJob,
     table: Table,
+    zero: ZeroWords,
     parting: Mapping[str, Any] | None = None,
 ) -> str:
-    """The drawing as the text of an SVG element of WIDTH x HEIGHT mm; `parting` is that section of the report."""
+    """The drawing as the text of an SVG element of WIDTH x HEIGHT mm; `zero` are the words of the program's zero,
+    `parting` is that section of the report."""
     low, high = (float(value) for value in stock.bounds[:, 2])
     widest = max(float(np.abs(stock.bounds[:, 0]).max()), holding.chuck_diameter / 2)
     paper = Paper(widest, high)
@@ -114,7 +117,7 @@ def clamping_drawing(
     x, bottom = paper.at(0.0, -2.0 / paper.scale)
     paper.line(x, bottom, x, paper.at(0.0, high)[1] - 3, "axis")
     _draw_sizes(paper, stock, post, holding, widest)
-    draw_zero(paper)
+    draw_zero(paper, zero)
     return paper.svg("Stock, post, chuck and table from the front")
 
 
@@ -186,12 +189,12 @@ def _draw_sizes(paper: Paper, stock: Stock, post: Post, holding: HoldingJob, wid
         )
 
 
-def draw_zero(paper: Paper) -> None:
-    """The program's zero."""
+def draw_zero(paper: Paper, zero: ZeroWords) -> None:
+    """The program's zero and its words."""
     x, y = paper.at(0.0, 0.0)
     paper.elements.append(
         f'<g transform="translate({x:.2f} {y:.2f})"><circle r="2" class="zero"/>'
         '<path class="quarter" d="M0 0V-2A2 2 0 0 1 2 0Z M0 0V2A2 2 0 0 1 -2 0Z"/></g>'
     )
     paper.line(x - 3, y + 1, x - 9, y + TABLE_THICKNESS + 2, "extension")
-    paper.text(x - 9.5, y + TABLE_THICKNESS + 3.2, "zero: X 0 Y 0 Z 0", "end", "strong")
+    paper.text(x - 9.5, y + TABLE_THICKNESS + 3.2, f"zero: {zero.over} {zero.height}", "end", "strong")

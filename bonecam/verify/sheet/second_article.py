@@ -9,8 +9,10 @@ from numpy import ndarray
 
 from bonecam.job import Job
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.nc.dialect import read_dialect
 from bonecam.nc.machine import read_machine
-from bonecam.nc.posting.header_texts import second_setup_texts
+from bonecam.nc.posting.header.program_zero import ZeroWords, zero_words
+from bonecam.nc.posting.header.texts import second_setup_texts
 from bonecam.nc.program import Program
 from bonecam.setup.fixture.shell import SecondClamping
 from bonecam.setup.fixture.table import Table
@@ -30,6 +32,8 @@ def second_article(
 ) -> str:
     """The second clamping of the part in the file `name`; `report` is `second` of the run's, the job's [holding] that
     of the shell."""
+    machine = read_machine(job.nc.machine)
+    zero = zero_words(machine, read_dialect(job.nc.controller))
     return article(
         name,
         program,
@@ -39,8 +43,8 @@ def second_article(
         heading="Setup sheet: second clamping",
         caption="From the front (\u2212Y), sizes in mm: part and shell in section Y 0, and the stump.",
         mounted="Part, shell, clamping, zero",
-        drawing=_drawing(clamping, job, read_machine(job.nc.machine).table),
-        setup=items(second_setup_texts(job, clamping.shell, clamping.top)),
+        drawing=_drawing(clamping, job, machine.table, zero),
+        setup=items(second_setup_texts(job, clamping.shell, clamping.top, zero)),
         checks=items(_checks(report)),
         left=items(_left(report)),
         warnings=items([IN_AIR, *depth_lines(report["removal"]), *WARNINGS]),
@@ -86,7 +90,7 @@ def _foot(outline: Float[ndarray, "n 2"], radius: float) -> float:
     return float(min(top.max() for top in tops if len(top)))
 
 
-def _drawing(clamping: SecondClamping, job: Job, table: Table) -> str:
+def _drawing(clamping: SecondClamping, job: Job, table: Table, zero: ZeroWords) -> str:
     """Part, shell, stump, chuck and table from the front, to scale, with their sizes, as SVG."""
     holding, shell, part = job.holding, clamping.shell, clamping.part
     low, high = shell.bounds[:, 2].tolist()
@@ -113,5 +117,5 @@ def _drawing(clamping: SecondClamping, job: Job, table: Table) -> str:
         x, y = paper.at(-holding.chuck_diameter / 2, holding.chuck_height)
         size = f"chuck \u2300 {holding.chuck_diameter:g} x {holding.chuck_height:g}"
         paper.text(x - 1.5, y + 3, size, "end")
-    draw_zero(paper)
+    draw_zero(paper, zero)
     return paper.svg("Part, shell, stump, chuck and table of the second clamping from the front")

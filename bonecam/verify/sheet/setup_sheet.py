@@ -12,7 +12,8 @@ from bonecam.materials.preset import read_material
 from bonecam.mesh.part import Part
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.machine import Machine, read_machine
-from bonecam.nc.posting.header_texts import setup_texts
+from bonecam.nc.posting.header.program_zero import zero_words
+from bonecam.nc.posting.header.texts import setup_texts
 from bonecam.nc.program import Program
 from bonecam.nc.reading.read import read_program
 from bonecam.setup.holding import SLENDER, post_below
@@ -46,6 +47,7 @@ def setup_article(
 ) -> str:
     """The first clamping."""
     machine = read_machine(job.nc.machine)
+    zero = zero_words(machine, read_dialect(job.nc.controller))
     post = post_below(part.mesh, job.holding)
     return article(
         Path(part.file).name,
@@ -56,8 +58,10 @@ def setup_article(
         heading="Setup sheet",
         caption="From the front (\u2212Y), sizes in mm. Inside the stock: the part in section Y 0.",
         mounted="Stock, clamping, zero",
-        drawing=clamping_drawing(part.mesh, stock, post, job.holding, machine.table, report.get("parting")),
-        setup=items(setup_texts(job, stock)),
+        drawing=clamping_drawing(
+            part.mesh, stock, post, job.holding, machine.table, zero, report.get("parting")
+        ),
+        setup=items(setup_texts(job, stock, zero)),
         checks=items(_checks(report)),
         left=items(_left(report)),
         warnings=items(_warnings(job, report, machine)),
@@ -79,6 +83,7 @@ def article(part: str, program: Program, job: Job, nc: Mapping[str, Any], versio
         tools=_tool_rows([cutters[number] for number in program.tools], program.tool_minutes),
         cutting=html.escape(_cutting(job, nc)),
         axes=_axis_rows(axis_ranges(motions, machine)),
+        air_check=items(program.air_check),
         checksum=hashlib.sha256(program.text.encode()).hexdigest(),
         version=html.escape(version),
         **told,

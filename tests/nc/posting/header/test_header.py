@@ -3,6 +3,7 @@
 import math
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,10 +12,11 @@ from bonecam.errors import MachineError
 from bonecam.job import Job
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.kinematics import inverse_linear
+from bonecam.nc.kinematics import forward, inverse_linear
 from bonecam.nc.machine import read_machine
-from bonecam.nc.posting.header import record_checks, record_simulation
-from bonecam.nc.posting.header_texts import part_texts, second_setup_texts
+from bonecam.nc.posting.header.header import record_checks, record_simulation
+from bonecam.nc.posting.header.program_zero import zero_words
+from bonecam.nc.posting.header.texts import part_texts, second_setup_texts
 from bonecam.nc.posting.tolerances import contour_tolerance, rotary_tolerance_deg
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.read import read_program
@@ -69,7 +71,9 @@ def test_a_part_that_is_mirrored_and_scaled_is_told_to_be(paths, upright_capsule
     assert "THE PART IS MIRRORED IN Y OF ITS FILE\n" in text
     assert "THE PART IS SCALED BY 1.25\n" in text
     assert part_texts(Job()) == []
-    second = second_setup_texts(job, TriangleMesh(np.eye(3), np.array([[0, 1, 2]], dtype=np.int32)), 5.0)
+    shell = TriangleMesh(np.eye(3), np.array([[0, 1, 2]], dtype=np.int32))
+    zero = zero_words(read_machine("mikron-ucp600"), read_dialect("heidenhain"))
+    second = second_setup_texts(job, shell, 5.0, zero)
     assert second[-2:] == part_texts(job)
 
 
@@ -165,6 +169,59 @@ def test_a_control_that_knows_one_way_only_refuses_the_other(paths: tuple[ToolPa
     job = Job().with_values(nc={"endless_words": "wrapped"})
     with pytest.raises(MachineError, match="linuxcnc has no blocks that switch the short way"):
         write_program(paths, read_machine("linuxcnc-xyzbc"), read_dialect("linuxcnc"), job)
+
+
+PLACED = """
+[X]
+travel = 900.0
+speed = 22000.0
+[Y]
+travel = 900.0
+speed = 22000.0
+[Z]
+travel = 900.0
+speed = 22000.0
+[A]
+direction = [1.0, 0.0, 0.0]
+pivot = [-310.0, -204.63, -443.7]
+sign = -1
+limits_deg = [-115.0, 30.0]
+speed_deg_s = 90.0
+[C]
+direction = [0.0, 0.0, 1.0]
+pivot = [-310.0, -205.0, 0.0]
+sign = -1
+endless = true
+speed_deg_s = 120.0
+"""
+
+
+def test_in_machine_coordinates_the_header_tells_where_the_part_stands(paths, tmp_path: Path) -> None:
+    chain = 'title = "trunnion"\nchain = ["C", "A", "XYZ"]\npart_zero = [-310.0, -205.0, -402.5]\n'
+    (tmp_path / "trunnion.toml").write_text(chain + PLACED)
+    machine, dialect = read_machine(tmp_path / "trunnion.toml"), read_dialect("linuxcnc")
+    text = write_program(paths, machine, dialect, Job()).text
+    assert "PROGRAM ZERO: X-310 Y-205 ON THE AXIS OF THE POST, Z-402.5 ON THE TABLE" in text
+    assert "X 0 Y 0 Z 0: ZERO OF THE MACHINE FILE, NOT ON THE PART" in text
+    place = np.array([[-310.0, -205.0, -402.5, 0.0, 0.0]])
+    assert forward(machine, place, 75.0)[0] == pytest.approx(np.zeros((1, 3)), abs=1e-12)
+    # words of the moves are of the same frame
+    words = [re.match(r"G1 X(\S+) Y(\S+) Z(\S+) A", line) for line in text.splitlines()]
+    places = np.array([[float(value) for value in found.groups()] for found in words if found])
+    assert np.abs(places - place[0, :3]).max() < 150
+
+
+def test_over_zero_is_over_the_part_in_machine_coordinates_too(paths, tmp_path: Path) -> None:
+    chain = 'title = "trunnion"\nchain = ["C", "A", "XYZ"]\npart_zero = [-310.0, -205.0, -402.5]\n'
+    (tmp_path / "trunnion.toml").write_text(chain + PLACED)
+    dialect = read_dialect("linuxcnc")
+    tool = dialect.templates["tool"] + "\nG0 {over_zero}"
+    dialect = replace(dialect, templates={**dialect.templates, "tool": tool})
+    text = write_program(paths, read_machine(tmp_path / "trunnion.toml"), dialect, Job()).text
+    assert text.count("\nG0 X-310.00000 Y-205.00000\n") == 2
+    with_zero = write_program(paths, read_machine("linuxcnc-xyzbc"), dialect, Job()).text
+    assert with_zero.count("\nG0 X0.00000 Y0.00000\n") == 2
+    assert "X 0 Y 0 Z 0: PROGRAM ZERO WITH ALL ROTARY AXES AT 0" in with_zero
 
 
 @pytest.mark.parametrize("name", ["heidenhain", "linuxcnc"])

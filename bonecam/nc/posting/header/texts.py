@@ -12,6 +12,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.machine import Machine
 from bonecam.nc.posting.feeds import feed_figures
+from bonecam.nc.posting.header.program_zero import ZeroWords, zero_texts
 from bonecam.nc.posting.path_words import Posted
 from bonecam.nc.posting.travel import Travel
 from bonecam.setup.stock import Stock
@@ -36,7 +37,7 @@ def part_texts(job: Job) -> list[str]:
     return [f"the part is {change}" for change in job.mesh.changes]
 
 
-def setup_texts(job: Job, stock: Stock | None) -> list[str]:
+def setup_texts(job: Job, stock: Stock | None, zero: ZeroWords) -> list[str]:
     """What must be mounted and where the zero is; `stock` is None where only the paths are known."""
     top = job.holding.length if stock is None else float(stock.bounds[0, 2])
     post = f"post below it: diameter {job.holding.diameter:.2f} mm, from Z 0.00 to Z {top:.2f}"
@@ -55,20 +56,21 @@ def setup_texts(job: Job, stock: Stock | None) -> list[str]:
     chuck = (
         f"diameter {job.holding.chuck_diameter:.2f} mm round the post, up to Z {job.holding.chuck_height:.2f}"
     )
+    over = f"program zero: {zero.over} on the axis of the post"
     if not job.holding.chuck_height:
         return [
             *texts,
             "clamping: nothing of chuck, collet or vice may stand above Z 0.00",
-            "program zero: X 0 Y 0 on the axis of the post, Z 0 on the table or on top of the clamping",
+            f"{over}, {zero.height} on the table or on top of the clamping",
         ]
     return [
         *texts,
         f"clamping: a chuck or collet of at most {chuck}",
-        "program zero: X 0 Y 0 on the axis of the post, Z 0 on the table under the chuck",
+        f"{over}, {zero.height} on the table under the chuck",
     ]
 
 
-def second_setup_texts(job: Job, shell: TriangleMesh, top: float) -> list[str]:
+def second_setup_texts(job: Job, shell: TriangleMesh, top: float, zero: ZeroWords) -> list[str]:
     """What must be mounted and where the zero is in the second clamping: the part with a stump up to the height `top`
     (mm) in its `shell`, which the job's [holding] holds."""
     holding = job.holding
@@ -82,7 +84,7 @@ def second_setup_texts(job: Job, shell: TriangleMesh, top: float) -> list[str]:
         f"shell: from Z {low:.2f} to Z {high:.2f}, round the finished end of the part",
         f"stump: broken or sawn off, up to Z {top:.2f} at most",
         f"clamping: {chuck}",
-        "program zero: X 0 Y 0 on the axis of the stump, Z 0 on the table under the shell",
+        f"program zero: {zero.over} on the axis of the stump, {zero.height} on the table under the shell",
         "turned about X alone: +X of the part stays where it was, +Y comes to -Y",
         *part_texts(job),
     ]
@@ -164,6 +166,7 @@ def control_texts(machine: Machine, dialect: Dialect, posted: Sequence[Posted]) 
     return [
         *(f"needs: {need}" for need in dialect.needs),
         f"programmed point: {point} {where}",
+        *zero_texts(machine, dialect),
         *notes,
         rapids,
         *_body_texts(machine),

@@ -10,7 +10,7 @@ from numpy import ndarray
 from bonecam.job import Job
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.machine import Machine
-from bonecam.nc.posting.header_texts import axis_texts, control_texts, parting_texts, tool_texts
+from bonecam.nc.posting.header.texts import axis_texts, control_texts, parting_texts, tool_texts
 from bonecam.nc.posting.path_words import Posted
 from bonecam.nc.posting.tolerances import contour_tolerance, rotary_tolerance_deg
 from bonecam.nc.posting.travel import Travel
@@ -32,9 +32,10 @@ def header_lines(
     bounds: Float[ndarray, "2 3"],
     comments: Sequence[str],
     travel: Travel,
+    air_check: Sequence[str],
 ) -> list[str]:
     """The first blocks of a program: its `comments`, of what must be mounted too, the blank, which fills `bounds`
-    (mm) in the control's simulation, and the safe start with the finest tolerances."""
+    (mm) in the control's simulation, the `air_check`, and the safe start with the finest tolerances."""
     length = dialect.numbers["length"]
     places = "low_x low_y low_z high_x high_y high_z".split()
     corners = dict(zip(places, map(length.text, bounds.ravel()), strict=True))
@@ -46,6 +47,7 @@ def header_lines(
         *tool_texts(job, posted),
         *control_texts(machine, dialect, posted),
         *axis_texts(machine, travel, posted),
+        *(f"air check: {text}" for text in air_check),
         UNCHECKED,
         UNSIMULATED,
     ]
