@@ -11,7 +11,7 @@ ORDER = [
     *"outputs second_clamping pipeline simulation finishing script_run filters batch cli __main__".split(),
 ]
 ROOMS = {
-    "runtime": "threads timing parent signals temporary worker own_files locking staging".split(),
+    "runtime": "threads loading timing parent signals temporary worker own_files locking staging".split(),
     "surface": [
         *"basis tmesh query tessellation refinement tspline".split(),
         *"rows_to_general fitting skinning blades files part_surface".split(),

@@ -15,6 +15,7 @@ from numpy import ndarray
 from bonecam.arrays import dots
 from bonecam.kernels.closest.triangle_tree import boxes_of, distances_within, tree_order
 from bonecam.mesh.triangle_mesh import TriangleMesh, probes
+from bonecam.runtime.loading import loaded_once
 from bonecam.runtime.threads import in_pieces
 
 LEAF = 4
@@ -26,6 +27,15 @@ KEPT_TREES = 8
 """Of so many meshes that exact closest points were asked for last the tree is kept."""
 
 
+@loaded_once
+def _open3d() -> tuple[Any, Any]:
+    """open3d's tensors and its scenes for ray casting."""
+    import open3d.core as o3c
+    from open3d.t.geometry import RaycastingScene
+
+    return o3c.Tensor, RaycastingScene
+
+
 class MeshDistance:
     """Closest points, distances and inside tests against one mesh; ValueError where it has no faces.
 
@@ -33,16 +43,13 @@ class MeshDistance:
     """
 
     def __init__(self, mesh: TriangleMesh) -> None:
-        import open3d.core as o3c
-        from open3d.t.geometry import RaycastingScene
-
         if not len(mesh.faces):
             raise ValueError("the mesh has no faces: there is nothing to measure the distance to")
         self.mesh = mesh
         self._centre = mesh.bounds.mean(0)
-        self._tensor = o3c.Tensor
-        self._scene: Any = RaycastingScene(nthreads=0)
-        self._scene.add_triangles(self._put(mesh.vertices), o3c.Tensor(mesh.faces.astype(np.uint32)))
+        self._tensor, scene = _open3d()
+        self._scene: Any = scene(nthreads=0)
+        self._scene.add_triangles(self._put(mesh.vertices), self._tensor(mesh.faces.astype(np.uint32)))
 
     @cached_property
     def _tree(self) -> tuple[Float[ndarray, "f 9"], Float[ndarray, "b 6"]]:

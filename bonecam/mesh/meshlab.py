@@ -9,9 +9,10 @@ from bonecam.errors import FileError
 from bonecam.files import library_name
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.progress import Progress, silent
+from bonecam.runtime.loading import loaded_once
 
 
-@cache
+@loaded_once
 def meshlab() -> Any:
     """The pymeshlab module; FileError names the system packages to install where its plugins are missing."""
     try:

@@ -14,6 +14,7 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from bonecam.arrays import frozen
+from bonecam.runtime.loading import loaded_once
 
 
 @runtime_checkable
@@ -126,8 +127,7 @@ class TriangleMesh:
 
     def to_open3d(self) -> Any:
         """An open3d.geometry.TriangleMesh with copies of vertices and faces."""
-        from open3d import geometry, utility
-
+        geometry, utility = _open3d()
         vertices = utility.Vector3dVector(self.vertices.copy())
         return geometry.TriangleMesh(vertices, utility.Vector3iVector(self.faces.copy()))
 
@@ -148,6 +148,14 @@ MeshLike = (
     | tuple[ArrayLike, ArrayLike]
 )
 """A mesh in memory: vertices and faces as two arrays, or a mesh of one of these libraries."""
+
+
+@loaded_once
+def _open3d() -> tuple[Any, Any]:
+    """open3d's modules `geometry` and `utility`."""
+    from open3d import geometry, utility
+
+    return geometry, utility
 
 
 def mesh_from(source: object) -> TriangleMesh:
