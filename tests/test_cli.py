@@ -220,7 +220,13 @@ def test_a_failed_mesh_of_a_batch_is_named_once(
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no device that is full")
-@pytest.mark.parametrize("arguments", [["job"], ["filters"], ["filters", "generate_stock"]])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        *(["job"], ["filters"], ["filters", "generate_stock"]),
+        *([], ["help"], ["--help"], ["--version"], ["convert", "--help"], ["help", "batch"]),
+    ],
+)
 def test_what_cannot_be_printed_is_one_line(
     arguments: list[str], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -229,6 +235,15 @@ def test_what_cannot_be_printed_is_one_line(
         assert main(arguments) == 2
     told = capsys.readouterr().err
     assert told == "bonecam: standard output: No space left on device: write it elsewhere\n"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no device that is full")
+def test_a_help_that_cannot_be_printed_ends_the_process_with_2() -> None:
+    with open("/dev/full", "w", encoding="utf-8") as full:
+        call = [sys.executable, "-m", "bonecam", "--help"]
+        done = subprocess.run(call, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    told = "bonecam: standard output: No space left on device: write it elsewhere\n"
+    assert (done.returncode, done.stderr) == (2, told)
 
 
 def test_the_report_of_a_simulation_is_checked_before_it(

@@ -20,6 +20,21 @@ STOPPED = 130
 
 def call(arguments: Sequence[str]) -> int:
     """Run the command with these arguments; its exit code. `help COMMAND` is `COMMAND --help`."""
+    try:
+        return _run(arguments)
+    except BrokenPipeError:  # the reader of the output has closed it, as `head` does
+        _mute()
+        return 0
+    except OSError:
+        trouble = _trouble_of_stdout()
+        if trouble is None:
+            raise
+        print(f"bonecam: standard output: {trouble}: write it elsewhere", file=sys.stderr)
+        return 2
+
+
+def _run(arguments: Sequence[str]) -> int:
+    """Parse and run; OSError where standard output takes nothing."""
     parser = make_parser()
     if arguments and arguments[0] == "help":
         arguments = [*arguments[1:], "--help"]
@@ -33,16 +48,12 @@ def call(arguments: Sequence[str]) -> int:
     try:
         code = int(options.run(options))
         sys.stdout.flush()
-    except BrokenPipeError:  # the reader of the output has closed it, as `head` does
-        _mute()
-        return 0
+    except BrokenPipeError:
+        raise
     except (Exception, KeyboardInterrupt) as error:
         if isinstance(error, KeyboardInterrupt) or arrived:
             tell(options.stopped if len(placed) == before else options.stopped_late)
             return STOPPED
-        if isinstance(error, OSError) and (trouble := _trouble_of_stdout()):
-            print(f"bonecam: standard output: {trouble}: write it elsewhere", file=sys.stderr)
-            return 2
         if not isinstance(error, BonecamError):
             raise
         print(f"bonecam: {in_one_line(str(error))}", file=sys.stderr)

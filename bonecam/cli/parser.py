@@ -2,6 +2,7 @@
 
 import argparse
 import math
+import sys
 from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
 
@@ -15,6 +16,13 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """End with one line on stderr and exit code 2."""
         self.exit(2, f"{self.prog}: {in_one_line(message)}: see {self.prog} --help\n")
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        """argparse's printing of helps and versions, but with an OSError where standard output takes nothing."""
+        if file is not sys.stdout:
+            return super()._print_message(message, file)
+        file.write(message)
+        file.flush()
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         """argparse's check of a choice, with the nearest one in the message."""

@@ -1,8 +1,9 @@
 """Loading of libraries whose code must not be loaded by a thread that ends before the process does.
 
 pymeshlab and open3d together, both loaded by threads that have ended, leave a free chunk of these threads' memory
-overwritten when their libraries are closed: the process ends with SIGABRT (exit code 134, glibc's "malloc_consolidate():
-unaligned fastbin chunk detected"). Loaded by the main thread, or by a thread that is alive at the end, they do not.
+overwritten when their libraries are closed: the process ends with SIGABRT (exit code 134; glibc prints
+"malloc_consolidate(): unaligned fastbin chunk detected"). Loaded by the main thread, or by a thread that is alive at
+the end, they do not.
 """
 
 from collections.abc import Callable
