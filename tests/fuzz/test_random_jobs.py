@@ -238,6 +238,12 @@ def test_every_random_job_ends_with_a_program_or_a_remedy(seed: int, within: Wit
 
 
 @pytest.mark.fuzz
+def test_links_below_the_stock_keep_the_flutes_out_of_it() -> None:
+    """A stock hardly longer than the part: links pass below it, where the ball is in air beside the flutes."""
+    assert run(6015)[0] == "program"
+
+
+@pytest.mark.fuzz
 def test_a_needle_ends_as_a_proved_program() -> None:
     """The balls on both sides of a tip of 0.01 mm graze one another's surface, which is no gouge of 1.6 mm."""
     assert bonecam.convert(cone(4.0, 14.0, 1.5)).report["nc"]["gouge_max_mm"] < Job().path.gouge_tolerance

@@ -6,7 +6,8 @@ from numba import njit
 from numpy import ndarray
 
 from bonecam.kernels.removal.convex import column_distance
-from bonecam.kernels.removal.sweep import TOOL_STEP, Pieces, piece_pose, travel_of
+from bonecam.kernels.removal.flutes import piece_pose, travel_of
+from bonecam.kernels.removal.sweep import TOOL_STEP, Pieces
 
 
 @njit(cache=True, nogil=True)

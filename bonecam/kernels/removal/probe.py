@@ -1,70 +1,105 @@
-"""What balls would remove from the material of one set of rays, which stays as it is, compiled."""
+"""What tools would remove from the material of one set of rays, which stays as it is, compiled."""
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy import ndarray
 
 from bonecam.kernels.removal.cut import cut_capsule
+from bonecam.kernels.removal.flutes import cut_flutes, flutes_meet, travel_of
 from bonecam.kernels.removal.rays import RaySet, direction_of, tiles_reached
 
 
+class Ways(NamedTuple):
+    """Straight moves of a ball's centre while the axis of its tool turns, in the coordinates of the rays: `starts`,
+    `ends`, `start_axes`, `end_axes` (n, 3); `reach` (n,): height of the flutes above the ball's centre, mm, 0 for a
+    ball alone."""
+
+    starts: ndarray
+    ends: ndarray
+    start_axes: ndarray
+    end_axes: ndarray
+    reach: ndarray
+
+
 @njit(cache=True, nogil=True)
-def _tiles_of(rays: RaySet, points: ndarray, radius: float, tiles: ndarray, count: int) -> int:
-    """Add the tiles that a ball may reach on straight moves through `points` (n, 3) to the first `count` of `tiles`;
-    their number then."""
-    for i in range(len(points)):
-        start = points[max(i - 1, 0)]
-        d, length = direction_of(start, points[i])
-        for a, b in tiles_reached(rays, start, points[i], d, length, radius):
-            tile = rays.tile_of[a, b]
-            known = False
-            for k in range(count):
-                known = known or tiles[k] == tile
-            if not known:
-                tiles[count] = tile
-                count += 1
+def _add_tiles(rays: RaySet, start: ndarray, end: ndarray, radius: float, tiles: ndarray, count: int) -> int:
+    """Add the tiles that a capsule may reach to the first `count` of `tiles`; their number then."""
+    d, length = direction_of(start, end)
+    for a, b in tiles_reached(rays, start, end, d, length, radius):
+        tile = rays.tile_of[a, b]
+        known = False
+        for k in range(count):
+            known = known or tiles[k] == tile
+        if not known:
+            tiles[count] = tile
+            count += 1
     return count
 
 
 @njit(cache=True, nogil=True)
-def _volume(rays: RaySet, removed: ndarray, points: ndarray, radius: float) -> float:
-    """What a ball removes on straight moves through `points` (n, 3) behind balls at `removed` (k, 3), mm^3; negative
-    where a ray has no room for one more interval."""
-    for k in range(len(removed)):
-        if cut_capsule(rays, removed[k], removed[k], radius)[1]:
-            return -1.0
+def _tiles_of(rays: RaySet, ways: Ways, first: int, last: int, radius: float, tiles: ndarray) -> int:
+    """Write the tiles that a tool may reach on the ways from `first` to `last` into `tiles`; their number."""
+    foot, axis, top = np.empty(3), np.empty(3), np.empty(3)
+    count = 0
+    for i in range(first, last):
+        count = _add_tiles(rays, ways.starts[i], ways.ends[i], radius, tiles, count)
+        if ways.reach[i] <= 0.0 or not flutes_meet(rays, ways, i, radius, foot, axis):
+            continue
+        half = travel_of(ways, i, ways.reach[i]) / 2
+        for k in range(3):
+            top[k] = foot[k] + (ways.reach[i] + 2 * half) * axis[k]
+        count = _add_tiles(rays, foot, top, radius + half, tiles, count)
+    return count
+
+
+@njit(cache=True, nogil=True)
+def _cut(
+    rays: RaySet, ways: Ways, i: int, radius: float, foot: ndarray, axis: ndarray, top: ndarray
+) -> tuple[float, bool]:
+    """Take what ball and flutes sweep on way `i` out of the material: the volume (mm^3), and whether a ray has no more
+    room."""
+    volume, full = cut_capsule(rays, ways.starts[i], ways.ends[i], radius)
+    if full:
+        return volume, True
+    by_flutes, full = cut_flutes(rays, ways, i, radius, foot, axis, top)
+    return volume + by_flutes, full
+
+
+@njit(cache=True, nogil=True)
+def _volume(rays: RaySet, ways: Ways, first: int, last: int, gone: int, radius: float) -> float:
+    """What a tool removes on the ways from `first` to `last`, mm^3, but for those before `gone`; negative where a ray
+    has no room for one more interval."""
+    foot, axis, top = np.empty(3), np.empty(3), np.empty(3)
     volume = 0.0
-    for i in range(len(points)):
-        gone, full = cut_capsule(rays, points[max(i - 1, 0)], points[i], radius)
+    for i in range(first, last):
+        removed, full = _cut(rays, ways, i, radius, foot, axis, top)
         if full:
             return -1.0
-        volume += gone
+        if i >= gone:
+            volume += removed
     return volume
 
 
 @njit(cache=True, nogil=True)
 def probe(
-    rays: RaySet, lines: ndarray, ends: ndarray, removed: ndarray, radius: float, first: int, volumes: ndarray
+    rays: RaySet, ways: Ways, ends: ndarray, gone: ndarray, radius: float, first: int, volumes: ndarray
 ) -> int:
-    """Write what a ball would remove on straight moves through each line of places into `volumes` (k,), mm^3, from line
-    `first` on; returns the line at which a ray has no room for one more interval, or their number.
+    """Write what a tool would remove on the ways of each line into `volumes` (k,), mm^3, from line `first` on; returns
+    the line at which a ray has no room for one more interval, or their number.
 
-    `lines` (n, 3) (u, v, w) holds the places of all lines, those of line i end before `ends` (k,) i; `removed` (k, m,
-    3): what balls at these places hold is taken as gone before the line is.
+    The ways of line i end before `ends` (k,) i; what is removed on those before `gone` (k,) i is taken as gone before
+    the line is.
     """
     tiles = np.empty(len(rays.counts), dtype=np.int64)
     for i in range(first, len(ends)):
-        points = lines[ends[i - 1] if i else 0 : ends[i]]
-        count = _tiles_of(rays, points, radius, tiles, 0)
-        if not count:
-            volumes[i] = 0.0
-            continue
-        for k in range(removed.shape[1]):
-            count = _tiles_of(rays, removed[i, k : k + 1], radius, tiles, count)
+        start = ends[i - 1] if i else 0
+        count = _tiles_of(rays, ways, start, ends[i], radius, tiles)
         kept = tiles[:count].copy()
         spans, counts, stale = rays.spans[kept], rays.counts[kept], rays.stale[kept]
         low, high, mask = rays.low[kept], rays.high[kept], rays.mask[kept]
-        volumes[i] = _volume(rays, removed[i], points, radius)
+        volumes[i] = _volume(rays, ways, start, ends[i], gone[i], radius)
         for k in range(count):
             rays.spans[kept[k]], rays.counts[kept[k]], rays.stale[kept[k]] = spans[k], counts[k], stale[k]
             rays.low[kept[k]], rays.high[kept[k]], rays.mask[kept[k]] = low[k], high[k], mask[k]
@@ -74,10 +109,11 @@ def probe(
 
 
 @njit(cache=True, nogil=True)
-def cut_moves(rays: RaySet, starts: ndarray, ends: ndarray, radius: float, first: int) -> int:
-    """Take what a ball sweeps on straight moves (m, 3) out of the material, from move `first` on; returns the move at
-    which a ray has no room for one more interval, or their number."""
-    for i in range(first, len(starts)):
-        if cut_capsule(rays, starts[i], ends[i], radius)[1]:
+def cut_ways(rays: RaySet, ways: Ways, radius: float, first: int) -> int:
+    """Take what a tool sweeps on its ways out of the material, from way `first` on; returns the way at which a ray has
+    no room for one more interval, or their number."""
+    foot, axis, top = np.empty(3), np.empty(3), np.empty(3)
+    for i in range(first, len(ways.starts)):
+        if _cut(rays, ways, i, radius, foot, axis, top)[1]:
             return i
-    return len(starts)
+    return len(ways.starts)

@@ -6,14 +6,12 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.removal.cut import cut_capsule, cylinder_meets
+from bonecam.kernels.removal.cut import cut_capsule
 from bonecam.kernels.removal.depth import capsule_depth
+from bonecam.kernels.removal.flutes import cut_flutes, piece_pose, travel_of
 from bonecam.kernels.removal.frustum import frustum_clearance
 from bonecam.kernels.removal.rays import RaySet
 
-FLUTE_STEP = 0.1
-"""The flutes stand this far apart (mm) where they are taken out of the material: between two cuts of a
-cylinder of radius R they leave a ridge of FLUTE_STEP^2 / (8 R), 1.3 um for 1 mm."""
 SETS = 3
 """Sets of rays."""
 TOOL_STEP = 0.05
@@ -53,41 +51,6 @@ class Found(NamedTuple):
     least: ndarray
     where: ndarray
     touched: ndarray
-
-
-@njit(cache=True, nogil=True)
-def piece_pose(pieces: Pieces, i: int, share: float, foot: ndarray, axis: ndarray) -> None:
-    """Write the ball's centre and the unit axis at this share of a piece."""
-    size = 0.0
-    for k in range(3):
-        foot[k] = (1 - share) * pieces.starts[i, k] + share * pieces.ends[i, k]
-        axis[k] = (1 - share) * pieces.start_axes[i, k] + share * pieces.end_axes[i, k]
-        size += axis[k] * axis[k]
-    size = np.sqrt(size)
-    for k in range(3):
-        axis[k] /= size
-
-
-@njit(cache=True, nogil=True)
-def travel_of(pieces: Pieces, i: int, height: float) -> float:
-    """How far a point of the tool at this distance from the ball's centre travels at most, mm."""
-    shift, turn = 0.0, 0.0
-    for k in range(3):
-        shift += (pieces.ends[i, k] - pieces.starts[i, k]) ** 2
-        turn += (pieces.end_axes[i, k] - pieces.start_axes[i, k]) ** 2
-    return np.sqrt(shift) + np.sqrt(turn) * height
-
-
-@njit(cache=True, nogil=True)
-def _flutes_meet(rays: RaySet, pieces: Pieces, i: int, radius: float, foot: ndarray, axis: ndarray) -> bool:
-    """Whether the flutes may meet material: those in the middle of the piece, larger by half of their
-    travel."""
-    reach = pieces.reach[i]
-    half = travel_of(pieces, i, reach) / 2
-    piece_pose(pieces, i, 0.5, foot, axis)
-    for k in range(3):
-        foot[k] -= half * axis[k]
-    return bool(cylinder_meets(rays, foot, axis, reach + 2 * half, radius + half))
 
 
 @njit(cache=True, nogil=True)
@@ -151,18 +114,10 @@ def sweep(
         found.volumes[pieces.moves[i]] += volume
         if full:
             return i
-        if pieces.reach[i] > 0.0 and _flutes_meet(rays, pieces, i, radius, foot, axis):
-            steps = max(int(np.ceil(travel_of(pieces, i, pieces.reach[i]) / FLUTE_STEP)), 1)
-            for k in range(1, steps + 1):
-                piece_pose(pieces, i, k / steps, foot, axis)
-                if not cylinder_meets(rays, foot, axis, pieces.reach[i], radius):
-                    continue
-                for n in range(3):
-                    top[n] = foot[n] + pieces.reach[i] * axis[n]
-                volume, full = cut_capsule(rays, foot, top, radius, True)
-                found.volumes[pieces.moves[i]] += volume
-                if full:
-                    return i
+        volume, full = cut_flutes(rays, pieces, i, radius, foot, axis, top)
+        found.volumes[pieces.moves[i]] += volume
+        if full:
+            return i
         for s in range(len(sections) if i % SETS == turn else 0):
             part = parts[s]
             if found.touched[part] >= 0 or pieces.bounds[i, s] >= found.least[part]:

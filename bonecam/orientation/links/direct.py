@@ -155,7 +155,8 @@ def _free(space: LinkSpace, links: Poses, ends: Contacts, starts: Contacts) -> B
     for contacts, lifted in ((ends[0], centres[:, 0]), (starts[0], centres[:, -1])):
         rising = contacts[:, None] + LIFTED[:, None] * (lifted - contacts)[:, None]
         free[free] = space.left_in_air(contacts[free], rising[free])
-    free[free] = space.cuts_little([*all_centres[free]], np.stack([ends[0], starts[0]], axis=1)[free])
+    lines = list(zip(all_centres[free], all_axes[free], strict=True))
+    free[free] = space.cuts_little(lines, [(c[[0, -1]], v[[0, -1]]) for c, v in lines])
     free[free] = _proven_free(space, all_centres[free], all_axes[free])
     return free
 

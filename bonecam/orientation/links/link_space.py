@@ -110,22 +110,26 @@ class LinkSpace:
         entered = self.material.entered_anew(places, behind, self.ball_radius, deepest)
         return np.asarray(~entered.reshape(centres.shape[:2]).any(axis=1))
 
-    def cuts_little(
-        self, lines: Sequence[Float[ndarray, "_ 3"]], contacts: Float[ndarray, "k m 3"]
-    ) -> Bool[ndarray, " k"]:
-        """Whether the ball removes no more than CUT_ALLOWED on straight moves through each line of centres, but for
-        what it has removed at the contacts of that line."""
+    def cuts_little(self, lines: Sequence[Polyline], contacts: Sequence[Polyline]) -> Bool[ndarray, " k"]:
+        """Whether neither the ball alone nor ball and flutes remove more than CUT_ALLOWED on straight moves through the
+        poses of each line, but for what they have removed at the contacts of that line."""
         if not isinstance(self.material, Material):
             return np.ones(len(lines), dtype=bool)
-        removed = self.material.dexels.removed_by(lines, contacts, self.ball_radius)
-        return np.asarray(removed <= CUT_ALLOWED)
+        cutter = self.checker.cutter
+        removed = self.material.dexels.removed_by(lines, contacts, cutter.radius)
+        little = removed <= CUT_ALLOWED
+        asked = [(line, ends) for line, ends, ok in zip(lines, contacts, little, strict=True) if ok]
+        lines, contacts = ([pair[k] for pair in asked] for k in (0, 1))
+        removed = self.material.fluted.removed_by(lines, contacts, cutter.radius, cutter.reach)
+        little[little] = removed <= CUT_ALLOWED
+        return little
 
-    def rapids_cut_nothing(self, lines: Sequence[Float[ndarray, "_ 3"]]) -> Bool[ndarray, " k"]:
-        """Whether a ball that is thicker by RAPID_SPARE removes nothing on straight moves through each line of
-        centres."""
+    def rapids_cut_nothing(self, lines: Sequence[Polyline]) -> Bool[ndarray, " k"]:
+        """Whether a ball that is thicker by RAPID_SPARE removes nothing on straight moves through the poses of each
+        line."""
         if not isinstance(self.material, Material):
             return np.ones(len(lines), dtype=bool)
-        nowhere = np.zeros((len(lines), 0, 3))
+        nowhere = [(np.zeros((0, 3)), np.zeros((0, 3)))] * len(lines)
         removed = self.material.dexels.removed_by(lines, nowhere, self.ball_radius + RAPID_SPARE)
         return np.asarray(removed == 0)
 

@@ -122,8 +122,8 @@ def _free_ways(space: LinkSpace, poses: Sequence[Pose], chosen: Sequence[Departu
     before: in a pocket most departures cut, and the proofs take ten times as long."""
     ways = list(zip(poses, chosen, _lengths(space, poses, chosen), strict=True))
     lines = [_polyline(*way) for way in ways]
-    starts = np.array([centre for centre, _ in poses]).reshape(-1, 1, 3)
-    little = np.flatnonzero(space.cuts_little([centres for centres, _ in lines], starts)).tolist()
+    starts = [(centre[None], axis[None]) for centre, axis in poses]
+    little = np.flatnonzero(space.cuts_little(lines, starts)).tolist()
     found: list[_Way | None] = [None] * len(poses)
     proven = _proven_ways(space, [lines[i] for i in little], [ways[i] for i in little])
     for i, way in zip(little, proven, strict=True):
@@ -143,7 +143,7 @@ def _proven_ways(
     rapid = [i for i in np.flatnonzero(free).tolist() if standoffs[i] + 1 < len(lines[i][0])]
     rapids = [(lines[i][0][standoffs[i] :], lines[i][1][standoffs[i] :]) for i in rapid]
     free[rapid] = space.polylines_free(rapids, cutting=False)
-    free[rapid] &= space.rapids_cut_nothing([centres for centres, _ in rapids])
+    free[rapid] &= space.rapids_cut_nothing(rapids)
     retracts = [
         _retract(space.feeds, line, lengths, departure, standoff)
         for line, (_, departure, lengths), standoff in zip(lines, ways, standoffs, strict=True)

@@ -109,6 +109,11 @@ class Cutter:
         """From the tip to the far end of the holder: the gauge line, mm."""
         return self.overhang + stack_length(self.holder)
 
+    @property
+    def reach(self) -> float:
+        """Height of the flutes above the ball's centre, mm."""
+        return self.flute_length - self.radius
+
     @cached_property
     def profile(self) -> tuple[Section, ...]:
         """Cylinders and cones above the ball's centre, from the tip up: cutter, shank, those of the holder and of

@@ -1,5 +1,5 @@
-"""What stands while the levels are machined, on three sets of rays (tri-dexels): what balls have left of the stock, and
-what they would remove on other ways.
+"""What stands while the levels are machined, on three sets of rays (tri-dexels): what balls and the flutes above them
+have left of the stock, and what they would remove on other ways.
 
 The height field of `material.py` knows the material along its own lines only: where the wall that a level leaves meets
 a face of the stock that is not cut, a rib between two of them may be wider than a link may cut. Rays that cross one
@@ -14,7 +14,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.kernels.removal.air import new_ends
-from bonecam.kernels.removal.probe import cut_moves, probe
+from bonecam.kernels.removal.probe import Ways, cut_ways, probe
 from bonecam.kernels.removal.rays import RaySet
 from bonecam.runtime.threads import in_pieces
 from bonecam.setup.stock import Stock
@@ -25,6 +25,9 @@ CELL = 0.2
 MEMORY_MB = 100.0
 """Memory that the rays may take; a larger stock has them farther apart."""
 
+Poses = tuple[Float[ndarray, "_ 3"], Float[ndarray, "_ 3"]]
+"""Ball centres and unit tool axes."""
+
 
 @dataclass(frozen=True, eq=False)
 class Dexels:
@@ -33,17 +36,17 @@ class Dexels:
     sets: tuple[RaySet, ...]
     grid: RayGrid
 
-    def without(self, starts: Float[ndarray, "m 3"], ends: Float[ndarray, "m 3"], radius: float) -> "Dexels":
-        """What is left behind straight moves of the centre of a ball."""
+    def without(self, starts: Poses, ends: Poses, radius: float, reach: float = 0.0) -> "Dexels":
+        """What is left behind straight moves of a ball's centre, and of flutes up to `reach` (mm) above it."""
         left = [_copy_with_bounds(rays) for rays in self.sets]
 
         def work(which: slice) -> None:
             k = which.start
-            places = self._in_set(starts, k), self._in_set(ends, k)
+            ways = self._ways(starts, ends, reach, k)
             at = 0
-            while at < len(starts):
-                at = cut_moves(left[k], *places, radius, at)
-                if at < len(starts):
+            while at < len(ways.starts):
+                at = cut_ways(left[k], ways, radius, at)
+                if at < len(ways.starts):
                     left[k] = with_more_room(left[k])
 
         in_pieces(work, len(left), 1)
@@ -62,30 +65,51 @@ class Dexels:
         return np.vstack(found)
 
     def removed_by(
-        self, lines: Sequence[Float[ndarray, "_ 3"]], removed: Float[ndarray, "k m 3"], radius: float
+        self, lines: Sequence[Poses], removed: Sequence[Poses], radius: float, reach: float = 0.0
     ) -> Float[ndarray, " k"]:
-        """What a ball would remove on straight moves of its centre through each line of places, mm^3, behind balls at
-        the `removed` places of that line."""
+        """What a ball, and flutes up to `reach` (mm) above its centre, would remove on straight moves through the poses
+        of each line, mm^3, behind tools in the poses `removed` of that line."""
         volumes = np.zeros((len(self.sets), len(lines)))
         if not len(lines):
             return volumes[0]
-        places, ends = np.vstack(lines), np.cumsum([len(line) for line in lines])
+        pairs = list(zip(removed, lines, strict=True))
+        # each line begins at its first place, behind the tools that are there already
+        starts = _stacked(
+            [part for gone, line in pairs for part in (gone, _some(line, slice(1)), _some(line, slice(-1)))]
+        )
+        ends = _stacked([part for pair in pairs for part in pair])
+        lasts = np.cumsum([len(gone[0]) + len(line[0]) for gone, line in pairs])
+        begun = lasts - [len(line[0]) for _, line in pairs]
 
         def work(which: slice) -> None:
             k, rays = which.start, self.sets[which.start]
-            before = self._in_set(removed.reshape(-1, 3), k).reshape(removed.shape)
+            ways = self._ways(starts, ends, reach, k)
             at = 0
             while at < len(lines):
-                at = probe(rays, self._in_set(places, k), ends, before, radius, at, volumes[k])
+                at = probe(rays, ways, lasts, begun, radius, at, volumes[k])
                 if at < len(lines):
                     rays = with_more_room(rays)
 
         in_pieces(work, len(self.sets), 1)
         return np.asarray(volumes.mean(axis=0))
 
-    def _in_set(self, points: Float[ndarray, "n 3"], direction: int) -> Float[ndarray, "n 3"]:
-        """Points in the coordinates u, v, w of one set."""
-        return np.ascontiguousarray(self.grid.of_points(points)[:, order(direction)])
+    def _ways(self, starts: Poses, ends: Poses, reach: float, direction: int) -> Ways:
+        """Straight moves of a tool in the coordinates of one set."""
+        across = order(direction)
+        first, last = (np.ascontiguousarray(self.grid.of_points(c)[:, across]) for c, _ in (starts, ends))
+        before, after = (np.ascontiguousarray(self.grid.of_vectors(v)[:, across]) for _, v in (starts, ends))
+        return Ways(first, last, before, after, np.full(len(first), reach))
+
+
+def _some(poses: Poses, which: slice) -> Poses:
+    """Some of the poses."""
+    return poses[0][which], poses[1][which]
+
+
+def _stacked(poses: Sequence[Poses]) -> Poses:
+    """All poses, one behind the other."""
+    centres, axes = zip(*poses, strict=True)
+    return np.vstack(centres), np.vstack(axes)
 
 
 def dexels_of(stock: Stock) -> Dexels:

@@ -23,7 +23,7 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.facets.vertex_normals import vertex_normals
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.stock import Stock
-from bonecam.toolpath.engagement.dexels import Dexels, dexels_of
+from bonecam.toolpath.engagement.dexels import Dexels, Poses, dexels_of
 from bonecam.toolpath.engagement.entering import ball_depths, enters_beside
 from bonecam.toolpath.engagement.standing_mesh import CHORD, holding, hull
 from bonecam.toolpath.engagement.stock_places import places_on_stock
@@ -70,7 +70,8 @@ def _swept_after(path: ToolPath, before: Sequence[Swept]) -> tuple[Swept, ...]:
 class Material:
     """The material left of a `stock`: the vertices of `grid` moved to `vertices`; and places of its surface, those of
     the finer grid `depth_grid` moved to `places`. `swept` is where balls cut on the last two levels. `uncut` is the
-    stock before the first cut: depths are measured from it. `dexels` are what stands whatever the lines of the grids.
+    stock before the first cut: depths are measured from it. `dexels` are what balls leave whatever the lines of the
+    grids, `fluted` what balls and the flutes above them leave.
     `floor` are the vertices on the level that was cut last, None while levels only round the edges of the stock.
     """
 
@@ -80,6 +81,7 @@ class Material:
     depth_grid: LevelGrid
     places: Float[ndarray, "p 3"]
     dexels: Dexels
+    fluted: Dexels
     swept: tuple[Swept, ...] = ()
     uncut: Stock | None = None
     floor: Float[ndarray, "v 3"] | None = None
@@ -166,7 +168,8 @@ def uncut_material(levels: Sequence[Level], stock: Stock) -> Material:
     nets = [level.control_points for level in machined]
     grid, fine = (level_grid(machined[0].surface, nets, chord) for chord in (CHORD, DEPTH_CHORD))
     vertices, places = (places_on_stock(stock, each.R @ nets[-1], each.faces) for each in (grid, fine))
-    return Material(levels[-1].mesh, grid, vertices, fine, places, dexels_of(stock), uncut=stock)
+    dexels = dexels_of(stock)
+    return Material(levels[-1].mesh, grid, vertices, fine, places, dexels, dexels, uncut=stock)
 
 
 def remove_material(material: Material, level: MachinedLevel, path: ToolPath) -> Material:
@@ -177,12 +180,17 @@ def remove_material(material: Material, level: MachinedLevel, path: ToolPath) ->
     vertices = _lowered(material.vertices, floor, path)
     places = _lowered(material.places, material.depth_grid.R @ level.control_points, path)
     swept = _swept_after(path, material.swept)
-    dexels = material.dexels.without(*_cuts(path), path.cutter.radius)
+    poses, radius = _cut_poses(path), path.cutter.radius
+    dexels, fluted = (
+        material.dexels.without(*poses, radius),
+        material.fluted.without(*poses, radius, path.cutter.reach),
+    )
     return replace(
         material,
         vertices=vertices,
         places=places,
         dexels=dexels,
+        fluted=fluted,
         swept=swept,
         uncut=None,
         floor=material.floor if isinstance(level, RoundedLevel) else floor,
@@ -222,8 +230,15 @@ def _lowered(standing: Float[ndarray, "n 3"], floor: Float[ndarray, "n 3"], path
 
 def _cuts(path: ToolPath) -> tuple[Float[ndarray, "m 3"], Float[ndarray, "m 3"]]:
     """Where the ball's centre begins and ends each cutting move; a pass begins with one of no length."""
+    (starts, _), (ends, _) = _cut_poses(path)
+    return starts, ends
+
+
+def _cut_poses(path: ToolPath) -> tuple[Poses, Poses]:
+    """Ball centre and axis at beginning and end of each cutting move; a pass begins with one of no length."""
     centres = path.tips + path.cutter.radius * path.axes
     cutting = path.kinds == Kind.CUT
     goes_on = np.r_[False, cutting[:-1] & (path.pass_index[1:] == path.pass_index[:-1])]
     before = np.where(goes_on, np.arange(len(centres)) - 1, np.arange(len(centres)))
-    return centres[before[cutting]], centres[cutting]
+    starts = centres[before[cutting]], path.axes[before[cutting]]
+    return starts, (centres[cutting], path.axes[cutting])
