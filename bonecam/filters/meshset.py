@@ -42,7 +42,8 @@ class MeshSetFileError(FileError, meshlab().PyMeshLabException):  # type: ignore
 
 class MeshSet(meshlab().MeshSet):  # type: ignore[misc]
     """pymeshlab.MeshSet plus the filters of `registry`. `folder`: where relative names of files that filters
-    write lead. A script may write and read elsewhere with `allow_outside`, and over files with `force`."""
+    write lead. A script may write and read elsewhere with `allow_outside`, and over files with `force`; so may what a
+    mesh file names as material or texture lie."""
 
     def __init__(
         self,
@@ -85,7 +86,7 @@ class MeshSet(meshlab().MeshSet):  # type: ignore[misc]
         MeshLab reads it in a process of its own (`mesh.files.meshlab_files`). MeshSetFileError names the file
         and what is wrong with it.
         """
-        with _as_ours(), layers_of(Path(file_name), options) as found:
+        with _as_ours(), layers_of(Path(file_name), options, allow_outside=self.allow_outside) as found:
             for file, label in found:
                 super().load_new_mesh(str(file))
                 self.current_mesh().set_label(self._free_label(label))

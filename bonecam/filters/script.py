@@ -28,7 +28,8 @@ def apply_run(run: Run, registry: Registry | None, progress: Progress) -> None:
     readable = tuple(Path(file).absolute().parent for file in (run.script, *run.inputs))
     files = ScriptFiles(run.folder, run.target, readable, run.allow_outside, run.force)
     steps = files.placed(steps, run.script, known)
-    meshes = MeshSet(registry=known, folder=run.folder)
+    # what its inputs name is held against `readable` here
+    meshes = MeshSet(registry=known, folder=run.folder, allow_outside=True)
     for file in run.inputs:
         if not run.allow_outside:
             _refuse_outside(Path(file), readable)
@@ -59,7 +60,9 @@ def _refuse_outside(file: Path, readable: Sequence[Path]) -> None:
     if file.suffix.lower() in NAMING:
         what = "may name files anywhere: give a PLY, OBJ, STL or OFF, or allow it with --allow-outside"
         raise FileError(f"{file}: files of this kind {what}", file=str(file))
-    refuse_names_outside(file, bytes_of(file), readable)
+    where = "is not in the folder of the script or of an input"
+    remedy = f"{where}: put it there, or allow it with --allow-outside"
+    refuse_names_outside(file, bytes_of(file), readable, remedy)
 
 
 def save_layers(meshes: MeshSet, folder: Path) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 
 from bonecam.mesh.files.child import call_in_child
 from bonecam.mesh.files.mesh_files import MESHES, bytes_of, read_content
-from bonecam.mesh.files.named_files import refuse_special_names
+from bonecam.mesh.files.named_files import refuse_names_outside, refuse_special_names
 from bonecam.mesh.meshlab import call_on_cube, write_layers
 from bonecam.runtime.temporary import temporary_folder
 
@@ -23,6 +23,8 @@ SECONDS = 60.0
 """Time that MeshLab has for a file, and one second more for each MB."""
 MEMORY = 2**31
 """Memory that MeshLab has for its data, bytes, and 50 more for each byte of the file."""
+OUTSIDE = "is not in the folder of the mesh: put it there, or allow it with MeshSet(allow_outside=True)"
+"""What is wrong with a material or texture that a mesh names elsewhere: MeshLab would open it."""
 ENDING = {
     "save_snapshot": ("", "imagefilename"),
     "nxs_build": ("input_file", "output_file"),
@@ -33,16 +35,21 @@ the file it reads and the one it writes."""
 
 
 @contextmanager
-def layers_of(file: Path, options: Mapping[str, Any]) -> Iterator[list[tuple[Path, str]]]:
+def layers_of(
+    file: Path, options: Mapping[str, Any], *, allow_outside: bool
+) -> Iterator[list[tuple[Path, str]]]:
     """Files that MeshLab wrote of the layers of `file`, and their labels; they are removed with the block.
 
-    `options` are those of MeshLab's reader of this kind of file. FileError names the file and what is wrong.
+    `options` are those of MeshLab's reader of this kind of file. FileError names the file and what is wrong, which
+    without `allow_outside` is a material or texture in another folder too.
     """
     remedy = "it may be damaged: write it anew from its source"
     data = bytes_of(file)
     if file.suffix.lower() in MESHES:
         read_content(file, data)
     refuse_special_names(file, data)
+    if not allow_outside:
+        refuse_names_outside(file, data, [file.parent], OUTSIDE)
     with temporary_folder() as folder:
         answer = call_in_child(
             f"{write_layers.__module__}:{write_layers.__name__}",

@@ -45,14 +45,13 @@ def refuse_special_names(file: Path, data: bytes) -> None:
             named.refuse("is no regular file: remove the line")
 
 
-def refuse_names_outside(file: Path, data: bytes, folders: Sequence[Path]) -> None:
-    """FileError where a PLY or OBJ of the bytes `data`, or its materials, names a file that is below none of the
-    folders, which for a script are those that it may read."""
+def refuse_names_outside(file: Path, data: bytes, folders: Sequence[Path], remedy: str) -> None:
+    """FileError with the `remedy` where a PLY or OBJ of the bytes `data`, or its materials, names a file that is below
+    none of the folders."""
     roots = [Path(os.path.realpath(folder)) for folder in folders]
     for named in named_files(file, data):
         if not any(root in Path(os.path.realpath(named.place)).parents for root in roots):
-            where = "is not in the folder of the script or of an input"
-            named.refuse(f"{where}: put it there, or allow it with --allow-outside")
+            named.refuse(remedy)
 
 
 def named_files(file: Path, data: bytes) -> Iterator[NamedFile]:

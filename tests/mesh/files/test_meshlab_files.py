@@ -3,6 +3,7 @@
 import os
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pymeshlab
 import pytest
@@ -97,6 +98,31 @@ def test_damaged_and_special_files_are_refused_before_meshlab_sees_them(
         with pytest.raises(pymeshlab.PyMeshLabException, match=what) as caught:
             MeshSet().load_new_mesh(str(tmp_path / name))
         assert isinstance(caught.value, FileError)
+
+
+@pytest.mark.parametrize("kind", ["a.ply", "a.obj"])
+def test_a_texture_of_another_folder_is_not_opened(kind: str, painted_ply: str, tmp_path: Path) -> None:
+    """What a mesh of a stranger names: beside it, or below its folder, it is its texture; elsewhere it is not."""
+    folder = tmp_path / "given"
+    (folder / "skins").mkdir(parents=True)
+    picture = tmp_path / "paint.png"
+    for place in (picture, folder / "skins" / "paint.png"):
+        plt.imsave(place, np.zeros((2, 2, 3)))
+
+    def load(name: str, *, allow_outside: bool = False) -> MeshSet:
+        (folder / "a.mtl").write_text(f"newmtl skin\nmap_Kd {name}\n")
+        (folder / kind).write_text(painted_ply.format(name) if kind == "a.ply" else "mtllib a.mtl\n" + OBJ)
+        meshes = MeshSet(allow_outside=allow_outside)
+        meshes.load_new_mesh(str(folder / kind))
+        return meshes
+
+    assert load("skins/paint.png").current_mesh().face_number()
+    for name in ("../paint.png", str(picture)):
+        with pytest.raises(
+            FileError, match=r"line \d: '.*paint\.png' is not in the folder of the mesh: put it"
+        ):
+            load(name)
+        assert load(name, allow_outside=True).current_mesh().face_number()
 
 
 def test_what_meshlab_refuses_is_one_line(tmp_path: Path) -> None:
