@@ -1,4 +1,4 @@
-"""Damaged SAT, DXF, STEP and IGES files: each gives a mesh or one typed line."""
+"""Damaged SAT, DXF, STEP and IGES files: each gives a mesh, its B-spline faces, or one typed line."""
 
 import random
 from collections.abc import Callable
@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 
 from bonecam.mesh.files.mesh_files import read_mesh
+from bonecam.surface.files.cad.read import read_bsplines
+from bonecam.surface.files.cad.write import write_iges, write_step
 
 pytest.importorskip("ezdxf")
 
@@ -53,6 +55,7 @@ def write_cad(file: Path) -> None:
 
 
 WRITERS = {"a.sat": write_sat, "a.dxf": write_dxf, "a.step": write_cad, "a.igs": write_cad}
+SURFACES = {"a.step": write_step, "a.igs": write_iges}
 COUNTS = [
     *((name, DEFAULT) for name in ("a.sat", "a.dxf")),
     *((name, CHILDREN) for name in ("a.step", "a.igs")),
@@ -80,3 +83,26 @@ def test_a_damaged_cad_file_gives_a_mesh_or_one_line(
         file.write_bytes(mutate(rng, sound))
         refused += bool(outcome(read_mesh, file))
     assert 0 < refused < count
+
+
+@pytest.mark.parametrize(
+    ("name", "count"),
+    [
+        *(pytest.param(name, CHILDREN // 3, id=f"{name}-few") for name in SURFACES),
+        *(pytest.param(name, MANY, id=f"{name}-many", marks=pytest.mark.fuzz) for name in SURFACES),
+    ],
+)
+def test_a_damaged_file_of_a_surface_gives_its_faces_or_one_line(
+    name: str, count: int, pebble: Callable, mutate: Callable, outcome: Callable, tmp_path: Path
+) -> None:
+    rng = random.Random(f"surface {name}")
+    file = tmp_path / name
+    SURFACES[name](pebble(), file)
+    sound = file.read_bytes()
+    assert read_bsplines(file)
+
+    file.write_bytes(sound[: len(sound) // 2])
+    assert outcome(read_bsplines, file)
+    for _ in range(count):
+        file.write_bytes(mutate(rng, sound))
+        outcome(read_bsplines, file)
