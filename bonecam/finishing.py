@@ -201,7 +201,7 @@ def _posted(
     with times.stage("verify"):
         tolerances = Tolerances(gouge=job.path.gouge_tolerance)
         part = MeshDistance(workpiece.solid)
-        proof = verify_program(posted.text, [path], machine, dialect, part, tolerances)
+        proof = verify_program(posted.text, [path], machine, dialect, part, tolerances, job)
     return path, record_checks(posted, dialect, str(proof)), proof
 
 

@@ -40,11 +40,11 @@ from bonecam.setup.stock_kind import check_sizes
 from bonecam.surface.files.surface_input import read_part
 from bonecam.surface.part_surface import fit_surface
 from bonecam.toolpath.cutters.ball_depth import check_depths
+from bonecam.verify.control.trial_program import check_posting
 from bonecam.verify.proof import verify
 from bonecam.verify.readback import Tolerances
 from bonecam.verify.removal.of_job import prove_removal
 from bonecam.verify.summary import NOT_SIMULATED
-from bonecam.verify.trial_program import check_posting
 
 
 def convert(
@@ -214,7 +214,9 @@ def _machine(
 
     with times.stage("verify"):
         tolerances = Tolerances(gouge=job.path.gouge_tolerance)
-        proof = verify(program.text, paths, machine, dialect, design, tolerances, part(progress, 0.9, 1.0))
+        proof = verify(
+            program.text, paths, machine, dialect, design, tolerances, part(progress, 0.9, 1.0), job
+        )
 
     program = record_checks(program, dialect, str(proof))
     told = report_to_program(Path(file or "").name, paths, program, proof, job.path, levels[0].mesh)

@@ -163,7 +163,7 @@ def _posted(
     name = program_name(file or "second")
     program = write_program(paths, machine, dialect, job, name=name, setup=texts)
     solids, allowed = MeshDistance(clamping.solids), Tolerances(gouge=job.path.gouge_tolerance)
-    proof = verify_program(program.text, paths, machine, dialect, solids, allowed)
+    proof = verify_program(program.text, paths, machine, dialect, solids, allowed, job)
     return record_checks(program, dialect, str(proof)), proof
 
 

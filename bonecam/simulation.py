@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bonecam.errors import BonecamError, FileError, JobError, ProgramError
+from bonecam.errors import BonecamError, FileError, JobError, ProgramError, VerifyError
 from bonecam.files import check_files, input_text, write_whole
 from bonecam.job import Job, LevelsJob, StockJob
 from bonecam.mesh.facets.hull import convex_hull
@@ -16,6 +16,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import Dialect, read_dialect
 from bonecam.nc.machine import Machine, read_machine
 from bonecam.nc.posting.header.header import comment
+from bonecam.nc.reading.read import read_program
 from bonecam.outputs.kept_view import SECOND_VIEW, check_page_name, kept_contents
 from bonecam.progress import Progress, part, silent
 from bonecam.setup.fixture.clamping import clamping_of
@@ -29,6 +30,7 @@ from bonecam.surface.files.tspline_text import read_tsm
 from bonecam.text.faults import shown
 from bonecam.toolpath.layers.limits import layer_limits
 from bonecam.toolpath.path import PARTING
+from bonecam.verify.control.check import check_control
 from bonecam.verify.page.contents import level_meshes, with_program
 from bonecam.verify.page.packing import Contents, pack
 from bonecam.verify.page.page import page_html
@@ -71,8 +73,9 @@ def simulate(
     program as simulated, whatever came out.
 
     FileError where a file is not there, ProgramError where the text cannot be read or is for another machine, control,
-    stock or stump, JobError where the cell is too fine or too coarse. `check_removal` refuses what a program may not
-    do.
+    stock or stump, VerifyError where its control would refuse the text or run it otherwise than the job means (axis
+    limits, feeds, spindle, coolant, lengths of tools), JobError where the cell is too fine or too coarse.
+    `check_removal` refuses what a program may not do.
     """
     job = job or Job()
     _check_cell(cell, job)
@@ -81,13 +84,13 @@ def simulate(
     if html is not None:
         check_files([html], [program])
         check_page_name(html)
-    text = _text_for(machine, dialect, Path(program))
+    text = _text_for(machine, dialect, Path(program), job)
     keep = Path(keep)
     run: Contents | None
     if SECOND.search(_header(text)):
         run = _kept_second(text, Path(program), keep)
         kept = keep / f"program{dialect.extension}"
-        first = _text_for(machine, dialect, kept)
+        first = _text_for(machine, dialect, kept, job)
         before = _simulate_first(first, kept, keep, job, None, cell, part(progress, 0.0, 0.8))
         job = replace(job, holding=job.holding.turned_over)
         removal = _simulate_second(text, run, job, before.remaining, part(progress, 0.8, 1.0))
@@ -171,8 +174,9 @@ def _limits(job: Job, levels: int) -> dict[int, float]:
     return parting | {index: first[index] if index < len(first) else beyond for index in range(levels - 1)}
 
 
-def _text_for(machine: Machine, dialect: Dialect, program: Path) -> str:
-    """The text of a program for this machine. ProgramError where it is for another one."""
+def _text_for(machine: Machine, dialect: Dialect, program: Path, job: Job) -> str:
+    """The text of a program for this machine and job. ProgramError where it is for another machine or cannot be read,
+    VerifyError where its control would refuse it, or run it otherwise than the job means."""
     try:
         text = input_text(program)
     except (OSError, UnicodeDecodeError) as error:
@@ -181,6 +185,10 @@ def _text_for(machine: Machine, dialect: Dialect, program: Path) -> str:
             f"{program}: cannot be read ({why}): give an NC program", file=str(program)
         ) from error
     _require_machine(text, machine, dialect, program)
+    try:
+        check_control(read_program(text, machine, dialect), machine, dialect, job)
+    except (ProgramError, VerifyError) as error:
+        raise type(error)(f"{program}: {error}", **error.evidence) from error
     return text
 
 

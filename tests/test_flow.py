@@ -24,7 +24,7 @@ ROOMS = {
     "orientation": [
         *"limits collision axes cones field links oriented_path held level_paths layer_paths surface_path".split(),
     ],
-    "verify": "gouge readback trial_program proof removal axis_comparison report axis_lines summary pictures page "
+    "verify": "gouge readback removal control proof axis_comparison report axis_lines summary pictures page "
     "sheet".split(),
 }
 """The order of the modules and sub-packages inside a stage."""

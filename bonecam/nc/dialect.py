@@ -8,6 +8,7 @@ How to add a dialect: copy a file of `bonecam/nc/dialects/` (name it, or give it
   takes the short way) or "wound"; `short_way`: the blocks that switch the short way `on` and `off`, where there
   are any, or `endless_word`: the form of a word that takes it, such as "{letter}=DC({number})": with either of them
   the job may choose; `endless_from_deg`: the lowest of the wrapped words (-180 where it is not stated);
+- `decimal_point`: true where a number of an axis or a feed without its point may mean thousandths: then it is refused;
 - `straight_rapids`: true where the control drives rapids on a straight line (all axes arrive together); where it
   is false or not stated, what would be a rapid beside the part is written as a feed move at the rapid rate;
 - `starts_at_zero`: true where X, Y, Z are fixed to the table as it stands when tool-centre control is switched on: then
@@ -37,7 +38,10 @@ How to add a dialect: copy a file of `bonecam/nc/dialects/` (name it, or give it
 - the reader's grammar: [[statements]] (whole blocks: `pattern`, a regular expression of RE2, and `effect`), and for
   iso [codes]: what each G, M and D code and each word of letters alone does; where there are codes of `tool_length`,
   every tool must have its length, by H, or by D of the tool in the spindle, before it moves; a rapid to Z0 in
-  `machine_coordinates` is a retract, and so is a `reference_return` of Z by `incremental` words;
+  `machine_coordinates` is a retract, and so is a `reference_return` of Z by `incremental` words; the group `spindle`
+  of a statement `tool`, or S, is the spindle's speed; M3 is `spindle_on`, M5 `spindle_stop`, M7 and M8 are
+  `coolant_on`, M9 is `coolant_off`. What a code means everywhere (`nc/schema/code_meanings.py`) it cannot mean
+  otherwise: units, planes, arcs and increments are never without effect;
 - [stated]: what the proof takes for granted and a text must therefore state, by codes, or by names that statements
   have as `states`: before the first move of an axis (`moves`), and again after each start of tool-centre control
   (`tool_centre`);
@@ -89,6 +93,7 @@ class Dialect:
     frame: str
     moving_blocks: tuple[str, ...]
     machining: MachiningTable
+    decimal_point: bool
     straight_rapids: bool
     starts_at_zero: bool
     tolerance_factor: float
@@ -194,6 +199,7 @@ def read_dialect(name: str | Path) -> Dialect:
         frame=table.frame,
         moving_blocks=tuple(table.moving_blocks),
         machining=table.machining,
+        decimal_point=table.decimal_point,
         straight_rapids=table.straight_rapids,
         starts_at_zero=table.starts_at_zero,
         tolerance_factor=table.tolerance_factor,

@@ -1,5 +1,5 @@
-"""The proof of a posted text: read back (`nc/reading`), compared with the tool paths (`readback.py`), and
-checked for gouges of the part (`gouge.py`)."""
+"""The proof of a posted text: read back (`nc/reading`), judged as its control would run it (`control`), compared with
+the tool paths (`readback.py`), and checked for gouges of the part (`gouge.py`)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bonecam.errors import VerifyError
+from bonecam.job import Job
 from bonecam.mesh.distance import MeshDistance
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.machine import Machine
@@ -14,6 +15,7 @@ from bonecam.nc.reading.read import read_program
 from bonecam.progress import Progress, report, silent
 from bonecam.surface.tspline import TSpline
 from bonecam.toolpath.path import ToolPath
+from bonecam.verify.control.check import check_control
 from bonecam.verify.gouge import Distances, Gouge, measure_gouge
 from bonecam.verify.readback import Tolerances, compare_moves
 
@@ -49,12 +51,13 @@ def verify(
     design: TSpline,
     tolerances: Tolerances | None = None,
     progress: Progress = silent,
+    job: Job | None = None,
 ) -> Verification:
     """Prove `text` against the paths and the design surface; errors as in `verify_program`."""
     report(progress, 0.0, "reading the program back")
     allowed = tolerances or Tolerances()
     part = MeshDistance(design.tessellate(min(DESIGN_CHORD, DESIGN_SHARE * allowed.gouge)))
-    return verify_program(text, paths, machine, dialect, part, allowed)
+    return verify_program(text, paths, machine, dialect, part, allowed, job)
 
 
 def verify_program(
@@ -64,14 +67,16 @@ def verify_program(
     dialect: Dialect,
     part: Distances,
     tolerances: Tolerances | None = None,
+    job: Job | None = None,
 ) -> Verification:
-    """Read `text` back and prove it against the paths and the part.
+    """Read `text` back and prove that the control runs it as the `job` means, against the paths and the part.
 
     `part` measures against a fine tessellation of the design surface: its own deviation is not seen here.
     ProgramError where the text cannot be read, VerifyError (with `line`, `place`, `error`) where it is wrong.
     """
     allowed = tolerances or Tolerances()
     motions = read_program(text, machine, dialect)
+    check_control(motions, machine, dialect, job)
     checked = compare_moves(motions, paths, dialect, allowed)
     gouge = measure_gouge(motions, part)
     if gouge.depth > allowed.gouge:

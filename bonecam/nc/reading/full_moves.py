@@ -21,6 +21,8 @@ MAX_LINES = 50_000
 """Lines read at once: bounds the memory for long programs."""
 ISO_NUMBER = rf"[+-]?{WHOLE}(?:\.[0-9]{{0,9}})?"
 """The pattern of a number of a word, as ISO 6983 writes it."""
+POINTED_NUMBER = rf"[+-]?{WHOLE}\.[0-9]{{0,9}}"
+"""The pattern of a number that must have its decimal point."""
 MARKS = {"CUT": False, "LINK": True}
 """Comments, and whether the feed moves after them are links."""
 
@@ -62,11 +64,12 @@ def full_move(dialect: Dialect, machine: Machine, short_way: bool) -> re.Pattern
         return re.compile(rf"({WHOLE}) (L){words} R0 F(MAX|{WHOLE})")
     codes = "|".join(re.escape(code) for code, effect in dialect.codes.items() if effect in ("rapid", "feed"))
     endless = endless_letters(machine) if short_way else ""
+    number = POINTED_NUMBER if dialect.decimal_point else ISO_NUMBER
     words = "".join(
-        " " + (endless_word_pattern(dialect, letter) if letter in endless else f"{letter}({ISO_NUMBER})")
+        " " + (endless_word_pattern(dialect, letter) if letter in endless else f"{letter}({number})")
         for letter in letters
     )
-    text = rf"({codes}){words}(?: F({ISO_NUMBER}))?"
+    text = rf"({codes}){words}(?: F({number}))?"
     return re.compile(numbered_pattern(dialect.numbering, text))
 
 
@@ -80,7 +83,8 @@ def endless_word_pattern(dialect: Dialect, letter: str) -> str:
     its number."""
     before, _, rest = dialect.endless_word.partition("{letter}")
     between, _, behind = rest.partition("{number}")
-    return f"{re.escape(before)}{letter}{re.escape(between)}({ISO_NUMBER}){re.escape(behind)}"
+    number = POINTED_NUMBER if dialect.decimal_point else ISO_NUMBER
+    return f"{re.escape(before)}{letter}{re.escape(between)}({number}){re.escape(behind)}"
 
 
 def read_full_moves(

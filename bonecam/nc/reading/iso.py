@@ -3,12 +3,15 @@
 import re
 from collections.abc import Sequence
 
-from bonecam.errors import ProgramError
+import numpy as np
+
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.reading.full_moves import ISO_NUMBER, endless_letters, endless_word_pattern
 from bonecam.nc.reading.line_error import line_error
-from bonecam.nc.reading.modal_state import ModalState, tool_number
+from bonecam.nc.reading.modal_state import ModalState
 from bonecam.nc.reading.statements import is_statement
+from bonecam.nc.reading.tool_words import tool_number
+from bonecam.nc.schema.code_meanings import remark_on
 from bonecam.nc.schema.numbering import block_number, has_number, numbered_pattern
 from bonecam.text.faults import shown
 
@@ -22,10 +25,12 @@ Words = list[tuple[str, str]]
 def run_iso(lines: Sequence[str], state: ModalState) -> None:
     """Run the blocks of a program; ProgramError names the line of a word that is unknown or out of place."""
     frame = state.dialect.frame
-    if frame and (lines[0] != frame or lines[-1] != frame or len(lines) < 2):
-        why = f"the program is not between two lines of {frame}: the file is cut off"
-        raise ProgramError(why, line=len(lines))
-    blocks = lines[:-1] if frame else lines
+    if frame and lines[0] != frame:
+        raise line_error(
+            1, f"a line of {frame} is missing, with which a program of {state.dialect.title} begins"
+        )
+    closed = not frame or (lines[-1] == frame and len(lines) > 1)
+    blocks = lines[:-1] if frame and closed else lines
     reader = _BlockReader(state)
     at = 1 if frame else 0
     ordinal = 0
@@ -36,6 +41,8 @@ def run_iso(lines: Sequence[str], state: ModalState) -> None:
             continue
         at += 1
         ordinal = reader.run(blocks[at - 1], ordinal, at)
+    if not closed:
+        raise line_error(len(lines), f"the program does not end with a line of {frame}: the file is cut off")
 
 
 class _BlockReader:
@@ -48,6 +55,10 @@ class _BlockReader:
         before, _, behind = self.dialect.comment.partition("{text}")
         inner = "[^()]*" if behind else ".*"
         self.comment = re.compile(f"{re.escape(before)}({inner}){re.escape(behind)}")
+        self.remark = re.compile(f"(.*?) *{re.escape(before.rstrip())}{inner}{re.escape(behind)}")
+        self.point = self.dialect.decimal_point
+        lengths = [code for code, effect in self.dialect.codes.items() if effect == "tool_length"]
+        self.by_edge = any(code.startswith("D") for code in lengths)
         self.endless = endless_letters(state.machine)
         self.own_form = self.dialect.has_own_form and bool(self.endless)
         self.short_word = re.compile(endless_word_pattern(self.dialect, f"([{self.endless or 'C'}])"))
@@ -60,9 +71,12 @@ class _BlockReader:
         comment = self.comment.fullmatch(content)
         if comment:
             self.state.read_comment(comment[1], line)
-        elif self.state.ended:
+            return ordinal
+        remarked = self.remark.fullmatch(content)
+        content = remarked[1] if remarked else content
+        if self.state.ended:
             raise line_error(line, "a block after the program's end")
-        elif not is_statement(content, self.state, line):
+        if not is_statement(content, self.state, line):
             self._run_words(self._words(content, line), line)
         return ordinal
 
@@ -71,7 +85,9 @@ class _BlockReader:
         number = block_number(self.dialect.numbering, ordinal)
         found = self.numbered.fullmatch(content)
         if found is None or found[1] != str(number):
-            raise line_error(line, f"block number {number} expected, found {shown(content.split(' ')[0])}")
+            format_ = self.dialect.numbering.format or ""
+            wanted = format_.format(number=number, text="").strip()
+            raise line_error(line, f"block number {wanted} expected, found {shown(content.split(' ')[0])}")
         return found[2]
 
     def _words(self, content: str, line: int) -> Words:
@@ -81,25 +97,39 @@ class _BlockReader:
         for item in content.split():
             short = self.short_word.fullmatch(item) if self.own_form else None
             found = short or WORD.fullmatch(item)
-            if not found and item not in self.dialect.codes:
-                raise line_error(line, f"{shown(item)} is no word")
             words.append((found[1], found[2]) if found else (item, ""))
+            self._check_known(*words[-1], line)
             if self.own_form and words[-1][0] in self.endless:
                 ways.add(short is not None)
         if len(ways) > 1:
             raise line_error(line, "one endless axis takes the short way, another one does not")
-        self.state.short_way = ways.pop() if ways else self.state.short_way
+        self.state.endless.short_way = ways.pop() if ways else self.state.endless.short_way
         return words
+
+    def _check_known(self, letter: str, number: str, line: int) -> None:
+        """ProgramError where a word is neither a code of the dialect, nor one of an axis or parameter with a number
+        as the control reads it."""
+        word = letter + number
+        if word in self.dialect.codes:
+            return
+        if not number:
+            raise line_error(line, f"{shown(word)} is no word{remark_on(word)}")
+        measured = letter in self.state.machine.letters + "F"
+        if not measured and letter not in PARAMETERS:
+            raise line_error(line, f"unknown word {word}{remark_on(word)}")
+        if measured and self.point and "." not in number:
+            raise line_error(line, f"{word} has no decimal point: the control may read it as thousandths")
 
     def _run_words(self, words: Words, line: int) -> None:
         state = self.state
-        effects = [effect for word in words if (effect := self._effect(*word, line))]
+        effects = [effect for letter, number in words if (effect := self.dialect.codes.get(letter + number))]
         values = self._values(words, line)
         if "inverse_time" in effects or "per_minute" in effects:
             state.inverse_time = "inverse_time" in effects
         if "incremental" in effects or "absolute" in effects:
             state.incremental = "incremental" in effects
-        self._take_tool(words, effects, values, line)
+        self._take_tool(effects, values, line)
+        self._turn_spindle(effects, values, line)
         self._switch_tool_centre(effects, values, line)
         for letter, number in words:
             state.stated.read(letter + number)
@@ -117,7 +147,7 @@ class _BlockReader:
             state.move(axes, "rapid" in effects, float(values.get("F", "0")), line)
         state.ended = "program_end" in effects
 
-    def _take_tool(self, words: Words, effects: list[str], values: dict[str, str], line: int) -> None:
+    def _take_tool(self, effects: list[str], values: dict[str, str], line: int) -> None:
         """Select a tool, change to it, compensate its length: by H of the tool, or by D of the one in the spindle."""
         state = self.state
         if "T" in values:
@@ -125,8 +155,17 @@ class _BlockReader:
         if "tool_change" in effects:
             state.change_tool(state.selected, line)
         if "tool_length" in effects or "tool_length_off" in effects:
-            by_edge = "tool_length" in effects and any(letter == "D" for letter, _ in words)
+            by_edge = self.by_edge and "tool_length" in effects
             state.take_length(state.tool if by_edge else tool_number(values.get("H", "0"), line), line)
+
+    def _turn_spindle(self, effects: list[str], values: dict[str, str], line: int) -> None:
+        """Take the spindle's speed, and start or stop spindle and coolant."""
+        if "S" in values:
+            self.state.spindle.programmed = float(values["S"])
+            if not self.state.spindle.programmed > 0:
+                raise line_error(line, f"S{values['S']} is no speed of the spindle")
+        for effect in effects:
+            self.state.spindle.apply(effect)
 
     def _switch_tool_centre(self, effects: list[str], values: dict[str, str], line: int) -> None:
         """Switch tool-centre control; where no other code does it, that takes the length of a tool, by H, or drops
@@ -165,27 +204,14 @@ class _BlockReader:
         if not allowed or "feed" in effects or axes != {"Z": 0.0}:
             known = "a return of Z0 by increments" if by_reference else "a rapid to Z0"
             raise line_error(line, f"in machine coordinates nothing but {known} is known")
-        state.blocks += 1
-        state.forget_tip()
+        if self.by_edge and state.length_of:
+            raise line_error(line, f"a retract with the length of tool {state.length_of}: switch it off (D0)")
+        state.retract(line, np.nan if by_reference else 0.0)
 
     def _values(self, words: Words, line: int) -> dict[str, str]:
         """The numbers of all words but codes, by letter."""
-        rest = [(letter, number) for letter, number in words if not self._is_code(letter, number)]
+        rest = [(letter, number) for letter, number in words if letter + number not in self.dialect.codes]
         values = dict(rest)
         if len(values) != len(rest):
             raise line_error(line, "a letter stands twice in one block")
-        for letter in values:
-            if letter not in self.state.machine.letters + PARAMETERS:
-                raise line_error(line, f"unknown word {letter}{values[letter]}")
         return values
-
-    def _is_code(self, letter: str, number: str) -> bool:
-        return letter in "GM" or letter + number in self.dialect.codes
-
-    def _effect(self, letter: str, number: str, line: int) -> str:
-        """What a word does if it is a code (see `nc.dialect`), "" if it is none."""
-        if not self._is_code(letter, number):
-            return ""
-        if letter + number not in self.dialect.codes:
-            raise line_error(line, f"unknown word {letter}{number}")
-        return self.dialect.codes[letter + number]

@@ -4,7 +4,6 @@ Control manuals call a word modal that holds until another word replaces it: the
 tool, tool-centre control, the way endless axes turn, and the meaning of F.
 """
 
-import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -14,35 +13,24 @@ from bonecam.errors import ProgramError
 from bonecam.nc.control import Control
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.machine import Machine
-from bonecam.nc.reading.full_moves import MARKS, Blocks, full_move, read_full_moves, unwound
+from bonecam.nc.reading.endless_axes import EndlessAxes
+from bonecam.nc.reading.full_moves import MARKS, Blocks, full_move, read_full_moves
 from bonecam.nc.reading.line_error import line_error
-from bonecam.nc.reading.motions import Motions, Tool, motions_of
+from bonecam.nc.reading.motions import COLUMNS, Motions, PartialMove, Tool, motions_of
+from bonecam.nc.reading.spindle_coolant import SpindleAndCoolant
 from bonecam.nc.reading.stated import Stated
-from bonecam.nc.schema.numbering import WHOLE, block_numbers
-from bonecam.text.faults import shown
-
-TOOL_COMMENT = re.compile(rf"\s*TOOL ({WHOLE}) BALL RADIUS ({WHOLE}\.[0-9]+) LENGTH ({WHOLE}\.[0-9]+)\s*")
-"""The comment of the header that describes a cutter, as `posting.header.texts` writes it; mm."""
-AMBIGUOUS_TURN_DEG = 179.0
-"""A word that turns an endless axis by more than this in one block is refused: by half a turn, either way is
-short, and an axis that is wound goes the wrong way round."""
-
-
-def tool_number(text: str, line: int) -> int:
-    """The number of a tool call; ProgramError where it is none."""
-    if not re.fullmatch(WHOLE, text):
-        raise line_error(line, f"{shown(text)} is no number of a tool")
-    return int(text)
+from bonecam.nc.reading.tool_words import TOOL_COMMENT
+from bonecam.nc.schema.numbering import block_numbers
 
 
 class ModalState:
     """What a control knows after the blocks that it has read: position, tool, and the modes that are on.
 
     `position`: X, Y, Z in mm and the rotary axes in degrees, unwound; None where it is not known.
-    `tool_centre`: tool-centre control (TCPM, RTCP) is on. `short_way`: endless axes turn the short way, or as
-    their words say; None before the program has said which. `inverse_time`: F is in 1/min; `incremental`: words are
+    `tool_centre`: tool-centre control (TCPM, RTCP) is on. `inverse_time`: F is in 1/min; `incremental`: words are
     increments. `length_of`: the tool whose length is compensated, `selected` the one that the next change brings.
-    `linking`: feed moves are links, as the last comment CUT or LINK says. Used for one program.
+    `retracted`: a retract was the last that moved the tool along Z. `linking`: feed moves are links, as the last
+    comment CUT or LINK says. Used for one program.
     """
 
     def __init__(self, machine: Machine, dialect: Dialect, tools: Sequence[Tool]) -> None:
@@ -57,14 +45,16 @@ class ModalState:
         self.length_of = 0
         self.tool_centre = False
         self.stated = Stated(dialect)
-        self.bounded_turns = dialect.chooses_way or dialect.endless_words == "wrapped"
-        self.short_way: bool | None = None if dialect.chooses_way else dialect.endless_words == "wrapped"
+        self.endless = EndlessAxes(dialect)
+        self.spindle = SpindleAndCoolant()
         self.inverse_time = False
         self.incremental = False
+        self.retracted = False
         self.linking = False
         self.ended = False
         self.blocks = 0
         self.rows: list[tuple[float, ...]] = []
+        self.partial: list[PartialMove] = []
         self.tables: list[ndarray] = []
         self.full_moves = [full_move(dialect, machine, short_way) for short_way in (False, True)]
 
@@ -77,7 +67,7 @@ class ModalState:
             number = int(found[1])
             if number in self.tools:
                 raise line_error(line, f"tool {number} is described twice")
-            self.tools[number] = Tool(number, float(found[2]), float(found[3]))
+            self.tools[number] = Tool(number, float(found[2]), float(found[3]), line)
 
     def change_tool(self, number: int, line: int) -> None:
         """Put a tool into the spindle; where its tip stands is known after the next move."""
@@ -88,6 +78,7 @@ class ModalState:
         self.tool = number
         self.selected = 0
         self.length_of = 0 if self.needs_length else number
+        self.spindle.change_tool()
         self.forget_tip()
 
     def take_length(self, number: int, line: int) -> None:
@@ -107,6 +98,16 @@ class ModalState:
         """Take X, Y and Z as unknown until the next move."""
         self.position[:3] = [None] * 3
 
+    def retract(self, line: int, height: float = np.nan) -> None:
+        """Take the tool above everything: where its tip is in the part is not known, only, where it is given, the
+        `height` (mm) of the spindle nose in machine coordinates."""
+        self.blocks += 1
+        self.forget_tip()
+        self.retracted = True
+        self.partial.append(
+            PartialMove(line, self.tool, (np.nan, np.nan, height, np.nan, np.nan), retract=True)
+        )
+
     def move(self, words: dict[str, float], rapid: bool, feed: float, line: int) -> None:
         """Run one block that moves axes; `words` in mm and degrees, `feed` in mm/min or 1/min."""
         before = list(self.position)
@@ -115,20 +116,46 @@ class ModalState:
         self.stated.check("".join(words), self.tool_centre, line)
         for letter, value in words.items():
             column = self.machine.letters.index(letter)
-            self.position[column] = value if column < 3 else self._unwound(column, value, line)
+            self.position[column] = self._reached(column, value, line)
         self.blocks += 1
         if not self.tool:
             raise line_error(line, "a move before any tool call")
+        if self.position[2] is None and not self.retracted:
+            raise line_error(
+                line, "an axis moves while it is not known how high the tool stands: retract it before"
+            )
+        self.retracted &= self.position[2] is None
+        self.partial.append(PartialMove(line, self.tool, self._joints(words)))
         if any(letter in "XYZ" for letter in words):
             self._check_linear(rapid and "Z" not in words and before[2] is None, line)
         if not rapid and not feed > 0:
             raise line_error(line, "a cutting move without feed")
         if None not in self.position:
+            self.partial.pop()
             known = None not in before
             numbers = [float(value or 0.0) for value in self.position]
             rate = np.nan if rapid else feed
             modes = self.inverse_time, line, self.tool, known, self.linking
-            self.rows.append((*numbers, rapid, rate, *modes))
+            self.rows.append((*numbers, rapid, rate, *modes, self.spindle.speed, self.spindle.coolant))
+
+    def _reached(self, column: int, value: float, line: int) -> float:
+        """Where an axis (mm, degrees) stands after its word."""
+        if column < 3 or not self.machine.rotary[column - 3].endless:
+            return value
+        axis, moves_tip = self.machine.rotary[column - 3], self.position[0] is not None
+        return self.endless.reached(axis, value, self.position[column], moves_tip=moves_tip, line=line)
+
+    def _joints(self, words: dict[str, float]) -> tuple[float, ...]:
+        """The axes (mm of the spindle nose, degrees) that a move leads to known places by its words alone, NaN for
+        others: under tool-centre control no linear one."""
+        joints = [np.nan] * 3 + [np.nan if angle is None else angle for angle in self.position[3:]]
+        if self.tool_centre:
+            return tuple(joints)
+        zero = self.machine.part_zero if self.dialect.tool_centre else (0.0, 0.0, 0.0)
+        for column, letter in enumerate("XYZ"):
+            joints[column] = words.get(letter, np.nan) + zero[column]
+        joints[2] += self.tools[self.tool].length
+        return tuple(joints)
 
     def _check_linear(self, across: bool, line: int) -> None:
         """ProgramError where X, Y or Z move without the modes that they need; `across`: rapid, and nothing but the
@@ -156,7 +183,7 @@ class ModalState:
             or self.tool_centre != self.dialect.tool_centre
         ):
             return 0, ordinal
-        pattern = self.full_moves[bool(self.short_way)]
+        pattern = self.full_moves[bool(self.endless.short_way)]
         found = read_full_moves(lines, start, ordinal, pattern, self.dialect, self.linking)
         if found is None:
             return 0, ordinal
@@ -166,24 +193,13 @@ class ModalState:
         for column, axis in enumerate(self.machine.rotary, start=3):
             if axis.endless:
                 before = float(self.position[column] or 0.0)
-                turns = np.diff(found.words[:, column], prepend=before)
-                if self.short_way:
-                    doubtful |= ~self._is_wrapped(found.words[:, column])
-                    found.words[:, column], turns = unwound(before, found.words[:, column])
-                too_far = self.bounded_turns & (np.abs(turns) > AMBIGUOUS_TURN_DEG)
-                doubtful |= too_far | (self.short_way is None)
+                found.words[:, column], unclear = self.endless.reached_in_turn(found.words[:, column], before)
+                doubtful |= unclear
         count = int(np.argmax(doubtful)) if doubtful.any() else len(doubtful)
         if not count:
             return 0, ordinal
         self._take(found.first(count), start + 1)
         return int(found.offsets[count - 1]) + 1, int(found.ordinals[count - 1]) + 1
-
-    def _is_wrapped(self, words: ndarray) -> ndarray:
-        """Whether words of an endless axis (degrees) are among those that its form of the short way takes."""
-        if not self.dialect.has_own_form:
-            return np.ones(np.shape(words), dtype=bool)
-        lowest = self.dialect.endless_from_deg
-        return np.asarray((words >= lowest) & (words < lowest + 360.0))
 
     def _take(self, found: Blocks, line: int) -> None:
         count = len(found.rapid)
@@ -191,7 +207,18 @@ class ModalState:
         lines = line + found.offsets
         tools = np.full(count, self.tool)
         known = np.ones(count)
-        columns = [found.words, found.rapid, found.feeds, inverse_time, lines, tools, known, found.links]
+        modes = [np.full(count, self.spindle.speed), np.full(count, self.spindle.coolant)]
+        columns = [
+            found.words,
+            found.rapid,
+            found.feeds,
+            inverse_time,
+            lines,
+            tools,
+            known,
+            found.links,
+            *modes,
+        ]
         self.tables += [self._table(), np.column_stack(columns)]
         self.rows = []
         self.linking = bool(found.links[-1])
@@ -199,32 +226,7 @@ class ModalState:
         self.blocks += count
 
     def _table(self) -> ndarray:
-        return np.array(self.rows, dtype=np.float64).reshape(-1, 12)
-
-    def _unwound(self, column: int, value: float, line: int) -> float:
-        """The angle (degrees) that an axis reaches by its word: the short way where the axis is endless and
-        the control turns it so."""
-        before = self.position[column]
-        axis = self.machine.rotary[column - 3]
-        if not axis.endless:
-            return value
-        if self.short_way is None:
-            raise line_error(line, f"{axis.letter} turns before the short way is switched on or off")
-        if self.short_way and not self._is_wrapped(np.array(value)):
-            lowest = self.dialect.endless_from_deg
-            raise line_error(
-                line, f"{axis.letter} {value:g}: give {lowest:g} or more, below {lowest + 360:g}"
-            )
-        if before is None:
-            return value
-        turn = value - before
-        if self.short_way:
-            turn = (turn + 180.0) % 360.0 - 180.0
-        if self.bounded_turns and abs(turn) > AMBIGUOUS_TURN_DEG and self.position[0] is not None:
-            why = "either way is possible" if self.short_way else "half a turn is allowed"
-            raise line_error(line, f"{axis.letter} turns by {turn:.3f} deg in one block: {why}")
-        # whole turns are added to the word, so that no rounding builds up over many turns
-        return value + 360.0 * round((before + turn - value) / 360.0)
+        return np.array(self.rows, dtype=np.float64).reshape(-1, COLUMNS)
 
     def motions(self) -> Motions:
         """All moves so far; ProgramError where the program has not ended."""
@@ -234,4 +236,6 @@ class ModalState:
             tool.number: Control(self.machine, self.dialect.tool_centre, tool.radius, tool.length)
             for tool in self.tools.values()
         }
-        return motions_of(np.vstack([*self.tables, self._table()]), controls, self.blocks)
+        table = np.vstack([*self.tables, self._table()])
+        short_way = bool(self.endless.short_way)
+        return motions_of(table, controls, self.blocks, self.partial, short_way, self.tools)

@@ -1,5 +1,6 @@
 """The moves of a program, as they were read from its text."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,11 +12,28 @@ from bonecam.nc.control import Control
 
 @dataclass(frozen=True)
 class Tool:
-    """A cutter as the program's header describes it: ball radius, and length from tip to spindle nose, mm."""
+    """A cutter as the program's header describes it in a `line`: ball radius, and length from tip to spindle nose,
+    mm."""
 
     number: int
     radius: float
     length: float
+    line: int = 0
+
+
+COLUMNS = 14
+"""Columns of the table that `motions_of` takes."""
+
+
+@dataclass(frozen=True)
+class PartialMove:
+    """A move after which not all axes are known: `joints`, X, Y, Z of the spindle nose in machine coordinates (mm)
+    and the rotary axes (degrees), NaN where not known; or a `retract`."""
+
+    line: int
+    tool: int
+    joints: tuple[float, ...]
+    retract: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +44,9 @@ class Motions:
     where `inverse_time`, NaN for rapids; `lines` of the text (from 1); `known_start`: the position before the
     move is known too, so that all of it can be simulated; `links`: feed moves behind a comment LINK; `tips` (mm)
     and `axes` in the part's frame by forward kinematics. `blocks` counts every moving block, also those that
-    leave the position partly unknown. `controls`: by tool number.
+    leave the position partly unknown: these are `partial`. `spindle`: its speed in 1/min, 0 where it stands; `coolant`:
+    it runs. `short_way`: endless axes turn the short way by their words. `controls` and `described`, the tools of the
+    header, by tool number.
     """
 
     rapid: Bool[ndarray, "n"]
@@ -41,11 +61,23 @@ class Motions:
     axes: Float[ndarray, "n 3"]
     blocks: int
     controls: dict[int, Control]
+    spindle: Float[ndarray, "n"]
+    coolant: Bool[ndarray, "n"]
+    partial: tuple[PartialMove, ...]
+    short_way: bool
+    described: dict[int, Tool]
 
 
-def motions_of(table: Float[ndarray, "n 12"], controls: dict[int, Control], blocks: int) -> Motions:
+def motions_of(
+    table: Float[ndarray, "n 14"],
+    controls: dict[int, Control],
+    blocks: int,
+    partial: Sequence[PartialMove],
+    short_way: bool,
+    described: dict[int, Tool],
+) -> Motions:
     """The moves of a table of rows: five words (mm, degrees), rapid, feed, inverse time, line, tool, known start,
-    link."""
+    link, speed of the spindle, coolant."""
     words = np.column_stack([table[:, :3], np.radians(table[:, 3:5])])
     numbers = table[:, 9].astype(np.int64)
     tips = np.zeros((len(table), 3))
@@ -66,4 +98,9 @@ def motions_of(table: Float[ndarray, "n 12"], controls: dict[int, Control], bloc
         axes=axes,
         blocks=blocks,
         controls=controls,
+        spindle=table[:, 12],
+        coolant=table[:, 13] == 1,
+        partial=tuple(partial),
+        short_way=short_way,
+        described=described,
     )

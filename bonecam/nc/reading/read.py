@@ -7,7 +7,6 @@ form, a block out of sequence, or a move without tool, feed or known modes is a 
 
 from collections.abc import Sequence
 
-from bonecam.errors import ProgramError
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.machine import Machine
 from bonecam.nc.reading.iso import run_iso
@@ -22,9 +21,7 @@ LONGEST_LINE = 1000
 
 def read_program(text: str, machine: Machine, dialect: Dialect, tools: Sequence[Tool] = ()) -> Motions:
     """The moves of a program; `tools` replace those in the header's comments. ProgramError names the line."""
-    if not text.endswith("\n"):
-        raise ProgramError("the last line is not ended: the file is cut off")
-    lines = text[:-1].split("\n")
+    lines = text.removesuffix("\n").split("\n")
     longest = max(range(len(lines)), key=lambda at: len(lines[at]))
     if len(lines[longest]) > LONGEST_LINE:
         why = f"it has {len(lines[longest])} characters, {LONGEST_LINE} are allowed: divide it"
@@ -34,4 +31,6 @@ def read_program(text: str, machine: Machine, dialect: Dialect, tools: Sequence[
         run_klartext(lines, state)
     else:
         run_iso(lines, state)
+    if not text.endswith("\n"):
+        raise line_error(len(lines), "the last line is not ended: the file is cut off")
     return state.motions()

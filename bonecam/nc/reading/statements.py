@@ -1,7 +1,8 @@
 """Statements: blocks that a dialect knows by their whole text, and what they do."""
 
 from bonecam.nc.reading.line_error import line_error
-from bonecam.nc.reading.modal_state import ModalState, tool_number
+from bonecam.nc.reading.modal_state import ModalState
+from bonecam.nc.reading.tool_words import tool_number
 from bonecam.text.faults import shown
 
 
@@ -24,17 +25,19 @@ def is_statement(block: str, state: ModalState, line: int) -> bool:
 
 def _apply(effect: str, values: dict[str, str], state: ModalState, line: int) -> None:
     """Apply the effect of a statement (see `nc.dialect`) to the state."""
+    state.spindle.apply(effect)
     if effect == "comment":
         state.read_comment(values["comment"], line)
     elif effect == "tool":
         state.change_tool(tool_number(values["tool"], line), line)
+        if "spindle" in values:
+            state.spindle.programmed = float(values["spindle"])
     elif effect == "retract":
-        state.blocks += 1
-        state.forget_tip()
+        state.retract(line)
     elif effect.startswith("tool-centre"):
         state.switch_tool_centre(effect.endswith("on"))
     elif effect.startswith("short way"):
-        state.short_way = effect.endswith("on")
+        state.endless.short_way = effect.endswith("on")
     elif effect == "program end":
         state.ended = True
     elif effect == "begin" and line != (2 if state.dialect.grammar == "iso" and state.dialect.frame else 1):

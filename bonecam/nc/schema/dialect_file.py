@@ -110,6 +110,7 @@ class DialectFile(Record):
     frame: Block = "%"
     moving_blocks: Lines = Field(default_factory=lambda: ["L ", "G0 "])
     machining: MachiningTable = MachiningTable()
+    decimal_point: bool = False
     straight_rapids: bool = False
     starts_at_zero: bool = False
     tolerance_factor: Annotated[float, Field(gt=0, le=10)] = 1.0

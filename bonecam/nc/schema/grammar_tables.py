@@ -4,6 +4,7 @@ from typing import Annotated, Literal, get_args
 
 from pydantic import Field, model_validator
 
+from bonecam.nc.schema.code_meanings import blocks_of_pattern, meaning_of
 from bonecam.text.pattern import Pattern
 from bonecam.text.record import KeyFault, Record
 
@@ -11,9 +12,9 @@ CODE = r"^([A-Z][0-9]{1,4}(\.[0-9])?|[A-Z]{3,12})$"
 """A code: a letter and its number, or a word."""
 Effect = Literal[
     "none", "begin", "end", "comment", "tool", "retract", "tool-centre on", "tool-centre off",
-    "short way on", "short way off", "program end",
+    "short way on", "short way off", "spindle on", "spindle stop", "coolant on", "coolant off", "halt", "program end",
 ]  # fmt: skip
-"""What a statement may do."""
+"""What a statement may do; `halt` is a stop of the program that stops spindle and coolant too."""
 GROUP_OF = {"comment": "comment", "tool": "tool"}
 """The named group that the pattern of an effect must have: the text, or the number of the tool."""
 
@@ -34,6 +35,15 @@ class StatementTable(Record):
         group = GROUP_OF.get(self.effect)
         if group and group not in groups:
             raise KeyFault("pattern", f"has no group {group!r}: name one, like (?P<{group}>...)")
+        return self
+
+    @model_validator(mode="after")
+    def _is_harmless(self) -> "StatementTable":
+        if self.effect in ("none", "begin"):
+            for code, meaning in blocks_of_pattern(self.pattern):
+                effect = meaning.effect.replace("_", " ")
+                remedy = f"give it the effect {effect!r}" if effect in get_args(Effect) else "leave it out"
+                raise KeyFault("pattern", f"takes {code}, {meaning.text}, for harmless: {remedy}")
         return self
 
 
@@ -57,7 +67,22 @@ class CodesTable(Record):
     absolute: Codes = Field(default_factory=list)
     incremental: Codes = Field(default_factory=list)
     reference_return: Codes = Field(default_factory=list)
+    spindle_on: Codes = Field(default_factory=list)
+    spindle_stop: Codes = Field(default_factory=list)
+    coolant_on: Codes = Field(default_factory=list)
+    coolant_off: Codes = Field(default_factory=list)
     program_end: Codes = Field(default_factory=list)
+
+    @model_validator(mode="after")
+    def _do_what_they_mean(self) -> "CodesTable":
+        for effect in type(self).model_fields:
+            for code in getattr(self, effect):
+                meaning = meaning_of(code)
+                if meaning is not None and effect != meaning.effect:
+                    known = meaning.effect in type(self).model_fields
+                    remedy = f"list it in {meaning.effect}" if known else "leave it out, no reader knows it"
+                    raise KeyFault(effect, f"{code} is {meaning.text}: {remedy}")
+        return self
 
     @model_validator(mode="after")
     def _do_one_thing(self) -> "CodesTable":

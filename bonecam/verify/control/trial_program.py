@@ -20,6 +20,7 @@ from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.read import read_program
 from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.toolpath.path import Kind, ToolPath
+from bonecam.verify.control.check import check_control
 from bonecam.verify.readback import Tolerances, compare_moves
 
 LEAN = np.radians(5.0)
@@ -40,7 +41,9 @@ def check_posting(job: Job, machine: Machine, dialect: Dialect) -> None:
     ]
     try:
         program = write_program(paths, machine, dialect, job, name="TRIAL", comments=["trial"])
-        compare_moves(read_program(program.text, machine, dialect), paths, dialect, Tolerances())
+        motions = read_program(program.text, machine, dialect)
+        check_control(motions, machine, dialect, job)
+        compare_moves(motions, paths, dialect, Tolerances())
     except (ProgramError, VerifyError) as error:
         what = f"a trial program of {machine.name} in the dialect {dialect.name} is wrong: {error}"
         remedy = "take a machine and a controller that fit one another and the job, or correct their files"

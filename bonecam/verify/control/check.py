@@ -1,0 +1,46 @@
+"""The verdict on a text as its control would run it: limits of axes, feeds, spindle; with its job also coolant, and
+feeds, speeds and lengths of tools other than the job's."""
+
+from bonecam.errors import VerifyError
+from bonecam.job import Job
+from bonecam.nc.dialect import Dialect
+from bonecam.nc.machine import Machine
+from bonecam.nc.reading.motions import Motions
+from bonecam.toolpath.cutters.cutter import Cutter
+from bonecam.verify.control.axis_limits import check_limits
+from bonecam.verify.control.feeds import check_feed_mode, check_feeds, check_feeds_of_job
+from bonecam.verify.control.spindle import check_coolant, check_spindle, check_spindle_of_job
+from bonecam.verify.removal.groups import tools_of
+from bonecam.verify.removal.of_job import cutters_of
+
+SAME_LENGTH = 1e-3
+"""Lengths of a tool that differ by less (mm) are the same: headers tell ten times as much."""
+
+
+def check_control(motions: Motions, machine: Machine, dialect: Dialect, job: Job | None = None) -> None:
+    """VerifyError with the `line` of the first move of a kind that the control would refuse, or that would cut
+    otherwise than meant, with the remedy; ProgramError where the text calls tools that the `job` has not."""
+    check_limits(motions, machine)
+    check_spindle(motions, machine, dialect)
+    check_feed_mode(motions, dialect)
+    if job is None:
+        check_feeds(motions, machine, dialect)
+        return
+    cutters = tools_of(motions, cutters_of(job, machine))
+    _check_lengths(motions, cutters)
+    check_spindle_of_job(motions, dialect, cutters)
+    check_feeds_of_job(motions, dialect, job, cutters)
+    if job.nc.coolant:
+        check_coolant(motions)
+
+
+def _check_lengths(motions: Motions, cutters: dict[int, Cutter]) -> None:
+    for number, told in motions.described.items():
+        if number in cutters and abs(told.length - cutters[number].length) > SAME_LENGTH:
+            what = f"tool {number} is {told.length:g} mm long here, {cutters[number].length:g} mm in the job"
+            raise VerifyError(
+                f"line {told.line}: {what}: give the job that the program was made with",
+                line=told.line,
+                place=None,
+                error=abs(told.length - cutters[number].length),
+            )
