@@ -10,6 +10,7 @@ from numpy import ndarray
 from bonecam.arrays import lengths
 from bonecam.errors import MachineError
 from bonecam.job import Job
+from bonecam.nc.dialect import Dialect
 from bonecam.nc.machine import Machine
 from bonecam.nc.posting.path_words import APPROACH_HEIGHT, Posted, joints_of, round_words
 from bonecam.nc.posting.start import start_words
@@ -37,6 +38,7 @@ def travel_of(machine: Machine, job: Job, paths: Sequence[Posted]) -> Travel:
             if dialect.starts_at_zero
         ]
         nose = joints_of(posted, np.vstack([posted.words, posted.approaches, *starts]))
+        nose = np.vstack([nose, _over_zero(dialect, machine, nose[:1], retract)])
         nose[:, 3:] = np.degrees(nose[:, 3:])
         nose[:, 2] += control.tool_length
         for column, axis in enumerate(machine.linear):
@@ -47,6 +49,17 @@ def travel_of(machine: Machine, job: Job, paths: Sequence[Posted]) -> Travel:
         ranges[:, 1] = np.maximum(ranges[:, 1], np.vstack([nose, top]).max(0))
         _check_travel(machine, ranges, posted.path.level)
     return Travel(ranges, retract)
+
+
+def _over_zero(
+    dialect: Dialect, machine: Machine, joints: Float[ndarray, "1 5"], retract: float
+) -> Float[ndarray, "m 5"]:
+    """Joints (mm, rad) where a tool starts over the program's zero, if the dialect's template moves it there; what it
+    does not say is that of `joints`."""
+    if "{over_zero}" not in dialect.templates["tool"]:
+        return joints[:0]
+    x, y, _ = machine.part_zero
+    return np.array([[x, y, retract, *joints[0, 3:]]])
 
 
 def above(posted: Posted, run: int, retract: float) -> Float[ndarray, "5"]:
@@ -128,10 +141,12 @@ def _check_limits(
         if not off:
             continue
         row = int(np.argmin(np.abs(nose - value)))
-        source = int(posted.moves.rows[row]) if row < len(posted.words) else 0
+        rows = np.r_[np.arange(len(posted.words)), [first for first, _ in posted.runs]]
+        where = "the start of its tool"
+        if row < len(rows):
+            where = f"pass {int(posted.path.pass_index[posted.moves.rows[rows[row]]])}"
         raise MachineError(
-            f"level {posted.path.level}, pass {int(posted.path.pass_index[source])}: {letter} {value:.1f} "
-            "mm leaves the limit "
+            f"level {posted.path.level}, {where}: {letter} {value:.1f} mm leaves the limit "
             f"{limit:.1f} mm of {machine.title}: take a machine with more travel, or move part_zero",
             axis=letter,
             value=float(value),
