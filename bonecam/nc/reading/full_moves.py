@@ -16,6 +16,7 @@ from numpy import ndarray
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.machine import Machine
 from bonecam.nc.schema.numbering import WHOLE, block_number, has_number, numbered_pattern
+from bonecam.nc.words import NumberFormat
 
 MAX_LINES = 50_000
 """Lines read at once: bounds the memory for long programs."""
@@ -47,6 +48,18 @@ class Blocks:
     def first(self, count: int) -> "Blocks":
         """The first `count` blocks."""
         return Blocks(*(getattr(self, column.name)[:count] for column in fields(self)))
+
+    def outside(self, numbers: dict[str, NumberFormat]) -> Bool[ndarray, "n"]:
+        """Which have a number that the control does not take, or no feed where they need one."""
+        kinds = [numbers["length"]] * 3 + [numbers["angle"]] * 2
+        lowest = [kind.lowest for kind in kinds]
+        highest = [kind.highest for kind in kinds]
+        fits = (
+            (self.feeds >= numbers["feed"].lowest)
+            & (self.feeds <= numbers["feed"].highest)
+            & (self.feeds > 0)
+        )
+        return ~(self.rapid | fits) | ((self.words < lowest) | (self.words > highest)).any(axis=1)
 
 
 def klartext_number(decimals: int) -> str:

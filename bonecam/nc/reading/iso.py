@@ -137,7 +137,9 @@ class _BlockReader:
         axes = {letter: float(text) for letter, text in values.items() if letter in state.machine.letters}
         if "machine_coordinates" in effects or "reference_return" in effects:
             self._retract(effects, axes, line)
-        elif axes:
+        elif not axes:
+            self._check_used(words, effects, values, line)
+        else:
             if ("rapid" in effects) == ("feed" in effects):
                 raise line_error(line, "an axis moves without G0 or G1")
             lengths = {"H"} if {"tool_length", "tool_centre_on"} & {*effects} else set()
@@ -146,6 +148,14 @@ class _BlockReader:
                 raise line_error(line, f"{min(stray)} stands in a block that moves axes")
             state.move(axes, "rapid" in effects, float(values.get("F", "0")), line)
         state.ended = "program_end" in effects
+
+    def _check_used(self, words: Words, effects: list[str], values: dict[str, str], line: int) -> None:
+        """ProgramError where H or P stands in a block without a code that takes it."""
+        takes_length = not {"tool_length", "tool_centre_on"}.isdisjoint(effects)
+        taken = {"H": takes_length, "P": any(letter == "G" for letter, _ in words)}
+        for letter, known in taken.items():
+            if letter in values and not known:
+                raise line_error(line, f"{letter}{values[letter]} stands without a code that takes it")
 
     def _take_tool(self, effects: list[str], values: dict[str, str], line: int) -> None:
         """Select a tool, change to it, compensate its length: by H of the tool, or by D of the one in the spindle."""

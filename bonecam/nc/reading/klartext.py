@@ -7,7 +7,8 @@ from bonecam.nc.dialect import Dialect
 from bonecam.nc.reading.full_moves import klartext_number
 from bonecam.nc.reading.line_error import line_error
 from bonecam.nc.reading.modal_state import ModalState
-from bonecam.nc.reading.statements import run_statement
+from bonecam.nc.reading.statements import is_statement
+from bonecam.nc.schema.code_meanings import remark_on
 from bonecam.nc.schema.numbering import WHOLE, block_number
 from bonecam.text.faults import shown
 
@@ -27,21 +28,49 @@ def run_klartext(lines: Sequence[str], state: ModalState) -> None:
         ordinal += 1
         if state.ended and not block.startswith("END PGM"):
             raise line_error(line, "a block after the program's end")
-        found = move.fullmatch(block)
-        if found and any(found.groups()[:5]):
-            _run_move(found, state, line)
-        else:
-            run_statement(block, state, line)
+        _run_block(block, move, state, line)
     if state.ended and "END PGM" not in lines[-1]:
         raise line_error(len(lines), "the program is not closed by END PGM: the file is cut off")
 
 
+def _run_block(block: str, move: re.Pattern[str], state: ModalState, line: int) -> None:
+    """Run a block: a move or a statement, with a remark behind it or without."""
+    found = move.fullmatch(block)
+    if found and any(found.groups()[:5]):
+        _run_move(found, state, line)
+    elif not is_statement(block, state, line):
+        bare = block.partition(";")[0].rstrip()
+        if bare in ("", block):
+            raise line_error(line, _unknown(block, state))
+        _run_block(bare, move, state, line)
+
+
+def _unknown(block: str, state: ModalState) -> str:
+    """What is not known in a block: of a move its first word that is none, or is out of its place."""
+    name, *words = block.split(" ")
+    if name != "L" or not words:
+        return f"unknown block {shown(block)}{remark_on(block)}"
+    parts = _word_patterns(state.dialect, state.machine.letters)
+    for word in words:
+        while parts and not re.fullmatch(parts[0], word):
+            del parts[0]
+        if not parts:
+            return f"{shown(word)} in {shown(block)} is no word of this place, or not with the decimals that it needs"
+        del parts[0]
+    return f"{shown(block)} lacks R0, or a feed"
+
+
 def _move_pattern(dialect: Dialect, letters: str) -> re.Pattern[str]:
     """The pattern of an `L` block: any of the five words in their order, then the feed."""
-    length = klartext_number(dialect.numbers["length"].decimals)
-    angle = klartext_number(dialect.numbers["angle"].decimals)
-    words = "".join(f"(?: {letter}({length if letter in 'XYZ' else angle}))?" for letter in letters)
-    return re.compile(rf"L{words} R0 F(MAX|{WHOLE})")
+    *words, _, feed = _word_patterns(dialect, letters)
+    return re.compile("L" + "".join(f"(?: {word})?" for word in words) + f" R0 {feed}")
+
+
+def _word_patterns(dialect: Dialect, letters: str) -> list[str]:
+    """The patterns of the words of an `L` block, with their numbers in groups."""
+    length, angle = (klartext_number(dialect.numbers[kind].decimals) for kind in ("length", "angle"))
+    words = [f"{letter}({length if letter in 'XYZ' else angle})" for letter in letters]
+    return [*words, "R0", f"F(MAX|{WHOLE})"]
 
 
 def _run_move(found: re.Match[str], state: ModalState, line: int) -> None:

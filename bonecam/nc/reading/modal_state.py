@@ -9,7 +9,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy import ndarray
 
-from bonecam.errors import ProgramError
 from bonecam.nc.control import Control
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.machine import Machine
@@ -17,6 +16,7 @@ from bonecam.nc.reading.endless_axes import EndlessAxes
 from bonecam.nc.reading.full_moves import MARKS, Blocks, full_move, read_full_moves
 from bonecam.nc.reading.line_error import line_error
 from bonecam.nc.reading.motions import COLUMNS, Motions, PartialMove, Tool, motions_of
+from bonecam.nc.reading.number_range import check_range
 from bonecam.nc.reading.spindle_coolant import SpindleAndCoolant
 from bonecam.nc.reading.stated import Stated
 from bonecam.nc.reading.tool_words import TOOL_COMMENT
@@ -130,6 +130,7 @@ class ModalState:
             self._check_linear(rapid and "Z" not in words and before[2] is None, line)
         if not rapid and not feed > 0:
             raise line_error(line, "a cutting move without feed")
+        check_range(self.dialect.numbers, words if rapid else {**words, "F": feed}, line)
         if None not in self.position:
             self.partial.pop()
             known = None not in before
@@ -187,7 +188,7 @@ class ModalState:
         found = read_full_moves(lines, start, ordinal, pattern, self.dialect, self.linking)
         if found is None:
             return 0, ordinal
-        doubtful = ~found.rapid & ~(found.feeds > 0)
+        doubtful = found.outside(self.dialect.numbers)
         if self.dialect.numbering.format:
             doubtful |= found.numbers != block_numbers(self.dialect.numbering, found.ordinals)
         for column, axis in enumerate(self.machine.rotary, start=3):
@@ -228,10 +229,10 @@ class ModalState:
     def _table(self) -> ndarray:
         return np.array(self.rows, dtype=np.float64).reshape(-1, COLUMNS)
 
-    def motions(self) -> Motions:
-        """All moves so far; ProgramError where the program has not ended."""
+    def motions(self, line: int) -> Motions:
+        """All moves so far; ProgramError where the program has not ended in its last `line`."""
         if not self.ended:
-            raise ProgramError("the program has no end: its last blocks are missing")
+            raise line_error(line, "the program has no end: its last blocks are missing")
         controls = {
             tool.number: Control(self.machine, self.dialect.tool_centre, tool.radius, tool.length)
             for tool in self.tools.values()

@@ -33,4 +33,4 @@ def read_program(text: str, machine: Machine, dialect: Dialect, tools: Sequence[
         run_iso(lines, state)
     if not text.endswith("\n"):
         raise line_error(len(lines), "the last line is not ended: the file is cut off")
-    return state.motions()
+    return state.motions(len(lines))

@@ -3,13 +3,6 @@
 from bonecam.nc.reading.line_error import line_error
 from bonecam.nc.reading.modal_state import ModalState
 from bonecam.nc.reading.tool_words import tool_number
-from bonecam.text.faults import shown
-
-
-def run_statement(block: str, state: ModalState, line: int) -> None:
-    """Run a block that is one of the dialect's statements; ProgramError where it is none."""
-    if not is_statement(block, state, line):
-        raise line_error(line, f"unknown block {shown(block)}")
 
 
 def is_statement(block: str, state: ModalState, line: int) -> bool:

@@ -24,7 +24,7 @@ _ROWS = (
     ("another plane", "", "G18 G19"),
     ("a rapid", "rapid", "G0"),
     ("a feed move", "feed", "G1"),
-    ("an arc", "", "G2 G3 CIP CT"),
+    ("an arc", "", "G2 G3 CIP"),
     ("a change of offsets", "", "G10"),
     ("polar coordinates", "", "G16 G111"),
     ("a reference return", "reference_return", "G28"),

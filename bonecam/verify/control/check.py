@@ -13,8 +13,8 @@ from bonecam.verify.control.spindle import check_coolant, check_spindle, check_s
 from bonecam.verify.removal.groups import tools_of
 from bonecam.verify.removal.of_job import cutters_of
 
-SAME_LENGTH = 1e-3
-"""Lengths of a tool that differ by less (mm) are the same: headers tell ten times as much."""
+SAME_SIZE = 1e-3
+"""Sizes of a tool that differ by less (mm) are the same: headers tell ten times as much."""
 
 
 def check_control(motions: Motions, machine: Machine, dialect: Dialect, job: Job | None = None) -> None:
@@ -26,21 +26,31 @@ def check_control(motions: Motions, machine: Machine, dialect: Dialect, job: Job
     if job is None:
         check_feeds(motions, machine, dialect)
         return
-    cutters = tools_of(motions, cutters_of(job, machine))
-    _check_lengths(motions, cutters)
+    cutters = {cutter.number: cutter for cutter in cutters_of(job, machine)}
+    _check_tools(motions, cutters)
+    tools_of(motions, list(cutters.values()))
     check_spindle_of_job(motions, dialect, cutters)
     check_feeds_of_job(motions, dialect, job, cutters)
     if job.nc.coolant:
         check_coolant(motions)
 
 
-def _check_lengths(motions: Motions, cutters: dict[int, Cutter]) -> None:
+def _check_tools(motions: Motions, cutters: dict[int, Cutter]) -> None:
+    """VerifyError where the header describes a tool otherwise than the job."""
     for number, told in motions.described.items():
-        if number in cutters and abs(told.length - cutters[number].length) > SAME_LENGTH:
-            what = f"tool {number} is {told.length:g} mm long here, {cutters[number].length:g} mm in the job"
-            raise VerifyError(
-                f"line {told.line}: {what}: give the job that the program was made with",
-                line=told.line,
-                place=None,
-                error=abs(told.length - cutters[number].length),
-            )
+        if number not in cutters:
+            continue
+        meant = cutters[number]
+        for name, value, wanted in (
+            ("radius", told.radius, meant.radius),
+            ("length", told.length, meant.length),
+        ):
+            if abs(value - wanted) > SAME_SIZE:
+                what = f"tool {number} has a {name} of {value:g} mm here, of {wanted:g} mm in the job"
+                remedy = "give the job that the program was made with"
+                raise VerifyError(
+                    f"line {told.line}: {what}: {remedy}",
+                    line=told.line,
+                    place=None,
+                    error=abs(value - wanted),
+                )

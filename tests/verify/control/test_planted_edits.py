@@ -1,0 +1,303 @@
+"""Edits of a posted program by hand, in every dialect: what a control would refuse or what would cut wrong is refused,
+what is harmless is not."""
+
+import re
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from bonecam.errors import ProgramError, VerifyError
+from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.facets.hull import convex_hull
+from bonecam.nc.reading.read import read_program
+from bonecam.setup.holding import Post
+from bonecam.setup.stocks.mesh import ConvexStock
+from bonecam.toolpath.cutters.cutter import Cutter
+from bonecam.verify.control.check import check_control
+from bonecam.verify.gouge import measure_gouge
+from bonecam.verify.removal.of_job import cutters_of
+from bonecam.verify.removal.simulate import simulate_removal
+from bonecam.verify.removal.sweeping import Accuracy
+from bonecam.verify.removal.verdicts import check_removal
+
+Blocks = list[str]
+Edit = Callable[..., Blocks]
+ALLOWED_GOUGE = 0.05
+"""mm: the mesh of the capsule and the chords of its short path bow by less."""
+
+
+@pytest.fixture(scope="module")
+def part(path_capsule):
+    return capsule(path_capsule, 0.0)
+
+
+@pytest.fixture(scope="module")
+def stock(path_capsule):
+    """The capsule with 0.5 mm more all round."""
+    return ConvexStock(convex_hull(capsule(path_capsule, 0.5).vertices), proven=True)
+
+
+def capsule(shape, offset):
+    bottom, top, radius = shape
+    slope, angle = np.meshgrid(np.linspace(-np.pi / 2, np.pi / 2, 41), np.linspace(0, 2 * np.pi, 81)[:-1])
+    r = (radius + offset) * np.cos(slope)
+    heights = np.where(slope < 0, bottom, top) + (radius + offset) * np.sin(slope)
+    return convex_hull(np.stack([r * np.cos(angle), r * np.sin(angle), heights], -1).reshape(-1, 3))
+
+
+def judge(posted, text, part, stock):
+    """Read a text, judge it as its control would run it, and by what its ball and its rapids do."""
+    motions = read_program(text, posted.machine, posted.dialect)
+    check_control(motions, posted.machine, posted.dialect, posted.job)
+    same = read_program(posted.text(), posted.machine, posted.dialect)
+    goes_alike = np.array_equal(motions.words, same.words) and np.array_equal(motions.rapid, same.rapid)
+    if goes_alike and text != posted.text():
+        return  # the text as posted is judged as `nothing`
+    gouge = measure_gouge(motions, MeshDistance(part))
+    if gouge.depth > ALLOWED_GOUGE:
+        raise VerifyError(f"line {gouge.line}: gouge", line=gouge.line, place=None, error=gouge.depth)
+    cutters: list[Cutter] = cutters_of(posted.job, posted.machine)
+    removal = simulate_removal(
+        text, posted.machine, posted.dialect, stock, Post(1.0, 30.0), cutters, accuracy=Accuracy(0.4)
+    )
+    check_removal(removal, limited=False)
+
+
+# edits: of the blocks, without their numbers, and what they were posted for
+
+
+def changed(blocks: Blocks, at: int, pattern: str, new: str) -> Blocks:
+    """The blocks with one of them changed."""
+    assert re.search(pattern, blocks[at]), (pattern, blocks[at])
+    return [*blocks[:at], re.sub(pattern, new, blocks[at], count=1), *blocks[at + 1 :]]
+
+
+def before(blocks: Blocks, at: int, block: str) -> Blocks:
+    """The blocks with another one before one of them."""
+    return [*blocks[:at], block, *blocks[at:]]
+
+
+def first(blocks: Blocks, pattern: str) -> int:
+    """The first block that is like a pattern."""
+    return next(at for at, block in enumerate(blocks) if re.search(pattern, block))
+
+
+def middle(posted) -> int:
+    """The block of a cut in the middle of the first level."""
+    return posted.cuts[len(posted.cuts) // 4]
+
+
+def word(posted, letter: str, value: float) -> Edit:
+    """A cut with another number of one axis."""
+
+    def edit(posted, blocks):
+        sign = "+" if posted.klartext else ""
+        return changed(
+            blocks, middle(posted), rf" {letter}(=DC\()?[-+]?[\d.]+", rf" {letter}\g<1>{value:{sign}.3f}"
+        )
+
+    return edit
+
+
+def code(posted, klartext: str, iso: str) -> str:
+    """A block by the grammar, with codes of two digits where the control has them."""
+    if posted.klartext:
+        return klartext
+    return re.sub(r"\b([GM])(\d)\b", r"\g<1>0\2", iso) if posted.dialect.decimal_point else iso
+
+
+def planted(klartext: str, iso: str) -> Edit:
+    """A block before a cut."""
+    return lambda posted, blocks: before(blocks, middle(posted), code(posted, klartext, iso))
+
+
+def every_feed(change: Callable[[float], float]) -> Edit:
+    """All feeds of cuts changed."""
+
+    def edit(posted, blocks):
+        chosen = set(posted.cuts)
+        digits = posted.dialect.numbers["feed"].decimals
+
+        def new(found):
+            point = "." if found[2] == "." else ""
+            return f" F{change(float(found[1])):.{digits}f}{point}"
+
+        return [
+            re.sub(r" F(\d+(?:\.\d+)?)(\.?)$", new, b) if k in chosen else b for k, b in enumerate(blocks)
+        ]
+
+    return edit
+
+
+def without(pattern: str) -> Edit:
+    """The first block like a pattern left out."""
+
+    def edit(posted, blocks):
+        at = first(blocks, pattern)
+        return [*blocks[:at], *blocks[at + 1 :]]
+
+    return edit
+
+
+def replaced(pattern: str, new: str) -> Edit:
+    """What is like a pattern replaced in the first block that has it."""
+    return lambda posted, blocks: changed(blocks, first(blocks, pattern), pattern, new)
+
+
+def position_beyond(posted, blocks):
+    """Above the part, before tool-centre control is on, B beyond its limit."""
+    at = first(blocks, r"^(L|G0) B-|^G00 B0")
+    return changed(blocks, at, r" B[-+]?[\d.]+", " B+60.000")
+
+
+def over_zero_beyond(posted, blocks):
+    """The spindle over a place far out of the machine, before anything else is known."""
+    at = first(blocks, r"^(L|G0?0) X\S+ Y\S+( R0 FMAX)?$")
+    return changed(blocks, at, r" X[-+]?[\d.]+", " X+2000.000")
+
+
+def shorter_tool(posted, blocks):
+    return replaced(r"LENGTH 80\.0000", "LENGTH 70.0000")(posted, blocks)
+
+
+def inward(posted, blocks):
+    """The tip 0.6 mm nearer to the axis of the capsule, along the tool: by Z, and by X and Y."""
+    at = middle(posted)
+    if posted.dialect.tool_centre:
+        scale = 0.6
+
+        def smaller(found):
+            sign = "+" if posted.klartext else ""
+            return f" {found[1]}{scale * float(found[2]):{sign}.3f}"
+
+        return [*blocks[:at], re.sub(r" ([XY])([-+]?[\d.]+)", smaller, blocks[at]), *blocks[at + 1 :]]
+    return changed(blocks, at, r" Z([-+]?[\d.]+)", lambda found: f" Z{float(found[1]) - 1.5:.5f}")
+
+
+def rapid_in_cut(posted, blocks):
+    at = middle(posted)
+    if posted.klartext:
+        return changed(blocks, at, r"F\d+$", "FMAX")
+    gone = changed(blocks, at, r" F[\d.]+$", "")
+    return changed(gone, at, r"^G(0?)1", r"G\g<1>0")
+
+
+def spindle_speed(factor: float) -> Edit:
+    return lambda posted, blocks: [
+        re.sub(r"\bS(\d+)( M0?3)?$", lambda f: f"S{factor * float(f[1]):.0f}{f[2] or ''}", block)
+        for block in blocks
+    ]
+
+
+WRONG: dict[str, Edit] = {
+    # limits
+    "B beyond its upper limit": lambda p, b: word(p, "B", 60.0)(p, b),
+    "B beyond its lower limit": lambda p, b: word(p, "B", -130.0)(p, b),
+    "X beyond its travel": lambda p, b: word(p, "X", 2000.0)(p, b),
+    "Y beyond its travel": lambda p, b: word(p, "Y", -1500.0)(p, b),
+    "Z beyond its travel": lambda p, b: word(p, "Z", 1900.0)(p, b),
+    "B beyond its limit above the part": position_beyond,
+    "X beyond its travel above the part": over_zero_beyond,
+    "a number out of the control's range": lambda p, b: word(p, "C", 1000000.0)(p, b),
+    # feeds
+    "every feed 99999": every_feed(lambda feed: 99999.0),
+    "feeds three times as large": every_feed(lambda feed: 3 * feed + 900),
+    "feed 0": every_feed(lambda feed: 0.0),
+    "no feed": lambda p, b: changed(b, middle(p), r" F[\d.]+$", ""),
+    # modes
+    "feed per minute in inverse time, or the other way round": lambda p, b: before(
+        b, middle(p), "M136" if p.klartext else "G94" if p.dialect.feed_mode == "inverse-time" else "G93"
+    ),
+    "feed per revolution": planted("M136", "G95"),
+    "increments": planted("L IX+1.000 R0 F100", "G91"),
+    "another plane": planted("PLANE SPATIAL SPA+10 SPB+0 SPC+0 STAY", "G18"),
+    "an arc": planted("C X+1.000 Y+1.000 DR+ R0 F100", "G2 X1.0 Y1.0 I1.0 J0.0 F100."),
+    "another datum": lambda p, b: changed(
+        b, first(b, "^  Q339=1|^G54$"), "Q339=1|G54", "Q339=2" if p.klartext else "G55"
+    ),
+    "radius compensation": lambda p, b: changed(b, middle(p), "R0|^G0?1", "RL" if p.klartext else "G41 G1"),
+    "the end left out": without(r"^M30$|^M0?2$"),
+    "a cycle": planted("CYCL CALL M3", "G81 X1.0 Y1.0 Z1.0 R2.0 F100."),
+    "a mirror image": planted("CYCL DEF 8.0 MIRROR IMAGE", "G51.1 X0."),
+    # spindle
+    "the spindle stopped before a cut": planted("M5", "M5"),
+    "the spindle never started": lambda p, b: without(r"^M3$")(p, b)
+    if p.klartext
+    else changed(b, first(b, r"\bM0?3$"), r" M0?3$", ""),
+    "the spindle the other way round": lambda p, b: changed(b, first(b, r"\bM0?3$"), r"M(0?)3$", r"M\g<1>4"),
+    "the spindle twice as fast": spindle_speed(2.0),
+    "the spindle half as fast": spindle_speed(0.5),
+    "no speed of the spindle": lambda p, b: [re.sub(r" S\d+$|^S\d+ (?=M)", "", block) for block in b],
+    # coolant
+    "no coolant": lambda p, b: [block for block in b if block not in ("M8", "M08")],
+    "the coolant stopped before a cut": planted("M9", "M9"),
+    # units
+    "inches": lambda p, b: changed(b, first(b, "PGM|G21|G710"), " MM$|G21|G710", " INCH" if p.klartext else "G20"),
+    "inches before a cut": planted("BEGIN PGM A INCH", "G70"),
+    # tools
+    "another length in the header": shorter_tool,
+    "another radius in the header": replaced(r"BALL RADIUS 2\.0000", "BALL RADIUS 3.0000"),
+    "a tool that is not described": replaced(r"^TOOL CALL 1 |^T1\b", r"TOOL CALL 9 "),
+    "no length, no tool-centre control": without(r"^FUNCTION TCPM F|^TRAORI$|^G00 G43|^G43"),
+    "the length of another tool": replaced(r"^TOOL CALL 1 |\bH0?1$|^D1$", "D2"),
+    # jumps, rapids, retracts
+    "a jump into the part": inward,
+    "a rapid in a cut": rapid_in_cut,
+    "no retract before the first move": without(r"^L M140|^G0 SUPA|^G28 G91|^G0 Z"),
+    # form
+    "a number in another form": lambda p, b: changed(
+        b, middle(p), r" X\+?(-?\d+)\.\d+", r" X\1" if p.dialect.decimal_point else r" X\1e0"
+    ),
+    "a letter of no axis": lambda p, b: changed(b, middle(p), r" C[^ ]+", " W1.000"),
+    "a block cut in two": lambda p, b: changed(b, middle(p), r" Y.*$", ""),
+}  # fmt: skip
+
+
+def remark(posted, blocks):
+    """A remark behind a block."""
+    return changed(
+        blocks, middle(posted), "$", " (SEEN)" if posted.dialect.comment == "({text})" else " ; SEEN"
+    )
+
+
+HARMLESS: dict[str, Edit] = {
+    "nothing": lambda p, b: b,
+    "a comment": lambda p, b: before(b, middle(p), "(SEEN)" if p.dialect.comment == "({text})" else "; SEEN"),
+    "a remark behind a block": remark,
+    "half the feed": every_feed(lambda feed: max(feed / 2, 1.0)),
+    "one feed lower": lambda p, b: (
+        changed(b, middle(p), r" F\d+(\.?)", " F100." if p.dialect.decimal_point else " F100")
+        if p.dialect.feed_mode == "per-minute"
+        else b
+    ),
+    "mist for coolant": lambda p, b: [re.sub(r"^M(0?)8$", r"M\g<1>7", block) for block in b],
+    "the spindle started again": planted("M3", "M3"),
+    "the spindle a little slower, and the feeds": lambda p, b: spindle_speed(0.9)(
+        p, every_feed(lambda feed: max(np.floor(0.8 * feed), 1.0))(p, b)
+    ),
+    "coolant off and on above the part": lambda p, b: before(
+        before(b, first(b, "^M0?8$"), code(p, "M9", "M9")), first(b, "^M0?8$"), code(p, "M8", "M8")
+    ),
+    "blanks and zeros as the control takes them": lambda p, b: (
+        b
+        if p.klartext
+        else changed(changed(b, middle(p), r" Y", "   Y"), middle(p), r"(\.\d+?)0*(?= Y|   Y)", r"\1")
+    ),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_what_a_control_would_refuse_or_cut_wrong_is_refused(posted, name, part, stock):
+    blocks = WRONG[name](posted, list(posted.blocks))
+    text = posted.text(blocks)
+    assert text != posted.text()
+    with pytest.raises((VerifyError, ProgramError)) as caught:
+        judge(posted, text, part, stock)
+    assert "line" in caught.value.evidence
+    assert ": " in str(caught.value)
+
+
+@pytest.mark.parametrize("name", HARMLESS)
+def test_what_is_harmless_is_accepted(posted, name, part, stock):
+    judge(posted, posted.text(HARMLESS[name](posted, list(posted.blocks))), part, stock)
