@@ -185,6 +185,27 @@ def test_a_word_changed_by_1_mm_is_found(chain: tuple[bonecam.Result, Path], tmp
     assert abs(caught.value.evidence["line"] - (at + 1)) <= 2
 
 
+@pytest.mark.parametrize(
+    ("pattern", "new", "told"),
+    [
+        (r" B-[\d.]+ (?=C\S+ R0 F900)", " B+45.000 ", "B goes to 45.000 deg, its limit is 30 deg"),
+        (r" X\S+ (?=.* R0 F900)", " X+2000.000 ", "mm in the program, its travel is 600 mm"),
+        (r"(?s) F900\n", " F99999\n", "a feed of 99999 mm/min"),
+        (r" M3\n", " M5\n", "a feed move while the spindle stands"),
+        (r" M8\n", " M9\n", "a cut without coolant"),
+        (r"LENGTH 75", "LENGTH 74", "tool 2 has a length of 74 mm here, of 75 mm in the job"),
+    ],
+)
+def test_a_text_that_the_control_would_run_otherwise_is_refused_by_simulate(
+    chain: tuple[bonecam.Result, Path], tmp_path: Path, pattern: str, new: str, told: str
+) -> None:
+    text = (chain[1] / "bone.h").read_text(encoding="utf-8")
+    (tmp_path / "edited.h").write_text(re.sub(pattern, new, text), encoding="utf-8")
+    with pytest.raises(VerifyError, match=re.escape(told)) as caught:
+        bonecam.simulate(tmp_path / "edited.h", chain[1] / "keep", COARSE)
+    assert re.match(rf".*edited\.h: line {caught.value.evidence['line']}: ", str(caught.value))
+
+
 def test_what_cannot_be_simulated_is_one_line(
     chain: tuple[bonecam.Result, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

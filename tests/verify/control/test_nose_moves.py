@@ -44,7 +44,7 @@ def moves(request, capsule_path, tmp_path_factory):
     path = tmp_path_factory.mktemp("machine") / "test.toml"
     path.write_text(machine_text(*CHAINS[name], point))
     machine = read_machine(path)
-    job = Job().with_values(path={"chord_tolerance": 0.5, "gouge_tolerance": 1.0})
+    job = Job().with_values(path={"chord_tolerance": 0.5, "gouge_tolerance": 0.5})
     text = write_program([capsule_path(count=60, turns=3.0)], machine, SIEMENS, job).text
     motions = read_program(text, machine, SIEMENS)
     rows = np.flatnonzero(motions.known_start)
@@ -78,18 +78,28 @@ def test_the_highest_place_of_each_block_is_found(moves, column, sign):
     assert set(rows[highest > value + 0.002]) <= set(noses.reaching(column, sign, value).tolist())
 
 
-def test_a_limit_that_is_passed_between_the_ends_of_a_block_only_is_kept(moves):
-    noses, rows, dense = moves
-    highest, ends = dense.max(axis=1), np.maximum(noses.starts, noses.ends)[rows]
-    block, column = np.unravel_index(np.argmax(highest - ends.max(axis=0)), highest.shape)
-    top, turn = ends[:, column].max(), highest[block, column]
-    if turn < top + 0.01:
-        pytest.skip("no axis turns round within a block beyond all ends")
-    machine = with_limits(noses.machine, int(column), (top + turn) / 2)
-    with pytest.raises(VerifyError, match=r"goes to .*, its limit is") as caught:
-        check_limits(noses.motions, machine)
-    assert caught.value.evidence["line"] == noses.motions.lines[rows[block]]
-    check_limits(noses.motions, with_limits(noses.machine, int(column), turn + 0.01))
+def test_a_limit_that_is_passed_between_the_ends_of_a_block_only_is_kept(capsule_path):
+    """The tip stays at X 100 of the part while C turns from -20 to 20: X goes from 94 over 100 to 94."""
+    mikron, heidenhain = read_machine("mikron-ucp600"), read_dialect("heidenhain")
+    lines = write_program([capsule_path(count=24)], mikron, heidenhain, Job()).text.splitlines()
+    start = next(k for k, line in enumerate(lines) if " L B" in line)
+    blocks = [
+        "L B+0.000 C-20.000 R0 FMAX",
+        "FUNCTION TCPM F TCP AXIS POS PATHCTRL AXIS",
+        "L X+100.000 Y+0.000 Z+60.000 R0 FMAX",
+        "L X+100.000 Y+0.000 Z+60.000 B+0.000 C+20.000 R0 F100",
+        "FUNCTION RESET TCPM",
+        "M30",
+        "END PGM BONE MM",
+    ]
+    number = int(lines[start].split(" ")[0])
+    text = "\n".join([*lines[:start], *(f"{number + k} {block}" for k, block in enumerate(blocks))]) + "\n"
+    motions = read_program(text, mikron, heidenhain)
+    with pytest.raises(VerifyError, match=r"X goes to 100\.000 mm, its limit is 99\.9 mm") as caught:
+        check_limits(motions, with_limits(mikron, 0, 99.9))
+    assert caught.value.evidence["line"] == start + 4
+    check_limits(motions, with_limits(mikron, 0, 100.001))
+    assert nose_moves(motions, mikron).ends[:, 0].max() < 94.0
 
 
 def with_limits(machine, column, high):
