@@ -16,8 +16,8 @@ from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.read import read_program
 
 MIKRON = read_machine("mikron-ucp600")
-ROUNDING = 1e-9
-"""Both read the same decimals: mm, degrees."""
+ROUNDING = 0.0005
+"""Half of the last decimal of the words, mm and degrees: nc-gcode-interpreter holds numbers of seven digits."""
 
 
 @pytest.fixture(scope="module")
