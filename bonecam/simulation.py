@@ -7,16 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from bonecam.errors import BonecamError, FileError, JobError, ProgramError, VerifyError
+from bonecam.errors import BonecamError, FileError, JobError, ProgramError
 from bonecam.files import check_files, input_text, write_whole
 from bonecam.job import Job, LevelsJob, StockJob
 from bonecam.mesh.facets.hull import convex_hull
 from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.nc.dialect import Dialect, read_dialect
-from bonecam.nc.machine import Machine, read_machine
-from bonecam.nc.posting.header.header import comment
-from bonecam.nc.reading.read import read_program
+from bonecam.nc.dialect import read_dialect
+from bonecam.nc.machine import read_machine
 from bonecam.outputs.kept_view import SECOND_VIEW, check_page_name, kept_contents
 from bonecam.progress import Progress, part, silent
 from bonecam.setup.fixture.clamping import clamping_of
@@ -27,10 +25,9 @@ from bonecam.setup.stock import Stock
 from bonecam.setup.stock_kind import LyingPart, kind_of
 from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.surface.files.tspline_text import read_tsm
-from bonecam.text.faults import shown
 from bonecam.toolpath.layers.limits import layer_limits
 from bonecam.toolpath.path import PARTING
-from bonecam.verify.control.check import check_control
+from bonecam.verify.control.program_file import header_of, program_text
 from bonecam.verify.page.contents import level_meshes, with_program
 from bonecam.verify.page.packing import Contents, pack
 from bonecam.verify.page.page import page_html
@@ -44,8 +41,6 @@ from bonecam.verify.summary import removal_text
 
 LEVEL = re.compile(r"level_(\d{2,})\.ply")
 """Names of the levels in a kept folder: the first is the part, the last the stock."""
-HEADER_LINES = 20
-"""Lines of a program in which its header names the machine and the stock."""
 STOCK = re.compile(r"STOCK\W .* FROM Z (-?[\d.]+) TO Z (-?[\d.]+)", re.IGNORECASE)
 """What the header says of the stock."""
 SECOND = re.compile(r"SECOND CLAMPING: ", re.IGNORECASE)
@@ -84,13 +79,13 @@ def simulate(
     if html is not None:
         check_files([html], [program])
         check_page_name(html)
-    text = _text_for(machine, dialect, Path(program), job)
+    text = program_text(Path(program), machine, dialect, job)
     keep = Path(keep)
     run: Contents | None
-    if SECOND.search(_header(text)):
+    if SECOND.search(header_of(text)):
         run = _kept_second(text, Path(program), keep)
         kept = keep / f"program{dialect.extension}"
-        first = _text_for(machine, dialect, kept, job)
+        first = program_text(kept, machine, dialect, job)
         before = _simulate_first(first, kept, keep, job, None, cell, part(progress, 0.0, 0.8))
         job = replace(job, holding=job.holding.turned_over)
         removal = _simulate_second(text, run, job, before.remaining, part(progress, 0.8, 1.0))
@@ -152,17 +147,12 @@ def _kept_second(text: str, program: Path, keep: Path) -> Contents:
         what = f"the program is of a second clamping, of which {keep} has no {SECOND_VIEW}"
         raise FileError(f"{program}: {what}: {remedy}", file=str(keep / SECOND_VIEW))
     run = kept_contents(keep, SECOND_VIEW)[1]
-    told = STUMP.search(_header(text))
+    told = STUMP.search(header_of(text))
     top = run.facts["turned"]["zero_mm"] - run.facts["turned"]["cut_off_mm"]
     if told is not None and abs(float(told[1]) - top) > SAME_STOCK:
         what = f"its stump reaches up to z {float(told[1]):.2f} mm, that of {keep} up to {top:.2f}"
         raise ProgramError(f"{program}: {what}: {remedy}", line=0)
     return run
-
-
-def _header(text: str) -> str:
-    """The lines of a program in which its header tells what is mounted."""
-    return "\n".join(text.split("\n")[:HEADER_LINES])
 
 
 def _limits(job: Job, levels: int) -> dict[int, float]:
@@ -174,24 +164,6 @@ def _limits(job: Job, levels: int) -> dict[int, float]:
     return parting | {index: first[index] if index < len(first) else beyond for index in range(levels - 1)}
 
 
-def _text_for(machine: Machine, dialect: Dialect, program: Path, job: Job) -> str:
-    """The text of a program for this machine and job. ProgramError where it is for another machine or cannot be read,
-    VerifyError where its control would refuse it, or run it otherwise than the job means."""
-    try:
-        text = input_text(program)
-    except (OSError, UnicodeDecodeError) as error:
-        why = getattr(error, "strerror", None) or "it is no text"
-        raise FileError(
-            f"{program}: cannot be read ({why}): give an NC program", file=str(program)
-        ) from error
-    _require_machine(text, machine, dialect, program)
-    try:
-        check_control(read_program(text, machine, dialect), machine, dialect, job)
-    except (ProgramError, VerifyError) as error:
-        raise type(error)(f"{program}: {error}", **error.evidence) from error
-    return text
-
-
 def _check_cell(cell: float, job: Job) -> None:
     """JobError where the smallest ball passes between the rays."""
     radius = min(job.tool(name).radius for name in job.cutter_names)
@@ -200,30 +172,9 @@ def _check_cell(cell: float, job: Job) -> None:
         raise JobError(f"{what}: give a cell of at most {COARSEST * radius:g} mm")
 
 
-def _require_machine(text: str, machine: Machine, dialect: Dialect, program: Path) -> None:
-    """ProgramError where the text is for another kind of control, or the header names another machine."""
-    first = text.split("\n", 1)[0]
-    begins = "BEGIN PGM" if "BEGIN PGM" in first else "%" if first.strip() == "%" else ""
-    if begins and begins != ("BEGIN PGM" if dialect.grammar == "klartext" else dialect.frame):
-        raise ProgramError(
-            f"{program}: its first line ({shown(first)}) is of another control than {dialect.title}: give its "
-            "--controller",
-            line=1,
-        )
-    wanted = comment(f"machine {machine.title}", dialect)
-    start = comment("machine", dialect).rstrip(")")
-    named = [line for line in text.split("\n")[:HEADER_LINES] if start in line]
-    if named and not any(wanted in line for line in named):
-        told = named[0].strip()
-        raise ProgramError(
-            f"{program}: it was made for another machine ({told}), not for {machine.title}: give its --machine",
-            line=0,
-        )
-
-
 def _require_stock(text: str, stock: TriangleMesh, program: Path, keep: Path) -> None:
     """ProgramError where the header tells another stock than the kept one."""
-    told = STOCK.search(_header(text))
+    told = STOCK.search(header_of(text))
     if told is None:
         return
     heights = [float(told[1]), float(told[2])]
