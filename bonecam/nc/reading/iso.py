@@ -130,6 +130,8 @@ class _BlockReader:
             state.incremental = "incremental" in effects
         self._take_tool(effects, values, line)
         self._turn_spindle(effects, values, line)
+        if "tolerance" in effects:
+            state.tolerance = float(values.get("P", "inf"))
         self._switch_tool_centre(effects, values, line)
         for letter, number in words:
             state.stated.read(letter + number)

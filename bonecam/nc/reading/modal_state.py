@@ -29,8 +29,8 @@ class ModalState:
     `position`: X, Y, Z in mm and the rotary axes in degrees, unwound; None where it is not known.
     `tool_centre`: tool-centre control (TCPM, RTCP) is on. `inverse_time`: F is in 1/min; `incremental`: words are
     increments. `length_of`: the tool whose length is compensated, `selected` the one that the next change brings.
-    `retracted`: a retract was the last that moved the tool along Z. `linking`: feed moves are links, as the last
-    comment CUT or LINK says. Used for one program.
+    `tolerance` is that of the contour, mm. `retracted`: a retract was the last that moved the tool along Z.
+    `linking`: feed moves are links, as the last comment CUT or LINK says. Used for one program.
     """
 
     def __init__(self, machine: Machine, dialect: Dialect, tools: Sequence[Tool]) -> None:
@@ -47,6 +47,7 @@ class ModalState:
         self.stated = Stated(dialect)
         self.endless = EndlessAxes(dialect)
         self.spindle = SpindleAndCoolant()
+        self.tolerance = np.nan
         self.inverse_time = False
         self.incremental = False
         self.retracted = False
@@ -137,7 +138,9 @@ class ModalState:
             numbers = [float(value or 0.0) for value in self.position]
             rate = np.nan if rapid else feed
             modes = self.inverse_time, line, self.tool, known, self.linking
-            self.rows.append((*numbers, rapid, rate, *modes, self.spindle.speed, self.spindle.coolant))
+            self.rows.append(
+                (*numbers, rapid, rate, *modes, self.spindle.speed, self.spindle.coolant, self.tolerance)
+            )
 
     def _reached(self, column: int, value: float, line: int) -> float:
         """Where an axis (mm, degrees) stands after its word."""
@@ -208,7 +211,8 @@ class ModalState:
         lines = line + found.offsets
         tools = np.full(count, self.tool)
         known = np.ones(count)
-        modes = [np.full(count, self.spindle.speed), np.full(count, self.spindle.coolant)]
+        states = (self.spindle.speed, self.spindle.coolant, self.tolerance)
+        modes = [np.full(count, float(state)) for state in states]
         columns = [
             found.words,
             found.rapid,

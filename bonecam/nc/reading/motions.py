@@ -21,7 +21,7 @@ class Tool:
     line: int = 0
 
 
-COLUMNS = 14
+COLUMNS = 15
 """Columns of the table that `motions_of` takes."""
 
 
@@ -45,8 +45,9 @@ class Motions:
     move is known too, so that all of it can be simulated; `links`: feed moves behind a comment LINK; `tips` (mm)
     and `axes` in the part's frame by forward kinematics. `blocks` counts every moving block, also those that
     leave the position partly unknown: these are `partial`. `spindle`: its speed in 1/min, 0 where it stands; `coolant`:
-    it runs. `short_way`: endless axes turn the short way by their words. `controls` and `described`, the tools of the
-    header, by tool number.
+    it runs. `tolerances`: how far the control may leave the points, mm; infinite where the text leaves that to the
+    control, NaN where the dialect has no words for it. `short_way`: endless axes turn the short way by their words.
+    `controls` and `described`, the tools of the header, by tool number.
     """
 
     rapid: Bool[ndarray, "n"]
@@ -63,13 +64,14 @@ class Motions:
     controls: dict[int, Control]
     spindle: Float[ndarray, "n"]
     coolant: Bool[ndarray, "n"]
+    tolerances: Float[ndarray, "n"]
     partial: tuple[PartialMove, ...]
     short_way: bool
     described: dict[int, Tool]
 
 
 def motions_of(
-    table: Float[ndarray, "n 14"],
+    table: Float[ndarray, "n 15"],
     controls: dict[int, Control],
     blocks: int,
     partial: Sequence[PartialMove],
@@ -77,7 +79,7 @@ def motions_of(
     described: dict[int, Tool],
 ) -> Motions:
     """The moves of a table of rows: five words (mm, degrees), rapid, feed, inverse time, line, tool, known start,
-    link, speed of the spindle, coolant."""
+    link, speed of the spindle, coolant, tolerance."""
     words = np.column_stack([table[:, :3], np.radians(table[:, 3:5])])
     numbers = table[:, 9].astype(np.int64)
     tips = np.zeros((len(table), 3))
@@ -100,6 +102,7 @@ def motions_of(
         controls=controls,
         spindle=table[:, 12],
         coolant=table[:, 13] == 1,
+        tolerances=table[:, 14],
         partial=tuple(partial),
         short_way=short_way,
         described=described,

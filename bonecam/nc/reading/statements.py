@@ -1,5 +1,7 @@
 """Statements: blocks that a dialect knows by their whole text, and what they do."""
 
+import numpy as np
+
 from bonecam.nc.reading.line_error import line_error
 from bonecam.nc.reading.modal_state import ModalState
 from bonecam.nc.reading.tool_words import tool_number
@@ -31,6 +33,8 @@ def _apply(effect: str, values: dict[str, str], state: ModalState, line: int) ->
         state.switch_tool_centre(effect.endswith("on"))
     elif effect.startswith("short way"):
         state.endless.short_way = effect.endswith("on")
+    elif effect == "tolerance":
+        state.tolerance = float(values.get("tolerance") or np.inf)
     elif effect == "program end":
         state.ended = True
     elif effect == "begin" and line != (2 if state.dialect.grammar == "iso" and state.dialect.frame else 1):

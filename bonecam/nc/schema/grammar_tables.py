@@ -12,9 +12,11 @@ CODE = r"^([A-Z][0-9]{1,4}(\.[0-9])?|[A-Z]{3,12})$"
 """A code: a letter and its number, or a word."""
 Effect = Literal[
     "none", "begin", "end", "comment", "tool", "retract", "tool-centre on", "tool-centre off",
-    "short way on", "short way off", "spindle on", "spindle stop", "coolant on", "coolant off", "halt", "program end",
+    "short way on", "short way off", "spindle on", "spindle stop", "coolant on", "coolant off", "halt", "tolerance",
+    "program end",
 ]  # fmt: skip
-"""What a statement may do; `halt` is a stop of the program that stops spindle and coolant too."""
+"""What a statement may do; `halt` is a stop of the program that stops spindle and coolant too, `tolerance` gives the
+contour's in the group of that name (mm), or without one leaves it to the control."""
 GROUP_OF = {"comment": "comment", "tool": "tool"}
 """The named group that the pattern of an effect must have: the text, or the number of the tool."""
 
@@ -71,6 +73,7 @@ class CodesTable(Record):
     spindle_stop: Codes = Field(default_factory=list)
     coolant_on: Codes = Field(default_factory=list)
     coolant_off: Codes = Field(default_factory=list)
+    tolerance: Codes = Field(default_factory=list)
     program_end: Codes = Field(default_factory=list)
 
     @model_validator(mode="after")

@@ -10,6 +10,7 @@ from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.verify.control.axis_limits import check_limits
 from bonecam.verify.control.feeds import check_feed_mode, check_feeds, check_feeds_of_job
 from bonecam.verify.control.spindle import check_coolant, check_spindle, check_spindle_of_job
+from bonecam.verify.control.tolerances import check_tolerance
 from bonecam.verify.removal.groups import tools_of
 from bonecam.verify.removal.of_job import cutters_of
 
@@ -31,6 +32,7 @@ def check_control(motions: Motions, machine: Machine, dialect: Dialect, job: Job
     tools_of(motions, list(cutters.values()))
     check_spindle_of_job(motions, dialect, cutters)
     check_feeds_of_job(motions, dialect, job, cutters)
+    check_tolerance(motions, dialect, job)
     if job.nc.coolant:
         check_coolant(motions)
 

@@ -190,6 +190,17 @@ def spindle_speed(factor: float) -> Edit:
     ]
 
 
+def with_tolerance(posted, blocks, value):
+    """The contour tolerance of the first level changed, or left to the control; where the text has none, another
+    datum."""
+    if posted.dialect.decimal_point:
+        return planted("", "G55")(posted, blocks)
+    at = first(blocks, r"^[;(] ?LEVEL") + 1 + posted.klartext
+    if value:
+        return changed(blocks, at, r"(T\+|832\(|P)[\d.]+", rf"\g<1>{value}")
+    return changed(blocks, at, r" T\+[\d.]+| P[\d.]+|\(.*\)", "()" if "832" in blocks[at] else "")
+
+
 WRONG: dict[str, Edit] = {
     # limits
     "B beyond its upper limit": lambda p, b: word(p, "B", 60.0)(p, b),
@@ -232,6 +243,9 @@ WRONG: dict[str, Edit] = {
     # coolant
     "no coolant": lambda p, b: [block for block in b if block not in ("M8", "M08")],
     "the coolant stopped before a cut": planted("M9", "M9"),
+    # tolerances of the contour, where the text has them
+    "a contour tolerance of 1 mm": lambda p, b: with_tolerance(p, b, "1.0"),
+    "the contour left to the control": lambda p, b: with_tolerance(p, b, ""),
     # units
     "inches": lambda p, b: changed(b, first(b, "PGM|G21|G710"), " MM$|G21|G710", " INCH" if p.klartext else "G20"),
     "inches before a cut": planted("BEGIN PGM A INCH", "G70"),
