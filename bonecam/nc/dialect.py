@@ -130,9 +130,20 @@ class Dialect:
         text = self.templates[template].replace("%", "%%").format(**forms)
         return [line for line in text.split("\n") if line]
 
-    def writing_endless_words(self, choice: str) -> "Dialect":
-        """This dialect with endless axes written as the job chooses: "wrapped", "wound", or "controller" as the
-        dialect says; MachineError where the control knows one way only."""
+    def writing_endless_words(self, choice: str, machine: Machine) -> "Dialect":
+        """This dialect with endless axes written as the job chooses: "wrapped", "wound", or "controller": wound where
+        limits bound the winding, else as the dialect says. MachineError where the control knows one way only, or
+        wrapped words would leave the turn of such an axis to it."""
+        bounded = [axis.letter for axis in machine.rotary if axis.endless and axis.bounded]
+        if bounded and choice != "wound":
+            told = f"{bounded[0]} of {machine.title} winds within limits, its turn must be in the words"
+            if choice == "wrapped":
+                remedy = 'leave nc.endless_words = "wrapped" out, or limits_deg in the machine\'s file'
+                raise MachineError(f"{told}: {remedy}", machine=machine.name)
+            if self.endless_words != "wound" and not self.chooses_way:
+                remedy = "take endless = false, if the axis then takes no short way, or leave limits_deg out"
+                raise MachineError(f"{told}, {self.name} wraps them: {remedy}", dialect=self.name)
+            choice = "wound"
         if choice in ("controller", self.endless_words):
             return self
         if not self.chooses_way:

@@ -65,6 +65,16 @@ class RotaryAxis:
     endless: bool
     speed: float
 
+    @property
+    def bounded(self) -> bool:
+        """Whether it has limits."""
+        return math.isfinite(self.limits[0])
+
+    @property
+    def has_choice(self) -> bool:
+        """Whether its limits are a turn or more apart: it can stand in some direction in more than one turn."""
+        return self.bounded and self.limits[1] - self.limits[0] >= 2 * math.pi * (1 - 1e-9)
+
 
 @dataclass(frozen=True)
 class Machine:

@@ -2,7 +2,8 @@ import pytest
 
 from bonecam.errors import MachineError
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.schema.tables import DIALECTS, dialect_names
+from bonecam.nc.machine import read_machine
+from bonecam.nc.schema.tables import DIALECTS, MACHINES, dialect_names
 from bonecam.nc.schema.template_tables import TEMPLATES
 
 GOOD = (DIALECTS / "linuxcnc.toml").read_text()
@@ -172,3 +173,17 @@ def test_an_unknown_controller_is_refused_with_the_known_ones():
         MachineError, match="'nosuch' is unknown: use one of fanuc-30i, heidenhain, linuxcnc, makino, "
     ):
         read_dialect("nosuch")
+
+
+def test_an_endless_axis_with_limits_is_written_wound_or_refused(tmp_path):
+    file = (MACHINES / "mikron-ucp600.toml").read_text()
+    path = tmp_path / "limited.toml"
+    path.write_text(file.replace("endless = true", "endless = true\nlimits_deg = [-450.0, 450.0]"))
+    machine, free = read_machine(path), read_machine("mikron-ucp600")
+    heidenhain = read_dialect("heidenhain")
+    assert heidenhain.writing_endless_words("controller", machine).endless_words == "wound"
+    assert heidenhain.writing_endless_words("controller", free).endless_words == "wrapped"
+    with pytest.raises(MachineError, match="C of Mikron.*winds within limits.*leave nc.endless_words"):
+        heidenhain.writing_endless_words("wrapped", machine)
+    with pytest.raises(MachineError, match="fanuc-30i wraps them: take endless = false"):
+        read_dialect("fanuc-30i").writing_endless_words("controller", machine)

@@ -16,7 +16,7 @@ from numpy import ndarray
 from bonecam.arrays import dots, lengths
 from bonecam.errors import MachineError
 from bonecam.nc.control import Control
-from bonecam.nc.posting.rotary import choose_angles
+from bonecam.nc.posting.rotary.choice import choose_angles
 from bonecam.toolpath.path import Kind, ToolPath
 
 MAX_ROUNDS = 40

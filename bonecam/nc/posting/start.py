@@ -46,7 +46,7 @@ def start_words(
     _check_zero(machine, dialect)
     target = np.radians(angles_deg)
     for column, axis in enumerate(machine.rotary):
-        if axis.endless:
+        if axis.endless and not axis.bounded:
             target[column] -= 2 * np.pi * np.round(target[column] / (2 * np.pi))
     steps = max(int(np.ceil(np.abs(target).max() / MAX_TURN)), 1)
     angles = np.linspace(0.0, 1.0, steps + 1)[:, None] * target

@@ -57,7 +57,7 @@ def write_program(
         raise ValueError("no tool path: give at least one")
     if not name or not all(letter.isascii() and (letter.isalnum() or letter == "_") for letter in name):
         raise ProgramError(f"program name {name!r}: use letters, digits and _", name=name)
-    dialect = dialect.writing_endless_words(job.nc.endless_words)
+    dialect = dialect.writing_endless_words(job.nc.endless_words, machine)
     if job.nc.tool_change == "stop" and not dialect.templates["stop"]:
         remedy = 'take nc.tool_change = "changer", or add the template to its file'
         raise MachineError(f"{dialect.name} has no template stop: {remedy}", dialect=dialect.name)

@@ -1,0 +1,57 @@
+"""The steps between the rotary solutions of successive tool axes: by the shorter way, near the way of the tool axis."""
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+
+from bonecam.arrays import dots, lengths
+from bonecam.nc.kinematics import tool_axes
+from bonecam.nc.machine import Machine
+
+FULL_TURN = 2 * np.pi
+SMALL_ROTATION = 0.5
+"""Rotation (rad) below which the bound T^2 / 8 of `_stays_near` is used."""
+
+
+def rotary_steps(
+    machine: Machine, found: Float[ndarray, "m 2 2"], axes: Float[ndarray, "m 3"]
+) -> tuple[Float[ndarray, "m-1 2 2"], Int[ndarray, "m-1 2 2 2"]]:
+    """The rotary travel (rad) by the shorter way from each solution of a row to each of the next, infinite where the
+    tool axis would not stay near its way; and the whole turns of the limited joints that this way leaves out."""
+    travel = np.empty((len(found) - 1, 2, 2))
+    wraps = np.zeros((len(found) - 1, 2, 2, 2), dtype=np.int64)
+    bounded = np.array([axis.bounded for axis in machine.rotary])
+    for a, b in np.ndindex(2, 2):
+        change = found[1:, b] - found[:-1, a]
+        turned = np.round(change / FULL_TURN)
+        change -= FULL_TURN * turned
+        near = np.flatnonzero(_stays_near(machine, found[:-1, a], change, axes[:-1], axes[1:]))
+        travel[:, a, b] = np.inf
+        travel[near, a, b] = np.abs(change[near]).sum(1)
+        wraps[near, a, b] = np.where(bounded, turned[near], 0.0)
+    return travel, wraps
+
+
+def _stays_near(
+    machine: Machine, start: ndarray, change: ndarray, before: ndarray, after: ndarray
+) -> ndarray:
+    """Whether the tool axis halfway, with both joints running linearly from `start` by `change`, stays near
+    the great circle between the tool axes `before` and `after`.
+
+    A rotation by T (rad, the sum of both joints) leads the axis halfway off by at most T^2 / 8, which settles
+    most moves. False where a state is NaN.
+    """
+    rotation = np.abs(change).sum(1)
+    chord = lengths(after - before)
+    near = (rotation < SMALL_ROTATION) & (rotation**2 / 8 <= 0.7 * chord)
+    ask = np.flatnonzero(~near & np.isfinite(rotation))
+    middle = tool_axes(machine, start[ask] + change[ask] / 2)
+    before = before[ask]
+    after = after[ask]
+    straight = before + after
+    # opposite axes have no middle: then no linear way follows them
+    straight = straight / np.maximum(np.linalg.norm(straight, axis=1), np.finfo(float).tiny)[:, None]
+    between = np.arctan2(np.linalg.norm(np.cross(before, after), axis=1), dots(before, after))
+    off = np.arctan2(np.linalg.norm(np.cross(middle, straight), axis=1), dots(middle, straight))
+    near[ask] = off <= 0.75 * between + 1e-9
+    return np.asarray(near)
