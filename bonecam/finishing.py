@@ -16,10 +16,10 @@ from bonecam.mesh.healing.union import solid_union
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
 from bonecam.mesh.units import to_mm
 from bonecam.nc.dialect import Dialect, read_dialect
-from bonecam.nc.kinematics import axis_limits
 from bonecam.nc.machine import Machine, read_machine
 from bonecam.nc.posting.feeds import drivable_paths
 from bonecam.nc.posting.header.header import record_checks
+from bonecam.nc.posting.rotary.axis_limits import axis_limits
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import Program, program_name
 from bonecam.orientation.surface_path import Workpiece, plan_surface, stand_workpiece

@@ -13,10 +13,10 @@ from bonecam.levels.job_levels import check_method, make_levels
 from bonecam.levels.measure.level import morph_surfaces
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
 from bonecam.nc.dialect import Dialect, read_dialect
-from bonecam.nc.kinematics import axis_limits
 from bonecam.nc.machine import Machine, read_machine
 from bonecam.nc.posting.feeds import drivable_paths
 from bonecam.nc.posting.header.header import record_checks, record_simulation
+from bonecam.nc.posting.rotary.axis_limits import axis_limits
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import program_name
 from bonecam.nc.requirements import check_length, check_room, check_tools

@@ -23,12 +23,12 @@ from bonecam.mesh.files.mesh_files import write_mesh
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
 from bonecam.mesh.units import MM_OF
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.kinematics import axis_limits
 from bonecam.nc.machine import Machine
 from bonecam.nc.posting.feeds import drivable_paths
 from bonecam.nc.posting.header.header import record_checks, record_simulation
 from bonecam.nc.posting.header.program_zero import zero_words
 from bonecam.nc.posting.header.texts import second_setup_texts
+from bonecam.nc.posting.rotary.axis_limits import axis_limits
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import Program, program_name
 from bonecam.orientation.held.second import StumpPlaces, second_paths

@@ -22,8 +22,8 @@ CATEGORY = "Bonecam: Tool Paths"
 def plan_toolpath(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """Filter `generate_toolpath`: a polyline layer of the tip for each level."""
     from bonecam.levels.sequences.begun_morph import Morph
-    from bonecam.nc.kinematics import axis_limits
     from bonecam.nc.machine import read_machine
+    from bonecam.nc.posting.rotary.axis_limits import axis_limits
     from bonecam.nc.requirements import check_tools
     from bonecam.orientation.level_paths import plan_paths
     from bonecam.setup.stock import Stock

@@ -112,7 +112,7 @@ def test_the_report_has_the_names_that_stay(chain: tuple[bonecam.Result, Path]) 
         "stock": "kind diameter_mm length_mm",
         "nc": "file machine controller blocks readback_tip_error_mm readback_axis_error_deg gouge_max_mm "
         "rotary_max_deg_per_block time_min feed_median_mm_min feed_low_mm_min feed_axis_limited_share "
-        "feed_beyond_axes_share",
+        "feed_beyond_axes_share rewinds rewinds_lifted",
         "seconds": "mesh surface levels toolpath nc verify simulation",
         "removal": "cell_mm levels rapid_contact_mm3 clearance_mm left",
     }

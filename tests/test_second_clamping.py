@@ -17,8 +17,8 @@ from bonecam.mesh.files.mesh_files import write_mesh
 from bonecam.mesh.part import Part
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.kinematics import axis_limits
 from bonecam.nc.machine import read_machine
+from bonecam.nc.posting.rotary.axis_limits import axis_limits
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.read import read_program
 from bonecam.orientation.collision.scene import Scene

@@ -1,15 +1,15 @@
 from .dialect import Dialect as Dialect
 from .dialect import read_dialect as read_dialect
-from .kinematics import axis_limits as axis_limits
 from .kinematics import forward as forward
 from .kinematics import inverse_linear as inverse_linear
 from .kinematics import inverse_rotary as inverse_rotary
-from .kinematics import tilt_limit as tilt_limit
 from .machine import LinearAxis as LinearAxis
 from .machine import Machine as Machine
 from .machine import RotaryAxis as RotaryAxis
 from .machine import read_machine as read_machine
 from .posting.feeds import drivable_paths as drivable_paths
+from .posting.rotary.axis_limits import axis_limits as axis_limits
+from .posting.rotary.axis_limits import tilt_limit as tilt_limit
 from .posting.write import write_program as write_program
 from .program import Program as Program
 from .reading.motions import Motions as Motions

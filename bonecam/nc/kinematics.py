@@ -19,12 +19,8 @@ from numpy import ndarray
 
 from bonecam.arrays import dots
 from bonecam.nc.machine import Machine, RotaryAxis
-from bonecam.orientation.limits import AxisLimits
 
 UP = np.array([0.0, 0.0, 1.0])
-AXIS_MARGIN = np.radians(1.0)
-"""Kept from the machine's tilt limit, radians: a turn of up to 30 degrees between two axes at the limit
-bulges past it by less."""
 LIMIT_GUARD = 1e-8
 """A solution beyond a limit by less than this (rad) is at the limit: far below the last decimal of any
 word."""
@@ -146,24 +142,6 @@ def inverse_rotary(
     found[unreached] = np.nan
     free[unreached] = False
     return found, free
-
-
-def tilt_limit(machine: Machine) -> float:
-    """The largest angle (rad) from +Z that the tool axis reaches in every direction round the part."""
-    azimuths = np.linspace(0, 2 * np.pi, 73)[:-1]
-    tilts = np.radians(np.arange(0.0, 180.01, 0.25))
-    tilt, azimuth = (grid.ravel() for grid in np.meshgrid(tilts, azimuths, indexing="ij"))
-    axes = np.column_stack([np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt)])
-    found, _ = inverse_rotary(machine, axes)
-    reached = within_limits(machine, found).any(1).reshape(len(tilts), -1).all(1)
-    return float(tilts[-1] if reached.all() else tilts[max(int(np.argmin(reached)) - 1, 0)])
-
-
-def axis_limits(machine: Machine) -> AxisLimits:
-    """The polar angles that tool paths for the machine may use: up to AXIS_MARGIN below its tilt limit. The rotary
-    axis nearer to Z changes the azimuth, the other one the polar angle."""
-    turn, tilt = sorted(machine.rotary, key=lambda axis: -abs(axis.direction[2]))
-    return AxisLimits(tilt_limit(machine) - AXIS_MARGIN, tilt_speed=tilt.speed, turn_speed=turn.speed)
 
 
 def within_limits(machine: Machine, found: Float[ndarray, "n 2 2"]) -> Bool[ndarray, "n 2"]:

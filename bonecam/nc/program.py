@@ -29,7 +29,8 @@ class Program:
 
     `blocks` are its blocks (comments and continued blocks count once), `moves` the blocks that move an axis.
     `time_min` is from feeds and axis speeds, without accelerations, tool changes and retracts of unknown
-    length. `rotary_max_deg_per_block` is the largest turn of one axis in a feed move, `tools` the cutter
+    length. `rewinds` is how often rotary axes are rewound off the part, `lifts` how often the path is lifted for it
+    between two rapids. `rotary_max_deg_per_block` is the largest turn of one axis in a feed move, `tools` the cutter
     numbers in their order, `tool_minutes` the time of each, `air_check` what its header tells of the rotary axes.
     """
 
@@ -42,6 +43,7 @@ class Program:
     moves: int
     split_moves: int
     rewinds: int
+    lifts: int
     tools: tuple[int, ...]
     time_min: float
     tool_minutes: tuple[float, ...]

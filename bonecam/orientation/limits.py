@@ -1,6 +1,7 @@
 """The polar angle of tool axes (their angle from +Z), and its limits on a machine."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,16 +14,24 @@ ANGLE_ROUNDING = 1e-9
 """Angles this little (radians) beyond a limit are on it."""
 
 
+LiftPlaces = Callable[[ndarray, ndarray, ndarray], tuple[Float[ndarray, " k"], Float[ndarray, "k 3"]]]
+"""The places from which a path must be lifted so that its rotary axes can be rewound, and the unit axes there, from its
+axes (n, 3), the kinds of its moves (n,) and places that cannot be left. Place i + f is at f of the way from row i to
+the next: f is 0 but between two cuts, to whose place the tool comes back."""
+
+
 @dataclass(frozen=True)
 class AxisLimits:
     """Smallest and largest polar angle of the tool axis, radians (B -115..30 with an endless C: 0 .. 115
-    degrees), and how fast the machine changes its polar angle and azimuth, rad/min. MachineError where the
-    angles do not lie in order within 0 .. 180 degrees."""
+    degrees), and how fast the machine changes its polar angle and azimuth, rad/min. `lift_places` tells where the
+    machine's rotary axes come to their limits within a path; None: nowhere. MachineError where the angles do not lie in
+    order within 0 .. 180 degrees."""
 
     largest: float
     smallest: float = 0.0
     tilt_speed: float = math.inf
     turn_speed: float = math.inf
+    lift_places: LiftPlaces | None = None
 
     def __post_init__(self) -> None:
         if not 0 <= self.smallest < self.largest <= np.pi:

@@ -19,6 +19,7 @@ from bonecam.orientation.collision.scene import Scene
 from bonecam.orientation.cones.free_axes import blocked_by
 from bonecam.orientation.limits import AxisLimits
 from bonecam.orientation.links.direct import Contacts, contacts_of, direct_links
+from bonecam.orientation.links.lift import lift_for_rewinds
 from bonecam.orientation.links.link_space import LinkSpace
 from bonecam.orientation.links.moves import NO_MOVES, Feeds, Moves, join_moves, moves_of
 from bonecam.orientation.links.sequence import LinkedRuns, link_runs
@@ -55,7 +56,8 @@ def orient(
     are, or the contact is left out. Links close to the level remove nothing of the `material` that stands before it
     is cut, where that is known. Contacts without an admissible axis, and passes that cannot be reached, are left out
     and listed in `uncut` (`limits`, `collision`); by what (`blocked_by`) where that is to be `explained`. A path
-    without contacts only visits the safe point. Raises OrientationError where none of the contacts can be reached.
+    without contacts only visits the safe point. The path is lifted where the
+    machine's rotary axes must be rewound. Raises OrientationError where none of the contacts can be reached.
     """
     checker = CollisionChecker(scene, path.cutter, job.clearance)
     feeds = Feeds(nc.link_feed, nc.plunge_feed, nc.rapid_feed)
@@ -77,9 +79,8 @@ def orient(
             f"level {path.level}: no pass can be reached safely: raise path.clearance or the tool's overhang",
             level=path.level,
         )
-    return replace(
-        _tool_path(path, chosen, space, runs, linked, wanted.cones if wanted else None), blocked_by=blocked
-    )
+    made = _tool_path(path, chosen, space, runs, linked, wanted.cones if wanted else None)
+    return lift_for_rewinds(replace(made, blocked_by=blocked), space)
 
 
 def _blocked(

@@ -9,8 +9,8 @@ from typing import Any
 import bonecam
 from bonecam.job import Job, write_job
 from bonecam.mesh.files.mesh_files import write_mesh
-from bonecam.nc.kinematics import axis_limits
 from bonecam.nc.machine import read_machine
+from bonecam.nc.posting.rotary.axis_limits import axis_limits
 from bonecam.nc.program import Program
 from bonecam.orientation.surface_path import Workpiece
 from bonecam.outputs.cones_csv import cones_csv

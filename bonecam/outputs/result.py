@@ -9,8 +9,8 @@ import bonecam
 from bonecam.job import Job
 from bonecam.levels.sequences.begun_morph import Morph
 from bonecam.mesh.part import Part
-from bonecam.nc.kinematics import axis_limits
 from bonecam.nc.machine import read_machine
+from bonecam.nc.posting.rotary.axis_limits import axis_limits
 from bonecam.nc.program import Program
 from bonecam.orientation.collision.level_scene import level_scene
 from bonecam.outputs.second import SecondProgram

@@ -98,6 +98,7 @@ class ToolPath:
     `pass_index` is -1 on links and rapids. `trimmed` and `rest` are those of the `ContactPath`. `blocked_by` counts the
     contacts that have no tool axis by what is against it (`shank against the material`). The first row is a
     safe point clear of the stock, so is the last. `cones` are those that the axes were chosen in, if they were.
+    `lifts` are the first and the last rows of ways to the safe point and back, on which rotary axes are rewound.
     """
 
     level: int
@@ -115,6 +116,7 @@ class ToolPath:
     rest: int = 0
     blocked_by: Mapping[str, int] = field(default_factory=dict)
     cones: FreeCones | None = None
+    lifts: Int[ndarray, "l 2"] = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
 
     def __repr__(self) -> str:
         return f"<ToolPath of level {self.level}: {counted(len(self.tips), 'point')}>"

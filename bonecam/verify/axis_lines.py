@@ -1,7 +1,9 @@
-"""What a summary tells of tool axes and their cones."""
+"""What a summary tells of tool axes, their cones, and rotary axes."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
+
+from bonecam.errors import counted
 
 
 def axis_lines(toolpath: Sequence[Mapping[str, Any]]) -> Iterator[str]:
@@ -36,3 +38,11 @@ def _lead_lines(toolpath: Sequence[Mapping[str, Any]]) -> Iterator[str]:
         choice = f"{forced} have no other in their cones"
         yield f"lead      {share:.1%} of the contacts are cut nearer to the ball's tip than path.least_lead_deg"
         yield f"          {contacts} contacts, {where}; {choice}"
+
+
+def rewind_lines(nc: Mapping[str, Any]) -> Iterator[str]:
+    """How often rotary axes are rewound, where they are; `nc` of the report."""
+    if nc["rewinds"]:
+        lifted = f", {nc['rewinds_lifted']} of them lifted from a cut or a link and set down again"
+        told = lifted if nc["rewinds_lifted"] else ""
+        yield f"rewinds   {counted(nc['rewinds'], 'rewind')} of the rotary axes off the part{told}"

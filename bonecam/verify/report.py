@@ -182,6 +182,8 @@ def nc_report(program: Program, proof: Verification) -> dict[str, Any]:
         "readback_tip_error_mm": _mm(proof.readback_tip_error_mm),
         "readback_axis_error_deg": _mm(proof.readback_axis_error_deg),
         "gouge_max_mm": _mm(max(proof.gouge.depth, 0.0)),
+        "rewinds": program.rewinds,
+        "rewinds_lifted": program.lifts,
         "rotary_max_deg_per_block": _mm(program.rotary_max_deg_per_block),
         "time_min": round(program.time_min, 2),
         "feed_median_mm_min": round(program.feeds.median, 1),

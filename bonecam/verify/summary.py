@@ -10,7 +10,7 @@ from bonecam.levels.closed_morph import METHODS
 from bonecam.levels.problem.tolerances import NESTING_TOLERANCE
 from bonecam.setup.holding import SLENDER
 from bonecam.setup.stock import stock_text
-from bonecam.verify.axis_lines import axis_lines
+from bonecam.verify.axis_lines import axis_lines, rewind_lines
 from bonecam.verify.report import parting_text
 
 WIDTH = 120
@@ -148,9 +148,9 @@ def _program_lines(report: Mapping[str, Any]) -> Iterator[str]:
     yield from axis_lines(toolpath)
     if "parting" in report:
         yield f"parting   {parting_text(report['parting'])}"
-    file = nc["file"] or "not written"
-    machine = f"{nc['machine']} / {nc['controller']}"
-    yield f"nc        {file}: {nc['blocks']} blocks for {machine}, about {nc['time_min']:.0f} min"
+    mill = f"{nc['machine']} / {nc['controller']}"
+    yield f"nc        {nc['file'] or 'not written'}: {nc['blocks']} blocks for {mill}, about {nc['time_min']:.0f} min"
+    yield from rewind_lines(nc)
     median, low = nc["feed_median_mm_min"], nc["feed_low_mm_min"]
     share = f"an axis limits {nc['feed_axis_limited_share']:.0%} of the cutting blocks"
     yield f"feed      median {median:.0f}, a tenth below {low:.0f} mm/min; {share}"

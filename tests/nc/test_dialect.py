@@ -183,7 +183,7 @@ def test_an_endless_axis_with_limits_is_written_wound_or_refused(tmp_path):
     heidenhain = read_dialect("heidenhain")
     assert heidenhain.writing_endless_words("controller", machine).endless_words == "wound"
     assert heidenhain.writing_endless_words("controller", free).endless_words == "wrapped"
-    with pytest.raises(MachineError, match="C of Mikron.*winds within limits.*leave nc.endless_words"):
+    with pytest.raises(MachineError, match=r"C of Mikron.*winds within limits.*leave nc.endless_words"):
         heidenhain.writing_endless_words("wrapped", machine)
     with pytest.raises(MachineError, match="fanuc-30i wraps them: take endless = false"):
         read_dialect("fanuc-30i").writing_endless_words("controller", machine)

@@ -3,8 +3,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bonecam.nc.kinematics import UP, forward, inverse_linear, inverse_rotary, rotate, tilt_limit, tool_axes
+from bonecam.nc.kinematics import UP, forward, inverse_linear, inverse_rotary, rotate, tool_axes
 from bonecam.nc.machine import read_machine
+from bonecam.nc.posting.rotary.axis_limits import tilt_limit
 from bonecam.nc.schema.tables import machine_names
 
 CHAIN_KINDS = ("table-table", "head-table", "head-head", "nutating")

@@ -3,8 +3,8 @@
 import numpy as np
 
 import bonecam
-from bonecam.nc.kinematics import axis_limits
 from bonecam.nc.machine import read_machine
+from bonecam.nc.posting.rotary.axis_limits import axis_limits
 from bonecam.orientation.field.smooth_axes import machine_minutes
 from bonecam.orientation.surface_path import Workpiece, finishing_cutter, surface_contacts, wanted_axes
 from bonecam.setup.fixture.clamping import clamping_of

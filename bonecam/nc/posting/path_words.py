@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy import ndarray
 
 from bonecam.arrays import dots
@@ -52,6 +52,19 @@ class Posted:
         turns = np.abs(np.diff(self.words[:, 3:], axis=0, prepend=self.words[:1, 3:])).max(1)
         turns[[run[0] for run in self.runs]] = 0.0
         return float(turns[self.moves.kinds != Kind.RAPID].max(initial=0.0))
+
+    def lifted_in(self, run: tuple[int, int]) -> Int[ndarray, " k"]:
+        """The rows, from the first of a run on, that begin a way to the safe point and back to rewind rotary axes."""
+        rows = np.searchsorted(self.moves.rows, self.path.lifts[:, 0])
+        return rows[(rows >= run[0]) & (rows < run[1])] - run[0]
+
+    @property
+    def rewinds(self) -> int:
+        """How often rotary axes are rewound: by lifts, and at rapids."""
+        begun = self.moves.rows[[run[0] for run in self.runs[1:]], None]
+        lifts = self.path.lifts
+        on_lift = ((begun >= lifts[:, 0]) & (begun <= lifts[:, 1])).any(axis=1)
+        return len(lifts) + int((~on_lift).sum())
 
     @cached_property
     def lengths(self) -> Float[ndarray, "n"]:

@@ -23,7 +23,7 @@ from bonecam.nc.posting.header.air_check import air_check_texts
 from bonecam.nc.posting.header.header import comment, header_lines, rotary_text
 from bonecam.nc.posting.header.program_zero import over_zero, zero_words
 from bonecam.nc.posting.header.texts import setup_texts
-from bonecam.nc.posting.marks import with_marks
+from bonecam.nc.posting.marks import REWIND, with_marks
 from bonecam.nc.posting.path_words import Posted, post_path
 from bonecam.nc.posting.start import start_texts
 from bonecam.nc.posting.tolerances import contour_tolerance, rotary_tolerance_deg
@@ -132,7 +132,8 @@ class ProgramWriter:
             blocks=blocks,
             moves=self.moves,
             split_moves=sum(len(posted.words) - len(posted.path.tips) for posted in self.posted),
-            rewinds=sum(len(posted.runs) - 1 for posted in self.posted),
+            rewinds=sum(posted.rewinds for posted in self.posted),
+            lifts=sum(len(posted.path.lifts) for posted in self.posted),
             tools=tuple(minutes),
             time_min=sum(minutes.values()),
             tool_minutes=tuple(minutes.values()),
@@ -185,7 +186,8 @@ class ProgramWriter:
         words = word_texts(self.machine, self.dialect, posted.approaches[index])
         high = word_texts(self.machine, self.dialect, above(posted, index, self.travel.retract))
         end = word_texts(self.machine, self.dialect, lifted(posted, index, self.travel.retract))
-        lines = self._start(posted, words, posted.approaches[index][3:]) + self._moving(
+        lines = [comment(REWIND, self.dialect)] if index else []
+        lines += self._start(posted, words, posted.approaches[index][3:]) + self._moving(
             "approach",
             linear=" ".join(words[:3]),
             plane=" ".join(words[:2]),
@@ -233,7 +235,7 @@ class ProgramWriter:
         self.moves += len(kinds)
         table = zip(np.column_stack([words, rates]).tolist(), fast.tolist(), strict=True)
         lines = [rapid % tuple(row[:5]) if quick else feed % tuple(row) for row, quick in table]
-        return with_marks(lines, kinds, fast, self.dialect)
+        return with_marks(lines, kinds, fast, posted.lifted_in(run), self.dialect)
 
     def _rates(self, posted: Posted, rows: slice) -> Float[ndarray, "n"]:
         """The feed of each move as the dialect writes it: mm/min, or 1/min (inverse time)."""

@@ -21,6 +21,7 @@ from bonecam.toolpath.path import PARTING, Kind, ToolPath
 from bonecam.verify.page.cone_contents import cone_contents
 from bonecam.verify.page.move_sources import of_rows, of_text, rows_of_moves
 from bonecam.verify.page.packing import Contents
+from bonecam.verify.page.rewinds import rewind_contents
 from bonecam.verify.page.thinning import thinned
 from bonecam.verify.removal.groups import feed_minutes, groups_of
 from bonecam.verify.removal.left import LEFT
@@ -71,6 +72,7 @@ def program_contents(
         moves |= _removed(motions, removal, level_of, contacts, surfaces)
     kept = _shown(motions, kinds, level_of)
     arrays = {f"move_{name}": values[kept] for name, values in moves.items()}
+    arrays |= rewind_contents(text, motions, dialect)
     arrays["text"] = np.frombuffer(text.encode("latin-1", "replace"), np.uint8)
     told = {
         **{"machine": machine.name, "controller": dialect.name, "blocks": motions.blocks},

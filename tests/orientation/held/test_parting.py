@@ -12,8 +12,8 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.facets.hull import convex_hull
 from bonecam.mesh.part import Part
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.kinematics import axis_limits
 from bonecam.nc.machine import read_machine
+from bonecam.nc.posting.rotary.axis_limits import axis_limits
 from bonecam.nc.posting.write import write_program
 from bonecam.orientation.collision.scene import Scene
 from bonecam.orientation.held.parting import check_parting, parting_paths

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from bonecam.job import Job
-from bonecam.nc.kinematics import axis_limits
 from bonecam.nc.machine import read_machine
+from bonecam.nc.posting.rotary.axis_limits import axis_limits
 from bonecam.orientation.held.post_length import find_post_length, level_lifts
 from bonecam.orientation.held.reach import STEEP_TILT, what_would_help
 from bonecam.progress import silent

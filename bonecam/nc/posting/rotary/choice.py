@@ -27,8 +27,7 @@ REWIND_COST = 1e5
 """The cost of a rewind, as rotary travel in rad: more than the axes of a path travel, so that the fewest rewinds come
 first."""
 NEAR_COST = 1e3
-"""Added to it (rad) where rapids do not lead to and from both ends of the rewind, or a tool axis droops there: on the
-way out along the axis may be something."""
+"""Added to it (rad) at rapids that are not clear."""
 LIFT_COST = 1e8
 """The cost of a rewind for which the path is lifted, as rotary travel in rad: more than the rewinds at rapids."""
 CUT_COST = 1e6
@@ -60,7 +59,7 @@ def choose_angles(
 
     Row i's kind is the kind of the move that arrives there. `hold_cone` in rad. `before`: the joints the
     machine comes from; an axis without limits starts within half a turn of them. `liftable`: rows before which the
-    path may be lifted for a rewind; rapids always may.
+    path may be lifted for a rewind, where it is being planned; else it may be at rapids only.
     """
     found, free = inverse_rotary(machine, axes, hold_cone)
     _check_reach(machine, found)
@@ -80,18 +79,24 @@ def choose_angles(
     return Choice(angles, rewinds)
 
 
+def clear_rapids(kinds: Int[ndarray, "n"], axes: Float[ndarray, "n 3"]) -> Bool[ndarray, "n"]:
+    """Rows before which the rotary axes can be rewound as they are: rapids lead to and from both ends of the rewind,
+    and no tool axis droops there, so that nothing is on the way out along it."""
+    rapid = kinds == Kind.RAPID
+    rising = axes[:, 2] >= 0
+    return rapid & rising & np.r_[False, (rapid & rising)[:-1]] & np.r_[rapid[1:], True]
+
+
 def _rewind_costs(
     kinds: Int[ndarray, "n"], axes: Float[ndarray, "n 3"], liftable: Bool[ndarray, "n"] | None
 ) -> Float[ndarray, "n"]:
     """What a rewind before each row costs as rotary travel, rad; infinite where there can be none."""
+    cut = kinds == Kind.CUT
     rapid = kinds == Kind.RAPID
-    rising = axes[:, 2] >= 0
-    away = rapid & np.r_[False, (rapid & rising)[:-1]] & np.r_[rapid[1:], True] & rising
-    costs = np.where(rapid, np.where(away, REWIND_COST, REWIND_COST + NEAR_COST), np.inf)
-    if liftable is not None:
-        cut = kinds == Kind.CUT
-        lifted = np.where(cut & np.r_[False, cut[:-1]], LIFT_COST + CUT_COST, LIFT_COST)
-        costs = np.where(liftable, np.minimum(costs, lifted), costs)
+    lifted = np.where(cut & np.r_[False, cut[:-1]], LIFT_COST + CUT_COST, LIFT_COST)
+    costs = np.where(rapid, REWIND_COST + NEAR_COST, lifted)
+    costs[~(rapid if liftable is None else liftable)] = np.inf
+    costs[clear_rapids(kinds, axes)] = REWIND_COST
     return costs
 
 

@@ -1,5 +1,5 @@
 // The view that plays the program: tool, standing stock, blocks.
-const TRAIL = 400, BLOCKS_ABOVE = 2, BLOCKS_BELOW = 3;
+const REWOUND = "#d55e00", TRAIL = 400, BLOCKS_ABOVE = 2, BLOCKS_BELOW = 3;
 
 function lineText(line) {
   if (!page.lineStarts) {
@@ -10,6 +10,12 @@ function lineText(line) {
   if (line < 1 || line >= page.lineStarts.length) return "";
   const bytes = page.arrays.text.subarray(page.lineStarts[line - 1], page.lineStarts[line] - 1);
   return String.fromCharCode(...Array.from(bytes));
+}
+
+function rewindPoints(places) {
+  const geometry = new THREE.BufferGeometry();
+  geometry.addAttribute("position", new THREE.BufferAttribute(places, 3));
+  return new THREE.Points(geometry, new THREE.PointsMaterial({ size: 7, sizeAttenuation: false, color: new THREE.Color(REWOUND) }));
 }
 
 function placeTool(i, ghost) {
@@ -82,7 +88,9 @@ const programMode = {
     page.trail = new THREE.Line(geometry, new THREE.LineBasicMaterial({ color: new THREE.Color("#0072b2") }));
     page.trail.frustumCulled = false;
     page.content.add(page.trail);
-    showLegend({ title: "Standing stock", items: [[BONE, "as it stood when the level began"], [CUT, "cut on this level so far"], ["#0072b2", `path of the tip, the last ${TRAIL} moves`], ["#e69f00", "cutter"]] });
+    const rewinds = a.rewinds ? [[REWOUND, "left to rewind rotary axes"]] : [];
+    if (a.rewinds) page.content.add(rewindPoints(a.rewinds));
+    showLegend({ title: "Standing stock", items: [[BONE, "as it stood when the level began"], [CUT, "cut on this level so far"], ["#0072b2", `path of the tip, the last ${TRAIL} moves`], ["#e69f00", "cutter"], ...rewinds] });
     showStep(state.step);
   },
   controls: (state) => [

@@ -13,20 +13,7 @@ MIKRON = read_machine("mikron-ucp600")
 HOLD = np.radians(0.0005)
 
 
-def pointing(tilt_deg, azimuth_deg) -> np.ndarray:
-    tilt, azimuth = np.radians(
-        np.broadcast_arrays(np.asarray(tilt_deg, float), np.asarray(azimuth_deg, float))
-    )
-    return np.column_stack([np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt)])
-
-
-def cuts(count: int, *rapids: int) -> np.ndarray:
-    kinds = np.full(count, int(Kind.CUT))
-    kinds[[0, *rapids]] = Kind.RAPID
-    return kinds
-
-
-def test_the_chosen_angles_point_the_axis_and_stay_within_limits():
+def test_the_chosen_angles_point_the_axis_and_stay_within_limits(pointing, cuts):
     rng = np.random.default_rng(3)
     axes = pointing(
         60 + 40 * np.sin(np.linspace(0, 9, 800)), np.linspace(0, 2000, 800) + rng.normal(0, 0.1, 800)
@@ -38,21 +25,21 @@ def test_the_chosen_angles_point_the_axis_and_stay_within_limits():
     assert not choice.rewinds.any()
 
 
-def test_an_endless_axis_winds_without_a_jump():
+def test_an_endless_axis_winds_without_a_jump(pointing, cuts):
     azimuth = np.linspace(0, 3600, 1441)
     choice = choose_angles(MIKRON, pointing(80.0, azimuth), cuts(1441), HOLD)
     turned = np.degrees(choice.angles[:, 1] - choice.angles[0, 1])
     assert np.allclose(turned, azimuth, atol=1e-6)
 
 
-def test_through_the_singular_axis_the_tilt_changes_sign_and_the_table_rests():
+def test_through_the_singular_axis_the_tilt_changes_sign_and_the_table_rests(pointing, cuts):
     tilt = np.linspace(-20, 20, 41)
     choice = choose_angles(MIKRON, pointing(tilt, 30.0), cuts(41), HOLD)
     assert np.degrees(np.ptp(choice.angles[:, 1])) < 1e-6
     assert np.allclose(np.abs(np.degrees(choice.angles[:, 0])), np.abs(tilt), atol=1e-9)
 
 
-def test_the_table_is_held_where_the_axis_is_upright():
+def test_the_table_is_held_where_the_axis_is_upright(pointing, cuts):
     axes = np.vstack(
         [
             pointing(np.linspace(10, 1, 10), 50.0),
@@ -66,7 +53,7 @@ def test_the_table_is_held_where_the_axis_is_upright():
     assert np.array_equal(everywhere.angles, np.zeros((5, 2)))
 
 
-def test_noise_within_the_hold_cone_does_not_turn_the_table():
+def test_noise_within_the_hold_cone_does_not_turn_the_table(cuts):
     rng = np.random.default_rng(5)
     axes = np.column_stack([rng.normal(0, 1e-6, (200, 2)), np.ones(200)])
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
@@ -77,7 +64,7 @@ def test_noise_within_the_hold_cone_does_not_turn_the_table():
     )
 
 
-def test_beyond_the_tilt_limit_the_error_names_axis_value_and_limit():
+def test_beyond_the_tilt_limit_the_error_names_axis_value_and_limit(pointing, cuts):
     with pytest.raises(
         MachineError, match=r"point 3: B -?1[12]\d\.\d+ deg leaves the limit -115.000 deg"
     ) as caught:
@@ -93,7 +80,7 @@ def limited(axis, write_machine, machine_text, tmp_path):
     return read_machine(write_machine(tmp_path, machine_text(["C", "B", "XYZ"], rotary)))
 
 
-def test_a_limited_table_is_rewound_at_a_rapid_only(limited):
+def test_a_limited_table_is_rewound_at_a_rapid_only(limited, pointing, cuts):
     axes, kinds = pointing(60.0, np.linspace(0, 700, 71)), cuts(71, 20, 38, 55)
     choice = choose_angles(limited, axes, kinds, HOLD)
     assert choice.rewinds.any()
@@ -104,23 +91,9 @@ def test_a_limited_table_is_rewound_at_a_rapid_only(limited):
     assert np.degrees(steps[~choice.rewinds[1:]].max()) < 11
 
 
-def test_a_limited_table_is_never_rewound_in_the_cut(limited):
+def test_a_limited_table_is_never_rewound_in_the_cut(limited, pointing, cuts):
     with pytest.raises(MachineError, match="reach their limits within a cut"):
         choose_angles(limited, pointing(60.0, np.linspace(0, 700, 71)), cuts(71), HOLD)
-
-
-@pytest.fixture
-def winding(axis, write_machine, machine_text, tmp_path):
-    """Makes a machine whose table turns between two angles (deg), as an endless axis that winds or as another."""
-
-    def build(low, high, endless=False, tilts=(-100, 0)):
-        rotary = {
-            "C": {**axis([0, 0, 1], [0, 0, 0], -1, low, high), "endless": endless},
-            "B": axis([0, 1, 0], [0, 0, 0], -1, *tilts),
-        }
-        return read_machine(write_machine(tmp_path, machine_text(["C", "B", "XYZ"], rotary)))
-
-    return build
 
 
 @pytest.mark.parametrize("endless", [False, True])
@@ -135,7 +108,9 @@ def winding(axis, write_machine, machine_text, tmp_path):
         (90, 810, 3, 1),
     ],
 )
-def test_a_winding_path_is_rewound_as_seldom_as_its_limits_allow(winding, low, high, turns, rewinds, endless):
+def test_a_winding_path_is_rewound_as_seldom_as_its_limits_allow(
+    winding, low, high, turns, rewinds, endless, pointing, cuts
+):
     machine = winding(low, high, endless)
     rows = 109
     begin = tool_axes(machine, np.radians([[-60.0, low + 1.0]]))[0]
@@ -149,7 +124,7 @@ def test_a_winding_path_is_rewound_as_seldom_as_its_limits_allow(winding, low, h
     assert np.abs(tool_axes(machine, choice.angles) - axes).max() < 1e-9
 
 
-def test_the_turn_in_which_a_stretch_begins_looks_ahead_over_all_of_it(winding):
+def test_the_turn_in_which_a_stretch_begins_looks_ahead_over_all_of_it(winding, pointing, cuts):
     # begun in the turn next to zero it would end 600 degrees beyond
     for way in (1, -1):
         axes = pointing(60.0, np.linspace(0, 600 * way, 71))
@@ -158,7 +133,7 @@ def test_the_turn_in_which_a_stretch_begins_looks_ahead_over_all_of_it(winding):
         assert np.abs(np.degrees(choice.angles[:, 1])).max() <= 450
 
 
-def test_a_path_begins_in_the_turn_next_to_where_the_machine_comes_from(winding):
+def test_a_path_begins_in_the_turn_next_to_where_the_machine_comes_from(winding, cuts):
     machine = winding(-450, 450, True)
     before = np.array([0.0, np.radians(400.0)])
     axes = tool_axes(machine, np.radians(np.column_stack([np.full(5, -60.0), np.linspace(40, 60, 5)])))
@@ -168,7 +143,7 @@ def test_a_path_begins_in_the_turn_next_to_where_the_machine_comes_from(winding)
     assert np.degrees(choose_angles(machine, axes, cuts(5), HOLD).angles[0, 1]) == pytest.approx(40.0)
 
 
-def test_where_no_turn_fits_the_path_is_lifted_from_a_link_rather_than_from_a_cut(winding):
+def test_where_no_turn_fits_the_path_is_lifted_from_a_link_rather_than_from_a_cut(winding, pointing, cuts):
     machine = winding(-200, 200)
     axes, kinds = pointing(60.0, np.linspace(0, 500, 51)), cuts(51)
     everywhere = np.ones(51, dtype=bool)
@@ -185,7 +160,7 @@ def test_where_no_turn_fits_the_path_is_lifted_from_a_link_rather_than_from_a_cu
     )
 
 
-def test_a_rewind_is_done_where_rapids_lead_to_and_from_it(winding):
+def test_a_rewind_is_done_where_rapids_lead_to_and_from_it(winding, pointing, cuts):
     choice = choose_angles(
         winding(-200, 200), pointing(60.0, np.linspace(0, 700, 71)), cuts(71, 34, 35, 36, 37), HOLD
     )
@@ -216,7 +191,7 @@ def least_by_trial(machine, axes, kinds, low, high):
 
 
 @pytest.mark.parametrize("seed", range(16))
-def test_no_other_sequence_has_fewer_rewinds_or_as_many_and_less_travel(winding, seed):
+def test_no_other_sequence_has_fewer_rewinds_or_as_many_and_less_travel(winding, seed, pointing, cuts):
     rng = np.random.default_rng(seed)
     low, high = [(-360, 360), (0, 360), (-185, 185), (-100, 300)][seed % 4]
     machine = winding(low, high, endless=seed % 3 == 1, tilts=(-100, 100))
@@ -236,7 +211,9 @@ def test_no_other_sequence_has_fewer_rewinds_or_as_many_and_less_travel(winding,
 
 
 @pytest.mark.parametrize("kind", ["table-table", "head-table", "head-head", "nutating"])
-def test_every_chain_follows_a_gentle_path_without_a_flip(write_machine, chains, kind, tmp_path):
+def test_every_chain_follows_a_gentle_path_without_a_flip(
+    write_machine, chains, kind, tmp_path, pointing, cuts
+):
     machine = read_machine(write_machine(tmp_path, chains[kind]))
     axes = pointing(40 + 10 * np.sin(np.linspace(0, 6, 200)), np.linspace(-60, 60, 200))
     choice = choose_angles(machine, axes, cuts(200), HOLD)
