@@ -19,7 +19,7 @@ from bonecam.nc.posting.header.header import record_checks, record_simulation
 from bonecam.nc.posting.rotary.axis_limits import axis_limits
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import program_name
-from bonecam.nc.requirements import check_length, check_room, check_tools
+from bonecam.nc.requirements import check_length, check_reach, check_room, check_tools
 from bonecam.orientation.held.parting import check_parting
 from bonecam.orientation.held.post_length import find_post_length
 from bonecam.orientation.held.reach import what_would_help
@@ -74,6 +74,7 @@ def convert(
     machine = read_machine(job.nc.machine)
     dialect = read_dialect(job.nc.controller)
     check_job(job, machine, dialect)
+    check_reach(job, machine)
     check_simulated(job, simulation=simulation)
     outputs = Outputs(program, keep, report, surface, html, sheet, apt, bool(job.holding.second))
     given, source = _given(mesh)

@@ -73,7 +73,7 @@ class RotaryAxis:
     @property
     def has_choice(self) -> bool:
         """Whether its limits are a turn or more apart: it can stand in some direction in more than one turn."""
-        return self.bounded and self.limits[1] - self.limits[0] >= 2 * math.pi * (1 - 1e-9)
+        return bool(self.bounded and self.limits[1] - self.limits[0] >= 2 * math.pi * (1 - 1e-9))
 
 
 @dataclass(frozen=True)

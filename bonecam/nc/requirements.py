@@ -7,13 +7,23 @@ from bonecam.errors import MachineError
 from bonecam.job import Job, ToolJob, field_error
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.machine import Machine
+from bonecam.nc.posting.rotary.axis_limits import axis_limits
+from bonecam.nc.posting.rotary.choice import choose_angles
 from bonecam.nc.posting.travel import table_reach
 from bonecam.orientation.axes.lead import check_lead
 from bonecam.progress import Progress, report, silent
 from bonecam.setup.schedule import STOCK_CHORD_SHARE
 from bonecam.setup.stock import Stock
 from bonecam.toolpath.cutters.cutter import Cutter
+from bonecam.toolpath.path import Kind
 from bonecam.toolpath.patterns.scallop import side_step
+
+ROUND = 360
+"""Steps in which the way round a part is tried."""
+LOOPS = np.radians([30.0, 60.0, 90.0])
+"""Polar angles of the tool axis at which it is tried, rad."""
+LEVEL = 0.5
+"""An axis whose direction rises by less, as a unit vector, tilts the table rather than turns it."""
 
 
 def check_tools(job: Job, machine: Machine) -> None:
@@ -36,6 +46,45 @@ def _check_speeds(section: str, tool: ToolJob, machine: Machine) -> None:
     if tool.feed > slowest:
         bound = f"an axis of {machine.name} makes {slowest:g} mm/min at most: give less"
         raise field_error(section, "feed", tool.feed, bound)
+
+
+def check_reach(job: Job, machine: Machine) -> None:
+    """MachineError where the rotary axes of the machine cannot lean the tool all round as far as the sides of a stock
+    need, or come to their limits on the way round where no rewind helps."""
+    limits = axis_limits(machine)
+    bounds = [(axis.letter, *np.degrees(axis.limits)) for axis in machine.rotary if axis.bounded]
+    named = ", ".join(f"{letter} {low:g} to {high:g} deg" for letter, low, high in bounds)
+    needed = 90.0 if job.path.strategy != "morph" else 90.0 - job.path.max_tilt_deg
+    reached = float(np.degrees(limits.largest))
+    if reached < needed:
+        what = f"leans by {max(reached, 0.0):g} deg all round at most, the sides of the stock need {needed:g}"
+        remedy = "take another machine (--machine)" + (
+            ", or a larger path.max_tilt_deg" if job.path.strategy == "morph" else ""
+        )
+        raise MachineError(f"{machine.name}: with {named} the tool axis {what}: {remedy}", reached=reached)
+
+    for tilt in LOOPS[limits.largest >= LOOPS]:
+        _check_way_round(machine, tilt, named)
+
+
+def _check_way_round(machine: Machine, tilt: float, named: str) -> None:
+    """MachineError where the tool axis does not go all round at a polar angle (rad) unless the table is turned over."""
+    azimuths = np.radians(np.arange(ROUND + 1.0))
+    level = np.sin(tilt) * np.column_stack([np.cos(azimuths), np.sin(azimuths)])
+    axes = np.column_stack([level, np.full(len(level), np.cos(tilt))])
+    everywhere = np.ones(len(axes), dtype=bool)
+    choice = choose_angles(machine, axes, np.full(len(axes), int(Kind.CUT)), 0.0, liftable=everywhere)
+    turns = np.diff(choice.angles, axis=0)[choice.rewinds[1:]]
+    for axis in machine.part_axes:
+        turned = float(np.abs(turns[:, machine.column(axis) - 3]).max(initial=0.0))
+        if abs(axis.direction[2]) < LEVEL and turned > np.pi:
+            what = f"{axis.letter} must be rewound by {np.degrees(turned):.0f} deg to go round a part"
+            raise MachineError(
+                f"{machine.name}: with {named} {what}, which turns the table over under the tool: take another "
+                f"machine (--machine), or give {axis.letter} limits with zero between them, if it has such",
+                axis=axis.letter,
+                turned=turned,
+            )
 
 
 def check_room(stock: Stock, job: Job, machine: Machine) -> None:

@@ -9,8 +9,8 @@ from bonecam.errors import JobError, MachineError
 from bonecam.job import Job
 from bonecam.job.frustum import Frustum
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.nc.machine import read_machine
-from bonecam.nc.requirements import check_length, check_room, least_lengths
+from bonecam.nc.machine import Machine, read_machine
+from bonecam.nc.requirements import check_length, check_reach, check_room, least_lengths
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.fixture.table import Table
 
@@ -69,3 +69,59 @@ def test_a_table_that_sweeps_more_than_z_travels_is_refused_before_anything_is_p
         MachineError, match=r"reach 45\d\d\d mm from the pivot.*correct the machine's \[table\]"
     ):
         check_room(stock, job, huge)
+
+
+def limited(name: str = "mikron-ucp600", **limits_deg: tuple[float, float]) -> Machine:
+    """A machine that ships, with other limits of some rotary axes."""
+    machine = read_machine(name)
+    axes = (
+        replace(axis, endless=False, limits=tuple(np.radians(limits_deg[axis.letter])))
+        if axis.letter in limits_deg
+        else axis
+        for axis in machine.part_axes
+    )
+    return replace(machine, part_axes=tuple(axes))
+
+
+@pytest.mark.parametrize("turns", [(-360, 360), (0, 360), (-185, 185), (-450, 450), (-90, 90)])
+def test_turntables_with_limits_reach_all_round(turns: tuple[float, float]) -> None:
+    check_reach(Job(), limited(C=turns))
+    check_reach(Job(), read_machine("linuxcnc-xyzbc"))
+
+
+@pytest.mark.parametrize(
+    ("limits", "job", "told"),
+    [
+        (
+            {"B": (-10, 10)},
+            {},
+            "leans by 9 deg all round at most, the sides of the stock need 15: .*path.max_tilt",
+        ),
+        (
+            {"B": (-80, 80)},
+            {"path": {"strategy": "rotary"}},
+            "the sides of the stock need 90: take another machine",
+        ),
+        ({"B": (-0.5, 0.5)}, {}, "leans to some sides only: give wider limits"),
+        ({"C": (-80, 80), "B": (-115, 0)}, {}, "C -80 to 80 deg the tool axis leans to some sides only"),
+    ],
+)
+def test_axes_that_do_not_lean_far_enough_all_round_are_refused_with_their_limits(
+    limits: dict[str, tuple[float, float]], job: dict[str, dict[str, object]], told: str
+) -> None:
+    with pytest.raises(MachineError, match=told):
+        check_reach(Job().with_values(**job), limited(**limits))
+
+
+def test_a_table_that_would_turn_over_for_a_rewind_is_refused_before_anything_is_planned() -> None:
+    machine = read_machine("mikron-ucp600")
+    first, second = machine.part_axes
+    round_x = replace(first, letter="A", direction=(1.0, 0.0, 0.0), endless=False, limits=(0.0, 2 * np.pi))
+    tilted = replace(second, limits=(-np.radians(179), np.radians(179)))
+    with pytest.raises(
+        MachineError, match=r"A must be rewound by 3\d\d deg .* turns the table over"
+    ) as caught:
+        check_reach(Job(), replace(machine, part_axes=(round_x, tilted)))
+    assert caught.value.evidence["axis"] == "A"
+    middle = replace(round_x, limits=(-np.pi, np.pi))
+    check_reach(Job(), replace(machine, part_axes=(middle, tilted)))

@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 
+from bonecam.errors import MachineError
 from bonecam.nc.kinematics import inverse_rotary, within_limits
 from bonecam.nc.machine import Machine
 from bonecam.nc.posting.rotary.lifts import lift_places
@@ -30,8 +31,18 @@ def axis_limits(machine: Machine) -> AxisLimits:
     """The polar angles that tool paths for the machine may use: up to AXIS_MARGIN below its tilt limit. The rotary
     axis nearer to Z changes the azimuth, the other one the polar angle."""
     turn, tilt = sorted(machine.rotary, key=lambda axis: -abs(axis.direction[2]))
+    largest = tilt_limit(machine) - AXIS_MARGIN
+    if largest <= 0:
+        bounded = [axis for axis in machine.rotary if axis.bounded]
+        ranges = ((axis.letter, *np.degrees(axis.limits)) for axis in bounded)
+        bounds = ", ".join(f"{letter} {low:g} to {high:g} deg" for letter, low, high in ranges)
+        raise MachineError(
+            f"{machine.name}: with {bounds} the tool axis leans to some sides only: give wider limits, or take another "
+            "machine (--machine)",
+            machine=machine.name,
+        )
     return AxisLimits(
-        tilt_limit(machine) - AXIS_MARGIN,
+        largest,
         tilt_speed=tilt.speed,
         turn_speed=turn.speed,
         lift_places=partial(lift_places, machine),
