@@ -22,7 +22,8 @@ fill in
 - one table a rotary letter: `direction` (unit vector) and `pivot` (mm, any point on the axis; of a head axis:
   measured from the spindle nose), both with all axes at zero; `sign` (+1: a positive word turns what the axis
   carries by the right hand about `direction`, -1: the other way round, as most tilting tables do);
-  `limits_deg`; `endless` (may wind); `speed_deg_s`.
+  `limits_deg`; `endless` (may wind, within limits_deg where they are given: then the words are those of the winding);
+  `speed_deg_s`.
 No formula belongs to a machine: `kinematics.py` composes the chain.
 """
 

@@ -15,6 +15,7 @@ from numpy import ndarray
 from bonecam.errors import VerifyError
 from bonecam.kernels.align import align_moves
 from bonecam.nc.dialect import Dialect
+from bonecam.nc.posting.path_words import SLOW, axis_minutes
 from bonecam.nc.reading.motions import Motions
 from bonecam.toolpath.path import Kind, ToolPath
 
@@ -49,12 +50,14 @@ class Readback:
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
-    """The rows of all tool paths, one path behind the other; `first` marks the first row of each path."""
+    """The rows of all tool paths, one path behind the other; `first` marks the first row of each path. Below the feed
+    `slow` a block in inverse time may last as long as its slowest axis needs."""
 
     tips: Float[ndarray, "n 3"]
     axes: Float[ndarray, "n 3"]
     kinds: Int[ndarray, "n"]
     feeds: Float[ndarray, "n"]
+    slow: Float[ndarray, "n"]
     radius: Float[ndarray, "n"]
     tools: Int[ndarray, "n"]
     first: Bool[ndarray, "n"]
@@ -76,6 +79,7 @@ def _rows_of(paths: Sequence[ToolPath]) -> _Rows:
         np.vstack([path.axes for path in paths]),
         np.concatenate([path.kinds for path in paths]),
         np.concatenate([path.feed_rates for path in paths]),
+        np.repeat([SLOW * path.cutter.feed for path in paths], sizes),
         np.repeat([path.cutter.radius for path in paths], sizes),
         np.repeat([path.cutter.number for path in paths], sizes),
         first,
@@ -110,7 +114,9 @@ def compare_moves(
     posted = source != -1
     _check_tools(motions, posted, rows.tools[reached])
     begins = rows.first[reached] | (rows.from_anywhere[reached] & ~motions.known_start)
-    _check_feeds(motions, posted, rows.kinds[reached], rows.feeds[reached], begins, dialect)
+    by_turn = _by_turn(motions, np.minimum(rows.slow, rows.feeds)[reached])
+    by_turn &= rows.kinds[reached] != Kind.RAPID
+    _check_feeds(motions, posted & ~by_turn, rows.kinds[reached], rows.feeds[reached], begins, dialect)
     return Readback(len(rows.tips), source, tip_error, axis_error)
 
 
@@ -185,3 +191,17 @@ def _check_feeds(
             place=tuple(motions.tips[move].tolist()),
             error=np.inf if motions.rapid[move] else float(abs(written[move] - feeds[move])),
         )
+
+
+def _by_turn(motions: Motions, slow: Float[ndarray, "n"]) -> Bool[ndarray, "n"]:
+    """Moves in inverse time that are slower than the feed `slow` and last as long as their slowest axis needs."""
+    needed = np.zeros(len(motions.tips))
+    words = np.column_stack([motions.words[:, :3], np.degrees(motions.words[:, 3:])])
+    for number, control in motions.controls.items():
+        rows = motions.tools == number
+        needed[rows] = axis_minutes(control, words)[rows]
+    share = motions.feed_rates * needed
+    length = np.r_[0.0, np.linalg.norm(np.diff(motions.tips, axis=0), axis=1)]
+    slower = motions.feed_rates * length < slow
+    lasts = (share <= 1 + FEED_TOLERANCE) & (share >= 1 - FEED_TOLERANCE)
+    return np.asarray(motions.inverse_time & slower & lasts)

@@ -11,6 +11,10 @@ no more than half of the cutter's feed per mm of path, and by no more than a fac
 speed x teeth) changes as evenly. On the shipped phalanx this takes 2.5 % more time than the model of a control that
 changes its feed at once from block to block. The first row of a pass, entered at the plunge feed, is left out of it.
 
+In inverse time each block has its own time. Beside the pole, where the axes turn round while the tip hardly moves, the
+feed of a row is lowered to SLOW of the cutter's at most, and blocks on which the axes allow less last as long as their
+turn: a feed for such a block, taken over by its neighbours, would let the tool dwell for minutes.
+
 A control moves the programmed point, the tip of the tool, at the feed of the block. Where the tool turns, or the ball
 rolls over a bulge, the contact is slower than the tip. `path.feed_at = "contact"` raises or lowers the feed of each row
 so that the contact keeps the cutter's feed: F = feed x way of the tip / way of the contact.
@@ -26,7 +30,7 @@ from numpy import ndarray
 from bonecam.job import Job
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.machine import Machine
-from bonecam.nc.posting.path_words import Posted, post_path
+from bonecam.nc.posting.path_words import SLOW, Posted, post_path
 from bonecam.nc.program import FeedFigures
 from bonecam.toolpath.path import Kind, ToolPath
 
@@ -63,6 +67,9 @@ def _drivable_feeds(posted: Posted, feed_at: str) -> Float[ndarray, "n"]:
     with np.errstate(divide="ignore"):
         reached = posted.lengths[moving] / posted.axis_minutes[moving]
     np.minimum.at(limit, posted.moves.rows[moving], reached)
+    if posted.dialect.feed_mode != "per-minute":
+        # what is slower is timed by its turn, block by block
+        limit = np.maximum(limit, SLOW * path.cutter.feed)
     feeds = np.minimum(asked, limit)
     feeds = _even(feeds, np.linalg.norm(np.diff(path.tips, axis=0, prepend=path.tips[:1]), axis=1), path)
 
@@ -116,7 +123,8 @@ def feed_figures(posted: Sequence[Posted], feed_at: str) -> FeedFigures:
         cuts[[first for first, _ in one.runs]] = False
         length, axes = one.lengths[cuts], one.axis_minutes[cuts]
         asked.append(axes * one.path.cutter.feed * _feed_ratios(one, feed_at)[one.moves.rows[cuts]] / length)
-        own.append(axes * one.moves.feed_rates[cuts] / length)
+        # a block that is timed by its turn asks for what its axes can
+        own.append(np.where(one.by_turn[cuts], 1.0, axes * one.moves.feed_rates[cuts] / length))
         driven.append(length / one.minutes[cuts])
     feeds = np.concatenate(driven)
     if not len(feeds):

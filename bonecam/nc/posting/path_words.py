@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from bonecam.arrays import dots
@@ -23,6 +23,10 @@ APPROACH_HEIGHT = 10.0
 """A run is approached along the tool axis from this far above everything that is machined, mm."""
 STILL = 0.001
 """A tip that moves by less (mm) stands: its feed says nothing."""
+
+SLOW = 0.02
+"""Without tool-centre control, a block on which the axes allow less than this share of the cutter's feed is timed by
+its turn: it lasts as long as its slowest axis needs. At 900 mm/min that is 18 mm/min, 1 s on a row of 0.3 mm."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +69,13 @@ class Posted:
         lifts = self.path.lifts
         on_lift = ((begun >= lifts[:, 0]) & (begun <= lifts[:, 1])).any(axis=1)
         return len(lifts) + int((~on_lift).sum())
+
+    @cached_property
+    def by_turn(self) -> Bool[ndarray, "n"]:
+        """Rows of a program in inverse time whose blocks are timed by their turns: the tip hardly moves meanwhile."""
+        timed = self.dialect.feed_mode != "per-minute"
+        slow = self.lengths < SLOW * self.path.cutter.feed * self.axis_minutes
+        return timed & (slow | (self.lengths <= self.dialect.numbers["length"].step))
 
     @cached_property
     def lengths(self) -> Float[ndarray, "n"]:
@@ -116,7 +127,7 @@ def post_path(
         + np.maximum(lift, APPROACH_HEIGHT)[:, None] * control.poses(np.radians(words[starts]))[1]
     )
     approaches = round_words(dialect, control, above, angles[starts])
-    fastest = _axis_minutes(control, words, starts)
+    fastest = axis_minutes(control, words, starts)
     minutes = _move_minutes(moves, _lengths(control, words), fastest, starts, job)
     return Posted(path, dialect, control, moves, words, runs, approaches, minutes, fastest)
 
@@ -153,21 +164,24 @@ def _joints(control: Control, words: Float[ndarray, "n 5"]) -> Float[ndarray, "n
 def drivable_rates(control: Control, words: Float[ndarray, "n 5"], highest: float) -> Float[ndarray, "m"]:
     """The feeds (mm/min) of the n - 1 moves from each row of words (mm, deg) to the next: `highest`, or what the
     slowest axis can follow."""
-    minutes = _axis_minutes(control, words, np.zeros(1, dtype=np.int64))[1:]
+    minutes = axis_minutes(control, words)[1:]
     lengths = _lengths(control, words)[1:]
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(lengths > STILL, np.minimum(highest, lengths / minutes), highest)
 
 
-def _axis_minutes(control: Control, words: ndarray, starts: ndarray) -> Float[ndarray, "n"]:
-    """Minutes that the slowest axis needs for the move that arrives at each row; where a run begins, the slower
-    rotary axis."""
+def axis_minutes(
+    control: Control, words: Float[ndarray, "n 5"], starts: Int[ndarray, " r"] | None = None
+) -> Float[ndarray, "n"]:
+    """Minutes that the slowest axis needs for the move that arrives at each row of words (mm, deg); where a run
+    `starts`, the slower rotary axis."""
     machine = control.machine
     speeds = np.array([axis.speed for axis in machine.linear] + [axis.speed for axis in machine.rotary])
     joints = _joints(control, words)
     slowest = np.r_[0.0, (np.abs(np.diff(joints, axis=0)) / speeds).max(1, initial=0.0)]
-    rotary = np.abs(np.diff(joints[:, 3:], axis=0, prepend=joints[:1, 3:])) / speeds[3:]
-    slowest[starts] = rotary[starts].max(1)
+    if starts is not None:
+        rotary = np.abs(np.diff(joints[:, 3:], axis=0, prepend=joints[:1, 3:])) / speeds[3:]
+        slowest[starts] = rotary[starts].max(1)
     return slowest
 
 

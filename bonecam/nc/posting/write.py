@@ -246,6 +246,5 @@ class ProgramWriter:
         length[0] = 0.0
         with np.errstate(divide="ignore"):
             by_length = moves.feed_rates[rows] / length
-            # a rotation on the spot has no length: it takes what the rotary axes need
             by_axes = 1 / posted.minutes[rows]
-        return np.where(length > self.length.step, by_length, np.minimum(by_length, by_axes))
+        return np.where(posted.by_turn[rows] | (length == 0.0), np.minimum(by_length, by_axes), by_length)

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bonecam.arrays import unit
 from bonecam.errors import VerifyError
 from bonecam.job import Job
 from bonecam.nc.control import Control
@@ -151,3 +152,53 @@ def test_rapids_that_are_written_as_feeds_are_lowered_too(paths) -> None:
     assert (lowered[0].feed_rates[rapid] < paths[0].feed_rates[rapid]).any()
     program = write_program(lowered, machine, bent, Job())
     assert axis_shares(read_program(program.text, machine, bent), machine).max() <= 1.0 + 1e-6
+
+
+def over_the_pole(path_of: Callable[..., ToolPath], off_deg: float, step: float, still: bool) -> ToolPath:
+    """A pass whose tool axis swings from -40 to 40 degrees past the pole, `off_deg` beside it; the tip moves by `step`
+    (mm) from row to row, or hardly at all (`still`) where the axis is next to it."""
+    rows = np.arange(-20, 21)
+    swing = np.radians(2.0 * rows)
+    axes = np.column_stack([np.sin(swing), np.full(41, np.sin(np.radians(off_deg))), np.cos(swing)])
+    tips = np.column_stack([rows * step, np.zeros(41), np.full(41, 60.0)])
+    if still:
+        tips[18:22] = tips[18] + np.outer(np.arange(4), [3e-4, 0.0, 0.0])
+    return path_of(tips, unit(axes))
+
+
+@pytest.mark.parametrize("off_deg", [0.0001, 0.01, 0.1, 0.5])
+@pytest.mark.parametrize("step", [0.3, 0.002])
+@pytest.mark.parametrize("still", [False, True])
+def test_beside_the_pole_the_tool_waits_for_its_slowest_axis_and_no_longer(
+    path_of, off_deg, step, still
+) -> None:
+    machine, dialect = PAIRS["linuxcnc"]
+    lowered = drivable_paths([over_the_pole(path_of, off_deg, step, still)], machine, dialect, Job())
+    program = write_program(lowered, machine, dialect, Job())
+    motions = read_program(program.text, machine, dialect)
+    compare_moves(motions, lowered, dialect, Tolerances())
+    feeds = motions.inverse_time & ~motions.rapid
+    minutes = np.where(feeds, 1 / np.where(feeds, motions.feed_rates, 1.0), 0.0)
+    joints = np.diff(motions.words, axis=0, prepend=motions.words[:1])
+    speeds = np.array([axis.speed for axis in (*machine.linear, *machine.rotary)])
+    needed = (np.abs(joints) / speeds).max(1)
+    assert (minutes[feeds] >= needed[feeds] * (1 - 1e-6)).all()
+    # no more than 5 s beyond what the axes need, and beside the turn itself no block of more than a second
+    assert minutes.sum() <= needed[feeds].sum() + 5 / 60
+    assert (minutes <= np.maximum(1.01 * needed, 1.01 / 60)).all()
+    assert program.feeds.beyond == 0.0
+    assert program.time_min < needed.sum() + 0.2
+
+
+def test_a_block_that_is_slower_than_its_turn_is_told(path_of) -> None:
+    machine, dialect = PAIRS["linuxcnc"]
+    (path,) = drivable_paths([over_the_pole(path_of, 0.5, 0.3, False)], machine, dialect, Job())
+    text = write_program([path], machine, dialect, Job()).text
+    lines = text.split("\n")
+    motions = read_program(text, machine, dialect)
+    slowest = int(np.argmin(np.where(motions.inverse_time & ~motions.rapid, motions.feed_rates, np.inf)))
+    line = int(motions.lines[slowest]) - 1
+    words, feed = lines[line].rsplit("F", 1)
+    lines[line] = f"{words}F{float(feed) / 2:.4f}"
+    with pytest.raises(VerifyError, match=rf"line {line + 1}: feed is .* meant"):
+        compare_moves(read_program("\n".join(lines), machine, dialect), [path], dialect, Tolerances())

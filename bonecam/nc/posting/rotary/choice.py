@@ -113,6 +113,8 @@ def _check_reach(machine: Machine, found: ndarray) -> None:
             row=row,
         )
     bounds = np.array([axis.limits for axis in machine.rotary])
+    middle = np.array([sum(axis.limits) / 2 if axis.bounded else 0.0 for axis in machine.rotary])
+    solutions = solutions + FULL_TURN * np.round((middle - solutions) / FULL_TURN)
     excess = np.maximum(np.maximum(bounds[:, 0] - solutions, solutions - bounds[:, 1]), 0)
     solution = int(np.argmin(excess.max(1)))
     column = int(np.argmax(excess[solution]))

@@ -5,8 +5,6 @@ back to one place. That is a row of the path, or a place on the way between two 
 limits just a turn apart there is no other.
 """
 
-from dataclasses import replace
-
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
@@ -14,14 +12,12 @@ from numpy import ndarray
 from bonecam.arrays import lengths
 from bonecam.errors import MachineError
 from bonecam.nc.kinematics import inverse_rotary
-from bonecam.nc.machine import Machine, RotaryAxis
+from bonecam.nc.machine import Machine
 from bonecam.nc.posting.rotary.choice import choose_angles, clear_rapids
 from bonecam.nc.posting.rotary.steps import FULL_TURN
 from bonecam.nc.posting.split import POLE_PASS, between
 from bonecam.toolpath.path import Kind
 
-SPARE = float(np.radians(0.5))
-"""Kept from the limits of an axis that cannot turn round, rad: between two rows the control passes farther out."""
 FINE = np.radians(10.0)
 """A joint turns by no more between the places at which limits are asked, rad: as in the feed moves of a program."""
 FINEST = 12
@@ -51,7 +47,7 @@ def lift_places(
     left = np.where(again, places, row - 1.0)
     liftable = (again | ~is_cut[row - 1]) & (row > 0) & ~np.isin(left, blocked)
     try:
-        choice = choose_angles(_with_spare(machine), turned, kinds[row], 0.0, liftable=liftable)
+        choice = choose_angles(machine, turned, kinds[row], 0.0, liftable=liftable)
     except MachineError as error:
         at = int(row[error.evidence["row"]])
         what = str(error).partition(": ")[2]
@@ -84,23 +80,6 @@ def _fine_places(
             break
         places = np.sort(np.r_[places, (places[:-1] + places[1:])[wide] / 2])
     return places
-
-
-def _with_spare(machine: Machine) -> Machine:
-    """The machine with SPARE at the limits of the axes that cannot turn round, where the other one can."""
-    if not any(axis.has_choice for axis in machine.rotary):
-        return machine
-
-    def narrowed(axis: RotaryAxis) -> RotaryAxis:
-        if axis.has_choice or not axis.bounded:
-            return axis
-        return replace(axis, limits=(axis.limits[0] + SPARE, axis.limits[1] - SPARE))
-
-    return replace(
-        machine,
-        part_axes=tuple(map(narrowed, machine.part_axes)),
-        tool_axes=tuple(map(narrowed, machine.tool_axes)),
-    )
 
 
 def _at_limits(

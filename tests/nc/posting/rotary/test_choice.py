@@ -219,3 +219,10 @@ def test_every_chain_follows_a_gentle_path_without_a_flip(
     choice = choose_angles(machine, axes, cuts(200), HOLD)
     assert np.abs(tool_axes(machine, choice.angles) - axes).max() < 1e-9
     assert np.degrees(np.abs(np.diff(choice.angles, axis=0)).max()) < 5
+
+
+def test_beyond_the_tilt_the_error_names_the_axis_that_cannot_reach_not_the_one_that_turns(
+    winding, pointing, cuts
+):
+    with pytest.raises(MachineError, match=r"point 1: B -110.000 deg leaves the limit -100.000 deg"):
+        choose_angles(winding(0, 360), pointing([50.0, 110.0], 234.0), cuts(2), HOLD)
