@@ -16,8 +16,13 @@ from bonecam.errors import MachineError
 from bonecam.orientation.limits import LiftPlaces
 from bonecam.orientation.links.link_space import LinkSpace
 from bonecam.orientation.links.moves import Moves, join_moves, moves_of
-from bonecam.orientation.links.transfer import SAFE, no_transfers
+from bonecam.orientation.links.transfer import SAFE, TRAVERSES, no_transfers
+from bonecam.orientation.links.traverse import TraverseOptions
 from bonecam.toolpath.path import Kind, ToolPath
+
+LIFTS = (TraverseOptions(one_azimuth=True), TraverseOptions(rise=5.0, one_azimuth=True), *TRAVERSES)
+"""The traverses to the safe point and back in the order they are tried: first those on which an axis about Z that is at
+its limit stands still."""
 
 
 def lift_for_rewinds(path: ToolPath, space: LinkSpace) -> ToolPath:
@@ -32,7 +37,7 @@ def lift_for_rewinds(path: ToolPath, space: LinkSpace) -> ToolPath:
         lifts = [(row, _return(whole, row)) for row in rows.tolist()]
         pairs = [((row - 1, SAFE), (SAFE, back)) for row, back in lifts]
         poses = list(zip(whole.balls, whole.axes))
-        found = no_transfers(space, poses).extend([one for pair in pairs for one in pair]).found
+        found = no_transfers(space, poses, LIFTS).extend([one for pair in pairs for one in pair]).found
         stuck = [k for k, pair in enumerate(pairs) if any(found[one] is None for one in pair)]
         if not stuck:
             return _with_lifts(whole, lifts, found, space.feeds.plunge)

@@ -4,7 +4,7 @@ Where no traverse is free, the transfer goes by way of the safe point above the 
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -39,6 +39,7 @@ class Transfers:
     poses: Sequence[Pose]
     retracts: Mapping[int, Retract | None]
     found: Mapping[tuple[int, int], Moves | None]
+    traverses: Sequence[TraverseOptions] = TRAVERSES
 
     def extend(self, pairs: Sequence[tuple[int, int]]) -> "Transfers":
         """The transfers, with those of more pairs of contacts; all pairs at once are quicker than one by one."""
@@ -50,19 +51,23 @@ class Transfers:
 
         ends = [(retracts[a], retracts[b]) for a, b in fresh]
         possible = [(out, into) for out, into in ends if out is not None and into is not None]
-        moves = iter(_find_transfers(self.space, possible))
+        moves = iter(_find_transfers(self.space, possible, self.traverses))
         links = [None if out is None or into is None else next(moves) for out, into in ends]
-        return Transfers(self.space, self.poses, retracts, {**self.found, **dict(zip(fresh, links))})
+        return replace(self, retracts=retracts, found={**self.found, **dict(zip(fresh, links))})
 
 
-def no_transfers(space: LinkSpace, poses: Sequence[Pose]) -> Transfers:
-    """Nothing found yet between these poses."""
-    return Transfers(space, poses, {SAFE: safe_retract(space)}, {})
+def no_transfers(
+    space: LinkSpace, poses: Sequence[Pose], traverses: Sequence[TraverseOptions] = TRAVERSES
+) -> Transfers:
+    """Nothing found yet between these poses; the `traverses` are tried in their order."""
+    return Transfers(space, poses, {SAFE: safe_retract(space)}, {}, traverses)
 
 
-def _find_transfers(space: LinkSpace, pairs: Sequence[tuple[Retract, Retract]]) -> list[Moves | None]:
+def _find_transfers(
+    space: LinkSpace, pairs: Sequence[tuple[Retract, Retract]], options: Sequence[TraverseOptions]
+) -> list[Moves | None]:
     """The transfer from the pose of each first retract to that of the second."""
-    traverses = _find_traverses(space, [(out.end, into.end) for out, into in pairs])
+    traverses = _find_traverses(space, [(out.end, into.end) for out, into in pairs], options)
     found = [
         None if moves is None else join_moves([out.moves, moves, approach(into, space.feeds)])
         for moves, (out, into) in zip(traverses, pairs, strict=True)
@@ -72,18 +77,20 @@ def _find_transfers(space: LinkSpace, pairs: Sequence[tuple[Retract, Retract]]) 
     ]
     if blocked:
         safe = safe_retract(space)
-        home = _find_transfers(space, [(pairs[k][0], safe) for k in blocked])
-        back = _find_transfers(space, [(safe, pairs[k][1]) for k in blocked])
+        home = _find_transfers(space, [(pairs[k][0], safe) for k in blocked], options)
+        back = _find_transfers(space, [(safe, pairs[k][1]) for k in blocked], options)
         for k, first, second in zip(blocked, home, back, strict=True):
             found[k] = None if first is None or second is None else join_moves([first, second])
     return found
 
 
-def _find_traverses(space: LinkSpace, pairs: Sequence[tuple[Pose, Pose]]) -> list[Moves | None]:
-    """The first of TRAVERSES between each two poses on the clearance surface that is free, its first pose
+def _find_traverses(
+    space: LinkSpace, pairs: Sequence[tuple[Pose, Pose]], tried: Sequence[TraverseOptions]
+) -> list[Moves | None]:
+    """The first of those `tried` between each two poses on the clearance surface that is free, its first pose
     left out; the same one of all pairs is tried at once."""
     found: list[Moves | None] = [None] * len(pairs)
-    for options in TRAVERSES:
+    for options in tried:
         left = [k for k, moves in enumerate(found) if moves is None]
         routes = [traverse(space.surface, *pairs[k], space.limits, options) for k in left]
         for k, (centres, axes), free in zip(left, routes, _routes_free(space, routes), strict=True):

@@ -28,11 +28,13 @@ UP = np.array([0.0, 0.0, 1.0])
 @dataclass(frozen=True)
 class TraverseOptions:
     """How a traverse runs: `rise` (mm) higher in its middle, the `long_way` round the stock's axis, or
-    `over_pole`: by the upper pole, where the axis stands upright."""
+    `over_pole`: by the upper pole, where the axis stands upright; `one_azimuth`: the axis keeps the azimuth of the
+    pose that leans more, so that an axis about Z stands still."""
 
     rise: float = 0.0
     long_way: bool = False
     over_pole: bool = False
+    one_azimuth: bool = False
 
 
 def traverse(
@@ -60,6 +62,9 @@ def traverse(
     lean = unit((1 - f)[:, None] * leans[0] + f[:, None] * leans[1] + 1e-12)
     axes = np.einsum("nij,nj->ni", frames, lean)
     angles = np.clip(polar_angles(axes), limits.smallest, limits.largest)
+    if options.one_azimuth:
+        leaning = min(first[1], last[1], key=lambda axis: abs(axis[2]))
+        axes = np.repeat(leaning[None], SAMPLES, axis=0)
     axes = unit(with_polar_angles(axes, angles))
     centres[[0, -1]] = [first[0], last[0]]
     axes[[0, -1]] = [first[1], last[1]]
