@@ -196,9 +196,8 @@ def _machine(
     design = morph_surfaces(levels)[0]
     with times.stage("toolpath"):
         plan = plan_paths if job.path.strategy == "morph" else plan_layer_paths
-        planned = plan(
-            levels, made.stock, job, axis_limits(machine), machine.bodies, part(progress, 0.0, 0.82)
-        )
+        share = part(progress, 0.0, 0.82)
+        planned = plan(levels, made.stock, job, axis_limits(machine), machine.bodies, share)
 
     with times.stage("nc"):
         paths = drivable_paths(planned, machine, dialect, job)
@@ -215,9 +214,8 @@ def _machine(
 
     with times.stage("verify"):
         tolerances = Tolerances(gouge=job.path.gouge_tolerance)
-        proof = verify(
-            program.text, paths, machine, dialect, design, tolerances, part(progress, 0.9, 1.0), job
-        )
+        share = part(progress, 0.9, 1.0)
+        proof = verify(program.text, paths, machine, dialect, design, tolerances, share, job)
 
     program = record_checks(program, dialect, str(proof))
     told = report_to_program(Path(file or "").name, paths, program, proof, job.path, levels[0].mesh)

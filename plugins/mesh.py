@@ -38,7 +38,7 @@ def repair_bone(layers: Layers, values: Mapping[str, Any], progress: Progress) -
 
 def fill_pits_layer(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """Filter `meshing_fill_pits`: a layer of the mesh without its pits."""
-    from bonecam.mesh.healing.pits import fill_pits
+    from bonecam.mesh.healing.hollows.pits import fill_pits
 
     fill = fill_pits(layers.bone(), values["pit_radius"])
     layers.add(fill.mesh, "filled")

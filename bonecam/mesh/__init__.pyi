@@ -12,7 +12,7 @@ from .files.mesh_files import read_mesh as read_mesh
 from .files.mesh_files import write_mesh as write_mesh
 from .healing.faults import Fault as Fault
 from .healing.faults import faults_of as faults_of
-from .healing.pits import fill_pits as fill_pits
+from .healing.hollows.pits import fill_pits as fill_pits
 from .healing.repair import repair as repair
 from .intersections import self_intersections as self_intersections
 from .part import Part as Part

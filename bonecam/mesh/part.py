@@ -15,7 +15,7 @@ from bonecam.mesh.distance import hausdorff
 from bonecam.mesh.files.mesh_files import bytes_of, read_mesh
 from bonecam.mesh.files.stated_axes import axes_text, stated_axes
 from bonecam.mesh.healing.decimation import decimate
-from bonecam.mesh.healing.pits import Fill, fill_pits
+from bonecam.mesh.healing.hollows.pits import Fill, fill_pits
 from bonecam.mesh.healing.repair import repair
 from bonecam.mesh.healing.repair_state import Repair
 from bonecam.mesh.healing.surface_moves import without

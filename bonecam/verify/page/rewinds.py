@@ -5,7 +5,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.posting.header import comment
+from bonecam.nc.posting.header.header import comment
 from bonecam.nc.posting.marks import LIFTED, REWIND
 from bonecam.nc.reading.motions import Motions
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bonecam.job import Job, MeshJob
-from bonecam.mesh.healing.pits import CHORD, LEAST, SHALLOW, Fill, fill_pits
+from bonecam.mesh.healing.hollows.pits import CHORD, LEAST, SHALLOW, Fill, fill_pits
 from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.part import prepare_part
 from bonecam.mesh.remeshing import split_edges

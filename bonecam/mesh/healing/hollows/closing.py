@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from bonecam.arrays import lengths
-from bonecam.kernels.half_spaces import project_on_half_spaces
+from bonecam.kernels.closest.half_spaces import project_on_half_spaces
 from bonecam.mesh.distance import MeshDistance, exact_closest
 
 ROUNDS = 40

@@ -1,0 +1,1 @@
+"""Hollows that a ball cannot reach: where it comes to lie in them, and their fill."""
