@@ -6,7 +6,6 @@ the post stands on it.
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from bonecam.job import Job
 from bonecam.levels.job_levels import check_method, make_levels
@@ -22,7 +21,7 @@ from bonecam.nc.program import program_name
 from bonecam.nc.requirements import check_length, check_reach, check_room, check_tools
 from bonecam.orientation.held.parting import check_parting
 from bonecam.orientation.held.post_length import find_post_length
-from bonecam.orientation.held.reach import what_would_help
+from bonecam.orientation.held.reach import post_advice
 from bonecam.orientation.held.second import check_second
 from bonecam.orientation.layer_paths import plan_layer_paths
 from bonecam.orientation.level_paths import plan_paths
@@ -33,7 +32,6 @@ from bonecam.outputs.run_report import post_report, report_to_levels, report_to_
 from bonecam.progress import Progress, part, silent
 from bonecam.runtime.timing import StageTimes
 from bonecam.second_clamping import add_second, check_simulated
-from bonecam.setup.holding import SLENDER
 from bonecam.setup.placement import Setup, place
 from bonecam.setup.schedule import check_cuts
 from bonecam.setup.stock_kind import check_sizes
@@ -43,6 +41,7 @@ from bonecam.toolpath.cutters.ball_depth import check_depths
 from bonecam.verify.control.trial_program import check_posting
 from bonecam.verify.proof import verify
 from bonecam.verify.readback import Tolerances
+from bonecam.verify.removal.given import given_surface
 from bonecam.verify.removal.of_job import prove_removal
 from bonecam.verify.summary import NOT_SIMULATED
 
@@ -150,7 +149,7 @@ def _morph(
         check_cuts(setup.part.mesh, setup.stock, job.levels)
         if machine is not None:
             check_length(setup.part.mesh, setup.stock, job, part(progress, 0.1, 0.1))
-        advice = _post_advice(setup, job, machine) if found else {}
+        advice = post_advice(setup, job, axis_limits(machine), machine.bodies) if found and machine else {}
 
     with times.stage("surface"):
         fitted = fit_surface(setup.part, job, part(progress, 0.1, 0.5), given)
@@ -172,13 +171,6 @@ def stand_on_post(setup: Setup, job: Job, machine: Machine | None = None) -> tup
         return setup, job
     machine = machine or read_machine(job.nc.machine)
     return find_post_length(setup, job, axis_limits(machine), machine.bodies)
-
-
-def _post_advice(setup: Setup, job: Job, machine: Machine | None) -> dict[str, Any]:
-    """What would shorten a post that was found to be slender."""
-    if machine is None or job.holding.length <= SLENDER * job.holding.diameter:
-        return {}
-    return what_would_help(setup, job, axis_limits(machine), machine.bodies).report
 
 
 def _machine(
@@ -215,7 +207,8 @@ def _machine(
     with times.stage("verify"):
         tolerances = Tolerances(gouge=job.path.gouge_tolerance)
         share = part(progress, 0.9, 1.0)
-        proof = verify(program.text, paths, machine, dialect, design, tolerances, share, job)
+        given = given_surface(made.part, job, made.report)
+        proof = verify(program.text, paths, machine, dialect, design, tolerances, share, job, given)
 
     program = record_checks(program, dialect, str(proof))
     told = report_to_program(Path(file or "").name, paths, program, proof, job.path, levels[0].mesh)
@@ -229,8 +222,14 @@ def _simulated(
     """The result with what its posted text removes; VerifyError where that is not what a program may do."""
     with times.stage("simulation"):
         levels = result.levels.levels
-        text, mesh = result.program.text, result.part.mesh
-        removal = prove_removal(text, machine, dialect, result.job, result.stock, levels, mesh, progress)
+        text, mesh, given = (
+            result.program.text,
+            result.part.mesh,
+            given_surface(result.part, result.job, result.report),
+        )
+        removal = prove_removal(
+            text, machine, dialect, result.job, result.stock, levels, mesh, progress, given
+        )
     program = record_simulation(result.program, dialect, removal.cell)
     told = {**result.report, "removal": removal.report}
     return replace(result, program=program, report=told, removal=removal)

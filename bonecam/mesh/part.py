@@ -8,10 +8,10 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.errors import MeshError, counted
+from bonecam.errors import MeshError, counted, place_name
 from bonecam.job import MeshJob
 from bonecam.job.tool_section import FINISHING
-from bonecam.mesh.distance import hausdorff
+from bonecam.mesh.distance import MeshDistance, hausdorff
 from bonecam.mesh.files.mesh_files import bytes_of, read_mesh
 from bonecam.mesh.files.stated_axes import axes_text, stated_axes
 from bonecam.mesh.healing.decimation import decimate
@@ -20,7 +20,7 @@ from bonecam.mesh.healing.repair import repair
 from bonecam.mesh.healing.repair_state import Repair
 from bonecam.mesh.healing.surface_moves import without
 from bonecam.mesh.pose import upright
-from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
+from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from, probes
 from bonecam.mesh.units import mirror_and_scale, to_mm
 from bonecam.progress import Progress, report, silent
 from bonecam.progress import part as share
@@ -65,6 +65,32 @@ class Part:
         """Largest distance (mm, both ways) between the mesh as given and `mesh`; 0 where nothing was
         changed."""
         return max(hausdorff(self.placed_given, self.mesh)) if self.repairs else 0.0
+
+    @cached_property
+    def taken_off(self) -> tuple[float, Float[ndarray, "3"]]:
+        """How far, mm, vertices and face middles of the mesh as given stand out of `mesh` at most, and where; 0 where
+        nothing was changed. It is measured by open3d's distances, which no repair uses."""
+        points = probes(self.placed_given)
+        if not self.repairs:
+            return 0.0, points[0]
+        distance = MeshDistance(self.mesh)
+        away = np.linalg.norm(distance.closest(points)[0] - points, axis=1)
+        away[distance.inside(points)] = 0.0
+        worst = int(np.argmax(away))
+        return float(away[worst]), points[worst]
+
+    def require_kept(self, allowed: float) -> "Part":
+        """The part itself; MeshError where all that was done to its mesh takes more than `allowed` mm off it."""
+        taken, place = self.taken_off
+        if taken <= allowed:
+            return self
+        where = np.linalg.solve(self.transform, np.append(place, 1.0))[:3]  # as the file has it
+        raise MeshError(
+            f"{self.file}: the repairs take {taken:.2f} mm off the mesh as given near {place_name(where)}, allowed "
+            f"{allowed:g}: mend it there in a mesh editor, or raise surface.largest_deviation",
+            file=self.file,
+            place=where,
+        )
 
     def move(self, pose: Float[ndarray, "4 4"]) -> "Part":
         """The part after a rigid transform (4, 4)."""

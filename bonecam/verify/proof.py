@@ -18,6 +18,7 @@ from bonecam.toolpath.path import ToolPath
 from bonecam.verify.control.check import check_control
 from bonecam.verify.gouge import Distances, Gouge, measure_gouge
 from bonecam.verify.readback import Tolerances, compare_moves
+from bonecam.verify.removal.given import GivenSurface
 
 DESIGN_CHORD = 0.001
 """Largest chord tolerance (mm) of the tessellated design surface: DESIGN_SHARE of the gouge allowed by
@@ -28,19 +29,24 @@ DESIGN_SHARE = 0.1
 
 @dataclass(frozen=True)
 class Verification:
-    """What was measured on the text; `gouge`: where the ball enters the part deepest, or least clears it."""
+    """What was measured on the text; `gouge`: where the ball enters the part deepest, or least clears it; `given`: the
+    same of the mesh as given, None where none was."""
 
     moves: int
     rows: int
     readback_tip_error_mm: float
     readback_axis_error_deg: float
     gouge: Gouge
+    given: Gouge | None = None
 
     def __str__(self) -> str:
         """What was proved, in the words of the program's header."""
         tip = f"tip within {1000 * self.readback_tip_error_mm:.2f} um"
         axis = f"axis within {self.readback_axis_error_deg:.4f} deg of the path"
-        return f"text read back, {tip}, {axis}, gouge {1000 * max(self.gouge.depth, 0.0):.2f} um"
+        gouge = f"gouge {1000 * max(self.gouge.depth, 0.0):.2f} um"
+        if self.given is not None:
+            gouge += f", {1000 * max(self.given.depth, 0.0):.1f} um of the mesh as given"
+        return f"text read back, {tip}, {axis}, {gouge}"
 
 
 def verify(
@@ -52,12 +58,13 @@ def verify(
     tolerances: Tolerances | None = None,
     progress: Progress = silent,
     job: Job | None = None,
+    given: GivenSurface | None = None,
 ) -> Verification:
-    """Prove `text` against the paths and the design surface; errors as in `verify_program`."""
+    """Prove `text` against the paths, the design surface and the part as `given`; errors as in `verify_program`."""
     report(progress, 0.0, "reading the program back")
     allowed = tolerances or Tolerances()
     part = MeshDistance(design.tessellate(min(DESIGN_CHORD, DESIGN_SHARE * allowed.gouge)))
-    return verify_program(text, paths, machine, dialect, part, allowed, job)
+    return verify_program(text, paths, machine, dialect, part, allowed, job, given)
 
 
 def verify_program(
@@ -68,10 +75,12 @@ def verify_program(
     part: Distances,
     tolerances: Tolerances | None = None,
     job: Job | None = None,
+    given: GivenSurface | None = None,
 ) -> Verification:
     """Read `text` back and prove that the control runs it as the `job` means, against the paths and the part.
 
-    `part` measures against a fine tessellation of the design surface: its own deviation is not seen here.
+    `part` measures against a fine tessellation of the design surface: its own deviation is not seen here, but in the
+    gouge of the mesh as `given`.
     ProgramError where the text cannot be read, VerifyError (with `line`, `place`, `error`) where it is wrong.
     """
     allowed = tolerances or Tolerances()
@@ -88,10 +97,14 @@ def verify_program(
             place=gouge.place,
             error=gouge.depth,
         )
+    into_given = measure_gouge(motions, given) if given is not None else None
+    if given is not None and into_given is not None:
+        given.check_gouge(into_given)
     return Verification(
         moves=motions.blocks,
         rows=checked.rows,
         readback_tip_error_mm=float(checked.tip_error.max(initial=0.0)),
         readback_axis_error_deg=float(np.degrees(checked.axis_error.max(initial=0.0))),
         gouge=gouge,
+        given=into_given,
     )

@@ -15,6 +15,7 @@ from bonecam.nc.program import Program
 from bonecam.surface.fitting.fit import Fit
 from bonecam.toolpath.parting import cut_groove
 from bonecam.toolpath.path import PARTING, Kind, ToolPath
+from bonecam.verify.gouge import Gouge
 from bonecam.verify.proof import Verification
 
 
@@ -182,6 +183,7 @@ def nc_report(program: Program, proof: Verification) -> dict[str, Any]:
         "readback_tip_error_mm": _mm(proof.readback_tip_error_mm),
         "readback_axis_error_deg": _mm(proof.readback_axis_error_deg),
         "gouge_max_mm": _mm(max(proof.gouge.depth, 0.0)),
+        **_gouge_to_given(proof.given),
         "rewinds": program.rewinds,
         "rewinds_lifted": program.lifts,
         "rotary_max_deg_per_block": _mm(program.rotary_max_deg_per_block),
@@ -190,6 +192,17 @@ def nc_report(program: Program, proof: Verification) -> dict[str, Any]:
         "feed_low_mm_min": round(program.feeds.low, 1),
         "feed_axis_limited_share": round(program.feeds.limited, 4),
         "feed_beyond_axes_share": round(program.feeds.beyond, 4),
+    }
+
+
+def _gouge_to_given(gouge: Gouge | None) -> dict[str, Any]:
+    """How deep the ball goes into the mesh as given, with line and place; null where that was not measured."""
+    if gouge is None:
+        return dict.fromkeys(("gouge_to_given_max_mm", "gouge_to_given_line", "gouge_to_given_place"))
+    return {
+        "gouge_to_given_max_mm": _mm(max(gouge.depth, 0.0)),
+        "gouge_to_given_line": gouge.line,
+        "gouge_to_given_place": [round(value, 3) for value in gouge.place],
     }
 
 

@@ -100,11 +100,7 @@ def _post_lines(post: Mapping[str, Any] | None) -> Iterator[str]:
     """The post, and a warning where it is so slender that it bends like a spring."""
     if post is not None:
         slender = post["length_mm"] > SLENDER * post["diameter_mm"]
-        warning = (
-            "; slender: a thicker post, a chuck below it or a slimmer holder and spindle help"
-            if slender
-            else ""
-        )
+        warning = "; slender: a thicker post, a chuck below it or a slimmer holder and spindle help" * slender
         yield f"post      {post['diameter_mm']:g} x {post['length_mm']:g} mm{warning}"
         if "footprint_mm2" in post:
             yield f"          {post['footprint_mm2']:.1f} mm2 of the part stay under it"
@@ -155,8 +151,9 @@ def _program_lines(report: Mapping[str, Any]) -> Iterator[str]:
     share = f"an axis limits {nc['feed_axis_limited_share']:.0%} of the cutting blocks"
     yield f"feed      median {median:.0f}, a tenth below {low:.0f} mm/min; {share}"
     tip_um, gouge_um = nc["readback_tip_error_mm"] * 1000, nc["gouge_max_mm"] * 1000
-    axis_deg = nc["readback_axis_error_deg"]
-    yield f"proof     tip {tip_um:.2f} um, axis {axis_deg:.4f} deg, gouge {gouge_um:.2f} um"
+    yield f"proof     tip {tip_um:.2f} um, axis {nc['readback_axis_error_deg']:.4f} deg, gouge {gouge_um:.2f} um"
+    given = nc["gouge_to_given_max_mm"]
+    yield from () if given is None else [f"          {given:.3f} mm into the mesh as given at most"]
 
 
 def removal_text(removal: Mapping[str, Any]) -> str:
@@ -179,6 +176,9 @@ def _removal_lines(removal: Mapping[str, Any]) -> Iterator[str]:
     reasons = left["by_reason"]
     why = f"{reasons['gouge']:.1f} in hollows, {reasons['reachable']:.1f} where the ball fits"
     yield f"left      {away} ({why}); at the post {reasons['post']:.1f} mm2"
+    if removal.get("given"):
+        inside, outside = (removal["given"][name] for name in ("gouge_max_mm", "left_max_mm"))
+        yield f"as given  what is left lies {inside:.3f} mm inside the mesh as given at most, {outside:.3f} mm outside"
     if removal.get("bridge_diameter_mm") is not None:
         yield f"          {removal['bridge_diameter_mm']:.2f} mm of the post hold the parted part"
 

@@ -6,6 +6,7 @@ shorter instead, the contacts that need more of it stay uncut: all of them lie r
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from bonecam.orientation.held.post_length import sampled_lifts, sampled_lifts_of
 from bonecam.orientation.limits import AxisLimits
 from bonecam.setup.fixture.clamping import clamping_of
 from bonecam.setup.fixture.table import MachineBodies
+from bonecam.setup.holding import SLENDER
 from bonecam.setup.placement import Setup
 
 STEEP_TILT = 80.0
@@ -56,6 +58,13 @@ class ReachAdvice:
                 {"length_mm": each.length, "uncut_mm2": round(each.uncut, 1)} for each in self.shorter
             ],
         }
+
+
+def post_advice(setup: Setup, job: Job, limits: AxisLimits, bodies: MachineBodies) -> dict[str, Any]:
+    """`remedies` and `shorter` of the report of a post that was found, where it is slender; nothing where it is not."""
+    if job.holding.length <= SLENDER * job.holding.diameter:
+        return {}
+    return what_would_help(setup, job, limits, bodies).report
 
 
 def what_would_help(setup: Setup, job: Job, limits: AxisLimits, bodies: MachineBodies) -> ReachAdvice:

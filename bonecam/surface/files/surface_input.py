@@ -42,9 +42,11 @@ SPARE = 2.0
 def read_part(
     source: str | Path | MeshLike, job: Job, progress: Progress = silent
 ) -> tuple[Part, Fit | None]:
-    """The part of a mesh or file, upright, and the surface, in the file's mm, where the file gives that."""
+    """The part of a mesh or file, upright, and the surface, in the file's mm, where the file gives that. MeshError
+    where repairs take more off the part than the job's largest deviation."""
     if not isinstance(source, str | Path) or not holds_surface(source):
-        return prepare_part(source, job.mesh, progress, also=ENDINGS, ball=job.smallest_ball), None
+        part = prepare_part(source, job.mesh, progress, also=ENDINGS, ball=job.smallest_ball)
+        return part.require_kept(job.surface.largest_deviation), None
     return read_surface_part(source, job.mesh, job.surface)
 
 

@@ -15,9 +15,11 @@ from bonecam.progress import Progress, silent
 from bonecam.setup.fixture.clamping import clamping_of
 from bonecam.setup.holding import post_below
 from bonecam.setup.stock import Stock
+from bonecam.toolpath.contacts import at_post
 from bonecam.toolpath.cutters.cutter import Cutter
 from bonecam.toolpath.layers.limits import layer_limits
 from bonecam.toolpath.path import PARTING
+from bonecam.verify.removal.given import GivenSurface, measure_given
 from bonecam.verify.removal.groups import groups_of
 from bonecam.verify.removal.result import Removal
 from bonecam.verify.removal.simulate import simulate_further, simulate_removal
@@ -72,9 +74,10 @@ def prove_removal(
     levels: Sequence[Level],
     part: TriangleMesh,
     progress: Progress = silent,
+    given: GivenSurface | None = None,
 ) -> Removal:
     """What the posted `text` of a job removes from its stock; `levels` are those it cuts, `part` is the mesh as it
-    stands.
+    stands, `given` the part as it was given.
 
     Errors as in `simulate_removal` and `check_removal`.
     """
@@ -93,7 +96,12 @@ def prove_removal(
         progress=progress,
     )
     check_removal_of_job(removal, job)
-    return removal
+    nails = removal.remaining.nails
+    if given is None or nails is None:
+        return removal
+    radius = min(cutter.radius for cutter in cutters_of(job, machine))
+    held = at_post(nails.points, nails.normals, post_below(part, job.holding), radius)
+    return replace(removal, given=measure_given(nails, held, given))
 
 
 def simulate_stump(

@@ -7,6 +7,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.verify.removal.given import GivenRemoval
 from bonecam.verify.removal.standing import Standing
 from bonecam.verify.removal.sweeping import Remaining
 
@@ -97,7 +98,7 @@ class Removal:
     of the text, `remaining` is what stands in the end. `standing` is what stood on the surfaces that were given, in
     machining order. `shell` is the clearance of the whole tool from the shell of a second clamping, None in a first
     one. `bridge` (mm) is the diameter of what stands of the post where it is parted, None where it is
-    not.
+    not. `given` is what is left beside the mesh as given, None where that is not known.
     """
 
     cell: float
@@ -117,6 +118,7 @@ class Removal:
     standing: tuple[Standing, ...] = ()
     bridge: float | None = None
     shell: Clearance | None = None
+    given: GivenRemoval | None = None
 
     @property
     def report(self) -> dict[str, Any]:
@@ -134,6 +136,7 @@ class Removal:
                 name: _rounded(spot.value) if spot else None for name, spot in clearances.items()
             },
             "left": _left_figures(self.left) if self.left else None,
+            "given": self.given.report if self.given else None,
             "bridge_diameter_mm": None if self.bridge is None else _rounded(self.bridge),
         }
 

@@ -37,6 +37,10 @@ PROBED = 0.5
 """The surface is probed at places no farther apart than this share of the ball's radius."""
 
 
+UNFOLDINGS = 20
+"""Rounds in which folded faces are smoothed, at most."""
+MOST_FOLDED = 0.3
+"""Share of the vertices moved that folded faces may have to be smoothed: more of them are an undercut pit."""
 AGAIN = 5
 """Times that nearer balls are looked for from those of other points, at most."""
 
@@ -99,16 +103,30 @@ def fill_pits(mesh: TriangleMesh, radius: float) -> Fill:
     ball = _Ball(mesh, radius)
     hollow_of = _hollows(ball)
     count = int(hollow_of.max(initial=-1)) + 1
-    opened = np.zeros(count, dtype=bool)
-    while not opened.all():
-        filled, asked, depths = _filled(ball, np.r_[~opened, False][hollow_of])
-        bad = _cut_hollows(ball, filled, hollow_of, ~opened)
-        if not bad.any():
-            return _told(
-                mesh, filled, asked, depths, Fill(mesh, radius, int((~opened).sum()), int(opened.sum()))
-            )
+    if not count:
+        return Fill(mesh, radius)
+    divided = _divided(ball, hollow_of >= 0)
+    of_face = hollow_of[exact_closest(ball.probed, divided.vertices[divided.faces].mean(axis=1))[1]]
+    of_vertex = np.full(len(divided.vertices), -1)
+    of_vertex[divided.faces[of_face >= 0]] = of_face[of_face >= 0, None]
+    asked = np.flatnonzero(of_vertex >= 0)
+    vertices = np.array(divided.vertices)
+    vertices[asked] = ball.onto(vertices[asked])
+    moved = lengths(vertices - divided.vertices) > 0
+    _unfold(ball, vertices, divided.faces, moved)
+
+    opened: set[int] = set()
+    while len(cut := self_intersections(TriangleMesh(vertices, divided.faces))):
+        bad = (
+            set(of_vertex[divided.faces[cut]].ravel().tolist()) - opened - {-1} or set(range(count)) - opened
+        )
         opened |= bad
-    return Fill(mesh, radius, open=count)
+        back = np.isin(of_vertex, list(bad))
+        vertices[back] = divided.vertices[back]
+    if len(opened) == count:
+        return Fill(mesh, radius, open=count)
+    fill = Fill(TriangleMesh(vertices, divided.faces), radius, count - len(opened), len(opened))
+    return _told(mesh, divided, fill)
 
 
 class _Ball:
@@ -139,13 +157,13 @@ class _Ball:
             found[nearer] = nearest_centres(self.distance, points[nearer], found[other][nearer], self.radius)
         return found
 
-    def onto(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
-        """The points moved onto the ball that lies nearest; one that it reaches stays."""
+    def onto(self, points: Float[ndarray, "n 3"], *, both_ways: bool = False) -> Float[ndarray, "n 3"]:
+        """The points moved onto the ball that lies nearest; one that it reaches stays, unless points are to move
+        `both_ways`, out of the ball too."""
         centres = self.lying_near(points)
-        away = lengths(centres - points)
-        share = np.where(
-            away <= self.radius + 2 * ACCURACY, 0.0, 1 - self.radius / np.maximum(away, self.radius)
-        )
+        away = np.maximum(lengths(centres - points), ACCURACY)
+        stays = (away <= self.radius + 2 * ACCURACY) & (not both_ways)
+        share = np.where(stays, 0.0, 1 - self.radius / away)
         return points + share[:, None] * (centres - points)
 
 
@@ -168,26 +186,8 @@ def _hollows(ball: _Ball) -> Int[ndarray, " f"]:
     return np.where(within, numbers[of_vertex[faces[:, 0]]], none)
 
 
-def _cut_hollows(
-    ball: _Ball, filled: TriangleMesh, hollow_of: Int[ndarray, " f"], some: Bool[ndarray, " h"]
-) -> Bool[ndarray, " h"]:
-    """The hollows whose fill cuts the part or itself; all of `some` where it cannot be told which."""
-    bad = np.zeros(len(some), dtype=bool)
-    cut = self_intersections(filled)
-    if len(cut):
-        middles = filled.vertices[filled.faces[cut]].mean(axis=1)
-        of_face = hollow_of[exact_closest(ball.probed, middles)[1]]
-        bad[of_face[of_face >= 0]] = True
-        bad &= some
-        bad |= some & ~bad.any()
-    return bad
-
-
-def _filled(
-    ball: _Ball, hollow: Bool[ndarray, " f"]
-) -> tuple[TriangleMesh, Int[ndarray, " k"], Float[ndarray, " k"]]:
-    """The part with its faces divided in hollows, which are given by probed faces, and their vertices moved onto the
-    balls that lie nearest; these vertices, and how far each moved (mm)."""
+def _divided(ball: _Ball, hollow: Bool[ndarray, " f"]) -> TriangleMesh:
+    """The part with its faces divided in hollows, which are given by probed faces."""
     longest = float(np.sqrt(8 * ball.radius * CHORD))
     middles = cKDTree(ball.probed.vertices[ball.probed.faces[hollow]].mean(axis=1))
     divided = ball.mesh
@@ -196,13 +196,30 @@ def _filled(
         edge = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
         near = middles.query(corners.mean(axis=1))[0] < edge + PROBED * ball.radius
         if not (near & (edge > longest)).any():
-            break
+            return divided
         divided = bisect_faces(divided, near & (edge > longest))
-    asked = np.unique(divided.faces[hollow[exact_closest(ball.probed, corners.mean(axis=1))[1]]])
-    vertices = np.array(divided.vertices)
-    vertices[asked] = ball.onto(vertices[asked])
-    moved = lengths(vertices - divided.vertices)[asked]
-    return TriangleMesh(vertices, divided.faces), asked[moved > 0], moved[moved > 0]
+
+
+def _unfold(
+    ball: _Ball, vertices: Float[ndarray, "n 3"], faces: Int[ndarray, "m 3"], moved: Bool[ndarray, " n"]
+) -> None:
+    """Change the `vertices` of faces that cut each other, where they have `moved`: walls of a narrow pit that lean over
+    come to lie on one another. They go to the middle of their neighbours and back onto the balls."""
+    for _ in range(UNFOLDINGS):
+        cut = self_intersections(TriangleMesh(vertices, faces))
+        folded = np.unique(faces[cut])
+        if not moved[folded].any() or moved[folded].sum() > MOST_FOLDED * moved.sum():
+            return
+        folded = np.unique(faces[np.isin(faces, folded).any(axis=1)])
+        folded = folded[moved[folded]]
+        round_them = faces[np.isin(faces, folded).any(axis=1)]
+        total, count = np.zeros_like(vertices), np.zeros(len(vertices))
+        for k in range(3):
+            np.add.at(
+                total, round_them[:, k], vertices[round_them[:, k - 1]] + vertices[round_them[:, k - 2]]
+            )
+            np.add.at(count, round_them[:, k], 2.0)
+        vertices[folded] = ball.onto(total[folded] / count[folded][:, None], both_ways=True)
 
 
 def _joined(faces: Int[ndarray, "m 3"], vertices: int) -> Int[ndarray, " v"]:
@@ -211,22 +228,16 @@ def _joined(faces: Int[ndarray, "m 3"], vertices: int) -> Int[ndarray, " v"]:
     return connected_components(coo_matrix(edges, shape=(vertices, vertices)), directed=False)[1]
 
 
-def _told(
-    mesh: TriangleMesh,
-    filled: TriangleMesh,
-    moved: Int[ndarray, " k"],
-    depths: Float[ndarray, " k"],
-    fill: Fill,
-) -> Fill:
-    """A `fill` with its mesh and its figures: these vertices have `moved` by their `depths`, mm."""
+def _told(mesh: TriangleMesh, divided: TriangleMesh, fill: Fill) -> Fill:
+    """The figures of a `fill` of a mesh whose faces were `divided` for it."""
+    depths = lengths(fill.mesh.vertices - divided.vertices)
     worst = int(np.argmax(depths))
-    x, y, z = filled.vertices[moved[worst]].tolist()
-    faces = np.isin(filled.faces, moved).any(axis=1)
+    x, y, z = fill.mesh.vertices[worst].tolist()
+    faces = (depths > 0)[fill.mesh.faces].any(axis=1)
     return replace(
         fill,
-        mesh=filled,
         depth=float(depths[worst]),
         place=(x, y, z),
-        area=float(lengths(filled.face_vectors[faces]).sum() / 2),
-        volume=filled.volume - mesh.volume,
+        area=float(lengths(fill.mesh.face_vectors[faces]).sum() / 2),
+        volume=fill.mesh.volume - mesh.volume,
     )
