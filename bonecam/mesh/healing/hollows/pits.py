@@ -27,8 +27,8 @@ from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.remeshing import bisect_faces, split_edges
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
-LEAST = 0.05
-"""A hollow no deeper than this is left as it is, mm: the surface is fitted within 0.08 by default."""
+LEAST = 0.08
+"""A hollow no deeper than this is left as it is, mm: the surface is fitted no nearer by default (surface.tolerance)."""
 SHALLOW = LEAST / 4
 """Hollows reach as far as they are deeper than this, mm."""
 CHORD = 0.01

@@ -1,0 +1,112 @@
+"""A program judged against the mesh as given, not only against the surface that was made of it."""
+
+import numpy as np
+import pytest
+
+from bonecam.errors import MeshError, VerifyError
+from bonecam.job import Job, MeshJob
+from bonecam.mesh.healing.repair_state import Repair
+from bonecam.mesh.part import Part, prepare_part
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.setup.capsule import Capsule
+from bonecam.verify.gouge import Gouge
+from bonecam.verify.removal.given import GivenSurface, given_surface, measure_given
+from bonecam.verify.removal.nails import Nails
+
+RADIUS = 2.5
+
+
+@pytest.fixture(scope="module")
+def capsule() -> TriangleMesh:
+    return Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 7.5]), RADIUS).mesh(0.001)
+
+
+def nails_of(mesh: TriangleMesh, heights: float) -> Nails:
+    """Nails on the capsule's vertices that were cut at one height."""
+    inner = mesh.vertices.copy()
+    inner[:, :2] = 0.0
+    inner[:, 2] = np.clip(mesh.vertices[:, 2], 2.5, 7.5)
+    normals = (mesh.vertices - inner) / RADIUS
+    nails = Nails(mesh, np.array(mesh.vertices), normals, np.ones(len(inner)))
+    nails.heights[:] = heights
+    return nails
+
+
+@pytest.mark.parametrize("height", [-0.2, -0.01, 0.0, 0.15])
+def test_what_is_left_lies_as_far_inside_or_outside_as_it_was_cut(
+    capsule: TriangleMesh, height: float
+) -> None:
+    none = np.zeros(len(capsule.vertices), dtype=bool)
+    found = measure_given(nails_of(capsule, height), none, GivenSurface(capsule, 1.0))
+    assert found.inside == pytest.approx(-height, abs=0.002)
+    assert found.outside == pytest.approx(height, abs=0.002)
+    assert found.report["gouge_max_mm"] == pytest.approx(max(-height, 0.0), abs=0.002)
+
+
+def test_the_post_keeps_material_that_is_not_told_as_left(capsule: TriangleMesh) -> None:
+    nails = nails_of(capsule, 0.0)
+    low = nails.points[:, 2] < 0.2
+    nails.heights[low] = 0.3
+    assert measure_given(nails, low, GivenSurface(capsule, 1.0)).outside < 0.002
+    assert measure_given(nails, np.zeros_like(low), GivenSurface(capsule, 1.0)).outside == pytest.approx(
+        0.3, abs=0.002
+    )
+
+
+def test_a_surface_too_deep_in_the_mesh_as_given_is_refused_with_place_and_remedy(
+    capsule: TriangleMesh,
+) -> None:
+    nails = nails_of(capsule, 0.0)
+    nails.heights[7] = -0.2
+    none = np.zeros(len(capsule.vertices), dtype=bool)
+    with pytest.raises(
+        VerifyError, match=r"0\.[12]\d+ mm inside the mesh as given .* raise surface.largest_deviation"
+    ):
+        measure_given(nails, none, GivenSurface(capsule, 0.1))
+
+
+def test_a_ball_too_deep_in_the_mesh_as_given_is_refused_with_its_line(capsule: TriangleMesh) -> None:
+    given = GivenSurface(capsule, 0.1)
+    given.check_gouge(Gouge(0.09, 0.09, 12, (1.0, 2.0, 3.0), 5))
+    with pytest.raises(VerifyError, match=r"line 12: the ball goes 0.1100 mm into the mesh as given") as told:
+        given.check_gouge(Gouge(0.11, 0.11, 12, (1.0, 2.0, 3.0), 5))
+    assert told.value.evidence["line"] == 12
+
+
+def test_faces_that_do_not_close_are_measured_too(capsule: TriangleMesh) -> None:
+    opened = TriangleMesh(
+        capsule.vertices, capsule.faces[capsule.vertices[capsule.faces].mean(axis=1)[:, 0] > 0]
+    )
+    points = np.array([[4.0, 0.0, 5.0], [RADIUS - 0.3, 0.0, 5.0]])
+    assert GivenSurface(opened, 1.0).signed(points, 9.0) == pytest.approx([1.5, 0.3], abs=0.002)
+
+
+def test_a_program_may_go_as_deep_as_the_largest_deviation_the_fit_and_the_gouge_tolerance(
+    capsule: TriangleMesh,
+) -> None:
+    job = Job()
+    part = prepare_part(capsule, MeshJob())
+    allowed = given_surface(part, job, {"surface": {"deviation_max_mm": 0.06}}).allowed
+    assert allowed == job.surface.largest_deviation + 0.06 + job.path.gouge_tolerance
+
+
+def test_a_mesh_off_which_repairs_take_too_much_is_refused_with_file_and_place(
+    capsule: TriangleMesh,
+) -> None:
+    dented = np.array(capsule.vertices)
+    dented[:, 0] = np.minimum(dented[:, 0], RADIUS - 0.7)
+    made = Part(
+        TriangleMesh(dented, capsule.faces), "bone.stl", 10, "mm", (Repair("dented"),), np.eye(4), capsule
+    )
+    taken, place = made.taken_off
+    assert taken == pytest.approx(0.7, abs=1e-3)
+    assert place[0] == pytest.approx(RADIUS, abs=1e-3)
+    assert made.require_kept(taken + 0.01) is made
+    with pytest.raises(
+        MeshError, match=r"bone.stl: the repairs take 0\.\d+ mm off .* raise surface.largest_deviation"
+    ):
+        made.require_kept(0.1)
+
+
+def test_a_mesh_that_was_not_changed_loses_nothing(capsule: TriangleMesh) -> None:
+    assert prepare_part(capsule, MeshJob()).taken_off[0] == 0.0
