@@ -27,10 +27,11 @@ from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.remeshing import bisect_faces, split_edges
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
-LEAST = 0.08
-"""A hollow no deeper than this is left as it is, mm: the surface is fitted no nearer by default (surface.tolerance)."""
-SHALLOW = LEAST / 4
-"""Hollows reach as far as they are deeper than this, mm."""
+LEAST = 0.15
+"""A hollow no deeper than this is left as it is, mm: levels over it do not fold. With hollows filled from 0.08 on, the
+phalanx's program takes 12 % longer and leaves as much."""
+SHALLOW = 0.02
+"""Hollows reach as far as they are deeper than this, mm: what the simulation calls left over."""
 CHORD = 0.01
 """Facets of a fill lie within this of the ball, mm: the gouge allowed by default."""
 PROBED = 0.5
