@@ -155,7 +155,8 @@ def _checks(report: Mapping[str, Any]) -> Iterator[str]:
         cell = removal["cell_mm"]
         yield f"Simulated from the text (cells of {cell:g} mm): rapids cut nothing, shank and holder touch nothing"
     deviation = report["surface"]["given_deviation_max_mm"]
-    yield f"Fitted surface within {deviation:.3f} mm of the mesh as given"
+    deepest = report["nc"]["gouge_to_given_max_mm"]
+    yield f"Fitted surface within {deviation:.3f} mm of the mesh as given; a ball goes {deepest:.3f} mm into it"
 
 
 def proof_lines(nc: Mapping[str, Any]) -> Iterator[str]:

@@ -117,17 +117,16 @@ def fill_pits(mesh: TriangleMesh, radius: float) -> Fill:
     _unfold(ball, vertices, divided.faces, moved)
 
     opened: set[int] = set()
-    while len(cut := self_intersections(TriangleMesh(vertices, divided.faces))):
-        bad = (
-            set(of_vertex[divided.faces[cut]].ravel().tolist()) - opened - {-1} or set(range(count)) - opened
-        )
-        opened |= bad
-        back = np.isin(of_vertex, list(bad))
+    while len(opened) < count:
+        filled = TriangleMesh(vertices, divided.faces)
+        cut = self_intersections(filled)
+        if not len(cut):
+            return _told(mesh, divided, Fill(filled, radius, count - len(opened), len(opened)))
+        to_open = set(of_vertex[divided.faces[cut]].ravel().tolist()) - opened - {-1}
+        opened |= to_open or set(range(count))
+        back = np.isin(of_vertex, list(opened))
         vertices[back] = divided.vertices[back]
-    if len(opened) == count:
-        return Fill(mesh, radius, open=count)
-    fill = Fill(TriangleMesh(vertices, divided.faces), radius, count - len(opened), len(opened))
-    return _told(mesh, divided, fill)
+    return Fill(mesh, radius, open=count)
 
 
 class _Ball:
