@@ -196,9 +196,9 @@ def nc_report(program: Program, proof: Verification) -> dict[str, Any]:
 
 
 def _gouge_to_given(gouge: Gouge | None) -> dict[str, Any]:
-    """How deep the ball goes into the mesh as given, with line and place; null where that was not measured."""
+    """How deep the ball goes into the mesh as given, with line and place; nothing where that was not measured."""
     if gouge is None:
-        return dict.fromkeys(("gouge_to_given_max_mm", "gouge_to_given_line", "gouge_to_given_place"))
+        return {}
     return {
         "gouge_to_given_max_mm": _mm(max(gouge.depth, 0.0)),
         "gouge_to_given_line": gouge.line,

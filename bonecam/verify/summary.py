@@ -152,7 +152,7 @@ def _program_lines(report: Mapping[str, Any]) -> Iterator[str]:
     yield f"feed      median {median:.0f}, a tenth below {low:.0f} mm/min; {share}"
     tip_um, gouge_um = nc["readback_tip_error_mm"] * 1000, nc["gouge_max_mm"] * 1000
     yield f"proof     tip {tip_um:.2f} um, axis {nc['readback_axis_error_deg']:.4f} deg, gouge {gouge_um:.2f} um"
-    given = nc["gouge_to_given_max_mm"]
+    given = nc.get("gouge_to_given_max_mm")
     yield from () if given is None else [f"          {given:.3f} mm into the mesh as given at most"]
 
 

@@ -108,13 +108,14 @@ def test_the_summary_tells_each_repair() -> None:
         "nc": dict.fromkeys(
             ("blocks", "time_min", "readback_tip_error_mm", "readback_axis_error_deg", "gouge_max_mm"), 1
         )
-        | {"rewinds": 3, "rewinds_lifted": 1}
+        | {"rewinds": 3, "rewinds_lifted": 1, "gouge_to_given_max_mm": 0.0567}
         | {"feed_median_mm_min": 500.0, "feed_low_mm_min": 250.0, "feed_axis_limited_share": 0.95}
         | {"file": "half.h", "machine": "mill", "controller": "heidenhain"},
         "seconds": {"mesh": 1.0},
     }
     told = summary_of(report).splitlines()
     assert "feed      median 500, a tenth below 250 mm/min; an axis limits 95% of the cutting blocks" in told
+    assert "          0.057 mm into the mesh as given at most" in told
     lifted = "1 of them lifted from a cut or a link and set down again"
     assert f"rewinds   3 rewinds of the rotary axes off the part, {lifted}" in told
     assert "cones     9 put before FCL: 2 narrowed, 1 refused" in told
