@@ -222,11 +222,8 @@ def _simulated(
     """The result with what its posted text removes; VerifyError where that is not what a program may do."""
     with times.stage("simulation"):
         levels = result.levels.levels
-        text, mesh, given = (
-            result.program.text,
-            result.part.mesh,
-            given_surface(result.part, result.job, result.report),
-        )
+        given = given_surface(result.part, result.job, result.report)
+        text, mesh = result.program.text, result.part.mesh
         removal = prove_removal(
             text, machine, dialect, result.job, result.stock, levels, mesh, progress, given
         )

@@ -166,7 +166,7 @@ def _limits(job: Job, levels: int) -> dict[int, float]:
 
 def _check_cell(cell: float, job: Job) -> None:
     """JobError where the smallest ball passes between the rays."""
-    radius = min(job.tool(name).radius for name in job.cutter_names)
+    radius = job.smallest_ball
     if cell > COARSEST * radius:
         what = f"rays {cell:g} mm apart miss what a ball of {radius:g} mm does"
         raise JobError(f"{what}: give a cell of at most {COARSEST * radius:g} mm")

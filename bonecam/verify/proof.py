@@ -97,8 +97,9 @@ def verify_program(
             place=gouge.place,
             error=gouge.depth,
         )
-    into_given = measure_gouge(motions, given) if given is not None else None
-    if given is not None and into_given is not None:
+    into_given = None
+    if given is not None:
+        into_given = measure_gouge(motions, given)
         given.check_gouge(into_given)
     return Verification(
         moves=motions.blocks,

@@ -99,8 +99,7 @@ def prove_removal(
     nails = removal.remaining.nails
     if given is None or nails is None:
         return removal
-    radius = min(cutter.radius for cutter in cutters_of(job, machine))
-    held = at_post(nails.points, nails.normals, post_below(part, job.holding), radius)
+    held = at_post(nails.points, nails.normals, post_below(part, job.holding), job.smallest_ball)
     return replace(removal, given=measure_given(nails, held, given))
 
 

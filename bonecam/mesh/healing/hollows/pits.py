@@ -36,8 +36,6 @@ CHORD = 0.01
 """Facets of a fill lie within this of the ball, mm: the gouge allowed by default."""
 PROBED = 0.5
 """The surface is probed at places no farther apart than this share of the ball's radius."""
-
-
 UNFOLDINGS = 20
 """Rounds in which folded faces are smoothed, at most."""
 MOST_FOLDED = 0.3

@@ -35,7 +35,7 @@ CUT_COST = 1e6
 MAX_TURNS = 200
 """No more turns of an axis are looked at; its limits, where they are farther apart, are taken as so many about zero."""
 MAX_TURNS_OF_BOTH = 14
-"""The same where both axes have more, whose turns multiply."""
+"""Turns that are looked at of each axis where both have more than so many: their turns multiply."""
 
 
 @dataclass(frozen=True, eq=False)
