@@ -10,7 +10,6 @@ from bonecam.errors import ToolPathError
 from bonecam.job import HoldingJob, field_error
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.fixture.column import Column
-from bonecam.setup.stock import Stock
 
 FLAT = 0.1
 """Faces whose unit normals rise or fall by less are walls: the post does not end there."""
@@ -69,13 +68,12 @@ def post_below(part: TriangleMesh, holding: HoldingJob, lying: tuple[float, floa
     return Post(radius, float(min(met.max(), met.min() + holding.diameter)))
 
 
-def checked_post(part: TriangleMesh, stock: Stock, holding: HoldingJob, lying: tuple[float, float]) -> Post:
-    """The post below the part in its stock.
+def checked_post(part: TriangleMesh, width: float, holding: HoldingJob, lying: tuple[float, float]) -> Post:
+    """The post below the part in a stock whose narrower side is `width` mm.
 
     JobError where it is as wide as the stock, ToolPathError where it misses the part, which lies off the axis
     by `lying`.
     """
-    width = float(np.ptp(stock.bounds[:, :2], axis=0).min())
     if holding.diameter >= width:
         bound = f"the stock is {width:.2f} mm wide"
         raise field_error(

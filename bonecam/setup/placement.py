@@ -85,7 +85,8 @@ def _place(part: Part, job: Job) -> Setup:
     pose[:3, 3] += lift
     placed = part.move(pose)
     standing = stock.move(lift)
-    post = checked_post(placed.mesh, standing, job.holding, (float(off_axis[0]), float(off_axis[1])))
+    width = float(np.ptp(standing.bounds[:, :2], axis=0).min())
+    post = checked_post(placed.mesh, width, job.holding, (float(off_axis[0]), float(off_axis[1])))
     return Setup(placed, standing, post, schedule)
 
 

@@ -31,6 +31,18 @@ def revolve(
     return TriangleMesh(np.vstack([points.reshape(-1, 3), poles]), ring_faces(len(radii), around))
 
 
+def cylinder(radius: float, bottom: float, top: float, chord_tolerance: float) -> TriangleMesh:
+    """A closed outward cylinder about the Z axis, its vertices on the surface, its faces within `chord_tolerance` of it
+    and of nearly one size; mm."""
+    around = segments_around(radius, chord_tolerance)
+    step = 2 * np.pi * radius / around
+    disc = np.linspace(0, radius, max(2, int(np.ceil(radius / step))) + 1)[1:]
+    rises = np.linspace(bottom, top, max(2, int(np.ceil((top - bottom) / step))) + 1)
+    radii = np.concatenate([disc, np.full(len(rises) - 2, radius), disc[::-1]])
+    heights = np.concatenate([np.full(len(disc), bottom), rises[1:-1], np.full(len(disc), top)])
+    return revolve(radii, heights, (bottom, top), around)
+
+
 def revolve_ring(profile: Float[ndarray, "r 2"], around: int) -> TriangleMesh:
     """The closed outward mesh that a closed polygon of (radius, height) about the Z axis, counter-clockwise with the
     radius to the right and the height upward, sweeps in `around` steps; mm."""

@@ -11,7 +11,7 @@ from bonecam.errors import StockError
 from bonecam.job import StockJob
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.capsule import Capsule
-from bonecam.setup.revolution import revolve, segments_around
+from bonecam.setup.revolution import cylinder
 from bonecam.setup.rounding.rounded_stock import ALL, RoundedStock
 from bonecam.setup.schedule import Schedule
 from bonecam.setup.stock import Stock, finite_numbers, larger_sizes
@@ -114,13 +114,7 @@ class Cylinder(Stock):
     def mesh(self, chord_tolerance: float) -> TriangleMesh:
         """A closed outward mesh, its vertices on the surface, its faces within `chord_tolerance` mm of it and
         of nearly one size."""
-        around = segments_around(self.radius, chord_tolerance)
-        step = 2 * np.pi * self.radius / around
-        disc = np.linspace(0, self.radius, max(2, int(np.ceil(self.radius / step))) + 1)[1:]
-        rises = np.linspace(self.bottom, self.top, max(2, int(np.ceil(self.length / step))) + 1)
-        radii = np.concatenate([disc, np.full(len(rises) - 2, self.radius), disc[::-1]])
-        height = np.concatenate([np.full(len(disc), self.bottom), rises[1:-1], np.full(len(disc), self.top)])
-        upright = revolve(radii, height, (self.bottom, self.top), around)
+        upright = cylinder(self.radius, self.bottom, self.top, chord_tolerance)
         return TriangleMesh(upright.vertices + np.array([*self.centre, 0.0]), upright.faces)
 
 
