@@ -21,11 +21,11 @@ import bonecam
 from bonecam.errors import BonecamError, JobError
 from bonecam.files import check_folder, input_text, require_name, write_whole
 from bonecam.job import Job, write_job
+from bonecam.machine.machine import read_machine
 from bonecam.mesh.files.mesh_files import READABLE
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.machine import read_machine
-from bonecam.outputs.batch_table import Outcome, read_rows, table_text
 from bonecam.pipeline import check_job
+from bonecam.report.tables.batch_table import Outcome, read_rows, table_text
 from bonecam.runtime.locking import locked
 from bonecam.runtime.parent import safe_path, work_for
 from bonecam.runtime.signals import kept_from_children, undisturbed

@@ -10,24 +10,25 @@ from bonecam import progress as told
 from bonecam.errors import BonecamError, JobError, SurfaceError
 from bonecam.files import check_files
 from bonecam.job import Job
+from bonecam.machine.machine import Machine, read_machine
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.files.mesh_files import read_mesh
-from bonecam.mesh.healing.union import solid_union
+from bonecam.mesh.solids.booleans import solid_union
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
 from bonecam.mesh.units import to_mm
 from bonecam.nc.dialect import Dialect, read_dialect
-from bonecam.nc.machine import Machine, read_machine
 from bonecam.nc.posting.feeds import drivable_paths
 from bonecam.nc.posting.header.header import record_checks
 from bonecam.nc.posting.rotary.axis_limits import axis_limits
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import Program, program_name
-from bonecam.orientation.surface_path import Workpiece, plan_surface, stand_workpiece
-from bonecam.outputs.finished import PAGE_CHORD, Finished, write_finished
-from bonecam.outputs.output_files import File, Outputs
-from bonecam.outputs.run_report import report_to_program
 from bonecam.pipeline import check_job
+from bonecam.planning.passes.gouge import MESH_SHARE, planned_tolerance
+from bonecam.planning.strategies.surface_path import Workpiece, plan_surface, stand_workpiece
 from bonecam.progress import Progress, silent
+from bonecam.report.files.finished import PAGE_CHORD, Finished, write_finished
+from bonecam.report.files.output_files import File, Outputs
+from bonecam.report.run_report import report_to_program
 from bonecam.runtime.timing import StageTimes
 from bonecam.surface.blades.blade_solid import blade_solid
 from bonecam.surface.files.machined_surface import machined_surface
@@ -40,8 +41,7 @@ from bonecam.surface.files.surface_input import (
     refuse_changes,
 )
 from bonecam.surface.tspline import TSpline
-from bonecam.toolpath.gouge import MESH_SHARE, planned_tolerance
-from bonecam.toolpath.path import ToolPath
+from bonecam.tool.path import ToolPath
 from bonecam.verify.proof import Verification, verify_program
 from bonecam.verify.readback import Tolerances
 

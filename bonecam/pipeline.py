@@ -10,26 +10,27 @@ from pathlib import Path
 from bonecam.job import Job
 from bonecam.levels.job_levels import check_method, make_levels
 from bonecam.levels.measure.level import morph_surfaces
+from bonecam.machine.machine import Machine, read_machine
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
 from bonecam.nc.dialect import Dialect, read_dialect
-from bonecam.nc.machine import Machine, read_machine
 from bonecam.nc.posting.feeds import drivable_paths
 from bonecam.nc.posting.header.header import record_checks, record_simulation
 from bonecam.nc.posting.rotary.axis_limits import axis_limits
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import program_name
 from bonecam.nc.requirements import check_length, check_reach, check_room, check_tools
-from bonecam.orientation.held.parting import check_parting
-from bonecam.orientation.held.post_length import find_post_length
-from bonecam.orientation.held.reach import post_advice
-from bonecam.orientation.held.second import check_second
-from bonecam.orientation.layer_paths import plan_layer_paths
-from bonecam.orientation.level_paths import plan_paths
-from bonecam.outputs.kept_folder import keep_failed_level
-from bonecam.outputs.output_files import File, Outputs
-from bonecam.outputs.result import Morphed, Result
-from bonecam.outputs.run_report import post_report, report_to_levels, report_to_program
+from bonecam.planning.holding.parting import check_parting
+from bonecam.planning.holding.post_length import find_post_length
+from bonecam.planning.holding.reach import post_advice
+from bonecam.planning.holding.second import check_second
+from bonecam.planning.levels import plan_paths
+from bonecam.planning.strategies.layer_paths import plan_layer_paths
 from bonecam.progress import Progress, part, silent
+from bonecam.report.files.kept_folder import keep_failed_level
+from bonecam.report.files.output_files import File, Outputs
+from bonecam.report.files.result import Morphed, Result
+from bonecam.report.run_report import post_report, report_to_levels, report_to_program
+from bonecam.report.summary import NOT_SIMULATED
 from bonecam.runtime.timing import StageTimes
 from bonecam.second_clamping import add_second, check_simulated
 from bonecam.setup.placement import Setup, place
@@ -37,13 +38,12 @@ from bonecam.setup.schedule import check_cuts
 from bonecam.setup.stock_kind import check_sizes
 from bonecam.surface.files.surface_input import read_part
 from bonecam.surface.part_surface import fit_surface
-from bonecam.toolpath.cutters.ball_depth import check_depths
+from bonecam.tool.ball_depth import check_depths
 from bonecam.verify.control.trial_program import check_posting
 from bonecam.verify.proof import verify
 from bonecam.verify.readback import Tolerances
 from bonecam.verify.removal.given import given_surface
 from bonecam.verify.removal.of_job import prove_removal
-from bonecam.verify.summary import NOT_SIMULATED
 
 
 def convert(

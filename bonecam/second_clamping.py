@@ -18,12 +18,12 @@ from scipy.spatial import KDTree
 from bonecam.files import check_files, second_file
 from bonecam.job import Job, field_error
 from bonecam.levels.measure.level import morph_surfaces
+from bonecam.machine.machine import Machine
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.files.mesh_files import write_mesh
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
 from bonecam.mesh.units import MM_OF
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.machine import Machine
 from bonecam.nc.posting.feeds import drivable_paths
 from bonecam.nc.posting.header.header import record_checks, record_simulation
 from bonecam.nc.posting.header.program_zero import zero_words
@@ -31,27 +31,27 @@ from bonecam.nc.posting.header.texts import second_setup_texts
 from bonecam.nc.posting.rotary.axis_limits import axis_limits
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import Program, program_name
-from bonecam.orientation.held.second import StumpPlaces, second_paths
-from bonecam.orientation.level_paths import PART_CHORD
-from bonecam.outputs.output_files import File
-from bonecam.outputs.result import Result
-from bonecam.outputs.second import SecondProgram
+from bonecam.planning.holding.second import StumpPlaces, second_paths
+from bonecam.planning.levels import PART_CHORD
+from bonecam.planning.passes.contacts import at_post
+from bonecam.planning.passes.parting import cut_groove
 from bonecam.progress import Progress, part, silent
-from bonecam.setup.fixture.shell import SecondClamping, read_shell, turned_over
-from bonecam.setup.fixture.shell_maker import shell_round
-from bonecam.setup.holding import post_below
+from bonecam.report.figures import nc_report, toolpath_report
+from bonecam.report.files.output_files import File
+from bonecam.report.files.result import Result
+from bonecam.report.files.second import SecondProgram
 from bonecam.setup.placement import place
 from bonecam.surface.files.surface_input import read_part
-from bonecam.toolpath.contacts import at_post
-from bonecam.toolpath.parting import cut_groove
-from bonecam.toolpath.path import ToolPath
+from bonecam.tool.path import ToolPath
 from bonecam.verify.proof import Verification, verify_program
 from bonecam.verify.readback import Tolerances
 from bonecam.verify.removal.left import LEFT
 from bonecam.verify.removal.of_job import check_removal_of_job, simulate_stump
 from bonecam.verify.removal.result import Removal
 from bonecam.verify.removal.standing import standing_field
-from bonecam.verify.report import nc_report, toolpath_report
+from bonecam.workholding.post import post_below
+from bonecam.workholding.shell import SecondClamping, read_shell, turned_over
+from bonecam.workholding.shell_maker import shell_round
 
 
 def add_second(

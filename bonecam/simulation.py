@@ -10,34 +10,34 @@ import numpy as np
 from bonecam.errors import BonecamError, FileError, JobError, ProgramError
 from bonecam.files import check_files, input_text, write_whole
 from bonecam.job import Job, LevelsJob, StockJob
+from bonecam.machine.machine import read_machine
 from bonecam.mesh.facets.hull import convex_hull
 from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.machine import read_machine
-from bonecam.outputs.kept_view import SECOND_VIEW, check_page_name, kept_contents
+from bonecam.planning.layers.limits import layer_limits
 from bonecam.progress import Progress, part, silent
-from bonecam.setup.fixture.clamping import clamping_of
-from bonecam.setup.fixture.shell import turn_over
-from bonecam.setup.holding import post_below
+from bonecam.report.files.kept_view import SECOND_VIEW, check_page_name, kept_contents
+from bonecam.report.page.contents import level_meshes, with_program
+from bonecam.report.page.packing import Contents, pack
+from bonecam.report.page.page import page_html
+from bonecam.report.page.program_contents import program_contents
+from bonecam.report.page.second_contents import layers_on
+from bonecam.report.summary import removal_text
 from bonecam.setup.schedule import schedule_of
 from bonecam.setup.stock import Stock
 from bonecam.setup.stock_kind import LyingPart, kind_of
 from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.surface.files.tspline_text import read_tsm
-from bonecam.toolpath.layers.limits import layer_limits
-from bonecam.toolpath.path import PARTING
+from bonecam.tool.path import PARTING
 from bonecam.verify.control.program_file import header_of, program_text
-from bonecam.verify.page.contents import level_meshes, with_program
-from bonecam.verify.page.packing import Contents, pack
-from bonecam.verify.page.page import page_html
-from bonecam.verify.page.program_contents import program_contents
-from bonecam.verify.page.second_contents import layers_on
 from bonecam.verify.removal.of_job import ACCURACY, cutters_of, followed_surfaces, simulate_stump
 from bonecam.verify.removal.result import Removal
 from bonecam.verify.removal.simulate import simulate_removal
 from bonecam.verify.removal.sweeping import Remaining
-from bonecam.verify.summary import removal_text
+from bonecam.workholding.clamping import clamping_of
+from bonecam.workholding.post import post_below
+from bonecam.workholding.shell import turn_over
 
 LEVEL = re.compile(r"level_(\d{2,})\.ply")
 """Names of the levels in a kept folder: the first is the part, the last the stock."""

@@ -19,15 +19,15 @@ def save_program(layers: Layers, values: Mapping[str, Any], progress: Progress) 
     """Filter `save_nc_program`: the program of the kept tool paths, written where its proof holds."""
     from bonecam.levels.measure.level import morph_surfaces
     from bonecam.levels.sequences.begun_morph import Morph
+    from bonecam.machine.machine import read_machine
     from bonecam.nc.dialect import read_dialect
-    from bonecam.nc.machine import read_machine
     from bonecam.nc.posting.feeds import drivable_paths
     from bonecam.nc.posting.header.header import record_checks
     from bonecam.nc.posting.write import write_program
+    from bonecam.report.figures import nc_report
     from bonecam.setup.stock import Stock
     from bonecam.verify.proof import verify
     from bonecam.verify.readback import Tolerances
-    from bonecam.verify.report import nc_report
 
     planned = layers.kept("toolpath", tuple, "generate_toolpath")
     morph = layers.kept("morph", Morph, "generate_morph_levels")

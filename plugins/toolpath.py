@@ -13,8 +13,8 @@ from bonecam.filters.layers import Layers
 from bonecam.filters.parameter import FilterParameter, Kind, parameters_of, section_of
 from bonecam.job import FINISHING, ROUGHING, MaterialJob, NcJob, PathJob
 from bonecam.progress import Progress
-from bonecam.toolpath.path import Kind as MoveKind
-from bonecam.toolpath.path import ToolPath
+from bonecam.tool.path import Kind as MoveKind
+from bonecam.tool.path import ToolPath
 
 CATEGORY = "Bonecam: Tool Paths"
 
@@ -22,10 +22,10 @@ CATEGORY = "Bonecam: Tool Paths"
 def plan_toolpath(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """Filter `generate_toolpath`: a polyline layer of the tip for each level."""
     from bonecam.levels.sequences.begun_morph import Morph
-    from bonecam.nc.machine import read_machine
+    from bonecam.machine.machine import read_machine
     from bonecam.nc.posting.rotary.axis_limits import axis_limits
     from bonecam.nc.requirements import check_tools
-    from bonecam.orientation.level_paths import plan_paths
+    from bonecam.planning.levels import plan_paths
     from bonecam.setup.stock import Stock
 
     morph = layers.kept("morph", Morph, "generate_morph_levels")
@@ -65,7 +65,7 @@ def add_path(layers: Layers, path: ToolPath) -> None:
 
 def draw_cones(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """Filter `generate_axis_cones`: a layer of the cones of some contacts of a level."""
-    from bonecam.orientation.cones.cones_mesh import cones_mesh
+    from bonecam.planning.axes.cones.cones_mesh import cones_mesh
 
     paths = layers.kept("toolpath", tuple, "generate_toolpath")
     found = [path for path in paths if path.level == values["level"] and not path.rest]

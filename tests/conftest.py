@@ -11,21 +11,21 @@ import pytest
 from jaxtyping import install_import_hook
 from numpy import ndarray
 
-STAGES = ("mesh", "setup", "surface", "levels", "toolpath", "orientation", "nc", "verify")
+STAGES = "machine tool mesh workholding setup surface levels material planning nc verify report".split()
 hypothesis.settings.register_profile("bonecam", deadline=None)  # other work on the machine takes time too
 hypothesis.settings.load_profile("bonecam")
 install_import_hook([f"bonecam.{stage}" for stage in STAGES], "beartype.beartype")
 
 from bonecam.job import HoldingJob, Job  # noqa: E402
-from bonecam.job.frustum import Frustum  # noqa: E402
 from bonecam.levels.measure.cut_measures import NO_CUT  # noqa: E402
 from bonecam.levels.measure.level import MorphLevel, PartLevel  # noqa: E402
+from bonecam.machine.frustum import Frustum  # noqa: E402
 from bonecam.mesh.triangle_mesh import TriangleMesh  # noqa: E402
 from bonecam.setup.capsule import Capsule  # noqa: E402
 from bonecam.surface.tmesh.rows import RowTMesh  # noqa: E402
 from bonecam.surface.tspline import TSpline  # noqa: E402
-from bonecam.toolpath.cutters.cutter import Cutter  # noqa: E402
-from bonecam.toolpath.path import Kind, ToolPath  # noqa: E402
+from bonecam.tool.cutter import Cutter  # noqa: E402
+from bonecam.tool.path import Kind, ToolPath  # noqa: E402
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 

@@ -18,7 +18,7 @@ import bonecam
 from bonecam.batch import convert_many, convert_one
 from bonecam.errors import BonecamError, FileError, JobError
 from bonecam.job import Job
-from bonecam.outputs.batch_table import Outcome
+from bonecam.report.tables.batch_table import Outcome
 
 ROWS = list(Outcome.__dataclass_fields__)
 MAX_WAIT = 600.0
@@ -94,7 +94,7 @@ def test_resuming_does_only_what_is_missing_or_was_done_from_something_else(tmp_
     files = meshes(tmp_path, same="good", changed="good", lost="good", broken="good")
     machine = tmp_path / "mill.toml"
     machine.write_bytes(
-        (Path(bonecam.__file__).parent / "nc" / "machines" / "mikron-ucp600.toml").read_bytes()
+        (Path(bonecam.__file__).parent / "machine" / "machines" / "mikron-ucp600.toml").read_bytes()
     )
     out, job = tmp_path / "out", Job().with_values(nc={"machine": str(machine)})
 
@@ -122,7 +122,7 @@ import bonecam
 from bonecam.batch import Outcome, convert_one
 from bonecam.errors import FileError
 from bonecam.job import Job
-from bonecam.outputs.batch_table import Outcome
+from bonecam.report.tables.batch_table import Outcome
 
 """
 SCRIPT = """

@@ -11,7 +11,8 @@ from bonecam.batch import Outcome
 from bonecam.cli import main
 from bonecam.cli.progress_display import ProgressLog
 from bonecam.job import Job, write_job
-from bonecam.nc import dialect_names, machine_names
+from bonecam.machine import machine_names
+from bonecam.nc import dialect_names
 
 
 def test_job_prints_every_default(capsys: pytest.CaptureFixture[str]) -> None:

@@ -28,8 +28,8 @@ from bonecam_meshes import path as shipped
 
 import bonecam
 from bonecam.cli.arguments import make_parser
+from bonecam.machine import read_machine
 from bonecam.mesh import TriangleMesh, read_mesh, write_mesh
-from bonecam.nc import read_machine
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs" / "pages"

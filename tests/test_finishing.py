@@ -11,14 +11,14 @@ import pytest
 import bonecam
 from bonecam.errors import FileError, MachineError, MeshError, SurfaceError, UnitsError
 from bonecam.mesh import MeshDistance, write_mesh
+from bonecam.mesh.solids.revolution import revolve
 from bonecam.mesh.triangle_mesh import keep_faces
-from bonecam.setup.revolution import revolve
+from bonecam.report import read_apt
+from bonecam.report.page.packing import unpack
 from bonecam.surface import skin
 from bonecam.surface.files.tspline_text import write_tsm
 from bonecam.surface.tspline import TSpline
-from bonecam.toolpath import read_apt
-from bonecam.toolpath.path import Kind
-from bonecam.verify.page.packing import unpack
+from bonecam.tool.path import Kind
 
 JOB = bonecam.Job().with_values(
     holding={"length": 60.0, "diameter": 10.0},

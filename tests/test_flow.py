@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 ORDER = [
-    *"errors progress arrays runtime files text materials job kernels".split(),
-    *"mesh setup surface levels toolpath orientation nc verify".split(),
-    *"outputs second_clamping pipeline simulation finishing script_run filters batch cli __main__".split(),
+    *"errors progress arrays runtime files text machine job kernels tool mesh surface".split(),
+    *"workholding setup levels material planning nc verify report".split(),
+    *"second_clamping pipeline simulation finishing script_run filters batch cli __main__".split(),
 ]
 ROOMS = {
     "runtime": "threads loading timing parent signals temporary worker own_files locking staging".split(),
@@ -20,12 +20,9 @@ ROOMS = {
         *"problem solvers measure refine_for_depth sequences".split(),
         *"closed_morph open_stock open_morph body_surface edge_rounding equal_depths job_levels".split(),
     ],
-    "toolpath": "cutters path gouge patterns engagement contacts rest parting layers iso_height rotary cl_data".split(),
-    "orientation": [
-        *"limits collision axes cones field links oriented_path held level_paths layer_paths surface_path".split(),
-    ],
-    "verify": "gouge readback removal control proof axis_comparison report axis_lines summary pictures page "
-    "sheet".split(),
+    "planning": "passes layers collision axes links oriented_path holding strategies levels".split(),
+    "verify": "gouge readback removal control proof".split(),
+    "report": "axis_lines axis_comparison figures run_report tables summary pictures page sheet files".split(),
 }
 """The order of the modules and sub-packages inside a stage."""
 ROOT = Path(__file__).parents[1] / "bonecam"
@@ -34,14 +31,14 @@ MODULES = sorted(path for path in ROOT.rglob("*.py") if path != ROOT / "__init__
 DOORS = {
     "osqp": {"levels/solvers/osqp.py"},
     "clarabel": {"levels/solvers/clarabel.py"},
-    "fcl": {"orientation/collision/fcl_model.py"},
-    "matplotlib": {"verify/pictures"},
-    "contourpy": {"toolpath/iso_height/slices.py"},
+    "fcl": {"planning/collision/fcl_model.py"},
+    "matplotlib": {"report/pictures"},
+    "contourpy": {"planning/strategies/slices.py"},
     "numba": {"kernels"},
     "open3d": {"mesh/distance.py", "mesh/triangle_mesh.py"},
     "OCP": {"mesh/files/opencascade.py"},
     "pymeshlab": {"mesh/meshlab.py"},
-    "pydantic": {"text/record.py", "nc/schema"},
+    "pydantic": {"text/record.py", "nc/schema", "machine/machine_file.py"},
     "re2": {"text/pattern.py"},
     "ezdxf": {"mesh/files/polyhedra.py"},
     "plyfile": {"mesh/files/formats/ply.py"},

@@ -9,11 +9,11 @@ import pytest
 
 from bonecam.errors import JobError
 from bonecam.job import Job
-from bonecam.materials.preset import FOLDER, material_names, read_material
+from bonecam.job.materials.preset import FOLDER, material_names, read_material
+from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.machine import read_machine
 from bonecam.nc.posting.write import write_program
-from bonecam.toolpath.path import ToolPath
+from bonecam.tool.path import ToolPath
 
 
 def test_the_default_is_the_papers_aluminium() -> None:

@@ -31,10 +31,10 @@ from bonecam.errors import (
     VerifyError,
 )
 from bonecam.job import Job, write_job
+from bonecam.machine.machine import read_machine
 from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.machine import read_machine
 from bonecam.nc.program import program_name
 from bonecam.nc.reading.read import read_program
 from bonecam.runtime.own_files import OWN_FILES

@@ -16,7 +16,7 @@ import pytest
 import bonecam
 
 ROOT = Path(__file__).parents[1]
-STAGES = "mesh setup surface levels toolpath orientation nc verify".split()
+STAGES = "machine tool mesh surface workholding setup levels material planning nc verify report".split()
 PACKAGES = ["bonecam", *(f"bonecam.{name}" for name in [*STAGES, "filters"])]
 
 
@@ -26,10 +26,10 @@ WANTED = [
     "mesh.read_mesh",
     "surface.fit",
     "levels.Level",
-    "nc.read_machine",
+    "machine.read_machine",
     "verify.Verification",
 ]
-MISSPELT = ["convret", "mesh.read_meshes", "surface.Tspline", "levels.Levle", "nc.red_machine"]
+MISSPELT = ["convret", "mesh.read_meshes", "surface.Tspline", "levels.Levle", "machine.red_machine"]
 
 
 @pytest.fixture(scope="module")

@@ -14,11 +14,10 @@ from bonecam import pipeline
 from bonecam.batch import convert_many
 from bonecam.errors import BonecamError, JobError, MachineError, ToolPathError
 from bonecam.job import Job
+from bonecam.machine.machine import machine_names, read_machine
 from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.mesh.part import prepare_part
-from bonecam.nc.dialect import read_dialect
-from bonecam.nc.machine import read_machine
-from bonecam.nc.schema.tables import DIALECTS, machine_names
+from bonecam.nc.dialect import DIALECTS, read_dialect
 from bonecam.pipeline import check_job
 from bonecam.setup.placement import place
 

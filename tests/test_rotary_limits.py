@@ -7,10 +7,9 @@ import pytest
 
 import bonecam
 from bonecam.job import Job
+from bonecam.machine.machine import MACHINES, read_machine
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.machine import read_machine
 from bonecam.nc.reading.read import read_program
-from bonecam.nc.schema.tables import MACHINES
 from bonecam.setup.capsule import Capsule
 
 SMALL = Job().with_values(

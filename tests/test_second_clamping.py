@@ -11,30 +11,30 @@ from bonecam_meshes import path as shipped
 import bonecam
 from bonecam.errors import BonecamError, JobError, MeshError, VerifyError
 from bonecam.job import HoldingJob, Job
+from bonecam.machine.machine import read_machine
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.facets.hull import convex_hull
 from bonecam.mesh.files.mesh_files import write_mesh
 from bonecam.mesh.part import Part
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.machine import read_machine
 from bonecam.nc.posting.rotary.axis_limits import axis_limits
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.read import read_program
-from bonecam.orientation.collision.scene import Scene
-from bonecam.orientation.held.parting import parting_paths
-from bonecam.orientation.held.second import check_second
-from bonecam.outputs.second import SecondProgram
+from bonecam.planning.collision.scene import Scene
+from bonecam.planning.holding.parting import parting_paths
+from bonecam.planning.holding.second import check_second
+from bonecam.planning.passes.parting import cut_groove
+from bonecam.report.files.second import SecondProgram
 from bonecam.second_clamping import second_program
 from bonecam.setup.capsule import Capsule, smallest_capsule
-from bonecam.setup.fixture.clamping import clamping_of
-from bonecam.setup.fixture.shell_maker import shell_round
-from bonecam.setup.holding import post_below
 from bonecam.setup.stocks.mesh import ConvexStock
-from bonecam.toolpath.parting import cut_groove
 from bonecam.verify import simulate_removal
 from bonecam.verify.removal.of_job import check_removal_of_job, cutters_of, simulate_stump
 from bonecam.verify.removal.table import shell_clearance
+from bonecam.workholding.clamping import clamping_of
+from bonecam.workholding.post import post_below
+from bonecam.workholding.shell_maker import shell_round
 
 MACHINE, DIALECT = read_machine("mikron-ucp600"), read_dialect("heidenhain")
 LUMP = Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 9.5]), 2.5).mesh(0.05)

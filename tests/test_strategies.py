@@ -9,12 +9,12 @@ from bonecam_meshes import path as shipped
 import bonecam
 from bonecam.errors import OrientationError
 from bonecam.job import Job
+from bonecam.machine.machine import read_machine
+from bonecam.machine.tool_axis_limits import AxisLimits
 from bonecam.mesh.facets.nearest_areas import nearest_areas
-from bonecam.nc.machine import read_machine
-from bonecam.orientation.layer_paths import plan_layer_paths
-from bonecam.orientation.limits import AxisLimits
+from bonecam.planning.strategies.layer_paths import plan_layer_paths
 from bonecam.setup.stocks.cylinder import Cylinder
-from bonecam.toolpath import Kind
+from bonecam.tool import Kind
 
 COARSE = Job().with_values(
     surface={"tolerance": 0.2},

@@ -63,7 +63,7 @@ def _run(
 
 def run_view(options: argparse.Namespace) -> int:
     """`bonecam view`: the page of a run, from its kept files, and that of its second clamping."""
-    from bonecam.outputs.kept_view import kept_pages
+    from bonecam.report.files.kept_view import kept_pages
 
     bonecam.view(options.keep, options.output)
     print("\n".join(str(page) for page in kept_pages(options.keep, options.output)))
@@ -102,8 +102,8 @@ def run_shell(options: argparse.Namespace) -> int:
 
 def run_simulate(options: argparse.Namespace) -> int:
     """`bonecam simulate`: what a program removes, from its text."""
+    from bonecam.report.summary import removal_text
     from bonecam.verify.removal.of_job import check_removal_of_job
-    from bonecam.verify.summary import removal_text
 
     job = job_of(options)
     wanted = [file for file in (options.report, options.html) if file is not None]

@@ -8,7 +8,8 @@ from typing import Any
 from bonecam.errors import JobError
 from bonecam.job import Job, NcJob, read_job
 from bonecam.job.sections import job_error
-from bonecam.nc.schema.tables import dialect_names, machine_names
+from bonecam.machine.machine import machine_names
+from bonecam.nc.dialect import dialect_names
 
 
 def add_job_options(command: argparse.ArgumentParser, *, posted: bool = True) -> None:

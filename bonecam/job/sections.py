@@ -8,6 +8,7 @@ from typing import Any
 from bonecam.errors import JobError, did_you_mean
 from bonecam.job.holding_section import HoldingJob
 from bonecam.job.levels_section import LevelsJob
+from bonecam.job.materials.preset import read_material
 from bonecam.job.mesh_section import MeshJob
 from bonecam.job.nc_section import NcJob
 from bonecam.job.parameter import Section
@@ -15,7 +16,6 @@ from bonecam.job.path_section import PathJob
 from bonecam.job.stock_section import StockJob
 from bonecam.job.surface_section import SurfaceJob
 from bonecam.job.tool_section import FINE, FINISHING, ROUGHING, MaterialJob, ToolJob
-from bonecam.materials.preset import read_material
 from bonecam.text.faults import Faults, shown
 
 

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from bonecam.job.frustum import Frustum, stack_as_text, stack_from_text
 from bonecam.job.parameter import Section, check, is_list, parameter
+from bonecam.machine.frustum import Frustum, stack_as_text, stack_from_text
 
 
 @dataclass(frozen=True)

@@ -25,8 +25,8 @@ from bonecam.levels.problem.factorisation import BandedCholesky, factorise
 from bonecam.levels.problem.samples import Samples, integration_points, samples_of, thin_plate
 from bonecam.levels.sequences.begun_morph import BegunMorph, Morph
 from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.remeshing import split_edges
+from bonecam.mesh.solids.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh, probes
 from bonecam.runtime.threads import on_one_blas_thread
 from bonecam.setup.containment import MARGIN, require_inside

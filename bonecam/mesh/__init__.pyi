@@ -14,13 +14,13 @@ from .healing.faults import Fault as Fault
 from .healing.faults import faults_of as faults_of
 from .healing.hollows.pits import fill_pits as fill_pits
 from .healing.repair import repair as repair
-from .intersections import self_intersections as self_intersections
 from .part import Part as Part
 from .part import prepare_part as prepare_part
 from .pose import upright as upright
 from .remeshing import remesh as remesh
 from .sections.rows import Rows as Rows
 from .sections.rows import harmonic_rows as harmonic_rows
+from .solids.intersections import self_intersections as self_intersections
 from .triangle_mesh import MeshLike as MeshLike
 from .triangle_mesh import TriangleMesh as TriangleMesh
 from .triangle_mesh import mesh_from as mesh_from

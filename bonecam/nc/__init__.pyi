@@ -1,12 +1,6 @@
 from .dialect import Dialect as Dialect
+from .dialect import dialect_names as dialect_names
 from .dialect import read_dialect as read_dialect
-from .kinematics import forward as forward
-from .kinematics import inverse_linear as inverse_linear
-from .kinematics import inverse_rotary as inverse_rotary
-from .machine import LinearAxis as LinearAxis
-from .machine import Machine as Machine
-from .machine import RotaryAxis as RotaryAxis
-from .machine import read_machine as read_machine
 from .posting.feeds import drivable_paths as drivable_paths
 from .posting.rotary.axis_limits import axis_limits as axis_limits
 from .posting.rotary.axis_limits import tilt_limit as tilt_limit
@@ -15,5 +9,3 @@ from .program import Program as Program
 from .reading.motions import Motions as Motions
 from .reading.motions import Tool as Tool
 from .reading.read import read_program as read_program
-from .schema.tables import dialect_names as dialect_names
-from .schema.tables import machine_names as machine_names

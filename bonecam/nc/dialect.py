@@ -58,7 +58,8 @@ from pathlib import Path
 from typing import Any
 
 from bonecam.errors import MachineError
-from bonecam.nc.machine import Machine
+from bonecam.machine.machine import Machine
+from bonecam.machine.tables import names_in, read_table
 from bonecam.nc.schema.dialect_file import (
     PLAIN_WORD,
     DialectFile,
@@ -70,10 +71,11 @@ from bonecam.nc.schema.dialect_file import (
 )
 from bonecam.nc.schema.grammar_tables import CODES, StatedTable, StatementTable
 from bonecam.nc.schema.numbering import NumberingTable
-from bonecam.nc.schema.tables import DIALECTS, read_table
 from bonecam.nc.schema.template_tables import TEMPLATES
 from bonecam.nc.words import NumberFormat
 from bonecam.text.pattern import Pattern
+
+DIALECTS = Path(__file__).parent / "dialects"
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,6 +194,11 @@ class Dialect:
                 dialect=self.name,
             )
         return self.tool_centre_control[machine.tool_centre_control]
+
+
+def dialect_names() -> tuple[str, ...]:
+    """The dialects that come with bonecam."""
+    return names_in(DIALECTS)
 
 
 def read_dialect(name: str | Path) -> Dialect:

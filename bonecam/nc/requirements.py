@@ -5,18 +5,18 @@ import numpy as np
 
 from bonecam.errors import MachineError
 from bonecam.job import Job, ToolJob, field_error
+from bonecam.machine.machine import Machine
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.nc.machine import Machine
 from bonecam.nc.posting.rotary.axis_limits import axis_limits
 from bonecam.nc.posting.rotary.choice import choose_angles
 from bonecam.nc.posting.travel import table_reach
-from bonecam.orientation.axes.lead import check_lead
+from bonecam.planning.axes.lead import check_lead
+from bonecam.planning.passes.patterns.scallop import side_step
 from bonecam.progress import Progress, report, silent
 from bonecam.setup.schedule import STOCK_CHORD_SHARE
 from bonecam.setup.stock import Stock
-from bonecam.toolpath.cutters.cutter import Cutter
-from bonecam.toolpath.path import Kind
-from bonecam.toolpath.patterns.scallop import side_step
+from bonecam.tool.cutter import Cutter
+from bonecam.tool.path import Kind
 
 ROUND = 360
 """Steps in which the way round a part is tried."""

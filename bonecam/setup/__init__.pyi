@@ -1,8 +1,6 @@
 from .capsule import Capsule as Capsule
 from .capsule import enclosing_capsule as enclosing_capsule
 from .capsule import smallest_capsule as smallest_capsule
-from .holding import Post as Post
-from .holding import post_below as post_below
 from .placement import Setup as Setup
 from .placement import place as place
 from .placement import stock_for as stock_for

@@ -13,8 +13,8 @@ from numpy import ndarray
 
 from bonecam.errors import StockError
 from bonecam.kernels import capsule
+from bonecam.mesh.solids.revolution import half_angle, revolve, segments_around
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.setup.revolution import half_angle, revolve, segments_around
 from bonecam.setup.stock import Stock, finite_numbers, larger_sizes
 
 RADII = 241

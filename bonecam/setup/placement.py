@@ -16,11 +16,11 @@ from bonecam.mesh.part import Part
 from bonecam.mesh.pose import rotation
 from bonecam.setup.centring import centring_shift
 from bonecam.setup.containment import MARGIN, require_inside
-from bonecam.setup.holding import MISSES, Post, checked_post
 from bonecam.setup.rounding.largest_rounding import require_roundable
 from bonecam.setup.schedule import Schedule, schedule_of
 from bonecam.setup.stock import Stock
 from bonecam.setup.stock_kind import LyingPart, check_sizes, is_posed, kind_of, pose_remedy
+from bonecam.workholding.post import MISSES, Post, checked_post
 
 TALL = 300.0
 """Length of the post (mm) while it is not known: no tool comes down to the table from there."""

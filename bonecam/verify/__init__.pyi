@@ -1,14 +1,5 @@
-from .axis_comparison import AxisComparison as AxisComparison
-from .axis_comparison import compare_axes as compare_axes
 from .gouge import Gouge as Gouge
 from .gouge import measure_gouge as measure_gouge
-from .pictures.compared_axes import draw_compared_axes as draw_compared_axes
-from .pictures.depth_colours import draw_coloured as draw_coloured
-from .pictures.depth_curves import draw_depths as draw_depths
-from .pictures.level_sections import draw_levels as draw_levels
-from .pictures.machine_bodies import draw_machine as draw_machine
-from .pictures.tmesh_lines import draw_tmesh as draw_tmesh
-from .pictures.tool_paths import draw_toolpath as draw_toolpath
 from .proof import Verification as Verification
 from .proof import verify as verify
 from .proof import verify_program as verify_program
@@ -22,8 +13,3 @@ from .removal.result import Spot as Spot
 from .removal.simulate import simulate_removal as simulate_removal
 from .removal.sweeping import Accuracy as Accuracy
 from .removal.verdicts import check_removal as check_removal
-from .report import levels_report as levels_report
-from .report import nc_report as nc_report
-from .report import surface_report as surface_report
-from .report import toolpath_report as toolpath_report
-from .summary import summary_of as summary_of

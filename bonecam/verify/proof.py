@@ -8,13 +8,13 @@ import numpy as np
 
 from bonecam.errors import VerifyError
 from bonecam.job import Job
+from bonecam.machine.machine import Machine
 from bonecam.mesh.distance import MeshDistance
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.machine import Machine
 from bonecam.nc.reading.read import read_program
 from bonecam.progress import Progress, report, silent
 from bonecam.surface.tspline import TSpline
-from bonecam.toolpath.path import ToolPath
+from bonecam.tool.path import ToolPath
 from bonecam.verify.control.check import check_control
 from bonecam.verify.gouge import Distances, Gouge, measure_gouge
 from bonecam.verify.readback import Tolerances, compare_moves

@@ -17,7 +17,7 @@ from bonecam.kernels.align import align_moves
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.posting.path_words import SLOW, axis_minutes
 from bonecam.nc.reading.motions import Motions
-from bonecam.toolpath.path import Kind, ToolPath
+from bonecam.tool.path import Kind, ToolPath
 
 FEED_TOLERANCE = 0.02
 """Share by which a feed that is written in inverse time may be off."""

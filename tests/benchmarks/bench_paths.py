@@ -22,18 +22,18 @@ from numpy import ndarray
 import bonecam
 from bonecam.kernels.removal.nails import cut_nails, nail_cells
 from bonecam.levels.measure.level import MachinedLevel, machined_levels
+from bonecam.machine.machine import read_machine
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.nc.machine import read_machine
-from bonecam.orientation.axes.lead import lead_axes
-from bonecam.setup.holding import post_below
+from bonecam.planning.axes.lead import lead_axes
+from bonecam.planning.passes.contacts import candidate_contacts
+from bonecam.planning.passes.patterns.curves import Curves
+from bonecam.planning.passes.patterns.fastest import CLOSED, ISO_PARAMETRIC, curve_minutes, pattern_curves
+from bonecam.planning.passes.patterns.sampling import ROUND, ball_centres, contact_frames, sample_lines
+from bonecam.planning.passes.patterns.scallop import side_step
 from bonecam.surface.tspline import TSpline
-from bonecam.toolpath.contacts import candidate_contacts
-from bonecam.toolpath.cutters.cutter import Cutter
-from bonecam.toolpath.patterns.curves import Curves
-from bonecam.toolpath.patterns.fastest import CLOSED, ISO_PARAMETRIC, curve_minutes, pattern_curves
-from bonecam.toolpath.patterns.sampling import ROUND, ball_centres, contact_frames, sample_lines
-from bonecam.toolpath.patterns.scallop import side_step
+from bonecam.tool.cutter import Cutter
+from bonecam.workholding.post import post_below
 
 BONES = Path(__file__).resolve().parents[3] / "shared" / "meshes" / "bones"
 NAMES = ("3midph", "3distph", "scaphoid", "capitate")

@@ -20,11 +20,11 @@ from jaxtyping import Float
 from numpy import ndarray
 
 import bonecam
-from bonecam.orientation import level_paths
+from bonecam.planning import levels as level_paths
+from bonecam.planning.passes.engaged_segments import Allowed
+from bonecam.planning.passes.patterns import fastest
 from bonecam.surface.tspline import TSpline
-from bonecam.toolpath import Kind
-from bonecam.toolpath.engagement.stretches import Allowed
-from bonecam.toolpath.patterns import fastest
+from bonecam.tool import Kind
 
 PHALANX = Path(__file__).resolve().parents[2] / "meshes" / "phalanx.ply"
 BONES = Path(__file__).resolve().parents[3] / "shared" / "meshes" / "bones"

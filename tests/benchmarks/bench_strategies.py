@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 import bonecam
-from bonecam.toolpath import Kind
+from bonecam.tool import Kind
 
 BONES = Path(__file__).resolve().parents[3] / "shared" / "meshes" / "bones"
 NAMES = ("3midph", "3distph")

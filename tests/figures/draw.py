@@ -12,18 +12,18 @@ from page_picture import picture_page
 
 import bonecam
 from bonecam.levels.measure.line_depths import line_depths
+from bonecam.machine.machine import read_machine
 from bonecam.mesh import TriangleMesh
-from bonecam.nc.machine import read_machine
-from bonecam.setup.holding import post_below
+from bonecam.report import AxisComparison, draw_compared_axes, draw_machine
+from bonecam.report.pictures.depth_colours import draw_coloured
+from bonecam.report.pictures.depth_curves import draw_depths
+from bonecam.report.pictures.level_sections import show_levels
+from bonecam.report.pictures.panels import lay_out
+from bonecam.report.pictures.tmesh_lines import draw_tmesh, show_tmesh
+from bonecam.report.pictures.tool_paths import draw_toolpath, show_path
 from bonecam.setup.placement import place
 from bonecam.surface.files.surface_input import read_part
-from bonecam.verify import AxisComparison, draw_compared_axes, draw_machine
-from bonecam.verify.pictures.depth_colours import draw_coloured
-from bonecam.verify.pictures.depth_curves import draw_depths
-from bonecam.verify.pictures.level_sections import show_levels
-from bonecam.verify.pictures.panels import lay_out
-from bonecam.verify.pictures.tmesh_lines import draw_tmesh, show_tmesh
-from bonecam.verify.pictures.tool_paths import draw_toolpath, show_path
+from bonecam.workholding.post import post_below
 
 COARSE: dict[str, dict[str, float]] = {
     "levels": {"roughing_depth": 1.0, "finishing_levels": 1, "finishing_depth": 0.3, "chord_tolerance": 0.05},

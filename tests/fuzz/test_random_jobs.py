@@ -13,9 +13,10 @@ from numpy import ndarray
 import bonecam
 from bonecam.errors import BonecamError, MachineError
 from bonecam.job import Job
+from bonecam.machine import Machine, machine_names, read_machine
 from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.nc import Machine, dialect_names, machine_names, read_dialect, read_machine
+from bonecam.nc import dialect_names, read_dialect
 
 Within = Callable[[float], AbstractContextManager[None]]
 

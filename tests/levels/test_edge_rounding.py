@@ -21,12 +21,12 @@ from bonecam.levels.measure.violations import require_none, violations
 from bonecam.levels.sequences.begun_morph import Morph
 from bonecam.mesh.distance import exact_closest
 from bonecam.mesh.facets.hull import convex_hull
-from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.part import prepare_part
+from bonecam.mesh.solids.intersections import self_intersections
+from bonecam.mesh.solids.revolution import revolve
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.capsule import Capsule, enclosing_capsule
 from bonecam.setup.placement import place
-from bonecam.setup.revolution import revolve
 from bonecam.setup.rounding.half_spaces import half_spaces_of, intersect
 from bonecam.setup.rounding.largest_rounding import round_most
 from bonecam.setup.rounding.rounded_stock import RoundedStock

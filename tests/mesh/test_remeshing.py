@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.remeshing import bisect_faces, split_edges
+from bonecam.mesh.solids.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.stocks.box import Box
 

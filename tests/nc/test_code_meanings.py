@@ -3,10 +3,9 @@
 import pytest
 
 from bonecam.errors import MachineError
-from bonecam.nc.dialect import read_dialect
+from bonecam.nc.dialect import DIALECTS, dialect_names, read_dialect
 from bonecam.nc.schema.code_meanings import MEANINGS
 from bonecam.nc.schema.grammar_tables import CODES
-from bonecam.nc.schema.tables import DIALECTS, dialect_names
 
 ISO = """like = "linuxcnc"
 [codes]

@@ -1,9 +1,8 @@
 import pytest
 
 from bonecam.errors import MachineError
-from bonecam.nc.dialect import read_dialect
-from bonecam.nc.machine import read_machine
-from bonecam.nc.schema.tables import DIALECTS, MACHINES, dialect_names
+from bonecam.machine.machine import MACHINES, read_machine
+from bonecam.nc.dialect import DIALECTS, dialect_names, read_dialect
 from bonecam.nc.schema.template_tables import TEMPLATES
 
 GOOD = (DIALECTS / "linuxcnc.toml").read_text()

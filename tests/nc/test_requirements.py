@@ -7,12 +7,12 @@ import pytest
 
 from bonecam.errors import JobError, MachineError
 from bonecam.job import Job
-from bonecam.job.frustum import Frustum
+from bonecam.machine.bodies import Table
+from bonecam.machine.frustum import Frustum
+from bonecam.machine.machine import Machine, read_machine
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.nc.machine import Machine, read_machine
 from bonecam.nc.requirements import check_length, check_reach, check_room, least_lengths
 from bonecam.setup.capsule import Capsule
-from bonecam.setup.fixture.table import Table
 
 CORNERS = np.array([[0, 0, 0], [10, 0, 0], [0, 10, 0], [0, 0, 10]], dtype=float)
 FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]], dtype=np.int32)

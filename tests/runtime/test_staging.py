@@ -18,9 +18,9 @@ from bonecam.files import check_folder, whole_folder, write_whole
 from bonecam.job import Job
 from bonecam.mesh.files.mesh_files import write_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.outputs import output_files
-from bonecam.outputs.output_files import Outputs
-from bonecam.outputs.result import Result
+from bonecam.report.files import output_files
+from bonecam.report.files.output_files import Outputs
+from bonecam.report.files.result import Result
 from bonecam.runtime.own_files import OWN_FILES
 from bonecam.runtime.staging import placed, staged
 

@@ -15,19 +15,20 @@ import pytest
 import bonecam
 from bonecam.arrays import unit
 from bonecam.levels.measure.level import machined_levels
-from bonecam.nc import axis_limits, read_machine
-from bonecam.orientation.axes.lead import table_limits
-from bonecam.orientation.collision.interpolation import interpolate_poses
-from bonecam.orientation.collision.level_scene import level_scene
-from bonecam.orientation.collision.scene import Scene
-from bonecam.orientation.field.level_axes import level_axes
-from bonecam.orientation.limits import polar_angles
-from bonecam.orientation.oriented_path import orient
-from bonecam.orientation.surface_path import finishing_cutter
-from bonecam.setup.fixture.clamping import clamping_of
-from bonecam.toolpath import ToolPath
-from bonecam.toolpath.contacts import candidate_contacts, contact_path
-from bonecam.toolpath.path import Kind
+from bonecam.machine import read_machine
+from bonecam.machine.tool_axis_limits import polar_angles
+from bonecam.nc import axis_limits
+from bonecam.planning.axes.field.level_axes import level_axes
+from bonecam.planning.axes.lead import table_limits
+from bonecam.planning.collision.interpolation import interpolate_poses
+from bonecam.planning.collision.level_scene import level_scene
+from bonecam.planning.collision.scene import Scene
+from bonecam.planning.oriented_path import orient
+from bonecam.planning.passes.contacts import candidate_contacts, contact_path
+from bonecam.planning.strategies.surface_path import finishing_cutter
+from bonecam.tool import ToolPath
+from bonecam.tool.path import Kind
+from bonecam.workholding.clamping import clamping_of
 
 AXES = 20_000
 """Random axes in the cones."""

@@ -15,7 +15,7 @@ from bonecam.job import FINISHING, ROUGHING, LevelsJob, MeshJob, PathJob
 from bonecam.levels.problem.element_matrices import element_matrices
 from bonecam.mesh.part import prepare_part
 from bonecam.mesh.sections.rows import Rows, harmonic_rows
-from bonecam.orientation.axes.lead import lead_axes
+from bonecam.planning.axes.lead import lead_axes
 from bonecam.setup.schedule import schedule_of
 from bonecam.setup.stocks.capsule import capsule_of_size
 from bonecam.surface.skinning.row_curves import RowCurves

@@ -6,8 +6,8 @@ import pytest
 
 from bonecam.errors import BonecamError
 from bonecam.job import Job
+from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.machine import read_machine
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.read import read_program
 from bonecam.verify.readback import Tolerances, compare_moves

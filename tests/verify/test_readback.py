@@ -7,13 +7,13 @@ import pytest
 
 from bonecam.errors import VerifyError
 from bonecam.job import Job
+from bonecam.machine.machine import read_machine
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.machine import read_machine
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.read import read_program
-from bonecam.toolpath.path import ToolPath
+from bonecam.tool.path import ToolPath
 from bonecam.verify.proof import verify_program
 from bonecam.verify.readback import Tolerances, compare_moves
 

@@ -23,7 +23,7 @@ from bonecam.levels.measure.measure_cut import measure_cut, measure_last_cut
 from bonecam.levels.measure.measured_surface import MeasuredSurface
 from bonecam.levels.measure.violations import Violation, require_none, violations
 from bonecam.levels.problem.tolerances import NESTING_TOLERANCE
-from bonecam.mesh.intersections import self_intersections
+from bonecam.mesh.solids.intersections import self_intersections
 from bonecam.progress import Progress, report, silent
 from bonecam.runtime.threads import cores
 from bonecam.setup.schedule import Schedule

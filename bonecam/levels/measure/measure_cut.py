@@ -10,7 +10,7 @@ import numpy as np
 from bonecam.levels.measure.cut_measures import CutSamples, Measures, measures_of
 from bonecam.levels.measure.measured_surface import MeasuredSurface
 from bonecam.levels.problem.tolerances import DEPTH_TOLERANCE, NESTING_TOLERANCE, STOCK_TOLERANCE
-from bonecam.mesh.intersections import self_intersections
+from bonecam.mesh.solids.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh, probes
 from bonecam.setup.stock import Stock
 

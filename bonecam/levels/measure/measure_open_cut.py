@@ -12,7 +12,7 @@ from bonecam.arrays import dots, lengths
 from bonecam.levels.measure.cut_measures import CutSamples, Measures, measures_of
 from bonecam.levels.measure.measured_surface import MeasuredSurface
 from bonecam.mesh.distance import exact_closest
-from bonecam.mesh.intersections import self_intersections
+from bonecam.mesh.solids.intersections import self_intersections
 from bonecam.surface.tspline import TSpline
 
 

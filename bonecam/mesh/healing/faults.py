@@ -7,7 +7,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from bonecam.mesh.healing.topology import edges_of, genus, half_edges, pieces_of
-from bonecam.mesh.intersections import self_intersections
+from bonecam.mesh.solids.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 

@@ -16,7 +16,7 @@ from bonecam.errors import counted, place_name
 from bonecam.mesh.healing.components import DEBRIS
 from bonecam.mesh.healing.repair_state import RepairState
 from bonecam.mesh.healing.topology import edge_names, edges_of, half_edges
-from bonecam.mesh.intersections import self_intersections
+from bonecam.mesh.solids.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces
 
 SMOOTH = float(np.cos(np.radians(25.0)))

@@ -6,8 +6,8 @@ from bonecam.errors import counted
 from bonecam.mesh.distance import exact_closest
 from bonecam.mesh.healing.components import keep_part
 from bonecam.mesh.healing.repair_state import RepairState
-from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.meshlab import from_meshset, meshlab, to_meshset
+from bonecam.mesh.solids.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 WRAP_ALPHA = 0.01

@@ -3,8 +3,8 @@
 from jaxtyping import Float
 from numpy import ndarray
 
+from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.machine import Machine
 from bonecam.nc.schema.dialect_file import PLAIN_WORD
 from bonecam.nc.words import wrapped
 

@@ -28,11 +28,11 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from bonecam.job import Job
+from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.machine import Machine
 from bonecam.nc.posting.path_words import SLOW, Posted, post_path
 from bonecam.nc.program import FeedFigures
-from bonecam.toolpath.path import Kind, ToolPath
+from bonecam.tool.path import Kind, ToolPath
 
 FEED_PER_MM = 0.5
 """Largest change of the feed along a pass, as a share of the cutter's feed per mm of path."""

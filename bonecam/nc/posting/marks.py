@@ -9,7 +9,7 @@ from numpy import ndarray
 
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.posting.header.header import comment
-from bonecam.toolpath.path import Kind
+from bonecam.tool.path import Kind
 
 LIFTED = "LIFTED TO REWIND"
 """The comment of the way to the safe point and back, on which rotary axes are rewound."""

@@ -10,14 +10,14 @@ from numpy import ndarray
 from bonecam.arrays import dots
 from bonecam.errors import MachineError
 from bonecam.job import Job, PathJob
-from bonecam.nc.control import Control
+from bonecam.machine.control import Control
+from bonecam.machine.kinematics import inverse_linear
+from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.kinematics import inverse_linear
-from bonecam.nc.machine import Machine
 from bonecam.nc.posting.split import Moves, split_moves
-from bonecam.toolpath.cutters.cutter import Cutter
-from bonecam.toolpath.gouge import POSTING_SHARE, planned_tolerance
-from bonecam.toolpath.path import Kind, ToolPath
+from bonecam.planning.passes.gouge import POSTING_SHARE, planned_tolerance
+from bonecam.tool.cutter import Cutter
+from bonecam.tool.path import Kind, ToolPath
 
 APPROACH_HEIGHT = 10.0
 """A run is approached along the tool axis from this far above everything that is machined, mm."""

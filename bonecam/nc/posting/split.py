@@ -15,9 +15,9 @@ from numpy import ndarray
 
 from bonecam.arrays import dots, lengths
 from bonecam.errors import MachineError
-from bonecam.nc.control import Control
+from bonecam.machine.control import Control
 from bonecam.nc.posting.rotary.choice import choose_angles
-from bonecam.toolpath.path import Kind, ToolPath
+from bonecam.tool.path import Kind, ToolPath
 
 MAX_ROUNDS = 40
 """A path that still needs splits after so many rounds passes through the singular axis."""

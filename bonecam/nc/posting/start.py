@@ -11,10 +11,10 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import MachineError
-from bonecam.nc.control import Control
+from bonecam.machine.control import Control
+from bonecam.machine.kinematics import forward
+from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.kinematics import forward
-from bonecam.nc.machine import Machine
 from bonecam.nc.posting.axis_words import word_texts
 from bonecam.nc.posting.path_words import drivable_rates, round_words
 from bonecam.nc.posting.split import MAX_TURN

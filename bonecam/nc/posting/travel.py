@@ -10,8 +10,8 @@ from numpy import ndarray
 from bonecam.arrays import lengths
 from bonecam.errors import MachineError
 from bonecam.job import Job
+from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.machine import Machine
 from bonecam.nc.posting.path_words import APPROACH_HEIGHT, Posted, joints_of, round_words
 from bonecam.nc.posting.start import start_words
 

@@ -14,8 +14,8 @@ from numpy import ndarray
 
 from bonecam.errors import MachineError, ProgramError
 from bonecam.job import Job
+from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.machine import Machine
 from bonecam.nc.posting.axis_words import word_formats, word_texts, written_words
 from bonecam.nc.posting.block_numbers import number_blocks
 from bonecam.nc.posting.feeds import feed_figures
@@ -31,8 +31,8 @@ from bonecam.nc.posting.travel import Travel, above, lifted, travel_of
 from bonecam.nc.program import Program
 from bonecam.progress import Progress, report, silent
 from bonecam.setup.stock import Stock
-from bonecam.toolpath.cutters.cutter import Cutter
-from bonecam.toolpath.path import Kind, ToolPath
+from bonecam.tool.cutter import Cutter
+from bonecam.tool.path import Kind, ToolPath
 
 
 def write_program(

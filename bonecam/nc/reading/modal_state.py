@@ -9,9 +9,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy import ndarray
 
-from bonecam.nc.control import Control
+from bonecam.machine.control import Control
+from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.machine import Machine
 from bonecam.nc.reading.endless_axes import EndlessAxes
 from bonecam.nc.reading.full_moves import MARKS, Blocks, full_move, read_full_moves
 from bonecam.nc.reading.line_error import line_error

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from bonecam.nc.control import Control
+from bonecam.machine.control import Control
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ form, a block out of sequence, or a move without tool, feed or known modes is a 
 
 from collections.abc import Sequence
 
+from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.machine import Machine
 from bonecam.nc.reading.iso import run_iso
 from bonecam.nc.reading.klartext import run_klartext
 from bonecam.nc.reading.line_error import line_error

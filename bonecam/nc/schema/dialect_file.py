@@ -5,8 +5,8 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
+from bonecam.machine.machine_file import Name
 from bonecam.nc.schema.grammar_tables import CODES, CodesTable, StatedTable, StatementTable
-from bonecam.nc.schema.machine_file import Name
 from bonecam.nc.schema.numbering import Block, NumberingTable, one_block
 from bonecam.nc.schema.template_tables import TemplatesTable
 from bonecam.text.record import KeyFault, Record

@@ -9,9 +9,9 @@ from numpy import ndarray
 
 from bonecam.errors import StockError
 from bonecam.job import StockJob
+from bonecam.mesh.solids.revolution import cylinder
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.capsule import Capsule
-from bonecam.setup.revolution import cylinder
 from bonecam.setup.rounding.rounded_stock import ALL, RoundedStock
 from bonecam.setup.schedule import Schedule
 from bonecam.setup.stock import Stock, finite_numbers, larger_sizes

@@ -6,8 +6,8 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from bonecam.mesh.solids.revolution import revolve, revolve_ring, segments_around
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.setup.revolution import revolve, revolve_ring, segments_around
 from bonecam.surface.blades.blade_solid import blade_solid
 from bonecam.surface.tspline import TSpline
 

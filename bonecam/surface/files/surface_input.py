@@ -11,9 +11,9 @@ from numpy import ndarray
 from bonecam.errors import MeshError, SurfaceError, UnitsError
 from bonecam.job import Job, MeshJob, SurfaceJob, field_error
 from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.part import Part, prepare_part
 from bonecam.mesh.pose import upright
+from bonecam.mesh.solids.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh
 from bonecam.mesh.units import LARGEST, MM_OF, to_mm
 from bonecam.progress import Progress, silent

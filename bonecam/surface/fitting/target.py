@@ -15,8 +15,8 @@ from scipy.spatial import cKDTree
 
 from bonecam.arrays import dots
 from bonecam.mesh.distance import MeshDistance, barycentric, exact_closest
-from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.sections.rows import Rows
+from bonecam.mesh.solids.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.basis.gauss import element_points
 from bonecam.surface.fitting.mesh_samples import sample_mesh

@@ -1,7 +1,7 @@
 """Whether a closed surface bounds a body: levels can be made round no other."""
 
 from bonecam.errors import SurfaceError, place_name
-from bonecam.mesh.intersections import self_intersections
+from bonecam.mesh.solids.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.tessellation.tessellate import tessellate
 from bonecam.surface.tmesh.surface import Surface

@@ -3,10 +3,10 @@ feeds, speeds and lengths of tools other than the job's."""
 
 from bonecam.errors import VerifyError
 from bonecam.job import Job
+from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.machine import Machine
 from bonecam.nc.reading.motions import Motions
-from bonecam.toolpath.cutters.cutter import Cutter
+from bonecam.tool.cutter import Cutter
 from bonecam.verify.control.axis_limits import check_limits
 from bonecam.verify.control.feeds import check_feed_mode, check_feeds, check_feeds_of_job
 from bonecam.verify.control.spindle import check_coolant, check_spindle, check_spindle_of_job

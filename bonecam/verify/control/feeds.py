@@ -11,11 +11,11 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from bonecam.job import Job
+from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.machine import Machine
 from bonecam.nc.posting.feeds import LARGEST_RATIO
 from bonecam.nc.reading.motions import Motions
-from bonecam.toolpath.cutters.cutter import Cutter
+from bonecam.tool.cutter import Cutter
 from bonecam.verify.control.first_wrong import refuse_first
 from bonecam.verify.readback import FEED_TOLERANCE, MIN_LENGTH_STEPS
 

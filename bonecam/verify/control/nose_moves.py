@@ -17,9 +17,9 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from bonecam.arrays import lengths
-from bonecam.nc.control import Control
-from bonecam.nc.kinematics import UP, inverse_linear
-from bonecam.nc.machine import Machine, RotaryAxis
+from bonecam.machine.control import Control
+from bonecam.machine.kinematics import UP, inverse_linear
+from bonecam.machine.machine import Machine, RotaryAxis
 from bonecam.nc.reading.motions import Motions
 
 SAMPLES = 65

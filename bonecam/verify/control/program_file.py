@@ -5,8 +5,8 @@ from pathlib import Path
 from bonecam.errors import FileError, ProgramError, VerifyError
 from bonecam.files import input_text
 from bonecam.job import Job
+from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.machine import Machine
 from bonecam.nc.posting.header.header import comment
 from bonecam.nc.reading.read import read_program
 from bonecam.text.faults import shown

@@ -5,10 +5,10 @@ All cutters cut clockwise: what turns a spindle the other way is no word of any 
 
 import numpy as np
 
+from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.machine import Machine
 from bonecam.nc.reading.motions import Motions
-from bonecam.toolpath.cutters.cutter import Cutter
+from bonecam.tool.cutter import Cutter
 from bonecam.verify.control.first_wrong import refuse_first
 
 

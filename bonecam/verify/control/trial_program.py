@@ -13,13 +13,13 @@ from numpy import ndarray
 
 from bonecam.errors import MachineError, ProgramError, VerifyError
 from bonecam.job import Job
+from bonecam.machine.kinematics import tool_axes
+from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.kinematics import tool_axes
-from bonecam.nc.machine import Machine
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.read import read_program
-from bonecam.toolpath.cutters.cutter import Cutter
-from bonecam.toolpath.path import Kind, ToolPath
+from bonecam.tool.cutter import Cutter
+from bonecam.tool.path import Kind, ToolPath
 from bonecam.verify.control.check import check_control
 from bonecam.verify.readback import Tolerances, compare_moves
 

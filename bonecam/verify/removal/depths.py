@@ -11,8 +11,8 @@ from numpy import ndarray
 from bonecam.kernels.removal.air import air_distances, new_ends
 from bonecam.kernels.removal.rays import RaySet
 from bonecam.kernels.removal.sweep import Pieces
+from bonecam.material.rays import RayGrid, order
 from bonecam.runtime.threads import in_pieces
-from bonecam.toolpath.engagement.rays import RayGrid, order
 
 SPACING = 0.2
 """Depths are measured this far apart, mm, on each set of rays."""

@@ -11,8 +11,8 @@ from numpy import ndarray
 from bonecam.errors import ProgramError
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.reading.motions import Motions
-from bonecam.toolpath.cutters.cutter import Cutter
-from bonecam.toolpath.path import PARTING
+from bonecam.tool.cutter import Cutter
+from bonecam.tool.path import PARTING
 
 AIR = 1e-4
 """A feed move that removes less is in air, mm^3: a hundredth of a move of 0.2 mm at a depth of 0.1."""

@@ -6,10 +6,10 @@ from numpy import ndarray
 from scipy.spatial import cKDTree
 
 from bonecam.nc.reading.motions import Motions
-from bonecam.setup.holding import Post
-from bonecam.toolpath.contacts import at_post
+from bonecam.planning.passes.contacts import at_post
 from bonecam.verify.removal.nails import Nails
 from bonecam.verify.removal.result import Left, Spot
+from bonecam.workholding.post import Post
 
 LEFT = 0.02
 """More material than this is left over, mm: twice the scallop height of a default finishing cutter."""

@@ -14,9 +14,9 @@ from numpy import ndarray
 from bonecam.kernels.removal.nails import cut_nails, nail_cells
 from bonecam.kernels.removal.rays import RaySet
 from bonecam.kernels.removal.sweep import Pieces
+from bonecam.material.rays import RayGrid
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.tspline import TSpline
-from bonecam.toolpath.engagement.rays import RayGrid
 from bonecam.verify.removal.standing import standing_heights
 
 CHORD = 0.002

@@ -6,19 +6,17 @@ from dataclasses import replace
 from bonecam.errors import VerifyError
 from bonecam.job import Job
 from bonecam.levels.measure.level import Level, morph_surfaces
+from bonecam.machine.machine import Machine
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.machine import Machine
 from bonecam.nc.reading.motions import Motions
 from bonecam.nc.reading.read import read_program
+from bonecam.planning.layers.limits import layer_limits
+from bonecam.planning.passes.contacts import at_post
 from bonecam.progress import Progress, silent
-from bonecam.setup.fixture.clamping import clamping_of
-from bonecam.setup.holding import post_below
 from bonecam.setup.stock import Stock
-from bonecam.toolpath.contacts import at_post
-from bonecam.toolpath.cutters.cutter import Cutter
-from bonecam.toolpath.layers.limits import layer_limits
-from bonecam.toolpath.path import PARTING
+from bonecam.tool.cutter import Cutter
+from bonecam.tool.path import PARTING
 from bonecam.verify.removal.given import GivenSurface, measure_given
 from bonecam.verify.removal.groups import groups_of
 from bonecam.verify.removal.result import Removal
@@ -26,6 +24,8 @@ from bonecam.verify.removal.simulate import simulate_further, simulate_removal
 from bonecam.verify.removal.sweeping import Accuracy, Remaining
 from bonecam.verify.removal.table import shell_clearance
 from bonecam.verify.removal.verdicts import check_removal
+from bonecam.workholding.clamping import clamping_of
+from bonecam.workholding.post import post_below
 
 ACCURACY = Accuracy(cell=0.1, coarser=True)
 """Of the simulation in `convert`. Against cells of 0.05 mm the phalanx's depths change by 0.01 mm, its clearances by

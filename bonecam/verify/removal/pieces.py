@@ -6,9 +6,9 @@ from numpy import ndarray
 
 from bonecam.arrays import angles_between, numbered
 from bonecam.kernels.removal.sweep import Pieces
+from bonecam.material.rays import RayGrid, order
 from bonecam.nc.reading.motions import Motions
-from bonecam.toolpath.cutters.cutter import Cutter
-from bonecam.toolpath.engagement.rays import RayGrid, order
+from bonecam.tool.cutter import Cutter
 from bonecam.verify.gouge import centre_bows
 
 STRAIGHT = 0.001

@@ -1,7 +1,7 @@
 """Material removal simulated from the posted text.
 
 The text is read back and run through the machine's kinematics. Between blocks the control moves as
-`nc/control.py` says; the path of the ball's centre is divided until it is straight within 1 um, and each
+`machine/control.py` says; the path of the ball's centre is divided until it is straight within 1 um, and each
 piece removes its capsule from the stock, which is held as intervals on three sets of rays (Benouamer &
 Michelucci 1997). The stock stands on its post, which is part of the material. Of a move from an unknown
 place, after a retract or a tool change, only the end is run.
@@ -16,20 +16,18 @@ from numpy import ndarray
 
 from bonecam.kernels.removal.rays import RaySet
 from bonecam.kernels.removal.sweep import Pieces
+from bonecam.machine.machine import Machine
+from bonecam.material.dexels import copy_of
 from bonecam.mesh.facets.vertex_normals import vertex_normals
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.machine import Machine
 from bonecam.nc.reading.motions import Motions
 from bonecam.nc.reading.read import read_program
 from bonecam.progress import Progress, report, silent
-from bonecam.setup.fixture.clamping import Clamping
-from bonecam.setup.holding import Post
 from bonecam.setup.stock import Stock
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.surface.tspline import TSpline
-from bonecam.toolpath.cutters.cutter import Cutter
-from bonecam.toolpath.engagement.dexels import copy_of
+from bonecam.tool.cutter import Cutter
 from bonecam.verify.removal.depths import cut_depths, move_through
 from bonecam.verify.removal.groups import (
     Group,
@@ -46,6 +44,8 @@ from bonecam.verify.removal.result import LINK_ALLOWED, RAPID_ALLOWED, Clearance
 from bonecam.verify.removal.standing import Standing, parted_bridge, standing_heights
 from bonecam.verify.removal.sweeping import PARTS, Accuracy, Remaining, Sweeping, material_of, volumes
 from bonecam.verify.removal.table import table_clearance
+from bonecam.workholding.clamping import Clamping
+from bonecam.workholding.post import Post
 
 
 def simulate_removal(

@@ -9,14 +9,14 @@ from numpy import ndarray
 
 from bonecam.kernels.removal.air import in_material
 from bonecam.kernels.removal.rays import TILE, RaySet, summarise
+from bonecam.material.rays import RayGrid, order
 from bonecam.nc.reading.motions import Motions
-from bonecam.setup.holding import Post
-from bonecam.toolpath.cutters.cutter import Cutter
-from bonecam.toolpath.engagement.rays import RayGrid, order
-from bonecam.toolpath.layers.chart import FlatChart
-from bonecam.toolpath.layers.material import HeightField
-from bonecam.toolpath.path import PARTING
+from bonecam.planning.layers.chart import FlatChart
+from bonecam.planning.layers.material import HeightField
+from bonecam.tool.cutter import Cutter
+from bonecam.tool.path import PARTING
 from bonecam.verify.removal.groups import Group
+from bonecam.workholding.post import Post
 
 HIGHEST = 5.0
 """Material is told up to this height, mm."""

@@ -19,12 +19,12 @@ from bonecam.kernels.removal.bricks import (
 )
 from bonecam.kernels.removal.rays import RaySet
 from bonecam.kernels.removal.sweep import Found, Pieces, sweep
+from bonecam.material.dexels import with_more_room
+from bonecam.material.rays import RayGrid, lay_grid, lay_rays, least_cell, order
 from bonecam.runtime.threads import in_pieces
 from bonecam.setup.stock import Stock
 from bonecam.surface.tspline import TSpline
-from bonecam.toolpath.cutters.cutter import Cutter
-from bonecam.toolpath.engagement.dexels import with_more_room
-from bonecam.toolpath.engagement.rays import RayGrid, lay_grid, lay_rays, least_cell, order
+from bonecam.tool.cutter import Cutter
 from bonecam.verify.removal.nails import Nails, nails_on
 from bonecam.verify.removal.pieces import in_grid
 from bonecam.verify.removal.standing import rays_above

@@ -14,11 +14,11 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.reading.motions import Motions
 from bonecam.runtime.threads import in_pieces
-from bonecam.setup.fixture.clamping import Clamping
-from bonecam.toolpath.cutters.cutter import Cutter
+from bonecam.tool.cutter import Cutter
 from bonecam.verify.removal.pieces import straight_pieces
 from bonecam.verify.removal.result import Clearance, Spot
 from bonecam.verify.removal.sweeping import sections_of
+from bonecam.workholding.clamping import Clamping
 
 AT_ONCE = 16384
 """Pieces measured at once."""

@@ -4,7 +4,7 @@ too deep."""
 from collections.abc import Sequence
 
 from bonecam.errors import VerifyError, place_name
-from bonecam.toolpath.path import PARTING
+from bonecam.tool.path import PARTING
 from bonecam.verify.removal.result import LINK_ALLOWED, Clearance, LevelRemoval, Removal, Spot
 from bonecam.verify.removal.table import NEAR
 

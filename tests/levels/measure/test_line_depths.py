@@ -10,11 +10,11 @@ from bonecam.levels.edge_rounding import levels_in
 from bonecam.levels.measure.level import RoundedLevel
 from bonecam.levels.measure.line_depths import POINTS, line_depths, step_depths
 from bonecam.levels.sequences.begun_morph import Morph
+from bonecam.report.pictures.depth_curves import draw_depths
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.schedule import Schedule
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.surface.tspline import TSpline
-from bonecam.verify.pictures.depth_curves import draw_depths
 
 BAR = Cylinder(4.5, 0.0, 20.0)
 

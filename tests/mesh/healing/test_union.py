@@ -5,9 +5,9 @@ import pytest
 
 from bonecam.errors import MeshError
 from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.healing.union import solid_union
+from bonecam.mesh.solids.booleans import solid_union
+from bonecam.mesh.solids.revolution import revolve, revolve_ring
 from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces
-from bonecam.setup.revolution import revolve, revolve_ring
 
 
 def cylinder(low: float, high: float, radius: float = 5.0) -> TriangleMesh:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
-from bonecam.toolpath.path import ToolPath
+from bonecam.tool.path import ToolPath
 
 
 @pytest.fixture(scope="session")

@@ -7,15 +7,14 @@ import pytest
 
 from bonecam.errors import MachineError, ProgramError
 from bonecam.job import Job
-from bonecam.nc.dialect import read_dialect
-from bonecam.nc.kinematics import inverse_linear
-from bonecam.nc.machine import read_machine
+from bonecam.machine.kinematics import inverse_linear
+from bonecam.machine.machine import read_machine
+from bonecam.nc.dialect import DIALECTS, read_dialect
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import program_number
 from bonecam.nc.reading.motions import Motions
 from bonecam.nc.reading.read import read_program
-from bonecam.nc.schema.tables import DIALECTS
-from bonecam.toolpath.path import ToolPath
+from bonecam.tool.path import ToolPath
 from bonecam.verify.readback import Tolerances, compare_moves
 
 MIKRON = read_machine("mikron-ucp600")

@@ -9,15 +9,15 @@ import pytest
 from bonecam.arrays import unit
 from bonecam.errors import VerifyError
 from bonecam.job import Job
-from bonecam.nc.control import Control
+from bonecam.machine.control import Control
+from bonecam.machine.kinematics import inverse_linear
+from bonecam.machine.machine import Machine, read_machine
 from bonecam.nc.dialect import Dialect, read_dialect
-from bonecam.nc.kinematics import inverse_linear
-from bonecam.nc.machine import Machine, read_machine
 from bonecam.nc.posting.feeds import FEED_PER_MM, LARGEST_RATIO, drivable_paths
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.motions import Motions
 from bonecam.nc.reading.read import read_program
-from bonecam.toolpath.path import Kind, ToolPath
+from bonecam.tool.path import Kind, ToolPath
 from bonecam.verify.readback import Tolerances, compare_moves
 
 PAIRS = {

@@ -6,12 +6,12 @@ from pathlib import Path
 import pytest
 
 from bonecam.job import read_job
+from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.machine import read_machine
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import Program
 from bonecam.nc.reading.read import read_program
-from bonecam.toolpath.path import ToolPath
+from bonecam.tool.path import ToolPath
 from bonecam.verify.readback import Tolerances, compare_moves
 
 GOLDEN = Path(__file__).parents[2] / "golden"

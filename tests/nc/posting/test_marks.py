@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 from bonecam.job import Job
-from bonecam.nc.dialect import read_dialect
-from bonecam.nc.machine import read_machine
+from bonecam.machine.machine import read_machine
+from bonecam.nc.dialect import dialect_names, read_dialect
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.read import read_program
-from bonecam.nc.schema.tables import dialect_names
-from bonecam.toolpath.path import Kind
+from bonecam.tool.path import Kind
 from bonecam.verify.readback import Tolerances, compare_moves
 
 PAIRS = dict.fromkeys(dialect_names(), "mikron-ucp600") | {"linuxcnc": "linuxcnc-xyzbc"}

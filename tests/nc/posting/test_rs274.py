@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from bonecam.job import Job
+from bonecam.machine.kinematics import forward
+from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.kinematics import forward
-from bonecam.nc.machine import read_machine
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import Program
 from bonecam.nc.reading.read import read_program
-from bonecam.toolpath.path import ToolPath
+from bonecam.tool.path import ToolPath
 
 MACHINE, DIALECT = read_machine("linuxcnc-xyzbc"), read_dialect("linuxcnc")
 STATE = re.compile(

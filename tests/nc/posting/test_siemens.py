@@ -7,11 +7,11 @@ import pytest
 
 from bonecam.errors import ProgramError
 from bonecam.job import Job
+from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.machine import read_machine
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.read import read_program
-from bonecam.toolpath.path import ToolPath
+from bonecam.tool.path import ToolPath
 from bonecam.verify.readback import Tolerances, compare_moves
 
 MIKRON, SIEMENS = read_machine("mikron-ucp600"), read_dialect("siemens-840d")

@@ -3,10 +3,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from bonecam.nc.control import Control
-from bonecam.nc.machine import read_machine
+from bonecam.machine.control import Control
+from bonecam.machine.machine import read_machine
 from bonecam.nc.posting.split import POLE_PASS, between, split_moves
-from bonecam.toolpath.path import ToolPath
+from bonecam.tool.path import ToolPath
 
 TOLERANCE, HOLD = 0.002, np.radians(0.0005)
 CONTROLS = {

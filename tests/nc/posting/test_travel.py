@@ -5,8 +5,8 @@ import pytest
 
 from bonecam.errors import MachineError
 from bonecam.job import Job
+from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.machine import read_machine
 from bonecam.nc.posting.write import write_program
 
 

@@ -5,11 +5,10 @@ import pytest
 
 from bonecam.errors import MachineError, ProgramError
 from bonecam.job import Job
-from bonecam.nc.dialect import read_dialect
-from bonecam.nc.machine import read_machine
+from bonecam.machine.machine import read_machine
+from bonecam.nc.dialect import dialect_names, read_dialect
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.read import read_program
-from bonecam.nc.schema.tables import dialect_names
 from bonecam.nc.words import plain_text
 from bonecam.verify.readback import Tolerances, compare_moves
 

@@ -5,12 +5,12 @@ import pytest
 
 from bonecam.errors import ProgramError
 from bonecam.job import Job
+from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.machine import read_machine
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.motions import Tool
 from bonecam.nc.reading.read import read_program
-from bonecam.toolpath.path import ToolPath
+from bonecam.tool.path import ToolPath
 
 PAIRS = {
     name: (read_machine(machine), read_dialect(name))

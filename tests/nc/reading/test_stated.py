@@ -8,10 +8,9 @@ import pytest
 
 from bonecam.errors import MachineError, ProgramError
 from bonecam.job import read_job
-from bonecam.nc.dialect import Dialect, read_dialect
-from bonecam.nc.machine import Machine, read_machine
+from bonecam.machine.machine import Machine, read_machine
+from bonecam.nc.dialect import DIALECTS, Dialect, dialect_names, read_dialect
 from bonecam.nc.reading.read import read_program
-from bonecam.nc.schema.tables import DIALECTS, dialect_names
 
 GOLDEN = Path(__file__).parents[2] / "golden"
 ISO_OTHERS = (

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
+from bonecam.report.pictures.tmesh_lines import draw_tmesh
 from bonecam.surface.tmesh.lines import tmesh_lines
 from bonecam.surface.tspline import TSpline
-from bonecam.verify.pictures.tmesh_lines import draw_tmesh
 
 
 def test_edges_of_a_general_tmesh_are_drawn_once(random_tspline: Callable[..., TSpline]) -> None:

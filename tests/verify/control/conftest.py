@@ -8,13 +8,12 @@ from functools import cached_property
 import pytest
 
 from bonecam.job import Job
-from bonecam.nc.dialect import Dialect, read_dialect
-from bonecam.nc.machine import Machine, read_machine
+from bonecam.machine.machine import Machine, read_machine
+from bonecam.nc.dialect import Dialect, dialect_names, read_dialect
 from bonecam.nc.posting.block_numbers import number_blocks
 from bonecam.nc.posting.feeds import drivable_paths
 from bonecam.nc.posting.write import write_program
-from bonecam.nc.schema.tables import dialect_names
-from bonecam.toolpath.path import ToolPath
+from bonecam.tool.path import ToolPath
 from bonecam.verify.removal.of_job import cutters_of
 
 

@@ -7,9 +7,9 @@ import pytest
 
 from bonecam.errors import VerifyError
 from bonecam.job import Job
+from bonecam.machine.kinematics import inverse_linear
+from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.kinematics import inverse_linear
-from bonecam.nc.machine import read_machine
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.read import read_program
 from bonecam.verify.control.axis_limits import check_limits

@@ -8,13 +8,13 @@ from bonecam.kernels.removal.air import air_distances, in_material
 from bonecam.kernels.removal.cut import cut_capsule
 from bonecam.kernels.removal.frustum import frustum_clearance
 from bonecam.kernels.removal.sweep import Pieces
+from bonecam.material.dexels import copy_of, with_more_room
+from bonecam.material.rays import lay_grid, lay_rays, order
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.stocks.box import Box
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.setup.stocks.mesh import ConvexStock
-from bonecam.toolpath.engagement.dexels import copy_of, with_more_room
-from bonecam.toolpath.engagement.rays import lay_grid, lay_rays, order
 from bonecam.verify.removal.nails import Nails
 from bonecam.verify.removal.sweeping import Remaining, Sweeping, volumes
 

@@ -8,21 +8,21 @@ import pytest
 
 from bonecam.errors import JobError, ProgramError, VerifyError
 from bonecam.job import Job
-from bonecam.job.frustum import Frustum
+from bonecam.machine.frustum import Frustum
+from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.machine import read_machine
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.read import read_program
 from bonecam.setup.capsule import Capsule
-from bonecam.setup.fixture.clamping import Clamping
-from bonecam.setup.fixture.column import Column
-from bonecam.setup.holding import Post
-from bonecam.toolpath.path import Kind
+from bonecam.tool.path import Kind
 from bonecam.verify.removal.left import measure_left
 from bonecam.verify.removal.nails import Nails
 from bonecam.verify.removal.simulate import simulate_removal
 from bonecam.verify.removal.sweeping import Accuracy
 from bonecam.verify.removal.verdicts import check_removal
+from bonecam.workholding.clamping import Clamping
+from bonecam.workholding.column import Column
+from bonecam.workholding.post import Post
 
 PAIR = read_machine("mikron-ucp600"), read_dialect("heidenhain")
 OTHER = read_machine("linuxcnc-xyzbc"), read_dialect("linuxcnc")

@@ -23,8 +23,8 @@ from bonecam.mesh.distance import MeshDistance, exact_closest
 from bonecam.mesh.facets.vertex_normals import vertex_normals
 from bonecam.mesh.healing.hollows.closing import ACCURACY, nearest_centres
 from bonecam.mesh.healing.repair_state import Repair
-from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.remeshing import bisect_faces, split_edges
+from bonecam.mesh.solids.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 LEAST = 0.15

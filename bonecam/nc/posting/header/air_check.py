@@ -11,10 +11,10 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.arrays import unit
-from bonecam.nc.control import Control
+from bonecam.machine.control import Control
+from bonecam.machine.kinematics import inverse_linear, tool_axes
+from bonecam.machine.machine import Machine, RotaryAxis
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.kinematics import inverse_linear, tool_axes
-from bonecam.nc.machine import Machine, RotaryAxis
 from bonecam.nc.posting.axis_words import word_texts
 
 TILT_DEG = 30.0

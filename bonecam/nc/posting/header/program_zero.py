@@ -2,8 +2,8 @@
 
 from typing import NamedTuple
 
+from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.machine import Machine
 
 
 class ZeroWords(NamedTuple):

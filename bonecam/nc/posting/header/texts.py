@@ -7,19 +7,19 @@ from collections.abc import Sequence
 import numpy as np
 
 from bonecam.job import Job
-from bonecam.materials.preset import read_material
+from bonecam.job.materials.preset import read_material
+from bonecam.machine.machine import Machine
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.machine import Machine
 from bonecam.nc.posting.feeds import feed_figures
 from bonecam.nc.posting.header.program_zero import ZeroWords, zero_texts
 from bonecam.nc.posting.path_words import Posted
 from bonecam.nc.posting.travel import Travel
+from bonecam.planning.passes.parting import cut_groove
 from bonecam.setup.stock import Stock
 from bonecam.setup.stock_kind import kind_of
-from bonecam.toolpath.cutters.cutter import Cutter
-from bonecam.toolpath.parting import cut_groove
-from bonecam.toolpath.path import Kind, ToolPath
+from bonecam.tool.cutter import Cutter
+from bonecam.tool.path import Kind, ToolPath
 
 WIDEST = 96
 """Most characters of a comment that is divided between words."""

@@ -6,10 +6,10 @@ from functools import partial
 import numpy as np
 
 from bonecam.errors import MachineError
-from bonecam.nc.kinematics import inverse_rotary, within_limits
-from bonecam.nc.machine import Machine
+from bonecam.machine.kinematics import inverse_rotary, within_limits
+from bonecam.machine.machine import Machine
+from bonecam.machine.tool_axis_limits import AxisLimits
 from bonecam.nc.posting.rotary.lifts import lift_places
-from bonecam.orientation.limits import AxisLimits
 
 AXIS_MARGIN = np.radians(1.0)
 """Kept from the machine's tilt limit, radians: a turn of up to 30 degrees between two axes at the limit

@@ -18,10 +18,10 @@ from numpy import ndarray
 
 from bonecam.errors import MachineError
 from bonecam.kernels.chain import cheapest_chain
-from bonecam.nc.kinematics import LIMIT_GUARD, inverse_rotary, within_limits
-from bonecam.nc.machine import Machine, RotaryAxis
+from bonecam.machine.kinematics import LIMIT_GUARD, inverse_rotary, within_limits
+from bonecam.machine.machine import Machine, RotaryAxis
 from bonecam.nc.posting.rotary.steps import FULL_TURN, rotary_steps
-from bonecam.toolpath.path import Kind
+from bonecam.tool.path import Kind
 
 REWIND_COST = 1e5
 """The cost of a rewind, as rotary travel in rad: more than the axes of a path travel, so that the fewest rewinds come

@@ -11,12 +11,12 @@ from numpy import ndarray
 
 from bonecam.arrays import lengths
 from bonecam.errors import MachineError
-from bonecam.nc.kinematics import inverse_rotary
-from bonecam.nc.machine import Machine
+from bonecam.machine.kinematics import inverse_rotary
+from bonecam.machine.machine import Machine
 from bonecam.nc.posting.rotary.choice import choose_angles, clear_rapids
 from bonecam.nc.posting.rotary.steps import FULL_TURN
 from bonecam.nc.posting.split import POLE_PASS, between
-from bonecam.toolpath.path import Kind
+from bonecam.tool.path import Kind
 
 FINE = np.radians(10.0)
 """A joint turns by no more between the places at which limits are asked, rad: as in the feed moves of a program."""

@@ -5,8 +5,8 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from bonecam.arrays import dots, lengths
-from bonecam.nc.kinematics import tool_axes
-from bonecam.nc.machine import Machine
+from bonecam.machine.kinematics import tool_axes
+from bonecam.machine.machine import Machine
 
 FULL_TURN = 2 * np.pi
 SMALL_ROTATION = 0.5

@@ -5,9 +5,9 @@ import pytest
 
 from bonecam.job import Job, MeshJob
 from bonecam.mesh.healing.hollows.pits import CHORD, LEAST, SHALLOW, Fill, fill_pits
-from bonecam.mesh.intersections import self_intersections
 from bonecam.mesh.part import prepare_part
 from bonecam.mesh.remeshing import split_edges
+from bonecam.mesh.solids.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 ROUNDING = 1e-9

@@ -10,14 +10,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from bonecam.job import Job
-from bonecam.nc.control import Control
+from bonecam.machine.control import Control
+from bonecam.machine.machine import MACHINES, machine_names, read_machine
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.machine import read_machine
 from bonecam.nc.posting.header.air_check import air_check_texts
 from bonecam.nc.posting.write import write_program
-from bonecam.nc.schema.tables import MACHINES, machine_names
+from bonecam.report.page.program_contents import program_contents
 from bonecam.setup.capsule import Capsule
-from bonecam.verify.page.program_contents import program_contents
 
 KINDS = ("table-table", "head-table", "head-head", "nutating")
 WAYS = {letter + sign: float(sign + "1") * row for row, letter in zip(np.eye(3), "XYZ") for sign in "+-"}

@@ -10,10 +10,10 @@ import pytest
 
 from bonecam.errors import MachineError
 from bonecam.job import Job
+from bonecam.machine.kinematics import forward, inverse_linear
+from bonecam.machine.machine import read_machine
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.kinematics import forward, inverse_linear
-from bonecam.nc.machine import read_machine
 from bonecam.nc.posting.header.header import record_checks, record_simulation
 from bonecam.nc.posting.header.program_zero import zero_words
 from bonecam.nc.posting.header.texts import part_texts, second_setup_texts
@@ -21,8 +21,8 @@ from bonecam.nc.posting.tolerances import contour_tolerance, rotary_tolerance_de
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.read import read_program
 from bonecam.setup.capsule import Capsule
-from bonecam.toolpath.cutters.cutter import Cutter
-from bonecam.toolpath.path import Kind, ToolPath
+from bonecam.tool.cutter import Cutter
+from bonecam.tool.path import Kind, ToolPath
 from bonecam.verify.readback import Tolerances, compare_moves
 
 MIKRON, HEIDENHAIN = read_machine("mikron-ucp600"), read_dialect("heidenhain")

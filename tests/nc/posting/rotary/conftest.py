@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from bonecam.nc.machine import Machine, read_machine
-from bonecam.toolpath.path import Kind
+from bonecam.machine.machine import Machine, read_machine
+from bonecam.tool.path import Kind
 
 
 @pytest.fixture(scope="session")

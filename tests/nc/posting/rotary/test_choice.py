@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from bonecam.errors import MachineError
-from bonecam.nc.kinematics import inverse_rotary, tool_axes
-from bonecam.nc.machine import read_machine
+from bonecam.machine.kinematics import inverse_rotary, tool_axes
+from bonecam.machine.machine import read_machine
 from bonecam.nc.posting.rotary.choice import choose_angles
-from bonecam.toolpath.path import Kind
+from bonecam.tool.path import Kind
 
 MIKRON = read_machine("mikron-ucp600")
 HOLD = np.radians(0.0005)

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from bonecam.errors import MachineError
-from bonecam.nc.kinematics import inverse_rotary, tool_axes
-from bonecam.nc.machine import read_machine
+from bonecam.machine.kinematics import inverse_rotary, tool_axes
+from bonecam.machine.machine import read_machine
 from bonecam.nc.posting.rotary.choice import choose_angles
 from bonecam.nc.posting.rotary.lifts import lift_places
-from bonecam.toolpath.path import Kind
+from bonecam.tool.path import Kind
 
 NOWHERE = np.zeros(0)
 

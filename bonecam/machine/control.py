@@ -1,0 +1,55 @@
+"""The interpolation of a control: between two blocks, all programmed words change linearly and together.
+
+With tool-centre control (TCPM, RTCP) the programmed point (tip or ball centre, part frame) runs straight
+while the rotary angles run linearly. Without it the five joints run linearly and the tip follows through the
+forward kinematics.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.machine.kinematics import forward, inverse_linear, tool_axes
+from bonecam.machine.machine import Machine
+
+
+@dataclass(frozen=True)
+class Control:
+    """A machine under the interpolation of a dialect, with tool-centre control or without it.
+
+    `radius` of the ball and `tool_length`, from the tip to the spindle nose, in mm.
+    """
+
+    machine: Machine
+    tool_centre: bool
+    radius: float
+    tool_length: float
+
+    @property
+    def programs_centre(self) -> bool:
+        """Whether X, Y, Z program the centre of the ball instead of the tip."""
+        return self.tool_centre and self.machine.programmed_point == "centre"
+
+    def words(self, tips: Float[ndarray, "n 3"], angles: Float[ndarray, "n 2"]) -> Float[ndarray, "n 5"]:
+        """The values of X, Y, Z (mm) and the rotary words (rad) that bring the tip to `tips` at `angles`."""
+        if not self.tool_centre:
+            return inverse_linear(self.machine, tips, angles, self.tool_length)
+        lift = self.radius if self.programs_centre else 0.0
+        return np.column_stack([tips + lift * tool_axes(self.machine, angles), angles])
+
+    def poses(self, words: Float[ndarray, "n 5"]) -> tuple[Float[ndarray, "n 3"], Float[ndarray, "n 3"]]:
+        """Tips (mm) and unit tool axes in the part's frame where the control stands at `words`."""
+        if not self.tool_centre:
+            return forward(self.machine, words, self.tool_length)
+        axes = tool_axes(self.machine, words[:, 3:])
+        lift = self.radius if self.programs_centre else 0.0
+        return words[:, :3] - lift * axes, axes
+
+    def between(
+        self, start: Float[ndarray, "n 5"], end: Float[ndarray, "n 5"], fraction: float | Float[ndarray, "n"]
+    ) -> tuple[Float[ndarray, "n 3"], Float[ndarray, "n 3"]]:
+        """Tips (mm) and unit tool axes at a fraction of each move."""
+        part = np.broadcast_to(np.asarray(fraction, dtype=float), (len(start),))[:, None]
+        return self.poses(start + part * (end - start))

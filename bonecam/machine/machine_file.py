@@ -1,0 +1,150 @@
+"""The schema of a machine file: keys, types and ranges. The text of `nc.machine` says what they mean."""
+
+import math
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field, model_validator
+
+from bonecam.machine.frustum import MOST_FRUSTUMS
+from bonecam.text.record import KeyFault, Record
+from bonecam.text.template import check_printable
+
+FARTHEST = 1e5
+"""No place or travel of a machine is beyond this, mm: 100 m."""
+FASTEST = 1e6
+"""No axis (mm/min, deg/s) and no spindle (1/min) is faster."""
+SLOWEST = 1e-3
+"""No axis (mm/min, deg/s) and no spindle (1/min) is slower."""
+MOST_DEGREES = 1e6
+"""No rotary axis turns further from its zero: 2,800 turns."""
+LINEAR = "XYZ"
+
+
+def _rising(limits: list[float]) -> list[float]:
+    if limits[0] >= limits[1]:
+        raise ValueError(f"{limits[0]:g} is not below {limits[1]:g}: give the lowest and the highest value")
+    return limits
+
+
+def _unit(direction: list[float]) -> list[float]:
+    length = math.hypot(*direction)
+    if abs(length - 1) > 1e-6:
+        raise ValueError(f"has length {length:g}: give a unit vector")
+    return direction
+
+
+def _sign(sign: float) -> float:
+    if sign not in (1, -1):
+        raise ValueError(f"{sign:g}: give 1 or -1")
+    return sign
+
+
+Length = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST)]
+Place = Annotated[list[Length], Field(min_length=3, max_length=3)]
+Limits = Annotated[list[Length], Field(min_length=2, max_length=2), AfterValidator(_rising)]
+Degrees = Annotated[float, Field(ge=-MOST_DEGREES, le=MOST_DEGREES)]
+LimitsDeg = Annotated[list[Degrees], Field(min_length=2, max_length=2), AfterValidator(_rising)]
+Direction = Annotated[
+    list[Annotated[float, Field(ge=-1, le=1)]], Field(min_length=3, max_length=3), AfterValidator(_unit)
+]
+Speed = Annotated[float, Field(ge=SLOWEST, le=FASTEST)]
+Size = Annotated[float, Field(gt=0, le=FARTHEST)]
+FrustumRow = Annotated[list[Size], Field(min_length=2, max_length=3)]
+Stack = Annotated[list[FrustumRow], Field(max_length=MOST_FRUSTUMS)]
+Name = Annotated[str, Field(max_length=200), AfterValidator(check_printable)]
+
+
+class LinearTable(Record):
+    """The table of X, Y or Z: speed in mm/min, and limits or travel in mm."""
+
+    speed: Speed
+    limits: Limits | None = None
+    travel: Annotated[float, Field(gt=0, le=2 * FARTHEST)] | None = None
+
+    @model_validator(mode="after")
+    def _has_room(self) -> "LinearTable":
+        if self.limits is None and self.travel is None:
+            raise KeyFault("travel", "missing: add it (mm), or limits")
+        return self
+
+
+class RotaryTable(Record):
+    """The table of A, B or C: direction (unit) and pivot (mm), limits in degrees, speed in deg/s."""
+
+    direction: Direction
+    pivot: Place
+    sign: Annotated[float, AfterValidator(_sign)]
+    limits_deg: LimitsDeg | None = None
+    endless: bool = False
+    speed_deg_s: Speed
+
+    @model_validator(mode="after")
+    def _is_bounded(self) -> "RotaryTable":
+        if not self.endless and self.limits_deg is None:
+            raise KeyFault("limits_deg", "missing: give limits, or endless = true")
+        return self
+
+
+class SpindleTable(Record):
+    """The table of the spindle: `nose`, its cylinders and cones behind the gauge line, mm."""
+
+    nose: Annotated[Stack, Field(min_length=1)]
+
+
+class BodiesTable(Record):
+    """The table of what the part stands on: `diameter` of a disc about the program's Z axis, or `width` and `depth`
+    (along X and Y) of a plate in whose middle it is; `beside`, what is below its plane beside it; `standing`, the
+    cylinders and cones that stand on it round the Z axis; mm."""
+
+    diameter: Size | None = None
+    width: Size | None = None
+    depth: Size | None = None
+    beside: Literal["closed", "open"] = "closed"
+    standing: Stack = Field(default_factory=list)
+
+    @model_validator(mode="after")
+    def _has_one_shape(self) -> "BodiesTable":
+        if (self.width is None) != (self.depth is None):
+            raise KeyFault("depth" if self.depth is None else "width", "missing: a plate has width and depth")
+        if self.diameter is not None and self.width is not None:
+            raise KeyFault("diameter", "a disc has no width and depth: give the one or the other")
+        if self.beside == "open" and self.diameter is None and self.width is None:
+            raise KeyFault(
+                "beside", "'open': give diameter, or width and depth: nothing is beside a table without end"
+            )
+        return self
+
+
+class MachineFile(Record):
+    """A machine file."""
+
+    title: Name
+    chain: Annotated[list[Literal["A", "B", "C", "XYZ"]], Field(min_length=3, max_length=3)]
+    part_zero: Place = Field(default_factory=lambda: [0.0, 0.0, 0.0])
+    programmed_point: Literal["tip", "centre"] = "tip"
+    tool_centre_control: Name = ""
+    spindle_speed: Speed | None = None
+    spindle: SpindleTable | None = None
+    table: BodiesTable | None = None
+    X: LinearTable
+    Y: LinearTable
+    Z: LinearTable
+    A: RotaryTable | None = None
+    B: RotaryTable | None = None
+    C: RotaryTable | None = None
+
+    @model_validator(mode="after")
+    def _is_a_chain(self) -> "MachineFile":
+        if len(set(self.chain)) != 3 or LINEAR not in self.chain:
+            what = "an axis stands there twice" if len(set(self.chain)) != 3 else "it has no linear axes"
+            remedy = 'give three items from the part to the tool, such as ["C", "B", "XYZ"]'
+            raise KeyFault("chain", f"{what}: {remedy}")
+        for letter in "ABC":
+            if letter in self.chain and getattr(self, letter) is None:
+                raise KeyFault(letter, "the axis is missing: add its table")
+            if letter not in self.chain and getattr(self, letter) is not None:
+                raise KeyFault(letter, "chain does not name it: remove the table, or add it there")
+        first, second = (getattr(self, letter).direction for letter in self.chain if letter != LINEAR)
+        if abs(sum(a * b for a, b in zip(first, second))) > 1 - 1e-9:
+            raise KeyFault("chain", "the two rotary axes are parallel: give different directions")
+        return self

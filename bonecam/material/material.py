@@ -1,0 +1,244 @@
+"""The in-process material: what is left of the stock while the levels are machined one after the other, from
+the stock inwards.
+
+It is a height field over the parameter domain that all levels share: each place stays where the balls that
+swept over it left it, scallops and the fillets of larger balls included. Where a contact was left out it stays
+where it was before: an obstacle to shank and holder, and too deep a cut for a ball further in.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+from scipy.spatial import KDTree
+
+from bonecam.arrays import numbered
+from bonecam.kernels.removal.nails import cut_nails, nail_cells, useful_moves
+from bonecam.levels.measure.grid import LevelGrid, level_grid
+from bonecam.levels.measure.level import Level, MachinedLevel, RoundedLevel, machined_levels
+from bonecam.material.dexels import Dexels, Poses, dexels_of
+from bonecam.material.entering import ball_depths, enters_beside
+from bonecam.material.standing_mesh import CHORD, holding, hull
+from bonecam.material.stock_places import places_on_stock
+from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.facets.vertex_normals import vertex_normals
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.setup.stock import Stock
+from bonecam.tool.path import Kind, ToolPath
+
+DEPTH_CHORD = 0.005
+"""Chord tolerance (mm) of the grid of the places that depths of cut are measured from: about 0.25 mm apart."""
+REACH = 1.5
+"""A level lowers a place by at most this, mm."""
+LEAST_HEIGHT = 1e-4
+"""A place that is no higher above the level stays as it is, mm."""
+STEEP = 0.5
+"""Neighbouring places that are farther apart have a steep wall between them, mm."""
+DENSE = 0.1
+"""Places at which balls cut are so far apart, mm."""
+CELL = 0.5
+"""Side of the cells that places are found by, mm."""
+
+
+@dataclass(frozen=True, eq=False)
+class Swept:
+    """Places at which balls of a `radius` (mm) cut, all on one level."""
+
+    level: int
+    radius: float
+    places: KDTree
+
+
+def _swept_after(path: ToolPath, before: Sequence[Swept]) -> tuple[Swept, ...]:
+    """Where balls cut on the level of a path and on the one before it: the rest paths of a level cut only parts of
+    it."""
+    level, radius = path.level, path.cutter.radius
+    places = [_dense(*_cuts(path))]
+    kept: list[Swept] = []
+    for swept in before:
+        if (swept.level, swept.radius) == (level, radius):
+            places.append(swept.places.data)
+        elif swept.level <= level + 1:
+            kept.append(swept)
+    return (*kept, Swept(level, radius, KDTree(np.vstack(places))))
+
+
+@dataclass(frozen=True, eq=False)
+class Material:
+    """The material left of a `stock`: the vertices of `grid` moved to `vertices`; and places of its surface, those of
+    the finer grid `depth_grid` moved to `places`. `swept` is where balls cut on the last two levels. `uncut` is the
+    stock before the first cut: depths are measured from it. `dexels` are what balls leave whatever the lines of the
+    grids, `fluted` what balls and the flutes above them leave.
+    `floor` are the vertices on the level that was cut last, None while levels only round the edges of the stock.
+    """
+
+    stock: TriangleMesh
+    grid: LevelGrid
+    vertices: Float[ndarray, "v 3"]
+    depth_grid: LevelGrid
+    places: Float[ndarray, "p 3"]
+    dexels: Dexels
+    fluted: Dexels
+    swept: tuple[Swept, ...] = ()
+    uncut: Stock | None = None
+    floor: Float[ndarray, "v 3"] | None = None
+
+    @cached_property
+    def mesh(self) -> TriangleMesh:
+        """The closed mesh that what stands leaves by DEVIATION at most; while levels round the edges of the stock, all
+        of it."""
+        if self.floor is None:
+            return self.stock
+        return holding(hull(self.vertices, self.floor, self.grid.faces), self.dexels.ends)
+
+    def thickness(self, level: MachinedLevel, contacts: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
+        """Thickness of the material above the level at each contact, mm."""
+        floor = self.grid.R @ level.control_points
+        thickness = np.linalg.norm(self.vertices - floor, axis=1)
+        return np.asarray(thickness[KDTree(floor).query(contacts)[1]])
+
+    def depths(
+        self, centres: Float[ndarray, "n 3"], radius: float
+    ) -> tuple[Float[ndarray, " n"], Float[ndarray, "n 3"]]:
+        """How deep a ball of this radius at each centre enters the material (mm; negative: it is off), and the unit
+        direction out of it at the nearest place.
+
+        That is R - |C - M| with M the nearest place of the surface, R + |C - M| where the centre is in the material,
+        or less: a ball of radius B that was at P has left no material deeper than |C - P| + R - B in the ball.
+        """
+        if self.uncut is not None:
+            distance, normals = self.uncut.distances_and_normals(centres)
+            return radius - distance, normals
+        depth, outward = ball_depths(self._surface, centres, radius)
+        for swept in self.swept:
+            if radius <= swept.radius:
+                shift, _ = swept.places.query(centres, distance_upper_bound=swept.radius)
+                depth = np.minimum(depth, shift + radius - swept.radius)
+        return depth, outward
+
+    def useful(
+        self,
+        level: MachinedLevel,
+        centres: Float[ndarray, "n 3"],
+        passes: Int[ndarray, " n"],
+        radius: float,
+        least: float,
+    ) -> Bool[ndarray, " n"]:
+        """Whether a ball that moves through these centres lowers the material above a place of the level by `least` mm
+        at least on its way to or from each, when the moves before that do have been made."""
+        floor = self.depth_grid.R @ level.control_points
+        tall = np.minimum(self.depths(floor, 0.0)[0], REACH)
+        above = np.flatnonzero(tall > LEAST_HEIGHT)
+        if not len(above):
+            return np.zeros(len(centres), dtype=bool)
+        normals = vertex_normals(TriangleMesh(floor, self.depth_grid.faces))
+        order, *cells = nail_cells(floor[above], CELL)
+        at = above[order]
+        goes_on = np.r_[False, passes[1:] == passes[:-1]]
+        starts = centres[np.arange(len(centres)) - goes_on]
+        useful = useful_moves(floor[at], normals[at], *cells, CELL, starts, centres, radius, least, tall[at])
+        return np.asarray(useful | np.r_[useful[1:] & goes_on[1:], False])
+
+    def entered_anew(
+        self, centres: Float[ndarray, "n 3"], contacts: Float[ndarray, "n 3"], radius: float, depth: float
+    ) -> Bool[ndarray, " n"]:
+        """Whether a ball of this radius at each centre enters the material by more than `depth` (mm) where one at its
+        contact has not been: what leaves a contact may go up in the place that was cut there."""
+        return enters_beside(self._places, *self.depths(centres, radius), centres, contacts, radius, depth)
+
+    @cached_property
+    def _places(self) -> KDTree:
+        """The places, and further ones where the surface rises steeply between two of them."""
+        a, b = self.places[np.vstack([self.depth_grid.faces[:, [k, (k + 1) % 3]] for k in range(3)]).T]
+        steep = np.linalg.norm(b - a, axis=1) > STEEP
+        return KDTree(np.vstack([self.places, _dense(a[steep], b[steep])]))
+
+    @cached_property
+    def _surface(self) -> MeshDistance:
+        """Distances to the surface through the places."""
+        return MeshDistance(TriangleMesh(self.places, self.depth_grid.faces))
+
+
+def uncut_material(levels: Sequence[Level], stock: Stock) -> Material:
+    """The material before the first cut: the stock. `levels` begin at the part and end at the stock."""
+    machined = machined_levels(levels)
+    nets = [level.control_points for level in machined]
+    grid, fine = (level_grid(machined[0].surface, nets, chord) for chord in (CHORD, DEPTH_CHORD))
+    vertices, places = (places_on_stock(stock, each.R @ nets[-1], each.faces) for each in (grid, fine))
+    dexels = dexels_of(stock)
+    return Material(levels[-1].mesh, grid, vertices, fine, places, dexels, dexels, uncut=stock)
+
+
+def remove_material(material: Material, level: MachinedLevel, path: ToolPath) -> Material:
+    """The material after `path` has machined `level`: what its balls reach is gone."""
+    if not (path.kinds == Kind.CUT).any():
+        return material
+    floor = material.grid.R @ level.control_points
+    vertices = _lowered(material.vertices, floor, path)
+    places = _lowered(material.places, material.depth_grid.R @ level.control_points, path)
+    swept = _swept_after(path, material.swept)
+    poses, radius = _cut_poses(path), path.cutter.radius
+    dexels, fluted = (
+        material.dexels.without(*poses, radius),
+        material.fluted.without(*poses, radius, path.cutter.reach),
+    )
+    return replace(
+        material,
+        vertices=vertices,
+        places=places,
+        dexels=dexels,
+        fluted=fluted,
+        swept=swept,
+        uncut=None,
+        floor=material.floor if isinstance(level, RoundedLevel) else floor,
+    )
+
+
+def _dense(starts: Float[ndarray, "n 3"], ends: Float[ndarray, "n 3"]) -> Float[ndarray, "m 3"]:
+    """Places on straight moves, no more than DENSE apart."""
+    counts = np.ceil(np.linalg.norm(ends - starts, axis=1) / DENSE).astype(np.int64)
+    move, place = numbered(counts)
+    share = (place + 1) / counts[move]
+    return np.vstack([starts[counts == 0], starts[move] + share[:, None] * (ends - starts)[move]])
+
+
+def _lowered(standing: Float[ndarray, "n 3"], floor: Float[ndarray, "n 3"], path: ToolPath) -> ndarray:
+    """Each standing place lowered on the line to its place of the level, as far as the balls cut it."""
+    heights = np.linalg.norm(standing - floor, axis=1)
+    starts, ends = _cuts(path)
+    above = np.flatnonzero(heights > LEAST_HEIGHT)
+    if not len(above) or not len(starts):
+        return standing
+    normals = (standing - floor)[above] / heights[above, None]
+    tall = np.minimum(heights[above], REACH)
+    feet = standing[above] - tall[:, None] * normals
+    order, cell_starts, corner = nail_cells(feet, CELL)
+    above, normals, feet, tall = above[order], normals[order], feet[order], tall[order]
+    radii = np.full(len(starts), path.cutter.radius)
+    names = np.arange(len(starts))
+    owners = np.full(len(above), -1)
+    found = starts, ends, radii, names, tall, owners
+    cut_nails(feet, normals, cell_starts, corner, CELL, REACH, *found, from_top=True)
+    lowered = standing.copy()
+    # never below the level, where a ball may be by the gouge tolerance: the next direction would be inwards
+    lowered[above] = feet + np.maximum(tall, 0.0)[:, None] * normals
+    return lowered
+
+
+def _cuts(path: ToolPath) -> tuple[Float[ndarray, "m 3"], Float[ndarray, "m 3"]]:
+    """Where the ball's centre begins and ends each cutting move; a pass begins with one of no length."""
+    (starts, _), (ends, _) = _cut_poses(path)
+    return starts, ends
+
+
+def _cut_poses(path: ToolPath) -> tuple[Poses, Poses]:
+    """Ball centre and axis at beginning and end of each cutting move; a pass begins with one of no length."""
+    centres = path.tips + path.cutter.radius * path.axes
+    cutting = path.kinds == Kind.CUT
+    goes_on = np.r_[False, cutting[:-1] & (path.pass_index[1:] == path.pass_index[:-1])]
+    before = np.where(goes_on, np.arange(len(centres)) - 1, np.arange(len(centres)))
+    starts = centres[before[cutting]], path.axes[before[cutting]]
+    return starts, (centres[cutting], path.axes[cutting])

@@ -1,0 +1,186 @@
+"""The elastic energy of a field of tool axes, as residuals of a least-squares problem.
+
+Xu et al. (2013), Eq. 22, weigh membrane and thin-plate energies of the axes. Here the membrane is taken along
+the passes and in the machine's angles, where a move costs time: with the turn D of a rotary axis of speed w
+over a move that takes the time T at the feed, the rate is D / (w T), and 1 means that the axis is as slow as the
+feed. The thin plate is the second difference of the control values. Bounds are one-sided residuals.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+from scipy.sparse import csr_array
+
+from bonecam.arrays import angles_between, dots
+from bonecam.kernels.normal_equations import add_pairs, width
+from bonecam.planning.axes.field.axis_field import FieldDomain, axes_of, basis, second_differences
+
+SPEED_SHARE = 0.9
+"""Rates above this are what the field is freed of first."""
+SPEED_WEIGHT = 60.0
+"""Of a rate above SPEED_SHARE, against one below it."""
+BOUND_WEIGHT = 200.0
+"""Of an angle beyond a bound or a cone, in rates a radian."""
+STRAIGHT = 1e-6
+"""Squared sines below this are taken for it: an angle has no derivative at 0."""
+PRESETS = {"membrane": (1.0, 0.2), "thin-plate": (0.1, 2.0)}
+"""Weights of the rates, and of second differences of control values in rates a radian."""
+
+Residual = tuple[Float[ndarray, " m"], Float[ndarray, " m"], Float[ndarray, " m"]]
+"""Residuals, and their derivatives by azimuth and polar angle."""
+
+
+@dataclass(frozen=True, eq=False)
+class AxisBounds:
+    """What the axes at n samples must keep, radians: polar angles between `least_polar` and `largest_polar`, angles
+    from the surface normal between `least_lead` and `largest_tilt`, and from `cone_axes` no more than `cone_angles`
+    (pi where there is no cone)."""
+
+    least_polar: float
+    largest_polar: Float[ndarray, " n"]
+    least_lead: float
+    largest_tilt: Float[ndarray, " n"]
+    cone_axes: Float[ndarray, "n 3"]
+    cone_angles: Float[ndarray, " n"]
+
+
+@dataclass(frozen=True, eq=False)
+class AxisEnergy:
+    """The energy over n samples in the order of their passes.
+
+    Move k leads from sample `moves[k]` to the next and takes `times[k]` (min) at the feed; `speeds` are those of
+    azimuth and polar angle, rad/min. `weights` as in PRESETS.
+    """
+
+    parameters: Float[ndarray, "n 2"]
+    normals: Float[ndarray, "n 3"]
+    domain: FieldDomain
+    winding: int
+    moves: Int[ndarray, " m"]
+    times: Float[ndarray, " m"]
+    speeds: tuple[float, float]
+    bounds: AxisBounds
+    weights: tuple[float, float]
+
+    @cached_property
+    def values_at(self) -> csr_array:
+        """From control values to values at the samples, (n, c)."""
+        return basis(self.parameters, self.domain)
+
+    @cached_property
+    def steps(self) -> csr_array:
+        """From control values to differences over the moves, (m, c)."""
+        at = self.values_at
+        return (at[self.moves + 1] - at[self.moves]).tocsr()
+
+    @cached_property
+    def roughness(self) -> csr_array:
+        """From control values to their second differences both ways, weighted."""
+        differences = second_differences(self.domain)
+        return differences * (self.weights[1] / np.sqrt(differences.shape[0]))
+
+    @cached_property
+    def bandwidth(self) -> int:
+        """How many diagonals the lower band of the normal equations of both angles has."""
+        matrices = self.values_at, self.steps, self.roughness
+        return 2 * max(width(matrix.indptr, matrix.indices) for matrix in matrices)
+
+    @cached_property
+    def shares(self) -> Float[ndarray, " n"]:
+        """Roots of the shares of the whole time that belong to the samples."""
+        return np.full(len(self.parameters), 1 / np.sqrt(len(self.parameters)))
+
+    def angles(self, values: Float[ndarray, "2 c"]) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
+        """Azimuth and polar angle at the samples, radians."""
+        wound = 2 * np.pi * self.winding * self.domain.round(self.parameters[:, 0])
+        return wound + self.values_at @ values[0], self.values_at @ values[1]
+
+    def residuals(self, values: Float[ndarray, "2 c"]) -> tuple["Residuals", "Residuals", "Residuals"]:
+        """The residuals of moves, of samples, and of second differences."""
+        rough = (self.roughness @ values.T).T
+        each = np.ones(rough.shape[1])
+        roughness = Residuals.of(self.roughness, [(rough[0], each, 0 * each), (rough[1], 0 * each, each)])
+        return self._turning(values), self._bounds(*self.angles(values)), roughness
+
+    def _turning(self, values: Float[ndarray, "2 c"]) -> "Residuals":
+        """The rates of both angles, and what they exceed SPEED_SHARE by; a move round the part whose winding alone
+        is faster cannot be helped."""
+        found: list[Residual] = []
+        share = np.sqrt(self.times / self.times.sum())
+        s = self.domain.round(self.parameters[:, 0])
+        short_way = np.mod(s[self.moves + 1] - s[self.moves] + 0.5, 1.0) - 0.5
+        none = np.zeros(len(short_way))
+        for angle, wound in ((0, 2 * np.pi * self.winding * short_way), (1, none)):
+            scale = share / (self.speeds[angle] * self.times)
+            rate = scale * (wound + self.steps @ values[angle])
+            avoidable = np.abs(scale * wound) < SPEED_SHARE * share
+            over = np.where(avoidable, np.maximum(np.abs(rate) - SPEED_SHARE * share, 0.0), 0.0)
+            slope = SPEED_WEIGHT * np.sign(rate) * (over > 0) * scale
+            for residual, by_angle in (
+                (self.weights[0] * rate, self.weights[0] * scale),
+                (SPEED_WEIGHT * over, slope),
+            ):
+                found.append((residual, none, by_angle) if angle else (residual, by_angle, none))
+        return Residuals.of(self.steps, found)
+
+    def _bounds(self, azimuth: Float[ndarray, " n"], polar: Float[ndarray, " n"]) -> "Residuals":
+        """What angles exceed their bounds by, and how far axes are outside their cones."""
+        found: list[Residual] = []
+        bounds, weight = self.bounds, BOUND_WEIGHT * self.shares
+        for beyond, sign in ((polar - bounds.largest_polar, 1.0), (bounds.least_polar - polar, -1.0)):
+            slope = sign * weight * (beyond > 0)
+            found.append((weight * np.maximum(beyond, 0.0), 0 * slope, slope))
+
+        axes = axes_of(azimuth, polar)
+        by_azimuth = np.column_stack([-axes[:, 1], axes[:, 0], np.zeros(len(axes))])
+        by_polar = axes_of(azimuth, polar + np.pi / 2)
+        cosine = dots(axes, self.normals)
+        gradients = dots(by_azimuth, self.normals), dots(by_polar, self.normals)
+        for beyond, sign in (
+            (np.cos(bounds.largest_tilt) - cosine, -1.0),
+            (cosine - np.cos(bounds.least_lead), 1.0),
+        ):
+            slope = sign * weight * (beyond > 0)
+            found.append((weight * np.maximum(beyond, 0.0), slope * gradients[0], slope * gradients[1]))
+
+        cosine = np.clip(dots(axes, bounds.cone_axes), -1.0, 1.0)
+        beyond = np.maximum(angles_between(axes, bounds.cone_axes) - bounds.cone_angles, 0.0)
+        slope = np.where(beyond > 0, -weight / np.sqrt(np.maximum(1 - cosine**2, STRAIGHT)), 0.0)
+        gradients = dots(by_azimuth, bounds.cone_axes), dots(by_polar, bounds.cone_axes)
+        found.append((weight * beyond, slope * gradients[0], slope * gradients[1]))
+        return Residuals.of(self.values_at, found)
+
+
+@dataclass(frozen=True, eq=False)
+class Residuals:
+    """Residuals (q, m) that depend on the two angles at the rows of `matrix` (m, c), which leads to these from
+    control values; `slopes` (q, m, 2) are their derivatives by azimuth and polar angle."""
+
+    matrix: csr_array
+    values: Float[ndarray, "q m"]
+    slopes: Float[ndarray, "q m 2"]
+
+    @classmethod
+    def of(cls, matrix: csr_array, found: Sequence[Residual]) -> "Residuals":
+        """Of residuals and their derivatives by either angle."""
+        values, by_azimuth, by_polar = (np.array(part) for part in zip(*found))
+        return cls(matrix, values, np.stack([by_azimuth, by_polar], axis=-1))
+
+    @property
+    def energy(self) -> float:
+        """The sum of their squares."""
+        return float((self.values**2).sum())
+
+    @property
+    def gradient(self) -> Float[ndarray, "2 c"]:
+        """Half the derivatives of their energy by the control values."""
+        return np.asarray((self.matrix.T @ np.einsum("qm,qma->ma", self.values, self.slopes)).T)
+
+    def add_to(self, band: Float[ndarray, "k w"]) -> None:
+        """Add their normal equations to a band whose unknown 2 j + a is angle a of control value j."""
+        metric = np.einsum("qma,qmb->mab", self.slopes, self.slopes)
+        add_pairs(band, self.matrix.indptr, self.matrix.indices, self.matrix.data, metric)

@@ -1,0 +1,156 @@
+"""The energy of a field of tool axes over a path, a first field, and its minimum near a field.
+
+Samples are contacts about SPACING apart along the passes. Levenberg's and Marquardt's method minimises the energy.
+"""
+
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+from scipy.linalg import solve, solveh_banded
+
+from bonecam.job import PathJob
+from bonecam.machine.tool_axis_limits import AxisLimits, polar_angles
+from bonecam.planning.axes.cones.admissible_cones import AxisCones
+from bonecam.planning.axes.field.axis_field import FieldDomain, second_differences
+from bonecam.planning.axes.field.energy import AxisBounds, AxisEnergy
+from bonecam.tool.path import ContactPath
+
+SPACING = 0.5
+"""Distance of the samples along the passes, mm."""
+LEAST_DROP = 5e-3
+"""A step that lowers the energy by a smaller share is the last one."""
+FIRST_DAMPING, LARGEST_DAMPING = 1e-3, 1e6
+"""Of the steps, in diagonal entries of the normal equations."""
+TILT_SHARE = 0.87
+"""Part of the largest tilt that the field uses: contacts between the samples need the rest."""
+REACH = np.radians(5.0)
+"""Where a normal points beyond the polar limits, the tilt may exceed the least possible one by this, radians."""
+MARGIN = np.radians(2.0)
+"""The field keeps this far from the polar limits, radians."""
+LEAST_POLAR = np.radians(10.0)
+"""And this far from the pole of the rotary axes, radians."""
+FIRST_LEAN, FIRST_LOWEST, FIRST_HIGHEST = np.radians([20.0, 35.0, 90.0])
+"""The first axes lean up from the normal by this, within these polar angles, radians."""
+FIT_ROUGHNESS = 0.02
+"""Weight of second differences in the first fit."""
+
+
+def sample_rows(path: ContactPath) -> Int[ndarray, " k"]:
+    """Contacts about SPACING apart along each pass, its ends included."""
+    passes = path.pass_index
+    begins = np.r_[True, passes[1:] != passes[:-1]]
+    moved = np.r_[0.0, np.linalg.norm(np.diff(path.centres, axis=0), axis=1)]
+    way = np.cumsum(np.where(begins, 0.0, moved))
+    along = way - way[begins][np.cumsum(begins) - 1]
+    cell = np.floor(along / SPACING)
+    return np.flatnonzero(begins | np.r_[begins[1:], True] | np.r_[True, cell[1:] != cell[:-1]])
+
+
+def axis_energy(
+    cones: AxisCones,
+    rows: Int[ndarray, " k"],
+    domain: FieldDomain,
+    limits: AxisLimits,
+    job: PathJob,
+    weights: tuple[float, float],
+) -> AxisEnergy:
+    """The energy at the contacts `rows`, as yet without their cones."""
+    path = cones.path
+    centres, normals, passes = path.centres[rows], path.normals[rows], path.pass_index[rows]
+    moves = np.flatnonzero(passes[1:] == passes[:-1])
+    lengths = np.linalg.norm(centres[moves + 1] - centres[moves], axis=1)
+    return AxisEnergy(
+        path.parameters[rows],
+        normals,
+        domain,
+        _winding(domain.round(path.parameters[rows, 0]), normals) if domain.closed else 0,
+        moves,
+        np.maximum(lengths, SPACING / 100) / path.cutter.feed,
+        (limits.turn_speed, limits.tilt_speed),
+        _bounds(normals, cones.largest_polar[rows], limits, job),
+        weights,
+    )
+
+
+def _bounds(
+    normals: Float[ndarray, "n 3"], largest: Float[ndarray, " n"], limits: AxisLimits, job: PathJob
+) -> AxisBounds:
+    """The bounds of the job and the machine; where a normal points beyond the polar limits the tilt is allowed what
+    the axis needs."""
+    least = max(limits.smallest + MARGIN, LEAST_POLAR)
+    largest = np.maximum(largest - MARGIN, least)
+    angle = polar_angles(normals)
+    needed = np.maximum(angle - largest, least - angle)
+    tilt = np.maximum(TILT_SHARE * np.radians(job.max_tilt_deg), needed + REACH)
+    lead = min(np.radians(job.least_lead_deg), float(tilt.min()) / 2)
+    return AxisBounds(least, largest, lead, tilt, normals, np.full(len(normals), np.pi))
+
+
+def _winding(share: Float[ndarray, " n"], normals: Float[ndarray, "n 3"]) -> int:
+    """Whether the azimuth of the normals grows (1) or falls (-1) with the share of the way round."""
+    horizontal = normals[:, 0] + 1j * normals[:, 1]
+    turned = np.exp(2j * np.pi * share)
+    return 1 if abs((horizontal * turned.conj()).sum()) >= abs((horizontal * turned).sum()) else -1
+
+
+def first_values(energy: AxisEnergy) -> Float[ndarray, "2 c"]:
+    """Control values fitted to the surface normals, turned towards +Z by FIRST_LEAN."""
+    normals = energy.normals
+    horizontal = normals[:, 0] + 1j * normals[:, 1]
+    wound = 2 * np.pi * energy.winding * energy.domain.round(energy.parameters[:, 0])
+    relative = horizontal * np.exp(-1j * wound)
+    middle = relative.sum()
+    azimuth = np.angle(middle) + np.angle(relative * np.conj(middle))
+    polar = np.clip(polar_angles(normals) - FIRST_LEAN, FIRST_LOWEST, FIRST_HIGHEST)
+    differences = second_differences(energy.domain)
+    rough = FIT_ROUGHNESS * len(normals) / differences.shape[0] * (differences.T @ differences)
+    weighted = energy.values_at.T * np.abs(horizontal)
+    return np.array(
+        [
+            _solve(weighted @ energy.values_at + rough, weighted @ azimuth),
+            _solve(energy.values_at.T @ energy.values_at + rough, energy.values_at.T @ polar),
+        ]
+    )
+
+
+def _solve(matrix: Any, right: Float[ndarray, " c"]) -> Float[ndarray, " c"]:
+    dense = matrix.toarray()
+    return np.asarray(solve(dense + 1e-9 * np.trace(dense) * np.eye(len(dense)), right, assume_a="pos"))
+
+
+def minimise(
+    energy: AxisEnergy, values: Float[ndarray, "2 c"], steps: int
+) -> tuple[Float[ndarray, "2 c"], float]:
+    """Control values of least energy near `values`, by Levenberg's and Marquardt's method in at most `steps` steps,
+    and their energy."""
+    damping = FIRST_DAMPING
+    residuals = energy.residuals(values)
+    least = sum(part.energy for part in residuals)
+    for _ in range(steps):
+        band = np.zeros((values.size, energy.bandwidth))
+        for part in residuals:
+            part.add_to(band)
+        gradient = np.sum([part.gradient for part in residuals], axis=0)
+        diagonal = band[:, 0] + 1e-3 * band[:, 0].mean()
+        while damping < LARGEST_DAMPING:
+            damped = band.copy()
+            damped[:, 0] += damping * diagonal
+            step = solveh_banded(
+                damped.T, gradient.T.ravel(), overwrite_ab=True, lower=True, check_finite=False
+            )
+            tried = values - step.reshape(-1, 2).T
+            residuals = energy.residuals(tried)
+            found = sum(part.energy for part in residuals)
+            if found < least:
+                break
+            damping *= 5
+        else:
+            break
+        dropped = least - found
+        values, least = tried, found
+        damping /= 3
+        if dropped < LEAST_DROP * least:
+            break
+    return values, least

@@ -1,0 +1,39 @@
+"""The smooth axes of a level, from those of the level round it."""
+
+from functools import partial
+
+from bonecam.job import PathJob
+from bonecam.levels.measure.level import MachinedLevel
+from bonecam.machine.tool_axis_limits import AxisLimits
+from bonecam.planning.axes.cones.admissible_cones import admissible_cones
+from bonecam.planning.axes.field.axis_field import FieldDomain
+from bonecam.planning.axes.field.smooth_axes import SmoothAxes, machine_minutes, smooth_axes, soonest
+from bonecam.planning.collision.scene import Scene
+from bonecam.tool.path import ContactPath
+
+SLOW = 1.15
+"""Axes with which the cuts take more than this many times what they take at the feed are sought anew: those of outer
+levels, of which little is cut, lead inner ones astray (scaphoid: 8.1 min on level 0, anew 5.6)."""
+
+
+def level_axes(
+    contacts: ContactPath,
+    level: MachinedLevel,
+    scene: Scene,
+    limits: AxisLimits,
+    job: PathJob,
+    before: SmoothAxes | None,
+) -> SmoothAxes | None:
+    """Smooth axes of a level in cones of free ones, from the field of the level `before` unless the machine is too slow
+    for these; None where the job wants none. Where no contact has a cone there is nothing to smooth."""
+    if job.orientation != "cones" or not len(contacts.contacts):
+        return before
+    cones = admissible_cones(contacts, scene, limits, job)
+    if not cones.found.any():
+        return before
+    make = partial(smooth_axes, cones, FieldDomain.of(level.surface), limits, job, "membrane")
+    found = make() if before is None else make(before.field)
+    at_feed = machine_minutes(contacts, found.axes, AxisLimits(limits.largest))
+    if before is not None and machine_minutes(contacts, found.axes, limits) > SLOW * at_feed:
+        found = soonest([found, make()], limits)
+    return found.verified(scene, job)

@@ -1,0 +1,142 @@
+"""Smooth tool axes inside certified cones (Xu et al. 2013, section 5): the field of least elastic energy.
+
+Rounds of two steps: of the free axes at every contact the cone that holds the field best, then the field of least
+energy within these cones. The cones are chosen anew from round to round, so the field may leave one cone for another.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+
+from bonecam.arrays import lengths, unit
+from bonecam.job import PathJob
+from bonecam.machine.tool_axis_limits import AxisLimits, polar_angles
+from bonecam.planning.axes.cones.admissible_cones import AxisCones
+from bonecam.planning.axes.cones.verify_cones import verified_cones
+from bonecam.planning.axes.field.axis_field import AxisField, FieldDomain
+from bonecam.planning.axes.field.energy import PRESETS, AxisEnergy
+from bonecam.planning.axes.field.fit import axis_energy, first_values, minimise, sample_rows
+from bonecam.planning.axes.tool_axes import WantedAxes
+from bonecam.planning.collision.scene import Scene
+from bonecam.runtime.threads import on_one_blas_thread
+from bonecam.tool.path import ContactPath
+
+FIRST_STEPS, STEPS = 20, 5
+"""Steps of the minimisation before there are cones, and in each round."""
+ROUNDS = 8
+"""Times that cones are chosen at most."""
+INSIDE = 0.999
+"""Share of the contacts that are in their cones when no more are chosen,"""
+SETTLED = 0.02
+"""and by which share of the energy the last round has changed it."""
+CONE_MARGIN = np.radians(1.5)
+"""The field keeps this far inside its cones at the samples, radians: contacts between them need the rest."""
+AUTOMATIC = "automatic"
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothAxes:
+    """The field, its unit `axes` at the contacts, and the cones about them."""
+
+    field: AxisField
+    axes: Float[ndarray, "n 3"]
+    cones: AxisCones
+
+    def verified(self, scene: Scene, job: PathJob) -> "SmoothAxes":
+        """These axes, with FCL's word on the cones in the scene that they were made in, where the job wants that."""
+        return replace(self, cones=verified_cones(self.cones, scene)) if job.certify == "fcl" else self
+
+    @cached_property
+    def wanted(self) -> WantedAxes:
+        """The axes, and which of them are free by their cones, with their halves of the moves to their neighbours on
+        the pass."""
+        passes = self.cones.path.pass_index
+        middles = unit(self.axes[1:] + self.axes[:-1])
+        apart = passes[1:] != passes[:-1]
+        before = np.vstack([self.axes[:1], np.where(apart[:, None], self.axes[1:], middles)])
+        behind = np.vstack([np.where(apart[:, None], self.axes[:-1], middles), self.axes[-1:]])
+        held = [self.cones.contain(axes) for axes in (self.axes, before, behind)]
+        return WantedAxes(self.axes, np.logical_and.reduce(held), self.cones.of(self.cones.path))
+
+    def wanted_for(self, path: ContactPath) -> WantedAxes:
+        """The field's axes at the contacts of a path on the same surface; certified are only those of the cones' own
+        path."""
+        if path is self.cones.path:
+            return self.wanted
+        axes = self.field.axes(path.parameters)
+        return WantedAxes(axes, np.zeros(len(axes), dtype=bool), self.cones.of(path))
+
+
+@on_one_blas_thread
+def smooth_axes(
+    cones: AxisCones,
+    domain: FieldDomain,
+    limits: AxisLimits,
+    job: PathJob,
+    preset: str = AUTOMATIC,
+    start: AxisField | None = None,
+) -> SmoothAxes:
+    """Axes of least elastic energy for the contacts of `cones`, inside the cones where a smooth field can be.
+
+    `domain` holds the contacts' (s, t). `preset` weighs turning (`membrane`) or its change (`thin-plate`);
+    `automatic` takes what the machine, by the speeds in `limits`, does sooner. `start` is the field of a neighbouring
+    level. ValueError for another preset.
+    """
+    if preset == AUTOMATIC:
+        made = [smooth_axes(cones, domain, limits, job, one, start) for one in PRESETS]
+        return min(made, key=lambda one: machine_minutes(cones.path, one.axes, limits))
+    if preset not in PRESETS:
+        raise ValueError(f"preset = {preset!r}: give {', '.join(PRESETS)} or {AUTOMATIC}")
+    rows = sample_rows(cones.path)
+    energy = axis_energy(cones, rows, domain, limits, job, PRESETS[preset])
+    if start is None:
+        values, least = minimise(energy, first_values(energy), FIRST_STEPS)
+    else:
+        energy = replace(energy, winding=start.winding)
+        values, least = np.array([start.azimuth, start.polar]), np.inf
+    field = AxisField(domain, energy.winding, *values)
+    axes = field.axes(cones.path.parameters)
+    for _ in range(ROUNDS):
+        cones = cones.about(axes)
+        before = least
+        values, least = minimise(_within(energy, cones, rows), values, STEPS)
+        field = AxisField(domain, energy.winding, *values)
+        axes = field.axes(cones.path.parameters)
+        outside = cones.depths(axes)[cones.found] < 0
+        if outside.sum() <= (1 - INSIDE) * len(outside) and abs(before - least) < SETTLED * least:
+            break
+    return SmoothAxes(field, axes, cones.about(axes))
+
+
+def _within(energy: AxisEnergy, cones: AxisCones, rows: Int[ndarray, " k"]) -> AxisEnergy:
+    """The energy with the cones of its samples."""
+    node = cones.free.net.node_of[rows]
+    angles = np.where(
+        cones.angles[node] > 0, np.maximum(cones.angles[node] - CONE_MARGIN, cones.angles[node] / 2), np.pi
+    )
+    return replace(energy, bounds=replace(energy.bounds, cone_axes=cones.axes[node], cone_angles=angles))
+
+
+def machine_minutes(path: ContactPath, axes: Float[ndarray, "n 3"], limits: AxisLimits) -> float:
+    """Minutes that the cuts of a path take with these axes, each move at the feed or as fast as the slowest rotary
+    axis; accelerations are left out."""
+    same = path.pass_index[1:] == path.pass_index[:-1]
+    turn = np.diff(np.arctan2(axes[:, 1], axes[:, 0]))
+    turn = np.abs(np.angle(np.exp(1j * turn))) / limits.turn_speed
+    tilt = np.abs(np.diff(polar_angles(axes))) / limits.tilt_speed
+    moved = lengths(np.diff(path.centres, axis=0)) / path.cutter.feed
+    return float(np.maximum(moved, np.maximum(turn, tilt))[same].sum())
+
+
+def soonest(found: Sequence[SmoothAxes], limits: AxisLimits) -> SmoothAxes:
+    """Of several axes of one path those that cost the fewest minutes for each contact certified free."""
+
+    def cost(one: SmoothAxes) -> float:
+        certified = max(int(one.wanted.certified.sum()), 1)
+        return machine_minutes(one.cones.path, one.axes, limits) / certified
+
+    return min(found, key=cost)

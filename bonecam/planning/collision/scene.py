@@ -1,0 +1,131 @@
+"""The obstacles while one level is machined: the level, the material still on it, the post, and the clamping.
+
+The cutter may touch the level (what must remain) and the post; shank, holder and spindle may not touch the
+material, which is everything inside the level before. The post is thicker for them, because the ball leaves a
+fillet of its radius round it. The whole tool keeps the clearance from table and chuck, holder and spindle from
+the post too.
+"""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.setup.capsule import Capsule
+from bonecam.workholding.clamping import Clamping
+from bonecam.workholding.column import Column
+from bonecam.workholding.post import Post
+
+FAR = 1.0
+"""The distance to the stock serves where it exceeds what is asked by this much, mm: it is the cheaper lower
+bound."""
+
+Obstacle = Literal["level", "material"]
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """`level` must remain; `material` (closed, inside `stock`) is there while the level is cut; the `post`
+    holds the part, the `clamping` the post.
+
+    `material_deviation` (mm) is how far the material may reach out of its mesh. `known_level_distance` saves
+    building the distances to `level` again. `part_distance`: the ball must stay out of the part as well, whose
+    mesh is finer: a level may touch it. `core`: what of the post stays where it is cut itself; the cutter keeps out of
+    that alone while it cuts.
+    """
+
+    level: TriangleMesh
+    material: TriangleMesh
+    stock: Capsule
+    post: Post
+    material_deviation: float = 0.0
+    known_level_distance: MeshDistance | None = None
+    part_distance: MeshDistance | None = None
+    clamping: Clamping = field(default_factory=Clamping)
+    core: Post | None = None
+
+    @cached_property
+    def level_distance(self) -> MeshDistance:
+        """Distances to the level."""
+        return self.known_level_distance or MeshDistance(self.level)
+
+    @property
+    def remaining(self) -> tuple[MeshDistance, ...]:
+        """Distances to what the ball must not enter."""
+        part = self.part_distance
+        return (self.level_distance,) if part is None else (self.level_distance, part)
+
+    @cached_property
+    def material_distance(self) -> MeshDistance:
+        """Distances to the mesh of the material."""
+        return MeshDistance(self.material)
+
+    def around(self, section: str, ball_radius: float, air: float | None = None) -> "Surroundings":
+        """What a section of the tool (cutter, shank, holder, spindle) stays out of.
+
+        `air` (mm) is what the tool keeps from material and post while it moves between passes; None while it
+        cuts: the cutter is then held against the level, and touches it.
+        """
+        reserve = air or 0.0
+        tangent = air is None and section == "cutter"
+        post = self.post.column
+        if tangent and self.core is not None:
+            kept = self.core.column
+        elif section == "cutter":
+            kept = post.grown(reserve)
+        elif section == "shank":
+            kept = Column(post.radius + ball_radius, post.top).grown(reserve)
+        else:
+            by = max(reserve, self.clamping.clearance)
+            kept = Column(max(post.radius + by, post.radius + ball_radius + reserve), post.top + by)
+        obstacle: Obstacle = "level" if tangent else "material"
+        return Surroundings(self, obstacle, reserve, (kept, *self.clamping.kept_columns))
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """A mesh of the `scene` that is kept off by `reserve` mm, and columns."""
+
+    scene: Scene
+    obstacle: Obstacle
+    reserve: float
+    columns: tuple[Column, ...]
+
+    @property
+    def mesh(self) -> TriangleMesh:
+        """The mesh."""
+        return self.scene.level if self.obstacle == "level" else self.scene.material
+
+    @property
+    def mesh_distance(self) -> MeshDistance:
+        """Distances to the mesh."""
+        return self.scene.level_distance if self.obstacle == "level" else self.scene.material_distance
+
+    @property
+    def deviation(self) -> float:
+        """How far the obstacle may reach out of its mesh, mm."""
+        return 0.0 if self.obstacle == "level" else self.scene.material_deviation
+
+    def distance_bound(
+        self, points: Float[ndarray, "n 3"], wanted: Float[ndarray, " n"], *, outside: bool = False
+    ) -> Float[ndarray, " n"]:
+        """A lower bound of the signed distance to the columns and to what is within the reserve of the mesh, mm;
+        exact where it is below `wanted` + FAR.
+
+        `outside`: no point is inside the obstacle, which makes the answer quicker.
+        """
+        distance = self.scene.stock.signed_distance(points) - self.reserve
+        close = np.flatnonzero(distance < wanted + FAR)
+        if len(close):
+            off = self.deviation + self.reserve
+            may_be_inside = (distance[close] + self.reserve < FAR) & (not outside)
+            limits = wanted[close] + FAR + off
+            distance[close] = self.mesh_distance.signed(points[close], limits, may_be_inside) - off
+        for column in self.columns:
+            distance = np.minimum(distance, column.distance(points))
+        return distance

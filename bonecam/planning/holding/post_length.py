@@ -1,0 +1,239 @@
+"""The shortest post with which every contact can be reached, found before the levels are made.
+
+Contacts are sampled on the part (finishing cutter) and on the stock (roughing cutter), between which all levels
+lie. Of a contact, each direction of a fixed set that is within the machine's limits and the largest tilt needs a post
+of a length that is known in closed form: its lowest rim has to keep the clearance over the table, and what is over a
+chuck has to keep it from that. The first direction by that length along which the tool is free of material and
+post is the contact's; the longest of these lengths is the post's. Levels in between, and links, may still need more.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.arrays import unit
+from bonecam.errors import OrientationError
+from bonecam.job import Job
+from bonecam.machine.bodies import MachineBodies
+from bonecam.machine.tool_axis_limits import AxisLimits
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.planning.axes.admissible import candidate_directions
+from bonecam.planning.axes.lead import LEAVING, ROOM
+from bonecam.planning.collision.checker import CollisionChecker
+from bonecam.planning.collision.scene import Scene
+from bonecam.planning.passes.parting import groove_below, groove_core, parting_contacts, parting_cutters
+from bonecam.setup.capsule import enclosing_capsule
+from bonecam.setup.placement import Setup
+from bonecam.tool.cutter import Cutter
+from bonecam.workholding.clamping import Clamping, clamping_of
+
+SPACING = 0.5
+"""One contact is sampled in every cube of this side, mm; of larger parts in larger ones."""
+MOST_CONTACTS = 5000
+"""About so many contacts are sampled on a mesh at most: their directions take 30 MB."""
+STOCK_CHORD = 0.05
+"""Chord tolerance of the stock's mesh, mm."""
+SLICE = 4.0
+"""Length of the slices in which a tool is held over a chuck, mm."""
+BATCH = 8
+"""Directions that are tested for a contact at once."""
+LONGEST = 500.0
+"""Longest post of a job, mm."""
+ROUND = 24
+"""Contacts round the parting groove that are sampled."""
+LEVEL_TURNS = 24
+"""Level directions that a level tool is tried in."""
+GOUGE = 0.02
+"""A ball that would enter the surface by more (mm) is no contact."""
+
+
+@dataclass(frozen=True, eq=False)
+class SampledContacts:
+    """Ball centres and normals of contacts, and the checks of their cutter, to which only material and post are
+    known."""
+
+    checker: CollisionChecker
+    centres: Float[ndarray, "n 3"]
+    normals: Float[ndarray, "n 3"]
+
+
+def find_post_length(setup: Setup, job: Job, limits: AxisLimits, bodies: MachineBodies) -> tuple[Setup, Job]:
+    """Setup and job with the shortest post, in whole mm, with which all sampled contacts are reached; `limits` and
+    `bodies` are the machine's."""
+    clamping = clamping_of(job.holding, bodies.table)
+    lifts = np.r_[
+        sampled_lifts(setup, job, limits, bodies),
+        level_lifts(setup, job, bodies),
+        parting_lift(setup, job, limits, bodies),
+    ]
+    height = float(setup.stock.bounds[0, 2])
+    length = shortest_post(lifts, height, clamping)
+    return setup.lift(length - height), replace(job, holding=replace(job.holding, length=length))
+
+
+def parting_lift(setup: Setup, job: Job, limits: AxisLimits, bodies: MachineBodies) -> float:
+    """How much higher (mm; lower where negative) the part would have to stand for a cutter to get all round in the
+    parting groove; infinite where none does, however high, and -infinite where no groove is wanted."""
+    if not job.holding.parting:
+        return -np.inf
+    clamping = clamping_of(job.holding, bodies.table)
+    mesh, depth = setup.part.mesh, job.levels.finishing_depth
+    found = []
+    for cutter in parting_cutters(job, bodies):
+        groove = groove_below(float(mesh.bounds[0, 2]), setup.post, job.holding, cutter)
+        *_, contacts = parting_contacts(groove, cutter, job)
+        scene = replace(_scene_of(mesh, setup, job, depth), core=groove_core(contacts, setup.post))
+        some = np.linspace(0, len(contacts.normals) - 1, ROUND).astype(np.int64)
+        sampled = SampledContacts(
+            CollisionChecker(scene, cutter), contacts.centres[some], contacts.normals[some]
+        )
+        found.append(least_lifts(sampled, clamping, job, limits).max())
+    return float(min(found))
+
+
+def shortest_post(lifts: Float[ndarray, " n"], height: float, clamping: Clamping) -> float:
+    """The length, in whole mm, of a post by which all contacts are reached that can be; `lifts` (mm) are those of
+    contacts on a part whose lowest point is at the `height`."""
+    standing = max((column.top for column in clamping.columns), default=0.0)
+    reached = lifts[np.isfinite(lifts)].max(initial=-height)
+    length = float(np.ceil(max(height + reached, standing + clamping.clearance, 1.0)))
+    if length > LONGEST:
+        needed = f"the part needs a post of {length:g} mm, at most {LONGEST:g} can be given"
+        remedy = "take slimmer or longer holders, a lower chuck, or another machine"
+        raise OrientationError(f"[holding] length = 0: {needed}: {remedy}", length=length)
+    return length
+
+
+def sampled_lifts(setup: Setup, job: Job, limits: AxisLimits, bodies: MachineBodies) -> Float[ndarray, " n"]:
+    """How much higher (mm; lower where negative) the part would have to stand for each sampled contact to be
+    reached; infinite where it is not, however high."""
+    clamping = clamping_of(job.holding, bodies.table)
+    return np.concatenate(
+        [least_lifts(contacts, clamping, job, limits) for contacts in _sampled(setup, job, bodies)]
+    )
+
+
+def level_lifts(setup: Setup, job: Job, bodies: MachineBodies) -> Float[ndarray, " n"]:
+    """As `sampled_lifts`, for a tool that is level, whatever else is against it; none but for strategies that lay it
+    so."""
+    if job.path.strategy == "morph":
+        return np.zeros(0)
+    clamping = clamping_of(job.holding, bodies.table)
+    turns = 2 * np.pi * np.arange(LEVEL_TURNS) / LEVEL_TURNS
+    level = np.column_stack([np.cos(turns), np.sin(turns), np.zeros(LEVEL_TURNS)])
+    least = np.cos(np.radians(job.path.max_tilt_deg))
+    found = []
+    for contacts in _sampled(setup, job, bodies):
+        needed = needed_lifts(contacts.centres, level, contacts.checker.cutter, clamping)
+        found.append(needed[contacts.normals @ level.T >= least])
+    return np.concatenate(found)
+
+
+def sampled_lifts_of_part(
+    setup: Setup, job: Job, limits: AxisLimits, bodies: MachineBodies
+) -> Float[ndarray, " n"]:
+    """As `sampled_lifts`, of contacts on the part alone."""
+    on_part, _ = _sampled(setup, job, bodies)
+    return least_lifts(on_part, clamping_of(job.holding, bodies.table), job, limits)
+
+
+def _sampled(setup: Setup, job: Job, bodies: MachineBodies) -> list[SampledContacts]:
+    """Contacts of the finishing cutter on the part, and of the roughing cutter on the stock."""
+    finishing = Cutter.from_job(2, "finishing", job.tool("finishing"), bodies.nose)
+    roughing = Cutter.from_job(1, "roughing", job.tool("roughing"), bodies.nose)
+    stock = setup.stock.mesh(STOCK_CHORD)
+    depth = job.levels.finishing_depth
+    return [
+        _contacts_on(setup.part.mesh, depth, finishing, setup, job),
+        _contacts_on(stock, 0.0, roughing, setup, job),
+    ]
+
+
+def _contacts_on(mesh: TriangleMesh, depth: float, cutter: Cutter, setup: Setup, job: Job) -> SampledContacts:
+    """Contacts of a cutter on a mesh with `depth` (mm) of material round it; those too near the post are none."""
+    spacing = max(SPACING, float(np.sqrt(mesh.area / MOST_CONTACTS)))
+    cells = np.floor(mesh.vertices / spacing).astype(np.int64)
+    _, kept = np.unique(cells, axis=0, return_index=True)
+    across = np.zeros_like(mesh.vertices)
+    for corner in range(3):
+        np.add.at(across, mesh.faces[:, corner], mesh.face_vectors)
+    normals = unit(across[kept])
+    centres = mesh.vertices[kept] + cutter.radius * normals
+    scene = _scene_of(mesh, setup, job, depth)
+    held = setup.post.distance(centres) < cutter.radius
+    gouging = scene.level_distance.signed(centres) < cutter.radius - GOUGE
+    good = ~held & ~gouging
+    return SampledContacts(CollisionChecker(scene, cutter), centres[good], normals[good])
+
+
+def _scene_of(mesh: TriangleMesh, setup: Setup, job: Job, depth: float) -> Scene:
+    """A mesh with `depth` (mm) of material round it on the post, and nothing below."""
+    clamping = Clamping((), closed=False, clearance=job.holding.clearance)
+    return Scene(mesh, mesh, enclosing_capsule(setup.stock), setup.post, depth, clamping=clamping)
+
+
+def least_lifts(
+    contacts: SampledContacts, clamping: Clamping, job: Job, limits: AxisLimits
+) -> Float[ndarray, " n"]:
+    """The least lift (mm) of each contact among its free directions; infinite where it has none."""
+    directions = candidate_directions()
+    directions = directions[limits.allow(directions)]
+    needed = needed_lifts(contacts.centres, directions, contacts.checker.cutter, clamping)
+    tilted = contacts.normals @ directions.T < np.cos(np.radians(job.path.max_tilt_deg))
+    needed = np.where(tilted, np.inf, needed)
+    order = np.argsort(needed, axis=1, kind="stable")
+    least = np.full(len(order), np.inf)
+    left = np.arange(len(order))
+    for start in range(0, order.shape[1], BATCH):
+        batch = order[left, start : start + BATCH]
+        usable = np.isfinite(np.take_along_axis(needed[left], batch, axis=1))
+        row, column = np.nonzero(usable)
+        usable[row, column] = contacts.checker.free_by_distance(
+            contacts.centres[left[row]], directions[batch[row, column]]
+        )
+        found = usable.any(axis=1)
+        least[left[found]] = needed[left[found], batch[found, usable[found].argmax(axis=1)]]
+        left = left[~found]
+        if not len(left):
+            break
+    return least
+
+
+def needed_lifts(
+    centres: Float[ndarray, "n 3"],
+    directions: Float[ndarray, "d 3"],
+    cutter: Cutter,
+    clamping: Clamping,
+) -> Float[ndarray, "n d"]:
+    """How much higher (mm) each ball centre must be for a tool in each direction to keep the clearance above the
+    table's plane, and above columns (chuck, what stands on the table) where it is over them, while it leaves the
+    contact along its axis too (LEAVING).
+
+    The tool is taken in slices no longer than SLICE: each is over a column if its widest disc is.
+    """
+    across = np.hypot(directions[:, 0], directions[:, 1])
+    room = clamping.clearance + ROOM
+    sunk = LEAVING * np.maximum(-directions[:, 2], 0.0)
+    discs = _discs(cutter)
+    below = sunk + np.max([radius * across - height * directions[:, 2] for height, radius in discs], axis=0)
+    lift = room + below - centres[:, 2:]
+    for column in clamping.columns:
+        for height, radius in discs:
+            lowest = centres[:, 2:] + height * directions[:, 2] - radius * across - sunk
+            x, y = (centres[:, None, k] + height * directions[:, k] for k in (0, 1))
+            over = np.hypot(x, y) - radius < column.radius + room
+            lift = np.where(over, np.maximum(lift, room + column.top - lowest), lift)
+    return lift
+
+
+def _discs(cutter: Cutter) -> list[tuple[float, float]]:
+    """Heights above the ball's centre and radii (mm) of discs across the tool, no more than SLICE apart; each as
+    wide as the tool is near it."""
+    discs = []
+    for section in cutter.profile:
+        count = int(np.ceil((section.end - section.start) / SLICE)) + 1
+        for u in np.linspace(section.start, section.end, count):
+            discs.append((float(u) - cutter.radius, section.widest))
+    return discs

@@ -1,0 +1,242 @@
+"""The tool paths of all levels of a morph in machining order: from the level next to the stock down to the
+part.
+
+Each level needs the material that the level before it left, so the levels follow one another; what does not
+depend on that material (the contacts of the next level) is made in a second thread meanwhile.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bonecam.errors import OrientationError
+from bonecam.job import Job, PathJob
+from bonecam.levels.measure.level import Level, MachinedLevel, machined_levels, morph_surfaces
+from bonecam.machine.bodies import MachineBodies
+from bonecam.machine.tool_axis_limits import AxisLimits
+from bonecam.material.material import Material, remove_material, uncut_material
+from bonecam.material.standing_mesh import DEVIATION
+from bonecam.mesh.distance import MeshDistance
+from bonecam.planning.axes.field.level_axes import level_axes
+from bonecam.planning.axes.field.smooth_axes import SmoothAxes
+from bonecam.planning.axes.lead import check_lead
+from bonecam.planning.collision.scene import Scene
+from bonecam.planning.holding.parting import parting_paths
+from bonecam.planning.oriented_path import orient
+from bonecam.planning.passes.contacts import CandidateContacts, candidate_contacts, contact_path
+from bonecam.planning.passes.engaged_segments import UNCERTAIN, Allowed
+from bonecam.planning.passes.gouge import MESH_SHARE, planned_tolerance
+from bonecam.planning.passes.rest_machining import after_steps, rest_contacts, too_deep
+from bonecam.progress import Progress, report, silent
+from bonecam.setup.capsule import Capsule, enclosing_capsule
+from bonecam.setup.stock import Stock
+from bonecam.tool.cutter import Cutter
+from bonecam.tool.path import ContactPath, Kind, ToolPath
+from bonecam.workholding.clamping import Clamping, clamping_of
+from bonecam.workholding.post import Post, post_below
+
+PART_CHORD = 0.002
+"""Largest chord tolerance (mm) of the tessellated part that balls are kept out of: MESH_SHARE of the gouge
+tolerance by default."""
+LEVEL_CHORD = 0.01
+"""Chord tolerance (mm) of the other tessellated levels: a ball that enters one of them leaves the part
+alone."""
+
+SMOOTH_SHARE = 0.15
+"""Scallops of the last roughing cut are no higher than this share of the depth of a finishing cut."""
+
+
+@dataclass(frozen=True, eq=False)
+class LevelContacts:
+    """A level, the distance to its tessellation, and its contacts before any is left out."""
+
+    level: MachinedLevel
+    distance: MeshDistance
+    candidates: CandidateContacts
+
+
+def plan_paths(
+    levels: Sequence[Level],
+    stock: Stock,
+    job: Job,
+    limits: AxisLimits,
+    bodies: MachineBodies,
+    progress: Progress = silent,
+) -> tuple[ToolPath, ...]:
+    """The path of every level in machining order; `limits` are those of the machine's tool axis, its `bodies` are
+    kept clear of.
+
+    `levels` begin at the part and end at the stock. Raises JobError where a cutter cannot be used at the
+    job's lead angle, ToolPathError or OrientationError (with the level's number) where a level has no path.
+    """
+    machined = machined_levels(levels)
+    cutters = {level.index: _cutter_of(level.index, job, bodies) for level in machined}
+    for cutter in cutters.values():
+        check_lead(cutter, job.path.lead_deg)
+
+    part = _distance_to_part(levels, job.path)
+    fixture = post_below(part.mesh, job.holding), clamping_of(job.holding, bodies.table)
+    planning = _Planning(job, limits, part, *fixture, enclosing_capsule(stock))
+    paths: list[ToolPath] = []
+    standing = _Standing(uncut_material(levels, stock))
+    for found in _one_ahead(lambda level: planning.contacts(level, cutters[level.index]), machined[::-1]):
+        index = found.level.index
+        report(progress, (len(levels) - 2 - index) / (len(levels) - 1), f"path of level {index}")
+        made, standing = planning.paths(found, _allowed(levels, index, cutters, job), standing)
+        paths += made
+    if job.path.fine_cutter:
+        report(progress, 1.0, "path of the fine cutter")
+        fine = Cutter.from_job(3, "fine", job.tool("fine"), bodies.nose)
+        check_lead(fine, job.path.lead_deg)
+        paths = _with_fine(paths, planning, planning.contacts(machined[0], fine), standing)
+    return *paths, *parting_paths(planning.scene_of(part, standing.material), job, limits, bodies)
+
+
+@dataclass(frozen=True, eq=False)
+class _Standing:
+    """What stands before a path, and the smooth axes of the path before."""
+
+    material: Material
+    smooth: SmoothAxes | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class _Planning:
+    """What the paths of all levels share; `capsule` encloses the stock."""
+
+    job: Job
+    limits: AxisLimits
+    part: MeshDistance
+    post: Post
+    clamping: Clamping
+    capsule: Capsule
+
+    def contacts(self, level: MachinedLevel, cutter: Cutter) -> LevelContacts:
+        """The contacts of a level; its balls stay out of the level and of the part."""
+        distance = MeshDistance(level.surface.tessellate(LEVEL_CHORD)) if level.index else self.part
+        return LevelContacts(level, distance, self._candidates(level, distance, cutter, self.job.path))
+
+    def scene_of(self, level: MeshDistance, material: Material, part: MeshDistance | None = None) -> Scene:
+        """What stands round the tool on a level, beside which the `part` is measured against where it is another."""
+        around = (self.post, DEVIATION, level, part, self.clamping)
+        return Scene(level.mesh, material.mesh, self.capsule, *around)
+
+    def paths(
+        self, found: LevelContacts, allowed: Allowed, standing: _Standing
+    ) -> tuple[list[ToolPath], _Standing]:
+        """The rest paths of a level and its own one, and what stands after them."""
+        level, material = found.level, standing.material
+        part = self.part if level.index else None
+        scene = self.scene_of(found.distance, material, part)
+        contacts = contact_path(found.candidates, material, allowed)
+        smooth = level_axes(contacts, level, scene, self.limits, self.job.path, standing.smooth)
+
+        def oriented(contacts: ContactPath, material: Material, explained: bool = False) -> ToolPath:
+            wanted = smooth.wanted_for(contacts) if smooth is not None else None
+            job = self.job
+            return orient(
+                contacts, scene, self.limits, job.path, job.nc, wanted, material=material, explained=explained
+            )
+
+        rest: list[ToolPath] = []
+        if too_deep(found.candidates, material, allowed):
+            material, rest = _take_rest([found.candidates, self._rings(found)], material, allowed, oriented)
+            contacts = contact_path(found.candidates, material, allowed, allowed.deepest)
+        path = oriented(contacts, material, explained=True)
+        return [*rest, path], _Standing(remove_material(material, level, path), smooth)
+
+    def _candidates(
+        self, level: MachinedLevel, distance: MeshDistance, cutter: Cutter, job: PathJob
+    ) -> CandidateContacts:
+        """The contacts of a level whatever the material."""
+        obstacles = [distance, self.part] if level.index else [self.part]
+        speed = self.limits.turn_speed
+        return candidate_contacts(level, obstacles, cutter, self.post, job, turn_speed=speed)
+
+    def _rings(self, found: LevelContacts) -> CandidateContacts:
+        """The contacts of a level on rings."""
+        rings = replace(self.job.path, pattern="round")
+        return self._candidates(found.level, found.distance, found.candidates.cutter, rings)
+
+
+def _with_fine(
+    paths: Sequence[ToolPath], planning: _Planning, found: LevelContacts, standing: _Standing
+) -> list[ToolPath]:
+    """The paths with those of a finer ball on the part, as further rest paths, where the finishing ball has left more
+    than twice its scallop. What is too narrow for the finishing ball is then told of the finer one alone."""
+    *before, last = paths
+    scallop = last.cutter.scallop
+    allowed = Allowed(planning.job.levels.finishing_depth, scallop, 2 * max(scallop, UNCERTAIN))
+    made, _ = planning.paths(found, allowed, standing)
+    if not any((path.kinds == Kind.CUT).any() for path in made):
+        return list(paths)
+    kept = np.flatnonzero([reason not in ("gouge", "post") for reason in last.reasons])
+    last = replace(last, uncut=last.uncut[kept], reasons=tuple(last.reasons[k] for k in kept))
+    done = sum(path.level == last.level for path in before)
+    fine = [replace(path, rest=done + k, trimmed=0.0) for k, path in enumerate(made, 1)]
+    return [*before, last, *fine]
+
+
+def _take_rest(
+    patterns: Sequence[CandidateContacts],
+    material: Material,
+    allowed: Allowed,
+    oriented: Callable[[ContactPath, Material], ToolPath],
+) -> tuple[Material, list[ToolPath]]:
+    """The rest paths of a level, whose contacts are given in several patterns, and the material after them."""
+    paths: list[ToolPath] = []
+    for step in rest_contacts(patterns, material, allowed):
+        contacts = after_steps(step, material, allowed)
+        if not len(contacts.contacts):
+            continue
+        try:
+            path = oriented(contacts, material)
+        except OrientationError:
+            # none of these places can be reached: the level's own path leaves them out too, and tells so
+            continue
+        material = remove_material(material, patterns[0].level, path)
+        paths.append(replace(path, uncut=np.zeros((0, 3)), reasons=()))
+    return material, paths
+
+
+def _cutter_of(level: int, job: Job, bodies: MachineBodies) -> Cutter:
+    """The cutter of a level. The last roughing cut leaves a smoother surface, for the first finishing one."""
+    if job.is_finishing(level):
+        return Cutter.from_job(2, "finishing", job.tool("finishing"), bodies.nose)
+    cutter = Cutter.from_job(1, "roughing", job.tool("roughing"), bodies.nose)
+    if level and job.is_finishing(level - 1):
+        return replace(cutter, scallop=min(cutter.scallop, SMOOTH_SHARE * job.levels.finishing_depth))
+    return cutter
+
+
+def _distance_to_part(levels: Sequence[Level], job: PathJob) -> MeshDistance:
+    """Distances to the part, tessellated as finely as the gouge tolerance asks for."""
+    chord = min(PART_CHORD, MESH_SHARE * planned_tolerance(job.gouge_tolerance))
+    return MeshDistance(morph_surfaces(levels)[0].tessellate(chord))
+
+
+def _allowed(levels: Sequence[Level], level: int, cutters: Mapping[int, Cutter], job: Job) -> Allowed:
+    """The depths of the cut that leaves a level. Too thin a cut is left only to a roughing one."""
+    before = cutters.get(level + 1)
+    to_roughing = level > 0 and not job.is_finishing(level) and not job.is_finishing(level - 1)
+    return Allowed(
+        levels[level + 1].limit,
+        before.scallop if before else 0.0,
+        job.path.least_depth if to_roughing else 0.0,
+    )
+
+
+def _one_ahead(
+    make: Callable[[MachinedLevel], LevelContacts], levels: Sequence[MachinedLevel]
+) -> Iterator[LevelContacts]:
+    """`make(level)` of each level in order; a second thread makes the next one while the caller uses this
+    one."""
+    with ThreadPoolExecutor(1) as thread:
+        coming = thread.submit(make, levels[0])
+        for level in levels[1:]:
+            made = coming.result()
+            coming = thread.submit(make, level)
+            yield made
+        yield coming.result()

@@ -1,0 +1,155 @@
+"""What links between passes are planned in: obstacles, limits, clearance surface and feeds, and the proof
+that polylines of poses are free."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy import ndarray
+
+from bonecam.machine.tool_axis_limits import AxisLimits
+from bonecam.material.dexels import CELL
+from bonecam.material.material import Material
+from bonecam.material.move_depths import move_depths
+from bonecam.planning.collision.checker import CollisionChecker
+from bonecam.planning.collision.interpolation import interpolate_poses
+from bonecam.planning.layers.standing import StandingMesh
+from bonecam.planning.links.clearance_surface import ClearanceSurface
+from bonecam.planning.links.moves import Feeds, Pose
+from bonecam.planning.passes.engaged_segments import UNCERTAIN
+from bonecam.planning.passes.gouge import moves_gouge_free
+
+CHECK_STEPS = 4
+"""Steps that a straight move is divided into for its proof."""
+
+SPARE = 0.5
+"""The clearance surface is farther from the stock than the clearance by this much, mm: straight rapids of 3 mm
+between its points dip 0.15 mm below it, and the proof of a step needs half of its length."""
+
+IN_AIR = UNCERTAIN
+"""A ball that is no deeper in the material is in air, mm: as accurately as the depth is known."""
+
+CUT_ALLOWED = 0.01
+"""A link removes no more, mm^3: half of what the simulation of the posted program allows."""
+
+RAPID_SPARE = CELL
+"""Rapids keep so far from the material, mm, as its rays tell it: they meet all that is wider than their distance."""
+
+Polyline = tuple[Float[ndarray, "_ 3"], Float[ndarray, "_ 3"]]
+"""Ball centres and axes of straight moves."""
+
+
+@dataclass(frozen=True, eq=False)
+class LinkSpace:
+    """`clearance` (mm) is kept between tool and material in rapids; `gouge_tolerance` (mm) by a ball that moves
+    along the level. `material` is what stands before the level is cut; None: it is not known."""
+
+    checker: CollisionChecker
+    limits: AxisLimits
+    feeds: Feeds
+    clearance: float
+    gouge_tolerance: float
+    material: Material | StandingMesh | None = None
+
+    @property
+    def ball_radius(self) -> float:
+        """Radius of the cutter, mm."""
+        return self.checker.cutter.radius
+
+    @cached_property
+    def surface(self) -> ClearanceSurface:
+        """The surface that ball centres traverse on."""
+        return ClearanceSurface(self.checker.scene.stock, self.clearance + SPARE + self.ball_radius)
+
+    @cached_property
+    def safe_pose(self) -> Pose:
+        """Ball centre and axis of the point above the stock where a level begins and ends."""
+        top = np.array([self.surface.top])
+        height = np.array([self.clearance])
+        centre, _ = self.surface.frames(np.zeros(1), top, height)
+        return centre[0], np.array([0.0, 0.0, 1.0])
+
+    def ball_free(self, starts: Float[ndarray, "m 3"], ends: Float[ndarray, "m 3"]) -> Bool[ndarray, " m"]:
+        """Whether the ball keeps the gouge tolerance on straight moves of its centre: the collision checks
+        hold a thinner one against the level."""
+        free = np.ones(len(starts), dtype=bool)
+        for obstacle in self.checker.scene.remaining:
+            free[free] = moves_gouge_free(
+                starts[free], ends[free], self.ball_radius, self.gouge_tolerance, obstacle
+            )
+        return free
+
+    def in_air(self, centres: Float[ndarray, "k p 3"]) -> Bool[ndarray, " k"]:
+        """Whether the ball removes nothing at all of the p centres of each link."""
+        if self.material is None or not len(centres):
+            return np.ones(len(centres), dtype=bool)
+        depth, _ = self.material.depths(centres.reshape(-1, 3), self.ball_radius)
+        return np.asarray((depth <= IN_AIR).reshape(centres.shape[:2]).all(axis=1))
+
+    def no_deeper_between(
+        self, starts: Float[ndarray, "m 3"], ends: Float[ndarray, "m 3"]
+    ) -> Bool[ndarray, " m"]:
+        """Whether the ball goes no deeper on each straight move of its centre than at the deepest of all their ends."""
+        if self.material is None or not len(starts):
+            return np.ones(len(starts), dtype=bool)
+        depths, radius = self.material.depths, self.ball_radius
+        deepest = max(float(depths(places, radius)[0].max()) for places in (starts, ends))
+        return np.asarray(move_depths(depths, starts, ends, radius) <= max(deepest, 0.0) + IN_AIR)
+
+    def left_in_air(
+        self, contacts: Float[ndarray, "k 3"], centres: Float[ndarray, "k p 3"], deepest: float = IN_AIR
+    ) -> Bool[ndarray, " k"]:
+        """Whether the ball goes no deeper than `deepest` (mm) at the p centres that follow each contact, but into what
+        it has removed there."""
+        if self.material is None or not len(centres):
+            return np.ones(len(centres), dtype=bool)
+        places = centres.reshape(-1, 3)
+        behind = np.repeat(contacts, centres.shape[1], axis=0)
+        entered = self.material.entered_anew(places, behind, self.ball_radius, deepest)
+        return np.asarray(~entered.reshape(centres.shape[:2]).any(axis=1))
+
+    def cuts_little(self, lines: Sequence[Polyline], contacts: Sequence[Polyline]) -> Bool[ndarray, " k"]:
+        """Whether neither the ball alone nor ball and flutes remove more than CUT_ALLOWED on straight moves through the
+        poses of each line, but for what they have removed at the contacts of that line."""
+        if not isinstance(self.material, Material):
+            return np.ones(len(lines), dtype=bool)
+        cutter = self.checker.cutter
+        removed = self.material.dexels.removed_by(lines, contacts, cutter.radius)
+        little = removed <= CUT_ALLOWED
+        asked = [(line, ends) for line, ends, ok in zip(lines, contacts, little, strict=True) if ok]
+        lines, contacts = ([pair[k] for pair in asked] for k in (0, 1))
+        removed = self.material.fluted.removed_by(lines, contacts, cutter.radius, cutter.reach)
+        little[little] = removed <= CUT_ALLOWED
+        return little
+
+    def rapids_cut_nothing(self, lines: Sequence[Polyline]) -> Bool[ndarray, " k"]:
+        """Whether a ball that is thicker by RAPID_SPARE removes nothing on straight moves through the poses of each
+        line."""
+        if not isinstance(self.material, Material):
+            return np.ones(len(lines), dtype=bool)
+        nowhere = [(np.zeros((0, 3)), np.zeros((0, 3)))] * len(lines)
+        removed = self.material.dexels.removed_by(lines, nowhere, self.ball_radius + RAPID_SPARE)
+        return np.asarray(removed == 0)
+
+    def polylines_free(self, polylines: Sequence[Polyline], *, cutting: bool) -> Bool[ndarray, " k"]:
+        """Whether all moves of each polyline are proven free; `cutting` as in
+        `CollisionChecker.moves_free`."""
+        if not polylines:
+            return np.zeros(0, dtype=bool)
+        starts = np.vstack([centres[:-1] for centres, _ in polylines])
+        ends = np.vstack([centres[1:] for centres, _ in polylines])
+        first = np.vstack([axes[:-1] for _, axes in polylines])
+        last = np.vstack([axes[1:] for _, axes in polylines])
+        start_tips = starts - self.ball_radius * first
+        end_tips = ends - self.ball_radius * last
+        tips, axes = interpolate_poses(start_tips, end_tips, first, last, CHECK_STEPS)
+
+        joined = np.tile(np.r_[np.ones(CHECK_STEPS, dtype=bool), False], len(first))
+        steps_free = self.checker.moves_free(tips, axes, joined, cutting=cutting) | ~joined
+        free = steps_free.reshape(len(first), -1).all(axis=1)
+        if cutting:
+            free[free] = self.ball_free(starts[free], ends[free])
+        polyline = np.repeat(np.arange(len(polylines)), [len(centres) - 1 for centres, _ in polylines])
+        return np.asarray(np.bincount(polyline, ~free, len(polylines)) == 0)

@@ -1,0 +1,54 @@
+"""Tool positions that are arrived at one after the other, with their feeds."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+
+from bonecam.tool.path import Kind
+
+Pose = tuple[Float[ndarray, "3"], Float[ndarray, "3"]]
+"""Ball centre and unit tool axis."""
+
+
+@dataclass(frozen=True)
+class Feeds:
+    """Feeds of links and of plunges, and the number given to rapid moves, mm/min."""
+
+    link: float
+    plunge: float
+    rapid: float
+
+
+@dataclass(frozen=True, eq=False)
+class Moves:
+    """Row i: the move that arrives at ball centre i with axis i: its kind and feed (mm/min)."""
+
+    kinds: Int[ndarray, " n"]
+    centres: Float[ndarray, "n 3"]
+    axes: Float[ndarray, "n 3"]
+    feeds: Float[ndarray, " n"]
+
+    def __len__(self) -> int:
+        return len(self.kinds)
+
+
+NO_MOVES = Moves(np.zeros(0, dtype=np.int64), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
+"""Nothing is between two runs: the tool cuts straight on."""
+
+
+def moves_of(kind: Kind, centres: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], feed: float) -> Moves:
+    """Moves of one kind at one feed."""
+    return Moves(np.full(len(centres), int(kind)), centres, axes, np.full(len(centres), feed))
+
+
+def join_moves(moves: Sequence[Moves]) -> Moves:
+    """All moves, one behind the other."""
+    return Moves(
+        np.concatenate([m.kinds for m in moves]),
+        np.vstack([m.centres for m in moves]),
+        np.vstack([m.axes for m in moves]),
+        np.concatenate([m.feeds for m in moves]),
+    )

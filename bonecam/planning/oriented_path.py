@@ -1,0 +1,241 @@
+"""From the contacts of a level to its tool path: an axis for every contact, and the links that join the
+passes."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+
+from bonecam.arrays import angles_between
+from bonecam.errors import OrientationError
+from bonecam.job import NcJob, PathJob
+from bonecam.machine.tool_axis_limits import AxisLimits
+from bonecam.material.material import Material
+from bonecam.mesh.facets.nearest_areas import nearest_areas
+from bonecam.planning.axes.cones.free_axes import blocked_by
+from bonecam.planning.axes.singularity import SINGULAR_ANGLE, least_polar_angles
+from bonecam.planning.axes.tool_axes import ToolAxes, WantedAxes, choose_axes, fixed_axes
+from bonecam.planning.collision.checker import CollisionChecker
+from bonecam.planning.collision.scene import Scene
+from bonecam.planning.layers.standing import StandingMesh
+from bonecam.planning.links.direct import Contacts, contacts_of, direct_links
+from bonecam.planning.links.lift import lift_for_rewinds
+from bonecam.planning.links.link_space import LinkSpace
+from bonecam.planning.links.moves import NO_MOVES, Feeds, Moves, join_moves, moves_of
+from bonecam.planning.links.sequence import LinkedRuns, link_runs
+from bonecam.planning.links.step_over import steps_over
+from bonecam.planning.passes.gouge import planned_tolerance
+from bonecam.tool.path import ContactPath, FreeCones, Kind, ToolPath
+
+MAX_TURN = np.radians(30.0)
+"""A cutting move turns the tool axis by no more, radians: else the tool retracts and comes back."""
+DIRECT_RADII = 2.5
+"""A direct link is no longer than this many radii of the ball."""
+
+Run = Int[ndarray, " _"]
+"""Contacts, by index, that are cut without lifting the tool."""
+
+
+def orient(
+    path: ContactPath,
+    scene: Scene,
+    limits: AxisLimits,
+    job: PathJob,
+    nc: NcJob,
+    wanted: WantedAxes | None = None,
+    *,
+    fixed: Float[ndarray, "n 3"] | None = None,
+    material: Material | StandingMesh | None = None,
+    explained: bool = True,
+) -> ToolPath:
+    """Tool axes for the contacts of one level, and safe moves before, between and behind its passes.
+
+    `wanted` are the axes to start from; without them they lean by the lead angle. `fixed` axes are taken as they
+    are, or the contact is left out. Links close to the level remove nothing of the `material` that stands before it
+    is cut, where that is known. Contacts without an admissible axis, and passes that cannot be reached, are left out
+    and listed in `uncut` (`limits`, `collision`); by what (`blocked_by`) where that is to be `explained`. A path
+    without contacts only visits the safe point. The path is lifted where the
+    machine's rotary axes must be rewound. Raises OrientationError where none of the contacts can be reached.
+    """
+    checker = CollisionChecker(scene, path.cutter, job.clearance)
+    feeds = Feeds(nc.link_feed, nc.plunge_feed, nc.rapid_feed)
+    tolerance = planned_tolerance(job.gouge_tolerance)
+    space = LinkSpace(checker, limits, feeds, job.clearance, tolerance, material)
+    if not len(path.contacts):
+        return _idle_path(path, space)
+    if fixed is not None:
+        chosen = fixed_axes(path, checker, fixed)
+    else:
+        chosen = choose_axes(path, checker, limits, job, wanted)
+    blocked = _blocked(path, chosen, scene, limits, job, explained=explained)
+
+    runs, near = _near_links(space, path, chosen.axes, _runs(path, chosen, checker))
+    poses = list(zip(path.centres, chosen.axes))
+    linked = link_runs(space, poses, runs, near)
+    if linked.home is None:
+        raise OrientationError(
+            f"level {path.level}: no pass can be reached safely: raise path.clearance or the tool's overhang",
+            level=path.level,
+        )
+    made = _tool_path(path, chosen, space, runs, linked, wanted.cones if wanted else None)
+    return lift_for_rewinds(replace(made, blocked_by=blocked), space)
+
+
+def _blocked(
+    path: ContactPath, chosen: ToolAxes, scene: Scene, limits: AxisLimits, job: PathJob, *, explained: bool
+) -> dict[str, int]:
+    """What is against the contacts that have no axis but by collisions, where it is to be `explained`;
+    OrientationError where none has an axis."""
+    colliding = np.flatnonzero(np.array(chosen.reasons) == "collision")
+    blocked = {}
+    if explained and len(colliding):
+        blocked = blocked_by(path.take(colliding), scene, limits, float(np.radians(job.max_tilt_deg)))
+    if not chosen.found.any():
+        why = f" ({next(iter(blocked))})" if blocked else ""
+        remedy = "use a longer overhang, a longer post (holding.length) or a slimmer holder"
+        everywhere = nearest_areas(scene.level, np.vstack([path.contacts, path.uncut]))
+        area = float(everywhere[: len(path.contacts)].sum())
+        what = f"no contact has a free tool axis{why}, {area:.1f} mm2 stay uncut"
+        raise OrientationError(f"level {path.level}: {what}: {remedy}", level=path.level, area_mm2=area)
+    return blocked
+
+
+def _idle_path(path: ContactPath, space: LinkSpace) -> ToolPath:
+    """The tool path of a level that is left as it is: the tool stands at the safe point."""
+    centre, axis = space.safe_pose
+    nan = np.full((1, 3), np.nan)
+    return ToolPath(
+        path.level,
+        path.cutter,
+        np.array([int(Kind.RAPID)]),
+        np.array([-1]),
+        nan[:, :2],
+        nan,
+        (centre - path.cutter.radius * axis)[None],
+        axis[None],
+        np.array([space.feeds.rapid]),
+        path.uncut,
+        path.reasons,
+        path.trimmed,
+        path.rest,
+    )
+
+
+def _runs(path: ContactPath, chosen: ToolAxes, checker: CollisionChecker) -> list[Run]:
+    """The contacts that have an axis, split wherever the tool cannot cut straight from one to the next."""
+    index = np.flatnonzero(chosen.found)
+    joined = _joined(path, index, chosen, checker)
+    return np.split(index, np.flatnonzero(~joined[:-1]) + 1)
+
+
+def _joined(
+    path: ContactPath, index: Int[ndarray, " k"], chosen: ToolAxes, checker: CollisionChecker
+) -> Bool[ndarray, " k"]:
+    """Whether the tool cuts straight from each contact of `index` to the next: neighbours on one pass, a
+    small turn off the singularity, proven free."""
+    passes, axes = path.pass_index[index], chosen.axes[index]
+    neighbours = (passes[1:] == passes[:-1]) & (np.diff(index) == 1)
+    small_turn = angles_between(axes[1:], axes[:-1]) <= MAX_TURN
+    off_singularity = least_polar_angles(axes) > SINGULAR_ANGLE
+    joined = np.r_[neighbours & small_turn & off_singularity, False]
+    tips = path.centres[index] - path.cutter.radius * axes
+    return checker.moves_free(tips, axes, joined, chosen.free_in_motion[index])
+
+
+def _near_links(
+    space: LinkSpace, path: ContactPath, axes: Float[ndarray, "n 3"], runs: Sequence[Run]
+) -> tuple[list[Run], list[Moves | None]]:
+    """The runs, and the link near the level from each but the last to the next: no moves where the tool steps over on
+    the surface, if it can to behind the ramp, which is then left out; else the direct link, or None."""
+    longest = DIRECT_RADII * path.cutter.radius
+    level = [run[np.argmin(path.ramp[run]) :] for run in runs]
+    over = steps_over(space, *_between(path, axes, level), longest)
+    runs = [flat if stepped else run for run, flat, stepped in zip(runs, level, np.r_[False, over])]
+
+    links: list[Moves | None] = [NO_MOVES] * len(over)
+    apart = np.flatnonzero(~over)
+    ends, starts = (contacts_of(contacts, apart) for contacts in _between(path, axes, runs))
+    left = np.flatnonzero(~steps_over(space, ends, starts, longest))
+    direct = direct_links(space, contacts_of(ends, left), contacts_of(starts, left), longest)
+    for k, link in zip(apart[left], direct, strict=True):
+        links[k] = link
+    return runs, links
+
+
+def _between(
+    path: ContactPath, axes: Float[ndarray, "n 3"], runs: Sequence[Run]
+) -> tuple[Contacts, Contacts]:
+    """The last contacts of all runs but the last one, and the first ones of those that follow."""
+    last = np.array([run[-1] for run in runs[:-1]], dtype=np.int64)
+    first = np.array([run[0] for run in runs[1:]], dtype=np.int64)
+    ends = path.centres[last], path.normals[last], axes[last]
+    return ends, (path.centres[first], path.normals[first], axes[first])
+
+
+def _cut(path: ContactPath, axes: Float[ndarray, "n 3"], run: Run, first_feed: float) -> Moves:
+    """The cutting moves of a run; it is entered at the first feed."""
+    feeds = np.full(len(run), path.cutter.feed)
+    feeds[0] = min(first_feed, path.cutter.feed)
+    return Moves(np.full(len(run), int(Kind.CUT)), path.centres[run], axes[run], feeds)
+
+
+def _tool_path(
+    path: ContactPath,
+    chosen: ToolAxes,
+    space: LinkSpace,
+    runs: Sequence[Run],
+    linked: LinkedRuns,
+    cones: FreeCones | None,
+) -> ToolPath:
+    """The tool path: from the safe point through the runs that are reached and back home; `cones` are those of the
+    contacts."""
+    assert linked.home is not None
+    centre, axis = space.safe_pose
+    moves = [moves_of(Kind.RAPID, centre[None], axis[None], space.feeds.rapid)]
+    contacts: list[ndarray] = [np.full(1, -1)]
+    passes: list[ndarray] = [np.full(1, -1)]
+    number = -1
+    for k, link in linked.links:
+        number += len(link) > 0
+        first_feed = space.feeds.plunge if len(link) else path.cutter.feed
+        moves += [link, _cut(path, chosen.axes, runs[k], first_feed)]
+        contacts += [np.full(len(link), -1), runs[k]]
+        passes += [np.full(len(link), -1), np.full(len(runs[k]), number)]
+    away = np.full(len(linked.home), -1)
+    joined = join_moves([*moves, linked.home])
+    contact = np.concatenate([*contacts, away])
+
+    is_cut = (contact >= 0)[:, None]
+    uncut, reasons = _uncut(path, chosen, runs, linked)
+    return ToolPath(
+        path.level,
+        path.cutter,
+        joined.kinds,
+        np.concatenate([*passes, away]),
+        np.where(is_cut, path.parameters[contact], np.nan),
+        np.where(is_cut, path.contacts[contact], np.nan),
+        joined.centres - path.cutter.radius * joined.axes,
+        joined.axes,
+        joined.feeds,
+        uncut,
+        reasons,
+        path.trimmed,
+        path.rest,
+        cones=cones.at(contact) if cones else None,
+    )
+
+
+def _uncut(
+    path: ContactPath, chosen: ToolAxes, runs: Sequence[Run], linked: LinkedRuns
+) -> tuple[Float[ndarray, "u 3"], tuple[str, ...]]:
+    """The contacts left out and why: those of the path, those without an axis, and those of runs that are not
+    reached."""
+    reached = {k for k, _ in linked.links}
+    missed = [run for k, run in enumerate(runs) if k not in reached]
+    unreached = np.concatenate([np.zeros(0, dtype=np.int64), *missed])
+    without_axis = np.flatnonzero(~chosen.found)
+    uncut = np.vstack([path.uncut, path.contacts[without_axis], path.contacts[unreached]])
+    reasons = [chosen.reasons[i] for i in without_axis] + ["collision"] * len(unreached)
+    return uncut, path.reasons + tuple(reasons)

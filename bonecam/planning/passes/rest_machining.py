@@ -1,0 +1,207 @@
+"""Rest paths: what stands too deep for a level's own passes is taken before them, in steps within the limit.
+
+A larger ball leaves fillets in hollows and round the post, where the ball of a level would enter the material
+deeper than allowed. The first rest path goes over these places with its ball raised until it enters by no more than
+the limit; each further one lets every ball come down by the limit on the straight line to its contact. What a ball
+enters by is then the limit at most: all of it is so near to where the ball was before. Of the patterns that may be
+taken, the paths follow the one that takes less time: in a fillet round a pole rings, in a groove lines along it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+
+from bonecam.material.material import Material
+from bonecam.material.move_depths import move_depths
+from bonecam.planning.passes.contacts import MAX_LIFT_RADII, CandidateContacts
+from bonecam.planning.passes.engaged_segments import (
+    UNCERTAIN,
+    Allowed,
+    beside,
+    entered_runs,
+    filled,
+    in_turn,
+    split_runs,
+    stretches_of,
+)
+from bonecam.planning.passes.gouge import gouge_free_lifts
+from bonecam.tool.path import ContactPath
+
+SHORT_GAP = 6.0
+"""A gap of a rest pass that is shorter is not worth a retract, mm."""
+BESIDE = 3
+"""A rest pass begins and ends so many contacts beside what is too deep."""
+MAX_ROUNDS = 20
+"""Times that a ball is moved out of the material, at most."""
+OVERSHOOT = 1.2
+"""A ball is moved by its excess depth times this factor, to get out of narrow places in fewer rounds."""
+ENTRY_LENGTH = 15.0
+"""What it takes to enter a rest pass, as a length of cutting, mm: 1 s at 900 mm/min."""
+
+
+@dataclass(frozen=True, eq=False)
+class RestStep:
+    """One rest path on the lines of one pattern: its runs of contacts (by index), how deep the ball would enter at
+    each contact of the pattern if it were not raised (mm), and what its centre is raised by (mm)."""
+
+    candidates: CandidateContacts
+    runs: list[Int[ndarray, " _"]]
+    depth: Float[ndarray, " n"]
+    raised: Float[ndarray, "n 3"]
+
+    @property
+    def length(self) -> float:
+        """Length (mm) of the passes and of what it takes to enter them."""
+        centres = self.candidates.centres + self.raised
+        passes = sum(np.linalg.norm(np.diff(centres[run], axis=0), axis=1).sum() for run in self.runs)
+        return float(passes + ENTRY_LENGTH * len(self.runs))
+
+
+def too_deep(candidates: CandidateContacts, material: Material, allowed: Allowed) -> bool:
+    """Whether the ball would enter the material deeper than allowed on a contact that it reaches."""
+    return bool((candidates.depths(material)[candidates.usable] > allowed.deepest).any())
+
+
+def rest_contacts(
+    patterns: Sequence[CandidateContacts], material: Material, allowed: Allowed
+) -> list[ContactPath]:
+    """The contacts of the rest paths of a level, whose contacts in several patterns are given; none where nothing is
+    too deep."""
+    first = [_first(candidates, material, allowed) for candidates in patterns]
+    first = [step for step in first if step.runs]
+    if not first:
+        return []
+    step = min(first, key=lambda step: step.length)
+    paths: list[ContactPath] = []
+    while step.runs:
+        paths.append(_contact_path(_gouge_free(step), allowed, len(paths) + 1))
+        step = _next(step, allowed.limit)
+    return [path for path in paths if len(path.contacts)]
+
+
+def after_steps(path: ContactPath, material: Material, allowed: Allowed) -> ContactPath:
+    """The contacts of a rest path but those where a step before it was left out: the ball would be too deep. A pass
+    ends there, and where the straight way to its next contact is too deep: over a ridge that balls are raised out of
+    to both sides. None where all of the path is in air."""
+    radius = path.cutter.radius
+    depth, _ = material.depths(path.centres, radius)
+    if not (depth > UNCERTAIN).any():
+        return path.take(np.zeros(0, dtype=np.int64))
+    kept = np.flatnonzero(depth <= allowed.deepest)
+    goes_on = (np.diff(kept) == 1) & (np.diff(path.pass_index[kept]) == 0)
+    first, last = kept[:-1][goes_on], kept[1:][goes_on]
+    between = move_depths(material.depths, path.centres[first], path.centres[last], radius)
+    goes_on[goes_on] = between <= allowed.deepest
+    return replace(path.take(kept), pass_index=np.r_[0, np.cumsum(~goes_on)][: len(kept)])
+
+
+def _first(candidates: CandidateContacts, material: Material, allowed: Allowed) -> RestStep:
+    """The first step on the lines of one pattern."""
+    depth = candidates.depths(material)
+    deep = candidates.usable & (depth > allowed.deepest)
+    runs = _runs(candidates, deep)
+    cut = np.clip(depth, 0.0, allowed.limit)
+    for run in runs:
+        cut[run] = np.minimum(cut[run], allowed.limit * _share(deep[run]))
+    index = np.concatenate([np.zeros(0, dtype=np.int64), *runs])
+    raised = np.zeros((len(depth), 3))
+    raised[index] = _raised(candidates.centres[index], candidates.cutter.radius, material, cut[index])
+    return RestStep(candidates, runs, depth, raised)
+
+
+def _next(step: RestStep, limit: float) -> RestStep:
+    """The step after one: every ball comes down by the limit."""
+    height = np.linalg.norm(step.raised, axis=1)
+    share = np.maximum(height - limit, 0.0) / np.maximum(height, np.finfo(float).tiny)
+    in_runs = np.zeros(len(height), dtype=bool)
+    in_runs[np.concatenate(step.runs)] = True
+    runs = _runs(step.candidates, in_runs & (share > 0))
+    depth = np.where(in_runs, height, step.depth)
+    return RestStep(step.candidates, runs, depth, share[:, None] * step.raised)
+
+
+def _runs(candidates: CandidateContacts, deep: Bool[ndarray, " n"]) -> list[Int[ndarray, " _"]]:
+    """The runs over what is too deep, and beside it."""
+    lines, usable = candidates.lines, candidates.usable
+    here = filled(lines, beside(lines, deep, BESIDE) & usable, usable, SHORT_GAP)
+    return [run for run in split_runs(lines, here) if deep[run].any()]
+
+
+def _share(deep: Bool[ndarray, " r"]) -> Float[ndarray, " r"]:
+    """Share of the limit that a run cuts at each contact: it comes from air to what is deep, and leaves so."""
+    index = np.flatnonzero(deep)
+    before = index[0]
+    behind = len(deep) - 1 - index[-1]
+    rising = np.arange(len(deep)) / before if before else np.ones(len(deep))
+    falling = np.arange(len(deep))[::-1] / behind if behind else np.ones(len(deep))
+    return np.minimum(np.minimum(rising, falling), 1.0)
+
+
+def _raised(
+    centres: Float[ndarray, "n 3"], radius: float, material: Material, cut: Float[ndarray, " n"]
+) -> Float[ndarray, "n 3"]:
+    """What each ball has to be moved by to enter the material by `cut` (mm) only: by what is too deep, away from the
+    nearest place, and again, as it may then be too deep in another wall."""
+    raised = np.zeros((len(centres), 3))
+    left = np.arange(len(centres))
+    for _ in range(MAX_ROUNDS):
+        depth, away = material.depths(centres[left] + raised[left], radius)
+        more = depth - cut[left]
+        moved = more > UNCERTAIN / 2
+        left = left[moved]
+        if not len(left):
+            break
+        raised[left] += OVERSHOOT * more[moved, None] * away[moved]
+    return raised
+
+
+def _gouge_free(step: RestStep) -> RestStep:
+    """The step, lifted where the raised ball would enter what must remain, and cut apart where it does not fit."""
+    candidates, radius = step.candidates, step.candidates.cutter.radius
+    index = np.concatenate(step.runs)
+    ends = np.cumsum([len(run) for run in step.runs])
+    joined = np.ones(len(index), dtype=bool)
+    joined[ends - 1] = False
+    normals = candidates.normals[index]
+    lifts = gouge_free_lifts(
+        candidates.centres[index] + step.raised[index] - radius * normals,
+        normals,
+        radius,
+        candidates.gouge_tolerance,
+        candidates.obstacles,
+        joined,
+        MAX_LIFT_RADII * radius,
+    )
+    raised = step.raised.copy()
+    raised[index] += np.nan_to_num(lifts)[:, None] * normals
+    fits = np.isfinite(lifts)
+    apart = np.unique(np.r_[ends[:-1], np.flatnonzero(~fits)])
+    pieces = [piece[fits[piece]] for piece in np.split(np.arange(len(index)), apart)]
+    return RestStep(candidates, [index[piece] for piece in pieces if len(piece)], step.depth, raised)
+
+
+def _contact_path(step: RestStep, allowed: Allowed, number: int) -> ContactPath:
+    """The contacts of a step, its runs entered on ramps."""
+    candidates = step.candidates
+    lines = candidates.lines
+    runs = entered_runs(lines, step.runs, step.depth, step.raised, allowed.limit)
+    made = stretches_of(in_turn(lines, runs))
+    kept = made.index
+    return ContactPath(
+        candidates.level.index,
+        candidates.cutter,
+        made.passes,
+        candidates.parameters[kept],
+        candidates.contacts[kept],
+        candidates.normals[kept],
+        candidates.feeds[kept],
+        candidates.centres[kept] + made.raised,
+        candidates.lifts[kept],
+        made.ramp,
+        np.zeros((0, 3)),
+        (),
+        rest=number,
+    )

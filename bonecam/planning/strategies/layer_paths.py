@@ -1,0 +1,82 @@
+"""The tool paths of a strategy that works in layers, with the tool axes that it fixes: iso-height milling from two
+sides, sectional rotary milling. They are linked and checked for collisions as the levels of a morph are."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from bonecam.errors import OrientationError
+from bonecam.job import Job
+from bonecam.levels.measure.level import Level, morph_surfaces
+from bonecam.machine.bodies import MachineBodies
+from bonecam.machine.tool_axis_limits import AxisLimits
+from bonecam.mesh.distance import MeshDistance
+from bonecam.planning.collision.scene import Scene
+from bonecam.planning.holding.parting import parting_paths
+from bonecam.planning.layers.material import DEVIATION
+from bonecam.planning.layers.standing import StandingMesh
+from bonecam.planning.oriented_path import orient
+from bonecam.planning.strategies.iso_height import iso_height_layers
+from bonecam.planning.strategies.rotary import rotary_layers
+from bonecam.progress import Progress, report, silent
+from bonecam.setup.capsule import enclosing_capsule
+from bonecam.setup.stock import Stock
+from bonecam.tool.cutter import Cutter
+from bonecam.tool.path import ToolPath
+from bonecam.workholding.clamping import clamping_of
+from bonecam.workholding.post import post_below
+
+STRATEGIES = {"iso-height": iso_height_layers, "rotary": rotary_layers}
+"""What plans the layers of each strategy (`path.strategy`)."""
+PART_CHORD = 0.002
+"""Chord tolerance (mm) of the tessellated part, as for the paths of levels."""
+LEVEL = np.array([[1.0, 0.0, 0.0]])
+"""A tool axis that is level, as those of both strategies are."""
+
+
+def plan_layer_paths(
+    levels: Sequence[Level],
+    stock: Stock,
+    job: Job,
+    limits: AxisLimits,
+    bodies: MachineBodies,
+    progress: Progress = silent,
+) -> tuple[ToolPath, ...]:
+    """The paths of the layers of `job.path.strategy` in machining order, the last one numbered 0; `levels` begin at
+    the part, `limits` and `bodies` are the machine's.
+
+    OrientationError where the machine cannot lay its tool axis level, or no contact of a layer is reached.
+    """
+    if not limits.allow(LEVEL).all():
+        raise OrientationError(
+            f"path.strategy = {job.path.strategy!r} needs a tool axis at 90 deg to the table, which this machine "
+            f"does not reach ({np.degrees(limits.largest):g} deg): take strategy = 'morph' or another machine"
+        )
+    report(progress, 0.0, "planning layers")
+    distance = MeshDistance(morph_surfaces(levels)[0].tessellate(PART_CHORD))
+    post = post_below(distance.mesh, job.holding)
+    roughing = Cutter.from_job(1, "roughing", job.tool("roughing"), bodies.nose)
+    finishing = Cutter.from_job(2, "finishing", job.tool("finishing"), bodies.nose)
+    layers, unreached = STRATEGIES[job.path.strategy](distance, stock, post, roughing, finishing, job)
+    paths = []
+    for count, layer in enumerate(layers):
+        report(progress, 0.3 + 0.7 * count / len(layers), f"path of layer {len(layers) - 1 - count}")
+        standing = StandingMesh(layer.material.mesh())
+        scene = Scene(
+            distance.mesh,
+            standing.mesh,
+            enclosing_capsule(stock),
+            post,
+            DEVIATION,
+            distance,
+            None,
+            clamping_of(job.holding, bodies.table),
+        )
+        path = replace(layer.path, level=len(layers) - 1 - count)
+        if not path.level:
+            near = post.distance(unreached) < 2 * path.cutter.radius
+            reasons = *path.reasons, *np.where(near, "post", "hidden").tolist()
+            path = replace(path, uncut=np.vstack([path.uncut, unreached]), reasons=reasons)
+        paths.append(orient(path, scene, limits, job.path, job.nc, fixed=layer.axes, material=standing))
+    return *paths, *parting_paths(scene, job, limits, bodies)

@@ -1,0 +1,121 @@
+"""What `bonecam.finish` hands back, and its files."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import bonecam
+from bonecam.job import Job, write_job
+from bonecam.machine.machine import read_machine
+from bonecam.mesh.files.mesh_files import write_mesh
+from bonecam.nc.posting.rotary.axis_limits import axis_limits
+from bonecam.nc.program import Program
+from bonecam.planning.strategies.surface_path import Workpiece
+from bonecam.report.axis_comparison import AxisComparison, compare_axes
+from bonecam.report.files.kept_folder import SERIES
+from bonecam.report.files.kept_view import VIEW
+from bonecam.report.files.output_files import File, Outputs
+from bonecam.report.files.shown import Shown
+from bonecam.report.page.packing import pack
+from bonecam.report.page.surface_contents import surface_contents
+from bonecam.report.pictures.compared_axes import draw_compared_axes
+from bonecam.report.pictures.machine_bodies import draw_machine
+from bonecam.report.pictures.surface_axes import draw_axes
+from bonecam.report.run_report import report_text
+from bonecam.report.summary import finished_summary
+from bonecam.report.tables.cl_data import apt_text
+from bonecam.report.tables.cones_csv import cones_csv
+from bonecam.report.tables.toolpath_csv import toolpath_csv
+from bonecam.runtime.staging import staged
+from bonecam.surface.files.iga import write_iga
+from bonecam.tool.path import ToolPath
+from bonecam.workholding.clamping import clamping_of
+
+PAGE_CHORD = 0.01
+"""Chord tolerance of the surface in the page, mm."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Finished(Shown):
+    """The result of `bonecam.finish`: surface and solid as they stand on the post, the path, the program. `report` is
+    the content of the file of --report."""
+
+    workpiece: Workpiece
+    path: ToolPath
+    program: Program
+    report: dict[str, Any]
+    job: Job
+
+    @cached_property
+    def packed_view(self) -> bytes:
+        """What `view` shows, packed as `bonecam.report.page` has it."""
+        surface = self.workpiece.surface.tessellate(PAGE_CHORD)
+        parts = (surface, self.workpiece.solid, self.path, self.program.text, self.job, self.report)
+        return pack(surface_contents(*parts, bonecam.__version__))
+
+    def compare_axes(self) -> AxisComparison:
+        """The tool axes beside the surface's normals and axes that lean by the lead angle, at the same contacts:
+        turning, collisions, speeds and time."""
+        machine = read_machine(self.job.nc.machine)
+        scene = self.workpiece.scene(self.job, clamping_of(self.job.holding, machine.table))
+        return compare_axes(self.path, scene, axis_limits(machine), self.job.path)
+
+    @property
+    def _title(self) -> str:
+        return self.report["surface"]["file"] or "a surface"
+
+    def _draw(self, file: Path) -> str:
+        draw_axes(self.path, self.workpiece.surface, file)
+        return "the surface with its contacts and tool axes, from two sides"
+
+    def __repr__(self) -> str:
+        return f"<Finished of {self._title}: {self.program!r}>"
+
+    @property
+    def summary(self) -> str:
+        """The report in a few lines of text."""
+        return finished_summary(self.report)
+
+
+def write_finished(made: Finished, wanted: Outputs) -> None:
+    """Write the wanted files, all or none: program, report, page, cutter location data, and the folder to keep.
+    FileError names what cannot be written."""
+    texts: tuple[tuple[File, Callable[[], str]], ...] = (
+        (wanted.program, lambda: made.program.text),
+        (wanted.report, lambda: report_text(made.report)),
+        (wanted.html, lambda: made.page),
+        (wanted.apt, lambda: apt_text([made.path], made.program.name)),
+    )
+    with staged() as staging:
+        for file, text in texts:
+            if file is not None:
+                staging.file(file).write_text(text(), encoding="utf-8", newline="")
+        if wanted.keep is not None:
+            _fill_folder(staging.folder(wanted.keep, SERIES), made)
+
+
+def _fill_folder(work: Path, made: Finished) -> None:
+    """Write surface.iga, solid.ply, toolpath.csv, .apt and .png, axes.png, axes.md, machine.png, cones.csv,
+    program, view.gz, job.toml and report.json."""
+    write_iga(made.workpiece.surface, work / "surface.iga")
+    write_mesh(made.workpiece.solid, work / "solid.ply")
+    made._draw(work / "toolpath.png")
+    compared = made.compare_axes()
+    draw_compared_axes(compared, made.workpiece.surface.tessellate(PAGE_CHORD), work / "axes.png")
+    table = read_machine(made.job.nc.machine).table
+    draw_machine([made.path], made.workpiece.solid, made.job.holding, table, work / "machine.png")
+    (work / VIEW).write_bytes(made.packed_view)
+    texts = {
+        f"program{made.program.extension}": made.program.text,
+        "axes.md": compared.table,
+        "toolpath.csv": toolpath_csv([made.path]),
+        "toolpath.apt": apt_text([made.path], made.program.name),
+        "job.toml": write_job(made.job),
+        "report.json": report_text(made.report),
+    }
+    if made.path.cones:
+        texts["cones.csv"] = cones_csv([made.path])
+    for name, text in texts.items():
+        (work / name).write_text(text, encoding="utf-8", newline="")

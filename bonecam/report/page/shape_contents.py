@@ -1,0 +1,130 @@
+"""What a page shows before there is a program: levels, the mesh as given, deviation, and the bodies round the part."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.arrays import dots, lengths
+from bonecam.job import Job
+from bonecam.levels.measure.level import Level, rounding_cuts
+from bonecam.machine.bodies import Table
+from bonecam.mesh.distance import exact_closest
+from bonecam.mesh.facets.vertex_normals import vertex_normals
+from bonecam.mesh.part import Part
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.report.page.packing import Contents
+from bonecam.setup.stock import Stock, stock_figures, stock_text
+from bonecam.workholding.post import post_below
+
+MOST_FACES = 100_000
+"""A mesh as given with more faces is shown as it was after repair and decimation."""
+
+
+def shape_contents(
+    part: Part, levels: Sequence[Level], stock: Stock, job: Job, table: Table, name: str
+) -> Contents:
+    """Levels with the depth of their cuts, part as given and as fitted, stock, post, chuck and table."""
+    facts, arrays = _levels(levels, job)
+    shown, which = _given(part)
+    arrays |= {
+        "given": shown.vertices,
+        "given_faces": shown.faces,
+        "given_deviation": _outside(shown, levels[0].mesh),
+        "deviation": _outwards(levels[0].mesh, shown),
+    }
+    post = post_below(part.mesh, job.holding)
+    facts |= {
+        "name": name,
+        "file": part.file,
+        "given": which,
+        "stock": {**stock_figures(stock), "text": stock_text(stock_figures(stock))},
+        "stock_bounds": stock.bounds.tolist(),
+        "post": {"radius": post.radius, "top": post.top},
+        **bodies(job, table),
+    }
+    return Contents(facts, arrays)
+
+
+def _levels(levels: Sequence[Level], job: Job) -> tuple[dict[str, Any], dict[str, ndarray]]:
+    rounding = rounding_cuts(levels)
+    told = []
+    arrays: dict[str, ndarray] = {}
+    faces: dict[bytes, str] = {}
+    before = levels[0].mesh
+    for level in levels:
+        shape = level.mesh.faces.tobytes()
+        if shape not in faces:
+            faces[shape] = f"faces_{len(faces)}"
+            arrays[faces[shape]] = level.mesh.faces
+        arrays[f"level_{level.index}"] = level.mesh.vertices
+        arrays[f"depth_{level.index}"] = lengths(
+            level.mesh.vertices - exact_closest(before, level.mesh.vertices)[0]
+        )
+        before = level.mesh
+        told.append(
+            {
+                "index": level.index,
+                "name": _name(level, len(levels), job, rounding),
+                "faces": faces[shape],
+                "limit": level.limit,
+                "deepest": level.deepest,
+                "mean": level.depth_mean,
+                "certified": level.certified,
+            }
+        )
+    return {"levels": told}, arrays
+
+
+def _name(level: Level, count: int, job: Job, rounding: range) -> str:
+    """What a level is, in a word or two."""
+    if level.index == 0:
+        return "the part"
+    if level.index == count - 1:
+        return "the stock"
+    if level.index in rounding:
+        return "rounds the stock"
+    return "finishing" if job.is_finishing(level.index) else "roughing"
+
+
+def _given(part: Part) -> tuple[TriangleMesh, str]:
+    """The mesh to show as the one given, and what it is."""
+    if len(part.given.faces) <= MOST_FACES:
+        return part.placed_given, "as given"
+    return part.mesh, "as repaired: the given one has too many faces to show"
+
+
+def _outwards(fitted: TriangleMesh, given: TriangleMesh) -> Float[ndarray, " n"]:
+    """How far each vertex of the fitted mesh lies outside the given one, mm."""
+    away = fitted.vertices - exact_closest(given, fitted.vertices)[0]
+    return np.asarray(np.sign(dots(away, vertex_normals(fitted))) * lengths(away))
+
+
+def _outside(given: TriangleMesh, fitted: TriangleMesh) -> Float[ndarray, " n"]:
+    """How far the fitted mesh lies outside each vertex of the given one, mm."""
+    places, faces = exact_closest(fitted, given.vertices)
+    away = places - given.vertices
+    return np.asarray(np.sign(dots(away, fitted.face_vectors[faces])) * lengths(away))
+
+
+def bodies(job: Job, table: Table) -> dict[str, Any]:
+    """Sizes of chuck and table, mm; None for a chuck that the job does not have."""
+    return {"chuck": _chuck(job), "table": _table(table)}
+
+
+def _chuck(job: Job) -> dict[str, float] | None:
+    holding = job.holding
+    if not holding.chuck_height:
+        return None
+    return {"radius": holding.chuck_diameter / 2, "top": holding.chuck_height}
+
+
+def _table(table: Table) -> dict[str, Any]:
+    """The table's sizes, None where it has no edge, and what stands on it as (length, radius, upper radius)."""
+    sizes = {"radius": table.radius, "half_width": table.half_width, "half_depth": table.half_depth}
+    return {
+        **{name: float(size) if np.isfinite(size) else None for name, size in sizes.items()},
+        "standing": [[piece.length, piece.diameter / 2, piece.top_diameter / 2] for piece in table.standing],
+    }

@@ -1,0 +1,135 @@
+"""Picture: the machine's bodies round the part where the tool comes nearest to the table."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.arrays import rotations_of
+from bonecam.job import HoldingJob
+from bonecam.machine.bodies import Table
+from bonecam.mesh.solids.revolution import revolve
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.report.pictures.panels import BELOW, Plot, lay_out, new_figure, save_figure
+from bonecam.report.pictures.shading import draw_shaded
+from bonecam.tool.cutter import Cutter
+from bonecam.tool.path import Kind, ToolPath
+
+COLOURS = {
+    "part": "#d9cfb8",
+    "post": "#7f7f7f",
+    "chuck": "#009e73",
+    "table": "#cc79a7",
+    "cutter": "#d55e00",
+    "shank": "#f0e442",
+    "holder": "#0072b2",
+    "spindle": "#56b4e9",
+}
+"""Of Okabe & Ito (2008), which colour-blind readers tell apart; part and post in bone and grey."""
+SIDES = 32
+"""Of bodies of revolution."""
+RING = 3.0
+"""Rings of their meshes are about so far apart, mm: what lies behind is sorted by triangles."""
+TABLE_SHOWN = 60.0
+"""The table is drawn so far from its middle at most, and so is its thickness a tenth of that, mm."""
+LEGEND = 0.45
+"""Inches that the legend takes below the panels."""
+
+
+def draw_machine(
+    paths: Sequence[ToolPath], part: TriangleMesh, holding: HoldingJob, table: Table, file: str | Path
+) -> None:
+    """Write table, chuck, post, part and the whole tool, from the front (-y) and from behind, at the cut in which
+    holder or spindle are nearest to the table's plane."""
+    from matplotlib.lines import Line2D
+
+    heights = [_lowest(path) for path in paths]
+    path = paths[int(np.argmin([np.min(each, initial=np.inf) for each in heights]))]
+    row = int(np.argmin(_lowest(path)))
+    bodies = [*_fixed(part, holding, table), *_tool(path.cutter, path.tips[row], path.axes[row])]
+    figure, plots = new_figure(2)
+    for plot, side in zip(plots, (1.0, -1.0)):
+        _draw(plot, bodies, side)
+    told = f"{path.title}, where holder or spindle are lowest: {_lowest(path)[row]:.0f} mm above the table"
+    plots[0].set_title(told, fontsize="small")
+    plots[1].set_title("from behind", fontsize="small")
+    plots[0].set_ylabel("z (mm)")
+    used = [name for name in COLOURS if name != "chuck" or holding.chuck_height]
+    lines = [Line2D([], [], color=COLOURS[name], lw=6, label=name) for name in used]
+    figure.legend(handles=lines, loc="lower center", ncols=len(lines), fontsize="small")
+    lay_out(figure, plots, below=BELOW + LEGEND)
+    save_figure(figure, file)
+
+
+def _lowest(path: ToolPath) -> Float[ndarray, " n"]:
+    """Height (mm) of the lowest point of holder and spindle over z = 0 in each cut; infinite elsewhere."""
+    up = path.axes[:, 2]
+    across = np.sqrt(np.maximum(1 - up**2, 0))
+    rims = [
+        (height, radius)
+        for section in path.cutter.profile
+        if section.name in ("holder", "spindle")
+        for height, radius in ((section.start, section.radius), (section.end, section.end_radius))
+    ]
+    heights = [path.tips[:, 2] + height * up - radius * across for height, radius in rims]
+    return np.where(path.kinds == Kind.CUT, np.min(heights, axis=0), np.inf)
+
+
+def _fixed(part: TriangleMesh, holding: HoldingJob, table: Table) -> list[tuple[str, TriangleMesh]]:
+    """Part, post, chuck and table with what stands on it."""
+    radius = holding.diameter / 2
+    bodies = [("part", part), ("post", _bar(0.0, float(part.bounds[0, 2]), radius, radius))]
+    if holding.chuck_height:
+        radius = holding.chuck_diameter / 2
+        bodies.append(("chuck", _bar(0.0, holding.chuck_height, radius, radius)))
+    half = min(table.radius, table.half_width, table.half_depth, TABLE_SHOWN)
+    bodies.append(("table", _bar(-half / 10, 0.0, half, half)))
+    height = 0.0
+    for piece in table.standing:
+        bodies.append(
+            ("table", _bar(height, height + piece.length, piece.diameter / 2, piece.top_diameter / 2))
+        )
+        height += piece.length
+    return bodies
+
+
+def _tool(
+    cutter: Cutter, tip: Float[ndarray, "3"], axis: Float[ndarray, "3"]
+) -> list[tuple[str, TriangleMesh]]:
+    """The sections of a tool in a pose."""
+    pose = np.eye(4)
+    pose[:3, :3] = rotations_of(axis[None])[0]
+    pose[:3, 3] = tip
+    angle = np.linspace(0, np.pi / 2, 6)[1:]
+    ball = revolve(
+        cutter.radius * np.sin(angle), cutter.radius * (1 - np.cos(angle)), (0.0, cutter.radius), SIDES
+    )
+    sections = [
+        (section.name, _bar(section.start, section.end, section.radius, section.end_radius))
+        for section in cutter.profile
+    ]
+    return [(name, mesh.move(pose)) for name, mesh in [("cutter", ball), *sections]]
+
+
+def _bar(start: float, end: float, radius: float, end_radius: float) -> TriangleMesh:
+    """A body of revolution about Z in short pieces, its ends too."""
+    count = max(2, int((end - start) / RING) + 1)
+    flat = np.linspace(0.1, 0.9, 8)
+    radii = np.concatenate([radius * flat, np.linspace(radius, end_radius, count), end_radius * flat[::-1]])
+    heights = np.concatenate([np.full(8, start), np.linspace(start, end, count), np.full(8, end)])
+    return revolve(radii, heights, (start, end), SIDES)
+
+
+def _draw(plot: Plot, bodies: Sequence[tuple[str, TriangleMesh]], side: float) -> None:
+    """All bodies as one mesh, so that what lies before is drawn over what lies behind."""
+    from matplotlib.colors import to_rgb
+
+    starts = np.cumsum([0, *(len(mesh.vertices) for _, mesh in bodies[:-1])])
+    vertices = np.vstack([mesh.vertices for _, mesh in bodies])
+    faces = np.vstack([mesh.faces + start for (_, mesh), start in zip(bodies, starts)]).astype(np.int32)
+    colours = np.repeat(
+        [to_rgb(COLOURS[name]) for name, _ in bodies], [len(mesh.faces) for _, mesh in bodies], axis=0
+    )
+    draw_shaded(plot, TriangleMesh(vertices, faces), side, colours)

@@ -1,0 +1,95 @@
+"""The report of a run, section by section, as --report writes it."""
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from bonecam.job import HoldingJob, PathJob
+from bonecam.levels.sequences.begun_morph import Morph
+from bonecam.mesh.part import Part
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.nc.program import Program
+from bonecam.report.figures import (
+    levels_report,
+    nc_report,
+    parting_report,
+    surface_report,
+    toolpath_report,
+    uncut_areas,
+)
+from bonecam.setup.stock import Stock, stock_figures
+from bonecam.surface.fitting.deviation import distance_both_ways
+from bonecam.surface.fitting.fit import Fit
+from bonecam.tool.path import PARTING, ToolPath
+from bonecam.verify.proof import Verification
+from bonecam.workholding.post import Post
+
+
+def report_text(report: dict[str, Any]) -> str:
+    """The text of a report's file."""
+    return json.dumps(report, indent=2) + "\n"
+
+
+def report_to_levels(part: Part, fitted: Fit, stock: Stock, morph: Morph, method: str) -> dict[str, Any]:
+    """The sections of input, surface, stock and levels."""
+    return {
+        "input": {
+            "file": part.file,
+            "faces": part.faces,
+            "units": part.units,
+            "notes": list(part.notes),
+            "repairs": [str(each) for each in part.repairs],
+            "repair_steps": [each.report for each in part.repairs],
+            "filled": part.fill.report if part.fill else None,
+            "repair_taken_off_max_mm": round(part.taken_off[0], 6),
+            "repair_deviation_max_mm": round(part.repair_deviation, 6),
+        },
+        "surface": {**surface_report(fitted), **_given_report(part, fitted)},
+        "stock": stock_figures(stock),
+        "levels": levels_report(morph.levels),
+        "levels_lower_bound": morph.lower_bound,
+        "levels_break_mm": round(morph.breaks, 6),
+        "levels_method": method,
+    }
+
+
+def _given_report(part: Part, fitted: Fit) -> dict[str, float]:
+    """How far the surface and the mesh as given are from each other; where nothing was repaired or filled that
+    is the deviation of the fit."""
+    found = fitted.deviation
+    surface_to_given = found.surface_to_mesh_max
+    given_to_surface = found.mesh_to_surface_max
+    if part.repairs:
+        surface_to_given, given_to_surface = distance_both_ways(fitted.surface, part.placed_given)
+    return {
+        "given_deviation_max_mm": round(max(surface_to_given, given_to_surface), 6),
+        "surface_to_given_max_mm": round(surface_to_given, 6),
+        "given_to_surface_max_mm": round(given_to_surface, 6),
+    }
+
+
+def post_report(post: Post, part: TriangleMesh, job: HoldingJob) -> dict[str, float]:
+    """`post` of the report: its sizes, and the area of the part that stays under it."""
+    sizes = {"diameter_mm": job.diameter, "length_mm": job.length}
+    return {**sizes, "footprint_mm2": round(post.footprint(part), 2)}
+
+
+def report_to_program(
+    file: str,
+    paths: Sequence[ToolPath],
+    program: Program,
+    proof: Verification,
+    job: PathJob,
+    part: TriangleMesh,
+) -> dict[str, Any]:
+    """The sections of tool paths, of what they leave uncut on the `part` where they follow it, of the parting groove
+    if there is one, and of the program;
+    `file` is the program's, empty where none is written."""
+    on_levels = [path for path in paths if path.level != PARTING]
+    told = toolpath_report(on_levels, float(np.radians(job.least_lead_deg)))
+    on_part = [path for path in paths if path.level == 0]
+    areas = uncut_areas(on_part, part) if job.strategy == "morph" else {}
+    posted = {"file": file, **nc_report(program, proof)}
+    return {"toolpath": told, "uncut_mm2": areas, **parting_report(paths, part), "nc": posted}

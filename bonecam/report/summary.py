@@ -1,0 +1,250 @@
+"""The report in a few lines for a person."""
+
+import textwrap
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from bonecam.errors import counted
+from bonecam.levels.closed_morph import METHODS
+from bonecam.levels.problem.tolerances import NESTING_TOLERANCE
+from bonecam.report.axis_lines import axis_lines, rewind_lines
+from bonecam.report.figures import parting_text
+from bonecam.setup.stock import stock_text
+from bonecam.workholding.post import SLENDER
+
+WIDTH = 120
+"""Columns of the summary's longest lines."""
+NOT_SIMULATED = {"skipped": "the removal of material was not simulated"}
+"""The section `removal` of a report without a simulation."""
+WHY = {
+    "post": "at the post",
+    "gouge": "ball too large for the hollow",
+    "covered": "behind what a larger ball left",
+    "short": "too short for a plunge",
+    "collision": "no free way for the tool",
+    "limits": "beyond the machine's tilt",
+    "hidden": "out of reach of the strategy's tool axes",
+}
+"""What each reason for leaving a contact uncut means."""
+
+
+def summary_of(report: Mapping[str, Any]) -> str:
+    """The report in a few lines for a person; it may end at the levels."""
+    lines = [
+        *_mesh_lines(report["input"]),
+        _surface_line(report["surface"]),
+        *_given_lines(report),
+        f"stock     {stock_text(report['stock'])}",
+        *_post_lines(report.get("post")),
+        *(_levels_lines(report) if report.get("strategy", "morph") == "morph" else _layer_lines(report)),
+        *(_program_lines(report) if "nc" in report else ()),
+        *(_removal_lines(report["removal"]) if "removal" in report else ()),
+        *(_second_lines(report["second"]) if "second" in report else ()),
+        f"time      {sum(report['seconds'].values()):.1f} s",
+    ]
+    return "\n".join(lines)
+
+
+def second_text(second: Mapping[str, Any]) -> str:
+    """The section `second` of a report in a few lines."""
+    return "\n".join(_second_lines(second))
+
+
+def _second_lines(second: Mapping[str, Any]) -> Iterator[str]:
+    """The program of the second clamping, and what it leaves where the post stood."""
+    yield f"second    {second['file'] or 'not written'}: {second['blocks']} blocks, about {second['time_min']:.1f} min"
+    spaces = second["removal"]["clearance_mm"]
+    clear = ", ".join(f"{part} {_clearance_text(value)}" for part, value in spaces.items())
+    yield f"          gouge {1000 * second['gouge_max_mm']:.2f} um, rapids cut nothing; {clear}"
+    before, after = second["at_post_before_mm2"], second["at_post_after_mm2"]
+    most = f"{second['at_post_after_max_mm']:.2f} mm at most"
+    yield f"          {after:.1f} of {before:.1f} mm2 at the post still keep more than 0.02 mm, {most}"
+
+
+def finished_summary(report: Mapping[str, Any]) -> str:
+    """The report of one surface machined alone in a few lines for a person."""
+    surface, seconds = report["surface"], sum(report["seconds"].values())
+    shape = f"{surface['kind']}, {surface['area_mm2']:.0f} mm2, {surface['control_points']} control points"
+    lines = [
+        f"surface   {shape}; {counted(surface['solids'], 'solid')} kept clear of",
+        *_post_lines(report["post"]),
+        *_program_lines(report),
+        f"time      {seconds:.1f} s",
+    ]
+    return "\n".join(lines)
+
+
+def _mesh_lines(mesh: Mapping[str, Any]) -> Iterator[str]:
+    """The mesh, what is to be known of it, and its repairs."""
+    yield f"mesh      {mesh['faces']} faces, {mesh['units']}; {counted(len(mesh['repairs']), 'repair')}"
+    for kind, sentences in (("note      ", mesh["notes"]), ("repair    ", mesh["repairs"])):
+        yield from (kind + sentence for sentence in sentences)
+
+
+def _surface_line(surface: Mapping[str, Any]) -> str:
+    """Size and deviation of the surface."""
+    deviation = f"max {surface['deviation_max_mm']:.3f} rms {surface['deviation_rms_mm']:.3f} mm"
+    return f"surface   {surface['control_points']} control points, deviation {deviation}"
+
+
+def _given_lines(report: Mapping[str, Any]) -> Iterator[str]:
+    """Where the mesh was repaired, how far the surface is from it as it was given."""
+    if report["input"]["repairs"]:
+        given = f"{report['surface']['given_deviation_max_mm']:.3f} mm to the mesh as given"
+        moved = f"{report['input']['repair_deviation_max_mm']:.3f} mm of repair and filling"
+        yield f"as given  max {given}, with {moved}"
+
+
+def _post_lines(post: Mapping[str, Any] | None) -> Iterator[str]:
+    """The post, and a warning where it is so slender that it bends like a spring."""
+    if post is not None:
+        slender = post["length_mm"] > SLENDER * post["diameter_mm"]
+        warning = "; slender: a thicker post, a chuck below it or a slimmer holder and spindle help" * slender
+        yield f"post      {post['diameter_mm']:g} x {post['length_mm']:g} mm{warning}"
+        if "footprint_mm2" in post:
+            yield f"          {post['footprint_mm2']:.1f} mm2 of the part stay under it"
+        remedies = [f"{each['length_mm']:g} mm with {each['change']}" for each in post.get("remedies", ())]
+        if remedies:
+            yield f"          {', '.join(remedies)}"
+        costs = [
+            f"{each['length_mm']:g} mm leaves {each['uncut_mm2']:g} mm2 uncut round it"
+            for each in post.get("shorter", ())
+        ]
+        if costs:
+            yield f"          {', '.join(costs)}"
+
+
+def _layer_lines(report: Mapping[str, Any]) -> Iterator[str]:
+    """The layers of a strategy that does not morph."""
+    layers = counted(len(report["toolpath"]), "layer")
+    length = sum(row["length_mm"] for row in report["toolpath"])
+    yield f"layers    {layers} by {report['strategy']} milling, {length / 1000:.1f} m of cuts"
+
+
+def _levels_lines(report: Mapping[str, Any]) -> Iterator[str]:
+    """Cuts, their lower bound, depths, and what is certified."""
+    levels, breaks = report["levels"], report["levels_break_mm"]
+    deepest = max(row[depth] for row in levels for depth in ("depth_max_mm", "depth_back_max_mm"))
+    bound = f"no schedule needs fewer than {report['levels_lower_bound']}"
+    broken = f"; a limit is broken by {breaks:.4f} mm" if breaks else ""
+    yield f"levels    {counted(len(levels) - 1, 'cut')}, {bound}; depth max {deepest:.4f} mm{broken}"
+    yield f"certified {certified_text(levels, report['levels_method'])}"
+
+
+def _program_lines(report: Mapping[str, Any]) -> Iterator[str]:
+    """Paths, program and proof."""
+    toolpath, nc = report["toolpath"], report["nc"]
+    length, trimmed = (sum(row[name] for row in toolpath) for name in ("length_mm", "trimmed_mm"))
+    contacts = sum(row["contacts"] for row in toolpath)
+    yield f"toolpath  {contacts} contacts, {length:.0f} mm of passes; {trimmed:.0f} mm through air left out"
+    for number, line in enumerate(uncut_lines(toolpath, report["uncut_mm2"])):
+        label = "" if number else "uncut"
+        yield textwrap.fill(line, WIDTH, initial_indent=f"{label:10}", subsequent_indent=" " * 12)
+    yield from axis_lines(toolpath)
+    if "parting" in report:
+        yield f"parting   {parting_text(report['parting'])}"
+    mill = f"{nc['machine']} / {nc['controller']}"
+    yield f"nc        {nc['file'] or 'not written'}: {nc['blocks']} blocks for {mill}, about {nc['time_min']:.0f} min"
+    yield from rewind_lines(nc)
+    median, low = nc["feed_median_mm_min"], nc["feed_low_mm_min"]
+    share = f"an axis limits {nc['feed_axis_limited_share']:.0%} of the cutting blocks"
+    yield f"feed      median {median:.0f}, a tenth below {low:.0f} mm/min; {share}"
+    tip_um, gouge_um = nc["readback_tip_error_mm"] * 1000, nc["gouge_max_mm"] * 1000
+    yield f"proof     tip {tip_um:.2f} um, axis {nc['readback_axis_error_deg']:.4f} deg, gouge {gouge_um:.2f} um"
+    given = nc.get("gouge_to_given_max_mm")
+    yield from () if given is None else [f"          {given:.3f} mm into the mesh as given at most"]
+
+
+def removal_text(removal: Mapping[str, Any]) -> str:
+    """The section `removal` of a report in a few lines."""
+    return "\n".join(_removal_lines(removal))
+
+
+def _removal_lines(removal: Mapping[str, Any]) -> Iterator[str]:
+    """What the simulation of the posted text found."""
+    if "skipped" in removal:
+        yield f"removal   {removal['skipped']}"
+        return
+    over = max(level["over_limit_mm"] or 0.0 for level in removal["levels"])
+    left, cell = removal["left"], removal["cell_mm"]
+    deepest = f"depth at most {over:.2f} mm over its limit"
+    yield f"removal   rapids cut nothing, {_links_text(removal['links'])}; {deepest} (cells of {cell:g} mm)"
+    spaces = (f"{part} {_clearance_text(value)}" for part, value in removal["clearance_mm"].items())
+    yield f"clear     {', '.join(spaces)}"
+    away = f"{left['area_over_0_02_mm2']:.1f} mm2 keep more than 0.02 mm, {left['max_mm']:.2f} mm at most"
+    reasons = left["by_reason"]
+    why = f"{reasons['gouge']:.1f} in hollows, {reasons['reachable']:.1f} where the ball fits"
+    yield f"left      {away} ({why}); at the post {reasons['post']:.1f} mm2"
+    if removal.get("given"):
+        inside, outside = (removal["given"][name] for name in ("gouge_max_mm", "left_max_mm"))
+        yield f"as given  what is left lies {inside:.3f} mm inside the mesh as given at most, {outside:.3f} mm outside"
+    if removal.get("bridge_diameter_mm") is not None:
+        yield f"          {removal['bridge_diameter_mm']:.2f} mm of the post hold the parted part"
+
+
+def _links_text(links: Mapping[str, Any]) -> str:
+    """What the moves between passes remove, and where a cut of one of them is deepest."""
+    if links["most_mm3"] is None:
+        return f"no link cuts over {links['allowed_mm3']:g} mm3"
+    where = f"{links['depth_max_mm']:.2f} mm deep in line {links['depth_max_line']}"
+    return f"links {links['removed_mm3']:.2f} mm3, {where}"
+
+
+def _clearance_text(value: float | None) -> str:
+    """A clearance; None where it is larger than is looked at."""
+    return "far" if value is None else f"{value:.2f} mm"
+
+
+def certified_text(levels: Sequence[Mapping[str, Any]], method: str = "qp") -> str:
+    """What holds between the points measured, in one line; `levels` as in the report, made by `method`."""
+    known = [row for row in levels if row["not_certified"] is not None]
+    rounding = sum(row["rounding"] for row in levels)
+    exact = []
+    if rounding:
+        exact = [f"{counted(rounding, 'more cut')} only to round the stock, exact by construction"]
+    if not known:
+        without = counted(len(levels) - 1 - rounding, "cut")
+        return "; ".join([f"nothing on {without}: {_why_uncertified(method)}", *exact])
+
+    doubts = [f"cut {row['index']} {doubt}" for row in known for doubt in row["not_certified"]]
+    kept = sum(not row["not_certified"] for row in known)
+    all_known = counted(len(known), "cut")
+    return "; ".join([f"depth, nesting and stock hold everywhere on {kept} of {all_known}", *exact, *doubts])
+
+
+def _why_uncertified(method: str) -> str:
+    """Why levels made by `method` have no certificate."""
+    behind = METHODS[method][0]
+    if behind <= NESTING_TOLERANCE:
+        return "the surface is not polynomial (it has weights other than one)"
+    return (
+        f"levels by {method} may fall {behind:g} mm behind one another, "
+        f"more than the {NESTING_TOLERANCE:g} mm of a certificate"
+    )
+
+
+def uncut_lines(toolpath: Sequence[Mapping[str, Any]], areas: Mapping[str, float]) -> list[str]:
+    """Which contacts were left uncut and why, a line for the part with their `areas` (mm^2, by reason) and one for the
+    levels round it; `toolpath` as in the report."""
+    told = []
+    for where, outer in (("on the part", False), ("on levels round it", True)):
+        rows = [row for row in toolpath if bool(row["level"]) == outer]
+        reasons: Counter[str] = sum((Counter(row["uncut_reasons"]) for row in rows), Counter())
+        blocked: Counter[str] = sum((Counter(row["blocked_by"]) for row in rows), Counter())
+        why = WHY | {
+            "collision": ", ".join([WHY["collision"], *(f"{n} {by}" for by, n in blocked.most_common(2))])
+        }
+        if reasons:
+            known = {} if outer else areas
+            each = ", ".join(
+                f"{reason} {count}{_area_text(known.get(reason))} ({why[reason]})"
+                for reason, count in reasons.most_common()
+            )
+            told.append(f"{counted(reasons.total(), 'contact')} {where}: {each}")
+    return told or ["nothing"]
+
+
+def _area_text(area: float | None) -> str:
+    """What is added to a number of contacts whose area is known, mm^2."""
+    return "" if area is None else f", {area:.1f} mm2"

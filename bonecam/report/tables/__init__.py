@@ -1,0 +1,1 @@
+"""Tables that others read: cutter-location data (APT), contacts, cones, the rows of a batch."""

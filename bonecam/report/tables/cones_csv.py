@@ -1,0 +1,35 @@
+"""Cones of free tool axes as a table of comma-separated values."""
+
+import csv
+import io
+from collections.abc import Sequence
+
+import numpy as np
+
+from bonecam.tool.path import ToolPath
+
+COLUMNS = (
+    *("level", "rest"),
+    *("apex_x", "apex_y", "apex_z"),
+    *("axis_x", "axis_y", "axis_z"),
+    *("half_angle_deg", "contacts", "slack_mm"),
+)
+
+
+def cones_csv(paths: Sequence[ToolPath]) -> str:
+    """One line for each cone that contacts keep to, in machining order: the node that stands for them among the ball's
+    centres (mm), unit axis, semi-angle, how many contacts they are, and how much nearer (mm) the obstacles might be."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for path in paths:
+        if path.cones is None:
+            continue
+        cones = path.cones
+        used, contacts = np.unique(cones.cone_of[cones.cone_of >= 0], return_counts=True)
+        for k, count in zip(used, contacts):
+            apex = [f"{value:.4f}" for value in cones.apexes[k]]
+            axis = [f"{value:.6f}" for value in cones.axes[k]]
+            angle = f"{np.degrees(cones.angles[k]):.3f}"
+            writer.writerow([path.level, path.rest, *apex, *axis, angle, count, f"{cones.slacks[k]:.4f}"])
+    return text.getvalue()

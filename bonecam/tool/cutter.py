@@ -1,0 +1,142 @@
+"""The ball-end tool as a stack of revolved shapes above the tip: ball and flutes, shank, holder, spindle nose."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+
+from bonecam.job import ToolJob, field_error
+from bonecam.machine.frustum import Frustum, stack_length
+
+
+@dataclass(frozen=True)
+class Section:
+    """A cylinder or cone about the tool axis: from `start` to `end` (mm from the tip towards the spindle), its
+    radius at the start and at the end (mm); `name` is cutter, shank, holder or spindle."""
+
+    name: str
+    start: float
+    end: float
+    radius: float
+    end_radius: float
+
+    @property
+    def widest(self) -> float:
+        """The larger radius, mm."""
+        return max(self.radius, self.end_radius)
+
+    @property
+    def taper(self) -> float:
+        """Growth of the radius along the axis, mm/mm; 0 of a cylinder, and of the flutes of half a ball."""
+        length = self.end - self.start
+        return (self.end_radius - self.radius) / length if length else 0.0
+
+
+@dataclass(frozen=True)
+class Cutter:
+    """A ball-end cutter in its holder and spindle; mm. Positions are measured from the tip towards the spindle.
+
+    `name` is the section of the job. The `holder` begins at the `overhang` (stick-out), the spindle `nose` behind
+    it, at the gauge line. Raises JobError where the shapes cannot follow each other from the tip up, or the
+    shank does not fit into the holder: radius <= flute_length < overhang, shank_diameter <= the holder's.
+    """
+
+    number: int
+    name: str
+    radius: float
+    flute_length: float
+    shank_diameter: float
+    overhang: float
+    holder: tuple[Frustum, ...]
+    spindle: float
+    feed: float
+    scallop: float
+    nose: tuple[Frustum, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.flute_length >= self.radius:
+            raise field_error(
+                self.name,
+                "flute_length",
+                self.flute_length,
+                f"give at least the ball's radius ({self.radius:g} mm)",
+            )
+        if not self.overhang > self.flute_length:
+            raise field_error(
+                self.name,
+                "overhang",
+                self.overhang,
+                f"give more than flute_length ({self.flute_length:g} mm)",
+            )
+        if not 0 < self.scallop < self.radius:
+            raise field_error(
+                self.name,
+                "scallop",
+                self.scallop,
+                f"give less than the ball's radius ({self.radius:g} mm), and more than 0",
+            )
+        if not (self.spindle > 0 and self.feed > 0):
+            raise ValueError(
+                f"{self.name}: no spindle speed or feed: take the cutter of Job.tool({self.name!r})"
+            )
+        nose = self.holder[0].diameter
+        if not self.shank_diameter <= nose:
+            raise field_error(
+                self.name,
+                "shank_diameter",
+                self.shank_diameter,
+                f"give at most holder_diameter ({nose:g} mm)",
+            )
+
+    @classmethod
+    def from_job(cls, number: int, name: str, job: ToolJob, nose: Iterable[Frustum] = ()) -> "Cutter":
+        """The cutter of a job (`Job.tool`), with its place in the tool changer, in a spindle with this nose."""
+        return cls(
+            number,
+            name,
+            job.radius,
+            job.flute_length,
+            job.shank_diameter,
+            job.overhang,
+            job.holder_stack,
+            job.spindle,
+            job.feed,
+            job.scallop,
+            tuple(nose),
+        )
+
+    @property
+    def length(self) -> float:
+        """From the tip to the far end of the holder: the gauge line, mm."""
+        return self.overhang + stack_length(self.holder)
+
+    @property
+    def reach(self) -> float:
+        """Height of the flutes above the ball's centre, mm."""
+        return self.flute_length - self.radius
+
+    @cached_property
+    def profile(self) -> tuple[Section, ...]:
+        """Cylinders and cones above the ball's centre, from the tip up: cutter, shank, those of the holder and of
+        the spindle."""
+        sections = [
+            Section("cutter", self.radius, self.flute_length, self.radius, self.radius),
+            Section(
+                "shank", self.flute_length, self.overhang, self.shank_diameter / 2, self.shank_diameter / 2
+            ),
+        ]
+        for name, stack in (("holder", self.holder), ("spindle", self.nose)):
+            for piece in stack:
+                start = sections[-1].end
+                radii = piece.diameter / 2, piece.top_diameter / 2
+                sections.append(Section(name, start, start + piece.length, *radii))
+        return tuple(sections)
+
+    @property
+    def sections(self) -> tuple[tuple[str, float, float, float], ...]:
+        """(name, start, end, radius) of cylinders that hold cutter, shank and holder; mm from the tip."""
+        widest = max(max(piece.diameter, piece.top_diameter) for piece in self.holder)
+        return (
+            ("cutter", self.radius, self.flute_length, self.radius),
+            ("shank", self.flute_length, self.overhang, self.shank_diameter / 2),
+            ("holder", self.overhang, self.length, widest / 2),
+        )

@@ -1,1 +1,0 @@
-"""Cutters: profiles of revolution with shank, holder and spindle nose."""

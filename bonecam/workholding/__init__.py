@@ -1,0 +1,11 @@
+"""Workholding: what the part stands on and what carries it, as obstacles to the tool.
+
+post      upright cylinder left between part and table, on the Z axis; parted at the end
+chuck, columns   what holds the post or stands on the table
+clearance distance that the tool keeps from these, mm
+shell     the form that holds the finished end in the second clamping
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

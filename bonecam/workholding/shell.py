@@ -1,0 +1,116 @@
+"""The second clamping: the parted part, turned over about X, stands with its finished end in a shell on the table.
+
+The shell is cast or printed round the finished end; it is given as a closed mesh in the frame and unit of the part's
+file. It has to fit the part: it holds against every push to a side and down into it, and enters the part nowhere.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.errors import MeshError, place_name
+from bonecam.job import HoldingJob, Job, field_error
+from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.files.mesh_files import read_mesh
+from bonecam.mesh.part import Part
+from bonecam.mesh.solids.booleans import solid_union
+from bonecam.mesh.triangle_mesh import TriangleMesh, probes, side_by_side
+from bonecam.mesh.units import to_mm
+
+GAP = 0.3
+"""A shell that is no farther from the part holds it, mm: what a printer or a layer of wax leaves."""
+ENTERS = 0.05
+"""A shell enters the part by no more, mm: as far as the meshes of either may be off."""
+STEEPEST = np.radians(60.0)
+"""A face of the part holds against pushes that are within this angle of its normal, radians."""
+DIRECTIONS = 24
+"""Level pushes that are tried."""
+
+
+@dataclass(frozen=True, eq=False)
+class SecondClamping:
+    """The finished `part` and the `shell` that it stands in after the turn-over, mm, and the `pose` (4, 4) from where
+    the part stood on its post, cut off at the height `cut_off` (mm) there; the table is z = 0, the stump points up
+    along the Z axis."""
+
+    part: TriangleMesh
+    shell: TriangleMesh
+    pose: Float[ndarray, "4 4"]
+    cut_off: float
+
+    @property
+    def top(self) -> float:
+        """How high the stump reaches, mm."""
+        return float(self.pose[2, 3]) - self.cut_off
+
+    @cached_property
+    def solids(self) -> TriangleMesh:
+        """Part and shell, which do not enter one another, as one mesh."""
+        return side_by_side([self.part, self.shell])
+
+
+def read_shell(job: Job, part: Part) -> TriangleMesh | None:
+    """The shell of a job in the frame of the placed part; None where the job has no second clamping.
+
+    FileError, UnitsError or MeshError where it cannot be read or is not closed, JobError where it does not fit.
+    """
+    file = job.holding.second
+    if not file:
+        return None
+    given = to_mm(read_mesh(file), job.mesh.units, file)
+    try:
+        shell = solid_union([given], [file]).move(part.transform)
+    except MeshError as error:
+        raise MeshError(f"[holding] second = {file!r}: {error}", file=file, **error.evidence) from error
+    _require_outside(part.mesh, shell, file)
+    _require_held(part.mesh, shell, file)
+    return shell
+
+
+def turned_over(
+    part: TriangleMesh, shell: TriangleMesh, holding: HoldingJob, cut_off: float
+) -> SecondClamping:
+    """Part and shell turned over about X, the shell's lower end at its height over the table; the post is cut off at
+    the height `cut_off`, mm."""
+    pose = turn_over(holding.second_height + float(shell.bounds[1, 2]))
+    return SecondClamping(part.move(pose), shell.move(pose), pose, cut_off)
+
+
+def turn_over(zero: float) -> Float[ndarray, "4 4"]:
+    """The pose that turns over about X, and takes the table of the first clamping to the height `zero`, mm."""
+    pose = np.diag([1.0, -1.0, -1.0, 1.0])
+    pose[2, 3] = zero
+    return pose
+
+
+def _require_outside(part: TriangleMesh, shell: TriangleMesh, file: str) -> None:
+    """JobError where one of the two enters the other."""
+    for solid, other in ((part, shell), (shell, part)):
+        points = probes(other)
+        depths = -MeshDistance(solid).signed(points)
+        worst = int(np.argmax(depths))
+        if depths[worst] > ENTERS:
+            what = f"it enters the part by {depths[worst]:.2f} mm near {place_name(points[worst])}"
+            raise field_error(
+                "holding", "second", file, f"{what}, allowed {ENTERS:g}: take the part out of it"
+            )
+
+
+def _require_held(part: TriangleMesh, shell: TriangleMesh, file: str) -> None:
+    """JobError where the part may move to a side or further into the shell."""
+    vectors = part.face_vectors
+    near = MeshDistance(shell).unsigned(part.vertices[part.faces].mean(axis=1), 2 * GAP) <= GAP
+    normals = vectors[near] / np.linalg.norm(vectors[near], axis=1)[:, None]
+    turns = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+    level = np.column_stack([np.cos(turns), np.sin(turns), np.zeros(DIRECTIONS)])
+    pushes = np.vstack([level, [[0.0, 0.0, 1.0]]])
+    held = (normals @ pushes.T).max(axis=0, initial=-1.0) >= np.cos(STEEPEST)
+    if not held.all():
+        x, y, z = pushes[np.argmin(held)]
+        what = f"it lets the part move towards ({x:.2f}, {y:.2f}, {z:.2f})"
+        raise field_error(
+            "holding", "second", file, f"{what}: bring its walls there within {GAP:g} mm of the part"
+        )

@@ -1,0 +1,174 @@
+import math
+
+import pytest
+
+from bonecam.errors import MachineError
+from bonecam.machine.bodies import Table
+from bonecam.machine.frustum import Frustum
+from bonecam.machine.machine import MACHINES, machine_names, read_machine
+
+
+def test_the_mikron_is_the_one_whose_post_could_be_read(axis):
+    machine = read_machine("mikron-ucp600")
+    assert [axis.letter for axis in machine.part_axes] == ["C", "B"]
+    assert machine.letters == "XYZBC"
+    b, c = machine.rotary
+    assert (math.degrees(b.limits[0]), math.degrees(b.limits[1])) == pytest.approx((-115, 30))
+    assert c.endless
+    assert [axis.travel for axis in machine.linear] == [600, 450, 450]
+
+
+@pytest.mark.parametrize("name", machine_names())
+def test_every_shipped_machine_is_read_the_same_by_name_and_by_path(name):
+    assert read_machine(name) == read_machine(MACHINES / f"{name}.toml")
+
+
+@pytest.mark.parametrize("kind", ["table-table", "head-table", "head-head", "nutating"])
+def test_a_user_machine_is_read_by_path(write_machine, chains, kind, tmp_path):
+    assert read_machine(write_machine(tmp_path, chains[kind])).title == "test"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "count", "key"),
+    [
+        ('title = "test"', "", -1, "title"),
+        ("['C', 'A', 'XYZ']", "['C', 'XYZ']", -1, "chain"),
+        ("['C', 'A', 'XYZ']", "['C', 'C', 'XYZ']", -1, "chain"),
+        ("['C', 'A', 'XYZ']", "['C', 'Q', 'XYZ']", -1, "chain"),
+        ("[X]\ntravel = 4000.0", "[X]", -1, "X.travel"),
+        ("[X]\ntravel = 4000.0", "[X]\nlimits = [3.0, 1.0]", -1, "X.limits"),
+        ("[X]\ntravel = 4000.0\nspeed = 10000.0", "", -1, "[X]"),
+        ("speed = 10000.0", "speed = 0.0", 1, "X.speed"),
+        ("speed = 10000.0", "velocity = 1.0", 1, "X.velocity"),
+        ("direction = [0, 0, 1]", "direction = [0, 0, 2]", -1, "C.direction"),
+        ("direction = [0, 0, 1]", "direction = [1, 0, 0]", -1, "chain"),
+        ("direction = [0, 0, 1]", "direction = [0, 1]", -1, "C.direction"),
+        ("sign = -1", "sign = 0", 1, "C.sign"),
+        ("limits_deg = [-179.0, 179.0]", "", 1, "A.limits_deg"),
+        ("endless = true", "endless = 1", 1, "C.endless"),
+        ("pivot = [1, 2, 0]", "pivot = [nan, 2, 0]", -1, "C.pivot"),
+    ],
+)
+def test_a_wrong_value_in_a_machine_file_is_refused_with_file_and_key(
+    chains, write_machine, old, new, count, key, tmp_path
+):
+    good = chains["table-table"]
+    assert old in good
+    check_refused(write_machine(tmp_path, good.replace(old, new, count)), key)
+
+
+@pytest.mark.parametrize(
+    ("more", "key"),
+    [("\n[Q]\nspeed = 1", "Q"), ('\n[A2]\nx = "', "correct the file")],
+    ids=["table", "quote"],
+)
+def test_what_does_not_belong_into_a_machine_file_is_refused_with_file_and_key(
+    write_machine, chains, more, key, tmp_path
+):
+    check_refused(write_machine(tmp_path, chains["table-table"] + more), key)
+
+
+def test_a_machine_file_without_an_axis_or_with_an_unknown_point_is_refused(
+    write_machine, machine_text, axis, tmp_path
+):
+    chain = ["C", "A", "XYZ"]
+    check_refused(write_machine(tmp_path, machine_text(chain, {"C": axis([0, 0, 1], [0, 0, 0])})), "[A]")
+    check_refused(
+        write_machine(tmp_path, machine_text(chain, {}, 'programmed_point = "top"')), "programmed_point"
+    )
+
+
+def test_a_machine_file_holds_spindle_nose_and_table(write_machine, chains, tmp_path):
+    bodies = """
+[spindle]
+nose = [[30, 80], [60, 80, 160]]
+[table]
+diameter = 280
+beside = "open"
+standing = [[20, 120.5]]
+"""
+    machine = read_machine(write_machine(tmp_path, chains["table-table"] + bodies))
+    assert machine.nose == (Frustum(30.0, 80.0, 80.0), Frustum(60.0, 80.0, 160.0))
+    assert machine.table == Table(radius=140.0, open_beside=True, standing=(Frustum(20.0, 120.5, 120.5),))
+    plate = read_machine(write_machine(tmp_path, chains["table-table"] + "[table]\nwidth = 500\ndepth = 300"))
+    assert plate.table == Table(half_width=250.0, half_depth=150.0)
+    assert plate.nose == ()
+
+
+@pytest.mark.parametrize("name", machine_names())
+def test_every_shipped_machine_has_a_nose_and_a_table(name):
+    machine = read_machine(name)
+    assert machine.nose
+    assert math.isfinite(machine.table.radius)
+
+
+@pytest.mark.parametrize(
+    ("bodies", "key"),
+    [
+        ("[spindle]\nnose = []", "spindle.nose"),
+        ("[spindle]\nnose = [[30]]", r"spindle.nose[0]"),
+        ("[spindle]\nnose = [[30, 80, 160, 3]]", r"spindle.nose[0]"),
+        ("[spindle]\nnose = [[30, -80]]", r"spindle.nose[0][1]: -80: give a number above 0"),
+        ("[spindle]\nface = 3", "spindle.face"),
+        ("[table]\nwidth = 300", "table.depth: missing: a plate has width and depth"),
+        ("[table]\nwidth = 300\ndepth = 300\ndiameter = 3", "table.diameter: a disc has no width and depth"),
+        ('[table]\nbeside = "open"', "table.beside: 'open': give diameter"),
+        ('[table]\nbeside = "shut"', "table.beside: 'shut': choose one of"),
+    ],
+)
+def test_bodies_that_are_none_are_refused_with_file_and_key(write_machine, chains, bodies, key, tmp_path):
+    check_refused(write_machine(tmp_path, chains["table-table"] + "\n" + bodies), key)
+
+
+def test_all_faults_of_a_machine_file_are_told_at_once(chains, write_machine, tmp_path):
+    text = (
+        chains["table-table"]
+        .replace("speed = 10000.0", 'speed = "fast"', 1)
+        .replace("endless = true", "endless = 1")
+    )
+    path = write_machine(tmp_path, text.replace("sign = -1", "sign = 2", 1) + "colour = 3\n")
+    with pytest.raises(MachineError) as caught:
+        read_machine(path)
+    assert str(caught.value) == (
+        f"{path}: X.speed: 'fast': give a number; A.colour: unknown key: use one of direction, endless, limits_deg, "
+        "pivot, sign, speed_deg_s; C.sign: 2: give 1 or -1; C.endless: 1: give true or false"
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        (b"chain = " + b"[\n" * 10_000, "nest deeper than 10"),
+        (b"a." * 4000 + b"a = 1", "nest deeper than 10"),
+        (b"title = " + b"9" * 30, "title: a whole number of more than 64 bits: give a number that fits"),
+        (b"title = " + b"9" * 5000, "correct the file"),
+        (b"title = '" + b"x" * 20_000 + b"'", "line 1 has 20010 characters: 10000 are allowed"),
+        (b"\n" * 200_000, "the text has 200000 characters"),
+        (b"title = '\xff'", "correct the file"),
+        (b"title = 1979-05-27", "title: datetime.date(1979, 5, 27): give a text"),
+    ],
+    ids=["arrays", "dotted", "bits", "digits", "line", "size", "latin", "date"],
+)
+def test_a_machine_file_that_is_no_sane_text_is_refused(text, why, tmp_path):
+    path = tmp_path / "test.toml"
+    path.write_bytes(text)
+    check_refused(path, why)
+
+
+def check_refused(path, key):
+    """Reading the file fails in one line that names the file and the key."""
+    with pytest.raises(MachineError) as caught:
+        read_machine(path)
+    assert str(path) in str(caught.value)
+    assert key in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_an_unknown_machine_is_refused_with_the_known_ones():
+    with pytest.raises(MachineError, match=r"'nosuch' is unknown: use one of linuxcnc-xyzbc, mikron-ucp600"):
+        read_machine("nosuch")
+    with pytest.raises(
+        MachineError,
+        match=r"^none/mill\.toml: no such file: give a machine's \.toml file, or one of linuxcnc",
+    ):
+        read_machine("none/mill.toml")

@@ -1,0 +1,303 @@
+"""What is left of the stock after a path, and what that does to the next level."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from jaxtyping import Float
+from numpy import ndarray
+from scipy.spatial import KDTree
+
+from bonecam.job import HoldingJob, NcJob, PathJob
+from bonecam.levels.measure.cut_measures import NO_CUT
+from bonecam.levels.measure.level import Level, MachinedLevel, StockLevel
+from bonecam.machine.tool_axis_limits import AxisLimits
+from bonecam.material.material import Material, remove_material, uncut_material
+from bonecam.material.standing_mesh import DEVIATION, hull
+from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.planning.collision.scene import Scene
+from bonecam.planning.oriented_path import orient
+from bonecam.planning.passes.contacts import candidate_contacts, contact_path
+from bonecam.planning.passes.engaged_segments import Allowed
+from bonecam.setup.capsule import Capsule
+from bonecam.setup.stocks.cylinder import Cylinder
+from bonecam.surface.tspline import TSpline
+from bonecam.tool.cutter import Cutter
+from bonecam.tool.path import Kind, ToolPath
+from bonecam.workholding.post import Post, post_below
+
+
+class Skin(Capsule):
+    """A stock half a millimetre outside every level; depths are measured from its places, as it is no body."""
+
+    def closest_points(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+        return np.asarray(points + 0.5 * self.normals(points))
+
+
+def skin_material(levels: Sequence[Level], stock: Skin) -> Material:
+    return replace(uncut_material(levels, stock), uncut=None)
+
+
+@pytest.fixture(scope="module")
+def stock(upright_capsule: Capsule) -> Skin:
+    return Skin(upright_capsule.start, upright_capsule.end, upright_capsule.radius)
+
+
+@pytest.fixture(scope="module")
+def post(holding: HoldingJob, mesh_of: Callable[..., TriangleMesh], pebble: Callable[..., TSpline]) -> Post:
+    return post_below(mesh_of(pebble()), holding)
+
+
+@pytest.fixture(scope="module")
+def levels(
+    level_of: Callable[..., MachinedLevel], pebble: Callable[..., TSpline], stock: Skin
+) -> tuple[MachinedLevel, MachinedLevel, StockLevel]:
+    """The part, a level 0.4 mm outside it, and the stock."""
+    outermost = StockLevel(2, stock.mesh(0.01), 0.5, NO_CUT)
+    return level_of(pebble()), level_of(pebble(0.4), 1, 0.5), outermost
+
+
+@pytest.fixture(scope="module")
+def path_on(stock: Skin, post: Post) -> Callable[[MachinedLevel, Material, Cutter], ToolPath]:
+    def build(level: MachinedLevel, material: Material, cutter: Cutter) -> ToolPath:
+        meshes = [MeshDistance(level.mesh)]
+        contacts = contact_path(
+            candidate_contacts(level, meshes, cutter, post, PathJob(pattern="round")), material
+        )
+        scene = Scene(level.mesh, material.mesh, stock, post, DEVIATION)
+        return orient(contacts, scene, AxisLimits(2.0), PathJob(), NcJob())
+
+    return build
+
+
+@pytest.fixture(scope="module")
+def machined(
+    roughing_cutter: Cutter, levels: tuple[MachinedLevel, MachinedLevel, StockLevel], stock: Skin, path_on
+) -> tuple[Material, ToolPath]:
+    material = skin_material(levels, stock)
+    path = path_on(levels[1], material, roughing_cutter)
+    return remove_material(material, levels[1], path), path
+
+
+def test_what_was_cut_lies_between_the_level_and_its_scallops(
+    machined: tuple[Material, ToolPath], levels, post: Post
+) -> None:
+    material, path = machined
+    for points in (material.vertices, material.places):
+        heights = MeshDistance(levels[1].mesh).signed(points[points[:, 2] > post.top + 4], 1.0)
+        assert heights.min() > -0.02
+        assert 0.5 * path.cutter.scallop < heights.max() < path.cutter.scallop + 0.005
+
+
+def test_the_balls_touch_the_places_left_and_enter_none(machined: tuple[Material, ToolPath]) -> None:
+    material, path = machined
+    cut = path.kinds == 0
+    centres = path.tips[cut] + path.cutter.radius * path.axes[cut]
+    distance, _ = KDTree(material.places).query(centres)
+    assert distance.min() > path.cutter.radius - 1e-6
+    assert np.median(distance) < path.cutter.radius + 0.01
+
+
+def test_no_ball_of_the_path_is_inside_the_material_left(
+    machined: tuple[Material, ToolPath], post: Post
+) -> None:
+    material, path = machined
+    rows = np.flatnonzero(path.kinds == 0)
+    centres = path.tips[rows] + path.cutter.radius * path.axes[rows]
+    assert (
+        MeshDistance(material.mesh).signed(centres[path.contacts[rows, 2] > post.top + 4]).min()
+        > path.cutter.radius - DEVIATION
+    )
+
+
+def test_contacts_under_uncut_material_stay_uncut(
+    roughing_cutter: Cutter, finishing_cutter: Cutter, levels, stock: Skin, post: Post, path_on
+) -> None:
+    material = skin_material(levels, stock)
+    path = path_on(levels[1], material, roughing_cutter)
+    spared = path.contacts[:, 2] > 39.0
+    shortened = replace(
+        path,
+        **{
+            name: getattr(path, name)[~spared]
+            for name in ("kinds", "pass_index", "parameters", "contacts", "tips", "axes", "feed_rates")
+        },
+        uncut=np.vstack([path.uncut, path.contacts[spared]]),
+        reasons=path.reasons + ("collision",) * int(spared.sum()),
+    )
+    material = remove_material(material, levels[1], shortened)
+    # below, the ball of the last ring still reached in: 1.4 mm at a depth of 0.5
+    out_of_reach = path.contacts[:, 2] > 39.0 + 1.5
+    assert np.quantile(material.thickness(levels[0], path.contacts[out_of_reach]), 0.05) > 0.75
+    below = path_on(levels[0], material, finishing_cutter)
+    covered = np.array(below.reasons) == "covered"
+    heights = below.uncut[covered][:, 2]
+    assert (heights > 40.0).any()
+    assert not ((heights > post.top + 4) & (heights < 37.5)).any()
+    assert np.nanmax(below.contacts[:, 2]) < 40.0
+
+
+def test_what_is_trimmed_and_what_is_cut_make_up_the_whole_passes(
+    roughing_cutter: Cutter, machined: tuple[Material, ToolPath], levels, stock: Skin, post: Post
+) -> None:
+    _, path = machined
+    lower = replace(path, kinds=np.where(path.contacts[:, 2] < 35.0, path.kinds, Kind.LINK))
+    material = remove_material(skin_material(levels, stock), levels[1], lower)
+    meshes = [MeshDistance(levels[1].mesh)]
+    candidates = candidate_contacts(levels[1], meshes, roughing_cutter, post, PathJob(pattern="iso-scallop"))
+
+    def lengths(least: float) -> tuple[float, float]:
+        path = contact_path(candidates, material, Allowed(0.5, least=least))
+        at_level = path.lifts == 0
+        joined = (path.pass_index[1:] == path.pass_index[:-1]) & at_level[1:] & at_level[:-1]
+        steps = np.linalg.norm(np.diff(path.contacts + 2 * path.normals, axis=0), axis=1)
+        return float(steps[joined].sum()), path.trimmed
+
+    whole, none = lengths(-1.0)
+    part, trimmed = lengths(0.1)
+    assert none == 0
+    assert 0 < part < whole
+    assert roughing_cutter.radius == 2.0
+    assert trimmed == pytest.approx(whole - part, rel=0.1)
+
+
+def test_a_ball_that_rises_from_its_contact_enters_nothing_anew(
+    levels: tuple[MachinedLevel, MachinedLevel, StockLevel], stock: Skin
+) -> None:
+    material = skin_material(levels, stock)
+    s, t = np.random.default_rng(5).uniform(0.2, 0.8, (2, 50))
+    surface = levels[1].surface
+    normals = surface.normals(s, t)
+    contacts = surface.positions(s, t) + normals
+    along = np.cross(normals, [0.0, 0.0, 1.0])
+    depth, _ = material.depths(contacts, 1.0)
+    assert depth.min() > 0.05
+    for height in (0.02, 0.05, 0.2, 1.0):
+        assert not material.entered_anew(contacts + height * normals, contacts, 1.0, 0.01).any()
+    aside = contacts + along / np.linalg.norm(along, axis=1)[:, None]
+    assert material.entered_anew(aside, contacts, 1.0, 0.01).all()
+
+
+def test_passes_that_find_only_what_passes_before_left_are_of_no_use(
+    levels: tuple[MachinedLevel, MachinedLevel, StockLevel], stock: Skin, machined: tuple[Material, ToolPath]
+) -> None:
+    path = machined[1]
+    cuts = path.kinds == Kind.CUT
+    centres = (path.tips + path.cutter.radius * path.axes)[cuts]
+    passes = path.pass_index[cuts]
+    count = len(centres)
+    twice = np.vstack([centres, centres]), np.r_[passes, passes + passes.max() + 1]
+    material = skin_material(levels, stock)
+    useful = material.useful(levels[1], *twice, path.cutter.radius, 0.03)
+    assert useful[:count].mean() > 0.9
+    assert not useful[count:].any()
+
+
+def test_passes_side_by_side_are_stepped_over_to_without_their_ramps(
+    roughing_cutter: Cutter, levels, stock: Skin, post: Post
+) -> None:
+    level, material = levels[1], skin_material(levels, stock)
+    job = PathJob(pattern="along")
+    candidates = candidate_contacts(level, [MeshDistance(level.mesh)], roughing_cutter, post, job)
+    contacts = contact_path(candidates, material, Allowed(0.5))
+    assert contacts.ramp.any()
+    assert not contacts.ramp[np.flatnonzero(np.diff(contacts.pass_index))].any()
+    scene = Scene(level.mesh, material.mesh, stock, post, DEVIATION)
+    path = orient(contacts, scene, AxisLimits(2.0), job, NcJob(), material=material)
+    passes = contacts.pass_index.max() + 1
+    cut = path.kinds == Kind.CUT
+    entries = np.flatnonzero(cut & ~np.r_[False, cut[:-1]])
+    assert len(entries) < 0.6 * passes
+    assert path.pass_index[cut].max() + 1 == len(entries)
+    told = cut.sum() + len(path.uncut) - len(contacts.uncut)
+    assert (~contacts.ramp).sum() <= told < len(contacts.ramp)
+    balls, numbers = path.balls[cut], path.pass_index[cut]
+    goes_on = np.flatnonzero(np.diff(numbers) == 0)
+    halfway = (balls[goes_on] + balls[goes_on + 1]) / 2
+    assert material.depths(halfway, roughing_cutter.radius)[0].max() < 0.5 + 0.02
+
+
+def bore(path_of: Callable[..., ToolPath], cutter: Cutter, centre: ndarray) -> ToolPath:
+    """A ball that cuts at one place."""
+    up = np.array([[0.0, 0.0, 1.0]])
+    kinds, passes = np.array([int(Kind.CUT)]), np.zeros(1, dtype=int)
+    return path_of(centre[None] - cutter.radius * up, up, kinds=kinds, passes=passes, tool=cutter)
+
+
+def test_what_hangs_over_a_cut_stands(
+    roughing_cutter: Cutter, levels, stock: Skin, path_of: Callable[..., ToolPath]
+) -> None:
+    material = skin_material(levels, stock)
+    place = material.places[np.argmax(material.places[:, 0])]
+    inward = -stock.normals(place[None])[0]
+    radius = roughing_cutter.radius
+    for depth, cuts in ((radius + 1.0, False), (radius - 0.4, True)):
+        after = remove_material(material, levels[1], bore(path_of, roughing_cutter, place + depth * inward))
+        moved = np.linalg.norm(after.places - material.places, axis=1)
+        assert (moved.max() > 0.3) == cuts
+        assert cuts or not moved.any()
+
+
+def test_a_ball_whose_centre_is_in_the_material_is_deeper_than_its_radius(levels, stock: Skin) -> None:
+    material = skin_material(levels, stock)
+    place = material.places[np.argmax(material.places[:, 0])]
+    outward = stock.normals(place[None])[0]
+    for height in (1.5, 0.5, -0.5, -1.5):
+        depth, away = material.depths((place + height * outward)[None], 2.0)
+        assert depth[0] == pytest.approx(2.0 - height, abs=0.01)
+        assert away[0] @ outward > 0.99
+
+
+def test_the_mesh_ends_behind_the_foot_of_a_cliff(
+    machined: tuple[Material, ToolPath], levels, stock: Skin
+) -> None:
+    """What stands between a vertex that was cut and one that was not may reach up to the cut one."""
+    _, path = machined
+    upper = replace(path, kinds=np.where(path.contacts[:, 2] > 35.0, path.kinds, Kind.LINK))
+    material = remove_material(skin_material(levels, stock), levels[1], upper)
+    floor = material.grid.R @ levels[1].control_points
+    mesh = hull(material.vertices, floor, material.grid.faces)
+    raw, kept = (np.linalg.norm(v - floor, axis=1) for v in (material.vertices, mesh.vertices))
+    edges = material.grid.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    drop = np.ptp(raw[edges], axis=1)
+    assert drop.max() > 2 * DEVIATION
+    lower = edges[np.arange(len(edges)), np.argmin(raw[edges], axis=1)]
+    assert (kept >= raw - 1e-9).all()
+    assert (kept[lower] > raw[edges].max(axis=1) - DEVIATION - 0.01).all()
+    assert kept[raw > np.quantile(raw, 0.9)] == pytest.approx(raw[raw > np.quantile(raw, 0.9)])
+
+
+def test_depths_count_from_the_edges_of_a_bar_before_the_first_cut_and_after_it(
+    levels: tuple[MachinedLevel, MachinedLevel, StockLevel],
+) -> None:
+    """A ball that touches a rounding of the bar's rim; an edge that no tool reaches stays."""
+    bar = Cylinder(6.0, 28.0, 46.0)
+    outermost = StockLevel(2, bar.mesh(0.01), 0.5, NO_CUT)
+    material = uncut_material([*levels[:2], outermost], bar)
+    rounding, ball = 1.0, 2.0
+    out = np.array([np.sqrt(0.5), 0.0, np.sqrt(0.5)])
+    contact = np.array([6.0 - rounding, 0.0, 46.0 - rounding]) + rounding * out
+    centre = contact + ball * out
+    depth, away = material.depths(centre[None], ball)
+    assert depth[0] == pytest.approx(rounding * (np.sqrt(2) - 1))
+    assert away[0] == pytest.approx(out)
+    aside = np.array([[0.0, centre[0], centre[2]]])
+    assert material.entered_anew(aside, centre[None], ball, 0.01).all()
+    after = replace(material, uncut=None).depths(centre[None], ball)[0]
+    assert after[0] == pytest.approx(rounding * (np.sqrt(2) - 1), abs=0.02)
+
+
+def test_a_rest_path_of_the_next_level_makes_no_ball_deeper(
+    machined: tuple[Material, ToolPath], roughing_cutter: Cutter, levels, path_of: Callable[..., ToolPath]
+) -> None:
+    """Beside the post places stand that the ball has passed: how deep it is there is known from where it was."""
+    material, path = machined
+    rows = np.flatnonzero(path.kinds == Kind.CUT)
+    centres = (path.tips + path.cutter.radius * path.axes)[rows]
+    rest = replace(bore(path_of, roughing_cutter, centres[np.argmax(centres[:, 2])]), level=0, rest=1)
+    before, _ = material.depths(centres, roughing_cutter.radius)
+    assert before.max() < 1e-9
+    after, _ = remove_material(material, levels[0], rest).depths(centres, roughing_cutter.radius)
+    assert after.max() < 1e-9

@@ -1,0 +1,206 @@
+"""The parting groove: posted, read back and simulated on a small lump; and jobs that cannot have one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bonecam.errors import JobError, VerifyError
+from bonecam.finishing import finish
+from bonecam.job import HoldingJob, Job
+from bonecam.machine.machine import read_machine
+from bonecam.machine.tool_axis_limits import AxisLimits
+from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.facets.hull import convex_hull
+from bonecam.mesh.part import Part
+from bonecam.nc.dialect import read_dialect
+from bonecam.nc.posting.rotary.axis_limits import axis_limits
+from bonecam.nc.posting.write import write_program
+from bonecam.planning.collision.scene import Scene
+from bonecam.planning.holding.parting import check_parting, parting_paths
+from bonecam.planning.holding.post_length import parting_lift
+from bonecam.planning.passes.parting import cut_groove
+from bonecam.report.tables.cl_data import apt_text, read_apt
+from bonecam.setup.capsule import smallest_capsule
+from bonecam.setup.placement import Setup
+from bonecam.setup.schedule import schedule_of
+from bonecam.setup.stocks.mesh import ConvexStock
+from bonecam.tool.path import PARTING
+from bonecam.verify.proof import verify_program
+from bonecam.verify.removal.of_job import check_removal_of_job, cutters_of
+from bonecam.verify.removal.simulate import simulate_removal
+from bonecam.verify.removal.sweeping import Accuracy
+from bonecam.verify.removal.verdicts import check_removal
+from bonecam.workholding.clamping import clamping_of
+from bonecam.workholding.post import Post
+
+MACHINE, DIALECT = read_machine("mikron-ucp600"), read_dialect("heidenhain")
+LIMITS = axis_limits(MACHINE)
+JOB = Job().with_values(
+    holding={"diameter": 4.0, "length": 31.0, "parting": True}, levels={"roughing_depth": 0.6}
+)
+
+
+@pytest.fixture(scope="module")
+def lump(pebble, mesh_of):
+    return mesh_of(pebble(), around=40, along=50)
+
+
+@pytest.fixture(scope="module")
+def scene(lump):
+    """The finished lump on its post."""
+    return Scene(
+        lump,
+        lump,
+        smallest_capsule(lump.vertices, 0.5),
+        Post(2.0, 31.8),
+        0.1,
+        clamping=clamping_of(JOB.holding, MACHINE.table),
+    )
+
+
+@pytest.fixture(scope="module")
+def paths(scene):
+    return parting_paths(scene, JOB, LIMITS, MACHINE.bodies)
+
+
+@pytest.fixture(scope="module")
+def text(paths):
+    return write_program(paths, MACHINE, DIALECT, JOB).text
+
+
+def simulated(text, lump, scene):
+    return simulate_removal(
+        text,
+        MACHINE,
+        DIALECT,
+        ConvexStock(convex_hull(lump.vertices), proven=True),
+        scene.post,
+        cutters_of(JOB, MACHINE),
+        clamping=scene.clamping,
+        limits={PARTING: 0.6},
+        accuracy=Accuracy(0.1),
+    )
+
+
+@pytest.fixture(scope="module")
+def removal(text, lump, scene):
+    return simulated(text, lump, scene)
+
+
+def test_the_groove_goes_all_round_in_steps_of_its_own(paths, lump):
+    assert [path.title for path in paths] == [f"parting {k}" for k in range(1, len(paths) + 1)]
+    assert not any(len(path.uncut) for path in paths)
+    groove = cut_groove(paths)
+    assert groove.bridge == pytest.approx(1.0)
+    assert groove.middle + groove.radius == pytest.approx(lump.bounds[0, 2] - 1.0)
+    last = paths[-1].contacts[np.isfinite(paths[-1].contacts[:, 0])]
+    around = np.unwrap(np.arctan2(last[:, 1], last[:, 0]))
+    at_bridge = np.hypot(last[:, 0], last[:, 1]) < groove.bridge + 1e-9
+    assert np.ptp(around[at_bridge]) == pytest.approx(2 * np.pi)
+
+
+def test_the_text_is_read_back_and_leaves_the_part_alone(text, paths, lump):
+    proof = verify_program(text, paths, MACHINE, DIALECT, MeshDistance(lump))
+    assert proof.gouge.depth < 0
+    groove = cut_groove(paths)
+    assert f"PARTING {len(paths)}" in text
+    assert f"GROOVE OF {2 * groove.radius:.2f} MM ROUND THE POST AT Z {groove.middle:.2f}" in text.upper()
+    assert "BRIDGE OF DIAMETER 2.00 MM" in text.upper()
+
+
+def test_the_simulation_finds_the_groove_within_the_depth_of_a_roughing_cut(removal, paths):
+    check_removal(removal)
+    steps = removal.levels
+    assert [(step.index, step.rest) for step in steps] == [(PARTING, k) for k in range(1, len(paths) + 1)]
+    assert max(step.deepest.value for step in steps if step.deepest) < 0.6 + 0.02
+    assert all(step.over_limit < 0.02 for step in steps)
+
+
+def test_the_simulation_measures_the_bridge_and_refuses_one_that_is_too_thin(removal):
+    assert removal.bridge == pytest.approx(2.0, abs=0.05)
+    assert removal.report["bridge_diameter_mm"] == pytest.approx(removal.bridge, abs=1e-4)
+    check_removal(removal, bridge=2.0)
+    with pytest.raises(VerifyError, match=r"parting: 1\.99 mm of the post hold the part, 2\.5 mm are wanted"):
+        check_removal_of_job(removal, JOB.with_values(holding={"parting_core": 2.5}))
+    with pytest.raises(VerifyError, match=r"parting: 0\.00 mm of the post hold the part"):
+        check_removal(replace(removal, bridge=0.0), bridge=0.2)
+    with pytest.raises(VerifyError, match="parting = true: no section of the program parts the post"):
+        check_removal_of_job(replace(removal, bridge=None), JOB)
+
+
+def test_the_bridge_is_measured_where_it_is_thinnest(paths, lump, scene):
+    tips = paths[-1].tips.copy()
+    around = np.hypot(tips[:, 0], tips[:, 1])
+    tips[:, :2] *= ((around - 0.3) / around)[:, None]
+    tips[:, 2] -= 1.5
+    deeper = write_program([*paths, replace(paths[-1], tips=tips)], MACHINE, DIALECT, JOB).text
+    assert simulated(deeper, lump, scene).bridge == pytest.approx(1.4, abs=0.06)
+
+
+def test_a_level_that_is_cut_after_the_parting_is_refused(removal):
+    level = replace(removal.levels[0], index=0)
+    check_removal(replace(removal, levels=(level, *removal.levels)), bridge=2.0)
+    with pytest.raises(VerifyError, match=r"line \d+: a cut follows the parting, .*: part at the end"):
+        check_removal(replace(removal, levels=(*removal.levels, level)), bridge=2.0)
+
+
+def test_what_goes_is_the_groove_and_nothing_else(removal, paths):
+    radii, heights = cut_groove(paths).outline(2.0, 2001).T
+    squares = 2.0**2 - radii**2
+    wanted = np.pi * ((squares[1:] + squares[:-1]) / 2 * np.diff(heights)).sum()
+    assert sum(step.removed for step in removal.levels) == pytest.approx(wanted, rel=0.03)
+
+
+def test_cutter_location_data_keep_the_parting(paths):
+    assert {path.level for path in read_apt(apt_text(paths)).paths} == {PARTING}
+
+
+def test_a_surface_finished_alone_is_not_parted(pebble):
+    with pytest.raises(JobError, match=r"\[holding\] parting = .*: a surface that is finished alone"):
+        finish(pebble(), job=Job().with_values(holding={"parting": True}))
+
+
+def test_without_parting_there_is_no_path(scene):
+    plain = JOB.with_values(holding={"parting": False})
+    assert parting_paths(scene, plain, LIMITS, MACHINE.bodies) == []
+
+
+def test_a_bridge_is_thinner_than_the_post():
+    with pytest.raises(JobError, match=r"parting_core = 4: give less than the post's diameter \(4 mm\)"):
+        HoldingJob(diameter=4.0, parting_core=4.0)
+
+
+def test_a_bridge_is_thick_enough_to_be_measured():
+    with pytest.raises(JobError, match=r"parting_core = 1e-09: give 0\.2 mm or more, or 0 for half"):
+        HoldingJob(parting_core=1e-9)
+
+
+@pytest.fixture(scope="module")
+def setup(lump, scene):
+    stock = ConvexStock(convex_hull(lump.vertices), proven=True)
+    part = Part(lump, "", len(lump.faces), "mm", (), np.eye(4), lump)
+    return Setup(part, stock, scene.post, schedule_of(JOB.levels))
+
+
+def test_a_groove_beside_the_chuck_is_refused(setup):
+    held = {"chuck_diameter": 20.0, "chuck_height": 25.0}
+    check_parting(setup, JOB, LIMITS, MACHINE.bodies)
+    with pytest.raises(JobError, match=r"parting_stand_off = 1: .*z 30\.00.*holding\.length"):
+        check_parting(setup, JOB.with_values(holding=held), LIMITS, MACHINE.bodies)
+
+
+def test_a_groove_that_no_cutter_reaches_is_refused(setup):
+    steep = AxisLimits(largest=np.radians(20.0))
+    with pytest.raises(JobError, match="no cutter reaches the groove"):
+        check_parting(setup, JOB, steep, MACHINE.bodies)
+
+
+def test_the_lower_the_part_stands_the_more_it_has_to_be_lifted_for_the_groove(setup):
+    lifts = [
+        parting_lift(setup.lift(by), JOB.with_values(holding={"length": 0.0}), LIMITS, MACHINE.bodies)
+        for by in (0.0, -25.0)
+    ]
+    assert lifts[0] <= 0 < lifts[1]
+    assert lifts[1] == pytest.approx(lifts[0] + 25.0)
+    assert parting_lift(setup, JOB.with_values(holding={"parting": False}), LIMITS, MACHINE.bodies) == -np.inf

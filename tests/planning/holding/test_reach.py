@@ -1,0 +1,62 @@
+"""What would shorten a post: every remedy is the length that is found with it."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from bonecam.job import Job
+from bonecam.machine.machine import read_machine
+from bonecam.nc.posting.rotary.axis_limits import axis_limits
+from bonecam.planning.holding.post_length import find_post_length, level_lifts
+from bonecam.planning.holding.reach import STEEP_TILT, what_would_help
+from bonecam.progress import silent
+from bonecam.setup.placement import place
+from bonecam.surface.files.surface_input import read_part
+
+PHALANX = Path(__file__).parents[3] / "meshes/phalanx.ply"
+MACHINE = read_machine("mikron-ucp600")
+LIMITS = axis_limits(MACHINE)
+
+
+@pytest.fixture(scope="module")
+def standing():
+    """The phalanx on the post that is found for it, and its job."""
+    unplaced, _ = read_part(PHALANX, Job(), silent)
+    return find_post_length(place(unplaced, Job()), Job(), LIMITS, MACHINE.bodies)
+
+
+@pytest.fixture(scope="module")
+def advice(standing):
+    return what_would_help(*standing, LIMITS, MACHINE.bodies)
+
+
+def test_a_level_tool_needs_room_for_its_widest_part_over_the_table(standing):
+    setup, job = standing
+    rotary = replace(job, path=replace(job.path, strategy="rotary"))
+    assert not len(level_lifts(setup, job, MACHINE.bodies))
+    widest = max(frustum.top_diameter for frustum in MACHINE.bodies.nose) / 2
+    height = setup.stock.bounds[0, 2] + level_lifts(setup, rotary, MACHINE.bodies).max()
+    assert widest - 10 < height < widest + 10, "of the lowest contact, some mm above the stock's end"
+
+
+def test_remedies_shorten_the_post_and_come_in_their_order(standing, advice):
+    lengths = [remedy.length for remedy in advice.remedies]
+    assert lengths == sorted(lengths)
+    assert len(lengths) == 3
+    assert lengths[-1] < standing[1].holding.length
+
+
+def test_a_remedy_taken_gives_the_length_that_it_told(standing, advice):
+    setup, job = standing
+    told = {remedy.change: remedy.length for remedy in advice.remedies}
+    steep = replace(job, path=replace(job.path, max_tilt_deg=STEEP_TILT))
+    _, found = find_post_length(setup, steep, LIMITS, MACHINE.bodies)
+    assert found.holding.length == told[f"path.max_tilt_deg = {STEEP_TILT:g}"]
+
+
+def test_the_shorter_the_post_the_more_stays_uncut(standing, advice):
+    setup, job = standing
+    long, short = advice.shorter
+    assert short.length < long.length < job.holding.length
+    assert 0 < long.uncut < short.uncut < 0.1 * setup.part.mesh.area

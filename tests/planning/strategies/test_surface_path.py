@@ -1,0 +1,48 @@
+"""The axes of one surface: round a blade they turn with its normals, or swing and come back, whichever is sooner."""
+
+import numpy as np
+
+import bonecam
+from bonecam.machine.machine import read_machine
+from bonecam.nc.posting.rotary.axis_limits import axis_limits
+from bonecam.planning.axes.field.smooth_axes import machine_minutes
+from bonecam.planning.strategies.surface_path import (
+    Workpiece,
+    finishing_cutter,
+    surface_contacts,
+    wanted_axes,
+)
+from bonecam.surface import skin
+from bonecam.surface.blades.blade_solid import blade_solid
+from bonecam.workholding.clamping import clamping_of
+
+JOB = bonecam.Job().with_values(
+    holding={"length": 60.0, "diameter": 4.0},
+    finishing={
+        "radius": 2.0,
+        "flute_length": 6.0,
+        "shank_diameter": 3.6,
+        "overhang": 45.0,
+        "scallop": 0.5,
+        "feed": 2400.0,
+    },
+    path={"orientation": "cones", "max_tilt_deg": 85.0, "pattern": "round"},
+)
+
+
+def test_round_a_blade_that_stands_out_sideways_the_axis_swings_and_comes_back() -> None:
+    """Sooner than an azimuth that turns with the normals could turn alone."""
+    angle = np.linspace(0, 2 * np.pi, 36, endpoint=False)
+    ellipse = np.column_stack([np.zeros(36), 6 * np.cos(angle), 1.5 * np.sin(angle)])
+    blade = skin([ellipse + np.array([x, 0.0, 0.0]) for x in np.linspace(0, 8, 5)], 0.02)
+    machine = read_machine(JOB.nc.machine)
+    limits = axis_limits(machine)
+    workpiece = Workpiece(blade, blade_solid(blade, 0.01), 0.0).stand(JOB.holding.length)
+    scene = workpiece.scene(JOB, clamping_of(JOB.holding, machine.bodies.table))
+    contacts = surface_contacts(workpiece, scene, JOB, finishing_cutter(JOB, machine.bodies))
+    wanted = wanted_axes(workpiece, contacts, scene, limits, JOB.path)
+    assert wanted is not None
+    s, passes = contacts.parameters[:, 0], contacts.pass_index
+    turns = sum(np.abs(np.diff(np.unwrap(s[passes == n], period=1.0))).sum() for n in np.unique(passes))
+    assert turns > 2
+    assert machine_minutes(contacts, wanted.axes, limits) < turns * 2 * np.pi / limits.turn_speed

@@ -1,0 +1,63 @@
+"""Programs are named for their controller, and never as a file of another kind; APT files hold the tool path."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import bonecam
+from bonecam.errors import FileError
+from bonecam.nc.dialect import read_dialect
+from bonecam.report import read_apt
+from bonecam.report.files.output_files import Outputs, check_ending
+
+
+@pytest.mark.parametrize(
+    ("controller", "name", "proposed"),
+    [
+        ("heidenhain", "a.ngc", "a.h"),
+        ("linuxcnc", "a.H", "a.ngc"),
+        ("siemens-840d", "a.h", "a.mpf"),
+        ("fanuc-30i", "a.mpf", "a.nc"),
+    ],
+)
+def test_a_program_named_for_another_controller_is_refused_with_the_name_that_fits(
+    controller: str, name: str, proposed: str
+) -> None:
+    with pytest.raises(FileError, match=f"name it {proposed}"):
+        check_ending(Path(name), read_dialect(controller))
+
+
+@pytest.mark.parametrize("name", ["a.h", "a.H", "a.nc", "a.i"])
+def test_a_control_s_own_endings_are_free(name: str) -> None:
+    check_ending(Path(name), read_dialect("heidenhain"))
+
+
+def test_a_program_is_never_named_as_a_part() -> None:
+    with pytest.raises(FileError, match=r"name it bone\.h"):
+        check_ending(Path("bone.stl"), read_dialect("heidenhain"))
+
+
+@pytest.mark.parametrize(("name", "proposed"), [("p", "p.h"), ("out/p.", "p.h"), (".h", "h.h"), ("-", "-.h")])
+def test_a_program_without_an_ending_is_refused_with_the_one_that_the_control_lists(
+    name: str, proposed: str
+) -> None:
+    with pytest.raises(
+        FileError, match=rf"has no ending, heidenhain programs end in \.h: name it {proposed}$"
+    ):
+        check_ending(Path(name), read_dialect("heidenhain"))
+
+
+def test_the_apt_file_has_every_move_of_the_tool_paths(small_run: tuple[bonecam.Result, Path]) -> None:
+    made, folder = small_run
+    read = read_apt((folder / "bone.apt").read_text(encoding="utf-8"))
+    assert read.name == made.program.name
+    for name in ("tips", "axes"):
+        found = np.vstack([getattr(path, name) for path in read.paths])
+        assert np.abs(found - np.vstack([getattr(path, name) for path in made.paths])).max() < 1e-6
+
+
+@pytest.mark.parametrize("name", ["a.h", "a", "a.stl"])
+def test_an_apt_file_with_another_ending_is_refused(name: str) -> None:
+    with pytest.raises(FileError, match=rf"name it {name}\.apt"):
+        Outputs(apt=name).check()

@@ -1,0 +1,255 @@
+"""What a run writes of a second clamping: the page, cutter location data, and the files that it keeps."""
+
+import base64
+import hashlib
+import json
+import re
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bonecam
+from bonecam.cli import main
+from bonecam.errors import FileError
+from bonecam.machine.machine import read_machine
+from bonecam.nc.dialect import read_dialect
+from bonecam.nc.reading.read import read_program
+from bonecam.report.files.kept_view import SECOND_VIEW
+from bonecam.report.files.output_files import Outputs
+from bonecam.report.files.second import SecondProgram
+from bonecam.report.page.packing import Contents, unpack
+from bonecam.report.tables.cl_data import read_apt
+from bonecam.tool.path import Kind
+
+Run = tuple[bonecam.Result, Path]
+
+
+@pytest.fixture(scope="module")
+def second(second_run: Run) -> SecondProgram:
+    made = second_run[0].second
+    assert made is not None
+    return made
+
+
+@pytest.fixture(scope="module")
+def contents(second: SecondProgram) -> Contents:
+    return unpack(second.packed_view, "the second clamping")
+
+
+def test_every_output_of_the_second_clamping_lies_beside_that_of_the_first(
+    second_run: Run, second: SecondProgram
+) -> None:
+    folder = second_run[1]
+    assert (folder / "bone.second.h").read_text(encoding="utf-8") == second.program.text
+    assert (folder / "bone.second.html").read_text(encoding="utf-8") == second.page
+    assert (folder / "bone.second.apt").read_text(encoding="utf-8") == second.apt
+    keep = folder / "keep"
+    assert (keep / "second.h").read_bytes() == (folder / "bone.second.h").read_bytes()
+    assert (keep / "second.apt").read_bytes() == (folder / "bone.second.apt").read_bytes()
+    assert (keep / SECOND_VIEW).read_bytes() == second.packed_view
+
+
+def test_the_page_shows_the_moves_of_the_second_text(second: SecondProgram, contents: Contents) -> None:
+    job = second.job
+    text = second.program.text
+    motions = read_program(text, read_machine(job.nc.machine), read_dialect(job.nc.controller))
+    arrays, facts = contents.arrays, contents.facts
+    assert arrays["text"].tobytes().decode("latin-1") == text
+    np.testing.assert_allclose(arrays["move_tip"], motions.tips, atol=0.002)
+    np.testing.assert_array_equal(arrays["move_line"], motions.lines)
+    assert facts["program"]["minutes"] == second.report["time_min"]
+    assert facts["summary"].startswith("second    bone.second.h: ")
+    assert facts["chuck"] == {"radius": 7.0, "top": 2.0}
+    assert facts["left"]["area"] == second.removal.left.area
+    np.testing.assert_allclose(arrays["solid"].min(axis=0)[2], 0.0, atol=0.001)
+    zero = second.clamping.pose[2, 3]
+    assert facts["turned"] == {"zero_mm": zero, "cut_off_mm": second.clamping.cut_off}
+    assert zero - second.clamping.cut_off == pytest.approx(second.clamping.top)
+
+
+def test_the_page_s_stump_is_there_before_the_first_layer_and_gone_behind_the_last(
+    second: SecondProgram, contents: Contents
+) -> None:
+    arrays = contents.arrays
+    layers = [layer["level"] for layer in contents.facts["program"]["layers"]]
+    assert layers == sorted(path.level for path in second.paths)
+    place = arrays["level_0"]
+    under = np.hypot(place[:, 0], place[:, 1]) < 0.5
+    under &= place[:, 2] > place[:, 2].max() - 0.2
+    assert arrays[f"before_{layers[-1]}"][under].min() > 1.0, "the stump is 1 mm high"
+    assert arrays["after_0"][under].max() < 0.16, "a scallop of 0.1 mm, told in half cells of 0.05"
+    beside = place[:, 2] < place[:, 2].max() - 5.0
+    assert arrays["before_0"][beside].max() < 0.2
+    assert (arrays["cut_at_0"][beside] == len(arrays["move_kind"])).all(), "no move cuts the finished side"
+    cut_at = arrays["cut_at_0"][under]
+    assert (arrays["move_kind"][cut_at] == Kind.CUT).all()
+
+
+def test_the_page_of_the_second_clamping_draws_without_a_post(second_run: Run, browser: Any) -> None:
+    opened = browser.new_page(viewport={"width": 900, "height": 600})
+    troubles: list[str] = []
+    asked: list[str] = []
+    opened.on("pageerror", lambda error: troubles.append(str(error)))
+    opened.on("request", lambda request: asked.append(request.url))
+    place = (second_run[1] / "bone.second.html").as_uri()
+    opened.goto(place)
+    for _ in range(600):
+        if opened.evaluate("Boolean(page.ready)"):
+            break
+        opened.wait_for_timeout(50)
+    names = opened.locator("#body-list").inner_text().split("\n")
+    assert {"shell", "chuck", "table"} <= {name.strip() for name in names}
+    assert "post" not in names
+    seen = set()
+    for mode in ("path", "program", "left"):
+        opened.locator(f"#modes button[data-mode={mode}]").click()
+        opened.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+        seen.add(bytes(opened.locator("#canvas").screenshot()))
+    opened.close()
+    assert len(seen) == 3
+    assert not troubles
+    assert asked == [place]
+
+
+def test_cutter_location_data_has_the_moves_of_the_second_clamping(second: SecondProgram) -> None:
+    read = read_apt(second.apt)
+    assert read.name == second.program.name
+    assert [path.level for path in read.paths] == [path.level for path in second.paths]
+    for found, path in zip(read.paths, second.paths, strict=True):
+        np.testing.assert_allclose(found.tips, path.tips, atol=1e-6)
+        np.testing.assert_allclose(found.axes, path.axes, atol=1e-8)
+
+
+def test_view_makes_both_pages_again(
+    second_run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = second_run[1]
+    assert main(["view", str(folder / "keep"), "-o", str(tmp_path / "again.html")]) == 0
+    pages = [tmp_path / "again.html", tmp_path / "again.second.html"]
+    assert capsys.readouterr().out.split() == [str(page) for page in pages]
+    for page, first in zip(pages, ("bone.html", "bone.second.html"), strict=True):
+        assert page.read_bytes() == (folder / first).read_bytes()
+
+
+def test_a_second_output_that_cannot_be_written_is_refused_before_the_work(tmp_path: Path) -> None:
+    for name, file in (("program", "bone.h"), ("html", "bone.html"), ("apt", "bone.apt")):
+        (tmp_path / file.replace(".", ".second.")).mkdir()
+        with pytest.raises(FileError, match=r"bone\.second\."):
+            Outputs(**{name: tmp_path / file}, second=True).check()
+        Outputs(**{name: tmp_path / file}).check()
+
+
+def test_the_sheet_has_a_page_for_each_clamping(second_run: Run, second: SecondProgram, browser: Any) -> None:
+    sheet = second_run[1] / "sheet.html"
+    opened = browser.new_page()
+    opened.goto(sheet.as_uri())
+    printed = opened.pdf(format="A4", prefer_css_page_size=True)
+    words = [article.inner_text() for article in opened.locator("article").all()]
+    turned_drawing = opened.locator("article").nth(1)
+    stump = turned_drawing.locator("path.post").bounding_box()
+    part = turned_drawing.locator("path.part").evaluate_all(
+        "all => Math.min(...all.map(p => p.getBoundingClientRect().top))"
+    )
+    opened.close()
+    assert len(re.findall(rb"/Type\s*/Page\b", printed)) == 2
+    assert stump["y"] < part <= stump["y"] + stump["height"], "the stump stands on the part"
+    first, turned = words
+    assert "Setup sheet: second clamping" in turned
+    assert "is removed in the second clamping, see its page" in first
+    for made, told in ((second_run[0].program, first), (second.program, turned)):
+        assert hashlib.sha256(made.text.encode()).hexdigest() in told
+        for minutes in made.tool_minutes:
+            assert f"\t{minutes:.1f}" in told
+    report = second.report
+    for figure in (
+        "bone.second.h",
+        f"about {report['time_min']:.1f} min",
+        f"stump \u2300 {second.job.holding.diameter:g}",
+        f"Z {second.clamping.top:.2f}",
+        "chuck \u2300 14 x 2",
+        f"Gouge of the part by the ball: {1000 * report['gouge_max_mm']:.2f} µm at most",
+        f"The tool stays {report['removal']['clearance_mm']['shell']:.2f} mm from the shell",
+        f"{report['at_post_after_mm2']:.1f} of {report['at_post_before_mm2']:.1f} mm² still keep",
+        "Turned about X alone",
+    ):
+        assert figure in turned, figure
+
+
+def test_simulate_finds_in_the_kept_texts_what_the_run_found(
+    second_run: Run, second: SecondProgram, tmp_path: Path
+) -> None:
+    folder = second_run[1]
+    job = ["--keep", str(folder / "keep"), "--job", str(folder / "keep" / "job.toml")]
+    outputs = ["--report", str(tmp_path / "again.json"), "--html", str(tmp_path / "again.html")]
+    assert main(["simulate", str(folder / "bone.second.h"), *job, *outputs, "-q"]) == 0
+    found = json.loads((tmp_path / "again.json").read_text(encoding="utf-8"))["removal"]
+    told = second.report["removal"]
+    assert found["clearance_mm"]["shell"] == pytest.approx(told["clearance_mm"]["shell"], abs=0.01)
+    assert found["left"]["area_over_0_02_mm2"] == pytest.approx(told["left"]["area_over_0_02_mm2"], abs=0.01)
+    for again, level in zip(found["levels"], told["levels"], strict=True):
+        assert again["index"] == level["index"]
+        assert again["removed_mm3"] == pytest.approx(level["removed_mm3"], abs=0.01)
+        assert again["depth_max_mm"] == pytest.approx(level["depth_max_mm"], abs=0.005)
+        assert again["over_limit_mm"] == pytest.approx(level["over_limit_mm"], abs=0.005)
+    page = (tmp_path / "again.html").read_text(encoding="utf-8")
+    packed = base64.b64decode(page.split('<script id="payload" type="text/plain">')[1].split("<")[0])
+    shown = unpack(packed, "again.html")
+    assert shown.facts["solid"] == "shell"
+    assert [layer["level"] for layer in shown.facts["program"]["layers"]] == sorted(
+        path.level for path in second.paths
+    )
+
+
+def test_simulate_begins_the_first_text_with_the_exact_stock(second_run: Run, tmp_path: Path) -> None:
+    result, folder = second_run
+    job = ["--keep", str(folder / "keep"), "--job", str(folder / "keep" / "job.toml")]
+    report = ["--report", str(tmp_path / "again.json")]
+    assert main(["simulate", str(folder / "bone.h"), *job, *report, "-q"]) == 0
+    found = json.loads((tmp_path / "again.json").read_text(encoding="utf-8"))["removal"]
+    assert found["levels"] == result.report["removal"]["levels"]
+
+
+@pytest.mark.parametrize("change", ["gone", "no stock", "another stock"])
+def test_simulate_refuses_a_kept_folder_that_tells_no_stock(
+    second_run: Run, tmp_path: Path, change: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = second_run[1]
+    keep = tmp_path / "keep"
+    shutil.copytree(folder / "keep", keep)
+    report = json.loads((keep / "report.json").read_text(encoding="utf-8"))
+    if change == "another stock":
+        report["stock"]["diameter_mm"] = 9.0
+    else:
+        del report["stock"]
+    (keep / "report.json").write_text(json.dumps(report), encoding="utf-8")
+    if change == "gone":
+        (keep / "report.json").unlink()
+    assert main(["simulate", str(folder / "bone.h"), "--keep", str(keep), "-q"]) == 2
+    told = capsys.readouterr().err
+    assert "report.json: tells" in told
+    assert "give the folder that `convert --keep` wrote" in told
+
+
+def test_simulate_refuses_a_second_text_that_is_not_the_kept_one_or_cuts_with_a_rapid(
+    second_run: Run, second: SecondProgram, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = second_run[1]
+    keep = folder / "keep"
+    top = f"UP TO Z {second.clamping.top:.2f} AT MOST"
+    assert top in second.program.text
+    other = tmp_path / "empty"
+    other.mkdir()
+    for text, folder_kept, told in (
+        (second.program.text.replace(top, "UP TO Z 40.00 AT MOST"), keep, "stump reaches up to z 40.00 mm"),
+        (re.sub(r" F\d+(?=\n)", " FMAX", second.program.text), keep, "a rapid removes"),
+        (second.program.text, other, "of a second clamping, of which"),
+    ):
+        (tmp_path / "bone.h").write_text(text, encoding="utf-8")
+        options = ["--keep", str(folder_kept), "--job", str(keep / "job.toml")]
+        assert main(["simulate", str(tmp_path / "bone.h"), *options]) == 2
+        lines = capsys.readouterr().err.splitlines()
+        assert len(lines) == 1
+        assert told in lines[0]

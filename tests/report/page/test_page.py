@@ -1,0 +1,295 @@
+"""The page in a browser: it draws, answers, and asks the network for nothing."""
+
+import base64
+import gzip
+import json
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bonecam
+from bonecam.arrays import angles_between
+from bonecam.cli import main
+from bonecam.errors import FileError
+from bonecam.machine.machine import read_machine
+from bonecam.nc.dialect import read_dialect
+from bonecam.nc.reading.read import read_program
+from bonecam.report.files.kept_view import kept_contents
+from bonecam.report.page.packing import Contents, pack, unpack
+from bonecam.tool.path import Kind
+
+Run = tuple[bonecam.Result, Path]
+
+
+@pytest.fixture(scope="module")
+def page(small_run: Run, browser: Any) -> Iterator[Any]:
+    """The page of the small run, drawn; what it asked for and what went wrong are in `asked` and `troubles`."""
+    opened = browser.new_page(viewport={"width": 1100, "height": 700})
+    opened.asked, opened.troubles = [], []
+    opened.on("request", lambda request: opened.asked.append(request.url))
+    opened.on("pageerror", lambda error: opened.troubles.append(str(error)))
+    opened.on("console", lambda told: told.type == "error" and opened.troubles.append(told.text))
+    opened.goto((small_run[1] / "bone.html").as_uri())
+    wait_until(opened, "page.ready")
+    yield opened
+    opened.close()
+
+
+def wait_until(page: Any, condition: str, tries: int = 600) -> None:
+    """Wait till a condition holds in the page, whose own policy forbids the library's way to wait."""
+    for _ in range(tries):
+        if page.evaluate(f"Boolean({condition})"):
+            return
+        page.wait_for_timeout(50)
+    raise AssertionError(f"{condition} did not come true")
+
+
+def picture(page: Any) -> bytes:
+    """What the canvas shows once all is drawn."""
+    page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    return bytes(page.locator("#canvas").screenshot())
+
+
+def test_levels_differ_in_the_picture_and_in_the_words(page: Any) -> None:
+    page.keyboard.press("2")
+    seen = {}
+    for level in range(3):
+        page.locator("#level").fill(str(level))
+        seen[picture(page)] = page.locator("#controls").inner_text()
+    assert len(seen) == 3
+    words = list(seen.values())
+    assert "the part" in words[0]
+    assert "cut 2" in words[2]
+    assert "the stock" in words[2]
+
+
+@pytest.mark.parametrize("mode", ["fit", "levels", "path", "program", "left"])
+def test_every_view_draws_with_its_legend(page: Any, mode: str) -> None:
+    page.evaluate("change({level: 1})")
+    page.locator(f"#modes button[data-mode={mode}]").click()
+    empty = picture(page)
+    page.evaluate("page.content.visible = false; page.redraw()")
+    assert picture(page) != empty
+    page.evaluate("page.content.visible = true; page.redraw()")
+    assert page.locator("#legend").inner_text()
+
+
+@pytest.mark.parametrize("colouring", ["kind", "feed", "tilt", "depth", "section"])
+def test_each_colouring_of_the_path_is_another_picture_with_its_unit(page: Any, colouring: str) -> None:
+    units = {"kind": "rapid", "feed": "mm/min", "tilt": "degrees", "depth": "mm", "section": "mm²"}
+    page.keyboard.press("3")
+    page.evaluate("change({level: 0, colouring: 'kind'})")
+    plain = picture(page)
+    page.locator("#colouring").select_option(colouring)
+    assert (picture(page) == plain) == (colouring == "kind")
+    assert units[colouring].lower() in page.locator("#legend").inner_text().lower()
+
+
+def test_links_can_be_hidden(page: Any) -> None:
+    page.keyboard.press("3")
+    page.evaluate("change({level: 0, colouring: 'kind', links: true})")
+    with_links = page.evaluate("movesOf(0, page.state).length")
+    page.locator("#links").click()
+    assert page.evaluate("movesOf(0, page.state).length") < with_links
+
+
+def test_cones_are_drawn_at_contacts_of_the_level_and_under_the_tool(page: Any, small_run: Run) -> None:
+    page.keyboard.press("3")
+    page.evaluate("change({level: 0, chosen: -1})")
+    without = picture(page)
+    page.locator("#cones").check()
+    assert picture(page) != without
+
+    path = small_run[0].paths[-1]
+    inside = path.cones.cone_of >= 0
+    chosen = path.cones.cone_of[inside]
+    off = angles_between(path.axes[inside], path.cones.axes[chosen])
+    assert (off < path.cones.angles[chosen]).mean() > 0.95
+    assert inside.sum() > 0.9 * (path.kinds == Kind.CUT).sum()
+
+    shown = page.evaluate("someCones(movesOf(0, page.state))")
+    assert 10 < len(shown) <= 40
+    axes = page.evaluate(
+        "(moves) => moves.map((i) => [axisOf(page.arrays.cone_axis, coneOf(i)).toArray(), ballOf(i).toArray()])",
+        shown,
+    )
+    balls = path.balls[inside]
+    for axis, ball in axes:
+        row = np.linalg.norm(balls - ball, axis=1).argmin()
+        assert np.allclose(balls[row], ball, atol=0.01)
+        assert np.allclose(path.cones.axes[chosen[row]], axis, atol=1e-3)
+
+    page.keyboard.press("4")
+    page.evaluate(f"goTo({shown[5]})")
+    with_cone = picture(page)
+    page.locator("#cones").uncheck()
+    assert picture(page) != with_cone
+
+
+def test_axes_of_a_level_are_free_where_they_are_compared(small_run: Run) -> None:
+    compared = small_run[0].compare_axes(0)
+    assert len(compared.contacts) == (small_run[0].paths[-1].kinds == Kind.CUT).sum()
+    row = compared.report[-1]
+    assert row["axes"] == "this path"
+    assert row["collide"] == row["beyond_limits"] == 0
+    with pytest.raises(ValueError, match="give 0 to 1"):
+        small_run[0].compare_axes(7)
+
+
+def test_a_click_on_the_path_tells_the_block_there(page: Any, small_run: Run) -> None:
+    page.keyboard.press("3")
+    page.evaluate("change({level: 0})")
+    move = page.evaluate("""() => {
+        const box = page.canvas.getBoundingClientRect();
+        return [box.left + box.width / 2, box.top + box.height / 2];
+    }""")
+    page.mouse.click(*move)
+    told = page.locator("#picked").inner_text()
+    block = told.split("block: ")[1].split("\n")[0]
+    assert block in small_run[0].program.text
+    assert "mm/min" in told
+
+
+def test_play_moves_the_tool_and_shows_the_block(page: Any, small_run: Run) -> None:
+    page.keyboard.press("4")
+    page.evaluate("goTo(0)")
+    before = page.evaluate("page.tool.body.position.toArray()")
+    page.locator("#play").click()
+    wait_until(page, "page.state.step > 20")
+    page.locator("#play").click()
+    assert not page.evaluate("page.playing")
+    assert page.evaluate("page.tool.body.position.toArray()") != before
+
+    page.evaluate("goTo(700)")
+    text = small_run[0].program.text
+    job = small_run[0].job
+    motions = read_program(text, read_machine(job.nc.machine), read_dialect(job.nc.controller))
+    shown = page.evaluate("page.arrays.move_line[700]")
+    assert page.locator("#blocks b").inner_text().strip() == text.split("\n")[shown - 1]
+    at = page.evaluate("page.tool.body.position.toArray()")
+    assert np.allclose(at, motions.tips[700], atol=0.002)
+
+
+def test_the_standing_stock_shrinks_to_what_the_simulation_tells(page: Any, small_run: Run) -> None:
+    page.keyboard.press("4")
+    level = small_run[0].removal.standing[-1].level
+    last = page.evaluate(f"page.arrays.move_level.lastIndexOf({level})")
+    heights = []
+    for step in (page.evaluate(f"firstMoveOf({level})"), last):
+        page.evaluate(f"goTo({step})")
+        heights.append(
+            page.evaluate("""() => {
+            const s = page.standing, p = s.mesh.geometry.attributes.position.array;
+            return Array.from(s.base, (b, i) => (p[i] - b) * s.normals[i]);
+        }""")
+        )
+    told = [np.array(h).reshape(-1, 3).sum(1) for h in heights]
+    standing = small_run[0].removal.standing[-1]
+    assert np.allclose(told[0], standing.before, atol=0.005)
+    assert np.allclose(told[1], standing.after, atol=0.005)
+
+
+def test_keys_turn_pages_and_levels(page: Any) -> None:
+    page.locator("#canvas").focus()
+    page.keyboard.press("2")
+    page.evaluate("change({level: 0, open: false})")
+    page.locator("#canvas").focus()
+    page.keyboard.press("ArrowRight")
+    assert page.evaluate("page.state.level") == 1
+    page.keyboard.press("c")
+    assert page.evaluate("page.state.open")
+    page.keyboard.press("v")
+    assert abs(page.evaluate("page.orbit.elevation")) < 1e-9
+
+
+def test_nothing_was_asked_of_the_network_and_nothing_went_wrong(page: Any, small_run: Run) -> None:
+    assert page.asked == [(small_run[1] / "bone.html").as_uri()]
+    assert page.troubles == []
+
+
+def test_the_page_from_kept_files_is_that_of_the_run(small_run: Run, tmp_path: Path) -> None:
+    made, folder = small_run
+    assert main(["view", str(folder / "keep"), "-o", str(tmp_path / "again.html")]) == 0
+    text = (tmp_path / "again.html").read_text(encoding="utf-8")
+    assert text == (folder / "bone.html").read_text(encoding="utf-8") == made.page
+    assert made.view(tmp_path / "third.html").read_text(encoding="utf-8") == text
+    assert (folder / "keep" / "program.h").read_text(encoding="utf-8") == made.program.text
+    report = json.loads((folder / "keep" / "report.json").read_text(encoding="utf-8"))
+    assert report["levels"] == made.report["levels"]
+    assert report["nc"] == made.report["nc"]
+    cones = np.loadtxt(folder / "keep" / "cones.csv", delimiter=",", skiprows=1)
+    assert np.allclose(np.linalg.norm(cones[:, 5:8], axis=1), 1, atol=1e-5)
+    assert cones[:, 10].min() >= 0
+    assert cones[:, 10].max() <= 1
+    assert cones[:, 9].sum() == sum((path.cones.cone_of >= 0).sum() for path in made.paths)
+
+
+def test_a_simulated_program_has_a_page_of_its_own(small_run: Run, tmp_path: Path) -> None:
+    made, folder = small_run
+    page = tmp_path / "page.html"
+    keep = folder / "keep"
+    removal = bonecam.simulate(keep / "program.h", keep, made.job, html=page)
+    payload = page.read_text(encoding="utf-8").split('type="text/plain">')[1].split("</script>")[0]
+    shown = unpack(base64.b64decode(payload), "page")
+    whole = kept_contents(keep)[1]
+    assert shown.facts["report"]["removal"] == removal.report
+    assert shown.facts["program"]["blocks"] == whole.facts["program"]["blocks"]
+    assert np.array_equal(shown.arrays["move_tip"], whole.arrays["move_tip"])
+    away = np.hypot(*whole.arrays["level_0"][:, :2].T) > made.job.holding.diameter / 2 + 0.5
+    assert away.sum() > 100
+    assert np.allclose(shown.arrays["after_0"][away], whole.arrays["after_0"][away], atol=0.051)
+    assert not any(name.startswith("uncut") for name in shown.arrays)
+
+
+def test_bad_folders_and_names_are_one_line(
+    small_run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    keep = tmp_path / "keep"
+    shutil.copytree(small_run[1] / "keep", keep)
+    (keep / "view.gz").unlink()
+    page = str(tmp_path / "p.html")
+    for arguments, told in (
+        ([str(keep), "-o", page], "view.gz cannot be read"),
+        ([str(tmp_path / "none"), "-o", page], "is no folder"),
+        ([str(small_run[1] / "keep"), "-o", str(tmp_path / "p.png")], "ends in .html"),
+        ([str(small_run[1] / "keep"), "-o", str(tmp_path / "no" / "p.html")], "does not exist"),
+    ):
+        assert main(["view", *arguments]) == 2
+        error = capsys.readouterr().err
+        assert told in error
+        assert error.count("\n") == 1
+    assert not Path(page).exists()
+
+
+@pytest.mark.parametrize("fault", ["name", "levels", "level_0", "version"])
+def test_a_view_of_another_version_or_without_what_it_needs_is_one_line(
+    fault: str, small_run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    packed, contents = kept_contents(small_run[1] / "keep")
+    facts = {name: fact for name, fact in contents.facts.items() if name != fault}
+    arrays = {name: array for name, array in contents.arrays.items() if name != fault}
+    changed = pack(Contents(facts, arrays))
+    if fault == "version":
+        data = gzip.decompress(packed)
+        changed = gzip.compress(data.replace(b'"bonecam_view": 1', b'"bonecam_view": 7', 1))
+    (tmp_path / "view.gz").write_bytes(changed)
+    assert main(["view", str(tmp_path), "-o", str(tmp_path / "page.html")]) == 2
+    error = capsys.readouterr().err
+    assert ("has version 7" if fault == "version" else "is damaged") in error
+    assert error.count("\n") == 1
+    assert not (tmp_path / "page.html").exists()
+
+
+def test_a_page_whose_name_is_no_page_is_refused_before_the_work(small_run: Run, tmp_path: Path) -> None:
+    with pytest.raises(FileError, match=r"ends in \.html"):
+        bonecam.convert(small_run[0].part.given, html=tmp_path / "bone.htmls")
+
+
+def test_a_notebook_shows_summary_and_picture(small_run: Run) -> None:
+    shown = small_run[0]._repr_html_()
+    assert small_run[0].summary.split("\n")[0] in shown
+    assert 'src="data:image/png;base64,' in shown

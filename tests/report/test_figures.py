@@ -1,0 +1,203 @@
+"""What the report says to a person."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bonecam.levels.measure.certificates.certificate import Certificate
+from bonecam.levels.measure.cut_measures import NO_CUT
+from bonecam.levels.measure.level import RoundedLevel, StockLevel
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.report.figures import levels_report, toolpath_report, uncut_areas
+from bonecam.report.summary import certified_text, summary_of, uncut_lines
+from bonecam.setup.capsule import Capsule
+from bonecam.surface.tspline import TSpline
+from bonecam.tool.path import ConeCheck, FreeCones, Kind, ToolPath
+
+MEASURES = replace(NO_CUT, depth_max=0.5, depth_mean=0.4)
+
+
+def test_what_was_left_uncut_is_told_by_reason_apart_for_the_part() -> None:
+    rows = [
+        {"level": 1, "uncut_contacts": 7, "uncut_reasons": {"gouge": 5, "post": 2}, "blocked_by": {}},
+        {
+            "level": 0,
+            "uncut_contacts": 3,
+            "uncut_reasons": {"post": 1, "collision": 2},
+            "blocked_by": {"shank against the material": 2},
+        },
+    ]
+    assert uncut_lines(rows, {"post": 0.31}) == [
+        "3 contacts on the part: collision 2 (no free way for the tool, 2 shank against the material), "
+        "post 1, 0.3 mm2 (at the post)",
+        "7 contacts on levels round it: gouge 5 (ball too large for the hollow), post 2 (at the post)",
+    ]
+    assert uncut_lines(rows[:1], {})[0].startswith("7 contacts on levels round it: ")
+    nothing = {"level": 0, "uncut_contacts": 0, "uncut_reasons": {}, "blocked_by": {}}
+    assert uncut_lines([nothing], {}) == ["nothing"]
+
+
+def test_axes_near_the_normal_are_counted_and_those_that_had_no_other(
+    path_of: Callable[..., ToolPath],
+) -> None:
+    """Leads of 0, 4, 8, 12 degrees; cones of 1, 30 and none."""
+    lead = np.radians([0.0, 4, 8, 12])
+    axes = np.column_stack([np.sin(lead), 0 * lead, np.cos(lead)])
+    tool = path_of(np.zeros((4, 3)), axes).cutter
+    balls = np.column_stack([np.arange(4.0), np.zeros(4), np.zeros(4)])
+    path = path_of(balls - tool.radius * axes, axes, kinds=np.full(4, int(Kind.CUT)), tool=tool)
+    path = replace(path, contacts=balls - [0, 0, tool.radius])
+    assert toolpath_report([path], np.radians(10.0))[0]["near_normal_contacts"] is None
+
+    cones = FreeCones(
+        balls[:2], axes[[0, 1]], np.radians([1.0, 30.0]), np.array([0.2, 0.4]), np.array([0, 1, -1, 1])
+    )
+    row = toolpath_report([replace(path, cones=cones)], np.radians(10.0))[0]
+    assert row["near_normal_contacts"] == 3
+    assert row["near_normal_without_choice"] == 2
+    assert row["cones"] == {"count": 2, "slack_min_mm": 0.2, "slack_1_percent_mm": 0.202, "fcl": None}
+    checked = replace(cones, check=ConeCheck(5, 1, 0), cone_of=np.full(4, -1))
+    assert toolpath_report([replace(path, cones=checked)], 0.0)[0]["cones"] == {
+        "count": 0,
+        "slack_min_mm": None,
+        "slack_1_percent_mm": None,
+        "fcl": {"asked": 5, "narrowed": 1, "refused": 0},
+    }
+    none = FreeCones(balls[:0], axes[:0], np.zeros(0), np.zeros(0), np.full(4, -1))
+    assert toolpath_report([replace(path, cones=none)], np.radians(5.0))[0]["near_normal_without_choice"] == 2
+
+
+def test_the_summary_tells_each_repair() -> None:
+    level = {"depth_max_mm": 0.5, "depth_back_max_mm": 0.5, "not_certified": [], "rounding": False}
+    report = {
+        "input": {
+            "faces": 993,
+            "units": "mm",
+            "notes": ["mirrored in X of its file"],
+            "repairs": ["closed 1 hole with 33 faces, 9.66 mm across"],
+            "repair_deviation_max_mm": 1.079,
+        },
+        "surface": {
+            "control_points": 190,
+            "deviation_max_mm": 0.07,
+            "deviation_rms_mm": 0.02,
+            "given_deviation_max_mm": 1.083,
+        },
+        "stock": {"kind": "capsule", "diameter_mm": 9.3, "length_mm": 22.3},
+        "levels": [{**level, "depth_max_mm": 0.0, "depth_back_max_mm": 0.0, "not_certified": None}, level],
+        "levels_lower_bound": 1,
+        "levels_method": "qp",
+        "levels_break_mm": 0.0,
+        "uncut_mm2": {},
+        "toolpath": [
+            {
+                "level": 0,
+                "contacts": 5,
+                "length_mm": 7.5,
+                "cones": {"fcl": {"asked": 9, "narrowed": 2, "refused": 1}},
+                "near_normal_contacts": None,
+                "near_normal_without_choice": None,
+                "trimmed_mm": 2.0,
+                "uncut_contacts": 0,
+                "uncut_reasons": {},
+                "blocked_by": {},
+            }
+        ],
+        "nc": dict.fromkeys(
+            ("blocks", "time_min", "readback_tip_error_mm", "readback_axis_error_deg", "gouge_max_mm"), 1
+        )
+        | {"rewinds": 3, "rewinds_lifted": 1, "gouge_to_given_max_mm": 0.0567}
+        | {"feed_median_mm_min": 500.0, "feed_low_mm_min": 250.0, "feed_axis_limited_share": 0.95}
+        | {"file": "half.h", "machine": "mill", "controller": "heidenhain"},
+        "seconds": {"mesh": 1.0},
+    }
+    told = summary_of(report).splitlines()
+    assert "feed      median 500, a tenth below 250 mm/min; an axis limits 95% of the cutting blocks" in told
+    assert "          0.057 mm into the mesh as given at most" in told
+    lifted = "1 of them lifted from a cut or a link and set down again"
+    assert f"rewinds   3 rewinds of the rotary axes off the part, {lifted}" in told
+    assert "cones     9 put before FCL: 2 narrowed, 1 refused" in told
+    assert told[:3] == [
+        "mesh      993 faces, mm; 1 repair",
+        "note      mirrored in X of its file",
+        "repair    closed 1 hole with 33 faces, 9.66 mm across",
+    ]
+    assert "as given  max 1.083 mm to the mesh as given, with 1.079 mm of repair and filling" in told
+    assert "levels    1 cut, no schedule needs fewer than 1; depth max 0.5000 mm" in told
+    assert "hold everywhere on 1 of 1 cut" in told[7]
+    broken = summary_of({**report, "levels_break_mm": 0.0042})
+    assert (
+        "levels    1 cut, no schedule needs fewer than 1; depth max 0.5000 mm; a limit is broken by 0.0042 mm"
+        in broken
+    )
+    assert summary_of({**report, "input": {**report["input"], "notes": [], "repairs": []}}).startswith(
+        "mesh      993 faces, mm; 0 repairs\nsurface"
+    )
+
+
+def test_a_cut_that_is_not_certified_is_told_with_its_place_although_it_measures_well() -> None:
+    mesh, place = TriangleMesh(np.eye(3), np.array([[0, 1, 2]], dtype=np.int32)), np.array([1.0, 2.0, 3.0])
+    good, deep, unknown = (
+        Certificate(depth, gap, -0.01, place, place, place, np.empty((0, 2)), 9)
+        for depth, gap in ((0.5, 0.0), (0.5035, 0.0), (0.5, -np.inf))
+    )
+    levels = [
+        StockLevel(k, mesh, 0.5, MEASURES, found) for k, found in enumerate((None, good, deep, unknown))
+    ]
+    rows = levels_report(levels)
+    assert [row["not_certified"] for row in rows[:2]] == [None, []]
+    assert {row["depth_full_mean_mm"] for row in rows} == {None}
+    assert rows[2]["depth_certified_mm"] == 0.5035
+    assert rows[3]["nesting_certified_mm"] is None
+    told = certified_text(rows)
+    assert told.startswith(
+        "depth, nesting and stock hold everywhere on 1 of 3 cuts; cut 2 may be 0.5035 mm deep, more than "
+        "0.5 mm, at (1.00, 2.00"
+    )
+    assert "cut 3 is not proven to hold the level before at (1.00" in told
+
+
+def test_why_cuts_have_no_certificate_is_told_as_it_is(pebble: Callable[..., TSpline]) -> None:
+    body = Capsule(np.array([0.0, 0.0, 10.0]), np.array([0.0, 0.0, 20.0]), 5.0)
+    surface, mesh, place = pebble(), body.mesh(0.1), np.zeros(3)
+    sure = Certificate(0.5, 0.0, -0.01, place, place, place, np.empty((0, 2)), 9)
+    made = [
+        RoundedLevel(k, surface, mesh, 0.5, MEASURES, body, surface.control_points)
+        if k in (2, 3)
+        else StockLevel(k, mesh, 0.5, MEASURES)
+        for k in range(5)
+    ]
+    levels = [made[0], *(replace(level, certificate=sure) for level in made[1:3]), *made[3:]]
+    rows = levels_report(levels)
+    assert [row["rounding"] for row in rows] == [False, False, False, True, True]
+    told = (
+        "depth, nesting and stock hold everywhere on 2 of 2 cuts; 2 more cuts only to round the stock, "
+        "exact by construction"
+    )
+    assert certified_text(rows) == told
+    by_cones = certified_text(levels_report(made), "qcqp")
+    assert by_cones.startswith("nothing on 2 cuts: levels by qcqp may fall 0.02 mm behind one another")
+    assert by_cones.endswith("2 more cuts only to round the stock, exact by construction")
+    assert (
+        certified_text(levels_report(made[:2]))
+        == "nothing on 1 cut: the surface is not polynomial (it has weights other than one)"
+    )
+
+
+def test_the_area_left_uncut_is_that_round_the_contacts_left_out(
+    path_of: Callable[..., ToolPath],
+) -> None:
+    """Of a flat square of 4 x 4 mm a row of contacts at one edge is left out."""
+    x, y = (v.ravel() for v in np.meshgrid(*2 * [np.linspace(-2, 2, 41)], indexing="ij"))
+    index = np.arange(41**2).reshape(41, 41)
+    a, b, c, d = (v.ravel() for v in (index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]))
+    faces = np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])]).astype(np.int32)
+    part = TriangleMesh(np.column_stack([x, y, 0 * x]), faces)
+    places = np.array([[u, v, 0.0] for u in (-1.5, -0.5, 0.5, 1.5) for v in np.linspace(-1.75, 1.75, 8)])
+    cut = places[8:]
+    path = path_of(cut, np.tile([0.0, 0.0, 1.0], (len(cut), 1)), kinds=np.full(len(cut), int(Kind.CUT)))
+    path = replace(path, contacts=cut, uncut=places[:8], reasons=("post",) * 6 + ("gouge",) * 2)
+    areas = uncut_areas([path], part)
+    assert areas == {"gouge": pytest.approx(1.0, abs=0.05), "post": pytest.approx(3.0, abs=0.05)}

@@ -1,0 +1,77 @@
+"""Stacks of cylinders and cones: in jobs as text or rows, in cutters from the tip to the spindle."""
+
+from itertools import pairwise
+from typing import Any
+
+import pytest
+
+from bonecam.errors import JobError
+from bonecam.job import HoldingJob, ToolJob
+from bonecam.machine.frustum import Frustum, stack_as_text, stack_from_text
+from bonecam.tool.cutter import Cutter, Section
+
+SHRINK_FIT: Any = [[35, 10, 17], [20, 40]]
+
+
+def test_a_stack_is_read_from_text_and_from_rows() -> None:
+    expected = (Frustum(35.0, 10.0, 17.0), Frustum(20.0, 40.0, 40.0))
+    assert stack_from_text("35 10 17, 20 40") == stack_from_text(stack_as_text(SHRINK_FIT)) == expected
+    assert ToolJob(holder=SHRINK_FIT).holder_stack == expected
+
+
+def test_a_holder_without_a_stack_is_one_cylinder() -> None:
+    job = ToolJob(holder_diameter=25.0, holder_length=60.0)
+    assert job.holder_stack == (Frustum(60.0, 25.0, 25.0),)
+
+
+def test_the_sections_of_a_tool_follow_each_other_up_into_the_spindle() -> None:
+    nose = (Frustum(30.0, 80.0, 80.0), Frustum(50.0, 80.0, 120.0))
+    cutter = Cutter.from_job(1, "roughing", ToolJob(holder=SHRINK_FIT, spindle=9000.0, feed=900.0), nose)
+    assert cutter.length == 30.0 + 55.0
+    assert cutter.profile[2:] == (
+        Section("holder", 30.0, 65.0, 5.0, 8.5),
+        Section("holder", 65.0, 85.0, 20.0, 20.0),
+        Section("spindle", 85.0, 115.0, 40.0, 40.0),
+        Section("spindle", 115.0, 165.0, 40.0, 60.0),
+    )
+    assert all(below.end == above.start for below, above in pairwise(cutter.profile))
+
+
+@pytest.mark.parametrize(
+    ("holder", "message"),
+    [
+        ("35 10 17 3", r"holder = '35 10 17 3': 35 10 17 3: give positive length, diameter"),
+        ("35 -10", r"35 -10: give positive length, diameter"),
+        ("35 wide", r"'wide' is no number: give rows like '35 10 17, 20 40'"),
+        ("5 20," * 25 + "5 20", r"26 pieces: give at most 20"),
+        ([3.0], r"holder = '3\.0': 3: give positive length"),
+    ],
+)
+def test_a_holder_that_is_no_stack_is_refused(holder: Any, message: str) -> None:
+    with pytest.raises(JobError, match=message):
+        ToolJob(holder=holder)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"chuck_height": 20.0}, r"chuck_diameter = 0: give both sizes of the chuck, or none"),
+        ({"chuck_diameter": 20.0}, r"chuck_height = 0: give both sizes of the chuck, or none"),
+        (
+            {"chuck_diameter": 3.0, "chuck_height": 9.0},
+            r"chuck_diameter = 3: give more than the post's diameter",
+        ),
+        (
+            {"length": 40.0, "chuck_diameter": 30.0, "chuck_height": 40.0},
+            r"chuck_height = 40: give less than the post's length \(40 mm\), or a longer post",
+        ),
+    ],
+)
+def test_a_chuck_that_cannot_hold_the_post_is_refused(values: dict[str, Any], message: str) -> None:
+    with pytest.raises(JobError, match=message):
+        HoldingJob(**values)
+
+
+def test_a_cutter_without_speeds_is_a_wrong_call() -> None:
+    with pytest.raises(ValueError, match=r"take the cutter of Job\.tool\('roughing'\)"):
+        Cutter.from_job(1, "roughing", ToolJob())
