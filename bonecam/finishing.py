@@ -19,7 +19,7 @@ from bonecam.mesh.units import to_mm
 from bonecam.nc.dialect import Dialect, read_dialect
 from bonecam.nc.posting.feeds import drivable_paths
 from bonecam.nc.posting.header.header import record_checks
-from bonecam.nc.posting.rotary.axis_limits import axis_limits
+from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import Program, program_name
 from bonecam.pipeline import check_job
@@ -175,11 +175,11 @@ def _planned(
     surface: TSpline, solid: TriangleMesh, job: Job, machine: Machine, times: StageTimes
 ) -> tuple[Workpiece, Job, ToolPath]:
     """The surface on its post, the job with the post's length, and the path."""
-    limits = axis_limits(machine)
+    limits = machine_limits(machine)
     with times.stage("toolpath"):
-        workpiece = stand_workpiece(surface, solid, job, limits, machine.bodies)
+        workpiece = stand_workpiece(surface, solid, job, limits)
         job = replace(job, holding=replace(job.holding, length=workpiece.length))
-        return workpiece, job, plan_surface(workpiece, job, limits, machine.bodies)
+        return workpiece, job, plan_surface(workpiece, job, limits)
 
 
 def _posted(

@@ -15,7 +15,7 @@ from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
 from bonecam.nc.dialect import Dialect, read_dialect
 from bonecam.nc.posting.feeds import drivable_paths
 from bonecam.nc.posting.header.header import record_checks, record_simulation
-from bonecam.nc.posting.rotary.axis_limits import axis_limits
+from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import program_name
 from bonecam.nc.requirements import check_length, check_reach, check_room, check_tools
@@ -143,13 +143,13 @@ def _morph(
         found = not job.holding.length
         setup, job = stand_on_post(place(unplaced, job), job, machine)
         if machine is not None:
-            check_parting(setup, job, axis_limits(machine), machine.bodies)
+            check_parting(setup, job, machine_limits(machine))
             check_second(setup.part, setup.post, job)
             check_room(setup.stock, job, machine)
         check_cuts(setup.part.mesh, setup.stock, job.levels)
         if machine is not None:
             check_length(setup.part.mesh, setup.stock, job, part(progress, 0.1, 0.1))
-        advice = post_advice(setup, job, axis_limits(machine), machine.bodies) if found and machine else {}
+        advice = post_advice(setup, job, machine_limits(machine)) if found and machine else {}
 
     with times.stage("surface"):
         fitted = fit_surface(setup.part, job, part(progress, 0.1, 0.5), given)
@@ -170,7 +170,7 @@ def stand_on_post(setup: Setup, job: Job, machine: Machine | None = None) -> tup
     if job.holding.length:
         return setup, job
     machine = machine or read_machine(job.nc.machine)
-    return find_post_length(setup, job, axis_limits(machine), machine.bodies)
+    return find_post_length(setup, job, machine_limits(machine))
 
 
 def _machine(
@@ -189,7 +189,7 @@ def _machine(
     with times.stage("toolpath"):
         plan = plan_paths if job.path.strategy == "morph" else plan_layer_paths
         share = part(progress, 0.0, 0.82)
-        planned = plan(levels, made.stock, job, axis_limits(machine), machine.bodies, share)
+        planned = plan(levels, made.stock, job, machine_limits(machine), share)
 
     with times.stage("nc"):
         paths = drivable_paths(planned, machine, dialect, job)

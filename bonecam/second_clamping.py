@@ -28,7 +28,7 @@ from bonecam.nc.posting.feeds import drivable_paths
 from bonecam.nc.posting.header.header import record_checks, record_simulation
 from bonecam.nc.posting.header.program_zero import zero_words
 from bonecam.nc.posting.header.texts import second_setup_texts
-from bonecam.nc.posting.rotary.axis_limits import axis_limits
+from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import Program, program_name
 from bonecam.planning.holding.second import StumpPlaces, second_paths
@@ -82,8 +82,7 @@ def second_program(
         clamping.top,
         partial(standing_field, sets=material.sets, grid=material.grid),
         job,
-        axis_limits(machine),
-        machine.bodies,
+        machine_limits(machine),
         part(progress, 0.0, 0.7),
     )
     paths = tuple(drivable_paths(planned, machine, dialect, job))

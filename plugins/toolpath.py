@@ -23,7 +23,7 @@ def plan_toolpath(layers: Layers, values: Mapping[str, Any], progress: Progress)
     """Filter `generate_toolpath`: a polyline layer of the tip for each level."""
     from bonecam.levels.sequences.begun_morph import Morph
     from bonecam.machine.machine import read_machine
-    from bonecam.nc.posting.rotary.axis_limits import axis_limits
+    from bonecam.nc.posting.rotary.machine_limits import machine_limits
     from bonecam.nc.requirements import check_tools
     from bonecam.planning.levels import plan_paths
     from bonecam.setup.stock import Stock
@@ -40,7 +40,7 @@ def plan_toolpath(layers: Layers, values: Mapping[str, Any], progress: Progress)
     )
     machine = read_machine(job.nc.machine)
     check_tools(job, machine)
-    paths = plan_paths(morph.levels, stock, job, axis_limits(machine), machine.bodies, progress)
+    paths = plan_paths(morph.levels, stock, job, machine_limits(machine), progress)
     source = layers.meshset.current_mesh_id()
     for path in paths:
         layers.select(source)

@@ -18,7 +18,7 @@ from bonecam.mesh.files.mesh_files import write_mesh
 from bonecam.mesh.part import Part
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.posting.rotary.axis_limits import axis_limits
+from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.read import read_program
 from bonecam.planning.collision.scene import Scene
@@ -63,7 +63,7 @@ def parted(pebble, level_of, mesh_of, tmp_path_factory):
     post = post_below(lump, job.holding)
     clamping = clamping_of(job.holding, MACHINE.table)
     scene = Scene(lump, lump, smallest_capsule(lump.vertices, 0.5), post, 0.1, clamping=clamping)
-    paths = parting_paths(scene, job, axis_limits(MACHINE), MACHINE.bodies)
+    paths = parting_paths(scene, job, machine_limits(MACHINE))
     removal = simulate_removal(
         write_program(paths, MACHINE, DIALECT, job).text,
         MACHINE,

@@ -9,8 +9,7 @@ from bonecam_meshes import path as shipped
 import bonecam
 from bonecam.errors import OrientationError
 from bonecam.job import Job
-from bonecam.machine.machine import read_machine
-from bonecam.machine.tool_axis_limits import AxisLimits
+from bonecam.machine.limits import MachineLimits
 from bonecam.mesh.facets.nearest_areas import nearest_areas
 from bonecam.planning.strategies.layer_paths import plan_layer_paths
 from bonecam.setup.stocks.cylinder import Cylinder
@@ -100,8 +99,7 @@ def test_iso_height_milling_cuts_from_two_sides_within_its_depths(tmp_path: Path
 
 
 def test_a_machine_that_cannot_lay_its_tool_level_is_refused() -> None:
-    machine = read_machine("mikron-ucp600")
-    limits = AxisLimits(np.radians(60.0))
+    limits = MachineLimits(np.radians(60.0))
     job = COARSE.with_values(path={"strategy": "rotary"})
     with pytest.raises(OrientationError, match="90 deg"):
-        plan_layer_paths([], Cylinder(5.0, 1.0, 2.0), job, limits, machine.bodies)
+        plan_layer_paths([], Cylinder(5.0, 1.0, 2.0), job, limits)

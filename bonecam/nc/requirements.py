@@ -7,8 +7,8 @@ from bonecam.errors import MachineError
 from bonecam.job import Job, ToolJob, field_error
 from bonecam.machine.machine import Machine
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.nc.posting.rotary.axis_limits import axis_limits
 from bonecam.nc.posting.rotary.choice import choose_angles
+from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.nc.posting.travel import table_reach
 from bonecam.planning.axes.lead import check_lead
 from bonecam.planning.passes.patterns.scallop import side_step
@@ -51,7 +51,7 @@ def _check_speeds(section: str, tool: ToolJob, machine: Machine) -> None:
 def check_reach(job: Job, machine: Machine) -> None:
     """MachineError where the rotary axes of the machine cannot lean the tool all round as far as the sides of a stock
     need, or come to their limits on the way round where no rewind helps."""
-    limits = axis_limits(machine)
+    limits = machine_limits(machine)
     bounds = [(axis.letter, *np.degrees(axis.limits)) for axis in machine.rotary if axis.bounded]
     named = ", ".join(f"{letter} {low:g} to {high:g} deg" for letter, low, high in bounds)
     needed = 90.0 if job.path.strategy != "morph" else 90.0 - job.path.max_tilt_deg

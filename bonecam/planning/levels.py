@@ -15,7 +15,7 @@ from bonecam.errors import OrientationError
 from bonecam.job import Job, PathJob
 from bonecam.levels.measure.level import Level, MachinedLevel, machined_levels, morph_surfaces
 from bonecam.machine.bodies import MachineBodies
-from bonecam.machine.tool_axis_limits import AxisLimits
+from bonecam.machine.limits import MachineLimits
 from bonecam.material.material import Material, remove_material, uncut_material
 from bonecam.material.standing_mesh import DEVIATION
 from bonecam.mesh.distance import MeshDistance
@@ -61,23 +61,21 @@ def plan_paths(
     levels: Sequence[Level],
     stock: Stock,
     job: Job,
-    limits: AxisLimits,
-    bodies: MachineBodies,
+    limits: MachineLimits,
     progress: Progress = silent,
 ) -> tuple[ToolPath, ...]:
-    """The path of every level in machining order; `limits` are those of the machine's tool axis, its `bodies` are
-    kept clear of.
+    """The path of every level in machining order; `limits` are the machine's.
 
     `levels` begin at the part and end at the stock. Raises JobError where a cutter cannot be used at the
     job's lead angle, ToolPathError or OrientationError (with the level's number) where a level has no path.
     """
     machined = machined_levels(levels)
-    cutters = {level.index: _cutter_of(level.index, job, bodies) for level in machined}
+    cutters = {level.index: _cutter_of(level.index, job, limits.bodies) for level in machined}
     for cutter in cutters.values():
         check_lead(cutter, job.path.lead_deg)
 
     part = _distance_to_part(levels, job.path)
-    fixture = post_below(part.mesh, job.holding), clamping_of(job.holding, bodies.table)
+    fixture = post_below(part.mesh, job.holding), clamping_of(job.holding, limits.bodies.table)
     planning = _Planning(job, limits, part, *fixture, enclosing_capsule(stock))
     paths: list[ToolPath] = []
     standing = _Standing(uncut_material(levels, stock))
@@ -88,10 +86,10 @@ def plan_paths(
         paths += made
     if job.path.fine_cutter:
         report(progress, 1.0, "path of the fine cutter")
-        fine = Cutter.from_job(3, "fine", job.tool("fine"), bodies.nose)
+        fine = Cutter.from_job(3, "fine", job.tool("fine"), limits.bodies.nose)
         check_lead(fine, job.path.lead_deg)
         paths = _with_fine(paths, planning, planning.contacts(machined[0], fine), standing)
-    return *paths, *parting_paths(planning.scene_of(part, standing.material), job, limits, bodies)
+    return *paths, *parting_paths(planning.scene_of(part, standing.material), job, limits)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +105,7 @@ class _Planning:
     """What the paths of all levels share; `capsule` encloses the stock."""
 
     job: Job
-    limits: AxisLimits
+    limits: MachineLimits
     part: MeshDistance
     post: Post
     clamping: Clamping

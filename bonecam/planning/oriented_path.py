@@ -11,7 +11,7 @@ from numpy import ndarray
 from bonecam.arrays import angles_between
 from bonecam.errors import OrientationError
 from bonecam.job import NcJob, PathJob
-from bonecam.machine.tool_axis_limits import AxisLimits
+from bonecam.machine.limits import MachineLimits
 from bonecam.material.material import Material
 from bonecam.mesh.facets.nearest_areas import nearest_areas
 from bonecam.planning.axes.cones.free_axes import blocked_by
@@ -41,7 +41,7 @@ Run = Int[ndarray, " _"]
 def orient(
     path: ContactPath,
     scene: Scene,
-    limits: AxisLimits,
+    limits: MachineLimits,
     job: PathJob,
     nc: NcJob,
     wanted: WantedAxes | None = None,
@@ -84,7 +84,7 @@ def orient(
 
 
 def _blocked(
-    path: ContactPath, chosen: ToolAxes, scene: Scene, limits: AxisLimits, job: PathJob, *, explained: bool
+    path: ContactPath, chosen: ToolAxes, scene: Scene, limits: MachineLimits, job: PathJob, *, explained: bool
 ) -> dict[str, int]:
     """What is against the contacts that have no axis but by collisions, where it is to be `explained`;
     OrientationError where none has an axis."""

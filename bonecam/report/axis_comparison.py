@@ -15,7 +15,7 @@ from numpy import ndarray
 
 from bonecam.arrays import angles_between, dots, lengths, unit
 from bonecam.job import PathJob
-from bonecam.machine.tool_axis_limits import AxisLimits, polar_angles
+from bonecam.machine.limits import MachineLimits, polar_angles
 from bonecam.planning.axes.lead import lead_axes
 from bonecam.planning.axes.tool_axes import choose_axes
 from bonecam.planning.collision.checker import CollisionChecker
@@ -46,7 +46,7 @@ class AxisComparison:
     balls: Float[ndarray, "n 3"]
     passes: Int[ndarray, " n"]
     feed: float
-    limits: AxisLimits
+    limits: MachineLimits
     choices: tuple[AxisChoice, ...]
 
     @cached_property
@@ -119,7 +119,7 @@ class AxisComparison:
         return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
-def compare_axes(path: ToolPath, scene: Scene, limits: AxisLimits, job: PathJob) -> AxisComparison:
+def compare_axes(path: ToolPath, scene: Scene, limits: MachineLimits, job: PathJob) -> AxisComparison:
     """The axes of a path beside its normals, axes that lean forward by the job's lead, and these turned to the nearest
     free ones, at the same contacts, in the scene and for the machine of the path."""
     cuts = path.kinds == Kind.CUT

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from bonecam.machine.kinematics import UP, forward, inverse_linear, inverse_rotary, rotate, tool_axes
 from bonecam.machine.machine import machine_names, read_machine
-from bonecam.nc.posting.rotary.axis_limits import tilt_limit
+from bonecam.nc.posting.rotary.machine_limits import tilt_limit
 
 CHAIN_KINDS = ("table-table", "head-table", "head-head", "nutating")
 

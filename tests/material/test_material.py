@@ -12,7 +12,7 @@ from scipy.spatial import KDTree
 from bonecam.job import HoldingJob, NcJob, PathJob
 from bonecam.levels.measure.cut_measures import NO_CUT
 from bonecam.levels.measure.level import Level, MachinedLevel, StockLevel
-from bonecam.machine.tool_axis_limits import AxisLimits
+from bonecam.machine.limits import MachineLimits
 from bonecam.material.material import Material, remove_material, uncut_material
 from bonecam.material.standing_mesh import DEVIATION, hull
 from bonecam.mesh.distance import MeshDistance
@@ -67,7 +67,7 @@ def path_on(stock: Skin, post: Post) -> Callable[[MachinedLevel, Material, Cutte
             candidate_contacts(level, meshes, cutter, post, PathJob(pattern="round")), material
         )
         scene = Scene(level.mesh, material.mesh, stock, post, DEVIATION)
-        return orient(contacts, scene, AxisLimits(2.0), PathJob(), NcJob())
+        return orient(contacts, scene, MachineLimits(2.0), PathJob(), NcJob())
 
     return build
 
@@ -205,7 +205,7 @@ def test_passes_side_by_side_are_stepped_over_to_without_their_ramps(
     assert contacts.ramp.any()
     assert not contacts.ramp[np.flatnonzero(np.diff(contacts.pass_index))].any()
     scene = Scene(level.mesh, material.mesh, stock, post, DEVIATION)
-    path = orient(contacts, scene, AxisLimits(2.0), job, NcJob(), material=material)
+    path = orient(contacts, scene, MachineLimits(2.0), job, NcJob(), material=material)
     passes = contacts.pass_index.max() + 1
     cut = path.kinds == Kind.CUT
     entries = np.flatnonzero(cut & ~np.r_[False, cut[:-1]])

@@ -12,7 +12,7 @@ from bonecam.errors import MachineError, OrientationError
 from bonecam.job import HoldingJob, NcJob, PathJob
 from bonecam.levels.measure.level import Level, RoundedLevel
 from bonecam.machine.frustum import Frustum
-from bonecam.machine.tool_axis_limits import AxisLimits, polar_angles
+from bonecam.machine.limits import MachineLimits, polar_angles
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.axes.admissible import candidate_directions
@@ -40,7 +40,7 @@ from bonecam.workholding.clamping import Clamping
 from bonecam.workholding.column import Column
 from bonecam.workholding.post import post_below
 
-MIKRON = AxisLimits(np.radians(115.0))
+MIKRON = MachineLimits(np.radians(115.0))
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +51,7 @@ def made(
 
     def make(
         cutter: Cutter = roughing_cutter,
-        limits: AxisLimits = MIKRON,
+        limits: MachineLimits = MIKRON,
         waist: float = 0.8,
         clamping: Clamping = Clamping(),  # noqa: B008
         **job: object,
@@ -234,7 +234,7 @@ def test_passes_are_entered_at_the_plunge_feed(case: tuple[ContactPath, Scene, T
 def test_narrow_limits_turn_axes_up_and_list_the_rest(
     made: Callable[..., tuple[ContactPath, Scene, ToolPath]],
 ) -> None:
-    contacts, _, path = made(limits=AxisLimits(np.radians(60.0)), max_tilt_deg=50.0)
+    contacts, _, path = made(limits=MachineLimits(np.radians(60.0)), max_tilt_deg=50.0)
     assert polar_angles(path.axes).max() <= np.radians(60.0) + 1e-6
     listed = path.uncut[[reason == "limits" for reason in path.reasons]]
     assert len(listed)
@@ -309,7 +309,7 @@ def test_a_link_whose_turn_leaves_the_limits_between_its_ends_is_refused(
     assert link is not None
     ends = float(polar_angles(normals).max())
     assert polar_angles(link.axes).max() > ends > np.pi / 2
-    assert direct_links(replace(space, limits=AxisLimits(ends)), first, last, 1.0) == [None]
+    assert direct_links(replace(space, limits=MachineLimits(ends)), first, last, 1.0) == [None]
 
 
 def test_a_level_that_rounds_no_material_is_passed_over(
@@ -356,7 +356,7 @@ def test_a_link_keeps_out_of_the_part_too(
 
 def test_no_reach_at_all_is_an_error(made: Callable[..., tuple[ContactPath, Scene, ToolPath]]) -> None:
     with pytest.raises(OrientationError, match="level 0"):
-        made(limits=AxisLimits(np.pi, np.radians(178.0)))
+        made(limits=MachineLimits(np.pi, np.radians(178.0)))
 
 
 def test_the_candidate_directions_cover_the_sphere_evenly() -> None:
@@ -368,4 +368,4 @@ def test_the_candidate_directions_cover_the_sphere_evenly() -> None:
 
 def test_senseless_limits_are_refused() -> None:
     with pytest.raises(MachineError, match="limits"):
-        AxisLimits(0.2, 0.3)
+        MachineLimits(0.2, 0.3)

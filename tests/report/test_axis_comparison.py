@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bonecam.machine import AxisLimits
+from bonecam.machine import MachineLimits
 from bonecam.report.axis_comparison import AxisChoice, AxisComparison
 
 STEP = 0.5
@@ -11,7 +11,7 @@ TURN = np.radians(3.0)
 FEED = 600.0
 
 
-def comparison(axes: np.ndarray, limits: AxisLimits, passes: np.ndarray | None = None) -> AxisComparison:
+def comparison(axes: np.ndarray, limits: MachineLimits, passes: np.ndarray | None = None) -> AxisComparison:
     """Contacts along X, STEP apart, on a plane below the balls."""
     count = len(axes)
     balls = np.column_stack([STEP * np.arange(count), np.zeros(count), np.ones(count)])
@@ -30,7 +30,7 @@ def turning(count: int = 21, polar: float = np.radians(40.0)) -> np.ndarray:
 
 
 def test_an_even_turn_has_its_rate_no_change_of_it_and_the_time_of_the_axis() -> None:
-    slow = AxisLimits(np.pi / 2, turn_speed=TURN * FEED / STEP / 2)
+    slow = MachineLimits(np.pi / 2, turn_speed=TURN * FEED / STEP / 2)
     made = comparison(turning(), slow)
     row = made.figures(made.choices[0])
     assert row["turn_travel_deg"] == pytest.approx(60.0)
@@ -47,19 +47,19 @@ def test_an_even_turn_has_its_rate_no_change_of_it_and_the_time_of_the_axis() ->
 def test_what_lies_between_passes_counts_nothing() -> None:
     passes = np.repeat([0, 1, 2], 7)
     axes = np.repeat(turning()[[0, 10, 20]], 7, axis=0)
-    row = comparison(axes, AxisLimits(np.pi / 2), passes)
+    row = comparison(axes, MachineLimits(np.pi / 2), passes)
     figures = row.figures(row.choices[0])
     assert figures["turn_travel_deg"] == 0
     assert figures["seconds"] == pytest.approx(60 * 18 * STEP / FEED)
 
 
 def test_axes_beyond_the_limits_are_counted() -> None:
-    made = comparison(turning(), AxisLimits(np.radians(39)))
+    made = comparison(turning(), MachineLimits(np.radians(39)))
     assert made.figures(made.choices[0])["beyond_limits"] == 21
 
 
 def test_the_table_has_a_column_for_each_choice_and_tells_the_feed_alone() -> None:
-    made = comparison(turning(), AxisLimits(np.pi / 2))
+    made = comparison(turning(), MachineLimits(np.pi / 2))
     lines = made.table.strip().split("\n")
     assert {line.count("|") for line in lines} == {3}
     assert lines[0] == "|  | turning |"

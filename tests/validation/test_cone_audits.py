@@ -16,8 +16,8 @@ import bonecam
 from bonecam.arrays import unit
 from bonecam.levels.measure.level import machined_levels
 from bonecam.machine import read_machine
-from bonecam.machine.tool_axis_limits import polar_angles
-from bonecam.nc import axis_limits
+from bonecam.machine.limits import polar_angles
+from bonecam.nc import machine_limits
 from bonecam.planning.axes.field.level_axes import level_axes
 from bonecam.planning.axes.lead import table_limits
 from bonecam.planning.collision.interpolation import interpolate_poses
@@ -122,7 +122,7 @@ def distal_phalanx(shared: Callable[[], Path]) -> Machined:
 def bone(file: Path, job: bonecam.Job) -> Machined:
     """A bone's own level, with the level round it as the material."""
     machine = read_machine(job.nc.machine)
-    limits = axis_limits(machine)
+    limits = machine_limits(machine)
     made = bonecam.morph_levels(file, job)
     job = made.job
     levels = made.levels.levels

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from bonecam.arrays import angles_between, dots, unit
-from bonecam.machine.tool_axis_limits import AxisLimits, polar_angles, with_polar_angles
+from bonecam.machine.limits import MachineLimits, polar_angles, with_polar_angles
 from bonecam.planning.axes.singularity import SINGULAR_CONE
 
 SUBDIVISIONS = 3
@@ -59,7 +59,7 @@ def candidate_directions() -> Float[ndarray, "647 3"]:
 
 
 def within_limits(
-    axes: Float[ndarray, "n 3"], normals: Float[ndarray, "n 3"], limits: AxisLimits, max_tilt: float
+    axes: Float[ndarray, "n 3"], normals: Float[ndarray, "n 3"], limits: MachineLimits, max_tilt: float
 ) -> Bool[ndarray, " n"]:
     """Within the machine's limits, and no further than `max_tilt` (radians) from the contact normal."""
     return limits.allow(axes) & (dots(axes, normals) >= np.cos(max_tilt) - COSINE_ROUNDING)
@@ -69,7 +69,7 @@ def nearest_free_axes(
     contacts: Int[ndarray, " k"],
     preferred: Float[ndarray, "k 3"],
     normals: Float[ndarray, "k 3"],
-    limits: AxisLimits,
+    limits: MachineLimits,
     max_tilt: float,
     free: Free,
 ) -> tuple[Float[ndarray, "k 3"], list[str]]:
@@ -125,7 +125,7 @@ def smooth_axes(
     normals: Float[ndarray, "n 3"],
     passes: Int[ndarray, " n"],
     replaced: Bool[ndarray, " n"],
-    limits: AxisLimits,
+    limits: MachineLimits,
     max_tilt: float,
     free: Free,
 ) -> Float[ndarray, "n 3"]:

@@ -13,7 +13,7 @@ from numpy import ndarray
 from bonecam.arrays import unit
 from bonecam.errors import JobError
 from bonecam.job import field_error
-from bonecam.machine.tool_axis_limits import AxisLimits, polar_angles, with_polar_angles
+from bonecam.machine.limits import MachineLimits, polar_angles, with_polar_angles
 from bonecam.tool.cutter import Cutter, Section
 from bonecam.workholding.clamping import Clamping
 
@@ -63,7 +63,7 @@ def bound_polar_angles(
     centres: Float[ndarray, "n 3"],
     cutter: Cutter,
     clamping: Clamping,
-    limits: AxisLimits,
+    limits: MachineLimits,
 ) -> Float[ndarray, "n 3"]:
     """The axes with polar angles brought within the limits and above the table's plane.
 

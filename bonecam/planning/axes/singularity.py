@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from bonecam.arrays import dots
-from bonecam.machine.tool_axis_limits import polar_angles, with_polar_angles
+from bonecam.machine.limits import polar_angles, with_polar_angles
 
 SINGULAR_CONE = np.radians(3.0)
 """Contacts get no axis with a smaller polar angle, radians."""

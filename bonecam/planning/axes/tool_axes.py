@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from bonecam.job import PathJob
-from bonecam.machine.tool_axis_limits import AxisLimits
+from bonecam.machine.limits import MachineLimits
 from bonecam.planning.axes.admissible import Free, nearest_free_axes, smooth_axes, within_limits
 from bonecam.planning.axes.lead import bound_polar_angles, has_room, lead_axes
 from bonecam.planning.axes.singularity import avoid_singularity, avoid_singularity_where
@@ -52,7 +52,7 @@ class ToolAxes:
 def choose_axes(
     path: ContactPath,
     checker: CollisionChecker,
-    limits: AxisLimits,
+    limits: MachineLimits,
     job: PathJob,
     wanted: WantedAxes | None = None,
 ) -> ToolAxes:
@@ -96,7 +96,7 @@ def _replace(
     preferred: Float[ndarray, "n 3"],
     admissible: Bool[ndarray, " n"],
     checker: CollisionChecker,
-    limits: AxisLimits,
+    limits: MachineLimits,
     max_tilt: float,
 ) -> tuple[Float[ndarray, "n 3"], list[str]]:
     """The axes, those that are not admissible replaced by the nearest free ones and smoothed; for each an

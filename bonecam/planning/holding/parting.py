@@ -4,8 +4,7 @@ from dataclasses import replace
 
 from bonecam.errors import JobError, OrientationError
 from bonecam.job import Job, field_error
-from bonecam.machine.bodies import MachineBodies
-from bonecam.machine.tool_axis_limits import AxisLimits
+from bonecam.machine.limits import MachineLimits
 from bonecam.planning.collision.scene import Scene
 from bonecam.planning.holding.post_length import parting_lift
 from bonecam.planning.oriented_path import orient
@@ -18,31 +17,32 @@ from bonecam.workholding.clamping import clamping_of
 REMEDY = "give a larger holding.parting_stand_off, a longer post or a longer overhang, or no parting"
 
 
-def check_parting(setup: Setup, job: Job, limits: AxisLimits, bodies: MachineBodies) -> None:
+def check_parting(setup: Setup, job: Job, limits: MachineLimits) -> None:
     """JobError where the parting groove of a job would come too near to what stands on the table, or no cutter
     reaches it with the part on its post."""
     if not job.holding.parting:
         return
-    clamping = clamping_of(job.holding, bodies.table)
+    clamping = clamping_of(job.holding, limits.bodies.table)
     kept = max((column.top for column in clamping.kept_columns), default=clamping.clearance)
     lowest = float(setup.part.mesh.bounds[0, 2])
     grooves = [
-        groove_below(lowest, setup.post, job.holding, cutter) for cutter in parting_cutters(job, bodies)
+        groove_below(lowest, setup.post, job.holding, cutter)
+        for cutter in parting_cutters(job, limits.bodies)
     ]
     bottom = max(groove.bottom for groove in grooves)
     if bottom < kept:
         bound = f"the groove ends at z {bottom:.2f}, all is kept off what is below z {kept:.2f}"
         raise _error(job, f"{bound}: give less, or a longer post (holding.length)")
-    if not parting_lift(setup, job, limits, bodies) <= 0:
+    if not parting_lift(setup, job, limits) <= 0:
         raise _error(job, f"no cutter reaches the groove: {REMEDY}")
 
 
-def parting_paths(scene: Scene, job: Job, limits: AxisLimits, bodies: MachineBodies) -> list[ToolPath]:
+def parting_paths(scene: Scene, job: Job, limits: MachineLimits) -> list[ToolPath]:
     """The paths of the parting groove below the finished part, the level of `scene`, whose material is what stands
     then; none where the job wants none. OrientationError where no cutter gets all round."""
     if not job.holding.parting:
         return []
-    for cutter in parting_cutters(job, bodies):
+    for cutter in parting_cutters(job, limits.bodies):
         try:
             paths = _paths_of(cutter, scene, job, limits)
         except OrientationError:
@@ -52,7 +52,7 @@ def parting_paths(scene: Scene, job: Job, limits: AxisLimits, bodies: MachineBod
     raise OrientationError(f"parting: no cutter reaches the groove all round: {REMEDY}")
 
 
-def _paths_of(cutter: Cutter, scene: Scene, job: Job, limits: AxisLimits) -> list[ToolPath]:
+def _paths_of(cutter: Cutter, scene: Scene, job: Job, limits: MachineLimits) -> list[ToolPath]:
     """The paths of one cutter."""
     lowest = float(scene.level.bounds[0, 2])
     groove = groove_below(lowest, scene.post, job.holding, cutter, scene.material)

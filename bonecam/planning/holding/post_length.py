@@ -17,7 +17,7 @@ from bonecam.arrays import unit
 from bonecam.errors import OrientationError
 from bonecam.job import Job
 from bonecam.machine.bodies import MachineBodies
-from bonecam.machine.tool_axis_limits import AxisLimits
+from bonecam.machine.limits import MachineLimits
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.axes.admissible import candidate_directions
 from bonecam.planning.axes.lead import LEAVING, ROOM
@@ -59,29 +59,29 @@ class SampledContacts:
     normals: Float[ndarray, "n 3"]
 
 
-def find_post_length(setup: Setup, job: Job, limits: AxisLimits, bodies: MachineBodies) -> tuple[Setup, Job]:
-    """Setup and job with the shortest post, in whole mm, with which all sampled contacts are reached; `limits` and
-    `bodies` are the machine's."""
-    clamping = clamping_of(job.holding, bodies.table)
+def find_post_length(setup: Setup, job: Job, limits: MachineLimits) -> tuple[Setup, Job]:
+    """Setup and job with the shortest post, in whole mm, with which all sampled contacts are reached; `limits` are
+    the machine's."""
+    clamping = clamping_of(job.holding, limits.bodies.table)
     lifts = np.r_[
-        sampled_lifts(setup, job, limits, bodies),
-        level_lifts(setup, job, bodies),
-        parting_lift(setup, job, limits, bodies),
+        sampled_lifts(setup, job, limits),
+        level_lifts(setup, job, limits.bodies),
+        parting_lift(setup, job, limits),
     ]
     height = float(setup.stock.bounds[0, 2])
     length = shortest_post(lifts, height, clamping)
     return setup.lift(length - height), replace(job, holding=replace(job.holding, length=length))
 
 
-def parting_lift(setup: Setup, job: Job, limits: AxisLimits, bodies: MachineBodies) -> float:
+def parting_lift(setup: Setup, job: Job, limits: MachineLimits) -> float:
     """How much higher (mm; lower where negative) the part would have to stand for a cutter to get all round in the
     parting groove; infinite where none does, however high, and -infinite where no groove is wanted."""
     if not job.holding.parting:
         return -np.inf
-    clamping = clamping_of(job.holding, bodies.table)
+    clamping = clamping_of(job.holding, limits.bodies.table)
     mesh, depth = setup.part.mesh, job.levels.finishing_depth
     found = []
-    for cutter in parting_cutters(job, bodies):
+    for cutter in parting_cutters(job, limits.bodies):
         groove = groove_below(float(mesh.bounds[0, 2]), setup.post, job.holding, cutter)
         *_, contacts = parting_contacts(groove, cutter, job)
         scene = replace(_scene_of(mesh, setup, job, depth), core=groove_core(contacts, setup.post))
@@ -106,12 +106,12 @@ def shortest_post(lifts: Float[ndarray, " n"], height: float, clamping: Clamping
     return length
 
 
-def sampled_lifts(setup: Setup, job: Job, limits: AxisLimits, bodies: MachineBodies) -> Float[ndarray, " n"]:
+def sampled_lifts(setup: Setup, job: Job, limits: MachineLimits) -> Float[ndarray, " n"]:
     """How much higher (mm; lower where negative) the part would have to stand for each sampled contact to be
     reached; infinite where it is not, however high."""
-    clamping = clamping_of(job.holding, bodies.table)
+    clamping = clamping_of(job.holding, limits.bodies.table)
     return np.concatenate(
-        [least_lifts(contacts, clamping, job, limits) for contacts in _sampled(setup, job, bodies)]
+        [least_lifts(contacts, clamping, job, limits) for contacts in _sampled(setup, job, limits.bodies)]
     )
 
 
@@ -131,12 +131,10 @@ def level_lifts(setup: Setup, job: Job, bodies: MachineBodies) -> Float[ndarray,
     return np.concatenate(found)
 
 
-def sampled_lifts_of_part(
-    setup: Setup, job: Job, limits: AxisLimits, bodies: MachineBodies
-) -> Float[ndarray, " n"]:
+def sampled_lifts_of_part(setup: Setup, job: Job, limits: MachineLimits) -> Float[ndarray, " n"]:
     """As `sampled_lifts`, of contacts on the part alone."""
-    on_part, _ = _sampled(setup, job, bodies)
-    return least_lifts(on_part, clamping_of(job.holding, bodies.table), job, limits)
+    on_part, _ = _sampled(setup, job, limits.bodies)
+    return least_lifts(on_part, clamping_of(job.holding, limits.bodies.table), job, limits)
 
 
 def _sampled(setup: Setup, job: Job, bodies: MachineBodies) -> list[SampledContacts]:
@@ -175,7 +173,7 @@ def _scene_of(mesh: TriangleMesh, setup: Setup, job: Job, depth: float) -> Scene
 
 
 def least_lifts(
-    contacts: SampledContacts, clamping: Clamping, job: Job, limits: AxisLimits
+    contacts: SampledContacts, clamping: Clamping, job: Job, limits: MachineLimits
 ) -> Float[ndarray, " n"]:
     """The least lift (mm) of each contact among its free directions; infinite where it has none."""
     directions = candidate_directions()

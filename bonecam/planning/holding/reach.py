@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from bonecam.job import Job
-from bonecam.machine.bodies import MachineBodies
-from bonecam.machine.tool_axis_limits import AxisLimits
+from bonecam.machine.limits import MachineLimits
 from bonecam.planning.holding.post_length import sampled_lifts, sampled_lifts_of_part, shortest_post
 from bonecam.setup.placement import Setup
 from bonecam.workholding.clamping import clamping_of
@@ -60,25 +59,25 @@ class ReachAdvice:
         }
 
 
-def post_advice(setup: Setup, job: Job, limits: AxisLimits, bodies: MachineBodies) -> dict[str, Any]:
+def post_advice(setup: Setup, job: Job, limits: MachineLimits) -> dict[str, Any]:
     """`remedies` and `shorter` of the report of a post that was found, where it is slender; nothing where it is not."""
     if job.holding.length <= SLENDER * job.holding.diameter:
         return {}
-    return what_would_help(setup, job, limits, bodies).report
+    return what_would_help(setup, job, limits).report
 
 
-def what_would_help(setup: Setup, job: Job, limits: AxisLimits, bodies: MachineBodies) -> ReachAdvice:
+def what_would_help(setup: Setup, job: Job, limits: MachineLimits) -> ReachAdvice:
     """What would shorten the post of a job, on which the part stands already."""
     length = job.holding.length
     height = float(setup.stock.bounds[0, 2])
-    clamping = clamping_of(job.holding, bodies.table)
+    clamping = clamping_of(job.holding, limits.bodies.table)
     found = [
-        Remedy(change, shortest_post(sampled_lifts(setup, other, limits, machine), height, clamping))
-        for change, other, machine in _changes(job, bodies)
+        Remedy(change, shortest_post(sampled_lifts(setup, changed, other), height, clamping))
+        for change, changed, other in _changes(job, limits)
     ]
     helpful = sorted((each for each in found if each.length < length), key=lambda each: each.length)
 
-    lifts = sampled_lifts_of_part(setup, job, limits, bodies)
+    lifts = sampled_lifts_of_part(setup, job, limits)
     each_area = setup.part.mesh.area / len(lifts)
     shorter = []
     for wanted in (float(np.ceil(share * length)) for share in SHARES):
@@ -87,14 +86,15 @@ def what_would_help(setup: Setup, job: Job, limits: AxisLimits, bodies: MachineB
     return ReachAdvice(tuple(helpful), tuple(shorter))
 
 
-def _changes(job: Job, bodies: MachineBodies) -> Iterator[tuple[str, Job, MachineBodies]]:
+def _changes(job: Job, limits: MachineLimits) -> Iterator[tuple[str, Job, MachineLimits]]:
     """Changes that are tried: what it is, and job and machine with it."""
     if job.path.max_tilt_deg < STEEP_TILT:
         steep = replace(job, path=replace(job.path, max_tilt_deg=STEEP_TILT))
-        yield f"path.max_tilt_deg = {STEEP_TILT:g}", steep, bodies
+        yield f"path.max_tilt_deg = {STEEP_TILT:g}", steep, limits
     overhang = round(SHORT_OVERHANG * job.finishing.overhang, 1)
     if overhang > job.finishing.flute_length:
         short = replace(job, finishing=replace(job.finishing, overhang=overhang))
-        yield f"finishing.overhang = {overhang:g}", short, bodies
-    if bodies.nose:
-        yield "a spindle no wider than the holder", job, replace(bodies, nose=())
+        yield f"finishing.overhang = {overhang:g}", short, limits
+    if limits.bodies.nose:
+        narrow = replace(limits.bodies, nose=())
+        yield "a spindle no wider than the holder", job, replace(limits, bodies=narrow)

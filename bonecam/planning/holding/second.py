@@ -13,8 +13,7 @@ from numpy import ndarray
 
 from bonecam.errors import OrientationError
 from bonecam.job import Job, field_error
-from bonecam.machine.bodies import MachineBodies
-from bonecam.machine.tool_axis_limits import AxisLimits
+from bonecam.machine.limits import MachineLimits
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.facets.vertex_normals import vertex_normals
 from bonecam.mesh.part import Part
@@ -84,8 +83,7 @@ def second_paths(
     top: float,
     fields: Fields,
     job: Job,
-    limits: AxisLimits,
-    bodies: MachineBodies,
+    limits: MachineLimits,
     progress: Progress = silent,
 ) -> list[ToolPath]:
     """The paths in machining order, the last one numbered 0. `top` (mm) is the highest that material stands on the Z
@@ -96,15 +94,15 @@ def second_paths(
     report(progress, 0.0, "planning the second clamping")
     around = MeshDistance(clamping.solids)
     post = Post(job.holding.diameter / 2, float(clamping.part.bounds[0, 2]))
-    roughing = Cutter.from_job(1, "roughing", job.tool("roughing"), bodies.nose)
-    finishing = Cutter.from_job(2, "finishing", job.tool("finishing"), bodies.nose)
+    roughing = Cutter.from_job(1, "roughing", job.tool("roughing"), limits.bodies.nose)
+    finishing = Cutter.from_job(2, "finishing", job.tool("finishing"), limits.bodies.nose)
     fine = Ball(finishing.radius, 0.0, around, post)
     axis, missed = _best_axis(places, fine, roughing.radius, top, limits)
     chart = stump_chart(axis, places.points, roughing.radius)
     heights = _heights(axis, places, top, job.holding.diameter)
     stump = off_part(fields(chart, *heights), around, job.levels.finishing_depth)
     layers = stump_layers(stump, around, post, places.points, (roughing, finishing), job)
-    stands = clamping_of(job.holding, bodies.table)
+    stands = clamping_of(job.holding, limits.bodies.table)
     paths = []
     capsule = smallest_capsule(np.vstack([clamping.solids.vertices, stump.mesh().vertices]), ALLOWANCE)
     for count, layer in enumerate(layers):
@@ -122,7 +120,7 @@ def second_paths(
 
 
 def _best_axis(
-    places: StumpPlaces, ball: Ball, radius: float, top: float, limits: AxisLimits
+    places: StumpPlaces, ball: Ball, radius: float, top: float, limits: MachineLimits
 ) -> tuple[Float[ndarray, "3"], ndarray]:
     """The direction of the tool from which fewest of the places are hidden, and which are."""
     turns = 2 * np.pi * np.arange(AROUND) / AROUND

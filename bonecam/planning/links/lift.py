@@ -13,7 +13,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from bonecam.errors import MachineError
-from bonecam.machine.tool_axis_limits import LiftPlaces
+from bonecam.machine.limits import LiftPlaces
 from bonecam.planning.links.link_space import LinkSpace
 from bonecam.planning.links.moves import Moves, join_moves, moves_of
 from bonecam.planning.links.transfer import SAFE, TRAVERSES, no_transfers

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
-from bonecam.machine.tool_axis_limits import AxisLimits
+from bonecam.machine.limits import MachineLimits
 from bonecam.material.dexels import CELL
 from bonecam.material.material import Material
 from bonecam.material.move_depths import move_depths
@@ -47,7 +47,7 @@ class LinkSpace:
     along the level. `material` is what stands before the level is cut; None: it is not known."""
 
     checker: CollisionChecker
-    limits: AxisLimits
+    limits: MachineLimits
     feeds: Feeds
     clearance: float
     gouge_tolerance: float

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.arrays import perpendicular
-from bonecam.machine.tool_axis_limits import polar_angles, with_polar_angles
+from bonecam.machine.limits import polar_angles, with_polar_angles
 from bonecam.planning.axes.lead import LEAVING
 from bonecam.planning.links.link_space import IN_AIR, LinkSpace, Polyline
 from bonecam.planning.links.moves import NO_MOVES, Feeds, Moves, Pose

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.arrays import angles_between, unit
-from bonecam.machine.tool_axis_limits import AxisLimits, polar_angles, with_polar_angles
+from bonecam.machine.limits import MachineLimits, polar_angles, with_polar_angles
 from bonecam.planning.links.clearance_surface import ClearanceSurface
 from bonecam.planning.links.moves import Pose
 
@@ -38,7 +38,7 @@ class TraverseOptions:
 
 
 def traverse(
-    surface: ClearanceSurface, first: Pose, last: Pose, limits: AxisLimits, options: TraverseOptions
+    surface: ClearanceSurface, first: Pose, last: Pose, limits: MachineLimits, options: TraverseOptions
 ) -> tuple[Float[ndarray, "n 3"], Float[ndarray, "n 3"]]:
     """Ball centres and axes from the first pose to the last, both included."""
     a, b = surface.coordinates(first[0]), surface.coordinates(last[0])
@@ -72,7 +72,7 @@ def traverse(
 
 
 def _over_pole(
-    surface: ClearanceSurface, first: Pose, last: Pose, limits: AxisLimits, rise: float, azimuth: float
+    surface: ClearanceSurface, first: Pose, last: Pose, limits: MachineLimits, rise: float, azimuth: float
 ) -> tuple[Float[ndarray, "n 3"], Float[ndarray, "n 3"]]:
     """The traverse up to the upper pole (approached at an azimuth), where the axis stands upright, and down
     again."""

@@ -9,8 +9,7 @@ import numpy as np
 from bonecam.errors import OrientationError
 from bonecam.job import Job
 from bonecam.levels.measure.level import Level, morph_surfaces
-from bonecam.machine.bodies import MachineBodies
-from bonecam.machine.tool_axis_limits import AxisLimits
+from bonecam.machine.limits import MachineLimits
 from bonecam.mesh.distance import MeshDistance
 from bonecam.planning.collision.scene import Scene
 from bonecam.planning.holding.parting import parting_paths
@@ -39,12 +38,11 @@ def plan_layer_paths(
     levels: Sequence[Level],
     stock: Stock,
     job: Job,
-    limits: AxisLimits,
-    bodies: MachineBodies,
+    limits: MachineLimits,
     progress: Progress = silent,
 ) -> tuple[ToolPath, ...]:
     """The paths of the layers of `job.path.strategy` in machining order, the last one numbered 0; `levels` begin at
-    the part, `limits` and `bodies` are the machine's.
+    the part, `limits` are the machine's.
 
     OrientationError where the machine cannot lay its tool axis level, or no contact of a layer is reached.
     """
@@ -56,8 +54,8 @@ def plan_layer_paths(
     report(progress, 0.0, "planning layers")
     distance = MeshDistance(morph_surfaces(levels)[0].tessellate(PART_CHORD))
     post = post_below(distance.mesh, job.holding)
-    roughing = Cutter.from_job(1, "roughing", job.tool("roughing"), bodies.nose)
-    finishing = Cutter.from_job(2, "finishing", job.tool("finishing"), bodies.nose)
+    roughing = Cutter.from_job(1, "roughing", job.tool("roughing"), limits.bodies.nose)
+    finishing = Cutter.from_job(2, "finishing", job.tool("finishing"), limits.bodies.nose)
     layers, unreached = STRATEGIES[job.path.strategy](distance, stock, post, roughing, finishing, job)
     paths = []
     for count, layer in enumerate(layers):
@@ -71,7 +69,7 @@ def plan_layer_paths(
             DEVIATION,
             distance,
             None,
-            clamping_of(job.holding, bodies.table),
+            clamping_of(job.holding, limits.bodies.table),
         )
         path = replace(layer.path, level=len(layers) - 1 - count)
         if not path.level:
@@ -79,4 +77,4 @@ def plan_layer_paths(
             reasons = *path.reasons, *np.where(near, "post", "hidden").tolist()
             path = replace(path, uncut=np.vstack([path.uncut, unreached]), reasons=reasons)
         paths.append(orient(path, scene, limits, job.path, job.nc, fixed=layer.axes, material=standing))
-    return *paths, *parting_paths(scene, job, limits, bodies)
+    return *paths, *parting_paths(scene, job, limits)

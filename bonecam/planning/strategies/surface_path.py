@@ -8,7 +8,7 @@ from bonecam.job import Job, PathJob, field_error
 from bonecam.levels.measure.cut_measures import NO_CUT
 from bonecam.levels.measure.level import PartLevel
 from bonecam.machine.bodies import MachineBodies
-from bonecam.machine.tool_axis_limits import AxisLimits
+from bonecam.machine.limits import MachineLimits
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.axes.cones.admissible_cones import AxisCones, admissible_cones
@@ -63,9 +63,7 @@ class Workpiece:
         )
 
 
-def stand_workpiece(
-    surface: TSpline, solid: TriangleMesh, job: Job, limits: AxisLimits, bodies: MachineBodies
-) -> Workpiece:
+def stand_workpiece(surface: TSpline, solid: TriangleMesh, job: Job, limits: MachineLimits) -> Workpiece:
     """The workpiece on its post; one of length 0 in the job is the shortest with which all that the tool can reach is
     reached. OrientationError where that is too long, JobError where the job wants to be parted from it."""
     if job.holding.parting:
@@ -76,7 +74,7 @@ def stand_workpiece(
     if job.holding.length:
         return given.stand(job.holding.length)
     tall = given.stand(TALL)
-    cutter = finishing_cutter(job, bodies)
+    cutter = finishing_cutter(job, limits.bodies)
     s, t = (np.linspace(low, high, SAMPLED) for low, high in tall.surface.domain)
     places = np.stack(np.meshgrid(s, t, indexing="ij"), axis=2).reshape(-1, 2)
     normals = tall.surface.normals(places[:, 0], places[:, 1])
@@ -84,7 +82,7 @@ def stand_workpiece(
     scene = tall.scene(job, Clamping((), closed=False, clearance=job.holding.clearance))
     fits = scene.level_distance.signed(centres, cutter.radius) >= cutter.radius - GOUGE
     contacts = SampledContacts(CollisionChecker(scene, cutter), centres[fits], normals[fits])
-    clamping = clamping_of(job.holding, bodies.table)
+    clamping = clamping_of(job.holding, limits.bodies.table)
     return given.stand(shortest_post(least_lifts(contacts, clamping, job, limits), TALL, clamping))
 
 
@@ -106,13 +104,13 @@ def surface_contacts(workpiece: Workpiece, scene: Scene, job: Job, cutter: Cutte
     return contact_path(candidate_contacts(level, [scene.level_distance], cutter, scene.post, job.path))
 
 
-def plan_surface(workpiece: Workpiece, job: Job, limits: AxisLimits, bodies: MachineBodies) -> ToolPath:
-    """The path of the finishing cutter over the surface; `limits` and `bodies` are the machine's.
+def plan_surface(workpiece: Workpiece, job: Job, limits: MachineLimits) -> ToolPath:
+    """The path of the finishing cutter over the surface; `limits` are the machine's.
 
     JobError, ToolPathError or OrientationError where there is none.
     """
-    cutter = finishing_cutter(job, bodies)
-    scene = workpiece.scene(job, clamping_of(job.holding, bodies.table))
+    cutter = finishing_cutter(job, limits.bodies)
+    scene = workpiece.scene(job, clamping_of(job.holding, limits.bodies.table))
     contacts = surface_contacts(workpiece, scene, job, cutter)
     return orient(
         contacts, scene, limits, job.path, job.nc, wanted_axes(workpiece, contacts, scene, limits, job.path)
@@ -120,7 +118,7 @@ def plan_surface(workpiece: Workpiece, job: Job, limits: AxisLimits, bodies: Mac
 
 
 def wanted_axes(
-    workpiece: Workpiece, contacts: ContactPath, scene: Scene, limits: AxisLimits, job: PathJob
+    workpiece: Workpiece, contacts: ContactPath, scene: Scene, limits: MachineLimits, job: PathJob
 ) -> WantedAxes | None:
     """The smooth axes of the contacts; None where the job wants them to lean by the lead angle.
 

@@ -10,7 +10,7 @@ import bonecam
 from bonecam.job import Job, write_job
 from bonecam.machine.machine import read_machine
 from bonecam.mesh.files.mesh_files import write_mesh
-from bonecam.nc.posting.rotary.axis_limits import axis_limits
+from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.nc.program import Program
 from bonecam.planning.strategies.surface_path import Workpiece
 from bonecam.report.axis_comparison import AxisComparison, compare_axes
@@ -60,7 +60,7 @@ class Finished(Shown):
         turning, collisions, speeds and time."""
         machine = read_machine(self.job.nc.machine)
         scene = self.workpiece.scene(self.job, clamping_of(self.job.holding, machine.table))
-        return compare_axes(self.path, scene, axis_limits(machine), self.job.path)
+        return compare_axes(self.path, scene, machine_limits(machine), self.job.path)
 
     @property
     def _title(self) -> str:

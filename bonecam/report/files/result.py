@@ -10,7 +10,7 @@ from bonecam.job import Job
 from bonecam.levels.sequences.begun_morph import Morph
 from bonecam.machine.machine import read_machine
 from bonecam.mesh.part import Part
-from bonecam.nc.posting.rotary.axis_limits import axis_limits
+from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.nc.program import Program
 from bonecam.planning.collision.level_scene import level_scene
 from bonecam.report.axis_comparison import AxisComparison, compare_axes
@@ -98,7 +98,7 @@ class Result(Morphed):
         machine = read_machine(self.job.nc.machine)
         scene = level_scene(self.levels.levels, level, self.stock, self.job, machine.bodies)
         (path,) = (path for path in self.paths if path.level == level and not path.rest)
-        return compare_axes(path, scene, axis_limits(machine), self.job.path)
+        return compare_axes(path, scene, machine_limits(machine), self.job.path)
 
     @property
     def _posted(self) -> dict[str, Any]:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bonecam.arrays import angles_between, unit
-from bonecam.machine.tool_axis_limits import polar_angles
+from bonecam.machine.limits import polar_angles
 from bonecam.planning.axes.singularity import (
     MIN_PASS_ANGLE,
     SINGULAR_CONE,

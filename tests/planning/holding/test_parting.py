@@ -8,13 +8,13 @@ import pytest
 from bonecam.errors import JobError, VerifyError
 from bonecam.finishing import finish
 from bonecam.job import HoldingJob, Job
+from bonecam.machine.limits import MachineLimits
 from bonecam.machine.machine import read_machine
-from bonecam.machine.tool_axis_limits import AxisLimits
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.facets.hull import convex_hull
 from bonecam.mesh.part import Part
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.posting.rotary.axis_limits import axis_limits
+from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.nc.posting.write import write_program
 from bonecam.planning.collision.scene import Scene
 from bonecam.planning.holding.parting import check_parting, parting_paths
@@ -35,7 +35,7 @@ from bonecam.workholding.clamping import clamping_of
 from bonecam.workholding.post import Post
 
 MACHINE, DIALECT = read_machine("mikron-ucp600"), read_dialect("heidenhain")
-LIMITS = axis_limits(MACHINE)
+LIMITS = machine_limits(MACHINE)
 JOB = Job().with_values(
     holding={"diameter": 4.0, "length": 31.0, "parting": True}, levels={"roughing_depth": 0.6}
 )
@@ -61,7 +61,7 @@ def scene(lump):
 
 @pytest.fixture(scope="module")
 def paths(scene):
-    return parting_paths(scene, JOB, LIMITS, MACHINE.bodies)
+    return parting_paths(scene, JOB, LIMITS)
 
 
 @pytest.fixture(scope="module")
@@ -163,7 +163,7 @@ def test_a_surface_finished_alone_is_not_parted(pebble):
 
 def test_without_parting_there_is_no_path(scene):
     plain = JOB.with_values(holding={"parting": False})
-    assert parting_paths(scene, plain, LIMITS, MACHINE.bodies) == []
+    assert parting_paths(scene, plain, LIMITS) == []
 
 
 def test_a_bridge_is_thinner_than_the_post():
@@ -185,22 +185,21 @@ def setup(lump, scene):
 
 def test_a_groove_beside_the_chuck_is_refused(setup):
     held = {"chuck_diameter": 20.0, "chuck_height": 25.0}
-    check_parting(setup, JOB, LIMITS, MACHINE.bodies)
+    check_parting(setup, JOB, LIMITS)
     with pytest.raises(JobError, match=r"parting_stand_off = 1: .*z 30\.00.*holding\.length"):
-        check_parting(setup, JOB.with_values(holding=held), LIMITS, MACHINE.bodies)
+        check_parting(setup, JOB.with_values(holding=held), LIMITS)
 
 
 def test_a_groove_that_no_cutter_reaches_is_refused(setup):
-    steep = AxisLimits(largest=np.radians(20.0))
+    steep = MachineLimits(largest=np.radians(20.0), bodies=MACHINE.bodies)
     with pytest.raises(JobError, match="no cutter reaches the groove"):
-        check_parting(setup, JOB, steep, MACHINE.bodies)
+        check_parting(setup, JOB, steep)
 
 
 def test_the_lower_the_part_stands_the_more_it_has_to_be_lifted_for_the_groove(setup):
     lifts = [
-        parting_lift(setup.lift(by), JOB.with_values(holding={"length": 0.0}), LIMITS, MACHINE.bodies)
-        for by in (0.0, -25.0)
+        parting_lift(setup.lift(by), JOB.with_values(holding={"length": 0.0}), LIMITS) for by in (0.0, -25.0)
     ]
     assert lifts[0] <= 0 < lifts[1]
     assert lifts[1] == pytest.approx(lifts[0] + 25.0)
-    assert parting_lift(setup, JOB.with_values(holding={"parting": False}), LIMITS, MACHINE.bodies) == -np.inf
+    assert parting_lift(setup, JOB.with_values(holding={"parting": False}), LIMITS) == -np.inf

@@ -7,7 +7,7 @@ import pytest
 
 from bonecam.job import Job
 from bonecam.machine.machine import read_machine
-from bonecam.nc.posting.rotary.axis_limits import axis_limits
+from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.planning.holding.post_length import find_post_length, level_lifts
 from bonecam.planning.holding.reach import STEEP_TILT, what_would_help
 from bonecam.progress import silent
@@ -16,19 +16,19 @@ from bonecam.surface.files.surface_input import read_part
 
 PHALANX = Path(__file__).parents[3] / "meshes/phalanx.ply"
 MACHINE = read_machine("mikron-ucp600")
-LIMITS = axis_limits(MACHINE)
+LIMITS = machine_limits(MACHINE)
 
 
 @pytest.fixture(scope="module")
 def standing():
     """The phalanx on the post that is found for it, and its job."""
     unplaced, _ = read_part(PHALANX, Job(), silent)
-    return find_post_length(place(unplaced, Job()), Job(), LIMITS, MACHINE.bodies)
+    return find_post_length(place(unplaced, Job()), Job(), LIMITS)
 
 
 @pytest.fixture(scope="module")
 def advice(standing):
-    return what_would_help(*standing, LIMITS, MACHINE.bodies)
+    return what_would_help(*standing, LIMITS)
 
 
 def test_a_level_tool_needs_room_for_its_widest_part_over_the_table(standing):
@@ -51,7 +51,7 @@ def test_a_remedy_taken_gives_the_length_that_it_told(standing, advice):
     setup, job = standing
     told = {remedy.change: remedy.length for remedy in advice.remedies}
     steep = replace(job, path=replace(job.path, max_tilt_deg=STEEP_TILT))
-    _, found = find_post_length(setup, steep, LIMITS, MACHINE.bodies)
+    _, found = find_post_length(setup, steep, LIMITS)
     assert found.holding.length == told[f"path.max_tilt_deg = {STEEP_TILT:g}"]
 
 

@@ -8,7 +8,7 @@ import pytest
 from bonecam.arrays import angles_between, unit
 from bonecam.errors import MachineError
 from bonecam.job import NcJob, PathJob
-from bonecam.machine.tool_axis_limits import AxisLimits, LiftPlaces
+from bonecam.machine.limits import LiftPlaces, MachineLimits
 from bonecam.mesh.distance import MeshDistance
 from bonecam.planning.collision.scene import Scene
 from bonecam.planning.links import lift
@@ -28,7 +28,7 @@ def made(lump: Callable[..., tuple[TSpline, ContactPath, Scene]], roughing_cutte
     _, contacts, scene = lump(job, Clamping(), roughing_cutter, 0.8)
 
     def oriented(rows: LiftPlaces | None) -> ToolPath:
-        return orient(contacts, scene, AxisLimits(np.radians(115.0), lift_places=rows), job, NcJob())
+        return orient(contacts, scene, MachineLimits(np.radians(115.0), lift_places=rows), job, NcJob())
 
     return oriented(None), scene, oriented
 

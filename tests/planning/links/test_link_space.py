@@ -9,7 +9,7 @@ import pytest
 from bonecam.job import HoldingJob
 from bonecam.levels.measure.cut_measures import NO_CUT
 from bonecam.levels.measure.level import MachinedLevel, StockLevel
-from bonecam.machine.tool_axis_limits import AxisLimits
+from bonecam.machine.limits import MachineLimits
 from bonecam.material.material import remove_material, uncut_material
 from bonecam.planning.collision.checker import CollisionChecker
 from bonecam.planning.collision.scene import Scene
@@ -43,7 +43,7 @@ def space(
     post = post_below(part.mesh, holding)
     scene = Scene(part.mesh, upright_capsule.mesh(0.01), upright_capsule, post)
     long = replace(roughing_cutter, flute_length=roughing_cutter.radius + 4.0)
-    limits, feeds = AxisLimits(np.radians(115.0)), Feeds(1500.0, 300.0, 10000.0)
+    limits, feeds = MachineLimits(np.radians(115.0)), Feeds(1500.0, 300.0, 10000.0)
     material = uncut_material(levels, upright_capsule)
     return LinkSpace(CollisionChecker(scene, long, 2.0), limits, feeds, 2.0, 0.01, material)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bonecam.machine.frustum import Frustum
-from bonecam.machine.tool_axis_limits import AxisLimits
+from bonecam.machine.limits import MachineLimits
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.collision.checker import CollisionChecker
@@ -38,7 +38,7 @@ def space_in(walls: TriangleMesh) -> LinkSpace:
     stock = smallest_capsule(walls.vertices, 0.5)
     scene = Scene(walls, walls, stock, Post(2.0, TOP - 15), known_level_distance=MeshDistance(walls))
     thin = Cutter(1, "ball", RADIUS, RADIUS, 2.0, 40.0, (Frustum(30.0, 16.0, 16.0),), 4500.0, 900.0, 0.02)
-    limits = AxisLimits(np.radians(115.0))
+    limits = MachineLimits(np.radians(115.0))
     return LinkSpace(CollisionChecker(scene, thin, 2.0), limits, Feeds(1500.0, 300.0, 10000.0), 2.0, 0.01)
 
 

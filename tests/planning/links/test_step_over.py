@@ -9,7 +9,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.job import HoldingJob, PathJob
-from bonecam.machine.tool_axis_limits import AxisLimits
+from bonecam.machine.limits import MachineLimits
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.collision.checker import CollisionChecker
 from bonecam.planning.collision.scene import Scene
@@ -53,7 +53,12 @@ def grooved(
         Scene(level, material, upright_capsule, post_below(level, holding)), roughing_cutter
     )
     job = PathJob()
-    planned = AxisLimits(np.radians(115.0)), Feeds(500.0, 200.0, 5000.0), job.clearance, job.gouge_tolerance
+    planned = (
+        MachineLimits(np.radians(115.0)),
+        Feeds(500.0, 200.0, 5000.0),
+        job.clearance,
+        job.gouge_tolerance,
+    )
     return Grooved(surface, LinkSpace(checker, *planned, StandingMesh(material)))
 
 

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from bonecam.arrays import angles_between, unit
-from bonecam.machine.tool_axis_limits import AxisLimits
+from bonecam.machine.limits import MachineLimits
 from bonecam.planning.links.clearance_surface import ClearanceSurface
 from bonecam.planning.links.traverse import MAX_TURN, TraverseOptions, traverse
 from bonecam.setup.capsule import Capsule
 
 STOCK = Capsule(np.array([1.0, -2.0, 45.0]), np.array([1.0, -2.0, 60.0]), 6.0)
 SURFACE = ClearanceSurface(STOCK, 4.0)
-LIMITS = AxisLimits(np.radians(115.0))
+LIMITS = MachineLimits(np.radians(115.0))
 
 
 def pose(direction: list[float], height: float) -> tuple[np.ndarray, np.ndarray]:

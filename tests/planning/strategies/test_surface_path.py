@@ -4,7 +4,7 @@ import numpy as np
 
 import bonecam
 from bonecam.machine.machine import read_machine
-from bonecam.nc.posting.rotary.axis_limits import axis_limits
+from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.planning.axes.field.smooth_axes import machine_minutes
 from bonecam.planning.strategies.surface_path import (
     Workpiece,
@@ -36,7 +36,7 @@ def test_round_a_blade_that_stands_out_sideways_the_axis_swings_and_comes_back()
     ellipse = np.column_stack([np.zeros(36), 6 * np.cos(angle), 1.5 * np.sin(angle)])
     blade = skin([ellipse + np.array([x, 0.0, 0.0]) for x in np.linspace(0, 8, 5)], 0.02)
     machine = read_machine(JOB.nc.machine)
-    limits = axis_limits(machine)
+    limits = machine_limits(machine)
     workpiece = Workpiece(blade, blade_solid(blade, 0.01), 0.0).stand(JOB.holding.length)
     scene = workpiece.scene(JOB, clamping_of(JOB.holding, machine.bodies.table))
     contacts = surface_contacts(workpiece, scene, JOB, finishing_cutter(JOB, machine.bodies))

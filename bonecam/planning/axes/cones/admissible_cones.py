@@ -17,7 +17,7 @@ from scipy.spatial import KDTree
 from bonecam.arrays import angles_between, dots, frozen, unit
 from bonecam.job import PathJob
 from bonecam.kernels.closest.cone_marching import deepest_cones, proof_slacks
-from bonecam.machine.tool_axis_limits import AxisLimits, polar_angles
+from bonecam.machine.limits import MachineLimits, polar_angles
 from bonecam.planning.axes.cones.cone import ObliqueEllipticCone, circular_cone
 from bonecam.planning.axes.cones.free_axes import WIDEST, FreeAxes, free_axes
 from bonecam.planning.axes.lead import table_limits
@@ -119,7 +119,7 @@ class AxisCones:
         return circular_cone(self.path.centres[contact], self.axes[node], self.angles[node], length)
 
 
-def admissible_cones(path: ContactPath, scene: Scene, limits: AxisLimits, job: PathJob) -> AxisCones:
+def admissible_cones(path: ContactPath, scene: Scene, limits: MachineLimits, job: PathJob) -> AxisCones:
     """The cones of a path's contacts for its cutter in a scene: the widest of each node.
 
     OrientationError where a mesh of the scene is not closed, a contact is not finite, or there is none.

@@ -17,7 +17,7 @@ from bonecam.kernels.closest.cone_marching import (
     angles_to_blocked,
     free_directions,
 )
-from bonecam.machine.tool_axis_limits import AxisLimits, polar_angles
+from bonecam.machine.limits import MachineLimits, polar_angles
 from bonecam.planning.axes.admissible import candidate_directions
 from bonecam.planning.axes.cones.net import Net, join_nets, make_net
 from bonecam.planning.axes.cones.obstacles import apexes_of, obstacles_of, rooms_at, single_obstacles
@@ -75,7 +75,7 @@ class FreeAxes:
         return np.where(self.within[nodes].any(axis=1), why, "limits").tolist()  # type: ignore[no-any-return]
 
 
-def free_axes(path: ContactPath, scene: Scene, limits: AxisLimits, max_tilt: float) -> FreeAxes:
+def free_axes(path: ContactPath, scene: Scene, limits: MachineLimits, max_tilt: float) -> FreeAxes:
     """The free axes of a net over the contacts; `max_tilt` (radians) from the normal. OrientationError where a mesh of
     the scene is not closed, contacts are not finite, or there are none."""
     if not len(path.centres):
@@ -108,7 +108,7 @@ def free_axes(path: ContactPath, scene: Scene, limits: AxisLimits, max_tilt: flo
     return FreeAxes(net, Apexes(*apex), obstacles, names, directions, within, allowed, free)
 
 
-def blocked_by(path: ContactPath, scene: Scene, limits: AxisLimits, max_tilt: float) -> dict[str, int]:
+def blocked_by(path: ContactPath, scene: Scene, limits: MachineLimits, max_tilt: float) -> dict[str, int]:
     """How many contacts of a path without free axes are blocked by what (`FreeAxes.blocking`), the most frequent
     first; raises as `free_axes`."""
     free = free_axes(path, scene, limits, max_tilt)
@@ -130,7 +130,7 @@ def _allowed(
     net: Net,
     directions: Float[ndarray, "d 3"],
     cutter: Cutter,
-    limits: AxisLimits,
+    limits: MachineLimits,
     max_tilt: float,
     clearance: float,
 ) -> tuple[Bool[ndarray, "k d"], Bool[ndarray, "k d"]]:

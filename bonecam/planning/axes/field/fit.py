@@ -11,7 +11,7 @@ from numpy import ndarray
 from scipy.linalg import solve, solveh_banded
 
 from bonecam.job import PathJob
-from bonecam.machine.tool_axis_limits import AxisLimits, polar_angles
+from bonecam.machine.limits import MachineLimits, polar_angles
 from bonecam.planning.axes.cones.admissible_cones import AxisCones
 from bonecam.planning.axes.field.axis_field import FieldDomain, second_differences
 from bonecam.planning.axes.field.energy import AxisBounds, AxisEnergy
@@ -52,7 +52,7 @@ def axis_energy(
     cones: AxisCones,
     rows: Int[ndarray, " k"],
     domain: FieldDomain,
-    limits: AxisLimits,
+    limits: MachineLimits,
     job: PathJob,
     weights: tuple[float, float],
 ) -> AxisEnergy:
@@ -75,7 +75,7 @@ def axis_energy(
 
 
 def _bounds(
-    normals: Float[ndarray, "n 3"], largest: Float[ndarray, " n"], limits: AxisLimits, job: PathJob
+    normals: Float[ndarray, "n 3"], largest: Float[ndarray, " n"], limits: MachineLimits, job: PathJob
 ) -> AxisBounds:
     """The bounds of the job and the machine; where a normal points beyond the polar limits the tilt is allowed what
     the axis needs."""

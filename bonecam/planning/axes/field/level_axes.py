@@ -4,7 +4,7 @@ from functools import partial
 
 from bonecam.job import PathJob
 from bonecam.levels.measure.level import MachinedLevel
-from bonecam.machine.tool_axis_limits import AxisLimits
+from bonecam.machine.limits import MachineLimits
 from bonecam.planning.axes.cones.admissible_cones import admissible_cones
 from bonecam.planning.axes.field.axis_field import FieldDomain
 from bonecam.planning.axes.field.smooth_axes import SmoothAxes, machine_minutes, smooth_axes, soonest
@@ -20,7 +20,7 @@ def level_axes(
     contacts: ContactPath,
     level: MachinedLevel,
     scene: Scene,
-    limits: AxisLimits,
+    limits: MachineLimits,
     job: PathJob,
     before: SmoothAxes | None,
 ) -> SmoothAxes | None:
@@ -33,7 +33,7 @@ def level_axes(
         return before
     make = partial(smooth_axes, cones, FieldDomain.of(level.surface), limits, job, "membrane")
     found = make() if before is None else make(before.field)
-    at_feed = machine_minutes(contacts, found.axes, AxisLimits(limits.largest))
+    at_feed = machine_minutes(contacts, found.axes, MachineLimits(limits.largest))
     if before is not None and machine_minutes(contacts, found.axes, limits) > SLOW * at_feed:
         found = soonest([found, make()], limits)
     return found.verified(scene, job)

@@ -14,7 +14,7 @@ from numpy import ndarray
 
 from bonecam.arrays import lengths, unit
 from bonecam.job import PathJob
-from bonecam.machine.tool_axis_limits import AxisLimits, polar_angles
+from bonecam.machine.limits import MachineLimits, polar_angles
 from bonecam.planning.axes.cones.admissible_cones import AxisCones
 from bonecam.planning.axes.cones.verify_cones import verified_cones
 from bonecam.planning.axes.field.axis_field import AxisField, FieldDomain
@@ -75,7 +75,7 @@ class SmoothAxes:
 def smooth_axes(
     cones: AxisCones,
     domain: FieldDomain,
-    limits: AxisLimits,
+    limits: MachineLimits,
     job: PathJob,
     preset: str = AUTOMATIC,
     start: AxisField | None = None,
@@ -121,7 +121,7 @@ def _within(energy: AxisEnergy, cones: AxisCones, rows: Int[ndarray, " k"]) -> A
     return replace(energy, bounds=replace(energy.bounds, cone_axes=cones.axes[node], cone_angles=angles))
 
 
-def machine_minutes(path: ContactPath, axes: Float[ndarray, "n 3"], limits: AxisLimits) -> float:
+def machine_minutes(path: ContactPath, axes: Float[ndarray, "n 3"], limits: MachineLimits) -> float:
     """Minutes that the cuts of a path take with these axes, each move at the feed or as fast as the slowest rotary
     axis; accelerations are left out."""
     same = path.pass_index[1:] == path.pass_index[:-1]
@@ -132,7 +132,7 @@ def machine_minutes(path: ContactPath, axes: Float[ndarray, "n 3"], limits: Axis
     return float(np.maximum(moved, np.maximum(turn, tilt))[same].sum())
 
 
-def soonest(found: Sequence[SmoothAxes], limits: AxisLimits) -> SmoothAxes:
+def soonest(found: Sequence[SmoothAxes], limits: MachineLimits) -> SmoothAxes:
     """Of several axes of one path those that cost the fewest minutes for each contact certified free."""
 
     def cost(one: SmoothAxes) -> float:

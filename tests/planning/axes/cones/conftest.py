@@ -9,7 +9,7 @@ import pytest
 
 from bonecam.job import PathJob
 from bonecam.machine.frustum import Frustum
-from bonecam.machine.tool_axis_limits import AxisLimits
+from bonecam.machine.limits import MachineLimits
 from bonecam.planning.axes.cones.admissible_cones import AxisCones, admissible_cones
 from bonecam.planning.collision.scene import Scene
 from bonecam.tool.cutter import Cutter
@@ -31,4 +31,4 @@ def made(lump: Callable[..., Any], roughing_cutter: Cutter) -> tuple[ContactPath
 @pytest.fixture(scope="session")
 def cones(made: tuple[ContactPath, Scene]) -> AxisCones:
     """The widest cones of these contacts."""
-    return admissible_cones(*made, AxisLimits(np.radians(115.0)), JOB)
+    return admissible_cones(*made, MachineLimits(np.radians(115.0)), JOB)

@@ -10,7 +10,7 @@ from bonecam.arrays import unit
 from bonecam.errors import OrientationError
 from bonecam.job import PathJob
 from bonecam.kernels.closest.cone_marching import Apexes, Groups, free_directions
-from bonecam.machine.tool_axis_limits import AxisLimits, polar_angles
+from bonecam.machine.limits import MachineLimits, polar_angles
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.axes.cones.admissible_cones import AxisCones, admissible_cones
 from bonecam.planning.axes.cones.verify_cones import verify_cones
@@ -19,7 +19,7 @@ from bonecam.tool.path import ContactPath
 from bonecam.workholding.clamping import Clamping
 from bonecam.workholding.column import Column
 
-LIMITS = AxisLimits(np.radians(115.0))
+LIMITS = MachineLimits(np.radians(115.0))
 JOB = PathJob(pattern="along")
 RANDOM = np.random.default_rng(5)
 
@@ -143,7 +143,7 @@ def test_a_cone_as_a_surface_holds_the_axes_of_its_contact(cones: AxisCones) -> 
 
 def test_contacts_without_a_cone_are_listed_with_what_blocks_them(made: Made) -> None:
     path, scene = made
-    none = admissible_cones(path, scene, AxisLimits(np.radians(2.5)), JOB)
+    none = admissible_cones(path, scene, MachineLimits(np.radians(2.5)), JOB)
     assert set(none.blocked().values()) == {"limits"}
     assert len(none.blocked()) == len(path.centres)
     with pytest.raises(ValueError, match="no cone"):

@@ -9,7 +9,7 @@ import pytest
 from bonecam.arrays import dots
 from bonecam.job import NcJob, PathJob
 from bonecam.levels.measure.level import Level
-from bonecam.machine.tool_axis_limits import AxisLimits, polar_angles
+from bonecam.machine.limits import MachineLimits, polar_angles
 from bonecam.planning.axes.cones.admissible_cones import NO_CONE, admissible_cones
 from bonecam.planning.axes.field.axis_field import ALONG, AROUND, AxisField, FieldDomain
 from bonecam.planning.axes.field.level_axes import SLOW, level_axes
@@ -22,7 +22,7 @@ from bonecam.tool.path import ContactPath, Kind
 from bonecam.workholding.clamping import Clamping
 from bonecam.workholding.column import Column
 
-LIMITS = AxisLimits(np.radians(115.0), tilt_speed=np.radians(90) * 60, turn_speed=np.radians(120) * 60)
+LIMITS = MachineLimits(np.radians(115.0), tilt_speed=np.radians(90) * 60, turn_speed=np.radians(120) * 60)
 JOB = PathJob(pattern="along", orientation="cones")
 
 NEAR = Clamping(clearance=0.5)

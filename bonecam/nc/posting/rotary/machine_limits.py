@@ -7,8 +7,8 @@ import numpy as np
 
 from bonecam.errors import MachineError
 from bonecam.machine.kinematics import inverse_rotary, within_limits
+from bonecam.machine.limits import MachineLimits
 from bonecam.machine.machine import Machine
-from bonecam.machine.tool_axis_limits import AxisLimits
 from bonecam.nc.posting.rotary.lifts import lift_places
 
 AXIS_MARGIN = np.radians(1.0)
@@ -27,7 +27,7 @@ def tilt_limit(machine: Machine) -> float:
     return float(tilts[-1] if reached.all() else tilts[max(int(np.argmin(reached)) - 1, 0)])
 
 
-def axis_limits(machine: Machine) -> AxisLimits:
+def machine_limits(machine: Machine) -> MachineLimits:
     """The polar angles that tool paths for the machine may use: up to AXIS_MARGIN below its tilt limit. The rotary
     axis nearer to Z changes the azimuth, the other one the polar angle."""
     turn, tilt = sorted(machine.rotary, key=lambda axis: -abs(axis.direction[2]))
@@ -41,9 +41,10 @@ def axis_limits(machine: Machine) -> AxisLimits:
             "machine (--machine)",
             machine=machine.name,
         )
-    return AxisLimits(
+    return MachineLimits(
         largest,
         tilt_speed=tilt.speed,
         turn_speed=turn.speed,
         lift_places=partial(lift_places, machine),
+        bodies=machine.bodies,
     )

@@ -1,14 +1,17 @@
-"""The polar angle of tool axes (their angle from +Z), and its limits on a machine."""
+"""What planning must know of a machine: the limits of its tool axis, the speeds of its rotary axes, and its bodies.
+
+The polar angle of a tool axis is its angle from +Z."""
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from bonecam.errors import MachineError
+from bonecam.machine.bodies import MachineBodies
 
 ANGLE_ROUNDING = 1e-9
 """Angles this little (radians) beyond a limit are on it."""
@@ -21,10 +24,11 @@ the next: f is 0 but between two cuts, to whose place the tool comes back."""
 
 
 @dataclass(frozen=True)
-class AxisLimits:
+class MachineLimits:
     """Smallest and largest polar angle of the tool axis, radians (B -115..30 with an endless C: 0 .. 115
     degrees), and how fast the machine changes its polar angle and azimuth, rad/min. `lift_places` tells where the
-    machine's rotary axes come to their limits within a path; None: nowhere. MachineError where the angles do not lie in
+    machine's rotary axes come to their limits within a path; None: nowhere. The tool is kept
+    clear of the `bodies`. MachineError where the angles do not lie in
     order within 0 .. 180 degrees."""
 
     largest: float
@@ -32,6 +36,7 @@ class AxisLimits:
     tilt_speed: float = math.inf
     turn_speed: float = math.inf
     lift_places: LiftPlaces | None = None
+    bodies: MachineBodies = field(default_factory=MachineBodies)
 
     def __post_init__(self) -> None:
         if not 0 <= self.smallest < self.largest <= np.pi:
