@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from bonecam import progress as told
 from bonecam.errors import BonecamError, JobError, SurfaceError
 from bonecam.files import check_files
 from bonecam.job import Job
@@ -16,16 +15,16 @@ from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.mesh.solids.booleans import solid_union
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
 from bonecam.mesh.units import to_mm
-from bonecam.nc.dialect import Dialect, read_dialect
-from bonecam.nc.posting.feeds import drivable_paths
-from bonecam.nc.posting.header.header import record_checks
+from bonecam.nc.dialect import read_dialect
 from bonecam.nc.posting.rotary.machine_limits import machine_limits
-from bonecam.nc.posting.write import write_program
-from bonecam.nc.program import Program, program_name
+from bonecam.nc.program import program_name
 from bonecam.pipeline import check_job
 from bonecam.planning.passes.gouge import MESH_SHARE, planned_tolerance
 from bonecam.planning.strategies.surface_path import Workpiece, plan_surface, stand_workpiece
+from bonecam.post_and_prove import post_and_prove
 from bonecam.progress import Progress, silent
+from bonecam.progress import part as part_of
+from bonecam.progress import report as report_progress
 from bonecam.report.files.finished import PAGE_CHORD, Finished, write_finished
 from bonecam.report.files.output_files import File, Outputs
 from bonecam.report.run_report import report_to_program
@@ -42,8 +41,6 @@ from bonecam.surface.files.surface_input import (
 )
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.path import ToolPath
-from bonecam.verify.proof import Verification, verify_program
-from bonecam.verify.readback import Tolerances
 
 OWN_CHORD = 0.002
 """Largest chord tolerance (mm) of the solid that the surface bounds: MESH_SHARE of the gouge allowed by default."""
@@ -76,24 +73,35 @@ def finish(
     job = job or Job()
     machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)
     check_job(job, machine, dialect)
-    source = surface if isinstance(surface, str | Path) else None
+    source = Path(surface) if isinstance(surface, str | Path) else None
     (wanted := Outputs(program, keep, report, html=html, apt=apt)).check(source, dialect)
     solids = _checked_solids((part, *obstacles), program, report, html, apt)
     times = StageTimes()
-    name = str(source) if source else "the surface"
+    name = str(surface) if source else "the surface"
     shape, solid = _read(surface, name, solids, job, times, has_part=part is not None)
-    told.report(progress, 0.2, "planning the path")
+    report_progress(progress, 0.2, "planning the path")
     with _naming(name):
         workpiece, job, path = _planned(shape, solid, job, machine, times)
-        told.report(progress, 0.8, "writing and checking")
-        path, posted, proof = _posted(path, workpiece, job, machine, dialect, source, program, times)
+        proved = post_and_prove(
+            [path],
+            machine,
+            dialect,
+            job,
+            MeshDistance(workpiece.solid),
+            name=program_name(program or source or ""),
+            comments=[f"surface: {source.name}"] if source else [],
+            times=times,
+            progress=part_of(progress, 0.8, 1.0),
+        )
     followed = workpiece.surface.tessellate(PAGE_CHORD)
     figures = {
         **_figures(workpiece, job, source, len(solids)),
-        **report_to_program(Path(program or "").name, [path], posted, proof, job.path, followed),
+        **report_to_program(
+            Path(program or "").name, proved.paths, proved.program, proved.proof, job.path, followed
+        ),
         "seconds": times.seconds,
     }
-    made = Finished(workpiece, path, posted, figures, job)
+    made = Finished(workpiece, proved.paths[0], proved.program, figures, job)
     write_finished(made, wanted)
     return made
 
@@ -180,29 +188,6 @@ def _planned(
         workpiece = stand_workpiece(surface, solid, job, limits)
         job = replace(job, holding=replace(job.holding, length=workpiece.length))
         return workpiece, job, plan_surface(workpiece, job, limits)
-
-
-def _posted(
-    path: ToolPath,
-    workpiece: Workpiece,
-    job: Job,
-    machine: Machine,
-    dialect: Dialect,
-    source: File,
-    file: File,
-    times: StageTimes,
-) -> tuple[ToolPath, Program, Verification]:
-    """The path as the machine can drive it, its program, and the proof of that."""
-    with times.stage("nc"):
-        (path,) = drivable_paths([path], machine, dialect, job)
-        name = program_name(file or source or "")
-        comments = [f"surface: {Path(source).name}"] if source else []
-        posted = write_program([path], machine, dialect, job, name=name, comments=comments)
-    with times.stage("verify"):
-        tolerances = Tolerances(gouge=job.path.gouge_tolerance)
-        part = MeshDistance(workpiece.solid)
-        proof = verify_program(posted.text, [path], machine, dialect, part, tolerances, job)
-    return path, record_checks(posted, dialect, str(proof)), proof
 
 
 def _figures(workpiece: Workpiece, job: Job, source: File, solids: int) -> dict[str, Any]:

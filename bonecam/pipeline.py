@@ -13,10 +13,8 @@ from bonecam.levels.measure.level import morph_surfaces
 from bonecam.machine.machine import Machine, read_machine
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
 from bonecam.nc.dialect import Dialect, read_dialect
-from bonecam.nc.posting.feeds import drivable_paths
-from bonecam.nc.posting.header.header import record_checks, record_simulation
+from bonecam.nc.posting.header.header import record_simulation
 from bonecam.nc.posting.rotary.machine_limits import machine_limits
-from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import program_name
 from bonecam.nc.requirements import check_length, check_reach, check_room, check_tools
 from bonecam.planning.holding.parting import check_parting
@@ -25,6 +23,7 @@ from bonecam.planning.holding.reach import post_advice
 from bonecam.planning.holding.second import check_second
 from bonecam.planning.levels import plan_paths
 from bonecam.planning.strategies.layer_paths import plan_layer_paths
+from bonecam.post_and_prove import post_and_prove
 from bonecam.progress import Progress, part, silent
 from bonecam.report.files.kept_folder import keep_failed_level
 from bonecam.report.files.output_files import File, Outputs
@@ -40,8 +39,6 @@ from bonecam.surface.files.surface_input import read_part
 from bonecam.surface.part_surface import fit_surface
 from bonecam.tool.ball_depth import check_depths
 from bonecam.verify.control.trial_program import check_posting
-from bonecam.verify.proof import verify
-from bonecam.verify.readback import Tolerances
 from bonecam.verify.removal.given import given_surface
 from bonecam.verify.removal.of_job import prove_removal
 
@@ -185,33 +182,26 @@ def _machine(
     """Tool paths on the levels, the program `file` of the part's file `source`, and its proof."""
     job = made.job
     levels = made.levels.levels
-    design = morph_surfaces(levels)[0]
     with times.stage("toolpath"):
         plan = plan_paths if job.path.strategy == "morph" else plan_layer_paths
         share = part(progress, 0.0, 0.82)
         planned = plan(levels, made.stock, job, machine_limits(machine), share)
 
-    with times.stage("nc"):
-        paths = drivable_paths(planned, machine, dialect, job)
-        program = write_program(
-            paths,
-            machine,
-            dialect,
-            job,
-            name=program_name(file or source or ""),
-            comments=[f"part: {Path(source).name}"] if source else [],
-            stock=made.stock,
-            progress=part(progress, 0.82, 0.9),
-        )
-
-    with times.stage("verify"):
-        tolerances = Tolerances(gouge=job.path.gouge_tolerance)
-        share = part(progress, 0.9, 1.0)
-        given = given_surface(made.part, job, made.report)
-        proof = verify(program.text, paths, machine, dialect, design, tolerances, share, job, given)
-
-    program = record_checks(program, dialect, str(proof))
-    told = report_to_program(Path(file or "").name, paths, program, proof, job.path, levels[0].mesh)
+    proved = post_and_prove(
+        planned,
+        machine,
+        dialect,
+        job,
+        morph_surfaces(levels)[0],
+        given=given_surface(made.part, job, made.report),
+        name=program_name(file or source or ""),
+        comments=[f"part: {Path(source).name}"] if source else [],
+        stock=made.stock,
+        times=times,
+        progress=part(progress, 0.82, 1.0),
+    )
+    paths, program = proved.paths, proved.program
+    told = report_to_program(Path(file or "").name, paths, program, proved.proof, job.path, levels[0].mesh)
     figures = {**made.report, **told, "removal": NOT_SIMULATED}
     return Result(made.part, made.surface, made.stock, made.levels, figures, job, paths, program)
 

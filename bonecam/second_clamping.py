@@ -5,7 +5,6 @@ bridge is broken or sawn. Its text is proved like the first one: read back, chec
 simulated, on the same rays and nails.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -24,17 +23,16 @@ from bonecam.mesh.files.mesh_files import write_mesh
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
 from bonecam.mesh.units import MM_OF
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.posting.feeds import drivable_paths
-from bonecam.nc.posting.header.header import record_checks, record_simulation
+from bonecam.nc.posting.header.header import record_simulation
 from bonecam.nc.posting.header.program_zero import zero_words
 from bonecam.nc.posting.header.texts import second_setup_texts
 from bonecam.nc.posting.rotary.machine_limits import machine_limits
-from bonecam.nc.posting.write import write_program
-from bonecam.nc.program import Program, program_name
+from bonecam.nc.program import program_name
 from bonecam.planning.holding.second import StumpPlaces, second_paths
 from bonecam.planning.levels import PART_CHORD
 from bonecam.planning.passes.contacts import at_post
 from bonecam.planning.passes.parting import cut_groove
+from bonecam.post_and_prove import post_and_prove
 from bonecam.progress import Progress, part, silent
 from bonecam.report.figures import nc_report, toolpath_report
 from bonecam.report.files.output_files import File
@@ -43,8 +41,6 @@ from bonecam.report.files.second import SecondProgram
 from bonecam.setup.placement import place
 from bonecam.surface.files.surface_input import read_part
 from bonecam.tool.path import ToolPath
-from bonecam.verify.proof import Verification, verify_program
-from bonecam.verify.readback import Tolerances
 from bonecam.verify.removal.left import LEFT
 from bonecam.verify.removal.of_job import check_removal_of_job, simulate_stump
 from bonecam.verify.removal.result import Removal
@@ -85,18 +81,24 @@ def second_program(
         machine_limits(machine),
         part(progress, 0.0, 0.7),
     )
-    paths = tuple(drivable_paths(planned, machine, dialect, job))
-    texts = second_setup_texts(job, clamping.shell, clamping.top, zero_words(machine, dialect))
     file = second_file(program) if program else None
-    posted, proof = _posted(paths, clamping, texts, job, machine, dialect, file)
-    solids = clamping.part, clamping.shell
+    proved = post_and_prove(
+        planned,
+        machine,
+        dialect,
+        job,
+        MeshDistance(clamping.solids),
+        name=program_name(file or "second"),
+        setup=second_setup_texts(job, clamping.shell, clamping.top, zero_words(machine, dialect)),
+    )
+    posted, solids = proved.program, (clamping.part, clamping.shell)
     removal = simulate_stump(posted.text, machine, dialect, job, material, *solids, part(progress, 0.8, 1.0))
     check_removal_of_job(removal, job)
-    paths = tuple(_told(path, removal) for path in paths)
+    paths = tuple(_told(path, removal) for path in proved.paths)
     posted = record_simulation(posted, dialect, removal.cell)
     told = {
         "file": file.name if file else "",
-        **nc_report(posted, proof),
+        **nc_report(posted, proved.proof),
         **_left_at_post(first, removal, held),
         "toolpath": toolpath_report(paths, float(np.radians(job.path.least_lead_deg))),
         "removal": removal.report,
@@ -147,23 +149,6 @@ def _clamping(first: Result) -> SecondClamping:
     assert groove is not None
     design = morph_surfaces(first.levels.levels)[0].tessellate(PART_CHORD)
     return turned_over(design, shell, first.job.holding, groove.middle)
-
-
-def _posted(
-    paths: Sequence[ToolPath],
-    clamping: SecondClamping,
-    texts: Sequence[str],
-    job: Job,
-    machine: Machine,
-    dialect: Dialect,
-    file: File,
-) -> tuple[Program, Verification]:
-    """The program, and the proof that it follows the paths and leaves part and shell alone."""
-    name = program_name(file or "second")
-    program = write_program(paths, machine, dialect, job, name=name, setup=texts)
-    solids, allowed = MeshDistance(clamping.solids), Tolerances(gouge=job.path.gouge_tolerance)
-    proof = verify_program(program.text, paths, machine, dialect, solids, allowed, job)
-    return record_checks(program, dialect, str(proof)), proof
 
 
 def _told(path: ToolPath, removal: Removal) -> ToolPath:

@@ -10,7 +10,7 @@ from bonecam.filters.filter import Filter
 from bonecam.filters.layers import Layers
 from bonecam.filters.parameter import FilterParameter, Kind, parameters_of, section_of
 from bonecam.job import NcJob
-from bonecam.progress import Progress, part
+from bonecam.progress import Progress
 
 CATEGORY = "Bonecam: NC"
 
@@ -21,13 +21,9 @@ def save_program(layers: Layers, values: Mapping[str, Any], progress: Progress) 
     from bonecam.levels.sequences.begun_morph import Morph
     from bonecam.machine.machine import read_machine
     from bonecam.nc.dialect import read_dialect
-    from bonecam.nc.posting.feeds import drivable_paths
-    from bonecam.nc.posting.header.header import record_checks
-    from bonecam.nc.posting.write import write_program
+    from bonecam.post_and_prove import post_and_prove
     from bonecam.report.figures import nc_report
     from bonecam.setup.stock import Stock
-    from bonecam.verify.proof import verify
-    from bonecam.verify.readback import Tolerances
 
     planned = layers.kept("toolpath", tuple, "generate_toolpath")
     morph = layers.kept("morph", Morph, "generate_morph_levels")
@@ -36,14 +32,11 @@ def save_program(layers: Layers, values: Mapping[str, Any], progress: Progress) 
     machine = read_machine(job.nc.machine)
     dialect = read_dialect(job.nc.controller)
 
-    paths = drivable_paths(planned, machine, dialect, job)
-    program = write_program(paths, machine, dialect, job, stock=stock, progress=part(progress, 0.0, 0.5))
     design = morph_surfaces(morph.levels)[0]
-    tolerances = Tolerances(gouge=job.path.gouge_tolerance)
-    proof = verify(program.text, paths, machine, dialect, design, tolerances, part(progress, 0.5, 1.0))
+    proved = post_and_prove(planned, machine, dialect, job, design, stock=stock, progress=progress)
     target = layers.target(values["file"])
-    write_whole(target, record_checks(program, dialect, str(proof)).text)
-    return {**nc_report(program, proof), "file": str(target)}
+    write_whole(target, proved.program.text)
+    return {**nc_report(proved.program, proved.proof), "file": str(target)}
 
 
 FILTERS = (

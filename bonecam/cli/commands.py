@@ -7,10 +7,10 @@ from functools import partial
 from pathlib import Path
 
 import bonecam
-from bonecam import script_run
 from bonecam.cli.job_options import job_of
 from bonecam.cli.progress_display import native_output_to_stderr, shown_progress
 from bonecam.files import check_files, write_whole
+from bonecam.filters.scripts import run as scripts
 from bonecam.job import write_job
 from bonecam.text.faults import in_one_line
 
@@ -137,7 +137,7 @@ def run_batch(options: argparse.Namespace) -> int:
 def run_script(options: argparse.Namespace) -> int:
     """`bonecam script`: a MeshLab filter script on meshes; prints the files of the resulting layers."""
     with shown_progress(options) as progress, native_output_to_stderr():
-        written = script_run.run_script(
+        written = scripts.run_script(
             options.script,
             options.input,
             options.output,

@@ -24,8 +24,8 @@ from bonecam.filters.filter import Filter, Registry, installed
 from bonecam.filters.layers import Layers
 from bonecam.filters.meshlab_values import refusals_told
 from bonecam.filters.mlx import FilterCall, ScriptParameter, read_calls, write_script
-from bonecam.filters.script_files import ScriptFiles
-from bonecam.filters.script_steps import Step, apply_steps, read_script
+from bonecam.filters.scripts.files import ScriptFiles
+from bonecam.filters.scripts.steps import Step, apply_steps, read_script
 from bonecam.mesh.files.meshlab_files import ENDING, layers_of, try_filter, try_reading
 from bonecam.mesh.meshlab import meshlab, meshlab_filters
 from bonecam.progress import Progress, silent

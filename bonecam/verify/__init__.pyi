@@ -2,7 +2,6 @@ from .gouge import Gouge as Gouge
 from .gouge import measure_gouge as measure_gouge
 from .proof import Verification as Verification
 from .proof import verify as verify
-from .proof import verify_program as verify_program
 from .readback import Tolerances as Tolerances
 from .removal.of_job import prove_removal as prove_removal
 from .removal.result import Clearance as Clearance

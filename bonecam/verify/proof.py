@@ -54,36 +54,22 @@ def verify(
     paths: Sequence[ToolPath],
     machine: Machine,
     dialect: Dialect,
-    design: TSpline,
-    tolerances: Tolerances | None = None,
+    part: TSpline | Distances,
+    *,
+    job: Job | None = None,
+    given: GivenSurface | None = None,
     progress: Progress = silent,
-    job: Job | None = None,
-    given: GivenSurface | None = None,
-) -> Verification:
-    """Prove `text` against the paths, the design surface and the part as `given`; errors as in `verify_program`."""
-    report(progress, 0.0, "reading the program back")
-    allowed = tolerances or Tolerances()
-    part = MeshDistance(design.tessellate(min(DESIGN_CHORD, DESIGN_SHARE * allowed.gouge)))
-    return verify_program(text, paths, machine, dialect, part, allowed, job, given)
-
-
-def verify_program(
-    text: str,
-    paths: Sequence[ToolPath],
-    machine: Machine,
-    dialect: Dialect,
-    part: Distances,
-    tolerances: Tolerances | None = None,
-    job: Job | None = None,
-    given: GivenSurface | None = None,
 ) -> Verification:
     """Read `text` back and prove that the control runs it as the `job` means, against the paths and the part.
 
-    `part` measures against a fine tessellation of the design surface: its own deviation is not seen here, but in the
-    gouge of the mesh as `given`.
+    `part` is the design surface, or the distances to what must not be gouged. A surface is tessellated finely: the
+    tessellation's own deviation is not seen, but in the gouge of the mesh as `given`.
     ProgramError where the text cannot be read, VerifyError (with `line`, `place`, `error`) where it is wrong.
     """
-    allowed = tolerances or Tolerances()
+    report(progress, 0.0, "reading the program back")
+    allowed = Tolerances(gouge=job.path.gouge_tolerance) if job else Tolerances()
+    if isinstance(part, TSpline):
+        part = MeshDistance(part.tessellate(min(DESIGN_CHORD, DESIGN_SHARE * allowed.gouge)))
     motions = read_program(text, machine, dialect)
     check_control(motions, machine, dialect, job)
     checked = compare_moves(motions, paths, dialect, allowed)

@@ -14,7 +14,7 @@ from bonecam.nc.dialect import read_dialect
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.read import read_program
 from bonecam.tool.path import ToolPath
-from bonecam.verify.proof import verify_program
+from bonecam.verify.proof import verify
 from bonecam.verify.readback import Tolerances, compare_moves
 
 PAIRS = {
@@ -65,7 +65,7 @@ def text_of(pair, paths) -> str:
 
 
 def test_what_was_written_is_proved(paths, pair, mesh):
-    proof = verify_program(text_of(pair, paths), paths, *pair, mesh)
+    proof = verify(text_of(pair, paths), paths, *pair, mesh)
     assert proof.rows == sum(len(path.tips) for path in paths)
     assert proof.moves >= proof.rows
     assert proof.readback_tip_error_mm <= 0.001
@@ -166,7 +166,7 @@ def test_a_path_through_the_part_is_refused_with_line_and_place(paths, capsule_p
     with pytest.raises(
         VerifyError, match=r"line \d+: the ball enters the part by 0.05\d+ mm at \("
     ) as caught:
-        verify_program(text_of(pair, deep), deep, *pair, mesh)
+        verify(text_of(pair, deep), deep, *pair, mesh)
     assert caught.value.evidence["error"] == pytest.approx(0.05, abs=0.005)
 
 

@@ -26,7 +26,7 @@ from bonecam.setup.placement import Setup
 from bonecam.setup.schedule import schedule_of
 from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.tool.path import PARTING
-from bonecam.verify.proof import verify_program
+from bonecam.verify.proof import verify
 from bonecam.verify.removal.of_job import check_removal_of_job, cutters_of
 from bonecam.verify.removal.simulate import simulate_removal
 from bonecam.verify.removal.sweeping import Accuracy
@@ -101,7 +101,7 @@ def test_the_groove_goes_all_round_in_steps_of_its_own(paths, lump):
 
 
 def test_the_text_is_read_back_and_leaves_the_part_alone(text, paths, lump):
-    proof = verify_program(text, paths, MACHINE, DIALECT, MeshDistance(lump))
+    proof = verify(text, paths, MACHINE, DIALECT, MeshDistance(lump))
     assert proof.gouge.depth < 0
     groove = cut_groove(paths)
     assert f"PARTING {len(paths)}" in text

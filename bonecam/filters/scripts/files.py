@@ -15,7 +15,7 @@ from bonecam.errors import FilterError
 from bonecam.filters.filter import Registry
 from bonecam.filters.meshlab_values import free_texts
 from bonecam.filters.parameter import Kind
-from bonecam.filters.script_steps import Step
+from bonecam.filters.scripts.steps import Step
 from bonecam.runtime.own_files import is_own
 from bonecam.runtime.staging import leads_out
 

@@ -8,14 +8,13 @@ from bonecam.errors import FileError
 from bonecam.files import in_unicode, library_name, require_room
 from bonecam.filters.filter import Registry, installed
 from bonecam.filters.meshset import MeshSet
-from bonecam.filters.script_files import ScriptFiles
-from bonecam.filters.script_steps import apply_steps, read_script
+from bonecam.filters.scripts.files import ScriptFiles
+from bonecam.filters.scripts.run import Run
+from bonecam.filters.scripts.steps import apply_steps, read_script
 from bonecam.mesh.files.mesh_files import CAD, READABLE, bytes_of, read_mesh
 from bonecam.mesh.files.named_files import refuse_names_outside
 from bonecam.mesh.meshlab import meshlab
 from bonecam.progress import Progress, silent
-from bonecam.script_run import Run
-from bonecam.script_run import run_script as run_script
 
 NAMING = frozenset(".3ds .3mf .ctm .dae .fbx .glb .gltf .qobj .vmi .wrl .x3d .x3dv".split())
 """Endings of files, besides PLY and OBJ, that MeshLab reads and that name others: textures, buffers, parts."""

@@ -1,0 +1,1 @@
+"""Filter scripts (.mlx): read, checked, and run in a process of their own."""
