@@ -19,7 +19,7 @@ from bonecam.nc.dialect import read_dialect
 from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.nc.program import program_name
 from bonecam.pipeline import check_job
-from bonecam.planning.passes.gouge import MESH_SHARE, planned_tolerance
+from bonecam.planning.passes.gouge_lifts import MESH_SHARE, planned_tolerance
 from bonecam.planning.strategies.surface_path import Workpiece, plan_surface, stand_workpiece
 from bonecam.post_and_prove import post_and_prove
 from bonecam.progress import Progress, silent

@@ -17,10 +17,10 @@ from bonecam.nc.posting.header.header import record_simulation
 from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.nc.program import program_name
 from bonecam.nc.requirements import check_length, check_reach, check_room, check_tools
-from bonecam.planning.holding.parting import check_parting
+from bonecam.planning.holding.parting_paths import check_parting
 from bonecam.planning.holding.post_length import find_post_length
 from bonecam.planning.holding.reach import post_advice
-from bonecam.planning.holding.second import check_second
+from bonecam.planning.holding.stump_paths import check_second
 from bonecam.planning.levels import plan_paths
 from bonecam.planning.strategies.layer_paths import plan_layer_paths
 from bonecam.post_and_prove import post_and_prove
@@ -201,8 +201,10 @@ def _machine(
         progress=part(progress, 0.82, 1.0),
     )
     paths, program = proved.paths, proved.program
-    told = report_to_program(Path(file or "").name, paths, program, proved.proof, job.path, levels[0].mesh)
-    figures = {**made.report, **told, "removal": NOT_SIMULATED}
+    reported = report_to_program(
+        Path(file or "").name, paths, program, proved.proof, job.path, levels[0].mesh
+    )
+    figures = {**made.report, **reported, "removal": NOT_SIMULATED}
     return Result(made.part, made.surface, made.stock, made.levels, figures, job, paths, program)
 
 
@@ -218,8 +220,8 @@ def _simulated(
             text, machine, dialect, result.job, result.stock, levels, mesh, progress, given
         )
     program = record_simulation(result.program, dialect, removal.cell)
-    told = {**result.report, "removal": removal.report}
-    return replace(result, program=program, report=told, removal=removal)
+    reported = {**result.report, "removal": removal.report}
+    return replace(result, program=program, report=reported, removal=removal)
 
 
 def _require_job(job: Job | None) -> Job:

@@ -2,7 +2,7 @@
 
 The material at its start is what the simulation of the first program left above the middle of the groove, where the
 bridge is broken or sawn. Its text is proved like the first one: read back, checked for gouges of part and shell, and
-simulated, on the same rays and nails.
+simulated, on the same rays and normal probes.
 """
 
 from dataclasses import replace
@@ -28,23 +28,23 @@ from bonecam.nc.posting.header.program_zero import zero_words
 from bonecam.nc.posting.header.texts import second_setup_texts
 from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.nc.program import program_name
-from bonecam.planning.holding.second import StumpPlaces, second_paths
+from bonecam.planning.holding.stump_paths import StumpPlaces, second_paths
 from bonecam.planning.levels import PART_CHORD
 from bonecam.planning.passes.contacts import at_post
 from bonecam.planning.passes.parting import cut_groove
 from bonecam.post_and_prove import post_and_prove
 from bonecam.progress import Progress, part, silent
-from bonecam.report.figures import nc_report, toolpath_report
 from bonecam.report.files.output_files import File
 from bonecam.report.files.result import Result
-from bonecam.report.files.second import SecondProgram
+from bonecam.report.files.second_program import SecondProgram
+from bonecam.report.stage_reports import nc_report, toolpath_report
 from bonecam.setup.placement import place
 from bonecam.surface.files.surface_input import read_part
 from bonecam.tool.path import ToolPath
 from bonecam.verify.removal.left import LEFT
 from bonecam.verify.removal.of_job import check_removal_of_job, simulate_stump
 from bonecam.verify.removal.result import Removal
-from bonecam.verify.removal.standing import standing_field
+from bonecam.verify.removal.stock_heights import height_field_of_rays
 from bonecam.workholding.post import post_below
 from bonecam.workholding.shell import SecondClamping, read_shell, turned_over
 from bonecam.workholding.shell_maker import shell_round
@@ -71,12 +71,12 @@ def second_program(
     assert first.removal is not None
     material = first.removal.remaining.above(clamping.cut_off).move(clamping.pose)
     held = _at_post(first, job.tool("finishing").radius)
-    assert material.nails is not None
+    assert material.normal_probes is not None
     planned = second_paths(
         clamping,
-        StumpPlaces(material.nails.points[held], material.nails.normals[held]),
+        StumpPlaces(material.normal_probes.points[held], material.normal_probes.normals[held]),
         clamping.top,
-        partial(standing_field, sets=material.sets, grid=material.grid),
+        partial(height_field_of_rays, sets=material.sets, grid=material.grid),
         job,
         machine_limits(machine),
         part(progress, 0.0, 0.7),
@@ -96,14 +96,14 @@ def second_program(
     check_removal_of_job(removal, job)
     paths = tuple(_told(path, removal) for path in proved.paths)
     posted = record_simulation(posted, dialect, removal.cell)
-    told = {
+    reported = {
         "file": file.name if file else "",
         **nc_report(posted, proved.proof),
         **_left_at_post(first, removal, held),
         "toolpath": toolpath_report(paths, float(np.radians(job.path.least_lead_deg))),
         "removal": removal.report,
     }
-    return SecondProgram(Path(first.part.file).name, clamping, paths, posted, removal, told, job)
+    return SecondProgram(Path(first.part.file).name, clamping, paths, posted, removal, reported, job)
 
 
 def clamping_shell(
@@ -153,29 +153,31 @@ def _clamping(first: Result) -> SecondClamping:
 
 def _told(path: ToolPath, removal: Removal) -> ToolPath:
     """The path without those of its hidden places that nothing stays on: the ball that cuts beside them took it."""
-    nails = removal.remaining.nails
-    assert nails is not None
+    normal_probes = removal.remaining.normal_probes
+    assert normal_probes is not None
     hidden = np.array([reason == "hidden" for reason in path.reasons], dtype=bool)
     if not hidden.any():
         return path
-    kept = ~hidden | (nails.heights[KDTree(nails.points).query(path.uncut)[1]] > LEFT)
+    kept = ~hidden | (normal_probes.heights[KDTree(normal_probes.points).query(path.uncut)[1]] > LEFT)
     reasons = tuple(reason for reason, known in zip(path.reasons, kept, strict=True) if known)
     return replace(path, uncut=path.uncut[kept], reasons=reasons)
 
 
 def _at_post(first: Result, radius: float) -> Bool[ndarray, " n"]:
-    """The nails of the first program's simulation that a ball of `radius` (mm) leaves at the post."""
+    """The normal probes of the first program's simulation that a ball of `radius` (mm) leaves at the post."""
     assert first.removal is not None
-    nails = first.removal.remaining.nails
-    assert nails is not None
-    return at_post(nails.points, nails.normals, post_below(first.part.mesh, first.job.holding), radius)
+    normal_probes = first.removal.remaining.normal_probes
+    assert normal_probes is not None
+    return at_post(
+        normal_probes.points, normal_probes.normals, post_below(first.part.mesh, first.job.holding), radius
+    )
 
 
 def _left_at_post(first: Result, removal: Removal, held: Bool[ndarray, " n"]) -> dict[str, float]:
-    """What kept more than LEFT on the nails `held` at the post before the second program and keeps it behind it, mm2,
+    """What kept more than LEFT on the probes `held` at the post before the second program and keeps it behind it, mm2,
     and how high that is."""
     assert first.removal is not None
-    before, after = first.removal.remaining.nails, removal.remaining.nails
+    before, after = first.removal.remaining.normal_probes, removal.remaining.normal_probes
     assert before is not None
     assert after is not None
     return {

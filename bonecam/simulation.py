@@ -15,7 +15,7 @@ from bonecam.mesh.facets.hull import convex_hull
 from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import read_dialect
-from bonecam.planning.layers.limits import layer_limits
+from bonecam.planning.layers.layer_limits import layer_limits
 from bonecam.progress import Progress, part, silent
 from bonecam.report.files.kept_view import SECOND_VIEW, check_page_name, kept_contents
 from bonecam.report.page.contents import level_meshes, with_program
@@ -34,7 +34,7 @@ from bonecam.verify.control.program_file import header_of, program_text
 from bonecam.verify.removal.of_job import ACCURACY, cutters_of, followed_surfaces, simulate_stump
 from bonecam.verify.removal.result import Removal
 from bonecam.verify.removal.simulate import simulate_removal
-from bonecam.verify.removal.sweeping import Remaining
+from bonecam.verify.removal.sweeping import SimulatedStock
 from bonecam.workholding.clamping import clamping_of
 from bonecam.workholding.post import post_below
 from bonecam.workholding.shell import turn_over
@@ -129,7 +129,9 @@ def _simulate_first(
     )
 
 
-def _simulate_second(text: str, run: Contents, job: Job, before: Remaining, progress: Progress) -> Removal:
+def _simulate_second(
+    text: str, run: Contents, job: Job, before: SimulatedStock, progress: Progress
+) -> Removal:
     """What the `text` of a second clamping removes of what stood `before` on the first one's post; part, shell and
     pose are those of the page of a `run`."""
     machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)
@@ -147,10 +149,10 @@ def _kept_second(text: str, program: Path, keep: Path) -> Contents:
         what = f"the program is of a second clamping, of which {keep} has no {SECOND_VIEW}"
         raise FileError(f"{program}: {what}: {remedy}", file=str(keep / SECOND_VIEW))
     run = kept_contents(keep, SECOND_VIEW)[1]
-    told = STUMP.search(header_of(text))
+    reported = STUMP.search(header_of(text))
     top = run.facts["turned"]["zero_mm"] - run.facts["turned"]["cut_off_mm"]
-    if told is not None and abs(float(told[1]) - top) > SAME_STOCK:
-        what = f"its stump reaches up to z {float(told[1]):.2f} mm, that of {keep} up to {top:.2f}"
+    if reported is not None and abs(float(reported[1]) - top) > SAME_STOCK:
+        what = f"its stump reaches up to z {float(reported[1]):.2f} mm, that of {keep} up to {top:.2f}"
         raise ProgramError(f"{program}: {what}: {remedy}", line=0)
     return run
 
@@ -174,10 +176,10 @@ def _check_cell(cell: float, job: Job) -> None:
 
 def _require_stock(text: str, stock: TriangleMesh, program: Path, keep: Path) -> None:
     """ProgramError where the header tells another stock than the kept one."""
-    told = STOCK.search(header_of(text))
-    if told is None:
+    reported = STOCK.search(header_of(text))
+    if reported is None:
         return
-    heights = [float(told[1]), float(told[2])]
+    heights = [float(reported[1]), float(reported[2])]
     found = stock.bounds[:, 2].tolist()
     if max(abs(a - b) for a, b in zip(heights, found, strict=True)) > SAME_STOCK:
         raise ProgramError(

@@ -97,7 +97,7 @@ def level_check(layers: Layers, values: Mapping[str, Any], progress: Progress) -
 
 def figures(levels: Sequence[Level]) -> dict[str, Any]:
     """The measures of the report as arrays over the levels, NaN where a level has none."""
-    from bonecam.report.figures import levels_report
+    from bonecam.report.stage_reports import levels_report
 
     rows = levels_report(levels)
     columns = {

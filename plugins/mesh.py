@@ -56,7 +56,7 @@ def stand_upright(layers: Layers, values: Mapping[str, Any], progress: Progress)
 
 def harmonic_rows_layer(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """Filter `compute_harmonic_rows`: a layer of closed polylines."""
-    from bonecam.mesh.sections.rows import harmonic_rows
+    from bonecam.mesh.sections.harmonic_rows import harmonic_rows
 
     job = section_of(MeshJob(), values)
     mesh = layers.bone()

@@ -22,7 +22,7 @@ def save_program(layers: Layers, values: Mapping[str, Any], progress: Progress) 
     from bonecam.machine.machine import read_machine
     from bonecam.nc.dialect import read_dialect
     from bonecam.post_and_prove import post_and_prove
-    from bonecam.report.figures import nc_report
+    from bonecam.report.stage_reports import nc_report
     from bonecam.setup.stock import Stock
 
     planned = layers.kept("toolpath", tuple, "generate_toolpath")

@@ -19,7 +19,7 @@ CATEGORY = "Bonecam: T-Spline Surface"
 def fit_tspline(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """Filter `compute_tspline_surface`: a layer of the tessellated T-spline, which is kept beside it."""
     from bonecam.mesh.part import Part
-    from bonecam.report.figures import surface_report
+    from bonecam.report.stage_reports import surface_report
     from bonecam.surface.part_surface import fit_surface
 
     before = layers.job()

@@ -13,8 +13,7 @@ from bonecam.filters.layers import Layers
 from bonecam.filters.parameter import FilterParameter, Kind, parameters_of, section_of
 from bonecam.job import FINISHING, ROUGHING, MaterialJob, NcJob, PathJob
 from bonecam.progress import Progress
-from bonecam.tool.path import Kind as MoveKind
-from bonecam.tool.path import ToolPath
+from bonecam.tool.path import MoveKind, ToolPath
 
 CATEGORY = "Bonecam: Tool Paths"
 

@@ -22,10 +22,10 @@ from bonecam.levels.measure.level import MorphLevel, PartLevel  # noqa: E402
 from bonecam.machine.frustum import Frustum  # noqa: E402
 from bonecam.mesh.triangle_mesh import TriangleMesh  # noqa: E402
 from bonecam.setup.capsule import Capsule  # noqa: E402
-from bonecam.surface.tmesh.rows import RowTMesh  # noqa: E402
+from bonecam.surface.tmesh.row_tmesh import RowTMesh  # noqa: E402
 from bonecam.surface.tspline import TSpline  # noqa: E402
 from bonecam.tool.cutter import Cutter  # noqa: E402
-from bonecam.tool.path import Kind, ToolPath  # noqa: E402
+from bonecam.tool.path import MoveKind, ToolPath  # noqa: E402
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 
@@ -227,7 +227,7 @@ def capsule_path(path_of: Callable[..., ToolPath]) -> Callable[..., ToolPath]:
         third = count // 3
         rows, kinds, passes, feeds = [], [], [], []
 
-        def add(tip: np.ndarray, axis: np.ndarray, kind: Kind, index: int, feed: float) -> None:
+        def add(tip: np.ndarray, axis: np.ndarray, kind: MoveKind, index: int, feed: float) -> None:
             rows.append((tip, axis))
             kinds.append(kind)
             passes.append(index)
@@ -236,12 +236,12 @@ def capsule_path(path_of: Callable[..., ToolPath]) -> Callable[..., ToolPath]:
         for index in range(3):
             part = range(index * third, (index + 1) * third if index < 2 else count)
             first, last = part[0], part[-1]
-            add(tips[first] + 12 * axes[first], axes[first], Kind.RAPID, -1, 10000.0)
-            add(tips[first] + 2 * axes[first], axes[first], Kind.LINK, -1, 1500.0)
+            add(tips[first] + 12 * axes[first], axes[first], MoveKind.RAPID, -1, 10000.0)
+            add(tips[first] + 2 * axes[first], axes[first], MoveKind.LINK, -1, 1500.0)
             for i in part:
-                add(tips[i], axes[i], Kind.CUT, index, 900.0)
-            add(tips[last] + 2 * axes[last], axes[last], Kind.LINK, -1, 1500.0)
-            add(tips[last] + 12 * axes[last], axes[last], Kind.RAPID, -1, 10000.0)
+                add(tips[i], axes[i], MoveKind.CUT, index, 900.0)
+            add(tips[last] + 2 * axes[last], axes[last], MoveKind.LINK, -1, 1500.0)
+            add(tips[last] + 12 * axes[last], axes[last], MoveKind.RAPID, -1, 10000.0)
         return path_of(
             np.array([row[0] for row in rows]),
             np.array([row[1] for row in rows]),
@@ -263,18 +263,18 @@ def path_of() -> Callable[..., ToolPath]:
         n = len(tips)
         nan = np.full((n, 3), np.nan)
         if kinds is None:
-            kinds = np.full(n, int(Kind.CUT))
-            kinds[0] = Kind.RAPID
+            kinds = np.full(n, int(MoveKind.CUT))
+            kinds[0] = MoveKind.RAPID
         return ToolPath(
             level=level,
             cutter=tool or ball_cutter(),
             kinds=kinds,
-            pass_index=np.where(kinds == Kind.CUT, 0, -1) if passes is None else passes,
+            pass_index=np.where(kinds == MoveKind.CUT, 0, -1) if passes is None else passes,
             parameters=nan[:, :2],
             contacts=nan,
             tips=np.asarray(tips, dtype=float),
             axes=np.asarray(axes, dtype=float),
-            feed_rates=np.where(kinds == Kind.RAPID, 10000.0, 900.0) if feeds is None else feeds,
+            feed_rates=np.where(kinds == MoveKind.RAPID, 10000.0, 900.0) if feeds is None else feeds,
             uncut=np.zeros((0, 3)),
             reasons=(),
         )

@@ -18,7 +18,7 @@ from bonecam.report.page.packing import unpack
 from bonecam.surface import skin
 from bonecam.surface.files.tspline_text import write_tsm
 from bonecam.surface.tspline import TSpline
-from bonecam.tool.path import Kind
+from bonecam.tool.path import MoveKind
 
 JOB = bonecam.Job().with_values(
     holding={"length": 60.0, "diameter": 10.0},
@@ -74,7 +74,7 @@ def test_an_open_surface_is_cut_whole_from_edge_to_edge(
     made, _ = finished
     assert made.report["surface"]["kind"] == "open"
     assert not len(made.path.uncut)
-    contacts = made.path.contacts[made.path.kinds == Kind.CUT]
+    contacts = made.path.contacts[made.path.kinds == MoveKind.CUT]
     found = made.workpiece.surface.project(contacts)
     assert found.distances.max() < 1e-6
     for direction in (0, 1):
@@ -103,7 +103,7 @@ def test_a_mesh_patch_is_cut_as_the_surface_through_it(tmp_path: Path) -> None:
     made = bonecam.finish(tmp_path / "top.stl", block(), job=JOB)
     assert made.report["surface"]["kind"] == "open"
     assert made.report["nc"]["gouge_max_mm"] <= JOB.path.gouge_tolerance
-    contacts = made.path.contacts[made.path.kinds == Kind.CUT]
+    contacts = made.path.contacts[made.path.kinds == MoveKind.CUT]
     assert np.abs(MeshDistance(made.workpiece.solid).signed(contacts)).max() < 0.06
     assert np.ptp(contacts[:, :2], axis=0) == pytest.approx([2 * SIZE, 2 * SIZE], abs=0.05)
 
@@ -111,7 +111,7 @@ def test_a_mesh_patch_is_cut_as_the_surface_through_it(tmp_path: Path) -> None:
 def test_an_obstacle_over_the_surface_is_kept_clear_of_by_ball_and_shank() -> None:
     wall = revolve(np.full(2, 2.0), np.array([2.0, 40.0]), (2.0, 40.0), 32)
     made = bonecam.finish(panel(), block(), [wall], JOB)
-    cuts = made.path.kinds == Kind.CUT
+    cuts = made.path.kinds == MoveKind.CUT
     assert len(made.path.uncut)
     assert set(made.path.reasons) <= {"gouge", "collision"}
     distance = MeshDistance(made.workpiece.solid)

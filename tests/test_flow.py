@@ -22,7 +22,7 @@ ROOMS = {
     ],
     "planning": "passes layers collision axes links oriented_path holding strategies levels".split(),
     "verify": "gouge readback removal control proof".split(),
-    "report": "axis_lines axis_comparison figures run_report tables summary pictures page sheet files".split(),
+    "report": "axis_lines axis_comparison stage_reports run_report tables summary pictures page sheet files".split(),
 }
 """The order of the modules and sub-packages inside a stage."""
 ROOT = Path(__file__).parents[1] / "bonecam"

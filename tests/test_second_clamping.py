@@ -22,10 +22,10 @@ from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.read import read_program
 from bonecam.planning.collision.scene import Scene
-from bonecam.planning.holding.parting import parting_paths
-from bonecam.planning.holding.second import check_second
+from bonecam.planning.holding.parting_paths import parting_paths
+from bonecam.planning.holding.stump_paths import check_second
 from bonecam.planning.passes.parting import cut_groove
-from bonecam.report.files.second import SecondProgram
+from bonecam.report.files.second_program import SecondProgram
 from bonecam.second_clamping import second_program
 from bonecam.setup.capsule import Capsule, smallest_capsule
 from bonecam.setup.stocks.mesh import ConvexStock

@@ -13,7 +13,7 @@ from bonecam.machine.limits import MachineLimits
 from bonecam.mesh.facets.nearest_areas import nearest_areas
 from bonecam.planning.strategies.layer_paths import plan_layer_paths
 from bonecam.setup.stocks.cylinder import Cylinder
-from bonecam.tool import Kind
+from bonecam.tool import MoveKind
 
 COARSE = Job().with_values(
     surface={"tolerance": 0.2},
@@ -42,7 +42,7 @@ def test_rotary_milling_keeps_its_tool_radial_and_leaves_the_ends(
     result, _ = rotary
     part = result.levels.levels[0].mesh.bounds
     for path in result.paths:
-        cuts = path.kinds == Kind.CUT
+        cuts = path.kinds == MoveKind.CUT
         centres = (path.tips + path.cutter.radius * path.axes)[cuts]
         axes = path.axes[cuts]
         np.testing.assert_allclose(axes[:, 2], 0.0, atol=1e-12)
@@ -78,14 +78,14 @@ def test_a_program_of_another_strategy_is_simulated_alone_as_in_convert(
 @pytest.mark.slow
 def test_iso_height_milling_cuts_from_two_sides_within_its_depths(tmp_path: Path) -> None:
     result = converted("iso-height", tmp_path)
-    sides = [path.axes[path.kinds == Kind.CUT] for path in result.paths]
+    sides = [path.axes[path.kinds == MoveKind.CUT] for path in result.paths]
     for axes in sides:
         np.testing.assert_allclose(axes, np.broadcast_to(axes[0], axes.shape), atol=1e-12)
         assert abs(abs(axes[0] @ sides[0][0]) - 1) < 1e-12
     assert sides[-1][0] @ sides[-2][0] == pytest.approx(-1)
     roughing = [path for path in result.paths if path.cutter.name == "roughing"]
     for path in roughing:
-        cuts = path.kinds == Kind.CUT
+        cuts = path.kinds == MoveKind.CUT
         assert np.ptp((path.tips * path.axes)[cuts].sum(1)) < 1e-9, "a slice has one height"
     removal = result.removal
     assert removal is not None

@@ -9,7 +9,7 @@ from bonecam.cli.help_texts import EXAMPLES, EXIT_CODES, PART
 from bonecam.cli.job_options import add_job_options
 from bonecam.cli.parser import Parser, positive
 from bonecam.cli.stopping import NOTHING
-from bonecam.filters.scripts.run import MEMORY, MOST_MEMORY, MOST_SECONDS, SECONDS
+from bonecam.filters.scripts.run_script import MEMORY, MOST_MEMORY, MOST_SECONDS, SECONDS
 
 
 def make_parser() -> Parser:

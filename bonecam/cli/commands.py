@@ -10,7 +10,7 @@ import bonecam
 from bonecam.cli.job_options import job_of
 from bonecam.cli.progress_display import native_output_to_stderr, shown_progress
 from bonecam.files import check_files, write_whole
-from bonecam.filters.scripts import run as scripts
+from bonecam.filters.scripts import run_script as scripts
 from bonecam.job import write_job
 from bonecam.text.faults import in_one_line
 

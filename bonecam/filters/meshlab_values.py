@@ -71,11 +71,11 @@ def _failure(filter_name: str, values: Mapping[str, Any], error: Exception) -> s
         return words
     defaults = _scratch().filter_parameter_values(filter_name)
     wrong = (name for name in values if refusal(filter_name, name, values[name]) == OTHER_TYPE)
-    told = (
+    reported = (
         f"parameter {name} = {reprlib.repr(values[name])}: give a value of type {type(defaults[name]).__name__}"
         for name in wrong
     )
-    return next(told, words)
+    return next(reported, words)
 
 
 def _is_of_other_type(error: Exception) -> bool:

@@ -24,8 +24,8 @@ from bonecam.filters.filter import Filter, Registry, installed
 from bonecam.filters.layers import Layers
 from bonecam.filters.meshlab_values import refusals_told
 from bonecam.filters.mlx import FilterCall, ScriptParameter, read_calls, write_script
-from bonecam.filters.scripts.files import ScriptFiles
-from bonecam.filters.scripts.steps import Step, apply_steps, read_script
+from bonecam.filters.scripts.script_files import ScriptFiles
+from bonecam.filters.scripts.script_steps import ScriptStep, apply_steps, read_script
 from bonecam.mesh.files.meshlab_files import ENDING, layers_of, try_filter, try_reading
 from bonecam.mesh.meshlab import meshlab, meshlab_filters
 from bonecam.progress import Progress, silent
@@ -63,7 +63,7 @@ class MeshSet(meshlab().MeshSet):  # type: ignore[misc]
         self.force = force
         self._history: list[int | FilterCall] = []
         self._native_calls = 0
-        self._loaded: tuple[Step, ...] = ()
+        self._loaded: tuple[ScriptStep, ...] = ()
         self._loaded_from = ""
 
     def __getattr__(self, name: str) -> Any:
@@ -202,7 +202,7 @@ class MeshSet(meshlab().MeshSet):  # type: ignore[misc]
         with _as_ours():
             apply_steps(self, self.placed(self._loaded, self._loaded_from), self._loaded_from, self.progress)
 
-    def placed(self, steps: Sequence[Step], script: str) -> list[Step]:
+    def placed(self, steps: Sequence[ScriptStep], script: str) -> list[ScriptStep]:
         """The steps with the names of their files in the folders that a script may use."""
         folder, beside = self.layers.folder, Path(script).absolute().parent
         files = ScriptFiles(folder, folder, (beside,), self.allow_outside, self.force)

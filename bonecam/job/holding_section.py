@@ -3,14 +3,14 @@
 from dataclasses import dataclass
 
 from bonecam.errors import JobError
-from bonecam.job.parameter import Section, check, parameter
+from bonecam.job.parameter import JobSection, check, parameter
 
 LEAST_BRIDGE = 0.2
 """A bridge is no thinner, mm: two cells of the simulation, within which it is measured."""
 
 
 @dataclass(frozen=True)
-class HoldingJob(Section):
+class HoldingJob(JobSection):
     """The post that holds the part at its lower end, and the chuck or collet on the table that holds the post."""
 
     diameter: float = parameter(

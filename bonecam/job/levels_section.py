@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from bonecam.errors import JobError
-from bonecam.job.parameter import Section, check, is_list, parameter
+from bonecam.job.parameter import JobSection, check, is_list, parameter
 from bonecam.text.faults import shown
 from bonecam.text.numbers import number
 
@@ -29,7 +29,7 @@ def depths_from_text(text: str) -> tuple[float, ...]:
 
 
 @dataclass(frozen=True)
-class LevelsJob(Section):
+class LevelsJob(JobSection):
     """The depth of each cut, and the energy that the levels minimise (Gan et al. 2014, section 4.2).
 
     `depths` may also be given as one number or as a list of numbers (mm).

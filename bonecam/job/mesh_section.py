@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass
 
-from bonecam.job.parameter import Section, parameter
+from bonecam.job.parameter import JobSection, parameter
 
 
 @dataclass(frozen=True)
-class MeshJob(Section):
+class MeshJob(JobSection):
     """How the mesh is read, repaired and cut into rows."""
 
     units: str = parameter("mm", "Units", "Unit of the mesh file's coordinates.", choices=("mm", "m", "inch"))

@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass
 
-from bonecam.job.parameter import Section, parameter
+from bonecam.job.parameter import JobSection, parameter
 
 
 @dataclass(frozen=True)
-class NcJob(Section):
+class NcJob(JobSection):
     """Machine, controller, and the feeds between the cuts."""
 
     machine: str = parameter("mikron-ucp600", "Machine", "Name of a machine, or path of its .toml file.")

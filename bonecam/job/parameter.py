@@ -93,7 +93,7 @@ def is_list(value: object) -> TypeGuard[Iterable[Any]]:
     return isinstance(value, Iterable) and not isinstance(value, str) and getattr(value, "ndim", 1) > 0
 
 
-class Section:
+class JobSection:
     """Base of the sections of a job: it checks the fields of a new record."""
 
     def __post_init__(self) -> None:

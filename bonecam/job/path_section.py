@@ -3,7 +3,7 @@
 from dataclasses import dataclass, fields
 
 from bonecam.errors import JobError
-from bonecam.job.parameter import Section, check, parameter
+from bonecam.job.parameter import JobSection, check, parameter
 from bonecam.text.faults import shown
 
 OF_MORPH = ("pattern", "direction", "fine_cutter", "orientation", "certify", "least_lead_deg")
@@ -11,7 +11,7 @@ OF_MORPH = ("pattern", "direction", "fine_cutter", "orientation", "certify", "le
 
 
 @dataclass(frozen=True)
-class PathJob(Section):
+class PathJob(JobSection):
     """The passes on a level, the tool axis, and the links between passes."""
 
     strategy: str = parameter(

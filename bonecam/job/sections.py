@@ -11,7 +11,7 @@ from bonecam.job.levels_section import LevelsJob
 from bonecam.job.materials.preset import read_material
 from bonecam.job.mesh_section import MeshJob
 from bonecam.job.nc_section import NcJob
-from bonecam.job.parameter import Section
+from bonecam.job.parameter import JobSection
 from bonecam.job.path_section import PathJob
 from bonecam.job.stock_section import StockJob
 from bonecam.job.surface_section import SurfaceJob
@@ -118,7 +118,7 @@ Job.__init__ = _refusing_unknown(Job.__init__)  # type: ignore[method-assign]
 
 def _changed(name: str, section: Any, values: object) -> Any:
     """A section of a job with other values by name; JobError names the section."""
-    if isinstance(values, Section) and type(values) is type(section):
+    if isinstance(values, JobSection) and type(values) is type(section):
         return values
     if not isinstance(values, dict):
         remedy = f"give its values by name, like {name}={{name: value}}"
@@ -132,8 +132,8 @@ def _changed(name: str, section: Any, values: object) -> Any:
     try:
         made = replace(section, **{key: value for key, value in values.items() if key in known})
     except JobError as error:
-        told = error.evidence.get("faults") or [(error.evidence.get("field", ""), str(error))]
-        faults += [(name, field, f"[{name}] {text}") for field, text in told]
+        message = error.evidence.get("faults") or [(error.evidence.get("field", ""), str(error))]
+        faults += [(name, field, f"[{name}] {text}") for field, text in message]
     if faults:
         raise job_error(faults)
     return made
@@ -143,14 +143,14 @@ def job_error(faults: Sequence[tuple[str, str, str]], place: str = "") -> JobErr
     """The error of all faults of a job, each as (section, field, text); the evidence has section and field of the
     first."""
     section, field, _ = faults[0]
-    told = Faults([("", text) for _, _, text in faults])
+    message = Faults([("", text) for _, _, text in faults])
     evidence: dict[str, Any] = {"section": section, "faults": list(faults)}
     if field:
         evidence["field"] = field
-    return JobError(f"{place}{told}", **evidence)
+    return JobError(f"{place}{message}", **evidence)
 
 
 def field_error(section: str, name: str, value: object, why: str) -> JobError:
     """The error of a field of a job: the field with its value, then `why` with the bound and the remedy."""
-    told = f"{value:g}" if isinstance(value, float) else shown(value)
-    return JobError(f"[{section}] {name} = {told}: {why}", section=section, field=name)
+    message = f"{value:g}" if isinstance(value, float) else shown(value)
+    return JobError(f"[{section}] {name} = {message}: {why}", section=section, field=name)

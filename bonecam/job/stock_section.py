@@ -4,7 +4,7 @@ import pkgutil
 from dataclasses import dataclass
 from pathlib import Path
 
-from bonecam.job.parameter import Section, parameter
+from bonecam.job.parameter import JobSection, parameter
 
 PUBLISHED_KINDS = ("capsule", "cylinder", "box", "mesh")
 """The kinds of stock in the order in which filter scripts number them."""
@@ -21,7 +21,7 @@ STOCK_KINDS = _kinds()
 
 
 @dataclass(frozen=True)
-class StockJob(Section):
+class StockJob(JobSection):
     """The stock, upright on the Z axis, and the pose of the part in it.
 
     A size of zero means the smallest that holds the part.

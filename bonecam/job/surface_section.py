@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass
 
-from bonecam.job.parameter import Section, parameter
+from bonecam.job.parameter import JobSection, parameter
 
 
 @dataclass(frozen=True)
-class SurfaceJob(Section):
+class SurfaceJob(JobSection):
     """The fit of the T-spline to the mesh."""
 
     tolerance: float = parameter(

@@ -2,12 +2,12 @@
 
 from dataclasses import dataclass
 
-from bonecam.job.parameter import Section, check, is_list, parameter
+from bonecam.job.parameter import JobSection, check, is_list, parameter
 from bonecam.machine.frustum import Frustum, stack_as_text, stack_from_text
 
 
 @dataclass(frozen=True)
-class MaterialJob(Section):
+class MaterialJob(JobSection):
     """The material of the stock, which gives spindle speed and feed where a cutter's section leaves them 0."""
 
     name: str = parameter(
@@ -26,7 +26,7 @@ def holder_from_text(text: str) -> tuple[Frustum, ...]:
 
 
 @dataclass(frozen=True)
-class ToolJob(Section):
+class ToolJob(JobSection):
     """One ball-end cutter in its holder, from the tip up: ball and flutes, shank, holder.
 
     `holder` may also be given as a list of [length, diameter] or [length, diameter, upper diameter] (mm).

@@ -16,7 +16,7 @@ from bonecam.errors import LevelError, place_name
 from bonecam.levels.problem.factorisation import factorise
 from bonecam.setup.capsule import Capsule, enclosing_capsule
 from bonecam.setup.stock import Stock
-from bonecam.surface.tmesh.rows import RowTMesh
+from bonecam.surface.tmesh.row_tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 TOLERANCE = 0.002

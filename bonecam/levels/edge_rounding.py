@@ -22,7 +22,7 @@ from bonecam.levels.closed_morph import begin_morph, require_seeds_inside, requi
 from bonecam.levels.measure.cut_measures import CutSamples, Measures, measures_of
 from bonecam.levels.measure.level import Level, RoundedLevel, StockLevel, morph_surfaces
 from bonecam.levels.problem.factorisation import BandedCholesky, factorise
-from bonecam.levels.problem.samples import Samples, integration_points, samples_of, thin_plate
+from bonecam.levels.problem.samples import SurfaceSamples, integration_points, samples_of, thin_plate
 from bonecam.levels.sequences.begun_morph import BegunMorph, Morph
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.remeshing import split_edges
@@ -188,7 +188,7 @@ class _ControlPointFit:
     """A least-squares fit of control points over the T-mesh of the part: to the `points` of the last level of
     the morph at `samples`, moved outwards; `factorised` is its normal matrix."""
 
-    samples: Samples
+    samples: SurfaceSamples
     points: Float[ndarray, "n 3"]
     factorised: BandedCholesky
 

@@ -111,9 +111,9 @@ def _given(stock: object) -> float | TriangleMesh:
         return float(stock)
     mesh = stock.tessellate(CHORD) if isinstance(stock, TSpline) else stock
     if not isinstance(mesh, TriangleMesh) or not len(mesh.faces):
-        told = "a mesh without faces" if isinstance(mesh, TriangleMesh) else f"a {type(stock).__name__}"
+        message = "a mesh without faces" if isinstance(mesh, TriangleMesh) else f"a {type(stock).__name__}"
         raise StockError(
-            f"{told} is no stock of an open surface: give an offset in mm, a TriangleMesh or a TSpline"
+            f"{message} is no stock of an open surface: give an offset in mm, a TriangleMesh or a TSpline"
         )
     return mesh
 
@@ -141,8 +141,8 @@ def _require_upright(fit: TSpline, at: Float[ndarray, "n 2"], normals: Float[nda
     if upright.min() <= 0:
         place = fit.positions(*at[[np.argmin(upright)]].T)[0]
         remedy = "give one that reaches over all of the part, nearer to it than its radii of curvature"
-        told = f"the stock turns over at {place_name(place)}: {remedy}"
-        raise StockError(told, place=place)
+        message = f"the stock turns over at {place_name(place)}: {remedy}"
+        raise StockError(message, place=place)
 
 
 def _require_ahead(ahead: ndarray, points: ndarray, least: float) -> None:
@@ -150,8 +150,8 @@ def _require_ahead(ahead: ndarray, points: ndarray, least: float) -> None:
     worst = int(np.argmin(ahead))
     if ahead[worst] < least:
         how = f"lies {-ahead[worst]:.3f} mm behind" if ahead[worst] < -NESTING_TOLERANCE else "touches"
-        told = f"the stock {how} the part at {place_name(points[worst])}: give one on one side of it"
-        raise StockError(told, distance=float(-ahead[worst]), place=points[worst])
+        message = f"the stock {how} the part at {place_name(points[worst])}: give one on one side of it"
+        raise StockError(message, distance=float(-ahead[worst]), place=points[worst])
 
 
 def _fits(

@@ -14,7 +14,7 @@ from numpy import ndarray
 
 from bonecam.arrays import lengths
 from bonecam.setup.stock import Stock
-from bonecam.surface.refinement.rows import with_row_knots
+from bonecam.surface.refinement.row_refinement import with_row_knots
 from bonecam.surface.tspline import TSpline
 
 IN_CAPSULES, WITH_FLATS, COARSER = (14.0, 800, 3000), (6.5, 1000, 1000), 1.25

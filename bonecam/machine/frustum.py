@@ -29,9 +29,9 @@ def stack_of(rows: Iterable[Sequence[float]]) -> tuple[Frustum, ...]:
     for row in rows:
         numbers = [float(value) for value in row]
         if len(numbers) not in (2, 3) or not all(0 < value < math.inf for value in numbers):
-            told = " ".join(f"{value:g}" for value in numbers)
+            message = " ".join(f"{value:g}" for value in numbers)
             raise ValueError(
-                f"{told or 'nothing'}: give positive length, diameter and, of a cone, upper diameter"
+                f"{message or 'nothing'}: give positive length, diameter and, of a cone, upper diameter"
             )
         stack.append(Frustum(numbers[0], numbers[1], numbers[-1]))
     if len(stack) > MOST_FRUSTUMS:

@@ -1,3 +1,3 @@
-from .material import Material as Material
-from .material import remove_material as remove_material
-from .material import uncut_material as uncut_material
+from .in_process_stock import InProcessStock as InProcessStock
+from .in_process_stock import remove_material as remove_material
+from .in_process_stock import uncut_material as uncut_material

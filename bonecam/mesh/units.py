@@ -49,8 +49,8 @@ def _remedy(diagonal: float, flag: str) -> str:
     if not fitting:
         return f"no known unit makes it a part of {SMALLEST:g} to {LARGEST:g} mm; scale the mesh first"
     first, *others = (f"{flag.format(unit)} ({size:.3g} mm)" for unit, size in fitting)
-    told = " or ".join([first, *(other.removeprefix("give ") for other in others)])
-    return f"{told}{IN_JOB if flag == FLAG else ''}"
+    message = " or ".join([first, *(other.removeprefix("give ") for other in others)])
+    return f"{message}{IN_JOB if flag == FLAG else ''}"
 
 
 def mirror_and_scale(mesh: TriangleMesh, mirror: str = "none", scale: float = 1.0) -> TriangleMesh:

@@ -138,13 +138,13 @@ class Dialect:
         wrapped words would leave the turn of such an axis to it."""
         bounded = [axis.letter for axis in machine.rotary if axis.endless and axis.bounded]
         if bounded and choice != "wound":
-            told = f"{bounded[0]} of {machine.title} winds within limits, its turn must be in the words"
+            message = f"{bounded[0]} of {machine.title} winds within limits, its turn must be in the words"
             if choice == "wrapped":
                 remedy = 'leave nc.endless_words = "wrapped" out, or limits_deg in the machine\'s file'
-                raise MachineError(f"{told}: {remedy}", machine=machine.name)
+                raise MachineError(f"{message}: {remedy}", machine=machine.name)
             if self.endless_words != "wound" and not self.chooses_way:
                 remedy = "take endless = false, if the axis then takes no short way, or leave limits_deg out"
-                raise MachineError(f"{told}, {self.name} wraps them: {remedy}", dialect=self.name)
+                raise MachineError(f"{message}, {self.name} wraps them: {remedy}", dialect=self.name)
             choice = "wound"
         if choice in ("controller", self.endless_words):
             return self

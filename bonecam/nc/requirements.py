@@ -16,7 +16,7 @@ from bonecam.progress import Progress, report, silent
 from bonecam.setup.schedule import STOCK_CHORD_SHARE
 from bonecam.setup.stock import Stock
 from bonecam.tool.cutter import Cutter
-from bonecam.tool.path import Kind
+from bonecam.tool.path import MoveKind
 
 ROUND = 360
 """Steps in which the way round a part is tried."""
@@ -73,7 +73,7 @@ def _check_way_round(machine: Machine, tilt: float, named: str) -> None:
     level = np.sin(tilt) * np.column_stack([np.cos(azimuths), np.sin(azimuths)])
     axes = np.column_stack([level, np.full(len(level), np.cos(tilt))])
     everywhere = np.ones(len(axes), dtype=bool)
-    choice = choose_angles(machine, axes, np.full(len(axes), int(Kind.CUT)), 0.0, liftable=everywhere)
+    choice = choose_angles(machine, axes, np.full(len(axes), int(MoveKind.CUT)), 0.0, liftable=everywhere)
     turns = np.diff(choice.angles, axis=0)[choice.rewinds[1:]]
     for axis in machine.part_axes:
         turned = float(np.abs(turns[:, machine.column(axis) - 3]).max(initial=0.0))

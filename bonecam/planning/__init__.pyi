@@ -17,7 +17,7 @@ from .oriented_path import orient as orient
 from .passes.contacts import CandidateContacts as CandidateContacts
 from .passes.contacts import candidate_contacts as candidate_contacts
 from .passes.contacts import contact_path as contact_path
-from .passes.gouge import gouge_free_lifts as gouge_free_lifts
+from .passes.gouge_lifts import gouge_free_lifts as gouge_free_lifts
 from .passes.patterns.scallop import side_step as side_step
 from .passes.patterns.spacing import line_positions as line_positions
 from .strategies.iso_height import iso_height_layers as iso_height_layers

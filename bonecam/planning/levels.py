@@ -16,24 +16,24 @@ from bonecam.job import Job, PathJob
 from bonecam.levels.measure.level import Level, MachinedLevel, machined_levels, morph_surfaces
 from bonecam.machine.bodies import MachineBodies
 from bonecam.machine.limits import MachineLimits
-from bonecam.material.material import Material, remove_material, uncut_material
-from bonecam.material.standing_mesh import DEVIATION
+from bonecam.material.in_process_mesh import DEVIATION
+from bonecam.material.in_process_stock import InProcessStock, remove_material, uncut_material
 from bonecam.mesh.distance import MeshDistance
 from bonecam.planning.axes.field.level_axes import level_axes
 from bonecam.planning.axes.field.smooth_axes import SmoothAxes
 from bonecam.planning.axes.lead import check_lead
 from bonecam.planning.collision.scene import Scene
-from bonecam.planning.holding.parting import parting_paths
+from bonecam.planning.holding.parting_paths import parting_paths
 from bonecam.planning.oriented_path import orient
 from bonecam.planning.passes.contacts import CandidateContacts, candidate_contacts, contact_path
-from bonecam.planning.passes.engaged_segments import UNCERTAIN, Allowed
-from bonecam.planning.passes.gouge import MESH_SHARE, planned_tolerance
+from bonecam.planning.passes.engaged_segments import UNCERTAIN, DepthLimits
+from bonecam.planning.passes.gouge_lifts import MESH_SHARE, planned_tolerance
 from bonecam.planning.passes.rest_machining import after_steps, rest_contacts, too_deep
 from bonecam.progress import Progress, report, silent
 from bonecam.setup.capsule import Capsule, enclosing_capsule
 from bonecam.setup.stock import Stock
 from bonecam.tool.cutter import Cutter
-from bonecam.tool.path import ContactPath, Kind, ToolPath
+from bonecam.tool.path import ContactPath, MoveKind, ToolPath
 from bonecam.workholding.clamping import Clamping, clamping_of
 from bonecam.workholding.post import Post, post_below
 
@@ -96,7 +96,7 @@ def plan_paths(
 class _Standing:
     """What stands before a path, and the smooth axes of the path before."""
 
-    material: Material
+    material: InProcessStock
     smooth: SmoothAxes | None = None
 
 
@@ -116,13 +116,15 @@ class _Planning:
         distance = MeshDistance(level.surface.tessellate(LEVEL_CHORD)) if level.index else self.part
         return LevelContacts(level, distance, self._candidates(level, distance, cutter, self.job.path))
 
-    def scene_of(self, level: MeshDistance, material: Material, part: MeshDistance | None = None) -> Scene:
+    def scene_of(
+        self, level: MeshDistance, material: InProcessStock, part: MeshDistance | None = None
+    ) -> Scene:
         """What stands round the tool on a level, beside which the `part` is measured against where it is another."""
         around = (self.post, DEVIATION, level, part, self.clamping)
         return Scene(level.mesh, material.mesh, self.capsule, *around)
 
     def paths(
-        self, found: LevelContacts, allowed: Allowed, standing: _Standing
+        self, found: LevelContacts, allowed: DepthLimits, standing: _Standing
     ) -> tuple[list[ToolPath], _Standing]:
         """The rest paths of a level and its own one, and what stands after them."""
         level, material = found.level, standing.material
@@ -131,7 +133,7 @@ class _Planning:
         contacts = contact_path(found.candidates, material, allowed)
         smooth = level_axes(contacts, level, scene, self.limits, self.job.path, standing.smooth)
 
-        def oriented(contacts: ContactPath, material: Material, explained: bool = False) -> ToolPath:
+        def oriented(contacts: ContactPath, material: InProcessStock, explained: bool = False) -> ToolPath:
             wanted = smooth.wanted_for(contacts) if smooth is not None else None
             job = self.job
             return orient(
@@ -166,9 +168,9 @@ def _with_fine(
     than twice its scallop. What is too narrow for the finishing ball is then told of the finer one alone."""
     *before, last = paths
     scallop = last.cutter.scallop
-    allowed = Allowed(planning.job.levels.finishing_depth, scallop, 2 * max(scallop, UNCERTAIN))
+    allowed = DepthLimits(planning.job.levels.finishing_depth, scallop, 2 * max(scallop, UNCERTAIN))
     made, _ = planning.paths(found, allowed, standing)
-    if not any((path.kinds == Kind.CUT).any() for path in made):
+    if not any((path.kinds == MoveKind.CUT).any() for path in made):
         return list(paths)
     kept = np.flatnonzero([reason not in ("gouge", "post") for reason in last.reasons])
     last = replace(last, uncut=last.uncut[kept], reasons=tuple(last.reasons[k] for k in kept))
@@ -179,10 +181,10 @@ def _with_fine(
 
 def _take_rest(
     patterns: Sequence[CandidateContacts],
-    material: Material,
-    allowed: Allowed,
-    oriented: Callable[[ContactPath, Material], ToolPath],
-) -> tuple[Material, list[ToolPath]]:
+    material: InProcessStock,
+    allowed: DepthLimits,
+    oriented: Callable[[ContactPath, InProcessStock], ToolPath],
+) -> tuple[InProcessStock, list[ToolPath]]:
     """The rest paths of a level, whose contacts are given in several patterns, and the material after them."""
     paths: list[ToolPath] = []
     for step in rest_contacts(patterns, material, allowed):
@@ -215,11 +217,11 @@ def _distance_to_part(levels: Sequence[Level], job: PathJob) -> MeshDistance:
     return MeshDistance(morph_surfaces(levels)[0].tessellate(chord))
 
 
-def _allowed(levels: Sequence[Level], level: int, cutters: Mapping[int, Cutter], job: Job) -> Allowed:
+def _allowed(levels: Sequence[Level], level: int, cutters: Mapping[int, Cutter], job: Job) -> DepthLimits:
     """The depths of the cut that leaves a level. Too thin a cut is left only to a roughing one."""
     before = cutters.get(level + 1)
     to_roughing = level > 0 and not job.is_finishing(level) and not job.is_finishing(level - 1)
-    return Allowed(
+    return DepthLimits(
         levels[level + 1].limit,
         before.scallop if before else 0.0,
         job.path.least_depth if to_roughing else 0.0,

@@ -12,22 +12,22 @@ from bonecam.arrays import angles_between
 from bonecam.errors import OrientationError
 from bonecam.job import NcJob, PathJob
 from bonecam.machine.limits import MachineLimits
-from bonecam.material.material import Material
+from bonecam.material.in_process_stock import InProcessStock
 from bonecam.mesh.facets.nearest_areas import nearest_areas
 from bonecam.planning.axes.cones.free_axes import blocked_by
 from bonecam.planning.axes.singularity import SINGULAR_ANGLE, least_polar_angles
 from bonecam.planning.axes.tool_axes import ToolAxes, WantedAxes, choose_axes, fixed_axes
 from bonecam.planning.collision.checker import CollisionChecker
 from bonecam.planning.collision.scene import Scene
-from bonecam.planning.layers.standing import StandingMesh
+from bonecam.planning.layers.height_mesh import HeightMesh
 from bonecam.planning.links.direct import Contacts, contacts_of, direct_links
 from bonecam.planning.links.lift import lift_for_rewinds
 from bonecam.planning.links.link_space import LinkSpace
-from bonecam.planning.links.moves import NO_MOVES, Feeds, Moves, join_moves, moves_of
+from bonecam.planning.links.moves import NO_MOVES, Feeds, LinkMoves, join_moves, moves_of
 from bonecam.planning.links.sequence import LinkedRuns, link_runs
 from bonecam.planning.links.step_over import steps_over
-from bonecam.planning.passes.gouge import planned_tolerance
-from bonecam.tool.path import ContactPath, FreeCones, Kind, ToolPath
+from bonecam.planning.passes.gouge_lifts import planned_tolerance
+from bonecam.tool.path import ContactPath, FreeCones, MoveKind, ToolPath
 
 MAX_TURN = np.radians(30.0)
 """A cutting move turns the tool axis by no more, radians: else the tool retracts and comes back."""
@@ -47,7 +47,7 @@ def orient(
     wanted: WantedAxes | None = None,
     *,
     fixed: Float[ndarray, "n 3"] | None = None,
-    material: Material | StandingMesh | None = None,
+    material: InProcessStock | HeightMesh | None = None,
     explained: bool = True,
 ) -> ToolPath:
     """Tool axes for the contacts of one level, and safe moves before, between and behind its passes.
@@ -109,7 +109,7 @@ def _idle_path(path: ContactPath, space: LinkSpace) -> ToolPath:
     return ToolPath(
         path.level,
         path.cutter,
-        np.array([int(Kind.RAPID)]),
+        np.array([int(MoveKind.RAPID)]),
         np.array([-1]),
         nan[:, :2],
         nan,
@@ -146,7 +146,7 @@ def _joined(
 
 def _near_links(
     space: LinkSpace, path: ContactPath, axes: Float[ndarray, "n 3"], runs: Sequence[Run]
-) -> tuple[list[Run], list[Moves | None]]:
+) -> tuple[list[Run], list[LinkMoves | None]]:
     """The runs, and the link near the level from each but the last to the next: no moves where the tool steps over on
     the surface, if it can to behind the ramp, which is then left out; else the direct link, or None."""
     longest = DIRECT_RADII * path.cutter.radius
@@ -154,7 +154,7 @@ def _near_links(
     over = steps_over(space, *_between(path, axes, level), longest)
     runs = [flat if stepped else run for run, flat, stepped in zip(runs, level, np.r_[False, over])]
 
-    links: list[Moves | None] = [NO_MOVES] * len(over)
+    links: list[LinkMoves | None] = [NO_MOVES] * len(over)
     apart = np.flatnonzero(~over)
     ends, starts = (contacts_of(contacts, apart) for contacts in _between(path, axes, runs))
     left = np.flatnonzero(~steps_over(space, ends, starts, longest))
@@ -174,11 +174,11 @@ def _between(
     return ends, (path.centres[first], path.normals[first], axes[first])
 
 
-def _cut(path: ContactPath, axes: Float[ndarray, "n 3"], run: Run, first_feed: float) -> Moves:
+def _cut(path: ContactPath, axes: Float[ndarray, "n 3"], run: Run, first_feed: float) -> LinkMoves:
     """The cutting moves of a run; it is entered at the first feed."""
     feeds = np.full(len(run), path.cutter.feed)
     feeds[0] = min(first_feed, path.cutter.feed)
-    return Moves(np.full(len(run), int(Kind.CUT)), path.centres[run], axes[run], feeds)
+    return LinkMoves(np.full(len(run), int(MoveKind.CUT)), path.centres[run], axes[run], feeds)
 
 
 def _tool_path(
@@ -193,7 +193,7 @@ def _tool_path(
     contacts."""
     assert linked.home is not None
     centre, axis = space.safe_pose
-    moves = [moves_of(Kind.RAPID, centre[None], axis[None], space.feeds.rapid)]
+    moves = [moves_of(MoveKind.RAPID, centre[None], axis[None], space.feeds.rapid)]
     contacts: list[ndarray] = [np.full(1, -1)]
     passes: list[ndarray] = [np.full(1, -1)]
     number = -1

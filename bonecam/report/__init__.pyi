@@ -1,9 +1,5 @@
 from .axis_comparison import AxisComparison as AxisComparison
 from .axis_comparison import compare_axes as compare_axes
-from .figures import levels_report as levels_report
-from .figures import nc_report as nc_report
-from .figures import surface_report as surface_report
-from .figures import toolpath_report as toolpath_report
 from .pictures.compared_axes import draw_compared_axes as draw_compared_axes
 from .pictures.depth_colours import draw_coloured as draw_coloured
 from .pictures.depth_curves import draw_depths as draw_depths
@@ -11,6 +7,10 @@ from .pictures.level_sections import draw_levels as draw_levels
 from .pictures.machine_bodies import draw_machine as draw_machine
 from .pictures.tmesh_lines import draw_tmesh as draw_tmesh
 from .pictures.tool_paths import draw_toolpath as draw_toolpath
+from .stage_reports import levels_report as levels_report
+from .stage_reports import nc_report as nc_report
+from .stage_reports import surface_report as surface_report
+from .stage_reports import toolpath_report as toolpath_report
 from .summary import summary_of as summary_of
 from .tables.cl_data import ClData as ClData
 from .tables.cl_data import ClPath as ClPath

@@ -20,7 +20,7 @@ from bonecam.planning.axes.lead import lead_axes
 from bonecam.planning.axes.tool_axes import choose_axes
 from bonecam.planning.collision.checker import CollisionChecker
 from bonecam.planning.collision.scene import Scene
-from bonecam.tool.path import ContactPath, Kind, ToolPath
+from bonecam.tool.path import ContactPath, MoveKind, ToolPath
 
 HIGH = 90
 """Percentile of the moves whose axis speeds are told."""
@@ -103,7 +103,7 @@ class AxisComparison:
         """The figures in Markdown, a column for each choice."""
         rows = list(map(self.figures, self.choices))
         alone = f"{60 * float(self.steps.sum()) / self.feed:.0f} by the feed alone"
-        told = {
+        reported = {
             f"collide, of {len(self.contacts)}": "{collide}",
             "beyond the machine's limits": "{beyond_limits}",
             "turning, rms (deg/mm)": "{turning_rms_deg_mm:.2f}",
@@ -115,14 +115,14 @@ class AxisComparison:
             f"mean feed (mm/min; {self.feed:.0f} asked)": "{feed_mean_mm_min:.0f}",
         }
         lines = [["", *(row["axes"] for row in rows)], ["---"] * (len(rows) + 1)]
-        lines += [[name, *(text.format(**row) for row in rows)] for name, text in told.items()]
+        lines += [[name, *(text.format(**row) for row in rows)] for name, text in reported.items()]
         return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
 def compare_axes(path: ToolPath, scene: Scene, limits: MachineLimits, job: PathJob) -> AxisComparison:
     """The axes of a path beside its normals, axes that lean forward by the job's lead, and these turned to the nearest
     free ones, at the same contacts, in the scene and for the machine of the path."""
-    cuts = path.kinds == Kind.CUT
+    cuts = path.kinds == MoveKind.CUT
     balls, passes = path.balls[cuts], path.pass_index[cuts]
     normals = unit(balls - path.contacts[cuts])
     ways = _ways(balls, passes)

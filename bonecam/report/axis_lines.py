@@ -44,5 +44,5 @@ def rewind_lines(nc: Mapping[str, Any]) -> Iterator[str]:
     """How often rotary axes are rewound, where they are; `nc` of the report."""
     if nc["rewinds"]:
         lifted = f", {nc['rewinds_lifted']} of them lifted from a cut or a link and set down again"
-        told = lifted if nc["rewinds_lifted"] else ""
-        yield f"rewinds   {counted(nc['rewinds'], 'rewind')} of the rotary axes off the part{told}"
+        reported = lifted if nc["rewinds_lifted"] else ""
+        yield f"rewinds   {counted(nc['rewinds'], 'rewind')} of the rotary axes off the part{reported}"

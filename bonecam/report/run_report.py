@@ -11,7 +11,7 @@ from bonecam.levels.sequences.begun_morph import Morph
 from bonecam.mesh.part import Part
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.program import Program
-from bonecam.report.figures import (
+from bonecam.report.stage_reports import (
     levels_report,
     nc_report,
     parting_report,
@@ -88,8 +88,8 @@ def report_to_program(
     if there is one, and of the program;
     `file` is the program's, empty where none is written."""
     on_levels = [path for path in paths if path.level != PARTING]
-    told = toolpath_report(on_levels, float(np.radians(job.least_lead_deg)))
+    reported = toolpath_report(on_levels, float(np.radians(job.least_lead_deg)))
     on_part = [path for path in paths if path.level == 0]
     areas = uncut_areas(on_part, part) if job.strategy == "morph" else {}
     posted = {"file": file, **nc_report(program, proof)}
-    return {"toolpath": told, "uncut_mm2": areas, **parting_report(paths, part), "nc": posted}
+    return {"toolpath": reported, "uncut_mm2": areas, **parting_report(paths, part), "nc": posted}

@@ -9,7 +9,7 @@ from bonecam.errors import counted
 from bonecam.levels.closed_morph import METHODS
 from bonecam.levels.problem.tolerances import NESTING_TOLERANCE
 from bonecam.report.axis_lines import axis_lines, rewind_lines
-from bonecam.report.figures import parting_text
+from bonecam.report.stage_reports import parting_text
 from bonecam.setup.stock import stock_text
 from bonecam.workholding.post import SLENDER
 
@@ -227,7 +227,7 @@ def _why_uncertified(method: str) -> str:
 def uncut_lines(toolpath: Sequence[Mapping[str, Any]], areas: Mapping[str, float]) -> list[str]:
     """Which contacts were left uncut and why, a line for the part with their `areas` (mm^2, by reason) and one for the
     levels round it; `toolpath` as in the report."""
-    told = []
+    reported = []
     for where, outer in (("on the part", False), ("on levels round it", True)):
         rows = [row for row in toolpath if bool(row["level"]) == outer]
         reasons: Counter[str] = sum((Counter(row["uncut_reasons"]) for row in rows), Counter())
@@ -241,8 +241,8 @@ def uncut_lines(toolpath: Sequence[Mapping[str, Any]], areas: Mapping[str, float
                 f"{reason} {count}{_area_text(known.get(reason))} ({why[reason]})"
                 for reason, count in reasons.most_common()
             )
-            told.append(f"{counted(reasons.total(), 'contact')} {where}: {each}")
-    return told or ["nothing"]
+            reported.append(f"{counted(reasons.total(), 'contact')} {where}: {each}")
+    return reported or ["nothing"]
 
 
 def _area_text(area: float | None) -> str:

@@ -93,10 +93,10 @@ def is_running(process: int) -> bool:
 def _is_zombie(process: int) -> bool:
     """Whether a process has ended, as Linux tells it: False where the system does not."""
     try:
-        told = Path(f"/proc/{process}/stat").read_text(encoding="utf-8", errors="replace")
+        reported = Path(f"/proc/{process}/stat").read_text(encoding="utf-8", errors="replace")
     except OSError:
         return False
-    return told.rpartition(")")[2].split()[0] in "ZX"
+    return reported.rpartition(")")[2].split()[0] in "ZX"
 
 
 @atexit.register

@@ -140,8 +140,8 @@ def finite_numbers(what: str, values: Any, count: int) -> Float[ndarray, " n"]:
         found = np.array([])
     numeric = found.dtype.kind in "fiu" and found.shape == (count,)
     if not numeric or not (np.abs(found.astype(float)) <= LARGEST).all():
-        told = "a finite number" if count == 1 else f"{count} finite numbers"
-        raise StockError(f"{what} is {values}: give {told} (mm, {LARGEST:g} at most)")
+        message = "a finite number" if count == 1 else f"{count} finite numbers"
+        raise StockError(f"{what} is {values}: give {message} (mm, {LARGEST:g} at most)")
     return np.asarray(frozen(found))
 
 

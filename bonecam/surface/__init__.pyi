@@ -26,5 +26,5 @@ from .tessellation.tessellate import tessellate as tessellate
 from .tmesh.extracted import ExtractedTMesh as ExtractedTMesh
 from .tmesh.general import TMesh as TMesh
 from .tmesh.open_rows import OpenRowTMesh as OpenRowTMesh
-from .tmesh.rows import RowTMesh as RowTMesh
+from .tmesh.row_tmesh import RowTMesh as RowTMesh
 from .tspline import TSpline as TSpline

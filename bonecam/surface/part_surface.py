@@ -3,7 +3,7 @@
 from bonecam.errors import SurfaceError, place_name
 from bonecam.job import Job
 from bonecam.mesh.part import Part
-from bonecam.mesh.sections.rows import harmonic_rows
+from bonecam.mesh.sections.harmonic_rows import harmonic_rows
 from bonecam.progress import Progress, part, silent
 from bonecam.runtime.threads import on_one_blas_thread
 from bonecam.surface.files import surface_input

@@ -3,7 +3,7 @@ from .mill import Mill as Mill
 from .mill import Placed as Placed
 from .path import ContactPath as ContactPath
 from .path import FreeCones as FreeCones
-from .path import Kind as Kind
+from .path import MoveKind as MoveKind
 from .path import ToolPath as ToolPath
 from .profiles import CuttingProfile as CuttingProfile
 from .profiles import ball as ball

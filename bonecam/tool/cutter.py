@@ -9,7 +9,7 @@ from bonecam.machine.frustum import Frustum, stack_length
 
 
 @dataclass(frozen=True)
-class Section:
+class ToolSection:
     """A cylinder or cone about the tool axis: from `start` to `end` (mm from the tip towards the spindle), its
     radius at the start and at the end (mm); `name` is cutter, shank, holder or spindle."""
 
@@ -115,12 +115,12 @@ class Cutter:
         return self.flute_length - self.radius
 
     @cached_property
-    def profile(self) -> tuple[Section, ...]:
+    def profile(self) -> tuple[ToolSection, ...]:
         """Cylinders and cones above the ball's centre, from the tip up: cutter, shank, those of the holder and of
         the spindle."""
         sections = [
-            Section("cutter", self.radius, self.flute_length, self.radius, self.radius),
-            Section(
+            ToolSection("cutter", self.radius, self.flute_length, self.radius, self.radius),
+            ToolSection(
                 "shank", self.flute_length, self.overhang, self.shank_diameter / 2, self.shank_diameter / 2
             ),
         ]
@@ -128,7 +128,7 @@ class Cutter:
             for piece in stack:
                 start = sections[-1].end
                 radii = piece.diameter / 2, piece.top_diameter / 2
-                sections.append(Section(name, start, start + piece.length, *radii))
+                sections.append(ToolSection(name, start, start + piece.length, *radii))
         return tuple(sections)
 
     @property

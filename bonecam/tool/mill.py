@@ -23,7 +23,7 @@ from numpy import ndarray
 from bonecam.arrays import dots, unit
 from bonecam.errors import ToolPathError
 from bonecam.machine.frustum import Frustum
-from bonecam.tool.cutter import Section
+from bonecam.tool.cutter import ToolSection
 from bonecam.tool.profiles import Arc, CuttingProfile
 
 UPRIGHT = 1e-9
@@ -70,7 +70,7 @@ class Mill:
             raise ValueError(f"overhang = {self.overhang:g}: flutes and neck end at {above:g} mm, give more")
 
     @property
-    def sections(self) -> tuple[Section, ...]:
+    def sections(self) -> tuple[ToolSection, ...]:
         """The cylinders and cones above the arcs of the profile, from the tip up."""
         width, top = self.profile.top
         pieces = [("cutter", self.flute_length - top, width, width)]
@@ -81,10 +81,10 @@ class Mill:
         pieces += [
             ("holder", piece.length, piece.diameter / 2, piece.top_diameter / 2) for piece in self.holder
         ]
-        sections, start = list[Section](), top
+        sections, start = list[ToolSection](), top
         for name, length, radius, end_radius in pieces:
             if length > 0:
-                sections.append(Section(name, start, start + length, radius, end_radius))
+                sections.append(ToolSection(name, start, start + length, radius, end_radius))
                 start += length
         return tuple(sections)
 

@@ -16,7 +16,7 @@ PARTING = -1
 """The level of the paths that part the finished part from its post, after level 0; their `rest` counts from 1."""
 
 
-class Kind(IntEnum):
+class MoveKind(IntEnum):
     """The kind of the move by which the tool arrives at a point."""
 
     CUT = 0

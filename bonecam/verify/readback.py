@@ -17,7 +17,7 @@ from bonecam.kernels.align import align_moves
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.posting.path_words import SLOW, axis_minutes
 from bonecam.nc.reading.motions import Motions
-from bonecam.tool.path import Kind, ToolPath
+from bonecam.tool.path import MoveKind, ToolPath
 
 FEED_TOLERANCE = 0.02
 """Share by which a feed that is written in inverse time may be off."""
@@ -66,7 +66,7 @@ class _Rows:
     def from_anywhere(self) -> Bool[ndarray, "n"]:
         """Rows that may be reached from anywhere: a path may be left and taken up again at a rapid (a
         rewind)."""
-        return self.first | (self.kinds == Kind.RAPID)
+        return self.first | (self.kinds == MoveKind.RAPID)
 
 
 def _rows_of(paths: Sequence[ToolPath]) -> _Rows:
@@ -115,7 +115,7 @@ def compare_moves(
     _check_tools(motions, posted, rows.tools[reached])
     begins = rows.first[reached] | (rows.from_anywhere[reached] & ~motions.known_start)
     by_turn = _by_turn(motions, np.minimum(rows.slow, rows.feeds)[reached])
-    by_turn &= rows.kinds[reached] != Kind.RAPID
+    by_turn &= rows.kinds[reached] != MoveKind.RAPID
     _check_feeds(motions, posted & ~by_turn, rows.kinds[reached], rows.feeds[reached], begins, dialect)
     return Readback(len(rows.tips), source, tip_error, axis_error)
 
@@ -169,7 +169,7 @@ def _check_feeds(
 ) -> None:
     """VerifyError where a rapid is none, or a feed is not what its path says within the rounding of its word;
     a move that begins a path may be a rapid. Rapids that the control may bend are feeds at the rapid rate."""
-    rapid = (kinds == Kind.RAPID) & dialect.straight_rapids
+    rapid = (kinds == MoveKind.RAPID) & dialect.straight_rapids
     length = np.r_[0.0, np.linalg.norm(np.diff(motions.tips, axis=0), axis=1)]
     written = np.where(motions.inverse_time, motions.feed_rates * length, motions.feed_rates)
     feed = dialect.numbers["feed"]

@@ -20,14 +20,14 @@ from threadpoolctl import threadpool_limits
 
 from bonecam.job import MeshJob
 from bonecam.mesh.part import prepare_part
-from bonecam.mesh.sections.rows import harmonic_rows
+from bonecam.mesh.sections.harmonic_rows import harmonic_rows
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.fitting.adapt import GROWTH_BY_MISS, LOWEST, MIN_GROWTH, Votes, refine
 from bonecam.surface.fitting.fit import Fit, fit
 from bonecam.surface.fitting.growth import Prune, Refine
 from bonecam.surface.fitting.prune import prune, spare_knots
-from bonecam.surface.fitting.target import Target
-from bonecam.surface.tmesh.rows import RowTMesh
+from bonecam.surface.fitting.target import FitTarget
+from bonecam.surface.tmesh.row_tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 
@@ -63,7 +63,7 @@ def tensor_refine(tmesh: RowTMesh, votes: Votes, room: int) -> RowTMesh:
     return found
 
 
-def tensor_prune(surface: TSpline, target: Target, limit: float, most: int) -> RowTMesh:
+def tensor_prune(surface: TSpline, target: FitTarget, limit: float, most: int) -> RowTMesh:
     """As `prune`, but an s-knot goes from all rows at once: its moves are the sum over the rows."""
     tmesh = surface.tmesh
     assert isinstance(tmesh, RowTMesh)

@@ -42,12 +42,12 @@ from bonecam.levels.problem.cut import Cut, StepParameters
 from bonecam.levels.problem.discretisation import Discretisation
 from bonecam.levels.problem.limits.linear_limits import stack_limits
 from bonecam.levels.problem.limits.planes import limits_at
-from bonecam.levels.problem.program import Program, program_of
+from bonecam.levels.problem.program import LevelProgram, program_of
 from bonecam.levels.problem.published import PublishedProgram
 from bonecam.levels.problem.remaining import Remaining
 from bonecam.levels.sequences.begun_morph import Morph
 from bonecam.levels.solvers import admm
-from bonecam.levels.solvers.exchange import Step, next_level
+from bonecam.levels.solvers.exchange import ExchangeStep, next_level
 from bonecam.levels.solvers.published import next_moves
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.part import prepare_part
@@ -75,14 +75,14 @@ class Call:
     rest: Remaining
     cut: Cut
     parameters: StepParameters
-    step: Step
+    step: ExchangeStep
 
     @property
-    def program(self) -> Program:
+    def program(self) -> LevelProgram:
         """The program it solved."""
         return program_of(self.discretisation, self.P, self.rest, self.cut, self.parameters)
 
-    def again(self) -> Step:
+    def again(self) -> ExchangeStep:
         """The same call."""
         return next_level(self.discretisation, self.P, self.rest, self.cut, self.parameters)
 
@@ -151,7 +151,7 @@ def recorded(surface: TSpline, stock: Capsule) -> Case:
         parameters: StepParameters,
         ease: ndarray,
         solver: str,
-    ) -> Step:
+    ) -> ExchangeStep:
         calls.append(
             Call(
                 discretisation,
@@ -218,7 +218,7 @@ def exponent(sizes: ndarray, times: ndarray) -> float:
     return float(np.polyfit(np.log(sizes[kept]), np.log(times[kept]), 1)[0]) if kept.sum() > 1 else np.nan
 
 
-def optimum(call: Call, program: Program, start: ndarray, watched: bool) -> float:
+def optimum(call: Call, program: LevelProgram, start: ndarray, watched: bool) -> float:
     """Least energy of a level's program by Clarabel, the planes set up again RENEWALS times where its samples
     are.
 

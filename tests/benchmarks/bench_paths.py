@@ -20,7 +20,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 import bonecam
-from bonecam.kernels.removal.nails import cut_nails, nail_cells
+from bonecam.kernels.removal.normal_probes import cut_normal_probes, probe_cells
 from bonecam.levels.measure.level import MachinedLevel, machined_levels
 from bonecam.machine.machine import read_machine
 from bonecam.mesh.distance import MeshDistance
@@ -78,13 +78,13 @@ def heights(
     radius: float,
 ) -> Float[ndarray, " n"]:
     """What the swept balls leave above each point, mm."""
-    order, starts, corner = nail_cells(points, CELL)
+    order, starts, corner = probe_cells(points, CELL)
     left = np.ones(len(points))
     owners = np.full(len(points), -1)
     begins, ends = centres[:-1][joined], centres[1:][joined]
     names = np.arange(len(begins))
     radii = np.full(len(begins), radius)
-    cut_nails(
+    cut_normal_probes(
         points[order],
         normals[order],
         starts,

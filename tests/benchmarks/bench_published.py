@@ -21,10 +21,10 @@ from numpy import ndarray
 
 import bonecam
 from bonecam.planning import levels as level_paths
-from bonecam.planning.passes.engaged_segments import Allowed
+from bonecam.planning.passes.engaged_segments import DepthLimits
 from bonecam.planning.passes.patterns import fastest
 from bonecam.surface.tspline import TSpline
-from bonecam.tool import Kind
+from bonecam.tool import MoveKind
 
 PHALANX = Path(__file__).resolve().parents[2] / "meshes" / "phalanx.ply"
 BONES = Path(__file__).resolve().parents[3] / "shared" / "meshes" / "bones"
@@ -46,7 +46,7 @@ def whole_lines(
     return np.tile(surface.domain[1], (len(across), 1))
 
 
-def with_air(*args: Any) -> Allowed:
+def with_air(*args: Any) -> DepthLimits:
     """The depths of a cut where nothing is too thin to be cut."""
     return replace(ALLOWED(*args), least=-np.inf)
 
@@ -68,9 +68,9 @@ def row(result: bonecam.Result) -> list[str]:
     assert removal.left is not None
     length, retracts = 0.0, 0
     for path in result.paths:
-        cuts = path.kinds[1:] == Kind.CUT
+        cuts = path.kinds[1:] == MoveKind.CUT
         length += float(np.linalg.norm(np.diff(path.tips, axis=0), axis=1)[cuts].sum())
-        rapids = np.cumsum(path.kinds == Kind.RAPID)[path.kinds == Kind.CUT]
+        rapids = np.cumsum(path.kinds == MoveKind.RAPID)[path.kinds == MoveKind.CUT]
         retracts += int((np.diff(rapids) > 0).sum())
     left = result.report["removal"]["left"]
     reached = removal.left.heights[removal.left.heights < 0.02]

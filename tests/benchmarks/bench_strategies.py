@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 import bonecam
-from bonecam.tool import Kind
+from bonecam.tool import MoveKind
 
 BONES = Path(__file__).resolve().parents[3] / "shared" / "meshes" / "bones"
 NAMES = ("3midph", "3distph")
@@ -42,7 +42,7 @@ def row(case: str, strategy: str) -> list[str]:
     assert removal is not None
     assert removal.left is not None
     lengths = [
-        np.linalg.norm(np.diff(path.tips, axis=0), axis=1)[path.kinds[1:] == Kind.CUT].sum()
+        np.linalg.norm(np.diff(path.tips, axis=0), axis=1)[path.kinds[1:] == MoveKind.CUT].sum()
         for path in result.paths
     ]
     air = np.average([level.air_time_share for level in removal.levels], weights=lengths)

@@ -9,11 +9,11 @@ from bonecam.levels.problem.cut import Cut, StepParameters
 from bonecam.levels.problem.discretisation import Discretisation, discretise
 from bonecam.levels.problem.energies.attraction import ATTRACTIONS
 from bonecam.levels.problem.energies.energy import Given
-from bonecam.levels.problem.program import Program, program_of
+from bonecam.levels.problem.program import LevelProgram, program_of
 from bonecam.levels.problem.remaining import remaining, whole
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.schedule import Schedule
-from bonecam.surface.tmesh.rows import RowTMesh
+from bonecam.surface.tmesh.row_tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 
@@ -97,10 +97,10 @@ def given(
 
 
 @pytest.fixture
-def first_program(given: Given) -> Callable[[], Program]:
+def first_program(given: Given) -> Callable[[], LevelProgram]:
     """Sets up the program of the first level; energies and limits are those listed when it is called."""
 
-    def set_up() -> Program:
+    def set_up() -> LevelProgram:
         return program_of(
             given.discretisation, given.before.control_points, given.rest, given.cut, given.parameters
         )

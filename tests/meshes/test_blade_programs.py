@@ -12,7 +12,7 @@ import trimesh
 import bonecam
 from bonecam.job import ToolJob
 from bonecam.surface import impeller, read_flow_path, read_sections
-from bonecam.tool.path import Kind
+from bonecam.tool.path import MoveKind
 
 WHEEL = bonecam.Job().with_values(
     holding={"diameter": 20.0},
@@ -63,7 +63,7 @@ def test_every_pass_of_the_hecc_blade_is_reached_between_its_neighbours(shared: 
 def audit(made: bonecam.Finished, job: bonecam.Job) -> None:
     """No point on the solids is deeper in the tool than the gouge tolerance, in poses spread over cuts and links."""
     assert made.report["nc"]["gouge_max_mm"] <= job.path.gouge_tolerance
-    moves = np.flatnonzero(made.path.kinds != Kind.RAPID)
+    moves = np.flatnonzero(made.path.kinds != MoveKind.RAPID)
     assert len(moves) > AUDITED
     solid = trimesh.Trimesh(made.workpiece.solid.vertices, made.workpiece.solid.faces)
     points, _ = trimesh.sample.sample_surface(solid, POINTS, seed=1)

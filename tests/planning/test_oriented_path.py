@@ -35,7 +35,7 @@ from bonecam.planning.passes.contacts import candidate_contacts, contact_path
 from bonecam.setup.capsule import Capsule
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
-from bonecam.tool.path import ContactPath, Kind, ToolPath
+from bonecam.tool.path import ContactPath, MoveKind, ToolPath
 from bonecam.workholding.clamping import Clamping
 from bonecam.workholding.column import Column
 from bonecam.workholding.post import post_below
@@ -106,10 +106,10 @@ def assert_nothing_is_entered(scene: Scene, path: ToolPath) -> None:
     centres = tips + path.cutter.radius * axes
     air, kept = PathJob().clearance, scene.clamping.clearance
     assert (path.cutter.radius - level.signed(centres)).max() <= PathJob().gouge_tolerance
-    assert (material.signed(centres[kinds == Kind.RAPID]) - path.cutter.radius).min() >= air
+    assert (material.signed(centres[kinds == MoveKind.RAPID]) - path.cutter.radius).min() >= air
     for name, points in tool_points(path.cutter):
         placed = (np.einsum("nij,kj->nki", frames, points) + tips[:, None]).reshape(-1, 3)
-        rapid = np.repeat(kinds == Kind.RAPID, len(points))
+        rapid = np.repeat(kinds == MoveKind.RAPID, len(points))
         assert placed[:, 2].min() >= kept, f"{name} near the table"
         for column in scene.clamping.columns:
             assert column.distance(placed).min() >= kept, f"{name} near the chuck"
@@ -162,19 +162,19 @@ def test_bent_retracts_and_approaches_stay_clear_and_slow_near_the_part(
     _, scene, path = made(pattern="along")
     assert_nothing_is_entered(scene, path)
     last_in = np.flatnonzero(
-        (path.kinds[1:] == Kind.CUT)
-        & (path.kinds[:-1] == Kind.LINK)
+        (path.kinds[1:] == MoveKind.CUT)
+        & (path.kinds[:-1] == MoveKind.LINK)
         & (path.feed_rates[:-1] == NcJob().plunge_feed)
     )
     assert len(last_in), "no pass was entered round a bend"
     tips, axes, kinds = between(path)
     air = MeshDistance(scene.material).signed(tips + path.cutter.radius * axes) - path.cutter.radius
-    assert air[kinds == Kind.RAPID].min() > PathJob().clearance
+    assert air[kinds == MoveKind.RAPID].min() > PathJob().clearance
 
 
 def test_every_contact_is_cut_or_listed(case: tuple[ContactPath, Scene, ToolPath]) -> None:
     contacts, _, path = case
-    cut = path.kinds == Kind.CUT
+    cut = path.kinds == MoveKind.CUT
     assert cut.sum() + len(path.uncut) == len(contacts.contacts) + len(contacts.uncut)
     assert len(path.reasons) == len(path.uncut)
     assert not {"collision", "limits"} & set(path.reasons), "every contact of this body can be reached"
@@ -184,7 +184,7 @@ def test_every_contact_is_cut_or_listed(case: tuple[ContactPath, Scene, ToolPath
 
 def test_tips_and_axes_belong_to_the_contacts(case: tuple[ContactPath, Scene, ToolPath]) -> None:
     contacts, _, path = case
-    cut = path.kinds == Kind.CUT
+    cut = path.kinds == MoveKind.CUT
     assert np.allclose(np.linalg.norm(path.axes, axis=1), 1)
     assert np.allclose(path.contacts[cut], contacts.contacts)
     assert np.allclose(path.tips[cut] + path.cutter.radius * path.axes[cut], contacts.centres)
@@ -193,7 +193,7 @@ def test_tips_and_axes_belong_to_the_contacts(case: tuple[ContactPath, Scene, To
 def test_axes_keep_limits_and_never_jump_in_a_pass(case: tuple[ContactPath, Scene, ToolPath]) -> None:
     contacts, _, path = case
     assert MIKRON.allow(path.axes).all()
-    cut = path.kinds == Kind.CUT
+    cut = path.kinds == MoveKind.CUT
     assert angles_between(path.axes[cut], contacts.normals).max() <= np.radians(PathJob().max_tilt_deg) + 1e-6
     same = cut[1:] & (path.pass_index[1:] == path.pass_index[:-1])
     assert angles_between(path.axes[1:], path.axes[:-1])[same].max() <= MAX_TURN
@@ -202,7 +202,7 @@ def test_axes_keep_limits_and_never_jump_in_a_pass(case: tuple[ContactPath, Scen
 def test_upper_contacts_take_the_lead_angle(case: tuple[ContactPath, Scene, ToolPath]) -> None:
     contacts, _, path = case
     wished = lead_axes(contacts.normals, contacts.feeds, np.radians(10.0))
-    cut = path.kinds == Kind.CUT
+    cut = path.kinds == MoveKind.CUT
     high = polar_angles(wished) < np.radians(80)
     steered = avoid_singularity(wished, contacts.centres, contacts.pass_index)
     assert np.allclose(path.axes[cut][high], steered[high])
@@ -213,22 +213,24 @@ def test_upper_contacts_take_the_lead_angle(case: tuple[ContactPath, Scene, Tool
 def test_no_cut_or_link_passes_the_singularity(case: tuple[ContactPath, Scene, ToolPath]) -> None:
     _, _, path = case
     turned = (path.axes[1:] != path.axes[:-1]).any(axis=1)
-    assert least_polar_angles(path.axes)[turned & (path.kinds[1:] != Kind.RAPID)].min() > SINGULAR_ANGLE
+    assert least_polar_angles(path.axes)[turned & (path.kinds[1:] != MoveKind.RAPID)].min() > SINGULAR_ANGLE
 
 
 def test_a_level_begins_and_ends_clear_above_the_stock(case: tuple[ContactPath, Scene, ToolPath]) -> None:
     _, scene, path = case
     for row in (0, -1):
-        assert path.kinds[row] == Kind.RAPID
+        assert path.kinds[row] == MoveKind.RAPID
         assert path.tips[row, 2] > scene.stock.end[2] + scene.stock.radius + PathJob().clearance
         assert np.allclose(path.axes[row], [0, 0, 1])
 
 
 def test_passes_are_entered_at_the_plunge_feed(case: tuple[ContactPath, Scene, ToolPath]) -> None:
     _, _, path = case
-    first = np.flatnonzero((path.kinds == Kind.CUT) & (np.r_[-1, path.pass_index[:-1]] != path.pass_index))
+    first = np.flatnonzero(
+        (path.kinds == MoveKind.CUT) & (np.r_[-1, path.pass_index[:-1]] != path.pass_index)
+    )
     assert (path.feed_rates[first] == NcJob().plunge_feed).all()
-    assert (path.feed_rates[path.kinds == Kind.LINK] <= NcJob().link_feed).all()
+    assert (path.feed_rates[path.kinds == MoveKind.LINK] <= NcJob().link_feed).all()
 
 
 def test_narrow_limits_turn_axes_up_and_list_the_rest(
@@ -287,7 +289,7 @@ def test_a_longer_link_runs_over_the_material_like_a_taut_string(grooved: tuple[
     first, last = ((centres[k : k + 1], normals[k : k + 1], normals[k : k + 1]) for k in (0, 1))
     (link,) = direct_links(space, first, last, 1.0)
     assert link is not None
-    assert set(link.kinds) == {Kind.LINK}
+    assert set(link.kinds) == {MoveKind.LINK}
     dense = np.vstack([np.linspace(a, b, 9) for a, b in pairwise(link.centres)])
     above = space.checker.scene.material_distance.signed(dense) - space.ball_radius
     assert above.min() > 0
@@ -331,7 +333,7 @@ def test_a_level_that_rounds_no_material_is_passed_over(
     assert not len(contacts.contacts)
     assert not len(contacts.uncut)
     path = orient(contacts, Scene(mesh, mesh, upright_capsule, post), MIKRON, PathJob(), NcJob())
-    assert path.kinds.tolist() == [Kind.RAPID]
+    assert path.kinds.tolist() == [MoveKind.RAPID]
     assert upright_capsule.signed_distance(path.tips)[0] > 0
 
 

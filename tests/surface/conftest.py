@@ -8,7 +8,7 @@ import pytest
 from numpy import ndarray
 
 from bonecam.surface.tmesh.general import TMesh
-from bonecam.surface.tmesh.rows import RowTMesh
+from bonecam.surface.tmesh.row_tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 

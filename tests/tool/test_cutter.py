@@ -8,7 +8,7 @@ import pytest
 from bonecam.errors import JobError
 from bonecam.job import HoldingJob, ToolJob
 from bonecam.machine.frustum import Frustum, stack_as_text, stack_from_text
-from bonecam.tool.cutter import Cutter, Section
+from bonecam.tool.cutter import Cutter, ToolSection
 
 SHRINK_FIT: Any = [[35, 10, 17], [20, 40]]
 
@@ -29,10 +29,10 @@ def test_the_sections_of_a_tool_follow_each_other_up_into_the_spindle() -> None:
     cutter = Cutter.from_job(1, "roughing", ToolJob(holder=SHRINK_FIT, spindle=9000.0, feed=900.0), nose)
     assert cutter.length == 30.0 + 55.0
     assert cutter.profile[2:] == (
-        Section("holder", 30.0, 65.0, 5.0, 8.5),
-        Section("holder", 65.0, 85.0, 20.0, 20.0),
-        Section("spindle", 85.0, 115.0, 40.0, 40.0),
-        Section("spindle", 115.0, 165.0, 40.0, 60.0),
+        ToolSection("holder", 30.0, 65.0, 5.0, 8.5),
+        ToolSection("holder", 65.0, 85.0, 20.0, 20.0),
+        ToolSection("spindle", 85.0, 115.0, 40.0, 40.0),
+        ToolSection("spindle", 115.0, 165.0, 40.0, 60.0),
     )
     assert all(below.end == above.start for below, above in pairwise(cutter.profile))
 

@@ -27,7 +27,7 @@ from bonecam.planning.oriented_path import orient
 from bonecam.planning.passes.contacts import candidate_contacts, contact_path
 from bonecam.planning.strategies.surface_path import finishing_cutter
 from bonecam.tool import ToolPath
-from bonecam.tool.path import Kind
+from bonecam.tool.path import MoveKind
 from bonecam.workholding.clamping import clamping_of
 
 AXES = 20_000
@@ -185,7 +185,7 @@ def test_no_axis_of_the_path_collides_nor_a_pose_between_contacts(
     machined: Machined, deepest_entry: Entry
 ) -> None:
     path = machined.path
-    cuts = np.flatnonzero(path.kinds == Kind.CUT)
+    cuts = np.flatnonzero(path.kinds == MoveKind.CUT)
     entered = machined.entries(deepest_entry, path.balls[cuts], path.axes[cuts])
     first = cuts[:-1][(np.diff(cuts) == 1) & (path.pass_index[cuts[1:]] == path.pass_index[cuts[:-1]])]
     tips, axes = interpolate_poses(
@@ -209,7 +209,7 @@ def test_normals_of_a_blade_collide_at_most_contacts(machined: Machined, deepest
     if machined.name == "bone":
         pytest.skip("a bone is open to most sides")
     path = machined.path
-    cuts = np.flatnonzero(path.kinds == Kind.CUT)
+    cuts = np.flatnonzero(path.kinds == MoveKind.CUT)
     normals = unit(path.balls[cuts] - path.contacts[cuts])
     entered = deepest_entry(machined.scene, path.cutter, path.balls[cuts][::10], normals[::10]) > ENTERED
     assert entered.mean() > 0.6

@@ -14,7 +14,7 @@ from numpy import ndarray
 from bonecam.job import FINISHING, ROUGHING, LevelsJob, MeshJob, PathJob
 from bonecam.levels.problem.element_matrices import element_matrices
 from bonecam.mesh.part import prepare_part
-from bonecam.mesh.sections.rows import Rows, harmonic_rows
+from bonecam.mesh.sections.harmonic_rows import Rows, harmonic_rows
 from bonecam.planning.axes.lead import lead_axes
 from bonecam.setup.schedule import schedule_of
 from bonecam.setup.stocks.capsule import capsule_of_size

@@ -11,7 +11,7 @@ from numba import njit
 from numpy import ndarray
 
 from bonecam.kernels.bezier.element_search import locate_one
-from bonecam.kernels.hulls.footpoints import Target, footpoint, nearest_footpoint
+from bonecam.kernels.hulls.footpoints import DepthTarget, footpoint, nearest_footpoint
 from bonecam.kernels.hulls.mapped_distance import (
     UNIT_BOX,
     mapped_distance_bound,
@@ -38,7 +38,7 @@ CORNERS = np.array([0, 3, 12, 15])
 
 @njit(cache=True)
 def _bound_from_middle(
-    net: ndarray, corners: ndarray, bound: float, on: Target, D: ndarray
+    net: ndarray, corners: ndarray, bound: float, on: DepthTarget, D: ndarray
 ) -> tuple[float, float]:
     """A bound (mm) no larger than `bound`, and the distance of the net's middle from the surface. From the
     nearest footpoint of the middle are taken: the largest distance of a control point from it, and the map
@@ -63,7 +63,7 @@ def _bound_from_middle(
 
 @njit(cache=True)
 def _divide(
-    nets: ndarray, corners: ndarray, parts: ndarray, k: int, axis: int, on: Target, D: ndarray
+    nets: ndarray, corners: ndarray, parts: ndarray, k: int, axis: int, on: DepthTarget, D: ndarray
 ) -> None:
     """Replace piece k by its two halves, k and k + 1: their nets, the parameters of their corners'
     footpoints, and the part of the first net that they are."""
@@ -87,7 +87,7 @@ def _divide(
 
 @njit(cache=True, nogil=True)
 def depth_bound(
-    nets: ndarray, starts: ndarray, on: Target, goal: float, alarm: float, accuracy: float, smallest: float
+    nets: ndarray, starts: ndarray, on: DepthTarget, goal: float, alarm: float, accuracy: float, smallest: float
 ) -> tuple[float, ndarray, ndarray, int]:  # fmt: skip
     """How far (mm) points of the patches with these nets (n, 16, 3) are at most from a surface; the piece
     where that is; pieces (k, 3) with a bound over `alarm` mm; and how many pieces were bounded. A piece is

@@ -13,7 +13,7 @@ from bonecam.kernels.closest.newton import descend
 from bonecam.kernels.hulls.net import box_distance
 
 
-class Target(NamedTuple):
+class DepthTarget(NamedTuple):
     """The surface that depths are measured to, as `kernels.closest.newton.descend` takes it: patches (e, 16,
     4) whose weights are all one, over `boxes` in `strips`, s closed with the period 1. `seeds` (e, k, 5) are
     s, t, x, y, z of points on each element; `hulls` (e, 6) are boxes round its elements, lowest x, y, z
@@ -31,7 +31,7 @@ class Target(NamedTuple):
 
 
 @njit(cache=True)
-def footpoint(point: ndarray, s: float, t: float, on: Target, D: ndarray) -> tuple[float, float, float]:
+def footpoint(point: ndarray, s: float, t: float, on: DepthTarget, D: ndarray) -> tuple[float, float, float]:
     """Parameters of the footpoint of a point reached from (s, t), and its distance (mm). The footpoint's s is
     moved on by whole turns to within half a turn of the start. A start at a pole is returned as it is, at an
     infinite distance: its s is a direction. `D` (6, 3) is overwritten."""
@@ -45,7 +45,7 @@ def footpoint(point: ndarray, s: float, t: float, on: Target, D: ndarray) -> tup
 
 @njit(cache=True)
 def nearest_footpoint(
-    point: ndarray, s: float, t: float, on: Target, D: ndarray
+    point: ndarray, s: float, t: float, on: DepthTarget, D: ndarray
 ) -> tuple[float, float, float]:
     """Parameters and distance (mm) of the nearest footpoint found from (s, t) and from the nearest seed of
     every element whose box is nearer than the best footpoint so far. `D` (6, 3) is overwritten."""

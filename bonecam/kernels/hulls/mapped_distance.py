@@ -17,7 +17,7 @@ from numpy import ndarray
 from bonecam.kernels.bezier.bicubic import bernstein
 from bonecam.kernels.bezier.element_search import locate_one
 from bonecam.kernels.fastmath import CONTRACT
-from bonecam.kernels.hulls.footpoints import Target
+from bonecam.kernels.hulls.footpoints import DepthTarget
 
 SAMPLES = 7
 """Places along a side at which the difference is taken: as many as a polynomial of degree six has control
@@ -90,7 +90,7 @@ def _largest_control_point(values: ndarray, T: ndarray) -> float:
 
 @njit(cache=True, fastmath=CONTRACT)
 def _element_difference(
-    on: Target, m: int, m_turn: float, n: int, n_turn: float, a: float, b: float, c: float, d: float
+    on: DepthTarget, m: int, m_turn: float, n: int, n_turn: float, a: float, b: float, c: float, d: float
 ) -> float:
     """How far the polynomials of elements m and n, each moved on by whole turns in s, are apart on
     [a, b] x [c, d] at most."""
@@ -108,7 +108,7 @@ def _element_difference(
 
 
 @njit(cache=True)
-def _extension_error(on: Target, m: int, turn: int, a: float, b: float, c: float, d: float) -> float:
+def _extension_error(on: DepthTarget, m: int, turn: int, a: float, b: float, c: float, d: float) -> float:
     """How far the polynomial of element m, moved on by `turn` turns in s, is from the surface on
     [a, b] x [c, d] at most."""
     lines, _, starts, lows, highs, ids, _ = on.strips
@@ -144,7 +144,7 @@ def middle_parameters(corners: ndarray) -> tuple[float, float]:
 
 
 @njit(cache=True, fastmath=CONTRACT)
-def mapped_distance_bound(net: ndarray, corners: ndarray, on: Target) -> tuple[float, float, int]:
+def mapped_distance_bound(net: ndarray, corners: ndarray, on: DepthTarget) -> tuple[float, float, int]:
     """How far (mm) the points of a net's patch are at most from their images on the surface under the
     bilinear map that takes its corners to the parameters `corners` (4, 2); how far the farthest corner is
     from its image; and the axis along which the difference bends more, -1 where the extension of an element

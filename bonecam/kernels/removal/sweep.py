@@ -40,7 +40,7 @@ class Pieces(NamedTuple):
     near: ndarray
 
 
-class Found(NamedTuple):
+class SweepResult(NamedTuple):
     """What a sweep finds. `volumes` (moves,): removed by each move, mm^3; `depths` (moves,): how deep probed moves
     cut, mm. `least` (3,): least distance of shank, holder and spindle from material so far, mm; `where` (3,): its
     move. `touched` (3,): first move in which the distance is below the one allowed, -1 for none; nothing is measured
@@ -94,7 +94,7 @@ def sweep(
     parts: ndarray,
     allowed: float,
     first: int,
-    found: Found,
+    found: SweepResult,
     turn: int,
 ) -> int:
     """Take what ball and flutes sweep out of the material, piece by piece from `first` on, and measure the sections

@@ -13,7 +13,7 @@ from bonecam.levels.problem.energies.attraction import Attraction
 from bonecam.levels.problem.poles import free_moves
 from bonecam.levels.problem.samples import (
     Places,
-    Samples,
+    SurfaceSamples,
     creases,
     join,
     places_at,
@@ -38,8 +38,8 @@ class Discretisation:
     surface: TSpline
     stock: Stock
     attraction: Attraction
-    samples: Samples
-    watch: Samples
+    samples: SurfaceSamples
+    watch: SurfaceSamples
     broken: Places
     M: sp.csc_array
     free: sp.csr_array

@@ -44,7 +44,7 @@ levels meet it too."""
 
 
 @dataclass(frozen=True, eq=False)
-class Program:
+class LevelProgram:
     """min sum_l w_l |x_l + R_l D - H_l|^2 + D'(matrix)D + 2 linear . D within `limits`, set up at the
     targets; `net` is the second half.
 
@@ -80,7 +80,7 @@ class Program:
         """Half the energy's gradient at D = 0."""
         return np.asarray(self.R.T @ (self.weights[:, None] * (self.x - self.H)) + self.net.linear)
 
-    def at(self, moves: Float[ndarray, "m 3"]) -> "Program":
+    def at(self, moves: Float[ndarray, "m 3"]) -> "LevelProgram":
         """Limits set up again where the moves take the samples, and H slid beside them: what counts is the
         way along the normals.
 
@@ -111,7 +111,7 @@ def program_of(
     cut: Cut,
     parameters: StepParameters,
     pull_factor: Float[ndarray, " c"] | None = None,
-) -> Program:
+) -> LevelProgram:
     """The program of the level above P, from which `rest` is left to the stock; `pull_factor` is a factor of the
     pull, a control point each."""
     stock, before = discretisation.stock, discretisation.surface.with_control_points(P)
@@ -125,7 +125,7 @@ def program_of(
         stock, limits.c + pulled.beyond[:, None] * (target - limits.c), np.minimum(gap, cut.landing) - PRESS
     )
     hollow = np.zeros(len(x), dtype=bool)
-    return Program(
+    return LevelProgram(
         pulled.s,
         pulled.t,
         discretisation.free,

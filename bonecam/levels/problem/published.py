@@ -20,7 +20,7 @@ from numpy import ndarray
 
 from bonecam.levels.problem.cones import Cones, Planes
 from bonecam.levels.problem.samples import (
-    Samples,
+    SurfaceSamples,
     creases,
     integration_points,
     join,
@@ -88,7 +88,7 @@ class PublishedProgram:
         self._hull = hull
         even = ring_pattern(surface, *WATCH_PATTERN)
         s, t = creases(even, surface.control_points).T
-        self._watch = join(Samples, even, samples_of(surface, s, t, np.zeros(len(s))))
+        self._watch = join(SurfaceSamples, even, samples_of(surface, s, t, np.zeros(len(s))))
         self._main = np.asarray(self._watch.R.argmax(axis=1)).ravel()
         self.first = _sparse(even)
 
@@ -167,7 +167,7 @@ class PublishedProgram:
         return Cones(sp.csr_array(R[near]), self.stock.start - points[near], radii, axis)
 
 
-def _sparse(watch: Samples) -> Int[ndarray, " k"]:
+def _sparse(watch: SurfaceSamples) -> Int[ndarray, " k"]:
     """The rings of the watched samples that SPARSE_PATTERN tells, and the points on them; and both ends of t."""
     every_ring, every_point = SPARSE_PATTERN
     _, ring, count = np.unique(watch.t[:-2], return_inverse=True, return_counts=True)

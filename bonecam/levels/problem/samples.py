@@ -5,7 +5,7 @@ control points.
     pull         int |S - H|^2                             = P' N P - 2 P' L + const
 
 M and N are the same for every level of one surface; L = int R'H changes with the attracting points H. The
-integrals are sums over `Samples`: Gauss points in every t-span, evenly spaced points round s (both parameters
+integrals are sums over `SurfaceSamples`: Gauss points in every t-span, evenly spaced points round s (both parameters
 run over [0, 1]).
 """
 
@@ -62,7 +62,7 @@ P = TypeVar("P", bound=Places)
 
 
 @dataclass(frozen=True, eq=False)
-class Samples(Places):
+class SurfaceSamples(Places):
     """Places in one fixed pattern, their integration weights, and the derivatives of the basis there."""
 
     weights: Float[ndarray, "n"]
@@ -111,7 +111,7 @@ def integration_points(surface: TSpline) -> tuple[ndarray, ndarray, ndarray]:
     return ss.ravel(), tt.ravel(), np.repeat(across / around, around)
 
 
-def ring_pattern(surface: TSpline, along: int, around: int) -> Samples:
+def ring_pattern(surface: TSpline, along: int, around: int) -> SurfaceSamples:
     """`along` rings in every t-span, on each `around` points for every knot of its densest control row; both
     ends of t and rings close to them.
 
@@ -134,13 +134,13 @@ def ring_pattern(surface: TSpline, along: int, around: int) -> Samples:
     edge = NEAR_POLE * (spans[-1] - spans[0]) * np.array([1, -1])
     s, t, share = np.append(s, [0.0, 0.0]), np.append(t, spans[[0, -1]]), np.append(share, [0.0, 0.0])
     _, R_s, R_t = surface.basis(s, t + np.append(np.zeros(len(t) - 2), edge), 1)
-    return Samples(s, t, surface.basis(s, t)[0], share / share.sum(), R_s, R_t)
+    return SurfaceSamples(s, t, surface.basis(s, t)[0], share / share.sum(), R_s, R_t)
 
 
-def samples_of(surface: TSpline, s: ndarray, t: ndarray, weights: ndarray) -> Samples:
+def samples_of(surface: TSpline, s: ndarray, t: ndarray, weights: ndarray) -> SurfaceSamples:
     """The samples at these parameters."""
     R, R_s, R_t = surface.basis(s, t, 1)
-    return Samples(s, t, R, weights, R_s, R_t)
+    return SurfaceSamples(s, t, R, weights, R_s, R_t)
 
 
 def places_at(surface: TSpline, parameters: Float[ndarray, "k 2"]) -> Places:
@@ -160,7 +160,7 @@ def join(kind: type[P], *parts: Places) -> P:
 
 
 def creases(
-    pattern: Samples, level: Float[ndarray, "c 3"], before: Float[ndarray, "c 3"] | None = None
+    pattern: SurfaceSamples, level: Float[ndarray, "c 3"], before: Float[ndarray, "c 3"] | None = None
 ) -> Float[ndarray, "k 2"]:
     """Parameters (s, t) between neighbours of a ring pattern: more where a level bends more than the one
     before, if there is one, and where it is hollow.

@@ -13,7 +13,7 @@ from bonecam.levels.problem.cut import Cut, StepParameters
 from bonecam.levels.problem.discretisation import Discretisation
 from bonecam.levels.problem.remaining import Remaining, remaining
 from bonecam.levels.sequences.loop import Stop, levels_to_stock
-from bonecam.levels.solvers.exchange import LARGEST_VIOLATION, Step, next_level, project_level
+from bonecam.levels.solvers.exchange import LARGEST_VIOLATION, ExchangeStep, next_level, project_level
 from bonecam.progress import Progress, report
 from bonecam.setup.schedule import Schedule
 from bonecam.surface.query.closest_point import rings
@@ -157,7 +157,7 @@ class SequenceMaker:
         creep = min(CREEP, MOST_CREEP / max(longest, 1)) * max(0, longest - k)
         return Cut(self.schedule.limit(k), LANDING + creep)
 
-    def _broken(self, k: int, step: Step) -> LevelError:
+    def _broken(self, k: int, step: ExchangeStep) -> LevelError:
         """The error of a level that breaks its limits, with the sharp edge of the part that may be why."""
         what = f"level {k} breaks its limits by {step.broken:.2f} mm at {place_name(step.place)}"
         radius = self._sharpest(step.place)
@@ -185,7 +185,7 @@ class SequenceMaker:
         it still does, the check decides). LevelError where it breaks a limit by more than LARGEST_VIOLATION."""
         cut = self.cut(k)
         pull_factor = np.ones(len(P))
-        tried: list[Step] = []
+        tried: list[ExchangeStep] = []
         for _ in range(MAX_REDUCTIONS):
             step = next_level(self.discretisation, P, rest, cut, parameters, pull_factor, self.solver)
             tried.append(step)

@@ -14,7 +14,7 @@ from numpy import ndarray
 from bonecam.kernels import admm as kernel
 from bonecam.kernels import rows
 from bonecam.levels.problem.factorisation import factorise
-from bonecam.levels.problem.program import Program
+from bonecam.levels.problem.program import LevelProgram
 
 ITERATIONS = 240
 """The most iterations of a level."""
@@ -31,7 +31,7 @@ levels: their energies were 5 % above the least on a phalanx, now 2 %.)"""
 
 
 def solve(
-    program: Program, iterations: int = ITERATIONS, set_up_every: int = SET_UP_EVERY
+    program: LevelProgram, iterations: int = ITERATIONS, set_up_every: int = SET_UP_EVERY
 ) -> Float[ndarray, "m 3"]:
     """The free moves (m, 3) of a level's program, in so many iterations at most."""
     R, x = program.R, program.x

@@ -15,7 +15,7 @@ from bonecam.errors import LevelError
 from bonecam.job import field_error
 from bonecam.levels.problem.cones import Cones, Planes
 from bonecam.levels.problem.limits.linear_limits import LinearLimits
-from bonecam.levels.problem.program import Program
+from bonecam.levels.problem.program import LevelProgram
 from bonecam.levels.solvers.linearised import solve_linearised
 
 ACCURACY = 1e-6
@@ -34,7 +34,7 @@ def require_clarabel(field: str, value: str, instead: str) -> ModuleType:
     return clarabel  # type: ignore[no-any-return]
 
 
-def solve(program: Program) -> Float[ndarray, "m 3"]:
+def solve(program: LevelProgram) -> Float[ndarray, "m 3"]:
     """The free moves of a level's program by Clarabel, every limit a row: exact, and many times slower than
     `admm`."""
     import clarabel

@@ -41,7 +41,7 @@ moved less since its closest point was found keeps the planes there."""
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class ExchangeStep:
     """The `moves` of the control points; how far the watched samples break a limit afterwards at most, mm, and
     at which `place`; the `infeasible` control points shape the level where it folds or breaks a limit by more
     than LARGEST_VIOLATION."""
@@ -60,7 +60,7 @@ def next_level(
     parameters: StepParameters,
     pull_factor: Float[ndarray, " c"] | None = None,
     solver: str = "admm",
-) -> Step:
+) -> ExchangeStep:
     """The moves of the control points to the next level; what is nearer to the stock than `cut.landing`
     already stays.
 
@@ -72,14 +72,14 @@ def next_level(
 
 def project_level(
     discretisation: Discretisation, P: Float[ndarray, "c 3"], level: Float[ndarray, "c 3"], cut: Cut
-) -> Step:
+) -> ExchangeStep:
     """The moves from P nearest to those to `level` that keep the limits of the watched samples."""
     free = discretisation.free
     D = np.asarray(factorise(sp.csc_array(free.T @ free)).solve(free.T @ (level - P)))
     return _project_onto_limits(discretisation, P, D, cut)
 
 
-def _project_onto_limits(discretisation: Discretisation, P: ndarray, D: ndarray, cut: Cut) -> Step:
+def _project_onto_limits(discretisation: Discretisation, P: ndarray, D: ndarray, cut: Cut) -> ExchangeStep:
     """The step of the free moves D, which are projected onto the limits that watched samples break."""
     free, stock = discretisation.free, discretisation.stock
     level = P + free @ D
@@ -112,7 +112,7 @@ def _project_onto_limits(discretisation: Discretisation, P: ndarray, D: ndarray,
     broken[back.which] = np.maximum(broken[back.which], broken_back)
     worst = int(np.argmax(broken))
     infeasible = watch.near(_folded(after, watch, limits.n) | (broken > LARGEST_VIOLATION))
-    return Step(np.asarray(level - P), float(broken[worst]), y[worst], infeasible)
+    return ExchangeStep(np.asarray(level - P), float(broken[worst]), y[worst], infeasible)
 
 
 def _folded(after: TSpline, watch: Places, normals: Float[ndarray, "k 3"]) -> Bool[ndarray, " k"]:

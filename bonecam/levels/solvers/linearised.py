@@ -11,7 +11,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.levels.problem.limits.linear_limits import LinearLimits
-from bonecam.levels.problem.program import Program
+from bonecam.levels.problem.program import LevelProgram
 
 SET_UPS = 3
 """How often the planes are set up."""
@@ -20,7 +20,7 @@ Minimum = Callable[[LinearLimits, Float[ndarray, " v"]], Float[ndarray, " v"]]
 """The stacked moves (x, y, z) of least energy within the limits, searched from given ones."""
 
 
-def solve_linearised(program: Program, minimum: Minimum) -> Float[ndarray, "m 3"]:
+def solve_linearised(program: LevelProgram, minimum: Minimum) -> Float[ndarray, "m 3"]:
     """The free moves (m, 3) of a level's program, each quadratic program solved by `minimum`."""
     moves = np.zeros((program.matrix.shape[0], 3))
     for _ in range(SET_UPS):

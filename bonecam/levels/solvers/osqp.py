@@ -13,7 +13,7 @@ from numpy import ndarray
 
 from bonecam.errors import LevelError
 from bonecam.levels.problem.limits.linear_limits import LinearLimits
-from bonecam.levels.problem.program import Program
+from bonecam.levels.problem.program import LevelProgram
 from bonecam.levels.solvers.linearised import solve_linearised
 
 TOLERANCE = 1e-5
@@ -35,7 +35,7 @@ class Solution:
     iterations: int
 
 
-def solve(program: Program) -> Float[ndarray, "m 3"]:
+def solve(program: LevelProgram) -> Float[ndarray, "m 3"]:
     """The free moves of a level's program by OSQP, every limit a row: many times slower than `admm`."""
     energy = sp.csc_array(sp.block_diag([program.matrix] * 3))
 

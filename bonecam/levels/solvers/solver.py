@@ -5,10 +5,10 @@ from collections.abc import Callable
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.levels.problem.program import Program
+from bonecam.levels.problem.program import LevelProgram
 from bonecam.levels.solvers import admm, clarabel, osqp
 
-SOLVERS: dict[str, Callable[[Program], Float[ndarray, "m 3"]]] = {
+SOLVERS: dict[str, Callable[[LevelProgram], Float[ndarray, "m 3"]]] = {
     "admm": admm.solve,
     "osqp": osqp.solve,
     "clarabel": clarabel.solve,
@@ -16,7 +16,7 @@ SOLVERS: dict[str, Callable[[Program], Float[ndarray, "m 3"]]] = {
 """By the name that `levels.solver` has in a job. A new solver is a new file with such a function."""
 
 
-def solve(program: Program, solver: str = "admm") -> Float[ndarray, "m 3"]:
+def solve(program: LevelProgram, solver: str = "admm") -> Float[ndarray, "m 3"]:
     """The free moves (m, 3) of the control points that solve a level's program.
 
     LevelError where the solver finds none.

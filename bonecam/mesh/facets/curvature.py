@@ -18,7 +18,7 @@ FLAT_SHARE = 0.05
 """A curvature below this share of the mean size of all is none."""
 
 
-class Shape(IntEnum):
+class SurfaceShape(IntEnum):
     """The shape of a surface round a point, by the signs of k1 >= k2."""
 
     CONVEX = 0
@@ -53,7 +53,11 @@ class Curvature:
         flat = FLAT_SHARE * float(np.mean(np.abs([self.k1, self.k2]))) if len(self.k1) else 0.0
         sign1, sign2 = (np.where(np.abs(k) <= flat, 0, np.sign(k)) for k in (self.k1, self.k2))
         cases = [(sign1 == 0) & (sign2 == 0), (sign1 == 0) | (sign2 == 0), sign1 > sign2, sign1 > 0]
-        return np.select(cases, [Shape.PLANAR, Shape.PARABOLIC, Shape.SADDLE, Shape.CONVEX], Shape.CONCAVE)
+        return np.select(
+            cases,
+            [SurfaceShape.PLANAR, SurfaceShape.PARABOLIC, SurfaceShape.SADDLE, SurfaceShape.CONVEX],
+            SurfaceShape.CONCAVE,
+        )
 
 
 def principal(forms: Float[ndarray, "n 2 2"], axes: Float[ndarray, "n 2 3"]) -> Curvature:

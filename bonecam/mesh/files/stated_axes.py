@@ -49,9 +49,9 @@ def axes_text(letters: str) -> str:
     where = ", ".join(
         f"{axis} to the {POINTS_TO[letter][3]}" for axis, letter in zip("xyz", letters, strict=True)
     )
-    told = f"its header states the axes {letters}: {where}"
+    message = f"its header states the axes {letters}: {where}"
     return (
-        told
+        message
         if _directions(letters) > 0
-        else f"{told}; they are left-handed: check that it is no mirror image"
+        else f"{message}; they are left-handed: check that it is no mirror image"
     )

@@ -7,8 +7,8 @@ from numpy import ndarray
 from bonecam.arrays import dots
 from bonecam.errors import MeshError, counted, place_name
 from bonecam.mesh.healing.components import keep_part
-from bonecam.mesh.healing.faults import holes_of
 from bonecam.mesh.healing.junctions import resolve_junctions
+from bonecam.mesh.healing.mesh_faults import holes_of
 from bonecam.mesh.healing.repair_state import RepairState, apply_filter, apply_filters
 from bonecam.mesh.healing.topology import edge_names, edges_of, half_edges, repeats_corner
 from bonecam.mesh.meshlab import from_meshset, to_meshset
@@ -56,8 +56,8 @@ def drop_unused(state: RepairState) -> RepairState:
         "removed {} without area": (int(null.sum()), "face"),
         "removed {}": (int(duplicate.sum()), "duplicate face"),
     }
-    told = (text.format(counted(number, noun)) for text, (number, noun) in counts.items() if number)
-    return state.then(keep_faces(mesh, ~(null | duplicate)), *told)
+    reported = (text.format(counted(number, noun)) for text, (number, noun) in counts.items() if number)
+    return state.then(keep_faces(mesh, ~(null | duplicate)), *reported)
 
 
 def _stand_there(mesh: TriangleMesh) -> Bool[ndarray, " m"]:

@@ -128,17 +128,17 @@ def _inner_shells(
     near = f"near {place_name(_middle(mesh, component_of == largest))}"
     count = int(inner.sum())
     if not volumes[largest]:
-        told = f"dropped {counted(count, 'open sheet')} inside the part, {'the largest ' if count > 1 else ''}{near}"
+        message = f"dropped {counted(count, 'open sheet')} inside the part, {'the largest ' if count > 1 else ''}{near}"
     elif count == 1:
-        told = f"filled an inner shell (cavity) of {volumes[largest]:.3g} mm3 {near}"
+        message = f"filled an inner shell (cavity) of {volumes[largest]:.3g} mm3 {near}"
     else:
         each = f"{volumes[inner].sum():.3g} mm3 in all, the largest of {volumes[largest]:.3g} mm3"
-        told = f"filled {count} inner shells (cavities), {each} {near}"
+        message = f"filled {count} inner shells (cavities), {each} {near}"
     through = int((inner & (inside < 1)).sum())
     if through:
         what = "it comes" if count == 1 else f"{through} of them {'comes' if through == 1 else 'come'}"
-        told += f"; {what} out through the surface"
-    return told
+        message += f"; {what} out through the surface"
+    return message
 
 
 def _middle(mesh: TriangleMesh, faces: Bool[ndarray, " m"]) -> Float[ndarray, "3"]:

@@ -45,8 +45,8 @@ def decimate(
             continue
         found = max(hausdorff(mesh, fewer))
         if found <= LARGEST_DEVIATION:
-            told = f"decimated {len(mesh.faces)} faces to {len(fewer.faces)}, {found:.4f} mm apart at most"
-            return fewer, state.moved(fewer, told).done
+            message = f"decimated {len(mesh.faces)} faces to {len(fewer.faces)}, {found:.4f} mm apart at most"
+            return fewer, state.moved(fewer, message).done
     moved = f"moves the surface by {found:.3f} mm" if np.isfinite(found) else "is not possible"
     raise MeshError(
         f"the mesh has {len(mesh.faces)} faces, and decimating it to {most * 2 ** (TRIES - 1)} {moved}: smooth "

@@ -66,8 +66,8 @@ def _left_out(
         f"removed {counted(int(sticking_out.sum()), 'face')} that stuck out": sticking_out,
     }
     return ", ".join(
-        f"{told} near {place_name(mesh.vertices[mesh.faces[faces]].mean(axis=(0, 1)))}"
-        for told, faces in kinds.items()
+        f"{reported} near {place_name(mesh.vertices[mesh.faces[faces]].mean(axis=(0, 1)))}"
+        for reported, faces in kinds.items()
         if faces.any()
     )
 

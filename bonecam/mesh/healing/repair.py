@@ -14,11 +14,11 @@ import numpy as np
 from bonecam.errors import MeshError, place_name
 from bonecam.mesh.healing.cleaning import clean, drop_fins, drop_unused, tidy
 from bonecam.mesh.healing.components import keep_part
-from bonecam.mesh.healing.faults import Fault, faults_of
+from bonecam.mesh.healing.mesh_faults import Fault, faults_of
 from bonecam.mesh.healing.repair_state import Repair, RepairState
 from bonecam.mesh.healing.resurfacing import unite, wrap
 from bonecam.mesh.healing.seams import weld_seams
-from bonecam.mesh.healing.surface_moves import Moves, surface_moves
+from bonecam.mesh.healing.surface_moves import SurfaceMovement, surface_moves
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.progress import Progress, report, silent
 
@@ -89,7 +89,7 @@ def _refusal(faults: tuple[Fault, ...], state: RepairState) -> MeshError:
     return MeshError(message, faults=faults, place=faults[0].place, tried=state.done)
 
 
-def _deviation_refusal(moves: Moves, state: RepairState) -> MeshError:
+def _deviation_refusal(moves: SurfaceMovement, state: RepairState) -> MeshError:
     what = f"the repair ({state.changes}) moves the surface by {moves.largest:.2f} mm near {place_name(moves.place)}"
     return MeshError(f"{what}: mend the mesh there in a mesh editor", place=moves.place, tried=state.done)
 

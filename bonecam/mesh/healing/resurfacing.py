@@ -34,8 +34,8 @@ def unite(state: RepairState) -> RepairState:
     depth = np.linalg.norm(exact_closest(after, state.mesh.vertices)[0] - state.mesh.vertices, axis=1)
     cut = len(self_intersections(state.mesh))
     what = f"the outside of {counted(cut, 'face')} that cut each other" if cut else "the outside only"
-    told = f"kept {what} (what lay up to {depth.max():.2f} mm inside is gone)"
-    return keep_part(state.moved(after, told, state.mesh))
+    message = f"kept {what} (what lay up to {depth.max():.2f} mm inside is gone)"
+    return keep_part(state.moved(after, message, state.mesh))
 
 
 def wrap(state: RepairState) -> RepairState:
@@ -44,5 +44,5 @@ def wrap(state: RepairState) -> RepairState:
     pure = meshlab().PureValue
     meshset = to_meshset(state.mesh)
     meshset.generate_alpha_wrap(alpha=pure(WRAP_ALPHA * size), offset=pure(WRAP_OFFSET * size))
-    told = f"shrank a new skin round the part (ball {WRAP_ALPHA * size:.2f} mm, offset {WRAP_OFFSET * size:.3f} mm)"
-    return state.moved(from_meshset(meshset), told, state.mesh)
+    message = f"shrank a new skin round the part (ball {WRAP_ALPHA * size:.2f} mm, offset {WRAP_OFFSET * size:.3f} mm)"
+    return state.moved(from_meshset(meshset), message, state.mesh)

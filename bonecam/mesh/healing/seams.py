@@ -42,12 +42,12 @@ def weld_seams(state: RepairState) -> RepairState:
         return state
     merged = len(np.unique(mesh.faces)) - len(np.unique(welded.faces))
     distance = _largest_distance(mesh, welded)
-    told = f"merged {counted(merged, 'duplicate vertex')} along open edges"
+    message = f"merged {counted(merged, 'duplicate vertex')} along open edges"
     after = keep_faces(welded)
     return (
-        state.moved(after, f"{told}, at most {distance:.2g} mm apart")
+        state.moved(after, f"{message}, at most {distance:.2g} mm apart")
         if distance
-        else state.then(after, told)
+        else state.then(after, message)
     )
 
 

@@ -20,7 +20,7 @@ FIRST_LOOKED_AT = 1000
 
 
 @dataclass(frozen=True, eq=False)
-class Moves:
+class SurfaceMovement:
     """Largest distances, mm, from the old surface to the new one: `outward` of old points that lie in the new solid
     (something was added over them), `inward` of those outside it; `place` is the point of the larger."""
 
@@ -34,7 +34,9 @@ class Moves:
         return max(self.outward, self.inward)
 
 
-def surface_moves(before: TriangleMesh, after: TriangleMesh, solid: TriangleMesh | None = None) -> Moves:
+def surface_moves(
+    before: TriangleMesh, after: TriangleMesh, solid: TriangleMesh | None = None
+) -> SurfaceMovement:
     """How far the corners and middles of the old faces are from the new surface.
 
     Old faces with material on both sides, as the closed `solid` tells where it is given, lie inside another part of
@@ -54,7 +56,9 @@ def surface_moves(before: TriangleMesh, after: TriangleMesh, solid: TriangleMesh
                 found[side] = float(distances[some[np.argmax(inside == side)]])
         start += count
         count *= 2
-    return Moves(found.get(True, 0.0), found.get(False, 0.0), places[order[0]] if len(order) else np.zeros(3))
+    return SurfaceMovement(
+        found.get(True, 0.0), found.get(False, 0.0), places[order[0]] if len(order) else np.zeros(3)
+    )
 
 
 def _outside(mesh: TriangleMesh, solid: TriangleMesh) -> Float[ndarray, "n 3"]:

@@ -32,7 +32,7 @@ from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.posting.path_words import SLOW, Posted, post_path
 from bonecam.nc.program import FeedFigures
-from bonecam.tool.path import Kind, ToolPath
+from bonecam.tool.path import MoveKind, ToolPath
 
 FEED_PER_MM = 0.5
 """Largest change of the feed along a pass, as a share of the cutter's feed per mm of path."""
@@ -76,7 +76,7 @@ def _drivable_feeds(posted: Posted, feed_at: str) -> Float[ndarray, "n"]:
     step = posted.dialect.numbers["feed"].step if posted.dialect.feed_mode == "per-minute" else TIMED_STEP
     # rounded down: a feed that is rounded up is beyond the axis again
     feeds = np.minimum(np.maximum(np.floor(feeds / step + 1e-9), 1.0) * step, asked)
-    rapid = (path.kinds == Kind.RAPID) & posted.dialect.straight_rapids
+    rapid = (path.kinds == MoveKind.RAPID) & posted.dialect.straight_rapids
     return np.where(rapid, path.feed_rates, feeds)
 
 
@@ -110,7 +110,7 @@ def _even(feeds: Float[ndarray, "n"], steps: Float[ndarray, "n"], path: ToolPath
 
 def _follows(path: ToolPath) -> Bool[ndarray, "n"]:
     """Rows that go on with the cuts of the row before, on one pass, that row being more than its entry."""
-    cutting = path.kinds == Kind.CUT
+    cutting = path.kinds == MoveKind.CUT
     goes_on = cutting & np.r_[False, cutting[:-1] & (np.diff(path.pass_index) == 0)]
     return goes_on & np.r_[False, goes_on[:-1]]
 
@@ -119,7 +119,7 @@ def feed_figures(posted: Sequence[Posted], feed_at: str) -> FeedFigures:
     """The figures of the cutting blocks of posted paths; `feed_at` is the point that keeps the feed."""
     asked, own, driven = [], [], []
     for one in posted:
-        cuts = (one.moves.kinds == Kind.CUT) & (one.lengths > one.dialect.numbers["length"].step)
+        cuts = (one.moves.kinds == MoveKind.CUT) & (one.lengths > one.dialect.numbers["length"].step)
         cuts[[first for first, _ in one.runs]] = False
         length, axes = one.lengths[cuts], one.axis_minutes[cuts]
         asked.append(axes * one.path.cutter.feed * _feed_ratios(one, feed_at)[one.moves.rows[cuts]] / length)

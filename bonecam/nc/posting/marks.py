@@ -9,7 +9,7 @@ from numpy import ndarray
 
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.posting.header.header import comment
-from bonecam.tool.path import Kind
+from bonecam.tool.path import MoveKind
 
 LIFTED = "LIFTED TO REWIND"
 """The comment of the way to the safe point and back, on which rotary axes are rewound."""
@@ -26,9 +26,9 @@ def with_marks(
 ) -> list[str]:
     """The blocks of one run with the comments before them; `kinds` are those of the path, `rapid` the moves that
     are written as rapids, `lifted` the moves that begin a lift."""
-    states = np.where(rapid, Kind.RAPID, np.where(kinds == Kind.CUT, Kind.CUT, Kind.LINK))
-    begins = np.flatnonzero((np.diff(states, prepend=Kind.RAPID) != 0) & ~rapid)
-    marks = [(row, Kind(states[row]).name) for row in begins.tolist()]
+    states = np.where(rapid, MoveKind.RAPID, np.where(kinds == MoveKind.CUT, MoveKind.CUT, MoveKind.LINK))
+    begins = np.flatnonzero((np.diff(states, prepend=MoveKind.RAPID) != 0) & ~rapid)
+    marks = [(row, MoveKind(states[row]).name) for row in begins.tolist()]
     marks += [(row, LIFTED) for row in lifted.tolist()]
     marked = list(lines)
     # from the last row on, so that the rows before keep their places

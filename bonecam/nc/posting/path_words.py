@@ -14,10 +14,10 @@ from bonecam.machine.control import Control
 from bonecam.machine.kinematics import inverse_linear
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.posting.split import Moves, split_moves
-from bonecam.planning.passes.gouge import POSTING_SHARE, planned_tolerance
+from bonecam.nc.posting.split import ProgramMoves, split_moves
+from bonecam.planning.passes.gouge_lifts import POSTING_SHARE, planned_tolerance
 from bonecam.tool.cutter import Cutter
-from bonecam.tool.path import Kind, ToolPath
+from bonecam.tool.path import MoveKind, ToolPath
 
 APPROACH_HEIGHT = 10.0
 """A run is approached along the tool axis from this far above everything that is machined, mm."""
@@ -43,7 +43,7 @@ class Posted:
     path: ToolPath
     dialect: Dialect
     control: Control
-    moves: Moves
+    moves: ProgramMoves
     words: Float[ndarray, "n 5"]
     runs: tuple[tuple[int, int], ...]
     approaches: Float[ndarray, "r 5"]
@@ -55,7 +55,7 @@ class Posted:
         """The largest turn of one rotary axis in a feed move, degrees."""
         turns = np.abs(np.diff(self.words[:, 3:], axis=0, prepend=self.words[:1, 3:])).max(1)
         turns[[run[0] for run in self.runs]] = 0.0
-        return float(turns[self.moves.kinds != Kind.RAPID].max(initial=0.0))
+        return float(turns[self.moves.kinds != MoveKind.RAPID].max(initial=0.0))
 
     def lifted_in(self, run: tuple[int, int]) -> Int[ndarray, " k"]:
         """The rows, from the first of a run on, that begin a way to the safe point and back to rewind rotary axes."""
@@ -192,10 +192,10 @@ def _lengths(control: Control, words: Float[ndarray, "n 5"]) -> Float[ndarray, "
 
 
 def _move_minutes(
-    moves: Moves, lengths: ndarray, fastest: ndarray, starts: ndarray, job: Job
+    moves: ProgramMoves, lengths: ndarray, fastest: ndarray, starts: ndarray, job: Job
 ) -> Float[ndarray, "n"]:
     """Minutes of the move that arrives at each row: at its feed, or as long as its slowest axis takes."""
-    feed = np.where(moves.kinds == Kind.RAPID, job.nc.rapid_feed, moves.feed_rates)
+    feed = np.where(moves.kinds == MoveKind.RAPID, job.nc.rapid_feed, moves.feed_rates)
     minutes = np.maximum(fastest, lengths / feed)
     minutes[0] = 0.0
     minutes[starts] = fastest[starts]

@@ -17,7 +17,7 @@ from bonecam.arrays import dots, lengths
 from bonecam.errors import MachineError
 from bonecam.machine.control import Control
 from bonecam.nc.posting.rotary.choice import choose_angles
-from bonecam.tool.path import Kind, ToolPath
+from bonecam.tool.path import MoveKind, ToolPath
 
 MAX_ROUNDS = 40
 """A path that still needs splits after so many rounds passes through the singular axis."""
@@ -37,7 +37,7 @@ AXIS_TOLERANCE = np.radians(1.0)
 
 
 @dataclass(frozen=True, eq=False)
-class Moves:
+class ProgramMoves:
     """The points of a program and the moves that arrive at them; `angles` in rad.
 
     `rows` are the points of the tool path that the moves belong to. Where `rewinds`, the rotary axes jump off
@@ -59,7 +59,7 @@ def split_moves(
     tolerance: float,
     hold_cone: float,
     before: Float[ndarray, "2"] | None = None,
-) -> Moves:
+) -> ProgramMoves:
     """The moves of one tool path, fine enough for `control` to follow within `tolerance` (mm; rapids 20 times
     as much).
 
@@ -74,7 +74,7 @@ def split_moves(
         pieces = _pieces(control, kinds, tips, axes, choice.angles, tolerance)
         pieces[choice.rewinds[1:]] = 1
         if (pieces == 1).all():
-            return Moves(
+            return ProgramMoves(
                 kinds, tips, axes, choice.angles, np.asarray(path.feed_rates)[rows], rows, choice.rewinds
             )
         earlier, fractions, after = _new_rows(pieces)
@@ -135,7 +135,7 @@ def _pieces(
     if len(tips) < 2:
         return np.ones(0, dtype=np.int64)
     words = control.words(tips, angles)
-    rapid = kinds[1:] == Kind.RAPID
+    rapid = kinds[1:] == MoveKind.RAPID
     allowed = np.where(rapid, RAPID_FACTOR * tolerance, tolerance)
     worst = np.zeros(len(words) - 1)
     starts = tips[:-1] + control.radius * axes[:-1]

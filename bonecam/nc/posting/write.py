@@ -32,7 +32,7 @@ from bonecam.nc.program import Program
 from bonecam.progress import Progress, report, silent
 from bonecam.setup.stock import Stock
 from bonecam.tool.cutter import Cutter
-from bonecam.tool.path import Kind, ToolPath
+from bonecam.tool.path import MoveKind, ToolPath
 
 
 def write_program(
@@ -68,9 +68,9 @@ def write_program(
         posted.append(post_path(path, machine, dialect, job, around, before))
     travel = travel_of(machine, job, posted)
     bounds = np.array([around.min(0), around.max(0)]) if stock is None else stock.bounds
-    told = [*comments, *(setup or setup_texts(job, stock, zero_words(machine, dialect)))]
+    reported = [*comments, *(setup or setup_texts(job, stock, zero_words(machine, dialect)))]
     air_check = air_check_texts(posted[0].control, dialect, float(bounds[1, 2]))
-    header = header_lines(machine, dialect, job, name.upper(), posted, bounds, told, travel, air_check)
+    header = header_lines(machine, dialect, job, name.upper(), posted, bounds, reported, travel, air_check)
     return ProgramWriter(machine, dialect, job, name.upper(), posted, travel).program(header, air_check)
 
 
@@ -200,7 +200,7 @@ class ProgramWriter:
         if self.job.nc.coolant:
             lines += self.dialect.lines("coolant_off")
         lift = self._moving("lift", lifted=" ".join(end[:3]), rapid=self.rapid)
-        lines += [comment(Kind.LINK.name, self.dialect), *lift] if lift else []
+        lines += [comment(MoveKind.LINK.name, self.dialect), *lift] if lift else []
         return lines + self._switch(self.off, posted, "") + self._moving("retract", retract=self.retract)
 
     def _start(self, posted: Posted, words: list[str], angles_deg: Float[ndarray, "2"]) -> list[str]:
@@ -216,7 +216,7 @@ class ProgramWriter:
         return [
             *self._moving("position", rotary=rotary),
             *self._switch(self.on, posted, height),
-            comment(Kind.LINK.name, self.dialect),
+            comment(MoveKind.LINK.name, self.dialect),
             *self._counted(turn),
         ]
 
@@ -230,7 +230,7 @@ class ProgramWriter:
         feed = "\n".join(self.dialect.move_lines("feed", words=form, feed=self.feed.spec))
         rates = self.feed.rounded_down(self._rates(posted, rows))
         # the first row of a run is reached along the tool axis from the approach height
-        fast = (kinds == Kind.RAPID) & self.dialect.straight_rapids
+        fast = (kinds == MoveKind.RAPID) & self.dialect.straight_rapids
         fast[0] = self.dialect.straight_rapids or not self.dialect.tool_centre
         self.moves += len(kinds)
         table = zip(np.column_stack([words, rates]).tolist(), fast.tolist(), strict=True)

@@ -14,7 +14,7 @@ from bonecam.arrays import unit
 from bonecam.errors import JobError
 from bonecam.job import field_error
 from bonecam.machine.limits import MachineLimits, polar_angles, with_polar_angles
-from bonecam.tool.cutter import Cutter, Section
+from bonecam.tool.cutter import Cutter, ToolSection
 from bonecam.workholding.clamping import Clamping
 
 OUTWARD = 0.3
@@ -41,7 +41,7 @@ def check_lead(cutter: Cutter, lead_deg: float) -> None:
                 raise _lead_error(cutter, section, lead_deg)
 
 
-def _lead_error(cutter: Cutter, section: Section, lead_deg: float) -> JobError:
+def _lead_error(cutter: Cutter, section: ToolSection, lead_deg: float) -> JobError:
     name = section.name
     enters = f"at the lead of {lead_deg:g} degrees the {name} would cut into a flat part"
     if name == "spindle":

@@ -27,7 +27,7 @@ from bonecam.planning.collision.tool_mesh import (
     sweep_margin,
     table_mesh,
 )
-from bonecam.tool.cutter import Cutter, Section
+from bonecam.tool.cutter import Cutter, ToolSection
 from bonecam.workholding.clamping import Clamping
 from bonecam.workholding.column import Column
 
@@ -40,7 +40,7 @@ class FclSection:
     """A section of the tool as an FCL object whose origin is at height `at` (mm) above the tip, and those that it must
     stay out of."""
 
-    section: Section
+    section: ToolSection
     tool: FclObject
     at: float
     around: Surroundings
@@ -127,7 +127,7 @@ def build_fcl_model(scene: Scene, cutter: Cutter, margin: float = 0.0) -> FclMod
     return FclModel(scene.clamping, tuple(sections))
 
 
-def _section_object(cutter: Cutter, section: Section, by: float) -> tuple[FclObject, float]:
+def _section_object(cutter: Cutter, section: ToolSection, by: float) -> tuple[FclObject, float]:
     """A section, thicker by `by` (mm) above the cutter, and its origin's height above the tip (mm). FCL answers for a
     cylinder twice as fast as for a mesh of one."""
     if section.name == "cutter":

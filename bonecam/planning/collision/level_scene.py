@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from bonecam.job import Job
 from bonecam.levels.measure.level import Level, morph_surfaces
 from bonecam.machine.bodies import MachineBodies
-from bonecam.material.standing_mesh import DEVIATION
+from bonecam.material.in_process_mesh import DEVIATION
 from bonecam.mesh.distance import MeshDistance
 from bonecam.planning.collision.scene import Scene
 from bonecam.setup.capsule import enclosing_capsule

@@ -17,7 +17,7 @@ from numpy import ndarray
 
 from bonecam.arrays import angles_between
 from bonecam.planning.collision.scene import Scene, Surroundings
-from bonecam.tool.cutter import Cutter, Section
+from bonecam.tool.cutter import Cutter, ToolSection
 from bonecam.workholding.clamping import Clamping
 
 TANGENT_SLACK = 0.01
@@ -123,7 +123,9 @@ def _table_state(clamping: Clamping, cutter: Cutter, poses: Poses) -> Int[ndarra
     return np.where(lowest >= clamping.clearance, FREE, COLLIDING)
 
 
-def _trace(around: Surroundings, poses: Poses, section: Section, ball_radius: float) -> Int[ndarray, " n"]:
+def _trace(
+    around: Surroundings, poses: Poses, section: ToolSection, ball_radius: float
+) -> Int[ndarray, " n"]:
     """The state of one section of the tool in its surroundings, spheres advancing on all axes at once."""
     tangent = around.obstacle == "level"
     slack = TANGENT_SLACK if tangent else 0.0

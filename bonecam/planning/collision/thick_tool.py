@@ -21,7 +21,7 @@ from numpy import ndarray
 from bonecam.planning.collision.scene import Scene, Surroundings
 from bonecam.planning.collision.sphere_tracing import COLLIDING, FREE, TANGENT_SLACK, UNDECIDED
 from bonecam.planning.collision.tool_mesh import CIRCUMSCRIBED, sweep_margin
-from bonecam.tool.cutter import Cutter, Section
+from bonecam.tool.cutter import Cutter, ToolSection
 from bonecam.workholding.column import Column
 
 LOOK_AHEAD = (4.0, 2.0, 1.0, 0.5, 0.25, 0.0)
@@ -78,7 +78,9 @@ def classify_thick_tool(
     return states
 
 
-def _thick(scene: Scene, cutter: Cutter, section: Section, margin: float, air: float | None) -> ThickSection:
+def _thick(
+    scene: Scene, cutter: Cutter, section: ToolSection, margin: float, air: float | None
+) -> ThickSection:
     """A section above the cutter, thicker by its margin."""
     by = sweep_margin(cutter, section, margin)
     inner = min(section.radius, section.end_radius) + by

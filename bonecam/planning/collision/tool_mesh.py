@@ -5,7 +5,7 @@ import numpy as np
 from bonecam.mesh.solids.revolution import revolve
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.collision.sphere_tracing import TANGENT_SLACK
-from bonecam.tool.cutter import Cutter, Section
+from bonecam.tool.cutter import Cutter, ToolSection
 from bonecam.workholding.column import Column
 
 SIDES = 48
@@ -18,7 +18,7 @@ TABLE_HALF_WIDTH = 2000.0
 """Half of the width, depth and height of the table, mm."""
 
 
-def sweep_margin(cutter: Cutter, section: Section, margin: float) -> float:
+def sweep_margin(cutter: Cutter, section: ToolSection, margin: float) -> float:
     """How far (mm) a section moves where no point of the tool up to the gauge line moves further than
     `margin` (mm); a turn moves the spindle behind it further."""
     return margin * max(1.0, farthest(section) / reach_to_gauge_line(cutter))
@@ -29,7 +29,7 @@ def reach_to_gauge_line(cutter: Cutter) -> float:
     return max(farthest(section) for section in cutter.profile if section.name != "spindle")
 
 
-def farthest(section: Section) -> float:
+def farthest(section: ToolSection) -> float:
     """The largest distance of a point of the section from the tip, mm."""
     return float(np.hypot(section.end, section.widest))
 
@@ -45,7 +45,7 @@ def cutter_mesh(cutter: Cutter) -> TriangleMesh:
     return revolve(radii, heights, (cutter.radius - thin, end), SIDES)
 
 
-def section_mesh(section: Section, margin: float = 0.0) -> TriangleMesh:
+def section_mesh(section: ToolSection, margin: float = 0.0) -> TriangleMesh:
     """The closed mesh that holds a section with the tip at the origin and the axis along +Z, thicker by `margin`
     (mm)."""
     across = margin * np.hypot(1.0, section.taper)

@@ -9,9 +9,9 @@ from numpy import ndarray
 
 from bonecam.arrays import unit
 from bonecam.planning.layers.chart import Chart
-from bonecam.planning.layers.curves import Curves
 from bonecam.planning.layers.drop import Ball
-from bonecam.planning.layers.material import HeightField
+from bonecam.planning.layers.height_field import HeightField
+from bonecam.planning.layers.layer_curves import LayerCurves
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import ContactPath
 
@@ -26,7 +26,7 @@ class Layer:
 
 
 def layer_of(
-    curves: Curves,
+    curves: LayerCurves,
     kept: Bool[ndarray, " n"],
     chart: Chart,
     cutter: Cutter,
@@ -63,7 +63,7 @@ def layer_of(
     return Layer(path, axes[index], material)
 
 
-def split(curves: Curves, kept: Bool[ndarray, " n"]) -> list[Int[ndarray, " _"]]:
+def split(curves: LayerCurves, kept: Bool[ndarray, " n"]) -> list[Int[ndarray, " _"]]:
     """The points of each stretch of `kept` ones on a line."""
     index = np.flatnonzero(kept)
     if not len(index):

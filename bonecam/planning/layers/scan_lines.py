@@ -14,8 +14,8 @@ from numpy import ndarray
 
 from bonecam.arrays import dots, unit
 from bonecam.planning.layers.chart import Chart
-from bonecam.planning.layers.curves import Heights
 from bonecam.planning.layers.drop import Ball
+from bonecam.planning.layers.layer_curves import Heights
 
 HALVINGS = 6
 """Times that the distance of passes is halved at most: on a wall they never come near enough."""

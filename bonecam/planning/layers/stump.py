@@ -17,10 +17,10 @@ from bonecam.job import Job
 from bonecam.mesh.distance import MeshDistance
 from bonecam.planning.layers.chart import Chart, FlatChart
 from bonecam.planning.layers.drop import Ball, drop, drop_balls
-from bonecam.planning.layers.finishing import depths_in, finish_layer
+from bonecam.planning.layers.finishing_layers import depths_in, finish_layer
+from bonecam.planning.layers.height_field import CELL, HeightField
 from bonecam.planning.layers.layer import Layer
-from bonecam.planning.layers.material import CELL, HeightField
-from bonecam.planning.layers.roughing import LEAD, Rough, rough_down, rough_layer
+from bonecam.planning.layers.roughing_layers import LEAD, Rough, rough_down, rough_layer
 from bonecam.planning.layers.scan_lines import flat_step, scan_lines
 from bonecam.tool.cutter import Cutter
 from bonecam.workholding.post import Post

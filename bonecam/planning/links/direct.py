@@ -15,8 +15,8 @@ from bonecam.arrays import angles_between
 from bonecam.planning.axes.singularity import SINGULAR_ANGLE, avoid_singularity, least_polar_angles
 from bonecam.planning.collision.interpolation import interpolate_poses
 from bonecam.planning.links.link_space import LinkSpace
-from bonecam.planning.links.moves import Moves, moves_of
-from bonecam.tool.path import Kind
+from bonecam.planning.links.moves import LinkMoves, moves_of
+from bonecam.tool.path import MoveKind
 
 LIFTS = (0.2, 0.5, 1.0)
 """Heights of a straight link above the contacts, along their normals or else their axes, in the order they are tried,
@@ -45,11 +45,11 @@ Poses = tuple[Float[ndarray, "m p 3"], Float[ndarray, "m p 3"]]
 """Ball centres and axes of the p poses of each link, its ends at the contacts left out."""
 
 
-def direct_links(space: LinkSpace, ends: Contacts, starts: Contacts, short: float) -> list[Moves | None]:
+def direct_links(space: LinkSpace, ends: Contacts, starts: Contacts, short: float) -> list[LinkMoves | None]:
     """The lowest link from each end to its start, both left out, that removes nothing; None where it is too long,
     turns too far, passes the singularity, leaves the limits, or is not proven free. Straight links are no longer than
     `short`, mm."""
-    found: list[Moves | None] = [None] * len(ends[0])
+    found: list[LinkMoves | None] = [None] * len(ends[0])
     away = np.linalg.norm(starts[0] - ends[0], axis=1)
     turns = angles_between(ends[2], starts[2])
     left = np.flatnonzero((away <= short) & (turns <= MAX_TURN))
@@ -77,7 +77,7 @@ def contacts_of(contacts: Contacts, which: Int[ndarray, " m"]) -> tuple[ndarray,
 
 
 def _take(
-    found: list[Moves | None],
+    found: list[LinkMoves | None],
     which: Int[ndarray, " m"],
     links: Poses,
     between: tuple[Contacts, Contacts],
@@ -88,7 +88,7 @@ def _take(
     axes = _off_singularity(*links)
     free = _free(space, (links[0], axes), *between)
     for k, c, v in zip(which[free], links[0][free], axes[free], strict=True):
-        found[k] = moves_of(Kind.LINK, c, v, feed)
+        found[k] = moves_of(MoveKind.LINK, c, v, feed)
     return free
 
 

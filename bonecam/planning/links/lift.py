@@ -15,10 +15,10 @@ from numpy import ndarray
 from bonecam.errors import MachineError
 from bonecam.machine.limits import LiftPlaces
 from bonecam.planning.links.link_space import LinkSpace
-from bonecam.planning.links.moves import Moves, join_moves, moves_of
+from bonecam.planning.links.moves import LinkMoves, join_moves, moves_of
 from bonecam.planning.links.transfer import SAFE, TRAVERSES, no_transfers
 from bonecam.planning.links.traverse import TraverseOptions
-from bonecam.tool.path import Kind, ToolPath
+from bonecam.tool.path import MoveKind, ToolPath
 
 LIFTS = (TraverseOptions(one_azimuth=True), TraverseOptions(rise=5.0, one_azimuth=True), *TRAVERSES)
 """The traverses to the safe point and back in the order they are tried: first those on which an axis about Z that is at
@@ -80,13 +80,13 @@ def _with_points(
 
 def _return(path: ToolPath, row: int) -> int:
     """The row that the tool comes back to from a lift before `row`."""
-    return row - 1 if path.kinds[row - 1] == path.kinds[row] == Kind.CUT else row
+    return row - 1 if path.kinds[row - 1] == path.kinds[row] == MoveKind.CUT else row
 
 
 def _with_lifts(
     path: ToolPath,
     lifts: Sequence[tuple[int, int]],
-    found: Mapping[tuple[int, int], Moves | None],
+    found: Mapping[tuple[int, int], LinkMoves | None],
     plunge_feed: float,
 ) -> ToolPath:
     """The path with lifts before some rows; a contact that the tool comes back to is entered at the plunge feed and
@@ -113,11 +113,11 @@ def _with_lifts(
     return replace(path, **arrays, cones=cones, lifts=ends.reshape(-1, 2) - [0, 1])
 
 
-def _there_and_back(up: Moves | None, down: Moves | None) -> Moves:
+def _there_and_back(up: LinkMoves | None, down: LinkMoves | None) -> LinkMoves:
     """The moves to the safe point and from there, with one on the spot between them, for the rotary axes to turn."""
     assert up is not None
     assert down is not None
-    spot = moves_of(Kind.RAPID, up.centres[-1:], up.axes[-1:], float(up.feeds[-1]))
+    spot = moves_of(MoveKind.RAPID, up.centres[-1:], up.axes[-1:], float(up.feeds[-1]))
     return join_moves([up, spot, down])
 
 

@@ -11,15 +11,15 @@ from numpy import ndarray
 
 from bonecam.machine.limits import MachineLimits
 from bonecam.material.dexels import CELL
-from bonecam.material.material import Material
+from bonecam.material.in_process_stock import InProcessStock
 from bonecam.material.move_depths import move_depths
 from bonecam.planning.collision.checker import CollisionChecker
 from bonecam.planning.collision.interpolation import interpolate_poses
-from bonecam.planning.layers.standing import StandingMesh
+from bonecam.planning.layers.height_mesh import HeightMesh
 from bonecam.planning.links.clearance_surface import ClearanceSurface
 from bonecam.planning.links.moves import Feeds, Pose
 from bonecam.planning.passes.engaged_segments import UNCERTAIN
-from bonecam.planning.passes.gouge import moves_gouge_free
+from bonecam.planning.passes.gouge_lifts import moves_gouge_free
 
 CHECK_STEPS = 4
 """Steps that a straight move is divided into for its proof."""
@@ -51,7 +51,7 @@ class LinkSpace:
     feeds: Feeds
     clearance: float
     gouge_tolerance: float
-    material: Material | StandingMesh | None = None
+    material: InProcessStock | HeightMesh | None = None
 
     @property
     def ball_radius(self) -> float:
@@ -113,7 +113,7 @@ class LinkSpace:
     def cuts_little(self, lines: Sequence[Polyline], contacts: Sequence[Polyline]) -> Bool[ndarray, " k"]:
         """Whether neither the ball alone nor ball and flutes remove more than CUT_ALLOWED on straight moves through the
         poses of each line, but for what they have removed at the contacts of that line."""
-        if not isinstance(self.material, Material):
+        if not isinstance(self.material, InProcessStock):
             return np.ones(len(lines), dtype=bool)
         cutter = self.checker.cutter
         removed = self.material.dexels.removed_by(lines, contacts, cutter.radius)
@@ -127,7 +127,7 @@ class LinkSpace:
     def rapids_cut_nothing(self, lines: Sequence[Polyline]) -> Bool[ndarray, " k"]:
         """Whether a ball that is thicker by RAPID_SPARE removes nothing on straight moves through the poses of each
         line."""
-        if not isinstance(self.material, Material):
+        if not isinstance(self.material, InProcessStock):
             return np.ones(len(lines), dtype=bool)
         nowhere = [(np.zeros((0, 3)), np.zeros((0, 3)))] * len(lines)
         removed = self.material.dexels.removed_by(lines, nowhere, self.ball_radius + RAPID_SPARE)

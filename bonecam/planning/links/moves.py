@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from bonecam.tool.path import Kind
+from bonecam.tool.path import MoveKind
 
 Pose = tuple[Float[ndarray, "3"], Float[ndarray, "3"]]
 """Ball centre and unit tool axis."""
@@ -23,7 +23,7 @@ class Feeds:
 
 
 @dataclass(frozen=True, eq=False)
-class Moves:
+class LinkMoves:
     """Row i: the move that arrives at ball centre i with axis i: its kind and feed (mm/min)."""
 
     kinds: Int[ndarray, " n"]
@@ -35,18 +35,20 @@ class Moves:
         return len(self.kinds)
 
 
-NO_MOVES = Moves(np.zeros(0, dtype=np.int64), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
+NO_MOVES = LinkMoves(np.zeros(0, dtype=np.int64), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
 """Nothing is between two runs: the tool cuts straight on."""
 
 
-def moves_of(kind: Kind, centres: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], feed: float) -> Moves:
+def moves_of(
+    kind: MoveKind, centres: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], feed: float
+) -> LinkMoves:
     """Moves of one kind at one feed."""
-    return Moves(np.full(len(centres), int(kind)), centres, axes, np.full(len(centres), feed))
+    return LinkMoves(np.full(len(centres), int(kind)), centres, axes, np.full(len(centres), feed))
 
 
-def join_moves(moves: Sequence[Moves]) -> Moves:
+def join_moves(moves: Sequence[LinkMoves]) -> LinkMoves:
     """All moves, one behind the other."""
-    return Moves(
+    return LinkMoves(
         np.concatenate([m.kinds for m in moves]),
         np.vstack([m.centres for m in moves]),
         np.vstack([m.axes for m in moves]),

@@ -17,8 +17,8 @@ from bonecam.arrays import perpendicular
 from bonecam.machine.limits import polar_angles, with_polar_angles
 from bonecam.planning.axes.lead import LEAVING
 from bonecam.planning.links.link_space import IN_AIR, LinkSpace, Polyline
-from bonecam.planning.links.moves import NO_MOVES, Feeds, Moves, Pose
-from bonecam.tool.path import Kind
+from bonecam.planning.links.moves import NO_MOVES, Feeds, LinkMoves, Pose
+from bonecam.tool.path import MoveKind
 
 RAPID_MARGIN = 0.15
 """Rapids begin and end where the tool is farther from the material than the clearance by this much, mm."""
@@ -58,7 +58,7 @@ class Retract:
     """The moves from a pose to the clearance surface, and the pose they end at; no moves where the tool is
     there already."""
 
-    moves: Moves
+    moves: LinkMoves
     end: Pose
 
 
@@ -67,12 +67,12 @@ def safe_retract(space: LinkSpace) -> Retract:
     return Retract(NO_MOVES, space.safe_pose)
 
 
-def approach(retract: Retract, feeds: Feeds) -> Moves:
+def approach(retract: Retract, feeds: Feeds) -> LinkMoves:
     """The retract backwards from its end, the contact left out: rapids, then links at the plunge feed."""
     out = retract.moves
     kinds = out.kinds[:0:-1]
-    speeds = np.where(kinds == Kind.LINK, feeds.plunge, feeds.rapid)
-    return Moves(kinds, out.centres[-2::-1], out.axes[-2::-1], speeds)
+    speeds = np.where(kinds == MoveKind.LINK, feeds.plunge, feeds.rapid)
+    return LinkMoves(kinds, out.centres[-2::-1], out.axes[-2::-1], speeds)
 
 
 def departures(axis: Float[ndarray, "3"]) -> list[Departure]:
@@ -200,6 +200,6 @@ def _retract(
     bend = np.flatnonzero((lengths == departure.along_axis) & (lengths > 0))
     stops = np.unique(np.r_[bend, standoff, len(centres) - 1])
     is_link = stops <= standoff
-    kinds = np.where(is_link, int(Kind.LINK), int(Kind.RAPID))
+    kinds = np.where(is_link, int(MoveKind.LINK), int(MoveKind.RAPID))
     speeds = np.where(is_link, feeds.link, feeds.rapid)
-    return Retract(Moves(kinds, centres[stops], axes[stops], speeds), (centres[-1], axes[-1]))
+    return Retract(LinkMoves(kinds, centres[stops], axes[stops], speeds), (centres[-1], axes[-1]))

@@ -12,7 +12,7 @@ from jaxtyping import Int
 from numpy import ndarray
 
 from bonecam.planning.links.link_space import LinkSpace
-from bonecam.planning.links.moves import Moves, Pose
+from bonecam.planning.links.moves import LinkMoves, Pose
 from bonecam.planning.links.transfer import SAFE, Transfers, no_transfers
 
 
@@ -21,15 +21,15 @@ class LinkedRuns:
     """The runs that are reached, in order: each one's number and the moves to it; and the moves `home` from
     the last one (None where no run is reached)."""
 
-    links: tuple[tuple[int, Moves], ...]
-    home: Moves | None
+    links: tuple[tuple[int, LinkMoves], ...]
+    home: LinkMoves | None
 
 
 def link_runs(
     space: LinkSpace,
     poses: Sequence[Pose],
     runs: Sequence[Int[ndarray, " _"]],
-    direct: Sequence[Moves | None],
+    direct: Sequence[LinkMoves | None],
 ) -> LinkedRuns:
     """Link runs (contacts, as indices into `poses`); `direct[k]` is the direct link from run k to the next,
     if there is one: without moves where the tool cuts straight on."""
@@ -42,7 +42,7 @@ def link_runs(
     first = [(SAFE, ends[k][0]) for k in reachable[:1]]
     transfers = transfers.extend(first + [(ends[a][1], ends[b][0]) for a, b in jumps])
 
-    links: list[tuple[int, Moves]] = []
+    links: list[tuple[int, LinkMoves]] = []
     for k in reachable:
         last = links[-1][0] if links else None
         link = after[last] if last is not None and last == k - 1 else None
@@ -62,7 +62,7 @@ def link_runs(
 
 
 def _find_leavable(
-    transfers: Transfers, ends: Sequence[tuple[int, int]], after: Sequence[Moves | None]
+    transfers: Transfers, ends: Sequence[tuple[int, int]], after: Sequence[LinkMoves | None]
 ) -> tuple[Transfers, list[bool]]:
     """Whether the tool gets away from the end of each run: directly to a run that it gets away from, or to
     the safe point."""

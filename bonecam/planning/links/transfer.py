@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bonecam.planning.links.link_space import LinkSpace, Polyline
-from bonecam.planning.links.moves import Moves, Pose, join_moves, moves_of
+from bonecam.planning.links.moves import LinkMoves, Pose, join_moves, moves_of
 from bonecam.planning.links.retract import Retract, approach, find_retracts, safe_retract
 from bonecam.planning.links.traverse import TraverseOptions, traverse
-from bonecam.tool.path import Kind
+from bonecam.tool.path import MoveKind
 
 TRAVERSES = (
     TraverseOptions(),
@@ -38,7 +38,7 @@ class Transfers:
     space: LinkSpace
     poses: Sequence[Pose]
     retracts: Mapping[int, Retract | None]
-    found: Mapping[tuple[int, int], Moves | None]
+    found: Mapping[tuple[int, int], LinkMoves | None]
     traverses: Sequence[TraverseOptions] = TRAVERSES
 
     def extend(self, pairs: Sequence[tuple[int, int]]) -> "Transfers":
@@ -65,7 +65,7 @@ def no_transfers(
 
 def _find_transfers(
     space: LinkSpace, pairs: Sequence[tuple[Retract, Retract]], options: Sequence[TraverseOptions]
-) -> list[Moves | None]:
+) -> list[LinkMoves | None]:
     """The transfer from the pose of each first retract to that of the second."""
     traverses = _find_traverses(space, [(out.end, into.end) for out, into in pairs], options)
     found = [
@@ -86,16 +86,16 @@ def _find_transfers(
 
 def _find_traverses(
     space: LinkSpace, pairs: Sequence[tuple[Pose, Pose]], tried: Sequence[TraverseOptions]
-) -> list[Moves | None]:
+) -> list[LinkMoves | None]:
     """The first of those `tried` between each two poses on the clearance surface that is free, its first pose
     left out; the same one of all pairs is tried at once."""
-    found: list[Moves | None] = [None] * len(pairs)
+    found: list[LinkMoves | None] = [None] * len(pairs)
     for options in tried:
         left = [k for k, moves in enumerate(found) if moves is None]
         routes = [traverse(space.surface, *pairs[k], space.limits, options) for k in left]
         for k, (centres, axes), free in zip(left, routes, _routes_free(space, routes), strict=True):
             if free:
-                found[k] = moves_of(Kind.RAPID, centres[1:], axes[1:], space.feeds.rapid)
+                found[k] = moves_of(MoveKind.RAPID, centres[1:], axes[1:], space.feeds.rapid)
     return found
 
 

@@ -16,19 +16,19 @@ from numpy import ndarray
 from bonecam.errors import ToolPathError
 from bonecam.job import PathJob
 from bonecam.levels.measure.level import MachinedLevel, RoundedLevel
-from bonecam.material.material import Material
+from bonecam.material.in_process_stock import InProcessStock
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.facets.nearest_areas import nearest_areas
 from bonecam.planning.passes.engaged_segments import (
     ANYTHING,
-    Allowed,
+    DepthLimits,
+    EngagedSegments,
     Lines,
-    Stretches,
     cutting_passes,
     useful_passes,
     whole_passes,
 )
-from bonecam.planning.passes.gouge import gouge_free_lifts, planned_tolerance
+from bonecam.planning.passes.gouge_lifts import gouge_free_lifts, planned_tolerance
 from bonecam.planning.passes.patterns.fastest import pattern_curves
 from bonecam.planning.passes.patterns.order import order_curves
 from bonecam.planning.passes.patterns.post_ring import post_ring
@@ -96,7 +96,7 @@ class CandidateContacts:
         """The contacts that the ball reaches and that have something to cut, whatever stands on them."""
         return ~(self.at_post | np.isnan(self.lifts) | self.in_air)
 
-    def depths(self, material: Material) -> Float[ndarray, " n"]:
+    def depths(self, material: InProcessStock) -> Float[ndarray, " n"]:
         """How deep the ball enters the material at each contact, mm."""
         return material.depths(self.centres, self.cutter.radius)[0]
 
@@ -146,8 +146,8 @@ def candidate_contacts(
 
 def contact_path(
     candidates: CandidateContacts,
-    material: Material | None = None,
-    allowed: Allowed = ANYTHING,
+    material: InProcessStock | None = None,
+    allowed: DepthLimits = ANYTHING,
     deepest: float = np.inf,
 ) -> ContactPath:
     """The contacts of a level that can be machined while `material` is left on it, but for where the ball would
@@ -191,7 +191,7 @@ def contact_path(
     )
 
 
-def _trimmed(candidates: CandidateContacts, usable: Bool[ndarray, " n"], made: Stretches) -> float:
+def _trimmed(candidates: CandidateContacts, usable: Bool[ndarray, " n"], made: EngagedSegments) -> float:
     """Length of the usable moves that no stretch passes over, mm."""
     passed = np.zeros(len(usable), dtype=bool)
     passed[made.index] = True
@@ -203,9 +203,9 @@ def _trimmed(candidates: CandidateContacts, usable: Bool[ndarray, " n"], made: S
 def _stretches(
     candidates: CandidateContacts,
     usable: Bool[ndarray, " n"],
-    material: Material | None,
-    allowed: Allowed,
-) -> Stretches:
+    material: InProcessStock | None,
+    allowed: DepthLimits,
+) -> EngagedSegments:
     """The passes over the usable contacts where they are worth a cut, also behind the passes before them."""
     lines = candidates.lines
     if material is None or not np.isfinite(allowed.limit):

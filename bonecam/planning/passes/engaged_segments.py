@@ -49,7 +49,7 @@ class Lines:
 
 
 @dataclass(frozen=True)
-class Allowed:
+class DepthLimits:
     """The largest depth (`limit`) of a cut, what it may be deeper where the cutter before left a `scallop`, and
     the `least` depth that is worth a cut, mm."""
 
@@ -66,12 +66,12 @@ class Allowed:
 
 Run = tuple[Int[ndarray, " _"], Float[ndarray, "_ 3"], int]
 """Contacts by index, what their centres are moved by (mm), and how many of them first are a ramp."""
-ANYTHING = Allowed()
+ANYTHING = DepthLimits()
 """Every depth is allowed."""
 
 
 @dataclass(frozen=True, eq=False)
-class Stretches:
+class EngagedSegments:
     """Passes in machining order: contacts by `index`, what their centres are moved by (mm), the number of the pass of
     each, and whether it is on the `ramp` of its pass. `short` are the contacts of stretches that are not worth a
     plunge."""
@@ -83,25 +83,25 @@ class Stretches:
     short: Int[ndarray, " k"]
 
 
-def whole_passes(lines: Lines, usable: Bool[ndarray, " n"]) -> Stretches:
+def whole_passes(lines: Lines, usable: Bool[ndarray, " n"]) -> EngagedSegments:
     """One pass over every stretch that is usable."""
     runs = split_runs(lines, usable)
-    return stretches_of([(run, np.zeros((len(run), 3)), 0) for run in runs])
+    return engaged_segments_of([(run, np.zeros((len(run), 3)), 0) for run in runs])
 
 
 def cutting_passes(
     lines: Lines,
     usable: Bool[ndarray, " n"],
     depth: Float[ndarray, " n"],
-    allowed: Allowed,
+    allowed: DepthLimits,
     in_air: Bool[ndarray, " n"],
-) -> Stretches:
+) -> EngagedSegments:
     """The passes over what is usable and deep enough, entered on ramps. They may begin, end and go on over what is
     `in_air`: the strip that the edge of a bar takes is no longer than a step or two."""
     deep = usable & (depth >= allowed.least)
     passable = usable | in_air
     cut = filled(lines, beside(lines, deep, BESIDE) & passable, passable, SHORT_GAP)
-    return _entered_stretches(lines, cut, depth, allowed)
+    return _entered_segments(lines, cut, depth, allowed)
 
 
 def useful_passes(
@@ -109,8 +109,8 @@ def useful_passes(
     useful: Bool[ndarray, " n"],
     passable: Bool[ndarray, " n"],
     depth: Float[ndarray, " n"],
-    allowed: Allowed,
-) -> Stretches:
+    allowed: DepthLimits,
+) -> EngagedSegments:
     """The passes over what is `useful` behind the passes before, over gaps that are `passable` and short, and beside
     stretches that are too short alone."""
     cut = filled(lines, useful, passable, USELESS_GAP)
@@ -118,17 +118,17 @@ def useful_passes(
     for run in split_runs(lines, cut):
         few[run] = len(run) < LEAST_CONTACTS
     cut = filled(lines, cut | beside(lines, few, BESIDE) & passable, passable, USELESS_GAP)
-    return _entered_stretches(lines, cut, depth, allowed)
+    return _entered_segments(lines, cut, depth, allowed)
 
 
-def _entered_stretches(
-    lines: Lines, cut: Bool[ndarray, " n"], depth: Float[ndarray, " n"], allowed: Allowed
-) -> Stretches:
+def _entered_segments(
+    lines: Lines, cut: Bool[ndarray, " n"], depth: Float[ndarray, " n"], allowed: DepthLimits
+) -> EngagedSegments:
     """The passes over what is cut, entered on ramps."""
     runs = split_runs(lines, cut)
     short = [run for run in runs if len(run) < LEAST_CONTACTS]
     flat = np.zeros((len(depth), 3))
-    return stretches_of(in_turn(lines, entered_runs(lines, runs, depth, flat, allowed.limit)), short)
+    return engaged_segments_of(in_turn(lines, entered_runs(lines, runs, depth, flat, allowed.limit)), short)
 
 
 def split_runs(lines: Lines, kept: Bool[ndarray, " n"]) -> list[Int[ndarray, " _"]]:
@@ -222,10 +222,10 @@ def _entered(lines: Lines, run: Int[ndarray, " r"], raised: Float[ndarray, "r 3"
     return np.r_[run[ramp], run], np.vstack([raised[ramp] + up, raised]), len(ramp)
 
 
-def stretches_of(found: Sequence[Run], short: Sequence[ndarray] = ()) -> Stretches:
+def engaged_segments_of(found: Sequence[Run], short: Sequence[ndarray] = ()) -> EngagedSegments:
     """The runs as passes, one after the other."""
     none = np.zeros(0, dtype=np.int64)
-    return Stretches(
+    return EngagedSegments(
         np.concatenate([none, *(index for index, _, _ in found)]),
         np.vstack([np.zeros((0, 3)), *(raised for _, raised, _ in found)]),
         np.repeat(np.arange(len(found)), [len(index) for index, _, _ in found]),

@@ -18,7 +18,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.passes.contacts import POST_CLEARANCE
 from bonecam.tool.ball_depth import MAX_DEPTH_RADII
 from bonecam.tool.cutter import Cutter
-from bonecam.tool.path import PARTING, ContactPath, Kind, ToolPath
+from bonecam.tool.path import PARTING, ContactPath, MoveKind, ToolPath
 from bonecam.workholding.post import Post
 
 RAMP = np.pi / 2
@@ -65,7 +65,7 @@ def cut_groove(paths: Sequence[ToolPath]) -> Groove | None:
     if not parting:
         return None
     radius = parting[0].cutter.radius
-    places = np.vstack([path.contacts[path.kinds == Kind.CUT] for path in parting])
+    places = np.vstack([path.contacts[path.kinds == MoveKind.CUT] for path in parting])
     radii = np.hypot(places[:, 0], places[:, 1])
     return Groove(float(places[0, 2]), radius, float(radii.min()), float(radii.max()))
 

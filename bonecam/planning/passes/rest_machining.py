@@ -14,20 +14,20 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from bonecam.material.material import Material
+from bonecam.material.in_process_stock import InProcessStock
 from bonecam.material.move_depths import move_depths
 from bonecam.planning.passes.contacts import MAX_LIFT_RADII, CandidateContacts
 from bonecam.planning.passes.engaged_segments import (
     UNCERTAIN,
-    Allowed,
+    DepthLimits,
     beside,
+    engaged_segments_of,
     entered_runs,
     filled,
     in_turn,
     split_runs,
-    stretches_of,
 )
-from bonecam.planning.passes.gouge import gouge_free_lifts
+from bonecam.planning.passes.gouge_lifts import gouge_free_lifts
 from bonecam.tool.path import ContactPath
 
 SHORT_GAP = 6.0
@@ -60,13 +60,13 @@ class RestStep:
         return float(passes + ENTRY_LENGTH * len(self.runs))
 
 
-def too_deep(candidates: CandidateContacts, material: Material, allowed: Allowed) -> bool:
+def too_deep(candidates: CandidateContacts, material: InProcessStock, allowed: DepthLimits) -> bool:
     """Whether the ball would enter the material deeper than allowed on a contact that it reaches."""
     return bool((candidates.depths(material)[candidates.usable] > allowed.deepest).any())
 
 
 def rest_contacts(
-    patterns: Sequence[CandidateContacts], material: Material, allowed: Allowed
+    patterns: Sequence[CandidateContacts], material: InProcessStock, allowed: DepthLimits
 ) -> list[ContactPath]:
     """The contacts of the rest paths of a level, whose contacts in several patterns are given; none where nothing is
     too deep."""
@@ -82,7 +82,7 @@ def rest_contacts(
     return [path for path in paths if len(path.contacts)]
 
 
-def after_steps(path: ContactPath, material: Material, allowed: Allowed) -> ContactPath:
+def after_steps(path: ContactPath, material: InProcessStock, allowed: DepthLimits) -> ContactPath:
     """The contacts of a rest path but those where a step before it was left out: the ball would be too deep. A pass
     ends there, and where the straight way to its next contact is too deep: over a ridge that balls are raised out of
     to both sides. None where all of the path is in air."""
@@ -98,7 +98,7 @@ def after_steps(path: ContactPath, material: Material, allowed: Allowed) -> Cont
     return replace(path.take(kept), pass_index=np.r_[0, np.cumsum(~goes_on)][: len(kept)])
 
 
-def _first(candidates: CandidateContacts, material: Material, allowed: Allowed) -> RestStep:
+def _first(candidates: CandidateContacts, material: InProcessStock, allowed: DepthLimits) -> RestStep:
     """The first step on the lines of one pattern."""
     depth = candidates.depths(material)
     deep = candidates.usable & (depth > allowed.deepest)
@@ -141,7 +141,7 @@ def _share(deep: Bool[ndarray, " r"]) -> Float[ndarray, " r"]:
 
 
 def _raised(
-    centres: Float[ndarray, "n 3"], radius: float, material: Material, cut: Float[ndarray, " n"]
+    centres: Float[ndarray, "n 3"], radius: float, material: InProcessStock, cut: Float[ndarray, " n"]
 ) -> Float[ndarray, "n 3"]:
     """What each ball has to be moved by to enter the material by `cut` (mm) only: by what is too deep, away from the
     nearest place, and again, as it may then be too deep in another wall."""
@@ -183,12 +183,12 @@ def _gouge_free(step: RestStep) -> RestStep:
     return RestStep(candidates, [index[piece] for piece in pieces if len(piece)], step.depth, raised)
 
 
-def _contact_path(step: RestStep, allowed: Allowed, number: int) -> ContactPath:
+def _contact_path(step: RestStep, allowed: DepthLimits, number: int) -> ContactPath:
     """The contacts of a step, its runs entered on ramps."""
     candidates = step.candidates
     lines = candidates.lines
     runs = entered_runs(lines, step.runs, step.depth, step.raised, allowed.limit)
-    made = stretches_of(in_turn(lines, runs))
+    made = engaged_segments_of(in_turn(lines, runs))
     kept = made.index
     return ContactPath(
         candidates.level.index,

@@ -18,10 +18,10 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.layers.chart import FlatChart
 from bonecam.planning.layers.drop import Ball, drop_balls
-from bonecam.planning.layers.finishing import finish_layer, places_of, unreached
+from bonecam.planning.layers.finishing_layers import finish_layer, places_of, unreached
+from bonecam.planning.layers.height_field import CELL, HeightField, stock_field
 from bonecam.planning.layers.layer import Layer
-from bonecam.planning.layers.material import CELL, HeightField, stock_field
-from bonecam.planning.layers.roughing import Rough, rough_layer
+from bonecam.planning.layers.roughing_layers import Rough, rough_layer
 from bonecam.planning.layers.scan_lines import flat_step
 from bonecam.planning.strategies.slices import offset_curves
 from bonecam.setup.stock import Stock
@@ -33,7 +33,7 @@ EDGE = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class Side:
+class MillingSide:
     """One side: its lines, and the tip heights (mm) of its first and its last slice."""
 
     chart: FlatChart
@@ -67,7 +67,9 @@ def iso_height_layers(
     return layers, points[left]
 
 
-def _sides(part: TriangleMesh, stock: Stock, roughing: Cutter, finishing: Cutter) -> tuple[Side, Side]:
+def _sides(
+    part: TriangleMesh, stock: Stock, roughing: Cutter, finishing: Cutter
+) -> tuple[MillingSide, MillingSide]:
     """The two sides, towards which the part is thinnest."""
     points, normals = places_of(part)
     axis = np.r_[np.linalg.eigh(np.cov(points[:, :2].T))[1][:, 0], 0.0]
@@ -80,13 +82,13 @@ def _sides(part: TriangleMesh, stock: Stock, roughing: Cutter, finishing: Cutter
     outline = (points @ axis)[np.abs(normals @ axis) < EDGE]
     heights = outer @ axis
     return (
-        Side(chart, float(heights.max()), float(outline.min()) - finishing.radius),
-        Side(chart.turned_over, float(-heights.min()), float(-outline.max()) - finishing.radius),
+        MillingSide(chart, float(heights.max()), float(outline.min()) - finishing.radius),
+        MillingSide(chart.turned_over, float(-heights.min()), float(-outline.max()) - finishing.radius),
     )
 
 
 def _rough_side(
-    side: Side, ball: Ball, material: HeightField, cutter: Cutter, job: Job
+    side: MillingSide, ball: Ball, material: HeightField, cutter: Cutter, job: Job
 ) -> tuple[list[Layer], HeightField]:
     """The slices of a side that find material, from the top down."""
     a, b = (each.ravel() for each in np.meshgrid(side.chart.a, side.chart.b, indexing="ij"))

@@ -12,9 +12,9 @@ from bonecam.levels.measure.level import Level, morph_surfaces
 from bonecam.machine.limits import MachineLimits
 from bonecam.mesh.distance import MeshDistance
 from bonecam.planning.collision.scene import Scene
-from bonecam.planning.holding.parting import parting_paths
-from bonecam.planning.layers.material import DEVIATION
-from bonecam.planning.layers.standing import StandingMesh
+from bonecam.planning.holding.parting_paths import parting_paths
+from bonecam.planning.layers.height_field import DEVIATION
+from bonecam.planning.layers.height_mesh import HeightMesh
 from bonecam.planning.oriented_path import orient
 from bonecam.planning.strategies.iso_height import iso_height_layers
 from bonecam.planning.strategies.rotary import rotary_layers
@@ -60,7 +60,7 @@ def plan_layer_paths(
     paths = []
     for count, layer in enumerate(layers):
         report(progress, 0.3 + 0.7 * count / len(layers), f"path of layer {len(layers) - 1 - count}")
-        standing = StandingMesh(layer.material.mesh())
+        standing = HeightMesh(layer.material.mesh())
         scene = Scene(
             distance.mesh,
             standing.mesh,

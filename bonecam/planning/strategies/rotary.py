@@ -15,10 +15,10 @@ from bonecam.job import Job
 from bonecam.mesh.distance import MeshDistance
 from bonecam.planning.layers.chart import RoundChart
 from bonecam.planning.layers.drop import Ball
-from bonecam.planning.layers.finishing import finish_layer, places_of, unreached
+from bonecam.planning.layers.finishing_layers import finish_layer, places_of, unreached
+from bonecam.planning.layers.height_field import CELL, HeightField, stock_field
 from bonecam.planning.layers.layer import Layer
-from bonecam.planning.layers.material import CELL, HeightField, stock_field
-from bonecam.planning.layers.roughing import Rough, rough_down
+from bonecam.planning.layers.roughing_layers import Rough, rough_down
 from bonecam.planning.layers.scan_lines import flat_step
 from bonecam.setup.stock import Stock
 from bonecam.tool.cutter import Cutter

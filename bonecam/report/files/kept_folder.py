@@ -17,7 +17,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.passes.parting import cut_groove
 from bonecam.report.files.kept_view import SECOND_VIEW, VIEW
 from bonecam.report.files.result import Morphed, Result
-from bonecam.report.files.second import SecondProgram
+from bonecam.report.files.second_program import SecondProgram
 from bonecam.report.page.packing import unpack
 from bonecam.report.page.program_contents import NO_LEVEL
 from bonecam.report.pictures.depth_colours import draw_coloured
@@ -32,7 +32,7 @@ from bonecam.report.tables.cones_csv import cones_csv
 from bonecam.report.tables.toolpath_csv import toolpath_csv
 from bonecam.setup.stock import Stock
 from bonecam.surface.files.tspline_text import write_tsm
-from bonecam.tool.path import Kind
+from bonecam.tool.path import MoveKind
 
 FAILED = r"failed_level_\d{2,}\.ply"
 """Name of the file that shows where a level failed its check, as a regular expression."""
@@ -97,7 +97,7 @@ def _draw_engagement(made: Result, file: Path) -> None:
         moves["move_contact"],
         moves["move_tip"] + radii[:, None] * moves["move_axis"] - moves["move_contact"],
         moves["move_section"],
-        (moves["move_kind"] == Kind.CUT) & (moves["move_level"] < NO_LEVEL),
+        (moves["move_kind"] == MoveKind.CUT) & (moves["move_level"] < NO_LEVEL),
         file,
     )
 

@@ -14,7 +14,7 @@ from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.nc.program import Program
 from bonecam.planning.collision.level_scene import level_scene
 from bonecam.report.axis_comparison import AxisComparison, compare_axes
-from bonecam.report.files.second import SecondProgram
+from bonecam.report.files.second_program import SecondProgram
 from bonecam.report.files.shown import Shown
 from bonecam.report.page.contents import run_contents
 from bonecam.report.page.packing import pack

@@ -52,7 +52,7 @@ class Shown(ABC):
         """The summary and a picture, as notebooks show a value."""
         with TemporaryDirectory() as folder:
             path = Path(folder) / "picture.png"
-            told = self._draw(path)
+            reported = self._draw(path)
             data = base64.b64encode(path.read_bytes()).decode("ascii")
-        picture = f'<img alt="{html.escape(told)}" src="data:image/png;base64,{data}">'
+        picture = f'<img alt="{html.escape(reported)}" src="data:image/png;base64,{data}">'
         return f"<pre>{html.escape(self.summary)}</pre>{picture}"

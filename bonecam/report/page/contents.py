@@ -72,5 +72,5 @@ def with_program(run: Contents, posted: Contents, report: dict[str, Any], summar
     facts = {name: fact for name, fact in run.facts.items() if name not in PROGRAM_FACTS}
     arrays = {name: array for name, array in run.arrays.items() if not name.startswith(PROGRAM_ARRAYS)}
     sections = {name: section for name, section in facts["report"].items() if name not in ("nc", "toolpath")}
-    told = {"report": {**sections, **report}, "summary": summary}
-    return Contents({**facts, **told, **posted.facts}, {**arrays, **posted.arrays})
+    reported = {"report": {**sections, **report}, "summary": summary}
+    return Contents({**facts, **reported, **posted.facts}, {**arrays, **posted.arrays})

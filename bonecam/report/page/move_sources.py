@@ -9,7 +9,7 @@ from numpy import ndarray
 
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.reading.motions import Motions
-from bonecam.tool.path import Kind, ToolPath
+from bonecam.tool.path import MoveKind, ToolPath
 from bonecam.verify.readback import Tolerances, compare_moves
 
 
@@ -40,21 +40,21 @@ def of_rows(
         np.vstack([getattr(path, name) for path in paths])[rows] for name in ("tips", "axes", "contacts")
     )
     kinds = np.concatenate([_kinds(path) for path in paths])[rows]
-    kinds = np.where(leads.away, int(Kind.RAPID), kinds)
+    kinds = np.where(leads.away, int(MoveKind.RAPID), kinds)
     outward = tips + radius[:, None] * axes - contacts
     touches = motions.tips + radius[:, None] * motions.axes - outward
-    at_level = (kinds != Kind.RAPID) & np.isfinite(touches).all(1)
+    at_level = (kinds != MoveKind.RAPID) & np.isfinite(touches).all(1)
     return kinds, np.where(at_level[:, None], touches, motions.tips)
 
 
 def _kinds(path: ToolPath) -> Int[ndarray, " n"]:
     """The kind of each move of a path; the move to the first contact of a pass is a link to look at."""
-    cutting = path.kinds == Kind.CUT
+    cutting = path.kinds == MoveKind.CUT
     goes_on = np.r_[False, cutting[:-1] & (path.pass_index[1:] == path.pass_index[:-1])]
-    return np.where(cutting & ~goes_on, int(Kind.LINK), path.kinds).astype(np.int64)
+    return np.where(cutting & ~goes_on, int(MoveKind.LINK), path.kinds).astype(np.int64)
 
 
 def of_text(motions: Motions) -> tuple[Int[ndarray, " n"], Float[ndarray, "n 3"]]:
     """The kind of each move, links by the comments LINK of the text, and the tips."""
-    feeds = np.where(motions.links, int(Kind.LINK), int(Kind.CUT))
-    return np.where(motions.rapid, int(Kind.RAPID), feeds), motions.tips
+    feeds = np.where(motions.links, int(MoveKind.LINK), int(MoveKind.CUT))
+    return np.where(motions.rapid, int(MoveKind.RAPID), feeds), motions.tips

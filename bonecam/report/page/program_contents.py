@@ -23,7 +23,7 @@ from bonecam.report.page.rewinds import rewind_contents
 from bonecam.report.page.thinning import thinned
 from bonecam.report.summary import WHY
 from bonecam.tool.cutter import Cutter
-from bonecam.tool.path import PARTING, Kind, ToolPath
+from bonecam.tool.path import PARTING, MoveKind, ToolPath
 from bonecam.verify.removal.groups import feed_minutes, groups_of
 from bonecam.verify.removal.left import LEFT
 from bonecam.verify.removal.of_job import cutters_of, followed_surfaces
@@ -74,13 +74,16 @@ def program_contents(
     arrays = {f"move_{name}": values[kept] for name, values in moves.items()}
     arrays |= rewind_contents(text, motions, dialect)
     arrays["text"] = np.frombuffer(text.encode("latin-1", "replace"), np.uint8)
-    told = {
+    reported = {
         **{"machine": machine.name, "controller": dialect.name, "blocks": motions.blocks},
         "minutes": float(moves["minute"][-1]),
         "chord": CHORD if len(kept) < len(kinds) else 0.0,
         "layers": _layers(level_of, surfaces, meshes),
     }
-    facts: dict[str, Any] = {"tools": [_tool(cutter) for cutter in cutters_of(job, machine)], "program": told}
+    facts: dict[str, Any] = {
+        "tools": [_tool(cutter) for cutter in cutters_of(job, machine)],
+        "program": reported,
+    }
     if leads:
         facts["uncut"], uncut = _uncut(paths)
         arrays |= {**uncut, **cone_contents(paths, leads.rows[kept], leads.arrives[kept])}
@@ -170,7 +173,7 @@ def _standing(
     arrays: dict[str, ndarray] = {}
     for standing in removal.standing:
         k = standing.level
-        moves = np.flatnonzero((level_of == k) & (kinds == Kind.CUT))
+        moves = np.flatnonzero((level_of == k) & (kinds == MoveKind.CUT))
         arrays[f"before_{k}"] = standing.before
         arrays[f"after_{k}"] = standing.after
         if len(moves):

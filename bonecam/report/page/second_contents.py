@@ -41,7 +41,7 @@ def second_contents(
         surfaces=layers_on(clamping.part, removal),
     )
     posted.facts["program"]["minutes"] = report["time_min"]
-    told = {
+    reported = {
         "name": f"{name}, second clamping",
         **bodies(job, machine.table),
         "report": report,
@@ -49,7 +49,7 @@ def second_contents(
         "version": version,
     }
     shapes = _shapes(clamping)
-    return Contents({**shapes.facts, **told, **posted.facts}, {**shapes.arrays, **posted.arrays})
+    return Contents({**shapes.facts, **reported, **posted.facts}, {**shapes.arrays, **posted.arrays})
 
 
 def _shapes(clamping: SecondClamping) -> Contents:

@@ -50,7 +50,7 @@ def shape_contents(
 
 def _levels(levels: Sequence[Level], job: Job) -> tuple[dict[str, Any], dict[str, ndarray]]:
     rounding = rounding_cuts(levels)
-    told = []
+    reported = []
     arrays: dict[str, ndarray] = {}
     faces: dict[bytes, str] = {}
     before = levels[0].mesh
@@ -64,7 +64,7 @@ def _levels(levels: Sequence[Level], job: Job) -> tuple[dict[str, Any], dict[str
             level.mesh.vertices - exact_closest(before, level.mesh.vertices)[0]
         )
         before = level.mesh
-        told.append(
+        reported.append(
             {
                 "index": level.index,
                 "name": _name(level, len(levels), job, rounding),
@@ -75,7 +75,7 @@ def _levels(levels: Sequence[Level], job: Job) -> tuple[dict[str, Any], dict[str
                 "certified": level.certified,
             }
         )
-    return {"levels": told}, arrays
+    return {"levels": reported}, arrays
 
 
 def _name(level: Level, count: int, job: Job, rounding: range) -> str:

@@ -36,8 +36,8 @@ def draw_compared_axes(compared: AxisComparison, surface: TriangleMesh, file: st
         draw_shaded(plot, mesh, 1.0)
         _draw_axes(plot, compared, choice, turned[:3, :3], AXIS_SHARE * surface.diagonal)
         row = compared.figures(choice)
-        told = f"{row['collide']} of {len(choice.axes)} collide\n{row['seconds']:.0f} s of cutting"
-        plot.set_title(f"{choice.name}\n{told}", fontsize="medium")
+        message = f"{row['collide']} of {len(choice.axes)} collide\n{row['seconds']:.0f} s of cutting"
+        plot.set_title(f"{choice.name}\n{message}", fontsize="medium")
         plot.set_xlabel("across (mm)")
     plots[0].set_ylabel("z (mm)")
     keys = {"free": FREE_COLOUR, "collides, or beyond the machine's limits": BLOCKED_COLOUR}

@@ -49,8 +49,8 @@ def draw_engagement(
         ends = np.stack([contacts[here - 1], contacts[here]], axis=1)[:, :, [0, 2]] * np.array([side, 1.0])
         _draw(plot, ends, sections[here], norm)
         in_air = float((sections[here] < AIR).mean()) if len(here) else 0.0
-        told = f"{in_air:.0%} in air" if side > 0 else "from behind"
-        plot.set_title(f"level {number}\n{told}", fontsize="medium")
+        message = f"{in_air:.0%} in air" if side > 0 else "from behind"
+        plot.set_title(f"level {number}\n{message}", fontsize="medium")
     plots[0].set_ylabel("z (mm)")
 
     lay_out(figure, plots, below=BAR_BELOW)

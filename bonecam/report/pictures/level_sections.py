@@ -13,7 +13,7 @@ from bonecam.planning.passes.parting import Groove
 from bonecam.report.pictures.colours import colour_scale, colours_of, value_range, whole_ticks
 from bonecam.report.pictures.panels import BAR_BELOW, Plot, bar_below, lay_out, new_figure, save_figure
 from bonecam.report.pictures.views import section
-from bonecam.tool.path import Kind, ToolPath
+from bonecam.tool.path import MoveKind, ToolPath
 from bonecam.workholding.shell import SecondClamping
 
 POST_SHOWN = 2.0
@@ -85,12 +85,12 @@ def draw_stump(
         plot.set_xlabel(f"{'xy'[across]} (mm)")
         plot.set_title(f"section {'yx'[across]} = 0", fontsize="medium")
     plots[0].set_ylabel("z (mm)")
-    told = (
+    message = (
         f"parting groove at z {groove.middle:.2f}, bridge {2 * groove.bridge:.2f} mm"
         if groove
         else "not parted"
     )
-    figure.suptitle(f"The post below the part: {diameter:g} mm, {told}", fontsize="medium")
+    figure.suptitle(f"The post below the part: {diameter:g} mm, {message}", fontsize="medium")
     lay_out(figure, plots, above=TITLE_ABOVE)
     save_figure(figure, path)
 
@@ -106,7 +106,7 @@ def draw_second(clamping: SecondClamping, paths: Sequence[ToolPath], path: str |
             lines = section(solid, axis, np.eye(3)[1 - across])[:, :, [across, 2]]
             plot.add_collection(LineCollection(list(lines), colors=colour))
         for number, each in enumerate(paths):
-            balls = each.balls[(each.kinds == Kind.CUT) & (np.abs(each.balls[:, 1 - across]) < BESIDE)]
+            balls = each.balls[(each.kinds == MoveKind.CUT) & (np.abs(each.balls[:, 1 - across]) < BESIDE)]
             plot.plot(balls[:, across], balls[:, 2], ".", ms=2, color=f"C{number % 10}")
         plot.set_xlabel(f"{'xy'[across]} (mm)")
         plot.set_title(f"section {'yx'[across]} = 0", fontsize="medium")

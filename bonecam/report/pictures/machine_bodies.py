@@ -15,7 +15,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.report.pictures.panels import BELOW, Plot, lay_out, new_figure, save_figure
 from bonecam.report.pictures.shading import draw_shaded
 from bonecam.tool.cutter import Cutter
-from bonecam.tool.path import Kind, ToolPath
+from bonecam.tool.path import MoveKind, ToolPath
 
 COLOURS = {
     "part": "#d9cfb8",
@@ -52,8 +52,8 @@ def draw_machine(
     figure, plots = new_figure(2)
     for plot, side in zip(plots, (1.0, -1.0)):
         _draw(plot, bodies, side)
-    told = f"{path.title}, where holder or spindle are lowest: {_lowest(path)[row]:.0f} mm above the table"
-    plots[0].set_title(told, fontsize="small")
+    message = f"{path.title}, where holder or spindle are lowest: {_lowest(path)[row]:.0f} mm above the table"
+    plots[0].set_title(message, fontsize="small")
     plots[1].set_title("from behind", fontsize="small")
     plots[0].set_ylabel("z (mm)")
     used = [name for name in COLOURS if name != "chuck" or holding.chuck_height]
@@ -74,7 +74,7 @@ def _lowest(path: ToolPath) -> Float[ndarray, " n"]:
         for height, radius in ((section.start, section.radius), (section.end, section.end_radius))
     ]
     heights = [path.tips[:, 2] + height * up - radius * across for height, radius in rims]
-    return np.where(path.kinds == Kind.CUT, np.min(heights, axis=0), np.inf)
+    return np.where(path.kinds == MoveKind.CUT, np.min(heights, axis=0), np.inf)
 
 
 def _fixed(part: TriangleMesh, holding: HoldingJob, table: Table) -> list[tuple[str, TriangleMesh]]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from bonecam.report.pictures.panels import DPI, save_figure
 from bonecam.surface.tspline import TSpline
-from bonecam.tool.path import Kind, ToolPath
+from bonecam.tool.path import MoveKind, ToolPath
 
 CHORD = 0.05
 """Chord tolerance of the surface drawn, mm."""
@@ -25,7 +25,7 @@ def draw_axes(path: ToolPath, surface: TSpline, file: str | Path) -> None:
     from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
     mesh = surface.tessellate(CHORD)
-    cuts = np.flatnonzero(path.kinds == Kind.CUT)
+    cuts = np.flatnonzero(path.kinds == MoveKind.CUT)
     some = cuts[:: max(1, len(cuts) // MAX_AXES)]
     feet = path.contacts[some]
     ends = np.stack([feet, feet + AXIS_SHARE * mesh.diagonal * path.axes[some]], axis=1)

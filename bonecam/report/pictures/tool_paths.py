@@ -10,7 +10,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.report.pictures.level_sections import draw_post
 from bonecam.report.pictures.panels import BELOW, Plot, lay_out, new_figure, save_figure
 from bonecam.report.pictures.shading import draw_shaded
-from bonecam.tool.path import Kind, ToolPath
+from bonecam.tool.path import MoveKind, ToolPath
 
 CUT_COLOUR = "#0072b2"
 LINK_COLOUR = "#e69f00"
@@ -45,9 +45,9 @@ def draw_toolpath(
         show_path(plot, item, followed.mesh, side)
         if post:
             draw_post(plot, post, levels)
-        cuts = int((item.kinds == Kind.CUT).sum())
-        told = f"ball R {item.cutter.radius:g} mm\n{cuts} cuts" if side > 0 else "from behind"
-        title = f"level {item.level}\n{told}"
+        cuts = int((item.kinds == MoveKind.CUT).sum())
+        message = f"ball R {item.cutter.radius:g} mm\n{cuts} cuts" if side > 0 else "from behind"
+        title = f"level {item.level}\n{message}"
         plot.set_title(title, fontsize="medium")
     plots[0].set_ylabel("z (mm)")
 
@@ -66,11 +66,11 @@ def show_path(plot: Plot, item: ToolPath, level: TriangleMesh, side: float = 1.0
 
     draw_shaded(plot, level, side)
     seen = np.array([side, 1.0])
-    is_cut = item.kinds == Kind.CUT
+    is_cut = item.kinds == MoveKind.CUT
     normals = item.tips + item.cutter.radius * item.axes - item.contacts
     outward = np.where(is_cut[:, None], normals, item.axes)
     front = side * outward[:, 1] < 0
-    shown = ((Kind.CUT, item.contacts, CUT_COLOUR), (Kind.LINK, item.tips, LINK_COLOUR))
+    shown = ((MoveKind.CUT, item.contacts, CUT_COLOUR), (MoveKind.LINK, item.tips, LINK_COLOUR))
     for kind, points, colour in shown:
         from_front = front[1:] & front[:-1] & np.isfinite(points[:-1, 0])
         move = np.flatnonzero((item.kinds[1:] == kind) & from_front) + 1

@@ -56,9 +56,9 @@ class Paper:
 
     def text(self, x: float, y: float, words: str, anchor: str = "middle", kind: str = "size") -> None:
         """Words at a place on paper."""
-        told = html.escape(words)
+        reported = html.escape(words)
         self.elements.append(
-            f'<text class="{kind}" x="{x:.2f}" y="{y:.2f}" text-anchor="{anchor}">{told}</text>'
+            f'<text class="{kind}" x="{x:.2f}" y="{y:.2f}" text-anchor="{anchor}">{reported}</text>'
         )
 
     def line(self, x1: float, y1: float, x2: float, y2: float, kind: str) -> None:

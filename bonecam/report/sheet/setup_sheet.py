@@ -16,9 +16,9 @@ from bonecam.nc.posting.header.program_zero import zero_words
 from bonecam.nc.posting.header.texts import setup_texts
 from bonecam.nc.program import Program
 from bonecam.nc.reading.read import read_program
-from bonecam.report.figures import parting_text
 from bonecam.report.sheet.axes import AxisRange, axis_ranges
 from bonecam.report.sheet.drawing import clamping_drawing
+from bonecam.report.stage_reports import parting_text
 from bonecam.report.summary import certified_text, uncut_lines
 from bonecam.setup.stock import Stock
 from bonecam.tool.cutter import Cutter

@@ -17,7 +17,7 @@ from numpy import ndarray
 
 from bonecam.arrays import lengths
 from bonecam.errors import ProgramError
-from bonecam.tool.path import PARTING, Kind, ToolPath
+from bonecam.tool.path import PARTING, MoveKind, ToolPath
 
 STATEMENT = re.compile(r"([A-Z][A-Z0-9]*)\s*(?:/(.*))?")
 NUMBER = re.compile(r"[+-]?(?:\d{1,12}\.?\d{0,20}|\.\d{1,20})(?:[Ee][+-]?\d{1,2})?")
@@ -77,7 +77,7 @@ def _moves(path: ToolPath) -> Iterator[str]:
     feed = None
     rows = zip(path.kinds.tolist(), path.feed_rates.tolist(), path.tips.tolist(), path.axes.tolist())
     for kind, wanted, tip, axis in rows:
-        if kind == Kind.RAPID:
+        if kind == MoveKind.RAPID:
             yield "RAPID"
         elif wanted != feed:
             feed = wanted

@@ -4,7 +4,7 @@ import csv
 import io
 from collections.abc import Sequence
 
-from bonecam.tool.path import Kind, ToolPath
+from bonecam.tool.path import MoveKind, ToolPath
 
 COLUMNS = (
     *("level", "pass", "index"),
@@ -28,8 +28,8 @@ def toolpath_csv(paths: Sequence[ToolPath]) -> str:
 
 def _row(path: ToolPath, i: int) -> list[object]:
     """The line of point `i`."""
-    kind = Kind(path.kinds[i])
-    contact = [f"{value:.6f}" for value in path.contacts[i]] if kind == Kind.CUT else ["", "", ""]
+    kind = MoveKind(path.kinds[i])
+    contact = [f"{value:.6f}" for value in path.contacts[i]] if kind == MoveKind.CUT else ["", "", ""]
     tip = [f"{value:.6f}" for value in path.tips[i]]
     axis = [f"{value:.9f}" for value in path.axes[i]]
     feed = f"{path.feed_rates[i]:.1f}"

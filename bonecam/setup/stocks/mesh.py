@@ -190,11 +190,11 @@ def _require_convex(mesh: TriangleMesh) -> None:
             place=probes[worst],
         )
     if abs(mesh.volume - hull.volume) > FLAT * mesh.diagonal * mesh.area:
-        told = (
+        message = (
             f"the stock is no single convex body: its faces hold {mesh.volume:.1f} mm3, their convex hull "
             f"{hull.volume:.1f}"
         )
-        raise StockError(f"{told}: give the hull", distance=0.0, place=probes[worst])
+        raise StockError(f"{message}: give the hull", distance=0.0, place=probes[worst])
 
 
 def _make(job: StockJob, part: LyingPart, schedule: Schedule) -> ConvexStock:

@@ -9,7 +9,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from bonecam.errors import SurfaceError
-from bonecam.mesh.healing.faults import holes_of
+from bonecam.mesh.healing.mesh_faults import holes_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.tspline import TSpline
 

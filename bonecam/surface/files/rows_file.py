@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from bonecam.errors import FileError
-from bonecam.surface.tmesh.rows import RowTMesh
+from bonecam.surface.tmesh.row_tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 from bonecam.text.numbers import number
 

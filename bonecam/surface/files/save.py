@@ -14,7 +14,7 @@ from bonecam.errors import FileError
 from bonecam.mesh.files.opencascade import IGES, STEP, occ
 from bonecam.surface.files.iga import write_iga
 from bonecam.surface.files.tspline_text import ENDINGS, write_tsm
-from bonecam.surface.tmesh.rows import RowTMesh
+from bonecam.surface.tmesh.row_tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 TEXTS = (*ENDINGS, ".iga")

@@ -22,7 +22,7 @@ from bonecam.surface.fitting.deviation import Deviation
 from bonecam.surface.fitting.fit import Fit
 from bonecam.surface.skinning.point_rows import holds_rows, read_rows
 from bonecam.surface.tessellation.tessellate import tessellate
-from bonecam.surface.tmesh.rows import RowTMesh
+from bonecam.surface.tmesh.row_tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 CHORD = 0.01

@@ -23,7 +23,7 @@ from bonecam.surface.files.tsm.records import TSM_HEADER, Records, parse_tsm
 from bonecam.surface.files.tsm.write import tsm_text
 from bonecam.surface.tmesh.general import TMesh
 from bonecam.surface.tmesh.open_rows import OpenRowTMesh
-from bonecam.surface.tmesh.rows import RowTMesh
+from bonecam.surface.tmesh.row_tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 ENDINGS = (".tspline", ".tsm")

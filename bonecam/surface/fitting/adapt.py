@@ -15,7 +15,7 @@ from numpy import ndarray
 
 from bonecam.surface.basis.knots import span_functions
 from bonecam.surface.basis.periodic import FEWEST
-from bonecam.surface.tmesh.rows import RowTMesh
+from bonecam.surface.tmesh.row_tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 POWER = 4
@@ -55,7 +55,7 @@ class Votes:
 
 
 @dataclass(frozen=True)
-class Cut:
+class KnotCandidate:
     """One possible knot: in row `row` (-1: a t-knot) at `place`, with its votes for each control point it
     costs."""
 
@@ -115,7 +115,7 @@ def with_t_knots(t_knots: Float[ndarray, " k"], rows: list[ndarray], new: Float[
     return RowTMesh.from_rows(refined, chosen)
 
 
-def _cuts(tmesh: RowTMesh, votes: Votes) -> list[Cut]:
+def _cuts(tmesh: RowTMesh, votes: Votes) -> list[KnotCandidate]:
     """All cuts that got votes."""
     span = np.clip(np.searchsorted(tmesh.t_knots, votes.t, side="right") - 1, 3, len(tmesh.t_knots) - 5)
     functions = span_functions(tmesh.t_knots[span[:, None] + np.arange(-3, 5)], votes.t, 0)[0]
@@ -132,7 +132,7 @@ def _cuts(tmesh: RowTMesh, votes: Votes) -> list[Cut]:
 
 def _row_cuts(
     tmesh: RowTMesh, votes: Votes, voting: Bool[ndarray, " n"], acting: ndarray, functions: ndarray
-) -> list[Cut]:
+) -> list[KnotCandidate]:
     cuts = []
     for j, knots in enumerate(tmesh.s_knots):
         if len(knots) < FEWEST:
@@ -143,16 +143,18 @@ def _row_cuts(
         worth = np.bincount(index, share[here], minlength=len(knots))
         gaps = np.diff(np.append(knots, knots[0] + 1))
         for k in np.flatnonzero((worth > 0) & (gaps > NARROWEST)):
-            cuts.append(Cut(j, float(np.mod(knots[k] + gaps[k] / 2, 1.0)), 1, float(worth[k])))
+            cuts.append(KnotCandidate(j, float(np.mod(knots[k] + gaps[k] / 2, 1.0)), 1, float(worth[k])))
     return cuts
 
 
-def _span_cuts(tmesh: RowTMesh, votes: Votes, voting: Bool[ndarray, " n"], span: ndarray) -> list[Cut]:
+def _span_cuts(
+    tmesh: RowTMesh, votes: Votes, voting: Bool[ndarray, " n"], span: ndarray
+) -> list[KnotCandidate]:
     worth = np.bincount(span[voting], votes.weight[voting], minlength=len(tmesh.t_knots))
     cuts = []
     for k in np.flatnonzero(worth):
         cost = max(len(tmesh.s_knots[j]) for j in (k - 2, k - 1))
-        cuts.append(Cut(-1, float(tmesh.t_knots[k : k + 2].mean()), cost, float(worth[k]) / cost))
+        cuts.append(KnotCandidate(-1, float(tmesh.t_knots[k : k + 2].mean()), cost, float(worth[k]) / cost))
     return cuts
 
 

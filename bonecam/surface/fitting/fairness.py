@@ -23,7 +23,7 @@ from numpy import ndarray
 from bonecam.arrays import dots
 from bonecam.surface.basis.gauss import element_points
 from bonecam.surface.fitting.quadratic import Term
-from bonecam.surface.tmesh.rows import RowTMesh
+from bonecam.surface.tmesh.row_tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 SHORTEST = 0.35

@@ -9,7 +9,7 @@ control points are spent. A dense measurement, both ways, decides; what it finds
 from dataclasses import dataclass, replace
 
 from bonecam.mesh.pose import upright
-from bonecam.mesh.sections.rows import Rows, harmonic_rows
+from bonecam.mesh.sections.harmonic_rows import Rows, harmonic_rows
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.progress import Progress, part, report, rising, silent
 from bonecam.surface.fitting.adapt import refine
@@ -27,7 +27,7 @@ from bonecam.surface.fitting.growth import (
 )
 from bonecam.surface.fitting.prune import prune
 from bonecam.surface.fitting.steps import OFF
-from bonecam.surface.fitting.target import Target
+from bonecam.surface.fitting.target import FitTarget
 from bonecam.surface.tspline import TSpline
 
 SAMPLES = 6000
@@ -120,7 +120,7 @@ def _fit_rows(mesh: TriangleMesh, rows: Rows, aim: Aim, progress: Progress) -> F
 
     Rounds end where the dense measurement finds nothing missed, or more control points would not help.
     """
-    surface, target = first_surface(rows, Target.of(mesh, rows, SAMPLES), aim)
+    surface, target = first_surface(rows, FitTarget.of(mesh, rows, SAMPLES), aim)
     surface, target = settle(surface, target, aim)
     found: list[tuple[bool, float, int, TSpline, Deviation]] = []
     size = 0

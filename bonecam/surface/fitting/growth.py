@@ -6,14 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bonecam.mesh.sections.rows import Rows
+from bonecam.mesh.sections.harmonic_rows import Rows
 from bonecam.progress import Progress, report, silent
 from bonecam.surface.fitting.adapt import Votes, miss_votes, refine
 from bonecam.surface.fitting.initial_surface import first_tmesh, through_loops, transfer
 from bonecam.surface.fitting.prune import prune
 from bonecam.surface.fitting.steps import LEAST_FACING, OFF, flatten_poles, fold_grid, step
-from bonecam.surface.fitting.target import Target
-from bonecam.surface.tmesh.rows import RowTMesh
+from bonecam.surface.fitting.target import FitTarget
+from bonecam.surface.tmesh.row_tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 FIRST_SHARE = 0.6
@@ -59,7 +59,7 @@ LEAST_POINTS = FIRST[-1][0]
 
 Refine = Callable[[RowTMesh, Votes, int], RowTMesh]
 """A finer T-mesh from the votes for it and the number of control points it may have more."""
-Prune = Callable[[TSpline, Target, float, int], RowTMesh]
+Prune = Callable[[TSpline, FitTarget, float, int], RowTMesh]
 """A T-mesh with fewer knots, at most so many fewer, for which no sample should pass the limit (mm)."""
 
 
@@ -76,7 +76,9 @@ class Aim:
     off: float = OFF
 
 
-def grow(surface: TSpline, target: Target, aim: Aim, progress: Progress = silent) -> tuple[TSpline, Target]:
+def grow(
+    surface: TSpline, target: FitTarget, aim: Aim, progress: Progress = silent
+) -> tuple[TSpline, FitTarget]:
     """The surface refined where samples are missed, until none is or the control points are spent.
 
     The last steps make the poles' surroundings plane. Also the target with the closest points on it.
@@ -112,7 +114,7 @@ def grow(surface: TSpline, target: Target, aim: Aim, progress: Progress = silent
     return surface, best[1].on(surface, aim.tolerance)
 
 
-def thin(surface: TSpline, target: Target, aim: Aim) -> tuple[TSpline, Target]:
+def thin(surface: TSpline, target: FitTarget, aim: Aim) -> tuple[TSpline, FitTarget]:
     """The surface without the knots that can be spared, and grown again where it is missed.
 
     Rounds go on as long as they leave clearly fewer control points, or a clearly smaller distance.
@@ -142,7 +144,7 @@ def thin(surface: TSpline, target: Target, aim: Aim) -> tuple[TSpline, Target]:
     return surface, target
 
 
-def first_surface(rows: Rows, target: Target, aim: Aim) -> tuple[TSpline, Target]:
+def first_surface(rows: Rows, target: FitTarget, aim: Aim) -> tuple[TSpline, FitTarget]:
     """A coarse surface with the parameters of the rows, and the closest points on it.
 
     Its T-mesh grows as long as the surface folds less.
@@ -169,14 +171,14 @@ def first_surface(rows: Rows, target: Target, aim: Aim) -> tuple[TSpline, Target
     return best, target.on(best, aim.tolerance)
 
 
-def folded_places(surface: TSpline, target: Target) -> int:
+def folded_places(surface: TSpline, target: FitTarget) -> int:
     """How many places of the fold grid do not face as the mesh does; the tip of a cone never does."""
     return int((target.shape.facing(surface, *fold_grid(surface)) <= LEAST_FACING).sum())
 
 
 def settle(
-    surface: TSpline, target: Target, aim: Aim, steps: int = STEPS, plane: float = GROWING_PLANE_WEIGHT
-) -> tuple[TSpline, Target]:
+    surface: TSpline, target: FitTarget, aim: Aim, steps: int = STEPS, plane: float = GROWING_PLANE_WEIGHT
+) -> tuple[TSpline, FitTarget]:
     """`steps` steps of the fit, each followed by the search for the closest points."""
     for _ in range(steps):
         surface = step(surface, target, aim.tolerance, plane, aim.off)

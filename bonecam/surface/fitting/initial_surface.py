@@ -7,11 +7,11 @@ import scipy.sparse as sp
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.mesh.sections.rows import Rows
+from bonecam.mesh.sections.harmonic_rows import Rows
 from bonecam.surface.basis.gauss import element_points
 from bonecam.surface.basis.periodic import FEWEST
 from bonecam.surface.fitting.quadratic import Form, Term
-from bonecam.surface.tmesh.rows import RowTMesh
+from bonecam.surface.tmesh.row_tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 LOOP_DAMPING = 1e-9

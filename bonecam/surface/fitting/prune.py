@@ -15,8 +15,8 @@ from numpy import ndarray
 
 from bonecam.arrays import dots
 from bonecam.surface.basis.periodic import FEWEST, collocation
-from bonecam.surface.fitting.target import Target
-from bonecam.surface.tmesh.rows import RowTMesh
+from bonecam.surface.fitting.target import FitTarget
+from bonecam.surface.tmesh.row_tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 WIDEST = 0.25
@@ -36,7 +36,7 @@ class Spared:
     worst: float
 
 
-def prune(surface: TSpline, target: Target, limit: float, most: int) -> RowTMesh:
+def prune(surface: TSpline, target: FitTarget, limit: float, most: int) -> RowTMesh:
     """The T-mesh without at most `most` knots, no sample's distance being expected to pass `limit` (mm) for
     their lack."""
     tmesh = surface.tmesh
@@ -68,7 +68,7 @@ def _widest(knots: Float[ndarray, " k"]) -> float:
     return float(np.diff(knots, append=knots[0] + 1).max())
 
 
-def spare_knots(surface: TSpline, target: Target) -> tuple[Float[ndarray, " n"], list[Spared]]:
+def spare_knots(surface: TSpline, target: FitTarget) -> tuple[Float[ndarray, " n"], list[Spared]]:
     """The signed distances of the samples now, and what the lack of each knot would do; rows with the fewest
     knots have none to spare."""
     samples = target.inward

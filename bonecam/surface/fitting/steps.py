@@ -23,7 +23,7 @@ from bonecam.arrays import dots
 from bonecam.surface.basis.gauss import element_points
 from bonecam.surface.fitting.fairness import Quadrature
 from bonecam.surface.fitting.quadratic import Form, Term
-from bonecam.surface.fitting.target import Target
+from bonecam.surface.fitting.target import FitTarget
 from bonecam.surface.tspline import TSpline
 
 SLIDE = 0.1
@@ -72,7 +72,7 @@ LOSS = 0.02
 """Smaller losses of that cosine in one step are not counted as folds."""
 
 
-def step(surface: TSpline, target: Target, tolerance: float, plane: float, off: float) -> TSpline:
+def step(surface: TSpline, target: FitTarget, tolerance: float, plane: float, off: float) -> TSpline:
     """The surface after one step of the fit.
 
     Where it would fold, the change is damped round the fold; where it folds still, control points there
@@ -132,7 +132,7 @@ def fold_grid(surface: TSpline) -> tuple[Float[ndarray, " n"], Float[ndarray, " 
 
 
 def folds(
-    surface: TSpline, target: Target, grid: tuple[ndarray, ndarray], before: tuple[ndarray, ndarray]
+    surface: TSpline, target: FitTarget, grid: tuple[ndarray, ndarray], before: tuple[ndarray, ndarray]
 ) -> ndarray:
     """Where a normal turned too far from what it was before, or away from the mesh's."""
     turn = dots(surface.normals(*grid), before[0])
@@ -141,7 +141,7 @@ def folds(
     return np.asarray(turned | ((facing < LEAST_FACING) & (facing < before[1] - LOSS)))
 
 
-def data_terms(surface: TSpline, target: Target, tolerance: float, slide: float) -> list[Term]:
+def data_terms(surface: TSpline, target: FitTarget, tolerance: float, slide: float) -> list[Term]:
     """The samples against their feet, normals and lengths of now."""
     samples = target.all
     (basis,) = surface.basis(samples.s, samples.t)

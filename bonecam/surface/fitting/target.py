@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from bonecam.arrays import dots
 from bonecam.mesh.distance import MeshDistance, barycentric, exact_closest
-from bonecam.mesh.sections.rows import Rows
+from bonecam.mesh.sections.harmonic_rows import Rows
 from bonecam.mesh.solids.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.basis.gauss import element_points
@@ -42,7 +42,7 @@ EACH = 8
 """Samples of the mesh, at least, for each control point."""
 
 
-class Shape:
+class MeshNormals:
     """The mesh, asked for the normal nearest to a point."""
 
     def __init__(self, mesh: TriangleMesh) -> None:
@@ -64,7 +64,7 @@ class Shape:
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class MeshSamples:
     """Points of the mesh, each with its place (s, t) on the surface, its distance from there and the area it
     stands for."""
 
@@ -74,11 +74,11 @@ class Samples:
     t: Float[ndarray, " n"]
     distances: Float[ndarray, " n"]
 
-    def __add__(self, other: "Samples") -> "Samples":
+    def __add__(self, other: "MeshSamples") -> "MeshSamples":
         mine, others = ((x.points, x.areas, x.s, x.t, x.distances) for x in (self, other))
-        return Samples(*(np.concatenate(pair) for pair in zip(mine, others)))
+        return MeshSamples(*(np.concatenate(pair) for pair in zip(mine, others)))
 
-    def on(self, surface: TSpline, tolerance: float) -> "Samples":
+    def on(self, surface: TSpline, tolerance: float) -> "MeshSamples":
         """The samples with the closest points of `surface`, followed from their parameters.
 
         Where few end farther away than `tolerance` (mm), these are sought again from the parameters of the
@@ -92,33 +92,35 @@ class Samples:
             met = found[2] < np.minimum(tolerance, distances[far])
             for now, new in zip((s, t, distances), found):
                 now[far[met]] = new[met]
-        return Samples(self.points, self.areas, s, t, distances)
+        return MeshSamples(self.points, self.areas, s, t, distances)
 
 
 @dataclass(frozen=True, eq=False)
-class Target:
+class FitTarget:
     """Samples of the mesh with their closest points on the surface (`inward`), and surface points that are
     far from the mesh, with the nearest points there (`outward`).
 
     The latter are sought in every element and, with a narrower limit, at `places` (s, t).
     """
 
-    shape: Shape
-    inward: Samples
-    outward: Samples
+    shape: MeshNormals
+    inward: MeshSamples
+    outward: MeshSamples
     places: Float[ndarray, "k 2"]
 
     @classmethod
-    def of(cls, mesh: TriangleMesh, rows: Rows, samples: int) -> "Target":
+    def of(cls, mesh: TriangleMesh, rows: Rows, samples: int) -> "FitTarget":
         """The target of a mesh at the parameters of the rows' harmonic field; its distances are infinite."""
         points, areas = sample_mesh(mesh, samples)
         s, t = harmonic_parameters(rows, points)
         none = np.empty(0)
-        inward = Samples(points, areas, s, t, np.full(len(points), np.inf))
-        return cls(Shape(mesh), inward, Samples(np.empty((0, 3)), none, none, none, none), np.empty((0, 2)))
+        inward = MeshSamples(points, areas, s, t, np.full(len(points), np.inf))
+        return cls(
+            MeshNormals(mesh), inward, MeshSamples(np.empty((0, 3)), none, none, none, none), np.empty((0, 2))
+        )
 
     @property
-    def all(self) -> Samples:
+    def all(self) -> MeshSamples:
         """The samples of both directions."""
         return self.inward + self.outward
 
@@ -138,15 +140,15 @@ class Target:
 
     def with_points(
         self, points: Float[ndarray, "k 3"], places: Float[ndarray, "p 2"], surface: TSpline
-    ) -> "Target":
+    ) -> "FitTarget":
         """The target with more samples, each standing for a typical area, and with more `places` (s, t)."""
         areas = np.full(len(points), np.median(self.inward.areas))
-        added = Samples(
+        added = MeshSamples(
             points, areas, *follow_closest_points(surface, points, *nearest_on_grid(surface, points))
         )
         return replace(self, inward=self.inward + added, places=np.vstack([self.places, places]))
 
-    def denser(self, surface: TSpline) -> "Target":
+    def denser(self, surface: TSpline) -> "FitTarget":
         """The target with more samples, where the control points are too many for those it has.
 
         Each starts from the parameters of the sample nearest to it in place and normal.
@@ -159,9 +161,9 @@ class Target:
         old, new = (np.hstack([p, size * self.shape.normals(p)]) for p in (self.inward.points, points))
         near = cKDTree(old).query(new)[1]
         feet = follow_closest_points(surface, points, self.inward.s[near], self.inward.t[near], steps=3)
-        return replace(self, inward=Samples(points, areas, *feet))
+        return replace(self, inward=MeshSamples(points, areas, *feet))
 
-    def on(self, surface: TSpline, tolerance: float) -> "Target":
+    def on(self, surface: TSpline, tolerance: float) -> "FitTarget":
         """The target with the closest points of `surface`, and the surface points that miss the mesh now."""
         s, t, share = element_points(surface.elements().boxes, OUTWARD)
         limits = np.append(
@@ -174,7 +176,7 @@ class Target:
         away = np.linalg.norm(S - nearest, axis=1)
         areas = share * np.linalg.norm(np.cross(Ss, St), axis=1)
         far = away > limits
-        outward = Samples(nearest[far], areas[far], s[far], t[far], away[far])
+        outward = MeshSamples(nearest[far], areas[far], s[far], t[far], away[far])
         return replace(self, inward=self.inward.on(surface, tolerance), outward=outward)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 from numpy import ndarray
 from scipy.spatial import KDTree
 
-from bonecam.surface.tmesh.rows import RowTMesh
+from bonecam.surface.tmesh.row_tmesh import RowTMesh
 from bonecam.surface.tmesh.surface import Seeds, Surface
 
 AROUND = 128

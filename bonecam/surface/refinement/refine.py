@@ -9,11 +9,11 @@ from numpy import ndarray
 
 from bonecam.errors import SurfaceError
 from bonecam.surface.refinement.local import refine_locally
-from bonecam.surface.refinement.rows import refine_rows
+from bonecam.surface.refinement.row_refinement import refine_rows
 from bonecam.surface.tmesh.cutting import Draft
 from bonecam.surface.tmesh.general import TMesh
 from bonecam.surface.tmesh.open_rows import OpenRowTMesh
-from bonecam.surface.tmesh.rows import RowTMesh
+from bonecam.surface.tmesh.row_tmesh import RowTMesh
 from bonecam.surface.tmesh.surface import S
 
 SNAP = 1e-9

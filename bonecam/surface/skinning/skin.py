@@ -30,7 +30,7 @@ from bonecam.surface.basis.spline_space import clamped, interpolate, sites
 from bonecam.surface.skinning.reduction import Reduction
 from bonecam.surface.skinning.row_curves import RowCurves, distinct
 from bonecam.surface.tmesh.open_rows import OpenRowTMesh
-from bonecam.surface.tmesh.rows import RowTMesh
+from bonecam.surface.tmesh.row_tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 SPARSE = 120

@@ -32,7 +32,7 @@ class Piece:
 
 
 @dataclass(eq=False)
-class Net:
+class SideVertices:
     """Vertices in the making; `runs` holds those of every piece, from its lower to its higher vertex."""
 
     surface: Surface
@@ -78,7 +78,7 @@ class Net:
 
 def pieces_of_sides(surface: Surface, same: float) -> list[list[Piece]]:
     """The pieces of the four sides of every element, counter-clockwise."""
-    net = Net(surface)
+    net = SideVertices(surface)
     count = len(surface.elements().boxes)
     corners = np.concatenate([net.positions(e, SQUARE) for e in range(count)])
     vertex = _merge_points(corners, same)
@@ -124,7 +124,7 @@ def along_side(side: int, x: Float[ndarray, " n"]) -> Float[ndarray, "n 2"]:
 
 
 def _corners_on(
-    net: Net, e: int, side: int, places: ndarray, tree: cKDTree, ends: set[int], same: float
+    net: SideVertices, e: int, side: int, places: ndarray, tree: cKDTree, ends: set[int], same: float
 ) -> list[tuple[float, int]]:
     """Where other elements' corners lie inside a side, in order."""
     x = np.linspace(0, 1, LOOKED + 1)

@@ -15,7 +15,14 @@ from scipy.spatial import Delaunay
 from bonecam.arrays import dots
 from bonecam.errors import SurfaceError
 from bonecam.kernels import triangles
-from bonecam.surface.tessellation.element_sides import SAME, SQUARE, Net, Piece, along_side, pieces_of_sides
+from bonecam.surface.tessellation.element_sides import (
+    SAME,
+    SQUARE,
+    Piece,
+    SideVertices,
+    along_side,
+    pieces_of_sides,
+)
 from bonecam.surface.tmesh.surface import Surface
 
 MOST_VERTICES = 4_000_000
@@ -69,10 +76,10 @@ def _triangulate(
     cells: Int[ndarray, " e"],
     shortest: float,
     angle: float | None,
-) -> tuple[Net, ndarray, Float[ndarray, " e"], Bool[ndarray, " e"]]:
+) -> tuple[SideVertices, ndarray, Float[ndarray, " e"], Bool[ndarray, " e"]]:
     """The mesh with so many cells in each element, the largest distance in each, and whether an edge in it
     turns by more than the angle."""
-    net = Net(surface)
+    net = SideVertices(surface)
     fine: dict[tuple[int, int, int], int] = {}
     for e, around in enumerate(pieces):
         for piece in around:
@@ -106,7 +113,7 @@ def _unordered(piece: Piece) -> tuple[int, int, int]:
 
 
 def _loop(
-    net: Net, e: int, around: list[Piece], fine: dict, vertices: dict[int, int]
+    net: SideVertices, e: int, around: list[Piece], fine: dict, vertices: dict[int, int]
 ) -> tuple[ndarray, ndarray]:
     """Places in the square and vertices of an element's border, each corner once for each side that starts
     there."""
@@ -140,7 +147,7 @@ def _loop(
     return np.vstack(uv), np.concatenate(ids)
 
 
-def _distance(net: Net, e: int, uv: ndarray, cut: ndarray) -> float:
+def _distance(net: SideVertices, e: int, uv: ndarray, cut: ndarray) -> float:
     """How far the surface is from the faces, at the middles of their sides and their own."""
     points = net.positions(e, uv)
     faces = cut.astype(np.int32)
@@ -151,7 +158,7 @@ def _distance(net: Net, e: int, uv: ndarray, cut: ndarray) -> float:
     return float(np.max(found))
 
 
-def _bent(net: Net, e: int, uv: ndarray, cut: ndarray, shortest: float, angle: float) -> bool:
+def _bent(net: SideVertices, e: int, uv: ndarray, cut: ndarray, shortest: float, angle: float) -> bool:
     """Whether the normals at the ends of an edge longer than `shortest` part by more than the angle."""
     edges = np.vstack([cut[:, [0, 1]], cut[:, [1, 2]], cut[:, [2, 0]]])
     points, normals = net.positions(e, uv), net.normals(e, uv)

@@ -20,7 +20,7 @@ from bonecam.surface.tessellation.elements import MOST_VERTICES, element_mesh
 from bonecam.surface.tessellation.patches import patch_mesh
 from bonecam.surface.tessellation.rings import ring_mesh
 from bonecam.surface.tmesh.extracted import ExtractedTMesh
-from bonecam.surface.tmesh.rows import RowTMesh
+from bonecam.surface.tmesh.row_tmesh import RowTMesh
 from bonecam.surface.tmesh.surface import Surface
 
 ROUNDS = 40

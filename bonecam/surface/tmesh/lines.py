@@ -14,7 +14,7 @@ from numpy import ndarray
 from bonecam.errors import SurfaceError
 from bonecam.surface.tmesh.general import TMesh
 from bonecam.surface.tmesh.local_knot_vectors import knots_of_lines
-from bonecam.surface.tmesh.rows import RowTMesh
+from bonecam.surface.tmesh.row_tmesh import RowTMesh
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from bonecam.surface.basis.elements import Elements
 from bonecam.surface.tmesh.extracted import ExtractedTMesh
 from bonecam.surface.tmesh.general import TMesh
 from bonecam.surface.tmesh.open_rows import OpenRowTMesh
-from bonecam.surface.tmesh.rows import RowTMesh
+from bonecam.surface.tmesh.row_tmesh import RowTMesh
 
 M = TypeVar("M", bound=RowTMesh | OpenRowTMesh | TMesh | ExtractedTMesh)
 

@@ -30,8 +30,8 @@ def check_limits(motions: Motions, machine: Machine) -> None:
 
 def _known(motions: Motions, column: int) -> tuple[Float[ndarray, "m"], Int[ndarray, "m"]]:
     """The values (mm, degrees) of an axis after partial moves by which it is known, and their lines."""
-    told = [(move.joints[column], move.line) for move in motions.partial if not move.retract]
-    table = np.array([row for row in told if np.isfinite(row[0])]).reshape(-1, 2)
+    reported = [(move.joints[column], move.line) for move in motions.partial if not move.retract]
+    table = np.array([row for row in reported if np.isfinite(row[0])]).reshape(-1, 2)
     return table[:, 0], table[:, 1].astype(np.int64)
 
 

@@ -39,20 +39,20 @@ def check_control(motions: Motions, machine: Machine, dialect: Dialect, job: Job
 
 def _check_tools(motions: Motions, cutters: dict[int, Cutter]) -> None:
     """VerifyError where the header describes a tool otherwise than the job."""
-    for number, told in motions.described.items():
+    for number, reported in motions.described.items():
         if number not in cutters:
             continue
         meant = cutters[number]
         for name, value, wanted in (
-            ("radius", told.radius, meant.radius),
-            ("length", told.length, meant.length),
+            ("radius", reported.radius, meant.radius),
+            ("length", reported.length, meant.length),
         ):
             if abs(value - wanted) > SAME_SIZE:
                 what = f"tool {number} has a {name} of {value:g} mm here, of {wanted:g} mm in the job"
                 remedy = "give the job that the program was made with"
                 raise VerifyError(
-                    f"line {told.line}: {what}: {remedy}",
-                    line=told.line,
+                    f"line {reported.line}: {what}: {remedy}",
+                    line=reported.line,
                     place=None,
                     error=abs(value - wanted),
                 )

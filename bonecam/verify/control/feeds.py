@@ -25,8 +25,8 @@ def check_feed_mode(motions: Motions, dialect: Dialect) -> None:
     other way round."""
     inverse = dialect.feed_mode == "inverse-time"
     wrong = ~motions.rapid & (motions.inverse_time != inverse)
-    told = "per minute, where this control needs it in inverse time" if inverse else "in inverse time"
-    refuse_first(motions, wrong, lambda _: f"the feed is {told}: correct the mode in a line before")
+    message = "per minute, where this control needs it in inverse time" if inverse else "in inverse time"
+    refuse_first(motions, wrong, lambda _: f"the feed is {message}: correct the mode in a line before")
 
 
 def check_feeds(motions: Motions, machine: Machine, dialect: Dialect) -> None:

@@ -53,8 +53,8 @@ def _require_machine(text: str, machine: Machine, dialect: Dialect, program: Pat
     start = comment("machine", dialect).rstrip(")")
     named = [line for line in header_of(text).split("\n") if start in line]
     if named and not any(wanted in line for line in named):
-        told = named[0].strip()
+        reported = named[0].strip()
         raise ProgramError(
-            f"{program}: it was made for another machine ({told}), not for {machine.title}: give its --machine",
+            f"{program}: it was made for another machine ({reported}), not for {machine.title}: give its --machine",
             line=0,
         )

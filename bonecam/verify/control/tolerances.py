@@ -17,7 +17,7 @@ def check_tolerance(motions: Motions, dialect: Dialect, job: Job) -> None:
 
     def why(at: int) -> str:
         value = motions.tolerances[at]
-        told = f"is {value:g} mm" if np.isfinite(value) else "is left to the control"
-        return f"the contour tolerance {told}, the job allows {most:g} mm: correct it in a line before"
+        message = f"is {value:g} mm" if np.isfinite(value) else "is left to the control"
+        return f"the contour tolerance {message}, the job allows {most:g} mm: correct it in a line before"
 
     refuse_first(motions, wide, why)

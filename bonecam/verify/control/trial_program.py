@@ -19,7 +19,7 @@ from bonecam.nc.dialect import Dialect
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.read import read_program
 from bonecam.tool.cutter import Cutter
-from bonecam.tool.path import Kind, ToolPath
+from bonecam.tool.path import MoveKind, ToolPath
 from bonecam.verify.control.check import check_control
 from bonecam.verify.readback import Tolerances, compare_moves
 
@@ -63,7 +63,10 @@ def _path(cutter: Cutter, level: int, axis: Float[ndarray, "3"], job: Job) -> To
     cuts = STEPS + np.array([0.1237, 0.2346, job.holding.length + 0.3459])
     above = [cuts[end] + height * axis for end in (0, -1) for height in ABOVE]
     tips = np.vstack([above[:2], cuts, above[:1:-1]])
-    kinds = np.array([Kind.RAPID, Kind.LINK, *[Kind.CUT] * len(cuts), Kind.LINK, Kind.RAPID], dtype=np.int64)
+    kinds = np.array(
+        [MoveKind.RAPID, MoveKind.LINK, *[MoveKind.CUT] * len(cuts), MoveKind.LINK, MoveKind.RAPID],
+        dtype=np.int64,
+    )
     nc = job.nc
     feeds = [nc.rapid_feed, nc.plunge_feed, *[cutter.feed] * len(cuts), nc.link_feed, nc.rapid_feed]
     unknown = np.full((len(tips), 3), np.nan)
@@ -71,7 +74,7 @@ def _path(cutter: Cutter, level: int, axis: Float[ndarray, "3"], job: Job) -> To
         level=level,
         cutter=cutter,
         kinds=kinds,
-        pass_index=np.where(kinds == Kind.CUT, 0, -1),
+        pass_index=np.where(kinds == MoveKind.CUT, 0, -1),
         parameters=unknown[:, :2],
         contacts=unknown,
         tips=tips,

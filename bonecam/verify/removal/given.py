@@ -21,7 +21,7 @@ from bonecam.mesh.healing.surface_moves import winding_numbers
 from bonecam.mesh.part import Part
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.verify.gouge import Gouge
-from bonecam.verify.removal.nails import Nails
+from bonecam.verify.removal.normal_probes import NormalProbes
 
 REMEDY = "mend the mesh there, raise surface.max_control_points, or raise surface.largest_deviation"
 """What to do where a program goes too deep into the mesh as given."""
@@ -92,12 +92,14 @@ class GivenRemoval:
         }
 
 
-def measure_given(nails: Nails, held: Bool[ndarray, " n"], given: GivenSurface) -> GivenRemoval:
-    """Where the cut `nails` end, beside the mesh as given; those `held` at the post tell gouges only.
+def measure_given(
+    normal_probes: NormalProbes, held: Bool[ndarray, " n"], given: GivenSurface
+) -> GivenRemoval:
+    """Where the cut `normal_probes` end, beside the mesh as given; those `held` at the post tell gouges only.
 
     VerifyError where the surface lies too deep inside.
     """
-    ends = nails.points + nails.heights[:, None] * nails.normals
+    ends = normal_probes.points + normal_probes.heights[:, None] * normal_probes.normals
     away = given.distance.unsigned(ends)
     away = np.where(np.abs(winding_numbers(given.mesh, ends)) > 0.5, -away, away)
     lowest = int(np.argmin(away))

@@ -1,4 +1,4 @@
-"""What nails tell in the end: what stays on the part, and where a ball went into it."""
+"""What normal probes tell in the end: what stays on the part, and where a ball went into it."""
 
 import numpy as np
 from jaxtyping import Bool, Int
@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 
 from bonecam.nc.reading.motions import Motions
 from bonecam.planning.passes.contacts import at_post
-from bonecam.verify.removal.nails import Nails
+from bonecam.verify.removal.normal_probes import NormalProbes
 from bonecam.verify.removal.result import Left, Spot
 from bonecam.workholding.post import Post
 
@@ -19,40 +19,40 @@ ENTERS = 0.01
 """A ball on a place that enters the part beside it by more does not fit there, mm: the gouge tolerance of a job."""
 
 
-def measure_left(nails: Nails, post: Post | None, radius: float, motions: Motions) -> Left:
+def measure_left(normal_probes: NormalProbes, post: Post | None, radius: float, motions: Motions) -> Left:
     """What stays; the post, if there is one, and the fillet stay that a ball of `radius` (mm, the smallest) leaves
     round it."""
-    held = np.zeros(len(nails.points), dtype=bool)
+    held = np.zeros(len(normal_probes.points), dtype=bool)
     if post is not None:
-        held = at_post(nails.points, nails.normals, post, radius)
-    over = nails.heights > LEFT
-    away = np.where(held, -np.inf, nails.heights)
+        held = at_post(normal_probes.points, normal_probes.normals, post, radius)
+    over = normal_probes.heights > LEFT
+    away = np.where(held, -np.inf, normal_probes.heights)
     highest = int(np.argmax(away))
-    lowest = int(np.argmin(nails.heights))
+    lowest = int(np.argmin(normal_probes.heights))
     standing = np.flatnonzero(over & ~held)
-    hollow = _in_hollows(nails, standing, radius)
+    hollow = _in_hollows(normal_probes, standing, radius)
     return Left(
-        mesh=nails.mesh,
-        heights=nails.heights,
-        highest=_spot(float(nails.heights[highest]), highest, nails, motions),
-        deepest_gouge=_spot(-float(nails.heights[lowest]), lowest, nails, motions),
+        mesh=normal_probes.mesh,
+        heights=normal_probes.heights,
+        highest=_spot(float(normal_probes.heights[highest]), highest, normal_probes, motions),
+        deepest_gouge=_spot(-float(normal_probes.heights[lowest]), lowest, normal_probes, motions),
         by_reason={
-            "post": float(nails.areas[over & held].sum()),
-            "gouge": float(nails.areas[standing[hollow]].sum()),
-            "reachable": float(nails.areas[standing[~hollow]].sum()),
+            "post": float(normal_probes.areas[over & held].sum()),
+            "gouge": float(normal_probes.areas[standing[hollow]].sum()),
+            "reachable": float(normal_probes.areas[standing[~hollow]].sum()),
         },
     )
 
 
-def _in_hollows(nails: Nails, which: Int[ndarray, " k"], radius: float) -> Bool[ndarray, " k"]:
-    """Whether a ball that touches the part at these nails would enter it at another nail."""
-    centres = nails.points[which] + radius * nails.normals[which]
-    nearest, _ = cKDTree(nails.points).query(centres)
+def _in_hollows(normal_probes: NormalProbes, which: Int[ndarray, " k"], radius: float) -> Bool[ndarray, " k"]:
+    """Whether a ball that touches the part at these normal probes would enter it at another normal probe."""
+    centres = normal_probes.points[which] + radius * normal_probes.normals[which]
+    nearest, _ = cKDTree(normal_probes.points).query(centres)
     return np.asarray(nearest < radius - ENTERS)
 
 
-def _spot(value: float, nail: int, nails: Nails, motions: Motions) -> Spot:
-    """A figure at a nail, and the line of the move that cut it lowest (0: none did)."""
-    x, y, z = (float(v) for v in nails.points[nail])
-    owner = int(nails.owners[nail])
+def _spot(value: float, normal_probe: int, normal_probes: NormalProbes, motions: Motions) -> Spot:
+    """A figure at a normal probe, and the line of the move that cut it lowest (0: none did)."""
+    x, y, z = (float(v) for v in normal_probes.points[normal_probe])
+    owner = int(normal_probes.owners[normal_probe])
     return Spot(value, int(motions.lines[owner]) if owner >= 0 else 0, (x, y, z))

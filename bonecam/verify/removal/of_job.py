@@ -11,7 +11,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.reading.motions import Motions
 from bonecam.nc.reading.read import read_program
-from bonecam.planning.layers.limits import layer_limits
+from bonecam.planning.layers.layer_limits import layer_limits
 from bonecam.planning.passes.contacts import at_post
 from bonecam.progress import Progress, silent
 from bonecam.setup.stock import Stock
@@ -21,7 +21,7 @@ from bonecam.verify.removal.given import GivenSurface, measure_given
 from bonecam.verify.removal.groups import groups_of
 from bonecam.verify.removal.result import Removal
 from bonecam.verify.removal.simulate import simulate_further, simulate_removal
-from bonecam.verify.removal.sweeping import Accuracy, Remaining
+from bonecam.verify.removal.sweeping import Accuracy, SimulatedStock
 from bonecam.verify.removal.table import shell_clearance
 from bonecam.verify.removal.verdicts import check_removal
 from bonecam.workholding.clamping import clamping_of
@@ -96,11 +96,13 @@ def prove_removal(
         progress=progress,
     )
     check_removal_of_job(removal, job)
-    nails = removal.remaining.nails
-    if given is None or nails is None:
+    normal_probes = removal.remaining.normal_probes
+    if given is None or normal_probes is None:
         return removal
-    held = at_post(nails.points, nails.normals, post_below(part, job.holding), job.smallest_ball)
-    return replace(removal, given=measure_given(nails, held, given))
+    held = at_post(
+        normal_probes.points, normal_probes.normals, post_below(part, job.holding), job.smallest_ball
+    )
+    return replace(removal, given=measure_given(normal_probes, held, given))
 
 
 def simulate_stump(
@@ -108,7 +110,7 @@ def simulate_stump(
     machine: Machine,
     dialect: Dialect,
     job: Job,
-    material: Remaining,
+    material: SimulatedStock,
     part: TriangleMesh,
     shell: TriangleMesh,
     progress: Progress = silent,

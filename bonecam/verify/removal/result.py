@@ -8,8 +8,8 @@ from numpy import ndarray
 
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.verify.removal.given import GivenRemoval
-from bonecam.verify.removal.standing import Standing
-from bonecam.verify.removal.sweeping import Remaining
+from bonecam.verify.removal.stock_heights import StockHeights
+from bonecam.verify.removal.sweeping import SimulatedStock
 
 LINK_ALLOWED = 0.02
 """What the moves from one pass to the next may remove, mm^3: the scallops of 0.05 mm that a ball
@@ -114,8 +114,8 @@ class Removal:
     volume: float
     volume_error: float
     move_volumes: Float[ndarray, " m"]
-    remaining: Remaining
-    standing: tuple[Standing, ...] = ()
+    remaining: SimulatedStock
+    standing: tuple[StockHeights, ...] = ()
     bridge: float | None = None
     shell: Clearance | None = None
     given: GivenRemoval | None = None

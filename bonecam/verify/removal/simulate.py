@@ -38,11 +38,11 @@ from bonecam.verify.removal.groups import (
     tools_of,
 )
 from bonecam.verify.removal.left import measure_left
-from bonecam.verify.removal.nails import Nails
+from bonecam.verify.removal.normal_probes import NormalProbes
 from bonecam.verify.removal.pieces import straight_pieces
 from bonecam.verify.removal.result import LINK_ALLOWED, RAPID_ALLOWED, Clearance, LevelRemoval, Removal, Spot
-from bonecam.verify.removal.standing import Standing, parted_bridge, standing_heights
-from bonecam.verify.removal.sweeping import PARTS, Accuracy, Remaining, Sweeping, material_of, volumes
+from bonecam.verify.removal.stock_heights import StockHeights, parted_bridge, stock_heights
+from bonecam.verify.removal.sweeping import PARTS, Accuracy, SimulatedStock, Sweeping, material_of, volumes
 from bonecam.verify.removal.table import table_clearance
 from bonecam.workholding.clamping import Clamping
 from bonecam.workholding.post import Post
@@ -91,7 +91,7 @@ def simulate_further(
     text: str,
     machine: Machine,
     dialect: Dialect,
-    material: Remaining,
+    material: SimulatedStock,
     post: Post | None,
     cutters: Sequence[Cutter],
     *,
@@ -106,7 +106,7 @@ def simulate_further(
     tools = tools_of(motions, cutters)
     sweeping = Sweeping(material.sets, material.grid, material.bounds, len(motions.tips))
     simulation = _Simulation(
-        motions, sweeping, material.nails, clamping or Clamping(), limits or {}, surfaces or {}
+        motions, sweeping, material.normal_probes, clamping or Clamping(), limits or {}, surfaces or {}
     )
     groups = list(groups_of(text, motions, dialect))
     levels = []
@@ -125,7 +125,7 @@ class _Simulation:
 
     motions: Motions
     sweeping: Sweeping
-    nails: Nails | None
+    normal_probes: NormalProbes | None
     clamping: Clamping
     limits: Mapping[int, float]
     surfaces: Mapping[int, TriangleMesh]
@@ -134,22 +134,22 @@ class _Simulation:
         self.grid = self.sweeping.grid
         self.minutes = feed_minutes(self.motions)
         self.table = Clearance("tool", None, 0)
-        self.standing: list[Standing] = []
+        self.standing: list[StockHeights] = []
 
     def run(self, group: Group, cutter: Cutter, scallop: float) -> LevelRemoval:
         """Run the moves of one path on a level; the level before may have left this `scallop`, mm."""
         before = [copy_of(rays) for rays in self.sweeping.sets]
         surface = self.surfaces.get(group.level) if group.level is not None else None
 
-        def cut_nails(pieces: Pieces) -> None:
-            if self.nails is not None:
-                self.nails.cut(pieces, cutter.radius)
+        def cut_normal_probes(pieces: Pieces) -> None:
+            if self.normal_probes is not None:
+                self.normal_probes.cut(pieces, cutter.radius)
 
         whole = straight_pieces(self.motions, group.moves, cutter)
-        pieces = self.sweeping.run(whole, cutter, cut_nails)
+        pieces = self.sweeping.run(whole, cutter, cut_normal_probes)
         if surface is not None and group.level is not None:
             heights = [self._standing(surface, sets) for sets in (before, self.sweeping.sets)]
-            self.standing.append(Standing(group.level, *heights))
+            self.standing.append(StockHeights(group.level, *heights))
         self._keep_from_table(whole, cutter)
         depths = cut_depths(self.sweeping.sets, before, self.grid)
         deepest = None
@@ -205,21 +205,21 @@ class _Simulation:
         contact = self._spot(float(rapid[over[0]]), int(over[0])) if len(over) else None
         by_link, moves = link_volumes(removed, self.motions.links)
         most = int(np.argmax(by_link)) if len(by_link) else -1
-        told = most >= 0 and by_link[most] > LINK_ALLOWED
+        reported = most >= 0 and by_link[most] > LINK_ALLOWED
         finest = min(
             cutter.radius for number, cutter in tools.items() if (self.motions.tools == number).any()
         )
         left = None
-        if self.nails is not None:
-            self.nails.measure_the_uncut(self.sweeping.sets, self.grid)
-            left = measure_left(self.nails, post, finest, self.motions)
+        if self.normal_probes is not None:
+            self.normal_probes.measure_the_uncut(self.sweeping.sets, self.grid)
+            left = measure_left(self.normal_probes, post, finest, self.motions)
         standing = volumes(self.sweeping.sets)
         return Removal(
             cell=self.grid.cell,
             levels=tuple(levels),
             rapid_volume=float(rapid.sum()),
             rapid_contact=contact,
-            link_contact=self._spot(float(by_link[most]), int(moves[most])) if told else None,
+            link_contact=self._spot(float(by_link[most]), int(moves[most])) if reported else None,
             shank=self._clearance(0),
             holder=self._clearance(1),
             spindle=self._clearance(2),
@@ -228,7 +228,7 @@ class _Simulation:
             volume=float(np.mean(standing)),
             volume_error=float(np.ptp(standing)),
             move_volumes=removed,
-            remaining=Remaining(self.sweeping.sets, self.grid, self.nails),
+            remaining=SimulatedStock(self.sweeping.sets, self.grid, self.normal_probes),
             standing=tuple(self.standing),
         )
 
@@ -240,9 +240,7 @@ class _Simulation:
         return Clearance(PARTS[part], self._spot(value, move) if move >= 0 else None, line)
 
     def _standing(self, surface: TriangleMesh, sets: Sequence[RaySet]) -> Float[ndarray, " n"]:
-        return standing_heights(
-            surface.vertices, vertex_normals(surface), sets, self.grid, self.grid.cell / 2
-        )
+        return stock_heights(surface.vertices, vertex_normals(surface), sets, self.grid, self.grid.cell / 2)
 
     def _spot(self, value: float, move: int, place: np.ndarray | None = None) -> Spot:
         x, y, z = (float(v) for v in (self.motions.tips[move] if place is None else place))

@@ -18,16 +18,16 @@ from bonecam.kernels.removal.bricks import (
     mark_bricks,
 )
 from bonecam.kernels.removal.rays import RaySet
-from bonecam.kernels.removal.sweep import Found, Pieces, sweep
+from bonecam.kernels.removal.sweep import Pieces, SweepResult, sweep
 from bonecam.material.dexels import with_more_room
 from bonecam.material.rays import RayGrid, lay_grid, lay_rays, least_cell, order
 from bonecam.runtime.threads import in_pieces
 from bonecam.setup.stock import Stock
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
-from bonecam.verify.removal.nails import Nails, nails_on
+from bonecam.verify.removal.normal_probes import NormalProbes, normal_probes_on
 from bonecam.verify.removal.pieces import in_grid
-from bonecam.verify.removal.standing import rays_above
+from bonecam.verify.removal.stock_heights import rays_above
 
 BRICK = 0.4
 """Side of the bricks, mm, in which tools are first looked at; larger where the box holds more than
@@ -60,13 +60,13 @@ class Accuracy:
 
 
 @dataclass(frozen=True, eq=False)
-class Remaining:
-    """The material that stands: three `sets` of rays of a `grid`, and the `nails` on the part (None where none is
-    given), as they have been cut."""
+class SimulatedStock:
+    """The material that stands: three `sets` of rays of a `grid`, and the `normal_probes` on the part (None where none
+    is given), as they have been cut."""
 
     sets: Sequence[RaySet]
     grid: RayGrid
-    nails: Nails | None
+    normal_probes: NormalProbes | None
 
     @property
     def bounds(self) -> Float[ndarray, "2 3"]:
@@ -74,23 +74,25 @@ class Remaining:
         corners = self.grid.in_part(np.array(list(product(*zip(np.zeros(3), self.grid.size, strict=True)))))
         return np.array([corners.min(axis=0), corners.max(axis=0)])
 
-    def move(self, pose: Float[ndarray, "4 4"]) -> "Remaining":
+    def move(self, pose: Float[ndarray, "4 4"]) -> "SimulatedStock":
         """The material under a rigid transform (4, 4); the rays are shared."""
-        nails = self.nails.move(pose) if self.nails is not None else None
-        return Remaining(self.sets, self.grid.move(pose), nails)
+        normal_probes = self.normal_probes.move(pose) if self.normal_probes is not None else None
+        return SimulatedStock(self.sets, self.grid.move(pose), normal_probes)
 
-    def above(self, height: float) -> "Remaining":
+    def above(self, height: float) -> "SimulatedStock":
         """The material above a height z, mm, in rays of its own."""
         sets = [rays_above(rays, self.grid, k, height) for k, rays in enumerate(self.sets)]
-        return Remaining(sets, self.grid, self.nails)
+        return SimulatedStock(sets, self.grid, self.normal_probes)
 
 
-def material_of(bodies: Sequence[Stock], part: TSpline | None, accuracy: Accuracy) -> Remaining:
-    """The union of convex bodies, and the nails on a `part`; JobError where the rays need too much memory."""
+def material_of(bodies: Sequence[Stock], part: TSpline | None, accuracy: Accuracy) -> SimulatedStock:
+    """The union of convex bodies, and the normal probes on a `part`; JobError where the rays need too much memory."""
     grid = lay_grid(bodies, accuracy.cell)
     if accuracy.coarser:
         grid = lay_grid(bodies, max(accuracy.cell, least_cell(bodies, grid, accuracy.memory_mb)))
-    return Remaining(lay_rays(bodies, grid, accuracy.memory_mb), grid, nails_on(part) if part else None)
+    return SimulatedStock(
+        lay_rays(bodies, grid, accuracy.memory_mb), grid, normal_probes_on(part) if part else None
+    )
 
 
 class Sweeping:
@@ -107,7 +109,7 @@ class Sweeping:
         self.grid = grid
         self.bounds = bounds
         self.found = [
-            Found(np.zeros(moves), np.zeros(moves), np.full(3, WATCHED), np.full(3, -1), np.full(3, -1))
+            SweepResult(np.zeros(moves), np.zeros(moves), np.full(3, WATCHED), np.full(3, -1), np.full(3, -1))
             for _ in range(3)
         ]
 

@@ -41,7 +41,7 @@ from bonecam.setup.stock import Stock
 from bonecam.setup.stocks.box import Box
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.surface.part_surface import fit_surface
-from bonecam.surface.tmesh.rows import RowTMesh
+from bonecam.surface.tmesh.row_tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 STOCK = Capsule(np.array([0.0, 0.0, 4.5]), np.array([0.0, 0.0, 15.5]), 4.5)

@@ -5,11 +5,11 @@ from collections.abc import Callable
 import numpy as np
 
 from bonecam.arrays import dots
-from bonecam.levels.problem.program import Program
+from bonecam.levels.problem.program import LevelProgram
 
 
 def test_targets_keep_their_way_along_the_normals_and_stand_still_at_the_poles(
-    first_program: Callable[[], Program],
+    first_program: Callable[[], LevelProgram],
 ) -> None:
     before = first_program()
     moves = np.tile([0.02, -0.01, 0.03], (before.R.shape[1], 1))

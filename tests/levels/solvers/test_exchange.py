@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from bonecam.levels.body_surface import body_surfaces
 from bonecam.levels.problem.cut import Cut, StepParameters
 from bonecam.levels.problem.discretisation import Discretisation
-from bonecam.levels.problem.program import Program, program_of
+from bonecam.levels.problem.program import LevelProgram, program_of
 from bonecam.levels.problem.remaining import remaining, whole
 from bonecam.levels.solvers import admm
 from bonecam.levels.solvers.exchange import next_level
@@ -25,11 +25,11 @@ from bonecam.surface.tspline import TSpline
 @pytest.fixture(scope="module")
 def program(
     discretisation: Discretisation, half_millimetre: Cut, step_parameters: StepParameters, capsule: Capsule
-) -> Callable[[int], Program]:
+) -> Callable[[int], LevelProgram]:
     """Sets up the program of the level after this many."""
 
     @cache
-    def set_up(levels: int) -> Program:
+    def set_up(levels: int) -> LevelProgram:
         P = np.array(discretisation.surface.control_points)
         rest = remaining(discretisation, P, whole(capsule))
         for _ in range(levels):
@@ -42,7 +42,7 @@ def program(
 
 @pytest.mark.parametrize("levels", [0, 1, 2])
 def test_the_energy_is_within_one_percent_of_the_reference(
-    program: Callable[[int], Program], half_millimetre: Cut, levels: int
+    program: Callable[[int], LevelProgram], half_millimetre: Cut, levels: int
 ) -> None:
     """The same linear limits for both: ADMM does not set them up again here."""
     one = program(levels)
@@ -53,7 +53,7 @@ def test_the_energy_is_within_one_percent_of_the_reference(
 
 @pytest.mark.parametrize("levels", [0, 1, 2])
 def test_so_is_it_where_limits_and_targets_are_set_up_again(
-    program: Callable[[int], Program], levels: int
+    program: Callable[[int], LevelProgram], levels: int
 ) -> None:
     """Where the samples came to. (Level 4 is the last below the stock, and has next to nothing to move.)"""
     one = program(levels)
@@ -61,7 +61,7 @@ def test_so_is_it_where_limits_and_targets_are_set_up_again(
     assert there.energy(ours) == pytest.approx(there.energy(exact(there)), rel=0.01)
 
 
-def exact(one: Program) -> np.ndarray:
+def exact(one: LevelProgram) -> np.ndarray:
     """Clarabel's moves for the program's limits as they are set up."""
     clarabel = pytest.importorskip("clarabel", reason="the extra `reference` is not installed")
     rows = one.limits.rows(one.R, one.x)
@@ -78,7 +78,7 @@ def exact(one: Program) -> np.ndarray:
     return np.array(answer.x).reshape(3, -1).T
 
 
-def test_osqp_finds_the_same_optimum(program: Callable[[int], Program]) -> None:
+def test_osqp_finds_the_same_optimum(program: Callable[[int], LevelProgram]) -> None:
     one = program(1)
     rows = one.limits.rows(one.R, one.x)
     found = (

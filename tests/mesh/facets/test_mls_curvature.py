@@ -5,7 +5,7 @@ import pytest
 from numpy import ndarray
 
 from bonecam.errors import MeshError
-from bonecam.mesh.facets.curvature import Shape
+from bonecam.mesh.facets.curvature import SurfaceShape
 from bonecam.mesh.facets.delaunay import delaunay
 from bonecam.mesh.facets.mls_curvature import mls_curvature
 from bonecam.mesh.facets.vertex_normals import vertex_normals
@@ -54,9 +54,9 @@ def test_errors_on_a_torus_fall_with_the_square_of_the_edge() -> None:
 def test_shapes_on_a_torus_are_convex_outside_and_saddles_inside() -> None:
     mesh, v, normals = torus(120, 60)
     found = mls_curvature(mesh)
-    assert set(found.shapes[np.cos(v) > 0.4]) == {Shape.CONVEX}
-    assert set(found.shapes[np.cos(v) < -0.4]) == {Shape.SADDLE}
-    assert set(found.shapes[np.abs(np.cos(v)) < 1e-9]) == {Shape.PARABOLIC}
+    assert set(found.shapes[np.cos(v) > 0.4]) == {SurfaceShape.CONVEX}
+    assert set(found.shapes[np.cos(v) < -0.4]) == {SurfaceShape.SADDLE}
+    assert set(found.shapes[np.abs(np.cos(v)) < 1e-9]) == {SurfaceShape.PARABOLIC}
     assert np.abs(np.einsum("ij,ij->i", found.direction1, normals)).max() < 0.02
 
 
@@ -74,7 +74,7 @@ def test_a_plane_is_planar_everywhere() -> None:
     mesh = TriangleMesh(np.column_stack([places, np.zeros(60)]), delaunay(places))
     found = mls_curvature(mesh, radius=4.0)
     assert np.abs(found.k1).max() < 1e-12
-    assert set(found.shapes) == {Shape.PLANAR}
+    assert set(found.shapes) == {SurfaceShape.PLANAR}
 
 
 def test_a_patch_on_a_tilted_frame_needs_both_fundamental_forms() -> None:

@@ -9,7 +9,7 @@ from bonecam.errors import MeshError
 from bonecam.job import MeshJob
 from bonecam.mesh.distance import hausdorff
 from bonecam.mesh.healing.decimation import LARGEST_DEVIATION, decimate
-from bonecam.mesh.healing.faults import faults_of
+from bonecam.mesh.healing.mesh_faults import faults_of
 from bonecam.mesh.part import prepare_part
 from bonecam.mesh.triangle_mesh import TriangleMesh
 

@@ -8,7 +8,7 @@ from numpy import ndarray
 from bonecam.errors import MeshError
 from bonecam.mesh.distance import exact_closest
 from bonecam.mesh.files.mesh_files import read_mesh
-from bonecam.mesh.healing.faults import faults_of
+from bonecam.mesh.healing.mesh_faults import faults_of
 from bonecam.mesh.healing.repair import repair
 from bonecam.mesh.healing.repair_state import RepairState
 from bonecam.mesh.healing.resurfacing import wrap

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bonecam.errors import MeshError
-from bonecam.mesh.healing.faults import faults_of
+from bonecam.mesh.healing.mesh_faults import faults_of
 from bonecam.mesh.healing.repair import repair
 from bonecam.mesh.healing.repair_state import RepairState
 from bonecam.mesh.healing.seams import weld_seams

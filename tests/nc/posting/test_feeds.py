@@ -17,7 +17,7 @@ from bonecam.nc.posting.feeds import FEED_PER_MM, LARGEST_RATIO, drivable_paths
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.motions import Motions
 from bonecam.nc.reading.read import read_program
-from bonecam.tool.path import Kind, ToolPath
+from bonecam.tool.path import MoveKind, ToolPath
 from bonecam.verify.readback import Tolerances, compare_moves
 
 PAIRS = {
@@ -93,7 +93,7 @@ def test_only_feeds_change_and_none_rises(paths, pair) -> None:
         assert np.array_equal(before.tips, after.tips)
         assert (after.feed_rates <= before.feed_rates).all()
         assert (after.feed_rates > 0).all()
-        rapid = (before.kinds == Kind.RAPID) & pair[1].straight_rapids
+        rapid = (before.kinds == MoveKind.RAPID) & pair[1].straight_rapids
         assert np.array_equal(before.feed_rates[rapid], after.feed_rates[rapid])
 
 
@@ -102,7 +102,7 @@ def test_along_a_pass_the_feed_changes_evenly(paths, pair) -> None:
     changed = 0
     for path in drivable_paths(paths, *pair, Job()):
         step = np.linalg.norm(np.diff(path.tips, axis=0), axis=1)
-        cutting = path.kinds == Kind.CUT
+        cutting = path.kinds == MoveKind.CUT
         both = cutting[1:] & cutting[:-1] & (np.diff(path.pass_index) == 0)
         both[1:] &= both[:-1].copy()
         both[0] = False
@@ -148,7 +148,7 @@ def test_rapids_that_are_written_as_feeds_are_lowered_too(paths) -> None:
     machine, dialect = PAIRS["linuxcnc"]
     bent = replace(dialect, straight_rapids=False)
     lowered = drivable_paths(paths, machine, bent, Job())
-    rapid = lowered[0].kinds == Kind.RAPID
+    rapid = lowered[0].kinds == MoveKind.RAPID
     assert (lowered[0].feed_rates[rapid] < paths[0].feed_rates[rapid]).any()
     program = write_program(lowered, machine, bent, Job())
     assert axis_shares(read_program(program.text, machine, bent), machine).max() <= 1.0 + 1e-6

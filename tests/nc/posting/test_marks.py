@@ -8,7 +8,7 @@ from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import dialect_names, read_dialect
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.read import read_program
-from bonecam.tool.path import Kind
+from bonecam.tool.path import MoveKind
 from bonecam.verify.readback import Tolerances, compare_moves
 
 PAIRS = dict.fromkeys(dialect_names(), "mikron-ucp600") | {"linuxcnc": "linuxcnc-xyzbc"}
@@ -24,9 +24,9 @@ def test_the_text_tells_which_moves_are_links(capsule_path, name):
     kinds = path.kinds[np.where(source >= 0, source, -2 - source)]
     posted = (source != -1) & ~motions.rapid
     # rapids that the control may bend are written as feeds, and are links
-    bent = set() if dialect.straight_rapids else {Kind.RAPID}
-    assert set(kinds[posted]) == {Kind.LINK, Kind.CUT} | bent
-    assert np.array_equal(motions.links[posted], kinds[posted] != Kind.CUT)
+    bent = set() if dialect.straight_rapids else {MoveKind.RAPID}
+    assert set(kinds[posted]) == {MoveKind.LINK, MoveKind.CUT} | bent
+    assert np.array_equal(motions.links[posted], kinds[posted] != MoveKind.CUT)
     assert not motions.links[motions.rapid].any()
 
 

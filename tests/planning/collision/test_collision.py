@@ -21,7 +21,7 @@ from bonecam.planning.collision.thick_tool import classify_thick_tool
 from bonecam.planning.collision.tool_mesh import SIDES, cutter_mesh, section_mesh
 from bonecam.setup.capsule import Capsule
 from bonecam.surface.tspline import TSpline
-from bonecam.tool.cutter import Cutter, Section
+from bonecam.tool.cutter import Cutter, ToolSection
 from bonecam.workholding.clamping import Clamping
 from bonecam.workholding.column import Column
 from bonecam.workholding.post import Post
@@ -217,7 +217,7 @@ SHRINK_FIT = (Frustum(30.0, 8.0, 16.0), Frustum(20.0, 40.0, 40.0))
 NOSE = (Frustum(40.0, 60.0, 60.0), Frustum(40.0, 60.0, 100.0))
 
 
-def surface_points(section: Section) -> np.ndarray:
+def surface_points(section: ToolSection) -> np.ndarray:
     """Points on the wall and the ends of a section with the tip at the origin and the axis along +Z."""
     angle = np.arange(72) * (2 * np.pi / 72)
     rings = [(f, 1.0) for f in np.linspace(0, 1, 30)] + [

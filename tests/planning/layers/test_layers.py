@@ -11,9 +11,9 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.healing.topology import edges_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.layers.chart import FlatChart, RoundChart
-from bonecam.planning.layers.curves import sample
 from bonecam.planning.layers.drop import Ball, drop_balls
-from bonecam.planning.layers.material import HeightField, stock_field
+from bonecam.planning.layers.height_field import HeightField, stock_field
+from bonecam.planning.layers.layer_curves import sample
 from bonecam.planning.layers.scan_lines import flat_step, scan_lines
 from bonecam.planning.strategies.iso_height import iso_height_layers
 from bonecam.planning.strategies.rotary import rotary_layers

@@ -5,8 +5,8 @@ import numpy as np
 from bonecam.job import Job
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.planning.layers.finishing import depths_in
-from bonecam.planning.layers.material import HeightField
+from bonecam.planning.layers.finishing_layers import depths_in
+from bonecam.planning.layers.height_field import HeightField
 from bonecam.planning.layers.stump import STEPS, off_part, stump_chart, stump_layers
 from bonecam.tool.cutter import Cutter
 from bonecam.workholding.post import Post

@@ -15,7 +15,7 @@ from bonecam.planning.links import lift
 from bonecam.planning.oriented_path import orient
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
-from bonecam.tool.path import ContactPath, Kind, ToolPath
+from bonecam.tool.path import ContactPath, MoveKind, ToolPath
 from bonecam.workholding.clamping import Clamping
 
 Made = tuple[ToolPath, Scene, Callable[[LiftPlaces], ToolPath]]
@@ -41,7 +41,7 @@ def at(axes: np.ndarray, *rows: int) -> tuple[np.ndarray, np.ndarray]:
 
 def cuts_in_a_row(path: ToolPath) -> np.ndarray:
     """Rows that cut, between rows that cut."""
-    cut = path.kinds == Kind.CUT
+    cut = path.kinds == MoveKind.CUT
     return np.flatnonzero(cut & np.r_[False, cut[:-1]] & np.r_[cut[1:], False])
 
 
@@ -52,7 +52,7 @@ def test_between_two_cuts_the_tool_comes_back_to_the_contact_that_it_left(made: 
     ((first, last),) = lifted.lifts
     assert first == row
     away = slice(first, last + 1)
-    assert (lifted.kinds[away] != Kind.CUT).all()
+    assert (lifted.kinds[away] != MoveKind.CUT).all()
     assert np.isnan(lifted.contacts[away]).all()
     safe = path.tips[0]
     assert np.linalg.norm(lifted.tips[away] - safe, axis=1).min() < 1e-9
@@ -67,7 +67,7 @@ def test_between_two_cuts_the_tool_comes_back_to_the_contact_that_it_left(made: 
     later = path.pass_index[row:] >= 0
     assert np.array_equal(lifted.pass_index[kept][row:][later], path.pass_index[row:][later] + 1)
     material = MeshDistance(scene.material)
-    rapid = lifted.kinds[away] == Kind.RAPID
+    rapid = lifted.kinds[away] == MoveKind.RAPID
     clear = material.signed(lifted.balls[away][rapid]) - path.cutter.radius
     assert clear.min() >= PathJob().clearance
     assert angles_between(lifted.axes[away], np.tile([0.0, 0, 1], (last + 1 - first, 1))).min() < 1e-9
@@ -75,8 +75,8 @@ def test_between_two_cuts_the_tool_comes_back_to_the_contact_that_it_left(made: 
 
 def test_from_a_link_the_tool_comes_back_to_where_the_link_leads(made: Made) -> None:
     path, _, oriented = made
-    cut = path.kinds == Kind.CUT
-    row = int(np.flatnonzero((path.kinds == Kind.LINK) & np.r_[False, cut[:-1]])[1])
+    cut = path.kinds == MoveKind.CUT
+    row = int(np.flatnonzero((path.kinds == MoveKind.LINK) & np.r_[False, cut[:-1]])[1])
     lifted = oriented(lambda axes, kinds, blocked: at(axes, row - 1))
     ((first, last),) = lifted.lifts
     assert first == row
@@ -91,7 +91,7 @@ def test_several_lifts_keep_their_places(made: Made) -> None:
     rows = cuts_in_a_row(path)[[10, 11, 60]]
     lifted = oriented(lambda axes, kinds, blocked: at(axes, *(rows - 1)))
     assert len(lifted.lifts) == 3
-    assert (lifted.kinds == Kind.CUT).sum() == (path.kinds == Kind.CUT).sum() + 3
+    assert (lifted.kinds == MoveKind.CUT).sum() == (path.kinds == MoveKind.CUT).sum() + 3
     before = lifted.tips[lifted.lifts[:, 0] - 1]
     assert np.array_equal(before, path.tips[rows - 1])
     assert np.array_equal(lifted.tips[lifted.lifts[:, 1] + 1], before)
@@ -143,7 +143,7 @@ def test_between_two_rows_the_path_has_a_point_where_it_is_lifted(made: Made) ->
     for point in (first - 1, last + 1):
         assert np.allclose(lifted.balls[point], path.balls[row - 1 : row + 1].mean(axis=0))
         assert np.array_equal(lifted.axes[point], axis[0])
-        assert lifted.kinds[point] == Kind.CUT
+        assert lifted.kinds[point] == MoveKind.CUT
     kept = np.r_[0 : first - 1, last + 2 : len(lifted.tips)]
     assert np.array_equal(lifted.tips[kept], path.tips)
     assert lifted.feed_rates[first - 1] == path.feed_rates[row]

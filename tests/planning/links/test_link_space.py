@@ -10,7 +10,7 @@ from bonecam.job import HoldingJob
 from bonecam.levels.measure.cut_measures import NO_CUT
 from bonecam.levels.measure.level import MachinedLevel, StockLevel
 from bonecam.machine.limits import MachineLimits
-from bonecam.material.material import remove_material, uncut_material
+from bonecam.material.in_process_stock import remove_material, uncut_material
 from bonecam.planning.collision.checker import CollisionChecker
 from bonecam.planning.collision.scene import Scene
 from bonecam.planning.links.link_space import LinkSpace
@@ -18,7 +18,7 @@ from bonecam.planning.links.moves import Feeds
 from bonecam.setup.capsule import Capsule
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
-from bonecam.tool.path import Kind, ToolPath
+from bonecam.tool.path import MoveKind, ToolPath
 from bonecam.workholding.post import post_below
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -68,7 +68,7 @@ def test_what_flutes_removed_on_a_pass_may_be_passed_again(
 ) -> None:
     centres, axes = below
     cutter = space.checker.cutter
-    kinds, passes = np.full(len(centres), int(Kind.CUT)), np.zeros(len(centres), dtype=np.int64)
+    kinds, passes = np.full(len(centres), int(MoveKind.CUT)), np.zeros(len(centres), dtype=np.int64)
     path = path_of(centres - cutter.radius * axes, axes, kinds=kinds, passes=passes, tool=cutter)
     cut = replace(space, material=remove_material(space.material, level_of(pebble()), path))  # type: ignore[arg-type]
     assert cut.cuts_little([below], [upright(np.zeros((0, 3)))]).all()

@@ -13,7 +13,7 @@ from bonecam.machine.limits import MachineLimits
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.collision.checker import CollisionChecker
 from bonecam.planning.collision.scene import Scene
-from bonecam.planning.layers.standing import StandingMesh
+from bonecam.planning.layers.height_mesh import HeightMesh
 from bonecam.planning.links.link_space import LinkSpace
 from bonecam.planning.links.moves import Feeds
 from bonecam.planning.links.step_over import steps_over
@@ -59,7 +59,7 @@ def grooved(
         job.clearance,
         job.gouge_tolerance,
     )
-    return Grooved(surface, LinkSpace(checker, *planned, StandingMesh(material)))
+    return Grooved(surface, LinkSpace(checker, *planned, HeightMesh(material)))
 
 
 def test_the_tool_steps_over_to_a_place_nearby(grooved: Grooved) -> None:

@@ -9,7 +9,7 @@ from bonecam.planning.passes.engaged_segments import (
     SHORT_GAP,
     SLOPE,
     USELESS_GAP,
-    Allowed,
+    DepthLimits,
     Lines,
     cutting_passes,
     useful_passes,
@@ -52,7 +52,7 @@ def test_what_would_only_rub_is_left_out_with_gaps_worth_a_retract():
     depth = np.full(120, 0.2)
     depth[20:70] = 0.01
     depth[90:96] = 0.01
-    made = passes(lines, depth, Allowed(0.5, least=0.03))
+    made = passes(lines, depth, DepthLimits(0.5, least=0.03))
     left = np.setdiff1d(np.arange(120), made.index)
     assert np.array_equal(left, np.arange(20 + BESIDE, 70 - BESIDE))
     assert 6 * STEP < SHORT_GAP < 50 * STEP
@@ -61,7 +61,7 @@ def test_what_would_only_rub_is_left_out_with_gaps_worth_a_retract():
 def test_a_strip_of_two_contacts_between_air_is_cut_from_air_to_air():
     in_air = np.ones(120, dtype=bool)
     in_air[50:52] = False
-    made = passes(plane(), np.where(in_air, -0.1, 0.4), Allowed(0.5, least=0.03), ~in_air, in_air)
+    made = passes(plane(), np.where(in_air, -0.1, 0.4), DepthLimits(0.5, least=0.03), ~in_air, in_air)
     assert np.array_equal(made.index, np.arange(50 - BESIDE, 52 + BESIDE))
     assert not made.raised.any()
     assert not len(made.short)
@@ -71,7 +71,7 @@ def test_passes_are_left_where_they_are_of_no_use_behind_others():
     useful = np.zeros(120, dtype=bool)
     useful[10:40] = useful[44:70] = useful[90:91] = True
     everywhere = np.ones(120, dtype=bool)
-    made = useful_passes(plane(), useful, everywhere, np.full(120, 0.02), Allowed(0.5, least=0.03))
+    made = useful_passes(plane(), useful, everywhere, np.full(120, 0.02), DepthLimits(0.5, least=0.03))
     # a gap of 2 mm is cut through; one contact is no pass: it takes those beside it
     wanted = np.r_[np.arange(10, 70), np.arange(90 - BESIDE, 91 + BESIDE)]
     assert np.array_equal(made.index, wanted)
@@ -82,14 +82,14 @@ def test_nothing_deeper_than_the_least_depth_is_left_out():
     rng = np.random.default_rng(3)
     lines = plane(400, 3)
     depth = np.abs(rng.normal(0, 0.05, 1200))
-    made = passes(lines, depth, Allowed(0.5, least=0.03))
+    made = passes(lines, depth, DepthLimits(0.5, least=0.03))
     left = np.setdiff1d(np.arange(1200), made.index)
     assert not np.any(depth[np.setdiff1d(left, made.short)] >= 0.03)
 
 
 def test_a_pass_that_begins_in_material_is_entered_on_a_ramp():
     lines = plane()
-    made = passes(lines, np.full(120, 0.4), Allowed(0.5))
+    made = passes(lines, np.full(120, 0.4), DepthLimits(0.5))
     heights = made.raised[:, 2]
     assert heights[0] == pytest.approx(0.4)
     ramp = int(np.argmax(heights == 0))
@@ -101,7 +101,7 @@ def test_a_pass_that_begins_in_material_is_entered_on_a_ramp():
 
 def test_a_whole_ring_is_entered_along_its_end():
     lines = ring()
-    made = passes(lines, np.full(81, 0.4), Allowed(0.5))
+    made = passes(lines, np.full(81, 0.4), DepthLimits(0.5))
     ramp = int(np.argmax(made.raised[:, 2] == 0))
     assert np.array_equal(made.index[ramp:], np.arange(81))
     assert np.array_equal(made.index[:ramp], np.arange(80 - ramp, 80))
@@ -111,14 +111,14 @@ def test_a_whole_ring_is_entered_along_its_end():
 def test_no_ramp_where_the_pass_begins_in_air():
     depth = np.full(120, 0.4)
     depth[:5] = 0.0
-    assert not passes(plane(), depth, Allowed(0.5)).raised.any()
+    assert not passes(plane(), depth, DepthLimits(0.5)).raised.any()
 
 
 def test_runs_too_short_for_a_plunge_are_told():
     usable = np.zeros(120, dtype=bool)
     usable[10:60] = True
     usable[80 : 80 + LEAST_CONTACTS - 1] = True
-    made = passes(plane(), np.full(120, 0.2), Allowed(0.5), usable=usable)
+    made = passes(plane(), np.full(120, 0.2), DepthLimits(0.5), usable=usable)
     assert np.array_equal(made.short, np.arange(80, 80 + LEAST_CONTACTS - 1))
     assert not np.isin(made.short, made.index).any()
 
@@ -126,7 +126,7 @@ def test_runs_too_short_for_a_plunge_are_told():
 def test_islands_are_cut_one_after_the_other():
     lines = plane(120, 6)
     depth = np.where((lines.centres[:, 0] < 10) | (lines.centres[:, 0] > 45), 0.2, 0.0)
-    made = passes(lines, depth, Allowed(0.5, least=0.03))
+    made = passes(lines, depth, DepthLimits(0.5, least=0.03))
     firsts = np.flatnonzero(np.r_[True, np.diff(made.passes) > 0])
     right = lines.centres[made.index[firsts], 0] > 25
     assert len(firsts) == 12
@@ -144,7 +144,7 @@ def test_lines_that_meet_at_a_pole_are_cut_side_by_side():
     lines = Lines(np.repeat(np.arange(count), 20), centres, np.tile(UP, (len(centres), 1)))
     away = np.linalg.norm(centres, axis=1)
     near_pole = np.isin(lines.line % 3, (1, 2)) & (away > 2) & (away < 4)
-    made = passes(lines, np.full(len(centres), 0.02), Allowed(0.5), ~near_pole)
+    made = passes(lines, np.full(len(centres), 0.02), DepthLimits(0.5), ~near_pole)
     whole = np.flatnonzero(np.bincount(made.passes) > 8)
     followed = [lines.line[made.index[made.passes == k][0]] for k in whole]
     assert followed == list(range(count))

@@ -8,13 +8,13 @@ import pytest
 from bonecam.job import PathJob
 from bonecam.levels.measure.cut_measures import NO_CUT
 from bonecam.levels.measure.level import StockLevel
-from bonecam.material.material import remove_material, uncut_material
+from bonecam.material.in_process_stock import remove_material, uncut_material
 from bonecam.mesh.distance import MeshDistance
 from bonecam.planning.passes.contacts import candidate_contacts, contact_path
-from bonecam.planning.passes.engaged_segments import UNCERTAIN, Allowed
+from bonecam.planning.passes.engaged_segments import UNCERTAIN, DepthLimits
 from bonecam.planning.passes.rest_machining import after_steps, rest_contacts, too_deep
 from bonecam.setup.capsule import Capsule
-from bonecam.tool.path import Kind
+from bonecam.tool.path import MoveKind
 from bonecam.workholding.post import post_below
 
 LIMIT = 0.15
@@ -36,7 +36,7 @@ def cut(path_of):
     def take(material, level, contacts):
         up = np.tile([0.0, 0.0, 1.0], (len(contacts.centres), 1))
         tips = contacts.centres - contacts.cutter.radius * up
-        kinds = np.full(len(tips), int(Kind.CUT))
+        kinds = np.full(len(tips), int(MoveKind.CUT))
         path = path_of(tips, up, kinds=kinds, passes=contacts.pass_index, tool=contacts.cutter)
         return remove_material(material, level, path)
 
@@ -60,7 +60,7 @@ def roughed(roughing_cutter, finishing_cutter, level_of, pebble, mesh_of, uprigh
 
 @pytest.fixture(scope="module")
 def allowed():
-    return Allowed(LIMIT, SCALLOP)
+    return DepthLimits(LIMIT, SCALLOP)
 
 
 @pytest.fixture(scope="module")
@@ -143,4 +143,4 @@ def test_a_pass_ends_before_a_ridge_that_its_ball_would_cut_through(roughed, res
 
 def test_there_is_no_rest_where_nothing_is_too_deep(roughed):
     _, candidates, material = roughed
-    assert rest_contacts([candidates], material, Allowed(1.0)) == []
+    assert rest_contacts([candidates], material, DepthLimits(1.0)) == []

@@ -28,7 +28,7 @@ from bonecam.setup.schedule import Schedule
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.surface.skinning.skin import skin
 from bonecam.surface.tspline import TSpline
-from bonecam.tool.path import Kind
+from bonecam.tool.path import MoveKind
 
 PATCH = Cylinder(2.0, 0.0, 3.0).mesh(0.1)
 
@@ -205,7 +205,7 @@ def test_a_disk_that_is_full_leaves_the_folder_as_it_was(
 
 def test_the_picture_of_engagement_shows_levels_and_no_parting(monkeypatch, tmp_path):
     moves = {name: np.zeros((4, 3)) for name in ("move_contact", "move_tip", "move_axis")}
-    moves |= {"move_section": np.ones(4), "move_tool": np.ones(4, int), "move_kind": np.full(4, Kind.CUT)}
+    moves |= {"move_section": np.ones(4), "move_tool": np.ones(4, int), "move_kind": np.full(4, MoveKind.CUT)}
     moves["move_level"] = np.array([1, 0, NO_LEVEL, PARTED])
     view = pack(Contents({"tools": [{"number": 1, "radius": 2.0}]}, moves))
     made = SimpleNamespace(packed_view=view, levels=SimpleNamespace(levels=[]))

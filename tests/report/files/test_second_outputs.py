@@ -19,10 +19,10 @@ from bonecam.nc.dialect import read_dialect
 from bonecam.nc.reading.read import read_program
 from bonecam.report.files.kept_view import SECOND_VIEW
 from bonecam.report.files.output_files import Outputs
-from bonecam.report.files.second import SecondProgram
+from bonecam.report.files.second_program import SecondProgram
 from bonecam.report.page.packing import Contents, unpack
 from bonecam.report.tables.cl_data import read_apt
-from bonecam.tool.path import Kind
+from bonecam.tool.path import MoveKind
 
 Run = tuple[bonecam.Result, Path]
 
@@ -85,7 +85,7 @@ def test_the_page_s_stump_is_there_before_the_first_layer_and_gone_behind_the_la
     assert arrays["before_0"][beside].max() < 0.2
     assert (arrays["cut_at_0"][beside] == len(arrays["move_kind"])).all(), "no move cuts the finished side"
     cut_at = arrays["cut_at_0"][under]
-    assert (arrays["move_kind"][cut_at] == Kind.CUT).all()
+    assert (arrays["move_kind"][cut_at] == MoveKind.CUT).all()
 
 
 def test_the_page_of_the_second_clamping_draws_without_a_post(second_run: Run, browser: Any) -> None:

@@ -20,7 +20,7 @@ from bonecam.nc.dialect import read_dialect
 from bonecam.nc.reading.read import read_program
 from bonecam.report.files.kept_view import kept_contents
 from bonecam.report.page.packing import Contents, pack, unpack
-from bonecam.tool.path import Kind
+from bonecam.tool.path import MoveKind
 
 Run = tuple[bonecam.Result, Path]
 
@@ -109,7 +109,7 @@ def test_cones_are_drawn_at_contacts_of_the_level_and_under_the_tool(page: Any, 
     chosen = path.cones.cone_of[inside]
     off = angles_between(path.axes[inside], path.cones.axes[chosen])
     assert (off < path.cones.angles[chosen]).mean() > 0.95
-    assert inside.sum() > 0.9 * (path.kinds == Kind.CUT).sum()
+    assert inside.sum() > 0.9 * (path.kinds == MoveKind.CUT).sum()
 
     shown = page.evaluate("someCones(movesOf(0, page.state))")
     assert 10 < len(shown) <= 40
@@ -132,7 +132,7 @@ def test_cones_are_drawn_at_contacts_of_the_level_and_under_the_tool(page: Any, 
 
 def test_axes_of_a_level_are_free_where_they_are_compared(small_run: Run) -> None:
     compared = small_run[0].compare_axes(0)
-    assert len(compared.contacts) == (small_run[0].paths[-1].kinds == Kind.CUT).sum()
+    assert len(compared.contacts) == (small_run[0].paths[-1].kinds == MoveKind.CUT).sum()
     row = compared.report[-1]
     assert row["axes"] == "this path"
     assert row["collide"] == row["beyond_limits"] == 0

@@ -25,7 +25,7 @@ from bonecam.setup.capsule import Capsule
 from bonecam.setup.stock import Stock
 from bonecam.setup.stocks.box import Box
 from bonecam.surface.tspline import TSpline
-from bonecam.tool.path import Kind, ToolPath
+from bonecam.tool.path import MoveKind, ToolPath
 
 POST = (4.0, 45.0)
 
@@ -73,7 +73,7 @@ def boxed(pebble: Callable[..., TSpline], wide: float, deep: float, high: float)
 def path(capsule_path: Callable[..., ToolPath], k: int) -> ToolPath:
     """A helix with contacts, where the tip is."""
     made = capsule_path(k)
-    return replace(made, contacts=np.where((made.kinds == Kind.CUT)[:, None], made.tips, np.nan))
+    return replace(made, contacts=np.where((made.kinds == MoveKind.CUT)[:, None], made.tips, np.nan))
 
 
 @pytest.fixture
@@ -114,7 +114,7 @@ def test_engagement_is_drawn_on_levels_with_the_share_of_cuts_in_air(
     tips, axes, kinds = (
         np.concatenate([getattr(each, name) for each in moves]) for name in ("tips", "axes", "kinds")
     )
-    cuts = kinds == Kind.CUT
+    cuts = kinds == MoveKind.CUT
     sections = np.where(levels == 3, 0.0, 0.2)
     draw_engagement(boxed(pebble, *STOCKS[0]), levels, tips, axes, sections, cuts, "")
     titles = [plot.get_title() for plot in drawn[0].axes if plot.get_title()]

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from bonecam.errors import ProgramError
 from bonecam.job import Job
 from bonecam.report import apt_text, read_apt
-from bonecam.tool import Cutter, Kind, ToolPath
+from bonecam.tool import Cutter, MoveKind, ToolPath
 
 JOB = Job()
 CUTTERS = [Cutter.from_job(k, name, JOB.tool(name)) for k, name in ((1, "roughing"), (2, "finishing"))]
@@ -44,7 +44,7 @@ def test_what_is_written_is_read_back() -> None:
     assert found.name == "BONE_1"
     assert [(one.level, one.tool) for one in found.paths] == [(7, 1), (6, 1), (0, 2)]
     for one, meant in zip(found.paths, PATHS, strict=True):
-        rapid = meant.kinds == Kind.RAPID
+        rapid = meant.kinds == MoveKind.RAPID
         assert (one.diameter, one.corner) == (2 * meant.cutter.radius, meant.cutter.radius)
         np.testing.assert_allclose(one.tips, meant.tips, atol=5.1e-7)
         np.testing.assert_allclose(one.axes, meant.axes, atol=1e-9)

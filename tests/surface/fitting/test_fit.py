@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from bonecam.errors import MeshError
 from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.sections.rows import Rows, harmonic_rows
+from bonecam.mesh.sections.harmonic_rows import Rows, harmonic_rows
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.fitting.adapt import LOWEST, Votes, refine, with_t_knots
 from bonecam.surface.fitting.deviation import deviation

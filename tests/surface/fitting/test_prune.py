@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from bonecam.mesh.sections.rows import Rows, harmonic_rows
+from bonecam.mesh.sections.harmonic_rows import Rows, harmonic_rows
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.fitting.growth import Aim, settle
 from bonecam.surface.fitting.initial_surface import first_tmesh, through_loops, transfer
 from bonecam.surface.fitting.prune import prune
-from bonecam.surface.fitting.target import Target, harmonic_parameters
+from bonecam.surface.fitting.target import FitTarget, harmonic_parameters
 from bonecam.surface.skinning.skin import skin
-from bonecam.surface.tmesh.rows import RowTMesh
+from bonecam.surface.tmesh.row_tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 POLES = np.array([[0.0, 0.0, -3.0], [0.0, 0.0, 3.0]])
@@ -25,13 +25,13 @@ def body() -> tuple[Rows, TriangleMesh]:
 
 
 @pytest.fixture(scope="module")
-def settled(body: tuple[Rows, TriangleMesh]) -> tuple[TSpline, Target]:
+def settled(body: tuple[Rows, TriangleMesh]) -> tuple[TSpline, FitTarget]:
     surface = through_loops(body[0], first_tmesh(9, 16))
     aim = Aim(0.02, 1000)
-    return settle(surface, Target.of(body[1], body[0], 3000).on(surface, 0.02), aim, 4)
+    return settle(surface, FitTarget.of(body[1], body[0], 3000).on(surface, 0.02), aim, 4)
 
 
-def test_an_ellipsoid_spares_many_knots_and_stays_where_it_is(settled: tuple[TSpline, Target]) -> None:
+def test_an_ellipsoid_spares_many_knots_and_stays_where_it_is(settled: tuple[TSpline, FitTarget]) -> None:
     surface, target = settled
     tmesh = prune(surface, target, 0.02, 1000)
     assert tmesh.size < 0.8 * surface.tmesh.size
@@ -39,13 +39,15 @@ def test_an_ellipsoid_spares_many_knots_and_stays_where_it_is(settled: tuple[TSp
     assert target.on(fewer, 0.02).worst < 0.04
 
 
-def test_no_more_knots_go_than_may(settled: tuple[TSpline, Target]) -> None:
+def test_no_more_knots_go_than_may(settled: tuple[TSpline, FitTarget]) -> None:
     surface, target = settled
     assert prune(surface, target, 0.02, 5).size == surface.tmesh.size - 5
     assert prune(surface, target, 1e-9, 1000).size == surface.tmesh.size
 
 
-def test_a_surface_moved_to_a_finer_tmesh_that_holds_it_is_the_same(settled: tuple[TSpline, Target]) -> None:
+def test_a_surface_moved_to_a_finer_tmesh_that_holds_it_is_the_same(
+    settled: tuple[TSpline, FitTarget],
+) -> None:
     surface = settled[0]
     assert isinstance(surface.tmesh, RowTMesh)
     finer = RowTMesh.from_rows(
@@ -64,7 +66,7 @@ def test_harmonic_parameters_of_the_rows_are_their_own(body: tuple[Rows, Triangl
     assert np.abs(t - np.repeat(rows.heights, 60)).max() < 0.02
 
 
-def test_rows_next_to_poles_keep_a_knot_every_quarter_turn(settled: tuple[TSpline, Target]) -> None:
+def test_rows_next_to_poles_keep_a_knot_every_quarter_turn(settled: tuple[TSpline, FitTarget]) -> None:
     """Round a gap of half a turn the surface folds at its pole."""
     surface, target = settled
     tmesh = surface.tmesh

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy import ndarray
 
-from bonecam.surface.fitting.target import Samples
+from bonecam.surface.fitting.target import MeshSamples
 from bonecam.surface.tspline import TSpline
 
 
@@ -18,7 +18,7 @@ def test_a_sample_that_followed_a_wrong_foot_is_met_where_the_surface_is(
     lost = np.array([7, 90, 210])
     start = s.copy()
     start[lost] = np.mod(s[lost] + 0.5, 1.0)
-    everywhere = Samples(points, np.ones(400), start, t, np.full(400, np.inf))
+    everywhere = MeshSamples(points, np.ones(400), start, t, np.full(400, np.inf))
     alone = everywhere.on(surface, np.inf)
     assert (np.flatnonzero(alone.distances > 0.05) == lost).all()
     met = everywhere.on(surface, 0.05)
@@ -33,7 +33,7 @@ def test_many_samples_that_are_missed_keep_the_feet_they_came_from(
     surface = bone_like()
     s, t = samples(100)
     points = surface.positions(s, t) + 0.2 * surface.normals(s, t)
-    given = Samples(points, np.ones(100), s, t, np.full(100, np.inf))
+    given = MeshSamples(points, np.ones(100), s, t, np.full(100, np.inf))
     one, other = given.on(surface, 0.05), given.on(surface, np.inf)
     np.testing.assert_array_equal(one.s, other.s)
     np.testing.assert_array_equal(one.distances, other.distances)

@@ -11,7 +11,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.capsule import Capsule
 from bonecam.verify.gouge import Gouge
 from bonecam.verify.removal.given import GivenSurface, given_surface, measure_given
-from bonecam.verify.removal.nails import Nails
+from bonecam.verify.removal.normal_probes import NormalProbes
 
 RADIUS = 2.5
 
@@ -21,15 +21,15 @@ def capsule() -> TriangleMesh:
     return Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 7.5]), RADIUS).mesh(0.001)
 
 
-def nails_of(mesh: TriangleMesh, heights: float) -> Nails:
-    """Nails on the capsule's vertices that were cut at one height."""
+def probes_of(mesh: TriangleMesh, heights: float) -> NormalProbes:
+    """Normal probes on the capsule's vertices that were cut at one height."""
     inner = mesh.vertices.copy()
     inner[:, :2] = 0.0
     inner[:, 2] = np.clip(mesh.vertices[:, 2], 2.5, 7.5)
     normals = (mesh.vertices - inner) / RADIUS
-    nails = Nails(mesh, np.array(mesh.vertices), normals, np.ones(len(inner)))
-    nails.heights[:] = heights
-    return nails
+    normal_probes = NormalProbes(mesh, np.array(mesh.vertices), normals, np.ones(len(inner)))
+    normal_probes.heights[:] = heights
+    return normal_probes
 
 
 @pytest.mark.parametrize("height", [-0.2, -0.01, 0.0, 0.15])
@@ -37,32 +37,32 @@ def test_what_is_left_lies_as_far_inside_or_outside_as_it_was_cut(
     capsule: TriangleMesh, height: float
 ) -> None:
     none = np.zeros(len(capsule.vertices), dtype=bool)
-    found = measure_given(nails_of(capsule, height), none, GivenSurface(capsule, 1.0))
+    found = measure_given(probes_of(capsule, height), none, GivenSurface(capsule, 1.0))
     assert found.inside == pytest.approx(-height, abs=0.002)
     assert found.outside == pytest.approx(height, abs=0.002)
     assert found.report["gouge_max_mm"] == pytest.approx(max(-height, 0.0), abs=0.002)
 
 
 def test_the_post_keeps_material_that_is_not_told_as_left(capsule: TriangleMesh) -> None:
-    nails = nails_of(capsule, 0.0)
-    low = nails.points[:, 2] < 0.2
-    nails.heights[low] = 0.3
-    assert measure_given(nails, low, GivenSurface(capsule, 1.0)).outside < 0.002
-    assert measure_given(nails, np.zeros_like(low), GivenSurface(capsule, 1.0)).outside == pytest.approx(
-        0.3, abs=0.002
-    )
+    normal_probes = probes_of(capsule, 0.0)
+    low = normal_probes.points[:, 2] < 0.2
+    normal_probes.heights[low] = 0.3
+    assert measure_given(normal_probes, low, GivenSurface(capsule, 1.0)).outside < 0.002
+    assert measure_given(
+        normal_probes, np.zeros_like(low), GivenSurface(capsule, 1.0)
+    ).outside == pytest.approx(0.3, abs=0.002)
 
 
 def test_a_surface_too_deep_in_the_mesh_as_given_is_refused_with_place_and_remedy(
     capsule: TriangleMesh,
 ) -> None:
-    nails = nails_of(capsule, 0.0)
-    nails.heights[7] = -0.2
+    normal_probes = probes_of(capsule, 0.0)
+    normal_probes.heights[7] = -0.2
     none = np.zeros(len(capsule.vertices), dtype=bool)
     with pytest.raises(
         VerifyError, match=r"0\.[12]\d+ mm inside the mesh as given .* raise surface.largest_deviation"
     ):
-        measure_given(nails, none, GivenSurface(capsule, 0.1))
+        measure_given(normal_probes, none, GivenSurface(capsule, 0.1))
 
 
 def test_a_ball_too_deep_in_the_mesh_as_given_is_refused_with_its_line(capsule: TriangleMesh) -> None:

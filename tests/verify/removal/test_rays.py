@@ -15,8 +15,8 @@ from bonecam.setup.capsule import Capsule
 from bonecam.setup.stocks.box import Box
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.setup.stocks.mesh import ConvexStock
-from bonecam.verify.removal.nails import Nails
-from bonecam.verify.removal.sweeping import Remaining, Sweeping, volumes
+from bonecam.verify.removal.normal_probes import NormalProbes
+from bonecam.verify.removal.sweeping import SimulatedStock, Sweeping, volumes
 
 BLOCK = Box(np.array([-5.0, -4.0, 10.0]), np.array([5.0, 4.0, 18.0]))
 
@@ -200,40 +200,40 @@ def test_a_shank_that_passes_by_on_a_long_piece_does_not_touch(finishing_cutter)
     assert sweeping.touched(0) == -1
 
 
-def nails_at(points, normals):
+def probes_at(points, normals):
     mesh = TriangleMesh(points, np.array([[0, 1, 2]], dtype=np.int32))
-    return Nails(mesh, points, normals, np.ones(len(points)))
+    return NormalProbes(mesh, points, normals, np.ones(len(points)))
 
 
 def test_a_raster_leaves_scallops_of_the_formula_on_a_plane():
     radius, step = 1.0, 0.3
     x = np.linspace(-1, 1, 201)
     points = np.column_stack([x, np.zeros((201, 2))])
-    nails = nails_at(points, np.tile([0.0, 0.0, 1.0], (201, 1)))
+    normal_probes = probes_at(points, np.tile([0.0, 0.0, 1.0], (201, 1)))
     passes = np.arange(-5, 6) * step
     starts = np.column_stack([passes, np.full(11, -2.0), np.full(11, radius)])
-    nails.cut(ball_pieces(starts, starts + np.array([0.0, 4.0, 0.0])), radius)
+    normal_probes.cut(ball_pieces(starts, starts + np.array([0.0, 4.0, 0.0])), radius)
     away = (x + step / 2) % step - step / 2
-    assert nails.heights == pytest.approx(radius - np.sqrt(radius**2 - away**2), abs=1e-9)
+    assert normal_probes.heights == pytest.approx(radius - np.sqrt(radius**2 - away**2), abs=1e-9)
 
 
 def test_balls_round_a_sphere_leave_the_scallop_of_a_convex_section():
     radius, sphere, turn = 1.0, 4.0, 0.1
     angles = np.linspace(-0.3, 0.3, 121)
     normals = np.column_stack([np.sin(angles), np.zeros(121), np.cos(angles)])
-    nails = nails_at(sphere * normals, normals)
+    normal_probes = probes_at(sphere * normals, normals)
     at = np.arange(-5, 6) * turn
     centres = (sphere + radius) * np.column_stack([np.sin(at), np.zeros(11), np.cos(at)])
-    nails.cut(ball_pieces(centres, centres), radius)
+    normal_probes.cut(ball_pieces(centres, centres), radius)
     out = sphere + radius
     scallop = out * np.cos(turn / 2) - np.sqrt(radius**2 - (out * np.sin(turn / 2)) ** 2) - sphere
-    assert nails.heights.max() == pytest.approx(scallop, abs=1e-6)
-    assert nails.heights.min() == pytest.approx(0.0, abs=1e-9)
+    assert normal_probes.heights.max() == pytest.approx(scallop, abs=1e-6)
+    assert normal_probes.heights.min() == pytest.approx(0.0, abs=1e-9)
 
 
 def test_what_lies_below_a_height_goes_and_the_rest_turns_with_its_pose() -> None:
     grid = lay_grid([BLOCK], 0.2)
-    given = Remaining(lay_rays([BLOCK], grid, 500.0), grid, None)
+    given = SimulatedStock(lay_rays([BLOCK], grid, 500.0), grid, None)
     low, high = BLOCK.bounds
     middle = float((low + high)[2] / 2)
     pose = np.diag([1.0, -1.0, -1.0, 1.0])

@@ -14,9 +14,9 @@ from bonecam.nc.dialect import read_dialect
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.read import read_program
 from bonecam.setup.capsule import Capsule
-from bonecam.tool.path import Kind
+from bonecam.tool.path import MoveKind
 from bonecam.verify.removal.left import measure_left
-from bonecam.verify.removal.nails import Nails
+from bonecam.verify.removal.normal_probes import NormalProbes
 from bonecam.verify.removal.simulate import simulate_removal
 from bonecam.verify.removal.sweeping import Accuracy
 from bonecam.verify.removal.verdicts import check_removal
@@ -59,10 +59,10 @@ def ring_path(path_of, finishing_cutter):
             up = np.array([0.0, 0.0, 1.0]) - normals[:, 2:] * normals
             axes = np.cos(LEAN) * normals + np.sin(LEAN) * up / np.linalg.norm(up, axis=1, keepdims=True)
             tips = points + tool.radius * (normals - axes)
-            rows += list(zip(tips, axes, [Kind.CUT] * around))
+            rows += list(zip(tips, axes, [MoveKind.CUT] * around))
         first, last = rows[0], rows[-1]
-        rows.insert(0, (first[0] + 12 * first[1], first[1], Kind.RAPID))
-        rows.append((last[0] + 12 * last[1], last[1], Kind.LINK))
+        rows.insert(0, (first[0] + 12 * first[1], first[1], MoveKind.RAPID))
+        rows.append((last[0] + 12 * last[1], last[1], MoveKind.LINK))
         tips, axes, kinds = (np.array(column) for column in zip(*rows))
         return path_of(tips, axes, kinds=kinds.astype(np.int64), tool=tool, level=level)
 
@@ -191,15 +191,15 @@ def test_what_is_left_is_told_by_reason(sound):
 def test_hollows_narrower_than_the_ball_are_a_reason(text, bowl, reason):
     mesh = Capsule(np.array([0.0, 0.0, 50.0]), np.array([0.0, 0.0, 50.0]), bowl).mesh(0.002)
     inward = (np.array([0.0, 0.0, 50.0]) - mesh.vertices) / bowl
-    nails = Nails(mesh, mesh.vertices, inward, np.full(len(inward), 0.1))
-    nails.heights[:] = 0.05
-    left = measure_left(nails, POST, 1.0, read_program(text, *PAIR))
+    normal_probes = NormalProbes(mesh, mesh.vertices, inward, np.full(len(inward), 0.1))
+    normal_probes.heights[:] = 0.05
+    left = measure_left(normal_probes, POST, 1.0, read_program(text, *PAIR))
     assert left.by_reason[reason] == pytest.approx(0.1 * len(inward))
 
 
 def test_a_rapid_through_stock_is_found(path_of, finishing_cutter, simulate):
     tips = np.array([[0, 0, 70.0], [15, 0, 50.0], [15, 0, 41.0], [-15, 0, 41.0], [-15, 0, 60.0]])
-    kinds = np.array([Kind.RAPID] * 5, dtype=np.int64)
+    kinds = np.array([MoveKind.RAPID] * 5, dtype=np.int64)
     path = path_of(tips, np.tile([0, 0, 1.0], (5, 1)), kinds=kinds, tool=finishing_cutter)
     text = write_program([path], *PAIR, Job()).text
     found = simulate(text, part=None)
@@ -264,7 +264,7 @@ def test_a_tool_below_the_table_is_found(ring_path, pebble, simulate, finishing_
         check_removal(found)
 
 
-@pytest.mark.parametrize("kind", [Kind.LINK, Kind.CUT])
+@pytest.mark.parametrize("kind", [MoveKind.LINK, MoveKind.CUT])
 def test_a_link_through_standing_material_is_found(
     path_of, finishing_cutter, upright_capsule, simulate, kind
 ):
@@ -273,11 +273,11 @@ def test_a_link_through_standing_material_is_found(
     away = upright_capsule.radius + finishing_cutter.radius - 0.3
     tips = np.column_stack([x, np.full(len(x), -away), np.full(len(x), 37.0 - finishing_cutter.radius)])
     tips = np.vstack([tips[0] + [0, -15, 20], tips[0] + [0, -15, 0], tips, tips[-1] + [0, -15, 0]])
-    kinds = np.array([Kind.RAPID] * 2 + [kind] * len(x) + [Kind.RAPID], dtype=np.int64)
+    kinds = np.array([MoveKind.RAPID] * 2 + [kind] * len(x) + [MoveKind.RAPID], dtype=np.int64)
     path = path_of(tips, np.tile([0, 0, 1.0], (len(tips), 1)), kinds=kinds, tool=finishing_cutter)
     text = write_program([path], *PAIR, Job()).text
     found = simulate(text, part=None)
-    if kind == Kind.CUT:
+    if kind == MoveKind.CUT:
         assert found.link_contact is None
         assert found.levels[0].link_depth is None
         return

@@ -13,7 +13,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.kernels.hulls.depth import depth_bound
-from bonecam.kernels.hulls.footpoints import Target
+from bonecam.kernels.hulls.footpoints import DepthTarget
 from bonecam.levels.measure.certificates.accuracy import ACCURACY, ROUNDING, SMALLEST
 from bonecam.levels.measure.certificates.nets import bezier_nets
 from bonecam.levels.problem.tolerances import DEPTH_TOLERANCE
@@ -59,7 +59,7 @@ def bound_depth(level: TSpline, other: TSpline, limit: float) -> DepthBound:
     return DepthBound(distance + ROUNDING, place, _parameters(boxes, too_deep), pieces)
 
 
-def depth_target(surface: TSpline) -> Target:
+def depth_target(surface: TSpline) -> DepthTarget:
     """The surface that depths are measured to, with points on it that searches for footpoints start from."""
     elements = surface.elements()
     domain = surface.domain
@@ -72,7 +72,7 @@ def depth_target(surface: TSpline) -> Target:
     t = low[:, 1] + size[:, 1] * np.repeat(share, SEEDS)
     points = surface.positions(s.ravel(), t.ravel()).reshape(*s.shape, 3)
 
-    return Target(
+    return DepthTarget(
         patches=surface.patches,
         boxes=elements.boxes,
         strips=elements.strips,

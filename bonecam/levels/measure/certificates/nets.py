@@ -5,7 +5,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.surface.tmesh.rows import RowTMesh
+from bonecam.surface.tmesh.row_tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 HALVES = (

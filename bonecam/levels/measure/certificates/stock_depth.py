@@ -11,7 +11,7 @@ from numpy import ndarray
 from scipy.spatial import cKDTree
 
 from bonecam.kernels.hulls.depth import depth_bound
-from bonecam.kernels.hulls.footpoints import Target
+from bonecam.kernels.hulls.footpoints import DepthTarget
 from bonecam.levels.measure.certificates.accuracy import ROUNDING, SMALLEST
 from bonecam.levels.measure.certificates.depth import depth_target
 from bonecam.levels.problem.tolerances import DEPTH_TOLERANCE
@@ -39,7 +39,7 @@ def bound_stock_depth(inner: TSpline, stock: Stock, limit: float) -> tuple[float
 
 
 def bound_mesh_depth(
-    target: Target, faces: Float[ndarray, "f 3 3"], sagitta: float
+    target: DepthTarget, faces: Float[ndarray, "f 3 3"], sagitta: float
 ) -> tuple[float, Float[ndarray, "3"], int]:
     """How far the stock's surface, at most `sagitta` mm over these faces, is from a level at most, mm; about
     where; how many pieces were bounded."""

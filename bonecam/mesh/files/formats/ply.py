@@ -81,7 +81,7 @@ def _header_of(data: bytes) -> tuple[bytes, bytes]:
     lines = [b"comment" if line.split(b" ", 1)[0] in REMARKS else line for line in lines]
     room = len(data) - match.end()  # a value takes one byte or more
     count = 0
-    told = 0
+    reported = 0
     for number, line in enumerate(lines, 1):
         words = line.split()
         kind = words[0] if words else b""
@@ -89,7 +89,7 @@ def _header_of(data: bytes) -> tuple[bytes, bytes]:
             if len(words) != 3 or not words[2].isdigit():
                 raise ContentError("an element without its name or number", line=number)
             count = int(words[2][:20])
-            told = number
+            reported = number
         if kind == b"property" and len(words) != (5 if words[1:2] == [b"list"] else 3):
             raise ContentError("a property without its type or name", line=number)
         if kind not in WORDS:
@@ -98,7 +98,7 @@ def _header_of(data: bytes) -> tuple[bytes, bytes]:
             )
         room -= count if kind == b"property" else 0
         if min(room, len(data) - count) < 0:
-            what = f"is cut short: line {told} tells of more elements than the file has bytes"
+            what = f"is cut short: line {reported} tells of more elements than the file has bytes"
             raise ContentError(what, CUT_SHORT)
     header = b"\n".join([*lines, b"end_header", b""])
     if len(header) > LONGEST_HEADER:

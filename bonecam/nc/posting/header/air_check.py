@@ -57,8 +57,8 @@ def _place_texts(control: Control, dialect: Dialect, start: Float[ndarray, "2"],
     low, high = np.array([axis.limits for axis in machine.linear]).T
     reached = np.all((nose >= low) & (nose <= high), axis=1)
     words[:, 3:] = np.degrees(words[:, 3:])
-    told = f"the tip must be at one and the same place, {height:.0f} mm over program zero, in each of these poses"
-    return [told, *(" ".join(word_texts(machine, dialect, row)) for row in words[reached])]
+    message = f"the tip must be at one and the same place, {height:.0f} mm over program zero, in each of these poses"
+    return [message, *(" ".join(word_texts(machine, dialect, row)) for row in words[reached])]
 
 
 def turn_of(axis: RotaryAxis) -> tuple[float, float]:
@@ -171,8 +171,8 @@ def _across(before: Float[ndarray, "3"], after: Float[ndarray, "3"]) -> Float[nd
 def _words_of(vector: Float[ndarray, "3"]) -> str:
     """A direction in words, its largest component first: X+, or Y- and Z+."""
     sizes = np.round(np.abs(unit(vector[None])[0]), 6)
-    told = [k for k in np.argsort(-sizes, kind="stable") if sizes[k] > SHOWN * sizes.max()]
-    return " and ".join("XYZ"[k] + ("+" if vector[k] > 0 else "-") for k in told)
+    message = [k for k in np.argsort(-sizes, kind="stable") if sizes[k] > SHOWN * sizes.max()]
+    return " and ".join("XYZ"[k] + ("+" if vector[k] > 0 else "-") for k in message)
 
 
 def _to(axis: RotaryAxis) -> str:

@@ -19,7 +19,7 @@ from bonecam.planning.passes.parting import cut_groove
 from bonecam.setup.stock import Stock
 from bonecam.setup.stock_kind import kind_of
 from bonecam.tool.cutter import Cutter
-from bonecam.tool.path import Kind, ToolPath
+from bonecam.tool.path import MoveKind, ToolPath
 
 WIDEST = 96
 """Most characters of a comment that is divided between words."""
@@ -109,7 +109,7 @@ def tool_texts(job: Job, posted: Sequence[Posted]) -> list[str]:
         cutter = one.path.cutter
         own = [each for each in posted if each.path.cutter.number == number]
         minutes = sum(float(each.minutes.sum()) for each in own)
-        cuts = [each.path.feed_rates[each.path.kinds == Kind.CUT] for each in own]
+        cuts = [each.path.feed_rates[each.path.kinds == MoveKind.CUT] for each in own]
         fastest = float(np.concatenate(cuts).max(initial=0.0))
         texts += [
             tool_text(cutter, one.control.tool_length),
@@ -140,12 +140,12 @@ def _material_texts(job: Job) -> list[str]:
 
 def _shapes(cutter: Cutter) -> list[str]:
     """The shapes of a cutter from the tip up, mm, two cylinders or cones a line; without the spindle."""
-    told = []
+    reported = []
     for section in cutter.profile:
         end = f" to {2 * section.end_radius:.2f}" if section.end_radius != section.radius else ""
         if section.name != "spindle":
-            told.append(f"{section.name} to {section.end:.2f} diameter {2 * section.radius:.2f}{end}")
-    return [", ".join(told[at : at + 2]) for at in range(0, len(told), 2)]
+            reported.append(f"{section.name} to {section.end:.2f} diameter {2 * section.radius:.2f}{end}")
+    return [", ".join(reported[at : at + 2]) for at in range(0, len(reported), 2)]
 
 
 def tool_text(cutter: Cutter, tool_length: float) -> str:

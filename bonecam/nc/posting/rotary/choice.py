@@ -21,7 +21,7 @@ from bonecam.kernels.chain import cheapest_chain
 from bonecam.machine.kinematics import LIMIT_GUARD, inverse_rotary, within_limits
 from bonecam.machine.machine import Machine, RotaryAxis
 from bonecam.nc.posting.rotary.steps import FULL_TURN, rotary_steps
-from bonecam.tool.path import Kind
+from bonecam.tool.path import MoveKind
 
 REWIND_COST = 1e5
 """The cost of a rewind, as rotary travel in rad: more than the axes of a path travel, so that the fewest rewinds come
@@ -82,7 +82,7 @@ def choose_angles(
 def clear_rapids(kinds: Int[ndarray, "n"], axes: Float[ndarray, "n 3"]) -> Bool[ndarray, "n"]:
     """Rows before which the rotary axes can be rewound as they are: rapids lead to and from both ends of the rewind,
     and no tool axis droops there, so that nothing is on the way out along it."""
-    rapid = kinds == Kind.RAPID
+    rapid = kinds == MoveKind.RAPID
     rising = axes[:, 2] >= 0
     return rapid & rising & np.r_[False, (rapid & rising)[:-1]] & np.r_[rapid[1:], True]
 
@@ -91,8 +91,8 @@ def _rewind_costs(
     kinds: Int[ndarray, "n"], axes: Float[ndarray, "n 3"], liftable: Bool[ndarray, "n"] | None
 ) -> Float[ndarray, "n"]:
     """What a rewind before each row costs as rotary travel, rad; infinite where there can be none."""
-    cut = kinds == Kind.CUT
-    rapid = kinds == Kind.RAPID
+    cut = kinds == MoveKind.CUT
+    rapid = kinds == MoveKind.RAPID
     lifted = np.where(cut & np.r_[False, cut[:-1]], LIFT_COST + CUT_COST, LIFT_COST)
     costs = np.where(rapid, REWIND_COST + NEAR_COST, lifted)
     costs[~(rapid if liftable is None else liftable)] = np.inf

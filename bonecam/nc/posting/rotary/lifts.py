@@ -16,7 +16,7 @@ from bonecam.machine.machine import Machine
 from bonecam.nc.posting.rotary.choice import choose_angles, clear_rapids
 from bonecam.nc.posting.rotary.steps import FULL_TURN
 from bonecam.nc.posting.split import POLE_PASS, between
-from bonecam.tool.path import Kind
+from bonecam.tool.path import MoveKind
 
 FINE = np.radians(10.0)
 """A joint turns by no more between the places at which limits are asked, rad: as in the feed moves of a program."""
@@ -32,7 +32,7 @@ def lift_places(
     """The places of a path from which it is lifted, as few as can be and none of those `blocked`, and the tool axes
     there: row i + f is f on the way from row i to the next. MachineError where the axes come to their limits and no
     lift helps."""
-    is_cut = (kinds[:-1] == Kind.CUT) & (kinds[1:] == Kind.CUT)
+    is_cut = (kinds[:-1] == MoveKind.CUT) & (kinds[1:] == MoveKind.CUT)
     fine = _fine_places(machine, axes, kinds)
     at_limits = _at_limits(machine, axes, fine, is_cut)
     # where the tool comes back to the place that it leaves, the place follows itself
@@ -75,7 +75,7 @@ def _fine_places(
         change = np.diff(inverse_rotary(machine, turned)[0][:, :, bounded], axis=0)
         wide = np.abs(_wrapped(change)).max(axis=(1, 2)) > FINE
         wide &= lengths(np.diff(turned, axis=0)) > POLE_PASS
-        wide &= kinds[np.floor(places[:-1]).astype(np.int64) + 1] != Kind.RAPID
+        wide &= kinds[np.floor(places[:-1]).astype(np.int64) + 1] != MoveKind.RAPID
         if not wide.any():
             break
         places = np.sort(np.r_[places, (places[:-1] + places[1:])[wide] / 2])

@@ -19,7 +19,7 @@ from bonecam.kernels.closest.cone_marching import (
 )
 from bonecam.machine.limits import MachineLimits, polar_angles
 from bonecam.planning.axes.admissible import candidate_directions
-from bonecam.planning.axes.cones.net import Net, join_nets, make_net
+from bonecam.planning.axes.cones.cone_nodes import ConeNodes, join_nets, make_net
 from bonecam.planning.axes.cones.obstacles import apexes_of, obstacles_of, rooms_at, single_obstacles
 from bonecam.planning.axes.lead import table_limits
 from bonecam.planning.collision.scene import Scene
@@ -43,7 +43,7 @@ class FreeAxes:
     """Of unit `directions` (d) those `within` the machine's limits and the largest tilt, of these the ones above the
     table too (`allowed`), and of these those that are `free` for the tool on all contacts of a node (k, d)."""
 
-    net: Net
+    net: ConeNodes
     apexes: Apexes
     obstacles: Obstacles
     section_names: tuple[str, ...]
@@ -127,7 +127,7 @@ def _middles(path: ContactPath) -> Float[ndarray, "n 2 3"]:
 
 
 def _allowed(
-    net: Net,
+    net: ConeNodes,
     directions: Float[ndarray, "d 3"],
     cutter: Cutter,
     limits: MachineLimits,

@@ -8,8 +8,8 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.kernels.closest.cone_marching import Apexes, Obstacles
-from bonecam.planning.axes.cones.distance_grids import distance_grids
-from bonecam.planning.axes.cones.net import Net
+from bonecam.planning.axes.cones.cone_nodes import ConeNodes
+from bonecam.planning.axes.cones.obstacle_grids import distance_grids
 from bonecam.planning.collision.scene import Scene
 from bonecam.planning.collision.sphere_tracing import TANGENT_SLACK
 from bonecam.tool.cutter import Cutter
@@ -77,7 +77,7 @@ def rooms_at(path: ContactPath, scene: Scene) -> Float[ndarray, " n"]:
     return rooms[free]
 
 
-def apexes_of(net: Net, room: Float[ndarray, " n"]) -> Apexes:
+def apexes_of(net: ConeNodes, room: Float[ndarray, " n"]) -> Apexes:
     """Where the cutter pivots: the nodes of a net, with the least `room` (mm, `rooms_at`) of their contacts."""
     least = np.full(len(net.places), np.inf)
     np.minimum.at(least, net.node_of, room)

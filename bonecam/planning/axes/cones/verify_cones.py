@@ -22,13 +22,13 @@ from bonecam.arrays import rotations_of
 from bonecam.mesh.healing.topology import pieces_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.axes.cones.admissible_cones import NO_CONE, AxisCones
-from bonecam.planning.axes.cones.distance_grids import require_closed
 from bonecam.planning.axes.cones.envelope import Sweep, held
+from bonecam.planning.axes.cones.obstacle_grids import require_closed
 from bonecam.planning.collision.fcl_model import FclObject, crosses, fcl_object, solid_object
 from bonecam.planning.collision.scene import Scene
 from bonecam.planning.collision.sphere_tracing import TANGENT_SLACK
 from bonecam.planning.collision.tool_mesh import column_mesh
-from bonecam.tool.cutter import Cutter, Section
+from bonecam.tool.cutter import Cutter, ToolSection
 from bonecam.tool.path import ConeCheck
 
 SIDES = 24, 96
@@ -87,7 +87,7 @@ class _Solid:
 class _Kept:
     """A section of the tool, whether it is held against the level, and its obstacles."""
 
-    section: Section
+    section: ToolSection
     tangent: bool
     solids: tuple[_Solid, ...]
 

@@ -1,7 +1,7 @@
 """Arcs through what the curves of a pattern leave too high: cusps are measured, not computed from steps.
 
-Nails on a grid are cut by the balls that sweep the curves. Places that keep more than the scallop lie in
-strips between two curves; an arc follows the ridge of each, and the nails are cut again, until none is too high.
+Normal probes on a grid are cut by the balls that sweep the curves. Places that keep more than the scallop lie in
+strips between two curves; an arc follows the ridge of each, and the probes are cut again, until none is too high.
 """
 
 from typing import Literal
@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 from scipy.ndimage import find_objects, label
 
-from bonecam.kernels.removal.nails import cut_nails, nail_cells
+from bonecam.kernels.removal.normal_probes import cut_normal_probes, probe_cells
 from bonecam.planning.passes.patterns.curves import Curves, curves_of
 from bonecam.planning.passes.patterns.sampling import (
     ROUND,
@@ -28,7 +28,7 @@ AROUND, ALONG = 384, 800
 ROUNDS = 8
 """Times that arcs are added at most."""
 CHORD = 0.05
-"""Chord tolerance of the curves that nails are cut by, as a share of the scallop."""
+"""Chord tolerance of the curves that normal probes are cut by, as a share of the scallop."""
 LONGEST = 0.5
 """Longest move of these curves, in radii of the ball."""
 LONGER = 2
@@ -38,9 +38,9 @@ JUMP = 2
 FITS = 0.9
 """A ball fits where the sharpest hollow has less than this share of its curvature; elsewhere it is lifted."""
 CELL = 0.5
-"""Side of the cells that nails are found by, mm."""
+"""Side of the cells that normal probes are found by, mm."""
 REACH = 4.0
-"""Nails are so high before they are cut, in scallops."""
+"""Normal probes are so high before they are cut, in scallops."""
 EXCESS = 1.04
 """Cusps up to this times the scallop need no arc: the other patterns keep to no less."""
 
@@ -55,13 +55,13 @@ def with_arcs(surface: TSpline, curves: Curves, cutter: Cutter) -> Curves:
     points, normals, _ = contact_frames(surface, places, ROUND)
     fits = -surface.curvature(*places.T).k2 * cutter.radius < FITS
     fits = fits.reshape(AROUND, ALONG)
-    order, *cells = nail_cells(points, CELL)
-    nails = points[order], normals[order], *cells
+    order, *cells = probe_cells(points, CELL)
+    normal_probes = points[order], normals[order], *cells
     heights = np.full(len(points), REACH * cutter.scallop)
     pieces = np.split(curves.knots, curves.first[1:])
     added = curves
     for _ in range(ROUNDS):
-        heights[order] = _cut(surface, added, cutter, nails, heights[order])
+        heights[order] = _cut(surface, added, cutter, normal_probes, heights[order])
         grid = heights.reshape(AROUND, ALONG)
         tips = np.maximum(_tips(grid, "wrap"), _tips(grid.T, "edge").T)
         arcs = _arcs(surface, s, t, np.where(fits, tips - EXCESS * cutter.scallop, -np.inf))
@@ -76,10 +76,10 @@ def _cut(
     surface: TSpline,
     curves: Curves,
     cutter: Cutter,
-    nails: tuple[ndarray, ndarray, ndarray, ndarray],
+    normal_probes: tuple[ndarray, ndarray, ndarray, ndarray],
     heights: Float[ndarray, " n"],
 ) -> Float[ndarray, " n"]:
-    """The heights of nails behind the balls that sweep the curves, mm."""
+    """The heights of normal probes behind the balls that sweep the curves, mm."""
     radius = cutter.radius
     lines = sample_lines(surface, curves, radius, CHORD * cutter.scallop, LONGEST * radius)
     centres = ball_centres(surface, lines, radius)
@@ -88,7 +88,7 @@ def _cut(
     left = heights.copy()
     owners = np.full(len(left), -1)
     found = np.full(len(starts), radius), np.arange(len(starts)), left, owners
-    cut_nails(*nails, CELL, REACH * cutter.scallop, starts, ends, *found, from_top=False)
+    cut_normal_probes(*normal_probes, CELL, REACH * cutter.scallop, starts, ends, *found, from_top=False)
     return left
 
 

@@ -28,7 +28,7 @@ SHORT_GAP = 3.0
 
 
 @dataclass(frozen=True, eq=False)
-class Side:
+class SeedSide:
     """One side of a seed: the passes counted from it at the places `s` (h,) x t; `s` runs away from the seed
     and ends at the border to the next one."""
 
@@ -53,7 +53,7 @@ def iso_scallop_curves(metric: StepMetric, seeds: int) -> Curves:
     return curves_of(pieces, np.array(group))
 
 
-def _sides(metric: StepMetric, seeds: int) -> list[Side]:
+def _sides(metric: StepMetric, seeds: int) -> list[SeedSide]:
     """The two sides of each seed meridian, that of growing s first."""
     cell = metric.s[1] - metric.s[0]
     places = len(metric.s)
@@ -66,20 +66,20 @@ def _sides(metric: StepMetric, seeds: int) -> list[Side]:
             closer = closer * metric.shortfall(coverage)
         rate = closer * metric.rate(a, coverage)
         between = (rate + np.roll(rate, -1, axis=0)) / 2 * cell
-        sides: list[Side] = []
+        sides: list[SeedSide] = []
         b = np.empty_like(rate)
         for seed in np.arange(seeds) * 2 * half:
             for sign in (1, -1):
                 index = seed + sign * np.arange(half + 1)
                 steps = between[(index[:-1] if sign > 0 else index[1:]) % places]
                 passes = np.vstack([np.zeros(len(metric.t)), np.cumsum(steps, axis=0)])
-                sides.append(Side(index * cell, passes))
+                sides.append(SeedSide(index * cell, passes))
                 b[index % places] = sign * np.gradient(passes, metric.t, axis=1)
         a = rate
     return sides
 
 
-def _pieces(metric: StepMetric, side: Side) -> list[Float[ndarray, "_ 2"]]:
+def _pieces(metric: StepMetric, side: SeedSide) -> list[Float[ndarray, "_ 2"]]:
     """The curves of one side from the seed on, from low to high t."""
     width = side.passes[-1]
     cell = float(np.sqrt(metric.G.mean())) * (metric.t[1] - metric.t[0])

@@ -13,7 +13,7 @@ from bonecam.surface.basis.periodic import FEWEST
 from bonecam.surface.files.bspline.bspline_surface import BSplineSurface, Knots
 from bonecam.surface.files.bspline.from_tspline import join_elements
 from bonecam.surface.tmesh.open_rows import OpenRowTMesh
-from bonecam.surface.tmesh.rows import RowTMesh
+from bonecam.surface.tmesh.row_tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 SAME = 1e-12

@@ -12,8 +12,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy import ndarray
 
-from bonecam.surface.files.tsm.chart import Chart, chart_of
 from bonecam.surface.files.tsm.records import Records
+from bonecam.surface.files.tsm.tmesh_chart import TMeshChart, chart_of
 from bonecam.surface.tmesh.general import TMesh
 
 
@@ -24,7 +24,7 @@ def tmesh_of(records: Records) -> tuple[TMesh, list[int]]:
     return _index_grid(records, chart, nodes), grips
 
 
-def _nodes(records: Records, chart: Chart) -> tuple[ndarray, list[int]]:
+def _nodes(records: Records, chart: TMeshChart) -> tuple[ndarray, list[int]]:
     """The control points in use, in the order of the file: the vertex of each and its offset (di, dj) in
     lines from the vertex' own control point, (n, 3); and their numbers in the file."""
     if not records.owners:
@@ -86,7 +86,7 @@ def _further_points(records: Records, v: int) -> list[tuple[int, tuple[int, int]
     return list(zip(grips, offsets))
 
 
-def _index_grid(records: Records, chart: Chart, nodes: ndarray) -> TMesh:
+def _index_grid(records: Records, chart: TMeshChart, nodes: ndarray) -> TMesh:
     """The T-mesh on its index grid, which has one line for every knot and offset in use."""
     knots = []
     vertices = []
@@ -110,7 +110,7 @@ def _index_grid(records: Records, chart: Chart, nodes: ndarray) -> TMesh:
 
 
 def _edges(
-    records: Records, chart: Chart, nodes: ndarray, index: ndarray, axis: int, counts: list[int]
+    records: Records, chart: TMeshChart, nodes: ndarray, index: ndarray, axis: int, counts: list[int]
 ) -> ndarray:
     """Edges along one axis, [line along, line across]: between control points of one vertex and, row by row,
     of neighbours.
@@ -147,7 +147,9 @@ def _facing(group: dict[tuple[int, int], tuple[int, int]], extreme: Callable) ->
     return {across: place for (along, across), place in group.items() if along == side}
 
 
-def _mark_face(inside: ndarray, records: Records, chart: Chart, own: ndarray, k: int, start: int) -> None:
+def _mark_face(
+    inside: ndarray, records: Records, chart: TMeshChart, own: ndarray, k: int, start: int
+) -> None:
     """Mark the cells of face k; its sides are the lines of its corners' own control points."""
     corners = []
     n = start

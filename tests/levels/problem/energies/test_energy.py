@@ -14,7 +14,7 @@ from bonecam.levels.problem.discretisation import Discretisation
 from bonecam.levels.problem.energies.energy import Given, Pulled, Quadratic
 from bonecam.levels.problem.energies.pull import targets
 from bonecam.levels.problem.energies.thin_plate import plate
-from bonecam.levels.problem.program import MOST_BENT, NET, SAMPLED, Program, program_of
+from bonecam.levels.problem.program import MOST_BENT, NET, SAMPLED, LevelProgram, program_of
 from bonecam.levels.solvers import admm
 from bonecam.setup.capsule import Capsule
 from bonecam.surface.query.closest_point import closest_points_near
@@ -47,7 +47,9 @@ def test_its_matrices_are_those_of_a_convex_energy(
     assert eigenvalues[0] >= -1e-12 * eigenvalues[-1]
 
 
-def test_the_gradient_is_the_slope_of_the_energy_written_out(first_program: Callable[[], Program]) -> None:
+def test_the_gradient_is_the_slope_of_the_energy_written_out(
+    first_program: Callable[[], LevelProgram],
+) -> None:
     one, step = first_program(), 1e-3
     D = RNG.normal(size=one.net.linear.shape)
 
@@ -99,7 +101,7 @@ def test_bending_alone_takes_no_sample_farther_than_some_depths(
 ) -> None:
     one = given
 
-    def with_bending(bending: float) -> tuple[Program, float]:
+    def with_bending(bending: float) -> tuple[LevelProgram, float]:
         """And how far bending alone takes samples."""
         found = program_of(
             one.discretisation,
@@ -121,7 +123,7 @@ def test_bending_alone_takes_no_sample_farther_than_some_depths(
 
 
 def test_a_new_energy_is_one_function_more(
-    given: Given, first_program: Callable[[], Program], monkeypatch: pytest.MonkeyPatch
+    given: Given, first_program: Callable[[], LevelProgram], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def anchor(given: Given) -> Quadratic:
         count = given.discretisation.free.shape[1]

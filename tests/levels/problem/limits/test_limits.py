@@ -8,7 +8,7 @@ import pytest
 from bonecam.levels.problem.cut import Cut
 from bonecam.levels.problem.limits import planes as limits
 from bonecam.levels.problem.limits.planes import SLABS, WALLS, heights
-from bonecam.levels.problem.program import Program
+from bonecam.levels.problem.program import LevelProgram
 from bonecam.levels.solvers import admm
 from bonecam.setup.capsule import Capsule
 
@@ -46,7 +46,7 @@ def test_a_wall_holds_what_it_may_and_its_plane_is_its_slope(
 
 
 def test_a_sample_may_slide_to_where_the_level_before_is_nearer_to_the_wall(
-    first_program: Callable[[], Program], capsule: Capsule
+    first_program: Callable[[], LevelProgram], capsule: Capsule
 ) -> None:
     program = first_program()
     before, y = program.limits.before, program.x
@@ -60,7 +60,7 @@ def test_a_sample_may_slide_to_where_the_level_before_is_nearer_to_the_wall(
 
 
 def test_a_new_slab_is_one_function_more(
-    first_program: Callable[[], Program], half_millimetre: Cut, monkeypatch: pytest.MonkeyPatch
+    first_program: Callable[[], LevelProgram], half_millimetre: Cut, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def half(cut: Cut, gap: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return np.full(len(gap), -np.inf), np.full(len(gap), cut.depth / 2)
@@ -72,7 +72,7 @@ def test_a_new_slab_is_one_function_more(
 
 
 def test_a_new_wall_is_one_function_more(
-    first_program: Callable[[], Program], monkeypatch: pytest.MonkeyPatch
+    first_program: Callable[[], LevelProgram], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     free = first_program()
     top = float(free.x[:, 2].max()) + 0.1

@@ -22,7 +22,7 @@ from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.read import read_program
 from bonecam.setup.capsule import Capsule
 from bonecam.tool.cutter import Cutter
-from bonecam.tool.path import Kind, ToolPath
+from bonecam.tool.path import MoveKind, ToolPath
 from bonecam.verify.readback import Tolerances, compare_moves
 
 MIKRON, HEIDENHAIN = read_machine("mikron-ucp600"), read_dialect("heidenhain")
@@ -239,7 +239,7 @@ def test_where_rapids_may_be_bent_they_are_feeds_beside_the_part(paths, name: st
         | np.r_[False, ~motions.known_start[:-1]]
         | np.r_[[False] * 2, ~motions.known_start[:-2]]
     )
-    assert (kinds[checked.source[reached & ~begins]] == Kind.RAPID).any()
+    assert (kinds[checked.source[reached & ~begins]] == MoveKind.RAPID).any()
     assert not motions.rapid[reached & ~begins].any()
     with pytest.raises(Exception, match="meant rapid"):
         compare_moves(motions, paths, read_dialect(name), Tolerances())

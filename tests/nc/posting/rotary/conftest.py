@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bonecam.machine.machine import Machine, read_machine
-from bonecam.tool.path import Kind
+from bonecam.tool.path import MoveKind
 
 
 @pytest.fixture(scope="session")
@@ -26,8 +26,8 @@ def cuts() -> Callable[..., np.ndarray]:
     """Makes the kinds of a path that cuts but for its first row and some more, which are rapids."""
 
     def make(count: int, *rapids: int) -> np.ndarray:
-        kinds = np.full(count, int(Kind.CUT))
-        kinds[[0, *rapids]] = Kind.RAPID
+        kinds = np.full(count, int(MoveKind.CUT))
+        kinds[[0, *rapids]] = MoveKind.RAPID
         return kinds
 
     return make

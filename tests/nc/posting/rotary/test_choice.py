@@ -7,7 +7,7 @@ from bonecam.errors import MachineError
 from bonecam.machine.kinematics import inverse_rotary, tool_axes
 from bonecam.machine.machine import read_machine
 from bonecam.nc.posting.rotary.choice import choose_angles
-from bonecam.tool.path import Kind
+from bonecam.tool.path import MoveKind
 
 MIKRON = read_machine("mikron-ucp600")
 HOLD = np.radians(0.0005)
@@ -84,7 +84,7 @@ def test_a_limited_table_is_rewound_at_a_rapid_only(limited, pointing, cuts):
     axes, kinds = pointing(60.0, np.linspace(0, 700, 71)), cuts(71, 20, 38, 55)
     choice = choose_angles(limited, axes, kinds, HOLD)
     assert choice.rewinds.any()
-    assert (kinds[choice.rewinds] == Kind.RAPID).all()
+    assert (kinds[choice.rewinds] == MoveKind.RAPID).all()
     assert np.abs(np.degrees(choice.angles[:, 1])).max() <= 200
     assert np.abs(tool_axes(limited, choice.angles) - axes).max() < 1e-9
     steps = np.abs(np.diff(choice.angles, axis=0)).max(1)
@@ -118,7 +118,7 @@ def test_a_winding_path_is_rewound_as_seldom_as_its_limits_allow(
     kinds = cuts(rows, *range(6, rows, 6))
     choice = choose_angles(machine, axes, kinds, HOLD)
     assert choice.rewinds.sum() == rewinds
-    assert (kinds[choice.rewinds] == Kind.RAPID).all()
+    assert (kinds[choice.rewinds] == MoveKind.RAPID).all()
     assert np.degrees(choice.angles[:, 1].min()) >= low - 1e-6
     assert np.degrees(choice.angles[:, 1].max()) <= high + 1e-6
     assert np.abs(tool_axes(machine, choice.angles) - axes).max() < 1e-9
@@ -148,12 +148,12 @@ def test_where_no_turn_fits_the_path_is_lifted_from_a_link_rather_than_from_a_cu
     axes, kinds = pointing(60.0, np.linspace(0, 500, 51)), cuts(51)
     everywhere = np.ones(51, dtype=bool)
     assert choose_angles(machine, axes, kinds, HOLD, liftable=everywhere).rewinds.sum() == 1
-    kinds[36] = Kind.LINK
+    kinds[36] = MoveKind.LINK
     lifted = choose_angles(machine, axes, kinds, HOLD, liftable=everywhere)
     assert np.flatnonzero(lifted.rewinds).tolist() == [36]
     lifted = choose_angles(machine, axes, kinds, HOLD, liftable=np.arange(51) == 37)
     assert np.flatnonzero(lifted.rewinds).tolist() == [37]
-    kinds[[35, 38]] = Kind.RAPID
+    kinds[[35, 38]] = MoveKind.RAPID
     assert np.flatnonzero(choose_angles(machine, axes, kinds, HOLD, liftable=everywhere).rewinds)[0] in (
         35,
         38,
@@ -179,7 +179,7 @@ def least_by_trial(machine, axes, kinds, low, high):
         ]
         for solutions in found
     ]
-    rapid = kinds == Kind.RAPID
+    rapid = kinds == MoveKind.RAPID
     close = ~(rapid[:-1] & np.r_[rapid[2:], True])
     best = np.inf, np.inf, np.inf
     for states in product(*rows):

@@ -8,7 +8,7 @@ from bonecam.machine.kinematics import inverse_rotary, tool_axes
 from bonecam.machine.machine import read_machine
 from bonecam.nc.posting.rotary.choice import choose_angles
 from bonecam.nc.posting.rotary.lifts import lift_places
-from bonecam.tool.path import Kind
+from bonecam.tool.path import MoveKind
 
 NOWHERE = np.zeros(0)
 
@@ -19,11 +19,15 @@ def lifted(axes, kinds, places, turned):
     for row in range(1, len(axes)):
         for place, axis in zip(places, turned, strict=True):
             if row - 1 <= place < row:
-                inside = kinds[row] == kinds[row - 1] == Kind.CUT
+                inside = kinds[row] == kinds[row - 1] == MoveKind.CUT
                 there = [axis[None]] * 3 if inside else [axes[row - 1 : row]] * 2
                 rows += there + [axes[row : row + 1]] * (not inside)
                 moves.append(
-                    np.array([int(Kind.CUT), *[int(Kind.RAPID)] * 2] if inside else [int(Kind.RAPID)] * 3)
+                    np.array(
+                        [int(MoveKind.CUT), *[int(MoveKind.RAPID)] * 2]
+                        if inside
+                        else [int(MoveKind.RAPID)] * 3
+                    )
                 )
         rows.append(axes[row : row + 1])
         moves.append(kinds[row : row + 1])
@@ -78,7 +82,7 @@ def block_all(machine, axes, kinds, blocked):
 def test_links_are_lifted_first_and_places_that_cannot_be_left_never(winding, pointing, cuts):
     machine = winding(-200, 200)
     axes, kinds = pointing(60.0, np.linspace(0, 500, 101)), cuts(101)
-    kinds[72] = Kind.LINK
+    kinds[72] = MoveKind.LINK
     places, _ = lift_places(machine, axes, kinds, NOWHERE)
     assert places.tolist() == [71.0]
     (other,), _ = lift_places(machine, axes, kinds, np.array([71.0]))

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from bonecam.planning.axes.field.axis_energy import PRESETS, AxisBounds, AxisEnergy
 from bonecam.planning.axes.field.axis_field import (
     ALONG,
     AROUND,
@@ -11,8 +12,7 @@ from bonecam.planning.axes.field.axis_field import (
     basis,
     second_differences,
 )
-from bonecam.planning.axes.field.energy import PRESETS, AxisBounds, AxisEnergy
-from bonecam.planning.axes.field.fit import minimise
+from bonecam.planning.axes.field.fit_axes import minimise
 
 RANDOM = np.random.default_rng(2)
 DOMAIN = FieldDomain((0.0, 1.0), (0.0, 3.0), closed=True)

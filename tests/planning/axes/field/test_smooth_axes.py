@@ -18,7 +18,7 @@ from bonecam.planning.axes.lead import lead_axes
 from bonecam.planning.collision.scene import Scene
 from bonecam.planning.oriented_path import orient
 from bonecam.surface.tspline import TSpline
-from bonecam.tool.path import ContactPath, Kind
+from bonecam.tool.path import ContactPath, MoveKind
 from bonecam.workholding.clamping import Clamping
 from bonecam.workholding.column import Column
 
@@ -108,7 +108,7 @@ def test_the_oriented_path_takes_the_axes_of_the_field(case: Made, smooth: Smoot
     _, contacts, scene = case
     wanted = smooth.axes
     path = orient(contacts, scene, LIMITS, JOB, NcJob(), smooth.wanted)
-    cut = path.kinds == Kind.CUT
+    cut = path.kinds == MoveKind.CUT
     distance = np.linalg.norm(path.contacts[cut][:, None] - contacts.contacts[None], axis=2)
     off = np.linalg.norm(path.axes[cut] - wanted[distance.argmin(axis=1)], axis=1)
     assert np.mean(off < 1e-9) > 0.9

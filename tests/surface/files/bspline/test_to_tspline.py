@@ -14,7 +14,7 @@ from bonecam.surface.files.bspline.to_tspline import from_bspline
 from bonecam.surface.files.cad.read import bsplines_in
 from bonecam.surface.files.cad.write import write_iges, write_step
 from bonecam.surface.tmesh.open_rows import OpenRowTMesh
-from bonecam.surface.tmesh.rows import RowTMesh
+from bonecam.surface.tmesh.row_tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 CLAMPED = np.repeat([0.0, 1.0], 4)

@@ -5,7 +5,7 @@ import pytest
 
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.planning.passes.gouge import (
+from bonecam.planning.passes.gouge_lifts import (
     CONTACT_SHARE,
     MESH_SHARE,
     MOVE_SHARE,

@@ -1,7 +1,7 @@
-"""Gouges and leftovers on the part: nails on its exact surface, cut by every ball.
+"""Gouges and leftovers on the part: normal probes on its exact surface, cut by every ball.
 
-A nail is a line along the normal (the vector method, Chappel 1983). What is left on it is the height of the lowest
-cut, exact to rounding; where no ball came within REACH the material that stands is measured along the nail.
+A normal probe is a line along the normal (the vector method, Chappel 1983). What is left on it is the height of the
+lowest cut, exact to rounding; where no ball came within REACH the material that stands is measured along the probe.
 """
 
 from collections.abc import Sequence
@@ -11,30 +11,30 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from bonecam.kernels.removal.nails import cut_nails, nail_cells
+from bonecam.kernels.removal.normal_probes import cut_normal_probes, probe_cells
 from bonecam.kernels.removal.rays import RaySet
 from bonecam.kernels.removal.sweep import Pieces
 from bonecam.material.rays import RayGrid
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.tspline import TSpline
-from bonecam.verify.removal.standing import standing_heights
+from bonecam.verify.removal.stock_heights import stock_heights
 
 CHORD = 0.002
-"""Chord tolerance, mm, of the tessellation at whose vertices nails stand: about 0.15 mm apart on a small
+"""Chord tolerance, mm, of the tessellation at whose vertices normal probes stand: about 0.15 mm apart on a small
 bone."""
 REACH = 0.3
 """Cuts up to this height above the surface are exact, mm."""
 CELL = 0.5
-"""Side of the cells that nails are found by, mm."""
+"""Side of the cells that normal probes are found by, mm."""
 NOT_CUT, CUT_BEFORE = -1, -2
-"""Owners of a nail that no move has cut, and of one that only moves of the program before have."""
+"""Owners of a normal probe that no move has cut, and of one that only moves of the program before have."""
 
 
 @dataclass(eq=False)
-class Nails:
-    """Nails at `points` (n, 3) along unit `normals`, each standing for `areas` (n,) mm^2 of `mesh`'s surface.
+class NormalProbes:
+    """Normal probes at `points` (n, 3) along unit `normals`, each standing for `areas` (n,) mm^2 of `mesh`'s surface.
 
-    `heights` (mm) and `owners` (the move that cut a nail lowest, NOT_CUT or CUT_BEFORE) change while moves are taken.
+    `heights` (mm) and `owners` (the move that cut a probe lowest, NOT_CUT or CUT_BEFORE) change while moves are taken.
     """
 
     mesh: TriangleMesh
@@ -45,21 +45,23 @@ class Nails:
     owners: Int[ndarray, " n"] = field(init=False)
 
     def __post_init__(self) -> None:
-        self.by_cell, self.cell_starts, self.corner = nail_cells(self.points, CELL)
+        self.by_cell, self.cell_starts, self.corner = probe_cells(self.points, CELL)
         self.heights = np.full(len(self.points), REACH)
         self.owners = np.full(len(self.points), NOT_CUT)
 
-    def move(self, pose: Float[ndarray, "4 4"]) -> "Nails":
-        """The nails under a rigid transform (4, 4), as they have been cut before another program is run."""
+    def move(self, pose: Float[ndarray, "4 4"]) -> "NormalProbes":
+        """The normal probes under a rigid transform (4, 4), as they have been cut before another program is run."""
         turn, shift = pose[:3, :3].T, pose[:3, 3]
-        moved = Nails(self.mesh.move(pose), self.points @ turn + shift, self.normals @ turn, self.areas)
+        moved = NormalProbes(
+            self.mesh.move(pose), self.points @ turn + shift, self.normals @ turn, self.areas
+        )
         cut = self.owners != NOT_CUT
         moved.heights[cut] = self.heights[cut]
         moved.owners[cut] = CUT_BEFORE
         return moved
 
     def cut(self, pieces: Pieces, radius: float) -> None:
-        """Cut the nails by a ball on its pieces, and by the flutes above it where they may reach material."""
+        """Cut the normal probes by a ball on its pieces, and by the flutes above it where they may reach material."""
         fluted = pieces.reach > 0
         # the ball at the top of a capsule must end where the flutes do
         heights = np.maximum(pieces.reach[fluted] - radius, 0.0)
@@ -69,7 +71,7 @@ class Nails:
         names = np.r_[pieces.moves, pieces.moves[fluted]]
         heights = self.heights[self.by_cell]
         owners = self.owners[self.by_cell]
-        cut_nails(
+        cut_normal_probes(
             self.points[self.by_cell],
             self.normals[self.by_cell],
             self.cell_starts,
@@ -88,13 +90,13 @@ class Nails:
         self.owners[self.by_cell] = owners
 
     def measure_the_uncut(self, sets: Sequence[RaySet], grid: RayGrid) -> None:
-        """Set the heights of nails that no ball came near to those of the material that stands on them."""
+        """Set the heights of normal probes that no ball came near to those of the material that stands on them."""
         uncut = np.flatnonzero(self.owners == NOT_CUT)
-        self.heights[uncut] = standing_heights(self.points[uncut], self.normals[uncut], sets, grid)
+        self.heights[uncut] = stock_heights(self.points[uncut], self.normals[uncut], sets, grid)
 
 
-def nails_on(part: TSpline) -> Nails:
-    """Nails at the vertices of a fine tessellation, on the exact surface and along its exact normals."""
+def normal_probes_on(part: TSpline) -> NormalProbes:
+    """Normal probes at the vertices of a fine tessellation, on the exact surface and along its exact normals."""
     made = part.tessellate_with_parameters(CHORD)
     s, t = made.parameters.T
     corners = made.mesh.faces
@@ -102,4 +104,4 @@ def nails_on(part: TSpline) -> Nails:
     areas = np.zeros(len(made.mesh.vertices))
     for k in range(3):
         np.add.at(areas, corners[:, k], thirds)
-    return Nails(made.mesh, part.positions(s, t), part.normals(s, t), areas)
+    return NormalProbes(made.mesh, part.positions(s, t), part.normals(s, t), areas)

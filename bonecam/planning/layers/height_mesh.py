@@ -10,11 +10,11 @@ from scipy.spatial import KDTree
 from bonecam.material.entering import ball_depths, enters_beside
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.planning.layers.material import DEVIATION
+from bonecam.planning.layers.height_field import DEVIATION
 
 
 @dataclass(frozen=True, eq=False)
-class StandingMesh:
+class HeightMesh:
     """The closed mesh of a height field, known from cell to cell."""
 
     mesh: TriangleMesh

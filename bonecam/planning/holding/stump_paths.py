@@ -21,9 +21,9 @@ from bonecam.mesh.triangle_mesh import TriangleMesh, side_by_side
 from bonecam.planning.collision.scene import Scene
 from bonecam.planning.layers.chart import FlatChart
 from bonecam.planning.layers.drop import Ball
-from bonecam.planning.layers.finishing import unreached
-from bonecam.planning.layers.material import DEVIATION, HeightField
-from bonecam.planning.layers.standing import StandingMesh
+from bonecam.planning.layers.finishing_layers import unreached
+from bonecam.planning.layers.height_field import DEVIATION, HeightField
+from bonecam.planning.layers.height_mesh import HeightMesh
 from bonecam.planning.layers.stump import off_part, stump_chart, stump_layers
 from bonecam.planning.oriented_path import orient
 from bonecam.planning.passes.contacts import at_post
@@ -112,7 +112,7 @@ def second_paths(
         if not level:
             reasons = *path.reasons, *("hidden",) * int(missed.sum())
             path = replace(path, uncut=np.vstack([path.uncut, places.points[missed]]), reasons=reasons)
-        standing = StandingMesh(layer.material.mesh())
+        standing = HeightMesh(layer.material.mesh())
         material = side_by_side([clamping.solids, standing.mesh])
         scene = Scene(around.mesh, material, capsule, post, DEVIATION, around, clamping=stands)
         paths.append(orient(path, scene, limits, job.path, job.nc, fixed=layer.axes, material=standing))

@@ -3,8 +3,8 @@
 import numpy as np
 
 from bonecam.planning.layers.chart import FlatChart
-from bonecam.planning.layers.material import CELL, DEVIATION, stock_field
-from bonecam.planning.layers.standing import StandingMesh
+from bonecam.planning.layers.height_field import CELL, DEVIATION, stock_field
+from bonecam.planning.layers.height_mesh import HeightMesh
 from bonecam.setup.stocks.cylinder import Cylinder
 
 
@@ -14,7 +14,7 @@ def test_a_ball_enters_no_deeper_than_is_told() -> None:
     chart = FlatChart(
         np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), across, np.arange(-1.0, 21.0, CELL)
     )
-    standing = StandingMesh(stock_field(chart, stock, 8.0).mesh())
+    standing = HeightMesh(stock_field(chart, stock, 8.0).mesh())
     around, along = (
         each.ravel() for each in np.meshgrid(np.linspace(0.0, 6.2, 60), np.linspace(-1.0, 21.0, 40))
     )
@@ -25,7 +25,7 @@ def test_a_ball_enters_no_deeper_than_is_told() -> None:
 
 
 def test_a_ball_that_rises_from_its_contact_enters_nothing_anew() -> None:
-    standing = StandingMesh(Cylinder(6.0, 0.0, 40.0).mesh(0.001))
+    standing = HeightMesh(Cylinder(6.0, 0.0, 40.0).mesh(0.001))
     contact = np.array([[7.5, 0.0, 20.0]])
     up, aside = np.array([[0.2, 0.0, 0.0]]), np.array([[0.0, 1.0, 0.0]])
     assert not standing.entered_anew(contact + up, contact, 2.0, 0.01).any()

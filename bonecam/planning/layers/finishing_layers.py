@@ -12,13 +12,13 @@ from bonecam.job import PathJob
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.layers.chart import Chart
-from bonecam.planning.layers.curves import Curves, join, sample
 from bonecam.planning.layers.drop import Ball, drop_balls
+from bonecam.planning.layers.height_field import HeightField
 from bonecam.planning.layers.layer import Layer, layer_of
-from bonecam.planning.layers.material import HeightField
-from bonecam.planning.layers.roughing import swept
+from bonecam.planning.layers.layer_curves import LayerCurves, join, sample
+from bonecam.planning.layers.roughing_layers import swept
 from bonecam.planning.layers.scan_lines import scan_lines
-from bonecam.planning.passes.gouge import gouge_free_lifts, planned_tolerance
+from bonecam.planning.passes.gouge_lifts import gouge_free_lifts, planned_tolerance
 from bonecam.tool.ball_depth import MAX_DEPTH_RADII
 from bonecam.tool.cutter import Cutter
 
@@ -74,14 +74,14 @@ def finish_layer(
 
 
 def _in_steps(
-    curves: Curves, kept: Bool[ndarray, " n"], material: HeightField, radius: float, width: float
-) -> tuple[Curves, Bool[ndarray, " m"], HeightField]:
+    curves: LayerCurves, kept: Bool[ndarray, " n"], material: HeightField, radius: float, width: float
+) -> tuple[LayerCurves, Bool[ndarray, " m"], HeightField]:
     """The curves, those raised by MAX_DEPTH_RADII of the ball once or more before them, where the ball would sink
     deeper into the material; which of their points are kept, not those that are still too deep; and the material
     behind them."""
     deepest = MAX_DEPTH_RADII * radius
     count = int(np.ceil(_sunk(curves, radius, material)[kept].max(initial=0.0) / deepest))
-    pieces, used = list[Curves](), list[ndarray]()
+    pieces, used = list[LayerCurves](), list[ndarray]()
     for step in range(max(count, 1) - 1, -1, -1):
         raised = replace(curves, heights=curves.heights + step * deepest)
         sunk = _sunk(raised, radius, material)
@@ -93,7 +93,7 @@ def _in_steps(
     return join(pieces), np.concatenate(used), material
 
 
-def _ends(curves: Curves) -> ndarray:
+def _ends(curves: LayerCurves) -> ndarray:
     """The first point of each line but the first."""
     return np.flatnonzero(np.diff(curves.line)) + 1
 
@@ -111,7 +111,7 @@ def _lifts(
     return gouge_free_lifts(tips, axes, ball.radius, tolerance, [ball.part], joined, ball.radius / 2)
 
 
-def _sunk(curves: Curves, radius: float, material: HeightField) -> Float[ndarray, " n"]:
+def _sunk(curves: LayerCurves, radius: float, material: HeightField) -> Float[ndarray, " n"]:
     """How deep each ball sinks into the material, mm."""
     chart = material.chart
     centres = chart.bases(curves.a, curves.b) + curves.heights[:, None] * chart.axes(curves.a)

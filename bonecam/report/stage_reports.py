@@ -14,7 +14,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.program import Program
 from bonecam.planning.passes.parting import cut_groove
 from bonecam.surface.fitting.fit import Fit
-from bonecam.tool.path import PARTING, Kind, ToolPath
+from bonecam.tool.path import PARTING, MoveKind, ToolPath
 from bonecam.verify.gouge import Gouge
 from bonecam.verify.proof import Verification
 
@@ -68,7 +68,7 @@ def toolpath_report(paths: Sequence[ToolPath], least_lead: float) -> list[dict[s
     for the tip of a ball does not cut."""
     rows = []
     for path in paths:
-        cutting = path.kinds == Kind.CUT
+        cutting = path.kinds == MoveKind.CUT
         steps = np.linalg.norm(np.diff(path.tips, axis=0, prepend=path.tips[:1]), axis=1)
         reasons = {reason: path.reasons.count(reason) for reason in sorted(set(path.reasons))}
         rows.append(

@@ -14,9 +14,9 @@ from bonecam.errors import FileError, FilterError
 from bonecam.filters.filter import Registry
 from bonecam.filters.meshlab_values import CAMERAS, free_texts
 from bonecam.filters.meshset import MeshSet
-from bonecam.filters.scripts.apply import apply_script
-from bonecam.filters.scripts.files import NAMES, READ, TEXTS, TEXTURES
-from bonecam.filters.scripts.run import run_script
+from bonecam.filters.scripts.apply_script import apply_script
+from bonecam.filters.scripts.run_script import run_script
+from bonecam.filters.scripts.script_files import NAMES, READ, TEXTS, TEXTURES
 
 OURS = '<filter name="generate_offset"><Param type="RichSaveFile" value="{}" name="file"/></filter>'
 CAMERAS_OUT = (

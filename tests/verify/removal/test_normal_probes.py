@@ -1,10 +1,10 @@
-"""Heights of nails: above the surface what is left, below it how deep the ball went in."""
+"""Heights of normal probes: above the surface what is left, below it how deep the ball went in."""
 
 import numpy as np
 import pytest
 from numpy import ndarray
 
-from bonecam.kernels.removal.nails import cut_nails, nail_cells
+from bonecam.kernels.removal.normal_probes import cut_normal_probes, probe_cells
 
 RADIUS = 2.0
 REACH = 0.3
@@ -12,12 +12,12 @@ X = np.array([1.0, 0.0, 0.0])
 
 
 def height_after(centre: ndarray, from_top: bool = False, tall: float = REACH) -> float:
-    """The height of a nail at the origin along X after a ball at the centre."""
+    """The height of a normal probe at the origin along X after a ball at the centre."""
     point, normal = np.zeros((1, 3)), X[None]
-    _, starts, corner = nail_cells(point, 0.5)
+    _, starts, corner = probe_cells(point, 0.5)
     heights, owners, balls = np.full(1, tall), np.full(1, -1), centre[None]
     radii, names = np.full(1, RADIUS), np.zeros(1, dtype=int)
-    cut_nails(
+    cut_normal_probes(
         point, normal, starts, corner, 0.5, REACH, balls, balls, radii, names, heights, owners, from_top
     )
     return float(heights[0])

@@ -14,7 +14,7 @@ from numpy import ndarray
 
 from bonecam.surface.basis.knots import aligned
 from bonecam.surface.tmesh.open_rows import OpenRowTMesh
-from bonecam.surface.tmesh.rows import NEAREST
+from bonecam.surface.tmesh.row_tmesh import NEAREST
 from bonecam.surface.tmesh.surface import S, Surface
 
 Row = tuple[ndarray, ndarray]  # knots and homogeneous control points (r, 4); one of each: a pole

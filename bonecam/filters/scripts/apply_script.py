@@ -8,9 +8,9 @@ from bonecam.errors import FileError
 from bonecam.files import in_unicode, library_name, require_room
 from bonecam.filters.filter import Registry, installed
 from bonecam.filters.meshset import MeshSet
-from bonecam.filters.scripts.files import ScriptFiles
-from bonecam.filters.scripts.run import Run
-from bonecam.filters.scripts.steps import apply_steps, read_script
+from bonecam.filters.scripts.run_script import Run
+from bonecam.filters.scripts.script_files import ScriptFiles
+from bonecam.filters.scripts.script_steps import apply_steps, read_script
 from bonecam.mesh.files.mesh_files import CAD, READABLE, bytes_of, read_mesh
 from bonecam.mesh.files.named_files import refuse_names_outside
 from bonecam.mesh.meshlab import meshlab

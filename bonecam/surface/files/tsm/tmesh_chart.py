@@ -23,7 +23,7 @@ SLACK = 1e-9
 
 
 @dataclass(eq=False)
-class Chart:
+class TMeshChart:
     """The T-mesh of a file in one chart: `directions` of all links (0 east, 1 north, 2 west, 3 south),
     `places` (s, t) and numbers of the `lines` of all vertices, `knots` of the lines in s and t, and the
     `period` in s and t (0: open)."""
@@ -35,7 +35,7 @@ class Chart:
     period: tuple[float, float]
 
 
-def chart_of(records: Records) -> Chart:
+def chart_of(records: Records) -> TMeshChart:
     """The T-mesh of the records laid out in one chart."""
     directions = _directions(records)
     places, period = _places(records, directions)
@@ -47,7 +47,7 @@ def chart_of(records: Records) -> Chart:
         lines[used, axis] = number
         knots.append(_exact_knots(records, "st"[axis], values))
     stated = [records.knots.get(f"{letter}-period", [length])[0] for letter, length in zip("st", period)]
-    return Chart(directions, places, lines, (knots[0], knots[1]), (stated[0], stated[1]))
+    return TMeshChart(directions, places, lines, (knots[0], knots[1]), (stated[0], stated[1]))
 
 
 def _directions(records: Records) -> list[int]:

@@ -16,18 +16,18 @@ from numpy import ndarray
 from scipy.spatial import KDTree
 
 from bonecam.arrays import numbered
-from bonecam.kernels.removal.nails import cut_nails, nail_cells, useful_moves
+from bonecam.kernels.removal.normal_probes import cut_normal_probes, probe_cells, useful_moves
 from bonecam.levels.measure.grid import LevelGrid, level_grid
 from bonecam.levels.measure.level import Level, MachinedLevel, RoundedLevel, machined_levels
 from bonecam.material.dexels import Dexels, Poses, dexels_of
 from bonecam.material.entering import ball_depths, enters_beside
-from bonecam.material.standing_mesh import CHORD, holding, hull
+from bonecam.material.in_process_mesh import CHORD, holding, hull
 from bonecam.material.stock_places import places_on_stock
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.facets.vertex_normals import vertex_normals
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.stock import Stock
-from bonecam.tool.path import Kind, ToolPath
+from bonecam.tool.path import MoveKind, ToolPath
 
 DEPTH_CHORD = 0.005
 """Chord tolerance (mm) of the grid of the places that depths of cut are measured from: about 0.25 mm apart."""
@@ -67,7 +67,7 @@ def _swept_after(path: ToolPath, before: Sequence[Swept]) -> tuple[Swept, ...]:
 
 
 @dataclass(frozen=True, eq=False)
-class Material:
+class InProcessStock:
     """The material left of a `stock`: the vertices of `grid` moved to `vertices`; and places of its surface, those of
     the finer grid `depth_grid` moved to `places`. `swept` is where balls cut on the last two levels. `uncut` is the
     stock before the first cut: depths are measured from it. `dexels` are what balls leave whatever the lines of the
@@ -135,7 +135,7 @@ class Material:
         if not len(above):
             return np.zeros(len(centres), dtype=bool)
         normals = vertex_normals(TriangleMesh(floor, self.depth_grid.faces))
-        order, *cells = nail_cells(floor[above], CELL)
+        order, *cells = probe_cells(floor[above], CELL)
         at = above[order]
         goes_on = np.r_[False, passes[1:] == passes[:-1]]
         starts = centres[np.arange(len(centres)) - goes_on]
@@ -162,19 +162,19 @@ class Material:
         return MeshDistance(TriangleMesh(self.places, self.depth_grid.faces))
 
 
-def uncut_material(levels: Sequence[Level], stock: Stock) -> Material:
+def uncut_material(levels: Sequence[Level], stock: Stock) -> InProcessStock:
     """The material before the first cut: the stock. `levels` begin at the part and end at the stock."""
     machined = machined_levels(levels)
     nets = [level.control_points for level in machined]
     grid, fine = (level_grid(machined[0].surface, nets, chord) for chord in (CHORD, DEPTH_CHORD))
     vertices, places = (places_on_stock(stock, each.R @ nets[-1], each.faces) for each in (grid, fine))
     dexels = dexels_of(stock)
-    return Material(levels[-1].mesh, grid, vertices, fine, places, dexels, dexels, uncut=stock)
+    return InProcessStock(levels[-1].mesh, grid, vertices, fine, places, dexels, dexels, uncut=stock)
 
 
-def remove_material(material: Material, level: MachinedLevel, path: ToolPath) -> Material:
+def remove_material(material: InProcessStock, level: MachinedLevel, path: ToolPath) -> InProcessStock:
     """The material after `path` has machined `level`: what its balls reach is gone."""
-    if not (path.kinds == Kind.CUT).any():
+    if not (path.kinds == MoveKind.CUT).any():
         return material
     floor = material.grid.R @ level.control_points
     vertices = _lowered(material.vertices, floor, path)
@@ -215,13 +215,13 @@ def _lowered(standing: Float[ndarray, "n 3"], floor: Float[ndarray, "n 3"], path
     normals = (standing - floor)[above] / heights[above, None]
     tall = np.minimum(heights[above], REACH)
     feet = standing[above] - tall[:, None] * normals
-    order, cell_starts, corner = nail_cells(feet, CELL)
+    order, cell_starts, corner = probe_cells(feet, CELL)
     above, normals, feet, tall = above[order], normals[order], feet[order], tall[order]
     radii = np.full(len(starts), path.cutter.radius)
     names = np.arange(len(starts))
     owners = np.full(len(above), -1)
     found = starts, ends, radii, names, tall, owners
-    cut_nails(feet, normals, cell_starts, corner, CELL, REACH, *found, from_top=True)
+    cut_normal_probes(feet, normals, cell_starts, corner, CELL, REACH, *found, from_top=True)
     lowered = standing.copy()
     # never below the level, where a ball may be by the gouge tolerance: the next direction would be inwards
     lowered[above] = feet + np.maximum(tall, 0.0)[:, None] * normals
@@ -237,7 +237,7 @@ def _cuts(path: ToolPath) -> tuple[Float[ndarray, "m 3"], Float[ndarray, "m 3"]]
 def _cut_poses(path: ToolPath) -> tuple[Poses, Poses]:
     """Ball centre and axis at beginning and end of each cutting move; a pass begins with one of no length."""
     centres = path.tips + path.cutter.radius * path.axes
-    cutting = path.kinds == Kind.CUT
+    cutting = path.kinds == MoveKind.CUT
     goes_on = np.r_[False, cutting[:-1] & (path.pass_index[1:] == path.pass_index[:-1])]
     before = np.where(goes_on, np.arange(len(centres)) - 1, np.arange(len(centres)))
     starts = centres[before[cutting]], path.axes[before[cutting]]

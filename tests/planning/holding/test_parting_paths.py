@@ -17,7 +17,7 @@ from bonecam.nc.dialect import read_dialect
 from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.nc.posting.write import write_program
 from bonecam.planning.collision.scene import Scene
-from bonecam.planning.holding.parting import check_parting, parting_paths
+from bonecam.planning.holding.parting_paths import check_parting, parting_paths
 from bonecam.planning.holding.post_length import parting_lift
 from bonecam.planning.passes.parting import cut_groove
 from bonecam.report.tables.cl_data import apt_text, read_apt

@@ -13,8 +13,8 @@ from scipy.linalg import solve, solveh_banded
 from bonecam.job import PathJob
 from bonecam.machine.limits import MachineLimits, polar_angles
 from bonecam.planning.axes.cones.admissible_cones import AxisCones
+from bonecam.planning.axes.field.axis_energy import AxisBounds, AxisEnergy
 from bonecam.planning.axes.field.axis_field import FieldDomain, second_differences
-from bonecam.planning.axes.field.energy import AxisBounds, AxisEnergy
 from bonecam.tool.path import ContactPath
 
 SPACING = 0.5

@@ -21,7 +21,7 @@ ROUNDS = 12
 
 
 @dataclass(frozen=True, eq=False)
-class Curves:
+class LayerCurves:
     """Points (n,) of curves one behind the other, with the number of the `line` of each."""
 
     line: Int[ndarray, " n"]
@@ -29,31 +29,31 @@ class Curves:
     b: Float[ndarray, " n"]
     heights: Float[ndarray, " n"]
 
-    def take(self, index: Int[ndarray, " k"]) -> "Curves":
+    def take(self, index: Int[ndarray, " k"]) -> "LayerCurves":
         """The points with these numbers."""
-        return Curves(self.line[index], self.a[index], self.b[index], self.heights[index])
+        return LayerCurves(self.line[index], self.a[index], self.b[index], self.heights[index])
 
     def joined(self) -> Bool[ndarray, " n"]:
         """Whether each point and the next are on one line."""
         return np.r_[self.line[1:] == self.line[:-1], False]
 
 
-def join(pieces: Sequence[Curves]) -> Curves:
+def join(pieces: Sequence[LayerCurves]) -> LayerCurves:
     """Curves one behind the other, each piece a line."""
     line = np.repeat(np.arange(len(pieces)), [len(piece.a) for piece in pieces])
     a, b, heights = (
         np.concatenate([np.zeros(0), *(getattr(piece, name) for piece in pieces)])
         for name in ("a", "b", "heights")
     )
-    return Curves(line, a, b, heights)
+    return LayerCurves(line, a, b, heights)
 
 
 def sample(
     lines: Sequence[Float[ndarray, "_ 2"]], chart: Chart, height_of: Heights, width: float, tolerance: float
-) -> Curves:
+) -> LayerCurves:
     """The points of polylines (a, b); `width` is the length (mm) of a unit of a where it is largest."""
     line, a, b = _divided(lines, width)
-    found = Curves(line, a, b, height_of(a, b))
+    found = LayerCurves(line, a, b, height_of(a, b))
     fresh = found.joined()
     for _ in range(ROUNDS):
         begins = np.flatnonzero(fresh)
@@ -67,7 +67,7 @@ def sample(
         if not needed.any():
             break
         places = begins[needed] + 1
-        found = Curves(
+        found = LayerCurves(
             np.insert(found.line, places, found.line[begins[needed]]),
             np.insert(found.a, places, middle_a[needed]),
             np.insert(found.b, places, middle_b[needed]),

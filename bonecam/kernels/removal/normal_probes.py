@@ -1,7 +1,7 @@
-"""Nails on a surface, cut by the capsules that a ball sweeps, compiled.
+"""Normal probes on a surface, cut by the capsules that a ball sweeps, compiled.
 
-A nail stands on a point of the surface along its normal; its height is that of the lowest cut above the
-surface. Where a ball went in it is negative: how deep the point lies in the ball. The chord of the nail would tell
+A normal probe stands on a point of the surface along its normal; its height is that of the lowest cut above the
+surface. Where a ball went in it is negative: how deep the point lies in the ball. The chord of the probe would tell
 more where the ball only grazes it, at a thin edge for example, where it comes from the other side.
 """
 
@@ -67,7 +67,7 @@ def _distance(p: ndarray, start: ndarray, end: ndarray) -> float:
 
 
 @njit(cache=True, nogil=True)
-def cut_nails(
+def cut_normal_probes(
     points: ndarray,
     normals: ndarray,
     cell_starts: ndarray,
@@ -82,10 +82,10 @@ def cut_nails(
     owners: ndarray,
     from_top: bool,
 ) -> None:
-    """Lower `heights` (n,) to where capsules cut the nails, and set `owners` (n,) to the name of the one that
-    did. `from_top`: only a capsule that holds the nail's upper end cuts it; what would hang over a cut stands.
+    """Lower `heights` (n,) to where capsules cut the normal probes, and set `owners` (n,) to the name of the one that
+    did. `from_top`: only a capsule that holds the normal probe's upper end cuts it; what would hang over a cut stands.
 
-    Nails are ordered by cell (i, j, k) of a grid of cubes of side `size` from `corner` on; those of a cell
+    Normal probes are ordered by cell (i, j, k) of a grid of cubes of side `size` from `corner` on; those of a cell
     begin at cell_starts[i, j, k] and end where those of the next one begin. Cuts more than `reach` above the
     surface are left out.
     """
@@ -140,8 +140,8 @@ def useful_moves(
     least: float,
     heights: ndarray,
 ) -> ndarray:
-    """Whether each move (m,) lowers a nail by `least` at least, when those before it that do have been made; they lower
-    `heights` (n,). Nails and cells as in `cut_nails`, cut from the top."""
+    """Whether each move (m,) lowers a normal probe by `least` at least, after those before it that do; they lower
+    `heights` (n,). Normal probes and cells as in `cut_normal_probes`, cut from the top."""
     reach = radius + heights.max()
     shape = cell_starts.shape
     flat = cell_starts.ravel()
@@ -173,9 +173,9 @@ def useful_moves(
     return useful
 
 
-def nail_cells(points: ndarray, size: float) -> tuple[ndarray, ndarray, ndarray]:
+def probe_cells(points: ndarray, size: float) -> tuple[ndarray, ndarray, ndarray]:
     """The order (n,) of points (n, 3) by cells of side `size`, where each cell begins in it, and the corner of
-    the first cell: as `cut_nails` has them."""
+    the first cell: as `cut_normal_probes` has them."""
     corner = points.min(0)
     cells = np.floor((points - corner) / size).astype(np.int64)
     shape = cells.max(0) + 1

@@ -13,19 +13,19 @@ from bonecam.job import HoldingJob, NcJob, PathJob
 from bonecam.levels.measure.cut_measures import NO_CUT
 from bonecam.levels.measure.level import Level, MachinedLevel, StockLevel
 from bonecam.machine.limits import MachineLimits
-from bonecam.material.material import Material, remove_material, uncut_material
-from bonecam.material.standing_mesh import DEVIATION, hull
+from bonecam.material.in_process_mesh import DEVIATION, hull
+from bonecam.material.in_process_stock import InProcessStock, remove_material, uncut_material
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.collision.scene import Scene
 from bonecam.planning.oriented_path import orient
 from bonecam.planning.passes.contacts import candidate_contacts, contact_path
-from bonecam.planning.passes.engaged_segments import Allowed
+from bonecam.planning.passes.engaged_segments import DepthLimits
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
-from bonecam.tool.path import Kind, ToolPath
+from bonecam.tool.path import MoveKind, ToolPath
 from bonecam.workholding.post import Post, post_below
 
 
@@ -36,7 +36,7 @@ class Skin(Capsule):
         return np.asarray(points + 0.5 * self.normals(points))
 
 
-def skin_material(levels: Sequence[Level], stock: Skin) -> Material:
+def skin_material(levels: Sequence[Level], stock: Skin) -> InProcessStock:
     return replace(uncut_material(levels, stock), uncut=None)
 
 
@@ -60,8 +60,8 @@ def levels(
 
 
 @pytest.fixture(scope="module")
-def path_on(stock: Skin, post: Post) -> Callable[[MachinedLevel, Material, Cutter], ToolPath]:
-    def build(level: MachinedLevel, material: Material, cutter: Cutter) -> ToolPath:
+def path_on(stock: Skin, post: Post) -> Callable[[MachinedLevel, InProcessStock, Cutter], ToolPath]:
+    def build(level: MachinedLevel, material: InProcessStock, cutter: Cutter) -> ToolPath:
         meshes = [MeshDistance(level.mesh)]
         contacts = contact_path(
             candidate_contacts(level, meshes, cutter, post, PathJob(pattern="round")), material
@@ -75,14 +75,14 @@ def path_on(stock: Skin, post: Post) -> Callable[[MachinedLevel, Material, Cutte
 @pytest.fixture(scope="module")
 def machined(
     roughing_cutter: Cutter, levels: tuple[MachinedLevel, MachinedLevel, StockLevel], stock: Skin, path_on
-) -> tuple[Material, ToolPath]:
+) -> tuple[InProcessStock, ToolPath]:
     material = skin_material(levels, stock)
     path = path_on(levels[1], material, roughing_cutter)
     return remove_material(material, levels[1], path), path
 
 
 def test_what_was_cut_lies_between_the_level_and_its_scallops(
-    machined: tuple[Material, ToolPath], levels, post: Post
+    machined: tuple[InProcessStock, ToolPath], levels, post: Post
 ) -> None:
     material, path = machined
     for points in (material.vertices, material.places):
@@ -91,7 +91,7 @@ def test_what_was_cut_lies_between_the_level_and_its_scallops(
         assert 0.5 * path.cutter.scallop < heights.max() < path.cutter.scallop + 0.005
 
 
-def test_the_balls_touch_the_places_left_and_enter_none(machined: tuple[Material, ToolPath]) -> None:
+def test_the_balls_touch_the_places_left_and_enter_none(machined: tuple[InProcessStock, ToolPath]) -> None:
     material, path = machined
     cut = path.kinds == 0
     centres = path.tips[cut] + path.cutter.radius * path.axes[cut]
@@ -101,7 +101,7 @@ def test_the_balls_touch_the_places_left_and_enter_none(machined: tuple[Material
 
 
 def test_no_ball_of_the_path_is_inside_the_material_left(
-    machined: tuple[Material, ToolPath], post: Post
+    machined: tuple[InProcessStock, ToolPath], post: Post
 ) -> None:
     material, path = machined
     rows = np.flatnonzero(path.kinds == 0)
@@ -140,16 +140,16 @@ def test_contacts_under_uncut_material_stay_uncut(
 
 
 def test_what_is_trimmed_and_what_is_cut_make_up_the_whole_passes(
-    roughing_cutter: Cutter, machined: tuple[Material, ToolPath], levels, stock: Skin, post: Post
+    roughing_cutter: Cutter, machined: tuple[InProcessStock, ToolPath], levels, stock: Skin, post: Post
 ) -> None:
     _, path = machined
-    lower = replace(path, kinds=np.where(path.contacts[:, 2] < 35.0, path.kinds, Kind.LINK))
+    lower = replace(path, kinds=np.where(path.contacts[:, 2] < 35.0, path.kinds, MoveKind.LINK))
     material = remove_material(skin_material(levels, stock), levels[1], lower)
     meshes = [MeshDistance(levels[1].mesh)]
     candidates = candidate_contacts(levels[1], meshes, roughing_cutter, post, PathJob(pattern="iso-scallop"))
 
     def lengths(least: float) -> tuple[float, float]:
-        path = contact_path(candidates, material, Allowed(0.5, least=least))
+        path = contact_path(candidates, material, DepthLimits(0.5, least=least))
         at_level = path.lifts == 0
         joined = (path.pass_index[1:] == path.pass_index[:-1]) & at_level[1:] & at_level[:-1]
         steps = np.linalg.norm(np.diff(path.contacts + 2 * path.normals, axis=0), axis=1)
@@ -181,10 +181,12 @@ def test_a_ball_that_rises_from_its_contact_enters_nothing_anew(
 
 
 def test_passes_that_find_only_what_passes_before_left_are_of_no_use(
-    levels: tuple[MachinedLevel, MachinedLevel, StockLevel], stock: Skin, machined: tuple[Material, ToolPath]
+    levels: tuple[MachinedLevel, MachinedLevel, StockLevel],
+    stock: Skin,
+    machined: tuple[InProcessStock, ToolPath],
 ) -> None:
     path = machined[1]
-    cuts = path.kinds == Kind.CUT
+    cuts = path.kinds == MoveKind.CUT
     centres = (path.tips + path.cutter.radius * path.axes)[cuts]
     passes = path.pass_index[cuts]
     count = len(centres)
@@ -201,13 +203,13 @@ def test_passes_side_by_side_are_stepped_over_to_without_their_ramps(
     level, material = levels[1], skin_material(levels, stock)
     job = PathJob(pattern="along")
     candidates = candidate_contacts(level, [MeshDistance(level.mesh)], roughing_cutter, post, job)
-    contacts = contact_path(candidates, material, Allowed(0.5))
+    contacts = contact_path(candidates, material, DepthLimits(0.5))
     assert contacts.ramp.any()
     assert not contacts.ramp[np.flatnonzero(np.diff(contacts.pass_index))].any()
     scene = Scene(level.mesh, material.mesh, stock, post, DEVIATION)
     path = orient(contacts, scene, MachineLimits(2.0), job, NcJob(), material=material)
     passes = contacts.pass_index.max() + 1
-    cut = path.kinds == Kind.CUT
+    cut = path.kinds == MoveKind.CUT
     entries = np.flatnonzero(cut & ~np.r_[False, cut[:-1]])
     assert len(entries) < 0.6 * passes
     assert path.pass_index[cut].max() + 1 == len(entries)
@@ -222,7 +224,7 @@ def test_passes_side_by_side_are_stepped_over_to_without_their_ramps(
 def bore(path_of: Callable[..., ToolPath], cutter: Cutter, centre: ndarray) -> ToolPath:
     """A ball that cuts at one place."""
     up = np.array([[0.0, 0.0, 1.0]])
-    kinds, passes = np.array([int(Kind.CUT)]), np.zeros(1, dtype=int)
+    kinds, passes = np.array([int(MoveKind.CUT)]), np.zeros(1, dtype=int)
     return path_of(centre[None] - cutter.radius * up, up, kinds=kinds, passes=passes, tool=cutter)
 
 
@@ -251,11 +253,11 @@ def test_a_ball_whose_centre_is_in_the_material_is_deeper_than_its_radius(levels
 
 
 def test_the_mesh_ends_behind_the_foot_of_a_cliff(
-    machined: tuple[Material, ToolPath], levels, stock: Skin
+    machined: tuple[InProcessStock, ToolPath], levels, stock: Skin
 ) -> None:
     """What stands between a vertex that was cut and one that was not may reach up to the cut one."""
     _, path = machined
-    upper = replace(path, kinds=np.where(path.contacts[:, 2] > 35.0, path.kinds, Kind.LINK))
+    upper = replace(path, kinds=np.where(path.contacts[:, 2] > 35.0, path.kinds, MoveKind.LINK))
     material = remove_material(skin_material(levels, stock), levels[1], upper)
     floor = material.grid.R @ levels[1].control_points
     mesh = hull(material.vertices, floor, material.grid.faces)
@@ -290,11 +292,14 @@ def test_depths_count_from_the_edges_of_a_bar_before_the_first_cut_and_after_it(
 
 
 def test_a_rest_path_of_the_next_level_makes_no_ball_deeper(
-    machined: tuple[Material, ToolPath], roughing_cutter: Cutter, levels, path_of: Callable[..., ToolPath]
+    machined: tuple[InProcessStock, ToolPath],
+    roughing_cutter: Cutter,
+    levels,
+    path_of: Callable[..., ToolPath],
 ) -> None:
     """Beside the post places stand that the ball has passed: how deep it is there is known from where it was."""
     material, path = machined
-    rows = np.flatnonzero(path.kinds == Kind.CUT)
+    rows = np.flatnonzero(path.kinds == MoveKind.CUT)
     centres = (path.tips + path.cutter.radius * path.axes)[rows]
     rest = replace(bore(path_of, roughing_cutter, centres[np.argmax(centres[:, 2])]), level=0, rest=1)
     before, _ = material.depths(centres, roughing_cutter.radius)

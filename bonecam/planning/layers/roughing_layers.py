@@ -7,10 +7,10 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.planning.layers.curves import Curves, Heights, join, sample
 from bonecam.planning.layers.drop import Ball, drop_balls
+from bonecam.planning.layers.height_field import CELL, HeightField
 from bonecam.planning.layers.layer import Layer, layer_of, nearest_order, split
-from bonecam.planning.layers.material import CELL, HeightField
+from bonecam.planning.layers.layer_curves import Heights, LayerCurves, join, sample
 from bonecam.tool.cutter import Cutter
 
 LEAD = 1.0
@@ -36,7 +36,7 @@ def rough_layer(
 ) -> tuple[Layer, HeightField]:
     """The layer that cuts sets of polylines (a, b) one set after the other, and the material behind it."""
     chart, radius = material.chart, rough.cutter.radius
-    before, pieces = material, list[Curves]()
+    before, pieces = material, list[LayerCurves]()
     here = None
     for lines in sets:
         curves = sample(lines, chart, height_of, rough.width, rough.chord)
@@ -78,7 +78,7 @@ def rough_down(
     return layers, material
 
 
-def _with_leads(curves: Curves, centres: Float[ndarray, "n 3"], needed: ndarray) -> ndarray:
+def _with_leads(curves: LayerCurves, centres: Float[ndarray, "n 3"], needed: ndarray) -> ndarray:
     """The needed points and those within LEAD of them along their line."""
     kept = np.zeros(len(needed), dtype=bool)
     for line in np.unique(curves.line[needed]):
@@ -92,7 +92,7 @@ def _with_leads(curves: Curves, centres: Float[ndarray, "n 3"], needed: ndarray)
     return kept
 
 
-def _swept(runs: Sequence[Curves], width: float) -> tuple[ndarray, ndarray, ndarray]:
+def _swept(runs: Sequence[LayerCurves], width: float) -> tuple[ndarray, ndarray, ndarray]:
     """a, b and heights on the moves of runs, half a cell apart."""
     found = []
     for run in runs:
@@ -105,6 +105,6 @@ def _swept(runs: Sequence[Curves], width: float) -> tuple[ndarray, ndarray, ndar
     return a, b, heights
 
 
-def swept(layer_curves: Curves, kept: ndarray, width: float) -> tuple[ndarray, ndarray, ndarray]:
+def swept(layer_curves: LayerCurves, kept: ndarray, width: float) -> tuple[ndarray, ndarray, ndarray]:
     """a, b and heights on the moves of the kept stretches of curves."""
     return _swept([layer_curves.take(run) for run in split(layer_curves, kept)], width)

@@ -10,11 +10,11 @@ from bonecam.levels.measure.certificates.certificate import Certificate
 from bonecam.levels.measure.cut_measures import NO_CUT
 from bonecam.levels.measure.level import RoundedLevel, StockLevel
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.report.figures import levels_report, toolpath_report, uncut_areas
+from bonecam.report.stage_reports import levels_report, toolpath_report, uncut_areas
 from bonecam.report.summary import certified_text, summary_of, uncut_lines
 from bonecam.setup.capsule import Capsule
 from bonecam.surface.tspline import TSpline
-from bonecam.tool.path import ConeCheck, FreeCones, Kind, ToolPath
+from bonecam.tool.path import ConeCheck, FreeCones, MoveKind, ToolPath
 
 MEASURES = replace(NO_CUT, depth_max=0.5, depth_mean=0.4)
 
@@ -47,7 +47,7 @@ def test_axes_near_the_normal_are_counted_and_those_that_had_no_other(
     axes = np.column_stack([np.sin(lead), 0 * lead, np.cos(lead)])
     tool = path_of(np.zeros((4, 3)), axes).cutter
     balls = np.column_stack([np.arange(4.0), np.zeros(4), np.zeros(4)])
-    path = path_of(balls - tool.radius * axes, axes, kinds=np.full(4, int(Kind.CUT)), tool=tool)
+    path = path_of(balls - tool.radius * axes, axes, kinds=np.full(4, int(MoveKind.CUT)), tool=tool)
     path = replace(path, contacts=balls - [0, 0, tool.radius])
     assert toolpath_report([path], np.radians(10.0))[0]["near_normal_contacts"] is None
 
@@ -197,7 +197,7 @@ def test_the_area_left_uncut_is_that_round_the_contacts_left_out(
     part = TriangleMesh(np.column_stack([x, y, 0 * x]), faces)
     places = np.array([[u, v, 0.0] for u in (-1.5, -0.5, 0.5, 1.5) for v in np.linspace(-1.75, 1.75, 8)])
     cut = places[8:]
-    path = path_of(cut, np.tile([0.0, 0.0, 1.0], (len(cut), 1)), kinds=np.full(len(cut), int(Kind.CUT)))
+    path = path_of(cut, np.tile([0.0, 0.0, 1.0], (len(cut), 1)), kinds=np.full(len(cut), int(MoveKind.CUT)))
     path = replace(path, contacts=cut, uncut=places[:8], reasons=("post",) * 6 + ("gouge",) * 2)
     areas = uncut_areas([path], part)
     assert areas == {"gouge": pytest.approx(1.0, abs=0.05), "post": pytest.approx(3.0, abs=0.05)}

@@ -16,7 +16,7 @@ from bonecam.arrays import frozen, lengths, unit
 
 
 @dataclass(frozen=True, eq=False)
-class Net:
+class ConeNodes:
     """Nodes at `places` (ball centres, mm); `node_of` each contact; how far a node's contacts are from it, with half
     of the moves that begin or end there (`reach`, mm); their mean normal, and the largest angle of one from it
     (`spread`, radians)."""
@@ -38,7 +38,7 @@ def make_net(
     normals: Float[ndarray, "n 3"],
     middles: Float[ndarray, "n 2 3"],
     spacing: float,
-) -> Net:
+) -> ConeNodes:
     """Nodes about `spacing` (mm) apart; `middles` are those of the moves to and from each contact."""
     cells = np.floor(centres / spacing).astype(np.int64)
     facing = normals @ np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]).T
@@ -54,7 +54,7 @@ def make_net(
     ends = np.concatenate([centres[:, None], middles], axis=1)
     off = np.linalg.norm(ends - places[node_of][:, None], axis=2).max(axis=1)
     turned = 2 * np.arcsin(np.clip(lengths(normals - facing_of[node_of]) / 2, 0, 1))
-    return Net(places, node_of, _largest(node_of, off), facing_of, _largest(node_of, turned))
+    return ConeNodes(places, node_of, _largest(node_of, off), facing_of, _largest(node_of, turned))
 
 
 def _means(group: Int[ndarray, " n"], values: Float[ndarray, " n"]) -> Float[ndarray, " k"]:
@@ -67,7 +67,7 @@ def _largest(group: Int[ndarray, " n"], values: Float[ndarray, " n"]) -> Float[n
     return found
 
 
-def join_nets(nets: Sequence[tuple[ndarray, Net, ndarray]], contacts: int) -> Net:
+def join_nets(nets: Sequence[tuple[ndarray, ConeNodes, ndarray]], contacts: int) -> ConeNodes:
     """One net over all `contacts` of nets over some of them (their rows) each, with those of its nodes that are
     kept."""
     node_of = np.full(contacts, -1)
@@ -78,4 +78,4 @@ def join_nets(nets: Sequence[tuple[ndarray, Net, ndarray]], contacts: int) -> Ne
         count += int(kept.sum())
     fields = ("places", "reach", "normals", "spread")
     joined = {name: np.concatenate([getattr(net, name)[kept] for _, net, kept in nets]) for name in fields}
-    return Net(joined["places"], node_of, joined["reach"], joined["normals"], joined["spread"])
+    return ConeNodes(joined["places"], node_of, joined["reach"], joined["normals"], joined["spread"])

@@ -12,8 +12,8 @@ from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.mesh.healing.repair import repair
 from bonecam.mesh.pose import upright
 from bonecam.mesh.sections.harmonic import end_poles, harmonic_field, positive_laplacian
+from bonecam.mesh.sections.harmonic_rows import Rows, harmonic_rows, row_heights
 from bonecam.mesh.sections.isolines import Isolines
-from bonecam.mesh.sections.rows import Rows, harmonic_rows, row_heights
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.mesh.units import to_mm
 

@@ -12,7 +12,7 @@ from bonecam.kernels.removal.rays import TILE, RaySet, summarise
 from bonecam.material.rays import RayGrid, order
 from bonecam.nc.reading.motions import Motions
 from bonecam.planning.layers.chart import FlatChart
-from bonecam.planning.layers.material import HeightField
+from bonecam.planning.layers.height_field import HeightField
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import PARTING
 from bonecam.verify.removal.groups import Group
@@ -29,7 +29,7 @@ HEIGHTS = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class Standing:
+class StockHeights:
     """Heights (n,) of what stands on the vertices of a level's mesh `before` and `after` its moves, mm."""
 
     level: int
@@ -63,7 +63,7 @@ def parted_bridge(
     return float(2 * SECTION * np.sqrt(least / np.pi))
 
 
-def standing_heights(
+def stock_heights(
     points: Float[ndarray, "n 3"],
     normals: Float[ndarray, "n 3"],
     sets: Sequence[RaySet],
@@ -83,7 +83,7 @@ def standing_heights(
     return heights
 
 
-def standing_field(
+def height_field_of_rays(
     chart: FlatChart, top: float, floor: float, sets: Sequence[RaySet], grid: RayGrid
 ) -> HeightField:
     """The material on the lines of a chart from the height `top`, which is above all of it, down to `floor`, mm."""

@@ -19,7 +19,7 @@ from bonecam.runtime.worker import WorkerError, call_in_worker, function_of
 NOTHING_STALE = "(?!)"
 """A regular expression of no name: layers of earlier runs stay."""
 
-WORK = "bonecam.filters.scripts.apply:apply_run"
+WORK = "bonecam.filters.scripts.apply_script:apply_run"
 """The function that does the work."""
 STEP = r"^line (\d+): (\w+)$"
 """A regular expression of the message with which each filter of a script begins."""

@@ -10,7 +10,7 @@ import pytest
 from bonecam.cli import main
 from bonecam.errors import Cancelled, FileError, FilterError
 from bonecam.filters.meshset import MeshSet
-from bonecam.filters.scripts.run import run_script
+from bonecam.filters.scripts.run_script import run_script
 
 CUBE = '<filter name="create_cube"/>'
 ENDLESS = '<filter name="create_sphere"><Param type="RichInt" value="11" name="subdiv"/></filter>'

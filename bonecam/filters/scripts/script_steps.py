@@ -22,7 +22,7 @@ from bonecam.progress import Progress, part, report, silent
 
 
 @dataclass(frozen=True)
-class Step:
+class ScriptStep:
     """One filter of a checked script: Python's name and values, and its line."""
 
     name: str
@@ -40,12 +40,14 @@ class Applies(Protocol):
         """Apply a filter by its Python name."""
 
 
-def read_script(script: str | Path, registry: Registry) -> list[Step]:
+def read_script(script: str | Path, registry: Registry) -> list[ScriptStep]:
     """The checked steps of a script. FileError or FilterError with the line of what is wrong."""
     return [_step(call, str(script), registry) for call in read_calls(script)]
 
 
-def apply_steps(meshes: Applies, steps: Sequence[Step], script: str, progress: Progress = silent) -> None:
+def apply_steps(
+    meshes: Applies, steps: Sequence[ScriptStep], script: str, progress: Progress = silent
+) -> None:
     """Apply steps in their order; an error keeps its kind and gains the line."""
     before = meshes.progress
     try:
@@ -64,7 +66,7 @@ def apply_steps(meshes: Applies, steps: Sequence[Step], script: str, progress: P
         meshes.progress = before
 
 
-def _step(call: FilterCall, script: str, registry: Registry) -> Step:
+def _step(call: FilterCall, script: str, registry: Registry) -> ScriptStep:
     name = registry[call.name].name if call.name in registry else meshlab_names.python_name(call.name)
     if name not in registry and name not in meshlab_filters():
         shown = (
@@ -97,7 +99,7 @@ def _step(call: FilterCall, script: str, registry: Registry) -> Step:
                 file=script,
             )
         values[key] = value
-    return Step(name, values, call.line)
+    return ScriptStep(name, values, call.line)
 
 
 def _ours(item: ScriptParameter, name: str, registry: Registry) -> tuple[str, Any]:

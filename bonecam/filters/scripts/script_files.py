@@ -15,7 +15,7 @@ from bonecam.errors import FilterError
 from bonecam.filters.filter import Registry
 from bonecam.filters.meshlab_values import free_texts
 from bonecam.filters.parameter import Kind
-from bonecam.filters.scripts.steps import Step
+from bonecam.filters.scripts.script_steps import ScriptStep
 from bonecam.runtime.own_files import is_own
 from bonecam.runtime.staging import leads_out
 
@@ -52,12 +52,12 @@ class ScriptFiles:
     allow_outside: bool = False
     force: bool = False
 
-    def placed(self, steps: Sequence[Step], script: str, registry: Registry) -> list[Step]:
+    def placed(self, steps: Sequence[ScriptStep], script: str, registry: Registry) -> list[ScriptStep]:
         """The steps with every file's name made absolute. FilterError with the line where one leads out of the
         folders, or would be written over a file."""
         return [self._placed(step, script, registry) for step in steps]
 
-    def _placed(self, step: Step, script: str, registry: Registry) -> Step:
+    def _placed(self, step: ScriptStep, script: str, registry: Registry) -> ScriptStep:
         try:
             if step.name in NETWORK and not self.allow_outside:
                 raise FilterError(f"{step.name} sends the mesh to a site: allow it with --allow-outside")
