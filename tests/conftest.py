@@ -27,6 +27,7 @@ from bonecam.surface.tspline import TSpline  # noqa: E402
 from bonecam.tool.cutter import Cutter  # noqa: E402
 from bonecam.tool.path import MoveKind, ToolPath  # noqa: E402
 
+pytest_plugins = ["tests.machine.chains"]
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 
 

@@ -51,8 +51,6 @@ How to add a dialect: copy a file of `bonecam/nc/dialects/` (name it, or give it
 Say in the file which words are proved and which were only read.
 """
 
-import math
-from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -63,53 +61,23 @@ from bonecam.machine.tables import names_in, read_table
 from bonecam.nc.schema.dialect_file import (
     PLAIN_WORD,
     DialectFile,
-    MachiningTable,
-    NumbersTable,
-    NumberTable,
-    SwitchTable,
     ToolCentreTable,
 )
-from bonecam.nc.schema.grammar_tables import CODES, StatedTable, StatementTable
-from bonecam.nc.schema.numbering import NumberingTable
-from bonecam.nc.schema.template_tables import TEMPLATES
-from bonecam.nc.words import NumberFormat
+from bonecam.nc.schema.grammar_tables import CODES, StatementTable
 from bonecam.text.pattern import Pattern
 
 DIALECTS = Path(__file__).parent / "dialects"
 
 
-@dataclass(frozen=True, eq=False)
-class Dialect:
-    """The language of a control. The module's text describes the fields; `codes` maps a G or M code to its
-    effect."""
+class Dialect(DialectFile):
+    """The language of a control: its file, whose fields the module's text describes, under the `name` of that file."""
 
-    name: str
-    title: str
-    extension: str
-    grammar: str
-    interpolation: str
-    feed_mode: str
-    endless_words: str
-    short_way: SwitchTable | None
-    endless_word: str
-    endless_from_deg: float
-    frame: str
-    moving_blocks: tuple[str, ...]
-    machining: MachiningTable
-    decimal_point: bool
-    straight_rapids: bool
-    starts_at_zero: bool
-    tolerance_factor: float
-    needs: tuple[str, ...]
-    comment: str
-    comment_characters: str
-    numbers: dict[str, NumberFormat]
-    numbering: NumberingTable
-    tool_centre_control: dict[str, ToolCentreTable]
-    templates: dict[str, str]
-    statements: tuple[StatementTable, ...]
-    codes: dict[str, str]
-    stated: StatedTable
+    name: str = ""
+
+    @cached_property
+    def effect_of(self) -> dict[str, str]:
+        """The effect of each G and M code."""
+        return {word: effect for effect in CODES for word in getattr(self.codes, effect)}
 
     @property
     def tool_centre(self) -> bool:
@@ -124,12 +92,12 @@ class Dialect:
 
     def lines(self, template: str, **fields: Any) -> list[str]:
         """The blocks of a template with its fields filled in."""
-        text = self.templates[template].format(**fields)
+        text = getattr(self.templates, template).format(**fields)
         return [line for line in text.split("\n") if line]
 
     def move_lines(self, template: str, **forms: str) -> list[str]:
         """The blocks of a template of moves, as printf formats: its fields are filled with such formats."""
-        text = self.templates[template].replace("%", "%%").format(**forms)
+        text = getattr(self.templates, template).replace("%", "%%").format(**forms)
         return [line for line in text.split("\n") if line]
 
     def writing_endless_words(self, choice: str, machine: Machine) -> "Dialect":
@@ -154,7 +122,7 @@ class Dialect:
                 f"{what}: leave nc.endless_words = {choice!r} out, or add short_way to its file",
                 dialect=self.name,
             )
-        return replace(self, endless_words=choice)
+        return self.model_copy(update={"endless_words": choice})
 
     @property
     def chooses_way(self) -> bool:
@@ -204,38 +172,5 @@ def dialect_names() -> tuple[str, ...]:
 def read_dialect(name: str | Path) -> Dialect:
     """The dialect of a name, or of a path to a TOML file; MachineError names file and every key that is wrong."""
     path, table = read_table("controller", name, DIALECTS, DialectFile, may_be_like=True)
-    return Dialect(
-        name=path.stem,
-        title=table.title,
-        extension=table.extension,
-        grammar=table.grammar,
-        interpolation=table.interpolation,
-        feed_mode=table.feed_mode,
-        endless_words=table.endless_words,
-        short_way=table.short_way,
-        endless_word=table.endless_word,
-        endless_from_deg=table.endless_from_deg,
-        frame=table.frame,
-        moving_blocks=tuple(table.moving_blocks),
-        machining=table.machining,
-        decimal_point=table.decimal_point,
-        straight_rapids=table.straight_rapids,
-        starts_at_zero=table.starts_at_zero,
-        tolerance_factor=table.tolerance_factor,
-        needs=tuple(table.needs),
-        comment=table.comment,
-        comment_characters=table.comment_characters,
-        numbers={key: _format(getattr(table.numbers, key)) for key in NumbersTable.model_fields},
-        numbering=table.numbering,
-        tool_centre_control=dict(table.tool_centre_control),
-        templates={key: getattr(table.templates, key) for key in TEMPLATES},
-        statements=tuple(table.statements),
-        codes={word: effect for effect in CODES for word in getattr(table.codes, effect)},
-        stated=table.stated,
-    )
-
-
-def _format(table: NumberTable) -> NumberFormat:
-    lowest = -math.inf if table.lowest is None else table.lowest
-    highest = math.inf if table.highest is None else table.highest
-    return NumberFormat(table.decimals, table.sign, lowest, highest)
+    fields = {field: getattr(table, field) for field in DialectFile.model_fields}
+    return Dialect.model_construct(name=path.stem, **fields)

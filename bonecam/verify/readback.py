@@ -92,7 +92,7 @@ def compare_moves(
     """The row of the paths that each move reaches; VerifyError at the first move that belongs nowhere, is
     missing, or has the wrong tool or feed."""
     rows = _rows_of(paths)
-    axis_tolerance = np.radians(tolerances.axis_steps * dialect.numbers["angle"].step)
+    axis_tolerance = np.radians(tolerances.axis_steps * dialect.numbers.angle.step)
     source, tip_error, axis_error, move, row = align_moves(
         motions.tips,
         motions.axes,
@@ -172,8 +172,8 @@ def _check_feeds(
     rapid = (kinds == MoveKind.RAPID) & dialect.straight_rapids
     length = np.r_[0.0, np.linalg.norm(np.diff(motions.tips, axis=0), axis=1)]
     written = np.where(motions.inverse_time, motions.feed_rates * length, motions.feed_rates)
-    feed = dialect.numbers["feed"]
-    long_enough = length > MIN_LENGTH_STEPS * dialect.numbers["length"].step
+    feed = dialect.numbers.feed
+    long_enough = length > MIN_LENGTH_STEPS * dialect.numbers.length.step
     below_limit = motions.feed_rates < feed.highest - feed.step
     checkable = ~motions.inverse_time | (long_enough & below_limit)
     allowed = np.where(motions.inverse_time, FEED_TOLERANCE * feeds + feed.step * length, feed.step)

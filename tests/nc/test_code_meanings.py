@@ -62,6 +62,6 @@ def test_each_effect_of_a_meaning_is_one_of_the_codes():
 def test_every_shipped_dialect_starts_and_stops_spindle_and_coolant(name):
     dialect = read_dialect(name)
     effects = {item.effect for item in dialect.statements} | {
-        one.replace("_", " ") for one in dialect.codes.values()
+        one.replace("_", " ") for one in dialect.effect_of.values()
     }
     assert {"spindle on", "spindle stop", "coolant on", "coolant off"} <= effects

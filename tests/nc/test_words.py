@@ -6,12 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bonecam.errors import ProgramError
-from bonecam.nc.words import NumberFormat, plain_text, wrapped
+from bonecam.nc.schema.number_format import NumberFormat
+from bonecam.nc.words import plain_text, wrapped
 
 
 @given(st.floats(-1e6, 1e6), st.integers(1, 6), st.booleans())
 def test_a_word_is_plain_and_within_half_its_last_decimal(value, decimals, sign):
-    form = NumberFormat(decimals, sign)
+    form = NumberFormat(decimals=decimals, sign=sign)
     text = form.text(value)
     assert re.fullmatch(rf"{'[+-]' if sign else '-?'}\d+\.\d{{{decimals}}}", text)
     assert not re.fullmatch(r"-0\.0*", text)
@@ -20,12 +21,12 @@ def test_a_word_is_plain_and_within_half_its_last_decimal(value, decimals, sign)
 
 @given(st.floats(-1e-3, 1e-3))
 def test_a_small_number_has_no_exponent_and_zero_no_minus(value):
-    assert NumberFormat(3, True).text(value) in ("+0.000", "+0.001", "-0.001")
+    assert NumberFormat(decimals=3, sign=True).text(value) in ("+0.000", "+0.001", "-0.001")
 
 
 @given(st.floats(-1e5, 1e5))
 def test_rounding_twice_is_rounding_once(value):
-    form = NumberFormat(3, True)
+    form = NumberFormat(decimals=3, sign=True)
     once = form.rounded(np.array([value]))
     assert np.array_equal(form.rounded(once), once)
     assert form.text(float(once[0])) == form.text(value)
@@ -49,9 +50,9 @@ def test_an_angle_a_rounding_below_a_whole_turn_is_zero():
 
 def test_what_a_control_cannot_take_is_refused():
     with pytest.raises(ProgramError, match="range"):
-        NumberFormat(0, False, 1.0, 9999.0).text(10000.0)
+        NumberFormat(decimals=0, sign=False, lowest=1.0, highest=9999.0).text(10000.0)
     with pytest.raises(ProgramError, match="word 1 is not a finite"):
-        NumberFormat(3, True).steps(np.array([1.0, np.nan]))
+        NumberFormat(decimals=3, sign=True).steps(np.array([1.0, np.nan]))
 
 
 def test_a_comment_cannot_end_itself():

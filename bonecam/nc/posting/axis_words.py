@@ -12,7 +12,7 @@ from bonecam.nc.words import wrapped
 def written_words(machine: Machine, dialect: Dialect, words: Float[ndarray, "n 5"]) -> Float[ndarray, "n 5"]:
     """Words (mm, deg) as the numbers of the text: endless axes wrapped where the dialect does, no negative zero.
     ProgramError where one leaves the control's range."""
-    length, angle = dialect.numbers["length"], dialect.numbers["angle"]
+    length, angle = dialect.numbers.length, dialect.numbers.angle
     written = words.copy()
     if dialect.endless_words == "wrapped":
         lowest = dialect.endless_from_deg
@@ -29,7 +29,7 @@ def written_words(machine: Machine, dialect: Dialect, words: Float[ndarray, "n 5
 
 def word_formats(machine: Machine, dialect: Dialect) -> list[str]:
     """The printf format of each of the five words."""
-    length, angle = dialect.numbers["length"].spec, dialect.numbers["angle"].spec
+    length, angle = dialect.numbers.length.spec, dialect.numbers.angle.spec
     endless = {axis.letter for axis in machine.rotary if axis.endless}
     formats = []
     for column, letter in enumerate(machine.letters):

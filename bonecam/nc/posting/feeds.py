@@ -62,7 +62,7 @@ def _drivable_feeds(posted: Posted, feed_at: str) -> Float[ndarray, "n"]:
     path = posted.path
     asked = path.feed_rates * _feed_ratios(posted, feed_at)
     limit = np.full(len(path.tips), np.inf)
-    moving = posted.lengths > posted.dialect.numbers["length"].step
+    moving = posted.lengths > posted.dialect.numbers.length.step
     moving[[first for first, _ in posted.runs]] = False
     with np.errstate(divide="ignore"):
         reached = posted.lengths[moving] / posted.axis_minutes[moving]
@@ -73,7 +73,7 @@ def _drivable_feeds(posted: Posted, feed_at: str) -> Float[ndarray, "n"]:
     feeds = np.minimum(asked, limit)
     feeds = _even(feeds, np.linalg.norm(np.diff(path.tips, axis=0, prepend=path.tips[:1]), axis=1), path)
 
-    step = posted.dialect.numbers["feed"].step if posted.dialect.feed_mode == "per-minute" else TIMED_STEP
+    step = posted.dialect.numbers.feed.step if posted.dialect.feed_mode == "per-minute" else TIMED_STEP
     # rounded down: a feed that is rounded up is beyond the axis again
     feeds = np.minimum(np.maximum(np.floor(feeds / step + 1e-9), 1.0) * step, asked)
     rapid = (path.kinds == MoveKind.RAPID) & posted.dialect.straight_rapids
@@ -89,7 +89,7 @@ def _feed_ratios(posted: Posted, feed_at: str) -> Float[ndarray, "n"]:
         tip_ways = np.bincount(posted.moves.rows, posted.lengths, len(path.tips))
         contact_ways = np.linalg.norm(np.diff(path.contacts, axis=0, prepend=path.contacts[:1]), axis=1)
         follows = _follows(path)
-        ratio = tip_ways[follows] / np.maximum(contact_ways[follows], posted.dialect.numbers["length"].step)
+        ratio = tip_ways[follows] / np.maximum(contact_ways[follows], posted.dialect.numbers.length.step)
         ratios[follows] = np.clip(ratio, 1 / LARGEST_RATIO, LARGEST_RATIO)
     return ratios
 
@@ -119,7 +119,7 @@ def feed_figures(posted: Sequence[Posted], feed_at: str) -> FeedFigures:
     """The figures of the cutting blocks of posted paths; `feed_at` is the point that keeps the feed."""
     asked, own, driven = [], [], []
     for one in posted:
-        cuts = (one.moves.kinds == MoveKind.CUT) & (one.lengths > one.dialect.numbers["length"].step)
+        cuts = (one.moves.kinds == MoveKind.CUT) & (one.lengths > one.dialect.numbers.length.step)
         cuts[[first for first, _ in one.runs]] = False
         length, axes = one.lengths[cuts], one.axis_minutes[cuts]
         asked.append(axes * one.path.cutter.feed * _feed_ratios(one, feed_at)[one.moves.rows[cuts]] / length)

@@ -75,7 +75,7 @@ class Posted:
         """Rows of a program in inverse time whose blocks are timed by their turns: the tip hardly moves meanwhile."""
         timed = self.dialect.feed_mode != "per-minute"
         slow = self.lengths < SLOW * self.path.cutter.feed * self.axis_minutes
-        return timed & (slow | (self.lengths <= self.dialect.numbers["length"].step))
+        return timed & (slow | (self.lengths <= self.dialect.numbers.length.step))
 
     @cached_property
     def lengths(self) -> Float[ndarray, "n"]:
@@ -103,7 +103,7 @@ def post_path(
     """
     control = control_of(machine, dialect, path.cutter)
     # a tilt below half the last decimal of its word is written as zero: the other angle is free there
-    hold_cone = np.radians(dialect.numbers["angle"].step) / 2
+    hold_cone = np.radians(dialect.numbers.angle.step) / 2
     try:
         moves = split_moves(path, control, _path_tolerance(job.path), hold_cone, before)
     except MachineError as error:
@@ -142,8 +142,8 @@ def round_words(
     dialect: Dialect, control: Control, tips: Float[ndarray, "n 3"], angles: Float[ndarray, "n 2"]
 ) -> Float[ndarray, "n 5"]:
     """Words (mm, deg) as written: angles are rounded first, and the linear words fit the rounded angles."""
-    rounded_angles = dialect.numbers["angle"].rounded(np.degrees(angles))
-    linear = dialect.numbers["length"].rounded(control.words(tips, np.radians(rounded_angles))[:, :3])
+    rounded_angles = dialect.numbers.angle.rounded(np.degrees(angles))
+    linear = dialect.numbers.length.rounded(control.words(tips, np.radians(rounded_angles))[:, :3])
     return np.column_stack([linear, rounded_angles])
 
 

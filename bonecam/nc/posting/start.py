@@ -27,14 +27,14 @@ def start_texts(
     and the blocks that turn the axes under it to `angles_deg`, at the feed `rapid` (mm/min) or what the axes can."""
     steps = start_words(dialect, control, angles_deg, retract)
     rows = [word_texts(control.machine, dialect, step) for step in steps]
-    feed = dialect.numbers["feed"]
+    feed = dialect.numbers.feed
     rates = feed.rounded_down(np.r_[rapid, drivable_rates(control, steps, rapid)])
     turn = [
         line
         for row, rate in zip(rows, rates.tolist(), strict=True)
         for line in dialect.lines("feed", words=" ".join(row), feed=feed.text(rate))
     ]
-    return " ".join(rows[0][3:]), dialect.numbers["length"].text(steps[0, 2]), turn
+    return " ".join(rows[0][3:]), dialect.numbers.length.text(steps[0, 2]), turn
 
 
 def start_words(

@@ -27,6 +27,6 @@ def rotary_tolerance_deg(dialect: Dialect, job: Job, finishing: bool, radius: fl
     allowed = (
         job.path.chord_tolerance if finishing else max(job.nc.roughing_tolerance, job.path.chord_tolerance)
     )
-    step = dialect.numbers["angle"].step
+    step = dialect.numbers.angle.step
     angle = math.degrees(math.asin(min(allowed / radius, 1.0)))
     return max(math.floor(angle / step + 1e-9) * step, step)

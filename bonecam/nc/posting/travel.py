@@ -43,7 +43,7 @@ def travel_of(machine: Machine, job: Job, paths: Sequence[Posted]) -> Travel:
         nose[:, 2] += control.tool_length
         for column, axis in enumerate(machine.linear):
             _check_limits(axis.letter, axis.limits, nose[:, column], posted, machine)
-        lift = control.tool_length if dialect.templates["lift"] else 0.0
+        lift = control.tool_length if dialect.templates.lift else 0.0
         top = np.array([[-np.inf] * 2 + [retract + control.tool_length + lift] + [-np.inf] * 2])
         ranges[:, 0] = np.minimum(ranges[:, 0], nose.min(0))
         ranges[:, 1] = np.maximum(ranges[:, 1], np.vstack([nose, top]).max(0))
@@ -56,7 +56,7 @@ def _over_zero(
 ) -> Float[ndarray, "m 5"]:
     """Joints (mm, rad) where a tool starts over the program's zero, if the dialect's template moves it there; what it
     does not say is that of `joints`."""
-    if "{over_zero}" not in dialect.templates["tool"]:
+    if "{over_zero}" not in dialect.templates.tool:
         return joints[:0]
     x, y, _ = machine.part_zero
     return np.array([[x, y, retract, *joints[0, 3:]]])

@@ -58,7 +58,7 @@ def write_program(
     if not name or not all(letter.isascii() and (letter.isalnum() or letter == "_") for letter in name):
         raise ProgramError(f"program name {name!r}: use letters, digits and _", name=name)
     dialect = dialect.writing_endless_words(job.nc.endless_words, machine)
-    if job.nc.tool_change == "stop" and not dialect.templates["stop"]:
+    if job.nc.tool_change == "stop" and not dialect.templates.stop:
         remedy = 'take nc.tool_change = "changer", or add the template to its file'
         raise MachineError(f"{dialect.name} has no template stop: {remedy}", dialect=dialect.name)
     around, posted = np.vstack([path.tips for path in paths]), list[Posted]()
@@ -92,8 +92,8 @@ class ProgramWriter:
         self.name = name
         self.posted = posted
         self.travel = travel
-        self.length = dialect.numbers["length"]
-        self.feed = dialect.numbers["feed"]
+        self.length = dialect.numbers.length
+        self.feed = dialect.numbers.feed
         switch = dialect.tool_centre_switch(machine)
         self.on, self.off = (switch.on, switch.off) if switch else ("", "")
         self.retract = self.length.text(travel.retract)
@@ -148,7 +148,7 @@ class ProgramWriter:
         return self._moving(
             "tool",
             tool=cutter.number,
-            spindle=self.dialect.numbers["spindle"].text(cutter.spindle),
+            spindle=self.dialect.numbers.spindle.text(cutter.spindle),
             retract=self.retract,
             endless=self.dialect.endless_block,
             over_zero=over_zero(self.machine, self.dialect),
@@ -173,7 +173,7 @@ class ProgramWriter:
 
     def _counted(self, lines: list[str]) -> list[str]:
         """Blocks, whose moves are counted."""
-        self.moves += sum(line.startswith(self.dialect.moving_blocks) for line in lines)
+        self.moves += sum(line.startswith(tuple(self.dialect.moving_blocks)) for line in lines)
         return lines
 
     def _switch(self, blocks: str, posted: Posted, height: str) -> list[str]:

@@ -15,8 +15,8 @@ from numpy import ndarray
 
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
+from bonecam.nc.schema.number_format import NumbersTable
 from bonecam.nc.schema.numbering import WHOLE, block_number, has_number, numbered_pattern
-from bonecam.nc.words import NumberFormat
 
 MAX_LINES = 50_000
 """Lines read at once: bounds the memory for long programs."""
@@ -49,16 +49,12 @@ class Blocks:
         """The first `count` blocks."""
         return Blocks(*(getattr(self, column.name)[:count] for column in fields(self)))
 
-    def outside(self, numbers: dict[str, NumberFormat]) -> Bool[ndarray, "n"]:
+    def outside(self, numbers: NumbersTable) -> Bool[ndarray, "n"]:
         """Which have a number that the control does not take, or no feed where they need one."""
-        kinds = [numbers["length"]] * 3 + [numbers["angle"]] * 2
+        kinds = [numbers.length] * 3 + [numbers.angle] * 2
         lowest = [kind.lowest for kind in kinds]
         highest = [kind.highest for kind in kinds]
-        fits = (
-            (self.feeds >= numbers["feed"].lowest)
-            & (self.feeds <= numbers["feed"].highest)
-            & (self.feeds > 0)
-        )
+        fits = (self.feeds >= numbers.feed.lowest) & (self.feeds <= numbers.feed.highest) & (self.feeds > 0)
         return ~(self.rapid | fits) | ((self.words < lowest) | (self.words > highest)).any(axis=1)
 
 
@@ -72,10 +68,14 @@ def full_move(dialect: Dialect, machine: Machine, short_way: bool) -> re.Pattern
     axes have the form of the dialect where they take the `short_way`."""
     letters = machine.letters
     if dialect.grammar == "klartext":
-        length, angle = (klartext_number(dialect.numbers[key].decimals) for key in ("length", "angle"))
+        length, angle = (
+            klartext_number(kind.decimals) for kind in (dialect.numbers.length, dialect.numbers.angle)
+        )
         words = "".join(f" {letter}({length if letter in 'XYZ' else angle})" for letter in letters)
         return re.compile(rf"({WHOLE}) (L){words} R0 F(MAX|{WHOLE})")
-    codes = "|".join(re.escape(code) for code, effect in dialect.codes.items() if effect in ("rapid", "feed"))
+    codes = "|".join(
+        re.escape(code) for code, effect in dialect.effect_of.items() if effect in ("rapid", "feed")
+    )
     endless = endless_letters(machine) if short_way else ""
     number = POINTED_NUMBER if dialect.decimal_point else ISO_NUMBER
     words = "".join(
@@ -133,7 +133,7 @@ def read_full_moves(
         rapid = np.array([value == "MAX" for value in feed])
         feeds = np.array(["nan" if value == "MAX" else value for value in feed], dtype=np.float64)
     else:
-        rapid = np.array([dialect.codes[value] == "rapid" for value in code])
+        rapid = np.array([dialect.effect_of[value] == "rapid" for value in code])
         feeds = np.where(rapid, np.nan, np.array([value or "0" for value in feed], dtype=np.float64))
     return Blocks(
         words=np.column_stack([np.array(column, dtype=np.float64) for column in words]),

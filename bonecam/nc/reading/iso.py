@@ -57,7 +57,7 @@ class _BlockReader:
         self.comment = re.compile(f"{re.escape(before)}({inner}){re.escape(behind)}")
         self.remark = re.compile(f"(.*?) *{re.escape(before.rstrip())}{inner}{re.escape(behind)}")
         self.point = self.dialect.decimal_point
-        lengths = [code for code, effect in self.dialect.codes.items() if effect == "tool_length"]
+        lengths = [code for code, effect in self.dialect.effect_of.items() if effect == "tool_length"]
         self.by_edge = any(code.startswith("D") for code in lengths)
         self.endless = endless_letters(state.machine)
         self.own_form = self.dialect.has_own_form and bool(self.endless)
@@ -110,7 +110,7 @@ class _BlockReader:
         """ProgramError where a word is neither a code of the dialect, nor one of an axis or parameter with a number
         as the control reads it."""
         word = letter + number
-        if word in self.dialect.codes:
+        if word in self.dialect.effect_of:
             return
         if not number:
             raise line_error(line, f"{shown(word)} is no word{remark_on(word)}")
@@ -122,7 +122,9 @@ class _BlockReader:
 
     def _run_words(self, words: Words, line: int) -> None:
         state = self.state
-        effects = [effect for letter, number in words if (effect := self.dialect.codes.get(letter + number))]
+        effects = [
+            effect for letter, number in words if (effect := self.dialect.effect_of.get(letter + number))
+        ]
         values = self._values(words, line)
         if "inverse_time" in effects or "per_minute" in effects:
             state.inverse_time = "inverse_time" in effects
@@ -190,7 +192,7 @@ class _BlockReader:
             return
         if on and self.dialect.starts_at_zero:
             self._check_zero(line)
-        if "tool_length" not in self.dialect.codes.values():
+        if "tool_length" not in self.dialect.effect_of.values():
             state.take_length(tool_number(values.get("H", "0"), line) if on else 0, line)
         state.switch_tool_centre(on)
 
@@ -222,7 +224,7 @@ class _BlockReader:
 
     def _values(self, words: Words, line: int) -> dict[str, str]:
         """The numbers of all words but codes, by letter."""
-        rest = [(letter, number) for letter, number in words if letter + number not in self.dialect.codes]
+        rest = [(letter, number) for letter, number in words if letter + number not in self.dialect.effect_of]
         values = dict(rest)
         if len(values) != len(rest):
             raise line_error(line, "a letter stands twice in one block")

@@ -68,7 +68,9 @@ def _move_pattern(dialect: Dialect, letters: str) -> re.Pattern[str]:
 
 def _word_patterns(dialect: Dialect, letters: str) -> list[str]:
     """The patterns of the words of an `L` block, with their numbers in groups."""
-    length, angle = (klartext_number(dialect.numbers[kind].decimals) for kind in ("length", "angle"))
+    length, angle = (
+        klartext_number(kind.decimals) for kind in (dialect.numbers.length, dialect.numbers.angle)
+    )
     words = [f"{letter}({length if letter in 'XYZ' else angle})" for letter in letters]
     return [*words, "R0", f"F(MAX|{WHOLE})"]
 

@@ -41,7 +41,7 @@ class ModalState:
         self.position: list[float | None] = [None] * 5
         self.tool = 0
         self.selected = 0
-        self.needs_length = not {"tool_length", "tool_centre_on"}.isdisjoint(dialect.codes.values())
+        self.needs_length = not {"tool_length", "tool_centre_on"}.isdisjoint(dialect.effect_of.values())
         self.length_of = 0
         self.tool_centre = False
         self.stated = Stated(dialect)

@@ -7,39 +7,14 @@ from pydantic import AfterValidator, Field, model_validator
 
 from bonecam.machine.machine_file import Name
 from bonecam.nc.schema.grammar_tables import CODES, CodesTable, StatedTable, StatementTable
+from bonecam.nc.schema.number_format import NumbersTable
 from bonecam.nc.schema.numbering import Block, NumberingTable, one_block
 from bonecam.nc.schema.template_tables import TemplatesTable
 from bonecam.text.record import KeyFault, Record
 from bonecam.text.template import check_template
 
-LARGEST_NUMBER = 1e9
-"""No number of a program is larger."""
 PLAIN_WORD = "{letter}{number}"
 """The form of a word that has no other."""
-
-
-class NumberTable(Record):
-    """How numbers of a kind are written, and the range that the control takes."""
-
-    decimals: Annotated[int, Field(ge=0, le=8)]
-    sign: bool
-    lowest: Annotated[float, Field(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)] | None = None
-    highest: Annotated[float, Field(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)] | None = None
-
-    @model_validator(mode="after")
-    def _has_a_range(self) -> "NumberTable":
-        if self.lowest is not None and self.highest is not None and self.lowest >= self.highest:
-            raise KeyFault("lowest", f"{self.lowest:g}: give less than highest ({self.highest:g})")
-        return self
-
-
-class NumbersTable(Record):
-    """The kinds of numbers: lengths (mm), angles (deg), feeds and spindle speeds."""
-
-    length: NumberTable
-    angle: NumberTable
-    feed: NumberTable
-    spindle: NumberTable
 
 
 def _switch_on(text: str) -> str:

@@ -41,7 +41,7 @@ def check_feeds_of_job(motions: Motions, dialect: Dialect, job: Job, cutters: di
     """VerifyError at the first feed beyond what a job allows for its cutter at the speed of the spindle, mm/min."""
     speeds, known = tip_speeds(motions, dialect)
     ratio = LARGEST_RATIO if job.path.feed_at == "contact" else 1.0
-    step, spindle_step = dialect.numbers["feed"].step, dialect.numbers["spindle"].step
+    step, spindle_step = dialect.numbers.feed.step, dialect.numbers.spindle.step
     allowed = np.full(len(speeds), np.inf)
     for number, cutter in cutters.items():
         cut = max(cutter.feed * ratio, job.nc.plunge_feed)
@@ -65,5 +65,5 @@ def tip_speeds(motions: Motions, dialect: Dialect) -> tuple[Float[ndarray, "n"],
     inverse time of those that are long beside the last decimal of their words."""
     lengths = np.r_[0.0, np.linalg.norm(np.diff(motions.tips, axis=0), axis=1)]
     speeds = np.where(motions.inverse_time, motions.feed_rates * lengths, motions.feed_rates)
-    long_enough = motions.known_start & (lengths > MIN_LENGTH_STEPS * dialect.numbers["length"].step)
+    long_enough = motions.known_start & (lengths > MIN_LENGTH_STEPS * dialect.numbers.length.step)
     return speeds, ~motions.rapid & (~motions.inverse_time | long_enough)

@@ -19,7 +19,7 @@ def check_spindle(motions: Motions, machine: Machine, dialect: Dialect) -> None:
     stands = "a feed move while the spindle stands: start it before (M3, with S)"
     refuse_first(motions, feed & (motions.spindle == 0), lambda _: stands)
 
-    most = min(machine.spindle_speed, dialect.numbers["spindle"].highest)
+    most = min(machine.spindle_speed, dialect.numbers.spindle.highest)
     bound = f"{machine.title} makes {most:g} 1/min at most: give less"
     refuse_first(motions, feed & (motions.spindle > most), lambda at: f"S{motions.spindle[at]:g}: {bound}")
 
@@ -28,7 +28,7 @@ def check_spindle_of_job(motions: Motions, dialect: Dialect, cutters: dict[int, 
     """VerifyError at the first feed move with a spindle that turns faster than the job says for its cutter."""
     most = np.full(len(motions.tools), np.inf)
     for number, cutter in cutters.items():
-        most[motions.tools == number] = cutter.spindle + dialect.numbers["spindle"].step
+        most[motions.tools == number] = cutter.spindle + dialect.numbers.spindle.step
 
     def why(at: int) -> str:
         cutter = cutters[int(motions.tools[at])]

@@ -13,7 +13,7 @@ def check_tolerance(motions: Motions, dialect: Dialect, job: Job) -> None:
     """VerifyError at the first feed move under a contour tolerance (mm) larger than the job's for roughing, or left to
     the control. Nothing is known where the dialect has no words for it."""
     most = contour_tolerance(dialect, job, finishing=False)
-    wide = ~motions.rapid & (motions.tolerances > most + dialect.numbers["length"].step)
+    wide = ~motions.rapid & (motions.tolerances > most + dialect.numbers.length.step)
 
     def why(at: int) -> str:
         value = motions.tolerances[at]

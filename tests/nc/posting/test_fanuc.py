@@ -205,5 +205,5 @@ def test_a_dialect_like_another_has_all_that_it_leaves_out(tmp_path) -> None:
     file.write_text('like = "siemens-840d"\ntitle = "Mine"\n[templates]\ncoolant_on = "M7"\n')
     mine, theirs = read_dialect(file), read_dialect("siemens-840d")
     assert mine.title == "Mine"
-    assert mine.templates == {**theirs.templates, "coolant_on": "M7"}
+    assert mine.templates == theirs.templates.model_copy(update={"coolant_on": "M7"})
     assert mine.codes == theirs.codes

@@ -98,7 +98,7 @@ def test_only_feeds_change_and_none_rises(paths, pair) -> None:
 
 
 def test_along_a_pass_the_feed_changes_evenly(paths, pair) -> None:
-    rounding = pair[1].numbers["feed"].step if pair[1].feed_mode == "per-minute" else 1e-3
+    rounding = pair[1].numbers.feed.step if pair[1].feed_mode == "per-minute" else 1e-3
     changed = 0
     for path in drivable_paths(paths, *pair, Job()):
         step = np.linalg.norm(np.diff(path.tips, axis=0), axis=1)
@@ -146,7 +146,7 @@ def test_the_contact_keeps_the_feed_of_the_cutter_where_the_job_asks(
 
 def test_rapids_that_are_written_as_feeds_are_lowered_too(paths) -> None:
     machine, dialect = PAIRS["linuxcnc"]
-    bent = replace(dialect, straight_rapids=False)
+    bent = dialect.model_copy(update={"straight_rapids": False})
     lowered = drivable_paths(paths, machine, bent, Job())
     rapid = lowered[0].kinds == MoveKind.RAPID
     assert (lowered[0].feed_rates[rapid] < paths[0].feed_rates[rapid]).any()

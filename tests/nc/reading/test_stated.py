@@ -77,7 +77,7 @@ def test_what_contradicts_a_stated_mode_is_refused_with_its_line(case: str, stat
     text, machine, dialect = golden(case)
     comment = re.escape(dialect.comment.partition("{text}")[0].strip())
     pattern = rf"^(?!(?:\d+ )?{comment})(.*)(?<![A-Z0-9.]){re.escape(stated)}(?![0-9.A-Z])"
-    line = first_line(text, MOVE) if other in dialect.codes else first_line(text, pattern)
+    line = first_line(text, MOVE) if other in dialect.effect_of else first_line(text, pattern)
     wrong = re.sub(pattern, rf"\1{other}", text, flags=re.MULTILINE)
     with pytest.raises(ProgramError, match=f"line {line}: "):
         read_program(wrong, machine, dialect)

@@ -117,7 +117,7 @@ def every_feed(change: Callable[[float], float]) -> Edit:
 
     def edit(posted, blocks):
         chosen = set(posted.cuts)
-        digits = posted.dialect.numbers["feed"].decimals
+        digits = posted.dialect.numbers.feed.decimals
 
         def new(found):
             point = "." if found[2] == "." else ""

@@ -36,7 +36,7 @@ def header_lines(
 ) -> list[str]:
     """The first blocks of a program: its `comments`, of what must be mounted too, the blank, which fills `bounds`
     (mm) in the control's simulation, the `air_check`, and the safe start with the finest tolerances."""
-    length = dialect.numbers["length"]
+    length = dialect.numbers.length
     places = "low_x low_y low_z high_x high_y high_z".split()
     corners = dict(zip(places, map(length.text, bounds.ravel()), strict=True))
     texts = [
@@ -67,7 +67,7 @@ def header_lines(
 
 def rotary_text(dialect: Dialect, angle: float) -> str:
     """An angle of a tolerance, degrees, with the decimals of the dialect's angles and no sign."""
-    return f"{angle:.{dialect.numbers['angle'].decimals}f}"
+    return f"{angle:.{dialect.numbers.angle.decimals}f}"
 
 
 def comment(text: str, dialect: Dialect) -> str:

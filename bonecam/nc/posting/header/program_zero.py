@@ -28,14 +28,14 @@ def zero_words(machine: Machine, dialect: Dialect) -> ZeroWords:
     """0 0 0 under tool-centre control, whose datum is the program's zero; in machine coordinates `part_zero`."""
     if dialect.tool_centre:
         return ZeroWords("0", "0", "0")
-    decimals = dialect.numbers["length"].decimals
+    decimals = dialect.numbers.length.decimals
     x, y, z = (f"{round(value, decimals) + 0.0:.12g}" for value in machine.part_zero)
     return ZeroWords(x, y, z)
 
 
 def over_zero(machine: Machine, dialect: Dialect) -> str:
     """The words of X and Y over the program's zero."""
-    zero, length = zero_words(machine, dialect), dialect.numbers["length"]
+    zero, length = zero_words(machine, dialect), dialect.numbers.length
     return f"X{length.text(float(zero.x))} Y{length.text(float(zero.y))}"
 
 

@@ -215,8 +215,8 @@ def test_over_zero_is_over_the_part_in_machine_coordinates_too(paths, tmp_path: 
     chain = 'title = "trunnion"\nchain = ["C", "A", "XYZ"]\npart_zero = [-310.0, -205.0, -402.5]\n'
     (tmp_path / "trunnion.toml").write_text(chain + PLACED)
     dialect = read_dialect("linuxcnc")
-    tool = dialect.templates["tool"] + "\nG0 {over_zero}"
-    dialect = replace(dialect, templates={**dialect.templates, "tool": tool})
+    tool = dialect.templates.tool + "\nG0 {over_zero}"
+    dialect = dialect.model_copy(update={"templates": dialect.templates.model_copy(update={"tool": tool})})
     text = write_program(paths, read_machine(tmp_path / "trunnion.toml"), dialect, Job()).text
     assert text.count("\nG0 X-310.00000 Y-205.00000\n") == 2
     with_zero = write_program(paths, read_machine("linuxcnc-xyzbc"), dialect, Job()).text
@@ -227,7 +227,7 @@ def test_over_zero_is_over_the_part_in_machine_coordinates_too(paths, tmp_path: 
 @pytest.mark.parametrize("name", ["heidenhain", "linuxcnc"])
 def test_where_rapids_may_be_bent_they_are_feeds_beside_the_part(paths, name: str) -> None:
     machine = MIKRON if name == "heidenhain" else read_machine("linuxcnc-xyzbc")
-    dialect = replace(read_dialect(name), straight_rapids=False)
+    dialect = read_dialect(name).model_copy(update={"straight_rapids": False})
     program = write_program(paths, machine, dialect, Job())
     assert "RAPIDS: ONLY ABOVE THE PART" in program.text
     motions = read_program(program.text, machine, dialect)
