@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from bonecam.arrays import FINE_QUANTUM, settled
 from bonecam.errors import MeshError
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
@@ -33,13 +34,25 @@ def upright(mesh: TriangleMesh) -> tuple[TriangleMesh, Float[ndarray, "4 4"]]:
     if heights.max() < -heights.min():  # the centroid is nearer to the thicker end
         long = -long
     middle = middle * np.sign(middle[np.argmax(np.abs(middle))])
-    rotation = np.stack([middle, np.cross(long, middle), long])
-    turned = mesh.vertices @ rotation.T
-    shift = -np.append(enclosing_circle(turned[:, :2])[0], turned[:, 2].min())
     transform = np.eye(4)
-    transform[:3, :3] = rotation
-    transform[:3, 3] = shift
-    return TriangleMesh(turned + shift, mesh.faces), transform
+    transform[:3, :3] = np.stack([middle, np.cross(long, middle), long])
+    transform = settled_pose(transform)
+    turned = mesh.move(transform).vertices
+    transform[:3, 3] = settled(-np.append(enclosing_circle(turned[:, :2])[0], turned[:, 2].min()))
+    return TriangleMesh(turned + transform[:3, 3], mesh.faces), transform
+
+
+def settled_pose(pose: Float[ndarray, "4 4"]) -> Float[ndarray, "4 4"]:
+    """A rigid motion that is the same on every processor: its rotation from components on FINE_QUANTUM, made
+    orthonormal without linear algebra, its shift on QUANTUM."""
+    long, middle = settled(pose[2, :3], FINE_QUANTUM), settled(pose[0, :3], FINE_QUANTUM)
+    long = long / np.sqrt((long * long).sum())
+    middle = middle - (middle * long).sum() * long
+    middle = middle / np.sqrt((middle * middle).sum())
+    made = np.eye(4)
+    made[:3, :3] = np.stack([middle, np.cross(long, middle), long])
+    made[:3, 3] = settled(pose[:3, 3])
+    return made
 
 
 def solid_moments(mesh: TriangleMesh) -> tuple[Float[ndarray, "3"], Float[ndarray, "3 3"]]:

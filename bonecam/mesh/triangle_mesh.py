@@ -115,7 +115,8 @@ class TriangleMesh:
 
     def move(self, transform: Float[ndarray, "4 4"]) -> "TriangleMesh":
         """The mesh under a rigid transform (4, 4), in mm."""
-        return TriangleMesh(self.vertices @ transform[:3, :3].T + transform[:3, 3], self.faces)
+        turned = np.einsum("ij,kj->ik", self.vertices, transform[:3, :3])  # as every processor does it
+        return TriangleMesh(turned + transform[:3, 3], self.faces)
 
     def __repr__(self) -> str:
         size = (

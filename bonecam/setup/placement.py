@@ -13,7 +13,7 @@ from numpy import ndarray
 from bonecam.errors import BonecamError, ToolPathError
 from bonecam.job import Job, StockJob
 from bonecam.mesh.part import Part
-from bonecam.mesh.pose import rotation
+from bonecam.mesh.pose import rotation, settled_pose
 from bonecam.setup.centring import centring_shift
 from bonecam.setup.containment import MARGIN, require_inside
 from bonecam.setup.rounding.largest_rounding import require_roundable
@@ -83,6 +83,7 @@ def _place(part: Part, job: Job) -> Setup:
     off_axis = pose[:2, :3] @ middle + pose[:2, 3] - middle[:2]
     lift = np.array([0.0, 0.0, height - stock.bounds[0, 2]])
     pose[:3, 3] += lift
+    pose = settled_pose(pose)
     placed = part.move(pose)
     standing = stock.move(lift)
     width = float(np.ptp(standing.bounds[:, :2], axis=0).min())

@@ -1,5 +1,8 @@
 """The surface of a part: fitted to its mesh within the job's tolerance, or given with it."""
 
+from dataclasses import replace
+
+from bonecam.arrays import settled
 from bonecam.errors import SurfaceError, place_name
 from bonecam.job import Job
 from bonecam.mesh.part import Part
@@ -28,6 +31,8 @@ def fit_surface(placed: Part, job: Job, progress: Progress = silent, given: Fit 
         progress=part(progress, 0.2, 1.0),
         round_poles=True,
     )
+    surface = found.surface.with_control_points(settled(found.surface.control_points))
+    found = replace(found, surface=surface)
     _check_deviation(found, max(job.surface.tolerance, job.surface.largest_deviation), placed.file)
     require_valid(found.surface, job.levels.chord_tolerance, placed.file)
     return found

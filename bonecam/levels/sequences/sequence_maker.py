@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy import ndarray
 
-from bonecam.arrays import lengths
+from bonecam.arrays import lengths, settled
 from bonecam.errors import LevelError, place_name
 from bonecam.levels.problem.cut import Cut, StepParameters
 from bonecam.levels.problem.discretisation import Discretisation
@@ -139,7 +139,7 @@ class SequenceMaker:
                 cut = replace(self.cut(k), margin=RESTORED_MARGIN)
                 start = (made[k - 1] + made[k + 1]) / 2 if k in folded else made[k]
                 step = project_level(discretisation, made[k - 1], start, cut)
-                level = made[k - 1] + step.moves
+                level = settled(made[k - 1] + step.moves)
                 if step.broken <= LARGEST_VIOLATION and np.abs(level - made[k]).max() > STILL:
                     made[k] = level
                     moved.append(k)
@@ -195,4 +195,4 @@ class SequenceMaker:
         step = min(tried, key=lambda step: int(step.infeasible.sum()))
         if step.broken > LARGEST_VIOLATION:
             raise self._broken(k, step)
-        return P + step.moves
+        return settled(P + step.moves)

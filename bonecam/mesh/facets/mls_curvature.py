@@ -5,8 +5,10 @@ About each vertex, in a frame (t1, t2, n), the vertices near it are met by
     z = a x^2 + b y^2 + c x y + d x + e y + f
 
 with weights exp(-4 (distance / farthest)^2). The frame is then turned to the patch's own normal n - d t1 - e t2
-and the fit made once more. Principal curvatures are those of the patch by its two fundamental forms: the
-eigenvalues of its Hessian, as printed, hold only where d = e = 0.
+and the fit made once more. Differs from the paper in:
+
+1. Principal curvatures are those of the patch by its two fundamental forms: the eigenvalues of its Hessian, as
+   printed, hold only where d = e = 0.
 """
 
 from itertools import permutations

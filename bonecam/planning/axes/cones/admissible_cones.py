@@ -1,9 +1,12 @@
 """Certified cones of free tool axes (Xu et al. 2013, section 3): one for every contact, about wanted axes.
 
-A node of a net stands for the contacts round it. Its cone is circular: the widest one that expanding marching
-proves free about one of the free directions, with obstacles that are nearer by the node's reach. So for every axis
-inside, the tool is free on every contact of the node, and on moves between them. The machine's limits and the largest
-tilt cut the cones by planes.
+The machine's limits and the largest tilt cut the cones by planes. Differs from the paper in:
+
+1. A node of a net stands for the contacts round it: obstacles are nearer by the node's reach, so the tool is free on
+   moves between these contacts too, not at the contacts alone.
+2. A cone is circular, the widest one that expanding marching proves free about one of the free directions; the
+   paper's oblique elliptic cone is `cone.py`.
+3. The proof is a lower bound of distances, not a check of sampled axes; FCL is asked afterwards (`verify_cones.py`).
 """
 
 from dataclasses import dataclass, replace

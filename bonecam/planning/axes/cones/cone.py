@@ -4,8 +4,10 @@
 
 with the apex A, the oblique axis D and the conjugate semi-diameters U, V of the section at its end: any two
 vectors that span a plane D does not lie in. Degrees are 2 and 2, the weights round the cone those of a circle
-(Xu et al. 2013, Eq. 15). The paper prints Eq. 16 without weights in its second line; that surface misses the
-cone by an eighth of its radius.
+(Xu et al. 2013, Eq. 15). Differs from the paper in:
+
+1. Both lines of Eq. 16 have weights: as printed, without them in the second, the surface misses the cone by an eighth
+   of its radius.
 """
 
 from dataclasses import dataclass
