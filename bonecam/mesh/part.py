@@ -27,13 +27,33 @@ from bonecam.progress import part as share
 
 
 @dataclass(frozen=True, eq=False)
+class TakenOff:
+    """How far, mm, vertices and face middles of the mesh as given stand out of the repaired one at most, and where, in
+    the frame of the mesh as given."""
+
+    depth: float
+    place: Float[ndarray, "3"]
+
+
+def measure_taken_off(given: TriangleMesh, mesh: TriangleMesh) -> TakenOff:
+    """What repairs that led from the mesh as `given` to the closed `mesh` took off it, by open3d's distances, which no
+    repair uses."""
+    points = probes(given)
+    distance = MeshDistance(mesh)
+    away = np.linalg.norm(distance.closest(points)[0] - points, axis=1)
+    away[distance.inside(points)] = 0.0
+    worst = int(np.argmax(away))
+    return TakenOff(float(away[worst]), points[worst])
+
+
+@dataclass(frozen=True, eq=False)
 class Part:
     """The closed mesh to be machined, mm, and where it came from.
 
     `file`, `faces` and `units` are those of the input, `repairs` what was changed. `given` is the input in mm, mirrored
     and scaled as the job says, and `transform` (4, 4) leads from it to the frame of `mesh`. `notes` tell what else is
     to be known of it: that it is mirrored or scaled, the axes that its file states. `fill` tells of hollows that were
-    filled.
+    filled, `taken_off` of what repairs took off, None where nothing was changed.
     """
 
     mesh: TriangleMesh
@@ -45,6 +65,7 @@ class Part:
     given: TriangleMesh
     notes: tuple[str, ...] = ()
     fill: Fill | None = None
+    taken_off: TakenOff | None = None
 
     def __repr__(self) -> str:
         return f"<Part of {self.file}: {self.mesh!r}, {counted(len(self.repairs), 'repair')}>"
@@ -67,29 +88,20 @@ class Part:
         return max(hausdorff(self.placed_given, self.mesh)) if self.repairs else 0.0
 
     @cached_property
-    def taken_off(self) -> tuple[float, Float[ndarray, "3"]]:
-        """How far, mm, vertices and face middles of the mesh as given stand out of `mesh` at most, and where; 0 where
-        nothing was changed. It is measured by open3d's distances, which no repair uses."""
-        points = probes(self.placed_given)
-        if not self.repairs:
-            return 0.0, points[0]
-        distance = MeshDistance(self.mesh)
-        away = np.linalg.norm(distance.closest(points)[0] - points, axis=1)
-        away[distance.inside(points)] = 0.0
-        worst = int(np.argmax(away))
-        return float(away[worst]), points[worst]
+    def given_distance(self) -> MeshDistance:
+        """Distances to `placed_given`."""
+        return MeshDistance(self.placed_given)
 
     def require_kept(self, allowed: float) -> "Part":
         """The part itself; MeshError where all that was done to its mesh takes more than `allowed` mm off it."""
-        taken, place = self.taken_off
-        if taken <= allowed:
+        taken = self.taken_off
+        if taken is None or taken.depth <= allowed:
             return self
-        where = np.linalg.solve(self.transform, np.append(place, 1.0))[:3]  # as the file has it
         raise MeshError(
-            f"{self.file}: the repairs take {taken:.2f} mm off the mesh as given near {place_name(where)}, allowed "
-            f"{allowed:g}: mend it there in a mesh editor, or raise surface.largest_deviation",
+            f"{self.file}: the repairs take {taken.depth:.2f} mm off the mesh as given near {place_name(taken.place)}, "
+            f"allowed {allowed:g}: mend it there in a mesh editor, or raise surface.largest_deviation",
             file=self.file,
-            place=where,
+            place=taken.place,
         )
 
     def move(self, pose: Float[ndarray, "4 4"]) -> "Part":
@@ -131,4 +143,7 @@ def prepare_part(
     filled = fill.mesh if fill else repaired
     done = decimated + repairs + (fill.repairs if fill else ())
     posed, transform = upright(filled) if job.upright else (filled, np.eye(4))
-    return Part(posed, name, len(raw.faces), job.units, done, transform, scaled, notes, fill)
+    part = Part(posed, name, len(raw.faces), job.units, done, transform, scaled, notes, fill)
+    if not done:
+        return part
+    return replace(part, taken_off=measure_taken_off(without(scaled, part.left_out, filled), filled))

@@ -43,7 +43,7 @@ def report_to_levels(part: Part, fitted: Fit, stock: Stock, morph: Morph, method
             "repairs": [str(each) for each in part.repairs],
             "repair_steps": [each.report for each in part.repairs],
             "filled": part.fill.report if part.fill else None,
-            "repair_taken_off_max_mm": round(part.taken_off[0], 6),
+            "repair_taken_off_max_mm": round(part.taken_off.depth if part.taken_off else 0.0, 6),
             "repair_deviation_max_mm": round(part.repair_deviation, 6),
         },
         "surface": {**surface_report(fitted), **_given_report(part, fitted)},

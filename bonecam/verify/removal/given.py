@@ -7,7 +7,6 @@ far the surface that the simulation leaves lies inside and outside of them.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,6 @@ from bonecam.job import Job
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.healing.surface_moves import winding_numbers
 from bonecam.mesh.part import Part
-from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.verify.gouge import Gouge
 from bonecam.verify.removal.normal_probes import NormalProbes
 
@@ -36,13 +34,8 @@ class GivenSurface:
     surface, which is closed.
     """
 
-    mesh: TriangleMesh
+    distance: MeshDistance
     allowed: float
-
-    @cached_property
-    def distance(self) -> MeshDistance:
-        """Distances to the faces."""
-        return MeshDistance(self.mesh)
 
     def signed(
         self, points: Float[ndarray, "n 3"], wanted: float | Float[ndarray, " n"]
@@ -68,7 +61,7 @@ def given_surface(part: Part, job: Job, report: Mapping[str, Any]) -> GivenSurfa
     it."""
     missed = report["surface"]["deviation_max_mm"]
     allowed = job.surface.largest_deviation + missed + job.path.gouge_tolerance
-    return GivenSurface(part.placed_given, allowed)
+    return GivenSurface(part.given_distance, allowed)
 
 
 @dataclass(frozen=True)
@@ -101,7 +94,7 @@ def measure_given(
     """
     ends = normal_probes.points + normal_probes.heights[:, None] * normal_probes.normals
     away = given.distance.unsigned(ends)
-    away = np.where(np.abs(winding_numbers(given.mesh, ends)) > 0.5, -away, away)
+    away = np.where(np.abs(winding_numbers(given.distance.mesh, ends)) > 0.5, -away, away)
     lowest = int(np.argmin(away))
     highest = int(np.argmax(np.where(held, -np.inf, away)))
     low, high = (tuple(float(value) for value in ends[k]) for k in (lowest, highest))

@@ -126,6 +126,9 @@ def test_the_mesh_as_given_is_compared_without_what_was_left_out(
     assert len(part.placed_given.faces) == len(bone.faces)
     assert part.repair_deviation < 1e-12
     assert [len(each.faces) for each in part.left_out] == [4]
+    assert part.taken_off is not None
+    assert part.taken_off.depth < 1e-5, "open3d's float32"
+    assert part.move(np.eye(4)).taken_off is part.taken_off
 
 
 def test_an_open_sheet_inside_is_dropped_and_told_as_that(

@@ -1,12 +1,14 @@
 """A program judged against the mesh as given, not only against the surface that was made of it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from bonecam.errors import MeshError, VerifyError
 from bonecam.job import Job, MeshJob
-from bonecam.mesh.healing.repair_state import Repair
-from bonecam.mesh.part import Part, prepare_part
+from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.part import measure_taken_off, prepare_part
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.capsule import Capsule
 from bonecam.verify.gouge import Gouge
@@ -19,6 +21,10 @@ RADIUS = 2.5
 @pytest.fixture(scope="module")
 def capsule() -> TriangleMesh:
     return Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 7.5]), RADIUS).mesh(0.001)
+
+
+def as_given(mesh: TriangleMesh, allowed: float) -> GivenSurface:
+    return GivenSurface(MeshDistance(mesh), allowed)
 
 
 def probes_of(mesh: TriangleMesh, heights: float) -> NormalProbes:
@@ -37,7 +43,7 @@ def test_what_is_left_lies_as_far_inside_or_outside_as_it_was_cut(
     capsule: TriangleMesh, height: float
 ) -> None:
     none = np.zeros(len(capsule.vertices), dtype=bool)
-    found = measure_given(probes_of(capsule, height), none, GivenSurface(capsule, 1.0))
+    found = measure_given(probes_of(capsule, height), none, as_given(capsule, 1.0))
     assert found.inside == pytest.approx(-height, abs=0.002)
     assert found.outside == pytest.approx(height, abs=0.002)
     assert found.report["gouge_max_mm"] == pytest.approx(max(-height, 0.0), abs=0.002)
@@ -47,10 +53,10 @@ def test_the_post_keeps_material_that_is_not_told_as_left(capsule: TriangleMesh)
     normal_probes = probes_of(capsule, 0.0)
     low = normal_probes.points[:, 2] < 0.2
     normal_probes.heights[low] = 0.3
-    assert measure_given(normal_probes, low, GivenSurface(capsule, 1.0)).outside < 0.002
-    assert measure_given(
-        normal_probes, np.zeros_like(low), GivenSurface(capsule, 1.0)
-    ).outside == pytest.approx(0.3, abs=0.002)
+    assert measure_given(normal_probes, low, as_given(capsule, 1.0)).outside < 0.002
+    assert measure_given(normal_probes, np.zeros_like(low), as_given(capsule, 1.0)).outside == pytest.approx(
+        0.3, abs=0.002
+    )
 
 
 def test_a_surface_too_deep_in_the_mesh_as_given_is_refused_with_place_and_remedy(
@@ -62,11 +68,11 @@ def test_a_surface_too_deep_in_the_mesh_as_given_is_refused_with_place_and_remed
     with pytest.raises(
         VerifyError, match=r"0\.[12]\d+ mm inside the mesh as given .* raise surface.largest_deviation"
     ):
-        measure_given(normal_probes, none, GivenSurface(capsule, 0.1))
+        measure_given(normal_probes, none, as_given(capsule, 0.1))
 
 
 def test_a_ball_too_deep_in_the_mesh_as_given_is_refused_with_its_line(capsule: TriangleMesh) -> None:
-    given = GivenSurface(capsule, 0.1)
+    given = as_given(capsule, 0.1)
     given.check_gouge(Gouge(0.09, 0.09, 12, (1.0, 2.0, 3.0), 5))
     with pytest.raises(VerifyError, match=r"line 12: the ball goes 0.1100 mm into the mesh as given") as told:
         given.check_gouge(Gouge(0.11, 0.11, 12, (1.0, 2.0, 3.0), 5))
@@ -78,7 +84,7 @@ def test_faces_that_do_not_close_are_measured_too(capsule: TriangleMesh) -> None
         capsule.vertices, capsule.faces[capsule.vertices[capsule.faces].mean(axis=1)[:, 0] > 0]
     )
     points = np.array([[4.0, 0.0, 5.0], [RADIUS - 0.3, 0.0, 5.0]])
-    assert GivenSurface(opened, 1.0).signed(points, 9.0) == pytest.approx([1.5, 0.3], abs=0.002)
+    assert as_given(opened, 1.0).signed(points, 9.0) == pytest.approx([1.5, 0.3], abs=0.002)
 
 
 def test_a_program_may_go_as_deep_as_the_largest_deviation_the_fit_and_the_gouge_tolerance(
@@ -95,13 +101,11 @@ def test_a_mesh_off_which_repairs_take_too_much_is_refused_with_file_and_place(
 ) -> None:
     dented = np.array(capsule.vertices)
     dented[:, 0] = np.minimum(dented[:, 0], RADIUS - 0.7)
-    made = Part(
-        TriangleMesh(dented, capsule.faces), "bone.stl", 10, "mm", (Repair("dented"),), np.eye(4), capsule
-    )
-    taken, place = made.taken_off
-    assert taken == pytest.approx(0.7, abs=1e-3)
-    assert place[0] == pytest.approx(RADIUS, abs=1e-3)
-    assert made.require_kept(taken + 0.01) is made
+    taken = measure_taken_off(capsule, TriangleMesh(dented, capsule.faces))
+    assert taken.depth == pytest.approx(0.7, abs=1e-3)
+    assert taken.place[0] == pytest.approx(RADIUS, abs=1e-3)
+    made = replace(prepare_part(capsule, MeshJob()), file="bone.stl", taken_off=taken)
+    assert made.require_kept(taken.depth + 0.01) is made
     with pytest.raises(
         MeshError, match=r"bone.stl: the repairs take 0\.\d+ mm off .* raise surface.largest_deviation"
     ):
@@ -109,4 +113,4 @@ def test_a_mesh_off_which_repairs_take_too_much_is_refused_with_file_and_place(
 
 
 def test_a_mesh_that_was_not_changed_loses_nothing(capsule: TriangleMesh) -> None:
-    assert prepare_part(capsule, MeshJob()).taken_off[0] == 0.0
+    assert prepare_part(capsule, MeshJob()).taken_off is None
