@@ -215,10 +215,8 @@ def _simulated(
     with times.stage("simulation"):
         levels = result.levels.levels
         given = given_surface(result.part, result.job, result.report)
-        text, mesh = result.program.text, result.part.mesh
-        removal = prove_removal(
-            text, machine, dialect, result.job, result.stock, levels, mesh, progress, given
-        )
+        text = result.program.text
+        removal = prove_removal(text, machine, dialect, result.job, result.stock, levels, progress, given)
     program = record_simulation(result.program, dialect, removal.cell)
     reported = {**result.report, "removal": removal.report}
     return replace(result, program=program, report=reported, removal=removal)

@@ -41,8 +41,9 @@ from bonecam.report.stage_reports import nc_report, toolpath_report
 from bonecam.setup.placement import place
 from bonecam.surface.files.surface_input import read_part
 from bonecam.tool.path import ToolPath
+from bonecam.verify.removal.given import given_surface
 from bonecam.verify.removal.left import LEFT
-from bonecam.verify.removal.of_job import check_removal_of_job, simulate_stump
+from bonecam.verify.removal.of_job import beside_given, check_removal_of_job, simulate_stump
 from bonecam.verify.removal.result import Removal
 from bonecam.verify.removal.stock_heights import height_field_of_rays
 from bonecam.workholding.post import post_below
@@ -82,17 +83,20 @@ def second_program(
         part(progress, 0.0, 0.7),
     )
     file = second_file(program) if program else None
+    given = given_surface(first.part, first.job, first.report).move(clamping.pose)
     proved = post_and_prove(
         planned,
         machine,
         dialect,
         job,
         MeshDistance(clamping.solids),
+        given=given,
         name=program_name(file or "second"),
         setup=second_setup_texts(job, clamping.shell, clamping.top, zero_words(machine, dialect)),
     )
     posted, solids = proved.program, (clamping.part, clamping.shell)
     removal = simulate_stump(posted.text, machine, dialect, job, material, *solids, part(progress, 0.8, 1.0))
+    removal = beside_given(removal, given, None, job)
     check_removal_of_job(removal, job)
     paths = tuple(_told(path, removal) for path in proved.paths)
     posted = record_simulation(posted, dialect, removal.cell)

@@ -38,6 +38,7 @@ from bonecam.nc.dialect import read_dialect
 from bonecam.nc.program import program_name
 from bonecam.nc.reading.read import read_program
 from bonecam.runtime.own_files import OWN_FILES
+from bonecam.simulation import simulation_report
 from bonecam.surface import part_surface
 from bonecam.surface.fitting.deviation import Deviation
 from bonecam.surface.fitting.fit import Fit, fit
@@ -151,16 +152,20 @@ def test_a_rapid_into_the_stock_refuses_the_text(chain: tuple[bonecam.Result, Pa
     cut = [n for n, line in enumerate(lines) if " R0 F900" in line][200]
     planted = "".join([*lines[:cut], lines[cut].replace("F900", "FMAX"), *lines[cut + 1 :]])
     job = COARSE.with_values(holding={"length": result.report["post"]["length_mm"]})
-    levels, mesh = result.levels.levels, result.part.mesh
+    levels = result.levels.levels
     with pytest.raises(VerifyError, match=r"a rapid removes 0\.\d+ mm3") as caught:
-        prove_removal(planted, machine, dialect, job, result.stock, levels, mesh)
+        prove_removal(planted, machine, dialect, job, result.stock, levels)
     assert caught.value.evidence["line"] in range(cut, cut + 3)
 
 
 def test_a_program_alone_is_simulated_from_its_kept_folder(chain: tuple[bonecam.Result, Path]) -> None:
     result, folder = chain
-    alone = bonecam.simulate(folder / "bone.h", folder / "keep", COARSE).report
-    within = result.report["removal"]
+    report = simulation_report(bonecam.simulate(folder / "bone.h", folder / "keep", COARSE))
+    alone, within = report["removal"], result.report["removal"]
+    assert alone["given"] == within["given"], "the mesh as given is kept to the bit"
+    nc = result.report["nc"]
+    assert report["nc"] == {name: nc[name] for name in nc if name.startswith("gouge_to_given")}
+    assert report["nc"]["gouge_to_given_max_mm"] > 0.01
     assert alone["rapid_contact_mm3"] == 0
     assert alone["left"]["max_mm"] == pytest.approx(within["left"]["max_mm"], abs=0.002)
     one, other = (sum(row["removed_mm3"] for row in report["levels"]) for report in (alone, within))

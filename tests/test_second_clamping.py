@@ -75,7 +75,10 @@ def parted(pebble, level_of, mesh_of, tmp_path_factory):
         part=pebble(),
     )
     levels = SimpleNamespace(levels=[level_of(pebble())])
-    return SimpleNamespace(job=job, part=part_of(lump), levels=levels, removal=removal, paths=paths)
+    report = {"surface": {"deviation_max_mm": 0.0}}
+    return SimpleNamespace(
+        job=job, part=part_of(lump), levels=levels, removal=removal, paths=paths, report=report
+    )
 
 
 @pytest.fixture(scope="module")

@@ -102,7 +102,7 @@ def run_shell(options: argparse.Namespace) -> int:
 
 def run_simulate(options: argparse.Namespace) -> int:
     """`bonecam simulate`: what a program removes, from its text."""
-    from bonecam.report.summary import removal_text
+    from bonecam.simulation import simulation_report, simulation_text
     from bonecam.verify.removal.of_job import check_removal_of_job
 
     job = job_of(options)
@@ -113,10 +113,10 @@ def run_simulate(options: argparse.Namespace) -> int:
             options.program, options.keep, job, cell=options.cell, html=options.html, progress=progress
         )
     if options.report is not None:
-        write_whole(options.report, json.dumps({"removal": removal.report}, indent=2) + "\n")
+        write_whole(options.report, json.dumps(simulation_report(removal), indent=2) + "\n")
     check_removal_of_job(removal, job)
     if not options.quiet:
-        print(removal_text(removal.report))
+        print(simulation_text(simulation_report(removal)))
     return 0
 
 

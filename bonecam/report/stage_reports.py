@@ -183,7 +183,7 @@ def nc_report(program: Program, proof: Verification) -> dict[str, Any]:
         "readback_tip_error_mm": _mm(proof.readback_tip_error_mm),
         "readback_axis_error_deg": _mm(proof.readback_axis_error_deg),
         "gouge_max_mm": _mm(max(proof.gouge.depth, 0.0)),
-        **_gouge_to_given(proof.given),
+        **gouge_to_given(proof.given),
         "rewinds": program.rewinds,
         "rewinds_lifted": program.lifts,
         "rotary_max_deg_per_block": _mm(program.rotary_max_deg_per_block),
@@ -195,8 +195,9 @@ def nc_report(program: Program, proof: Verification) -> dict[str, Any]:
     }
 
 
-def _gouge_to_given(gouge: Gouge | None) -> dict[str, Any]:
-    """How deep the ball goes into the mesh as given, with line and place; nothing where that was not measured."""
+def gouge_to_given(gouge: Gouge | None) -> dict[str, Any]:
+    """In `nc` of the report: how deep the ball goes into the mesh as given, with line and place; nothing where that was
+    not measured."""
     if gouge is None:
         return {}
     return {

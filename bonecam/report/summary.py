@@ -11,6 +11,7 @@ from bonecam.levels.problem.tolerances import NESTING_TOLERANCE
 from bonecam.report.axis_lines import axis_lines, rewind_lines
 from bonecam.report.stage_reports import parting_text
 from bonecam.setup.stock import stock_text
+from bonecam.verify.removal.given import given_lines, into_given
 from bonecam.workholding.post import SLENDER
 
 WIDTH = 120
@@ -39,7 +40,7 @@ def summary_of(report: Mapping[str, Any]) -> str:
         *_post_lines(report.get("post")),
         *(_levels_lines(report) if report.get("strategy", "morph") == "morph" else _layer_lines(report)),
         *(_program_lines(report) if "nc" in report else ()),
-        *(_removal_lines(report["removal"]) if "removal" in report else ()),
+        *(removal_lines(report["removal"]) if "removal" in report else ()),
         *(_second_lines(report["second"]) if "second" in report else ()),
         f"time      {sum(report['seconds'].values()):.1f} s",
     ]
@@ -60,6 +61,8 @@ def _second_lines(second: Mapping[str, Any]) -> Iterator[str]:
     before, after = second["at_post_before_mm2"], second["at_post_after_mm2"]
     most = f"{second['at_post_after_max_mm']:.2f} mm at most"
     yield f"          {after:.1f} of {before:.1f} mm2 at the post still keep more than 0.02 mm, {most}"
+    yield from into_given(second)
+    yield from (f"          {line}" for line in given_lines(second["removal"].get("given")))
 
 
 def finished_summary(report: Mapping[str, Any]) -> str:
@@ -152,16 +155,10 @@ def _program_lines(report: Mapping[str, Any]) -> Iterator[str]:
     yield f"feed      median {median:.0f}, a tenth below {low:.0f} mm/min; {share}"
     tip_um, gouge_um = nc["readback_tip_error_mm"] * 1000, nc["gouge_max_mm"] * 1000
     yield f"proof     tip {tip_um:.2f} um, axis {nc['readback_axis_error_deg']:.4f} deg, gouge {gouge_um:.2f} um"
-    given = nc.get("gouge_to_given_max_mm")
-    yield from () if given is None else [f"          {given:.3f} mm into the mesh as given at most"]
+    yield from into_given(nc)
 
 
-def removal_text(removal: Mapping[str, Any]) -> str:
-    """The section `removal` of a report in a few lines."""
-    return "\n".join(_removal_lines(removal))
-
-
-def _removal_lines(removal: Mapping[str, Any]) -> Iterator[str]:
+def removal_lines(removal: Mapping[str, Any]) -> Iterator[str]:
     """What the simulation of the posted text found."""
     if "skipped" in removal:
         yield f"removal   {removal['skipped']}"
@@ -176,9 +173,7 @@ def _removal_lines(removal: Mapping[str, Any]) -> Iterator[str]:
     reasons = left["by_reason"]
     why = f"{reasons['gouge']:.1f} in hollows, {reasons['reachable']:.1f} where the ball fits"
     yield f"left      {away} ({why}); at the post {reasons['post']:.1f} mm2"
-    if removal.get("given"):
-        inside, outside = (removal["given"][name] for name in ("gouge_max_mm", "left_max_mm"))
-        yield f"as given  what is left lies {inside:.3f} mm inside the mesh as given at most, {outside:.3f} mm outside"
+    yield from (f"as given  {line}" for line in given_lines(removal.get("given")))
     if removal.get("bridge_diameter_mm") is not None:
         yield f"          {removal['bridge_diameter_mm']:.2f} mm of the post hold the parted part"
 

@@ -15,6 +15,7 @@ from bonecam.machine.machine import read_machine
 from bonecam.mesh.files.mesh_files import write_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.passes.parting import cut_groove
+from bonecam.report.files.kept_bodies import GIVEN
 from bonecam.report.files.kept_view import SECOND_VIEW, VIEW
 from bonecam.report.files.result import Morphed, Result
 from bonecam.report.files.second_program import SecondProgram
@@ -39,7 +40,7 @@ FAILED = r"failed_level_\d{2,}\.ply"
 LEFT_COLOURED = 0.1
 """Leftovers are coloured from 0 to this height, mm."""
 SERIES = (
-    r"level_\d{2,}\.ply|left\.ply|solid\.ply|surface\.(tspline|iga)|toolpath\.(csv|apt|png)|program\.\w+"
+    r"level_\d{2,}\.ply|given\.ply|left\.ply|solid\.ply|surface\.(tspline|iga)|toolpath\.(csv|apt|png)|program\.\w+"
     rf"|second(_view)?\.\w+|cones\.csv|engagement\.png|axes\.(png|md)|machine\.png|stump\.png|view\.gz|job\.toml|report\.json|{FAILED}"
 )
 """Names of the files of levels, surfaces, paths and program, as a regular expression. A later run in the same folder
@@ -47,12 +48,13 @@ removes those that an earlier one wrote there."""
 
 
 def fill_kept_folder(work: Path, made: Morphed, post: tuple[float, float]) -> None:
-    """Write into `work` surface.tspline, the files of `keep_levels`, view.gz, job.toml and report.json; of a program
-    its text, toolpath.csv, toolpath.apt, toolpath.png, machine.png, stump.png, second.* if there is a second clamping,
-    cones.csv if axes are chosen in cones, and left.ply and engagement.png where it was simulated. `post` is (diameter,
-    top z), mm."""
+    """Write into `work` surface.tspline, given.ply, the files of `keep_levels`, view.gz, job.toml and report.json; of a
+    program its text, toolpath.csv, toolpath.apt, toolpath.png, machine.png, stump.png, second.* if there is a second
+    clamping, cones.csv if axes are chosen in cones, and left.ply and engagement.png where it was simulated. `post` is
+    (diameter, top z), mm."""
     levels = made.levels.levels
     write_tsm(made.surface, work / "surface.tspline")
+    write_mesh(made.part.placed_given, work / GIVEN)
     _write_levels(work, levels, made.stock, post, LINE)
     (work / VIEW).write_bytes(made.packed_view)
     write_whole(work / "job.toml", write_job(made.job))

@@ -66,6 +66,7 @@ def _checks(report: Mapping[str, Any]) -> Iterator[str]:
         f"Simulated from the text (cells of {removal['cell_mm']:g} mm), beginning with what the first program left: "
         "rapids cut nothing, shank and holder touch nothing"
     )
+    yield f"A ball goes {report['gouge_to_given_max_mm']:.3f} mm into the mesh as given at most"
     yield f"The tool stays {removal['clearance_mm']['shell']:.2f} mm from the shell"
 
 

@@ -3,6 +3,8 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from bonecam.errors import VerifyError
 from bonecam.job import Job
 from bonecam.levels.measure.level import Level, morph_surfaces
@@ -17,6 +19,7 @@ from bonecam.progress import Progress, silent
 from bonecam.setup.stock import Stock
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import PARTING
+from bonecam.verify.gouge import Gouge
 from bonecam.verify.removal.given import GivenSurface, measure_given
 from bonecam.verify.removal.groups import groups_of
 from bonecam.verify.removal.result import Removal
@@ -25,7 +28,7 @@ from bonecam.verify.removal.sweeping import Accuracy, SimulatedStock
 from bonecam.verify.removal.table import shell_clearance
 from bonecam.verify.removal.verdicts import check_removal
 from bonecam.workholding.clamping import clamping_of
-from bonecam.workholding.post import post_below
+from bonecam.workholding.post import Post, post_below
 
 ACCURACY = Accuracy(cell=0.1, coarser=True)
 """Of the simulation in `convert`. Against cells of 0.05 mm the phalanx's depths change by 0.01 mm, its clearances by
@@ -72,21 +75,21 @@ def prove_removal(
     job: Job,
     stock: Stock,
     levels: Sequence[Level],
-    part: TriangleMesh,
     progress: Progress = silent,
     given: GivenSurface | None = None,
 ) -> Removal:
-    """What the posted `text` of a job removes from its stock; `levels` are those it cuts, `part` is the mesh as it
-    stands, `given` the part as it was given.
+    """What the posted `text` of a job removes from its stock; `levels` are those it cuts, `given` is the part as it was
+    given.
 
     Errors as in `simulate_removal` and `check_removal`.
     """
+    post = post_below(levels[0].mesh, job.holding)
     removal = simulate_removal(
         text,
         machine,
         dialect,
         stock,
-        post_below(part, job.holding),
+        post,
         cutters_of(job, machine),
         clamping=clamping_of(job.holding, machine.table),
         part=morph_surfaces(levels)[0],
@@ -95,14 +98,23 @@ def prove_removal(
         accuracy=ACCURACY,
         progress=progress,
     )
+    if given is not None:
+        removal = beside_given(removal, given, post, job)
     check_removal_of_job(removal, job)
+    return removal
+
+
+def beside_given(
+    removal: Removal, given: GivenSurface, post: Post | None, job: Job, ball: Gouge | None = None
+) -> Removal:
+    """The removal with what it leaves beside the part as it was `given`, which stands on this `post`; `ball` is where
+    one goes deepest into that, if it was measured."""
     normal_probes = removal.remaining.normal_probes
-    if given is None or normal_probes is None:
-        return removal
-    held = at_post(
-        normal_probes.points, normal_probes.normals, post_below(part, job.holding), job.smallest_ball
-    )
-    return replace(removal, given=measure_given(normal_probes, held, given))
+    assert normal_probes is not None
+    held = np.zeros(len(normal_probes.points), dtype=bool)
+    if post is not None:
+        held = at_post(normal_probes.points, normal_probes.normals, post, job.smallest_ball)
+    return replace(removal, given=measure_given(normal_probes, held, given, ball))
 
 
 def simulate_stump(

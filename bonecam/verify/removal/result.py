@@ -7,7 +7,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.verify.removal.given import GivenRemoval
+from bonecam.verify.removal.given import GivenRemoval, NotJudged
 from bonecam.verify.removal.stock_heights import StockHeights
 from bonecam.verify.removal.sweeping import SimulatedStock
 
@@ -98,7 +98,7 @@ class Removal:
     of the text, `remaining` is what stands in the end. `standing` is what stood on the surfaces that were given, in
     machining order. `shell` is the clearance of the whole tool from the shell of a second clamping, None in a first
     one. `bridge` (mm) is the diameter of what stands of the post where it is parted, None where it is
-    not. `given` is what is left beside the mesh as given, None where that is not known.
+    not. `given` is what is left beside the mesh as given, or why that is not known; None where a part has none.
     """
 
     cell: float
@@ -118,7 +118,7 @@ class Removal:
     standing: tuple[StockHeights, ...] = ()
     bridge: float | None = None
     shell: Clearance | None = None
-    given: GivenRemoval | None = None
+    given: GivenRemoval | NotJudged | None = None
 
     @property
     def report(self) -> dict[str, Any]:

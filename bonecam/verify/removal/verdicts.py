@@ -22,9 +22,9 @@ def check_removal(
 ) -> None:
     """VerifyError, with `line` and `place`, where a rapid removes material or the moves between two passes more than
     LINK_ALLOWED, shank, holder or spindle enter what stands, the tool meets table, chuck or shell, a ball goes into the
-    part by more than `gouge_tolerance` mm, or a cut is deeper than its limit by more than is allowed (`over_allowed`);
-    where a level is cut after the parting; and where nothing, or less than a `bridge` of this diameter (mm, within two
-    cells), is left of a post that is parted: the part drops.
+    part by more than `gouge_tolerance` mm or too deep into the mesh as given, or a cut is deeper than its limit by more
+    than is allowed (`over_allowed`); where a level is cut after the parting; and where nothing, or less than a `bridge`
+    of this diameter (mm, within two cells), is left of a post that is parted: the part drops.
 
     Leftovers are told in the report and refuse nothing; nor do depths where they are not `limited`.
     """
@@ -51,6 +51,8 @@ def check_removal(
     for level in removal.levels if limited else ():
         _check_depth(level)
     _check_parted_last(removal.levels)
+    if removal.given is not None:
+        removal.given.check()
     if removal.bridge is not None and not removal.bridge > max(bridge - 2 * removal.cell, 0.0):
         raise VerifyError(
             f"parting: {removal.bridge:.2f} mm of the post hold the part, {bridge:g} mm are wanted: write the "

@@ -15,8 +15,11 @@ import bonecam
 from bonecam.cli import main
 from bonecam.errors import FileError
 from bonecam.machine.machine import read_machine
+from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
+from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.reading.read import read_program
+from bonecam.report.files.kept_bodies import GIVEN
 from bonecam.report.files.kept_view import SECOND_VIEW
 from bonecam.report.files.output_files import Outputs
 from bonecam.report.files.second_program import SecondProgram
@@ -171,6 +174,7 @@ def test_the_sheet_has_a_page_for_each_clamping(second_run: Run, second: SecondP
         f"Z {second.clamping.top:.2f}",
         "chuck \u2300 14 x 2",
         f"Gouge of the part by the ball: {1000 * report['gouge_max_mm']:.2f} µm at most",
+        f"A ball goes {report['gouge_to_given_max_mm']:.3f} mm into the mesh as given at most",
         f"The tool stays {report['removal']['clearance_mm']['shell']:.2f} mm from the shell",
         f"{report['at_post_after_mm2']:.1f} of {report['at_post_before_mm2']:.1f} mm² still keep",
         "Turned about X alone",
@@ -210,6 +214,85 @@ def test_simulate_begins_the_first_text_with_the_exact_stock(second_run: Run, tm
     assert main(["simulate", str(folder / "bone.h"), *job, *report, "-q"]) == 0
     found = json.loads((tmp_path / "again.json").read_text(encoding="utf-8"))["removal"]
     assert found["levels"] == result.report["removal"]["levels"]
+
+
+def test_simulate_finds_what_each_text_does_to_the_mesh_as_given(
+    second_run: Run, second: SecondProgram, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    result, folder = second_run
+    keep = ["--keep", str(folder / "keep"), "--job", str(folder / "keep" / "job.toml")]
+    for name, nc, removal in (
+        ("bone.h", result.report["nc"], result.report["removal"]),
+        ("bone.second.h", second.report, second.report["removal"]),
+    ):
+        report = tmp_path / "again.json"
+        assert main(["simulate", str(folder / name), *keep, "--report", str(report)]) == 0
+        found = json.loads(report.read_text(encoding="utf-8"))
+        assert found["removal"]["given"] == removal["given"]
+        assert found["nc"] == {key: nc[key] for key in nc if key.startswith("gouge_to_given")}
+        assert found["nc"]["gouge_to_given_line"] > 0
+        told = capsys.readouterr().out.splitlines()
+        assert told[0] == f"proof     {nc['gouge_to_given_max_mm']:.3f} mm into the mesh as given at most"
+        assert f"{removal['given']['gouge_max_mm']:.3f} mm inside the mesh as given at most" in "".join(told)
+
+
+@pytest.mark.parametrize("name", ["bone.h", "bone.second.h"])
+def test_simulate_refuses_a_text_that_goes_too_deep_into_the_mesh_as_given(
+    second_run: Run, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A mesh as given that is 1.5 times as large: every ball would be in it, and nothing was left on it."""
+    folder = second_run[1]
+    keep = tmp_path / "keep"
+    shutil.copytree(folder / "keep", keep)
+    given = read_mesh(keep / GIVEN)
+    middle = given.bounds.mean(axis=0)
+    write_mesh(TriangleMesh(middle + 1.5 * (given.vertices - middle), given.faces), keep / GIVEN)
+    report = tmp_path / "again.json"
+    outputs = ["--job", str(keep / "job.toml"), "--report", str(report)]
+    assert main(["simulate", str(folder / name), "--keep", str(keep), *outputs]) == 2
+    assert re.search(
+        r"line \d+: the ball goes [12]\.\d+ mm into the mesh as given at .*, allowed 0\.5\d+: mend the mesh there",
+        capsys.readouterr().err,
+    )
+    assert json.loads(report.read_text(encoding="utf-8"))["removal"]["given"]["gouge_max_mm"] > 1.0
+
+
+@pytest.mark.parametrize("name", ["bone.h", "bone.second.h"])
+def test_simulate_tells_that_it_has_no_mesh_as_given(
+    second_run: Run, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = second_run[1]
+    keep = tmp_path / "keep"
+    shutil.copytree(folder / "keep", keep)
+    (keep / GIVEN).unlink()
+    report = tmp_path / "again.json"
+    outputs = ["--job", str(keep / "job.toml"), "--report", str(report)]
+    assert main(["simulate", str(folder / name), "--keep", str(keep), *outputs]) == 0
+    told = f"not judged against the mesh as given: {keep} has no given.ply"
+    assert f"as given  {told}" in capsys.readouterr().out
+    found = json.loads(report.read_text(encoding="utf-8"))
+    assert found["removal"]["given"]["skipped"].startswith(told)
+    assert "nc" not in found
+
+
+def test_simulate_refuses_a_report_that_does_not_tell_how_deep_a_program_may_go(
+    second_run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = second_run[1]
+    keep = tmp_path / "keep"
+    shutil.copytree(folder / "keep", keep)
+    report = json.loads((keep / "report.json").read_text(encoding="utf-8"))
+    del report["surface"]["deviation_max_mm"]
+    (keep / "report.json").write_text(json.dumps(report), encoding="utf-8")
+    assert main(["simulate", str(folder / "bone.h"), "--keep", str(keep), "-q"]) == 2
+    assert "report.json: tells no deviation of the fit" in capsys.readouterr().err
+
+
+def test_the_second_proof_knows_the_mesh_as_given(second: SecondProgram) -> None:
+    assert 0 < second.report["gouge_to_given_max_mm"] < 0.2, "the fit is within 0.2 mm"
+    assert "OF THE MESH AS GIVEN" in second.program.text.upper()
+    assert second.summary.count("the mesh as given at most") == 2
+    assert second.report["removal"]["given"]["left_max_mm"] < 0.3
 
 
 @pytest.mark.parametrize("change", ["gone", "no stock", "another stock"])

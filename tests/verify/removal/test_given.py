@@ -68,7 +68,7 @@ def test_a_surface_too_deep_in_the_mesh_as_given_is_refused_with_place_and_remed
     with pytest.raises(
         VerifyError, match=r"0\.[12]\d+ mm inside the mesh as given .* raise surface.largest_deviation"
     ):
-        measure_given(normal_probes, none, as_given(capsule, 0.1))
+        measure_given(normal_probes, none, as_given(capsule, 0.1)).check()
 
 
 def test_a_ball_too_deep_in_the_mesh_as_given_is_refused_with_its_line(capsule: TriangleMesh) -> None:
