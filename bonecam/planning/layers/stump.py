@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
+from scipy.ndimage import distance_transform_edt
 from scipy.spatial import KDTree
 
 from bonecam.arrays import perpendicular
@@ -31,6 +32,10 @@ OFF = 0.05
 """Material over the part is known to this, mm: half of the distance of the rays that it is known from."""
 STEPS = 8
 """Allowances of finishing layers are found to so many parts of the finishing depth."""
+FINEST = 0.01
+"""Balls that sink deepest are looked for in steps down to this, mm: a tenth of the finishing depth by default."""
+AROUND = np.array([(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)])
+"""A line of a grid and its neighbours, in steps."""
 
 
 def stump_chart(axis: Float[ndarray, "3"], places: Float[ndarray, "n 3"], radius: float) -> FlatChart:
@@ -137,11 +142,27 @@ def _allowance(ball: Ball, material: HeightField, heights: tuple[float, float], 
 
 
 def _thickness(ball: Ball, material: HeightField, heights: tuple[float, float]) -> float:
-    """How deep the ball sinks into the material at most where it touches the solids, mm."""
+    """How deep the ball sinks into the material at most where it touches the solids, mm: on the lines of the material,
+    and between them round those where it sinks deepest, in steps halved down to FINEST."""
     chart = material.chart
-    a, b = (each.ravel() for each in np.meshgrid(chart.a, chart.b, indexing="ij"))
-    centres = chart.bases(a, b) + drop_balls(chart, a, b, ball, *heights)[:, None] * chart.axes(a)
-    return float(depths_in(material, centres, ball.radius).max())
+
+    def sunk(lines: Float[ndarray, "n 2"]) -> Float[ndarray, " n"]:
+        a, b = lines.T
+        centres = chart.bases(a, b) + drop_balls(chart, a, b, ball, *heights)[:, None] * chart.axes(a)
+        return depths_in(material, centres, ball.radius)
+
+    near = (
+        distance_transform_edt(~material.solid, sampling=CELL) < ball.radius
+    )  # no other ball meets the material
+    lines = np.stack(np.meshgrid(chart.a, chart.b, indexing="ij"), axis=2)[near]
+    depths = sunk(lines)
+    step = CELL / 2
+    while step > FINEST:
+        deepest = lines[depths > depths.max() - 2 * step]  # on a wall a ball moves by twice the step at most
+        lines = np.unique((deepest[:, None] + step * AROUND).reshape(-1, 2).round(6), axis=0)
+        depths = sunk(lines)
+        step /= 2
+    return float(depths.max())
 
 
 def _extent(chart: Chart) -> tuple[float, float]:

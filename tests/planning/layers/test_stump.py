@@ -57,6 +57,5 @@ def test_finishing_layers_in_a_groove_cut_no_deeper_than_their_depth() -> None:
         if layer.path.cutter.number == 2
     ]
     assert len(sunk) > 4, "a ball of 2 leaves 0.8 mm in the groove"
-    assert max(sunk[1:]) < depth * (1 + 1 / STEPS) + 0.01
-    assert sunk[0] < depth + JOB.roughing.scallop, "it meets the cusps of roughing"
+    assert max(sunk) < depth * (1 + 1 / STEPS) + 0.003, "the first too, on the cusps of roughing"
     assert np.median(sunk[:-1]) > 0.8 * depth
