@@ -8,6 +8,8 @@ BIN := $(VENV)/bin
 SYSTEM := libegl1 libgl1 libusb-1.0-0 libopengl0 python3-venv
 CNC := linuxcnc-uspace gcc libc6-dev
 BROWSER := chromium fonts-dejavu-core
+# Compiled modules are kept: tests start hundreds of processes, and each would compile the package anew.
+export PYTHONDONTWRITEBYTECODE :=
 
 .PHONY: demo test processor docs lint types system cnc browser clean
 

@@ -3,6 +3,7 @@ stopped."""
 
 import csv
 import inspect
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -49,6 +50,13 @@ def work(mesh: Path, folder: Path, job: Job) -> Outcome:
     return convert_one(mesh, folder, job)
 
 
+@pytest.fixture
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Processes are forked, which takes no time, for tests of what is kept of their work: the others start new ones."""
+    fork = multiprocessing.get_context("fork")
+    monkeypatch.setattr(multiprocessing, "get_context", lambda kind: fork)
+
+
 def meshes(folder: Path, **orders: str) -> list[Path]:
     files = [folder / f"{name}.stl" for name in orders]
     for file, text in zip(files, orders.values()):
@@ -90,6 +98,7 @@ def test_the_real_chain_refuses_what_is_no_mesh(tmp_path: Path) -> None:
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["batch.csv"]
 
 
+@pytest.mark.usefixtures("quick")
 def test_resuming_does_only_what_is_missing_or_was_done_from_something_else(tmp_path: Path) -> None:
     files = meshes(tmp_path, same="good", changed="good", lost="good", broken="good")
     machine = tmp_path / "mill.toml"
@@ -141,6 +150,7 @@ if __name__ == "__main__":
 
 
 @pytest.mark.parametrize(("kind", "code"), [(signal.SIGKILL, -9), (signal.SIGINT, 130)])
+@pytest.mark.usefixtures("quick")
 def test_a_run_that_is_killed_leaves_no_process_and_goes_on_where_it_stopped(
     kind: signal.Signals, code: int, tmp_path: Path
 ) -> None:
@@ -210,6 +220,7 @@ def test_no_process_at_all_is_refused(tmp_path: Path, jobs: int) -> None:
         convert_many([tmp_path / "bone.stl"], tmp_path / "out", jobs=jobs)
 
 
+@pytest.mark.usefixtures("quick")
 def test_a_batch_that_is_done_already_ends_at_once(tmp_path: Path) -> None:
     files = meshes(tmp_path, a="good", b="good")
     convert_many(files, tmp_path / "out", jobs=2, work=work)
@@ -219,6 +230,7 @@ def test_a_batch_that_is_done_already_ends_at_once(tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.usefixtures("quick")
 def test_a_folder_stands_for_its_parts_and_rows_of_other_meshes_stay(tmp_path: Path) -> None:
     scans = tmp_path / "scans"
     scans.mkdir()
@@ -257,6 +269,7 @@ def test_no_module_of_the_current_folder_is_imported(tmp_path: Path) -> None:
     assert not (tmp_path / "imported").exists()
 
 
+@pytest.mark.usefixtures("quick")
 def test_two_batches_that_write_into_one_folder_keep_each_other_s_rows(tmp_path: Path) -> None:
     out = tmp_path / "out"
     first, second = meshes(tmp_path, a="good", b="good"), meshes(tmp_path, c="good")
@@ -269,6 +282,7 @@ def test_two_batches_that_write_into_one_folder_keep_each_other_s_rows(tmp_path:
     assert {Path(row["mesh"]).stem for row in table(out)} == {"a", "b", "c"}
 
 
+@pytest.mark.usefixtures("quick")
 def test_a_name_that_is_not_in_utf_8_stands_in_the_table_by_its_bytes(tmp_path: Path) -> None:
     file = tmp_path / os.fsdecode(b"bone\xe9.stl")
     file.write_text("good")
