@@ -14,7 +14,7 @@ from numpy import ndarray
 STAGES = "machine tool mesh workholding setup surface levels material planning nc verify report".split()
 hypothesis.settings.register_profile("bonecam", deadline=None)  # other work on the machine takes time too
 hypothesis.settings.load_profile("bonecam")
-install_import_hook([f"bonecam.{stage}" for stage in STAGES], "beartype.beartype")
+install_import_hook([f"bonecam.{stage}" for stage in STAGES], "run_time_types.checked")
 
 from bonecam.job import HoldingJob, Job  # noqa: E402
 from bonecam.levels.measure.cut_measures import NO_CUT  # noqa: E402
