@@ -22,18 +22,18 @@ QUICK: dict[str, dict[str, Any]] = {
     "generate_stock": {"kind": "box", "allowance": 0.6},
     "generate_stock_capsule": {"allowance": 0.6},
     "compute_tspline_surface": {"tolerance": 0.2, "rows": 12, "row_points": 40, "edge_percent": 4.0},
-    "generate_morph_levels": {"finishing_levels": 1, "finishing_depth": 0.5, "roughing_depth": 1.0},
-    "generate_toolpath": {"roughing_scallop": 0.3, "finishing_scallop": 0.2, "chord_tolerance": 0.02},
+    "generate_morph_levels": {"finishing_levels": 1, "finishing_depth": 0.5, "roughing_depth": 2.5},
+    "generate_toolpath": {"roughing_scallop": 0.5, "finishing_scallop": 0.4, "chord_tolerance": 0.02},
 }
 
 
 class Chain:
-    """An egg of 10 x 8 x 14 mm, and what the filters that others need first have made of it, each applied
+    """An egg of 7 x 5.6 x 9.8 mm, and what the filters that others need first have made of it, each applied
     once."""
 
     def __init__(self, folder: Path) -> None:
         self.meshes = MeshSet(folder=folder)
-        self.meshes.create_sphere(radius=5.0, subdiv=4)
+        self.meshes.create_sphere(radius=3.5, subdiv=4)
         self.meshes.set_matrix(transformmatrix=np.diag([1.0, 0.8, 1.4, 1.0]))
         self._current = {(): self.meshes.current_mesh_id()}
 

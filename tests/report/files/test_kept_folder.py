@@ -7,7 +7,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from bonecam_meshes import path as shipped
 
 from bonecam import pipeline
 from bonecam.cli import main
@@ -70,10 +69,15 @@ def test_the_command_line_names_the_patch(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(pipeline, "make_levels", failing)
-    folder, program = tmp_path / "keep", tmp_path / "bone.h"
-    assert main(["convert", str(shipped("phalanx")), "-o", str(program), "--keep", str(folder), "-q"]) == 2
+    part, out = tmp_path / "part.ply", tmp_path / "out"
+    out.mkdir()
+    write_mesh(Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 7.5]), 2.5).mesh(0.05), part)
+    files = [str(part), "-o", str(out / "bone.h"), "--keep", str(out / "keep")]
+    assert (
+        main(["convert", *files, "--set", "surface.tolerance=0.2", "--set", "holding.diameter=3", "-q"]) == 2
+    )
     assert "failed_level_07.ply shows it" in capsys.readouterr().err
-    assert [item.name for item in tmp_path.iterdir()] == ["keep"]
+    assert [item.name for item in out.iterdir()] == ["keep"]
 
 
 def test_levels_are_kept_with_their_pictures_before_there_is_a_path(
