@@ -123,7 +123,7 @@ class NotJudged:
 def measure_given(
     normal_probes: NormalProbes, held: Bool[ndarray, " n"], given: GivenSurface, ball: Gouge | None = None
 ) -> GivenRemoval:
-    """Where the cut `normal_probes` end, beside the mesh as given; those `held` at the post tell gouges only. `ball` is where
+    """Where the cut probes end, beside the mesh as given; those `held` at the post tell gouges only. `ball` is where
     one goes deepest, if that was measured."""
     ends = normal_probes.points + normal_probes.heights[:, None] * normal_probes.normals
     away = given.distance.unsigned(ends)
