@@ -195,7 +195,7 @@ def _machine(
         morph_surfaces(levels)[0],
         given=given_surface(made.part, job, made.report),
         name=program_name(file or source or ""),
-        comments=[f"part: {Path(source).name}"] if source else [],
+        comments=[*([f"part: {Path(source).name}"] if source else []), *made.part.header_texts],
         stock=made.stock,
         times=times,
         progress=part(progress, 0.82, 1.0),

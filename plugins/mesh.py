@@ -9,7 +9,7 @@ import numpy as np
 from bonecam.filters.filter import Filter
 from bonecam.filters.layers import Layers
 from bonecam.filters.parameter import FilterParameter, Kind, parameters_of, section_of
-from bonecam.job import MeshJob
+from bonecam.job import MeshJob, SurfaceJob
 from bonecam.job.tool_section import FINISHING
 from bonecam.progress import Progress
 
@@ -34,6 +34,20 @@ def repair_bone(layers: Layers, values: Mapping[str, Any], progress: Progress) -
     mesh, changes = repair(layers.bone(), progress=progress)
     layers.add(mesh, "repaired")
     return {"repairs": [str(change) for change in changes], "faces": len(mesh.faces)}
+
+
+def smooth_facets_layer(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
+    """Filter `meshing_smooth_facets`: a layer of the mesh with a smooth surface in place of coarse facets."""
+    from bonecam.mesh.facets.coarseness import coarseness_of
+    from bonecam.mesh.facets.smooth_surface import smooth_facets, told_of_kept
+
+    mesh = layers.bone()
+    job, tolerance = section_of(MeshJob(), values), values["tolerance"]
+    coarseness = coarseness_of(mesh)
+    found = smooth_facets(mesh, coarseness, job, tolerance)
+    layers.add(found.mesh if found else mesh, "smoothed")
+    reported = [str(found.change)] if found else [told_of_kept(mesh, coarseness, job, tolerance)]
+    return {"told": [*filter(None, reported)], **coarseness.report, **(found.report if found else {})}
 
 
 def fill_pits_layer(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
@@ -110,6 +124,22 @@ FILTERS = (
         CATEGORY,
         (),
         repair_bone,
+    ),
+    Filter(
+        "meshing_smooth_facets",
+        "Smooth Facets",
+        "Fits a smooth surface near the vertices of facets that are coarser than half the tolerance, as a new layer; "
+        "fine facets, and those of parts with true edges, stay as they are. The layer is closed and in mm.",
+        CATEGORY,
+        (
+            *parameters_of(MeshJob(), only=("facets", "smooth_within")),
+            *parameters_of(SurfaceJob(), only=("tolerance",)),
+        ),
+        smooth_facets_layer,
+        references=(
+            "Cheng, Fan, Lai, Huang, Wang, Yong: Loop subdivision surface based progressive interpolation. JCST 24 "
+            "(2009).",
+        ),
     ),
     Filter(
         "meshing_fill_pits",

@@ -41,6 +41,22 @@ class MeshJob(JobSection):
         low=0.0,
         high=50.0,
     )
+    facets: str = parameter(
+        "found",
+        "Facets",
+        "found: facets that are coarser than half the tolerance of the surface, noise and steps of voxels are taken "
+        "as samples of a smooth surface, which is fitted near their vertices; fine facets, and those of parts with "
+        "true edges, are kept. smooth: it is fitted in any case. exact: facets are kept.",
+        choices=("found", "smooth", "exact"),
+    )
+    smooth_within: float = parameter(
+        2.0,
+        "Smooth within",
+        "A smooth surface that lies farther from the facets is refused.",
+        unit="mm",
+        low=0.001,
+        high=50.0,
+    )
     edge_percent: float = parameter(
         1.3,
         "Remesh edge",

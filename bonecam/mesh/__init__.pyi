@@ -1,5 +1,7 @@
 from .distance import MeshDistance as MeshDistance
 from .distance import exact_closest as exact_closest
+from .facets.coarseness import Coarseness as Coarseness
+from .facets.coarseness import coarseness_of as coarseness_of
 from .facets.curvature import Curvature as Curvature
 from .facets.curvature import SurfaceShape as SurfaceShape
 from .facets.delaunay import delaunay as delaunay
@@ -7,6 +9,8 @@ from .facets.mls_curvature import mls_curvature as mls_curvature
 from .facets.nearest_areas import nearest_areas as nearest_areas
 from .facets.side import above_contacts as above_contacts
 from .facets.side import heights_above as heights_above
+from .facets.smooth_surface import Smoothing as Smoothing
+from .facets.smooth_surface import smooth_facets as smooth_facets
 from .facets.vertex_normals import vertex_normals as vertex_normals
 from .files.mesh_files import read_mesh as read_mesh
 from .files.mesh_files import write_mesh as write_mesh

@@ -1,4 +1,4 @@
-"""The part: a bone's mesh, read, scaled to mm, repaired, its pits filled, turned upright."""
+"""The part: a bone's mesh, read, scaled to mm, repaired, coarse facets smoothed, its pits filled, turned upright."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -9,9 +9,11 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import MeshError, counted, place_name
-from bonecam.job import MeshJob
+from bonecam.job import MeshJob, SurfaceJob
 from bonecam.job.tool_section import FINISHING
 from bonecam.mesh.distance import MeshDistance, hausdorff
+from bonecam.mesh.facets.coarseness import Coarseness, coarseness_of
+from bonecam.mesh.facets.smooth_surface import Smoothing, smooth_facets, told_of_kept
 from bonecam.mesh.files.mesh_files import bytes_of, read_mesh
 from bonecam.mesh.files.stated_axes import axes_text, stated_axes
 from bonecam.mesh.healing.decimation import decimate
@@ -53,7 +55,8 @@ class Part:
     `file`, `faces` and `units` are those of the input, `repairs` what was changed. `given` is the input in mm, mirrored
     and scaled as the job says, and `transform` (4, 4) leads from it to the frame of `mesh`. `notes` tell what else is
     to be known of it: that it is mirrored or scaled, the axes that its file states. `fill` tells of hollows that were
-    filled, `taken_off` of what repairs took off, None where nothing was changed.
+    filled, `taken_off` of what repairs took off, None where nothing was changed. `smoothing` tells of a smooth surface
+    that took the place of coarse facets, whose measure is `coarseness`; None where the part came as a surface.
     """
 
     mesh: TriangleMesh
@@ -66,6 +69,8 @@ class Part:
     notes: tuple[str, ...] = ()
     fill: Fill | None = None
     taken_off: TakenOff | None = None
+    coarseness: Coarseness | None = None
+    smoothing: Smoothing | None = None
 
     def __repr__(self) -> str:
         return f"<Part of {self.file}: {self.mesh!r}, {counted(len(self.repairs), 'repair')}>"
@@ -75,6 +80,11 @@ class Part:
         """The mesh as given, without debris and inner shells that were left out, in the frame of `mesh`."""
         left_out = [each.move(self.transform) for each in self.left_out]
         return without(self.given.move(self.transform), left_out, self.mesh)
+
+    @property
+    def header_texts(self) -> tuple[str, ...]:
+        """What a program's header tells of how the mesh came about."""
+        return (self.smoothing.header_text,) if self.smoothing else ()
 
     @property
     def left_out(self) -> tuple[TriangleMesh, ...]:
@@ -93,7 +103,8 @@ class Part:
         return MeshDistance(self.placed_given)
 
     def require_kept(self, allowed: float) -> "Part":
-        """The part itself; MeshError where all that was done to its mesh takes more than `allowed` mm off it."""
+        """The part itself; MeshError where all that was done to its mesh, but for a smoothing, takes more than
+        `allowed` mm off it."""
         taken = self.taken_off
         if taken is None or taken.depth <= allowed:
             return self
@@ -115,13 +126,15 @@ def prepare_part(
     progress: Progress = silent,
     also: tuple[str, ...] = (),
     ball: float = FINISHING.radius,
+    tolerance: float = SurfaceJob.tolerance,
 ) -> Part:
-    """Read a mesh, scale it to mm, mirror it, decimate it where it has too many faces, repair it, fill its pits
-    and turn it upright, as the job says.
+    """Read a mesh, scale it to mm, mirror it, decimate it where it has too many faces, repair it, smooth coarse facets,
+    fill its pits and turn it upright, as the job says.
 
     `source` is a file, or a mesh in memory as `mesh_from` takes it; `ball` is the radius (mm) of the smallest ball that
-    will cut it (`Job.smallest_ball`): pits are filled up to no larger one. `also` are endings of part files that the
-    caller reads itself: a refusal names them too. MeshError, FileError and UnitsError name the file.
+    will cut it (`Job.smallest_ball`): pits are filled up to no larger one. `tolerance` (mm) is the fit's, beside which
+    facets are coarse. `also` are endings of part files that the caller reads itself: a refusal names them too.
+    MeshError, FileError and UnitsError name the file.
     """
     report(progress, 0.0, "reading the mesh")
     name = str(source) if isinstance(source, str | Path) else "the mesh"
@@ -132,18 +145,35 @@ def prepare_part(
     report(progress, 0.3, "repairing the mesh")
     scaled = mirror_and_scale(to_mm(raw, job.units, file=name), job.mirror, job.scale)
     axes = stated_axes(bytes_of(Path(source))) if isinstance(source, str | Path) else ""
-    notes = (*job.changes, *([axes_text(axes)] if axes else []))
     try:
         fewer, decimated = decimate(scaled, progress=share(progress, 0.3, 0.7))
         repaired, repairs = repair(fewer, progress=share(progress, 0.7, 1.0))
+        coarseness = coarseness_of(repaired)
+        smoothing = smooth_facets(repaired, coarseness, job, tolerance)
     except MeshError as error:
         raise MeshError(f"{name}: {error}", file=name, **error.evidence) from error
 
-    fill = fill_pits(repaired, min(job.pit_radius or ball, ball)) if job.pits == "fill" else None
-    filled = fill.mesh if fill else repaired
-    done = decimated + repairs + (fill.repairs if fill else ())
+    smooth = smoothing.mesh if smoothing else repaired
+    kept = "" if smoothing else told_of_kept(repaired, coarseness, job, tolerance)
+    notes = tuple(filter(None, (*job.changes, axes_text(axes) if axes else "", kept)))
+    fill = fill_pits(smooth, min(job.pit_radius or ball, ball)) if job.pits == "fill" else None
+    filled = fill.mesh if fill else smooth
+    done = decimated + repairs + ((smoothing.change,) if smoothing else ()) + (fill.repairs if fill else ())
     posed, transform = upright(filled) if job.upright else (filled, np.eye(4))
-    part = Part(posed, name, len(raw.faces), job.units, done, transform, scaled, notes, fill)
+    part = Part(
+        posed,
+        name,
+        len(raw.faces),
+        job.units,
+        done,
+        transform,
+        scaled,
+        notes,
+        fill,
+        coarseness=coarseness,
+        smoothing=smoothing,
+    )
     if not done:
         return part
-    return replace(part, taken_off=measure_taken_off(without(scaled, part.left_out, filled), filled))
+    unsmoothed = repaired if smoothing else filled
+    return replace(part, taken_off=measure_taken_off(without(scaled, part.left_out, filled), unsmoothed))

@@ -42,6 +42,8 @@ def report_to_levels(part: Part, fitted: Fit, stock: Stock, morph: Morph, method
             "notes": list(part.notes),
             "repairs": [str(each) for each in part.repairs],
             "repair_steps": [each.report for each in part.repairs],
+            "facets": part.coarseness.report if part.coarseness else None,
+            "smoothed": part.smoothing.report if part.smoothing else None,
             "filled": part.fill.report if part.fill else None,
             "repair_taken_off_max_mm": round(part.taken_off.depth if part.taken_off else 0.0, 6),
             "repair_deviation_max_mm": round(part.repair_deviation, 6),

@@ -95,7 +95,7 @@ def _given_lines(report: Mapping[str, Any]) -> Iterator[str]:
     """Where the mesh was repaired, how far the surface is from it as it was given."""
     if report["input"]["repairs"]:
         given = f"{report['surface']['given_deviation_max_mm']:.3f} mm to the mesh as given"
-        moved = f"{report['input']['repair_deviation_max_mm']:.3f} mm of repair and filling"
+        moved = f"{report['input']['repair_deviation_max_mm']:.3f} mm of repair, smoothing and filling"
         yield f"as given  max {given}, with {moved}"
 
 

@@ -100,6 +100,7 @@ FITTING = r'0\.03\d\d mm from corner to corner .*apply apply_units_in_mm with un
     "name",
     [
         "meshing_repair_bone",
+        "meshing_smooth_facets",
         "meshing_fill_pits",
         "compute_harmonic_rows",
         "compute_tspline_surface",

@@ -89,11 +89,13 @@ def kept_given(keep: Path, job: Job) -> GivenSurface | NotJudged:
         return NotJudged(f"{keep} has no {GIVEN}, make it again with `convert --keep`")
     file = keep / "report.json"
     try:
-        missed = float(_report(keep)["surface"]["deviation_max_mm"])
+        report = _report(keep)
+        missed = float(report["surface"]["deviation_max_mm"])
+        smoothed = float((report["input"]["smoothed"] or {"inward_mm": 0.0})["inward_mm"])
     except (OSError, ValueError, KeyError, TypeError) as error:
         what = f"tells no deviation of the fit ({error})"
         raise FileError(f"{file}: {what}: {REMEDY}", file=str(file)) from error
-    return GivenSurface(MeshDistance(read_mesh(keep / GIVEN)), allowed_depth(job, missed))
+    return GivenSurface(MeshDistance(read_mesh(keep / GIVEN)), allowed_depth(job, missed, smoothed))
 
 
 def _report(keep: Path) -> Any:

@@ -157,6 +157,11 @@ def _checks(report: Mapping[str, Any]) -> Iterator[str]:
     deviation = report["surface"]["given_deviation_max_mm"]
     deepest = report["nc"]["gouge_to_given_max_mm"]
     yield f"Fitted surface within {deviation:.3f} mm of the mesh as given; a ball goes {deepest:.3f} mm into it"
+    smoothed = report["input"]["smoothed"]
+    if smoothed:
+        most, mean = smoothed["distance_max_mm"], smoothed["distance_mean_mm"]
+        apart = f"{most:.2f} mm from them at most, {mean:.3f} mm on average"
+        yield f"Coarse facets of the mesh as given were taken as samples of a smooth surface: {apart}"
 
 
 def proof_lines(nc: Mapping[str, Any]) -> Iterator[str]:

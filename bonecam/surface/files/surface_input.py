@@ -45,7 +45,7 @@ def read_part(
     """The part of a mesh or file, upright, and the surface, in the file's mm, where the file gives that. MeshError
     where repairs take more off the part than the job's largest deviation."""
     if not isinstance(source, str | Path) or not holds_surface(source):
-        part = prepare_part(source, job.mesh, progress, also=ENDINGS, ball=job.smallest_ball)
+        part = prepare_part(source, job.mesh, progress, ENDINGS, job.smallest_ball, job.surface.tolerance)
         return part.require_kept(job.surface.largest_deviation), None
     return read_surface_part(source, job.mesh, job.surface)
 

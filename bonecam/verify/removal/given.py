@@ -28,7 +28,7 @@ REMEDY = "mend the mesh there, raise surface.max_control_points, or raise surfac
 @dataclass(frozen=True, eq=False)
 class GivenSurface:
     """Distances to the faces as given, without debris and inner shells that were left out, in the program's frame; the
-    tool may go into them by `allowed` mm.
+    tool may go into them by `allowed` mm (`allowed_depth`).
 
     The mesh need not be closed: distances have no sign. That no ball's centre is inside the part is told by the design
     surface, which is closed.
@@ -52,16 +52,19 @@ class GivenSurface:
         _check_ball(gouge, self.allowed)
 
 
-def allowed_depth(job: Job, missed: float) -> float:
+def allowed_depth(job: Job, missed: float, smoothed: float) -> float:
     """How deep a program of the job may go into the mesh as given, mm: by the largest deviation of the job, the
-    deviation of the fit (`missed`), and the gouge tolerance."""
-    return job.surface.largest_deviation + missed + job.path.gouge_tolerance
+    deviation of the fit (`missed`), the gouge tolerance, and what a smooth surface in place of coarse facets took off
+    them (`smoothed`, which `mesh.smooth_within` bounds)."""
+    return job.surface.largest_deviation + missed + job.path.gouge_tolerance + smoothed
 
 
 def given_surface(part: Part, job: Job, report: Mapping[str, Any]) -> GivenSurface:
     """The part as given, and how deep a program of the job may go into it, with the fit's deviation as the `report` has
     it."""
-    return GivenSurface(part.given_distance, allowed_depth(job, report["surface"]["deviation_max_mm"]))
+    missed = report["surface"]["deviation_max_mm"]
+    smoothed = part.smoothing.inward if part.smoothing else 0.0
+    return GivenSurface(part.given_distance, allowed_depth(job, missed, smoothed))
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,11 @@ import pytest
 from bonecam.errors import MeshError, VerifyError
 from bonecam.job import Job, MeshJob
 from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.part import measure_taken_off, prepare_part
+from bonecam.mesh.facets.coarseness import coarseness_of
+from bonecam.mesh.facets.smooth_surface import Smoothing
+from bonecam.mesh.healing.repair_state import Repair
+from bonecam.mesh.healing.surface_moves import surface_moves
+from bonecam.mesh.part import Part, measure_taken_off, prepare_part
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.capsule import Capsule
 from bonecam.verify.gouge import Gouge
@@ -36,6 +40,13 @@ def probes_of(mesh: TriangleMesh, heights: float) -> NormalProbes:
     normal_probes = NormalProbes(mesh, np.array(mesh.vertices), normals, np.ones(len(inner)))
     normal_probes.heights[:] = heights
     return normal_probes
+
+
+def dented(mesh: TriangleMesh, depth: float) -> TriangleMesh:
+    """The mesh with its side at x = RADIUS pressed in."""
+    vertices = np.array(mesh.vertices)
+    vertices[:, 0] = np.minimum(vertices[:, 0], RADIUS - depth)
+    return TriangleMesh(vertices, mesh.faces)
 
 
 @pytest.mark.parametrize("height", [-0.2, -0.01, 0.0, 0.15])
@@ -99,9 +110,7 @@ def test_a_program_may_go_as_deep_as_the_largest_deviation_the_fit_and_the_gouge
 def test_a_mesh_off_which_repairs_take_too_much_is_refused_with_file_and_place(
     capsule: TriangleMesh,
 ) -> None:
-    dented = np.array(capsule.vertices)
-    dented[:, 0] = np.minimum(dented[:, 0], RADIUS - 0.7)
-    taken = measure_taken_off(capsule, TriangleMesh(dented, capsule.faces))
+    taken = measure_taken_off(capsule, dented(capsule, 0.7))
     assert taken.depth == pytest.approx(0.7, abs=1e-3)
     assert taken.place[0] == pytest.approx(RADIUS, abs=1e-3)
     made = replace(prepare_part(capsule, MeshJob()), file="bone.stl", taken_off=taken)
@@ -114,3 +123,33 @@ def test_a_mesh_off_which_repairs_take_too_much_is_refused_with_file_and_place(
 
 def test_a_mesh_that_was_not_changed_loses_nothing(capsule: TriangleMesh) -> None:
     assert prepare_part(capsule, MeshJob()).taken_off is None
+
+
+def part_of(given: TriangleMesh, repaired: TriangleMesh, smooth: TriangleMesh) -> Part:
+    """A part whose mesh was repaired, then smoothed."""
+    moves = surface_moves(repaired, smooth)
+    place = moves.place
+    found = Smoothing(
+        smooth, repaired, coarseness_of(repaired), moves.outward, moves.inward, moves.largest, 0.1, place
+    )
+    done = (Repair("repaired"), found.change)
+    return Part(smooth, "bone.stl", 10, "mm", done, np.eye(4), given, smoothing=found)
+
+
+def test_a_program_may_go_deeper_by_what_a_smoothing_took_off(capsule: TriangleMesh) -> None:
+    job = Job()
+    part = part_of(capsule, capsule, dented(capsule, 0.7))
+    report = {"surface": {"deviation_max_mm": 0.06}}
+    allowed = given_surface(part, job, report).allowed
+    plain = job.surface.largest_deviation + 0.06 + job.path.gouge_tolerance
+    assert allowed - plain == pytest.approx(0.7, abs=1e-3)
+
+
+def test_what_a_smoothing_takes_off_is_told_apart_from_what_repairs_take() -> None:
+    coarse = Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 7.5]), RADIUS).mesh(0.3)
+    made = prepare_part(coarse, MeshJob(facets="smooth"))
+    assert made.smoothing is not None
+    assert made.smoothing.inward > 0.01
+    assert made.taken_off is not None
+    assert made.taken_off.depth < 1e-6
+    assert made.require_kept(0.001) is made

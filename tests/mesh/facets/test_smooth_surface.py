@@ -1,0 +1,190 @@
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bonecam_meshes import path as shipped
+
+from bonecam.errors import MeshError
+from bonecam.job import MeshJob
+from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.facets.coarseness import coarseness_of
+from bonecam.mesh.facets.hull import convex_hull
+from bonecam.mesh.facets.smooth_surface import FINE, Smoothing, smooth_facets
+from bonecam.mesh.files.mesh_files import read_mesh
+from bonecam.mesh.healing.repair import repair
+from bonecam.mesh.meshlab import from_meshset, to_meshset
+from bonecam.mesh.part import prepare_part
+from bonecam.mesh.triangle_mesh import TriangleMesh, probes
+
+TOLERANCE = 0.08
+BOX = np.array([[x, y, z] for x in (-5.0, 5.0) for y in (-6.0, 6.0) for z in (-15.0, 15.0)])
+
+
+@pytest.fixture(scope="module")
+def phalanx() -> TriangleMesh:
+    return read_mesh(shipped("phalanx"))
+
+
+def with_faces(mesh: TriangleMesh, faces: int, *, on_surface: bool) -> TriangleMesh:
+    """A copy with so many faces: its vertices stay `on_surface`, or move out of it to keep the volume."""
+    meshset = to_meshset(mesh)
+    meshset.meshing_decimation_quadric_edge_collapse(
+        targetfacenum=faces, preservenormal=True, preservetopology=True, optimalplacement=not on_surface
+    )
+    return repair(from_meshset(meshset))[0]
+
+
+def smoothed(mesh: TriangleMesh) -> Smoothing:
+    found = smooth_facets(mesh, coarseness_of(mesh), MeshJob(), TOLERANCE)
+    assert found is not None
+    return found
+
+
+def mean_distance(mesh: TriangleMesh, other: TriangleMesh) -> float:
+    """Between two surfaces, both ways, mm."""
+    there, back = MeshDistance(other).unsigned(probes(mesh)), MeshDistance(mesh).unsigned(probes(other))
+    return float((there.mean() + back.mean()) / 2)
+
+
+@pytest.mark.parametrize("faces", [130, 200, 400, 700])
+@pytest.mark.parametrize("on_surface", [True, False])
+def test_the_smooth_surface_of_a_coarse_copy_is_nearer_to_the_bone_than_its_facets_and_keeps_more_of_its_volume(
+    phalanx: TriangleMesh, faces: int, on_surface: bool
+) -> None:
+    coarse = with_faces(phalanx, faces, on_surface=on_surface)
+    found = smoothed(coarse)
+    assert mean_distance(found.mesh, phalanx) < mean_distance(coarse, phalanx)
+    assert abs(found.mesh.volume - phalanx.volume) < abs(coarse.volume - phalanx.volume)
+
+
+def test_its_facets_are_fine_beside_the_tolerance_and_have_no_creases_left(phalanx: TriangleMesh) -> None:
+    coarse = with_faces(phalanx, 200, on_surface=False)
+    found = smoothed(coarse)
+    before, after = coarseness_of(coarse), coarseness_of(found.mesh)
+    assert after.sagitta < 2 * FINE * TOLERANCE
+    assert after.crease < before.crease / 3
+
+
+def test_the_distances_told_are_those_between_the_two_surfaces(phalanx: TriangleMesh) -> None:
+    found = smoothed(with_faces(phalanx, 200, on_surface=False))
+    shares = np.random.default_rng(5).dirichlet([1.0, 1.0, 1.0], (200, 1))
+    corners = found.faceted.vertices[found.faceted.faces]
+    points = np.einsum("pnc,fcd->pfd", shares, corners).reshape(-1, 3)
+    distance = MeshDistance(found.mesh)
+    away, inside = distance.unsigned(points), distance.inside(points)
+    assert away[inside].max() <= found.outward + 0.01
+    assert away[~inside].max() <= found.inward + 0.01
+    assert found.largest <= away.max() + 0.1
+    assert found.mean == pytest.approx(away.mean(), rel=0.35)
+    told = str(found.change)
+    assert f"{found.largest:.2f} mm from them at most" in told
+    assert f"{found.mean:.3f} mm on average" in told
+
+
+def test_a_surface_farther_from_the_facets_than_allowed_is_refused_and_its_remedies_are_right(
+    phalanx: TriangleMesh,
+) -> None:
+    coarse = with_faces(phalanx, 130, on_surface=False)
+    far = smoothed(coarse).largest
+    with pytest.raises(
+        MeshError, match=r"facets are coarser or rougher .* allowed 0\.1: raise mesh.smooth_within"
+    ) as told:
+        prepare_part(coarse, MeshJob(smooth_within=0.1))
+    assert told.value.evidence["error"] == pytest.approx(far)
+    assert prepare_part(coarse, MeshJob(smooth_within=far + 0.01)).smoothing is not None
+    assert prepare_part(coarse, MeshJob(smooth_within=0.1, facets="exact")).smoothing is None
+
+
+def test_a_smooth_surface_that_cuts_itself_is_refused_with_its_place() -> None:
+    outline = [(-4, 0), (4, 0), (4, 20), (0.05, 20), (0.05, 4), (-0.05, 4), (-0.05, 20), (-4, 20)]
+    ring = np.array([(x, 0.0, z) for x, z in outline])
+    sides = [(k, (k + 1) % 8) for k in range(8)]
+    cap = [(0, 1, 4), (0, 4, 5), (1, 2, 3), (1, 3, 4), (0, 5, 6), (0, 6, 7)]
+    faces = [face for a, b in sides for face in ((a, b, b + 8), (a, b + 8, a + 8))]
+    faces += [(a, c, b) for a, b, c in cap] + [(a + 8, b + 8, c + 8) for a, b, c in cap]
+    mesh = TriangleMesh(np.vstack([ring, ring + np.array([0.0, 5.0, 0.0])]), np.array(faces, dtype=np.int32))
+    mesh = mesh if mesh.volume > 0 else TriangleMesh(mesh.vertices, mesh.faces[:, ::-1].copy())
+    with pytest.raises(MeshError, match=r"cuts itself near \(.*mesh.facets to exact"):
+        smooth_facets(mesh, coarseness_of(mesh), MeshJob(facets="smooth", smooth_within=50.0), TOLERANCE)
+
+
+def test_a_part_with_true_edges_is_kept_and_told_and_rounded_only_where_asked() -> None:
+    box = convex_hull(BOX)
+    part = prepare_part(box, MeshJob(upright=False))
+    assert part.smoothing is None
+    assert np.array_equal(part.mesh.vertices, box.vertices)
+    assert any("true edges part planes" in note for note in part.notes)
+    rounded = prepare_part(box, MeshJob(upright=False, facets="smooth", smooth_within=10.0))
+    assert rounded.smoothing is not None
+    assert not any("true edges" in note for note in rounded.notes)
+
+
+def test_coarse_facets_that_are_kept_as_asked_are_told(phalanx: TriangleMesh) -> None:
+    coarse = with_faces(phalanx, 200, on_surface=False)
+    part = prepare_part(coarse, MeshJob(facets="exact", pits="keep"))
+    assert any(note.startswith("facets kept as asked: edges of ") for note in part.notes)
+    assert not part.repairs
+
+
+def assert_kept(file: Path, units: str) -> None:
+    found, exact = (prepare_part(file, MeshJob(units=units, facets=facets)) for facets in ("found", "exact"))
+    assert found.smoothing is None
+    assert np.array_equal(found.mesh.vertices, exact.mesh.vertices)
+    assert np.array_equal(found.mesh.faces, exact.mesh.faces)
+    assert found.notes == exact.notes == ()
+
+
+def test_the_phalanx_stays_to_the_bit() -> None:
+    assert_kept(shipped("phalanx"), "mm")
+
+
+@pytest.mark.parametrize("name", ["3midph", "2midph", "1mc", "capitate", "scaphoid"])
+def test_finely_meshed_bones_stay_to_the_bit(shared: Path, name: str) -> None:
+    assert_kept(shared / "meshes" / "bones" / f"{name}_m.stl", "m")
+
+
+def test_a_coarse_round_body_is_nearer_to_the_ellipsoid(ellipsoid: Callable[..., TriangleMesh]) -> None:
+    coarse, fine = ellipsoid(5, 4, 14, rings=8, columns=10), ellipsoid(5, 4, 14, rings=120, columns=160)
+    found = smoothed(coarse)
+    assert mean_distance(found.mesh, fine) < 0.6 * mean_distance(coarse, fine)
+    assert coarse.volume < found.mesh.volume < fine.volume
+
+
+def test_noise_is_taken_off_within_its_own_size(phalanx: TriangleMesh) -> None:
+    rng = np.random.default_rng(7)
+    noisy = TriangleMesh(phalanx.vertices + 0.06 * rng.normal(size=phalanx.vertices.shape), phalanx.faces)
+    assert coarseness_of(noisy).noise
+    found = smoothed(noisy)
+    assert mean_distance(found.mesh, phalanx) < 0.85 * mean_distance(noisy, phalanx)
+    assert found.largest < 0.3
+    assert found.mesh.volume == pytest.approx(phalanx.volume, rel=0.02)
+    assert "noise of 0.0" in str(found.change)
+    assert smooth_facets(noisy, coarseness_of(noisy), MeshJob(), 0.4) is None
+
+
+def test_the_steps_of_voxels_are_taken_off_within_half_a_voxel() -> None:
+    pitch, radius = 0.5, 6.0
+    sphere = voxels(radius, pitch)
+    measure = coarseness_of(sphere)
+    assert measure.steps
+    assert not measure.true_edges
+    found = smoothed(sphere)
+    off = np.abs(np.linalg.norm(found.mesh.vertices, axis=1) - radius)
+    assert off.mean() < 0.7 * np.abs(np.linalg.norm(sphere.vertices, axis=1) - radius).mean()
+    assert found.largest < 0.6 * pitch
+    assert "steps of voxels" in str(found.change)
+
+
+def voxels(radius: float, pitch: float) -> TriangleMesh:
+    """The surface between the voxels inside a ball about the origin and those outside, by marching cubes."""
+    import igl
+
+    count = 2 * int(np.ceil(radius / pitch)) + 5
+    line = (np.arange(count) - (count - 1) / 2) * pitch
+    z, y, x = np.meshgrid(line, line, line, indexing="ij")
+    places = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
+    inside = (np.linalg.norm(places, axis=1) < radius).astype(np.float64)
+    vertices, faces = igl.marching_cubes(inside, places, count, count, count, 0.5)[:2]
+    mesh = TriangleMesh(vertices, faces.astype(np.int32))
+    return mesh if mesh.volume > 0 else TriangleMesh(vertices, faces[:, ::-1].astype(np.int32))
