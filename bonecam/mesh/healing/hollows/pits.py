@@ -4,10 +4,12 @@ What is filled is the closing of the part by the ball (`closing.py`): the materi
 Every vertex of a hollow moves towards the nearest ball that stays outside the part, onto that ball: never into the
 part, and by no more than the ball leaves there. The faces of hollows are divided first, so that facets follow the ball
 within CHORD; all others stay as they are. A surface that followed a pit instead would fold on the levels above it.
-An undercut pit, all of whose walls move into its mouth over one another, is left open.
+An undercut pit, all of whose walls move into its mouth over one another, is capped (`capping.py`), or left open where
+no cap closes it.
 """
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,11 +21,12 @@ from scipy.spatial import cKDTree
 
 from bonecam.arrays import lengths
 from bonecam.errors import counted, place_name
-from bonecam.mesh.distance import MeshDistance, exact_closest
-from bonecam.mesh.facets.vertex_normals import vertex_normals
-from bonecam.mesh.healing.hollows.closing import ACCURACY, nearest_centres
+from bonecam.mesh.distance import exact_closest
+from bonecam.mesh.healing.hollows.ball import PROBED, Ball
+from bonecam.mesh.healing.hollows.capping import cap_folds
+from bonecam.mesh.healing.hollows.closing import ACCURACY
 from bonecam.mesh.healing.repair_state import Repair
-from bonecam.mesh.remeshing import bisect_faces, split_edges
+from bonecam.mesh.remeshing import bisect_faces
 from bonecam.mesh.solids.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
@@ -32,16 +35,10 @@ LEAST = 0.15
 phalanx's program takes 12 % longer and leaves as much."""
 SHALLOW = 0.02
 """Hollows reach as far as they are deeper than this, mm: what the simulation calls left over."""
-CHORD = 0.01
-"""Facets of a fill lie within this of the ball, mm: the gouge allowed by default."""
-PROBED = 0.5
-"""The surface is probed at places no farther apart than this share of the ball's radius."""
 UNFOLDINGS = 20
 """Rounds in which folded faces are smoothed, at most."""
 MOST_FOLDED = 0.3
 """Share of the vertices moved that folded faces may have to be smoothed: more of them are an undercut pit."""
-AGAIN = 5
-"""Times that nearer balls are looked for from those of other points, at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +96,7 @@ def fill_pits(mesh: TriangleMesh, radius: float) -> Fill:
 
     Vertices outside hollows stay to the last bit, and come first; a mesh without hollows comes back itself.
     """
-    ball = _Ball(mesh, radius)
+    ball = Ball(mesh, radius)
     hollow_of = _hollows(ball)
     count = int(hollow_of.max(initial=-1)) + 1
     if not count:
@@ -111,61 +108,28 @@ def fill_pits(mesh: TriangleMesh, radius: float) -> Fill:
     asked = np.flatnonzero(of_vertex >= 0)
     vertices = np.array(divided.vertices)
     vertices[asked] = ball.onto(vertices[asked])
+    onto_ball = vertices.copy()
     moved = lengths(vertices - divided.vertices) > 0
     _unfold(ball, vertices, divided.faces, moved)
 
-    opened: set[int] = set()
-    while len(opened) < count:
-        filled = TriangleMesh(vertices, divided.faces)
-        cut = self_intersections(filled)
-        if not len(cut):
-            return _told(mesh, divided, Fill(filled, radius, count - len(opened), len(opened)))
-        to_open = set(of_vertex[divided.faces[cut]].ravel().tolist()) - opened - {-1}
-        opened |= to_open or set(range(count))
-        back = np.isin(of_vertex, list(opened))
-        vertices[back] = divided.vertices[back]
-    return Fill(mesh, radius, open=count)
+    opened = _put_back(vertices, divided, of_vertex)
+    filled = TriangleMesh(vertices, divided.faces)
+    hollow_at, wanted = of_vertex, onto_ball
+    for hollow in sorted(opened):
+        inside = partial(ball.onto, both_ways=True)
+        capped = cap_folds(filled, hollow_at == hollow, wanted, ball.longest, inside)
+        if capped is not None:
+            opened.remove(hollow)
+            filled, new = capped.mesh, len(capped.mesh.vertices) - len(capped.old)
+            hollow_at = np.append(hollow_at[capped.old], np.full(new, -1))
+            wanted = np.vstack([wanted[capped.old], filled.vertices[len(capped.old) :]])
+            vertices[of_vertex == hollow] = onto_ball[of_vertex == hollow]
+    if len(opened) == count:
+        return Fill(mesh, radius, open=count)
+    return _told(mesh, vertices, divided, Fill(filled, radius, count - len(opened), len(opened)))
 
 
-class _Ball:
-    """A ball beside a part, and where it lies free while it touches the surface, which is `probed` on small faces."""
-
-    def __init__(self, mesh: TriangleMesh, radius: float) -> None:
-        self.mesh = mesh
-        self.radius = radius
-        self.probed = split_edges(mesh, PROBED * radius)
-        size = np.maximum(lengths(self.probed.face_vectors), np.finfo(float).tiny)[:, None]
-        normals = np.vstack([vertex_normals(self.probed), self.probed.face_vectors / size])
-        self.probes = np.vstack([self.probed.vertices, self.probed.vertices[self.probed.faces].mean(axis=1)])
-        centres = self.probes + radius * normals
-        self.distance = MeshDistance(mesh)
-        self.entered = radius - self.distance.signed(centres, radius)
-        self.free = cKDTree(centres[self.entered <= ACCURACY])
-
-    def lying_near(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
-        """The centre of the ball outside the part that lies nearest to each point: looked for from free balls, and
-        again from one that was found for another point where that lies nearer."""
-        starts = np.asarray(self.free.data)[np.asarray(self.free.query(points)[1])]
-        found = nearest_centres(self.distance, points, starts, self.radius)
-        for _ in range(AGAIN):
-            away, other = cKDTree(found).query(points)
-            nearer = np.asarray(away) < lengths(found - points) - ACCURACY
-            if not nearer.any():
-                break
-            found[nearer] = nearest_centres(self.distance, points[nearer], found[other][nearer], self.radius)
-        return found
-
-    def onto(self, points: Float[ndarray, "n 3"], *, both_ways: bool = False) -> Float[ndarray, "n 3"]:
-        """The points moved onto the ball that lies nearest; one that it reaches stays, unless points are to move
-        `both_ways`, out of the ball too."""
-        centres = self.lying_near(points)
-        away = np.maximum(lengths(centres - points), ACCURACY)
-        stays = (away <= self.radius + 2 * ACCURACY) & (not both_ways)
-        share = np.where(stays, 0.0, 1 - self.radius / away)
-        return points + share[:, None] * (centres - points)
-
-
-def _hollows(ball: _Ball) -> Int[ndarray, " f"]:
+def _hollows(ball: Ball) -> Int[ndarray, " f"]:
     """The number of the hollow, deeper than LEAST, that each probed face lies in; -1 in none."""
     faces = ball.probed.faces
     vertices = len(ball.probed.vertices)
@@ -184,22 +148,21 @@ def _hollows(ball: _Ball) -> Int[ndarray, " f"]:
     return np.where(within, numbers[of_vertex[faces[:, 0]]], none)
 
 
-def _divided(ball: _Ball, hollow: Bool[ndarray, " f"]) -> TriangleMesh:
+def _divided(ball: Ball, hollow: Bool[ndarray, " f"]) -> TriangleMesh:
     """The part with its faces divided in hollows, which are given by probed faces."""
-    longest = float(np.sqrt(8 * ball.radius * CHORD))
     middles = cKDTree(ball.probed.vertices[ball.probed.faces[hollow]].mean(axis=1))
     divided = ball.mesh
     while True:
         corners = divided.vertices[divided.faces]
         edge = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
         near = middles.query(corners.mean(axis=1))[0] < edge + PROBED * ball.radius
-        if not (near & (edge > longest)).any():
+        if not (near & (edge > ball.longest)).any():
             return divided
-        divided = bisect_faces(divided, near & (edge > longest))
+        divided = bisect_faces(divided, near & (edge > ball.longest))
 
 
 def _unfold(
-    ball: _Ball, vertices: Float[ndarray, "n 3"], faces: Int[ndarray, "m 3"], moved: Bool[ndarray, " n"]
+    ball: Ball, vertices: Float[ndarray, "n 3"], faces: Int[ndarray, "m 3"], moved: Bool[ndarray, " n"]
 ) -> None:
     """Change the `vertices` of faces that cut each other, where they have `moved`: walls of a narrow pit that lean over
     come to lie on one another. They go to the middle of their neighbours and back onto the balls."""
@@ -226,16 +189,38 @@ def _joined(faces: Int[ndarray, "m 3"], vertices: int) -> Int[ndarray, " v"]:
     return connected_components(coo_matrix(edges, shape=(vertices, vertices)), directed=False)[1]
 
 
-def _told(mesh: TriangleMesh, divided: TriangleMesh, fill: Fill) -> Fill:
-    """The figures of a `fill` of a mesh whose faces were `divided` for it."""
-    depths = lengths(fill.mesh.vertices - divided.vertices)
-    worst = int(np.argmax(depths))
-    x, y, z = fill.mesh.vertices[worst].tolist()
-    faces = (depths > 0)[fill.mesh.faces].any(axis=1)
+def _put_back(
+    vertices: Float[ndarray, "n 3"], divided: TriangleMesh, of_vertex: Int[ndarray, " n"]
+) -> set[int]:
+    """Put the `vertices` of hollows whose faces cut each other back to where they were; the numbers of these."""
+    opened: set[int] = set()
+    every = set(of_vertex.tolist()) - {-1}
+    while opened < every:
+        cut = self_intersections(TriangleMesh(vertices, divided.faces))
+        if not len(cut):
+            break
+        opened |= (set(of_vertex[divided.faces[cut]].ravel().tolist()) & every) - opened or every
+        back = np.isin(of_vertex, list(opened))
+        vertices[back] = divided.vertices[back]
+    return opened
+
+
+def _told(
+    mesh: TriangleMesh,
+    vertices: Float[ndarray, "n 3"],
+    divided: TriangleMesh,
+    fill: Fill,
+) -> Fill:
+    """The figures of a `fill` of a mesh whose faces were `divided`, and their vertices moved."""
+    depths = lengths(vertices - divided.vertices)
+    x, y, z = vertices[np.argmax(depths)].tolist()
+    filled = fill.mesh
+    middles = filled.vertices[filled.faces].mean(axis=1)
+    moved = lengths(exact_closest(mesh, middles)[0] - middles) > ACCURACY
     return replace(
         fill,
-        depth=float(depths[worst]),
+        depth=float(depths.max()),
         place=(x, y, z),
-        area=float(lengths(fill.mesh.face_vectors[faces]).sum() / 2),
-        volume=fill.mesh.volume - mesh.volume,
+        area=float(lengths(filled.face_vectors[moved]).sum() / 2),
+        volume=filled.volume - mesh.volume,
     )

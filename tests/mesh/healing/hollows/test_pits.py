@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from bonecam.job import Job, MeshJob
-from bonecam.mesh.healing.hollows.pits import CHORD, LEAST, SHALLOW, Fill, fill_pits
+from bonecam.mesh.healing.hollows.ball import CHORD
+from bonecam.mesh.healing.hollows.pits import LEAST, SHALLOW, Fill, fill_pits
 from bonecam.mesh.part import prepare_part
 from bonecam.mesh.remeshing import split_edges
 from bonecam.mesh.solids.intersections import self_intersections
@@ -153,7 +154,7 @@ def test_nothing_moves_beyond_the_pit_and_its_rim(pitted: Callable[[float, float
     assert (filled.vertices[: len(mesh.vertices)][far] == mesh.vertices[far]).all()
 
 
-def test_an_undercut_pit_is_left_open_and_told() -> None:
+def test_an_undercut_groove_all_the_way_round_is_left_open_and_told() -> None:
     rims = [(4, 9.6), (3.4, 9.2), (3.0, 10), (3.4, 10.8), (4, 10.4)]
     mesh = turned([(3, 5), (4, 7), *rims, (4, 13), (3, 15)], 12)
     fill = fill_pits(mesh, 1.0)
