@@ -38,7 +38,8 @@ def upright(mesh: TriangleMesh) -> tuple[TriangleMesh, Float[ndarray, "4 4"]]:
     transform[:3, :3] = np.stack([middle, np.cross(long, middle), long])
     transform = settled_pose(transform)
     turned = mesh.move(transform).vertices
-    transform[:3, 3] = settled(-np.append(enclosing_circle(turned[:, :2])[0], turned[:, 2].min()))
+    centre, _ = enclosing_circle(turned[:, :2])
+    transform[:3, 3] = -np.append(settled(centre, FINE_QUANTUM), turned[:, 2].min())
     return TriangleMesh(turned + transform[:3, 3], mesh.faces), transform
 
 

@@ -30,6 +30,8 @@ SHARP = float(np.radians(40.0))
 PLANAR = 0.5
 """A part is of planes if more of its area lies in faces with a neighbour in their plane: all of a box, a prism or a
 cylinder, and of bodies turned from quadrangles; 0.01 to 0.3 of bones."""
+FEWEST = 24
+"""Fewer faces sample no bone, their edges are meant: the coarsest bones that were tried have 60."""
 INCOHERENT = 0.1
 """Bumps of neighbours that are correlated by less are noise: 0.33 to 0.83 on finely meshed bones, 0.15 to 0.45 on those
 of 130 to 900 faces, -0.16 to 0.08 with noise of 0.05 mm or more on edges of 0.5 to 0.8 mm."""
@@ -100,7 +102,7 @@ def coarseness_of(mesh: TriangleMesh) -> Coarseness:
         bumps,
         coherence < INCOHERENT and len(mesh.faces) >= LEAST_FACES and not planar,
         steps,
-        planar and crease > SHARP and not steps,
+        (planar or len(mesh.faces) < FEWEST) and crease > SHARP and not steps,
     )
 
 
