@@ -1,4 +1,5 @@
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -14,6 +15,12 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 ROUNDING = 1e-9
 SIDE = np.array([4.0, 0.0, 0.0])
 """Where the ellipsoid has its pit, mm."""
+RADIUS = 1.0
+SIDES = 24
+MOUTH = 0.4
+TOP = 15.2
+PORE = [(MOUTH, TOP), (0.3, 14.8), (1.0, 14.0), (1.0, 13.0)]
+"""A pore in the upper end: wider inside than at its mouth."""
 
 
 @pytest.fixture(scope="module")
@@ -35,6 +42,11 @@ def pitted(
         return solid(v, fine.faces)
 
     return build
+
+
+@pytest.fixture(scope="module")
+def pored() -> TriangleMesh:
+    return turned([(3, 5), (4, 7), (4, 13), (3, 15), *PORE], SIDES)
 
 
 @pytest.fixture(scope="module")
@@ -161,6 +173,31 @@ def test_an_undercut_groove_all_the_way_round_is_left_open_and_told() -> None:
     assert fill.mesh is mesh
     assert (fill.hollows, fill.open) == (0, 1)
     assert "left 1 hollow that a ball of 1 mm cannot reach open" in str(fill.repairs[0])
+
+
+def test_an_undercut_pore_is_closed_over_at_its_mouth_as_deep_as_the_ball_goes(pored: TriangleMesh) -> None:
+    mesh = pored
+    fill = fill_pits(mesh, RADIUS)
+    assert (fill.hollows, fill.open) == (1, 0)
+    assert not len(self_intersections(fill.mesh))
+    near_axis = np.linalg.norm(probes_of(fill.mesh)[:, :2], axis=1) < 0.1
+    deepest = TOP - (RADIUS - np.sqrt(RADIUS**2 - MOUTH**2))
+    found = probes_of(fill.mesh)[near_axis & (probes_of(fill.mesh)[:, 2] > 10), 2]
+    assert len(found)
+    assert np.abs(found - deepest).max() < SHALLOW + CHORD
+
+
+def test_a_capped_pore_takes_nothing_off_the_part_and_is_told_with_its_depth_and_volume(
+    pored: TriangleMesh,
+) -> None:
+    mesh = pored
+    fill = fill_pits(mesh, RADIUS)
+    assert signed_distances(mesh, probes_of(fill.mesh)).min() > -1e-6
+    rings = [(0.0, 14.0), *reversed(PORE)]
+    area = SIDES / 2 * np.sin(2 * np.pi / SIDES)  # of a ring of radius 1
+    frustums = [(z - y) * area * (q**2 + q * r + r**2) / 3 for (q, y), (r, z) in pairwise(rings)]
+    assert fill.volume == pytest.approx(sum(frustums), abs=0.05)  # but for the lens that the ball reaches
+    assert fill.depth > 2.0
 
 
 def test_a_smaller_ball_goes_in(pitted: Callable[[float, float], TriangleMesh]) -> None:
