@@ -133,7 +133,13 @@ class _Running:
             return found
         died = f"its process died (exit {self.process.exitcode}; out of memory?): try it alone with bonecam convert -v"
         return Outcome(
-            str(self.mesh), "failed", "", 0, 0.0, round(time.perf_counter() - self.began, 2), found or died
+            mesh=str(self.mesh),
+            state="failed",
+            program="",
+            levels=0,
+            time_min=0.0,
+            seconds=round(time.perf_counter() - self.began, 2),
+            message=found or died,
         )
 
 
@@ -199,7 +205,13 @@ def convert_one(mesh: Path, folder: Path, job: Job) -> Outcome:
     write_whole(folder / f"{mesh.stem}.json", json.dumps(report, indent=2) + "\n")
     seconds = round(time.perf_counter() - began, 2)
     return Outcome(
-        str(mesh), "done", program.name, len(report["levels"]) - 1, report["nc"]["time_min"], seconds, ""
+        mesh=str(mesh),
+        state="done",
+        program=program.name,
+        levels=len(report["levels"]) - 1,
+        time_min=report["nc"]["time_min"],
+        seconds=seconds,
+        message="",
     )
 
 
@@ -213,11 +225,11 @@ def _kept(mesh: Path, folder: Path, job: Job) -> Outcome | None:
         return None
     seconds = round(sum(report["seconds"].values()), 2)
     return Outcome(
-        str(mesh),
-        "kept",
-        report["nc"]["file"],
-        len(report["levels"]) - 1,
-        report["nc"]["time_min"],
-        seconds,
-        "",
+        mesh=str(mesh),
+        state="kept",
+        program=report["nc"]["file"],
+        levels=len(report["levels"]) - 1,
+        time_min=report["nc"]["time_min"],
+        seconds=seconds,
+        message="",
     )

@@ -97,7 +97,12 @@ def finish(
     figures = {
         **_figures(workpiece, job, source, len(solids)),
         **report_to_program(
-            Path(program or "").name, proved.paths, proved.program, proved.proof, job.path, followed
+            Path(program or "").name,
+            proved.paths,
+            program=proved.program,
+            proof=proved.proof,
+            job=job.path,
+            part=followed,
         ),
         "seconds": times.seconds,
     }

@@ -110,7 +110,7 @@ def morph_levels(
     outputs.check(source)
     times = StageTimes()
 
-    made = _morph(given, job, None, keep, times, part(progress, 0.0, 0.95))
+    made = _morph(given, job, machine=None, keep=keep, times=times, progress=part(progress, 0.0, 0.95))
     with times.stage("files"):
         outputs.write(made, part(progress, 0.95, 1.0))
     return made
@@ -202,7 +202,7 @@ def _machine(
     )
     paths, program = proved.paths, proved.program
     reported = report_to_program(
-        Path(file or "").name, paths, program, proved.proof, job.path, levels[0].mesh
+        Path(file or "").name, paths, program=program, proof=proved.proof, job=job.path, part=levels[0].mesh
     )
     figures = {**made.report, **reported, "removal": NOT_SIMULATED}
     return Result(made.part, made.surface, made.stock, made.levels, figures, job, paths, program)

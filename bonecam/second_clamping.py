@@ -76,11 +76,11 @@ def second_program(
     planned = second_paths(
         clamping,
         StumpPlaces(material.normal_probes.points[held], material.normal_probes.normals[held]),
-        clamping.top,
-        partial(height_field_of_rays, sets=material.sets, grid=material.grid),
-        job,
-        machine_limits(machine),
-        part(progress, 0.0, 0.7),
+        top=clamping.top,
+        fields=partial(height_field_of_rays, sets=material.sets, grid=material.grid),
+        job=job,
+        limits=machine_limits(machine),
+        progress=part(progress, 0.0, 0.7),
     )
     file = second_file(program) if program else None
     given = given_surface(first.part, first.job, first.report).move(clamping.pose)

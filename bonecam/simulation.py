@@ -167,7 +167,9 @@ def _simulate_second(
     machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)
     kept = keep / f"program{dialect.extension}"
     first = program_text(kept, machine, dialect, job)
-    before, _ = _simulate_first(first, kept, keep, job, None, cell, part(progress, 0.0, 0.8))
+    before, _ = _simulate_first(
+        first, kept, keep=keep, job=job, run=None, cell=cell, progress=part(progress, 0.0, 0.8)
+    )
     turned = run.facts["turned"]
     pose = turn_over(turned["zero_mm"])
     material = before.remaining.above(turned["cut_off_mm"]).move(pose)

@@ -95,7 +95,17 @@ def begin_morph(
     first = next(sequences)
     left = remaining(discretisation, first[-1], around).left
     seconds = time.perf_counter() - started
-    return BegunMorph(schedule, first, sequences, maker, measure, rest.farthest, rest.left, left, seconds)
+    return BegunMorph(
+        schedule=schedule,
+        first=first,
+        others=sequences,
+        maker=maker,
+        measure=measure,
+        distance=rest.farthest,
+        apart=rest.left,
+        rest=left,
+        seconds=seconds,
+    )
 
 
 def _require_parameters(

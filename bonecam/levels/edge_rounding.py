@@ -172,13 +172,13 @@ def _measure(inner: TriangleMesh, outer: TriangleMesh, before: Stock, stock: Sto
     nesting = -np.minimum(MeshDistance(outer).signed(inner_points), stock.signed_distance(inner_points))
     none_left = np.zeros(len(inner_points))
     samples = CutSamples(
-        outer_points,
-        inner_points,
-        depth,
-        stock.signed_distance(outer_points),
-        np.full(len(inner_points), depth.max()),
-        nesting,
-        none_left,
+        outer_points=outer_points,
+        inner_points=inner_points,
+        depth=depth,
+        outside=stock.signed_distance(outer_points),
+        reverse_depth=np.full(len(inner_points), depth.max()),
+        nesting=nesting,
+        remaining=none_left,
     )
     return measures_of(samples, inner, fine, limit, self_intersections(outer))
 

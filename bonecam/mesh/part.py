@@ -161,15 +161,15 @@ def prepare_part(
     done = decimated + repairs + ((smoothing.change,) if smoothing else ()) + (fill.repairs if fill else ())
     posed, transform = upright(filled) if job.upright else (filled, np.eye(4))
     part = Part(
-        posed,
-        name,
-        len(raw.faces),
-        job.units,
-        done,
-        transform,
-        scaled,
-        notes,
-        fill,
+        mesh=posed,
+        file=name,
+        faces=len(raw.faces),
+        units=job.units,
+        repairs=done,
+        transform=transform,
+        given=scaled,
+        notes=notes,
+        fill=fill,
         coarseness=coarseness,
         smoothing=smoothing,
     )

@@ -107,19 +107,19 @@ def _idle_path(path: ContactPath, space: LinkSpace) -> ToolPath:
     centre, axis = space.safe_pose
     nan = np.full((1, 3), np.nan)
     return ToolPath(
-        path.level,
-        path.cutter,
-        np.array([int(MoveKind.RAPID)]),
-        np.array([-1]),
-        nan[:, :2],
-        nan,
-        (centre - path.cutter.radius * axis)[None],
-        axis[None],
-        np.array([space.feeds.rapid]),
-        path.uncut,
-        path.reasons,
-        path.trimmed,
-        path.rest,
+        level=path.level,
+        cutter=path.cutter,
+        kinds=np.array([int(MoveKind.RAPID)]),
+        pass_index=np.array([-1]),
+        parameters=nan[:, :2],
+        contacts=nan,
+        tips=(centre - path.cutter.radius * axis)[None],
+        axes=axis[None],
+        feed_rates=np.array([space.feeds.rapid]),
+        uncut=path.uncut,
+        reasons=path.reasons,
+        trimmed=path.trimmed,
+        rest=path.rest,
     )
 
 
@@ -210,19 +210,19 @@ def _tool_path(
     is_cut = (contact >= 0)[:, None]
     uncut, reasons = _uncut(path, chosen, runs, linked)
     return ToolPath(
-        path.level,
-        path.cutter,
-        joined.kinds,
-        np.concatenate([*passes, away]),
-        np.where(is_cut, path.parameters[contact], np.nan),
-        np.where(is_cut, path.contacts[contact], np.nan),
-        joined.centres - path.cutter.radius * joined.axes,
-        joined.axes,
-        joined.feeds,
-        uncut,
-        reasons,
-        path.trimmed,
-        path.rest,
+        level=path.level,
+        cutter=path.cutter,
+        kinds=joined.kinds,
+        pass_index=np.concatenate([*passes, away]),
+        parameters=np.where(is_cut, path.parameters[contact], np.nan),
+        contacts=np.where(is_cut, path.contacts[contact], np.nan),
+        tips=joined.centres - path.cutter.radius * joined.axes,
+        axes=joined.axes,
+        feed_rates=joined.feeds,
+        uncut=uncut,
+        reasons=reasons,
+        trimmed=path.trimmed,
+        rest=path.rest,
         cones=cones.at(contact) if cones else None,
     )
 

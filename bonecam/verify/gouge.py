@@ -76,13 +76,13 @@ class _Spans:
     def take(self, keep: Bool[ndarray, "k"]) -> "_Spans":
         """The spans to keep."""
         return _Spans(
-            self.move[keep],
-            self.start[keep],
-            self.end[keep],
-            self.first[keep],
-            self.last[keep],
-            self.near[keep],
-            self.far[keep],
+            move=self.move[keep],
+            start=self.start[keep],
+            end=self.end[keep],
+            first=self.first[keep],
+            last=self.last[keep],
+            near=self.near[keep],
+            far=self.far[keep],
         )
 
     @property

@@ -75,14 +75,14 @@ def _rows_of(paths: Sequence[ToolPath]) -> _Rows:
     first = np.zeros(sum(sizes), dtype=bool)
     first[np.cumsum([0, *sizes[:-1]])] = True
     return _Rows(
-        np.vstack([path.tips for path in paths]),
-        np.vstack([path.axes for path in paths]),
-        np.concatenate([path.kinds for path in paths]),
-        np.concatenate([path.feed_rates for path in paths]),
-        np.repeat([SLOW * path.cutter.feed for path in paths], sizes),
-        np.repeat([path.cutter.radius for path in paths], sizes),
-        np.repeat([path.cutter.number for path in paths], sizes),
-        first,
+        tips=np.vstack([path.tips for path in paths]),
+        axes=np.vstack([path.axes for path in paths]),
+        kinds=np.concatenate([path.kinds for path in paths]),
+        feeds=np.concatenate([path.feed_rates for path in paths]),
+        slow=np.repeat([SLOW * path.cutter.feed for path in paths], sizes),
+        radius=np.repeat([path.cutter.radius for path in paths], sizes),
+        tools=np.repeat([path.cutter.number for path in paths], sizes),
+        first=first,
     )
 
 
@@ -116,7 +116,14 @@ def compare_moves(
     begins = rows.first[reached] | (rows.from_anywhere[reached] & ~motions.known_start)
     by_turn = _by_turn(motions, np.minimum(rows.slow, rows.feeds)[reached])
     by_turn &= rows.kinds[reached] != MoveKind.RAPID
-    _check_feeds(motions, posted & ~by_turn, rows.kinds[reached], rows.feeds[reached], begins, dialect)
+    _check_feeds(
+        motions,
+        posted & ~by_turn,
+        kinds=rows.kinds[reached],
+        feeds=rows.feeds[reached],
+        begins=begins,
+        dialect=dialect,
+    )
     return Readback(len(rows.tips), source, tip_error, axis_error)
 
 

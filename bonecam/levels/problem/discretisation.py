@@ -66,5 +66,12 @@ def discretise(surface: TSpline, stock: Stock, attraction: Attraction) -> Discre
     samples, watch = ring_pattern(surface, *ENERGY_PATTERN), ring_pattern(surface, *WATCH_PATTERN)
     none = places_at(surface, np.empty((0, 2)))
     return Discretisation(
-        surface, stock, attraction, samples, watch, none, thin_plate(surface), free_moves(surface)
+        surface=surface,
+        stock=stock,
+        attraction=attraction,
+        samples=samples,
+        watch=watch,
+        broken=none,
+        M=thin_plate(surface),
+        free=free_moves(surface),
     )

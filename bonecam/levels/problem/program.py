@@ -95,7 +95,9 @@ class LevelProgram:
         _, high = heights(limits.cut, limits.gap)
         far = np.where(self.hollow, 0, high + TOO_FAR)
         after = before.with_control_points(before.control_points + self.free @ moves)
-        back = reverse_depths(after, self.x, y, self.s, self.t, limits.s, limits.t, far, 2)
+        back = reverse_depths(
+            after, self.x, y=y, s=self.s, t=self.t, foot_s=limits.s, foot_t=limits.t, far=far, steps=2
+        )
         hollow = self.hollow.copy()
         hollow[back.which] = True
         limits = limits.replace_slabs(

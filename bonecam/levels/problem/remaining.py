@@ -109,6 +109,6 @@ def _nearest(level: TSpline, points: ndarray, start: ndarray, enough: float = 0.
     """Distances of the feet found from these parameters, and their own; of places as near as `enough` where
     those are."""
     s, t, foot, _ = closest_points_near(
-        level, points, start[:, 0], start[:, 1], STEPS, np.full(len(points), enough)
+        level, points, s=start[:, 0], t=start[:, 1], steps=STEPS, near_enough=np.full(len(points), enough)
     )
     return lengths(points - foot), np.column_stack([s, t])

@@ -106,11 +106,11 @@ class SequenceMaker:
         return levels_to_stock(
             made,
             rest,
-            self.schedule,
-            lambda P, k, rest: self._next(P, k, rest, parameters),
-            lambda P, k, before: remaining(self.discretisation, P, before),
-            Stop("give more control points", MAX_STALLED, self.lower_bound + self._most_extra),
-            self.progress,
+            schedule=self.schedule,
+            next_level=lambda P, k, rest: self._next(P, k, rest, parameters),
+            rest_above=lambda P, k, before: remaining(self.discretisation, P, before),
+            stop=Stop("give more control points", MAX_STALLED, self.lower_bound + self._most_extra),
+            progress=self.progress,
             lower_bound=self.lower_bound,
             least=least,
         )

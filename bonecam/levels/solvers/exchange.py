@@ -91,7 +91,9 @@ def _project_onto_limits(discretisation: Discretisation, P: ndarray, D: ndarray,
     set_up, broken, far = y, limits.broken(y), limits.high
     for turn in range(ROUNDS + 1):
         after = before.with_control_points(level)
-        back = reverse_depths(after, x, y, watch.s, watch.t, limits.s, limits.t, far, FOOT_STEPS)
+        back = reverse_depths(
+            after, x, y=y, s=watch.s, t=watch.t, foot_s=limits.s, foot_t=limits.t, far=far, steps=FOOT_STEPS
+        )
         broken_back = back.away - limits.high[back.which]
         if max(broken.max(), broken_back.max(initial=0)) <= ENOUGH or turn == ROUNDS:
             break

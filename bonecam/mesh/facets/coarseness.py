@@ -96,13 +96,13 @@ def coarseness_of(mesh: TriangleMesh) -> Coarseness:
     crease = _kept_by_most(turns, shared)
     planar = bool(areas[(turns < FLAT).any(axis=1)].sum() > PLANAR * areas.sum())
     return Coarseness(
-        float(np.median(edges)),
-        crease,
-        _kept_by_most(sagittas, shared),
-        bumps,
-        coherence < INCOHERENT and len(mesh.faces) >= LEAST_FACES and not planar,
-        steps,
-        (planar or len(mesh.faces) < FEWEST) and crease > SHARP and not steps,
+        edge=float(np.median(edges)),
+        crease=crease,
+        sagitta=_kept_by_most(sagittas, shared),
+        bumps=bumps,
+        noise=coherence < INCOHERENT and len(mesh.faces) >= LEAST_FACES and not planar,
+        steps=steps,
+        true_edges=(planar or len(mesh.faces) < FEWEST) and crease > SHARP and not steps,
     )
 
 

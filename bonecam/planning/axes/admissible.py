@@ -80,7 +80,10 @@ def nearest_free_axes(
     starts = range(0, len(contacts), CHUNK)
     chunks = [slice(start, start + CHUNK) for start in starts]
     chosen = [
-        _nearest_free(contacts[c], preferred[c], normals[c], directions, max_tilt, free) for c in chunks
+        _nearest_free(
+            contacts[c], preferred[c], normals=normals[c], directions=directions, max_tilt=max_tilt, free=free
+        )
+        for c in chunks
     ]
     index = np.concatenate([np.zeros(0, dtype=np.int64), *chosen])
     axes = preferred.copy()

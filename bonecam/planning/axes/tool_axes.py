@@ -120,7 +120,7 @@ def _replace(
         which = np.flatnonzero(reasons == "collision")
         free = _by_contact(proof, centres)
         axes[which], reasons[which] = nearest_free_axes(
-            which, axes[which], path.normals[which], limits, max_tilt, free
+            which, axes[which], normals=path.normals[which], limits=limits, max_tilt=max_tilt, free=free
         )
 
     found = np.flatnonzero(reasons == "")

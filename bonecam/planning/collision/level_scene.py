@@ -26,12 +26,12 @@ def level_scene(levels: Sequence[Level], index: int, stock: Stock, job: Job, bod
     part = MeshDistance(surfaces[0].tessellate(CHORD))
     level = part if not index else MeshDistance(surfaces[index].tessellate(CHORD))
     return Scene(
-        level.mesh,
-        levels[index + 1].mesh,
-        enclosing_capsule(stock),
-        post_below(part.mesh, job.holding),
-        DEVIATION,
-        level,
-        part if index else None,
-        clamping_of(job.holding, bodies.table),
+        level=level.mesh,
+        material=levels[index + 1].mesh,
+        stock=enclosing_capsule(stock),
+        post=post_below(part.mesh, job.holding),
+        material_deviation=DEVIATION,
+        known_level_distance=level,
+        part_distance=part if index else None,
+        clamping=clamping_of(job.holding, bodies.table),
     )

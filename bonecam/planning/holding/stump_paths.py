@@ -101,7 +101,9 @@ def second_paths(
     chart = stump_chart(axis, places.points, roughing.radius)
     heights = _heights(axis, places, top, job.holding.diameter)
     stump = off_part(fields(chart, *heights), around, job.levels.finishing_depth)
-    layers = stump_layers(stump, around, post, places.points, (roughing, finishing), job)
+    layers = stump_layers(
+        stump, around, post=post, places=places.points, cutters=(roughing, finishing), job=job
+    )
     stands = clamping_of(job.holding, limits.bodies.table)
     paths = []
     capsule = smallest_capsule(np.vstack([clamping.solids.vertices, stump.mesh().vertices]), ALLOWANCE)
@@ -114,7 +116,15 @@ def second_paths(
             path = replace(path, uncut=np.vstack([path.uncut, places.points[missed]]), reasons=reasons)
         standing = HeightMesh(layer.material.mesh())
         material = side_by_side([clamping.solids, standing.mesh])
-        scene = Scene(around.mesh, material, capsule, post, DEVIATION, around, clamping=stands)
+        scene = Scene(
+            level=around.mesh,
+            material=material,
+            stock=capsule,
+            post=post,
+            material_deviation=DEVIATION,
+            known_level_distance=around,
+            clamping=stands,
+        )
         paths.append(orient(path, scene, limits, job.path, job.nc, fixed=layer.axes, material=standing))
     return paths
 

@@ -108,7 +108,15 @@ def _lifts(
     """How far balls are lifted along their axes so that the moves between them leave the part alone, mm."""
     tolerance = planned_tolerance(gouge_tolerance)
     tips = centres - ball.radius * axes
-    return gouge_free_lifts(tips, axes, ball.radius, tolerance, [ball.part], joined, ball.radius / 2)
+    return gouge_free_lifts(
+        tips,
+        axes,
+        radius=ball.radius,
+        tolerance=tolerance,
+        obstacles=[ball.part],
+        joined=joined,
+        max_lift=ball.radius / 2,
+    )
 
 
 def _sunk(curves: LayerCurves, radius: float, material: HeightField) -> Float[ndarray, " n"]:

@@ -47,18 +47,18 @@ def layer_of(
     single = np.bincount(passes[kept], minlength=passes.max(initial=0) + 1) < 2
     index = np.flatnonzero(kept & ~single[passes])
     path = ContactPath(
-        0,
-        cutter,
-        passes[index],
-        np.full((len(index), 2), np.nan),
-        (centres - cutter.radius * normals)[index],
-        normals[index],
-        feeds[index],
-        centres[index],
-        np.zeros(len(index)),
-        np.zeros(len(index), dtype=bool),
-        np.zeros((0, 3)),
-        (),
+        level=0,
+        cutter=cutter,
+        pass_index=passes[index],
+        parameters=np.full((len(index), 2), np.nan),
+        contacts=(centres - cutter.radius * normals)[index],
+        normals=normals[index],
+        feeds=feeds[index],
+        centres=centres[index],
+        lifts=np.zeros(len(index)),
+        ramp=np.zeros(len(index), dtype=bool),
+        uncut=np.zeros((0, 3)),
+        reasons=(),
     )
     return Layer(path, axes[index], material)
 

@@ -99,7 +99,16 @@ def stump_layers(
     def wanted(contacts: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
         return np.asarray(tree.query(contacts)[0] <= OVERLAP)
 
-    layer, _ = finish_layer(fine, finishing, material, job.path, heights, _extent(chart), 1.0, wanted)
+    layer, _ = finish_layer(
+        fine,
+        finishing,
+        material=material,
+        job=job.path,
+        heights=heights,
+        extent=_extent(chart),
+        width=1.0,
+        wanted=wanted,
+    )
     return [*layers, *before, layer]
 
 
@@ -120,7 +129,9 @@ def _fine_layers(
         def height_of(a: Float[ndarray, " n"], b: Float[ndarray, " n"], ball: Ball = raised) -> ndarray:
             return drop_balls(chart, a, b, ball, *heights)
 
-        lines = scan_lines(chart, raised, cutter.scallop, height_of, _extent(chart), 1.0)
+        lines = scan_lines(
+            chart, raised, scallop=cutter.scallop, height_of=height_of, extent=_extent(chart), width=1.0
+        )
         layer, material = rough_layer([[line] for line in lines], height_of, material, rough)
         if len(layer.path.contacts):
             layers.append(layer)

@@ -68,7 +68,13 @@ def gouge_free_lifts(
 
     for _ in range(MAX_ROUNDS):
         lifts[changed] = _lift_contacts(
-            contacts[changed], normals[changed], lifts[changed], radius, at_contact, obstacles, max_lift
+            contacts[changed],
+            normals[changed],
+            lifts=lifts[changed],
+            radius=radius,
+            wanted=at_contact,
+            obstacles=obstacles,
+            max_lift=max_lift,
         )
         centres = contacts + (radius + lifts)[:, None] * normals
         moves = moves[np.isfinite(lifts[moves]) & np.isfinite(lifts[moves + 1])]

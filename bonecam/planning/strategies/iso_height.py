@@ -60,7 +60,9 @@ def iso_height_layers(
     left = np.ones(len(points), dtype=bool)
     for side in sides:
         heights = side.top + finishing.radius, side.floor + finishing.radius
-        layer, material = finish_layer(fine, finishing, material, job.path, heights, extent, 1.0)
+        layer, material = finish_layer(
+            fine, finishing, material=material, job=job.path, heights=heights, extent=extent, width=1.0
+        )
         layers.append(layer)
         left &= unreached(points, normals, side.chart, fine, heights, extent)
         material = material.turned_over()

@@ -62,14 +62,14 @@ def plan_layer_paths(
         report(progress, 0.3 + 0.7 * count / len(layers), f"path of layer {len(layers) - 1 - count}")
         standing = HeightMesh(layer.material.mesh())
         scene = Scene(
-            distance.mesh,
-            standing.mesh,
-            enclosing_capsule(stock),
-            post,
-            DEVIATION,
-            distance,
-            None,
-            clamping_of(job.holding, limits.bodies.table),
+            level=distance.mesh,
+            material=standing.mesh,
+            stock=enclosing_capsule(stock),
+            post=post,
+            material_deviation=DEVIATION,
+            known_level_distance=distance,
+            part_distance=None,
+            clamping=clamping_of(job.holding, limits.bodies.table),
         )
         path = replace(layer.path, level=len(layers) - 1 - count)
         if not path.level:

@@ -44,7 +44,9 @@ def rotary_layers(
 
     fine = Ball(finishing.radius, 0.0, part, post)
     heights = largest + finishing.radius, CORE + finishing.radius
-    layer, _ = finish_layer(fine, finishing, material, job.path, heights, extent, largest)
+    layer, _ = finish_layer(
+        fine, finishing, material=material, job=job.path, heights=heights, extent=extent, width=largest
+    )
     points, normals = places_of(part.mesh)
     left = unreached(points, normals, chart, fine, heights, extent)
     return [*layers, layer], points[left]

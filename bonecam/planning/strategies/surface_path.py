@@ -59,7 +59,13 @@ class Workpiece:
         post = Post(job.holding.diameter / 2, self.length)
         depth = job.levels.finishing_depth
         return Scene(
-            self.solid, self.solid, capsule, post, depth, MeshDistance(self.solid), clamping=clamping
+            level=self.solid,
+            material=self.solid,
+            stock=capsule,
+            post=post,
+            material_deviation=depth,
+            known_level_distance=MeshDistance(self.solid),
+            clamping=clamping,
         )
 
 
@@ -113,7 +119,12 @@ def plan_surface(workpiece: Workpiece, job: Job, limits: MachineLimits) -> ToolP
     scene = workpiece.scene(job, clamping_of(job.holding, limits.bodies.table))
     contacts = surface_contacts(workpiece, scene, job, cutter)
     return orient(
-        contacts, scene, limits, job.path, job.nc, wanted_axes(workpiece, contacts, scene, limits, job.path)
+        contacts,
+        scene,
+        limits=limits,
+        job=job.path,
+        nc=job.nc,
+        wanted=wanted_axes(workpiece, contacts, scene, limits, job.path),
     )
 
 

@@ -96,11 +96,11 @@ def _draw_engagement(made: Result, file: Path) -> None:
     draw_engagement(
         made.levels.levels,
         moves["move_level"],
-        moves["move_contact"],
-        moves["move_tip"] + radii[:, None] * moves["move_axis"] - moves["move_contact"],
-        moves["move_section"],
-        (moves["move_kind"] == MoveKind.CUT) & (moves["move_level"] < NO_LEVEL),
-        file,
+        contacts=moves["move_contact"],
+        outward=moves["move_tip"] + radii[:, None] * moves["move_axis"] - moves["move_contact"],
+        sections=moves["move_section"],
+        cuts=(moves["move_kind"] == MoveKind.CUT) & (moves["move_level"] < NO_LEVEL),
+        path=file,
     )
 
 

@@ -56,7 +56,15 @@ def read_surface_part(file: str | Path, job: MeshJob, surface: SurfaceJob) -> tu
     found = read_surface(file, MM_OF[job.units], surface.tolerance, surface.max_control_points)
     mesh = closed_mesh(found.surface, str(file))
     posed, transform = upright(mesh) if job.upright else (mesh, np.eye(4))
-    return Part(posed, str(file), len(mesh.faces), job.units, (), transform, mesh), found
+    return Part(
+        mesh=posed,
+        file=str(file),
+        faces=len(mesh.faces),
+        units=job.units,
+        repairs=(),
+        transform=transform,
+        given=mesh,
+    ), found
 
 
 def refuse_changes(job: MeshJob, name: str) -> None:

@@ -78,7 +78,15 @@ def miss_votes(
     _, Ss, St = surface.evaluate(s[missed], t[missed], 1)
     around, along = np.linalg.norm(Ss, axis=1), np.linalg.norm(St, axis=1)
     weight = areas[missed] * (distances[missed] / goal) ** POWER
-    return Votes(s[missed], t[missed], weight, around, along, float(areas[missed].sum() / areas.sum()), goal)
+    return Votes(
+        s=s[missed],
+        t=t[missed],
+        weight=weight,
+        around=around,
+        along=along,
+        missed=float(areas[missed].sum() / areas.sum()),
+        goal=goal,
+    )
 
 
 def refine(tmesh: RowTMesh, votes: Votes, room: int) -> RowTMesh:

@@ -98,5 +98,12 @@ def measure(surface: TSpline, mesh: TriangleMesh, distance: MeshDistance, sample
     nearest = distance.closest(S)[0]
     cells = np.linalg.norm(np.cross(Ss, St), axis=1)
     return Measured(
-        points, inward, areas, S, np.column_stack([s, t]), nearest, np.linalg.norm(S - nearest, axis=1), cells
+        mesh_points=points,
+        inward=inward,
+        mesh_areas=areas,
+        surface_points=S,
+        surface_places=np.column_stack([s, t]),
+        nearest=nearest,
+        outward=np.linalg.norm(S - nearest, axis=1),
+        surface_areas=cells,
     )

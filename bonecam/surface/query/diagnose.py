@@ -93,7 +93,17 @@ def diagnose(surface: Surface) -> Diagnosis:
     crossing, touching = meetings(tmesh) if general else (none, none)
     count = len(junctions(tmesh).vertices) if general else 0
     sums = int((worst <= ONE).sum())
-    return Diagnosis(kind, float(errors.max()), sums, len(worst), weights, nullity, count, crossing, touching)
+    return Diagnosis(
+        kind=kind,
+        sum_error=float(errors.max()),
+        sums_to_one=sums,
+        faces=len(worst),
+        unit_weights=weights,
+        nullity=nullity,
+        junctions=count,
+        crossing=crossing,
+        touching=touching,
+    )
 
 
 def _coefficients(elements: Elements, size: int) -> sp.csr_array:

@@ -31,12 +31,12 @@ def shared_parameters(
     be reached."""
     parameters, poles, faces = ring_mesh(surfaces[0], chord_tolerance)
     draft = _Draft(
-        surfaces[0],
-        parameters,
-        poles,
-        surfaces[0].positions(*parameters.T),
-        faces,
-        np.ones(len(faces), dtype=bool),
+        surface=surfaces[0],
+        parameters=parameters,
+        poles=poles,
+        points=surfaces[0].positions(*parameters.T),
+        faces=faces,
+        fresh=np.ones(len(faces), dtype=bool),
     )
     for surface in surfaces:
         draft.surface = surface

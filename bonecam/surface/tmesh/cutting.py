@@ -43,7 +43,15 @@ class Draft:
         i, j = np.nonzero(self.crossings >= 0)
         order = np.argsort(self.crossings[i, j])
         (s, t), (along_s, along_t) = self.knots, self.edges
-        return TMesh(s, t, np.column_stack([i, j])[order], along_s, along_t, self.inside, self.period)
+        return TMesh(
+            s_lines=s,
+            t_lines=t,
+            vertices=np.column_stack([i, j])[order],
+            along_s=along_s,
+            along_t=along_t,
+            inside=self.inside,
+            period=self.period,
+        )
 
     def insert_lines(self, axis: int, knots: Float[ndarray, " k"]) -> Int64[ndarray, " _"]:
         """Add lines without edges at knots that no line has; the new number of every old line."""

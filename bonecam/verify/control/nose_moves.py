@@ -103,7 +103,12 @@ def _bows(motions: Motions, machine: Machine) -> Float[ndarray, "n"]:
         )
         tip = np.tile(-control.tool_length * UP, (len(turns), 1))
         still = np.zeros(len(turns))
-        bows[rows] = (part + _accelerations(machine, machine.tool_axes[::-1], turns, tip, still, still)) / 8
+        bows[rows] = (
+            part
+            + _accelerations(
+                machine, machine.tool_axes[::-1], turns=turns, points=tip, speed=still, acceleration=still
+            )
+        ) / 8
     return bows
 
 

@@ -51,9 +51,11 @@ def reverse_depths(
     which = np.flatnonzero(lengths(y - x) > far)
     _, _, foot, _ = closest_points_near(after, x[which], (2 * s - foot_s)[which], (2 * t - foot_t)[which], 0)
     which = which[lengths(foot - x[which]) > far[which]]
-    s, t, foot, _ = closest_points_near(after, x[which], s[which], t[which], steps, far[which])
+    s, t, foot, _ = closest_points_near(
+        after, x[which], s=s[which], t=t[which], steps=steps, near_enough=far[which]
+    )
     across = foot - x[which]
     away = lengths(across)
     kept = away > far[which]
     n = across[kept] / away[kept, None]
-    return ReverseDepths(which[kept], s[kept], t[kept], foot[kept], away[kept], n)
+    return ReverseDepths(which=which[kept], s=s[kept], t=t[kept], foot=foot[kept], away=away[kept], n=n)

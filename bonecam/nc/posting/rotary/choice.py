@@ -71,7 +71,9 @@ def choose_angles(
         angles[fixed], rewinds[fixed] = _least_travel(machine, found[fixed], axes, costs, fixed, before)
     held = np.flatnonzero(free.any(1))
     if len(held):
-        angles[held] = _held_angles(machine, found[held], free[held], held, fixed, angles[fixed])
+        angles[held] = _held_angles(
+            machine, found[held], free=free[held], held=held, fixed=fixed, angles=angles[fixed]
+        )
     for column, axis in enumerate(machine.rotary):
         if not axis.bounded:
             start = before[column] if before is not None else 0.0

@@ -134,7 +134,13 @@ def admissible_cones(path: ContactPath, scene: Scene, limits: MachineLimits, job
     if clamping.closed:
         largest = np.minimum(largest, table_limits(path.centres, path.cutter, clamping.clearance))
     none = AxisCones(
-        path, free, free.net.normals, np.full(len(free.net.places), NO_CONE), limits.smallest, largest, tilt
+        path=path,
+        free=free,
+        axes=free.net.normals,
+        angles=np.full(len(free.net.places), NO_CONE),
+        least_polar=limits.smallest,
+        largest_polar=largest,
+        max_tilt=tilt,
     )
     widest = free.directions[np.where(free.free, free.room, -1.0).argmax(axis=1)]
     return none.about(widest[free.net.node_of])

@@ -62,15 +62,15 @@ def axis_energy(
     moves = np.flatnonzero(passes[1:] == passes[:-1])
     lengths = np.linalg.norm(centres[moves + 1] - centres[moves], axis=1)
     return AxisEnergy(
-        path.parameters[rows],
-        normals,
-        domain,
-        _winding(domain.round(path.parameters[rows, 0]), normals) if domain.closed else 0,
-        moves,
-        np.maximum(lengths, SPACING / 100) / path.cutter.feed,
-        (limits.turn_speed, limits.tilt_speed),
-        _bounds(normals, cones.largest_polar[rows], limits, job),
-        weights,
+        parameters=path.parameters[rows],
+        normals=normals,
+        domain=domain,
+        winding=_winding(domain.round(path.parameters[rows, 0]), normals) if domain.closed else 0,
+        moves=moves,
+        times=np.maximum(lengths, SPACING / 100) / path.cutter.feed,
+        speeds=(limits.turn_speed, limits.tilt_speed),
+        bounds=_bounds(normals, cones.largest_polar[rows], limits, job),
+        weights=weights,
     )
 
 
@@ -85,7 +85,14 @@ def _bounds(
     needed = np.maximum(angle - largest, least - angle)
     tilt = np.maximum(TILT_SHARE * np.radians(job.max_tilt_deg), needed + REACH)
     lead = min(np.radians(job.least_lead_deg), float(tilt.min()) / 2)
-    return AxisBounds(least, largest, lead, tilt, normals, np.full(len(normals), np.pi))
+    return AxisBounds(
+        least_polar=least,
+        largest_polar=largest,
+        least_lead=lead,
+        largest_tilt=tilt,
+        cone_axes=normals,
+        cone_angles=np.full(len(normals), np.pi),
+    )
 
 
 def _winding(share: Float[ndarray, " n"], normals: Float[ndarray, "n 3"]) -> int:

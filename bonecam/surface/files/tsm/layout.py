@@ -106,7 +106,15 @@ def _index_grid(records: Records, chart: TMeshChart, nodes: ndarray) -> TMesh:
     for k, face in enumerate(records.faces):
         if face is not None:
             _mark_face(inside, records, chart, own, k, face[0])
-    return TMesh(knots[0], knots[1], index, edges[0], edges[1].T.copy(), inside, chart.period)
+    return TMesh(
+        s_lines=knots[0],
+        t_lines=knots[1],
+        vertices=index,
+        along_s=edges[0],
+        along_t=edges[1].T.copy(),
+        inside=inside,
+        period=chart.period,
+    )
 
 
 def _edges(
