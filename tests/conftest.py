@@ -11,7 +11,10 @@ import pytest
 from jaxtyping import install_import_hook
 from numpy import ndarray
 
-STAGES = "machine tool mesh workholding setup surface levels material planning nc verify report".split()
+STAGES = [
+    *"machine tool mesh workholding setup surface levels material planning nc verify".split(),
+    *"report.page report.sheet report.pictures report.summary report.axis_comparison".split(),
+]
 hypothesis.settings.register_profile("bonecam", deadline=None)  # other work on the machine takes time too
 hypothesis.settings.load_profile("bonecam")
 install_import_hook([f"bonecam.{stage}" for stage in STAGES], "run_time_types.checked")

@@ -19,7 +19,7 @@ class Frustum:
     top_diameter: float
 
 
-def stack_of(rows: Iterable[Sequence[float]]) -> tuple[Frustum, ...]:
+def stack_of(rows: Iterable[Sequence[float | int]]) -> tuple[Frustum, ...]:
     """The stack of rows [length, diameter] (a cylinder) or [length, diameter, upper diameter] (a cone), from its
     lower end up; mm.
 
@@ -48,7 +48,7 @@ def stack_from_text(text: str) -> tuple[Frustum, ...]:
     return stack_of([[number(word) for word in row] for row in rows])
 
 
-def stack_as_text(rows: Iterable[Iterable[float]]) -> str:
+def stack_as_text(rows: Iterable[Iterable[float | int]]) -> str:
     """The text of rows of numbers, for `stack_from_text`."""
     return ", ".join(" ".join(str(value) for value in row) for row in rows)
 

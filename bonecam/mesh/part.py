@@ -21,7 +21,7 @@ from bonecam.mesh.healing.hollows.pits import Fill, fill_pits
 from bonecam.mesh.healing.repair import repair
 from bonecam.mesh.healing.repair_state import Repair
 from bonecam.mesh.healing.surface_moves import without
-from bonecam.mesh.pose import upright
+from bonecam.mesh.pose import settled_pose, upright
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from, probes
 from bonecam.mesh.units import mirror_and_scale, to_mm
 from bonecam.progress import Progress, report, silent
@@ -159,7 +159,8 @@ def prepare_part(
     fill = fill_pits(smooth, min(job.pit_radius or ball, ball)) if job.pits == "fill" else None
     filled = fill.mesh if fill else smooth
     done = decimated + repairs + ((smoothing.change,) if smoothing else ()) + (fill.repairs if fill else ())
-    posed, transform = upright(filled) if job.upright else (filled, np.eye(4))
+    transform = settled_pose(upright(filled)[1]) if job.upright else np.eye(4)
+    posed = filled.move(transform)
     part = Part(
         mesh=posed,
         file=name,

@@ -34,13 +34,13 @@ def upright(mesh: TriangleMesh) -> tuple[TriangleMesh, Float[ndarray, "4 4"]]:
     if heights.max() < -heights.min():  # the centroid is nearer to the thicker end
         long = -long
     middle = middle * np.sign(middle[np.argmax(np.abs(middle))])
+    rotation = np.stack([middle, np.cross(long, middle), long])
+    turned = mesh.vertices @ rotation.T
+    shift = -np.append(enclosing_circle(turned[:, :2])[0], turned[:, 2].min())
     transform = np.eye(4)
-    transform[:3, :3] = np.stack([middle, np.cross(long, middle), long])
-    transform = settled_pose(transform)
-    turned = mesh.move(transform).vertices
-    centre, _ = enclosing_circle(turned[:, :2])
-    transform[:3, 3] = -np.append(settled(centre, FINE_QUANTUM), turned[:, 2].min())
-    return TriangleMesh(turned + transform[:3, 3], mesh.faces), transform
+    transform[:3, :3] = rotation
+    transform[:3, 3] = shift
+    return TriangleMesh(turned + shift, mesh.faces), transform
 
 
 def settled_pose(pose: Float[ndarray, "4 4"]) -> Float[ndarray, "4 4"]:

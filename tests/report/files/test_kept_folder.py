@@ -214,6 +214,8 @@ def test_the_picture_of_engagement_shows_levels_and_no_parting(monkeypatch, tmp_
     view = pack(Contents({"tools": [{"number": 1, "radius": 2.0}]}, moves))
     made = SimpleNamespace(packed_view=view, levels=SimpleNamespace(levels=[]))
     drawn = []
-    monkeypatch.setattr(kept_folder, "draw_engagement", lambda *given: drawn.extend(given[1][given[5]]))
+    monkeypatch.setattr(
+        kept_folder, "draw_engagement", lambda *given, **named: drawn.extend(given[1][named["cuts"]])
+    )
     kept_folder._draw_engagement(made, tmp_path / "engagement.png")
     assert drawn == [1, 0]
