@@ -287,7 +287,7 @@ def test_keep_writes_levels_path_surface_and_pictures(chain: tuple[bonecam.Resul
     assert (
         names
         == {f"level_{k:02d}.ply" for k in range(count)}
-        | {"surface.tspline", "toolpath.csv", "toolpath.apt", "cones.csv", "left.ply"}
+        | {"surface.tspline", "toolpath.csv", "toolpath.apt", "cones.csv", "left.ply", "given.ply"}
         | {"program.h", "view.gz", "job.toml", "report.json"}
         | pictures
     )
