@@ -22,7 +22,7 @@ test: $(VENV)/developing cnc browser
 
 # Whole runs again with the kernels of another processor, whose last bits differ.
 processor: $(VENV)/developing browser
-	OPENBLAS_CORETYPE=Prescott OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile tests/report/files tests/report/page tests/report/sheet
+	OPENBLAS_CORETYPE=Prescott OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile tests/report/page tests/report/files/test_second_outputs.py
 
 docs: $(VENV)/documenting
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict -q -f docs/mkdocs.yml
