@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from bonecam.arrays import settled
+from bonecam.arrays import SURFACE_QUANTUM, settled
 from bonecam.errors import SurfaceError, place_name
 from bonecam.job import Job
 from bonecam.mesh.part import Part
@@ -31,7 +31,7 @@ def fit_surface(placed: Part, job: Job, progress: Progress = silent, given: Fit 
         progress=part(progress, 0.2, 1.0),
         round_poles=True,
     )
-    surface = found.surface.with_control_points(settled(found.surface.control_points))
+    surface = found.surface.with_control_points(settled(found.surface.control_points, SURFACE_QUANTUM))
     found = replace(found, surface=surface)
     _check_deviation(found, max(job.surface.tolerance, job.surface.largest_deviation), placed.file)
     require_valid(found.surface, job.levels.chord_tolerance, placed.file)

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from bonecam.arrays import FINE_QUANTUM, lengths, settled, unit
+from bonecam.arrays import AXIS_QUANTUM, lengths, settled, unit
 from bonecam.job import PathJob
 from bonecam.machine.limits import MachineLimits, polar_angles
 from bonecam.planning.axes.cones.admissible_cones import AxisCones
@@ -109,7 +109,7 @@ def smooth_axes(
         outside = cones.depths(axes)[cones.found] < 0
         if outside.sum() <= (1 - INSIDE) * len(outside) and abs(before - least) < SETTLED * least:
             break
-    field = AxisField(domain, energy.winding, *settled(values, FINE_QUANTUM))
+    field = AxisField(domain, energy.winding, *settled(values, AXIS_QUANTUM))
     axes = field.axes(cones.path.parameters)
     return SmoothAxes(field, axes, cones.about(axes))
 
