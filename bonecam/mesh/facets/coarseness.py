@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import connected_components
 
 from bonecam.arrays import angles_between, dots, lengths, unit
 from bonecam.mesh.facets.vertex_normals import vertex_normals
-from bonecam.mesh.healing.topology import half_edges, neighbours_of
+from bonecam.mesh.healing.topology import half_edges, neighbour_middles, neighbours_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 MOST = 0.9
@@ -117,10 +117,7 @@ def _bumps(mesh: TriangleMesh) -> tuple[float, float]:
     """The RMS height (mm) of vertices over the middle of their neighbours, less its mean, and the correlation of the
     heights of neighbours; 1 where all heights are equal."""
     start, end = half_edges(mesh).reshape(-1, 2).T
-    total = np.zeros_like(mesh.vertices)
-    np.add.at(total, start, mesh.vertices[end])
-    middles = total / np.bincount(start)[:, None]
-    heights = dots(vertex_normals(mesh), mesh.vertices - middles)
+    heights = dots(vertex_normals(mesh), mesh.vertices - neighbour_middles(mesh))
     heights = heights - heights.mean()
     square = float((heights**2).mean())
     together = float((heights[start] * heights[end]).mean())

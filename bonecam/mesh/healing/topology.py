@@ -2,7 +2,7 @@
 
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Bool, Int, Int64
+from jaxtyping import Bool, Float, Int, Int64
 from numpy import ndarray
 
 from bonecam.errors import MeshError
@@ -37,6 +37,14 @@ def neighbours_of(mesh: TriangleMesh) -> Int[ndarray, "m 3"]:
     if len(np.unique(forward)) != len(forward) or (forward[order][place] != backward).any():
         raise MeshError("the mesh is not closed and consistently oriented: repair it first")
     return (order[place] // 3).reshape(-1, 3)
+
+
+def neighbour_middles(mesh: TriangleMesh) -> Float[ndarray, "v 3"]:
+    """The mean of the neighbours of each vertex of a closed mesh, whose faces run along each edge once each way; mm."""
+    start, end = half_edges(mesh).reshape(-1, 2).T
+    total = np.zeros_like(mesh.vertices)
+    np.add.at(total, start, mesh.vertices[end])
+    return np.asarray(total / np.maximum(np.bincount(start, minlength=len(total)), 1)[:, None])
 
 
 def pieces_of(mesh: TriangleMesh) -> Int[ndarray, " m"]:

@@ -13,7 +13,7 @@ from numpy import ndarray
 
 from bonecam.arrays import lengths
 from bonecam.mesh.distance import exact_closest
-from bonecam.mesh.healing.topology import edges_of, genus, pieces_of
+from bonecam.mesh.healing.topology import edges_of, genus, neighbour_middles, pieces_of
 from bonecam.mesh.meshlab import from_meshset, to_meshset
 from bonecam.mesh.remeshing import bisect_faces
 from bonecam.mesh.solids.intersections import self_intersections
@@ -93,22 +93,13 @@ def cap(
     inside = np.ones(len(closed.vertices), dtype=bool)
     inside[closed.faces[~in_caps]] = False
     vertices = np.array(closed.vertices)
-    edges = edges_of(closed)[0]
     for _ in range(SMOOTHINGS if inside.any() else 1):
         vertices[inside] = onto(vertices[inside])
         found = TriangleMesh(vertices.copy(), closed.faces)
         if not len(self_intersections(found)):
             return Capped(found, old)
-        vertices[inside] = _averages(vertices, edges)[inside]
+        vertices[inside] = neighbour_middles(found)[inside]
     return None
-
-
-def _averages(vertices: Float[ndarray, "n 3"], edges: Int[ndarray, "e 2"]) -> Float[ndarray, "n 3"]:
-    """The middle of the neighbours of each vertex."""
-    start, end = np.vstack([edges, edges[:, ::-1]]).T
-    total = np.zeros_like(vertices)
-    np.add.at(total, start, vertices[end])
-    return total / np.bincount(start, minlength=len(vertices))[:, None]
 
 
 def _is_ball(mesh: TriangleMesh) -> bool:

@@ -26,6 +26,7 @@ from bonecam.mesh.healing.hollows.ball import PROBED, Ball
 from bonecam.mesh.healing.hollows.capping import cap_folds
 from bonecam.mesh.healing.hollows.closing import ACCURACY
 from bonecam.mesh.healing.repair_state import Repair
+from bonecam.mesh.healing.topology import neighbour_middles
 from bonecam.mesh.remeshing import bisect_faces
 from bonecam.mesh.solids.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -173,14 +174,8 @@ def _unfold(
             return
         folded = np.unique(faces[np.isin(faces, folded).any(axis=1)])
         folded = folded[moved[folded]]
-        round_them = faces[np.isin(faces, folded).any(axis=1)]
-        total, count = np.zeros_like(vertices), np.zeros(len(vertices))
-        for k in range(3):
-            np.add.at(
-                total, round_them[:, k], vertices[round_them[:, k - 1]] + vertices[round_them[:, k - 2]]
-            )
-            np.add.at(count, round_them[:, k], 2.0)
-        vertices[folded] = ball.onto(total[folded] / count[folded][:, None], both_ways=True)
+        middles = neighbour_middles(TriangleMesh(vertices, faces))
+        vertices[folded] = ball.onto(middles[folded], both_ways=True)
 
 
 def _joined(faces: Int[ndarray, "m 3"], vertices: int) -> Int[ndarray, " v"]:
