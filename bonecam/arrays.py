@@ -11,14 +11,14 @@ ROUNDING = 1e-6
 """Sums of lengths are this exact, mm: 2 mm are 4 cuts of 0.5 mm."""
 
 QUANTUM = 2.0**-20
-"""What stages hand on is a multiple of this (a nanometre): linear algebra whose last digits depend on the processor
-differs by 1e-11 mm at most, and what follows from it would differ by tenths of a mm after a few levels."""
+"""Control points of levels, and shifts, are multiples of this, mm (a nanometre). Linear algebra differs by 1e-11 mm
+from processor to processor, and what follows from that by tenths of a mm after a few levels."""
 SURFACE_QUANTUM = 2.0**-14
-"""The same of a fitted surface, mm (61 nm): a fit differs by up to 3e-9 mm from processor to processor."""
+"""Control points of a fitted surface are multiples of this, mm (61 nm): a fit differs by up to 3e-9 mm."""
 AXIS_QUANTUM = 2.0**-16
-"""The same of the control angles of an axis field, radians (0.0009 degrees): its minimum is flat."""
+"""Control angles of an axis field are multiples of this, radians (0.0009 degrees): they differ by up to 1e-7."""
 FINE_QUANTUM = 2.0**-30
-"""The same of components of unit vectors."""
+"""Components of the unit vectors of a pose are multiples of this."""
 
 
 def settled(values: Float[ndarray, "*n"], quantum: float = QUANTUM) -> Float[ndarray, "*n"]:

@@ -1,4 +1,4 @@
-"""The flow: mesh -> setup -> surface -> levels -> toolpath -> orientation -> nc -> verify.
+"""The flow: mesh -> setup -> surface -> levels -> planning -> nc -> verify -> report.
 
 All stages work in one frame, mm: the part's long axis is +Z, the table is z = 0 and is the program's zero,
 the post stands on it.

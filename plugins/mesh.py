@@ -39,14 +39,14 @@ def repair_bone(layers: Layers, values: Mapping[str, Any], progress: Progress) -
 def smooth_facets_layer(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """Filter `meshing_smooth_facets`: a layer of the mesh with a smooth surface in place of coarse facets."""
     from bonecam.mesh.facets.coarseness import coarseness_of
-    from bonecam.mesh.facets.smooth_surface import smooth_facets, told_of_kept
+    from bonecam.mesh.facets.smooth_surface import note_on_kept_facets, smooth_facets
 
     mesh = layers.bone()
     job, tolerance = section_of(MeshJob(), values), values["tolerance"]
     coarseness = coarseness_of(mesh)
     found = smooth_facets(mesh, coarseness, job, tolerance)
     layers.add(found.mesh if found else mesh, "smoothed")
-    reported = [str(found.change)] if found else [told_of_kept(mesh, coarseness, job, tolerance)]
+    reported = [str(found.change)] if found else [note_on_kept_facets(mesh, coarseness, job, tolerance)]
     return {"told": [*filter(None, reported)], **coarseness.report, **(found.report if found else {})}
 
 

@@ -1,9 +1,9 @@
 """What stands while the levels are machined, on three sets of rays (tri-dexels): what balls and the flutes above them
 have left of the stock, and what they would remove on other ways.
 
-The height field of `material.py` knows the material along its own lines only: where the wall that a level leaves meets
-a face of the stock that is not cut, a rib between two of them may be wider than a link may cut. Rays that cross one
-another miss nothing that is wider than their distance.
+The height field of `in_process_stock.py` knows the material along its own lines only: where the wall that a level
+leaves meets a face of the stock that is not cut, a rib between two of them may be wider than a link may cut. Rays that
+cross one another miss nothing that is wider than their distance.
 """
 
 from collections.abc import Sequence

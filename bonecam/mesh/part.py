@@ -13,7 +13,7 @@ from bonecam.job import MeshJob, SurfaceJob
 from bonecam.job.tool_section import FINISHING
 from bonecam.mesh.distance import MeshDistance, hausdorff
 from bonecam.mesh.facets.coarseness import Coarseness, coarseness_of
-from bonecam.mesh.facets.smooth_surface import Smoothing, smooth_facets, told_of_kept
+from bonecam.mesh.facets.smooth_surface import Smoothing, note_on_kept_facets, smooth_facets
 from bonecam.mesh.files.mesh_files import bytes_of, read_mesh
 from bonecam.mesh.files.stated_axes import axes_text, stated_axes
 from bonecam.mesh.healing.decimation import decimate
@@ -154,7 +154,7 @@ def prepare_part(
         raise MeshError(f"{name}: {error}", file=name, **error.evidence) from error
 
     smooth = smoothing.mesh if smoothing else repaired
-    kept = "" if smoothing else told_of_kept(repaired, coarseness, job, tolerance)
+    kept = "" if smoothing else note_on_kept_facets(repaired, coarseness, job, tolerance)
     notes = tuple(filter(None, (*job.changes, axes_text(axes) if axes else "", kept)))
     fill = fill_pits(smooth, min(job.pit_radius or ball, ball)) if job.pits == "fill" else None
     filled = fill.mesh if fill else smooth

@@ -121,7 +121,7 @@ def smooth_facets(
     return found
 
 
-def told_of_kept(mesh: TriangleMesh, coarseness: Coarseness, job: MeshJob, tolerance: float) -> str:
+def note_on_kept_facets(mesh: TriangleMesh, coarseness: Coarseness, job: MeshJob, tolerance: float) -> str:
     """What is to be known of facets that are kept though they are coarse or rough, or have true edges and would be;
     nothing of others."""
     if coarseness.true_edges and job.facets == "found" and coarseness.sagitta > COARSE * tolerance:
@@ -173,7 +173,7 @@ def _loop(mesh: TriangleMesh, halvings: int) -> TriangleMesh:
 
 
 def _halved(mesh: TriangleMesh, halvings: int) -> TriangleMesh:
-    """The same facets with their edges `halvings` times halved."""
+    """The facets of a mesh with their edges `halvings` times halved: its shape stays."""
     import igl
 
     points, faces = igl.upsample(np.array(mesh.vertices), mesh.faces.astype(np.int64), halvings)

@@ -106,8 +106,3 @@ def _unpacked(entry: Mapping[str, Any], data: bytes, start: int) -> ndarray:
         return np.asarray(whole)
     low = np.array(entry["low"])
     return np.asarray(whole * entry["step"] + (low if len(shape) > 1 else low[0]))
-
-
-def inline_safe(packed: Mapping[str, Any]) -> str:
-    """Values as JSON that may stand in a script of a page."""
-    return json.dumps(packed).replace("<", "\\u003c")

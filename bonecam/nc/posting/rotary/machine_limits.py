@@ -1,7 +1,7 @@
 """What the planning of paths must know of a machine's rotary axes: how far the tool axis tilts, how fast the axes are,
 and where they come to their limits within a path."""
 
-from functools import partial
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -27,6 +27,7 @@ def tilt_limit(machine: Machine) -> float:
     return float(tilts[-1] if reached.all() else tilts[max(int(np.argmin(reached)) - 1, 0)])
 
 
+@lru_cache(maxsize=8)
 def machine_limits(machine: Machine) -> MachineLimits:
     """The polar angles that tool paths for the machine may use: up to AXIS_MARGIN below its tilt limit. The rotary
     axis nearer to Z changes the azimuth, the other one the polar angle."""
