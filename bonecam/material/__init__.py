@@ -1,10 +1,10 @@
 """Material: what stands while the program runs, for the planner and for the proof alike.
 
-level set of rays (tri-dexels)   parallel lines along X, Y and Z, each with the intervals that lie in material
-dexel              one such interval, mm
+ray, tri-dexel     a line with its intervals in material; three sets of parallel ones, equally inclined to Z
+height field       how high, mm, material stands on the vertices of a level's mesh, along the lines from level to level
 in-process stock   the material that stands before a path
-depth of cut       distance from the in-process stock's surface to the finished one along the surface's normal, mm
-footprint, hull    vertices of a level's mesh moved out to the surface of what stands there
+depth of cut       how far below the surface that stood before it a move removes material, mm
+in-process mesh    a closed mesh that holds what stands, for the clearance of shank, holder and spindle
 """
 
 import lazy_loader

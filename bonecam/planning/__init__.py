@@ -11,7 +11,7 @@ the material that stands afterwards (`bonecam.material`). `layers` and `strategi
     admissible cone   tool axes at a contact for which the tool is proven free (Xu et al. 2013, section 3)
     axis field        T-spline of two angles over the level's parameters; its energy is Eq. 22 of Xu et al. 2013
     link          move between passes: over the surface, or by retract, traverse and approach
-    clearance surface   offset of stock and post on which the tool traverses
+    clearance surface   capsule at a fixed distance round the stock, on which the ball centre traverses
 """
 
 import lazy_loader
