@@ -38,8 +38,10 @@ def rough_layer(
     chart, radius = material.chart, rough.cutter.radius
     before, pieces = material, list[LayerCurves]()
     here = None
-    for lines in sets:
-        curves = sample(lines, chart, height_of, rough.width, rough.chord)
+    every = sample([line for lines in sets for line in lines], chart, height_of, rough.width, rough.chord)
+    ends = np.searchsorted(every.line, np.cumsum([len(lines) for lines in sets]))
+    for points in np.split(np.arange(len(every.line)), ends[:-1]):
+        curves = every.take(points)
         cut = material.cut(curves.a, curves.b, curves.heights, radius)
         centres = chart.bases(curves.a, curves.b) + curves.heights[:, None] * chart.axes(curves.a)
         runs = split(curves, _with_leads(curves, centres, cut > rough.least))

@@ -44,17 +44,21 @@ def scan_lines(
     a = np.linspace(low, high, max(int(np.ceil((high - low) * width / SPACING)), 2) + 1)
     count = max(int(np.ceil((extent[1] - extent[0]) / flat_step(ball.radius, scallop))), 1)
     rows = {float(b): np.ones(len(a), dtype=bool) for b in np.linspace(*extent, count + 1)}
-    heights = {b: height_of(a, np.full(len(a), b)) for b in rows}
+
+    def heights_on(passes: list[float]) -> dict[float, Float[ndarray, " n"]]:
+        found = height_of(np.tile(a, len(passes)), np.repeat(passes, len(a)))
+        return dict(zip(passes, found.reshape(-1, len(a)), strict=True))
+
+    heights = heights_on(list(rows))
     gaps = [(one, other, np.ones(len(a), dtype=bool)) for one, other in zip(list(rows), list(rows)[1:])]
     margin = max(int(np.ceil(SPARE / SPACING)), 1)
     for _ in range(HALVINGS):
         halves = []
+        heights |= heights_on([(one + other) / 2 for one, other, _ in gaps])
         for one, other, asked in gaps:
             b = (one + other) / 2
-            middle = height_of(a, np.full(len(a), b))
-            high_cusps = asked & _too_high(chart, ball, scallop, a, (one, b, other), heights, middle)
+            high_cusps = asked & _too_high(chart, ball, scallop, a, (one, b, other), heights)
             if high_cusps.any():
-                heights[b] = middle
                 rows[b] = _widened(high_cusps, margin)
                 halves += [(one, b, rows[b]), (b, other, rows[b])]
         gaps = halves
@@ -68,12 +72,10 @@ def _too_high(
     a: Float[ndarray, " n"],
     passes: tuple[float, float, float],
     heights: dict[float, Float[ndarray, " n"]],
-    middle: Float[ndarray, " n"],
 ) -> Bool[ndarray, " n"]:
     """Where the cusp between the first and the last of three passes exceeds the limit."""
     axes = chart.axes(a)
-    found = [heights[passes[0]], middle, heights[passes[2]]]
-    one, half, other = (chart.bases(a, np.full(len(a), b)) + h[:, None] * axes for b, h in zip(passes, found))
+    one, half, other = (chart.bases(a, np.full(len(a), b)) + heights[b][:, None] * axes for b in passes)
     on_part = ball.touches(half)
     normals = unit(half - ball.part.closest(half)[0])
     feeds = unit(np.gradient(half, axis=0) + np.finfo(float).tiny)
