@@ -11,6 +11,8 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
+ROUNDING = 1e-9
+"""Distances from a plane across a side of a cell sum to the side; by this share of it they may seem to sum to more."""
 HALF_DIAGONAL = 0.8660254037844387
 """Of a cube of side 1."""
 
@@ -32,16 +34,20 @@ class Grids(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def flood(distances: ndarray, step: float) -> ndarray:
-    """The distances (n, n, n) to a surface with all nodes set to 0 that no way leads to from the corner of the grid.
+def flood(distances: ndarray, step: float, outside: ndarray) -> ndarray:
+    """The distances (n, n, n) to a surface with all nodes set to 0 that no way leads to from the nodes (n^3, z the
+    fastest) that are known to be `outside`.
 
     A way between neighbours crosses no surface where their distances sum to more than `step`.
     """
     nx, ny, nz = distances.shape
-    reached = np.zeros(distances.shape, dtype=np.bool_)
+    reached = outside.copy().reshape(distances.shape)
     stack = np.empty(distances.size, dtype=np.int64)
-    stack[0], height = 0, 1
-    reached[0, 0, 0] = True
+    height = 0
+    for node in range(len(outside)):
+        if outside[node]:
+            stack[height] = node
+            height += 1
     while height:
         height -= 1
         node = stack[height]
@@ -52,7 +58,7 @@ def flood(distances: ndarray, step: float) -> ndarray:
             c = k + (side == 4) - (side == 5)
             if a < 0 or b < 0 or c < 0 or a >= nx or b >= ny or c >= nz or reached[a, b, c]:
                 continue
-            if distances[i, j, k] + distances[a, b, c] > step:
+            if distances[i, j, k] + distances[a, b, c] > (1 + ROUNDING) * step:
                 reached[a, b, c] = True
                 stack[height] = (a * ny + b) * nz + c
                 height += 1
@@ -89,3 +95,12 @@ def distance_bound(grids: Grids, x: float, y: float, z: float) -> float:
     dy = max(grids.low[1] - y, y - grids.high[1], 0.0)
     dz = max(grids.low[2] - z, z - grids.high[2], 0.0)
     return np.sqrt(dx * dx + dy * dy + dz * dz)
+
+
+@njit(cache=True, nogil=True)
+def distance_bounds(grids: Grids, points: ndarray) -> ndarray:
+    """Lower bounds of the distances of points (n, 3) to the solid, mm; 0 inside."""
+    found = np.empty(len(points))
+    for i in range(len(points)):
+        found[i] = distance_bound(grids, points[i, 0], points[i, 1], points[i, 2])
+    return found

@@ -13,7 +13,7 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.axes.cones.admissible_cones import AxisCones, admissible_cones
 from bonecam.planning.axes.field.axis_field import AxisField, FieldDomain
-from bonecam.planning.axes.field.smooth_axes import smooth_axes, soonest
+from bonecam.planning.axes.field.smooth_axes import HASTES, smooth_axes, soonest
 from bonecam.planning.axes.lead import check_lead
 from bonecam.planning.axes.tool_axes import WantedAxes
 from bonecam.planning.collision.checker import CollisionChecker
@@ -133,15 +133,20 @@ def wanted_axes(
 ) -> WantedAxes | None:
     """The smooth axes of the contacts; None where the job wants them to lean by the lead angle.
 
-    Round a closed surface they either turn with the normals or swing about one direction and back: those are taken
-    that cost the fewest minutes for each contact certified free.
+    Round a closed surface they either turn with the normals or swing about one direction and back, and either may be
+    smoother than the feed asks: those are taken that cost the fewest minutes for each contact certified free, and of
+    these the smoothest.
     """
     if job.orientation != "cones":
         return None
     cones = admissible_cones(contacts, scene, limits, job)
     domain = FieldDomain.of(workpiece.surface)
     starts = [None, swinging_field(cones, domain)] if domain.closed else [None]
-    made = [smooth_axes(cones, domain, limits, job, "membrane", start) for start in starts]
+    made = [
+        smooth_axes(cones, domain, limits, job, "membrane", start, haste)
+        for start in starts
+        for haste in HASTES
+    ]
     return soonest(made, limits).verified(scene, job).wanted
 
 

@@ -83,7 +83,7 @@ def free_axes(path: ContactPath, scene: Scene, limits: MachineLimits, max_tilt: 
     bad = np.flatnonzero(~np.isfinite(path.centres).all(axis=1))
     if len(bad):
         raise OrientationError(f"contact {bad[0]} is not finite: leave it out", contact=int(bad[0]))
-    obstacles = obstacles_of(scene, path.cutter)
+    obstacles = obstacles_of(scene, path.cutter, path.centres)
     room = rooms_at(path, scene)
     directions = candidate_directions()
     middles = _middles(path)

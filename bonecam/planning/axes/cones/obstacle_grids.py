@@ -1,45 +1,64 @@
 """Nested grids of distances to a closed mesh, fine near it and coarse far from it."""
 
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 
 from bonecam.errors import OrientationError
-from bonecam.kernels.closest.distance_grids import Grids, flood
+from bonecam.kernels.closest.distance_grids import Grids, distance_bounds, flood
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
-GRIDS = ((0.4, 3.0, 0.0), (1.2, 14.0, 0.02), (4.0, 60.0, 0.01))
-"""Sides of the cells and how far the grids reach out from the mesh, mm, and by which share their distances may be too
-small; sides grow with the size of parts, and with the root of a radius above 1."""
-USUAL_SIZE = 40.0
-"""Diagonal (mm) of the box of meshes up to which GRIDS hold: a quarter of a million nodes."""
+GRIDS = ((0.4, 3.0, 2.0, 0.0), (1.2, 14.0, 14.0, 0.02), (4.0, 60.0, np.inf, 0.01))
+"""Sides of the cells, how far the grids reach out from the mesh and from the box of the ball centres, mm, and by which
+share their distances may be too small; sides grow with the size of grids, and with the root of a radius above 1."""
+USUAL_SIZE = 65.0
+"""Diagonal (mm) of what a grid is about, up to which GRIDS hold: a quarter of a million nodes."""
 
 
-def distance_grids(distance: MeshDistance, radius: float, far: float) -> Grids:
-    """The grids of a mesh for tools of a `radius` that reach `far` out of it, mm.
+def distance_grids(
+    distance: MeshDistance, radius: float, far: float, centres: Float[ndarray, "n 3"]
+) -> Grids:
+    """The grids of a mesh for tools of a `radius` that reach `far` out of it (mm) with their balls at `centres`: fine
+    ones only where the tools are, since a bound of interpolated distances is low by the square of the cells.
 
     OrientationError where the mesh is not closed: what is inside of it cannot be told.
     """
     mesh = distance.mesh
     require_closed(mesh)
+    needed = [grid for grid, nearer in zip(GRIDS, [0.0, *(reach for _, reach, *_ in GRIDS)]) if nearer < far]
     low, high = mesh.bounds
-    # a tool is free where the distance exceeds its radius, and there interpolation errs by 3 h^2 / (8 radius)
-    scale = max(1.0, mesh.diagonal / USUAL_SIZE) * max(1.0, np.sqrt(radius))
-    needed = [grid for grid, (_, nearer, _) in zip(GRIDS, [(0.0, 0.0, 0.0), *GRIDS]) if nearer < far]
-    steps, origins, counts, values = [], [], [], []
-    for side, reach, slack in needed:
-        step = side * scale
-        origin = low - max(reach, 2 * step)
-        shape = np.ceil((high - low + 2 * max(reach, 2 * step)) / step).astype(np.int64) + 1
-        nodes = origin + step * np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1)
-        apart = distance.lower_bound(nodes.reshape(-1, 3), slack).reshape(shape)
-        steps.append(step)
-        origins.append(origin)
-        counts.append(shape)
-        values.append(flood(apart, step).ravel())
-    starts = np.cumsum([0] + [len(part) for part in values[:-1]])
-    return Grids(
-        np.array(steps), np.array(origins), np.array(counts), starts, np.concatenate(values), low, high
+    grids = Grids(
+        np.zeros(0),
+        np.zeros((0, 3)),
+        np.zeros((0, 3), np.int64),
+        np.zeros(0, np.int64),
+        np.zeros(0),
+        low,
+        high,
     )
+    for side, reach, beside, slack in reversed(needed):
+        near = beside if len(grids.steps) else np.inf
+        first = np.maximum(low, centres.min(axis=0) - near)
+        last = np.maximum(np.minimum(high, centres.max(axis=0) + near), first)
+        # a tool is free where the distance exceeds its radius, and there interpolation errs by 3 h^2 / (8 radius)
+        step = side * max(1.0, float(np.linalg.norm(last - first)) / USUAL_SIZE) * max(1.0, radius**0.5)
+        origin = first - max(reach, 2 * step)
+        shape = np.ceil((last - first + 2 * max(reach, 2 * step)) / step).astype(np.int64) + 1
+        nodes = (
+            origin + step * np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1)
+        ).reshape(-1, 3)
+        apart = distance.lower_bound(nodes, slack).reshape(shape)
+        off = ((nodes < low) | (nodes > high)).any(axis=1)
+        values = flood(apart, step, off | (distance_bounds(grids, nodes) > 0)).ravel()
+        grids = grids._replace(
+            steps=np.r_[step, grids.steps],
+            origins=np.vstack([origin, grids.origins]),
+            counts=np.vstack([shape, grids.counts]),
+            starts=np.r_[0, grids.starts + len(values)],
+            values=np.concatenate([values, grids.values]),
+        )
+    return grids
 
 
 def require_closed(mesh: TriangleMesh) -> None:

@@ -23,8 +23,11 @@ NOWHERE = 1e6
 """A mesh that is this far off (mm) is no obstacle."""
 
 
-def obstacles_of(scene: Scene, cutter: Cutter) -> Obstacles:
-    """The sections of the cutter with their obstacles; OrientationError where a mesh of the scene is not closed."""
+def obstacles_of(scene: Scene, cutter: Cutter, centres: Float[ndarray, "n 3"]) -> Obstacles:
+    """The sections of the cutter with their obstacles round balls at `centres` (mm).
+
+    OrientationError where a mesh of the scene is not closed.
+    """
     rows: list[tuple[float, ...]] = []
     columns: list[tuple[float, float, float]] = []
     for section in reversed(cutter.profile):
@@ -38,7 +41,7 @@ def obstacles_of(scene: Scene, cutter: Cutter) -> Obstacles:
     sections = np.array(rows)
     to_level = sections[:, 3] > 0
     grids = [
-        distance_grids(distance, cutter.radius, sections[held, 1].max(initial=0.0) + cutter.radius)
+        distance_grids(distance, cutter.radius, sections[held, 1].max(initial=0.0) + cutter.radius, centres)
         for distance, held in ((scene.level_distance, to_level), (scene.material_distance, ~to_level))
     ]
     return Obstacles(sections, np.array(columns, dtype=float).reshape(-1, 3), *grids)

@@ -36,6 +36,10 @@ SETTLED = 0.02
 CONE_MARGIN = np.radians(1.5)
 """The field keeps this far inside its cones at the samples, radians: contacts between them need the rest."""
 AUTOMATIC = "automatic"
+HASTES = (1.0, 2.5, 5.0)
+"""How many times faster than the feed the machine is taken to go when a field is made smoother than the feed asks."""
+AS_SOON = 1.01
+"""Axes that cost no more than this many times the least are as soon."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,20 +83,23 @@ def smooth_axes(
     job: PathJob,
     preset: str = AUTOMATIC,
     start: AxisField | None = None,
+    haste: float = 1.0,
 ) -> SmoothAxes:
     """Axes of least elastic energy for the contacts of `cones`, inside the cones where a smooth field can be.
 
     `domain` holds the contacts' (s, t). `preset` weighs turning (`membrane`) or its change (`thin-plate`);
     `automatic` takes what the machine, by the speeds in `limits`, does sooner. `start` is the field of a neighbouring
-    level. ValueError for another preset.
+    level. The energy is that of cuts `haste` times as fast as the feed: rates weigh as much more against leaving the
+    cones. ValueError for another preset.
     """
     if preset == AUTOMATIC:
-        made = [smooth_axes(cones, domain, limits, job, one, start) for one in PRESETS]
+        made = [smooth_axes(cones, domain, limits, job, one, start, haste) for one in PRESETS]
         return min(made, key=lambda one: machine_minutes(cones.path, one.axes, limits))
     if preset not in PRESETS:
         raise ValueError(f"preset = {preset!r}: give {', '.join(PRESETS)} or {AUTOMATIC}")
     rows = sample_rows(cones.path)
     energy = axis_energy(cones, rows, domain, limits, job, PRESETS[preset])
+    energy = replace(energy, times=energy.times / haste)
     if start is None:
         values, least = minimise(energy, first_values(energy), FIRST_STEPS)
     else:
@@ -127,18 +134,29 @@ def machine_minutes(path: ContactPath, axes: Float[ndarray, "n 3"], limits: Mach
     """Minutes that the cuts of a path take with these axes, each move at the feed or as fast as the slowest rotary
     axis; accelerations are left out."""
     same = path.pass_index[1:] == path.pass_index[:-1]
-    turn = np.diff(np.arctan2(axes[:, 1], axes[:, 0]))
-    turn = np.abs(np.angle(np.exp(1j * turn))) / limits.turn_speed
-    tilt = np.abs(np.diff(polar_angles(axes))) / limits.tilt_speed
-    moved = lengths(np.diff(path.centres, axis=0)) / path.cutter.feed
-    return float(np.maximum(moved, np.maximum(turn, tilt))[same].sum())
+    turn, tilt = np.abs(_turns(path, axes)).T
+    moved = lengths(np.diff(path.centres, axis=0)[same]) / path.cutter.feed
+    return float(np.maximum(moved, np.maximum(turn / limits.turn_speed, tilt / limits.tilt_speed)).sum())
 
 
 def soonest(found: Sequence[SmoothAxes], limits: MachineLimits) -> SmoothAxes:
-    """Of several axes of one path those that cost the fewest minutes for each contact certified free."""
+    """Of several axes of one path those that cost the fewest minutes for each contact certified free; of those that
+    are as soon, the ones with the least travel of the rotary axes."""
+    costs = [
+        machine_minutes(one.cones.path, one.axes, limits) / max(int(one.wanted.certified.sum()), 1)
+        for one in found
+    ]
+    as_soon = [one for one, cost in zip(found, costs, strict=True) if cost <= AS_SOON * min(costs)]
+    return min(as_soon, key=lambda one: rotary_travel(one.cones.path, one.axes))
 
-    def cost(one: SmoothAxes) -> float:
-        certified = max(int(one.wanted.certified.sum()), 1)
-        return machine_minutes(one.cones.path, one.axes, limits) / certified
 
-    return min(found, key=cost)
+def rotary_travel(path: ContactPath, axes: Float[ndarray, "n 3"]) -> float:
+    """How far both rotary axes turn in all along the passes, radians."""
+    return float(np.abs(_turns(path, axes)).sum())
+
+
+def _turns(path: ContactPath, axes: Float[ndarray, "n 3"]) -> Float[ndarray, "m 2"]:
+    """Turn of the azimuth and of the polar angle over each move of the passes, radians."""
+    same = path.pass_index[1:] == path.pass_index[:-1]
+    azimuth = np.angle(np.exp(1j * np.diff(np.arctan2(axes[:, 1], axes[:, 0]))))
+    return np.column_stack([azimuth, np.diff(polar_angles(axes))])[same]

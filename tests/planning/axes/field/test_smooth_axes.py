@@ -13,7 +13,13 @@ from bonecam.machine.limits import MachineLimits, polar_angles
 from bonecam.planning.axes.cones.admissible_cones import NO_CONE, admissible_cones
 from bonecam.planning.axes.field.axis_field import ALONG, AROUND, AxisField, FieldDomain
 from bonecam.planning.axes.field.level_axes import SLOW, level_axes
-from bonecam.planning.axes.field.smooth_axes import SmoothAxes, machine_minutes, smooth_axes
+from bonecam.planning.axes.field.smooth_axes import (
+    SmoothAxes,
+    machine_minutes,
+    rotary_travel,
+    smooth_axes,
+    soonest,
+)
 from bonecam.planning.axes.lead import lead_axes
 from bonecam.planning.collision.scene import Scene
 from bonecam.planning.oriented_path import orient
@@ -168,6 +174,18 @@ def test_cones_are_put_before_fcl_where_the_job_wants_it(case: Made, smooth: Smo
     check = few.verified(case[2], replace(JOB, certify="fcl")).wanted.cones.check
     assert check.asked == (few.cones.angles > 0).sum() > 0
     assert check.narrowed + check.refused <= 0.05 * check.asked
+
+
+def test_a_field_made_for_more_than_the_feed_turns_less(case: Made, smooth: SmoothAxes) -> None:
+    contacts = case[1]
+    smoother = smooth_axes(smooth.cones, smooth.field.domain, LIMITS, JOB, "membrane", haste=5.0)
+    assert rotary_travel(contacts, smoother.axes) < rotary_travel(contacts, smooth.axes)
+
+
+def test_of_axes_that_are_as_soon_those_that_turn_less_are_taken(smooth: SmoothAxes) -> None:
+    axes = smooth.axes + 1e-4 * np.random.default_rng(1).normal(size=smooth.axes.shape)
+    trembling = replace(smooth, axes=axes / np.linalg.norm(axes, axis=1)[:, None])
+    assert soonest([trembling, smooth], LIMITS) is smooth
 
 
 def test_an_unknown_preset_is_refused(smooth: SmoothAxes) -> None:
