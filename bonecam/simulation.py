@@ -36,6 +36,7 @@ from bonecam.verify.removal.of_job import (
     beside_given,
     cutters_of,
     followed_surfaces,
+    level_scallops,
     simulate_stump,
 )
 from bonecam.verify.removal.result import Removal
@@ -125,6 +126,7 @@ def _simulate_first(
         clamping=clamping_of(job.holding, machine.table),
         part=read_tsm(keep / "surface.tspline"),
         limits=_limits(job, levels),
+        scallops=level_scallops(job, levels),
         surfaces=followed_surfaces(job, level_meshes(run)) if run else {},
         accuracy=replace(ACCURACY, cell=cell, coarser=False),
         progress=progress,

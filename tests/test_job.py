@@ -166,6 +166,15 @@ def test_depths_are_a_text_or_numbers(given: object, cuts: object) -> None:
     assert isinstance(job.levels.depths, str)
 
 
+def test_what_a_finishing_cut_takes_off_may_be_rougher_than_the_part() -> None:
+    job = Job().with_values(
+        levels={"depths": "0.1, 0.1, 0.5"}, finishing={"scallop": 0.01}, roughing={"scallop": 0.05}
+    )
+    assert [job.scallop(level) for level in range(4)] == pytest.approx([0.01, 0.02, 0.02, 0.05])
+    smooth = job.with_values(finishing={"scallop": 0.04}, roughing={"scallop": 0.02})
+    assert [smooth.scallop(level) for level in range(4)] == pytest.approx([0.04, 0.04, 0.02, 0.02])
+
+
 def test_depths_that_are_no_numbers_are_refused_with_an_example() -> None:
     for depths in ([0.1, "x"], [[0.1]], True):
         with pytest.raises(JobError, match=r"\[levels\] depths = .*: give numbers like '0\.1 0\.1 0\.5'"):

@@ -18,6 +18,10 @@ from bonecam.job.surface_section import SurfaceJob
 from bonecam.job.tool_section import FINE, FINISHING, ROUGHING, MaterialJob, ToolJob
 from bonecam.text.faults import Faults, shown
 
+SMOOTH_SHARE = 0.2
+"""Scallops of a level before a finishing cut are this share of the depth of that cut: on the first finishing levels
+nothing of them stays, and the cut is deeper by as much at their tips alone."""
+
 
 @dataclass(frozen=True)
 class Job:
@@ -85,6 +89,16 @@ class Job:
             return tool
         spindle, feed = read_material(self.material.name).speeds(tool.radius, tool.spindle)
         return replace(tool, spindle=spindle, feed=tool.feed or feed)
+
+    def scallop(self, level: int) -> float:
+        """Largest scallop (mm) that the path of a level leaves: that of its cutter, but as the next cut takes it off,
+        SMOOTH_SHARE of that cut's depth before a finishing one; a roughing cutter leaves no more, a finishing one no
+        less."""
+        tool = self.finishing if self.is_finishing(level) else self.roughing
+        if level <= 0 or not self.is_finishing(level - 1):
+            return tool.scallop
+        share = SMOOTH_SHARE * self.levels.finishing_depth
+        return max(tool.scallop, share) if self.is_finishing(level) else min(tool.scallop, share)
 
     def is_finishing(self, level: int) -> bool:
         """Whether the finishing cutter machines a level: level 0 (the part), and cuts of at most the

@@ -149,9 +149,10 @@ def least_lengths(part: TriangleMesh, volume: float, job: Job) -> dict[str, floa
     left = max(volume - part.volume, 0.0)
     for level, depth in enumerate((*first, beyond)):
         name = "finishing" if job.is_finishing(level) else "roughing"
-        tool = job.tool(name)
         taken = left if level == len(first) else min(depth * part.area, left)
-        step = float(side_step(tool.radius, tool.scallop, np.zeros(1))[0])
+        step = float(
+            side_step(job.tool(name).radius, job.scallop(level + (level == len(first))), np.zeros(1))[0]
+        )
         lengths[name] += taken / (depth * step)
         left -= taken
     return lengths

@@ -44,9 +44,6 @@ LEVEL_CHORD = 0.01
 """Chord tolerance (mm) of the other tessellated levels: a ball that enters one of them leaves the part
 alone."""
 
-SMOOTH_SHARE = 0.15
-"""Scallops of the last roughing cut are no higher than this share of the depth of a finishing cut."""
-
 
 @dataclass(frozen=True, eq=False)
 class LevelContacts:
@@ -202,13 +199,9 @@ def _take_rest(
 
 
 def _cutter_of(level: int, job: Job, bodies: MachineBodies) -> Cutter:
-    """The cutter of a level. The last roughing cut leaves a smoother surface, for the first finishing one."""
-    if job.is_finishing(level):
-        return Cutter.from_job(2, "finishing", job.tool("finishing"), bodies.nose)
-    cutter = Cutter.from_job(1, "roughing", job.tool("roughing"), bodies.nose)
-    if level and job.is_finishing(level - 1):
-        return replace(cutter, scallop=min(cutter.scallop, SMOOTH_SHARE * job.levels.finishing_depth))
-    return cutter
+    """The cutter of a level, with the scallop that it may leave there."""
+    number, name = (2, "finishing") if job.is_finishing(level) else (1, "roughing")
+    return replace(Cutter.from_job(number, name, job.tool(name), bodies.nose), scallop=job.scallop(level))
 
 
 def _distance_to_part(levels: Sequence[Level], job: PathJob) -> MeshDistance:

@@ -51,6 +51,12 @@ def depth_limits(job: Job, levels: Sequence[Level]) -> dict[int, float]:
     return parting | layer_limits(job)
 
 
+def level_scallops(job: Job, levels: int) -> dict[int, float]:
+    """The scallop (mm) that the path of each of so many levels may leave; none of layers, which leave those of their
+    cutters."""
+    return {index: job.scallop(index) for index in range(levels)} if job.path.strategy == "morph" else {}
+
+
 def stump_limits(text: str, motions: Motions, dialect: Dialect, job: Job) -> dict[int, float]:
     """The largest depth (mm) of the cut on each layer of a second clamping's program: that of the cutter, as its `text`
     and its `motions` tell."""
@@ -94,6 +100,7 @@ def prove_removal(
         clamping=clamping_of(job.holding, machine.table),
         part=morph_surfaces(levels)[0],
         limits=depth_limits(job, levels),
+        scallops=level_scallops(job, len(levels)),
         surfaces=followed_surfaces(job, {level.index: level.mesh for level in levels}),
         accuracy=ACCURACY,
         progress=progress,

@@ -59,6 +59,7 @@ def simulate_removal(
     clamping: Clamping | None = None,
     part: TSpline | None = None,
     limits: Mapping[int, float] | None = None,
+    scallops: Mapping[int, float] | None = None,
     surfaces: Mapping[int, TriangleMesh] | None = None,
     accuracy: Accuracy | None = None,
     progress: Progress = silent,
@@ -67,9 +68,9 @@ def simulate_removal(
     tools touch.
 
     `cutters` are the tools with shank, holder and spindle nose, by number; `clamping` is what stands below (None: a
-    table that nothing may go below); `limits` the largest depth (mm) of the cut on each level; `surfaces` the
-    meshes that levels leave, on which is told what stands. ProgramError where the text cannot be read or calls
-    another tool, JobError where the rays need too much memory.
+    table that nothing may go below); `limits` the largest depth (mm) of the cut on each level, `scallops` what it may
+    leave (mm; by default that of its tool); `surfaces` the meshes that levels leave, on which is told what stands.
+    ProgramError where the text cannot be read or calls another tool, JobError where the rays need too much memory.
     """
     bodies = [stock, Cylinder(post.radius, 0.0, post.top)]
     material = material_of(bodies, part, accuracy or Accuracy())
@@ -82,6 +83,7 @@ def simulate_removal(
         cutters,
         clamping=clamping,
         limits=limits,
+        scallops=scallops,
         surfaces=surfaces,
         progress=progress,
     )
@@ -97,6 +99,7 @@ def simulate_further(
     *,
     clamping: Clamping | None = None,
     limits: Mapping[int, float] | None = None,
+    scallops: Mapping[int, float] | None = None,
     surfaces: Mapping[int, TriangleMesh] | None = None,
     progress: Progress = silent,
 ) -> Removal:
@@ -112,8 +115,9 @@ def simulate_further(
     levels = []
     for count, group in enumerate(groups):
         report(progress, count / len(groups), f"simulating level {group.level}")
-        before = [one.tool for one in groups[:count] if one.level != group.level]
-        scallop = tools[before[-1]].scallop if before else 0.0
+        before = [one for one in groups[:count] if one.level != group.level]
+        left = {one.level: tools[one.tool].scallop for one in before[-1:]} | dict(scallops or {})
+        scallop = left[before[-1].level] if before else 0.0
         levels.append(simulation.run(group, tools[group.tool], scallop))
     bridge = parted_bridge(groups, motions, tools, post, sweeping.sets, material.grid) if post else None
     return replace(simulation.result(levels, tools, post), bridge=bridge)

@@ -326,6 +326,16 @@ def test_two_levels_swapped_are_found(ring_path, part, pebble, simulate):
     check_removal(wrong, limited=False)
 
 
+def test_a_cut_may_be_deeper_by_the_scallop_of_the_level_before(ring_path, part, pebble, simulate):
+    outer = ring_path(pebble(1.2), 1)
+    text = write_program([outer, ring_path(part)], *PAIR, Job()).text
+    stated = simulate(text, limits={0: 1.2, 1: 2.5}, scallops={1: 0.02}).levels
+    by_tool = simulate(text, limits={0: 1.2, 1: 2.5}).levels
+    assert [level.over_limit for level in stated] == [level.over_limit for level in by_tool]
+    assert stated[1].over_allowed - by_tool[1].over_allowed == pytest.approx(0.02 - outer.cutter.scallop)
+    assert stated[0].over_allowed == by_tool[0].over_allowed
+
+
 def test_a_rest_path_is_told_apart_and_the_depth_after_it_counts_from_what_it_left(
     ring_path, part, pebble, simulate
 ):
