@@ -17,6 +17,7 @@ from bonecam.nc.posting.header.header import record_simulation
 from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.nc.program import program_name
 from bonecam.nc.requirements import check_length, check_reach, check_room, check_tools
+from bonecam.planning.estimate import estimate
 from bonecam.planning.holding.parting_paths import check_parting
 from bonecam.planning.holding.post_length import find_post_length
 from bonecam.planning.holding.reach import post_advice
@@ -24,9 +25,10 @@ from bonecam.planning.holding.stump_paths import check_second
 from bonecam.planning.levels import plan_paths
 from bonecam.planning.strategies.layer_paths import plan_layer_paths
 from bonecam.post_and_prove import post_and_prove
-from bonecam.progress import Progress, part, silent
+from bonecam.progress import Progress, part, report, silent
 from bonecam.report.files.kept_folder import keep_failed_level
 from bonecam.report.files.output_files import File, Outputs
+from bonecam.report.files.refused_run import keep_refused, refusing
 from bonecam.report.files.result import Morphed, Result
 from bonecam.report.run_report import post_report, report_to_levels, report_to_program
 from bonecam.report.summary import NOT_SIMULATED
@@ -78,12 +80,13 @@ def convert(
     times = StageTimes()
 
     made = _morph(given, job, machine, keep, times, part(progress, 0.0, 0.3))
-    result = _machine(made, machine, dialect, source, program, times, part(progress, 0.3, 0.8))
-    if simulation:
-        result = _simulated(result, machine, dialect, times, part(progress, 0.8, 0.9))
-    if job.holding.second:
-        with times.stage("second"):
-            result = add_second(result, machine, dialect, program, part(progress, 0.9, 0.97))
+    with keep_refused(made, keep):
+        result = _machine(made, machine, dialect, source, program, times, part(progress, 0.3, 0.8))
+        if simulation:
+            result = _simulated(result, machine, dialect, times, part(progress, 0.8, 0.9))
+        if job.holding.second:
+            with times.stage("second"):
+                result = add_second(result, machine, dialect, program, part(progress, 0.9, 0.97))
     with times.stage("files"):
         outputs.write(result, part(progress, 0.97, 1.0))
     return result
@@ -158,6 +161,7 @@ def _morph(
     figures["strategy"] = job.path.strategy
     figures["post"] = {**post_report(setup.post, setup.part.mesh, job.holding), **advice}
     figures["seconds"] = times.seconds
+    figures["cpu_seconds"] = times.cpu_seconds
     return Morphed(setup.part, fitted.surface, setup.stock, morph, figures, job)
 
 
@@ -182,10 +186,16 @@ def _machine(
     """Tool paths on the levels, the program `file` of the part's file `source`, and its proof."""
     job = made.job
     levels = made.levels.levels
+    foretold = {}
     with times.stage("toolpath"):
-        plan = plan_paths if job.path.strategy == "morph" else plan_layer_paths
         share = part(progress, 0.0, 0.82)
-        planned = plan(levels, made.stock, job, machine_limits(machine), share)
+        if job.path.strategy == "morph":
+            expected = estimate(levels, job, machine.bodies)
+            report(share, 0.0, f"expected: {expected}")
+            foretold = {"estimate": expected.report}
+            planned = plan_paths(levels, made.stock, job, machine_limits(machine), share)
+        else:
+            planned = plan_layer_paths(levels, made.stock, job, machine_limits(machine), share)
 
     proved = post_and_prove(
         planned,
@@ -204,7 +214,7 @@ def _machine(
     reported = report_to_program(
         Path(file or "").name, paths, program=program, proof=proved.proof, job=job.path, part=levels[0].mesh
     )
-    figures = {**made.report, **reported, "removal": NOT_SIMULATED}
+    figures = {**made.report, **foretold, **reported, "removal": NOT_SIMULATED}
     return Result(made.part, made.surface, made.stock, made.levels, figures, job, paths, program)
 
 
@@ -212,7 +222,7 @@ def _simulated(
     result: Result, machine: Machine, dialect: Dialect, times: StageTimes, progress: Progress
 ) -> Result:
     """The result with what its posted text removes; VerifyError where that is not what a program may do."""
-    with times.stage("simulation"):
+    with times.stage("simulation"), refusing(result.program, result.paths):
         levels = result.levels.levels
         given = given_surface(result.part, result.job, result.report)
         text = result.program.text

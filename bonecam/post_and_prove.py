@@ -11,6 +11,7 @@ from bonecam.nc.posting.header.header import record_checks
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import Program
 from bonecam.progress import Progress, part, silent
+from bonecam.report.files.refused_run import refusing
 from bonecam.runtime.timing import StageTimes
 from bonecam.setup.stock import Stock
 from bonecam.surface.tspline import TSpline
@@ -68,5 +69,8 @@ def post_and_prove(
 
     with times.stage("verify"):
         share = part(progress, 0.5, 1.0)
-        proof = verify(program.text, paths, machine, dialect, design, job=job, given=given, progress=share)
+        with refusing(program, paths):
+            proof = verify(
+                program.text, paths, machine, dialect, design, job=job, given=given, progress=share
+            )
     return ProvedProgram(paths, record_checks(program, dialect, str(proof)), proof)

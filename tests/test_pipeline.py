@@ -115,6 +115,8 @@ def test_the_report_has_the_names_that_stay(chain: tuple[bonecam.Result, Path]) 
         "rotary_max_deg_per_block time_min feed_median_mm_min feed_low_mm_min feed_axis_limited_share "
         "feed_beyond_axes_share rewinds rewinds_lifted",
         "seconds": "mesh surface levels toolpath nc verify simulation",
+        "cpu_seconds": "mesh surface levels toolpath nc verify simulation",
+        "estimate": "length_mm blocks machining_min planning_cpu_s",
         "removal": "cell_mm levels rapid_contact_mm3 clearance_mm left",
     }
     for section, names in wanted.items():
@@ -125,6 +127,21 @@ def test_the_report_has_the_names_that_stay(chain: tuple[bonecam.Result, Path]) 
     assert all(set(path_names.split()) <= set(row) for row in report["toolpath"])
     machined = [level for level, _ in groupby(row["level"] for row in report["toolpath"])]
     assert machined == list(range(len(report["levels"]) - 2, -1, -1))
+
+
+def test_what_was_expected_before_planning_comes_about_within_half(
+    chain: tuple[bonecam.Result, Path],
+) -> None:
+    report = chain[0].report
+    expected = report["estimate"]
+    pairs = (
+        (expected["length_mm"], sum(row["length_mm"] for row in report["toolpath"])),
+        (expected["blocks"], report["nc"]["blocks"]),
+        (expected["machining_min"], report["nc"]["time_min"]),
+    )
+    for told, came in pairs:
+        assert 1 / 1.5 < told / came < 1.5
+    assert f"{expected['blocks']} blocks (came to {report['nc']['blocks']})" in chain[0].summary
 
 
 def test_only_contacts_left_uncut_are_blocked(chain: tuple[bonecam.Result, Path]) -> None:

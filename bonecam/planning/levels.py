@@ -22,12 +22,12 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.planning.axes.field.level_axes import level_axes
 from bonecam.planning.axes.field.smooth_axes import SmoothAxes
 from bonecam.planning.axes.lead import check_lead
-from bonecam.planning.collision.scene import Scene
+from bonecam.planning.collision.scene import TANGENT_SLACK, Scene
 from bonecam.planning.holding.parting_paths import parting_paths
 from bonecam.planning.oriented_path import orient
 from bonecam.planning.passes.contacts import CandidateContacts, candidate_contacts, contact_path
 from bonecam.planning.passes.engaged_segments import UNCERTAIN, DepthLimits
-from bonecam.planning.passes.gouge_lifts import MESH_SHARE, planned_tolerance
+from bonecam.planning.passes.gouge_lifts import MESH_SHARE, flute_slack, planned_tolerance
 from bonecam.planning.passes.rest_machining import after_steps, rest_contacts, too_deep
 from bonecam.progress import Progress, report, silent
 from bonecam.setup.capsule import Capsule, enclosing_capsule
@@ -67,7 +67,7 @@ def plan_paths(
     job's lead angle, ToolPathError or OrientationError (with the level's number) where a level has no path.
     """
     machined = machined_levels(levels)
-    cutters = {level.index: _cutter_of(level.index, job, limits.bodies) for level in machined}
+    cutters = {level.index: cutter_of(level.index, job, limits.bodies) for level in machined}
     for cutter in cutters.values():
         check_lead(cutter, job.path.lead_deg)
 
@@ -118,7 +118,8 @@ class _Planning:
     ) -> Scene:
         """What stands round the tool on a level, beside which the `part` is measured against where it is another."""
         around = (self.post, DEVIATION, level, part, self.clamping)
-        return Scene(level.mesh, material.mesh, self.capsule, *around)
+        slack = flute_slack(self.job.path.gouge_tolerance) if level is self.part else TANGENT_SLACK
+        return Scene(level.mesh, material.mesh, self.capsule, *around, tangent_slack=slack)
 
     def paths(
         self, found: LevelContacts, allowed: DepthLimits, standing: _Standing
@@ -198,7 +199,7 @@ def _take_rest(
     return material, paths
 
 
-def _cutter_of(level: int, job: Job, bodies: MachineBodies) -> Cutter:
+def cutter_of(level: int, job: Job, bodies: MachineBodies) -> Cutter:
     """The cutter of a level, with the scallop that it may leave there."""
     number, name = (2, "finishing") if job.is_finishing(level) else (1, "roughing")
     return replace(Cutter.from_job(number, name, job.tool(name), bodies.nose), scallop=job.scallop(level))
@@ -211,14 +212,15 @@ def _distance_to_part(levels: Sequence[Level], job: PathJob) -> MeshDistance:
 
 
 def _allowed(levels: Sequence[Level], level: int, cutters: Mapping[int, Cutter], job: Job) -> DepthLimits:
-    """The depths of the cut that leaves a level. Too thin a cut is left only to a roughing one."""
+    """The depths of the cut that leaves a level."""
     before = cutters.get(level + 1)
+    return DepthLimits(levels[level + 1].limit, before.scallop if before else 0.0, least_depth(level, job))
+
+
+def least_depth(level: int, job: Job) -> float:
+    """The depth (mm) below which a cut that leaves the level is left to the next one, if that is a roughing one too."""
     to_roughing = level > 0 and not job.is_finishing(level) and not job.is_finishing(level - 1)
-    return DepthLimits(
-        levels[level + 1].limit,
-        before.scallop if before else 0.0,
-        job.path.least_depth if to_roughing else 0.0,
-    )
+    return job.path.least_depth if to_roughing else 0.0
 
 
 def _one_ahead(

@@ -8,6 +8,7 @@ from typing import Any
 from bonecam.errors import counted
 from bonecam.levels.closed_morph import METHODS
 from bonecam.levels.problem.tolerances import NESTING_TOLERANCE
+from bonecam.planning.estimate import estimate_lines
 from bonecam.report.axis_lines import axis_lines, rewind_lines
 from bonecam.report.stage_reports import parting_text
 from bonecam.setup.stock import stock_text
@@ -40,6 +41,7 @@ def summary_of(report: Mapping[str, Any]) -> str:
         *_post_lines(report.get("post")),
         *(_levels_lines(report) if report.get("strategy", "morph") == "morph" else _layer_lines(report)),
         *(_program_lines(report) if "nc" in report else ()),
+        *estimate_lines(report),
         *(removal_lines(report["removal"]) if "removal" in report else ()),
         *(_second_lines(report["second"]) if "second" in report else ()),
         f"time      {sum(report['seconds'].values()):.1f} s",

@@ -19,7 +19,6 @@ from numpy import ndarray
 from bonecam.arrays import dots, lengths, rotations_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.collision.scene import Scene, Surroundings
-from bonecam.planning.collision.sphere_tracing import TANGENT_SLACK
 from bonecam.planning.collision.tool_mesh import (
     column_mesh,
     cutter_mesh,
@@ -103,7 +102,7 @@ class FclModel:
             away = lengths(point - tips - heights[:, None] * axes)
             radius = section.radius + section.taper * (heights - section.start)
             within = (section.start < heights) & (heights < section.end)
-            caught |= within & (away < radius - TANGENT_SLACK)
+            caught |= within & (away < radius - around.scene.tangent_slack)
         return np.asarray(caught)
 
 
@@ -118,7 +117,7 @@ def build_fcl_model(scene: Scene, cutter: Cutter, margin: float = 0.0) -> FclMod
     for section in cutter.profile:
         around = scene.around(section.name, cutter.radius)
         by = sweep_margin(cutter, section, margin) + scene.material_deviation
-        tool, at = _section_object(cutter, section, by)
+        tool, at = _section_object(cutter, section, by, scene.tangent_slack)
         for column in around.columns:
             columns.setdefault(column, fcl_object(column_mesh(column)))
         standing = [columns[column] for column in around.columns]
@@ -127,11 +126,11 @@ def build_fcl_model(scene: Scene, cutter: Cutter, margin: float = 0.0) -> FclMod
     return FclModel(scene.clamping, tuple(sections))
 
 
-def _section_object(cutter: Cutter, section: ToolSection, by: float) -> tuple[FclObject, float]:
-    """A section, thicker by `by` (mm) above the cutter, and its origin's height above the tip (mm). FCL answers for a
-    cylinder twice as fast as for a mesh of one."""
+def _section_object(cutter: Cutter, section: ToolSection, by: float, slack: float) -> tuple[FclObject, float]:
+    """A section, thicker by `by` (mm) above the cutter, which is thinner by `slack` (mm), and its origin's height above
+    the tip (mm). FCL answers for a cylinder twice as fast as for a mesh of one."""
     if section.name == "cutter":
-        return fcl_object(cutter_mesh(cutter)), 0.0
+        return fcl_object(cutter_mesh(cutter, slack)), 0.0
     if section.taper:
         return fcl_object(section_mesh(section, by)), 0.0
     cylinder = fcl.Cylinder(section.radius + by, section.end - section.start + 2 * by)

@@ -7,7 +7,8 @@ from bonecam.levels.measure.level import Level, morph_surfaces
 from bonecam.machine.bodies import MachineBodies
 from bonecam.material.in_process_mesh import DEVIATION
 from bonecam.mesh.distance import MeshDistance
-from bonecam.planning.collision.scene import Scene
+from bonecam.planning.collision.scene import TANGENT_SLACK, Scene
+from bonecam.planning.passes.gouge_lifts import flute_slack
 from bonecam.setup.capsule import enclosing_capsule
 from bonecam.setup.stock import Stock
 from bonecam.workholding.clamping import clamping_of
@@ -34,4 +35,5 @@ def level_scene(levels: Sequence[Level], index: int, stock: Stock, job: Job, bod
         known_level_distance=level,
         part_distance=part if index else None,
         clamping=clamping_of(job.holding, bodies.table),
+        tangent_slack=TANGENT_SLACK if index else flute_slack(job.path.gouge_tolerance),
     )

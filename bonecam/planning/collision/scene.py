@@ -25,6 +25,10 @@ FAR = 1.0
 """The distance to the stock serves where it exceeds what is asked by this much, mm: it is the cheaper lower
 bound."""
 
+TANGENT_SLACK = 0.01
+"""The cutter is thinner by this much (mm) against a level whose mesh deviates by as much: a tangent contact is no
+collision."""
+
 Obstacle = Literal["level", "material"]
 
 
@@ -36,7 +40,8 @@ class Scene:
     `material_deviation` (mm) is how far the material may reach out of its mesh. `known_level_distance` saves
     building the distances to `level` again. `part_distance`: the ball must stay out of the part as well, whose
     mesh is finer: a level may touch it. `core`: what of the post stays where it is cut itself; the cutter keeps out of
-    that alone while it cuts.
+    that alone while it cuts. `tangent_slack` (mm): so much thinner the cutter is held against the level; its flutes
+    may go so deep into it.
     """
 
     level: TriangleMesh
@@ -48,6 +53,7 @@ class Scene:
     part_distance: MeshDistance | None = None
     clamping: Clamping = field(default_factory=Clamping)
     core: Post | None = None
+    tangent_slack: float = TANGENT_SLACK
 
     @cached_property
     def level_distance(self) -> MeshDistance:

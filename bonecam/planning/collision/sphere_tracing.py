@@ -20,8 +20,6 @@ from bonecam.planning.collision.scene import Scene, Surroundings
 from bonecam.tool.cutter import Cutter, ToolSection
 from bonecam.workholding.clamping import Clamping
 
-TANGENT_SLACK = 0.01
-"""The cutter is thinner by this much (mm) against the level: a tangent contact is no collision."""
 MAX_SPHERES = 40
 """Spheres along a section of the tool at most."""
 MIN_STEP = 0.02
@@ -91,8 +89,8 @@ def classify_poses(
 ) -> Int[ndarray, " n"]:
     """FREE (proven, moves included), UNDECIDED or COLLIDING for every pose.
 
-    While cutting (`air` None) the cutter is held against the level, less TANGENT_SLACK; else the whole tool keeps
-    `air` mm from the material, which the rest of it always stays out of. A pose is left as soon as it is
+    While cutting (`air` None) the cutter is held against the level, less the scene's `tangent_slack`; else the whole
+    tool keeps `air` mm from the material, which the rest of it always stays out of. A pose is left as soon as it is
     `settled`: UNDECIDED where only proofs count. The sections are tried from the spindle down: the wide ones
     decide soonest.
     """
@@ -128,7 +126,7 @@ def _trace(
 ) -> Int[ndarray, " n"]:
     """The state of one section of the tool in its surroundings, spheres advancing on all axes at once."""
     tangent = around.obstacle == "level"
-    slack = TANGENT_SLACK if tangent else 0.0
+    slack = around.scene.tangent_slack if tangent else 0.0
     taper = section.taper
     narrowest = min(section.radius, section.end_radius) - slack
     state = np.full(len(poses.tips), UNDECIDED)

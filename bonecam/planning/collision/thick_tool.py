@@ -19,7 +19,7 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from bonecam.planning.collision.scene import Scene, Surroundings
-from bonecam.planning.collision.sphere_tracing import COLLIDING, FREE, TANGENT_SLACK, UNDECIDED
+from bonecam.planning.collision.sphere_tracing import COLLIDING, FREE, UNDECIDED
 from bonecam.planning.collision.tool_mesh import CIRCUMSCRIBED, sweep_margin
 from bonecam.tool.cutter import Cutter, ToolSection
 from bonecam.workholding.column import Column
@@ -59,12 +59,12 @@ def classify_thick_tool(
     where one above it collides.
 
     The tool above the cutter is thicker by `sweep_margin`s of `margin` (mm), the cutter is thinner by
-    TANGENT_SLACK; `air` as in `classify_poses`.
+    the scene's `tangent_slack`; `air` as in `classify_poses`.
     """
     centres = tips + cutter.radius * axes
     ball, *above = cutter.profile
     around = _with_prisms(scene.around(ball.name, cutter.radius, air))
-    thin = cutter.radius - TANGENT_SLACK
+    thin = cutter.radius - scene.tangent_slack
     sections = [
         ThickSection(ball.start, ball.end, thin, thin, around),
         *(_thick(scene, cutter, section, margin, air) for section in above),
@@ -96,8 +96,8 @@ def _with_prisms(around: Surroundings) -> Surroundings:
 
 
 def _ball_free(around: Surroundings, cutter: Cutter, centres: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
-    """Whether the ball, thinner by TANGENT_SLACK, is free at each centre."""
-    thin = cutter.radius - TANGENT_SLACK
+    """Whether the ball, thinner by the scene's `tangent_slack`, is free at each centre."""
+    thin = cutter.radius - around.scene.tangent_slack
     distance = around.distance_bound(centres, np.full(len(centres), cutter.radius))
     clamping = around.scene.clamping
     above = centres[:, 2] > cutter.radius + clamping.clearance

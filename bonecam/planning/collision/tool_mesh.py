@@ -4,7 +4,6 @@ import numpy as np
 
 from bonecam.mesh.solids.revolution import revolve
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.planning.collision.sphere_tracing import TANGENT_SLACK
 from bonecam.tool.cutter import Cutter, ToolSection
 from bonecam.workholding.column import Column
 
@@ -34,12 +33,12 @@ def farthest(section: ToolSection) -> float:
     return float(np.hypot(section.end, section.widest))
 
 
-def cutter_mesh(cutter: Cutter) -> TriangleMesh:
+def cutter_mesh(cutter: Cutter, slack: float) -> TriangleMesh:
     """The closed mesh of ball and flutes with the tip at the origin and the axis along +Z, thinner by
-    TANGENT_SLACK."""
+    `slack`, mm."""
     end = cutter.profile[0].end
     angle = np.linspace(0, np.pi / 2, BALL_RINGS + 1)[1:]
-    thin = cutter.radius - TANGENT_SLACK
+    thin = cutter.radius - slack
     radii = np.append(thin * np.sin(angle), thin)
     heights = np.append(cutter.radius - thin * np.cos(angle), end)
     return revolve(radii, heights, (cutter.radius - thin, end), SIDES)

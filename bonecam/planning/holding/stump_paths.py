@@ -27,6 +27,7 @@ from bonecam.planning.layers.height_mesh import HeightMesh
 from bonecam.planning.layers.stump import off_part, stump_chart, stump_layers
 from bonecam.planning.oriented_path import orient
 from bonecam.planning.passes.contacts import at_post
+from bonecam.planning.passes.gouge_lifts import flute_slack
 from bonecam.progress import Progress, report, silent
 from bonecam.setup.capsule import smallest_capsule
 from bonecam.tool.cutter import Cutter
@@ -124,6 +125,7 @@ def second_paths(
             material_deviation=DEVIATION,
             known_level_distance=around,
             clamping=stands,
+            tangent_slack=flute_slack(job.path.gouge_tolerance),
         )
         paths.append(orient(path, scene, limits, job.path, job.nc, fixed=layer.axes, material=standing))
     return paths

@@ -22,6 +22,9 @@ CONTACT_SHARE = 0.2
 """Part of the gouge tolerance that a ball at rest on a contact may use up."""
 MOVE_SHARE = 0.5
 """Part of the gouge tolerance that a ball may use up on a move between two contacts."""
+FLUTE_SHARE = 0.6
+"""Part of the gouge tolerance that the flutes above a ball may use up: more than the ball beside them on a move, and
+with the mesh and the control's way no more than all of it."""
 MESH_SHARE = 0.2
 """Part of the gouge tolerance that the mesh of the part may take, which balls are kept out of."""
 POSTING_SHARE = 0.2
@@ -44,6 +47,12 @@ def planned_tolerance(allowed: float) -> float:
     if allowed >= 10 * WORD_ROUNDING:
         return allowed
     return (allowed - WORD_ROUNDING) / (MOVE_SHARE + MESH_SHARE + POSTING_SHARE)
+
+
+def flute_slack(allowed: float) -> float:
+    """How deep (mm) the flutes of a cutter may be planned into the mesh of the part where a gouge of `allowed` mm is
+    tolerated: the cutter is thinner by that when it is held against the part."""
+    return FLUTE_SHARE * planned_tolerance(allowed)
 
 
 def gouge_free_lifts(

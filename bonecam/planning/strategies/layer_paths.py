@@ -16,6 +16,7 @@ from bonecam.planning.holding.parting_paths import parting_paths
 from bonecam.planning.layers.height_field import DEVIATION
 from bonecam.planning.layers.height_mesh import HeightMesh
 from bonecam.planning.oriented_path import orient
+from bonecam.planning.passes.gouge_lifts import flute_slack
 from bonecam.planning.strategies.iso_height import iso_height_layers
 from bonecam.planning.strategies.rotary import rotary_layers
 from bonecam.progress import Progress, report, silent
@@ -70,6 +71,7 @@ def plan_layer_paths(
             known_level_distance=distance,
             part_distance=None,
             clamping=clamping_of(job.holding, limits.bodies.table),
+            tangent_slack=flute_slack(job.path.gouge_tolerance),
         )
         path = replace(layer.path, level=len(layers) - 1 - count)
         if not path.level:

@@ -21,6 +21,7 @@ from bonecam.planning.collision.scene import Scene
 from bonecam.planning.holding.post_length import GOUGE, SampledContacts, least_lifts, shortest_post
 from bonecam.planning.oriented_path import orient
 from bonecam.planning.passes.contacts import candidate_contacts, contact_path
+from bonecam.planning.passes.gouge_lifts import flute_slack
 from bonecam.planning.passes.patterns.fastest import CLOSED
 from bonecam.setup.capsule import smallest_capsule
 from bonecam.setup.placement import TALL
@@ -66,6 +67,7 @@ class Workpiece:
             material_deviation=depth,
             known_level_distance=MeshDistance(self.solid),
             clamping=clamping,
+            tangent_slack=flute_slack(job.path.gouge_tolerance),
         )
 
 

@@ -41,7 +41,7 @@ LEFT_COLOURED = 0.1
 """Leftovers are coloured from 0 to this height, mm."""
 SERIES = (
     r"level_\d{2,}\.ply|given\.ply|left\.ply|solid\.ply|surface\.(tspline|iga)|toolpath\.(csv|apt|png)|program\.\w+"
-    rf"|second(_view)?\.\w+|cones\.csv|engagement\.png|axes\.(png|md)|machine\.png|stump\.png|view\.gz|job\.toml|report\.json|{FAILED}"
+    rf"|second(_view)?\.\w+|cones\.csv|engagement\.png|axes\.(png|md)|machine\.png|stump\.png|view\.gz|job\.toml|refused\.(txt|png)|report\.json|{FAILED}"
 )
 """Names of the files of levels, surfaces, paths and program, as a regular expression. A later run in the same folder
 removes those that an earlier one wrote there."""
@@ -55,7 +55,7 @@ def fill_kept_folder(work: Path, made: Morphed, post: tuple[float, float]) -> No
     levels = made.levels.levels
     write_tsm(made.surface, work / "surface.tspline")
     write_mesh(made.part.placed_given, work / GIVEN)
-    _write_levels(work, levels, made.stock, post, LINE)
+    keep_into(work, levels, made.stock, post)
     (work / VIEW).write_bytes(made.packed_view)
     write_whole(work / "job.toml", write_job(made.job))
     write_whole(work / "report.json", report_text(made.report))
@@ -120,12 +120,17 @@ def keep_levels(
     are removed.
     """
     with whole_folder(folder, SERIES) as work:
-        _write_levels(work, levels, stock, post, line)
+        keep_into(work, levels, stock, post, line)
 
 
-def _write_levels(
-    work: Path, levels: Sequence[Level], stock: Stock | None, post: tuple[float, float] | None, line: float
+def keep_into(
+    work: Path,
+    levels: Sequence[Level],
+    stock: Stock | None,
+    post: tuple[float, float] | None,
+    line: float = LINE,
 ) -> None:
+    """Write the files of `keep_levels` into the folder `work`."""
     deepest = max(level.limit for level in levels)
     for level, depth in zip(levels, step_depths(levels), strict=True):
         write_mesh(level.mesh, work / f"level_{level.index:02d}.ply", quality=depth, largest=deepest)

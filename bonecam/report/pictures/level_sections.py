@@ -1,11 +1,13 @@
-"""Pictures: two sections of all levels (Gan et al. 2014, Fig. 10), of what stays of the post below the part, and
-of the part in its second clamping."""
+"""Pictures: two sections of all levels (Gan et al. 2014, Fig. 10), also through a place that refused a program, of what
+stays of the post below the part, and of the part in its second clamping."""
 
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 
 from bonecam.levels.measure.level import Level
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -22,6 +24,8 @@ TITLE_ABOVE = 0.8
 """Inches above panels that the figure's title and theirs take."""
 BESIDE = 0.5
 """Balls whose centres are so far beside a section are drawn in it, mm."""
+AROUND = 4.0
+"""Ball centres within so many mm of a place that refused a program are drawn."""
 POST_COLOUR = "#b0b0b0"
 
 
@@ -91,6 +95,31 @@ def draw_stump(
         else "not parted"
     )
     figure.suptitle(f"The post below the part: {diameter:g} mm, {message}", fontsize="medium")
+    lay_out(figure, plots, above=TITLE_ABOVE)
+    save_figure(figure, path)
+
+
+def draw_refused(
+    place: Float[ndarray, "3"] | Sequence[float],
+    levels: Sequence[Level],
+    paths: Sequence[ToolPath],
+    path: str | Path,
+) -> None:
+    """Write sections of all levels through the `place` (mm), across y and across x, with the centres of the balls that
+    cut near it."""
+    at = np.asarray(place, dtype=np.float64)
+    figure, plots = new_figure(2)
+    for plot, across in zip(plots, (0, 1)):
+        show_levels(plot, levels, None, across, float(at[1 - across]))
+        for each in paths:
+            balls = each.balls[each.kinds == MoveKind.CUT]
+            near = np.linalg.norm(balls - at, axis=1) < AROUND
+            balls = balls[near & (np.abs(balls[:, 1 - across] - at[1 - across]) < BESIDE)]
+            plot.plot(balls[:, across], balls[:, 2], ".", ms=3, color=f"C{each.level % 10}")
+        plot.plot(at[across], at[2], "r+", ms=14, mew=1.5)
+        plot.set_title(f"section {'yx'[across]} = {at[1 - across]:.2f}", fontsize="medium")
+    plots[0].set_ylabel("z (mm)")
+    figure.suptitle("Red cross: the place that refused the program; dots: centres of the balls beside it")
     lay_out(figure, plots, above=TITLE_ABOVE)
     save_figure(figure, path)
 

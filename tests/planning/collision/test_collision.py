@@ -15,10 +15,11 @@ from bonecam.mesh.solids.revolution import revolve
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.collision.checker import CollisionChecker
 from bonecam.planning.collision.fcl_model import FclModel, build_fcl_model
-from bonecam.planning.collision.scene import Scene, Surroundings
+from bonecam.planning.collision.scene import TANGENT_SLACK, Scene, Surroundings
 from bonecam.planning.collision.sphere_tracing import COLLIDING, FREE, UNDECIDED, Poses, classify_poses
 from bonecam.planning.collision.thick_tool import classify_thick_tool
 from bonecam.planning.collision.tool_mesh import SIDES, cutter_mesh, section_mesh
+from bonecam.planning.passes.gouge_lifts import MESH_SHARE, WORD_ROUNDING, flute_slack, planned_tolerance
 from bonecam.setup.capsule import Capsule
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter, ToolSection
@@ -135,7 +136,7 @@ def test_the_proof_never_passes_a_tool_that_touches(
     axes = unit(rng.normal(size=(600, 3)))
     free = classify_poses(scene, finishing_cutter, Poses.at_rest(tips, axes)) == FREE
     assert 60 < free.sum() < 540
-    solid = {"cutter": cutter_mesh(finishing_cutter).vertices}
+    solid = {"cutter": cutter_mesh(finishing_cutter, TANGENT_SLACK).vertices}
     solid |= {section.name: section_mesh(section).vertices for section in finishing_cutter.profile[1:]}
     level, material = MeshDistance(scene.level), MeshDistance(scene.material)
     for i in np.flatnonzero(free)[:80]:
@@ -300,3 +301,34 @@ def test_a_nose_that_is_lowered_is_caught(finishing_cutter: Cutter, scene: Scene
         assert proven(cutter, scene, tip, axis) == free
         found = colliding_section(build_fcl_model(scene, cutter), tip, axis)
         assert found == ("" if free else "spindle")
+
+
+def block(low: tuple[float, float, float], high: tuple[float, float, float]) -> TriangleMesh:
+    """A box between two corners."""
+    corners = revolve(np.full(2, np.sqrt(0.5)), np.array([0.0, 1.0]), (0.0, 1.0), 4)
+    turned = corners.vertices @ np.array([[1, 1, 0], [-1, 1, 0], [0, 0, np.sqrt(2)]]) / np.sqrt(2)
+    unit_box = TriangleMesh(turned + np.array([0.5, 0.5, 0.0]), corners.faces)
+    return TriangleMesh(np.array(low) + unit_box.vertices * np.subtract(high, low), unit_box.faces)
+
+
+@pytest.mark.parametrize(("depth", "free"), [(0.004, True), (0.008, False)])
+def test_flutes_go_into_the_part_by_less_than_the_gouge_that_is_allowed(
+    finishing_cutter: Cutter, upright_capsule: Capsule, depth: float, free: bool
+) -> None:
+    """Beside a wall that only the flutes reach, as on the far side of a hollow; the default tolerance is 0.01 mm."""
+    radius = finishing_cutter.radius
+    wall = block((radius - depth, -2.0, 36.0), (radius + 2.0, 2.0, 37.5))
+    np.testing.assert_allclose(wall.bounds, [[radius - depth, -2.0, 36.0], [radius + 2.0, 2.0, 37.5]])
+    assert wall.volume == pytest.approx((2.0 + depth) * 4.0 * 1.5)
+    away = block((-5.0, -5.0, 36.0), (-4.5, -4.5, 36.5))
+    centre, axis = np.array([[0.0, 0.0, 35.0]]), UP[None]
+    scene = Scene(wall, away, upright_capsule, Post(1.0, 31.5), tangent_slack=flute_slack(0.01))
+    assert CollisionChecker(scene, finishing_cutter).free(centre, axis)[0] == free
+    outer = replace(scene, tangent_slack=TANGENT_SLACK)
+    assert CollisionChecker(outer, finishing_cutter).free(centre, axis)[0]
+
+
+def test_what_flutes_ball_mesh_and_control_use_up_is_no_more_than_the_gouge_tolerance() -> None:
+    for allowed in (0.002, 0.005, 0.01, 0.05):
+        rest = MESH_SHARE * planned_tolerance(allowed) + WORD_ROUNDING
+        assert flute_slack(allowed) + rest <= allowed

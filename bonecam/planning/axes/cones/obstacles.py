@@ -11,7 +11,6 @@ from bonecam.kernels.closest.cone_marching import Apexes, Obstacles
 from bonecam.planning.axes.cones.cone_nodes import ConeNodes
 from bonecam.planning.axes.cones.obstacle_grids import distance_grids
 from bonecam.planning.collision.scene import Scene
-from bonecam.planning.collision.sphere_tracing import TANGENT_SLACK
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import ContactPath
 
@@ -36,7 +35,7 @@ def obstacles_of(scene: Scene, cutter: Cutter, centres: Float[ndarray, "n 3"]) -
         first = len(columns)
         columns += [(column.radius, column.top, column.bottom) for column in around.columns]
         start, end = section.start - cutter.radius, section.end - cutter.radius
-        radius = section.widest - (TANGENT_SLACK if is_level else 0.0)
+        radius = section.widest - (scene.tangent_slack if is_level else 0.0)
         rows.append((start, end, radius, float(is_level), around.deviation, first, len(columns)))
     sections = np.array(rows)
     to_level = sections[:, 3] > 0
@@ -72,7 +71,7 @@ def rooms_at(path: ContactPath, scene: Scene) -> Float[ndarray, " n"]:
         # a ball contains the smaller ones that touch the same contact
         tried = (free[left] + most[left] + 1) // 2
         more = rooms[tried]
-        radius = path.cutter.radius + more - TANGENT_SLACK
+        radius = path.cutter.radius + more - scene.tangent_slack
         middles = path.centres[left] + more[:, None] * path.normals[left]
         empty = around.distance_bound(middles, radius, outside=True) >= radius
         free[left[empty]] = tried[empty]

@@ -26,7 +26,6 @@ from bonecam.planning.axes.cones.envelope import Sweep, held
 from bonecam.planning.axes.cones.obstacle_grids import require_closed
 from bonecam.planning.collision.fcl_model import FclObject, crosses, fcl_object, solid_object
 from bonecam.planning.collision.scene import Scene
-from bonecam.planning.collision.sphere_tracing import TANGENT_SLACK
 from bonecam.planning.collision.tool_mesh import column_mesh
 from bonecam.tool.cutter import Cutter, ToolSection
 from bonecam.tool.path import ConeCheck
@@ -85,10 +84,11 @@ class _Solid:
 
 @dataclass(frozen=True, eq=False)
 class _Kept:
-    """A section of the tool, whether it is held against the level, and its obstacles."""
+    """A section of the tool, by how much thinner it is held against the level (mm; None: against the material), and its
+    obstacles."""
 
     section: ToolSection
-    tangent: bool
+    slack: float | None
     solids: tuple[_Solid, ...]
 
 
@@ -110,7 +110,8 @@ def _kept(scene: Scene, cutter: Cutter) -> tuple[_Kept, ...]:
             )
             for name, column in zip(["post", *["clamping"] * len(around.columns)], around.columns)
         ]
-        kept.append(_Kept(section, around.obstacle == "level", (mesh, *columns)))
+        slack = scene.tangent_slack if around.obstacle == "level" else None
+        kept.append(_Kept(section, slack, (mesh, *columns)))
     return tuple(kept)
 
 
@@ -156,11 +157,11 @@ def _sweep(cones: AxisCones, node: int, angle: float, item: _Kept, solid: _Solid
     """What a section sweeps in the cone of a node with this angle (radians), grown by what the solid needs."""
     apexes, section, radius = cones.free.apexes, item.section, cones.path.cutter.radius
     start, thick = section.start - radius, section.widest
-    if item.tangent:
+    if item.slack is not None:
         cosine = np.clip(cones.axes[node] @ apexes.normals[node], -1.0, 1.0)
         lean = min(np.arccos(cosine) + apexes.spread[node] + angle, np.pi / 2)
         start = max(start, 2 * apexes.room[node] * np.cos(lean))
-        thick -= TANGENT_SLACK
+        thick -= item.slack
     growth = apexes.growth[node] + solid.deviation
     return Sweep(float(start), section.end - radius, thick, float(angle), float(growth))
 

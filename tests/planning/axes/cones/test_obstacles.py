@@ -3,8 +3,7 @@
 import numpy as np
 
 from bonecam.planning.axes.cones.obstacles import ROOMS, rooms_at
-from bonecam.planning.collision.scene import Scene
-from bonecam.planning.collision.sphere_tracing import TANGENT_SLACK
+from bonecam.planning.collision.scene import TANGENT_SLACK, Scene
 from bonecam.tool.path import ContactPath
 
 

@@ -1,0 +1,117 @@
+"""What a program will take, told before it is planned: length of its passes, blocks, machining time, planning time.
+
+The ball's centre runs on the offset surface of a level at the ball's radius, of area A'; passes a side step L apart,
+that on a plane, are A' / L long. A roughing cut leaves out what is shallower than `path.least_depth`. A move is as long
+as the curvature k of the offset surface there lets it be within the chord tolerance e, sqrt(8 e / k), or
+`path.max_step`. What comes on top (ramps, rest paths, passes that crowd at the poles, links, turns of the rotary axes)
+are factors, from the programs of eight bones of 16 to 60 mm (`tests/benchmarks/bench_bones.py`). The cutter of
+`path.fine_cutter`, the parting and the second clamping are left out.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.job import Job
+from bonecam.levels.measure.level import Level, machined_levels
+from bonecam.machine.bodies import MachineBodies
+from bonecam.mesh.facets.vertex_normals import vertex_normals
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.planning.levels import cutter_of, least_depth
+from bonecam.planning.passes.patterns.scallop import side_step
+
+LENGTH_FACTOR = 1.2
+"""Passes of programs are 1.04 to 1.39 times as long."""
+BLOCK_FACTOR = 2.1
+"""Programs have 1.67 to 3.0 blocks a move."""
+TIME_FACTOR = 1.75
+"""Programs take 1.45 to 2.22 times as long as evenly spread passes at the cutter's feed."""
+SECONDS_A_LEVEL = 1.5
+"""CPU seconds that each level takes to plan, post, prove and simulate, and (SECONDS_A_BLOCK) each block of it."""
+SECONDS_A_BLOCK = 0.0009
+STAGES = ("toolpath", "nc", "verify", "simulation")
+"""Stages of a run whose time is estimated."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What a program is expected to take: `length` of its passes (mm), `blocks`, `minutes` of machining, and CPU
+    `seconds` until it is planned, posted and proved."""
+
+    length: float
+    blocks: int
+    minutes: float
+    seconds: float
+
+    @property
+    def report(self) -> dict[str, Any]:
+        """`estimate` of the report."""
+        return {
+            "length_mm": round(self.length),
+            "blocks": self.blocks,
+            "machining_min": round(self.minutes, 1),
+            "planning_cpu_s": round(self.seconds),
+        }
+
+    def __str__(self) -> str:
+        program = f"{self.length / 1000:.1f} m of passes, {self.blocks} blocks, {self.minutes:.0f} min"
+        return f"{program}, {self.seconds:.0f} CPU s to plan and prove them"
+
+
+def estimate(levels: Sequence[Level], job: Job, bodies: MachineBodies) -> Estimate:
+    """The estimate for a program that cuts these `levels`, which begin at the part and end at the stock."""
+    length = minutes = moves = 0.0
+    machined = machined_levels(levels)
+    for level in machined:
+        cutter = cutter_of(level.index, job, bodies)
+        cut = _cut_share(levels[level.index + 1], least_depth(level.index, job))
+        areas, curvatures = _offset(level.mesh, cutter.radius)
+        lengths = cut * areas / float(side_step(cutter.radius, cutter.scallop, np.zeros(1))[0])
+        steps = np.sqrt(8 * job.path.chord_tolerance / np.maximum(curvatures, np.finfo(float).tiny))
+        length += float(lengths.sum())
+        minutes += float(lengths.sum()) / cutter.feed
+        moves += float((lengths / np.minimum(steps, job.path.max_step)).sum())
+    blocks = round(BLOCK_FACTOR * moves)
+    seconds = SECONDS_A_LEVEL * len(machined) + SECONDS_A_BLOCK * blocks
+    return Estimate(LENGTH_FACTOR * length, blocks, TIME_FACTOR * minutes, seconds)
+
+
+def _offset(mesh: TriangleMesh, radius: float) -> tuple[Float[ndarray, " f"], Float[ndarray, " f"]]:
+    """Area (mm^2) and curvature (1/mm, the mean of its edges') of each face of the mesh moved out by a radius, mm."""
+    normals = vertex_normals(mesh)
+    offset = TriangleMesh(mesh.vertices + radius * normals, mesh.faces)
+    starts, ends = mesh.faces, np.roll(mesh.faces, -1, axis=1)
+    turns = np.linalg.norm(normals[ends] - normals[starts], axis=2)
+    lengths = np.linalg.norm(offset.vertices[ends] - offset.vertices[starts], axis=2)
+    curvatures = (turns / np.maximum(lengths, np.finfo(float).eps)).mean(axis=1)
+    return np.linalg.norm(offset.face_vectors, axis=1) / 2, curvatures
+
+
+def _cut_share(before: Level, least: float) -> float:
+    """Share of a level's area where the cut from the level `before` is at least so deep (mm)."""
+    shares = np.array(before.measures.depth_shares)
+    if not len(shares) or least <= 0:
+        return 1.0
+    filled = least / before.limit * len(shares) - np.arange(len(shares))
+    return float(1.0 - np.clip(filled, 0.0, 1.0) @ shares)
+
+
+def estimate_lines(report: Mapping[str, Any]) -> Iterator[str]:
+    """What was expected of a program before it was planned, beside what came of it, in a line, where the `report` of a
+    run tells both."""
+    if "estimate" not in report or "nc" not in report:
+        return
+    expected, nc = report["estimate"], report["nc"]
+    length = sum(row["length_mm"] for row in report["toolpath"])
+    seconds = sum(report["cpu_seconds"].get(stage, 0.0) for stage in STAGES)
+    pairs = (
+        (f"{expected['length_mm'] / 1000:.1f}", f"{length / 1000:.1f}", "m"),
+        (expected["blocks"], nc["blocks"], "blocks"),
+        (f"{expected['machining_min']:.0f}", f"{nc['time_min']:.0f}", "min"),
+        (expected["planning_cpu_s"], f"{seconds:.0f}", "CPU s"),
+    )
+    yield f"expected  {', '.join(f'{told} {what} (came to {came})' for told, came, what in pairs)}"

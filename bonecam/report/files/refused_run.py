@@ -1,0 +1,70 @@
+"""The kept folder of a run whose program was refused by its own proof: what planned the program should have known, so
+that such a refusal is a fault of bonecam's, and the folder is what a report of it needs."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from bonecam.errors import FileError, VerifyError
+from bonecam.files import whole_folder, write_whole
+from bonecam.job import write_job
+from bonecam.mesh.files.mesh_files import write_mesh
+from bonecam.nc.program import Program
+from bonecam.report.files.kept_bodies import GIVEN
+from bonecam.report.files.kept_folder import SERIES, keep_into
+from bonecam.report.files.result import Morphed
+from bonecam.report.pictures.level_sections import draw_refused
+from bonecam.report.tables.toolpath_csv import toolpath_csv
+from bonecam.surface.files.tspline_text import write_tsm
+from bonecam.tool.path import ToolPath
+from bonecam.workholding.post import post_below
+
+FAULT = "a fault of bonecam, which planned this program, not of the mesh or the job"
+"""What is added to a refusal by the proof of a program that bonecam planned."""
+
+
+@contextmanager
+def refusing(program: Program, paths: Sequence[ToolPath]) -> Iterator[None]:
+    """A VerifyError of the block knows the `program` that it refuses, and its `paths`."""
+    try:
+        yield
+    except VerifyError as error:
+        error.evidence |= {"program": program, "paths": tuple(paths)}
+        raise
+
+
+@contextmanager
+def keep_refused(made: Morphed, folder: str | Path | None) -> Iterator[None]:
+    """Where the block raises a VerifyError the error says whose fault that is, and the `folder` (None: nothing is kept)
+    gets refused.txt with it, refused.png with the place, job, part, surface and levels of what was `made`, and the
+    program with its tool path where one was posted."""
+    try:
+        yield
+    except VerifyError as error:
+        evidence = error.evidence
+        if folder is None:
+            how = "report it with what --keep DIR writes of this run"
+        else:
+            try:
+                with whole_folder(folder, SERIES) as work:
+                    _fill(work, made, error)
+                how = f"report it with {folder}, which holds program, place and picture"
+            except FileError as trouble:
+                how = f"nothing could be kept: {trouble}"
+        raise VerifyError(f"{error} ({FAULT}: {how})", **evidence) from error
+
+
+def _fill(work: Path, made: Morphed, error: VerifyError) -> None:
+    """Write the files of a refused run into `work`."""
+    levels, holding = made.levels.levels, made.job.holding
+    write_whole(work / "refused.txt", f"{error}\n")
+    write_whole(work / "job.toml", write_job(made.job))
+    write_mesh(made.part.placed_given, work / GIVEN)
+    write_tsm(made.surface, work / "surface.tspline")
+    keep_into(work, levels, made.stock, (holding.diameter, post_below(made.part.mesh, holding).top))
+    program, paths = error.evidence.get("program"), error.evidence.get("paths", ())
+    if program is not None:
+        write_whole(work / f"program{program.extension}", program.text)
+        write_whole(work / "toolpath.csv", toolpath_csv(paths))
+    if "place" in error.evidence:
+        draw_refused(error.evidence["place"], levels, paths, work / "refused.png")

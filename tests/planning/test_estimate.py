@@ -1,0 +1,76 @@
+"""What a program is expected to take, before it is planned."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bonecam.job import Job
+from bonecam.levels.measure.cut_measures import NO_CUT
+from bonecam.levels.measure.level import Level, MorphLevel, PartLevel, StockLevel
+from bonecam.machine.bodies import MachineBodies
+from bonecam.planning.estimate import BLOCK_FACTOR, LENGTH_FACTOR, estimate, estimate_lines
+from bonecam.setup.capsule import Capsule
+from bonecam.surface.tspline import TSpline
+
+JOB = Job().with_values(levels={"finishing_levels": 1})
+DEEP, SHALLOW = (0.0, 1.0), (1.0, 0.0)
+"""All of a cut deeper than half its limit, or less deep."""
+
+
+@pytest.fixture
+def levels(grooved_pebble: Callable[..., TSpline]) -> Callable[..., list[Level]]:
+    """Makes three levels that are balls of 10 mm, and a stock, with these shares of the last cut by depth."""
+    ball = Capsule(np.zeros(3), np.array([0.0, 0.0, 1e-9]), 10.0).mesh(0.001)
+    surface = grooved_pebble(0.2)
+
+    def make(shares: tuple[float, ...], limit: float = 0.5) -> list[Level]:
+        inner = [MorphLevel(k, surface, ball, 0.5, NO_CUT) for k in (1, 2)]
+        stock = StockLevel(3, ball, limit, replace(NO_CUT, depth_shares=shares))
+        return [PartLevel(surface, ball, NO_CUT), *inner, stock]
+
+    return make
+
+
+def test_passes_on_a_ball_are_as_long_as_its_area_and_the_step_say(
+    levels: Callable[..., list[Level]],
+) -> None:
+    job = JOB.with_values(
+        roughing={"radius": 2.0, "scallop": 0.01}, finishing={"radius": 2.0, "scallop": 0.01}
+    )
+    step = 2 * np.sqrt(0.01 * 3.99)
+    on_each = 4 * np.pi * 12**2 / step
+    found = estimate(levels(DEEP), job, MachineBodies())
+    assert found.length == pytest.approx(LENGTH_FACTOR * 3 * on_each, rel=0.01)
+    move = np.sqrt(8 * job.path.chord_tolerance * 12)
+    assert found.blocks == pytest.approx(BLOCK_FACTOR * 3 * on_each / move, rel=0.02)
+
+
+def test_what_is_too_shallow_for_a_roughing_cut_is_left_out(levels: Callable[..., list[Level]]) -> None:
+    job = JOB.with_values(path={"least_depth": 0.1})
+    deep = estimate(levels(DEEP, 0.2), job, MachineBodies())
+    shallow = estimate(levels(SHALLOW, 0.2), job, MachineBodies())
+    half = estimate(levels((0.5, 0.5), 0.2), job, MachineBodies())
+    assert shallow.length < deep.length
+    assert half.length == pytest.approx((shallow.length + deep.length) / 2)
+    assert shallow.blocks < half.blocks < deep.blocks
+    assert shallow.minutes < half.minutes < deep.minutes
+    everywhere = estimate(levels(SHALLOW, 0.2), JOB.with_values(path={"least_depth": 0.0}), MachineBodies())
+    assert everywhere.length == deep.length
+
+
+def test_the_summary_has_what_came_beside_what_was_expected(levels: Callable[..., list[Level]]) -> None:
+    found = estimate(levels(DEEP), JOB, MachineBodies())
+    report = {
+        "estimate": found.report,
+        "toolpath": [{"length_mm": 1000.0}, {"length_mm": 500.0}],
+        "nc": {"blocks": 77, "time_min": 2.6},
+        "cpu_seconds": {"mesh": 50.0, "toolpath": 7.0, "nc": 2.0},
+    }
+    (line,) = estimate_lines(report)
+    assert f"{found.blocks} blocks (came to 77)" in line
+    assert f"{found.report['length_mm'] / 1000:.1f} m (came to 1.5)" in line
+    assert "min (came to 3)" in line
+    assert "CPU s (came to 9)" in line
+    assert not list(estimate_lines({"estimate": found.report}))
