@@ -6,6 +6,7 @@ subclass of BonecamError: its message is one line that names the place and the r
 """
 
 import difflib
+import math
 import re
 from collections.abc import Iterable
 from typing import Any
@@ -25,6 +26,11 @@ class BonecamError(Exception):
 def place_name(place: Iterable[float]) -> str:
     """A place (mm) as messages name it, like (1.50, -0.20, 43.00)."""
     return "({:z.2f}, {:z.2f}, {:z.2f})".format(*place)
+
+
+def hundredths(size: float) -> str:
+    """A size in mm as remedies name it, rounded up to hundredths."""
+    return f"{math.ceil(round(100 * size, 6)) / 100:.2f}"
 
 
 def counted(number: int, noun: str) -> str:

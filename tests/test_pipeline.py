@@ -341,7 +341,7 @@ def test_levels_alone_are_the_chain_s_and_take_the_place_of_its_levels_and_paths
     )
     told = json.loads((tmp_path / "levels.json").read_text(encoding="utf-8"))
     assert told["levels"] == json.loads(json.dumps(result.report["levels"]))
-    assert set(result.report) - set(told) == {"toolpath", "uncut_mm2", "nc", "removal"}
+    assert set(result.report) - set(told) == {"estimate", "toolpath", "uncut_mm2", "nc", "removal"}
     told = capsys.readouterr().out.splitlines()
     lines = [line.partition(" ")[0] for line in told if not line.startswith(" ")]
     assert lines == "mesh repair surface as stock post levels certified time".split()

@@ -12,10 +12,13 @@ MARGIN = 0.05
 """Least material that the stock must have outside the part, mm: half the default finishing depth."""
 
 
-def require_inside(stock: Stock, points: Float[ndarray, "n 3"], margin: float, otherwise: str = "") -> None:
+def require_inside(
+    stock: Stock, points: Float[ndarray, "n 3"], margin: float, otherwise: str = "", spare: float = 0.0
+) -> None:
     """Raise StockError where a point has less than `margin` mm of the stock's material outside it.
 
-    `otherwise` is added to the remedy. Evidence: `distance` (signed, mm) and `place` of the worst point.
+    The remedy asks for `spare` mm more, by which a surface that is fitted to the points may leave them; `otherwise` is
+    added to it. Evidence: `distance` (signed, mm) and `place` of the worst point.
     """
     distance = stock.signed_distance(points)
     worst = int(np.argmax(distance))
@@ -26,7 +29,7 @@ def require_inside(stock: Stock, points: Float[ndarray, "n 3"], margin: float, o
     else:
         trouble = f"comes within {abs(distance[worst]):.3f} mm of its wall"
     where = place_in(stock, points[worst])
-    remedy = stock.larger(points[distance > -margin], float(distance[worst]) + margin)
+    remedy = stock.larger(points[distance > -margin - spare], float(distance[worst]) + margin + spare)
     raise StockError(
         f"the stock ({stock}) does not hold the part, which {trouble} at {where}: {remedy}{otherwise}",
         distance=float(distance[worst]),

@@ -75,7 +75,9 @@ def _place(part: Part, job: Job) -> Setup:
     check_sizes(job.stock)
     schedule = schedule_of(job.levels)
     height = job.holding.length or TALL
-    stock, pose = stock_for(part.mesh.vertices, job.stock, schedule, bottom=height)
+    stock, pose = stock_for(
+        part.mesh.vertices, job.stock, schedule, bottom=height, spare=job.surface.tolerance
+    )
     if job.mesh.upright and may_centre(job.stock):
         pose = centring_shift(part.mesh.move(pose).vertices, stock, MARGIN) @ pose
 
@@ -98,7 +100,11 @@ def may_centre(job: StockJob) -> bool:
 
 
 def stock_for(
-    points: Float[ndarray, "n 3"], job: StockJob, schedule: Schedule, bottom: float | None = None
+    points: Float[ndarray, "n 3"],
+    job: StockJob,
+    schedule: Schedule,
+    bottom: float | None = None,
+    spare: float = 0.0,
 ) -> tuple[Stock, Float[ndarray, "4 4"]]:
     """The stock on the Z axis, and the transform (4, 4) that puts the part's points (n, 3) into it; mm.
 
@@ -108,7 +114,7 @@ def stock_for(
 
     Raises StockError with `distance` and `place` where the part leaves a given stock, comes within MARGIN mm
     of its wall or too near to an edge that has to be rounded; with `bottom` (mm) it tells places as they are
-    when the stock stands at that height.
+    when the stock stands at that height, and asks for `spare` mm more than the points need (`require_inside`).
     """
     transform = pose_in_stock(points, job)
     lying = points @ transform[:3, :3].T + transform[:3, 3]
@@ -116,7 +122,7 @@ def stock_for(
     stock = kind_of(job).make(job, LyingPart(lying, middle), schedule)
 
     lift = np.array([0.0, 0.0, 0.0 if bottom is None else bottom - stock.bounds[0, 2]])
-    require_inside(stock.move(lift), lying + lift, MARGIN, pose_remedy(job))
+    require_inside(stock.move(lift), lying + lift, MARGIN, pose_remedy(job), spare)
     require_roundable(stock.move(lift), lying + lift, MARGIN, pose_remedy(job))
     return stock, transform
 

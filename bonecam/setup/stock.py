@@ -3,7 +3,6 @@
 The kinds are the files of `bonecam.setup.stocks`.
 """
 
-import math
 from collections.abc import Mapping
 from typing import Any, Protocol, runtime_checkable
 
@@ -12,7 +11,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.arrays import frozen
-from bonecam.errors import StockError
+from bonecam.errors import StockError, hundredths
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 AXES_ACROSS = {"diameter": [0, 1], "width": [0], "depth": [1], "length": [2]}
@@ -124,11 +123,6 @@ def larger_sizes(stock: Stock, points: Float[ndarray, "n 3"], lack: float) -> st
         if needed[AXES_ACROSS[name]].any()
     ]
     return f"give {' and '.join(sizes)}"
-
-
-def hundredths(size: float) -> str:
-    """A size in mm as text, rounded up to hundredths."""
-    return f"{math.ceil(round(100 * size, 6)) / 100:.2f}"
 
 
 def finite_numbers(what: str, values: Any, count: int) -> Float[ndarray, " n"]:

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from bonecam.arrays import SURFACE_QUANTUM, settled
-from bonecam.errors import SurfaceError, place_name
+from bonecam.errors import SurfaceError, hundredths, place_name
 from bonecam.job import Job
 from bonecam.mesh.part import Part
 from bonecam.mesh.sections.harmonic_rows import harmonic_rows
@@ -46,6 +46,6 @@ def _check_deviation(found: Fit, limit: float, name: str) -> None:
     where = f"by {missed.max:.2f} mm near {place_name(missed.place)}"
     raise SurfaceError(
         f"{name}: {found.control_points} control points miss the mesh {where}: {found.shortfall}, "
-        f"or raise surface.largest_deviation ({limit:g} mm)",
+        f"or raise surface.largest_deviation ({limit:g} mm) to {hundredths(missed.max)}",
         deviation=missed,
     )

@@ -15,7 +15,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.arrays import lengths
-from bonecam.errors import MeshError, place_name
+from bonecam.errors import MeshError, hundredths, place_name
 from bonecam.job import MeshJob
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.facets.coarseness import Coarseness, coarseness_of
@@ -185,7 +185,7 @@ def _require_near(found: Smoothing, within: float) -> None:
         raise MeshError(
             f"the facets are coarser or rougher than what is asked of them ({found.coarseness}), and a smooth surface "
             f"lies {found.largest:.2f} mm from them near {place_name(found.place)}, allowed {within:g}: raise "
-            "mesh.smooth_within, give a finer mesh, or set mesh.facets to exact",
+            f"mesh.smooth_within to {hundredths(found.largest)}, give a finer mesh, or set mesh.facets to exact",
             place=found.place,
             error=found.largest,
         )
