@@ -20,7 +20,10 @@ ROOMS = {
         *"problem solvers measure refine_for_depth sequences".split(),
         *"closed_morph open_stock open_morph body_surface edge_rounding equal_depths job_levels".split(),
     ],
-    "planning": "passes layers collision axes links oriented_path holding strategies levels estimate".split(),
+    "planning": [
+        *"passes layers collision axes links oriented_path holding strategies".split(),
+        *"within_depth level_cutters levels estimate".split(),
+    ],
     "verify": "gouge readback removal control proof".split(),
     "report": "axis_lines axis_comparison stage_reports run_report tables summary pictures page sheet files".split(),
 }

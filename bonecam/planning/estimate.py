@@ -21,7 +21,7 @@ from bonecam.levels.measure.level import Level, machined_levels
 from bonecam.machine.bodies import MachineBodies
 from bonecam.mesh.facets.vertex_normals import vertex_normals
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.planning.levels import cutter_of, least_depth
+from bonecam.planning.level_cutters import cutter_of, least_depth
 from bonecam.planning.passes.patterns.scallop import side_step
 
 LENGTH_FACTOR = 1.2

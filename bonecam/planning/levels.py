@@ -5,7 +5,7 @@ Each level needs the material that the level before it left, so the levels follo
 depend on that material (the contacts of the next level) is made in a second thread meanwhile.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
@@ -14,21 +14,22 @@ import numpy as np
 from bonecam.errors import OrientationError
 from bonecam.job import Job, PathJob
 from bonecam.levels.measure.level import Level, MachinedLevel, machined_levels, morph_surfaces
-from bonecam.machine.bodies import MachineBodies
 from bonecam.machine.limits import MachineLimits
 from bonecam.material.in_process_mesh import DEVIATION
-from bonecam.material.in_process_stock import InProcessStock, remove_material, uncut_material
+from bonecam.material.in_process_stock import InProcessStock, uncut_material
 from bonecam.mesh.distance import MeshDistance
 from bonecam.planning.axes.field.level_axes import level_axes
 from bonecam.planning.axes.field.smooth_axes import SmoothAxes
 from bonecam.planning.axes.lead import check_lead
 from bonecam.planning.collision.scene import TANGENT_SLACK, Scene
 from bonecam.planning.holding.parting_paths import parting_paths
+from bonecam.planning.level_cutters import cutter_of, depth_limits
 from bonecam.planning.oriented_path import orient
 from bonecam.planning.passes.contacts import CandidateContacts, candidate_contacts, contact_path
 from bonecam.planning.passes.engaged_segments import UNCERTAIN, DepthLimits
 from bonecam.planning.passes.gouge_lifts import MESH_SHARE, flute_slack, planned_tolerance
 from bonecam.planning.passes.rest_machining import after_steps, rest_contacts, too_deep
+from bonecam.planning.within_depth import Cut, cut_within_depth
 from bonecam.progress import Progress, report, silent
 from bonecam.setup.capsule import Capsule, enclosing_capsule
 from bonecam.setup.stock import Stock
@@ -79,7 +80,7 @@ def plan_paths(
     for found in _one_ahead(lambda level: planning.contacts(level, cutters[level.index]), machined[::-1]):
         index = found.level.index
         report(progress, (len(levels) - 2 - index) / (len(levels) - 1), f"path of level {index}")
-        made, standing = planning.paths(found, _allowed(levels, index, cutters, job), standing)
+        made, standing = planning.paths(found, depth_limits(levels, index, cutters, job), standing)
         paths += made
     if job.path.fine_cutter:
         report(progress, 1.0, "path of the fine cutter")
@@ -131,19 +132,29 @@ class _Planning:
         contacts = contact_path(found.candidates, material, allowed)
         smooth = level_axes(contacts, level, scene, self.limits, self.job.path, standing.smooth)
 
-        def oriented(contacts: ContactPath, material: InProcessStock, explained: bool = False) -> ToolPath:
-            wanted = smooth.wanted_for(contacts) if smooth is not None else None
-            job = self.job
-            return orient(
-                contacts, scene, self.limits, job.path, job.nc, wanted, material=material, explained=explained
-            )
+        def cut(contacts: ContactPath, material: InProcessStock, explained: bool = False) -> Cut:
+            def oriented(contacts: ContactPath) -> ToolPath:
+                wanted = smooth.wanted_for(contacts) if smooth is not None else None
+                job = self.job
+                return orient(
+                    contacts,
+                    scene,
+                    self.limits,
+                    job.path,
+                    job.nc,
+                    wanted,
+                    material=material,
+                    explained=explained,
+                )
+
+            return cut_within_depth(contacts, material, level, allowed, oriented)
 
         rest: list[ToolPath] = []
         if too_deep(found.candidates, material, allowed):
-            material, rest = _take_rest([found.candidates, self._rings(found)], material, allowed, oriented)
+            material, rest = _take_rest([found.candidates, self._rings(found)], material, allowed, cut)
             contacts = contact_path(found.candidates, material, allowed, allowed.deepest)
-        path = oriented(contacts, material, explained=True)
-        return [*rest, path], _Standing(remove_material(material, level, path), smooth)
+        path, after = cut(contacts, material, True)
+        return [*rest, path], _Standing(after, smooth)
 
     def _candidates(
         self, level: MachinedLevel, distance: MeshDistance, cutter: Cutter, job: PathJob
@@ -181,7 +192,7 @@ def _take_rest(
     patterns: Sequence[CandidateContacts],
     material: InProcessStock,
     allowed: DepthLimits,
-    oriented: Callable[[ContactPath, InProcessStock], ToolPath],
+    cut: Callable[[ContactPath, InProcessStock], Cut],
 ) -> tuple[InProcessStock, list[ToolPath]]:
     """The rest paths of a level, whose contacts are given in several patterns, and the material after them."""
     paths: list[ToolPath] = []
@@ -190,37 +201,18 @@ def _take_rest(
         if not len(contacts.contacts):
             continue
         try:
-            path = oriented(contacts, material)
+            path, material = cut(contacts, material)
         except OrientationError:
             # none of these places can be reached: the level's own path leaves them out too, and tells so
             continue
-        material = remove_material(material, patterns[0].level, path)
         paths.append(replace(path, uncut=np.zeros((0, 3)), reasons=()))
     return material, paths
-
-
-def cutter_of(level: int, job: Job, bodies: MachineBodies) -> Cutter:
-    """The cutter of a level, with the scallop that it may leave there."""
-    number, name = (2, "finishing") if job.is_finishing(level) else (1, "roughing")
-    return replace(Cutter.from_job(number, name, job.tool(name), bodies.nose), scallop=job.scallop(level))
 
 
 def _distance_to_part(levels: Sequence[Level], job: PathJob) -> MeshDistance:
     """Distances to the part, tessellated as finely as the gouge tolerance asks for."""
     chord = min(PART_CHORD, MESH_SHARE * planned_tolerance(job.gouge_tolerance))
     return MeshDistance(morph_surfaces(levels)[0].tessellate(chord))
-
-
-def _allowed(levels: Sequence[Level], level: int, cutters: Mapping[int, Cutter], job: Job) -> DepthLimits:
-    """The depths of the cut that leaves a level."""
-    before = cutters.get(level + 1)
-    return DepthLimits(levels[level + 1].limit, before.scallop if before else 0.0, least_depth(level, job))
-
-
-def least_depth(level: int, job: Job) -> float:
-    """The depth (mm) below which a cut that leaves the level is left to the next one, if that is a roughing one too."""
-    to_roughing = level > 0 and not job.is_finishing(level) and not job.is_finishing(level - 1)
-    return job.path.least_depth if to_roughing else 0.0
 
 
 def _one_ahead(

@@ -21,6 +21,7 @@ from numpy import ndarray
 
 import bonecam
 from bonecam.planning import levels as level_paths
+from bonecam.planning.level_cutters import depth_limits
 from bonecam.planning.passes.engaged_segments import DepthLimits
 from bonecam.planning.passes.patterns import fastest
 from bonecam.surface.tspline import TSpline
@@ -30,7 +31,7 @@ PHALANX = Path(__file__).resolve().parents[2] / "meshes" / "phalanx.ply"
 BONES = Path(__file__).resolve().parents[3] / "shared" / "meshes" / "bones"
 NAMES = ("3midph", "capitate")
 COLUMNS = ("part", "paths", "cuts mm", "min", "retracts", "left mm2", "highest mm", "mean left um")
-ALLOWED = level_paths._allowed
+ALLOWED = depth_limits
 
 
 def cases() -> list[str]:
@@ -56,7 +57,7 @@ def published(mesh: str, job: bonecam.Job) -> bonecam.Result:
     job = job.with_values(path={"pattern": "along"})
     with (
         mock.patch.object(fastest, "needed_ranges", whole_lines),
-        mock.patch.object(level_paths, "_allowed", with_air),
+        mock.patch.object(level_paths, "depth_limits", with_air),
     ):
         return bonecam.convert(mesh, job)
 

@@ -17,6 +17,7 @@ from numpy import ndarray
 from bonecam.kernels.removal.rays import RaySet
 from bonecam.kernels.removal.sweep import Pieces
 from bonecam.machine.machine import Machine
+from bonecam.material.cut_depths import cut_depths, move_through
 from bonecam.material.dexels import copy_of
 from bonecam.mesh.facets.vertex_normals import vertex_normals
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -28,7 +29,6 @@ from bonecam.setup.stock import Stock
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
-from bonecam.verify.removal.depths import cut_depths, move_through
 from bonecam.verify.removal.groups import (
     Group,
     feed_minutes,

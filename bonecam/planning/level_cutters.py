@@ -1,0 +1,28 @@
+"""What each level of a morph is cut with: the cutter, and how deep the cut may be."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from bonecam.job import Job
+from bonecam.levels.measure.level import Level
+from bonecam.machine.bodies import MachineBodies
+from bonecam.planning.passes.engaged_segments import DepthLimits
+from bonecam.tool.cutter import Cutter
+
+
+def cutter_of(level: int, job: Job, bodies: MachineBodies) -> Cutter:
+    """The cutter of a level, with the scallop that it may leave there."""
+    number, name = (2, "finishing") if job.is_finishing(level) else (1, "roughing")
+    return replace(Cutter.from_job(number, name, job.tool(name), bodies.nose), scallop=job.scallop(level))
+
+
+def depth_limits(levels: Sequence[Level], level: int, cutters: Mapping[int, Cutter], job: Job) -> DepthLimits:
+    """The depths of the cut that leaves a level."""
+    before = cutters.get(level + 1)
+    return DepthLimits(levels[level + 1].limit, before.scallop if before else 0.0, least_depth(level, job))
+
+
+def least_depth(level: int, job: Job) -> float:
+    """The depth (mm) below which a cut that leaves the level is left to the next one, if that is a roughing one too."""
+    to_roughing = level > 0 and not job.is_finishing(level) and not job.is_finishing(level - 1)
+    return job.path.least_depth if to_roughing else 0.0
