@@ -21,6 +21,8 @@ from bonecam.material.in_process_stock import InProcessStock, remove_material
 from bonecam.planning.passes.engaged_segments import DepthLimits
 from bonecam.tool.path import ContactPath, MoveKind, ToolPath
 
+SPACING = 0.4
+"""Depths are measured this far apart, mm: twice as far as in the proof, a quarter of the time."""
 MOST_PLACES = 500
 """So many of the places that are too deep are asked for what cut them at once, the deepest."""
 MAX_ROUNDS = 3
@@ -59,7 +61,7 @@ def within_depth(
     all but those at which the cutter touches a place that it cuts too deep, by more than half of a ray's distance."""
     kept = np.ones(len(contacts.centres), dtype=bool)
     grid = after.fluted.grid
-    found = cut_depths(after.fluted.sets, before.fluted.sets, grid)
+    found = cut_depths(after.fluted.sets, before.fluted.sets, grid, SPACING)
     deep = np.flatnonzero(found.depths > allowed.deepest + grid.cell / 2)
     if not len(deep):
         return kept
