@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 import bonecam
+from bonecam import pipeline
 from bonecam.errors import LevelError, VerifyError
 from bonecam.report.files.refused_run import FAULT, keep_refused, refusing
 from bonecam.runtime.own_files import OWN_FILES
@@ -57,3 +58,23 @@ def test_other_errors_pass(small_run: Run, tmp_path: Path) -> None:
     with pytest.raises(LevelError, match=r"^no level$"), keep_refused(small_run[0], tmp_path / "keep"):
         raise LevelError("no level")
     assert not list(tmp_path.iterdir())
+
+
+def test_convert_keeps_what_its_simulation_refuses(
+    small_run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    result, _ = small_run
+
+    def refuse(*_: object) -> None:
+        raise VerifyError("line 9: a cut is too deep: report it", line=9, place=(2.5, 0.0, 65.0))
+
+    for stage in ("_morph", "_machine"):
+        monkeypatch.setattr(pipeline, stage, lambda *_: result)
+    monkeypatch.setattr(pipeline, "prove_removal", refuse)
+    with pytest.raises(VerifyError, match="a fault of bonecam"):
+        bonecam.convert(
+            result.part.placed_given, result.job, program=tmp_path / "bone.h", keep=tmp_path / "keep"
+        )
+    assert not (tmp_path / "bone.h").exists()
+    assert (tmp_path / "keep" / "program.h").read_text() == result.program.text
+    assert (tmp_path / "keep" / "refused.png").is_file()
