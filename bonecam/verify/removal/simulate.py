@@ -29,14 +29,7 @@ from bonecam.setup.stock import Stock
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
-from bonecam.verify.removal.groups import (
-    Group,
-    feed_minutes,
-    groups_of,
-    link_volumes,
-    time_shares,
-    tools_of,
-)
+from bonecam.verify.removal.groups import Group, feed_minutes, groups_of, link_volumes, time_shares, tools_of
 from bonecam.verify.removal.left import measure_left
 from bonecam.verify.removal.normal_probes import NormalProbes
 from bonecam.verify.removal.pieces import straight_pieces
