@@ -5,17 +5,22 @@ And by Rivara's bisection, where only chosen faces are too large.
 """
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 from numpy import ndarray
+from scipy.spatial import cKDTree
 
+from bonecam.arrays import angles_between, unit
 from bonecam.mesh.healing.topology import half_edges
 from bonecam.mesh.meshlab import from_meshset, meshlab, to_meshset
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
+TIP = float(np.pi)
+"""Radians: a vertex whose faces' angles sum to less is the tip of a spike, as of a cone narrower than 60 degrees."""
+
 
 def remesh(mesh: TriangleMesh, edge: float, *, iterations: int = 8) -> TriangleMesh:
-    """A mesh of the same surface with edges near `edge` (mm); its vertices lie on the old surface.
-    ValueError: edge <= 0."""
+    """A mesh of the same surface with edges near `edge` (mm); its vertices lie on the old surface, some of them at the
+    tips of its spikes. ValueError: edge <= 0."""
     if not edge > 0:
         raise ValueError(f"edge {edge} mm: give a positive length")
     meshset = to_meshset(mesh)
@@ -27,7 +32,25 @@ def remesh(mesh: TriangleMesh, edge: float, *, iterations: int = 8) -> TriangleM
         maxsurfdist=pure(edge / 4),
         featuredeg=60.0,
     )
-    return from_meshset(meshset)
+    return _with_tips(from_meshset(meshset), mesh.vertices[angle_sums(mesh) < TIP], edge)
+
+
+def angle_sums(mesh: TriangleMesh) -> Float[ndarray, " v"]:
+    """The sum of the faces' angles at each vertex, radians: 2 pi where the surface is flat."""
+    corners = mesh.vertices[mesh.faces]
+    sides = [unit(corners[:, (k + 1) % 3] - corners[:, k]) for k in range(3)]
+    angles = np.stack([angles_between(sides[k], -sides[k - 1]) for k in range(3)], axis=1)
+    return np.bincount(mesh.faces.ravel(), angles.ravel(), minlength=len(mesh.vertices))
+
+
+def _with_tips(mesh: TriangleMesh, tips: Float[ndarray, "t 3"], edge: float) -> TriangleMesh:
+    """The mesh with the vertex nearest to each of the `tips`, where one lies within two edges, moved there: collapses
+    cut tips off, as they measure only how far new faces lie off the old ones."""
+    away, nearest = cKDTree(mesh.vertices).query(tips)
+    near = away < 2 * edge
+    vertices = mesh.vertices.copy()
+    vertices[np.asarray(nearest)[near]] = tips[near]
+    return TriangleMesh(vertices, mesh.faces)
 
 
 def split_edges(mesh: TriangleMesh, edge: float) -> TriangleMesh:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bonecam.mesh.remeshing import bisect_faces, split_edges
+from bonecam.mesh.remeshing import angle_sums, bisect_faces, remesh, split_edges
 from bonecam.mesh.solids.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.stocks.box import Box
@@ -24,6 +24,23 @@ def _cube() -> tuple[np.ndarray, np.ndarray]:
     corners = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     return corners, np.array([f for a, b, c, d in quads for f in ((a, b, c), (a, c, d))], dtype=np.int32)
+
+
+@pytest.mark.parametrize("turn", np.arange(6) / 10)
+def test_a_remesh_keeps_the_tip_of_a_cone_however_it_is_turned(turn: float) -> None:
+    angle = turn + 2 * np.pi * np.arange(40) / 40
+    ring = np.column_stack([3 * np.cos(angle), 3 * np.sin(angle), 0 * angle])
+    i = np.arange(40)
+    right = (i + 1) % 40
+    faces = np.concatenate([np.stack([i, right, 0 * i + 41], 1), np.stack([right, i, 0 * i + 40], 1)])
+    cone = TriangleMesh(np.vstack([ring, [0, 0, 0], [0, 0, 12.0]]), faces.astype(np.int32))
+    even = remesh(cone, 0.2)
+    assert np.array_equal(even.vertices[np.argmax(even.vertices[:, 2])], [0, 0, 12.0])
+    assert even.volume == pytest.approx(cone.volume, rel=3e-3)
+
+
+def test_the_angles_at_a_corner_of_a_cube_sum_to_three_right_ones() -> None:
+    assert angle_sums(TriangleMesh(*_cube())) == pytest.approx(np.full(8, 1.5 * np.pi))
 
 
 def test_the_longest_edges_of_chosen_faces_are_halved_and_the_mesh_stays_closed() -> None:
