@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from bonecam.job import Job
-from bonecam.levels.job_levels import check_method, make_levels
+from bonecam.levels.job_levels import check_method, surface_and_levels
 from bonecam.levels.measure.level import morph_surfaces
 from bonecam.machine.machine import Machine, read_machine
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
@@ -38,7 +38,6 @@ from bonecam.setup.placement import Setup, place
 from bonecam.setup.schedule import check_cuts
 from bonecam.setup.stock_kind import check_sizes
 from bonecam.surface.files.surface_input import read_part
-from bonecam.surface.part_surface import fit_surface
 from bonecam.tool.ball_depth import check_depths
 from bonecam.verify.control.trial_program import check_posting
 from bonecam.verify.removal.given import given_surface
@@ -151,11 +150,8 @@ def _morph(
             check_length(setup.part.mesh, setup.stock, job, part(progress, 0.1, 0.1))
         advice = post_advice(setup, job, machine_limits(machine)) if found and machine else {}
 
-    with times.stage("surface"):
-        fitted = fit_surface(setup.part, job, part(progress, 0.1, 0.5), given)
-
-    with times.stage("levels"), keep_failed_level(keep):
-        morph = make_levels(fitted.surface, setup.stock, job, part(progress, 0.5, 1.0))
+    with keep_failed_level(keep):
+        fitted, morph = surface_and_levels(setup, job, times, part(progress, 0.1, 1.0), given)
 
     figures = report_to_levels(setup.part, fitted, setup.stock, morph, job.levels.method)
     figures["strategy"] = job.path.strategy

@@ -17,7 +17,6 @@ import numpy as np
 import pytest
 
 import bonecam
-from bonecam import pipeline
 from bonecam.cli import main
 from bonecam.errors import (
     BonecamError,
@@ -31,6 +30,7 @@ from bonecam.errors import (
     VerifyError,
 )
 from bonecam.job import Job, write_job
+from bonecam.levels import job_levels
 from bonecam.machine.machine import read_machine
 from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -362,7 +362,7 @@ def test_levels_alone_need_no_room_in_a_machine(monkeypatch: pytest.MonkeyPatch,
     def reached(*_: object) -> None:
         raise Cancelled("at the fit")
 
-    monkeypatch.setattr(pipeline, "fit_surface", reached)
+    monkeypatch.setattr(job_levels, "fit_surface", reached)
     with pytest.raises(Cancelled, match="at the fit"):
         bonecam.morph_levels(phalanx, COARSE.with_values(holding={"length": 480.0}))
 

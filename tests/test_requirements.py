@@ -10,10 +10,10 @@ import pytest
 from bonecam_meshes import path as shipped
 
 import bonecam
-from bonecam import pipeline
 from bonecam.batch import convert_many
 from bonecam.errors import BonecamError, JobError, MachineError, ToolPathError
 from bonecam.job import Job
+from bonecam.levels import job_levels
 from bonecam.machine.machine import machine_names, read_machine
 from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.mesh.part import prepare_part
@@ -27,7 +27,7 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
     def fitted(*given: Any, **named: Any) -> None:
         raise AssertionError("the surface was fitted before the job was refused")
 
-    monkeypatch.setattr(pipeline, "fit_surface", fitted)
+    monkeypatch.setattr(job_levels, "fit_surface", fitted)
 
 
 @pytest.mark.usefixtures("no_work")

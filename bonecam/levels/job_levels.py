@@ -1,5 +1,12 @@
-"""The levels that a job asks for."""
+"""The levels that a job asks for, and the surface of the part that they start from.
 
+How a surface is parametrised decides how sharply it bends where its rows crowd, and levels fold there first: where a
+surface is refused or its levels fail, the fit starts again from other rows.
+"""
+
+from itertools import islice
+
+from bonecam.errors import LevelError, SurfaceError
 from bonecam.job import Job, LevelsJob
 from bonecam.levels.edge_rounding import levels_in
 from bonecam.levels.equal_depths import even_levels
@@ -8,10 +15,43 @@ from bonecam.levels.measure.level import PartLevel, StockLevel
 from bonecam.levels.sequences.begun_morph import Morph
 from bonecam.levels.solvers.clarabel import require_clarabel
 from bonecam.mesh.distance import MeshDistance
-from bonecam.progress import Progress, silent
+from bonecam.mesh.sections.row_choices import MOST_CHOICES
+from bonecam.progress import Progress, part, report, rising, silent
+from bonecam.runtime.timing import StageTimes
+from bonecam.setup.placement import Setup
 from bonecam.setup.schedule import schedule_of
 from bonecam.setup.stock import Stock
+from bonecam.surface.fitting.fit import Fit
+from bonecam.surface.part_surface import fit_surface, part_rows
 from bonecam.surface.tspline import TSpline
+
+
+def surface_and_levels(
+    setup: Setup, job: Job, times: StageTimes, progress: Progress = silent, given: Fit | None = None
+) -> tuple[Fit, Morph]:
+    """The fitted surface, or the `given` one, and its measured levels, from the first set of rows with which both
+    succeed.
+
+    Where none does, the SurfaceError or LevelError of the first, whose rows are the usual ones. `times` gets the stages
+    surface and levels of the set that counts.
+    """
+    progress = rising(progress)
+    fitting, morphing = part(progress, 0.0, 0.45), part(progress, 0.45, 1.0)
+    choices = part_rows(setup.part, job, part(fitting, 0.0, 0.1)) if given is None else iter([None])
+    failure: SurfaceError | LevelError | None = None
+    for rows in islice(choices, MOST_CHOICES):
+        try:
+            with times.stage("surface"):
+                fitted = fit_surface(setup.part, job, part(fitting, 0.1, 1.0), given, rows)
+            with times.stage("levels"):
+                morph = make_levels(fitted.surface, setup.stock, job, morphing)
+        except (SurfaceError, LevelError) as error:
+            failure = failure or error
+            report(fitting, 0.0, f"{error}; other rows are tried")
+        else:
+            return fitted, morph
+    assert failure is not None
+    raise failure
 
 
 def make_levels(surface: TSpline, stock: Stock, job: Job, progress: Progress = silent) -> Morph:

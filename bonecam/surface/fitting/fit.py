@@ -7,9 +7,11 @@ control points are spent. A dense measurement, both ways, decides; what it finds
 """
 
 from dataclasses import dataclass, replace
+from itertools import islice
 
 from bonecam.mesh.pose import upright
-from bonecam.mesh.sections.harmonic_rows import Rows, harmonic_rows
+from bonecam.mesh.sections.harmonic_rows import Rows
+from bonecam.mesh.sections.row_choices import row_choices
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.progress import Progress, part, report, rising, silent
 from bonecam.surface.fitting.adapt import refine
@@ -47,6 +49,9 @@ MOST = 20000
 
 ROWS = 48
 """Rows of the harmonic field where none are given."""
+
+CHOICES = 2
+"""Sets of rows that are tried where none are given."""
 
 ROW_POINTS = 100
 """Points of each of these rows."""
@@ -93,8 +98,9 @@ def fit(
     see `Fit.reached`.
 
     `rows` are sections of the mesh from the lower to the upper pole; without them the mesh is stood upright
-    and cut. `round_poles` draws the control points next to each pole to an ellipse round it: for levels,
-    which fold sooner at other poles. It takes some more control points, and the largest bones may fold.
+    and cut. Where that does not reach the tolerance, other rows are tried (`row_choices`) and round poles; the
+    nearer surface counts. `round_poles` draws the control points next to each pole to an ellipse round it: for
+    levels, which fold sooner at other poles. It takes some more control points, and the largest bones may fold.
     Raises ValueError on a tolerance of 0 or fewer than 40 control points, MeshError where the mesh is not
     closed and of genus 0.
     """
@@ -107,8 +113,14 @@ def fit(
     if rows is not None:
         return _fit_rows(target, rows, aim, progress)
     posed, motion = upright(target)
-    rows = harmonic_rows(posed, ROWS, ROW_POINTS, progress=part(progress, 0.0, 0.1))
-    found = _fit_rows(posed, rows, aim, part(progress, 0.1, 1.0))
+    progress = rising(progress)
+    tried: list[Fit] = []
+    for rows in islice(row_choices(posed, ROWS, ROW_POINTS, progress=part(progress, 0.0, 0.1)), CHOICES):
+        tried.append(_fit_rows(posed, rows, aim, part(progress, 0.1, 1.0)))
+        if tried[-1].reached:
+            break
+        aim = replace(aim, off=0.0)
+    found = min(tried, key=lambda one: (one.shortfall == FOLDED, one.deviation.max))
     back = found.surface.with_control_points((found.surface.control_points - motion[:3, 3]) @ motion[:3, :3])
     d = found.deviation
     place = (d.place - motion[:3, 3]) @ motion[:3, :3]

@@ -8,9 +8,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bonecam import pipeline
 from bonecam.cli import main
 from bonecam.errors import FileError, LevelError
+from bonecam.levels import job_levels
 from bonecam.levels.edge_rounding import levels_in
 from bonecam.levels.measure.level import Level, StockLevel
 from bonecam.levels.measure.line_depths import line_depths
@@ -68,7 +68,7 @@ def test_nothing_is_written_where_nothing_is_kept_or_there_is_no_patch(tmp_path:
 def test_the_command_line_names_the_patch(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(pipeline, "make_levels", failing)
+    monkeypatch.setattr(job_levels, "make_levels", failing)
     part, out = tmp_path / "part.ply", tmp_path / "out"
     out.mkdir()
     write_mesh(Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 7.5]), 2.5).mesh(0.05), part)

@@ -123,9 +123,10 @@ def test_progress_only_rises(body: tuple[Rows, TriangleMesh]) -> None:
     assert 0 <= told[0] <= told[-1] <= 1
 
 
-def test_a_cone_is_followed_to_its_tip() -> None:
+@pytest.mark.parametrize("turn", [0.0, 0.2])
+def test_a_cone_is_followed_to_its_tip(turn: float) -> None:
     angle, radius = (
-        2 * np.pi * np.arange(40) / 40,
+        turn + 2 * np.pi * np.arange(40) / 40,
         np.concatenate([np.arange(1, 8) / 7, np.arange(19, 0, -1) / 20]),
     )
     height = np.concatenate([np.zeros(7), 1 - np.arange(19, 0, -1) / 20])

@@ -1,0 +1,73 @@
+"""Where the surface of the usual rows is refused, or has no levels, the fit starts from other rows."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bonecam.errors import LevelError, SurfaceError
+from bonecam.job import Job
+from bonecam.levels import job_levels
+from bonecam.levels.job_levels import surface_and_levels
+from bonecam.levels.sequences.begun_morph import Morph
+from bonecam.mesh.part import prepare_part
+from bonecam.mesh.sections.harmonic_rows import Rows
+from bonecam.mesh.sections.row_choices import MOST_CHOICES
+from bonecam.runtime.timing import StageTimes
+from bonecam.setup.placement import Setup, place
+from bonecam.setup.stocks.capsule import Capsule
+from bonecam.surface.fitting.fit import Fit
+
+JOB = Job().with_values(holding={"diameter": 2.0, "length": 60.0}, mesh={"rows": 8, "row_points": 24})
+
+
+@pytest.fixture(scope="module")
+def setup() -> Setup:
+    mesh = Capsule(np.array([0.0, 0, 3]), np.array([0.0, 0, 9]), 3.0).mesh(0.05)
+    return place(prepare_part(mesh, JOB.mesh), JOB)
+
+
+@pytest.mark.parametrize(("fails", "error"), [("fit_surface", SurfaceError), ("make_levels", LevelError)])
+def test_other_rows_are_tried_where_the_first_fail(
+    setup: Setup, monkeypatch: pytest.MonkeyPatch, fails: str, error: type[Exception]
+) -> None:
+    used: list[Rows] = []
+    fits = [object.__new__(Fit), object.__new__(Fit)]
+    morph = object.__new__(Morph)
+    for fit in fits:
+        object.__setattr__(fit, "surface", None)
+
+    def fitted(part: Any, job: Any, progress: Any, given: Any, rows: Rows) -> Any:
+        used.append(rows)
+        return fits[len(used) - 1]
+
+    def failing_first(*given: Any) -> Any:
+        result = fitted(*given) if fails == "fit_surface" else morph
+        if len(used) < 2:
+            raise error("folds")
+        return result
+
+    monkeypatch.setattr(job_levels, "fit_surface", fitted)
+    monkeypatch.setattr(job_levels, "make_levels", lambda *given: morph)
+    monkeypatch.setattr(job_levels, fails, failing_first)
+    told: list[str] = []
+    found, levels = surface_and_levels(
+        setup, JOB, StageTimes(), lambda fraction, message: told.append(message)
+    )
+    assert found is fits[1]
+    assert levels is morph
+    assert not np.allclose(used[0].points, used[1].points)
+    assert "folds; other rows are tried" in told
+
+
+def test_the_first_failure_is_told_where_all_rows_fail(setup: Setup, monkeypatch: pytest.MonkeyPatch) -> None:
+    tries: list[int] = []
+
+    def failing(*given: Any) -> Any:
+        tries.append(1)
+        raise SurfaceError(f"try {len(tries)}")
+
+    monkeypatch.setattr(job_levels, "fit_surface", failing)
+    with pytest.raises(SurfaceError, match=r"^try 1$"):
+        surface_and_levels(setup, JOB, StageTimes())
+    assert len(tries) == MOST_CHOICES
