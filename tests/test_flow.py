@@ -7,7 +7,7 @@ import pytest
 
 ORDER = [
     *"errors progress arrays runtime files text machine job kernels tool mesh surface".split(),
-    *"workholding setup levels material planning nc verify report".split(),
+    *"workholding setup levels material mechanics planning nc verify report".split(),
     *"post_and_prove second_clamping pipeline simulation finishing filters batch cli __main__".split(),
 ]
 ROOMS = {

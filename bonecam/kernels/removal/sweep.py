@@ -6,11 +6,12 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.removal.cut import cut_capsule
-from bonecam.kernels.removal.depth import capsule_depth
+from bonecam.kernels.removal.air import air_on_set
+from bonecam.kernels.removal.cut import cut_capsule, tile_chords
+from bonecam.kernels.removal.engagement import Edges, engage
 from bonecam.kernels.removal.flutes import cut_flutes, piece_pose, travel_of
 from bonecam.kernels.removal.frustum import frustum_clearance
-from bonecam.kernels.removal.rays import RaySet
+from bonecam.kernels.removal.rays import TILE, RaySet, direction_of, tiles_reached
 
 SETS = 3
 """Sets of rays."""
@@ -51,6 +52,29 @@ class SweepResult(NamedTuple):
     least: ndarray
     where: ndarray
     touched: ndarray
+
+
+@njit(cache=True, nogil=True)
+def _capsule_depth(rays: RaySet, start: ndarray, end: ndarray, radius: float) -> float:
+    """The largest distance to the nearest air, mm, of the places where the rays leave the capsule of `radius`
+    about the segment from `start` to `end` (u, v, w) inside material; 0 where it meets none.
+
+    Air is looked for on the rays of this set only, so the depth is too large by a cell at most.
+    """
+    side = rays.cell * TILE
+    d, length = direction_of(start, end)
+    lows, highs = np.empty(TILE * TILE), np.empty(TILE * TILE)
+    deepest = 0.0
+    for i, j in tiles_reached(rays, start, end, d, length, radius):
+        tile_chords(i * side - start[0], j * side - start[1], rays.cell, d, length, radius, lows, highs)
+        for ray in range(TILE * TILE):
+            if lows[ray] >= highs[ray]:
+                continue
+            u = (i * TILE + ray % TILE + 0.5) * rays.cell
+            v = (j * TILE + ray // TILE + 0.5) * rays.cell
+            deepest = max(deepest, air_on_set(rays, u, v, start[2] + lows[ray]))
+            deepest = max(deepest, air_on_set(rays, u, v, start[2] + highs[ray]))
+    return deepest
 
 
 @njit(cache=True, nogil=True)
@@ -96,6 +120,7 @@ def sweep(
     first: int,
     found: SweepResult,
     turn: int,
+    edges: Edges,
 ) -> int:
     """Take what ball and flutes sweep out of the material, piece by piece from `first` on, and measure the sections
     above them against what stands then; returns the piece at which a ray has no room for one more interval, or
@@ -103,13 +128,16 @@ def sweep(
 
     `sections` (s, 4): from, to, radius at either; `parts` (s,): 0 for the shank, 1 for the holder, 2 for the
     spindle; `allowed` is the signed distance (mm) that they may have. Each of the SETS of rays measures every
-    third piece, from piece `turn` on.
+    third piece, from piece `turn` on. `edges` has a row a piece that is asked what the ball's edge engages before it is
+    cut, or none at all.
     """
     foot, axis, top = np.empty(3), np.empty(3), np.empty(3)
     for i in range(first, len(pieces.starts)):
         if pieces.probed[i]:
-            depth = capsule_depth(rays, pieces.starts[i], pieces.ends[i], radius)
+            depth = _capsule_depth(rays, pieces.starts[i], pieces.ends[i], radius)
             found.depths[pieces.moves[i]] = max(found.depths[pieces.moves[i]], depth)
+        if len(edges.chips):
+            engage(rays, edges, i, radius, pieces.reach[i])
         volume, full = cut_capsule(rays, pieces.starts[i], pieces.ends[i], radius)
         found.volumes[pieces.moves[i]] += volume
         if full:

@@ -17,10 +17,12 @@ from bonecam.kernels.removal.bricks import (
     bound_clearances,
     mark_bricks,
 )
+from bonecam.kernels.removal.engagement import Edges
 from bonecam.kernels.removal.rays import RaySet
 from bonecam.kernels.removal.sweep import Pieces, SweepResult, sweep
 from bonecam.material.dexels import with_more_room
 from bonecam.material.rays import RayGrid, lay_grid, lay_rays, least_cell, order
+from bonecam.mechanics.edges import NO_EDGES
 from bonecam.runtime.threads import in_pieces
 from bonecam.setup.stock import Stock
 from bonecam.surface.tspline import TSpline
@@ -113,9 +115,16 @@ class Sweeping:
             for _ in range(3)
         ]
 
-    def run(self, pieces: Pieces, cutter: Cutter, beside: Callable[[Pieces], None]) -> Pieces:
+    def run(
+        self,
+        pieces: Pieces,
+        cutter: Cutter,
+        beside: Callable[[Pieces], None],
+        edges: Sequence[Edges] = (NO_EDGES,) * 3,
+    ) -> Pieces:
         """Take the pieces of one cutter out of the material, in their order, while a core that has no set of
-        rays to cut works on them `beside`; returns them with their `reach`."""
+        rays to cut works on them `beside`; returns them with their `reach`. Each set of rays answers what its `edges`
+        engage before each piece is cut."""
         sections, parts = sections_of(cutter)
         least = np.max([found.least for found in self.found], axis=0)
         # flutes matter where they may meet material, the others where they may come nearer than they have
@@ -123,7 +132,7 @@ class Sweeping:
 
         def work(which: slice) -> None:
             if which.start < len(self.sets):
-                self._sweep(bounded, sections, parts, which.start)
+                self._sweep(bounded, sections, parts, which.start, edges[which.start])
             else:
                 beside(bounded)
 
@@ -131,7 +140,12 @@ class Sweeping:
         return bounded
 
     def _sweep(
-        self, pieces: Pieces, sections: Float[ndarray, "s 4"], parts: Int[ndarray, " s"], direction: int
+        self,
+        pieces: Pieces,
+        sections: Float[ndarray, "s 4"],
+        parts: Int[ndarray, " s"],
+        direction: int,
+        edges: Edges,
     ) -> None:
         """Take the pieces out of one set of rays, with more room on them where it is needed."""
         turned = in_grid(pieces, self.grid, direction)
@@ -140,7 +154,8 @@ class Sweeping:
         at = 0
         while at < len(pieces.starts):
             rays = self.sets[direction]
-            at = sweep(rays, turned, radius, sections[1:], parts[1:], ALLOWED_TOUCH, at, found, direction)
+            above = sections[1:], parts[1:]
+            at = sweep(rays, turned, radius, *above, ALLOWED_TOUCH, at, found, direction, edges)
             if at < len(pieces.starts):
                 self.sets[direction] = with_more_room(rays)
 

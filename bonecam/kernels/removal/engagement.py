@@ -1,0 +1,154 @@
+"""Where the edge of a ball end lies in material before a move is cut, and its force there, compiled for a set of rays.
+
+The ball is divided into cells (kappa, phi): kappa from the tip, phi about the tool axis a from the feed on. With
+e_r the radial direction, a cell has the outward normal n = sin(kappa) e_r - cos(kappa) a; it cuts where n . f > 0
+(f the unit feed) and the point c + R n + s f lies in material (c the middle of the move's centre line; s looks ahead of
+it by what the rays do not resolve). Each cell is asked of the set of rays that lies most along n. One edge of length
+db = R dkappa then loads the work by (mechanistic, with edge forces; Lee & Altintas 1996)
+
+    (Ktc h + Kte) db v + (Krc h + Kre) db n + (Kac h + Kae) db m,    h = fz n . f,
+
+where v = -a x e_r is the way of the edge (M3) and m = cos(kappa) e_r + sin(kappa) a the direction along it. Flutes
+above the centre continue the ball with kappa = 90 degrees.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy import ndarray
+
+from bonecam.kernels.removal.rays import ROUNDING, TILE, RaySet
+
+ROWS = 24
+"""Cells from the tip to the ball's equator. With TURN about the axis the mean force of a demo is 0.2 % off that of 60 x
+180 cells, its mean peak 1 %."""
+TURN = 72
+"""Cells about the axis: a multiple of 2, 3 and 4 flutes."""
+_PHI = (np.arange(TURN) + 0.5) * 2 * np.pi / TURN
+_COSINES = np.cos(_PHI)
+_SINES = np.sin(_PHI)
+
+
+class Edges(NamedTuple):
+    """The edges of the ball on n pieces of moves, in the coordinates of one set of rays, and what they find there.
+
+    `frames` (n, 3, 3): e_1 (across the axis, towards the feed), e_2 = a x e_1 and the axis a; `centres` (n, 3): middle
+    of the ball's centre line, moved ahead; `feeds` (n, 2): the unit feed along e_1 and a; `chips` (n,): feed a tooth
+    fz, mm, 0 for a piece that is not asked; `coefficients` (6,): Ktc, Krc, Kac (N/mm^2), Kte, Kre, Kae (N/mm).
+    `forces` (n, TURN, 3): that of one edge at each phi along v, e_r and a, N; `engaged` (n, 5): length of the edge,
+    summed over the turn, with that times the place along e_1, e_2 and a from `centres` (mm, mm^2), and the area across
+    the feed (mm^2); `asked` (n,): the piece has been.
+    """
+
+    frames: ndarray
+    centres: ndarray
+    feeds: ndarray
+    chips: ndarray
+    coefficients: ndarray
+    forces: ndarray
+    engaged: ndarray
+    asked: ndarray
+
+
+@njit(cache=True, nogil=True)
+def _meets(
+    rays: RaySet, u: float, v: float, centre: ndarray, axis: ndarray, radius: float, flutes: bool, upper: bool
+) -> bool:
+    """Whether the upper or lower side of a ball, or of the cylinder of its `flutes`, lies in material on the ray
+    nearest to (u, v)."""
+    i, j = int(np.floor(u / rays.cell)), int(np.floor(v / rays.cell))
+    rows, columns = rays.tile_of.shape
+    if i < 0 or j < 0 or i >= rows * TILE or j >= columns * TILE:
+        return False
+    tile = rays.tile_of[i // TILE, j // TILE]
+    if tile < 0:
+        return False
+    # the square of the distance from the centre, or from the axis, is square + 2 t slope + t^2 steep on the ray
+    x, y = (i + 0.5) * rays.cell - centre[0], (j + 0.5) * rays.cell - centre[1]
+    along = x * axis[0] + y * axis[1] if flutes else 0.0
+    rise = axis[2] if flutes else 0.0
+    square, slope, steep = x * x + y * y - along * along, -along * rise, 1.0 - rise * rise
+    rest = slope * slope - steep * (square - radius * radius)
+    if rest <= 0.0:
+        return False
+    at = centre[2] + (np.sqrt(rest) if upper else -np.sqrt(rest)) / steep - slope / steep
+    ray = (j % TILE) * TILE + i % TILE
+    for k in range(rays.counts[tile, ray]):
+        if rays.spans[tile, ray, 2 * k] <= at <= rays.spans[tile, ray, 2 * k + 1]:
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def engage(rays: RaySet, edges: Edges, i: int, radius: float, reach: float) -> None:
+    """Ask this set of rays for the cells of piece `i` that lie most along it; flutes up to `reach` (mm) above the
+    ball's centre. A piece that is asked again, when a ray had no more room, keeps its first answer."""
+    if edges.asked[i] or edges.chips[i] <= 0.0:
+        return
+    edges.asked[i] = True
+    step, turn = 0.5 * np.pi / ROWS, 2 * np.pi / TURN
+    db = radius * step
+    one, two, axis, centre = edges.frames[i, 0], edges.frames[i, 1], edges.frames[i, 2], edges.centres[i]
+    ktc, krc, kac, kte, kre, kae = edges.coefficients
+    for row in range(ROWS + int(np.ceil(reach / db))):
+        kappa = min((row + 0.5) * step, 0.5 * np.pi)
+        height = max((row - ROWS + 0.5) * db, 0.0)
+        sine, cosine = np.sin(kappa), np.cos(kappa)
+        for k in range(TURN):
+            cos_phi, sin_phi = _COSINES[k], _SINES[k]
+            along = sine * cos_phi * edges.feeds[i, 0] - cosine * edges.feeds[i, 1]
+            if along <= 0.0:
+                continue
+            x, y = sine * cos_phi, sine * sin_phi
+            nu = x * one[0] + y * two[0] - cosine * axis[0]
+            nv = x * one[1] + y * two[1] - cosine * axis[1]
+            nw = x * one[2] + y * two[2] - cosine * axis[2]
+            # of two that lie as much along it one set is asked, going round u, v, w
+            if not (abs(nw) >= abs(nu) and abs(nw) > abs(nv)):
+                continue
+            u = centre[0] + radius * nu + height * axis[0]
+            v = centre[1] + radius * nv + height * axis[1]
+            if not _meets(rays, u, v, centre, axis, radius - ROUNDING, row >= ROWS, nw > 0.0):
+                continue
+            chip = edges.chips[i] * along
+            tangential, normal, meridian = ktc * chip + kte, krc * chip + kre, kac * chip + kae
+            edges.forces[i, k, 0] += tangential * db
+            edges.forces[i, k, 1] += (normal * sine + meridian * cosine) * db
+            edges.forces[i, k, 2] += (meridian * sine - normal * cosine) * db
+            edges.engaged[i, 0] += db
+            edges.engaged[i, 1] += db * radius * x
+            edges.engaged[i, 2] += db * radius * y
+            edges.engaged[i, 3] += db * (height - radius * cosine)
+            edges.engaged[i, 4] += along * radius * db * turn * sine
+
+
+@njit(cache=True, nogil=True)
+def over_turns(forces: ndarray, frames: ndarray, flutes: int, means: ndarray, peaks: ndarray) -> None:
+    """Write the mean force over a turn and the largest one (n, 3) of a cutter with so many `flutes`, N, in the frame of
+    `frames` (n, 3, 3); `forces` (n, TURN, 3) is that of one edge, as in Edges."""
+    share = TURN // flutes
+    total = np.empty((TURN, 3))
+    for i in range(len(forces)):
+        for c in range(3):
+            means[i, c] = peaks[i, c] = 0.0
+        for k in range(TURN):
+            cosine, sine = _COSINES[k], _SINES[k]
+            t, r, a = forces[i, k]
+            for c in range(3):
+                one, two = frames[i, 0, c], frames[i, 1, c]
+                total[k, c] = (
+                    t * (sine * one - cosine * two) + r * (cosine * one + sine * two) + a * frames[i, 2, c]
+                )
+                means[i, c] += flutes * total[k, c] / TURN
+        largest = 0.0
+        for k in range(share):
+            x, y, z = 0.0, 0.0, 0.0
+            for flute in range(flutes):
+                x += total[k + flute * share, 0]
+                y += total[k + flute * share, 1]
+                z += total[k + flute * share, 2]
+            size = x * x + y * y + z * z
+            if size > largest:
+                largest = size
+                peaks[i, 0], peaks[i, 1], peaks[i, 2] = x, y, z

@@ -1,0 +1,119 @@
+"""Forces from rays against integrals over engagements that are known in closed form."""
+
+import numpy as np
+import pytest
+
+from bonecam.kernels.removal.sweep import Pieces
+from bonecam.machine.frustum import Frustum
+from bonecam.material.rays import lay_grid, lay_rays
+from bonecam.mechanics.edges import edges_in_grid, edges_on, forces_of
+from bonecam.setup.stocks.box import Box
+from bonecam.tool.cutter import Cutter
+from bonecam.verify.removal.sweeping import Sweeping
+
+RADIUS = 2.0
+BLOCK = Box(np.array([-8.0, -6.0, 0.0]), np.array([8.0, 6.0, 8.0]))
+COEFFICIENTS = np.array([631.0, 99.0, 273.0, 13.0, 10.0, 2.8])
+CELL = 0.1
+CUTTER = Cutter(1, "roughing", RADIUS, 8.0, 4.0, 30.0, (Frustum(50.0, 20.0, 20.0),), 4500.0, 900.0, 0.05)
+
+
+def line(y, depth, step):
+    """Pieces along X at a depth below the block's top, the tool upright."""
+    x = np.arange(-11.0, 6.0, step)
+    centres = np.column_stack([x, np.full(len(x), y), np.full(len(x), 8.0 - depth + RADIUS)])
+    count = len(x) - 1
+    axes = np.tile([0.0, 0.0, 1.0], (count, 1))
+    above = np.full((count, 2), np.inf), np.zeros((count, 2, 2))
+    still = np.zeros(count), np.zeros(count, dtype=bool)
+    return Pieces(centres[:-1], centres[1:], axes, axes.copy(), np.arange(count), *still, *above)
+
+
+def cut(depth, *, y=0.0, chip=0.1, step=0.2, flutes=2, passes=1):
+    """The forces of the last of some passes along one line, the volumes of its moves, and which are within the
+    block."""
+    pieces = line(y, depth, step)
+    grid = lay_grid([BLOCK], CELL)
+    sets = lay_rays([BLOCK], grid, 500.0)
+    for _ in range(passes):
+        edges = edges_on(pieces, np.full(len(pieces.starts), chip), COEFFICIENTS, CELL)
+        asked = [edges_in_grid(edges, grid, k) for k in range(3)]
+        sweeping = Sweeping(sets, grid, np.array(BLOCK.bounds), len(pieces.starts))
+        sweeping.run(pieces, CUTTER, lambda _: None, asked)
+        sets = sweeping.sets
+    inside = (pieces.starts[:, 0] > -4) & (pieces.ends[:, 0] < 4)
+    return forces_of(edges, asked, flutes), sweeping.volumes, inside
+
+
+def exact(depth, first, last, chip=0.1, flutes=2, count=1000):
+    """The mean force of a ball that is engaged up to a depth from phi `first` to `last`, along feed, to the left of it
+    and up, by the midpoint rule."""
+    ktc, krc, kac, kte, kre, kae = COEFFICIENTS
+    end = np.arccos(1 - depth / RADIUS)
+    kappa = (np.arange(count)[:, None] + 0.5) * end / count
+    phi = first + (np.arange(count) + 0.5) * (last - first) / count
+    thick = chip * np.sin(kappa) * np.cos(phi)
+    tangential, normal, meridian = ktc * thick + kte, krc * thick + kre, kac * thick + kae
+    radial = normal * np.sin(kappa) + meridian * np.cos(kappa)
+    up = meridian * np.sin(kappa) - normal * np.cos(kappa)
+    ahead = tangential * np.sin(phi) + radial * np.cos(phi)
+    left = radial * np.sin(phi) - tangential * np.cos(phi)
+    share = flutes * RADIUS * end / count * (last - first) / count / (2 * np.pi)
+    return share * np.array([ahead.sum(), left.sum(), up.sum()])
+
+
+@pytest.mark.parametrize("depth", [0.3, 1.0, 2.0])
+def test_a_slot_has_the_force_of_the_integral(depth):
+    forces, _, inside = cut(depth)
+    force = exact(depth, -np.pi / 2, np.pi / 2)
+    assert np.linalg.norm(forces.mean[inside].mean(0) - force) < 0.01 * np.linalg.norm(force)
+
+
+@pytest.mark.parametrize(("y", "first"), [(6.0, -np.pi / 2), (-6.0, 0.0)])
+@pytest.mark.parametrize("depth", [0.5, 1.0, 2.0])
+def test_half_immersion_has_the_force_of_the_integral(depth, y, first):
+    forces, _, inside = cut(depth, y=y)
+    force = exact(depth, first, first + np.pi / 2)
+    assert np.linalg.norm(forces.mean[inside].mean(0) - force) < 0.025 * np.linalg.norm(force)
+
+
+@pytest.mark.parametrize("step", [0.05, 0.2, 1.0])
+@pytest.mark.parametrize("y", [0.0, 6.0])
+def test_the_area_engaged_sweeps_what_is_removed(step, y):
+    forces, volumes, inside = cut(1.0, y=y, step=step)
+    assert (forces.areas * step)[inside].sum() == pytest.approx(volumes[inside].sum(), rel=0.02)
+
+
+def test_the_force_is_linear_in_the_chip():
+    low, middle, high = (cut(1.0, chip=chip)[0].mean for chip in (0.05, 0.1, 0.15))
+    assert np.abs(high - 2 * middle + low).max() < 1e-5 * np.abs(middle).max()
+
+
+def test_a_way_that_is_free_needs_no_force():
+    forces, volumes, _ = cut(1.0, passes=2)
+    assert volumes.max() == 0
+    # the last piece looks ahead of its end, where the block still stands
+    assert not forces.cut[:-1].any()
+    assert not forces.mean[:-1].any()
+    assert not forces.peak[:-1].any()
+
+
+def test_more_flutes_carry_the_mean_and_even_the_peak():
+    one, two, four = (cut(1.0, flutes=flutes)[0] for flutes in (1, 2, 4))
+    middle = len(one.mean) // 2
+    assert two.mean[middle] == pytest.approx(2 * one.mean[middle], rel=1e-9)
+    ratios = [
+        np.linalg.norm(each.peak[middle]) / np.linalg.norm(each.mean[middle]) for each in (one, two, four)
+    ]
+    assert ratios[0] > ratios[1] > ratios[2] > 1
+    # of one edge in a slot the largest force is that of the thickest chip, ahead
+    thickest = np.linalg.norm(one.single[middle], axis=1)
+    assert np.linalg.norm(one.peak[middle]) == pytest.approx(thickest.max(), rel=1e-6)
+
+
+def test_the_load_lies_ahead_of_the_centre_and_below_it():
+    forces, _, inside = cut(1.0)
+    away = (forces.places - forces.edges.centres)[inside]
+    assert (away[:, 0] > 0.5).all()
+    assert (np.abs(away[:, 1]) < 0.05).all()
+    assert (away[:, 2] < -RADIUS + 1.0).all()
