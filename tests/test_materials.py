@@ -9,11 +9,25 @@ import pytest
 
 from bonecam.errors import JobError
 from bonecam.job import Job
+from bonecam.job.materials.mechanical import cutting_force
 from bonecam.job.materials.preset import FOLDER, material_names, read_material
 from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.posting.write import write_program
 from bonecam.tool.path import ToolPath
+
+FORCE = """
+[force]
+ktc = 100.0
+krc = 30.0
+kac = 0.0
+kte = 2.0
+kre = 1.0
+kae = 0.0
+band = [1.5, 2.0]
+source = "nobody"
+range = "none"
+"""
 
 
 def test_the_default_is_the_papers_aluminium() -> None:
@@ -75,6 +89,18 @@ def test_a_material_may_be_a_file(tmp_path: Path) -> None:
         ("teeth = 2", 'teeth = "two"', "teeth: .*give a whole number"),
         ("teeth = 2", "teeth = 2\ncoolant = 1", "coolant: unknown key"),
         ("teeth = 2", "teeth = ", "wrong.toml: "),
+        ("elasticity = 4000.0", "elasticity = 0.0", r"\[stiffness\] elasticity = 0: give a positive number"),
+        ("elasticity = 4000.0", "", "stiffness.elasticity: missing: add it"),
+        (
+            "[stiffness]",
+            FORCE + "[stiffness]",
+            r"\[force\] band = \[1.5, 2.0\]: give two multiples with 1 between",
+        ),
+        (
+            "[stiffness]",
+            FORCE.replace("kre = 1.0", "kre = -1.0") + "[stiffness]",
+            r"\[force\] kre = -1: give a",
+        ),
     ],
 )
 def test_a_wrong_material_file_is_refused_with_file_and_key(
@@ -109,3 +135,26 @@ def test_the_header_tells_the_source_of_speeds_that_the_job_does_not_give(
     given = {"spindle": 9000.0, "feed": 400.0}
     own = write_program([path], machine, dialect, job.with_values(roughing=given, finishing=given)).text
     assert "SPEEDS NOT IN THE JOB" not in own
+
+
+@pytest.mark.parametrize("name", material_names())
+def test_every_material_says_how_stiff_it_is_and_what_cuts_it(name: str) -> None:
+    material = read_material(name)
+    assert material.stiffness is not None
+    assert 1000 < material.stiffness.elasticity < 200_000
+    assert 1000 < material.stiffness.density < 8000
+    assert len(material.stiffness.source) > 30
+    force = cutting_force(material.force, material.stiffness.yield_strength)
+    assert force.scaled == (name in ("peek", "cortical-bone"))
+    assert force.band[0] < 1 < force.band[1]
+    assert 100 < force.coefficients[0] < 2500
+
+
+def test_without_coefficients_those_of_aluminium_are_scaled_and_told() -> None:
+    aluminium = read_material("aluminium")
+    assert aluminium.force is not None
+    assert aluminium.stiffness is not None
+    own = cutting_force(aluminium.force, aluminium.stiffness.yield_strength)
+    scaled = cutting_force(None, 2 * aluminium.stiffness.yield_strength)
+    assert scaled.array == pytest.approx(2 * own.array)
+    assert "no coefficients are known" in scaled.source

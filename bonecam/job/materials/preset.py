@@ -5,6 +5,8 @@ A material is data: a TOML file with `title`, `source`, `range` (what others giv
 `feed_per_tooth` f (a share of D) and `teeth` z:
 
     spindle = 1000 v / (pi D),    feed = f D z spindle.
+
+Its tables [stiffness] and [force] (`mechanical.py`) say how it bends and what force cuts it.
 """
 
 import math
@@ -13,6 +15,7 @@ from pathlib import Path
 
 from bonecam.errors import JobError, did_you_mean
 from bonecam.files import input_text
+from bonecam.job.materials.mechanical import ForceTable, StiffnessTable, check_force, check_stiffness
 from bonecam.text.faults import Faults
 from bonecam.text.record import Record, checked
 from bonecam.text.toml import parse_toml
@@ -34,6 +37,8 @@ class MaterialFile(Record):
     cutting_speed: float | None = None
     feed_per_tooth: float | None = None
     teeth: int | None = None
+    stiffness: StiffnessTable | None = None
+    force: ForceTable | None = None
 
 
 @dataclass(frozen=True)
@@ -50,6 +55,8 @@ class Material:
     cutting_speed: float
     feed_per_tooth: float
     teeth: int
+    stiffness: StiffnessTable | None
+    force: ForceTable | None
 
     def speeds(self, radius: float, spindle: float = 0.0) -> tuple[float, float]:
         """Spindle speed (1/min) and feed (mm/min) of a ball of `radius` mm; the feed at another `spindle` speed where
@@ -103,5 +110,8 @@ def _material(name: str, table: MaterialFile) -> Material:
     for key, value in given.items():
         if value <= 0:
             raise ValueError(f"{key} = {value:g}: give a positive number")
+    check_stiffness(table.stiffness)
+    check_force(table.force)
     numbers = {key: value or 0.0 for key, value in {**fixed, **scaled}.items()}
-    return Material(name, table.title, table.source, table.range, table.note, **numbers)  # type: ignore[arg-type]
+    told = table.title, table.source, table.range, table.note
+    return Material(name, *told, **numbers, stiffness=table.stiffness, force=table.force)  # type: ignore[arg-type]
