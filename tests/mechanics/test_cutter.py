@@ -1,0 +1,51 @@
+"""The compliance of cutters against cantilevers that are known."""
+
+import numpy as np
+import pytest
+
+from bonecam.job import Job
+from bonecam.machine.frustum import Frustum
+from bonecam.mechanics.cutter import CARBIDE, CORE, across, cutter_compliance
+from bonecam.tool.cutter import Cutter
+
+HOLDER = (Frustum(50.0, 20.0, 20.0),)
+
+
+def ball(radius, flutes, shank, overhang):
+    return Cutter(1, "finishing", radius, flutes, shank, overhang, HOLDER, 4500.0, 900.0, 0.01)
+
+
+def test_a_straight_shank_bends_as_a_cantilever_from_the_balls_centre():
+    made = ball(1.0, 1.0, 2.0, 25.0)  # no flutes above the ball
+    second = np.pi / 4
+    assert cutter_compliance(made) == pytest.approx(24.0**3 / (3 * CARBIDE * second), rel=1e-12)
+
+
+def test_flutes_and_shank_are_steps_of_one_beam():
+    made = ball(1.0, 4.0, 4.0, 15.0)
+    flutes = 3.0**3 / (3 * np.pi / 4 * CORE**4)
+    shank = (14.0**3 - 3.0**3) / (3 * np.pi / 4 * 2.0**4)
+    assert cutter_compliance(made) == pytest.approx((flutes + shank) / CARBIDE, rel=1e-12)
+
+
+def test_the_default_cutters_bend_by_mohrs_integral():
+    roughing, finishing = (
+        cutter_compliance(Cutter.from_job(1, name, Job().tool(name))) for name in ("roughing", "finishing")
+    )
+    assert roughing == pytest.approx(mohr(2.0, 8.0, 4.0, 30.0), rel=1e-4)
+    assert finishing == pytest.approx(mohr(1.0, 4.0, 2.0, 25.0), rel=1e-4)
+
+
+def mohr(radius, flutes, shank, overhang):
+    """Mohr's integral by the trapezium rule."""
+    x = np.linspace(0, overhang - radius, 200_001)
+    diameter = np.where(x < flutes - radius, 2 * CORE * radius, shank)
+    y = x**2 / (CARBIDE * np.pi / 64 * diameter**4)
+    return float(((y[1:] + y[:-1]) / 2 * np.diff(x)).sum())
+
+
+def test_a_force_along_the_axis_bends_nothing():
+    axes = np.array([[0.0, 0.0, 1.0], [0.6, 0.0, 0.8]])
+    made = across(2e-3, axes)
+    assert np.abs(np.einsum("nij,nj->ni", made, axes)).max() < 1e-15
+    assert made[0] @ np.array([1.0, 0.0, 0.0]) == pytest.approx([2e-3, 0.0, 0.0])
