@@ -1,8 +1,8 @@
 """How far a cutter's ball gives way across its axis: the cutter as a stepped beam that the holder holds rigidly.
 
 A force across the axis at the ball's centre bends a piece of the second moment I at the distance x above it by the
-moment x F, and Castigliano gives c = sum int x^2 / (E I) dx over flutes, neck, shank up to the holder's nose; pull along
-the axis is left out, so that the displacement is c (I - a a^T) F.
+moment x F; Castigliano gives c = sum int x^2 / (E I) dx over flutes, neck and shank up to the holder. Pull along
+the axis is left out: the displacement is c (I - a a^T) F.
 """
 
 import numpy as np
