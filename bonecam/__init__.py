@@ -4,8 +4,8 @@
     result = bonecam.convert("bone.stl", bonecam.Job())
     print(result.report["levels_lower_bound"], result.program.text[:80])
 
-`machine`, `tool`, `mesh`, `surface`, `workholding`, `setup`, `levels`, `material`, `planning`, `nc`, `verify` and
-`report` are the stages, in the order of the flow. Names load when first used; `__init__.pyi` lists them.
+`machine`, `tool`, `mesh`, `surface`, `workholding`, `setup`, `levels`, `material`, `mechanics`, `planning`, `nc`,
+`verify` and `report` are the stages, in the order of the flow. Names load when first used; `__init__.pyi` lists them.
 """
 
 import lazy_loader

@@ -2,6 +2,7 @@ from . import filters as filters
 from . import levels as levels
 from . import machine as machine
 from . import material as material
+from . import mechanics as mechanics
 from . import mesh as mesh
 from . import nc as nc
 from . import planning as planning

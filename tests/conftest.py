@@ -12,7 +12,7 @@ from jaxtyping import install_import_hook
 from numpy import ndarray
 
 STAGES = [
-    *"machine tool mesh workholding setup surface levels material planning nc verify".split(),
+    *"machine tool mesh workholding setup surface levels material mechanics planning nc verify".split(),
     *"report.page report.sheet report.pictures report.summary report.axis_comparison".split(),
 ]
 hypothesis.settings.register_profile("bonecam", deadline=None)  # other work on the machine takes time too
